@@ -1,0 +1,1 @@
+"""The only code that touches files: campaign, video, MCAP, figures, report."""
