@@ -395,3 +395,50 @@ class SimulatedMotion:
 def as_dict(value: object) -> dict[str, object]:
     """The fields of a dataclass, one level deep, in their order."""
     return {f.name: getattr(value, f.name) for f in fields(value)}  # type: ignore[arg-type]
+
+
+class Verdict(enum.StrEnum):
+    """What the comparison of a run allows to say, in the form of ASME V&V 20."""
+
+    AGREES = "agrees"
+    """The error is within the validation uncertainty, and that is small enough to mean something."""
+    MODEL_ERROR = "model error"
+    """The error exceeds the validation uncertainty: the model's form is wrong, and it shows."""
+    TOO_UNCERTAIN = "too uncertain"
+    """The validation uncertainty is too large to tell."""
+    NOT_JUDGED = "not judged"
+    """An uncertainty is missing, so no verdict is given."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Simulated against measured object path of one run, unaligned.
+
+    ``time_s`` (n,); ``error`` (n, 3) simulated minus measured [m, m, rad], NaN where the object was not seen;
+    ``along_across`` (n, 2) the same shift along and across the measured path [m]. The scalars are those of
+    ``summary.csv``; an uncertainty that was not computed is NaN and then the verdict is "not judged".
+    """
+
+    run: str
+    time_s: Array
+    error: Array
+    along_across: Array
+    path_rms_m: float
+    path_max_m: float
+    final_error_m: float
+    heading_rms_rad: float
+    path_length_m: float
+    u_num_m: float
+    u_input_m: float
+    u_measurement_m: float
+    u_val_m: float
+    verdict: Verdict
+    tracked_frames: int
+    lost_frames: int
+    findings: tuple[Finding, ...] = ()
+
+    def __post_init__(self) -> None:
+        n = len(self.time_s)
+        _lock(self, time_s=(n,))
+        for name, shape in (("error", (n, 3)), ("along_across", (n, 2))):
+            object.__setattr__(self, name, locked(getattr(self, name), f"Comparison.{name}", shape, finite=False))
