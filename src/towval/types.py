@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, fields
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import CubicHermiteSpline
 
 from towval.errors import InputError
 
@@ -284,6 +285,43 @@ class Track:
 
 
 @dataclass(frozen=True)
+class DecimatedTrack:
+    """A track thinned to the points that it needs: a C1 cubic through poses and their rates.
+
+    ``time_s`` (m,) times of kept frames; ``pose`` (m, 3) and ``rate`` (m, 3) of the smoothing spline there [m, m, rad;
+    per s]; ``covariance`` (m, 3, 3) of the kept poses; ``noise`` (3,) standard deviation of one measured pose, read off
+    the track itself; ``pauses`` (k, 2) start and end of the times at rest [s]; ``frames`` how many measured poses went
+    in; ``misfit`` (3,) root mean square deviation of the measured poses from the spline, in units of their noise.
+    """
+
+    body: str
+    time_s: Array
+    pose: Array
+    rate: Array
+    covariance: Array
+    noise: Array
+    pauses: Array
+    frames: int
+    misfit: Array
+    findings: tuple[Finding, ...] = ()
+
+    def __post_init__(self) -> None:
+        m = len(self.time_s)
+        _lock(self, time_s=(m,), pose=(m, 3), rate=(m, 3), covariance=(m, 3, 3), noise=(3,), misfit=(3,))
+        object.__setattr__(self, "pauses", locked(np.reshape(self.pauses, (-1, 2)), "DecimatedTrack.pauses", (None, 2)))
+        if m < 2 or not (np.diff(self.time_s) > 0).all():
+            raise InputError(
+                f"the decimated {self.body} track is too short or its times do not increase",
+                got=m,
+                allowed="two points or more at increasing times",
+            )
+
+    def spline(self) -> CubicHermiteSpline:
+        """The C1 cubic through the kept poses and rates: a callable of the time [s], with ``derivative()``."""
+        return CubicHermiteSpline(self.time_s, self.pose, self.rate, axis=0, extrapolate=False)
+
+
+@dataclass(frozen=True)
 class Patch:
     """The footprint of an object: a simple polygon, with holes or without, in the body frame.
 
@@ -350,6 +388,68 @@ class TowedObject:
     def __post_init__(self) -> None:
         _lock(self, centre_of_mass=(2,), anchor=(2,))
         _positive(self, "mass", "inertia")
+
+
+@dataclass(frozen=True)
+class Load:
+    """A box standing on the object, its sides along the object's axes.
+
+    ``mass`` [kg]; ``at`` (2,) its centre in the object's frame [m]; ``size`` (3,) length, width and height [m].
+    """
+
+    mass: float
+    at: Array
+    size: Array
+
+    def __post_init__(self) -> None:
+        _lock(self, at=(2,), size=(3,))
+        _positive(self, "mass", zero=True)
+
+    @property
+    def outline(self) -> Array:
+        """Corners of its bottom (4, 2) in the object's frame [m]."""
+        half = 0.5 * self.size[:2]
+        return self.at + half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+
+
+@dataclass(frozen=True)
+class FrictionWish:
+    """What a lab knows of the friction: the numbers to which Makkar's law is fitted.
+
+    ``static`` and ``kinetic`` coefficients [1], ``kinetic_std`` [1]; ``stiction_velocity`` v_s, where the law peaks,
+    and ``friction_velocity`` v_k, where it has come down to the kinetic coefficient [m/s].
+    """
+
+    static: float
+    kinetic: float
+    stiction_velocity: float
+    friction_velocity: float
+    kinetic_std: float = 0.005
+
+    def __post_init__(self) -> None:
+        _positive(self, "static", "kinetic", "stiction_velocity", "friction_velocity")
+        _positive(self, "kinetic_std", zero=True)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """All that the simulation is told besides the rover's track.
+
+    ``patch``, ``load`` and ``anchor`` (2,) in the object's frame, ``hinge`` (2,) in the rover's [m]; ``body_mass`` [kg]
+    of the object without its load, spread evenly over the footprint.
+    """
+
+    patch: Patch
+    body_mass: float
+    load: Load
+    anchor: Array
+    hinge: Array
+    tether: Tether
+    friction: FrictionWish
+
+    def __post_init__(self) -> None:
+        _lock(self, anchor=(2,), hinge=(2,))
+        _positive(self, "body_mass")
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,268 @@
+"""The campaign folder: what a lab hands in, read from ``campaign.yaml`` and checked before anything is computed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from towval.errors import InputError
+from towval.geometry import inside_polygon, polygon_area
+from towval.io.schema import check, packaged_schema, read_yaml
+from towval.types import Array, Board, Body, FloorReference, FrictionWish, Load, Patch, Scene, Tether, locked
+
+IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp")
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run: its name, its video and where the corners of both tops are in the first frame, body by body [px]."""
+
+    name: str
+    video: Path
+    clicks_px: dict[str, Array]
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """A campaign as handed in.
+
+    ``calibration_images`` and ``floor_images`` are files that exist; the first floor image defines the floor frame.
+    ``scene`` is what the simulation is told; ``document`` is ``campaign.yaml`` as read.
+    """
+
+    folder: Path
+    name: str
+    resolution_px: tuple[int, int]
+    calibration_images: tuple[Path, ...]
+    board: Board
+    floor_images: tuple[Path, ...]
+    floor_reference: FloorReference
+    rover: Body
+    object: Body
+    scene: Scene
+    runs: dict[str, Run]
+    document: dict[str, Any]
+
+    @property
+    def bodies(self) -> tuple[Body, Body]:
+        """Rover and object."""
+        return self.rover, self.object
+
+    def run(self, name: str) -> Run:
+        """The run of that name.
+
+        Raises
+        ------
+        InputError
+            When there is none.
+        """
+        try:
+            return self.runs[name]
+        except KeyError:
+            raise InputError(
+                f"the campaign {self.name} has no such run", got=name, allowed=", ".join(self.runs)
+            ) from None
+
+
+def load_campaign(folder: Path) -> Campaign:
+    """Read and check a campaign folder.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder that holds ``campaign.yaml``.
+
+    Raises
+    ------
+    InputError
+        For a key that is unknown, missing or out of range, a file that is not there, or numbers that contradict each
+        other; every message names the key.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError(
+            "the campaign folder is missing",
+            got=folder,
+            allowed="a folder with a campaign.yaml",
+            remedy="check the path after campaign=",
+        )
+    document = read_yaml(folder / "campaign.yaml")
+    check(document, packaged_schema("campaign.schema.yaml"), "campaign.yaml")
+    camera, floor = document["camera"], document["floor"]
+    rover, towed = document["rover"], document["object"]
+    load = _load(towed)
+    _check_load(towed, load)
+    _check_friction(document["friction"])
+    return Campaign(
+        folder=folder,
+        name=folder.resolve().name,
+        resolution_px=tuple(camera["resolution_px"]),
+        calibration_images=_images(folder, camera["calibration_images"], "camera.calibration_images"),
+        board=_board(camera["board"]),
+        floor_images=_floor_images(folder, floor),
+        floor_reference=FloorReference(
+            origin_corner_px=np.array(floor["origin_corner_px"], dtype=float),
+            x_axis_end_corner_px=np.array(floor["x_axis_end_corner_px"], dtype=float),
+            board_thickness_m=floor.get("board_thickness_m", 0.0),
+        ),
+        rover=_body("rover", rover, ()),
+        object=_body("object", towed, (load.outline,) if load.size[:2].all() else ()),
+        scene=_scene(document, load),
+        runs={str(name): _run(folder, str(name), entry, document) for name, entry in document["runs"].items()},
+        document=document,
+    )
+
+
+def _board(keys: dict[str, Any]) -> Board:
+    return Board(
+        kind=keys["type"],
+        inner_corners=tuple(keys["inner_corners"]),
+        square_m=keys["square_m"],
+        marker_m=keys.get("marker_m"),
+        dictionary=keys.get("dictionary"),
+    )
+
+
+def _images(folder: Path, pattern: str, key: str) -> tuple[Path, ...]:
+    found = tuple(sorted(p for p in folder.glob(pattern) if p.suffix.lower() in IMAGE_SUFFIXES))
+    if not found:
+        raise InputError(
+            f"campaign.yaml: {key} finds no picture",
+            got=pattern,
+            allowed=f"a file or pattern of pictures in {folder} ({', '.join(IMAGE_SUFFIXES)})",
+            remedy="check the pattern, or copy the missing pictures there",
+        )
+    return found
+
+
+def _file(folder: Path, name: str, key: str) -> Path:
+    path = folder / name
+    if not path.is_file():
+        raise InputError(
+            f"campaign.yaml: the file of {key} is missing",
+            got=path,
+            allowed="a file in the campaign folder",
+            remedy="check the name, or copy the file there",
+        )
+    return path
+
+
+def _floor_images(folder: Path, floor: dict[str, Any]) -> tuple[Path, ...]:
+    first = _file(folder, floor["image"], "floor.image")
+    more = _images(folder, floor["more_images"], "floor.more_images") if "more_images" in floor else ()
+    return (first, *(path for path in more if path != first))
+
+
+def _body(name: str, keys: dict[str, Any], obstructions: tuple[Array, ...]) -> Body:
+    corners = np.array(keys["top_corners_m"], dtype=float)
+    if abs(polygon_area(corners)) < 1e-4:
+        raise InputError(
+            f"campaign.yaml: {name}.top_corners_m encloses no area",
+            got=corners.tolist(),
+            allowed="the corners of a polygon, one after the other around it",
+        )
+    return Body(
+        name=name,
+        tracked_plane_height_m=keys["tracked_plane_height_m"],
+        top_corners_m=corners,
+        obstructions=obstructions,
+        height_std_m=keys.get("tracked_plane_height_std_m", 0.001),
+    )
+
+
+def _load(towed: dict[str, Any]) -> Load:
+    keys = towed.get("load", {"mass_kg": 0.0, "at_m": [0.0, 0.0]})
+    return Load(
+        mass=keys["mass_kg"],
+        at=np.array(keys["at_m"], dtype=float),
+        size=np.array(keys.get("size_m", [0, 0, 0]), dtype=float),
+    )
+
+
+def _check_load(towed: dict[str, Any], load: Load) -> None:
+    """The load must stand on the top, and the weight of all within the hull of the footprint."""
+    top = np.array(towed["top_corners_m"], dtype=float)
+    if "load" in towed and not inside_polygon(top, load.at):
+        raise InputError(
+            "campaign.yaml: object.load.at_m is not on the object's top",
+            got=load.at.tolist(),
+            allowed=f"a point inside object.top_corners_m {top.tolist()}",
+            remedy="give the centre of the load in metres, in the object's frame",
+        )
+
+
+def _check_friction(friction: dict[str, Any]) -> None:
+    if friction["static"] < friction["kinetic"]:
+        raise InputError(
+            "campaign.yaml: friction.static is below friction.kinetic",
+            got=f"static {friction['static']}, kinetic {friction['kinetic']}",
+            allowed="static >= kinetic",
+            remedy="give the same number twice if there is no peak",
+        )
+    if friction["stiction_velocity_m_per_s"] >= friction["friction_velocity_m_per_s"]:
+        raise InputError(
+            "campaign.yaml: friction.stiction_velocity_m_per_s is not below friction_velocity_m_per_s",
+            got=f"{friction['stiction_velocity_m_per_s']} and {friction['friction_velocity_m_per_s']} m/s",
+            allowed="stiction velocity < friction velocity",
+        )
+
+
+def _scene(document: dict[str, Any], load: Load) -> Scene:
+    towed, tether, friction = document["object"], document["tether"], document["friction"]
+    holes = tuple(np.array(hole, dtype=float) for hole in towed.get("footprint_holes_m", ()))
+    return Scene(
+        patch=Patch(outline=np.array(towed["footprint_m"], dtype=float), holes=holes),
+        body_mass=towed["mass_kg"],
+        load=load,
+        anchor=np.array(towed["tether_anchor_m"], dtype=float),
+        hinge=np.array(document["rover"]["tether_hinge_m"], dtype=float),
+        tether=Tether(
+            rest_length=tether["rest_length_m"],
+            stiffness=tether["stiffness_N_per_m"],
+            damping=tether.get("damping_Ns_per_m", 0.0),
+        ),
+        friction=FrictionWish(
+            static=friction["static"],
+            kinetic=friction["kinetic"],
+            stiction_velocity=friction["stiction_velocity_m_per_s"],
+            friction_velocity=friction["friction_velocity_m_per_s"],
+            kinetic_std=friction.get("kinetic_std", 0.005),
+        ),
+    )
+
+
+def _run(folder: Path, name: str, entry: dict[str, Any], document: dict[str, Any]) -> Run:
+    clicks = {}
+    for body in ("rover", "object"):
+        key = f"runs.{name}.first_frame_clicks_px.{body}"
+        corners = document[body]["top_corners_m"]
+        pixels = entry["first_frame_clicks_px"][body]
+        if len(pixels) != len(corners):
+            raise InputError(
+                f"campaign.yaml: {key} has another number of corners than {body}.top_corners_m",
+                got=len(pixels),
+                allowed=str(len(corners)),
+                remedy="click every corner once, in the same order",
+            )
+        clicks[body] = locked(pixels, key, (len(corners), 2))
+        _check_clicks(clicks[body], document["camera"]["resolution_px"], key)
+    return Run(name=name, video=_file(folder, entry["video"], f"runs.{name}.video"), clicks_px=clicks)
+
+
+def _check_clicks(clicks: Array, resolution_px: list[int], key: str) -> None:
+    """Clicks far outside the image, or on one spot, were not made on the first frame."""
+    size = np.array(resolution_px)
+    if (clicks < -0.5 * size).any() or (clicks > 1.5 * size).any():
+        raise InputError(
+            f"campaign.yaml: {key} is outside the image",
+            got=clicks.tolist(),
+            allowed=f"pixels of a {size[0]} × {size[1]} image",
+            remedy="click the corners in the first frame",
+        )
+    if abs(polygon_area(clicks)) < 16:
+        raise InputError(
+            f"campaign.yaml: {key} encloses no area", got=clicks.tolist(), allowed="the corners of the top"
+        )

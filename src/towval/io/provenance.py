@@ -1,0 +1,118 @@
+"""What a result was made of: versions, configuration, and a fingerprint of the code and the input."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import platform
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+
+import towval
+
+_PACKAGE = Path(towval.__file__).resolve().parent
+_LIBRARIES = (
+    "av",
+    "matplotlib",
+    "mcap",
+    "numba",
+    "numpy",
+    "opencv-python-headless",
+    "pandas",
+    "rosbags",
+    "scipy",
+    "shapely",
+    "snakemake",
+)
+
+
+def versions() -> dict[str, str]:
+    """Versions of towval, Python and the libraries that results depend on."""
+    found = {"towval": towval.__version__, "python": platform.python_version()}
+    for name in _LIBRARIES:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            continue
+    return found
+
+
+def file_hash(path: Path) -> str:
+    """SHA-256 of a file's bytes, as hexadecimal digits."""
+    with Path(path).open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def code_hash(script: Path) -> str:
+    """Fingerprint of a script and of every module of this package that it imports, directly or not.
+
+    Workflow rules carry it as a parameter: an edit in a module then reruns the rules that use it, and no others. Data
+    files that lie beside a module (schemas, templates, styles) count as part of its folder's package.
+
+    Parameters
+    ----------
+    script : Path
+        A Python file.
+    """
+    digest = hashlib.sha256()
+    for path in sorted(_closure(Path(script).resolve())):
+        digest.update(_file_digest(path, path.stat().st_mtime_ns))
+    return digest.hexdigest()[:16]
+
+
+@cache
+def _file_digest(path: Path, _mtime_ns: int) -> bytes:
+    return hashlib.sha256(path.read_bytes()).digest()
+
+
+def _closure(script: Path) -> set[Path]:
+    found: set[Path] = set()
+    waiting = [script]
+    while waiting:
+        path = waiting.pop()
+        if path not in found:
+            found.add(path)
+            waiting.extend(_imported(path, path.stat().st_mtime_ns))
+    return found
+
+
+@cache
+def _imported(path: Path, _mtime_ns: int) -> tuple[Path, ...]:
+    """Files of this package that one file imports, and the data files it names by a literal."""
+    if path.suffix != ".py":
+        return ()
+    found: list[Path] = []
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                found += _module_files(alias.name)
+        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
+            found += _module_files(node.module)
+            for alias in node.names:
+                found += _module_files(f"{node.module}.{alias.name}")
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and _PACKAGE in path.parents:
+            found += _data_file(path.parent, node.value)
+    return tuple(found)
+
+
+def _module_files(name: str) -> list[Path]:
+    parts = name.split(".")
+    if parts[0] != "towval":
+        return []
+    found = [_PACKAGE / "__init__.py"]
+    folder = _PACKAGE
+    for part in parts[1:]:
+        if (folder / f"{part}.py").is_file():
+            return [*found, folder / f"{part}.py"]
+        folder = folder / part
+        if not (folder / "__init__.py").is_file():
+            break
+        found.append(folder / "__init__.py")
+    return found
+
+
+def _data_file(folder: Path, text: str) -> list[Path]:
+    if not text or len(text) > 100 or "\n" in text or "/" in text.strip("/.") or not Path(text).suffix:
+        return []
+    return [p for p in (folder / text, folder / "templates" / text) if p.is_file() and p.suffix != ".py"]

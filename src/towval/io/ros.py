@@ -1,0 +1,214 @@
+"""ROS 2 messages of the types that the package exchanges: how a pose, a wrench or a camera looks on a topic."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from rosbags.typesys import Stores, get_typestore
+
+from towval.conventions import NANOSECONDS_PER_SECOND
+from towval.types import Array, Camera
+
+TYPESTORE = get_typestore(Stores.ROS2_HUMBLE)
+
+_FLOAT32 = 7
+"""Value of sensor_msgs/PointField.FLOAT32."""
+
+
+def nanoseconds(time_s: float) -> int:
+    """Integer nanoseconds of float seconds."""
+    return round(float(time_s) * NANOSECONDS_PER_SECOND)
+
+
+def make(kind: str, **values: Any) -> Any:
+    """A message of the type ``package/msg/Name``."""
+    return TYPESTORE.types[kind](**values)
+
+
+def header(time_s: float, frame: str) -> Any:
+    """A header with the time as stamp."""
+    seconds, rest = divmod(nanoseconds(time_s), NANOSECONDS_PER_SECOND)
+    return make(
+        "std_msgs/msg/Header", stamp=make("builtin_interfaces/msg/Time", sec=seconds, nanosec=rest), frame_id=frame
+    )
+
+
+def vector(x: float, y: float, z: float = 0.0) -> Any:
+    """A vector."""
+    return make("geometry_msgs/msg/Vector3", x=float(x), y=float(y), z=float(z))
+
+
+def point(x: float, y: float, z: float = 0.0) -> Any:
+    """A point."""
+    return make("geometry_msgs/msg/Point", x=float(x), y=float(y), z=float(z))
+
+
+def heading_quaternion(heading: float) -> Any:
+    """The turn about z by ``heading`` [rad]."""
+    return make(
+        "geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=float(np.sin(heading / 2)), w=float(np.cos(heading / 2))
+    )
+
+
+def heading_of(quaternion: Any) -> float:
+    """The heading of a turn about z, in (−π, π] [rad]."""
+    return float(2 * np.arctan2(quaternion.z, quaternion.w))
+
+
+def planar_pose(pose: Array) -> Any:
+    """A pose on the floor from (x, y, heading)."""
+    return make("geometry_msgs/msg/Pose", position=point(pose[0], pose[1]), orientation=heading_quaternion(pose[2]))
+
+
+_PLANAR = np.ix_((0, 1, 5), (0, 1, 5))
+"""Where x, y and the turn about z stand in ROS's 6 × 6 covariance."""
+
+
+def pose_with_covariance(time_s: float, frame: str, pose: Array, covariance: Array) -> Any:
+    """A stamped pose with the covariance (3, 3) of (x, y, heading)."""
+    full = np.zeros((6, 6))
+    full[_PLANAR] = covariance
+    return make(
+        "geometry_msgs/msg/PoseWithCovarianceStamped",
+        header=header(time_s, frame),
+        pose=make("geometry_msgs/msg/PoseWithCovariance", pose=planar_pose(pose), covariance=full.ravel()),
+    )
+
+
+def planar_covariance(message: Any) -> Array:
+    """The covariance (3, 3) of (x, y, heading) of a PoseWithCovarianceStamped."""
+    return np.asarray(message.pose.covariance, dtype=np.float64).reshape(6, 6)[_PLANAR]
+
+
+def stamped_pose(time_s: float, frame: str, pose: Array) -> Any:
+    """A stamped pose."""
+    return make("geometry_msgs/msg/PoseStamped", header=header(time_s, frame), pose=planar_pose(pose))
+
+
+def stamped_twist(time_s: float, frame: str, twist: Array) -> Any:
+    """A stamped planar twist from (vx, vy, heading rate)."""
+    value = make("geometry_msgs/msg/Twist", linear=vector(twist[0], twist[1]), angular=vector(0, 0, twist[2]))
+    return make("geometry_msgs/msg/TwistStamped", header=header(time_s, frame), twist=value)
+
+
+def transforms(time_s: float, frame: str, poses: dict[str, Array]) -> Any:
+    """A tf message with the pose of each child frame on the floor."""
+    return make(
+        "tf2_msgs/msg/TFMessage",
+        transforms=[
+            make(
+                "geometry_msgs/msg/TransformStamped",
+                header=header(time_s, frame),
+                child_frame_id=child,
+                transform=make(
+                    "geometry_msgs/msg/Transform",
+                    translation=vector(pose[0], pose[1]),
+                    rotation=heading_quaternion(pose[2]),
+                ),
+            )
+            for child, pose in poses.items()
+        ],
+    )
+
+
+def rigid_transform(time_s: float, frame: str, child: str, shift: Array, quaternion_xyzw: Sequence[float]) -> Any:
+    """A tf message with one transform in space."""
+    x, y, z, w = map(float, quaternion_xyzw)
+    rotation = make("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w)
+    transform = make("geometry_msgs/msg/Transform", translation=vector(*shift), rotation=rotation)
+    stamped = make(
+        "geometry_msgs/msg/TransformStamped", header=header(time_s, frame), child_frame_id=child, transform=transform
+    )
+    return make("tf2_msgs/msg/TFMessage", transforms=[stamped])
+
+
+def camera_info(time_s: float, frame: str, camera: Camera) -> Any:
+    """The intrinsics of a camera; ``rational_polynomial`` where the lens needs it, else ``plumb_bob``."""
+    rational = bool(camera.distortion[5:].any())
+    k = camera.matrix
+    d = camera.distortion if rational else camera.distortion[:5]
+    projection = np.concatenate([k, np.zeros((3, 1))], axis=1)
+    width, height = camera.resolution_px
+    region = make("sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
+    return make(
+        "sensor_msgs/msg/CameraInfo",
+        header=header(time_s, frame),
+        height=height,
+        width=width,
+        distortion_model="rational_polynomial" if rational else "plumb_bob",
+        d=np.array(d),
+        k=k.ravel().copy(),
+        r=np.eye(3).ravel(),
+        p=projection.ravel(),
+        binning_x=0,
+        binning_y=0,
+        roi=region,
+    )
+
+
+def point_cloud(time_s: float, frame: str, points: Array, names: Sequence[str]) -> Any:
+    """A cloud of points (n, k) as 32-bit floats, one field a column."""
+    data = np.ascontiguousarray(points, dtype="<f4")
+    n, k = data.shape
+    fields = [
+        make("sensor_msgs/msg/PointField", name=name, offset=4 * i, datatype=_FLOAT32, count=1)
+        for i, name in enumerate(names)
+    ]
+    return make(
+        "sensor_msgs/msg/PointCloud2",
+        header=header(time_s, frame),
+        height=1,
+        width=n,
+        fields=fields,
+        is_bigendian=False,
+        point_step=4 * k,
+        row_step=4 * k * n,
+        data=data.view(np.uint8).ravel(),
+        is_dense=True,
+    )
+
+
+def cloud_points(message: Any) -> Array:
+    """The points (n, k) of a cloud that :func:`point_cloud` made."""
+    return np.frombuffer(np.asarray(message.data).tobytes(), dtype="<f4").reshape(message.width, -1).astype(np.float64)
+
+
+def wrench(time_s: float, frame: str, force: Array, torque_z: float = 0.0) -> Any:
+    """A stamped planar wrench."""
+    value = make("geometry_msgs/msg/Wrench", force=vector(force[0], force[1]), torque=vector(0, 0, torque_z))
+    return make("geometry_msgs/msg/WrenchStamped", header=header(time_s, frame), wrench=value)
+
+
+def stamped_vector(time_s: float, frame: str, xyz: Array) -> Any:
+    """A stamped vector."""
+    return make("geometry_msgs/msg/Vector3Stamped", header=header(time_s, frame), vector=vector(*xyz))
+
+
+def joint_state(time_s: float, names: Sequence[str], position: Array, velocity: Array, effort: Array) -> Any:
+    """A stamped JointState; an empty array leaves a quantity out."""
+    return make(
+        "sensor_msgs/msg/JointState",
+        header=header(time_s, ""),
+        name=list(names),
+        position=np.asarray(position, dtype=np.float64),
+        velocity=np.asarray(velocity, dtype=np.float64),
+        effort=np.asarray(effort, dtype=np.float64),
+    )
+
+
+def diagnostics(time_s: float, entries: Sequence[tuple[int, str, str, dict[str, str]]]) -> Any:
+    """A DiagnosticArray from (level, name, message, values)."""
+    status = [
+        make(
+            "diagnostic_msgs/msg/DiagnosticStatus",
+            level=level,
+            name=name,
+            message=text,
+            hardware_id="",
+            values=[make("diagnostic_msgs/msg/KeyValue", key=k, value=v) for k, v in values.items()],
+        )
+        for level, name, text, values in entries
+    ]
+    return make("diagnostic_msgs/msg/DiagnosticArray", header=header(time_s, ""), status=status)

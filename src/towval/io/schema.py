@@ -1,0 +1,176 @@
+"""YAML documents checked against a schema: every fault of a document is collected and told in its user's words."""
+
+from __future__ import annotations
+
+import difflib
+from functools import lru_cache
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import yaml
+from jsonschema import Draft202012Validator
+from jsonschema.exceptions import ValidationError
+
+from towval.errors import InputError
+
+
+class _StrictLoader(yaml.SafeLoader):
+    """PyYAML's safe loader, but a key given twice is an error instead of a silent overwrite."""
+
+
+def _mapping_without_duplicates(loader: _StrictLoader, node: yaml.MappingNode) -> dict[Any, Any]:
+    seen: set[Any] = set()
+    for key_node, _ in node.value:
+        key = loader.construct_object(key_node, deep=True)
+        if key in seen:
+            raise yaml.constructor.ConstructorError(None, None, f"the key {key!r} is given twice", key_node.start_mark)
+        seen.add(key)
+    return loader.construct_mapping(node, deep=True)
+
+
+_StrictLoader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping_without_duplicates)
+
+
+def read_yaml(path: Path) -> Any:
+    """The content of a YAML file.
+
+    Raises
+    ------
+    InputError
+        When the file is missing, not YAML, or holds a key twice.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise InputError(f"{path} is missing", remedy=f"create {path.name} or check the path") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path} cannot be read as text", got=error, allowed="a UTF-8 text file") from None
+    try:
+        return yaml.load(text, Loader=_StrictLoader)  # a SafeLoader: builds plain data only
+    except yaml.YAMLError as error:
+        raise InputError(
+            f"{path} is not valid YAML", got=" ".join(str(error).split()), remedy="mend that line"
+        ) from None
+
+
+@lru_cache
+def packaged_schema(name: str) -> dict[str, Any]:
+    """The schema ``name`` that comes with the package."""
+    text = resources.files("towval.io").joinpath(name).read_text(encoding="utf-8")
+    return yaml.safe_load(text)
+
+
+def check(document: Any, schema: dict[str, Any], where: str) -> None:
+    """Check a document against a schema.
+
+    Parameters
+    ----------
+    document : object
+        What was read.
+    schema : dict
+        JSON schema; ``description`` and ``unit`` of a key are quoted in the error.
+    where : str
+        What to call the document.
+
+    Raises
+    ------
+    InputError
+        One error that lists every fault: key, value, what is allowed, what the key means.
+    """
+    validator = Draft202012Validator(schema)
+    errors = sorted(validator.iter_errors(document), key=lambda error: [str(part) for part in error.absolute_path])
+    faults = [fault for error in errors for fault in _faults(error)]
+    if not faults:
+        return
+    if len(faults) == 1:
+        raise InputError(f"{where}: {faults[0]}")
+    raise InputError(f"{where} has {len(faults)} faults:\n  - " + "\n  - ".join(faults))
+
+
+def _name(parts: Any) -> str:
+    text = ""
+    for part in parts:
+        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)
+    return text
+
+
+def _faults(error: ValidationError) -> list[str]:
+    path = list(error.absolute_path)
+    key = _name(path) or "the document"
+    rule = error.validator
+    if rule == "additionalProperties":
+        known = list(error.schema.get("properties", {}))
+        unknown = [name for name in error.instance if name not in known]
+        return [f"unknown key {_name([*path, name])}{_suggestion(str(name), known)}" for name in unknown]
+    if rule == "required":
+        missing = [name for name in error.validator_value if name not in error.instance]
+        return [
+            f"the key {_name([*path, name])} is missing{_meaning(error.schema['properties'][name])}" for name in missing
+        ]
+    got = _short(error.instance)
+    return [f"{key} is {got}; allowed: {_allowed(error)}{_meaning(_described(error))}"]
+
+
+def _described(error: ValidationError) -> dict[str, Any]:
+    """The innermost schema on the way to the fault that says what it is about."""
+    current: ValidationError | None = error
+    while current is not None:
+        if isinstance(current.schema, dict) and "description" in current.schema:
+            return current.schema
+        current = current.parent
+    return {}
+
+
+_COMPARISONS = {
+    "minimum": "at least {}",
+    "maximum": "at most {}",
+    "exclusiveMinimum": "above {}",
+    "exclusiveMaximum": "below {}",
+    "minItems": "at least {} entries",
+    "maxItems": "at most {} entries",
+    "minProperties": "at least {} entry",
+    "minLength": "a text of at least {} character",
+    "pattern": "a text that matches {}",
+}
+
+
+def _allowed(error: ValidationError) -> str:
+    schema, rule = error.schema, error.validator
+    if rule == "type":
+        names = {
+            "number": "a number",
+            "integer": "a whole number",
+            "array": "a list",
+            "object": "keys with values",
+            "string": "a text",
+            "boolean": "true or false",
+        }
+        return names.get(str(error.validator_value), str(error.validator_value))
+    if rule == "enum":
+        return "one of " + ", ".join(map(str, error.validator_value))
+    if rule in ("minItems", "maxItems") and schema.get("minItems") == schema.get("maxItems"):
+        return f"exactly {schema['minItems']} entries"
+    bounds = [
+        _COMPARISONS[name].format(schema[name])
+        for name in ("minimum", "exclusiveMinimum", "maximum", "exclusiveMaximum")
+        if name in schema
+    ]
+    if rule in ("minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum"):
+        return " and ".join(bounds)
+    return _COMPARISONS.get(str(rule), str(error.message)).format(error.validator_value)
+
+
+def _meaning(schema: dict[str, Any]) -> str:
+    unit = f" [{schema['unit']}]" if "unit" in schema else ""
+    return f" ({schema['description'].rstrip('.')}{unit})" if "description" in schema else unit
+
+
+def _suggestion(name: str, known: list[str]) -> str:
+    close = difflib.get_close_matches(name, known, n=1)
+    return f"; did you mean {close[0]}?" if close else f"; known keys here: {', '.join(known)}"
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 80 else text[:77] + "..."
