@@ -103,11 +103,7 @@ def load_campaign(folder: Path) -> Campaign:
         calibration_images=_images(folder, camera["calibration_images"], "camera.calibration_images"),
         board=_board(camera["board"]),
         floor_images=_floor_images(folder, floor),
-        floor_reference=FloorReference(
-            origin_corner_px=np.array(floor["origin_corner_px"], dtype=float),
-            x_axis_end_corner_px=np.array(floor["x_axis_end_corner_px"], dtype=float),
-            board_thickness_m=floor.get("board_thickness_m", 0.0),
-        ),
+        floor_reference=_floor_reference(floor),
         rover=_body("rover", rover, ()),
         object=_body("object", towed, (load.outline,) if load.size[:2].all() else ()),
         scene=_scene(document, load),
@@ -117,12 +113,37 @@ def load_campaign(folder: Path) -> Campaign:
 
 
 def _board(keys: dict[str, Any]) -> Board:
+    if keys["type"] == "charuco" and not {"marker_m", "dictionary"} <= keys.keys():
+        raise InputError(
+            "campaign.yaml: camera.board of type charuco needs more keys",
+            got=", ".join(keys),
+            allowed="type, inner_corners, square_m, marker_m and dictionary",
+        )
     return Board(
         kind=keys["type"],
         inner_corners=tuple(keys["inner_corners"]),
         square_m=keys["square_m"],
-        marker_m=keys.get("marker_m"),
-        dictionary=keys.get("dictionary"),
+        marker_m=keys.get("marker_m", float("nan")),
+        dictionary=keys.get("dictionary", ""),
+    )
+
+
+def _floor_reference(floor: dict[str, Any]) -> FloorReference:
+    board_keys = [key for key in ("image", "origin_corner_px", "x_axis_end_corner_px") if key in floor]
+    marks = floor.get("surveyed_marks", [])
+    if len(board_keys) not in (0, 3) or not (board_keys or marks):
+        raise InputError(
+            "campaign.yaml: the floor frame is not fixed",
+            got=f"floor.{', floor.'.join(board_keys) or '(nothing)'}",
+            allowed="floor.image with floor.origin_corner_px and floor.x_axis_end_corner_px, or floor.surveyed_marks",
+        )
+    return FloorReference(
+        origin_corner_px=np.array(floor["origin_corner_px"], dtype=float) if board_keys else None,
+        x_axis_end_corner_px=np.array(floor["x_axis_end_corner_px"], dtype=float) if board_keys else None,
+        board_thickness_m=floor.get("board_thickness_m", 0.0),
+        marks_px=np.array([mark["at_px"] for mark in marks], dtype=float).reshape(-1, 2),
+        marks_m=np.array([mark["at_m"] for mark in marks], dtype=float).reshape(-1, 2),
+        mark_std_px=floor.get("surveyed_mark_std_px", 0.7),
     )
 
 
@@ -151,9 +172,9 @@ def _file(folder: Path, name: str, key: str) -> Path:
 
 
 def _floor_images(folder: Path, floor: dict[str, Any]) -> tuple[Path, ...]:
-    first = _file(folder, floor["image"], "floor.image")
+    first = (_file(folder, floor["image"], "floor.image"),) if "image" in floor else ()
     more = _images(folder, floor["more_images"], "floor.more_images") if "more_images" in floor else ()
-    return (first, *(path for path in more if path != first))
+    return (*first, *(path for path in more if path not in first))
 
 
 def _body(name: str, keys: dict[str, Any], obstructions: tuple[Array, ...]) -> Body:

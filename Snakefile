@@ -1,0 +1,33 @@
+"""From a campaign folder to figures and report; the experiment, top to bottom."""
+
+from snakemake.utils import min_version
+
+min_version("9.5")
+
+
+configfile: "config.yaml"
+
+
+include: "workflow/rules/common.smk"
+
+
+localrules:
+    all,
+    decimate,
+    simulate,
+    compare,
+    summary,
+    figures_of_run,
+    report,
+
+
+rule all:
+    default_target: True
+    input:
+        [results(name, "report.html") for name in CAMPAIGNS],
+        [results(name, "summary.csv") for name in CAMPAIGNS],
+
+
+include: "workflow/rules/calibrate.smk"
+include: "workflow/rules/run.smk"
+include: "workflow/rules/report.smk"

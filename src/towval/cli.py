@@ -1,0 +1,128 @@
+"""The command ``towval``: the stages on single files, for people without Snakemake."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+import towval
+from towval.commands.shared import told
+from towval.errors import InputError
+
+_EPILOG = """\
+A run by hand, step by step:
+  towval calibrate lab_a -o out/camera.mcap
+  towval track     lab_a --run a --camera out/camera.mcap -o out/a/track.mcap
+  towval decimate  out/a/track.mcap -o out/a/decimate.mcap
+  towval simulate  lab_a --track out/a/track.mcap --decimated out/a/decimate.mcap -o out/a/simulate.mcap
+  towval compare   lab_a --run a --camera out/camera.mcap --track out/a/track.mcap \\
+                   --simulated out/a/simulate.mcap -o out/a/compare.mcap
+  towval report    lab_a --results out
+
+Or all of it at once, resumable and in parallel:
+  snakemake --cores 2 --config campaign=lab_a
+
+Settings of a stage are the keys of its section in config.yaml: --set excess=2.5 changes one.
+"""
+
+
+def _arguments() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="towval",
+        description="How well does a simulation of a towed object agree with what a ceiling camera saw?",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"towval {towval.__version__}")
+    stages = parser.add_subparsers(dest="stage", required=True, metavar="STAGE")
+
+    stage = _stage(stages, "calibrate", "pictures of the board → camera.mcap: lens, floor, and how sure both are")
+    _campaign(stage)
+    stage = _stage(stages, "track", "a run's video → track.mcap: poses of rover and object with deviations")
+    _campaign(stage)
+    _run(stage)
+    _input(stage, "camera", "camera.mcap of the campaign")
+    stage = _stage(stages, "decimate", "track.mcap → decimate.mcap: as few poses as the measured noise allows")
+    stage.add_argument("track", type=Path, help="track.mcap of the run")
+    stage = _stage(stages, "simulate", "decimate.mcap → simulate.mcap: the object as the model says it moves")
+    _campaign(stage)
+    _input(stage, "track", "track.mcap of the run: the times of the output")
+    _input(stage, "decimated", "decimate.mcap of the run: the rover's way, the object's first pose")
+    stage = _stage(
+        stages, "compare", "simulated against measured path → compare.mcap: errors and verdict", settings=False
+    )
+    _campaign(stage)
+    _run(stage)
+    _input(stage, "camera", "camera.mcap of the campaign")
+    _input(stage, "track", "track.mcap of the run")
+    _input(stage, "simulated", "simulate.mcap of the run")
+    stage = _stage(
+        stages, "report", "all of a campaign's results → figures, overlays, summary.csv, report.html", output=False
+    )
+    _campaign(stage)
+    stage.add_argument("--results", type=Path, required=True, help="folder with camera.mcap and a folder a run")
+    return parser
+
+
+def _stage(
+    stages: Any, name: str, help_text: str, *, settings: bool = True, output: bool = True
+) -> argparse.ArgumentParser:
+    module = f"towval.commands.{name}"
+    stage = stages.add_parser(name, help=help_text, description=help_text[0].upper() + help_text[1:] + ".")
+    stage.set_defaults(module=module)
+    if output:
+        stage.add_argument(
+            "-o", "--output", type=Path, required=True, help=f"{name}.mcap to write (replaced when whole)"
+        )
+    if settings:
+        stage.add_argument(
+            "--set",
+            dest="keys",
+            action="append",
+            default=[],
+            metavar="KEY=VALUE",
+            help=f"a key of section {name} of config.yaml; may be given several times",
+        )
+    return stage
+
+
+def _campaign(stage: argparse.ArgumentParser) -> None:
+    stage.add_argument("campaign", type=Path, help="campaign folder, with campaign.yaml")
+
+
+def _run(stage: argparse.ArgumentParser) -> None:
+    stage.add_argument("--run", dest="name", required=True, help="name of the run in campaign.yaml")
+
+
+def _input(stage: argparse.ArgumentParser, name: str, help_text: str) -> None:
+    stage.add_argument(f"--{name}", type=Path, required=True, help=help_text)
+
+
+def _keys(pairs: list[str]) -> dict[str, Any]:
+    keys = {}
+    for pair in pairs:
+        name, equals, text = pair.partition("=")
+        if not (name and equals):
+            raise InputError("--set wants a key and a value", got=pair, allowed="KEY=VALUE")
+        keys[name] = yaml.safe_load(text)
+    return keys
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command line; exits with 1 and one message when the input is at fault."""
+    given = vars(_arguments().parse_args(arguments))
+    given.pop("stage")
+    with told():
+        if "keys" in given:
+            given["keys"] = _keys(given["keys"])
+        run: Callable[..., None] = importlib.import_module(given.pop("module")).run
+        run(**given)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,40 @@
+"""Command calibrate: pictures of the board → camera.mcap."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from towval.calibrate import CalibrateSettings, calibrate
+from towval.commands.shared import provenance, settings_from, tell
+from towval.io.campaign import load_campaign
+from towval.io.images import read_gray
+from towval.io.records import write_calibration
+
+
+def run(campaign: Path, output: Path, keys: Mapping[str, Any] | None = None) -> None:
+    """Calibrate the camera and the floor of a campaign.
+
+    Parameters
+    ----------
+    campaign : Path
+        The campaign folder.
+    output : Path
+        ``camera.mcap`` to write.
+    keys : mapping, optional
+        ``config["calibrate"]``.
+    """
+    settings = settings_from(CalibrateSettings, keys, "calibrate")
+    given = load_campaign(campaign)
+    calibration = calibrate(
+        ((path.name, read_gray(path, given.resolution_px)) for path in given.calibration_images),
+        [(path.name, read_gray(path, given.resolution_px)) for path in given.floor_images],
+        given.board,
+        given.floor_reference,
+        settings,
+        heights_m=[body.tracked_plane_height_m for body in given.bodies],
+    )
+    tell(calibration.findings, "calibrate")
+    inputs = {path.name: path for path in (*given.calibration_images, *given.floor_images)}
+    write_calibration(output, calibration, provenance(settings, inputs))

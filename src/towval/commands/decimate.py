@@ -1,0 +1,30 @@
+"""Command decimate: track.mcap → decimate.mcap."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from towval.commands.shared import provenance, settings_from, tell
+from towval.decimate import DecimateSettings, decimate
+from towval.io.records import read_tracks, write_decimated
+
+
+def run(track: Path, output: Path, keys: Mapping[str, Any] | None = None) -> None:
+    """Thin the tracks of a run.
+
+    Parameters
+    ----------
+    track : Path
+        ``track.mcap`` of the run.
+    output : Path
+        ``decimate.mcap`` to write.
+    keys : mapping, optional
+        ``config["decimate"]``.
+    """
+    settings = settings_from(DecimateSettings, keys, "decimate")
+    decimated = {name: decimate(body, settings) for name, body in read_tracks(track).items()}
+    for body in decimated.values():
+        tell(body.findings, "decimate")
+    write_decimated(output, decimated, provenance(settings, {track.name: track}))

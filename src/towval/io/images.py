@@ -1,0 +1,39 @@
+"""Pictures read from files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from towval.errors import InputError
+
+
+def read_gray(path: Path, resolution_px: tuple[int, int]) -> NDArray[np.uint8]:
+    """A picture as grey levels (height, width), as stored: an orientation tag does not turn it.
+
+    Raises
+    ------
+    InputError
+        When the file is no picture, or not of the resolution asked for.
+    """
+    data = np.fromfile(path, dtype=np.uint8)
+    image = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION) if data.size else None
+    if image is None:
+        raise InputError(
+            f"{path} is no picture that can be read",
+            got=f"{data.size} bytes",
+            allowed="JPEG, PNG, TIFF, BMP or WebP",
+            remedy="copy the file again, or take it out of the folder",
+        )
+    size = image.shape[1], image.shape[0]
+    if size != tuple(resolution_px):
+        raise InputError(
+            f"{path} has another size than camera.resolution_px",
+            got=f"{size[0]} × {size[1]}",
+            allowed=f"{resolution_px[0]} × {resolution_px[1]}",
+            remedy="calibrate with pictures from the camera mode that filmed the runs",
+        )
+    return image

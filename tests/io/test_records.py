@@ -1,0 +1,181 @@
+"""MCAP: what is written is what is read, by us and by readers that share no code with us."""
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+
+from towval.decimate import decimate
+from towval.errors import InputError
+from towval.io import records
+from towval.io.mcap_file import read_mcap
+from towval.types import (
+    Calibration,
+    Camera,
+    Comparison,
+    Features,
+    Finding,
+    Floor,
+    Severity,
+    SimulatedMotion,
+    Verdict,
+    View,
+)
+
+PROVENANCE = {"versions": "{}", "settings": "{}"}
+
+
+def circle(time_s):
+    """More than one turn, so that headings must be unwrapped on reading."""
+    angle = 0.8 * time_s
+    return np.stack([np.cos(angle), np.sin(angle), angle], axis=1)
+
+
+@pytest.fixture
+def track(make_track):
+    return make_track(circle, body="object", lost=range(40, 44))
+
+
+@pytest.fixture
+def calibration():
+    T = np.eye(4)
+    T[:3, :3] = np.diag([1.0, -1.0, -1.0])
+    T[:3, 3] = 0.1, 0.2, 4.0
+    view = View("board_00.jpg", np.arange(6.0).reshape(3, 2), np.ones((3, 2)), np.full((3, 2), np.nan), 12.5, False, "blurred")
+    return Calibration(
+        camera=Camera((960, 540), np.array([[700.0, 0, 480], [0, 701, 270], [0, 0, 1]]), np.arange(8) / 100, "rational"),
+        floor=Floor(T),
+        covariance=np.eye(18) * 1e-6,
+        corner_noise_px=0.07,
+        views=(view,),
+        findings=(Finding(Severity.WARNING, "extrapolated", "the boards cover half the floor"),),
+        quality={"camera_height_m": 4.0},
+    )
+
+
+@pytest.fixture
+def simulated():
+    time_s = np.arange(50) / 25
+    pose = circle(time_s)
+    return SimulatedMotion(time_s, pose, pose * 0.1, pose[:, :2] * 3, 0.6 + 0.01 * time_s, "converged", "nothing to do", "dynamics",
+                           statistics={"steps": 120.0})
+
+
+def same(first, second):
+    for name in first.__dataclass_fields__:
+        a, b = getattr(first, name), getattr(second, name)
+        if isinstance(a, np.ndarray):
+            np.testing.assert_allclose(a, b, atol=1e-12, err_msg=name)
+        elif isinstance(a, float):
+            assert a == b or (np.isnan(a) and np.isnan(b)), name
+        elif name not in ("camera", "floor", "views", "features"):
+            assert a == b, name
+
+
+def test_calibration_round_trip(tmp_path, calibration):
+    records.write_calibration(tmp_path / "camera.mcap", calibration, PROVENANCE)
+    back = records.read_calibration(tmp_path / "camera.mcap")
+    same(calibration, back)
+    same(calibration.camera, back.camera)
+    same(calibration.views[0], back.views[0])
+
+
+def test_tracks_round_trip(tmp_path, track, make_track):
+    points = np.random.default_rng(0).normal(size=(6, 3))
+    features = Features(np.array([0, 0, 0, 1, 1, 7]), points.astype(np.float32), np.ones(6))
+    tracks = {"rover": make_track(circle, seed=9), "object": track}
+    tracks["object"] = type(track)(**{**track.__dict__, "features": features})
+    records.write_tracks(tmp_path / "track.mcap", tracks, PROVENANCE)
+    back = records.read_tracks(tmp_path / "track.mcap")
+    assert back.keys() == tracks.keys()
+    for name in tracks:
+        same(tracks[name], back[name])
+    same(features, back["object"].features)
+
+
+def test_decimated_round_trip(tmp_path, track):
+    thin = {"object": decimate(track)}
+    records.write_decimated(tmp_path / "decimate.mcap", thin, PROVENANCE)
+    same(thin["object"], records.read_decimated(tmp_path / "decimate.mcap")["object"])
+
+
+def test_simulated_round_trip(tmp_path, simulated):
+    records.write_simulated(tmp_path / "simulate.mcap", simulated, PROVENANCE)
+    same(simulated, records.read_simulated(tmp_path / "simulate.mcap"))
+
+
+def test_comparison_round_trip(tmp_path, track, simulated):
+    n = len(track.time_s)
+    error = np.where(track.seen[:, None], 0.001 * np.ones((n, 3)), np.nan)
+    comparison = Comparison("a", track.time_s, error, error[:, :2], 0.001, 0.002, 0.001, 0.01, 3.0, 1e-7, np.nan, 5e-4, np.nan,
+                            Verdict.NOT_JUDGED, n - 4, 4)
+    records.write_comparison(tmp_path / "compare.mcap", comparison, track, simulated, PROVENANCE)
+    same(comparison, records.read_comparison(tmp_path / "compare.mcap"))
+
+
+def test_the_same_content_gives_the_same_bytes(tmp_path, track):
+    for name in ("one", "two"):
+        records.write_tracks(tmp_path / f"{name}.mcap", {"object": track}, PROVENANCE)
+    assert (tmp_path / "one.mcap").read_bytes() == (tmp_path / "two.mcap").read_bytes()
+
+
+def test_mcap_ros2_reads_the_poses(tmp_path, track):
+    """A decoder that works from the message definitions in the file alone."""
+    records.write_tracks(tmp_path / "track.mcap", {"object": track}, PROVENANCE)
+    with (tmp_path / "track.mcap").open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        rows = [(m.log_time, v) for _, _, m, v in reader.iter_decoded_messages(topics=["/object/pose"])]
+        assert reader.get_header().profile == "ros2"
+    seen = np.flatnonzero(track.seen)
+    assert len(rows) == len(seen)
+    for i, (log_time, value) in zip(seen, rows, strict=True):
+        assert value.header.frame_id == "floor"
+        assert log_time == round(track.time_s[i] * 1e9)
+        assert value.header.stamp.sec * 10**9 + value.header.stamp.nanosec == log_time
+        assert value.pose.pose.position.x == track.pose[i, 0]
+        assert value.pose.pose.orientation.z == pytest.approx(np.sin(track.pose[i, 2] / 2), abs=1e-15)
+        assert value.pose.covariance[35] == track.covariance[i, 2, 2]
+
+
+def test_rosbags_reads_every_message(tmp_path, calibration, simulated):
+    records.write_simulated(tmp_path / "simulate.mcap", simulated, PROVENANCE)
+    records.write_calibration(tmp_path / "camera.mcap", calibration, PROVENANCE)
+    for name, topics in (("simulate", {"/object/pose_simulated", "/tether/wrench"}), ("camera", {"/camera/camera_info", "/tf_static"})):
+        with AnyReader([tmp_path / f"{name}.mcap"]) as reader:
+            assert topics <= set(reader.topics)
+            for connection, _, data in reader.messages():
+                reader.deserialize(data, connection.msgtype)
+
+
+def test_a_damaged_file_is_refused(tmp_path, track):
+    path = tmp_path / "track.mcap"
+    records.write_tracks(path, {"object": track}, PROVENANCE)
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 0xFF
+    path.write_bytes(data)
+    with pytest.raises(InputError, match="cannot be read as MCAP"):
+        records.read_tracks(path)
+
+
+def test_a_missing_file_and_one_of_another_stage_are_told(tmp_path, simulated):
+    with pytest.raises(InputError, match="is missing"):
+        records.read_tracks(tmp_path / "no.mcap")
+    records.write_simulated(tmp_path / "simulate.mcap", simulated, PROVENANCE)
+    with pytest.raises(InputError, match="another stage"):
+        records.read_calibration(tmp_path / "simulate.mcap")
+
+
+def test_a_failed_write_leaves_the_old_file(tmp_path, simulated):
+    path = tmp_path / "simulate.mcap"
+    records.write_simulated(path, simulated, PROVENANCE)
+    before = path.read_bytes()
+    with pytest.raises(TypeError):
+        records.write_simulated(path, simulated, {"versions": object()})
+    assert path.read_bytes() == before
+    assert [p.name for p in tmp_path.iterdir()] == ["simulate.mcap"]
+
+
+def test_provenance_is_kept(tmp_path, simulated):
+    records.write_simulated(tmp_path / "simulate.mcap", simulated, {"versions": '{"towval": "1"}'})
+    assert read_mcap(tmp_path / "simulate.mcap").provenance == {"versions": '{"towval": "1"}'}

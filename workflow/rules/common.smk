@@ -1,0 +1,73 @@
+from pathlib import Path
+
+from snakemake.exceptions import WorkflowError
+
+from towval.errors import TowvalError
+from towval.io.campaign import load_campaign
+from towval.io.provenance import code_hash
+from towval.io.schema import check, read_yaml
+
+HERE = Path(workflow.basedir)
+SCRIPTS = HERE / "workflow" / "scripts"
+
+
+def told(function, *arguments):
+    """The result of a call; an error of the input becomes one message of Snakemake's."""
+    try:
+        return function(*arguments)
+    except TowvalError as error:
+        raise WorkflowError(str(error)) from None
+
+
+def load_campaigns():
+    folders = [Path(folder) for folder in config.get("campaigns") or [config["campaign"]]]
+    campaigns = {}
+    for folder in folders:
+        campaign = load_campaign(folder)
+        if campaign.name in campaigns:
+            raise TowvalError(f"two campaigns have the folder name {campaign.name}", remedy="rename one folder")
+        campaigns[campaign.name] = campaign
+    return campaigns
+
+
+told(check, config, read_yaml(HERE / "workflow" / "schemas" / "config.schema.yaml"), "config")
+
+CAMPAIGNS = told(load_campaigns)
+RESULTS = Path(config["results"])
+
+
+wildcard_constraints:
+    campaign="|".join(CAMPAIGNS),
+    run=r"[A-Za-z0-9][A-Za-z0-9_-]*",
+
+
+def results(campaign, *parts):
+    return str(RESULTS.joinpath(campaign, *parts))
+
+
+def per_run(file):
+    """That file of every run of the rule's campaign."""
+    return lambda wildcards: [results(wildcards.campaign, run, file) for run in CAMPAIGNS[wildcards.campaign].runs]
+
+
+def folder(wildcards):
+    return str(CAMPAIGNS[wildcards.campaign].folder)
+
+
+def code(stage):
+    """Fingerprint of the modules that a stage runs: an edit there, and only there, runs the stage again."""
+    return code_hash(SCRIPTS / f"{stage}.py")
+
+
+def given(*sections):
+    """The sections of campaign.yaml that a stage reads: an edit there, and only there, runs the stage again."""
+
+    def sections_of(wildcards):
+        document = CAMPAIGNS[wildcards.campaign].document
+        return {section: document[section] for section in sections}
+
+    return sections_of
+
+
+def settings(stage):
+    return dict(config.get(stage) or {})

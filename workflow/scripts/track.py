@@ -1,0 +1,15 @@
+"""Rule track: a video → track.mcap."""
+
+from pathlib import Path
+
+from towval.commands.track import run
+from towval.commands.shared import told
+
+with told(Path(snakemake.log[0])):
+    run(
+        Path(snakemake.params.campaign),
+        snakemake.wildcards.run,
+        Path(snakemake.input.camera),
+        Path(snakemake.output[0]),
+        snakemake.params.keys,
+    )
