@@ -125,6 +125,62 @@ class Floor:
 
 
 @dataclass(frozen=True)
+class Board:
+    """A calibration board with a flat printed pattern.
+
+    ``kind`` is "chessboard" or "charuco"; ``inner_corners`` (columns, rows) counts the points where four squares meet;
+    ``square_m`` the side of a square [m]. A ChArUco board also needs ``marker_m``, the side of its markers [m], and
+    ``dictionary``, OpenCV's name of the marker set (``DICT_4X4_50``).
+    """
+
+    kind: str
+    inner_corners: tuple[int, int]
+    square_m: float
+    marker_m: float = float("nan")
+    dictionary: str = ""
+
+    def __post_init__(self) -> None:
+        _positive(self, "square_m")
+        if self.kind not in ("chessboard", "charuco"):
+            raise InputError("Board.kind is unknown", got=self.kind, allowed="chessboard, charuco")
+        if min(self.inner_corners) < 2:
+            raise InputError("Board.inner_corners is out of range", got=self.inner_corners, allowed="at least 2 × 2")
+        if self.kind == "charuco" and not 0 < self.marker_m < self.square_m:
+            raise InputError("Board.marker_m is out of range", got=self.marker_m, allowed="above 0, below square_m")
+
+
+@dataclass(frozen=True)
+class FloorReference:
+    """What fixes the floor frame: the board in the first floor picture, or surveyed marks on the floor.
+
+    ``origin_corner_px`` (2,) and ``x_axis_end_corner_px`` (2,) point at two corners of that board [px]: the origin and
+    the direction of x. ``board_thickness_m`` is the height of the printed side over the floor. ``marks_px`` (n, 2) and
+    ``marks_m`` (n, 2) are the same marks in the picture and on the floor; where there are marks, they define the frame
+    and the boards only help to find the plane. ``mark_std_px`` is the deviation of one coordinate of a mark [px].
+    """
+
+    origin_corner_px: Array | None = None
+    x_axis_end_corner_px: Array | None = None
+    board_thickness_m: float = 0.0
+    marks_px: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    marks_m: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    mark_std_px: float = 0.7
+
+    def __post_init__(self) -> None:
+        _positive(self, "board_thickness_m", zero=True)
+        _positive(self, "mark_std_px")
+        _lock(self, marks_px=(None, 2), marks_m=(len(self.marks_px), 2))
+        given = self.origin_corner_px is not None, self.x_axis_end_corner_px is not None
+        if all(given):
+            _lock(self, origin_corner_px=(2,), x_axis_end_corner_px=(2,))
+        elif any(given) or not len(self.marks_px):
+            raise InputError(
+                "the floor frame is not fixed",
+                allowed="both floor.origin_corner_px and floor.x_axis_end_corner_px, or surveyed marks",
+            )
+
+
+@dataclass(frozen=True)
 class View:
     """One picture of a board: its detected corners and how well the calibration explains them.
 
