@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from towval.geometry import compose, transform
 from towval.types import Array, Body, Camera, Features, Finding, Floor, Severity, Track, TrackStatus
-from towval.vision.outline import OutlineFit, edge_slopes, fit_outline, pose_from_clicks, refine_pose, stretches_of
+from towval.vision.outline import OutlineFit, combine_fits, pose_from_clicks, see_outline
 from towval.vision.pose import Measurement, Motion, Tracker
 from towval.vision.sampling import metres_per_pixel
 
@@ -66,11 +66,11 @@ class Follower:
         self.body, self.camera, self.floor, self.coast_s = body, camera, floor, coast_s
         clicked, click_covariance, misfit_px = pose_from_clicks(body, clicks_px, camera, floor)
         self.findings = _judge_clicks(body, misfit_px)
-        pose, fit = refine_pose(luma, body, clicked, camera, floor)
-        self.start_covariance = click_covariance if fit is None else fit.covariance
+        fit = see_outline(luma, body, clicked, camera, floor)
+        pose = clicked if fit is None else compose(clicked, fit.correction)
+        self.start_covariance = click_covariance
         self.pixel_m = metres_per_pixel(pose, body.tracked_plane_height_m, camera, floor)
-        self.stretches = stretches_of(body, self.pixel_m)
-        self.slopes = np.zeros((len(self.stretches.middle), len(self.stretches.offsets)))
+        self.outline_fits: list[OutlineFit] = []
         self.next_outline_s = time_s
         self.tracker = make_tracker(body, camera, floor, luma, pose)
         self.motion = Motion(time_s, pose)
@@ -94,7 +94,9 @@ class Follower:
         record.points.append((len(record.time_s), transform(pose, seen.points_m), seen.weights))
         self._keep(time_s, pose, seen.covariance, TrackStatus.TRACKED, seen.inlier_fraction, seen.residual)
         if time_s >= self.next_outline_s:
-            self.slopes += edge_slopes(luma, self.body, self.stretches, pose, self.camera, self.floor)
+            fit = see_outline(luma, self.body, pose, self.camera, self.floor)
+            if fit is not None:
+                self.outline_fits.append(fit)
             self.next_outline_s = time_s + _OUTLINE_EVERY_S
 
     def _coasting_covariance(self, time_s: float) -> Array:
@@ -141,10 +143,10 @@ class Follower:
         )
 
     def _registration(self) -> OutlineFit | None:
-        fit = fit_outline(self.slopes, self.stretches, self.pixel_m)
-        reach = _FARTHEST_CORRECTION_PX * self.pixel_m
-        if fit is not None and np.linalg.norm(fit.correction[:2]) < reach:
-            return fit
+        if self.outline_fits:
+            fit = combine_fits(self.outline_fits)
+            if np.linalg.norm(fit.correction[:2]) < _FARTHEST_CORRECTION_PX * self.pixel_m:
+                return fit
         text = (
             f"The edges of {self.body.name} could not be found around the clicks; its frame rests on the clicks "
             f"({1000 * np.sqrt(self.start_covariance[0, 0]):.1f} mm). Check the clicks and top_corners_m."

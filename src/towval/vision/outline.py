@@ -3,12 +3,13 @@
 The outline of the top is laid into the picture at an approximate pose. Across each stretch of each edge a profile of
 grey values is read along the normal, in the plane of the top; its slope peaks at the edge. The pose that brings the
 outline onto the peaks is a robust point-to-line fit. What else makes edges (a visible side, the shadow, a printed
-border) lies elsewhere on the profile and moves against the top as the body moves; so slopes gathered over several
-pictures keep the top's edge and blur the rest.
+border) lies elsewhere on the profile and moves against the top as the body moves; so the fits of many pictures agree
+on the top's edge and scatter where something else was taken for it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +17,7 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from towval.errors import InputError
-from towval.geometry import compose, polygon_area, rigid_fit, transform
+from towval.geometry import polygon_area, rigid_fit, transform
 from towval.types import Array, Body, Camera, Floor
 from towval.vision.camera import to_plane
 from towval.vision.sampling import metres_per_pixel, plane_pixel, plane_to_camera, spline_value
@@ -217,7 +218,7 @@ def fit_outline(slopes: Array, stretches: Stretches, pixel_m: float) -> OutlineF
     Parameters
     ----------
     slopes : ndarray (m, k)
-        From :func:`edge_slopes`, one picture or the sum over several at poses that belong together.
+        From :func:`edge_slopes`.
     stretches : Stretches
         The stretches the slopes belong to.
     pixel_m : float
@@ -260,11 +261,29 @@ def fit_outline(slopes: Array, stretches: Stretches, pixel_m: float) -> OutlineF
     )
 
 
-def refine_pose(
-    luma: NDArray[np.uint8], body: Body, pose: Array, camera: Camera, floor: Floor
-) -> tuple[Array, OutlineFit | None]:
-    """Pose moved onto the edges of one picture; the pose as it was, and None, where they cannot be found."""
+def see_outline(luma: NDArray[np.uint8], body: Body, pose: Array, camera: Camera, floor: Floor) -> OutlineFit | None:
+    """How the outline at ``pose`` (3,) has to be moved to lie on the edges of a picture; None where they hide."""
     pixel = metres_per_pixel(pose, body.tracked_plane_height_m, camera, floor)
     stretches = stretches_of(body, pixel)
-    fit = fit_outline(edge_slopes(luma, body, stretches, pose, camera, floor), stretches, pixel)
-    return (pose, None) if fit is None else (compose(pose, fit.correction), fit)
+    return fit_outline(edge_slopes(luma, body, stretches, pose, camera, floor), stretches, pixel)
+
+
+def combine_fits(fits: Sequence[OutlineFit]) -> OutlineFit:
+    """One registration from the fits of many pictures at poses that belong together: the mean of those that agree.
+
+    The deviation of the mean is that of the scatter, but not less than a third of a single fit's: what the edges of
+    one body have wrong in all pictures (a bevel, a shadow line) does not average out.
+    """
+    corrections = np.array([fit.correction for fit in fits])
+    middle = np.median(corrections, axis=0)
+    spread = 1.4826 * np.median(np.abs(corrections - middle), axis=0) + 1e-12
+    agree = (np.abs(corrections - middle) <= 3 * spread + 1e-9).all(axis=1)
+    agree = agree if agree.any() else np.ones(len(fits), dtype=bool)
+    scatter = np.diag(spread**2) / agree.sum()
+    single = np.median([np.diag(fit.covariance) for fit in fits], axis=0)
+    return OutlineFit(
+        correction=corrections[agree].mean(axis=0),
+        covariance=scatter + np.diag(single) / min(9, int(agree.sum())),
+        residual_px=float(np.median([fit.residual_px for fit in fits])),
+        support=float(np.median([fit.support for fit in fits])),
+    )
