@@ -1,0 +1,172 @@
+"""Videos read frame by frame: the luma plane as it is stored, with the file's own presentation times."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import av
+import numpy as np
+from numpy.typing import NDArray
+
+from towval.errors import InputError
+from towval.types import Finding, Severity
+
+Luma = NDArray[np.uint8]
+
+# Each decoder thread holds frames of its own: more of them than this buy little and cost memory at 4K.
+_MOST_THREADS = 4
+_QUARTER_TURN_DEG = 90
+
+
+@dataclass(frozen=True)
+class VideoHeader:
+    """What a video file claims about itself before anything is decoded.
+
+    ``resolution_px`` (width, height) as stored, before ``rotation``; ``frames`` the number of frames the header
+    claims, None where it does not say (MPEG-TS); ``rate_hz`` the average frame rate, NaN where unknown; ``codec`` and
+    ``pixel_format`` by FFmpeg's names.
+    """
+
+    resolution_px: tuple[int, int]
+    frames: int | None
+    rate_hz: float
+    codec: str
+    pixel_format: str
+
+
+class Video:
+    """A video file as an iterable of ``(time_s, luma)``.
+
+    ``time_s`` is the presentation time [s] exactly as stored, a start offset included; ``luma`` (height, width) uint8
+    is the Y plane, turned upright where the file carries a rotation. Nothing is converted or copied for 8-bit planar
+    video, so a frame's array is read-only and only one frame is held at a time. Deeper video is cut to 8 bits.
+
+    Parameters
+    ----------
+    path : path
+        The file; every container and codec of FFmpeg.
+    damaged : bool, optional
+        Go on with the good part of a damaged or truncated file. The default is to raise where the damage begins.
+
+    Raises
+    ------
+    InputError
+        When the file is missing or no video, and while iterating when it is damaged or its times do not increase.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], *, damaged: bool = False):
+        self.path = Path(path)
+        self.go_on_when_damaged = damaged
+        self.decoded_frames = 0
+        self.last_time_s = float("nan")
+        self.findings: tuple[Finding, ...] = ()
+        with self._open() as container:
+            self.header = _header(container.streams.video[0])
+
+    def _open(self) -> av.container.InputContainer:
+        if not self.path.is_file():
+            raise InputError(
+                f"the video {self.path.name} is missing", got=self.path, remedy="correct the path of the video"
+            )
+        try:
+            container = av.open(str(self.path))
+        except av.error.FFmpegError as error:
+            raise InputError(
+                f"{self.path.name} is no video that FFmpeg can open",
+                got=f"{self.path.stat().st_size} bytes; {error.strerror}",
+                remedy="check that the copy is complete and plays in a video player",
+            ) from error
+        if not container.streams.video:
+            container.close()
+            raise InputError(f"{self.path.name} holds no video stream", remedy="give a file that holds moving pictures")
+        return container
+
+    def __iter__(self) -> Iterator[tuple[float, Luma]]:
+        self.decoded_frames, self.last_time_s, self.findings = 0, float("nan"), ()
+        with self._open() as container:
+            stream = container.streams.video[0]
+            stream.thread_type = "AUTO"
+            stream.codec_context.thread_count = min(_MOST_THREADS, os.cpu_count() or 1)
+            try:
+                for frame in container.decode(stream):
+                    if frame.is_corrupt:
+                        self._damage("a frame is corrupt")
+                        return
+                    time_s = self._time(frame)
+                    yield time_s, upright(luma_plane(frame), frame.rotation)
+                    self.decoded_frames, self.last_time_s = self.decoded_frames + 1, time_s
+            except av.error.FFmpegError as error:
+                self._damage(error.strerror)
+                return
+        if self.header.frames is not None and self.decoded_frames < self.header.frames:
+            self._damage("the file ends early")
+        elif self.decoded_frames == 0:
+            raise InputError(f"{self.path.name} holds no frame that decodes", remedy="copy the file again")
+
+    def _time(self, frame: av.VideoFrame) -> float:
+        if frame.pts is None:
+            raise InputError(
+                f"frame {self.decoded_frames} of {self.path.name} carries no presentation time",
+                remedy="put the stream into a container that holds times, for example `ffmpeg -i IN -c copy OUT.mp4`",
+            )
+        # One rounding: numerator and denominator are exact.
+        time_s = frame.pts * frame.time_base.numerator / frame.time_base.denominator
+        if time_s <= self.last_time_s:
+            raise InputError(
+                f"the presentation times of {self.path.name} do not increase at frame {self.decoded_frames}",
+                got=f"{time_s} s after {self.last_time_s} s",
+                remedy="write the file anew with FFmpeg",
+            )
+        return time_s
+
+    def _damage(self, reason: str) -> None:
+        claimed = "an unknown number of" if self.header.frames is None else str(self.header.frames)
+        good = f"{self.decoded_frames} of {claimed} frames are good"
+        if self.decoded_frames:
+            good += f", up to {self.last_time_s:.3f} s"
+        if not self.go_on_when_damaged or self.decoded_frames == 0:
+            raise InputError(
+                f"{self.path.name} is damaged or truncated ({reason})",
+                got=good,
+                remedy="copy the file again, or allow damaged videos to use the good part",
+            )
+        text = f"{self.path.name} is damaged or truncated ({reason}): {good}; the rest was left out."
+        self.findings = (*self.findings, Finding(Severity.WARNING, "video_damaged", text))
+
+
+def _header(stream: av.VideoStream) -> VideoHeader:
+    context = stream.codec_context
+    return VideoHeader(
+        resolution_px=(context.width, context.height),
+        frames=stream.frames or None,
+        rate_hz=float(stream.average_rate) if stream.average_rate else float("nan"),
+        codec=context.name,
+        pixel_format=context.pix_fmt or "",
+    )
+
+
+def luma_plane(frame: av.VideoFrame) -> Luma:
+    """The Y plane of a frame (height, width) uint8, a view of the decoder's memory where the format allows it.
+
+    Deeper formats are cut to their eight highest bits; formats without a Y plane (RGB, packed YUV) are converted.
+    """
+    name, depth = frame.format.name, frame.format.components[0].bits
+    if not name.startswith(("yuv", "yuvj", "nv", "p0", "gray")) or name.startswith(("yuyv", "yuv422v")):
+        return frame.to_ndarray(format="gray")
+    plane = frame.planes[0]
+    if depth == 8:
+        rows = np.frombuffer(plane, dtype=np.uint8).reshape(-1, plane.line_size)
+        return rows[: frame.height, : frame.width]
+    rows = np.frombuffer(plane, dtype=">u2" if name.endswith("be") else "<u2").reshape(-1, plane.line_size // 2)
+    # The p0xx formats keep their bits at the top of the word, all others at the bottom.
+    shift = 8 if name.startswith("p0") else depth - 8
+    return (rows[: frame.height, : frame.width] >> shift).astype(np.uint8)
+
+
+def upright(luma: Luma, rotation_deg: float) -> Luma:
+    """The picture turned counter-clockwise by a container's rotation, in quarter turns [deg]."""
+    turns = round(rotation_deg / _QUARTER_TURN_DEG) % 4
+    return np.rot90(luma, turns) if turns else luma

@@ -1,0 +1,124 @@
+"""Stage ``track``: from pictures to planar poses of the bodies, with their uncertainty."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from towval.errors import InputError
+from towval.types import Body, Calibration, Track
+from towval.vision.follow import Follower, TrackerMaker
+from towval.vision.klt import KltTracker
+
+METHODS = ("klt",)
+
+
+@dataclass(frozen=True)
+class TrackSettings:
+    """How to track: the keys of ``config["track"]``.
+
+    Parameters
+    ----------
+    method : str
+        ``klt``, the paper's points.
+    coast_s : float
+        How long a body that is not seen is predicted, and marked so, before it counts as lost [s].
+    forward_backward_px : float
+        Largest distance between a KLT point and where it comes back to [px].
+    """
+
+    method: str = "klt"
+    coast_s: float = 0.2
+    forward_backward_px: float = 0.5
+
+    def __post_init__(self) -> None:
+        if self.method not in METHODS:
+            raise InputError("track.method is unknown", got=self.method, allowed=", ".join(METHODS))
+
+    def tracker_maker(self) -> TrackerMaker:
+        """The function that builds a tracker of this method."""
+        return partial(KltTracker, forward_backward_px=self.forward_backward_px)
+
+
+def track(
+    frames: Iterable[tuple[float, NDArray[np.uint8]]],
+    calibration: Calibration,
+    bodies: Sequence[Body],
+    clicks_px: Mapping[str, ArrayLike],
+    settings: TrackSettings | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> dict[str, Track]:
+    """Track bodies through a video, in one pass over its pictures.
+
+    Parameters
+    ----------
+    frames : iterable of (float, ndarray (height, width) uint8)
+        Presentation time [s], strictly increasing, and luma of each picture.
+    calibration : Calibration
+        The calibrated camera and floor.
+    bodies : sequence of Body
+        What to track.
+    clicks_px : mapping of str to array_like (n, 2)
+        For each body the pixels of ``top_corners_m`` in the first picture.
+    settings : TrackSettings, optional
+        How to track.
+    progress : callable, optional
+        Called with the number of pictures done after each.
+
+    Returns
+    -------
+    dict of str to Track
+        A track for each body, by name. Poses are those of the body frame on the floor.
+
+    Raises
+    ------
+    InputError
+        When there is no picture, the picture's size is not the calibration's, or clicks are missing.
+    """
+    settings = settings or TrackSettings()
+    missing = [body.name for body in bodies if body.name not in clicks_px]
+    if missing:
+        raise InputError(f"first_frame_clicks_px of {', '.join(missing)} is missing", got=sorted(clicks_px))
+    followers: list[Follower] = []
+    done = 0
+    for time_s, picture in frames:
+        luma = np.ascontiguousarray(picture)
+        if done:
+            for follower in followers:
+                follower.follow(time_s, luma)
+        else:
+            _check_size(luma, calibration)
+            followers = [
+                Follower(
+                    body,
+                    calibration.camera,
+                    calibration.floor,
+                    time_s,
+                    luma,
+                    np.asarray(clicks_px[body.name], dtype=np.float64),
+                    settings.tracker_maker(),
+                    settings.coast_s,
+                )
+                for body in bodies
+            ]
+        done += 1
+        if progress is not None:
+            progress(done)
+    if not done:
+        raise InputError("the video holds no picture")
+    return {follower.body.name: follower.track(settings.method) for follower in followers}
+
+
+def _check_size(luma: NDArray[np.uint8], calibration: Calibration) -> None:
+    height, width = luma.shape
+    if (width, height) != tuple(calibration.camera.resolution_px):
+        raise InputError(
+            "the video's pictures do not have the size of the calibration's",
+            got=f"{width} × {height} px",
+            allowed=f"{calibration.camera.resolution_px[0]} × {calibration.camera.resolution_px[1]} px",
+            remedy="calibrate with pictures of the same camera mode as the video",
+        )

@@ -1,0 +1,289 @@
+"""Where a body's frame is: its known outline found on the edges that the camera sees.
+
+The outline of the top is laid into the picture at an approximate pose. Across each stretch of each edge a profile of
+grey values is read along the normal, in the plane of the top; its slope peaks at the edge. The pose that brings the
+outline onto the peaks is a robust point-to-line fit. What else makes edges (a visible side, the shadow, a printed
+border) lies elsewhere on the profile and moves against the top as the body moves; so the fits of many pictures agree
+on the top's edge and scatter where something else was taken for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+from towval.errors import InputError
+from towval.geometry import polygon_area, rigid_fit, transform
+from towval.types import Array, Body, Camera, Floor
+from towval.vision.camera import to_plane
+from towval.vision.sampling import metres_per_pixel, plane_pixel, plane_to_camera, spline_value
+
+CLICK_NOISE_PX = 0.7
+"""Standard deviation of one coordinate of a click [px]."""
+
+_REACH_PX = 4.0  # How far from the outline an edge is looked for; clicks are within 3 px.
+_STEP_PX = 0.25  # Between readings along a profile.
+_SPACING_PX = 1.0  # Between profiles that are averaged to one.
+_STRETCHES = 10  # Averaged profiles an edge of the outline, at least three pixels each.
+_FITS = 8  # Rounds of the robust fit.
+
+
+@dataclass(frozen=True)
+class Stretches:
+    """Short pieces of a body's outline, each with its place and outward normal.
+
+    ``middle`` (m, 2) [m]; ``along`` (m, 2) and ``normal`` (m, 2) unit vectors; ``length`` (m,) [m]; ``step`` [m]
+    between readings along the normal; ``spacing`` [m] between profiles of one stretch.
+    """
+
+    middle: Array
+    along: Array
+    normal: Array
+    length: Array
+    step: float
+    spacing: float
+
+    @property
+    def offsets(self) -> Array:
+        """Distances along the normal where the slope is known (k,) [m], outward positive."""
+        half = round(_REACH_PX / _STEP_PX)
+        return self.step * np.arange(-half, half + 1)
+
+
+@dataclass(frozen=True)
+class OutlineFit:
+    """How the outline has to be moved to lie on the edges.
+
+    ``correction`` (3,) is a pose in the body frame: the true body frame is ``compose(pose, correction)``.
+    ``covariance`` (3, 3) of it; ``residual_px`` root mean square distance of the edges used; ``support`` share of the
+    outline's stretches that were used.
+    """
+
+    correction: Array
+    covariance: Array
+    residual_px: float
+    support: float
+
+
+def pose_from_clicks(body: Body, clicks_px: ArrayLike, camera: Camera, floor: Floor) -> tuple[Array, Array, float]:
+    """Pose from clicks on the corners of the top.
+
+    Parameters
+    ----------
+    body : Body
+        The body; its ``top_corners_m`` say in which order the corners were clicked.
+    clicks_px : array_like (n, 2)
+        The clicks [px].
+    camera, floor : Camera, Floor
+        The calibrated camera.
+
+    Returns
+    -------
+    pose : ndarray (3,)
+        Least-squares pose [m, m, rad].
+    covariance : ndarray (3, 3)
+        Of the registration in the body frame, from :data:`CLICK_NOISE_PX` [m², m rad, rad²].
+    misfit_px : float
+        Largest distance between a click and its corner at that pose [px].
+
+    Raises
+    ------
+    InputError
+        When the number of clicks is not that of the corners, or a click's ray misses the plane.
+    """
+    clicks_px = np.asarray(clicks_px, dtype=np.float64)
+    if clicks_px.shape != body.top_corners_m.shape:
+        raise InputError(
+            f"the clicks of {body.name} do not match its corners",
+            got=f"{len(clicks_px)} clicks",
+            allowed=f"{len(body.top_corners_m)} clicks, in the order of top_corners_m",
+        )
+    seen = to_plane(camera, floor, clicks_px, body.tracked_plane_height_m)
+    if not np.isfinite(seen).all():
+        raise InputError(f"a click of {body.name} is not on its plane", got=clicks_px.tolist())
+    pose = rigid_fit(body.top_corners_m, seen)
+    pixel = metres_per_pixel(pose, body.tracked_plane_height_m, camera, floor)
+    misfit = np.linalg.norm(transform(pose, body.top_corners_m) - seen, axis=1).max() / pixel
+    x, y = body.top_corners_m.T
+    rows = np.concatenate([np.stack([np.ones_like(x), 0 * x, -y], 1), np.stack([0 * x, np.ones_like(x), x], 1)])
+    return pose, np.linalg.inv(rows.T @ rows) * (CLICK_NOISE_PX * pixel) ** 2, float(misfit)
+
+
+def stretches_of(body: Body, pixel_m: float) -> Stretches:
+    """Cut the outline of a body into stretches for a picture whose pixels are ``pixel_m`` wide on its top."""
+    corners = body.top_corners_m
+    if polygon_area(corners) < 0:
+        corners = corners[::-1]
+    middle, along, length = [], [], []
+    for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        edge = np.linalg.norm(end - start)
+        # Two pixels at each corner are left out: there the profile sees two edges.
+        free = edge - 4 * pixel_m
+        count = int(min(_STRETCHES, free // (3 * pixel_m)))
+        direction = (end - start) / edge
+        for i in range(count):
+            middle.append(start + direction * (2 * pixel_m + free * (i + 0.5) / count))
+            along.append(direction)
+            length.append(free / count)
+    if len(middle) < 4:
+        raise InputError(
+            f"the top of {body.name} is too small in the picture to see its edges",
+            got=f"{pixel_m * 1000:.1f} mm a pixel",
+            remedy="film from nearer or with more pixels",
+        )
+    along_array = np.array(along)
+    normal = np.stack([along_array[:, 1], -along_array[:, 0]], axis=1)
+    return Stretches(np.array(middle), along_array, normal, np.array(length), _STEP_PX * pixel_m, _SPACING_PX * pixel_m)
+
+
+@njit(cache=True)
+def _profiles_kernel(
+    luma: NDArray[np.uint8],
+    middle: Array,
+    along: Array,
+    normal: Array,
+    length: Array,
+    offsets: Array,
+    spacing: float,
+    columns: Array,
+    matrix: Array,
+    k: Array,
+) -> Array:
+    profiles = np.zeros((middle.shape[0], offsets.shape[0]))
+    for m in range(middle.shape[0]):
+        count = max(1, int(length[m] / spacing))
+        for j in range(offsets.shape[0]):
+            for i in range(count):
+                place = length[m] * ((i + 0.5) / count - 0.5)
+                x = middle[m, 0] + place * along[m, 0] + offsets[j] * normal[m, 0]
+                y = middle[m, 1] + place * along[m, 1] + offsets[j] * normal[m, 1]
+                u, v = plane_pixel(x, y, columns, matrix, k)
+                value = spline_value(luma, u, v)
+                if value < 0:
+                    profiles[m, j] = np.nan
+                    break
+                profiles[m, j] += value / count
+    return profiles
+
+
+def edge_slopes(
+    luma: NDArray[np.uint8], body: Body, stretches: Stretches, pose: Array, camera: Camera, floor: Floor
+) -> Array:
+    """Steepness of the picture across each stretch of the outline.
+
+    Returns
+    -------
+    ndarray (m, k)
+        Magnitude of the slope at :attr:`Stretches.offsets` [grey levels per step], zero outside the picture.
+    """
+    offsets = stretches.offsets
+    around = np.concatenate([[offsets[0] - stretches.step], offsets, [offsets[-1] + stretches.step]])
+    columns = plane_to_camera(np.asarray(pose, dtype=np.float64), body.tracked_plane_height_m, floor.T_camera_floor)
+    profiles = _profiles_kernel(
+        luma,
+        stretches.middle,
+        stretches.along,
+        stretches.normal,
+        stretches.length,
+        around,
+        stretches.spacing,
+        columns,
+        camera.matrix,
+        camera.distortion,
+    )
+    return np.nan_to_num(np.abs(profiles[:, 2:] - profiles[:, :-2]) / 2)
+
+
+def _peaks(slopes: Array, offsets: Array, expected: Array, spread: float) -> tuple[Array, Array]:
+    """Offset of the steepest place of each stretch near where it is expected, and how far it stands out."""
+    score = slopes * np.exp(-0.5 * ((offsets - expected[:, None]) / spread) ** 2)
+    at = np.clip(np.argmax(score, axis=1), 1, slopes.shape[1] - 2)
+    rows = np.arange(len(slopes))
+    left, top, right = slopes[rows, at - 1], slopes[rows, at], slopes[rows, at + 1]
+    bend = left - 2 * top + right
+    # A place that is steepest only because the search ends there is no peak.
+    peak = (bend < 0) & (top >= left) & (top >= right)
+    shift = np.where(peak, 0.5 * (left - right) / np.where(peak, bend, -1.0), 0.0)
+    contrast = np.where(peak, top / (np.median(slopes, axis=1) + 0.5) - 1, 0.0)
+    return offsets[at] + shift * (offsets[1] - offsets[0]), np.clip(contrast, 0, 5)
+
+
+def fit_outline(slopes: Array, stretches: Stretches, pixel_m: float) -> OutlineFit | None:
+    """Move the outline onto the edges.
+
+    Parameters
+    ----------
+    slopes : ndarray (m, k)
+        From :func:`edge_slopes`.
+    stretches : Stretches
+        The stretches the slopes belong to.
+    pixel_m : float
+        Width of a pixel on the top [m].
+
+    Returns
+    -------
+    OutlineFit or None
+        None where the edges do not settle the pose: fewer than a third of the stretches agree, or they leave a
+        direction open.
+    """
+    rows = np.column_stack(
+        [
+            stretches.normal,
+            stretches.middle[:, 0] * stretches.normal[:, 1] - stretches.middle[:, 1] * stretches.normal[:, 0],
+        ]
+    )
+    correction = np.zeros(3)
+    for round_ in range(_FITS):
+        # The net is drawn in: wide enough for a click at first, then for the blur of an edge.
+        spread = pixel_m * max(0.5, 2.0 * 0.7**round_)
+        place, contrast = _peaks(slopes, stretches.offsets, rows @ correction, spread)
+        misfit = place - rows @ correction
+        scale = max(1.4826 * np.median(np.abs(misfit[contrast > 0])), 0.05 * pixel_m) if (contrast > 0).any() else 1.0
+        robust = np.clip(1 - (misfit / (4.7 * scale)) ** 2, 0, None) ** 2
+        weight = robust * contrast
+        information = rows.T @ (weight[:, None] * rows)
+        if (weight > 0).mean() < 1 / 3 or np.linalg.cond(information) > 1e8:
+            return None
+        correction = correction + np.linalg.solve(information, rows.T @ (weight * misfit))
+    misfit = place - rows @ correction
+    spread_matrix = np.linalg.inv(information)
+    scores = rows * (weight * misfit)[:, None]
+    freedom = len(rows) / max(1, (weight > 0).sum() - 3)
+    return OutlineFit(
+        correction=correction,
+        covariance=spread_matrix @ (scores.T @ scores) @ spread_matrix * freedom,
+        residual_px=float(np.sqrt(np.average(misfit**2, weights=weight)) / pixel_m),
+        support=float((weight > 0).mean()),
+    )
+
+
+def see_outline(luma: NDArray[np.uint8], body: Body, pose: Array, camera: Camera, floor: Floor) -> OutlineFit | None:
+    """How the outline at ``pose`` (3,) has to be moved to lie on the edges of a picture; None where they hide."""
+    pixel = metres_per_pixel(pose, body.tracked_plane_height_m, camera, floor)
+    stretches = stretches_of(body, pixel)
+    return fit_outline(edge_slopes(luma, body, stretches, pose, camera, floor), stretches, pixel)
+
+
+def combine_fits(fits: Sequence[OutlineFit]) -> OutlineFit:
+    """One registration from the fits of many pictures at poses that belong together: the mean of those that agree.
+
+    The deviation of the mean is that of the scatter, but not less than a third of a single fit's: what the edges of
+    one body have wrong in all pictures (a bevel, a shadow line) does not average out.
+    """
+    corrections = np.array([fit.correction for fit in fits])
+    middle = np.median(corrections, axis=0)
+    spread = 1.4826 * np.median(np.abs(corrections - middle), axis=0) + 1e-12
+    agree = (np.abs(corrections - middle) <= 3 * spread + 1e-9).all(axis=1)
+    agree = agree if agree.any() else np.ones(len(fits), dtype=bool)
+    scatter = np.diag(spread**2) / agree.sum()
+    single = np.median([np.diag(fit.covariance) for fit in fits], axis=0)
+    return OutlineFit(
+        correction=corrections[agree].mean(axis=0),
+        covariance=scatter + np.diag(single) / min(9, int(agree.sum())),
+        residual_px=float(np.median([fit.residual_px for fit in fits])),
+        support=float(np.median([fit.support for fit in fits])),
+    )
