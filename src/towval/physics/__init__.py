@@ -1,1 +1,1 @@
-"""Physics of the towed object: contact, friction, tether, quasi-static model, dynamics. Numbers in, numbers out."""
+"""The physics of a towed object: contact, friction, tether, quasi-static motion and dynamics. Numbers in, numbers out."""

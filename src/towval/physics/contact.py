@@ -1,0 +1,315 @@
+"""Pressure under a footprint that can only push, exact by clipping.
+
+The footprint S lies on a sheet of springs, so the pressure is a plane cut off at zero, ``p = max(0, a ξ + b η + c)``
+(SOURCE: eqs. (1), (2); the stiffness of the ground only scales the penetration and drops out). Equilibrium with the
+loads, eqs. (6) to (8), is the stationary point of the convex function
+
+    Φ(a, b, c) = ½ ∫_S max(0, a ξ + b η + c)² dS − N (a ξ_G + b η_G + c),
+
+so the plane is unique. Newton's step on Φ is the paper's "solve on the part in contact, drop what is in traction,
+solve again"; a line search makes it converge from anywhere. The part in contact is the polygon clipped by a straight
+line, and its moments have closed forms (Green), so no mesh is needed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numba import njit
+from numpy.typing import ArrayLike
+
+from towval.errors import InputError, RefusedError
+from towval.geometry import polygon_area
+from towval.types import Array, Patch, locked
+
+RESIDUAL_LIMIT = 1e-10
+"""Largest equilibrium residual that is vouched for, as a part of N and of N times the footprint's size."""
+
+_EDGE_DISTANCE_LIMIT = 1e-9  # of the size: closer to the hull's edge the contact is a line, and no pressure is finite
+_STEP_LIMIT = 200
+
+
+@dataclass(frozen=True)
+class PressurePlane:
+    """Contact pressure under an object at rest on a rigid floor.
+
+    Attributes
+    ----------
+    coefficients : ndarray (3,)
+        (a, b, c) [Pa/m, Pa/m, Pa] of ``p = max(0, a ξ + b η + c)`` in the body frame.
+    normal_force : float
+        Sum of the loads N [N].
+    centre : ndarray (2,)
+        Where the loads act together, which is also the centre of pressure, in the body frame [m].
+    rings : tuple of ndarray (n, 2)
+        Boundary of the part in contact [m], body frame: outer rings counter-clockwise, holes clockwise.
+    residual : float
+        Equilibrium residual over the rings, the largest of force / N and moments / (N size).
+    iterations : int
+        Newton steps taken.
+    """
+
+    coefficients: Array
+    normal_force: float
+    centre: Array
+    rings: tuple[Array, ...]
+    residual: float
+    iterations: int
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "coefficients", locked(self.coefficients, "PressurePlane.coefficients", (3,)))
+        object.__setattr__(self, "centre", locked(self.centre, "PressurePlane.centre", (2,)))
+        object.__setattr__(self, "rings", tuple(locked(r, "PressurePlane.rings", (None, 2)) for r in self.rings))
+
+    @property
+    def edges(self) -> Array:
+        """Edges of all rings (m, 4) [m], (ξ0, η0, ξ1, η1), the part in contact on their left."""
+        return np.concatenate([np.hstack([ring, np.roll(ring, -1, axis=0)]) for ring in self.rings])
+
+    @property
+    def contact_area(self) -> float:
+        """Area in contact [m²]."""
+        return sum(polygon_area(ring) for ring in self.rings)
+
+    def pressure(self, points: ArrayLike) -> Array:
+        """Pressure [Pa] at points (..., 2) of the footprint in the body frame [m]; zero where it has lifted."""
+        points = np.asarray(points, dtype=np.float64)
+        return np.maximum(0.0, points @ self.coefficients[:2] + self.coefficients[2])
+
+
+def resultant(loads: Iterable[tuple[float, ArrayLike]]) -> tuple[float, Array]:
+    """Sum of vertical loads and where it acts.
+
+    Parameters
+    ----------
+    loads : iterable of (float, array_like (2,))
+        Each a force on the floor [N] and its place in the body frame [m].
+
+    Returns
+    -------
+    float, ndarray (2,)
+        N [N] and (ξ_G, η_G) [m].
+
+    Raises
+    ------
+    RefusedError
+        When the loads do not press the object to the floor.
+    """
+    loads = [(float(force), locked(place, "place of a load", (2,))) for force, place in loads]
+    total = sum(force for force, _ in loads)
+    if not total > 0 or not np.isfinite(total):
+        raise RefusedError("the loads do not press the object to the floor", got=f"{total} N", allowed="above zero")
+    return total, sum(force * place for force, place in loads) / total
+
+
+def pressure_plane(patch: Patch, loads: Sequence[tuple[float, ArrayLike]]) -> PressurePlane:
+    """Pressure under a footprint with vertical loads, unilateral and exact.
+
+    SOURCE: eqs. (1), (2) and (6) to (8); see the head of this module for the method.
+
+    Parameters
+    ----------
+    patch : Patch
+        Footprint, a simple polygon, with holes or without [m].
+    loads : sequence of (float, array_like (2,))
+        Each a force on the floor [N] and where it acts in the body frame [m].
+
+    Returns
+    -------
+    PressurePlane
+
+    Raises
+    ------
+    InputError
+        When the footprint is no simple polygon.
+    RefusedError
+        When the loads act outside the convex hull of the footprint, where the object tips over, or so close to its
+        edge (1e-9 of the size) that the contact degenerates to a line.
+    """
+    polygon = _valid_polygon(patch)
+    normal_force, centre = resultant(loads)
+    size = _size(patch)
+    _refuse_tipping(polygon, centre, size)
+    rings = _oriented_rings(polygon)
+    vertices = (np.concatenate(rings) - centre) / size
+    ring_ends = np.cumsum([len(ring) for ring in rings])
+    plane, iterations = _solve_plane(vertices, ring_ends, _STEP_LIMIT)
+    contact = _in_contact(rings, polygon, plane, centre, size)
+    residual = _residual(contact, plane, centre, size)
+    if not residual <= RESIDUAL_LIMIT:
+        raise RefusedError(
+            "the pressure under the footprint did not converge",
+            got=f"residual {residual:.2e} after {iterations} steps",
+            allowed=f"at most {RESIDUAL_LIMIT:.0e}",
+            remedy="check the footprint for slivers much thinner than its size",
+        )
+    gradient = plane[1:] * normal_force / size**3
+    coefficients = [*gradient, plane[0] * normal_force / size**2 - gradient @ centre]
+    return PressurePlane(coefficients, normal_force, centre, contact, residual, iterations)
+
+
+def _valid_polygon(patch: Patch) -> shapely.Polygon:
+    polygon = shapely.Polygon(patch.outline, patch.holes)
+    if not polygon.is_valid or polygon.area <= 0:
+        raise InputError(
+            "the footprint is no simple polygon",
+            got=shapely.is_valid_reason(polygon),
+            allowed="edges that do not cross, holes inside the outline, an area above zero",
+        )
+    return shapely.orient_polygons(polygon)
+
+
+def _size(patch: Patch) -> float:
+    """Diagonal of the box around the footprint [m]."""
+    return float(np.linalg.norm(np.ptp(patch.outline, axis=0)))
+
+
+def _refuse_tipping(polygon: shapely.Polygon, centre: Array, size: float) -> None:
+    hull, point = polygon.convex_hull, shapely.Point(centre)
+    distance = hull.exterior.distance(point)
+    if not hull.contains(point) or distance < _EDGE_DISTANCE_LIMIT * size:
+        side = "on the edge of" if distance < _EDGE_DISTANCE_LIMIT * size else f"{distance:.4g} m outside"
+        raise RefusedError(
+            "the object tips over: its loads act outside the footprint",
+            got=f"{tuple(centre.tolist())} m, {side} the convex hull of the footprint",
+            allowed="inside the convex hull",
+            remedy="check the place and mass of the loads and the outline of the footprint",
+        )
+
+
+def _oriented_rings(polygon: shapely.Polygon) -> list[Array]:
+    """Rings of an oriented polygon as open arrays of corners."""
+    return [shapely.get_coordinates(ring)[:-1] for ring in (polygon.exterior, *polygon.interiors)]
+
+
+def _in_contact(
+    rings: list[Array], polygon: shapely.Polygon, plane: Array, centre: Array, size: float
+) -> tuple[Array, ...]:
+    """Rings of the part of the polygon where the plane is positive."""
+    corners = (np.concatenate(rings) - centre) / size
+    if (plane[0] + corners @ plane[1:] >= 0).all():
+        return tuple(rings)
+    steepness = np.hypot(*plane[1:])
+    along = plane[1:] / steepness
+    across = np.array([-along[1], along[0]])
+    foot = -plane[0] / steepness * along
+    # The half-plane z > 0 as a box that reaches beyond the footprint, which is at most one size across.
+    box = foot + 4 * np.array([-across, across, across + along, along - across])
+    kept = shapely.orient_polygons(polygon.intersection(shapely.Polygon(centre + size * box)))
+    parts = [part for part in getattr(kept, "geoms", [kept]) if isinstance(part, shapely.Polygon)]
+    return tuple(ring for part in parts for ring in _oriented_rings(part))
+
+
+def _residual(contact: tuple[Array, ...], plane: Array, centre: Array, size: float) -> float:
+    moments = np.zeros(6)
+    for ring in contact:
+        scaled = (ring - centre) / size
+        moments += _clipped_moments(scaled, np.array([len(ring)]), np.array([1.0, 0.0, 0.0]))
+    return float(np.abs(_forces(moments, plane) - np.array([1.0, 0.0, 0.0])).max())
+
+
+@njit(cache=True)
+def _add_edge(m: Array, x0: float, y0: float, x1: float, y1: float) -> None:
+    """Add an edge's share to the moments 1, x, y, xx, xy, yy of the area (Green)."""
+    cross = x0 * y1 - x1 * y0
+    m[0] += cross / 2
+    m[1] += cross * (x0 + x1) / 6
+    m[2] += cross * (y0 + y1) / 6
+    m[3] += cross * (x0 * x0 + x0 * x1 + x1 * x1) / 12
+    m[4] += cross * (x0 * y1 + 2 * x0 * y0 + 2 * x1 * y1 + x1 * y0) / 24
+    m[5] += cross * (y0 * y0 + y0 * y1 + y1 * y1) / 12
+
+
+@njit(cache=True)
+def _clipped_moments(vertices: Array, ring_ends: Array, plane: Array) -> Array:
+    """Moments 1, x, y, xx, xy, yy of the rings where ``plane[0] + plane[1] x + plane[2] y > 0``.
+
+    Clipping ring by ring leaves seams along the cut; they run there and back and cancel in Green's sums.
+    """
+    m = np.zeros(6)
+    start = 0
+    for end in ring_ends:
+        started = False
+        first_x = first_y = last_x = last_y = 0.0
+        for i in range(start, end):
+            j = i + 1 if i + 1 < end else start
+            x0, y0, x1, y1 = vertices[i, 0], vertices[i, 1], vertices[j, 0], vertices[j, 1]
+            z0 = plane[0] + plane[1] * x0 + plane[2] * y0
+            z1 = plane[0] + plane[1] * x1 + plane[2] * y1
+            if z0 <= 0 and z1 <= 0:
+                continue
+            if z0 <= 0 or z1 <= 0:
+                s = z0 / (z0 - z1)
+                x, y = x0 + s * (x1 - x0), y0 + s * (y1 - y0)
+                if z0 <= 0:
+                    x0, y0 = x, y
+                else:
+                    x1, y1 = x, y
+            if started:
+                _add_edge(m, last_x, last_y, x0, y0)
+            else:
+                started, first_x, first_y = True, x0, y0
+            _add_edge(m, x0, y0, x1, y1)
+            last_x, last_y = x1, y1
+        if started:
+            _add_edge(m, last_x, last_y, first_x, first_y)
+        start = end
+    return m
+
+
+@njit(cache=True)
+def _forces(m: Array, plane: Array) -> Array:
+    """Force and moments ∫p, ∫xp, ∫yp of a plane over a region with moments ``m``."""
+    return np.array(
+        [
+            m[0] * plane[0] + m[1] * plane[1] + m[2] * plane[2],
+            m[1] * plane[0] + m[3] * plane[1] + m[4] * plane[2],
+            m[2] * plane[0] + m[4] * plane[1] + m[5] * plane[2],
+        ]
+    )
+
+
+@njit(cache=True)
+def _plane_on(m: Array) -> Array:
+    """Plane of unit force through the origin for a region taken as fixed, from its moments about its own centroid."""
+    x, y = m[1] / m[0], m[2] / m[0]
+    xx, xy, yy = m[3] - m[0] * x * x, m[4] - m[0] * x * y, m[5] - m[0] * y * y
+    determinant = xx * yy - xy * xy
+    slope_x = -(yy * x - xy * y) / determinant
+    slope_y = -(xx * y - xy * x) / determinant
+    return np.array([1 / m[0] - slope_x * x - slope_y * y, slope_x, slope_y])
+
+
+@njit(cache=True)
+def _solve_plane(vertices: Array, ring_ends: Array, step_limit: int) -> tuple[Array, int]:
+    """Minimise Φ for unit force at the origin. Returns the plane (pressure at the origin, slopes) and the steps."""
+    load = np.array([1.0, 0.0, 0.0])
+    m = _clipped_moments(vertices, ring_ends, load)
+    plane = _plane_on(m)
+    m = _clipped_moments(vertices, ring_ends, plane)
+    best, best_residual = plane, np.abs(_forces(m, plane) - load).max()
+    for iteration in range(step_limit):
+        gradient = _forces(m, plane) - load
+        residual = np.abs(gradient).max()
+        # Newton doubles the digits; once it no longer halves a small residual, rounding is all that is left.
+        settled = iteration > 0 and best_residual < RESIDUAL_LIMIT and residual > 0.5 * best_residual
+        if residual < best_residual:
+            best, best_residual = plane, residual
+        if settled or best_residual < 1e-15:
+            return best, iteration
+        step = _plane_on(m) - plane
+        descent = -np.dot(gradient, step)
+        fraction = 1.0
+        while fraction > 1e-12:
+            trial = plane + fraction * step
+            m = _clipped_moments(vertices, ring_ends, trial)
+            # Φ is convex: its slope along the step grows from −descent; where it has come to +descent / 2 we went
+            # too far. Slopes, unlike values of Φ, keep their digits near the solution.
+            if m[0] > 0 and np.dot(_forces(m, trial) - load, step) <= 0.5 * abs(descent) + 1e-15:
+                break
+            fraction *= 0.5
+        plane = trial
+    return best, step_limit

@@ -1,0 +1,181 @@
+"""Makkar's friction law from the four numbers that a lab measures.
+
+SOURCE: eq. (3), ``μ(v) = γ1 (tanh γ2 v − tanh γ3 v) + γ4 tanh γ5 v + γ6 v``.
+
+ASSUME: μ peaks with the value μ_s at v_s, has come down to μ_k at v_k and stays there. That is three conditions and an
+asymptote for five coefficients. What they leave open is settled so:
+
+- "has come down at v_k" means that a hundredth of the rise μ_s − μ_k is left there (:data:`SETTLED_FRACTION`);
+- Coulomb's part rises twice as steeply as Stribeck's, γ5 = 2 γ2 (:data:`RISE_RATIO`), so that it is saturated at v_s and
+  the peak is that of Stribeck's part alone. This touches μ only below v_s, where it sets the creep at rest.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import dual_annealing, least_squares
+
+from towval.errors import InputError, RefusedError
+from towval.types import Array, FrictionLaw
+
+SETTLED_FRACTION = 0.01
+RISE_RATIO = 2.0
+
+_RESIDUAL_LIMIT = 1e-3
+_SATURATED = math.atanh(0.999)  # ASSUME: without a peak, μ has risen to 99.9 % at the stiction velocity
+_LOG_BOUNDS = ((-1.0, 3.0), (-2.0, 3.0), (-2.0, 3.0))  # of γ1 / (μ_s − μ_k), γ2 v_s, γ3 v_k
+
+
+@dataclass(frozen=True)
+class FitResult:
+    """A fitted friction law and what it makes of the wish.
+
+    ``law`` the law; ``residual`` the largest relative misfit of the conditions; ``peak_speed`` [m/s] and
+    ``peak_value`` [1] of the fitted curve; ``settled_value`` [1] its value at the friction velocity.
+    """
+
+    law: FrictionLaw
+    residual: float
+    peak_speed: float
+    peak_value: float
+    settled_value: float
+
+
+def friction_coefficient(law: FrictionLaw, speed: ArrayLike) -> Array:
+    """μ(v) of eq. (3), one [1], for sliding speeds (...) [m/s], zero or more."""
+    g1, g2, g3, g4, g5, g6 = law.gamma
+    v = np.asarray(speed, dtype=np.float64)
+    return g1 * (np.tanh(g2 * v) - np.tanh(g3 * v)) + g4 * np.tanh(g5 * v) + g6 * v
+
+
+def coulomb_law(coefficient: float, stiction_velocity: float) -> FrictionLaw:
+    """Coulomb friction regularised as ``μ tanh(v / v_s)``, without a peak: μ [1], v_s [m/s], both above zero."""
+    if not (coefficient > 0 and stiction_velocity > 0):
+        raise InputError(
+            "a Coulomb law cannot be built",
+            got=f"μ = {coefficient}, v_s = {stiction_velocity} m/s",
+            allowed="above zero",
+        )
+    return FrictionLaw(np.array([0.0, 0.0, 0.0, coefficient, 1 / stiction_velocity, 0.0]))
+
+
+def fit_makkar(
+    static: float,
+    kinetic: float,
+    stiction_velocity: float,
+    friction_velocity: float,
+    viscous: float = 0.0,
+    seed: int = 0,
+) -> FitResult:
+    """Makkar's law for a static and a kinetic coefficient and the speeds that go with them.
+
+    Dual annealing finds the basin (SOURCE: section 2.1), a least-squares step polishes it. The same wish gives the same
+    law: the search is seeded, and results are kept for the life of the process.
+
+    Parameters
+    ----------
+    static, kinetic : float
+        μ_s and μ_k [1], 0 < μ_k ≤ μ_s.
+    stiction_velocity, friction_velocity : float
+        v_s where μ peaks and v_k where it has come down to μ_k [m/s], 0 < v_s < v_k.
+    viscous : float, optional
+        γ6 [s/m]; μ_k then includes its share at v_k.
+    seed : int, optional
+        Seed of the annealing.
+
+    Returns
+    -------
+    FitResult
+
+    Raises
+    ------
+    InputError
+        When the four numbers contradict each other.
+    RefusedError
+        When no law of this form meets them, as with v_s and v_k too close together.
+    """
+    _check_wish(static, kinetic, stiction_velocity, friction_velocity, viscous)
+    return _fit(float(static), float(kinetic), float(stiction_velocity), float(friction_velocity), float(viscous), seed)
+
+
+def _check_wish(static: float, kinetic: float, v_s: float, v_k: float, viscous: float) -> None:
+    values = np.array([static, kinetic, v_s, v_k])
+    if not (np.isfinite(values).all() and (values > 0).all() and math.isfinite(viscous) and viscous >= 0):
+        raise InputError(
+            "a number of the friction law is out of range",
+            got=f"static {static}, kinetic {kinetic}, velocities {v_s} and {v_k} m/s, viscous {viscous} s/m",
+            allowed="finite numbers above zero; viscous zero or more",
+        )
+    if static < kinetic:
+        raise InputError(
+            "static friction is below kinetic friction",
+            got=f"static {static} < kinetic {kinetic}",
+            allowed="static equal to kinetic or above",
+        )
+    if v_s >= v_k:
+        raise InputError(
+            "the stiction velocity is not below the friction velocity",
+            got=f"stiction {v_s} m/s, friction {v_k} m/s",
+            allowed="stiction velocity below friction velocity",
+        )
+    if viscous * v_k >= kinetic:
+        raise InputError(
+            "viscous friction alone exceeds the kinetic coefficient at the friction velocity",
+            got=f"{viscous} s/m × {v_k} m/s ≥ {kinetic}",
+            allowed=f"viscous below {kinetic / v_k:.4g} s/m",
+        )
+
+
+@functools.lru_cache(maxsize=64)
+def _fit(static: float, kinetic: float, v_s: float, v_k: float, viscous: float, seed: int) -> FitResult:
+    coulomb = kinetic - viscous * v_k
+    if static == kinetic:
+        gamma = np.array([0.0, 0.0, 0.0, coulomb, _SATURATED / v_s, viscous])
+        return _result(gamma, static, v_s, v_k, residual=0.0)
+    rise = static - kinetic
+
+    def gamma_of(log_unknowns: Array) -> Array:
+        g1, g2, g3 = np.exp(log_unknowns) * (rise, 1 / v_s, 1 / v_k)
+        return np.array([g1, g2, g3, coulomb, RISE_RATIO * g2, viscous])
+
+    def misfits(log_unknowns: Array) -> Array:
+        """Value and slope at the peak, value at v_k, all in units of the rise."""
+        gamma = gamma_of(log_unknowns)
+        peak, slope = _value_and_slope(gamma, v_s)
+        settled, _ = _value_and_slope(gamma, v_k)
+        return np.array([peak - static, slope * v_s, settled - kinetic - SETTLED_FRACTION * rise]) / rise
+
+    found = dual_annealing(lambda x: float(np.sum(misfits(x) ** 2)), _LOG_BOUNDS, seed=seed, maxiter=100)
+    polished = least_squares(misfits, found.x, xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    residual = float(np.abs(polished.fun).max()) * rise / static
+    gamma = gamma_of(polished.x)
+    if residual > _RESIDUAL_LIMIT or gamma[1] <= gamma[2]:
+        raise RefusedError(
+            "no friction law of Makkar's form meets the four numbers",
+            got=f"static {static}, kinetic {kinetic}, stiction {v_s} m/s, friction {v_k} m/s: relative misfit {residual:.1e}",
+            allowed=f"a misfit up to {_RESIDUAL_LIMIT:.0e}",
+            remedy="move the friction velocity further above the stiction velocity",
+        )
+    return _result(gamma, static, v_s, v_k, residual)
+
+
+def _value_and_slope(gamma: Array, v: float) -> tuple[float, float]:
+    g1, g2, g3, g4, g5, g6 = gamma
+    t2, t3, t5 = math.tanh(g2 * v), math.tanh(g3 * v), math.tanh(g5 * v)
+    slope = g1 * (g2 * (1 - t2 * t2) - g3 * (1 - t3 * t3)) + g4 * g5 * (1 - t5 * t5) + g6
+    return g1 * (t2 - t3) + g4 * t5 + g6 * v, slope
+
+
+def _result(gamma: Array, static: float, v_s: float, v_k: float, residual: float) -> FitResult:
+    law = FrictionLaw(gamma)
+    if gamma[0] == 0:
+        return FitResult(law, residual, v_s, static, float(friction_coefficient(law, v_k)))
+    speeds = v_s * np.linspace(0.5, 2.0, 3001)
+    values = friction_coefficient(law, speeds)
+    peak = int(values.argmax())
+    return FitResult(law, residual, float(speeds[peak]), float(values[peak]), float(friction_coefficient(law, v_k)))

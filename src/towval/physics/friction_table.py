@@ -1,0 +1,142 @@
+"""The radial integrals of a friction law, tabulated once and read in nanoseconds.
+
+The wrench of a turning patch needs, beside μ itself, the means of μ along a ray from the instantaneous centre,
+
+    m_n(u) = ∫₀¹ μ(u x) xⁿ dx = H_n(u) / u^(n+1),   H_n(u) = ∫₀ᵘ μ(v) vⁿ dv,   n = 1, 2, 3.
+
+They are bounded and analytic for u > 0, with the nearest singularities at a distance of u or more. So equal parts of a
+binade serve every u alike: each of eight parts holds polynomials of degree seven (interpolated in Chebyshev's points) for
+μ, m_1, m_2 and m_3, good to some 1e-13. Below the table the law is linear to rounding, above it tanh has saturated
+and closed forms hold. The viscous term is linear in u and added in closed form.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from towval.physics.friction_law import friction_coefficient
+from towval.types import Array, FrictionLaw
+
+_PARTS_LOG2 = 3  # parts of a binade: 2³
+_DEGREE = 7
+_SATURATION = 20.0  # tanh 20 is 1 to rounding
+_LINEAR = 1e-4  # tanh x is x to 4e-13 below
+
+# The table is one flat array, so that compiled code passes it on for nothing: a head, then the polynomials.
+LOWEST, HIGHEST, SLOPE, VISCOUS, FIRST_PART, PLATEAU = 0, 1, 2, 3, 4, 5  # then c_1, c_2, c_3
+_HEAD = 9
+
+
+def friction_table(law: FrictionLaw) -> Array:
+    """Tabulate a friction law: a few milliseconds, once a law.
+
+    Returns
+    -------
+    ndarray
+        Head: lowest and highest speed covered [m/s], dμ/dv at rest without the viscous term [s/m], γ6 [s/m], number of
+        the first part, the asymptote μ_∞ and c_n in ``m_n → μ_∞/(n+1) + c_n/u^(n+1)``. Then, for each part, each power
+        of the local variable in [−1, 1] and each of μ, m_1, m_2, m_3, a coefficient.
+    """
+    g1, g2, g3, g4, g5, viscous = law.gamma
+    rates = [rate for share, rate in ((g1, g2), (g1, g3), (g4, g5)) if share > 0 and rate > 0]
+    bare = FrictionLaw(np.array([g1, g2, g3, g4, g5, 0.0]))
+    slope = g1 * (g2 - g3) + g4 * g5
+    if not rates:
+        rates = [1.0]
+    binades = np.floor(np.log2(_LINEAR / max(rates))), np.ceil(np.log2(_SATURATION / min(rates)))
+    parts = 2**_PARTS_LOG2
+    exponents = np.arange(binades[0], binades[1])
+    starts = (2.0 ** exponents[:, None] * (1 + np.arange(parts) / parts)).ravel()
+    widths = (2.0 ** exponents[:, None] * np.full(parts, 1 / parts)).ravel()
+    integrals = _cumulative_integrals(bare, slope, starts, widths)
+    coefficients = _local_polynomials(bare, starts, widths, integrals).ravel()
+    highest = 2.0 ** binades[1]
+    plateau = float(friction_coefficient(bare, highest))
+    powers = np.arange(2, 5)
+    constants = integrals[-1] - plateau * highest**powers / powers
+    first_part = np.float64(starts[0]).view(np.int64) >> (52 - _PARTS_LOG2)
+    head = [starts[0], highest, slope, viscous, first_part, plateau, *constants]
+    return np.concatenate([head, coefficients])
+
+
+def _cumulative_integrals(law: FrictionLaw, slope: float, starts: Array, widths: Array) -> Array:
+    """H_1, H_2, H_3 at the starts of the parts and at the end of the last (parts + 1, 3)."""
+    pieces = _integrals_over(law, starts, widths)
+    powers = np.arange(3, 6)
+    first = slope * starts[0] ** powers / powers
+    return np.vstack([first, first + np.cumsum(pieces, axis=0)])
+
+
+def _integrals_over(law: FrictionLaw, starts: Array, widths: Array) -> Array:
+    """∫ μ vⁿ dv from each start over each width, by Gauss-Legendre (..., 3)."""
+    nodes, weights = np.polynomial.legendre.leggauss(12)
+    speed = starts[..., None] + widths[..., None] * (nodes + 1) / 2
+    values = friction_coefficient(law, speed) * weights / 2 * widths[..., None]
+    return np.stack([(values * speed**n).sum(axis=-1) for n in (1, 2, 3)], axis=-1)
+
+
+def _local_polynomials(law: FrictionLaw, starts: Array, widths: Array, integrals: Array) -> Array:
+    """Monomial coefficients of μ, m_1, m_2, m_3 in each part's variable −1 … 1 (parts, degree + 1, 4)."""
+    local = np.cos(np.pi * (np.arange(_DEGREE + 1) + 0.5) / (_DEGREE + 1))
+    offsets = widths[:, None] * (local + 1) / 2
+    speed = starts[:, None] + offsets
+    to_node = _integrals_over(law, np.broadcast_to(starts[:, None], speed.shape), offsets)
+    means = (integrals[:-1, None, :] + to_node) / speed[..., None] ** np.arange(2, 5)
+    values = np.concatenate([friction_coefficient(law, speed)[..., None], means], axis=-1)
+    return np.linalg.solve(np.vander(local, increasing=True), values)
+
+
+@njit(cache=True, inline="always")
+def _part(table: Array, speed: float) -> tuple[np.uint64, float]:
+    """Where the part that holds a speed begins, and the local variable there, from the bits of the float."""
+    bits = np.float64(speed).view(np.int64)
+    # Unsigned, so that reading the table needs no wrap-around for negative indices.
+    begin = np.uint64(((bits >> 49) - np.int64(table[FIRST_PART])) * (4 * (_DEGREE + 1)) + _HEAD)
+    return begin, (bits & 0x1FFFFFFFFFFFF) * 2.0**-48 - 1.0
+
+
+@njit(cache=True, fastmath={"contract"})
+def radial_means(table: Array, speed: float) -> tuple[float, float, float, float]:
+    """μ, m_1, m_2, m_3 at a speed u ≥ 0 [m/s]."""
+    viscous = table[VISCOUS] * speed
+    if speed < table[LOWEST]:
+        linear = table[SLOPE] * speed + viscous
+        return linear, linear / 3, linear / 4, linear / 5
+    if speed >= table[HIGHEST]:
+        inverse = 1 / speed
+        square = inverse * inverse
+        return (
+            table[PLATEAU] + viscous,
+            table[PLATEAU] / 2 + table[PLATEAU + 1] * square + viscous / 3,
+            table[PLATEAU] / 3 + table[PLATEAU + 2] * square * inverse + viscous / 4,
+            table[PLATEAU] / 4 + table[PLATEAU + 3] * square * square + viscous / 5,
+        )
+    begin, x = _part(table, speed)
+    i = begin + np.uint64(4 * _DEGREE)
+    mu, m1, m2, m3 = table[i], table[i + np.uint64(1)], table[i + np.uint64(2)], table[i + np.uint64(3)]
+    for power in range(_DEGREE - 1, -1, -1):
+        i = begin + np.uint64(4 * power)
+        mu = mu * x + table[i]
+        m1 = m1 * x + table[i + np.uint64(1)]
+        m2 = m2 * x + table[i + np.uint64(2)]
+        m3 = m3 * x + table[i + np.uint64(3)]
+    return mu + viscous, m1 + viscous / 3, m2 + viscous / 4, m3 + viscous / 5
+
+
+@njit(cache=True, fastmath={"contract"})
+def coefficient_and_slope(table: Array, speed: float) -> tuple[float, float]:
+    """μ / v [s/m] and dμ/dv [s/m] at a sliding speed [m/s]; both the slope at rest where v is zero."""
+    if speed < table[LOWEST]:
+        slope = table[SLOPE] + table[VISCOUS]
+        return slope, slope
+    if speed >= table[HIGHEST]:
+        return table[PLATEAU] / speed + table[VISCOUS], table[VISCOUS]
+    begin, x = _part(table, speed)
+    value, derivative = table[begin + np.uint64(4 * _DEGREE)], 0.0
+    for power in range(_DEGREE - 1, -1, -1):
+        derivative = derivative * x + value
+        value = value * x + table[begin + np.uint64(4 * power)]
+    # The local variable runs through 2 over the part, whose width is an eighth of its binade.
+    binade = np.int64(np.float64(speed).view(np.int64) & np.int64(0x7FF0000000000000)).view(np.float64)
+    return value / speed + table[VISCOUS], derivative * 16.0 / binade + table[VISCOUS]
