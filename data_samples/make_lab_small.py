@@ -12,7 +12,6 @@ from pathlib import Path
 
 import av
 import cv2
-import numpy as np
 import pandas as pd
 import yaml
 
@@ -35,7 +34,9 @@ def cut_video(source, target):
         for number, frame in enumerate(old.decode(stream_in)):
             if number == FRAMES:
                 break
-            small = cv2.resize(frame.to_ndarray(format="bgr24"), (stream.width, stream.height), interpolation=cv2.INTER_AREA)
+            small = cv2.resize(
+                frame.to_ndarray(format="bgr24"), (stream.width, stream.height), interpolation=cv2.INTER_AREA
+            )
             made = av.VideoFrame.from_ndarray(small, format="bgr24")
             made.pts, made.time_base = frame.pts, frame.time_base
             new.mux(stream.encode(made))

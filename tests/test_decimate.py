@@ -108,7 +108,9 @@ def test_the_result_moves_and_turns_with_the_track(make_track):
     """Shifting a track shifts what is kept: no origin is special."""
     track = make_track(arc, seed=7)
     shifted = make_track(lambda t: arc(t) + np.array([10.0, -20.0, 3.0]), seed=7)
-    np.testing.assert_allclose(decimate(shifted).pose - decimate(track).pose, np.tile([10, -20, 3], (len(decimate(track).pose), 1)), atol=1e-9)
+    np.testing.assert_allclose(
+        decimate(shifted).pose - decimate(track).pose, np.tile([10, -20, 3], (len(decimate(track).pose), 1)), atol=1e-9
+    )
 
 
 def test_too_short_a_track_is_refused(make_track):

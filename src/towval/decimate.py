@@ -22,6 +22,10 @@ _THIRD_DIFFERENCE_GAIN = np.sqrt(20.0)
 """Standard deviation of the third difference (1, −3, 3, −1) of white noise of deviation one."""
 
 _MINIMUM_FRAMES = 8
+_REST_FRAMES = 27
+"""Frames of the shortest rest: 3 deviations of its slope are then 3 √(12/27) = 2 deviations of one pose over its length,
+which is all the creep that can hide in it."""
+
 _SHORTEST_STRETCH = 3
 """Frames between two kept times below which a stretch is not cut any further."""
 
@@ -35,7 +39,7 @@ class DecimateSettings:
     """Keys of ``config["decimate"]``.
 
     ``excess`` is how many standard deviations of its own scatter the mean squared misfit of a stretch between two kept
-    times may lie above one; ``pause_s`` the shortest rest that counts as a pause [s].
+    times may lie above one; ``pause_s`` the shortest rest that counts as a pause [s], and never less than 27 frames.
     """
 
     excess: float = 3.0
@@ -144,7 +148,7 @@ def find_pauses(time: Array, pose: Array, sigma: Array, shortest: float) -> list
     first = 0
     while first < n - 1:
         last = int(np.searchsorted(time, time[first] + shortest - 1e-9))
-        last = max(last, first + _MINIMUM_FRAMES - 1)
+        last = max(last, first + _REST_FRAMES - 1)
         if last >= n:
             break
         if not _rests(time, pose, sigma, first, last):
@@ -188,7 +192,7 @@ def _rests(time: Array, pose: Array, sigma: Array, first: int, last: int) -> boo
     if np.mean(weight * deviation**2) > 1 + 3 * np.sqrt(2 / m):
         return False
     # The newest poses must agree too: a departure is diluted in the mean of a long rest.
-    tail = slice(-_MINIMUM_FRAMES // 2, None)
+    tail = slice(-_RUN, None)
     if np.any(np.abs(deviation[tail].mean(axis=0)) > 4 / np.sqrt(weight[tail].sum(axis=0))):
         return False
     centred = t[:, None] - np.sum(weight * t[:, None], axis=0) / weight.sum(axis=0)

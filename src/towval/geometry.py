@@ -114,6 +114,13 @@ def polygon_centroid(polygon: ArrayLike) -> Array:
     )
 
 
+def polygon_second_moment(polygon: ArrayLike, about: ArrayLike) -> float:
+    """Polar second moment of area of a simple polygon (n, 2) about a point (2,) [m⁴], signed like its area."""
+    x, y = (np.asarray(polygon, dtype=np.float64) - np.asarray(about, dtype=np.float64)).T
+    xn, yn = np.roll(x, -1), np.roll(y, -1)
+    return float(np.sum((x * yn - xn * y) * (x * x + x * xn + xn * xn + y * y + y * yn + yn * yn)) / 12)
+
+
 def inside_polygon(polygon: ArrayLike, points: ArrayLike) -> np.ndarray:
     """Whether points (..., 2) lie inside a simple polygon (n, 2), by the even-odd rule."""
     polygon, points = np.asarray(polygon, dtype=np.float64), np.asarray(points, dtype=np.float64)

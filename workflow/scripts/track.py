@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from towval.commands.track import run
 from towval.commands.shared import told
+from towval.commands.track import run
 
 with told(Path(snakemake.log[0])):
     run(

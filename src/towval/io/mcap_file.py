@@ -6,6 +6,7 @@ Written whole or not at all, byte-identical for identical content; read with eve
 from __future__ import annotations
 
 import json
+import struct
 from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -16,6 +17,8 @@ import numpy as np
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
 from mcap.writer import Writer
+from rosbags.serde import SerdeError
+from zstandard import ZstdError
 
 import towval
 from towval.errors import InputError
@@ -24,6 +27,8 @@ from towval.io.ros import TYPESTORE
 
 _DETAILS = "details.json"
 _PROVENANCE = "provenance"
+_DAMAGE = (McapError, SerdeError, ZstdError, KeyError, ValueError, EOFError, IndexError, MemoryError, struct.error)
+"""What the readers of records, chunks and messages raise over bytes that are not what they should be."""
 
 
 @dataclass(frozen=True)
@@ -125,7 +130,7 @@ def read_mcap(path: Path) -> McapContent:
                     provenance = dict(record.metadata)
     except FileNotFoundError:
         raise InputError(f"{path} is missing", remedy="run the stage that makes it") from None
-    except (McapError, KeyError, ValueError, EOFError) as error:
+    except _DAMAGE as error:
         raise InputError(
             f"{path} cannot be read as MCAP",
             got=f"{type(error).__name__}: {error}",

@@ -149,7 +149,14 @@ def read_tracks(path: Path) -> dict[str, Track]:
     content = read_mcap(path)
     if not content.details or not content.values("/diagnostics"):
         raise InputError(f"{path} holds no tracks", allowed="a file that the stage track made")
-    return {name: _track(name, content, details) for name, details in content.details.items()}
+    try:
+        return {name: _track(name, content, details) for name, details in content.details.items()}
+    except (KeyError, StopIteration) as error:
+        raise InputError(
+            f"{path} contradicts itself",
+            got=f"{type(error).__name__}: {error}",
+            remedy="delete it and run the stage track again",
+        ) from None
 
 
 def _track(name: str, content: McapContent, details: dict[str, Any]) -> Track:

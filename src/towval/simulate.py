@@ -1,0 +1,178 @@
+"""Stage simulate: the towed object as the model says it moves behind the measured rover (FBD, the paper's 2.3)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from towval.errors import InputError, RefusedError
+from towval.geometry import polygon_area, polygon_centroid, polygon_second_moment, transform
+from towval.physics.dynamics import Accuracy, Outcome, feedback, resting_pressure
+from towval.physics.friction_law import FitResult, fit_makkar
+from towval.physics.wrench import SlidingPatch, sliding_patch
+from towval.types import Array, DecimatedTrack, Finding, Path, Scene, Severity, SimulatedMotion, TowedObject
+
+_HINGE_SAMPLES_PER_FRAME = 2
+_LAW_RESIDUAL = 1e-3
+"""Largest misfit of the friction law to the wished coefficients that needs no word."""
+
+
+@dataclass(frozen=True)
+class SimulateSettings:
+    """Keys of ``config["simulate"]``: ``tolerance_m``, the error that the integrator accepts in one step [m]."""
+
+    tolerance_m: float = 1e-7
+
+    def __post_init__(self) -> None:
+        if not 1e-12 <= self.tolerance_m <= 1e-3:
+            raise InputError("simulate.tolerance_m is out of range", got=self.tolerance_m, allowed="1e-12 to 1e-3 m")
+
+
+def towed_object(scene: Scene) -> TowedObject:
+    """Mass, centre of mass and inertia of the object with its load.
+
+    The object's own mass is spread evenly over its footprint, ASSUME; the load is a box.
+
+    Parameters
+    ----------
+    scene : Scene
+        Footprint, masses and anchor.
+
+    Returns
+    -------
+    TowedObject
+        All of it in the object's frame.
+    """
+    rings = [scene.patch.outline, *scene.patch.holes]
+    signs = [1.0] + [-1.0] * len(scene.patch.holes)
+    areas = np.array([sign * abs(polygon_area(ring)) for sign, ring in zip(signs, rings, strict=True)])
+    centre = areas @ np.array([polygon_centroid(ring) for ring in rings]) / areas.sum()
+    second = sum(sign * abs(polygon_second_moment(ring, centre)) for sign, ring in zip(signs, rings, strict=True))
+    own = scene.body_mass * second / areas.sum()
+    load = scene.load
+    mass = scene.body_mass + load.mass
+    centre_of_mass = (scene.body_mass * centre + load.mass * load.at) / mass
+    box = load.mass * (load.size[0] ** 2 + load.size[1] ** 2) / 12
+    inertia = (
+        own
+        + box
+        + sum(m * np.sum((at - centre_of_mass) ** 2) for m, at in ((scene.body_mass, centre), (load.mass, load.at)))
+    )
+    return TowedObject(scene.patch, mass, centre_of_mass, float(inertia), scene.anchor)
+
+
+def friction_law(scene: Scene) -> FitResult:
+    """Makkar's law fitted to the scene's four friction numbers."""
+    wish = scene.friction
+    return fit_makkar(wish.static, wish.kinetic, wish.stiction_velocity, wish.friction_velocity)
+
+
+def hinge_path(rover: DecimatedTrack, hinge: Array, times: Array) -> Path:
+    """Way of the tether's hinge along the rover's smoothed track, at and between ``times`` (n,) [s]."""
+    fine = np.linspace(0, len(times) - 1, _HINGE_SAMPLES_PER_FRAME * (len(times) - 1) + 1)
+    dense = np.interp(fine, np.arange(len(times)), times)
+    return Path(dense, transform(rover.spline()(dense), hinge))
+
+
+def simulate(
+    scene: Scene,
+    rover: DecimatedTrack,
+    towed: DecimatedTrack,
+    times: ArrayLike,
+    settings: SimulateSettings | None = None,
+) -> SimulatedMotion:
+    """Simulate the towed object on the measured way of the rover.
+
+    Parameters
+    ----------
+    scene : Scene
+        What the model is told.
+    rover, towed : DecimatedTrack
+        Thinned tracks; of the object only the first pose is used.
+    times : array_like (n,)
+        Times of the output [s]; those outside the rover's track are left out.
+    settings : SimulateSettings, optional
+        Tolerance of the integration.
+
+    Returns
+    -------
+    SimulatedMotion
+        On the given times that both tracks allow. ``statistics["u_num_m"]`` is the largest shift of the path that a
+        hundred times tighter tolerance makes.
+
+    Raises
+    ------
+    RefusedError
+        When the load's weight is outside the footprint, the tracks do not overlap, or the integration ends early.
+    """
+    settings = settings or SimulateSettings()
+    begin, end = max(rover.time_s[0], towed.time_s[0]), rover.time_s[-1]
+    times = np.asarray(times, dtype=np.float64)
+    inside = times[(times >= begin) & (times <= end)]
+    if len(inside) < 2:
+        raise RefusedError(
+            "the tracks of rover and object do not overlap",
+            got=f"{begin} s to {end} s",
+            remedy="look at the findings of the stage track",
+        )
+    target = towed_object(scene)
+    law = friction_law(scene)
+    patch = sliding_patch(resting_pressure(target), law.law)
+    hinge = hinge_path(rover, scene.hinge, inside)
+    start = towed.spline()(inside[0])
+    motion = _integrated(target, patch, scene, hinge, start, inside, settings.tolerance_m)
+    finer = _integrated(target, patch, scene, hinge, start, inside, settings.tolerance_m / 100)
+    u_num = float(np.linalg.norm(motion.pose[:, :2] - finer.pose[:, :2], axis=1).max())
+    findings = (*motion.findings, *_findings(scene, law, motion, hinge, times, inside))
+    return replace(motion, findings=findings, statistics={**motion.statistics, "u_num_m": u_num})
+
+
+def _integrated(
+    target: TowedObject, patch: SlidingPatch, scene: Scene, hinge: Path, start: Array, times: Array, tolerance: float
+) -> SimulatedMotion:
+    motion = feedback(target, patch, scene.tether, hinge, start, times, accuracy=Accuracy(tolerance))
+    if len(motion.time_s) < len(times):
+        raise RefusedError(
+            f"the simulation ended early: {motion.outcome}",
+            got=f"{motion.time_s[-1]:.2f} s of {times[-1]:.2f} s",
+            remedy=motion.advice,
+        )
+    return motion
+
+
+def _findings(
+    scene: Scene, law: FitResult, motion: SimulatedMotion, hinge: Path, asked: Array, used: Array
+) -> list[Finding]:
+    findings = []
+    if motion.outcome != Outcome.CONVERGED:
+        findings.append(Finding(Severity.WARNING, "simulate_outcome", f"{motion.outcome}: {motion.advice}"))
+    if law.residual > _LAW_RESIDUAL:
+        findings.append(
+            Finding(
+                Severity.WARNING,
+                "friction_law",
+                f"The friction law misses the wished coefficients by up to {law.residual:.4f}.",
+            )
+        )
+    if len(used) < len(asked):
+        findings.append(
+            Finding(
+                Severity.WARNING,
+                "simulate_cut",
+                f"{len(asked) - len(used)} frames lie outside the rover's track and are not simulated.",
+            )
+        )
+    anchor = transform(motion.pose[0], scene.anchor)
+    stretch = float(np.linalg.norm(hinge.position[0] - anchor)) - scene.tether.rest_length
+    if stretch > 0.05 * scene.tether.rest_length:
+        findings.append(
+            Finding(
+                Severity.WARNING,
+                "taut_start",
+                f"At the start the tether is {1000 * stretch:.0f} mm longer than its rest length: check "
+                "tether.rest_length_m, hinge and anchor.",
+            )
+        )
+    return findings
