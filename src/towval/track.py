@@ -13,8 +13,9 @@ from towval.errors import InputError
 from towval.types import Body, Calibration, Track
 from towval.vision.follow import Follower, TrackerMaker
 from towval.vision.klt import KltTracker
+from towval.vision.plane import PlaneTracker
 
-METHODS = ("klt",)
+METHODS = ("plane", "klt")
 
 
 @dataclass(frozen=True)
@@ -24,14 +25,17 @@ class TrackSettings:
     Parameters
     ----------
     method : str
-        ``klt``, the paper's points.
+        ``plane``, alignment of the whole top with a template; or ``klt``, the paper's points.
+    samples : int
+        Points of the template.
     coast_s : float
         How long a body that is not seen is predicted, and marked so, before it counts as lost [s].
     forward_backward_px : float
         Largest distance between a KLT point and where it comes back to [px].
     """
 
-    method: str = "klt"
+    method: str = "plane"
+    samples: int = 1024
     coast_s: float = 0.2
     forward_backward_px: float = 0.5
 
@@ -41,6 +45,8 @@ class TrackSettings:
 
     def tracker_maker(self) -> TrackerMaker:
         """The function that builds a tracker of this method."""
+        if self.method == "plane":
+            return partial(PlaneTracker, samples=self.samples)
         return partial(KltTracker, forward_backward_px=self.forward_backward_px)
 
 

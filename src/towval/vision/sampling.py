@@ -14,7 +14,12 @@ from towval.types import Array, Camera, Floor
 from towval.vision.camera import distort
 
 
-@njit(cache=True, fastmath=True)
+# Without "no NaN" and "no infinity": the checks for points behind the camera need both.
+RELAXED = {"contract", "reassoc", "nsz", "arcp"}
+"""How compiled loops may rearrange floating-point sums."""
+
+
+@njit(cache=True, fastmath=RELAXED)
 def spline_value(luma: NDArray[np.uint8], u: float, v: float) -> float:
     """Smoothed grey value at pixel (u, v); −1 where the 4 × 4 pixels around it are not all in the picture."""
     if not (u >= 1.0 and v >= 1.0 and u < luma.shape[1] - 2 and v < luma.shape[0] - 2):

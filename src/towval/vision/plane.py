@@ -1,0 +1,164 @@
+"""The default tracker: a body's whole top aligned with its template, gated, and refreshed without drift."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from towval.errors import InputError
+from towval.geometry import compose, inverse
+from towval.types import Array, Body, Camera, Floor
+from towval.vision.align import Alignment, Template, align, make_template
+from towval.vision.pose import Measurement
+from towval.vision.sampling import metres_per_pixel, plane_pixels
+
+Luma = NDArray[np.uint8]
+
+_LEAST_INLIERS = 0.3
+_LEAST_CORRELATION = 0.25
+_CORRELATION_KEPT = 0.6  # Of what it usually is.
+_WORST_STD_PX = 0.35
+_JUMP_PX = 3.0  # A pose farther than this from the prediction is looked at from afar as well.
+_COARSE_BODY_PX = 90
+_COARSE_SAMPLES = 400
+_REFRESH_INLIERS = 0.8
+_SLOWEST_REFRESH = 0.02
+_SMOOTHING = 0.05
+_LEAST_PRECISION = 0.05
+_MOST_SCALE = 0.5  # Of the template's own deviation.
+_TABLE_POINTS = 60
+
+
+class PlaneTracker:
+    """Follows one body by its whole top.
+
+    Parameters
+    ----------
+    body : Body
+        The body; its obstructions are left out.
+    camera, floor : Camera, Floor
+        The calibrated camera.
+    luma : ndarray (height, width) uint8
+        The first picture.
+    pose : ndarray (3,)
+        The body's pose in it [m, m, rad].
+    samples : int
+        Points of the template.
+    """
+
+    def __init__(self, body: Body, camera: Camera, floor: Floor, luma: Luma, pose: Array, samples: int = 1024):
+        self.body, self.camera, self.floor = body, camera, floor
+        self.height = body.tracked_plane_height_m
+        self.pixel_m = metres_per_pixel(pose, self.height, camera, floor)
+        template = make_template(luma, body, pose, camera, floor, samples)
+        if template is None:
+            raise InputError(
+                f"too little of the top of {body.name} can be seen in the first picture",
+                remedy="check its clicks and obstructions, or start where the body is in full view",
+            )
+        self.template = template
+        self.reach_m = float(np.linalg.norm(template.points, axis=1).max())
+        self.factor = max(1, round(2 * self.reach_m / self.pixel_m / _COARSE_BODY_PX))
+        small, small_camera = self._shrunk(luma, pose)
+        self.coarse = make_template(small, body, pose, small_camera, floor, _COARSE_SAMPLES)
+        self.free_slopes = _without_light(template)
+        self.precision = np.ones(len(template.points))
+        self.variance = np.zeros(len(template.points))
+        self.usual_scale, self.usual_correlation, self.refreshed = 0.0, 1.0, 0
+        self.inflation = 1.0
+        self.most_scale = max(2.0, _MOST_SCALE * float(np.std(template.values)))
+
+    def measure(self, luma: Luma, predicted: Array) -> Measurement | None:
+        """Pose near ``predicted`` (3,), or None where the picture does not vouch for one."""
+        found = self._align(luma, predicted)
+        if found is None or self._distance_px(found.pose, predicted) > _JUMP_PX:
+            from_afar = self._align_coarsely(luma, predicted)
+            if from_afar is not None and (found is None or from_afar.correlation > found.correlation):
+                found = from_afar
+        if found is None:
+            return None
+        self._learn(found)
+        step = max(1, len(self.template.points) // _TABLE_POINTS)
+        return Measurement(
+            pose=found.pose,
+            covariance=found.covariance,
+            inlier_fraction=found.inlier_fraction,
+            residual=found.scale,
+            points_m=self.template.points[::step][:_TABLE_POINTS],
+            weights=np.clip(found.weight[::step][:_TABLE_POINTS], 0, 1),
+        )
+
+    def _distance_px(self, pose: Array, other: Array) -> float:
+        step = compose(inverse(other), pose)
+        return float((np.linalg.norm(step[:2]) + self.reach_m * abs(step[2])) / self.pixel_m)
+
+    def _align(self, luma: Luma, start: Array) -> Alignment | None:
+        found = align(luma, self.template, self.precision, start, self.height, self.camera, self.floor, self.most_scale)
+        return found if found is not None and self._trusted(found) else None
+
+    def _align_coarsely(self, luma: Luma, start: Array) -> Alignment | None:
+        if self.coarse is None:
+            return None
+        small, camera = self._shrunk(luma, start)
+        flat = np.ones(len(self.coarse.points))
+        found = align(small, self.coarse, flat, start, self.height, camera, self.floor, self.most_scale)
+        return None if found is None else self._align(luma, found.pose)
+
+    def _shrunk(self, luma: Luma, pose: Array) -> tuple[Luma, Camera]:
+        """The surroundings of the body at the coarse scale, and the camera that would have taken them."""
+        centre = plane_pixels(np.zeros((1, 2)), pose, self.height, self.camera, self.floor)[0]
+        reach = 2.0 * self.reach_m / self.pixel_m
+        low = np.clip(np.nan_to_num(centre) - reach, 0, None).astype(int)
+        high = np.minimum(np.nan_to_num(centre) + reach, [luma.shape[1], luma.shape[0]]).astype(int)
+        size = np.maximum((high - low) // self.factor, 8)
+        crop = luma[low[1] : low[1] + size[1] * self.factor, low[0] : low[0] + size[0] * self.factor]
+        if min(crop.shape) < 8 * self.factor:
+            crop, low, size = luma, np.zeros(2, dtype=int), np.array(luma.shape[::-1]) // self.factor
+        small = cv2.resize(crop, (int(size[0]), int(size[1])), interpolation=cv2.INTER_AREA)
+        scale = np.array([size[0] / crop.shape[1], size[1] / crop.shape[0]])
+        matrix = self.camera.matrix.copy()
+        matrix[0, 0] *= scale[0]
+        matrix[1, 1] *= scale[1]
+        # Pixel centres are whole numbers at both scales, so half a pixel goes in and out.
+        matrix[:2, 2] = (matrix[:2, 2] - low + 0.5) * scale - 0.5
+        return small, replace(self.camera, matrix=matrix, resolution_px=(int(size[0]), int(size[1])))
+
+    def _trusted(self, found: Alignment) -> bool:
+        worst = _WORST_STD_PX * self.pixel_m
+        std = np.sqrt(np.diag(found.covariance))
+        return (
+            found.converged
+            and found.inlier_fraction >= _LEAST_INLIERS
+            and found.correlation >= max(_LEAST_CORRELATION, _CORRELATION_KEPT * self.usual_correlation)
+            and max(std[0], std[1], std[2] * self.reach_m) <= worst
+        )
+
+    def _learn(self, found: Alignment) -> None:
+        """Take in what a good alignment says about noise and looks; the template's place stays."""
+        if found.inlier_fraction < _REFRESH_INLIERS:
+            return
+        self.refreshed += 1
+        rate = max(1 / (self.refreshed + 1), _SMOOTHING)
+        self.usual_scale += rate * (found.scale - self.usual_scale)
+        self.usual_correlation += rate * (found.correlation - self.usual_correlation)
+        good = found.weight > 0
+        misfit = np.where(good, found.residual, 0.0)
+        rate = max(1 / (self.refreshed + 1), _SLOWEST_REFRESH)
+        change = rate * misfit
+        # Only what does not look like a motion is taken over: the aligned pose cannot creep.
+        free = self.free_slopes
+        change -= free @ np.linalg.solve(free.T @ free, free.T @ change)
+        self.template = replace(self.template, values=self.template.values + change)
+
+
+def _without_light(template: Template) -> Array:
+    """Slopes (n, 3) less what gain and bias of the tiles can explain."""
+    slopes = template.slopes.copy()
+    for row in range(template.tiles):
+        own = template.tile == row
+        light = np.column_stack([np.ones(own.sum()), template.values[own]])
+        slopes[own] -= light @ np.linalg.lstsq(light, slopes[own], rcond=None)[0]
+    return slopes
