@@ -1,1 +1,1 @@
-"""The physics of a towed object: contact, friction, tether, quasi-static motion and dynamics. Numbers in, numbers out."""
+"""The physics of a towed object: contact, friction, tether, quasi-static motion, dynamics. Numbers in, numbers out."""

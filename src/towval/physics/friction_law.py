@@ -6,8 +6,8 @@ ASSUME: μ peaks with the value μ_s at v_s, has come down to μ_k at v_k and st
 asymptote for five coefficients. What they leave open is settled so:
 
 - "has come down at v_k" means that a hundredth of the rise μ_s − μ_k is left there (:data:`SETTLED_FRACTION`);
-- Coulomb's part rises twice as steeply as Stribeck's, γ5 = 2 γ2 (:data:`RISE_RATIO`), so that it is saturated at v_s and
-  the peak is that of Stribeck's part alone. This touches μ only below v_s, where it sets the creep at rest.
+- Coulomb's part rises twice as steeply as Stribeck's, γ5 = 2 γ2 (:data:`RISE_RATIO`), so that it is saturated at
+  v_s and the peak is that of Stribeck's part alone. This touches μ only below v_s, where it sets the creep at rest.
 """
 
 from __future__ import annotations
@@ -157,7 +157,7 @@ def _fit(static: float, kinetic: float, v_s: float, v_k: float, viscous: float, 
     if residual > _RESIDUAL_LIMIT or gamma[1] <= gamma[2]:
         raise RefusedError(
             "no friction law of Makkar's form meets the four numbers",
-            got=f"static {static}, kinetic {kinetic}, stiction {v_s} m/s, friction {v_k} m/s: relative misfit {residual:.1e}",
+            got=f"static {static}, kinetic {kinetic} at {v_s} and {v_k} m/s: relative misfit {residual:.1e}",
             allowed=f"a misfit up to {_RESIDUAL_LIMIT:.0e}",
             remedy="move the friction velocity further above the stiction velocity",
         )

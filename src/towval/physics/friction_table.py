@@ -5,9 +5,9 @@ The wrench of a turning patch needs, beside μ itself, the means of μ along a r
     m_n(u) = ∫₀¹ μ(u x) xⁿ dx = H_n(u) / u^(n+1),   H_n(u) = ∫₀ᵘ μ(v) vⁿ dv,   n = 1, 2, 3.
 
 They are bounded and analytic for u > 0, with the nearest singularities at a distance of u or more. So equal parts of a
-binade serve every u alike: each of eight parts holds polynomials of degree seven (interpolated in Chebyshev's points) for
-μ, m_1, m_2 and m_3, good to some 1e-13. Below the table the law is linear to rounding, above it tanh has saturated
-and closed forms hold. The viscous term is linear in u and added in closed form.
+binade serve every u alike: each of eight parts holds polynomials of degree seven (interpolated in Chebyshev's
+points) for μ, m_1, m_2 and m_3, good to some 1e-13. Below the table the law is linear to rounding, above it tanh
+has saturated and closed forms hold. The viscous term is linear in u and added in closed form.
 """
 
 from __future__ import annotations

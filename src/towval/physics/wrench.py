@@ -1,10 +1,10 @@
 """The friction wrench of a sliding patch as an integral over its boundary.
 
 SOURCE: eqs. (4), (5), ``F = −∫ μ p v/|v| dS``, ``M = −∫ r × (μ p v/|v|) dS``. With the origin at the instantaneous
-centre of rotation C the radial part of both is known in closed form once μ is tabulated (``friction_table``), and what is
-left runs along the edges of the patch; docs/physics.md derives it. In ``t = |d| sinh q`` along an edge at distance d from
-C the integrand is analytic for |Im q| < π/2, whatever the law and wherever C lies, so the number of Gauss nodes follows
-from the length of the edge in q alone.
+centre of rotation C the radial part of both is known in closed form once μ is tabulated (``friction_table``), and
+what is left runs along the edges of the patch; docs/physics.md derives it. In ``t = |d| sinh q`` along an edge at
+distance d from C the integrand is analytic for |Im q| < π/2, whatever the law and wherever C lies, so the number of
+Gauss nodes follows from the length of the edge in q alone.
 
 Where C is far away (pure translation in the limit) the differences would cancel. There the integrand is smooth over the
 patch and a Gauss rule on its triangles, made once, takes over. The two agree to rounding where they meet.

@@ -1,0 +1,258 @@
+"""Dynamics of the towed object: feedback (FBD, a tether from a moving hinge), feedforward (FFD, a given force).
+
+SOURCE: section 2.3, eqs. (9) to (12). Rigid planar body, friction of its pressed patch, tow force in the ground
+plane, so the pressure does not change. ASSUME: the loads rest where the centre of mass is.
+"""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import CubicSpline
+
+from towval.conventions import GRAVITY_M_PER_S2
+from towval.errors import InputError
+from towval.geometry import transform
+from towval.physics.contact import PressurePlane, pressure_plane
+from towval.physics.integrator import NOT_FINITE, REACHED_END, STEP_LIMIT, STEP_TOO_SMALL, integrate
+from towval.physics.motion import FORCED, SLACK, TAUT, Scene, tautness
+from towval.physics.splines import Spline, piece_at, spline_at, spline_from, spline_through
+from towval.physics.wrench import SlidingPatch, sliding_patch
+from towval.types import Array, Finding, FrictionLaw, Path, Severity, SimulatedMotion, Tether, TowedObject, locked
+
+DEFAULT_TOLERANCE_M = 1e-7
+"""Error of a single step that is accepted [m]; docs/physics.md shows what path error it buys."""
+
+_STEP_LIMIT = 2_000_000
+_VELOCITY_RATE = 10.0  # 1/s; a velocity may be wrong by the position tolerance times this
+
+
+class Outcome(enum.StrEnum):
+    """How an integration ended."""
+
+    CONVERGED = "converged"
+    """It reached the last time within the tolerance."""
+    SLACK_ALL_ALONG = "slack all along"
+    """It reached the last time, but the tether never pulled."""
+    STEP_LIMIT = "step limit"
+    """The allowed number of steps was used up; the motion ends early."""
+    STEP_TOO_SMALL = "step too small"
+    """No step, however small, met the tolerance; the motion ends early."""
+    NOT_FINITE = "not finite"
+    """The state left the range of numbers; the motion ends early."""
+
+
+ADVICE = {
+    Outcome.CONVERGED: "Nothing to do.",
+    Outcome.SLACK_ALL_ALONG: "Check hinge, anchor, rest length and start pose: the object was never towed.",
+    Outcome.STEP_LIMIT: "Raise the tolerance or the step limit; the hinge's path may be noisy between its points.",
+    Outcome.STEP_TOO_SMALL: "Check the drive for jumps, and stiffness, masses and friction law for extreme values.",
+    Outcome.NOT_FINITE: "Check the drive and the initial state for extreme values.",
+}
+"""What each outcome means for its user."""
+
+_OUTCOMES = {
+    REACHED_END: Outcome.CONVERGED,
+    STEP_LIMIT: Outcome.STEP_LIMIT,
+    STEP_TOO_SMALL: Outcome.STEP_TOO_SMALL,
+    NOT_FINITE: Outcome.NOT_FINITE,
+}
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """What the integrator may do: ``tolerance`` [m] per step, ``step_limit`` steps in all."""
+
+    tolerance: float = DEFAULT_TOLERANCE_M
+    step_limit: int = _STEP_LIMIT
+
+    def __post_init__(self) -> None:
+        if not (1e-14 <= self.tolerance <= 1.0 and self.step_limit >= 1):
+            raise InputError(
+                "Accuracy is out of range",
+                got=f"tolerance {self.tolerance} m, step limit {self.step_limit}",
+                allowed="tolerance from 1e-14 to 1 m, one step or more",
+            )
+
+
+def resting_pressure(towed: TowedObject) -> PressurePlane:
+    """Pressure under an object at rest, its whole weight acting at its centre of mass."""
+    return pressure_plane(towed.patch, [(towed.mass * GRAVITY_M_PER_S2, towed.centre_of_mass)])
+
+
+def feedback(
+    towed: TowedObject,
+    law: FrictionLaw | SlidingPatch,
+    tether: Tether,
+    hinge: Path | CubicSpline,
+    start_pose: ArrayLike,
+    times: ArrayLike,
+    *,
+    start_twist: ArrayLike = (0.0, 0.0, 0.0),
+    accuracy: Accuracy = Accuracy(),
+) -> SimulatedMotion:
+    """Motion of an object towed by a tether whose hinge follows a given way (FBD).
+
+    SOURCE: eqs. (9) to (12).
+
+    Parameters
+    ----------
+    towed : TowedObject
+    law : FrictionLaw or SlidingPatch
+        Friction of the whole footprint, or a patch prepared with its own pressure, friction and method.
+    tether : Tether
+    hinge : Path or CubicSpline
+        Way of the tether's end on the rover [m]; a path is splined. It must cover ``times``.
+    start_pose : array_like (3,)
+        Pose of the body frame at ``times[0]`` [m, m, rad].
+    times : array_like (n,)
+        When to report [s], strictly increasing, two or more.
+    start_twist : array_like (3,), optional
+        Velocity of the body frame's origin and heading rate at the start, floor axes [m/s, m/s, rad/s]; at rest if
+        not given.
+    accuracy : Accuracy, optional
+
+    Returns
+    -------
+    SimulatedMotion
+        With ``outcome`` one of :class:`Outcome`. Where that is neither "converged" nor "slack all along", the motion
+        stops at the last time reached.
+
+    Raises
+    ------
+    InputError
+        When the times are not covered by the hinge's way, or are no times.
+    """
+    times = _checked_times(times)
+    drive = _drive(hinge, times, "the way of the hinge")
+    scene = _scene(towed, law, tether, drive)
+    y = _state(towed, start_pose, start_twist)
+    _, stretch, pull = tautness(scene, times[0], piece_at(drive.knots, times[0], 0), y)
+    mode = TAUT if stretch >= 0 and pull >= 0 else SLACK
+    outcome, states, modes, statistics = _run(scene, mode, y, times, accuracy)
+    if outcome == Outcome.CONVERGED and not (modes == TAUT).any() and not statistics["mode_changes"]:
+        outcome = Outcome.SLACK_ALL_ALONG
+    tension = [_tension(scene, t, y) for t, y in zip(times[: len(states)], states, strict=True)]
+    lengths, forces = np.array([row[0] for row in tension]), np.array([row[1:] for row in tension])
+    return _motion(towed, times, states, forces, lengths, outcome, statistics)
+
+
+def feedforward(
+    towed: TowedObject,
+    law: FrictionLaw | SlidingPatch,
+    force: Path | CubicSpline,
+    start_pose: ArrayLike,
+    times: ArrayLike,
+    *,
+    start_twist: ArrayLike = (0.0, 0.0, 0.0),
+    accuracy: Accuracy = Accuracy(),
+) -> SimulatedMotion:
+    """Motion of an object on whose anchor a force given over time acts (FFD).
+
+    SOURCE: eqs. (9) to (11). The force [N], floor axes, comes as a "path" of its two components; the rest is as in
+    :func:`feedback`. ``tether_length`` of the result is NaN-free zero: there is no tether.
+    """
+    times = _checked_times(times)
+    drive = _drive(force, times, "the force")
+    scene = _scene(towed, law, Tether(1.0, 1.0), drive)
+    outcome, states, _, statistics = _run(scene, FORCED, _state(towed, start_pose, start_twist), times, accuracy)
+    forces = np.array([_spline_value(drive, t) for t in times[: len(states)]])
+    return _motion(towed, times, states, forces, np.zeros(len(states)), outcome, statistics)
+
+
+def _checked_times(times: ArrayLike) -> Array:
+    times = locked(times, "times", (None,)).copy()
+    if len(times) < 2 or not (np.diff(times) > 0).all():
+        raise InputError(
+            "the times to report cannot be used", got=f"{len(times)} times", allowed="two or more, increasing"
+        )
+    return times
+
+
+def _drive(way: Path | CubicSpline, times: Array, name: str) -> Spline:
+    spline = spline_through(way) if isinstance(way, Path) else spline_from(way)
+    slip = 1e-9 * (spline.knots[-1] - spline.knots[0])
+    if times[0] < spline.knots[0] - slip or times[-1] > spline.knots[-1] + slip:
+        raise InputError(
+            f"{name} does not cover the times to report",
+            got=f"times {times[0]} to {times[-1]} s, {name} {spline.knots[0]} to {spline.knots[-1]} s",
+            allowed="times within",
+        )
+    return spline
+
+
+def _scene(towed: TowedObject, law: FrictionLaw | SlidingPatch, tether: Tether, drive: Spline) -> Scene:
+    patch = law if isinstance(law, SlidingPatch) else sliding_patch(resting_pressure(towed), law)
+    body = [towed.mass, towed.inertia, *(patch.origin - towed.centre_of_mass), *(towed.anchor - towed.centre_of_mass)]
+    return Scene(patch, np.array(body), np.array([tether.stiffness, tether.rest_length, tether.damping]), drive)
+
+
+def _state(towed: TowedObject, pose: ArrayLike, twist: ArrayLike) -> Array:
+    """State of the centre of mass from pose and twist of the body frame."""
+    pose, twist = locked(pose, "start pose", (3,)), locked(twist, "start twist", (3,))
+    centre = transform(pose, towed.centre_of_mass)
+    rx, ry = centre - pose[:2]
+    return np.array([*centre, pose[2], twist[0] - twist[2] * ry, twist[1] + twist[2] * rx, twist[2]])
+
+
+def _run(
+    scene: Scene, mode: int, y: Array, times: Array, accuracy: Accuracy
+) -> tuple[Outcome, Array, Array, dict[str, float]]:
+    radius = scene.patch.radius if scene.patch.radius > 0 else 1.0
+    weights = accuracy.tolerance * np.array([1.0, 1.0, 1 / radius])
+    weights = np.concatenate([weights, weights * _VELOCITY_RATE])
+    states, modes = np.empty((len(times), 6)), np.zeros(len(times), dtype=np.int64)
+    code, filled, counts = integrate(scene, mode, y, times, weights, accuracy.step_limit, states, modes)
+    statistics = dict(zip(("steps", "rejections", "mode_changes"), map(float, counts), strict=True))
+    return _OUTCOMES[code], states[:filled], modes[:filled], statistics
+
+
+def _tension(scene: Scene, time: float, y: Array) -> tuple[float, float, float]:
+    """Length of the tether [m] and its force on the object [N]."""
+    piece = piece_at(scene.drive.knots, time, 0)
+    length, stretch, pull = tautness(scene, time, piece, y)
+    hinge = _spline_value(scene.drive, time)
+    anchor = transform(y[:3], scene.body[4:])
+    force = max(0.0, pull) * (hinge - anchor) / length if stretch >= 0 else np.zeros(2)
+    return length, *force
+
+
+def _spline_value(spline: Spline, time: float) -> Array:
+    piece = int(np.clip(np.searchsorted(spline.knots, time, side="right") - 1, 0, len(spline.coefficients) - 1))
+    return np.array(spline_at(spline.knots, spline.coefficients, time, piece)[:2])
+
+
+def _motion(
+    towed: TowedObject,
+    times: Array,
+    states: Array,
+    forces: Array,
+    lengths: Array,
+    outcome: Outcome,
+    statistics: dict[str, float],
+) -> SimulatedMotion:
+    """Pose and twist of the body frame from those of the centre of mass."""
+    headings, rates = states[:, 2], states[:, 5]
+    offset = transform(np.column_stack([np.zeros((len(states), 2)), headings]), -towed.centre_of_mass)
+    poses = np.column_stack([states[:, :2] + offset, headings])
+    turning = rates[:, None] * np.column_stack([-offset[:, 1], offset[:, 0]])
+    twists = np.column_stack([states[:, 3:5] + turning, rates])
+    findings = ()
+    if outcome != Outcome.CONVERGED:
+        text = f"The simulation ended with: {outcome}, at {times[len(states) - 1]:.3f} s. {ADVICE[outcome]}"
+        findings = (Finding(Severity.WARNING, str(outcome).replace(" ", "_"), text),)
+    return SimulatedMotion(
+        time_s=times[: len(states)],
+        pose=poses,
+        twist=twists,
+        tether_force=forces,
+        tether_length=lengths,
+        outcome=str(outcome),
+        advice=ADVICE[outcome],
+        rung="dynamics",
+        findings=findings,
+        statistics=statistics,
+    )

@@ -1,0 +1,53 @@
+"""The elastic tether that can only pull.
+
+SOURCE: eq. (12), ``T = κ (|l| − l0) l/|l|`` when |l| ≥ l0, else 0, with l from the anchor to the hinge. ASSUME: with
+damping, ``c d|l|/dt`` is added while the tether is stretched, and the sum never pushes.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike
+
+from towval.types import Array, Tether
+
+
+def tether_force(tether: Tether, span: ArrayLike, span_rate: ArrayLike | None = None) -> Array:
+    """Force on the object at its anchor.
+
+    Parameters
+    ----------
+    tether : Tether
+    span : array_like (..., 2)
+        Vector l from anchor to hinge [m].
+    span_rate : array_like (..., 2), optional
+        Its time derivative [m/s]; needed where the tether has damping.
+
+    Returns
+    -------
+    ndarray (..., 2)
+        Force [N] along l, zero where the tether is slack.
+    """
+    span = np.asarray(span, dtype=np.float64)
+    length = np.linalg.norm(span, axis=-1, keepdims=True)
+    direction = span / np.where(length > 0, length, 1.0)
+    stretch = length - tether.rest_length
+    rate = 0.0 if span_rate is None else (direction * np.asarray(span_rate)).sum(axis=-1, keepdims=True)
+    pull = np.maximum(0.0, tether.stiffness * stretch + tether.damping * rate)
+    return np.where(stretch >= 0, pull, 0.0) * direction
+
+
+@njit(cache=True)
+def stretch_and_pull(
+    span_x: float, span_y: float, rate_x: float, rate_y: float, tether: Array
+) -> tuple[float, float, float]:
+    """Length, stretch |l| − l0 [m] and the pull [N] that would act if the tether could also push.
+
+    ``tether`` holds κ, l0, c.
+    """
+    length = math.sqrt(span_x * span_x + span_y * span_y)
+    stretch = length - tether[1]
+    return length, stretch, tether[0] * stretch + tether[2] * (span_x * rate_x + span_y * rate_y) / length
