@@ -1,0 +1,31 @@
+"""Figures at column width, drawn from typed data: each function returns a matplotlib ``Figure`` and writes no file.
+
+:func:`towval.io.style.save_figure` writes a figure as PDF, SVG and PNG.
+"""
+
+from towval.io.figures.calibration import (
+    UncertaintyMap,
+    calibration_figures,
+    coverage_figure,
+    reprojection_figure,
+    uncertainty_figure,
+)
+from towval.io.figures.decimation import decimate_figure
+from towval.io.figures.errors import TimeAxis, error_figure, time_axis
+from towval.io.figures.runs import campaign_figure, run_figure
+from towval.io.figures.tracking import tracking_figure
+
+__all__ = [
+    "TimeAxis",
+    "UncertaintyMap",
+    "calibration_figures",
+    "campaign_figure",
+    "coverage_figure",
+    "decimate_figure",
+    "error_figure",
+    "reprojection_figure",
+    "run_figure",
+    "time_axis",
+    "tracking_figure",
+    "uncertainty_figure",
+]

@@ -1,0 +1,185 @@
+"""What the calibration rests on and what it is worth: coverage, reprojection error, uncertainty on a plane."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from towval.io.style import COLUMN_WIDTH_IN, MEASURED, MUTED, ROVER, SHADE, figure_function, fit_height
+from towval.types import Array, Calibration, View, locked
+
+# Length of a large residual (95th percentile) in the picture, as a share of the image's width.
+_ARROW_SHARE = 0.02
+
+
+@dataclass(frozen=True)
+class UncertaintyMap:
+    """Standard deviation of a place seen by the camera, over a grid of pixels.
+
+    ``u_px`` (m,) columns and ``v_px`` (n,) rows of the grid; ``std_m`` (n, m) root sum of squares of the deviations in
+    x and y on the plane at ``height_m``, NaN where the camera does not see it.
+    """
+
+    u_px: Array
+    v_px: Array
+    std_m: Array
+    height_m: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "u_px", locked(self.u_px, "UncertaintyMap.u_px", (None,)))
+        object.__setattr__(self, "v_px", locked(self.v_px, "UncertaintyMap.v_px", (None,)))
+        std_m = locked(self.std_m, "UncertaintyMap.std_m", (len(self.v_px), len(self.u_px)), finite=False)
+        object.__setattr__(self, "std_m", std_m)
+
+
+def calibration_figures(calibration: Calibration, uncertainty: UncertaintyMap | None = None) -> dict[str, Figure]:
+    """All figures of a calibration by name: ``coverage``, ``reprojection`` and, where given, ``uncertainty``."""
+    figures = {"coverage": coverage_figure(calibration), "reprojection": reprojection_figure(calibration)}
+    if uncertainty is not None:
+        figures["uncertainty"] = uncertainty_figure(calibration, uncertainty)
+    return figures
+
+
+@figure_function
+def coverage_figure(calibration: Calibration) -> Figure:
+    """Detected corners over the image with their residuals, exaggerated by a factor that the figure states.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        With its views; residuals are detected minus predicted.
+
+    Returns
+    -------
+    Figure
+        The image [px], one column wide. Corners of views that were dropped are grey crosses.
+    """
+    figure = Figure(figsize=(COLUMN_WIDTH_IN, 0.7 * COLUMN_WIDTH_IN), layout="constrained")
+    axes = figure.add_subplot()
+    used = [view for view in calibration.views if not view.dropped]
+    held, lying = [v for v in used if not v.on_floor], [v for v in used if v.on_floor]
+    for views, marker, colour, label in (
+        (held, "o", ROVER, "held boards"),
+        (lying, "s", "#2c8a4b", "boards on the floor"),
+        ([v for v in calibration.views if v.dropped], "x", MUTED, "dropped"),
+    ):
+        corners = _stacked(views, "corners_px")
+        if len(corners):
+            axes.plot(*corners.T, marker, color=colour, markersize=1.6, markeredgewidth=0.4, label=label)
+    factor = _draw_residuals(axes, calibration, used)
+    width, height = _frame_image(axes, calibration)
+    axes.set_title("Detected corners and their residuals" + (f", × {factor:.0f}" if factor else ""))
+    figure.legend(loc="outside lower center", ncols=3, markerscale=2)
+    fit_height(figure, axes, height / width)
+    return figure
+
+
+@figure_function
+def reprojection_figure(calibration: Calibration) -> Figure:
+    """Root mean square reprojection error and tilt of each view; dropped views carry the reason.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        With its views.
+
+    Returns
+    -------
+    Figure
+        One row a view, one column wide: errors [px] on the left beside the corner noise of all views, tilts between
+        board and image plane [°] on the right. Boards seen without tilt say nothing about the focal length.
+    """
+    views = calibration.views
+    figure = Figure(figsize=(COLUMN_WIDTH_IN, max(1.2, 0.6 + 0.115 * len(views))), layout="constrained")
+    errors, tilts = figure.subplots(1, 2, sharey=True, width_ratios=[1.6, 1])
+    for row, view in enumerate(views):
+        colour = "#2c8a4b" if view.on_floor else ROVER
+        if view.dropped:
+            errors.text(0.0, row, f" dropped: {view.dropped}", va="center", fontsize=6.5, color=MEASURED)
+            continue
+        rms = float(np.sqrt(np.nanmean((view.residuals_px**2).sum(axis=1))))
+        errors.plot([0, rms], [row, row], color=SHADE, linewidth=2.5, solid_capstyle="butt", zorder=1)
+        errors.plot(rms, row, "s" if view.on_floor else "o", color=colour, markersize=3)
+        tilts.plot(view.tilt_deg, row, "s" if view.on_floor else "o", color=colour, markersize=3)
+    expected = np.sqrt(2) * calibration.corner_noise_px
+    errors.axvline(expected, color="#333333", linewidth=0.7, linestyle="--")
+    errors.set_yticks(range(len(views)), [view.name for view in views], fontsize=6.5)
+    errors.set_ylim(len(views) - 0.4, -0.6)
+    errors.set_xlim(left=0)
+    errors.set_xlabel("reprojection error, RMS (px)")
+    tilts.set_xlabel("tilt (°)")
+    tilts.set_xlim(left=0)
+    errors.set_title(f"Views; dashed: corner noise {calibration.corner_noise_px:.2f} px × √2")
+    return figure
+
+
+@figure_function
+def uncertainty_figure(calibration: Calibration, uncertainty: UncertaintyMap) -> Figure:
+    """Standard deviation of a place on a plane over the image, from the covariance of the calibration.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        For the size of the image.
+    uncertainty : UncertaintyMap
+        The deviations on a grid of pixels.
+
+    Returns
+    -------
+    Figure
+        Filled contours [mm] with labels over the image [px], one column wide.
+    """
+    figure = Figure(figsize=(COLUMN_WIDTH_IN, 0.7 * COLUMN_WIDTH_IN), layout="constrained")
+    axes = figure.add_subplot()
+    std_mm = np.ma.masked_invalid(1e3 * uncertainty.std_m)
+    filled = axes.contourf(uncertainty.u_px, uncertainty.v_px, std_mm, levels=9, cmap="YlGnBu")
+    lines = axes.contour(
+        uncertainty.u_px, uncertainty.v_px, std_mm, levels=filled.levels, colors="#333333", linewidths=0.4
+    )
+    axes.clabel(lines, fontsize=6.5, fmt="%g")
+    width, height = _frame_image(axes, calibration)
+    bar = figure.colorbar(filled, ax=axes, pad=0.02, aspect=18)
+    bar.set_label("standard deviation (mm)")
+    bar.outline.set_linewidth(0.4)
+    axes.set_title(f"Uncertainty of a place {uncertainty.height_m:g} m above the floor")
+    fit_height(figure, axes, height / width)
+    return figure
+
+
+def _stacked(views: list[View], name: str) -> Array:
+    return np.concatenate([np.empty((0, 2)), *(getattr(view, name) for view in views)])
+
+
+def _draw_residuals(axes: Axes, calibration: Calibration, used: list[View]) -> float:
+    """Draw the residuals as lines from the corners; the factor they are exaggerated by, zero where there are none."""
+    corners, residuals = _stacked(used, "corners_px"), _stacked(used, "residuals_px")
+    known = np.isfinite(residuals).all(axis=1)
+    corners, residuals = corners[known], residuals[known]
+    large = np.percentile(np.linalg.norm(residuals, axis=1), 95) if len(residuals) else 0.0
+    if not large > 0:
+        return 0.0
+    factor = _round_number(_ARROW_SHARE * calibration.camera.resolution_px[0] / float(large))
+    ends = corners + factor * residuals
+    gaps = np.full(len(corners), np.nan)
+    u, v = (np.stack([corners[:, i], ends[:, i], gaps], axis=1).ravel() for i in (0, 1))
+    axes.plot(u, v, color=MEASURED, linewidth=0.45, label="residual")
+    return factor
+
+
+def _round_number(value: float) -> float:
+    """The largest of 1, 2, 5 times a power of ten that is not above ``value``."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(power * max(step for step in (1, 2, 5) if step * power <= value * (1 + 1e-12)))
+
+
+def _frame_image(axes: Axes, calibration: Calibration) -> tuple[int, int]:
+    """Give the axes the frame of the image: v downward, edges half a pixel outside the outer pixel centres."""
+    width, height = calibration.camera.resolution_px
+    axes.set_xlim(-0.5, width - 0.5)
+    axes.set_ylim(height - 0.5, -0.5)
+    axes.set_xlabel("$u$ (px)")
+    axes.set_ylabel("$v$ (px)")
+    return width, height

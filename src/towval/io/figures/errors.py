@@ -1,0 +1,125 @@
+"""Errors of a run over time, with the tension of the tether below."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from towval.io.run_record import RunRecord
+from towval.io.style import BAND, COLUMN_WIDTH_IN, MEASURED, SHADE, SIMULATED, figure_function
+from towval.types import Array, SimulatedMotion
+
+_PANELS = (
+    (0, "$x$ (mm)", 1e3),
+    (1, "$y$ (mm)", 1e3),
+    (2, "heading (°)", float(np.rad2deg(1.0))),
+)
+_COVERAGE = 2.0
+"""Half width of the band in standard uncertainties: 95 % for a normal error."""
+
+
+@dataclass(frozen=True)
+class TimeAxis:
+    """Where the time axis of a figure lies, and the times at its ends [s].
+
+    ``left`` and ``right`` are fractions of the figure's width from the left, ``top`` and ``bottom`` the edges of the
+    panels as fractions of its height from above.
+    """
+
+    left: float
+    right: float
+    top: float
+    bottom: float
+    start_s: float
+    end_s: float
+
+
+@figure_function
+def error_figure(run: RunRecord) -> Figure:
+    """Simulated minus measured over time in x, y and heading, and the tension of the tether, one column wide.
+
+    Parameters
+    ----------
+    run : RunRecord
+        The run. Where ``error_std`` is given, bands of ± two standard uncertainties lie around zero; an error that
+        leaves them is more than the uncertainties explain (95 % for a normal error).
+
+    Returns
+    -------
+    Figure
+        Four panels over one time axis [s]: errors in mm and degrees, tension in N. Shaded where the tether is slack;
+        a red line at the foot of a panel marks frames in which the object was not seen.
+    """
+    figure = Figure(figsize=(COLUMN_WIDTH_IN, 1.15 * COLUMN_WIDTH_IN), layout="constrained")
+    figure.get_layout_engine().set(hspace=0.02, h_pad=0.025)
+    panels = figure.subplots(4, 1, sharex=True)
+    comparison, simulated = run.comparison, run.simulated
+    for axes, (column, label, scale) in zip(panels, _PANELS, strict=False):
+        std = None if run.error_std is None else scale * run.error_std[:, column]
+        _draw_error(axes, comparison.time_s, scale * comparison.error[:, column], std)
+        axes.set_ylabel(label)
+    _draw_tension(panels[3], simulated)
+    shaded = _shade_slack(panels, simulated)
+    figure.align_ylabels(panels)
+    panels[3].set_xlabel("time (s)")
+    panels[0].set_xlim(comparison.time_s[0], comparison.time_s[-1])
+    panels[0].set_title(f"Run {run.name}: simulated minus measured")
+    _explain(figure, banded=run.error_std is not None, shaded=shaded, gaps=np.isnan(comparison.error).any())
+    return figure
+
+
+def time_axis(figure: Figure) -> TimeAxis:
+    """Where time runs in an :func:`error_figure`, so that a cursor can be laid over it."""
+    box, lowest, (start_s, end_s) = (
+        figure.axes[0].get_position(),
+        figure.axes[-1].get_position(),
+        figure.axes[0].get_xlim(),
+    )
+    return TimeAxis(box.x0, box.x1, 1 - box.y1, 1 - lowest.y0, float(start_s), float(end_s))
+
+
+def intervals(time_s: Array, mask: Array) -> list[tuple[float, float]]:
+    """Start and end [s] of each stretch of samples in which ``mask`` (n,) holds, half an interval wider each side."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
+    bounds = np.concatenate([time_s[:1], (time_s[1:] + time_s[:-1]) / 2, time_s[-1:]])
+    return [(float(bounds[i]), float(bounds[j])) for i, j in edges.reshape(-1, 2)]
+
+
+def _draw_error(axes: Axes, time_s: Array, error: Array, std: Array | None) -> None:
+    axes.axhline(0.0, color="#333333", linewidth=0.5, zorder=2)
+    if std is not None:
+        axes.fill_between(time_s, -_COVERAGE * std, _COVERAGE * std, color=BAND, linewidth=0, zorder=1.5)
+    axes.plot(time_s, error, color=SIMULATED, linewidth=0.9, zorder=3)
+    for start_s, end_s in intervals(time_s, np.isnan(error)):
+        axes.axvspan(start_s, end_s, ymax=0.035, color=MEASURED, linewidth=0, zorder=4)
+
+
+def _draw_tension(axes: Axes, simulated: SimulatedMotion) -> None:
+    tension = np.linalg.norm(simulated.tether_force, axis=1)
+    axes.plot(simulated.time_s, tension, color=SIMULATED, linewidth=0.8, zorder=3)
+    axes.set_ylim(bottom=0)
+    axes.set_ylabel("tension (N)")
+
+
+def _shade_slack(panels: np.ndarray, simulated: SimulatedMotion) -> bool:
+    slack = ~(np.linalg.norm(simulated.tether_force, axis=1) > 0)
+    spans = intervals(simulated.time_s, slack)
+    for axes in panels:
+        for start_s, end_s in spans:
+            axes.axvspan(start_s, end_s, color=SHADE, linewidth=0, zorder=0)
+    return bool(spans)
+
+
+def _explain(figure: Figure, *, banded: bool, shaded: bool, gaps: bool) -> None:
+    parts = []
+    if banded:
+        parts.append("band: ±2 standard uncertainties")
+    if shaded:
+        parts.append("shaded: tether slack")
+    if gaps:
+        parts.append("red foot: object not seen")
+    if parts:
+        figure.supxlabel("; ".join(parts), fontsize=7, color="#555555", x=0.01, ha="left")

@@ -1,0 +1,70 @@
+"""How well a body was tracked, frame by frame."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch as Swatch
+
+from towval.io.figures.errors import intervals
+from towval.io.style import BAND, COLUMN_WIDTH_IN, MEASURED, ROVER, SIMULATED, figure_function
+from towval.types import Track, TrackStatus
+
+_STATUS_COLOURS = {
+    TrackStatus.TRACKED: BAND,
+    TrackStatus.COASTING: "#f2b84b",
+    TrackStatus.LOST: MEASURED,
+}
+
+
+@figure_function
+def tracking_figure(track: Track) -> Figure:
+    """Residual, inliers and predicted standard deviations of a track over time, above a strip of its status.
+
+    Parameters
+    ----------
+    track : Track
+        The track of one body.
+
+    Returns
+    -------
+    Figure
+        Five panels over one time axis [s], one column wide: residual [px or grey levels, as the method counts],
+        inliers [%], standard deviation of the place [mm] and of the heading [°] from the frame's own noise, status.
+    """
+    figure = Figure(figsize=(COLUMN_WIDTH_IN, 1.15 * COLUMN_WIDTH_IN), layout="constrained")
+    figure.get_layout_engine().set(hspace=0.02, h_pad=0.025)
+    panels = figure.subplots(5, 1, sharex=True, height_ratios=[1, 1, 1, 1, 0.22])
+    panels[0].plot(track.time_s, track.residual, color=SIMULATED, linewidth=0.8)
+    panels[0].set_ylabel("residual")
+    panels[1].plot(track.time_s, 100 * track.inlier_fraction, color=SIMULATED, linewidth=0.8)
+    panels[1].set_ylim(0, 104)
+    panels[1].set_ylabel("inliers (%)")
+    panels[2].plot(track.time_s, 1e3 * track.std[:, 0], color=ROVER, linewidth=0.8, label="$x$")
+    panels[2].plot(track.time_s, 1e3 * track.std[:, 1], color=MEASURED, linewidth=0.8, linestyle="--", label="$y$")
+    panels[2].legend(loc="upper right", ncols=2)
+    panels[2].set_ylabel("place (mm)")
+    panels[3].plot(track.time_s, np.rad2deg(track.std[:, 2]), color=SIMULATED, linewidth=0.8)
+    panels[3].set_ylabel("heading (°)")
+    for axes in (panels[0], *panels[2:4]):
+        axes.set_ylim(bottom=0, top=1.35 * axes.get_ylim()[1])
+    _draw_status(panels[4], track)
+    panels[4].set_xlabel("time (s)")
+    panels[0].set_xlim(track.time_s[0], track.time_s[-1])
+    panels[0].set_title(f"Tracking of the {track.body}")
+    figure.align_ylabels(panels)
+    return figure
+
+
+def _draw_status(axes: Axes, track: Track) -> None:
+    for status, colour in _STATUS_COLOURS.items():
+        for start_s, end_s in intervals(track.time_s, track.status == status):
+            axes.axvspan(start_s, end_s, color=colour, linewidth=0)
+    present = [status for status in _STATUS_COLOURS if (track.status == status).any()]
+    swatches = [
+        Swatch(color=_STATUS_COLOURS[s], label=f"{s.name.lower()} ({int((track.status == s).sum())})") for s in present
+    ]
+    axes.figure.legend(handles=swatches, loc="outside lower center", ncols=3, handlelength=1.2)
+    axes.set_yticks([])
+    axes.grid(visible=False)

@@ -1,0 +1,57 @@
+"""Small text on video frames, in the font that matplotlib brings along."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.font_manager import FontProperties, findfont
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+Colour = tuple[int, int, int]
+
+_SHADE = 0.35
+"""What is left of the footage's brightness under the text."""
+
+
+class TextPainter:
+    """Writes single lines on darkened strips; digits are of one width, so that running numbers stand still.
+
+    Parameters
+    ----------
+    size_px : int
+        Height of the letters [px].
+    """
+
+    def __init__(self, size_px: int):
+        self._font = ImageFont.truetype(findfont(FontProperties(family="DejaVu Sans")), size_px)
+        self._padding = round(0.5 * size_px)
+        ascent, descent = self._font.getmetrics()
+        self.height_px = ascent + descent + self._padding
+        """Height of a strip [px]."""
+
+    def write(
+        self, picture: NDArray[np.uint8], corner_px: tuple[int, int], parts: Sequence[tuple[str, Colour]]
+    ) -> None:
+        """Write coloured parts after each other from the top left ``corner_px`` (u, v), in place.
+
+        Parameters
+        ----------
+        picture : ndarray (height, width, 3)
+            RGB.
+        corner_px : tuple of int
+            Top left corner of the strip; what does not fit is cut off.
+        parts : sequence of (str, (int, int, int))
+            Text and its colour.
+        """
+        u, v = corner_px
+        width = round(sum(self._font.getlength(text) for text, _ in parts)) + 2 * self._padding
+        strip = picture[v : v + self.height_px, u : u + width]
+        image = Image.fromarray((strip * _SHADE).astype(np.uint8))
+        draw = ImageDraw.Draw(image)
+        at = float(self._padding)
+        for text, colour in parts:
+            draw.text((at, self._padding / 2), text, font=self._font, fill=colour)
+            at += self._font.getlength(text)
+        strip[...] = np.asarray(image)

@@ -1,0 +1,103 @@
+"""The report: one HTML file that holds figures, videos, numbers and provenance, and opens offline."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from pathlib import Path as FilePath
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from towval.errors import InputError
+from towval.io import figures, report_view
+from towval.io.replacing import replacing
+from towval.io.report_data import InputRow, Provenance, ReportData, RunReport, StageFinding
+from towval.io.style import save_figure
+
+__all__ = ["InputRow", "Provenance", "ReportData", "RunReport", "StageFinding", "report_figures", "write_report"]
+
+
+def write_report(path: FilePath, data: ReportData, figures_folder: FilePath | None = None) -> FilePath:
+    """Write the report of a campaign.
+
+    Parameters
+    ----------
+    path : path
+        The HTML file to write; its folder is made if it is not there.
+    data : ReportData
+        What to show.
+    figures_folder : path, optional
+        Where to save the figures as PDF, SVG and PNG as well; by default they are only in the page.
+
+    Returns
+    -------
+    path
+        ``path``: one file that asks for nothing from outside. The same data give the same bytes.
+
+    Raises
+    ------
+    InputError
+        When there is no run, two runs share a name, or a video cannot be read.
+    """
+    names = [run.record.name for run in data.runs]
+    if not names or len(set(names)) < len(names):
+        raise InputError("the runs of a report need names of their own", got=names, allowed="one run or more")
+    drawn = report_figures(data)
+    if figures_folder is not None:
+        for name, figure in drawn.items():
+            save_figure(figure, figures_folder, name)
+    page = (
+        _environment()
+        .get_template("report.html.j2")
+        .render(
+            view=report_view.build(data, drawn),
+            css=_asset("report.css"),
+            script=_asset("report.js"),
+        )
+    )
+    with replacing(path) as temporary:
+        temporary.write_text(page, encoding="utf-8")
+    return path
+
+
+def report_figures(data: ReportData) -> dict[str, Figure]:
+    """All figures of a report by name: ``fig10``, ``fig10_<run>``, ``errors_<run>``, ``tracking_<body>_<run>``, ...
+
+    Parameters
+    ----------
+    data : ReportData
+        What to show.
+
+    Returns
+    -------
+    dict of str to Figure
+        In the order of the page; figures whose data are missing are left out.
+    """
+    drawn = {"fig10": figures.campaign_figure([run.record for run in data.runs])}
+    for run in (run.record for run in data.runs):
+        drawn[f"fig10_{run.name}"] = figures.run_figure(run)
+        drawn[f"errors_{run.name}"] = figures.error_figure(run)
+        for track in (run.rover_track, run.object_track):
+            drawn[f"tracking_{track.body}_{run.name}"] = figures.tracking_figure(track)
+        if run.decimated is not None and run.raw_hinge is not None:
+            drawn[f"decimate_{run.name}"] = figures.decimate_figure(run)
+    if data.calibration is not None:
+        for name, figure in figures.calibration_figures(data.calibration, data.uncertainty).items():
+            drawn[f"calibration_{name}"] = figure
+    return drawn
+
+
+def _environment() -> Environment:
+    return Environment(
+        loader=PackageLoader("towval.io"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+
+
+def _asset(name: str) -> Markup:
+    # The package's own style sheet and script, never data: they go into the page as they are.
+    return Markup((files("towval.io") / "templates" / name).read_text(encoding="utf-8"))

@@ -1,0 +1,67 @@
+"""All that is known of one run, as the figures, the overlay video and the report draw it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from towval.errors import InputError
+from towval.geometry import transform
+from towval.types import Array, Body, Comparison, Path, SimulatedMotion, Track, locked
+
+
+@dataclass(frozen=True)
+class RunRecord:
+    """One run from its tracks to its comparison.
+
+    ``rover`` and ``towed`` are the two bodies, ``hinge`` (2,) and ``anchor`` (2,) [m] the ends of the tether in their
+    frames; ``rover_track``, ``object_track`` what was measured, ``simulated`` what the model says, ``comparison`` the
+    difference. ``raw_hinge`` is the measured way of the hinge, ``decimated`` the points of it that were kept,
+    ``smoothed`` the curve through them at the times of ``raw_hinge``, ``decimation_bound_m`` how far it may be from the
+    measured points; all four are left out where a run was not decimated. ``error_std`` (n, 3) is the standard
+    validation uncertainty of ``comparison.error`` [m, m, rad], None where it was not computed.
+    """
+
+    name: str
+    rover: Body
+    towed: Body
+    hinge: Array
+    anchor: Array
+    rover_track: Track
+    object_track: Track
+    simulated: SimulatedMotion
+    comparison: Comparison
+    raw_hinge: Path | None = None
+    decimated: Path | None = None
+    smoothed: Path | None = None
+    decimation_bound_m: float = float("nan")
+    error_std: Array | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "hinge", locked(self.hinge, "RunRecord.hinge", (2,)))
+        object.__setattr__(self, "anchor", locked(self.anchor, "RunRecord.anchor", (2,)))
+        if self.error_std is not None:
+            shape = (len(self.comparison.time_s), 3)
+            std = locked(self.error_std, "RunRecord.error_std", shape, finite=False)
+            object.__setattr__(self, "error_std", std)
+        if (self.smoothed is None) != (self.raw_hinge is None) and self.smoothed is not None:
+            raise InputError(f"run {self.name} has a smoothed hinge path and no measured one")
+
+
+def seen_poses(track: Track) -> Array:
+    """Poses (n, 3) of the frames in which the body was seen, NaN in the others."""
+    return np.where(track.seen[:, None], track.pose, np.nan)
+
+
+def pose_at(time_s: Array, pose: Array, wanted_s: float) -> Array:
+    """The pose (3,) of the sample nearest to a time, NaN where there is none within one interval of the samples."""
+    nearest = int(np.argmin(np.abs(time_s - wanted_s)))
+    interval = float(np.median(np.diff(time_s))) if len(time_s) > 1 else np.inf
+    return pose[nearest] if abs(time_s[nearest] - wanted_s) <= interval else np.full(3, np.nan)
+
+
+def outline_at(body: Body, pose: Array) -> Array:
+    """The closed outline (n + 1, 2) [m] of a body's top at a pose (3,)."""
+    corners = transform(pose, body.top_corners_m)
+    return np.concatenate([corners, corners[:1]])

@@ -1,0 +1,68 @@
+"use strict";
+// One time cursor for each run: it moves with the film, and the film moves with it.
+for (const pair of document.querySelectorAll(".pair[data-run]")) {
+  const plot = pair.querySelector(".timeplot");
+  const cursor = pair.querySelector(".cursor");
+  const readout = pair.querySelector(".readout");
+  const film = pair.querySelector("video");
+  const series = JSON.parse(pair.querySelector(".series").textContent);
+  const left = Number(plot.dataset.left), right = Number(plot.dataset.right);
+  const first = Number(plot.getAttribute("aria-valuemin")), last = Number(plot.getAttribute("aria-valuemax"));
+  // The film starts at its first frame, the run's clock where the camera's stood.
+  const filmStart = film ? Number(film.dataset.start) : 0;
+  let now = first;
+
+  const nearest = (time) => {
+    let low = 0, high = series.time_s.length - 1;
+    while (high - low > 1) {
+      const middle = (low + high) >> 1;
+      if (series.time_s[middle] <= time) { low = middle; } else { high = middle; }
+    }
+    return time - series.time_s[low] <= series.time_s[high] - time ? low : high;
+  };
+  const signed = (value, digits, unit) => (value < 0 ? "\u2212" : "+") + Math.abs(value).toFixed(digits) + unit;
+  const words = (i) => {
+    const seen = series.x_mm[i] !== null;
+    const error = seen
+      ? `x ${signed(series.x_mm[i], 1, " mm")}, y ${signed(series.y_mm[i], 1, " mm")}, heading ${signed(series.heading_deg[i], 2, "°")}`
+      : "object not seen";
+    return `${series.time_s[i].toFixed(2)} s: ${error}, tension ${series.tension_N[i].toFixed(1)} N`;
+  };
+  const show = (time) => {
+    now = Math.min(last, Math.max(first, time));
+    cursor.style.left = `${100 * (left + (right - left) * (now - first) / (last - first))}%`;
+    cursor.style.visibility = "visible";
+    readout.textContent = words(nearest(now));
+    plot.setAttribute("aria-valuenow", now.toFixed(2));
+    plot.setAttribute("aria-valuetext", readout.textContent);
+  };
+  const go = (time) => {
+    show(time);
+    if (film) { film.currentTime = Math.max(0, now - filmStart); }
+  };
+
+  const follow = () => show(film.currentTime + filmStart);
+  const run = () => { follow(); if (!film.paused && !film.ended) { requestAnimationFrame(run); } };
+  if (film) {
+    film.addEventListener("play", run);
+    for (const event of ["timeupdate", "seeked"]) { film.addEventListener(event, follow); }
+  }
+  const point = (event) => {
+    const box = plot.getBoundingClientRect();
+    const share = ((event.clientX - box.left) / box.width - left) / (right - left);
+    if (film) { film.pause(); }
+    go(first + (last - first) * share);
+  };
+  plot.addEventListener("pointerdown", (event) => { plot.setPointerCapture(event.pointerId); point(event); });
+  plot.addEventListener("pointermove", (event) => { if (plot.hasPointerCapture(event.pointerId)) { point(event); } });
+  plot.addEventListener("keydown", (event) => {
+    const here = nearest(now);
+    const steps = { ArrowLeft: here - 1, ArrowRight: here + 1, Home: 0, End: series.time_s.length - 1 };
+    if (!(event.key in steps)) { return; }
+    event.preventDefault();
+    const target = Math.min(series.time_s.length - 1, Math.max(0, steps[event.key]));
+    if (film) { film.pause(); }
+    go(series.time_s[target]);
+  });
+  show(first);
+}

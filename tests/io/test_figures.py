@@ -1,0 +1,193 @@
+import dataclasses
+
+import matplotlib
+import numpy as np
+import pytest
+from report_scenes import LOST, SLACK, ceiling_calibration, towed_run
+
+from towval.errors import InputError
+from towval.io import figures
+from towval.io.figures.errors import intervals
+from towval.io.style import COLUMN_WIDTH_IN, MEASURED, PAGE_WIDTH_IN, ROVER, SIMULATED, save_figure, svg_text
+
+
+@pytest.fixture(scope="module")
+def run():
+    return towed_run()
+
+
+@pytest.fixture(scope="module")
+def calibration():
+    return ceiling_calibration()
+
+
+def line(axes, colour, width):
+    return next(a for a in axes.lines if a.get_color() == colour and a.get_linewidth() == pytest.approx(width))
+
+
+def test_run_figure_draws_the_paths_it_was_given(run):
+    axes = figures.run_figure(run).axes[0]
+    np.testing.assert_array_equal(line(axes, SIMULATED, 1.5).get_xydata(), run.simulated.pose[:, :2])
+    np.testing.assert_array_equal(line(axes, ROVER, 0.9).get_xydata(), run.rover_track.pose[:, :2])
+    np.testing.assert_array_equal(line(axes, MEASURED, 1.1).get_xydata(), run.object_track.pose[:, :2])
+
+
+def test_lost_frames_leave_gaps(run):
+    drawn = line(figures.run_figure(run).axes[0], MEASURED, 1.1).get_xydata()
+    assert np.isnan(drawn[LOST]).all()
+    assert np.isfinite(np.delete(drawn, np.r_[LOST], axis=0)).all()
+
+
+def test_scales_of_a_run_figure_are_equal_and_it_is_a_column_wide(run):
+    figure = figures.run_figure(run)
+    axes, (width, height) = figure.axes[0], figure.get_size_inches()
+    box = axes.get_position()
+    metres_per_inch_x = np.ptp(axes.get_xlim()) / (box.width * width)
+    metres_per_inch_y = np.ptp(axes.get_ylim()) / (box.height * height)
+    assert width == pytest.approx(COLUMN_WIDTH_IN)
+    # A hundredth of a millimetre over the width of the column is far below the width of a line.
+    assert metres_per_inch_x == pytest.approx(metres_per_inch_y, rel=2e-3)
+
+
+def test_everything_drawn_lies_inside_the_frame(run):
+    axes = figures.run_figure(run).axes[0]
+    drawn = np.concatenate([a.get_xydata() for a in axes.lines])
+    for column, (low, high) in enumerate((axes.get_xlim(), axes.get_ylim())):
+        assert low < np.nanmin(drawn[:, column])
+        assert np.nanmax(drawn[:, column]) < high
+
+
+def test_outlines_come_at_equal_steps_along_the_path(run):
+    spacing = 0.3
+    axes = figures.run_figure(run, spacing_m=spacing).axes[0]
+    outlines = [a.get_xydata() for a in axes.lines if len(a.get_xydata()) == 5 and a.get_color() == SIMULATED]
+    centres = np.array([o[:4].mean(axis=0) for o in outlines])
+    path = run.simulated.pose[:, :2]
+    arc = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
+    at = arc[[np.argmin(np.linalg.norm(path - centre, axis=1)) for centre in centres]]
+    # A sample of the path is 10 mm from the next.
+    np.testing.assert_allclose(np.diff(at[:-1]), spacing, atol=0.02)
+    assert at[-1] == pytest.approx(arc[-1])
+
+
+def test_spacing_must_be_above_zero(run):
+    with pytest.raises(InputError, match="spacing"):
+        figures.run_figure(run, spacing_m=0.0)
+
+
+def test_campaign_figure_has_a_panel_a_run_at_one_scale(run):
+    figure = figures.campaign_figure([run, dataclasses.replace(run, name="b"), dataclasses.replace(run, name="c")])
+    assert [axes.get_title(loc="left") for axes in figure.axes[:3]] == ["(a) run a", "(b) run b", "(c) run c"]
+    assert len({round(float(np.ptp(axes.get_xlim())), 9) for axes in figure.axes[:3]}) == 1
+    assert figure.get_size_inches()[0] == pytest.approx(PAGE_WIDTH_IN)
+
+
+def test_campaign_figure_without_runs_is_refused():
+    with pytest.raises(InputError, match="needs a run"):
+        figures.campaign_figure([])
+
+
+def test_error_figure_shows_millimetres_degrees_and_newton(run):
+    panels = figures.error_figure(run).axes
+    for panel, column, scale in ((0, 0, 1e3), (1, 1, 1e3), (2, 2, 180 / np.pi)):
+        np.testing.assert_allclose(
+            line(panels[panel], SIMULATED, 0.9).get_ydata(), scale * run.comparison.error[:, column]
+        )
+    np.testing.assert_allclose(
+        line(panels[3], SIMULATED, 0.8).get_ydata(), np.hypot(*run.simulated.tether_force.T), atol=1e-12
+    )
+
+
+def test_error_band_is_two_standard_uncertainties_wide(run):
+    std = np.tile([0.001, 0.002, 0.003], (len(run.comparison.time_s), 1))
+    bands = figures.error_figure(dataclasses.replace(run, error_std=std)).axes[1].collections
+    assert np.abs(bands[0].get_paths()[0].vertices[:, 1]).max() == pytest.approx(4.0)
+
+
+def test_slack_is_shaded_from_start_to_tension(run):
+    time_s = run.simulated.time_s
+    slack = intervals(time_s, np.hypot(*run.simulated.tether_force.T) == 0)
+    assert slack == [(0.0, pytest.approx((time_s[SLACK.stop - 1] + time_s[SLACK.stop]) / 2))]
+
+
+def test_intervals_of_nothing_and_of_everything():
+    time_s = np.array([0.0, 1.0, 2.0])
+    assert intervals(time_s, np.zeros(3, bool)) == []
+    assert intervals(time_s, np.ones(3, bool)) == [(0.0, 2.0)]
+    assert intervals(time_s, np.array([False, True, False])) == [(0.5, 1.5)]
+
+
+def test_time_axis_points_at_the_frame(run):
+    figure = figures.error_figure(run)
+    axis = figures.time_axis(figure)
+    assert (axis.start_s, axis.end_s) == (run.comparison.time_s[0], run.comparison.time_s[-1])
+    assert 0 < axis.left < axis.right <= 1
+    assert 0 < axis.top < axis.bottom < 1
+
+
+def test_coverage_states_the_factor_it_exaggerates_by(calibration):
+    figure = figures.coverage_figure(calibration)
+    axes = figure.axes[0]
+    residuals = next(a for a in axes.lines if a.get_label() == "residual").get_xydata().reshape(-1, 3, 2)
+    drawn = residuals[:, 1] - residuals[:, 0]
+    used = np.concatenate([v.residuals_px for v in calibration.views if not v.dropped])
+    factor = float(axes.get_title(loc="left").split("×")[1])
+    np.testing.assert_allclose(drawn, factor * used, atol=1e-9)
+
+
+def test_image_axes_run_downward_over_the_whole_image(calibration):
+    axes = figures.coverage_figure(calibration).axes[0]
+    assert axes.get_xlim() == (-0.5, 1919.5)
+    assert axes.get_ylim() == (1079.5, -0.5)
+
+
+def test_reprojection_figure_names_every_view_and_why_it_was_dropped(calibration):
+    errors = figures.reprojection_figure(calibration).axes[0]
+    assert [label.get_text() for label in errors.get_yticklabels()] == [v.name for v in calibration.views]
+    assert "corners not found" in errors.texts[0].get_text()
+
+
+def test_calibration_figures_leave_out_what_is_missing(calibration):
+    assert set(figures.calibration_figures(calibration)) == {"coverage", "reprojection"}
+    grid = figures.UncertaintyMap([0, 960, 1919], [0, 1079], [[1e-3, 5e-4, 1e-3], [1e-3, np.nan, 1e-3]], 0.25)
+    assert set(figures.calibration_figures(calibration, grid)) == {"coverage", "reprojection", "uncertainty"}
+
+
+def test_uncertainty_map_checks_its_shape():
+    with pytest.raises(InputError, match=r"std_m"):
+        figures.UncertaintyMap([0, 1], [0, 1], [[1.0, 2.0, 3.0]], 0.25)
+
+
+def test_tracking_figure_counts_frames_by_status(run):
+    legend = figures.tracking_figure(run.object_track).legends[0]
+    assert [text.get_text() for text in legend.get_texts()] == ["tracked (188)", "lost (12)"]
+
+
+def test_decimate_figure_without_decimation_is_refused(run):
+    with pytest.raises(InputError, match="decimate"):
+        figures.decimate_figure(dataclasses.replace(run, decimated=None))
+
+
+def test_decimate_figure_without_smoothed_path_has_one_panel(run):
+    assert len(figures.decimate_figure(run).axes) == 2
+    assert len(figures.decimate_figure(dataclasses.replace(run, smoothed=None)).axes) == 1
+
+
+def test_files_are_the_same_to_the_byte_when_drawn_again(run, tmp_path):
+    first = save_figure(figures.error_figure(run), tmp_path / "one", "errors")
+    again = save_figure(figures.error_figure(run), tmp_path / "two", "errors")
+    assert [path.name for path in first] == ["errors.pdf", "errors.svg", "errors.png"]
+    for one, two in zip(first, again, strict=True):
+        assert one.read_bytes() == two.read_bytes(), one.name
+
+
+def test_drawing_leaves_the_settings_of_matplotlib_alone(run):
+    before = dict(matplotlib.rcParams)
+    svg_text(figures.tracking_figure(run.rover_track))
+    assert dict(matplotlib.rcParams) == before
+
+
+def test_a_folder_that_cannot_be_written_is_named(run, tmp_path):
+    (tmp_path / "taken").write_text("a file where the folder should be")
+    with pytest.raises(InputError, match="could not be saved"):
+        save_figure(figures.decimate_figure(run), tmp_path / "taken", "figure")

@@ -1,0 +1,151 @@
+import dataclasses
+
+import av
+import cv2
+import numpy as np
+import pytest
+from report_scenes import LOST, ceiling_calibration, towed_run
+
+from towval.errors import InputError
+from towval.geometry import transform
+from towval.io.overlay import overlay_frames, write_overlay
+from towval.vision.camera import project
+
+FRAMES, SIZE = 80, (640, 360)
+
+
+@pytest.fixture(scope="module")
+def calibration():
+    """The ceiling camera at a third of its size, so that tests stay quick."""
+    full = ceiling_calibration()
+    matrix = np.array(full.camera.matrix)
+    matrix[:2] /= 3
+    matrix[0, 2], matrix[1, 2] = 319.5, 179.5
+    return dataclasses.replace(
+        full, camera=dataclasses.replace(full.camera, resolution_px=SIZE, matrix=matrix), views=()
+    )
+
+
+@pytest.fixture(scope="module")
+def run():
+    return towed_run(n=FRAMES)
+
+
+@pytest.fixture(scope="module")
+def footage(tmp_path_factory):
+    return film_of(tmp_path_factory.mktemp("footage") / "grey.mp4", SIZE)
+
+
+@pytest.fixture(scope="module")
+def overlay(footage, calibration, run, tmp_path_factory):
+    return write_overlay(footage, tmp_path_factory.mktemp("overlay") / "overlay.mp4", calibration, run, crf=12)
+
+
+def film_of(path, size, grey=128, frames=FRAMES, first_pts=0):
+    with av.open(path, "w") as film:
+        stream = film.add_stream("libx264", rate=25)
+        stream.width, stream.height, stream.pix_fmt = *size, "yuv420p"
+        for i in range(frames):
+            frame = av.VideoFrame.from_ndarray(np.full((size[1], size[0], 3), grey, np.uint8), format="rgb24")
+            frame.pts = first_pts + i
+            film.mux(stream.encode(frame))
+        film.mux(stream.encode(None))
+    return path
+
+
+def decoded(path):
+    with av.open(path) as film:
+        return [(float(f.pts * f.time_base), f.to_ndarray(format="rgb24")) for f in film.decode(video=0)]
+
+
+def reddest(picture, at):
+    """How much red stands out within two pixels of a place."""
+    u, v = np.round(at).astype(int)
+    patch = picture[v - 2 : v + 3, u - 2 : u + 3].astype(int)
+    return (patch[..., 0] - patch[..., 1:].max(axis=-1)).max()
+
+
+def test_format_is_what_phones_play(overlay):
+    with av.open(overlay) as film:
+        context = film.streams.video[0].codec_context
+        assert (context.name, context.profile, context.pix_fmt) == ("h264", "High", "yuv420p")
+        assert (context.width, context.height) == SIZE
+    content = overlay.read_bytes()
+    assert 0 < content.index(b"moov") < content.index(b"mdat"), "the index does not come first"
+
+
+def test_frames_and_times_are_those_of_the_footage(overlay, footage):
+    assert [t for t, _ in decoded(overlay)] == pytest.approx([t for t, _ in decoded(footage)], abs=1e-9)
+
+
+def test_measured_outline_is_drawn_at_the_height_of_the_top(overlay, calibration, run):
+    frames = decoded(overlay)
+    height = run.towed.tracked_plane_height_m
+    for i in (5, 40):
+        # In the first dash of the outline, from the first corner towards the second.
+        start, end = transform(run.object_track.pose[i], run.towed.top_corners_m[:2])
+        at = start + 0.04 * (end - start)
+        top = project(calibration.camera, calibration.floor, [*at, height])
+        on_the_floor = project(calibration.camera, calibration.floor, [*at, 0.0])
+        assert np.linalg.norm(top - on_the_floor) > 3, "the place says nothing about the height"
+        assert reddest(frames[i][1], top) > 60
+
+
+def test_lost_frames_show_no_measured_outline(overlay, calibration, run):
+    _, picture = decoded(overlay)[LOST.start + 5]
+    corner = transform(run.simulated.pose[LOST.start + 5], run.towed.top_corners_m[0])
+    at = project(calibration.camera, calibration.floor, [*corner, run.towed.tracked_plane_height_m])
+    assert reddest(picture, at) < 40
+
+
+def test_colours_survive_where_nothing_is_drawn(overlay):
+    _, picture = decoded(overlay)[20]
+    # A corner without text or outline; coding at this quality moves a flat grey by a level or two.
+    assert np.abs(picture[5:40, -60:].astype(int) - 128).max() <= 3
+
+
+def test_wide_footage_is_scaled_down_to_even_sizes(calibration, run, footage, tmp_path):
+    small = write_overlay(footage, tmp_path / "small.mp4", calibration, run, width_px=321)
+    with av.open(small) as film:
+        context = film.streams.video[0].codec_context
+        assert (context.width, context.height) == (320, 180)
+
+
+def test_same_data_give_the_same_bytes(calibration, run, footage, overlay, tmp_path):
+    again = write_overlay(footage, tmp_path / "again.mp4", calibration, run, crf=12)
+    assert again.read_bytes() == overlay.read_bytes()
+
+
+def test_an_offset_of_the_footage_is_taken_off(calibration, run, tmp_path):
+    late = film_of(tmp_path / "late.mp4", SIZE, frames=5, first_pts=50)
+    assert decoded(late)[0][0] == pytest.approx(2.0)
+    film = decoded(write_overlay(late, tmp_path / "overlay.mp4", calibration, run))
+    assert [t for t, _ in film] == pytest.approx([0, 0.04, 0.08, 0.12, 0.16], abs=1e-9)
+
+
+def test_stills_are_jpeg_from_first_to_last(overlay):
+    stills = overlay_frames(overlay, 3)
+    assert [still.time_s for still in stills] == pytest.approx([0, 40 / 25, (FRAMES - 1) / 25], abs=0.03)
+    picture = cv2.imdecode(np.frombuffer(stills[0].jpeg, np.uint8), cv2.IMREAD_COLOR)
+    assert picture.shape == (SIZE[1], SIZE[0], 3)
+
+
+def test_footage_of_another_size_is_refused(calibration, run, tmp_path):
+    film = film_of(tmp_path / "other.mp4", (320, 180), frames=3)
+    with pytest.raises(InputError, match="another size") as caught:
+        write_overlay(film, tmp_path / "overlay.mp4", calibration, run)
+    assert caught.value.got == "320 × 180"
+
+
+def test_what_is_no_video_is_refused_and_nothing_is_left(calibration, run, tmp_path):
+    (tmp_path / "notes.mp4").write_text("not a film")
+    with pytest.raises(InputError, match=r"notes\.mp4"):
+        write_overlay(tmp_path / "notes.mp4", tmp_path / "out" / "overlay.mp4", calibration, run)
+    assert not list((tmp_path / "out").iterdir())
+
+
+def test_a_damaged_film_is_refused(calibration, run, footage, tmp_path):
+    whole = footage.read_bytes()
+    (tmp_path / "cut.mp4").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(InputError, match=r"cut\.mp4"):
+        write_overlay(tmp_path / "cut.mp4", tmp_path / "overlay.mp4", calibration, run)

@@ -1,0 +1,173 @@
+import dataclasses
+import json
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from report_scenes import LOST, ceiling_calibration, towed_run
+
+from towval.errors import InputError
+from towval.io.report import InputRow, Provenance, ReportData, RunReport, StageFinding, report_figures, write_report
+from towval.io.report_view import collect_findings, headline, verdict_reason
+from towval.types import Finding, Severity, Verdict
+
+PROVENANCE = Provenance(
+    command="snakemake --cores 2 --config campaign=lab",
+    versions={"towval": "0.1.0"},
+    input_hashes={"a.mp4": "9f86d081"},
+    configuration="track: {method: planes}",
+)
+
+
+def data(**changes):
+    fields = {
+        "campaign": "lab <test>",
+        "runs": (RunReport(towed_run("a")), RunReport(towed_run("b", seed=3))),
+        "provenance": PROVENANCE,
+        "calibration": ceiling_calibration(),
+        "inputs": (
+            InputRow("Kinetic friction", "0.35", std="0.005", source="campaign.yaml"),
+            InputRow("Mass", "4.0", "kg"),
+        ),
+        "findings": (StageFinding("decimate", Finding(Severity.NOTE, "pauses", "Two pauses were kept."), "a"),),
+    }
+    return ReportData(**(fields | changes))
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("report")
+    return write_report(folder / "report.html", data(), folder / "figures")
+
+
+@pytest.fixture(scope="module")
+def page(written):
+    return written.read_text(encoding="utf-8")
+
+
+class Parsed(HTMLParser):
+    """Ids, addresses and open elements of a page."""
+
+    VOID = frozenset({"meta", "link", "img", "br"})
+
+    def __init__(self, text):
+        super().__init__()
+        self.ids, self.addresses, self.headings, self.open = [], [], [], []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        attributes = dict(attrs)
+        self.ids += [attributes["id"]] if "id" in attributes else []
+        self.addresses += [attributes[k] for k in ("src", "href", "xlink:href", "poster") if k in attributes]
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.handle_starttag(tag, attrs)
+        if tag not in self.VOID:
+            self.open.pop()
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+def test_page_is_well_formed_and_its_ids_are_its_own(page):
+    parsed = Parsed(page)
+    assert parsed.open == []
+    assert len(parsed.ids) == len(set(parsed.ids))
+
+
+def test_page_asks_for_nothing_from_outside(page):
+    parsed = Parsed(page)
+    assert [a for a in parsed.addresses if not a.startswith(("#", "data:"))] == []
+    within = {a[1:] for a in parsed.addresses if a.startswith("#")}
+    assert within <= set(parsed.ids)
+    assert not re.search(r"@import|url\((?!#)", page)
+
+
+def test_names_are_escaped(page):
+    assert "lab &lt;test&gt;" in page
+    assert "lab <test>" not in page
+
+
+def test_missing_uncertainties_are_named_and_not_filled(page):
+    assert page.count("not computed") >= 6
+    assert not re.search(r">\s*nan", page, re.IGNORECASE)
+
+
+def test_figures_are_saved_in_three_formats(written):
+    names = {path.name for path in (written.parent / "figures").iterdir()}
+    for name in ("fig10", "fig10_a", "errors_b"):
+        assert {f"{name}.pdf", f"{name}.svg", f"{name}.png"} <= names
+
+
+def test_figure_names_cover_every_run():
+    drawn = list(report_figures(data(runs=(RunReport(towed_run("a")),), calibration=None)))
+    assert drawn == ["fig10", "fig10_a", "errors_a", "tracking_rover_a", "tracking_object_a", "decimate_a"]
+
+
+def test_series_under_the_cursor_is_the_error(page):
+    run = towed_run("a")
+    series = json.loads(re.search(r'class="series">(.*?)</script>', page).group(1))
+    seen = np.isfinite(run.comparison.error[:, 0])
+    assert series["x_mm"][LOST.start] is None
+    np.testing.assert_allclose(
+        np.array(series["x_mm"])[seen].astype(float), 1e3 * run.comparison.error[seen, 0], atol=5e-3
+    )
+    np.testing.assert_allclose(series["time_s"], run.comparison.time_s, atol=5e-5)
+
+
+def test_same_data_give_the_same_bytes(tmp_path):
+    small = data(runs=(RunReport(towed_run("a", n=100)),), calibration=None)
+    first, again = (write_report(tmp_path / f"{i}.html", small) for i in range(2))
+    assert first.read_bytes() == again.read_bytes()
+
+
+def test_gravest_findings_come_first_and_shared_ones_once():
+    refusal = StageFinding("campaign", Finding(Severity.REFUSAL, "tether_short", "The tether is shorter than nothing."))
+    found = collect_findings(data(findings=(*data().findings, refusal)))
+    assert [f.severity for f in found] == ["refusal", "warning", "note", "note"]
+    assert found[1].runs == ("a", "b")
+    assert found[0].runs == ()
+
+
+@pytest.mark.parametrize(
+    ("verdict", "changes", "words"),
+    [
+        (Verdict.NOT_JUDGED, {}, "inputs, measurement"),
+        (Verdict.NOT_JUDGED, {"u_input_m": 1e-3, "u_measurement_m": 1e-3}, "No verdict was given"),
+        (Verdict.AGREES, {"u_val_m": 0.004}, "within the validation uncertainty of 4.0 mm"),
+        (Verdict.MODEL_ERROR, {"u_val_m": 0.001}, "exceeds the validation uncertainty of 1.0 mm"),
+        (Verdict.TOO_UNCERTAIN, {"u_val_m": 0.04}, "40.0 mm is too large"),
+    ],
+)
+def test_reason_of_a_verdict_says_its_numbers(verdict, changes, words):
+    comparison = dataclasses.replace(towed_run().comparison, verdict=verdict, **changes)
+    assert words in verdict_reason(comparison)
+
+
+def test_headline_counts_verdicts_and_spans_errors():
+    base = towed_run().comparison
+    runs = [
+        dataclasses.replace(base, verdict=Verdict.AGREES, path_rms_m=0.002),
+        dataclasses.replace(base, verdict=Verdict.AGREES, path_rms_m=0.0042),
+        dataclasses.replace(base, verdict=Verdict.MODEL_ERROR, path_rms_m=0.03),
+    ]
+    assert headline(runs).startswith("3 runs: 2 agree within their uncertainty, 1 shows an error of the model.")
+    assert "2.0 to 30.0 mm" in headline(runs)
+    assert headline(runs[:1]).startswith(
+        "1 run: 1 agrees within its uncertainty. The simulated path of the object is 2.0 mm"
+    )
+
+
+@pytest.mark.parametrize("runs", [(), (RunReport(towed_run("a")), RunReport(towed_run("a")))])
+def test_runs_need_names_of_their_own(runs, tmp_path):
+    with pytest.raises(InputError, match="names of their own"):
+        write_report(tmp_path / "report.html", data(runs=runs))
+
+
+def test_a_missing_overlay_is_named(tmp_path):
+    runs = (RunReport(towed_run("a"), tmp_path / "overlay.mp4"),)
+    with pytest.raises(InputError, match=r"overlay\.mp4"):
+        write_report(tmp_path / "report.html", data(runs=runs))
