@@ -16,8 +16,6 @@ localrules:
     decimate,
     simulate,
     compare,
-    summary,
-    figures_of_run,
     report,
 
 

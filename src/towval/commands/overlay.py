@@ -1,0 +1,33 @@
+"""Command overlay: a run's footage with measured and simulated outlines drawn on it → overlay.mp4."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from towval.commands.run_folder import read_run
+from towval.io.campaign import load_campaign
+from towval.io.overlay import write_overlay
+from towval.io.records import read_calibration
+
+
+def run(campaign: Path, name: str, camera: Path, folder: Path, output: Path, width_px: int = 960) -> None:
+    """Draw a run onto its footage.
+
+    Parameters
+    ----------
+    campaign : Path
+        The campaign folder.
+    name : str
+        The run.
+    camera : Path
+        ``camera.mcap`` of the campaign.
+    folder : Path
+        Folder of the run's MCAP files.
+    output : Path
+        The video to write.
+    width_px : int, optional
+        Largest width of the video [px].
+    """
+    given = load_campaign(campaign)
+    record = read_run(given, name, folder)
+    write_overlay(given.run(name).video, output, read_calibration(camera), record, width_px=width_px)

@@ -1,0 +1,41 @@
+"""The files of one run, read together."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from towval.io.campaign import Campaign
+from towval.io.records import read_comparison, read_decimated, read_simulated, read_tracks
+from towval.io.run_record import RunRecord
+
+STAGES = ("track", "decimate", "simulate", "compare")
+
+
+def files(folder: Path) -> dict[str, Path]:
+    """The MCAP file of each stage in a run's folder."""
+    return {stage: folder / f"{stage}.mcap" for stage in STAGES}
+
+
+def read_run(campaign: Campaign, name: str, folder: Path) -> RunRecord:
+    """All that is known of a run whose stages have written their files into ``folder``.
+
+    Raises
+    ------
+    InputError
+        When a file is missing or damaged, or the campaign has no such run.
+    """
+    campaign.run(name)
+    paths = files(folder)
+    tracks = read_tracks(paths["track"])
+    return RunRecord(
+        name=name,
+        rover=campaign.rover,
+        towed=campaign.object,
+        hinge=campaign.scene.hinge,
+        anchor=campaign.scene.anchor,
+        rover_track=tracks["rover"],
+        object_track=tracks["object"],
+        simulated=read_simulated(paths["simulate"]),
+        comparison=read_comparison(paths["compare"]),
+        decimated=read_decimated(paths["decimate"])["rover"],
+    )

@@ -1,0 +1,57 @@
+rule overlay:
+    message:
+        "{wildcards.campaign}, run {wildcards.run}: draw the outlines onto the footage"
+    input:
+        camera=results("{campaign}", "camera.mcap"),
+        video=lambda wildcards: str(CAMPAIGNS[wildcards.campaign].runs[wildcards.run].video),
+        track=results("{campaign}", "{run}", "track.mcap"),
+        decimated=results("{campaign}", "{run}", "decimate.mcap"),
+        simulated=results("{campaign}", "{run}", "simulate.mcap"),
+        compared=results("{campaign}", "{run}", "compare.mcap"),
+    output:
+        results("{campaign}", "{run}", "overlay.mp4"),
+    params:
+        campaign=folder,
+        width_px=settings("report").get("overlay_width_px", 960),
+        code=code("overlay"),
+    log:
+        results("{campaign}", "{run}", "logs", "overlay.log"),
+    benchmark:
+        results("{campaign}", "{run}", "benchmarks", "overlay.tsv")
+    resources:
+        mem_mb=1000,
+        runtime=60,
+    conda:
+        "../envs/towval.yaml"
+    script:
+        "../scripts/overlay.py"
+
+
+rule report:
+    message:
+        "{wildcards.campaign}: figures, summary and report"
+    input:
+        camera=results("{campaign}", "camera.mcap"),
+        tracks=per_run("track.mcap"),
+        decimated=per_run("decimate.mcap"),
+        simulated=per_run("simulate.mcap"),
+        compared=per_run("compare.mcap"),
+        overlays=per_run("overlay.mp4"),
+    output:
+        report=results("{campaign}", "report.html"),
+        summary=results("{campaign}", "summary.csv"),
+        figures=directory(results("{campaign}", "figures")),
+    params:
+        campaign=folder,
+        results=lambda wildcards: str(RESULTS / wildcards.campaign),
+        given=lambda wildcards: CAMPAIGNS[wildcards.campaign].document,
+        keys=settings("report"),
+        code=code("report"),
+    log:
+        results("{campaign}", "logs", "report.log"),
+    benchmark:
+        results("{campaign}", "benchmarks", "report.tsv")
+    conda:
+        "../envs/towval.yaml"
+    script:
+        "../scripts/report.py"
