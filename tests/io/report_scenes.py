@@ -8,16 +8,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from towval.geometry import path_length, transform
+from towval.geometry import path_length
 from towval.io.run_record import RunRecord
 from towval.types import (
     Body,
     Calibration,
     Camera,
     Comparison,
+    DecimatedTrack,
     Finding,
     Floor,
-    Path,
     Severity,
     SimulatedMotion,
     Track,
@@ -41,8 +41,6 @@ def towed_run(name: str = "a", n: int = 200, fps: float = 25.0, seed: int = 1, *
     time_s = np.arange(n) / fps
     rover, towed = _motion(n)
     simulated, comparison = _simulated(name, time_s, towed)
-    hinge = transform(rover, HINGE)
-    kept = np.unique(np.r_[0:n:8, n - 1])
     fields: dict[str, object] = {
         "name": name,
         "rover": ROVER,
@@ -53,10 +51,7 @@ def towed_run(name: str = "a", n: int = 200, fps: float = 25.0, seed: int = 1, *
         "object_track": _track("object", time_s, towed, rng, lost=LOST),
         "simulated": simulated,
         "comparison": comparison,
-        "raw_hinge": Path(time_s, hinge + rng.normal(0, 2e-4, hinge.shape)),
-        "decimated": Path(time_s[kept], hinge[kept]),
-        "smoothed": Path(time_s, hinge),
-        "decimation_bound_m": 6e-4,
+        "decimated": _decimated(time_s, rover),
     }
     return RunRecord(**(fields | changes))  # type: ignore[arg-type]
 
@@ -78,6 +73,15 @@ def _motion(n: int) -> tuple[np.ndarray, np.ndarray]:
         centre[i] = tow[i] + length * back / np.linalg.norm(back)
     pull = tow - centre
     return rover, np.column_stack([centre, np.unwrap(np.arctan2(pull[:, 1], pull[:, 0]))])
+
+
+def _decimated(time_s: np.ndarray, rover: np.ndarray) -> DecimatedTrack:
+    kept = np.unique(np.r_[0 : len(time_s) : 8, len(time_s) - 1])
+    covariance = np.tile(np.diag([1e-4, 1e-4, 2e-4]) ** 2, (len(kept), 1, 1))
+    rate = np.gradient(rover, time_s, axis=0)[kept]
+    pauses = [[time_s[0], time_s[SLACK.stop]]]
+    noise = [2e-4, 2e-4, 5e-4]
+    return DecimatedTrack("rover", time_s[kept], rover[kept], rate, covariance, noise, pauses, len(time_s), [1, 1, 1])
 
 
 def _track(body: str, time_s: np.ndarray, truth: np.ndarray, rng: np.random.Generator, lost: slice) -> Track:

@@ -168,9 +168,12 @@ def test_decimate_figure_without_decimation_is_refused(run):
         figures.decimate_figure(dataclasses.replace(run, decimated=None))
 
 
-def test_decimate_figure_without_smoothed_path_has_one_panel(run):
-    assert len(figures.decimate_figure(run).axes) == 2
-    assert len(figures.decimate_figure(dataclasses.replace(run, smoothed=None)).axes) == 1
+def test_decimate_figure_counts_points_and_shows_the_distance_from_the_spline(run):
+    figure = figures.decimate_figure(run)
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["measured (200)", "kept (26)"]
+    misfit = next(a for a in figure.axes[1].lines if a.get_marker() == ".").get_ydata()
+    spline = run.decimated.spline()(run.rover_track.time_s)
+    np.testing.assert_allclose(misfit, 1e3 * (run.rover_track.pose - spline)[:, 0], atol=1e-9)
 
 
 def test_files_are_the_same_to_the_byte_when_drawn_again(run, tmp_path):

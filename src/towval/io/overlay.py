@@ -21,9 +21,10 @@ from numpy.typing import NDArray
 
 from towval.errors import InputError
 from towval.geometry import transform
+from towval.io.atomic import replacing
 from towval.io.overlay_text import TextPainter
-from towval.io.replacing import replacing
 from towval.io.run_record import RunRecord, outline_at, pose_at, seen_poses
+from towval.io.video import upright
 from towval.types import Array, Calibration
 from towval.vision.camera import project
 
@@ -76,10 +77,9 @@ def write_overlay(
     painter = _Painter(calibration, run, width_px)
     with replacing(target) as temporary, _opened(source) as film:
         stream = film.streams.video[0]
-        _check_size(source, stream, calibration)
         with av.open(temporary, "w", format="mp4", options={"movflags": "+faststart"}) as output:
             encoder = _add_encoder(output, stream, painter.size_px, crf)
-            for frame in _drawn_frames(film, stream, painter):
+            for frame in _drawn_frames(source, film, painter):
                 output.mux(encoder.encode(frame))
             output.mux(encoder.encode(None))
     return target
@@ -129,8 +129,8 @@ def _opened(path: FilePath) -> Iterator[av.container.InputContainer]:
         raise InputError(f"the video {path.name} cannot be read or drawn on", got=error) from error
 
 
-def _check_size(source: FilePath, stream: av.VideoStream, calibration: Calibration) -> None:
-    size = (stream.codec_context.width, stream.codec_context.height)
+def _check_size(source: FilePath, frame: av.VideoFrame, calibration: Calibration) -> None:
+    size = (frame.width, frame.height) if _quarter_turns(frame) % 2 == 0 else (frame.height, frame.width)
     if size != tuple(calibration.camera.resolution_px):
         raise InputError(
             f"{source.name} has another size than the calibrated camera",
@@ -158,13 +158,14 @@ def _add_encoder(
     return encoder
 
 
-def _drawn_frames(
-    film: av.container.InputContainer, stream: av.VideoStream, painter: _Painter
-) -> Iterator[av.VideoFrame]:
+def _drawn_frames(source: FilePath, film: av.container.InputContainer, painter: _Painter) -> Iterator[av.VideoFrame]:
     """The frames of the footage with the run drawn in, ready to be coded; their times start at zero."""
+    stream = film.streams.video[0]
     first = None
     for frame in film.decode(stream):
-        first = frame.pts if first is None else first
+        if first is None:
+            _check_size(source, frame, painter.calibration)
+            first = frame.pts
         picture = _as_rgb(frame, painter.size_px)
         painter.draw(picture, float(frame.pts * stream.time_base))
         drawn = av.VideoFrame.from_ndarray(picture, format="rgb24")
@@ -173,12 +174,18 @@ def _drawn_frames(
         yield drawn
 
 
+def _quarter_turns(frame: av.VideoFrame) -> int:
+    return round(frame.rotation / 90) % 4
+
+
 def _as_rgb(frame: av.VideoFrame, size_px: tuple[int, int]) -> Picture:
     # Footage that does not say which matrix it was coded with follows the custom: BT.709 for HD, BT.601 below.
     unspecified = frame.colorspace not in (Colorspace.ITU709, Colorspace.ITU601)
     matrix = (Colorspace.ITU709 if frame.height >= 720 else Colorspace.ITU601) if unspecified else frame.colorspace
-    scaled = frame.reformat(*size_px, format="rgb24", src_colorspace=matrix, interpolation="AREA")
-    return scaled.to_ndarray()
+    size = size_px if _quarter_turns(frame) % 2 == 0 else size_px[::-1]
+    scaled = frame.reformat(*size, format="rgb24", src_colorspace=matrix, interpolation="AREA").to_ndarray()
+    # Phones store the sensor's picture and a turn; the camera was calibrated on upright pictures.
+    return np.ascontiguousarray(upright(scaled, frame.rotation))
 
 
 class _Painter:
@@ -189,7 +196,7 @@ class _Painter:
         self._scale = min(1.0, width_px / width)
         # H.264 with half-size colour planes wants even sizes.
         self.size_px = (2 * round(width * self._scale / 2), 2 * round(height * self._scale / 2))
-        self._calibration, self._run = calibration, run
+        self.calibration, self._run = calibration, run
         self._rover, self._measured = seen_poses(run.rover_track), seen_poses(run.object_track)
         self._tension = np.linalg.norm(run.simulated.tether_force, axis=1)
         self._line = max(1, round(self.size_px[0] / 480))
@@ -234,7 +241,7 @@ class _Painter:
             # A point less in four, the points being equally far apart: dashes as long as their gaps.
             dense[2::4] = np.nan
         lifted = np.column_stack([dense, np.full(len(dense), height_m)])
-        pixels = project(self._calibration.camera, self._calibration.floor, lifted)
+        pixels = project(self.calibration.camera, self.calibration.floor, lifted)
         # The centre of pixel (0, 0) is at 0.5 pixel from the edge, before and after scaling.
         pixels = (pixels + 0.5) * self._scale - 0.5
         known = np.isfinite(pixels).all(axis=1)

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from towval.errors import InputError
 from towval.io import figures, report_view
-from towval.io.replacing import replacing
+from towval.io.atomic import write_text
 from towval.io.report_data import InputRow, Provenance, ReportData, RunReport, StageFinding
 from towval.io.style import save_figure
 
@@ -56,8 +56,7 @@ def write_report(path: FilePath, data: ReportData, figures_folder: FilePath | No
             script=_asset("report.js"),
         )
     )
-    with replacing(path) as temporary:
-        temporary.write_text(page, encoding="utf-8")
+    write_text(path, page)
     return path
 
 
@@ -80,7 +79,7 @@ def report_figures(data: ReportData) -> dict[str, Figure]:
         drawn[f"errors_{run.name}"] = figures.error_figure(run)
         for track in (run.rover_track, run.object_track):
             drawn[f"tracking_{track.body}_{run.name}"] = figures.tracking_figure(track)
-        if run.decimated is not None and run.raw_hinge is not None:
+        if run.decimated is not None:
             drawn[f"decimate_{run.name}"] = figures.decimate_figure(run)
     if data.calibration is not None:
         for name, figure in figures.calibration_figures(data.calibration, data.uncertainty).items():

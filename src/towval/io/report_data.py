@@ -27,7 +27,7 @@ class InputRow:
 
 @dataclass(frozen=True)
 class StageFinding:
-    """A finding of a stage whose result holds none itself, such as ``campaign`` or ``decimate``.
+    """A finding of a stage whose result holds none itself, such as ``campaign``.
 
     ``run`` is empty where it concerns all runs.
     """

@@ -156,6 +156,7 @@ def collect_findings(data: ReportData) -> tuple[FindingView, ...]:
     for run in (run.record for run in data.runs):
         for stage, findings in (
             ("track", (*run.rover_track.findings, *run.object_track.findings)),
+            ("decimate", () if run.decimated is None else run.decimated.findings),
             ("simulate", run.simulated.findings),
             ("compare", run.comparison.findings),
         ):
@@ -282,12 +283,15 @@ def _tracking_facts(run: RunRecord) -> tuple[tuple[str, str], ...]:
 
 
 def _decimation_facts(run: RunRecord) -> tuple[tuple[str, str], ...]:
-    if run.decimated is None or run.raw_hinge is None:
+    thin = run.decimated
+    if thin is None:
         return ()
-    kept, raw = len(run.decimated.time_s), len(run.raw_hinge.time_s)
-    facts = [("Points kept", f"{kept} of {raw} ({100 * kept / raw:.0f} %)")]
-    facts.append(("Bound on the distance", millimetres(run.decimation_bound_m)))
-    return tuple(facts)
+    return (
+        ("Points kept", f"{len(thin.time_s)} of {thin.frames} ({100 * len(thin.time_s) / thin.frames:.0f} %)"),
+        ("Noise of one pose", f"{millimetres(thin.noise[0])}, {millimetres(thin.noise[1])}, {degrees(thin.noise[2])}"),
+        ("Misfit in units of that noise", ", ".join(f"{value:.2f}" for value in thin.misfit)),
+        ("Pauses", f"{len(thin.pauses)}, {np.ptp(thin.pauses, axis=1).sum():.1f} s"),
+    )
 
 
 def _calibration_facts(calibration: Calibration) -> tuple[tuple[str, str], ...]:
@@ -314,7 +318,7 @@ def _alternatives(run: RunRecord) -> dict[str, str]:
         f"{c.time_s[-1] - c.time_s[0]:.1f} s. The last error is {millimetres(c.final_error_m)}.",
         "tracking_rover": f"Run {run.name}: residual, inliers and deviations of the rover's track over time.",
         "tracking_object": f"Run {run.name}: residual, inliers and deviations of the object's track over time.",
-        "decimate": f"Run {run.name}: measured and kept points of the hinge's way and the distances between.",
+        "decimate": f"Run {run.name}: measured and kept points of the hinge's way; measured minus smoothed over time.",
     }
 
 

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from towval.errors import InputError
 from towval.geometry import transform
-from towval.types import Array, Body, Comparison, Path, SimulatedMotion, Track, locked
+from towval.types import Array, Body, Comparison, DecimatedTrack, SimulatedMotion, Track, locked
 
 
 @dataclass(frozen=True)
@@ -16,11 +15,9 @@ class RunRecord:
     """One run from its tracks to its comparison.
 
     ``rover`` and ``towed`` are the two bodies, ``hinge`` (2,) and ``anchor`` (2,) [m] the ends of the tether in their
-    frames; ``rover_track``, ``object_track`` what was measured, ``simulated`` what the model says, ``comparison`` the
-    difference. ``raw_hinge`` is the measured way of the hinge, ``decimated`` the points of it that were kept,
-    ``smoothed`` the curve through them at the times of ``raw_hinge``, ``decimation_bound_m`` how far it may be from the
-    measured points; all four are left out where a run was not decimated. ``error_std`` (n, 3) is the standard
-    validation uncertainty of ``comparison.error`` [m, m, rad], None where it was not computed.
+    frames; ``rover_track``, ``object_track`` what was measured, ``decimated`` the thinned track of the rover (None
+    where it was not thinned), ``simulated`` what the model says, ``comparison`` the difference. ``error_std`` (n, 3) is
+    the standard validation uncertainty of ``comparison.error`` [m, m, rad], None where it was not computed.
     """
 
     name: str
@@ -32,10 +29,7 @@ class RunRecord:
     object_track: Track
     simulated: SimulatedMotion
     comparison: Comparison
-    raw_hinge: Path | None = None
-    decimated: Path | None = None
-    smoothed: Path | None = None
-    decimation_bound_m: float = float("nan")
+    decimated: DecimatedTrack | None = None
     error_std: Array | None = None
 
     def __post_init__(self) -> None:
@@ -45,8 +39,6 @@ class RunRecord:
             shape = (len(self.comparison.time_s), 3)
             std = locked(self.error_std, "RunRecord.error_std", shape, finite=False)
             object.__setattr__(self, "error_std", std)
-        if (self.smoothed is None) != (self.raw_hinge is None) and self.smoothed is not None:
-            raise InputError(f"run {self.name} has a smoothed hinge path and no measured one")
 
 
 def seen_poses(track: Track) -> Array:

@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from towval.errors import InputError
-from towval.io.replacing import replacing
+from towval.io.atomic import replacing
 
 COLUMN_WIDTH_IN = 85 / 25.4
 """Width of one column of a journal page, 85 mm [in]."""

@@ -1,4 +1,4 @@
-"""Which measured points of the hinge path the simulation was driven with."""
+"""Which points of the rover's track the simulation was driven with."""
 
 from __future__ import annotations
 
@@ -7,58 +7,71 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from towval.errors import InputError
+from towval.geometry import transform
 from towval.io.run_record import RunRecord
-from towval.io.style import COLUMN_WIDTH_IN, MEASURED, MUTED, ROVER, figure_function
+from towval.io.style import BAND, COLUMN_WIDTH_IN, MEASURED, MUTED, ROVER, SHADE, figure_function
+from towval.types import DecimatedTrack, Track
+
+_BAND = 2.0
+"""Half width of the band in standard deviations of one measured pose."""
 
 
 @figure_function
 def decimate_figure(run: RunRecord) -> Figure:
-    """Raw against kept points of the hinge path, and how far the smoothed path is from the raw points.
+    """Measured and kept points of the hinge's way, and how far the measured poses are from the curve through the kept.
 
     Parameters
     ----------
     run : RunRecord
-        A run with ``raw_hinge`` and ``decimated``; with ``smoothed``, a second panel shows its distance from the raw
-        points over time beside ``decimation_bound_m``.
+        A run with ``decimated``.
 
     Returns
     -------
     Figure
-        One column wide; floor coordinates [m], distances [mm].
+        One column wide. Above, the way of the hinge on the floor [m]; below, over time [s], measured minus smoothed in
+        x and y [mm] with a band of ± two deviations of one pose, pauses shaded, kept times ticked at the foot.
 
     Raises
     ------
     InputError
         When the run was not decimated.
     """
-    if run.raw_hinge is None or run.decimated is None:
-        raise InputError(f"run {run.name} has no decimated path to draw", remedy="decimate it first")
-    figure = Figure(figsize=(COLUMN_WIDTH_IN, 1.05 * COLUMN_WIDTH_IN), layout="constrained")
-    if run.smoothed is None:
-        plan = figure.add_subplot()
-    else:
-        plan, distance = figure.subplots(2, 1, height_ratios=[1.5, 1])
-        _draw_distance(distance, run)
-    raw, kept = run.raw_hinge.position, run.decimated.position
-    plan.plot(*raw.T, ".", color=MUTED, markersize=2.2, markeredgewidth=0, label=f"measured ({len(raw)})")
-    plan.plot(*kept.T, "o", mfc="none", mec=ROVER, mew=0.6, markersize=3, label=f"kept ({len(kept)})")
-    plan.set_aspect("equal", adjustable="datalim")
-    plan.set_xlabel("$x$ on the floor (m)")
-    plan.set_ylabel("$y$ on the floor (m)")
-    plan.set_title(f"Run {run.name}: way of the hinge")
-    figure.legend(*plan.get_legend_handles_labels(), loc="outside upper right", ncols=2)
+    if run.decimated is None:
+        raise InputError(f"run {run.name} has no decimated track to draw", remedy="decimate it first")
+    figure = Figure(figsize=(COLUMN_WIDTH_IN, 1.15 * COLUMN_WIDTH_IN), layout="constrained")
+    plan, *rest = figure.subplots(3, 1, height_ratios=[2.6, 1, 1])
+    rest[0].sharex(rest[1])
+    _draw_plan(plan, run, run.decimated)
+    for axes, column, name in zip(rest, (0, 1), "xy", strict=True):
+        _draw_misfit(axes, run.rover_track, run.decimated, column)
+        axes.set_ylabel(f"${name}$ (mm)")
+    rest[0].tick_params(labelbottom=False)
+    rest[1].set_xlabel("time (s)")
+    rest[1].set_xlim(run.rover_track.time_s[0], run.rover_track.time_s[-1])
+    figure.align_ylabels()
     return figure
 
 
-def _draw_distance(axes: Axes, run: RunRecord) -> None:
-    raw, smoothed = run.raw_hinge, run.smoothed
-    distance = np.linalg.norm(raw.position - smoothed.position, axis=1)
-    axes.plot(raw.time_s, 1e3 * distance, ".", color=MUTED, markersize=2.2, markeredgewidth=0)
-    if np.isfinite(run.decimation_bound_m):
-        axes.axhline(1e3 * run.decimation_bound_m, color=MEASURED, linewidth=0.8, linestyle="--", label="bound")
-        axes.legend(loc="upper right")
-    axes.plot(run.decimated.time_s, np.zeros(len(run.decimated.time_s)), "|", color=ROVER, markersize=4, mew=0.5)
-    axes.set_xlim(raw.time_s[0], raw.time_s[-1])
-    axes.set_ylim(bottom=0)
-    axes.set_xlabel("time (s)")
-    axes.set_ylabel("distance (mm)")
+def _draw_plan(axes: Axes, run: RunRecord, decimated: DecimatedTrack) -> None:
+    measured = transform(run.rover_track.pose[run.rover_track.seen], run.hinge)
+    kept = transform(decimated.pose, run.hinge)
+    axes.plot(*measured.T, ".", color=MUTED, markersize=2.2, markeredgewidth=0, label=f"measured ({len(measured)})")
+    axes.plot(*kept.T, "o", mfc="none", mec=ROVER, mew=0.6, markersize=3, label=f"kept ({len(kept)})")
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel("$x$ on the floor (m)")
+    axes.set_ylabel("$y$ on the floor (m)")
+    axes.set_title(f"Run {run.name}: way of the hinge")
+    axes.figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=2)
+
+
+def _draw_misfit(axes: Axes, track: Track, decimated: DecimatedTrack, column: int) -> None:
+    time_s, measured = track.time_s[track.seen], track.pose[track.seen, column]
+    misfit = 1e3 * (measured - decimated.spline()(time_s)[:, column])
+    bound = 1e3 * _BAND * decimated.noise[column]
+    for start_s, end_s in decimated.pauses:
+        axes.axvspan(start_s, end_s, color=SHADE, linewidth=0, zorder=0)
+    axes.axhspan(-bound, bound, color=BAND, alpha=0.6, linewidth=0, zorder=1)
+    axes.plot(time_s, misfit, ".", color="#333333", markersize=1.8, markeredgewidth=0, zorder=3)
+    foot = np.full(len(decimated.time_s), 0.0)
+    transformed = axes.get_xaxis_transform()
+    axes.plot(decimated.time_s, foot, "|", color=MEASURED, markersize=6, mew=0.5, transform=transformed, zorder=4)
