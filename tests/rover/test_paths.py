@@ -88,6 +88,26 @@ def test_moving_average_keeps_a_straight_line_and_the_ends():
     np.testing.assert_allclose(np.diff(smooth[40:60]), 1 / 21, atol=1e-14)
 
 
+def test_deviation_of_a_shifted_circle_is_known():
+    angle = np.linspace(0, 2 * np.pi, 5001)
+    unit = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    # A circle 1.1 times as large is 0.1 away everywhere; timing and direction do not matter.
+    assert paths.deviation_rms(1.1 * unit[::-1], unit) == pytest.approx(0.1, rel=1e-5)
+
+
+def test_deviation_counts_what_was_left_out():
+    nominal = np.stack([np.linspace(0, 1, 1001), np.zeros(1001)], axis=1)
+    assert paths.deviation_rms(nominal[:501], nominal) == pytest.approx(np.sqrt(0.5**3 / 3), rel=1e-2)
+    assert paths.deviation_rms(nominal, nominal[:501]) == pytest.approx(np.sqrt(0.5**3 / 3), rel=1e-2)
+
+
+def test_distance_is_from_the_segments_and_not_from_the_corners():
+    polyline = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
+    np.testing.assert_allclose(
+        paths.distance_to_polyline([[0.4, 0.2], [1.3, 0.6], [2.0, -1.0]], polyline), [0.2, 0.3, np.sqrt(2)]
+    )
+
+
 @pytest.mark.parametrize(
     "build",
     [

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
+from scipy.spatial import cKDTree
 from scipy.special import ellipk, ellipkinc
 
 from towval.errors import InputError
@@ -243,6 +244,37 @@ def moving_average(values: ArrayLike, half_window: int) -> Array:
     half = np.minimum(half_window, np.minimum(index, n - 1 - index))
     total = np.concatenate([[0.0], np.cumsum(values - values[0])])
     return values[0] + (total[index + half + 1] - total[index - half]) / (2 * half + 1)
+
+
+def distance_to_polyline(points: ArrayLike, polyline: ArrayLike) -> Array:
+    """Distances (n,) [m] of points (n, 2) from a polyline (m, 2).
+
+    The nearest corner is looked up and the two segments that meet there are measured: exact as long as the segments
+    are short beside the bends of the polyline, as those of a sampled path are.
+    """
+    points, polyline = np.asarray(points, dtype=np.float64), np.asarray(polyline, dtype=np.float64)
+    _, corner = cKDTree(polyline).query(points)
+    nearest = np.full(len(points), np.inf)
+    for neighbour in (corner - 1, corner + 1):
+        start, end = polyline[corner], polyline[np.clip(neighbour, 0, len(polyline) - 1)]
+        along = end - start
+        squared = np.sum(along**2, axis=1)
+        share = np.sum((points - start) * along, axis=1) / np.where(squared > 0, squared, 1.0)
+        foot = start + np.clip(share, 0.0, 1.0)[:, None] * along
+        nearest = np.minimum(nearest, np.linalg.norm(points - foot, axis=1))
+    return nearest
+
+
+def deviation_rms(actual: ArrayLike, nominal: ArrayLike) -> float:
+    """Root mean square distance between two paths (n, 2) and (m, 2) as curves, whatever their timing [m].
+
+    ASSUME: a rover at constant speed that cuts corners is ahead of its schedule, so positions are not compared at
+    equal times. Taken is the larger of two root mean squares: of the actual path from the nominal one (excursions)
+    and of the nominal path from the actual one (what was left out).
+    """
+    there = np.sqrt(np.mean(distance_to_polyline(actual, nominal) ** 2))
+    back = np.sqrt(np.mean(distance_to_polyline(nominal, actual) ** 2))
+    return float(max(there, back))
 
 
 def _require_positive(value: float, name: str) -> None:
