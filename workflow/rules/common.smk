@@ -69,5 +69,5 @@ def given(*sections):
     return sections_of
 
 
-def settings(stage):
+def section(stage):
     return dict(config.get(stage) or {})

@@ -1,6 +1,4 @@
 rule overlay:
-    message:
-        "{wildcards.campaign}, run {wildcards.run}: draw the outlines onto the footage"
     input:
         camera=results("{campaign}", "camera.mcap"),
         video=lambda wildcards: str(CAMPAIGNS[wildcards.campaign].runs[wildcards.run].video),
@@ -10,26 +8,26 @@ rule overlay:
         compared=results("{campaign}", "{run}", "compare.mcap"),
     output:
         results("{campaign}", "{run}", "overlay.mp4"),
-    params:
-        campaign=folder,
-        width_px=settings("report").get("overlay_width_px", 960),
-        code=code("overlay"),
     log:
         results("{campaign}", "{run}", "logs", "overlay.log"),
     benchmark:
         results("{campaign}", "{run}", "benchmarks", "overlay.tsv")
+    conda:
+        "../envs/towval.yaml"
     resources:
         mem_mb=1000,
         runtime=60,
-    conda:
-        "../envs/towval.yaml"
+    params:
+        campaign=folder,
+        width_px=section("report").get("overlay_width_px", 960),
+        code=code("overlay"),
+    message:
+        "{wildcards.campaign}, run {wildcards.run}: draw the outlines onto the footage"
     script:
         "../scripts/overlay.py"
 
 
 rule report:
-    message:
-        "{wildcards.campaign}: figures, summary and report"
     input:
         camera=results("{campaign}", "camera.mcap"),
         tracks=per_run("track.mcap"),
@@ -41,17 +39,19 @@ rule report:
         report=results("{campaign}", "report.html"),
         summary=results("{campaign}", "summary.csv"),
         figures=directory(results("{campaign}", "figures")),
-    params:
-        campaign=folder,
-        results=lambda wildcards: str(RESULTS / wildcards.campaign),
-        given=lambda wildcards: CAMPAIGNS[wildcards.campaign].document,
-        keys=settings("report"),
-        code=code("report"),
     log:
         results("{campaign}", "logs", "report.log"),
     benchmark:
         results("{campaign}", "benchmarks", "report.tsv")
     conda:
         "../envs/towval.yaml"
+    params:
+        campaign=folder,
+        results=lambda wildcards: str(RESULTS / wildcards.campaign),
+        given=lambda wildcards: CAMPAIGNS[wildcards.campaign].document,
+        settings=section("report"),
+        code=code("report"),
+    message:
+        "{wildcards.campaign}: figures, summary and report"
     script:
         "../scripts/report.py"

@@ -6,4 +6,4 @@ from towval.commands.decimate import run
 from towval.commands.shared import told
 
 with told(Path(snakemake.log[0])):
-    run(Path(snakemake.input[0]), Path(snakemake.output[0]), snakemake.params.keys)
+    run(Path(snakemake.input[0]), Path(snakemake.output[0]), snakemake.params.settings)

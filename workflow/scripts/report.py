@@ -6,4 +6,4 @@ from towval.commands.report import run
 from towval.commands.shared import told
 
 with told(Path(snakemake.log[0])):
-    run(Path(snakemake.params.campaign), Path(snakemake.params.results), snakemake.params.keys)
+    run(Path(snakemake.params.campaign), Path(snakemake.params.results), snakemake.params.settings)

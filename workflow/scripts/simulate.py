@@ -11,5 +11,5 @@ with told(Path(snakemake.log[0])):
         Path(snakemake.input.track),
         Path(snakemake.input.decimated),
         Path(snakemake.output[0]),
-        snakemake.params.keys,
+        snakemake.params.settings,
     )

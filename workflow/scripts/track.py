@@ -11,5 +11,5 @@ with told(Path(snakemake.log[0])):
         snakemake.wildcards.run,
         Path(snakemake.input.camera),
         Path(snakemake.output[0]),
-        snakemake.params.keys,
+        snakemake.params.settings,
     )

@@ -6,9 +6,23 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 
+from towval.errors import InputError
 from towval.io.figures import UncertaintyMap
 from towval.io.run_record import RunRecord
 from towval.types import Calibration, Finding
+
+
+@dataclass(frozen=True)
+class ReportSettings:
+    """Keys of ``config["report"]``: ``overlay_width_px``, the largest width of the overlay videos [px]."""
+
+    overlay_width_px: int = 960
+
+    def __post_init__(self) -> None:
+        if not 160 <= self.overlay_width_px <= 7680:
+            raise InputError(
+                "report.overlay_width_px is out of range", got=self.overlay_width_px, allowed="160 to 7680"
+            )
 
 
 @dataclass(frozen=True)
