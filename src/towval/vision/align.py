@@ -2,8 +2,8 @@
 
 The template holds grey values T at points p of the top, in the body frame. At the true pose the picture shows
 ``I(p) = g T(p) + b`` with a gain g and a bias b that change with the light. At a pose that is off by a small motion ε
-of the body frame, ``I(p) = g (T(p) + J(p) ε) + b`` with ``J = ∇T · [[1, 0, −y], [0, 1, x]]``: J belongs to the template and
-never changes. Each round reads the picture at the points through the exact camera model, solves for ε with robust
+of the body frame, ``I(p) = g (T(p) + J(p) ε) + b`` with ``J = ∇T · [[1, 0, −y], [0, 1, x]]``: J belongs to the template
+and never changes. Each round reads the picture at the points through the exact camera model, solves for ε with robust
 weights and takes it off the pose.
 
 Gain and bias are those of small tiles of the top, eliminated from the equations: the edge of a shadow then costs only

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from towval.types import Array, Camera, Floor
 from towval.vision.camera import distort
 
-
 # Without "no NaN" and "no infinity": the checks for points behind the camera need both.
 RELAXED = {"contract", "reassoc", "nsz", "arcp"}
 """How compiled loops may rearrange floating-point sums."""
