@@ -38,7 +38,7 @@ def data(**changes):
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
     folder = tmp_path_factory.mktemp("report")
-    return write_report(folder / "report.html", data(), folder / "figures")
+    return write_report(folder / "report.html", data())
 
 
 @pytest.fixture(scope="module")
@@ -94,12 +94,6 @@ def test_names_are_escaped(page):
 def test_missing_uncertainties_are_named_and_not_filled(page):
     assert page.count("not computed") >= 6
     assert not re.search(r">\s*nan", page, re.IGNORECASE)
-
-
-def test_figures_are_saved_in_three_formats(written):
-    names = {path.name for path in (written.parent / "figures").iterdir()}
-    for name in ("fig10", "fig10_a", "errors_b"):
-        assert {f"{name}.pdf", f"{name}.svg", f"{name}.png"} <= names
 
 
 def test_figure_names_cover_every_run():

@@ -13,12 +13,21 @@ from towval.errors import InputError
 from towval.io import figures, report_view
 from towval.io.atomic import write_text
 from towval.io.report_data import InputRow, Provenance, ReportData, RunReport, StageFinding
-from towval.io.style import save_figure
+from towval.io.run_record import RunRecord
 
-__all__ = ["InputRow", "Provenance", "ReportData", "RunReport", "StageFinding", "report_figures", "write_report"]
+__all__ = [
+    "InputRow",
+    "Provenance",
+    "ReportData",
+    "RunReport",
+    "StageFinding",
+    "report_figures",
+    "run_figures",
+    "write_report",
+]
 
 
-def write_report(path: FilePath, data: ReportData, figures_folder: FilePath | None = None) -> FilePath:
+def write_report(path: FilePath, data: ReportData) -> FilePath:
     """Write the report of a campaign.
 
     Parameters
@@ -27,8 +36,6 @@ def write_report(path: FilePath, data: ReportData, figures_folder: FilePath | No
         The HTML file to write; its folder is made if it is not there.
     data : ReportData
         What to show.
-    figures_folder : path, optional
-        Where to save the figures as PDF, SVG and PNG as well; by default they are only in the page.
 
     Returns
     -------
@@ -43,15 +50,11 @@ def write_report(path: FilePath, data: ReportData, figures_folder: FilePath | No
     names = [run.record.name for run in data.runs]
     if not names or len(set(names)) < len(names):
         raise InputError("the runs of a report need names of their own", got=names, allowed="one run or more")
-    drawn = report_figures(data)
-    if figures_folder is not None:
-        for name, figure in drawn.items():
-            save_figure(figure, figures_folder, name)
     page = (
         _environment()
         .get_template("report.html.j2")
         .render(
-            view=report_view.build(data, drawn),
+            view=report_view.build(data, report_figures(data)),
             css=_asset("report.css"),
             script=_asset("report.js"),
         )
@@ -60,8 +63,21 @@ def write_report(path: FilePath, data: ReportData, figures_folder: FilePath | No
     return path
 
 
+def run_figures(run: RunRecord) -> dict[str, Figure]:
+    """The figures of one run by name: ``fig10_<run>``, ``errors_<run>``, ``tracking_<body>_<run>``, ``decimate_<run>``.
+
+    The last is left out where the run was not decimated.
+    """
+    drawn = {f"fig10_{run.name}": figures.run_figure(run), f"errors_{run.name}": figures.error_figure(run)}
+    for track in (run.rover_track, run.object_track):
+        drawn[f"tracking_{track.body}_{run.name}"] = figures.tracking_figure(track)
+    if run.decimated is not None:
+        drawn[f"decimate_{run.name}"] = figures.decimate_figure(run)
+    return drawn
+
+
 def report_figures(data: ReportData) -> dict[str, Figure]:
-    """All figures of a report by name: ``fig10``, ``fig10_<run>``, ``errors_<run>``, ``tracking_<body>_<run>``, ...
+    """All figures of a report by name: ``fig10``, those of each run, and ``calibration_<what>``.
 
     Parameters
     ----------
@@ -74,13 +90,8 @@ def report_figures(data: ReportData) -> dict[str, Figure]:
         In the order of the page; figures whose data are missing are left out.
     """
     drawn = {"fig10": figures.campaign_figure([run.record for run in data.runs])}
-    for run in (run.record for run in data.runs):
-        drawn[f"fig10_{run.name}"] = figures.run_figure(run)
-        drawn[f"errors_{run.name}"] = figures.error_figure(run)
-        for track in (run.rover_track, run.object_track):
-            drawn[f"tracking_{track.body}_{run.name}"] = figures.tracking_figure(track)
-        if run.decimated is not None:
-            drawn[f"decimate_{run.name}"] = figures.decimate_figure(run)
+    for run in data.runs:
+        drawn |= run_figures(run.record)
     if data.calibration is not None:
         for name, figure in figures.calibration_figures(data.calibration, data.uncertainty).items():
             drawn[f"calibration_{name}"] = figure

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import functools
 import io
-from collections.abc import Callable, Iterator
+import math
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from importlib.resources import as_file, files
 from pathlib import Path as FilePath
 from typing import ParamSpec
 
 import matplotlib
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -45,33 +48,101 @@ def house_style() -> Iterator[None]:
 
 
 def figure_function(draw: Callable[_Arguments, Figure]) -> Callable[_Arguments, Figure]:
-    """Let a function draw in the house style, and freeze the layout of what it returns.
-
-    A frozen layout is the same in every format, so that positions read off the figure hold in the files, too.
-    """
+    """Let a function draw in the house style."""
 
     @functools.wraps(draw)
     def drawn(*args: _Arguments.args, **kwargs: _Arguments.kwargs) -> Figure:
         with house_style():
-            figure = draw(*args, **kwargs)
-            figure.draw_without_rendering()
-            figure.set_layout_engine("none")
-            return figure
+            return draw(*args, **kwargs)
 
     return drawn
 
 
-def fit_height(figure: Figure, axes: Axes, ratio: float, rows: int = 1) -> None:
-    """Change the height of the figure until the frame of ``axes`` is ``ratio`` times as high as it is wide.
+@dataclass(frozen=True)
+class Margins:
+    """Room around and between the panels of a figure [in].
+
+    Fixed room, not fitted to the labels: the panels of all figures line up on a page, their places are known without
+    drawing, and they are the same in every format.
+    """
+
+    left: float = 0.48
+    right: float = 0.07
+    top: float = 0.22
+    bottom: float = 0.36
+    across: float = 0.1
+    down: float = 0.09
+
+
+def column_of_panels(
+    heights_in: Sequence[float], margins: Margins, title: str = "", apart: int = 0
+) -> tuple[Figure, list[Axes]]:
+    """A figure one column wide with panels above each other over one x axis, which only the lowest one labels.
+
+    Parameters
+    ----------
+    heights_in : sequence of float
+        Heights of the panels from above [in].
+    margins : Margins
+        Room around and between them.
+    title : str, optional
+        Title at the top left.
+    apart : int, optional
+        How many of the upper panels keep an x axis of their own, with room for its labels.
+    """
+    gaps = [margins.bottom + margins.down if i < apart else margins.down for i in range(len(heights_in) - 1)]
+    height = margins.top + sum(heights_in) + sum(gaps) + margins.bottom
+    figure = Figure(figsize=(COLUMN_WIDTH_IN, height))
+    width = COLUMN_WIDTH_IN - margins.left - margins.right
+    panels: list[Axes] = []
+    top = margins.top
+    for index, (panel_height, gap) in enumerate(zip(heights_in, [*gaps, 0.0], strict=True)):
+        rectangle = (margins.left, height - top - panel_height, width, panel_height)
+        axes = figure.add_axes(_share(rectangle, figure), sharex=panels[apart] if index > apart else None)
+        axes.yaxis.set_label_coords((0.17 - margins.left) / width, 0.5)
+        panels.append(axes)
+        top += panel_height + gap
+    for axes in panels[apart:-1]:
+        axes.tick_params(labelbottom=False)
+    panels[0].set_title(title)
+    return figure, panels
+
+
+def place_maps(figure: Figure, panels: Sequence[Axes], ratio: float, margins: Margins, columns: int = 1) -> None:
+    """Place panels of one shape in rows, each ``ratio`` times as high as wide, and give the figure the height for it.
 
     Meant for maps: with the height right, equal scales on both axes leave no margins, and the width stays the column's.
-    ``rows`` is the number of rows of panels like ``axes``.
     """
-    for _ in range(2):
-        figure.draw_without_rendering()
-        box = axes.get_position()
-        width, height = figure.get_size_inches()
-        figure.set_size_inches(width, height + rows * (ratio * box.width * width - box.height * height))
+    width = figure.get_size_inches()[0]
+    panel_width = (width - margins.left - margins.right - margins.across * (columns - 1)) / columns
+    step = ratio * panel_width + margins.down
+    rows = math.ceil(len(panels) / columns)
+    height = margins.top + rows * step - margins.down + margins.bottom
+    figure.set_size_inches(width, height)
+    for index, axes in enumerate(panels):
+        row, column = divmod(index, columns)
+        left = margins.left + column * (panel_width + margins.across)
+        bottom = height - margins.top - row * step - ratio * panel_width
+        axes.set_position(_share((left, bottom, panel_width, ratio * panel_width), figure))
+
+
+def head_legend(figure: Figure, handles: Sequence[Artist], columns: int) -> None:
+    """A legend in the margin at the very top, centred."""
+    height = figure.get_size_inches()[1]
+    figure.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, 1 - 0.03 / height), ncols=columns)
+
+
+def foot_legend(figure: Figure, handles: Sequence[Artist], columns: int) -> None:
+    """A legend in the margin at the very bottom, centred."""
+    height = figure.get_size_inches()[1]
+    figure.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 0.03 / height), ncols=columns)
+
+
+def _share(rectangle: tuple[float, float, float, float], figure: Figure) -> tuple[float, float, float, float]:
+    """A rectangle (left, bottom, width, height) [in] as shares of the figure's size."""
+    width, height = figure.get_size_inches()
+    left, bottom, across, up = rectangle
+    return left / width, bottom / height, across / width, up / height
 
 
 def save_figure(figure: Figure, folder: FilePath, name: str) -> tuple[FilePath, ...]:

@@ -8,7 +8,17 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from towval.io.style import COLUMN_WIDTH_IN, MEASURED, MUTED, ROVER, SHADE, figure_function, fit_height
+from towval.io.style import (
+    COLUMN_WIDTH_IN,
+    MEASURED,
+    MUTED,
+    ROVER,
+    SHADE,
+    Margins,
+    figure_function,
+    foot_legend,
+    place_maps,
+)
 from towval.types import Array, Calibration, View, locked
 
 # Length of a large residual (95th percentile) in the picture, as a share of the image's width.
@@ -57,7 +67,7 @@ def coverage_figure(calibration: Calibration) -> Figure:
     Figure
         The image [px], one column wide. Corners of views that were dropped are grey crosses.
     """
-    figure = Figure(figsize=(COLUMN_WIDTH_IN, 0.7 * COLUMN_WIDTH_IN), layout="constrained")
+    figure = Figure(figsize=(COLUMN_WIDTH_IN, COLUMN_WIDTH_IN))
     axes = figure.add_subplot()
     used = [view for view in calibration.views if not view.dropped]
     held, lying = [v for v in used if not v.on_floor], [v for v in used if v.on_floor]
@@ -72,8 +82,8 @@ def coverage_figure(calibration: Calibration) -> Figure:
     factor = _draw_residuals(axes, calibration, used)
     width, height = _frame_image(axes, calibration)
     axes.set_title("Detected corners and their residuals" + (f", × {factor:.0f}" if factor else ""))
-    figure.legend(loc="outside lower center", ncols=3, markerscale=2)
-    fit_height(figure, axes, height / width)
+    place_maps(figure, [axes], height / width, Margins(bottom=0.55))
+    foot_legend(figure, [line for line in axes.lines if not line.get_label().startswith("_")], columns=4)
     return figure
 
 
@@ -93,8 +103,17 @@ def reprojection_figure(calibration: Calibration) -> Figure:
         board and image plane [°] on the right. Boards seen without tilt say nothing about the focal length.
     """
     views = calibration.views
-    figure = Figure(figsize=(COLUMN_WIDTH_IN, max(1.2, 0.6 + 0.115 * len(views))), layout="constrained")
+    margins = Margins(left=0.2 + 0.052 * max((len(view.name) for view in views), default=0))
+    height = margins.top + max(0.6, 0.115 * len(views)) + margins.bottom
+    figure = Figure(figsize=(COLUMN_WIDTH_IN, height))
     errors, tilts = figure.subplots(1, 2, sharey=True, width_ratios=[1.6, 1])
+    figure.subplots_adjust(
+        left=margins.left / COLUMN_WIDTH_IN,
+        right=1 - margins.right / COLUMN_WIDTH_IN,
+        top=1 - margins.top / height,
+        bottom=margins.bottom / height,
+        wspace=0.06,
+    )
     for row, view in enumerate(views):
         colour = "#2c8a4b" if view.on_floor else ROVER
         if view.dropped:
@@ -132,7 +151,7 @@ def uncertainty_figure(calibration: Calibration, uncertainty: UncertaintyMap) ->
     Figure
         Filled contours [mm] with labels over the image [px], one column wide.
     """
-    figure = Figure(figsize=(COLUMN_WIDTH_IN, 0.7 * COLUMN_WIDTH_IN), layout="constrained")
+    figure = Figure(figsize=(COLUMN_WIDTH_IN, COLUMN_WIDTH_IN))
     axes = figure.add_subplot()
     std_mm = np.ma.masked_invalid(1e3 * uncertainty.std_m)
     filled = axes.contourf(uncertainty.u_px, uncertainty.v_px, std_mm, levels=9, cmap="YlGnBu")
@@ -141,11 +160,12 @@ def uncertainty_figure(calibration: Calibration, uncertainty: UncertaintyMap) ->
     )
     axes.clabel(lines, fontsize=6.5, fmt="%g")
     width, height = _frame_image(axes, calibration)
-    bar = figure.colorbar(filled, ax=axes, pad=0.02, aspect=18)
+    place_maps(figure, [axes], height / width, Margins(right=0.68))
+    box = axes.get_position()
+    bar = figure.colorbar(filled, cax=figure.add_axes((box.x1 + 0.025, box.y0, 0.025, box.height)))
     bar.set_label("standard deviation (mm)")
     bar.outline.set_linewidth(0.4)
     axes.set_title(f"Uncertainty of a place {uncertainty.height_m:g} m above the floor")
-    fit_height(figure, axes, height / width)
     return figure
 
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from towval.errors import InputError
 from towval.geometry import transform
 from towval.io.run_record import RunRecord
-from towval.io.style import BAND, COLUMN_WIDTH_IN, MEASURED, MUTED, ROVER, SHADE, figure_function
+from towval.io.style import BAND, MEASURED, MUTED, ROVER, SHADE, Margins, column_of_panels, figure_function, head_legend
 from towval.types import DecimatedTrack, Track
 
 _BAND = 2.0
@@ -38,17 +38,14 @@ def decimate_figure(run: RunRecord) -> Figure:
     """
     if run.decimated is None:
         raise InputError(f"run {run.name} has no decimated track to draw", remedy="decimate it first")
-    figure = Figure(figsize=(COLUMN_WIDTH_IN, 1.15 * COLUMN_WIDTH_IN), layout="constrained")
-    plan, *rest = figure.subplots(3, 1, height_ratios=[2.6, 1, 1])
-    rest[0].sharex(rest[1])
+    title = f"Run {run.name}: way of the hinge"
+    figure, (plan, *over_time) = column_of_panels([1.5, 0.62, 0.62], Margins(top=0.4), title, apart=1)
     _draw_plan(plan, run, run.decimated)
-    for axes, column, name in zip(rest, (0, 1), "xy", strict=True):
+    for axes, column, name in zip(over_time, (0, 1), "xy", strict=True):
         _draw_misfit(axes, run.rover_track, run.decimated, column)
         axes.set_ylabel(f"${name}$ (mm)")
-    rest[0].tick_params(labelbottom=False)
-    rest[1].set_xlabel("time (s)")
-    rest[1].set_xlim(run.rover_track.time_s[0], run.rover_track.time_s[-1])
-    figure.align_ylabels()
+    over_time[-1].set_xlabel("time (s)")
+    over_time[-1].set_xlim(run.rover_track.time_s[0], run.rover_track.time_s[-1])
     return figure
 
 
@@ -60,8 +57,7 @@ def _draw_plan(axes: Axes, run: RunRecord, decimated: DecimatedTrack) -> None:
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel("$x$ on the floor (m)")
     axes.set_ylabel("$y$ on the floor (m)")
-    axes.set_title(f"Run {run.name}: way of the hinge")
-    axes.figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=2)
+    head_legend(axes.figure, axes.lines, columns=2)
 
 
 def _draw_misfit(axes: Axes, track: Track, decimated: DecimatedTrack, column: int) -> None:

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from towval.io.run_record import RunRecord
-from towval.io.style import BAND, COLUMN_WIDTH_IN, MEASURED, SHADE, SIMULATED, figure_function
+from towval.io.style import BAND, MEASURED, SHADE, SIMULATED, Margins, column_of_panels, figure_function
 from towval.types import Array, SimulatedMotion
 
 _PANELS = (
@@ -53,9 +53,8 @@ def error_figure(run: RunRecord) -> Figure:
         Four panels over one time axis [s]: errors in mm and degrees, tension in N. Shaded where the tether is slack;
         a red line at the foot of a panel marks frames in which the object was not seen.
     """
-    figure = Figure(figsize=(COLUMN_WIDTH_IN, 1.15 * COLUMN_WIDTH_IN), layout="constrained")
-    figure.get_layout_engine().set(hspace=0.02, h_pad=0.025)
-    panels = figure.subplots(4, 1, sharex=True)
+    title = f"Run {run.name}: simulated minus measured"
+    figure, panels = column_of_panels([0.76] * 4, Margins(bottom=0.5), title)
     comparison, simulated = run.comparison, run.simulated
     for axes, (column, label, scale) in zip(panels, _PANELS, strict=False):
         std = None if run.error_std is None else scale * run.error_std[:, column]
@@ -63,10 +62,8 @@ def error_figure(run: RunRecord) -> Figure:
         axes.set_ylabel(label)
     _draw_tension(panels[3], simulated)
     shaded = _shade_slack(panels, simulated)
-    figure.align_ylabels(panels)
     panels[3].set_xlabel("time (s)")
     panels[0].set_xlim(comparison.time_s[0], comparison.time_s[-1])
-    panels[0].set_title(f"Run {run.name}: simulated minus measured")
     _explain(figure, banded=run.error_std is not None, shaded=shaded, gaps=np.isnan(comparison.error).any())
     return figure
 
@@ -104,7 +101,7 @@ def _draw_tension(axes: Axes, simulated: SimulatedMotion) -> None:
     axes.set_ylabel("tension (N)")
 
 
-def _shade_slack(panels: np.ndarray, simulated: SimulatedMotion) -> bool:
+def _shade_slack(panels: list[Axes], simulated: SimulatedMotion) -> bool:
     slack = ~(np.linalg.norm(simulated.tether_force, axis=1) > 0)
     spans = intervals(simulated.time_s, slack)
     for axes in panels:
@@ -122,4 +119,4 @@ def _explain(figure: Figure, *, banded: bool, shaded: bool, gaps: bool) -> None:
     if gaps:
         parts.append("red foot: object not seen")
     if parts:
-        figure.supxlabel("; ".join(parts), fontsize=7, color="#555555", x=0.01, ha="left")
+        figure.text(0.02, 0.012, "; ".join(parts), fontsize=7, color="#555555")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from string import ascii_lowercase
 
@@ -22,8 +21,10 @@ from towval.io.style import (
     PAGE_WIDTH_IN,
     ROVER,
     SIMULATED,
+    Margins,
     figure_function,
-    fit_height,
+    head_legend,
+    place_maps,
 )
 from towval.types import Array, Comparison
 
@@ -59,14 +60,14 @@ def run_figure(run: RunRecord, spacing_m: float | None = None) -> Figure:
     InputError
         When ``spacing_m`` is not above zero.
     """
-    figure = Figure(figsize=(COLUMN_WIDTH_IN, COLUMN_WIDTH_IN), layout="constrained")
+    figure = Figure(figsize=(COLUMN_WIDTH_IN, COLUMN_WIDTH_IN))
     axes = figure.add_subplot()
     low, high = _padded(draw_run(axes, run, spacing_m))
     _frame(axes, low, high)
     axes.set_title(f"Run {run.name}")
     axes.set_title(_error_text(run.comparison), loc="right", color="#444444")
-    figure.legend(handles=_legend_handles(), loc="outside upper center", ncols=3)
-    fit_height(figure, axes, float((high - low)[1] / (high - low)[0]))
+    place_maps(figure, [axes], float((high - low)[1] / (high - low)[0]), Margins(top=0.54))
+    head_legend(figure, _legend_handles(), columns=3)
     return figure
 
 
@@ -92,26 +93,24 @@ def campaign_figure(runs: Sequence[RunRecord]) -> Figure:
     if not runs:
         raise InputError("a campaign figure needs a run", got="none", allowed="one run or more")
     columns = 1 if len(runs) == 1 else 2 if len(runs) <= 4 else 3
-    rows = math.ceil(len(runs) / columns)
-    figure = Figure(figsize=(PAGE_WIDTH_IN, PAGE_WIDTH_IN * rows / columns), layout="constrained")
-    panels = figure.subplots(rows, columns, squeeze=False).ravel()
-    extents = [_padded(draw_run(axes, run, None)) for axes, run in zip(panels, runs, strict=False)]
+    figure = Figure(figsize=(PAGE_WIDTH_IN, PAGE_WIDTH_IN))
+    panels = [figure.add_subplot() for _ in runs]
+    extents = [_padded(draw_run(axes, run, None)) for axes, run in zip(panels, runs, strict=True)]
     # One scale for all panels: the largest run sets the size, the others are centred in it.
     half = np.max([(high - low) / 2 for low, high in extents], axis=0)
-    for letter, axes, run, (low, high) in zip(ascii_lowercase, panels, runs, extents, strict=False):
+    for index, (axes, run, (low, high)) in enumerate(zip(panels, runs, extents, strict=True)):
         centre = (low + high) / 2
         _frame(axes, centre - half, centre + half)
         # Limits differ from panel to panel, so each keeps its numbers; the names of the axes stand once.
-        if not axes.get_subplotspec().is_first_col():
+        if index % columns:
             axes.set_ylabel("")
-        if not axes.get_subplotspec().is_last_row():
+        if index + columns < len(panels):
             axes.set_xlabel("")
-        axes.set_title(f"({letter}) run {run.name}")
+        axes.set_title(f"({ascii_lowercase[index % 26]}) run {run.name}")
         axes.set_title(_error_text(run.comparison), loc="right", color="#444444")
-    for axes in panels[len(runs) :]:
-        axes.set_axis_off()
-    figure.legend(handles=_legend_handles(), loc="outside upper center", ncols=6)
-    fit_height(figure, panels[0], float(half[1] / half[0]), rows)
+    margins = Margins(left=0.44, top=0.42, across=0.3, down=0.38)
+    place_maps(figure, panels, float(half[1] / half[0]), margins, columns)
+    head_legend(figure, _legend_handles(), columns=6)
     return figure
 
 

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch as Swatch
 
 from towval.io.figures.errors import intervals
-from towval.io.style import BAND, COLUMN_WIDTH_IN, MEASURED, ROVER, SIMULATED, figure_function
+from towval.io.style import BAND, MEASURED, ROVER, SIMULATED, Margins, column_of_panels, figure_function, foot_legend
 from towval.types import Track, TrackStatus
 
 _STATUS_COLOURS = {
@@ -33,9 +33,8 @@ def tracking_figure(track: Track) -> Figure:
         Five panels over one time axis [s], one column wide: residual [px or grey levels, as the method counts],
         inliers [%], standard deviation of the place [mm] and of the heading [°] from the frame's own noise, status.
     """
-    figure = Figure(figsize=(COLUMN_WIDTH_IN, 1.15 * COLUMN_WIDTH_IN), layout="constrained")
-    figure.get_layout_engine().set(hspace=0.02, h_pad=0.025)
-    panels = figure.subplots(5, 1, sharex=True, height_ratios=[1, 1, 1, 1, 0.22])
+    heights = [0.7, 0.7, 0.7, 0.7, 0.15]
+    figure, panels = column_of_panels(heights, Margins(bottom=0.53), f"Tracking of the {track.body}")
     panels[0].plot(track.time_s, track.residual, color=SIMULATED, linewidth=0.8)
     panels[0].set_ylabel("residual")
     panels[1].plot(track.time_s, 100 * track.inlier_fraction, color=SIMULATED, linewidth=0.8)
@@ -52,8 +51,6 @@ def tracking_figure(track: Track) -> Figure:
     _draw_status(panels[4], track)
     panels[4].set_xlabel("time (s)")
     panels[0].set_xlim(track.time_s[0], track.time_s[-1])
-    panels[0].set_title(f"Tracking of the {track.body}")
-    figure.align_ylabels(panels)
     return figure
 
 
@@ -65,6 +62,6 @@ def _draw_status(axes: Axes, track: Track) -> None:
     swatches = [
         Swatch(color=_STATUS_COLOURS[s], label=f"{s.name.lower()} ({int((track.status == s).sum())})") for s in present
     ]
-    axes.figure.legend(handles=swatches, loc="outside lower center", ncols=3, handlelength=1.2)
+    foot_legend(axes.figure, swatches, columns=3)
     axes.set_yticks([])
     axes.grid(visible=False)
