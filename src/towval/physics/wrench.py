@@ -26,7 +26,7 @@ from towval.physics.contact import PressurePlane
 from towval.physics.friction_table import LOWEST, coefficient_and_slope, friction_table, radial_means
 from towval.types import Array, FrictionLaw, locked
 
-_FAR = 5.0  # instantaneous centre beyond this many radii of the patch: the rule over the area is exact to 1e-10
+_FAR = 3.5  # instantaneous centre beyond this many radii of the patch: the rule over the area is exact to 1e-11
 _AREA_NODES = 6  # along each side of a triangle
 _RULE_SIZES = (4, 6, 8, 10, 12, 14, 16)
 _LONGEST_PANEL = 3.6

@@ -1,0 +1,187 @@
+import itertools
+
+import numpy as np
+import pytest
+import shapely
+from footprints import random_star, rectangle
+
+from oracles import (
+    DISK_WRENCH,
+    FOUR_CORNERS_OVER_PATCH,
+    RECTANGLE_SPIN_M,
+    SQUARE_CORNER_SPIN_M,
+    SQUARE_SPIN_M,
+    disk_wrench,
+    rectangle_spin,
+)
+from towval.physics.contact import pressure_plane
+from towval.physics.friction_law import coulomb_law, friction_coefficient
+from towval.physics.wrench import friction_wrench, sliding_patch, wrench_and_slopes, wrench_at_origin
+from towval.types import FrictionLaw, Patch
+
+COULOMB = coulomb_law(1.0, 1e-12)
+
+
+def regular_polygon(n, radius=1.0):
+    angle = 2 * np.pi * (np.arange(n) + 0.5) / n
+    return Patch(radius * np.column_stack([np.cos(angle), np.sin(angle)]))
+
+
+@pytest.mark.parametrize(("ratio", "digits"), DISK_WRENCH.items())
+def test_disk_has_the_closed_forms_wrench(ratio, digits):
+    assert disk_wrench(ratio) == pytest.approx(digits, rel=1e-12)
+    # The wrench of inscribed regular polygons goes to the disk's as n⁻²: Richardson takes the rest away.
+    wrenches = []
+    for n in (240, 480):
+        patch = sliding_patch(pressure_plane(regular_polygon(n), [(1.0, (0, 0))]), COULOMB)
+        wrenches.append(friction_wrench(patch, (ratio, 0.0, 1.0)))
+    force_x, force_y, moment = (4 * wrenches[1] - wrenches[0]) / 3
+    assert (-force_x, -moment) == pytest.approx(disk_wrench(ratio), abs=2e-8)
+    assert force_y == pytest.approx(0, abs=1e-12)
+
+
+@pytest.mark.parametrize(("sides", "digits"), [((0.4, 0.4), SQUARE_SPIN_M), ((0.6, 0.4), RECTANGLE_SPIN_M)])
+def test_rectangle_turning_about_its_centre(sides, digits):
+    patch = sliding_patch(pressure_plane(rectangle(*sides), [(7.0, (0, 0))]), COULOMB)
+    assert rectangle_spin(*sides) == pytest.approx(digits, rel=1e-12)
+    assert friction_wrench(patch, (0, 0, -2.0)) == pytest.approx([0, 0, 7 * digits], rel=1e-10, abs=1e-10)
+
+
+def test_square_turning_about_a_corner(square):
+    patch = sliding_patch(pressure_plane(square, [(1.0, (0, 0))]), COULOMB)
+    force_x, force_y, moment = friction_wrench(patch, (0.2, -0.2, 1.0))
+    about_corner = moment - (0.2 * force_y - 0.2 * force_x)
+    assert about_corner == pytest.approx(-SQUARE_CORNER_SPIN_M, rel=1e-10)
+
+
+def test_four_points_are_not_a_patch():
+    assert np.hypot(0.2, 0.2) / SQUARE_SPIN_M == pytest.approx(FOUR_CORNERS_OVER_PATCH, abs=5e-4)
+
+
+def reference_wrench(contact, law, twist, order=40, levels=12):
+    """High-order quadrature that shares nothing with the module: polar panels about the centre of rotation.
+
+    Each triangle of a triangulation is cut into the signed triangles that C spans with its sides; on those the radius
+    is integrated from C by Gauss panels graded towards C, the side by Gauss panels graded towards the foot of C.
+    """
+    x, w = np.polynomial.legendre.leggauss(order)
+    x, w = (x + 1) / 2, w / 2
+    grade = np.concatenate([[0.0], 4.0 ** np.arange(-levels, 1)])
+    radial = np.concatenate([a + (b - a) * x for a, b in itertools.pairwise(grade)])
+    radial_weight = np.concatenate([(b - a) * w for a, b in itertools.pairwise(grade)])
+    vx, vy, omega = twist
+    centre = np.array([-vy, vx]) / omega
+    total = np.zeros(3)
+    for x0, y0, x1, y1 in contact.edges:
+        a, b = np.array([x0, y0]) - centre, np.array([x1, y1]) - centre
+        side, length = b - a, np.hypot(*(b - a))
+        foot = np.clip(-(a @ side) / length**2, 0, 1)
+        cuts = [0.0, 1.0, foot]
+        for g in grade[1:]:
+            cuts += [foot - g * foot, foot + g * (1 - foot)]
+        cuts = np.unique(cuts)
+        for u0, u1 in itertools.pairwise(cuts):
+            u, wu = u0 + (u1 - u0) * x, (u1 - u0) * w
+            rays = a + u[:, None] * side
+            s = rays[:, None, :] * radial[None, :, None]
+            jacobian = (rays[:, 0] * side[1] - rays[:, 1] * side[0])[:, None] * radial[None, :]
+            weight = wu[:, None] * radial_weight[None, :] * jacobian
+            rho = np.hypot(s[..., 0], s[..., 1])
+            place = s + centre
+            pressure = place @ contact.coefficients[:2] + contact.coefficients[2]
+            force = -np.sign(omega) * weight * pressure * friction_coefficient(law, abs(omega) * rho)
+            with np.errstate(invalid="ignore", divide="ignore"):
+                direction = np.where(rho[..., None] > 0, np.stack([-s[..., 1], s[..., 0]], -1) / rho[..., None], 0.0)
+            fx, fy = force * direction[..., 0], force * direction[..., 1]
+            total += [fx.sum(), fy.sum(), (place[..., 0] * fy - place[..., 1] * fx).sum()]
+    return total
+
+
+def random_scene(rng):
+    outline = random_star(rng, corners=(3, 8))
+    polygon = shapely.Polygon(outline)
+    size = np.linalg.norm(np.ptp(outline, axis=0))
+    inside = shapely.get_coordinates(polygon.representative_point())[0]
+    middle = shapely.get_coordinates(polygon.convex_hull.centroid)[0]
+    place = middle + rng.uniform(0, 0.8) * (inside - middle)
+    contact = pressure_plane(Patch(outline), [(10.0, place)])
+    law = FrictionLaw([*(rng.uniform(0, 0.2, 1)), 400, 40, 0.35, 10 ** rng.uniform(1.5, 3.5), rng.choice([0.0, 0.3])])
+    return contact, law, size
+
+
+def centre_of_rotation(rng, contact, size, kind):
+    edge = contact.edges[rng.integers(len(contact.edges))]
+    start, end = edge[:2], edge[2:]
+    if kind == "vertex":
+        return start
+    if kind == "edge":
+        return start + rng.uniform() * (end - start)
+    if kind == "close to an edge":
+        normal = np.array([-(end - start)[1], (end - start)[0]]) / np.hypot(*(end - start))
+        return start + rng.uniform() * (end - start) + 10 ** rng.uniform(-9, -1) * size * normal
+    if kind == "inside":
+        return contact.centre + 0.3 * size * rng.uniform(-1, 1, 2)
+    return contact.centre + 10 ** rng.uniform(0, 1.5) * size * rng.normal(size=2)
+
+
+@pytest.mark.parametrize("kind", ["vertex", "edge", "close to an edge", "inside", "outside"])
+def test_boundary_integral_agrees_with_high_order_quadrature(kind):
+    rng = np.random.default_rng(11)
+    for _ in range(6):
+        contact, law, size = random_scene(rng)
+        omega = rng.choice([-1, 1]) * 10 ** rng.uniform(-4, 0.5) / size
+        cx, cy = centre_of_rotation(rng, contact, size, kind)
+        twist = np.array([cy * omega, -cx * omega, omega])
+        wrench = friction_wrench(sliding_patch(contact, law), twist)
+        reference = reference_wrench(contact, law, twist)
+        reach = np.hypot(*contact.centre) + size
+        scale = contact.normal_force * 0.35 * np.array([1, 1, reach])
+        assert np.abs((wrench - reference) / scale).max() < 1e-8
+
+
+def test_wrench_is_continuous_as_turning_vanishes(square, makkar):
+    patch = sliding_patch(pressure_plane(square, [(49.05, (0.05, 0.03))]), makkar)
+    straight = friction_wrench(patch, (0.05, 0.02, 0.0))
+    for omega in 10.0 ** -np.arange(3, 16):
+        turning = friction_wrench(patch, (0.05, 0.02, omega))
+        # First order in ω with a slope of the size of the wrench over the speed.
+        assert np.abs(turning - straight).max() < 100 * omega + 1e-9
+
+
+def test_boundary_and_area_rule_agree_where_they_meet(square, makkar):
+    patch = sliding_patch(pressure_plane(square, [(49.05, (0.1, 0.06))]), makkar)
+    switch = 0.1 / (5 * patch.radius)
+    below = np.array(wrench_and_slopes(patch, 0.1, 0.0, switch * (1 - 1e-12)))
+    above = np.array(wrench_and_slopes(patch, 0.1, 0.0, switch * (1 + 1e-12)))
+    # 1e-10 of μ N and μ N times the size, as both promise.
+    assert above[:3] == pytest.approx(below[:3], rel=1e-10, abs=0.35 * 49.05 * 1e-10)
+    assert above[3:] == pytest.approx(below[3:], rel=1e-6, abs=1e-6)
+
+
+@pytest.mark.parametrize("twist", [(0.02, 0.01, 0.1), (0.1, 0, 0.01), (1e-4, 2e-4, 1e-3), (0, 0, 0.2), (1e-9, 0, 1e-8)])
+def test_slopes_are_the_derivatives(square, makkar, twist):
+    patch = sliding_patch(pressure_plane(square, [(49.05, (0.07, 0.03))]), makkar)
+    *_, xx, xy, yy, xw, yw, ww = wrench_and_slopes(patch, *twist)
+    step = 1e-5 * np.linalg.norm(twist)
+    numeric = np.column_stack(
+        [
+            np.subtract(wrench_at_origin(patch, *(twist + e)), wrench_at_origin(patch, *(twist - e))) / (2 * step)
+            for e in step * np.eye(3)
+        ]
+    )
+    slopes = np.array([[xx, xy, xw], [xy, yy, yw], [xw, yw, ww]])
+    assert np.abs(slopes - numeric).max() < 1e-6 * np.abs(slopes).max()
+
+
+def test_friction_takes_power_and_reverses_with_the_twist(square, makkar):
+    patch = sliding_patch(pressure_plane(square, [(49.05, (0.07, 0.03))]), makkar)
+    rng = np.random.default_rng(3)
+    for twist in rng.normal(size=(50, 3)) * 10 ** rng.uniform(-6, 0, (50, 1)):
+        wrench = friction_wrench(patch, twist)
+        assert wrench @ twist < 0
+        assert friction_wrench(patch, -twist) == pytest.approx(-wrench, rel=1e-9, abs=1e-9)
+
+
+def test_object_at_rest_feels_nothing(square, makkar):
+    patch = sliding_patch(pressure_plane(square, [(49.05, (0, 0))]), makkar)
+    assert (friction_wrench(patch, (0, 0, 0)) == 0).all()
