@@ -1,0 +1,201 @@
+"""The whole workflow on a synthetic campaign, filmed in the test: results, second call, edits, a kill, wrong input."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from campaigns import write_campaign
+
+from towval.geometry import wrapped
+from towval.io.campaign import load_campaign
+from towval.io.records import read_calibration, read_simulated, read_tracks
+
+STAGES = ("track", "decimate", "simulate", "compare")
+
+
+class Lab:
+    """A working folder with a campaign in it, and Snakemake to run there."""
+
+    def __init__(self, repository: Path, folder: Path):
+        self.repository, self.folder = repository, folder
+        self.campaign = folder / "synthetic"
+        self.results = folder / "results" / "synthetic"
+
+    def command(self, *arguments: str, repository: Path | None = None) -> tuple[list[str], dict]:
+        repository = repository or self.repository
+        line = [sys.executable, "-m", "snakemake", "--cores", "2", "--snakefile", str(repository / "Snakefile")]
+        line += ["--directory", str(self.folder), "--rerun-triggers", "mtime", "params", "input", "--config"]
+        environment = {**os.environ, "PYTHONPATH": str(repository / "src")}
+        return [*line, f"campaign={self.campaign}", *arguments], {"env": environment, "cwd": self.folder}
+
+    def snakemake(self, *arguments: str, repository: Path | None = None) -> subprocess.CompletedProcess:
+        line, options = self.command(*arguments, repository=repository)
+        return subprocess.run(line, capture_output=True, text=True, timeout=600, check=False, **options)
+
+
+@pytest.fixture(scope="module")
+def lab(repository, tmp_path_factory):
+    """The campaign, filmed once, and the workflow run on it once."""
+    lab = Lab(repository, tmp_path_factory.mktemp("lab"))
+    lab.campaign.mkdir()
+    lab.truth = write_campaign(lab.campaign)
+    shutil.copy(repository / "config.yaml", lab.folder)
+    lab.first = lab.snakemake()
+    return lab
+
+
+def test_the_workflow_ends_with_all_its_results(lab):
+    assert lab.first.returncode == 0, lab.first.stdout + lab.first.stderr
+    for name in ("camera.mcap", "report.html", "summary.csv", "figures/fig10_a.pdf", "figures/fig10_a.svg", "a/overlay.mp4"):
+        assert (lab.results / name).stat().st_size > 0, name
+    for stage in STAGES:
+        assert (lab.results / "a" / f"{stage}.mcap").is_file()
+
+
+def test_summary_has_the_promised_columns(lab):
+    table = pd.read_csv(lab.results / "summary.csv")
+    assert list(table.columns) == (
+        "run path_rms_m path_max_m heading_rms_rad path_length_m u_num_m u_input_m u_measurement_m u_val_m verdict "
+        "tracked_frames lost_frames"
+    ).split()
+    assert table.tracked_frames[0] == len(lab.truth["time_s"])
+    assert table.path_rms_m[0] < 5e-3
+
+
+@pytest.mark.parametrize("body", ["rover", "object"])
+def test_measured_paths_agree_with_the_truth(lab, body):
+    """At 450 lines a pixel is 6 mm on the floor: a tenth of it, with the calibration's own error."""
+    track = read_tracks(lab.results / "a" / "track.mcap")[body]
+    assert track.seen.all()
+    np.testing.assert_allclose(track.time_s, lab.truth["time_s"], atol=1e-5)
+    error = track.pose - lab.truth[body]
+    assert np.sqrt(np.mean(np.sum(error[:, :2] ** 2, axis=1))) < 2e-3
+    assert np.degrees(np.sqrt(np.mean(wrapped(error[:, 2]) ** 2))) < 0.3
+
+
+def test_simulated_path_agrees_with_the_cell_sum(lab):
+    simulated = read_simulated(lab.results / "a" / "simulate.mcap")
+    error = simulated.pose - lab.truth["object"][: len(simulated.time_s)]
+    assert np.sqrt(np.mean(np.sum(error[:, :2] ** 2, axis=1))) < 4e-3
+    assert simulated.outcome == "converged"
+
+
+def test_camera_height_is_recovered(lab):
+    calibration = read_calibration(lab.results / "camera.mcap")
+    assert calibration.floor.camera_position_m[2] == pytest.approx(4.0, abs=0.02)
+
+
+def test_a_second_call_does_nothing(lab):
+    second = lab.snakemake()
+    assert second.returncode == 0
+    assert "Nothing to be done" in second.stdout + second.stderr
+
+
+def _rules_to_run(lab, repository, *arguments):
+    answer = lab.snakemake("--dry-run", "--quiet", "rules", *arguments, repository=repository)
+    plan = lab.snakemake("--dry-run", *arguments, repository=repository)
+    assert plan.returncode == 0, plan.stdout + plan.stderr + answer.stderr
+    rules = set()
+    for line in (plan.stdout + plan.stderr).splitlines():
+        parts = line.split()
+        if len(parts) == 2 and parts[1].isdigit() and parts[0] in {*STAGES, "calibrate", "overlay", "report"}:
+            rules.add(parts[0])
+    return rules
+
+
+EDITS = {
+    "src/towval/vision/camera.py": {"calibrate", *STAGES, "overlay", "report"},
+    "src/towval/track.py": {*STAGES, "overlay", "report"},
+    "src/towval/physics/contact.py": {"simulate", "compare", "overlay", "report"},
+    "src/towval/compare.py": {"compare", "overlay", "report"},
+    "src/towval/io/report.py": {"report"},
+    "src/towval/rover/planner.py": set(),
+}
+
+
+@pytest.mark.parametrize("module", EDITS)
+def test_an_edit_reruns_what_depends_on_it_and_nothing_else(lab, repository, tmp_path, module):
+    copy = tmp_path / "copy"
+    for name in ("src", "workflow", "profiles"):
+        shutil.copytree(repository / name, copy / name, ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
+    shutil.copy(repository / "Snakefile", copy)
+    with (copy / module).open("a") as stream:
+        stream.write("\n# edited\n")
+    assert _rules_to_run(lab, copy) == EDITS[module]
+
+
+def test_another_key_of_the_campaign_reruns_what_reads_it(lab, repository):
+    path = lab.campaign / "campaign.yaml"
+    before = path.read_text()
+    document = yaml.safe_load(before)
+    document["tether"]["rest_length_m"] = 0.61
+    try:
+        path.write_text(yaml.safe_dump(document))
+        assert _rules_to_run(lab, repository) == {"simulate", "compare", "overlay", "report"}
+    finally:
+        path.write_text(before)
+
+
+def test_a_killed_run_resumes(lab, tmp_path):
+    """Killed while it tracks: no half file is left, and the next call ends the work without calibrating again."""
+    other = Lab(lab.repository, tmp_path)
+    other.campaign = lab.campaign
+    shutil.copy(lab.repository / "config.yaml", tmp_path)
+    line, options = other.command()
+    process = subprocess.Popen(line, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True, **options)
+    camera, track = other.results / "camera.mcap", other.results / "a" / "track.mcap"
+    deadline = time.monotonic() + 300
+    while not (camera.exists() and (other.results / "a").exists()) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    assert camera.exists()
+    assert not track.exists() or read_tracks(track)
+    subprocess.run([*line, "--unlock"], capture_output=True, check=True, **options)
+    made = camera.stat().st_mtime_ns
+    again = other.snakemake()
+    assert again.returncode == 0, again.stdout + again.stderr
+    assert (other.results / "report.html").exists()
+    assert camera.stat().st_mtime_ns == made
+
+
+def test_wrong_input_is_one_message_without_a_traceback(lab, tmp_path):
+    folder = tmp_path / "synthetic"
+    shutil.copytree(lab.campaign, folder)
+    path = folder / "campaign.yaml"
+    path.write_text(path.read_text().replace("rest_length_m", "rest_lenght_m"))
+    other = Lab(lab.repository, tmp_path)
+    shutil.copy(lab.repository / "config.yaml", tmp_path)
+    answer = other.snakemake()
+    told = answer.stdout + answer.stderr
+    assert answer.returncode != 0
+    assert "did you mean rest_length_m?" in told
+    assert "Traceback" not in told
+
+
+def test_a_video_that_is_none_fails_alone(lab, tmp_path):
+    """The error of one job is told once, without a traceback, and what was made before stays."""
+    folder = tmp_path / "synthetic"
+    shutil.copytree(lab.campaign, folder)
+    (folder / "a.mp4").write_text("not a video")
+    other = Lab(lab.repository, tmp_path)
+    shutil.copy(lab.repository / "config.yaml", tmp_path)
+    answer = other.snakemake()
+    told = answer.stdout + answer.stderr
+    assert answer.returncode != 0
+    assert "a.mp4 is no video" in told
+    assert "Traceback" not in told
+    assert (other.results / "camera.mcap").exists()
+    assert not (other.results / "a" / "track.mcap").exists()
+
+
+def test_the_synthetic_campaign_is_valid(lab):
+    assert load_campaign(lab.campaign).board.inner_corners == (7, 5)
