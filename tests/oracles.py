@@ -26,7 +26,7 @@ COAST = {"mu": 0.35, "v0": 0.1, "v_s": 0.01, "t": 0.02}
 COAST_SPEED, COAST_DISTANCE, COAST_REST_DISTANCE = 0.031348944194, 0.001313327626, 0.001480194175
 DISK_STOP_RATIO = 0.6530017892
 """v / (R ω) with which a uniform sliding and spinning Coulomb disk comes to rest."""
-TRACTRIX = {"length": 0.6, "s": 1.0, "theta": 0.373353004869, "object": (0.441334234799, -0.218843694889)}
+TRACTRIX = {"length": 0.6, "s": 1.0, "theta": 0.373353004869, "object_m": (0.441334234799, -0.218843694889)}
 LAP_FINAL_POSE = (0.24350136, -0.30703927, 0.32105829)
 """Centre of the cube [m, m, rad] after a lap of 400 s, to 1e-7."""
 

@@ -21,9 +21,10 @@ import shapely
 from numba import njit
 from numpy.typing import ArrayLike
 
+from towval.conventions import GRAVITY_M_PER_S2
 from towval.errors import InputError, RefusedError
 from towval.geometry import polygon_area
-from towval.types import Array, Patch, locked
+from towval.types import Array, Patch, TowedObject, locked
 
 RESIDUAL_LIMIT = 1e-10
 """Largest equilibrium residual that is vouched for, as a part of N and of N times the footprint's size."""
@@ -149,6 +150,11 @@ def pressure_plane(patch: Patch, loads: Sequence[tuple[float, ArrayLike]]) -> Pr
     gradient = plane[1:] * normal_force / size**3
     coefficients = [*gradient, plane[0] * normal_force / size**2 - gradient @ centre]
     return PressurePlane(coefficients, normal_force, centre, contact, residual, iterations)
+
+
+def resting_pressure(towed: TowedObject) -> PressurePlane:
+    """Pressure under an object at rest, its weight acting at its centre of mass; raises as :func:`pressure_plane`."""
+    return pressure_plane(towed.patch, [(towed.mass * GRAVITY_M_PER_S2, towed.centre_of_mass)])
 
 
 def _valid_polygon(patch: Patch) -> shapely.Polygon:

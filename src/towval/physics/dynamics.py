@@ -13,13 +13,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
-from towval.conventions import GRAVITY_M_PER_S2
 from towval.errors import InputError
 from towval.geometry import transform
-from towval.physics.contact import PressurePlane, pressure_plane
+from towval.physics.contact import resting_pressure
 from towval.physics.integrator import NOT_FINITE, REACHED_END, STEP_LIMIT, STEP_TOO_SMALL, integrate
 from towval.physics.motion import FORCED, SLACK, TAUT, Scene, tautness
-from towval.physics.splines import Spline, piece_at, spline_at, spline_from, spline_through
+from towval.physics.splines import Spline, piece_at, spline_at, spline_covering
 from towval.physics.wrench import SlidingPatch, sliding_patch
 from towval.types import Array, Finding, FrictionLaw, Path, Severity, SimulatedMotion, Tether, TowedObject, locked
 
@@ -78,11 +77,6 @@ class Accuracy:
             )
 
 
-def resting_pressure(towed: TowedObject) -> PressurePlane:
-    """Pressure under an object at rest, its whole weight acting at its centre of mass."""
-    return pressure_plane(towed.patch, [(towed.mass * GRAVITY_M_PER_S2, towed.centre_of_mass)])
-
-
 def feedback(
     towed: TowedObject,
     law: FrictionLaw | SlidingPatch,
@@ -127,7 +121,7 @@ def feedback(
         When the times are not covered by the hinge's way, or are no times.
     """
     times = _checked_times(times)
-    drive = _drive(hinge, times, "the way of the hinge")
+    drive = spline_covering(hinge, times, "the way of the hinge")
     scene = _scene(towed, law, tether, drive)
     y = _state(towed, start_pose, start_twist)
     _, stretch, pull = tautness(scene, times[0], piece_at(drive.knots, times[0], 0), y)
@@ -156,7 +150,7 @@ def feedforward(
     :func:`feedback`. ``tether_length`` of the result is NaN-free zero: there is no tether.
     """
     times = _checked_times(times)
-    drive = _drive(force, times, "the force")
+    drive = spline_covering(force, times, "the force")
     scene = _scene(towed, law, Tether(1.0, 1.0), drive)
     outcome, states, _, statistics = _run(scene, FORCED, _state(towed, start_pose, start_twist), times, accuracy)
     forces = np.array([_spline_value(drive, t) for t in times[: len(states)]])
@@ -170,18 +164,6 @@ def _checked_times(times: ArrayLike) -> Array:
             "the times to report cannot be used", got=f"{len(times)} times", allowed="two or more, increasing"
         )
     return times
-
-
-def _drive(way: Path | CubicSpline, times: Array, name: str) -> Spline:
-    spline = spline_through(way) if isinstance(way, Path) else spline_from(way)
-    slip = 1e-9 * (spline.knots[-1] - spline.knots[0])
-    if times[0] < spline.knots[0] - slip or times[-1] > spline.knots[-1] + slip:
-        raise InputError(
-            f"{name} does not cover the times to report",
-            got=f"times {times[0]} to {times[-1]} s, {name} {spline.knots[0]} to {spline.knots[-1]} s",
-            allowed="times within",
-        )
-    return spline
 
 
 def _scene(towed: TowedObject, law: FrictionLaw | SlidingPatch, tether: Tether, drive: Spline) -> Scene:

@@ -48,6 +48,26 @@ def spline_from(curve: CubicSpline) -> Spline:
     return Spline(curve.x.copy(), coefficients, limits)
 
 
+def spline_covering(way: Path | CubicSpline, times: Array, name: str) -> Spline:
+    """The spline of a path, or a spline as it is, after a check that it covers the times.
+
+    Raises
+    ------
+    InputError
+        When a time lies outside.
+    """
+    spline = spline_through(way) if isinstance(way, Path) else spline_from(way)
+    first, last = spline.knots[0], spline.knots[-1]
+    slip = 1e-9 * (last - first)
+    if times[0] < first - slip or times[-1] > last + slip:
+        raise InputError(
+            f"{name} does not cover the times to report",
+            got=f"times {times[0]} to {times[-1]} s, {name} {first} to {last} s",
+            allowed="times within",
+        )
+    return spline
+
+
 @njit(cache=True)
 def piece_at(knots: Array, time: float, hint: int) -> int:
     """Number of the piece that holds a time, searched from a hint."""

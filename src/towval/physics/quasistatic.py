@@ -1,0 +1,351 @@
+"""The quasi-static model (QSM): what force, heading and hinge path draw a point of the object along a path.
+
+SOURCE: section 2.2. The velocity of the tracked point P is given, the heading rate ω is not: balance of moments
+about the anchor Q_T, ``M_k(v_P, ω) = 0``, is one scalar equation for it. Balance of forces gives the tow force ``T
+= −F_k``, and the hinge stands where the stretched tether ends, ``s_r = Q_T + (l0 + |T|/κ) T/|T|``.
+
+With P = Q_T the equation is the derivative of a convex dissipation: monotonic, one root. With P elsewhere it can have
+several roots or none; the root is then followed from the time before, and its loss is reported.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike
+from scipy.interpolate import CubicSpline
+
+from towval.errors import InputError
+from towval.geometry import inside_polygon, rotation, transform
+from towval.physics.contact import resting_pressure
+from towval.physics.splines import Spline, piece_at, spline_at, spline_covering
+from towval.physics.wrench import SlidingPatch, sliding_patch, wrench_and_slopes
+from towval.types import Array, Finding, FrictionLaw, Path, Severity, Tether, TowedObject, locked
+
+_STRIDE = 0.01  # of the patch's radius: the object moves no further in an inner step
+_CREEP = 1e-9  # m/s; where the path rests, directions are those of a creep this slow
+_SETTLED = 1e-6  # a Newton step this small, over |v| / radius, leaves its square as the error
+_NEWTON_LIMIT = 30
+_SCAN = 60  # rates looked at on either side of zero when a root has to be searched
+
+ROOT_FOUND, ROOT_CHOSEN, ROOT_LOST = 0, 1, 2
+
+
+@dataclass(frozen=True)
+class QuasistaticMotion:
+    """What the quasi-static model plans, on given times.
+
+    ``time_s`` (n,); ``pose`` (n, 3) of the body frame [m, m, rad]; ``twist`` (n, 3) of the body frame's origin, floor
+    axes [m/s, m/s, rad/s]; ``heading_rate`` (n,) [rad/s]; ``tether_force`` (n, 2) on the object, floor axes [N];
+    ``hinge`` the nominal way of the tether's end on the rover; ``residual_moment`` (n,) about the anchor [N m], zero
+    but where the root was lost; ``findings`` what a user has to know.
+    """
+
+    time_s: Array
+    pose: Array
+    twist: Array
+    heading_rate: Array
+    tether_force: Array
+    hinge: Path
+    residual_moment: Array
+    findings: tuple[Finding, ...] = ()
+    statistics: dict[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        n = len(self.time_s)
+        for name, shape in (
+            ("time_s", (n,)),
+            ("pose", (n, 3)),
+            ("twist", (n, 3)),
+            ("heading_rate", (n,)),
+            ("tether_force", (n, 2)),
+            ("residual_moment", (n,)),
+        ):
+            object.__setattr__(self, name, locked(getattr(self, name), f"QuasistaticMotion.{name}", shape))
+
+
+def quasistatic_plan(
+    towed: TowedObject,
+    law: FrictionLaw | SlidingPatch,
+    path: Path | CubicSpline,
+    tether: Tether,
+    *,
+    point: ArrayLike = (0.0, 0.0),
+    start_heading: float | None = None,
+    times: ArrayLike | None = None,
+) -> QuasistaticMotion:
+    """Plan the tow that moves a point of the object along a path, without inertia.
+
+    SOURCE: section 2.2, eqs. (4), (5).
+
+    Parameters
+    ----------
+    towed : TowedObject
+    law : FrictionLaw or SlidingPatch
+        Friction of the whole footprint, or a patch prepared with its own pressure, friction and method.
+    path : Path or CubicSpline
+        Way of the tracked point P over the floor in time [m]; a path is splined.
+    tether : Tether
+    point : array_like (2,), optional
+        P in the body frame [m]; its origin if not given.
+    start_heading : float, optional
+        Heading at the start [rad]. If not given, the object points along the path with its anchor ahead of P, so that
+        it starts as it will settle.
+    times : array_like (n,), optional
+        When to report [s]; those of the path if not given.
+
+    Returns
+    -------
+    QuasistaticMotion
+
+    Raises
+    ------
+    InputError
+        When the path never moves or does not cover the times.
+    """
+    times = _times_of(path, times)
+    spline = spline_covering(path, times, "the path")
+    patch = law if isinstance(law, SlidingPatch) else sliding_patch(resting_pressure(towed), law)
+    point = locked(point, "point", (2,))
+    if start_heading is None:
+        start_heading = _settled_heading(spline, times[0], towed.anchor - point)
+    geometry = np.concatenate([patch.origin - point, patch.origin - towed.anchor])
+    out = np.empty((len(times), 8))
+    solves, worst_newton = _follow(patch, geometry, spline, times, float(start_heading), _radius(patch), out)
+    theta, omega, force_body, moment, status = out[:, 0], out[:, 1], out[:, 2:4], out[:, 4], out[:, 5]
+    position, velocity = _positions(spline, times)
+    pose = np.column_stack([position - (rotation(theta) @ point), theta])
+    lever = rotation(theta) @ point
+    twist = np.column_stack([velocity + omega[:, None] * np.column_stack([lever[:, 1], -lever[:, 0]]), omega])
+    tow = -np.einsum("nij,nj->ni", rotation(theta), force_body)
+    direction = np.einsum("nij,nj->ni", rotation(theta), out[:, 6:8])
+    reach = tether.rest_length + np.linalg.norm(tow, axis=1) / tether.stiffness
+    hinge = Path(times, transform(pose, towed.anchor) + reach[:, None] * direction)
+    findings = (*_root_findings(times, status, moment), *_cable_findings(towed, times, out[:, 6:8]))
+    statistics = {"solves": float(solves), "newton_steps": float(worst_newton)}
+    lost = np.where(status == ROOT_LOST, moment, 0.0)
+    return QuasistaticMotion(times, pose, twist, omega, tow, hinge, lost, findings, statistics)
+
+
+def _times_of(path: Path | CubicSpline, times: ArrayLike | None) -> Array:
+    given = (path.time_s if isinstance(path, Path) else path.x) if times is None else times
+    given = locked(given, "times", (None,)).copy()
+    if len(given) < 2 or not (np.diff(given) > 0).all():
+        raise InputError(
+            "the times of the plan cannot be used", got=f"{len(given)} times", allowed="two or more, increasing"
+        )
+    return given
+
+
+def _radius(patch: SlidingPatch) -> float:
+    return float(np.linalg.norm(patch.area_nodes[:, :2], axis=1).max())
+
+
+def _positions(spline: Spline, times: Array) -> tuple[Array, Array]:
+    piece = np.clip(np.searchsorted(spline.knots, times, side="right") - 1, 0, len(spline.coefficients) - 1)
+    s = (times - spline.knots[piece])[:, None]
+    c0, c1, c2, c3 = np.moveaxis(spline.coefficients[piece], -1, 0)
+    return c0 + s * (c1 + s * (c2 + s * c3)), c1 + s * (2 * c2 + s * 3 * c3)
+
+
+def _settled_heading(spline: Spline, start: float, lever: Array) -> float:
+    """Heading with the anchor ahead of P along the path's first direction [rad]."""
+    samples = np.linspace(start, spline.knots[-1], 1001)
+    _, velocity = _positions(spline, samples)
+    speed = np.linalg.norm(velocity, axis=1)
+    moving = np.flatnonzero(speed > 1e-6 * speed.max())
+    if speed.max() == 0 or len(moving) == 0:
+        raise InputError("the path never moves", got="zero speed all along", allowed="a path that moves")
+    along = velocity[moving[0]]
+    own = math.atan2(lever[1], lever[0]) if np.hypot(*lever) > 0 else 0.0
+    return math.atan2(along[1], along[0]) - own
+
+
+def _root_findings(times: Array, status: Array, moment: Array) -> tuple[Finding, ...]:
+    findings = []
+    lost = status == ROOT_LOST
+    if lost.any():
+        text = (
+            f"No heading rate balances the moment about the anchor at {int(lost.sum())} of {len(times)} times, first "
+            f"at {times[lost][0]:.3f} s; up to {np.abs(moment[lost]).max():.3g} N m are left over. The tracked point "
+            "cannot be drawn along this path from this anchor; move the point towards the anchor."
+        )
+        findings.append(Finding(Severity.WARNING, "root_lost", text))
+    chosen = status == ROOT_CHOSEN
+    if chosen.any():
+        text = (
+            f"The heading rate jumped at {int(chosen.sum())} times, first at {times[chosen][0]:.3f} s: the "
+            "root nearest to the one before was taken."
+        )
+        findings.append(Finding(Severity.WARNING, "root_jumped", text))
+    return tuple(findings)
+
+
+def _cable_findings(towed: TowedObject, times: Array, direction: Array) -> tuple[Finding, ...]:
+    """Where the force at the anchor points into the object: a strut would push, a cable lies across the object."""
+    size = np.linalg.norm(np.ptp(towed.patch.outline, axis=0))
+    ring = 1e-3 * size * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
+    if inside_polygon(towed.patch.outline, towed.anchor + ring).all():
+        return ()  # The anchor sits within the outline, above the object: every direction crosses it.
+    across = inside_polygon(towed.patch.outline, towed.anchor + 0.05 * size * direction)
+    if not across.any():
+        return ()
+    text = (
+        f"At {int(across.sum())} of {len(times)} times, first at {times[across][0]:.3f} s, the force at the anchor "
+        "points into the object: the cable would have to push, or lie across the object. Smooth the path or move the anchor."
+    )
+    return (Finding(Severity.WARNING, "cable_would_push", text),)
+
+
+@njit(cache=True)
+def _follow(
+    patch: SlidingPatch, geometry: Array, spline: Spline, times: Array, heading: float, radius: float, out: Array
+) -> tuple[int, int]:
+    """Fill ``out`` (n, 8): heading, rate, friction force (2, body axes), moment, status, direction of the tow (2).
+
+    The heading is integrated by the quadratic through its last three rates (Adams-Bashforth), one solve a step.
+    """
+    knots, coefficients = spline.knots, spline.coefficients
+    solves = newton = 0
+    piece, theta, status = 0, heading, ROOT_CHOSEN
+    direction_x = direction_y = 0.0
+    rate0 = rate1 = rate2 = step1 = step2 = 0.0
+    known = 0
+    for i in range(len(times)):
+        parts = 1
+        if i > 0:
+            piece = piece_at(knots, times[i - 1], piece)
+            travel = spline.speed_limits[piece] * (times[i] - times[i - 1])
+            parts = max(1, math.ceil(travel / (_STRIDE * radius)))
+        for part in range(parts):
+            step = 0.0
+            time = times[i]
+            if i > 0:
+                step = (times[i] - times[i - 1]) / parts
+                time = times[i - 1] + (part + 1) * step
+                theta += step * _mean_rate(known, step, step1, step2, rate0, rate1, rate2)
+            piece = piece_at(knots, time, piece)
+            vx, vy = _moving_velocity(knots, coefficients, time, piece)
+            cos, sin = math.cos(theta), math.sin(theta)
+            ux, uy = cos * vx + sin * vy, cos * vy - sin * vx
+            guess = rate0 if known < 2 else rate0 + (rate0 - rate1) * step / step1
+            omega, fx, fy, moment, status, tries = _balanced_rate(patch, geometry, ux, uy, guess, radius, known == 0)
+            solves += 1
+            newton += tries
+            if known == 1 and part == 0:
+                # The first step was Euler's; with the rate at its end known, take it again by the trapezium.
+                theta += 0.5 * step * (omega - rate0)
+            rate2, rate1, rate0 = rate1, rate0, omega
+            step2, step1 = step1, step
+            known += 1
+        pull = math.hypot(fx, fy)
+        if pull > 0:
+            direction_x, direction_y = -fx / pull, -fy / pull
+        out[i, 0], out[i, 1], out[i, 2], out[i, 3], out[i, 4] = theta, omega, fx, fy, moment
+        out[i, 5], out[i, 6], out[i, 7] = status, direction_x, direction_y
+    return solves, newton
+
+
+@njit(cache=True)
+def _mean_rate(known: int, step: float, step1: float, step2: float, rate0: float, rate1: float, rate2: float) -> float:
+    """Mean over the coming step of the polynomial through the last rates."""
+    if known < 2:
+        return rate0
+    first = (rate0 - rate1) / step1
+    mean = rate0 + first * step / 2
+    if known > 2:
+        second = (first - (rate1 - rate2) / step2) / (step1 + step2)
+        mean += second * (step * step / 3 + step1 * step / 2)
+    return mean
+
+
+@njit(cache=True)
+def _moving_velocity(knots: Array, coefficients: Array, time: float, piece: int) -> tuple[float, float]:
+    """Velocity of the path; where it rests, a creep in the direction in which it will move (or has moved)."""
+    _, _, vx, vy, ax, ay = spline_at(knots, coefficients, time, piece)
+    speed = math.hypot(vx, vy)
+    if speed > _CREEP:
+        return vx, vy
+    push = math.hypot(ax, ay)
+    if push > 0:
+        sign = 1.0 if piece < len(coefficients) - 1 or time < knots[-1] else -1.0
+        return sign * _CREEP * ax / push, sign * _CREEP * ay / push
+    if speed > 0:
+        return _CREEP * vx / speed, _CREEP * vy / speed
+    return _CREEP, 0.0
+
+
+@njit(cache=True)
+def _moment_about_anchor(
+    patch: SlidingPatch, geometry: Array, ux: float, uy: float, omega: float
+) -> tuple[float, float, float, float, float, float]:
+    """Moment about the anchor, its slope by ω, the force and its slopes, for the velocity of P in body axes."""
+    px, py, ax, ay = geometry
+    fx, fy, moment, xx, xy, yy, xw, yw, ww = wrench_and_slopes(patch, ux - omega * py, uy + omega * px, omega)
+    fx_rate, fy_rate = -xx * py + xy * px + xw, -xy * py + yy * px + yw
+    slope = -xw * py + yw * px + ww + ax * fy_rate - ay * fx_rate
+    return moment + ax * fy - ay * fx, slope, fx, fy, fx_rate, fy_rate
+
+
+@njit(cache=True)
+def _balanced_rate(
+    patch: SlidingPatch, geometry: Array, ux: float, uy: float, guess: float, radius: float, search: bool
+) -> tuple[float, float, float, float, int, int]:
+    """Heading rate with no moment about the anchor: rate, force (2), moment left, status, Newton steps."""
+    unit = math.hypot(ux, uy) / radius
+    omega = guess
+    tries = 0
+    while not search and tries < _NEWTON_LIMIT:
+        tries += 1
+        moment, slope, fx, fy, fx_rate, fy_rate = _moment_about_anchor(patch, geometry, ux, uy, omega)
+        change = -moment / slope if slope < 0 else np.inf
+        if not abs(change) < 0.3 * (unit + abs(omega)):
+            break
+        if abs(change) < _SETTLED * unit:
+            # The force follows to first order; both are left with errors of the order of the change squared.
+            return omega + change, fx + change * fx_rate, fy + change * fy_rate, 0.0, ROOT_FOUND, tries
+        omega += change
+    omega, found = _searched_rate(patch, geometry, ux, uy, guess, unit)
+    moment, _, fx, fy, _, _ = _moment_about_anchor(patch, geometry, ux, uy, omega)
+    status = ROOT_LOST
+    if found:
+        status = ROOT_FOUND if search or abs(omega - guess) < 0.1 * unit else ROOT_CHOSEN
+    return omega, fx, fy, moment, status, tries
+
+
+@njit(cache=True)
+def _searched_rate(
+    patch: SlidingPatch, geometry: Array, ux: float, uy: float, guess: float, unit: float
+) -> tuple[float, bool]:
+    """Root nearest to a guess by scanning and bisection; without one, the rate with the least moment, and False."""
+    best, best_distance, found = guess, np.inf, False
+    least, least_moment = guess, np.inf
+    last_rate = last_moment = 0.0
+    for j in range(-_SCAN, _SCAN + 1):
+        rate = unit * 0.02 * math.sinh(j * 12.0 / _SCAN)
+        moment, _, _, _, _, _ = _moment_about_anchor(patch, geometry, ux, uy, rate)
+        if abs(moment) < least_moment:
+            least, least_moment = rate, abs(moment)
+        if j > -_SCAN and (last_moment > 0) != (moment > 0):
+            root = _bisected(patch, geometry, ux, uy, last_rate, rate, last_moment > 0)
+            if abs(root - guess) < best_distance:
+                best, best_distance, found = root, abs(root - guess), True
+        last_rate, last_moment = rate, moment
+    return (best, True) if found else (least, False)
+
+
+@njit(cache=True)
+def _bisected(
+    patch: SlidingPatch, geometry: Array, ux: float, uy: float, low: float, high: float, positive_low: bool
+) -> float:
+    for _ in range(80):
+        middle = 0.5 * (low + high)
+        moment, _, _, _, _, _ = _moment_about_anchor(patch, geometry, ux, uy, middle)
+        if (moment > 0) == positive_low:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)

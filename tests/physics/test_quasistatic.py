@@ -1,0 +1,110 @@
+import numpy as np
+import pytest
+from footprints import rectangle
+
+from oracles import TRACTRIX
+from towval.errors import InputError
+from towval.geometry import rotation, transform
+from towval.physics.contact import resting_pressure
+from towval.physics.dynamics import feedback
+from towval.physics.friction_law import coulomb_law
+from towval.physics.quasistatic import quasistatic_plan
+from towval.physics.wrench import friction_wrench, sliding_patch
+from towval.types import Path, Tether, TowedObject
+
+TETHER = Tether(0.6, 1000.0)
+
+
+def lemniscate(duration, steps):
+    time = np.linspace(0, duration, steps + 1)
+    tau = 2 * np.pi * time / duration
+    return Path(time, np.column_stack([np.cos(tau), np.sin(tau) * np.cos(tau)]) / (1 + np.sin(tau) ** 2)[:, None])
+
+
+def test_moments_balance_about_the_anchor_and_the_hinge_follows(cube, makkar):
+    plan = quasistatic_plan(cube, makkar, lemniscate(600, 6000), TETHER, point=(0.05, 0.02))
+    patch = sliding_patch(resting_pressure(cube), makkar)
+    assert not plan.findings
+    for i in range(0, 6001, 500):
+        turn = rotation(plan.pose[i, 2])
+        body_twist = [*(turn.T @ plan.twist[i, :2]), plan.twist[i, 2]]
+        fx, fy, moment = friction_wrench(patch, body_twist)
+        assert moment - (0.2 * fy) == pytest.approx(0, abs=1e-9)
+        assert plan.tether_force[i] == pytest.approx(-turn @ (fx, fy), abs=1e-9)
+        pull = np.linalg.norm(plan.tether_force[i])
+        anchor = transform(plan.pose[i], cube.anchor)
+        reach = (0.6 + pull / 1000) * plan.tether_force[i] / pull
+        assert plan.hinge.position[i] == pytest.approx(anchor + reach, abs=1e-12)
+
+
+def test_tracked_point_stays_on_the_path(cube, makkar):
+    path, point = lemniscate(600, 3000), (0.05, 0.15)
+    plan = quasistatic_plan(cube, makkar, path, TETHER, point=point)
+    assert transform(plan.pose, point) == pytest.approx(path.position, abs=1e-12)
+
+
+def test_straight_path_needs_the_friction_force_and_no_turning(cube):
+    time = np.linspace(0, 140, 1401)
+    path = Path(time, np.outer(0.01 * time, [np.sqrt(0.5), np.sqrt(0.5)]))
+    plan = quasistatic_plan(cube, coulomb_law(0.35, 1e-6), path, TETHER)
+    assert plan.pose[:, 2] == pytest.approx(np.pi / 4, abs=1e-12)
+    assert np.linalg.norm(plan.tether_force, axis=1) == pytest.approx(0.35 * 5 * 9.81, rel=1e-9)
+
+
+def test_heading_converges_with_third_order(cube, makkar):
+    path = lemniscate(600, 6000)
+
+    def final_heading(steps):
+        return quasistatic_plan(cube, makkar, path, TETHER, times=np.linspace(0, 600, steps + 1)).pose[-1, 2]
+
+    exact = final_heading(48_000)
+    errors = [abs(final_heading(steps) - exact) for steps in (6000, 12_000)]
+    assert errors[1] < 1e-6
+    assert np.log2(errors[0] / errors[1]) > 1.7
+
+
+def test_feedback_along_the_planned_hinge_follows_the_plan(cube):
+    law = coulomb_law(0.35, 1e-3)
+    plan = quasistatic_plan(cube, law, lemniscate(600, 6000), TETHER)
+    motion = feedback(cube, law, TETHER, plan.hinge, plan.pose[0], plan.time_s[::100], start_twist=plan.twist[0])
+    assert motion.outcome == "converged"
+    assert np.abs(motion.pose[:, :2] - plan.pose[::100, :2]).max() < 2e-3
+
+
+def test_small_patch_towed_far_off_is_a_tractrix():
+    """With P at the anchor and a patch that is almost a point, the body trails its anchor as a tractrix."""
+    tiny = rectangle(1e-3, 1e-3)
+    towed = TowedObject(tiny, 1.0, [0, 0], 1e-3, [TRACTRIX["length"], 0])
+    path = Path([0.0, 1.0], [[0.0, 0.0], [TRACTRIX["s"], 0.0]])
+    plan = quasistatic_plan(
+        towed,
+        coulomb_law(0.3, 1e-6),
+        path,
+        TETHER,
+        point=towed.anchor,
+        start_heading=np.pi / 2,
+        times=np.linspace(0, 1, 5001),
+    )
+    assert plan.pose[-1, 2] == pytest.approx(TRACTRIX["theta"], abs=2e-6)
+    assert plan.pose[-1, :2] == pytest.approx(TRACTRIX["object_m"], abs=2e-6)
+
+
+def test_lost_root_is_reported(makkar):
+    """Drawn by a corner that it must drag behind a point on the other side, the object cannot be balanced."""
+    towed = TowedObject(rectangle(0.4, 0.4), 5.0, [0.1, 0.15], 0.2, [0.2, 0.2])
+    plan = quasistatic_plan(towed, makkar, lemniscate(60, 3000), TETHER, point=(-0.6, -0.5), start_heading=2.0)
+    assert {finding.code for finding in plan.findings} & {"root_lost", "root_jumped", "cable_would_push"}
+
+
+def test_turned_and_moved_path_is_the_turned_and_moved_plan(cube, makkar):
+    frame, path = np.array([1.0, -2.0, 0.8]), lemniscate(600, 2000)
+    moved = Path(path.time_s, transform(frame, path.position))
+    here = quasistatic_plan(cube, makkar, path, TETHER)
+    there = quasistatic_plan(cube, makkar, moved, TETHER)
+    assert there.hinge.position == pytest.approx(transform(frame, here.hinge.position), abs=1e-10)
+    assert np.unwrap(there.pose[:, 2] - here.pose[:, 2]) == pytest.approx(np.full(2001, 0.8), abs=1e-10)
+
+
+def test_resting_path_is_an_input_error(cube, makkar):
+    with pytest.raises(InputError, match="never moves"):
+        quasistatic_plan(cube, makkar, Path([0, 1, 2.0], np.zeros((3, 2))), TETHER)
