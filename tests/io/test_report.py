@@ -165,3 +165,10 @@ def test_a_missing_overlay_is_named(tmp_path):
     runs = (RunReport(towed_run("a"), tmp_path / "overlay.mp4"),)
     with pytest.raises(InputError, match=r"overlay\.mp4"):
         write_report(tmp_path / "report.html", data(runs=runs))
+
+
+def test_figures_are_saved_beside_the_page(tmp_path):
+    small = data(runs=(RunReport(towed_run("a", n=100)),), calibration=None)
+    write_report(tmp_path / "report.html", small, tmp_path / "figures")
+    names = {path.name for path in (tmp_path / "figures").iterdir()}
+    assert names == {f"{name}.{ending}" for name in report_figures(small) for ending in ("pdf", "svg", "png")}

@@ -14,6 +14,7 @@ from towval.io import figures, report_view
 from towval.io.atomic import write_text
 from towval.io.report_data import InputRow, Provenance, ReportData, RunReport, StageFinding
 from towval.io.run_record import RunRecord
+from towval.io.style import save_figure, svg_text
 
 __all__ = [
     "InputRow",
@@ -27,7 +28,7 @@ __all__ = [
 ]
 
 
-def write_report(path: FilePath, data: ReportData) -> FilePath:
+def write_report(path: FilePath, data: ReportData, figures_folder: FilePath | None = None) -> FilePath:
     """Write the report of a campaign.
 
     Parameters
@@ -36,6 +37,8 @@ def write_report(path: FilePath, data: ReportData) -> FilePath:
         The HTML file to write; its folder is made if it is not there.
     data : ReportData
         What to show.
+    figures_folder : path, optional
+        Where to save the figures as PDF, SVG and PNG as well; by default they are only in the page.
 
     Returns
     -------
@@ -50,16 +53,15 @@ def write_report(path: FilePath, data: ReportData) -> FilePath:
     names = [run.record.name for run in data.runs]
     if not names or len(set(names)) < len(names):
         raise InputError("the runs of a report need names of their own", got=names, allowed="one run or more")
-    page = (
-        _environment()
-        .get_template("report.html.j2")
-        .render(
-            view=report_view.build(data, report_figures(data)),
-            css=_asset("report.css"),
-            script=_asset("report.js"),
-        )
-    )
-    write_text(path, page)
+    drawn = report_figures(data)
+    svgs = {name: svg_text(figure) for name, figure in drawn.items()}
+    if figures_folder is not None:
+        for name, figure in drawn.items():
+            save_figure(figure, figures_folder, name, svg=svgs[name])
+    time_axes = {name: figures.time_axis(figure) for name, figure in drawn.items() if name.startswith("errors_")}
+    view = report_view.build(data, svgs, time_axes)
+    template = _environment().get_template("report.html.j2")
+    write_text(path, template.render(view=view, css=_asset("report.css"), script=_asset("report.js")))
     return path
 
 

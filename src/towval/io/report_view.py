@@ -8,19 +8,18 @@ from __future__ import annotations
 import base64
 import json
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path as FilePath
 
 import numpy as np
 from markupsafe import Markup
-from matplotlib.figure import Figure
 
 from towval.errors import InputError
-from towval.io.figures import TimeAxis, time_axis
+from towval.io.figures import TimeAxis
 from towval.io.overlay import overlay_frames
 from towval.io.report_data import ReportData, RunReport
 from towval.io.run_record import RunRecord
-from towval.io.style import svg_text
 from towval.types import Array, Calibration, Comparison, Finding, Severity, Verdict
 
 NOT_COMPUTED = "not computed"
@@ -82,15 +81,17 @@ class ReportView:
     data: ReportData
 
 
-def build(data: ReportData, drawn: dict[str, Figure]) -> ReportView:
+def build(data: ReportData, svgs: Mapping[str, str], time_axes: Mapping[str, TimeAxis]) -> ReportView:
     """Turn the data of a report and its figures into what the template shows.
 
     Parameters
     ----------
     data : ReportData
         The data.
-    drawn : dict of str to Figure
-        What :func:`towval.io.report.report_figures` drew from them.
+    svgs : mapping of str to str
+        The figures of :func:`towval.io.report.report_figures` as SVG, by name.
+    time_axes : mapping of str to TimeAxis
+        Where time runs in the figures ``errors_<run>``.
 
     Returns
     -------
@@ -102,13 +103,13 @@ def build(data: ReportData, drawn: dict[str, Figure]) -> ReportView:
         campaign=data.campaign,
         headline=headline([run.record.comparison for run in data.runs]),
         reasons=_reasons([run.record.comparison for run in data.runs]),
-        runs=tuple(_run_view(run, drawn) for run in data.runs),
+        runs=tuple(_run_view(run, svgs, time_axes) for run in data.runs),
         findings=collect_findings(data),
-        campaign_figure=inline_svg(drawn["fig10"], "fig10"),
+        campaign_figure=inline_svg(svgs["fig10"], "fig10"),
         calibration=() if calibration is None else _calibration_facts(calibration),
         calibration_figures=tuple(
-            (inline_svg(figure, name), _CALIBRATION_CAPTIONS[name])
-            for name, figure in drawn.items()
+            (inline_svg(svg, name), _CALIBRATION_CAPTIONS[name])
+            for name, svg in svgs.items()
             if name in _CALIBRATION_CAPTIONS
         ),
         dropped_views=()
@@ -171,19 +172,17 @@ def collect_findings(data: ReportData) -> tuple[FindingView, ...]:
     return tuple(sorted(views, key=lambda view: _SEVERITIES.index(Severity(view.severity))))
 
 
-def inline_svg(figure: Figure, name: str) -> Markup:
-    """A figure as SVG whose ids no other figure of the page shares, without a fixed size.
+def inline_svg(svg: str, name: str) -> Markup:
+    """An SVG whose ids no other figure of the page shares, without a fixed size.
 
     Two figures hold the same glyphs under the same ids; a page must not.
     """
-    text = svg_text(figure)
-    text = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>{name}-", text)
-    width, height = figure.get_size_inches()
-    head = f'<svg viewBox="0 0 {72 * width:.3f} {72 * height:.3f}" aria-hidden="true" focusable="false"'
-    text = re.sub(r"^<svg[^>]*?(?=\s+xmlns)", head, text, count=1)
-    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    svg = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>{name}-", svg)
+    head, _, rest = svg.partition(">")
+    head = re.sub(r'\s(width|height)="[^"]*"', "", head) + ' aria-hidden="true" focusable="false"'
+    rest = re.sub(r"<metadata>.*?</metadata>", "", rest, flags=re.DOTALL)
     # Safe to put in as it is: matplotlib's own output, in which all text is outlines.
-    return Markup(text)
+    return Markup(f"{head}>{rest}")
 
 
 def millimetres(value_m: float) -> str:
@@ -210,7 +209,7 @@ def _reasons(comparisons: list[Comparison]) -> tuple[tuple[str, str], ...]:
     )
 
 
-def _run_view(report: RunReport, drawn: dict[str, Figure]) -> RunView:
+def _run_view(report: RunReport, svgs: Mapping[str, str], time_axes: Mapping[str, TimeAxis]) -> RunView:
     run, name = report.record, report.record.name
     comparison = run.comparison
     parts = {key: f"{key}_{name}" for key in ("fig10", "errors", "tracking_rover", "tracking_object", "decimate")}
@@ -224,9 +223,9 @@ def _run_view(report: RunReport, drawn: dict[str, Figure]) -> RunView:
         outcome_advice=run.simulated.advice,
         tracking=_tracking_facts(run),
         decimation=_decimation_facts(run),
-        figures={key: inline_svg(drawn[full], full) for key, full in parts.items() if full in drawn},
+        figures={key: inline_svg(svgs[full], full) for key, full in parts.items() if full in svgs},
         alternatives=_alternatives(run),
-        time_axis=time_axis(drawn[f"errors_{name}"]),
+        time_axis=time_axes[f"errors_{name}"],
         series=_series(run),
         video=None if report.overlay is None else _data_uri(report.overlay, "video/mp4"),
         video_start_s=float(run.rover_track.time_s[0]),

@@ -18,7 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from towval.errors import InputError
-from towval.io.atomic import replacing
+from towval.io.atomic import replacing, write_text
 
 COLUMN_WIDTH_IN = 85 / 25.4
 """Width of one column of a journal page, 85 mm [in]."""
@@ -145,7 +145,7 @@ def _share(rectangle: tuple[float, float, float, float], figure: Figure) -> tupl
     return left / width, bottom / height, across / width, up / height
 
 
-def save_figure(figure: Figure, folder: FilePath, name: str) -> tuple[FilePath, ...]:
+def save_figure(figure: Figure, folder: FilePath, name: str, svg: str | None = None) -> tuple[FilePath, ...]:
     """Save a figure as ``name.pdf``, ``name.svg`` and ``name.png`` at its own width; each appears whole or not at all.
 
     Parameters
@@ -156,6 +156,8 @@ def save_figure(figure: Figure, folder: FilePath, name: str) -> tuple[FilePath, 
         Where to; made if it is not there.
     name : str
         Name of the files, without ending.
+    svg : str, optional
+        What :func:`svg_text` returned for the figure, where it is at hand; saves drawing it again.
 
     Returns
     -------
@@ -168,15 +170,21 @@ def save_figure(figure: Figure, folder: FilePath, name: str) -> tuple[FilePath, 
         When ``folder`` cannot be written to.
     """
     try:
-        return tuple(_save(figure, folder / f"{name}.{ending}", ending) for ending in FORMATS)
+        paths = tuple(folder / f"{name}.{ending}" for ending in FORMATS)
+        for path in paths:
+            if path.suffix == ".svg":
+                write_text(path, svg or svg_text(figure))
+            else:
+                _save(figure, path)
+        return paths
     except OSError as error:
         raise InputError(f"figure {name} could not be saved", got=error, remedy=f"make {folder} writable") from error
 
 
-def _save(figure: Figure, path: FilePath, ending: str) -> FilePath:
+def _save(figure: Figure, path: FilePath) -> None:
+    ending = path.suffix.removeprefix(".")
     with replacing(path) as temporary, house_style():
         figure.savefig(temporary, format=ending, metadata=_METADATA[ending])
-    return path
 
 
 def svg_text(figure: Figure) -> str:
