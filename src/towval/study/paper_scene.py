@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from towval.geometry import polygon_area, polygon_centroid
+from towval.physics.friction_law import fit_makkar
 from towval.rover import paths
 from towval.rover.kinematics import Rover, symmetric_rover
 from towval.rover.planner import PlannerSettings
-from towval.types import Array, FrictionWish, Patch, Tether, TowedObject
+from towval.types import Array, FrictionLaw, FrictionWish, Patch, Tether, TowedObject
 
 CURVES = ("line", "circle", "lemniscate", "rounded_square")
 """The four curves in the order of Fig. 4."""
@@ -79,6 +80,11 @@ def paper_scene(plan: Mapping[str, Any]) -> PaperScene:
         duration=plan["quasi_static"]["duration_s"],
         time_step=plan["quasi_static"]["time_step_s"],
     )
+
+
+def friction_law(wish: FrictionWish) -> FrictionLaw:
+    """Makkar's law for the four numbers."""
+    return fit_makkar(wish.static, wish.kinetic, wish.stiction_velocity, wish.friction_velocity).law
 
 
 def _curves(sizes: Mapping[str, float]) -> dict[str, paths.Curve]:

@@ -1,0 +1,156 @@
+"""Plans as files: MCAP with the topics of a campaign, CSV for everybody, paths from CSV."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path as FilePath
+
+import numpy as np
+import pandas as pd
+
+from towval.conventions import FLOOR_FRAME
+from towval.errors import InputError
+from towval.io import ros
+from towval.io.atomic import replacing
+from towval.io.mcap_file import Message, read_mcap, write_mcap
+from towval.rover.kinematics import WHEEL_NAMES
+from towval.rover.planner import PlanCase, RoverPlan
+from towval.types import Array, Path, SimulatedMotion
+
+JOINT_NAMES = (*(f"{name}_steering" for name in WHEEL_NAMES), *(f"{name}_wheel" for name in WHEEL_NAMES))
+"""Joints of ``/rover/joint_states``: steering angles, then wheels."""
+
+NO_COVARIANCE = np.zeros((3, 3))
+"""A plan is exact: its poses carry no uncertainty."""
+
+
+def write_plan_mcap(path: FilePath, plan: RoverPlan, towed: SimulatedMotion, provenance: dict[str, str]) -> None:
+    """Write a plan as MCAP: poses of the rover, its joints, the tow wrench and the object behind it.
+
+    ``/rover/pose`` PoseWithCovarianceStamped, ``/rover/joint_states`` JointState, ``/object/pose_simulated``
+    PoseStamped, ``/tether/wrench`` WrenchStamped and ``/tf``, all in the frame ``floor``.
+
+    Parameters
+    ----------
+    path : Path
+        Where to.
+    plan : RoverPlan
+        What the rover does.
+    towed : SimulatedMotion
+        What the object does behind it.
+    provenance : dict
+        Versions, configuration, hashes.
+    """
+    details = {
+        "outcome": str(plan.outcome),
+        "advice": plan.advice,
+        "rover_rms_m": plan.rms,
+        "case": "".join(PlanCase(case).name for case in plan.case),
+        "wheels": list(WHEEL_NAMES),
+    }
+    write_mcap(path, [*_rover_messages(plan), *_object_messages(towed)], details, provenance)
+
+
+def _rover_messages(plan: RoverPlan) -> Iterator[Message]:
+    turned = np.concatenate(
+        [np.zeros((1, 4)), np.cumsum(plan.wheel_rates[:-1] * np.diff(plan.time_s)[:, None], axis=0)]
+    )
+    still = [0.0] * len(WHEEL_NAMES)
+    for k, t in enumerate(plan.time_s):
+        ns = ros.nanoseconds(t)
+        positions, rates = [*plan.steering[k], *turned[k]], [*still, *plan.wheel_rates[k]]
+        yield Message("/rover/pose", ns, ros.pose_with_covariance(t, FLOOR_FRAME, plan.pose[k], NO_COVARIANCE))
+        yield Message("/rover/joint_states", ns, ros.joint_state(t, list(JOINT_NAMES), positions, rates, []))
+        yield Message("/tf", ns, ros.transforms(t, FLOOR_FRAME, {"rover": plan.pose[k]}))
+
+
+def _object_messages(towed: SimulatedMotion) -> Iterator[Message]:
+    for k, t in enumerate(towed.time_s):
+        ns = ros.nanoseconds(t)
+        yield Message("/object/pose_simulated", ns, ros.stamped_pose(t, FLOOR_FRAME, towed.pose[k]))
+        yield Message("/tether/wrench", ns, ros.wrench(t, FLOOR_FRAME, towed.tether_force[k]))
+        yield Message("/tf", ns, ros.transforms(t, FLOOR_FRAME, {"object_simulated": towed.pose[k]}))
+
+
+def read_rover_poses(path: FilePath) -> tuple[Array, Array]:
+    """Times (n,) [s] and poses (n, 3) [m, m, rad, unwrapped] of ``/rover/pose`` in any MCAP.
+
+    A plan, a measured track or a recording of somebody else's: what drives the tether is the same topic everywhere.
+
+    Raises
+    ------
+    InputError
+        When the file is missing, damaged or has no such topic.
+    """
+    content = read_mcap(path)
+    messages = [value.pose for value in content.values("/rover/pose")]
+    if not messages:
+        raise InputError(
+            f"{path} has no poses of the rover",
+            got=", ".join(sorted(content.topics)) or "no topics",
+            allowed="the topic /rover/pose",
+        )
+    places = [getattr(message, "pose", message) for message in messages]
+    heading = np.unwrap([ros.heading_of(place.orientation) for place in places])
+    xy = [[place.position.x, place.position.y] for place in places]
+    return content.times_s("/rover/pose"), np.column_stack([xy, heading])
+
+
+def write_plan_csv(path: FilePath, plan: RoverPlan, towed: SimulatedMotion) -> None:
+    """Write a plan as CSV, a row a step: poses, wheel angles and rates, case, tow force, object.
+
+    Columns of the object are interpolated between its reported times; they are empty after the last of these.
+    """
+    columns: dict[str, Array] = {"time_s": plan.time_s}
+    for index, name in enumerate(("x_m", "y_m", "heading_rad")):
+        columns[f"rover_{name}"] = plan.pose[:, index]
+    for index, name in enumerate(WHEEL_NAMES):
+        columns[f"{name}_steering_rad"] = plan.steering[:, index]
+        columns[f"{name}_rate_rad_s"] = plan.wheel_rates[:, index]
+    columns["case"] = np.array([PlanCase(case).name for case in plan.case])
+    for index, name in enumerate(("x_m", "y_m", "heading_rad")):
+        columns[f"object_{name}"] = _at(plan.time_s, towed.time_s, towed.pose[:, index])
+    for index, name in enumerate(("x_n", "y_n")):
+        columns[f"tether_force_{name}"] = _at(plan.time_s, towed.time_s, towed.tether_force[:, index])
+    write_table(path, pd.DataFrame(columns))
+
+
+def _at(times: Array, known: Array, values: Array) -> Array:
+    return np.interp(times, known, values, left=np.nan, right=np.nan)
+
+
+def write_table(path: FilePath, table: pd.DataFrame) -> None:
+    """Write a table as CSV, whole or not at all, numbers with ten digits."""
+    with replacing(path) as temporary:
+        table.to_csv(temporary, index=False, float_format="%.10g", lineterminator="\n")
+
+
+def read_table(path: FilePath) -> pd.DataFrame:
+    """Read a table that :func:`write_table` wrote."""
+    try:
+        return pd.read_csv(path)
+    except FileNotFoundError:
+        raise InputError(f"{path} is missing", remedy="run the rule that makes it") from None
+
+
+def read_path(path: FilePath) -> Array | Path:
+    """Points of a path from CSV with columns ``x_m`` and ``y_m``, and ``time_s`` where the path has its own times.
+
+    Returns
+    -------
+    ndarray (n, 2) or Path
+        Points [m], for :func:`towval.rover.paths.through_points`; a timed path where times are given.
+
+    Raises
+    ------
+    InputError
+        When the file is missing or a column is.
+    """
+    table = read_table(path)
+    missing = [name for name in ("x_m", "y_m") if name not in table]
+    if missing:
+        raise InputError(
+            f"{path} is no path", got=f"columns {', '.join(table)}", allowed="columns x_m, y_m and perhaps time_s"
+        )
+    points = table[["x_m", "y_m"]].to_numpy(dtype=np.float64)
+    return Path(table["time_s"].to_numpy(dtype=np.float64), points) if "time_s" in table else points

@@ -1,0 +1,192 @@
+"""Sensitivity studies of the paper's section 3: each function makes one row or block, a job of its own.
+
+Errors of the dynamics (Fig. 6) are taken at equal times, for the nominal motion is a motion in time; those of the
+planned rover (Figs. 7 and 8) between curves, for a rover at constant speed keeps its own schedule.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from towval.errors import InputError
+from towval.physics.contact import resting_pressure
+from towval.physics.dynamics import feedback, feedforward
+from towval.physics.quasistatic import QuasistaticMotion, quasistatic_plan
+from towval.physics.wrench import SlidingPatch, sliding_patch
+from towval.plan import ClosedLoop, close_loop
+from towval.rover.paths import timed
+from towval.rover.planner import PlanCase
+from towval.study.paper_scene import PaperScene, friction_law
+from towval.types import Array, Path, SimulatedMotion, Tether
+
+COMPARED_TIMES = 2000
+"""At how many times a motion is compared with the nominal one."""
+
+REPORT_STRIDE = 10
+"""The towed object is computed and compared at every so many steps of the planner."""
+
+Row = dict[str, Any]
+
+
+def cube_patch(scene: PaperScene) -> SlidingPatch:
+    """The cube's footprint under its eccentric load, with the friction law."""
+    return sliding_patch(resting_pressure(scene.cube), friction_law(scene.friction))
+
+
+def cube_nominal(
+    scene: PaperScene, patch: SlidingPatch, curve: str, time_step: float, *, speed: float | None = None
+) -> QuasistaticMotion:
+    """Quasi-static motion of the cube along a curve, at a mean speed [m/s] or, without, in the paper's 600 s."""
+    duration = scene.duration if speed is None else None
+    wish = timed(scene.curves[curve], time_step, mean_speed=speed, duration=duration)
+    return quasistatic_plan(scene.cube, patch, wish, scene.tether)
+
+
+def feedforward_motion(
+    scene: PaperScene, patch: SlidingPatch, nominal: QuasistaticMotion, *, from_rest: bool = False
+) -> SimulatedMotion:
+    """The cube under the nominal tow force, blindly. SOURCE: section 2.3, case 1."""
+    force = Path(nominal.time_s, nominal.tether_force)
+    twist = np.zeros(3) if from_rest else nominal.twist[0]
+    return feedforward(scene.cube, patch, force, nominal.pose[0], _compared_times(nominal), start_twist=twist)
+
+
+def feedback_motion(
+    scene: PaperScene, patch: SlidingPatch, nominal: QuasistaticMotion, tether: Tether | None = None
+) -> SimulatedMotion:
+    """The cube behind a hinge on its nominal way. SOURCE: section 2.3, case 2."""
+    return feedback(
+        scene.cube,
+        patch,
+        tether or scene.tether,
+        nominal.hinge,
+        nominal.pose[0],
+        _compared_times(nominal),
+        start_twist=nominal.twist[0],
+    )
+
+
+def _compared_rows(nominal: QuasistaticMotion) -> Array:
+    count = len(nominal.time_s)
+    return np.unique(np.linspace(0, count - 1, min(count, COMPARED_TIMES + 1)).round().astype(int))
+
+
+def _compared_times(nominal: QuasistaticMotion) -> Array:
+    return nominal.time_s[_compared_rows(nominal)]
+
+
+def rms_in_time(motion: SimulatedMotion, nominal: QuasistaticMotion) -> float:
+    """Root mean square distance of the object from its nominal place at equal times [m]; NaN when it ended early."""
+    rows = _compared_rows(nominal)
+    if len(motion.time_s) < len(rows):
+        return float("nan")
+    gap = motion.pose[:, :2] - nominal.pose[rows, :2]
+    return float(np.sqrt(np.mean(np.sum(gap**2, axis=1))))
+
+
+def speed_row(scene: PaperScene, curve: str, speed: float, steps: int) -> Row:
+    """RMS of feedforward and feedback at a mean speed [m/s], Fig. 6(a), in a number of equal time steps."""
+    patch = cube_patch(scene)
+    nominal = cube_nominal(scene, patch, curve, scene.curves[curve].length / speed / steps, speed=speed)
+    return {"curve": curve, "mean_speed_m_s": speed} | _dynamics(scene, patch, nominal)
+
+
+def time_step_row(scene: PaperScene, curve: str, speed: float, time_step: float) -> Row:
+    """RMS of feedforward and feedback with a time step of model and splines [s], Fig. 6(b)."""
+    patch = cube_patch(scene)
+    nominal = cube_nominal(scene, patch, curve, time_step, speed=speed)
+    return {"curve": curve, "mean_speed_m_s": speed, "time_step_s": time_step} | _dynamics(scene, patch, nominal)
+
+
+def _dynamics(scene: PaperScene, patch: SlidingPatch, nominal: QuasistaticMotion) -> Row:
+    row: Row = {}
+    motions = {
+        "feedforward": feedforward_motion(scene, patch, nominal),
+        "feedforward_from_rest": feedforward_motion(scene, patch, nominal, from_rest=True),
+        "feedback": feedback_motion(scene, patch, nominal),
+    }
+    for name, motion in motions.items():
+        row |= {f"{name}_rms_m": rms_in_time(motion, nominal), f"{name}_outcome": motion.outcome}
+    return row
+
+
+def stiffness_row(scene: PaperScene, curve: str, speed: float, time_step: float, stiffness: float) -> Row:
+    """RMS and computing time of feedback with a tether of a stiffness [N/m], Fig. 6(c).
+
+    The time is that of the processor for the dynamics alone, the best of three, compiled beforehand.
+    """
+    patch = cube_patch(scene)
+    tether = replace(scene.tether, stiffness=stiffness)
+    wish = timed(scene.curves[curve], time_step, mean_speed=speed)
+    nominal = quasistatic_plan(scene.cube, patch, wish, tether)
+    motion, seconds = feedback_motion(scene, patch, nominal, tether), []
+    for _ in range(3):
+        start = time.process_time()
+        motion = feedback_motion(scene, patch, nominal, tether)
+        seconds.append(time.process_time() - start)
+    return {
+        "curve": curve,
+        "stiffness_n_m": stiffness,
+        "feedback_rms_m": rms_in_time(motion, nominal),
+        "feedback_outcome": motion.outcome,
+        "integrator_steps": motion.statistics["steps"],
+        "compute_time_s": min(seconds),
+    }
+
+
+def loop_row(scene: PaperScene, patch: SlidingPatch, nominal: QuasistaticMotion, **settings: Any) -> Row:
+    """Outcome and RMS of rover and object with planner settings that differ from the scene's, Figs. 7 and 8."""
+    return settings | loop_numbers(planned_loop(scene, patch, nominal, **settings))
+
+
+def planned_loop(scene: PaperScene, patch: SlidingPatch, nominal: QuasistaticMotion, **settings: Any) -> ClosedLoop:
+    """The cube behind the rover planned along its nominal way, with planner settings that differ from the scene's."""
+    planner = replace(scene.planner, **settings)
+    return close_loop(nominal, scene.cube, patch, scene.tether, scene.rover, planner, report_stride=REPORT_STRIDE)
+
+
+def loop_numbers(loop: ClosedLoop) -> Row:
+    """The numbers of a closed loop that tables and ledger want."""
+    shares = {f"case_{case.name.lower()}_share": loop.rover.share_of(case) for case in PlanCase}
+    return {
+        "rover_rms_m": loop.rover.rms,
+        "object_rms_m": loop.object_rms,
+        "outcome": str(loop.rover.outcome),
+        "object_outcome": loop.towed.outcome,
+        "advice": loop.rover.advice,
+    } | shares
+
+
+def threshold_rows(scene: PaperScene, curve: str, thresholds: Iterable[float]) -> list[Row]:
+    """RMS of rover and object against the threshold d_t [m] on one curve, Fig. 7."""
+    patch = cube_patch(scene)
+    nominal = cube_nominal(scene, patch, curve, scene.planner_step)
+    return [{"curve": curve} | loop_row(scene, patch, nominal, threshold=value) for value in thresholds]
+
+
+def surface_grid(first: float, last: float, count: int) -> Array:
+    """The values of one axis of the response surface (count,), equally spaced."""
+    if count < 2 or last <= first:
+        raise InputError(
+            "an axis of the response surface is empty",
+            got=f"{count} values from {first} to {last}",
+            allowed="two values or more, the last above the first",
+        )
+    return np.linspace(first, last, int(count))
+
+
+def surface_rows(scene: PaperScene, curve: str, thresholds: Iterable[float], look_aheads: Iterable[float]) -> list[Row]:
+    """One block of the response surface of RMS over d_t [m] and ϑ_lh [steps], Fig. 8."""
+    patch = cube_patch(scene)
+    nominal = cube_nominal(scene, patch, curve, scene.planner_step)
+    look_aheads = [round(value) for value in look_aheads]
+    return [
+        {"curve": curve} | loop_row(scene, patch, nominal, threshold=threshold, look_ahead_steps=steps)
+        for threshold in thresholds
+        for steps in look_aheads
+    ]
