@@ -1,7 +1,8 @@
 # make demo    install, then run the workflow on data_samples
 # make test    install, then check the code and run the tests
 # make check   linters and the import contracts alone
-# make bench   what costs what, side by side
+# make accuracy CAMPAIGN=...   run a campaign that has truth files, and print the errors against the truth
+# make bench [CAMPAIGN=...]    what costs what, side by side
 
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV ?= .venv
@@ -9,7 +10,7 @@ CORES ?= 2
 BIN := $(VENV)/bin
 SOURCES := src tests workflow/scripts benchmarks
 
-.PHONY: demo test check bench clean
+.PHONY: demo test check accuracy bench clean
 
 $(VENV)/installed: pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "towval needs Python 3.11 or newer: make PYTHON=/path/to/python3.11")'
@@ -21,27 +22,14 @@ $(VENV)/installed-dev: $(VENV)/installed
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	touch $@
 
-$(VENV)/installed-bench: $(VENV)/installed
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
-	touch $@
+$(VENV)/installed-CAMPAIGN ?= data_samples/lab_small
 
-demo: $(VENV)/installed
-	$(BIN)/snakemake --cores $(CORES)
-	@echo
-	@echo "The report: $(CURDIR)/results/lab_small/report.html"
-
-check: $(VENV)/installed-dev
-	$(BIN)/ruff check $(SOURCES)
-	$(BIN)/ruff format --check $(SOURCES)
-	$(BIN)/lint-imports
-	$(BIN)/snakefmt --check Snakefile workflow/rules
-	$(BIN)/snakemake --lint
-
-test: check
-	$(BIN)/python -m pytest
+accuracy: $(VENV)/installed
+	$(BIN)/snakemake --cores $(CORES) --quiet all --config campaign=$(CAMPAIGN)
+	$(BIN)/python benchmarks/accuracy.py results/$(notdir $(CAMPAIGN:/=)) $(CAMPAIGN)
 
 bench: $(VENV)/installed-bench
-	$(BIN)/python benchmarks/run_all.py
+	$(BIN)/python benchmarks/workflow_time.py $(CAMPAIGN)
 
 clean:
 	rm -rf $(VENV) results .snakemake

@@ -20,7 +20,6 @@ sys.path[:0] = [str(Path(__file__).parents[1] / folder) for folder in ("src", "t
 
 from challenges import ACCURATE, FLAGGED, HARD, Challenge
 from scenes import CeilingCamera
-
 from towval.geometry import path_length, wrapped
 from towval.track import TrackSettings, track
 from towval.types import Track

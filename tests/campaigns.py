@@ -9,10 +9,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 import yaml
-from scenes import CeilingCamera, Scene, ceiling, drive, rectangle, write_video
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
+from scenes import CeilingCamera, Scene, ceiling, drive, rectangle, write_video
 from towval.types import Body
 from towval.vision.camera import project, to_plane
 
@@ -65,8 +65,16 @@ def towed_motion(rover, start, times):
         return np.concatenate([velocity, [spin], (drag.sum(axis=0) + pull) / mass, [torque / inertia]])
 
     at_centre = np.asarray(start[:2]) + _planar(start[2], centre)
-    solution = solve_ivp(rate, (times[0], times[-1]), [*at_centre, start[2], 0, 0, 0], "Radau", times, rtol=1e-7,
-                         atol=1e-9, max_step=0.02)
+    solution = solve_ivp(
+        rate,
+        (times[0], times[-1]),
+        [*at_centre, start[2], 0, 0, 0],
+        "Radau",
+        times,
+        rtol=1e-7,
+        atol=1e-9,
+        max_step=0.02,
+    )
     assert solution.success
     origin = np.array([p - _planar(h, centre) for p, h in zip(solution.y[:2].T, solution.y[2], strict=True)])
     return np.column_stack([origin, solution.y[2]])
@@ -108,7 +116,7 @@ def _held(rng, k):
 
 
 def write_campaign(folder: Path, seed: int = 0, frames: int = FRAMES) -> dict[str, np.ndarray]:
-    """Write a campaign with one run ``a``; returns ``time_s`` (n,) and the true ``rover`` and ``object`` poses (n, 3)."""
+    """Write a campaign with one run ``a``; returns ``time_s`` (n,), true ``rover`` and ``object`` poses (n, 3)."""
     rng = np.random.default_rng(seed)
     camera, floor = ceiling(RESOLUTION_PX, focal_px=650.0, height_m=4.0, tilt_rad=0.05, distortion=(-0.05, 0.01))
     times = np.arange(frames) / RATE_HZ

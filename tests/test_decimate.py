@@ -1,5 +1,7 @@
 """Thinning: the bound holds, pauses stay pauses, times stay times, and the noise comes from the track."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -43,7 +45,7 @@ def test_the_stated_bound_holds_between_all_kept_times(make_track, motion, level
     thin = decimate(track)
     misfit = (track.pose - thin.spline()(track.time_s)) / thin.noise
     edges = np.searchsorted(track.time_s, thin.time_s)
-    for i, j in zip(edges[:-1], edges[1:], strict=True):
+    for i, j in pairwise(edges):
         inside = misfit[i : j + 1]
         if j - i >= 3:
             assert np.mean(inside**2) <= 1 + 3 * np.sqrt(2 / inside.size) + 1e-9
@@ -119,7 +121,7 @@ def test_too_short_a_track_is_refused(make_track):
 
 
 def test_settings_out_of_range_are_refused():
-    with pytest.raises(InputError, match="decimate.excess"):
+    with pytest.raises(InputError, match=r"decimate\.excess"):
         DecimateSettings(excess=0)
 
 

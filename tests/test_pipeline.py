@@ -12,8 +12,8 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
-from campaigns import write_campaign
 
+from campaigns import write_campaign
 from towval.geometry import wrapped
 from towval.io.campaign import load_campaign
 from towval.io.records import read_calibration, read_simulated, read_tracks
@@ -54,7 +54,14 @@ def lab(repository, tmp_path_factory):
 
 def test_the_workflow_ends_with_all_its_results(lab):
     assert lab.first.returncode == 0, lab.first.stdout + lab.first.stderr
-    for name in ("camera.mcap", "report.html", "summary.csv", "figures/fig10_a.pdf", "figures/fig10_a.svg", "a/overlay.mp4"):
+    for name in (
+        "camera.mcap",
+        "report.html",
+        "summary.csv",
+        "figures/fig10_a.pdf",
+        "figures/fig10_a.svg",
+        "a/overlay.mp4",
+    ):
         assert (lab.results / name).stat().st_size > 0, name
     for stage in STAGES:
         assert (lab.results / "a" / f"{stage}.mcap").is_file()
@@ -62,10 +69,20 @@ def test_the_workflow_ends_with_all_its_results(lab):
 
 def test_summary_has_the_promised_columns(lab):
     table = pd.read_csv(lab.results / "summary.csv")
-    assert list(table.columns) == (
-        "run path_rms_m path_max_m heading_rms_rad path_length_m u_num_m u_input_m u_measurement_m u_val_m verdict "
-        "tracked_frames lost_frames"
-    ).split()
+    assert list(table.columns) == [
+        "run",
+        "path_rms_m",
+        "path_max_m",
+        "heading_rms_rad",
+        "path_length_m",
+        "u_num_m",
+        "u_input_m",
+        "u_measurement_m",
+        "u_val_m",
+        "verdict",
+        "tracked_frames",
+        "lost_frames",
+    ]
     assert table.tracked_frames[0] == len(lab.truth["time_s"])
     assert table.path_rms_m[0] < 5e-3
 
@@ -150,7 +167,9 @@ def test_a_killed_run_resumes(lab, tmp_path):
     other.campaign = lab.campaign
     shutil.copy(lab.repository / "config.yaml", tmp_path)
     line, options = other.command()
-    process = subprocess.Popen(line, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True, **options)
+    process = subprocess.Popen(
+        line, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True, **options
+    )
     camera, track = other.results / "camera.mcap", other.results / "a" / "track.mcap"
     deadline = time.monotonic() + 300
     while not (camera.exists() and (other.results / "a").exists()) and time.monotonic() < deadline:

@@ -23,8 +23,8 @@ _THIRD_DIFFERENCE_GAIN = np.sqrt(20.0)
 
 _MINIMUM_FRAMES = 8
 _REST_FRAMES = 27
-"""Frames of the shortest rest: 3 deviations of its slope are then 3 √(12/27) = 2 deviations of one pose over its length,
-which is all the creep that can hide in it."""
+"""Frames of the shortest rest: over its length, 3 deviations of its slope are then 3 √(12/27) = 2 deviations of one
+pose, which is all the creep that can hide in it."""
 
 _SHORTEST_STRETCH = 3
 """Frames between two kept times below which a stretch is not cut any further."""

@@ -123,7 +123,7 @@ def test_a_key_given_twice_is_an_error(campaign):
 def test_a_missing_folder_and_a_missing_file_are_told(tmp_path):
     with pytest.raises(InputError, match="campaign folder is missing"):
         load_campaign(tmp_path / "nowhere")
-    with pytest.raises(InputError, match="campaign.yaml is missing"):
+    with pytest.raises(InputError, match=r"campaign\.yaml is missing"):
         load_campaign(tmp_path)
 
 

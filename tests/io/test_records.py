@@ -102,8 +102,8 @@ def test_tracks_round_trip(tmp_path, track, make_track):
     records.write_tracks(tmp_path / "track.mcap", tracks, PROVENANCE)
     back = records.read_tracks(tmp_path / "track.mcap")
     assert back.keys() == tracks.keys()
-    for name in tracks:
-        same(tracks[name], back[name])
+    for name, written in tracks.items():
+        same(written, back[name])
     same(features, back["object"].features)
 
 
