@@ -3,25 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from towval.errors import InputError, RefusedError
-from towval.types import Board, Calibration, Camera, Finding, Floor, FloorReference, Severity, View
+from towval.types import Array, Board, Calibration, Camera, Finding, Floor, FloorReference, Severity, View
+from towval.vision.adequacy import (
+    compare_halves,
+    floor_findings,
+    halves_findings,
+    marks_findings,
+    tilts_deg,
+    view_findings,
+    view_statistics,
+)
 from towval.vision.bundle import Estimate, adjust, marginal_covariance, residuals
-from towval.vision.corners import Sighting, sight_chessboard
+from towval.vision.corners import Sighting
 from towval.vision.floor import in_floor_axes
 from towval.vision.lens import LENS_MODELS, LensTrial, active_parameters, choose_lens, try_lenses
-from towval.vision.scene import Scene, first_guess, unflipped
+from towval.vision.search import NamedImage, look_for_boards
+from towval.vision.sightings import Sightings, first_guess, unflipped
+from towval.vision.uncertainty import camera_position_covariance, uncertainty_map
 
-NamedImage = tuple[str, NDArray[np.uint8]]
-
-_FIRST_MODELS = ("none", "k1", "k1 k2")
-"""Lens models fitted in turn before any view is judged: from rough to good enough to tell a bad view."""
+_JUDGING_MODELS = ("none", "k1", "k1 k2", "k1 k2 p1 p2 k3", "rational")
+"""Lens models fitted in turn before any view is judged: what even the largest cannot explain is the view's fault."""
+_SMALLEST_MISFIT_PX = 0.1
+_FEWEST_VIEWS = 3
 
 
 @dataclass(frozen=True)
@@ -29,13 +37,16 @@ class CalibrateSettings:
     """What the stage can be told; the keys of ``config["calibrate"]``.
 
     ``lens_models`` to choose from, names of :data:`towval.vision.lens.LENS_MODELS`, smallest first; ``folds`` the
-    views are divided into to be held out; ``misfit_ratio`` beyond which times the corner noise a view is dropped;
-    ``threads`` that look for boards.
+    views are divided into to be held out; ``misfit_ratio``: a view whose residuals are this many times those of the
+    median view is dropped; ``position_limit_m``: the position uncertainty that is warned about; ``accept_refused``:
+    return a calibration from a degenerate set instead of refusing it; ``threads`` that look for boards.
     """
 
     lens_models: tuple[str, ...] = tuple(LENS_MODELS)
     folds: int = 6
     misfit_ratio: float = 4.0
+    position_limit_m: float = 0.003
+    accept_refused: bool = False
     threads: int = 2
 
     def __post_init__(self) -> None:
@@ -58,7 +69,7 @@ def calibrate(
     Parameters
     ----------
     images : iterable of (str, ndarray of uint8)
-        Name and grey picture of the board held in many poses.
+        Name and grey picture (height, width) of the board held in many poses.
     floor_images : sequence of (str, ndarray of uint8)
         The board lying on the floor; the first of them fixes the floor frame unless ``floor`` has marks.
     board : Board
@@ -68,7 +79,7 @@ def calibrate(
     settings : CalibrateSettings
         How to go about it.
     heights_m : sequence of float, optional
-        Heights of the bodies' tops, on which the quality is given [m].
+        Heights of the bodies' tops, on which the quality is given besides the floor's [m].
 
     Returns
     -------
@@ -78,25 +89,33 @@ def calibrate(
     Raises
     ------
     InputError
-        When no picture shows the board, the floor board is missing or its corners are not where the floor says.
+        When no picture shows the board, the pictures differ in size, the floor board is missing or its corners are
+        not where ``floor`` says.
     RefusedError
-        When too few views are left to calibrate from.
+        When too few views are left, or when the set is degenerate and ``settings`` do not accept that.
     """
-    named = [*images]
-    sightings, unseen = look_for_boards([*named, *floor_images], board, settings.threads)
+    held = [*images]
+    everything = [*held, *floor_images]
+    resolution = _common_resolution(everything)
+    sightings, unseen = look_for_boards(everything, board, settings.threads)
     floor_names = {name for name, _ in floor_images}
-    resolution = _common_resolution([*named, *floor_images])
-    flat = [s for s in sightings if s.name in floor_names]
-    flat = _with_origin(flat, floor_images, floor)
-    scene = Scene(resolution, tuple(s for s in sightings if s.name not in floor_names), tuple(flat), floor)
-    return calibrate_scene(scene, settings, unseen, heights_m)
+    flat = _with_origin([s for s in sightings if s.name in floor_names], floor_images, floor)
+    seen = Sightings(resolution, tuple(s for s in sightings if s.name not in floor_names), tuple(flat), floor)
+    calibration = calibrate_sightings(seen, settings, unseen, heights_m=heights_m)
+    refusals = [finding.text for finding in calibration.findings if finding.severity is Severity.REFUSAL]
+    if refusals and not settings.accept_refused:
+        raise RefusedError("the calibration views are degenerate", got=" ".join(refusals))
+    return calibration
 
 
 def _common_resolution(images: Sequence[NamedImage]) -> tuple[int, int]:
-    sizes = {image.shape for _, image in images}
+    sizes: dict[tuple[int, ...], str] = {}
+    for name, image in images:
+        sizes.setdefault(image.shape, name)
     if len(sizes) != 1:
-        raise InputError("the calibration images differ in size", got=sorted(sizes), allowed="one size for all")
-    height, width = sizes.pop()
+        got = ", ".join(f"{name}: {shape[1]} × {shape[0]}" for shape, name in sizes.items()) or "no picture"
+        raise InputError("the calibration pictures are not of one size", got=got, allowed="the size of the videos")
+    height, width = next(iter(sizes))
     return width, height
 
 
@@ -105,100 +124,100 @@ def _with_origin(flat: list[Sighting], images: Sequence[NamedImage], floor: Floo
         return flat
     if not images or not flat or flat[0].name != images[0][0]:
         raise InputError(
-            "the board is not seen in the first floor image",
-            got=images[0][0] if images else "no floor image",
-            allowed="the whole board, flat on the floor",
+            "the board is not seen in the first floor picture",
+            got=images[0][0] if images else "no floor picture",
+            allowed="the whole board, lying flat on the floor",
             remedy="check floor.image, or give surveyed marks on the floor instead",
         )
     return [in_floor_axes(flat[0], floor), *flat[1:]]
 
 
-def look_for_boards(
-    images: Sequence[NamedImage], board: Board, threads: int = 2
-) -> tuple[list[Sighting], dict[str, str]]:
-    """Look for the board in every picture: quickly first, thoroughly where that finds nothing.
+def calibrate_sightings(
+    seen: Sightings, settings: CalibrateSettings, unseen: dict[str, str], *, heights_m: Sequence[float] = ()
+) -> Calibration:
+    """Calibrate from corners that are already found.
+
+    Parameters
+    ----------
+    seen : Sightings
+        The boards and marks. Without a floor (``seen.reference`` None) the camera alone is calibrated and the floor of
+        the result is the camera frame itself.
+    settings : CalibrateSettings
+        How to go about it.
+    unseen : dict
+        Names of the pictures without a board and the reason, for the record.
+    heights_m : sequence of float, optional
+        Heights of the bodies' tops [m].
 
     Returns
     -------
-    sightings : list of Sighting
-        The boards found, in the order of the pictures.
-    unseen : dict
-        Name of each other picture and the reason.
+    Calibration
+        A degenerate set is in its findings, with the severity of a refusal where it is hopeless.
+
+    Raises
+    ------
+    RefusedError
+        When too few views are left, or the board that fixes the floor frame does not fit.
     """
-
-    def look(image: NamedImage) -> Sighting | None:
-        quick = sight_chessboard(*image, board, thorough=False)
-        return quick or sight_chessboard(*image, board, thorough=True)
-
-    with ThreadPoolExecutor(threads) as pool:
-        found = list(pool.map(look, images))
-    if not any(found):
-        columns, rows = board.inner_corners
-        raise InputError(
-            f"no picture shows a board of {columns} × {rows} inner corners",
-            got=f"{len(images)} pictures",
-            remedy="count the corners where four squares meet, not the squares, along both sides of the board",
-        )
-    unseen = {name: "no whole board found" for (name, _), s in zip(images, found, strict=True) if s is None}
-    return [s for s in found if s is not None], unseen
-
-
-def calibrate_scene(
-    scene: Scene, settings: CalibrateSettings, unseen: dict[str, str], heights_m: Sequence[float] = ()
-) -> Calibration:
-    """Calibrate from corners that are already found; see :func:`calibrate`."""
-    everything = scene
-    scene, start, dropped = _without_misfits(scene, settings)
-    trials = try_lenses(scene.blocks, start, settings.lens_models, settings.folds)
+    kept, start, dropped = _without_misfits(seen, settings)
+    trials = try_lenses(kept.blocks, start, settings.lens_models, settings.folds)
     chosen = choose_lens(trials)
-    active = active_parameters(chosen.model, with_floor=scene.reference is not None)
-    covariance, condition = marginal_covariance(scene.blocks, chosen.estimate, active)
     estimate = chosen.estimate
-    return Calibration(
-        camera=Camera(scene.resolution_px, estimate.matrix, estimate.distortion, chosen.model),
+    active = active_parameters(chosen.model, with_floor=seen.reference is not None)
+    covariance, _ = marginal_covariance(kept.blocks, estimate, active)
+    calibration = Calibration(
+        camera=Camera(seen.resolution_px, estimate.matrix, estimate.distortion, chosen.model),
         floor=Floor(estimate.T_camera_floor),
         covariance=covariance,
         corner_noise_px=estimate.noise_px,
-        views=_views(everything, scene, estimate, dropped, unseen),
-        findings=_dropped_findings(dropped),
-        quality=_quality(scene, trials, chosen, condition),
+        views=_views(seen, kept, estimate, dropped, unseen),
     )
+    return _judged(calibration, kept, trials, chosen, (0.0, *heights_m), settings.position_limit_m)
 
 
-def _without_misfits(scene: Scene, settings: CalibrateSettings) -> tuple[Scene, Estimate, dict[str, str]]:
-    """Drop the views that do not fit a first calibration, worst first, until all others do."""
+def _without_misfits(seen: Sightings, settings: CalibrateSettings) -> tuple[Sightings, Estimate, dict[str, str]]:
+    """Drop the views that do not fit, worst first, until all others do; return what is left and its fit."""
     dropped: dict[str, str] = {}
     while True:
-        if len(scene.sightings) < 3:
+        if len(seen.sightings) < _FEWEST_VIEWS:
             raise RefusedError(
                 "too few views of the board",
-                got=f"{len(scene.sightings)} usable",
-                allowed="three at the very least, twelve to do well",
+                got=f"{len(seen.sightings)} usable",
+                allowed=f"{_FEWEST_VIEWS} at the very least, 12 to do well",
                 remedy="film the board tilted by 20° to 40° to all sides, all over the picture",
             )
-        estimate = first_guess(scene)
-        for model in _FIRST_MODELS:
-            active = active_parameters(model, with_floor=scene.reference is not None)
-            estimate = unflipped(scene, adjust(scene.blocks, estimate, active))
-        worst, rms = max(_view_rms(scene, estimate).items(), key=lambda item: item[1])
-        if rms <= settings.misfit_ratio * estimate.noise_px or len(scene.sightings) == 3:
-            return scene, estimate, dropped
-        dropped[worst] = f"does not fit: {rms:.2f} px RMS where the corner noise is {estimate.noise_px:.2f} px"
-        scene = scene.without({worst})
+        estimate = first_guess(seen)
+        for model in _JUDGING_MODELS:
+            active = active_parameters(model, with_floor=seen.reference is not None)
+            estimate = unflipped(seen, adjust(seen.blocks, estimate, active))
+        found = residuals(seen.blocks, estimate)[: len(seen.sightings)]
+        rms_px = [float(np.sqrt(np.mean(r**2))) for r in found]
+        usual, worst = float(np.median(rms_px)), int(np.argmax(rms_px))
+        if rms_px[worst] <= max(settings.misfit_ratio * usual, _SMALLEST_MISFIT_PX):
+            return seen, estimate, dropped
+        name = seen.sightings[worst].name
+        dropped[name] = f"does not fit: {rms_px[worst]:.2f} px RMS where half of the views have {usual:.2f} px or less"
+        seen = _less(seen, name, dropped[name])
 
 
-def _view_rms(scene: Scene, estimate: Estimate) -> dict[str, float]:
-    found = residuals(scene.blocks, estimate)[: len(scene.sightings)]
-    return {s.name: float(np.sqrt(np.mean(r**2))) for s, r in zip(scene.sightings, found, strict=True)}
+def _less(seen: Sightings, name: str, reason: str) -> Sightings:
+    if seen.floor_boards and not seen.marks and seen.floor_boards[0].name == name:
+        raise RefusedError(
+            "the board that fixes the floor frame does not fit",
+            got=f"{name} {reason}",
+            remedy="check that it lies flat, is sharp and is the same board; or take another picture as floor.image",
+        )
+    return seen.without({name})
 
 
 def _views(
-    everything: Scene, scene: Scene, estimate: Estimate, dropped: dict[str, str], unseen: dict[str, str]
+    seen: Sightings, kept: Sightings, estimate: Estimate, dropped: dict[str, str], unseen: dict[str, str]
 ) -> tuple[View, ...]:
-    fitted = dict(zip((s.name for s in scene.sightings), residuals(scene.blocks, estimate), strict=False))
-    tilts = dict(zip((s.name for s in scene.sightings), tilts_deg(scene, estimate), strict=True))
-    on_floor = {s.name for s in everything.floor_boards}
-    seen = [
+    names = [s.name for s in kept.sightings]
+    fitted = dict(zip(names, residuals(kept.blocks, estimate), strict=False))
+    tilts = dict(zip(names, tilts_deg(kept, estimate), strict=True))
+    on_floor = {s.name for s in seen.floor_boards}
+    views = [
         View(
             name=s.name,
             corners_px=s.corners_px,
@@ -208,28 +227,76 @@ def _views(
             on_floor=s.name in on_floor,
             dropped=dropped.get(s.name, ""),
         )
-        for s in everything.sightings
+        for s in seen.sightings
     ]
     empty = np.zeros((0, 2))
-    return (*seen, *(View(name, empty, empty, empty, np.nan, dropped=reason) for name, reason in unseen.items()))
+    return (*views, *(View(name, empty, empty, empty, np.nan, dropped=reason) for name, reason in unseen.items()))
 
 
-def tilts_deg(scene: Scene, estimate: Estimate) -> list[float]:
-    """Angle between each board and the image plane [°]."""
-    floor_normal = estimate.T_camera_floor[:3, 2]
-    normals = [cv2.Rodrigues(place[:3])[0][:, 2] for place in estimate.places[: len(scene.boards)]]
-    normals += [floor_normal] * len(scene.floor_boards)
-    return [float(np.degrees(np.arccos(min(1.0, abs(normal[2]))))) for normal in normals]
+def _judged(
+    calibration: Calibration,
+    kept: Sightings,
+    trials: Sequence[LensTrial],
+    chosen: LensTrial,
+    heights_m: Sequence[float],
+    limit_m: float,
+) -> Calibration:
+    """The calibration with its findings and its quality figures."""
+    statistics = view_statistics(kept, chosen.estimate, calibration.covariance)
+    quality = {
+        "views_used": float(len(kept.sightings)),
+        "views_dropped": float(sum(bool(view.dropped) for view in calibration.views)),
+        "median_tilt_deg": statistics.median_tilt_deg,
+        "covered_share": statistics.covered,
+        "reprojection_rms_px": _reprojection_rms_px(calibration),
+        "held_out_rms_px": float(np.sqrt(chosen.score_px2)),
+        "condition_number": chosen.condition,
+        "focal_length_std_px": float(np.sqrt(calibration.covariance[0, 0])),
+    }
+    findings = [*_dropped_findings(calibration), *view_findings(statistics), *_lens_findings(trials, chosen)]
+    if kept.reference is not None:
+        halves = compare_halves(kept, chosen, heights_m)
+        findings += halves_findings(halves)
+        findings += floor_findings(kept, calibration, heights_m, limit_m)
+        findings += marks_findings(kept, chosen.estimate)
+        quality["camera_height_m"] = float(calibration.floor.camera_position_m[2])
+        quality["camera_height_std_m"] = float(np.sqrt(camera_position_covariance(calibration)[2, 2]))
+        for height in heights_m:
+            quality[f"position_std_mm at {height:.3f} m"] = 1e3 * uncertainty_map(calibration, height).rms_m
+        for plane in halves:
+            quality[f"halves_difference_mm at {plane.height_m:.3f} m"] = 1e3 * plane.found_m
+            quality[f"halves_expected_mm at {plane.height_m:.3f} m"] = 1e3 * plane.expected_m
+    return replace(calibration, findings=tuple(findings), quality=quality)
 
 
-def _dropped_findings(dropped: dict[str, str]) -> tuple[Finding, ...]:
-    return tuple(
-        Finding(Severity.WARNING, "view-dropped", f"{name} was dropped: {reason}.") for name, reason in dropped.items()
-    )
+def _reprojection_rms_px(calibration: Calibration) -> float:
+    """Root mean square length of the residual vectors of all corners used, as OpenCV counts it [px]."""
+    used: list[Array] = [view.residuals_px for view in calibration.views if not view.dropped]
+    return float(np.sqrt(np.mean(np.sum(np.concatenate(used) ** 2, axis=1))))
 
 
-def _quality(scene: Scene, trials: Sequence[LensTrial], chosen: LensTrial, condition: float) -> dict[str, float]:
-    quality = {"views_used": float(len(scene.sightings)), "condition_number": condition}
-    for trial in trials:
-        quality[f"held_out_rms_px {trial.model}"] = float(np.sqrt(trial.score_px2))
-    return quality
+def _dropped_findings(calibration: Calibration) -> list[Finding]:
+    return [
+        Finding(
+            Severity.WARNING if len(view.corners_px) else Severity.NOTE,
+            "view-dropped",
+            f"{view.name} was left out: {view.dropped}.",
+        )
+        for view in calibration.views
+        if view.dropped
+    ]
+
+
+def _lens_findings(trials: Sequence[LensTrial], chosen: LensTrial) -> list[Finding]:
+    """A note where a larger lens model predicts better but its coefficients are not determined."""
+    better = [t for t in trials if not t.determined and t.score_px2 < chosen.score_px2]
+    return [
+        Finding(
+            Severity.NOTE,
+            "lens-undetermined",
+            f'The lens model "{trial.model}" predicts held-out views better ({np.sqrt(trial.score_px2):.2f} px against '
+            f'{np.sqrt(chosen.score_px2):.2f} px of "{chosen.model}"), but the views do not determine its coefficients '
+            f"(condition number {trial.condition:.0e}): they cancel, and beyond the corners anything can happen.",
+        )
+        for trial in better
+    ]

@@ -136,17 +136,21 @@ class Board:
     kind: str
     inner_corners: tuple[int, int]
     square_m: float
-    marker_m: float = float("nan")
-    dictionary: str = ""
+    marker_m: float | None = None
+    dictionary: str | None = None
 
     def __post_init__(self) -> None:
         _positive(self, "square_m")
         if self.kind not in ("chessboard", "charuco"):
             raise InputError("Board.kind is unknown", got=self.kind, allowed="chessboard, charuco")
-        if min(self.inner_corners) < 2:
-            raise InputError("Board.inner_corners is out of range", got=self.inner_corners, allowed="at least 2 × 2")
-        if self.kind == "charuco" and not 0 < self.marker_m < self.square_m:
-            raise InputError("Board.marker_m is out of range", got=self.marker_m, allowed="above 0, below square_m")
+        if min(self.inner_corners) < 3:
+            raise InputError("Board.inner_corners is out of range", got=self.inner_corners, allowed="at least 3 × 3")
+        if self.kind == "charuco" and not (self.dictionary and self.marker_m and 0 < self.marker_m < self.square_m):
+            raise InputError(
+                "the ChArUco board is not described",
+                got=f"marker_m {self.marker_m}, dictionary {self.dictionary}",
+                allowed="board.marker_m above 0 and below square_m, and board.dictionary (DICT_4X4_50, ...)",
+            )
 
 
 @dataclass(frozen=True)

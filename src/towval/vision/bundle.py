@@ -18,11 +18,15 @@ from numpy.typing import NDArray
 from towval.types import CALIBRATION_PARAMETERS, Array
 
 _LENS_START, _FLOOR_START = 4, 12
-_MAX_STEPS = 60
-_NEGLIGIBLE_DECREASE = 1e-6
+_MAX_STEPS = 30
+_NEGLIGIBLE_DECREASE = 1e-4
 """In units of the whitened cost, where 1 is one standard deviation of one parameter combination."""
-_ROBUST_WIDTH = 3.0
-"""Residuals beyond this many standard deviations count linearly, not squared (Huber)."""
+_ROBUST_WIDTH = 5.0
+"""Residuals beyond this many times the spread of their own picture count linearly, not squared (Huber).
+
+Of their own picture, not of all: a corner is wild among its neighbours, whereas a whole picture that fits badly may be
+the only one that reaches the edge of the image and must not be silenced by the ones that do not.
+"""
 _RAYLEIGH_MEDIAN = np.sqrt(2 * np.log(2))
 """Median length of a two-dimensional Gaussian vector, in standard deviations of one coordinate."""
 
@@ -167,16 +171,35 @@ def _damped(matrix: Array, damping: float) -> Array:
     return matrix
 
 
-def _normal(blocks: Sequence[Block], estimate: Estimate, active: NDArray[np.intp]) -> _Normal:
+def _std(block: Block, estimate: Estimate) -> float:
+    return estimate.noise_px if np.isnan(block.std_px) else block.std_px
+
+
+def _huber_weight(length: Array, spread_px: float) -> Array:
+    return np.minimum(1.0, _ROBUST_WIDTH * spread_px / np.maximum(length, 1e-12))
+
+
+def _spread(blocks: Sequence[Block], estimate: Estimate) -> list[float]:
+    """Robust standard deviation of the residuals of each block [px], at least that of its corners."""
+    lengths = [np.linalg.norm(r, axis=1) for r in residuals(blocks, estimate)]
+    return [
+        max(float(np.median(length)) / _RAYLEIGH_MEDIAN, _std(block, estimate))
+        for block, length in zip(blocks, lengths, strict=True)
+    ]
+
+
+def _normal(
+    blocks: Sequence[Block], estimate: Estimate, active: NDArray[np.intp], spread_px: Sequence[float]
+) -> _Normal:
     AA, Ar, cost = np.zeros((len(active), len(active))), np.zeros(len(active)), 0.0
     AB, BB, Br = [], [], []
-    for block, place in zip(blocks, estimate.places, strict=True):
+    for block, place, spread in zip(blocks, estimate.places, spread_px, strict=True):
         residual, J_shared, J_place = linearise(block, estimate.shared, place)
-        std = estimate.noise_px if np.isnan(block.std_px) else block.std_px
-        length = np.sqrt(residual[::2] ** 2 + residual[1::2] ** 2) / std
-        weight = np.minimum(1.0, _ROBUST_WIDTH / np.maximum(length, 1e-12))
+        std = _std(block, estimate)
+        length = np.sqrt(residual[::2] ** 2 + residual[1::2] ** 2)
+        weight = _huber_weight(length, spread)
         # Huber: length² below the width, 2 width · length − width² beyond; with w = width / length both are one form.
-        cost += float(np.sum(weight * length**2 * (2 - weight)))
+        cost += float(np.sum(weight * (2 - weight) * length**2)) / std**2
         root = np.repeat(np.sqrt(weight) / std, 2)
         r, A, B = root * residual, root[:, None] * J_shared[:, active], root[:, None] * J_place
         AA += A.T @ A
@@ -219,8 +242,8 @@ def adjust(blocks: Sequence[Block], start: Estimate, active: NDArray[np.intp]) -
 
 
 def _levenberg_marquardt(blocks: Sequence[Block], estimate: Estimate, active: NDArray[np.intp]) -> Estimate:
-    damping = 1e-6
-    normal = _normal(blocks, estimate, active)
+    damping, spread = 1e-9, _spread(blocks, estimate)
+    normal = _normal(blocks, estimate, active, spread)
     for _ in range(_MAX_STEPS):
         schur, right, gains = normal.reduced(damping)
         step = _solve_scaled(schur, right)
@@ -230,7 +253,7 @@ def _levenberg_marquardt(blocks: Sequence[Block], estimate: Estimate, active: ND
         shared[active] += step
         places = tuple(place + move for place, move in zip(estimate.places, moves, strict=True))
         trial = replace(estimate, shared=shared, places=places)
-        trial_normal = _normal(blocks, trial, active)
+        trial_normal = _normal(blocks, trial, active, spread)
         if trial_normal.cost <= normal.cost:
             estimate, normal, damping = trial, trial_normal, max(damping / 10, 1e-12)
         elif damping > 1e6:
@@ -268,13 +291,13 @@ def _median_noise(blocks: Sequence[Block], estimate: Estimate) -> float:
 def _noise(blocks: Sequence[Block], estimate: Estimate, shared_unknowns: int) -> float:
     """Standard deviation of a corner coordinate: weighted residuals over their degrees of freedom."""
     total, count, unknowns = 0.0, 0.0, float(shared_unknowns)
-    for block, residual in zip(blocks, residuals(blocks, estimate), strict=True):
+    found = zip(blocks, residuals(blocks, estimate), _spread(blocks, estimate), strict=True)
+    for block, residual, spread in found:
         if not np.isnan(block.std_px):
             continue
-        weight = np.minimum(
-            1.0, _ROBUST_WIDTH * estimate.noise_px / np.maximum(np.linalg.norm(residual, axis=1), 1e-12)
-        )
-        total += float(np.sum(weight[:, None] * residual**2))
+        length = np.linalg.norm(residual, axis=1)
+        weight = _huber_weight(length, spread)
+        total += float(np.sum(weight * length**2))
         count += 2 * float(np.sum(weight))
         unknowns += block.placement.value
     return float(np.sqrt(total / (count - unknowns))) if count > unknowns else estimate.noise_px
@@ -296,7 +319,7 @@ def marginal_covariance(blocks: Sequence[Block], estimate: Estimate, active: NDA
         Condition number of the information matrix scaled to a unit diagonal. It does not depend on units or on the
         noise; 1 is independent parameters, beyond 1e8 a direction is practically unobserved.
     """
-    information = _normal(blocks, estimate, active).reduced(0.0)[0]
+    information = _normal(blocks, estimate, active, _spread(blocks, estimate)).reduced(0.0)[0]
     scale = 1 / np.sqrt(np.maximum(np.diag(information), 1e-300))
     values, vectors = np.linalg.eigh(scale[:, None] * information * scale)
     smallest = max(values[-1] * 1e-14, 1e-300)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from towval.types import Array
-from towval.vision.bundle import Block, Estimate, Placement, adjust, residuals
+from towval.vision.bundle import Block, Estimate, Placement, adjust, marginal_covariance, residuals
 
 LENS_MODELS = {
     "none": (),
@@ -22,21 +22,32 @@ LENS_MODELS = {
 """Nested lens models, smallest first: the shared parameters each of them adds to fx, fy, cx, cy."""
 
 
+_LARGEST_CONDITION = 1e8
+"""Beyond it coefficients cancel: the fit is good where there are corners and anything between and beyond them."""
+
+
 @dataclass(frozen=True)
 class LensTrial:
     """How one lens model did.
 
-    ``held_out_rms_px`` (views,) of every view as predicted by the others; ``estimate`` from all views.
+    ``held_out_rms_px`` (views,) of every view as predicted by the others; ``estimate`` from all views; ``condition``
+    the scaled condition number of its parameters.
     """
 
     model: str
     held_out_rms_px: Array
     estimate: Estimate
+    condition: float
 
     @property
     def score_px2(self) -> float:
         """Mean square held-out residual of a coordinate [px²]."""
         return float(np.mean(self.held_out_rms_px**2))
+
+    @property
+    def determined(self) -> bool:
+        """Whether the views determine the coefficients, or leave some that cancel."""
+        return self.condition < _LARGEST_CONDITION
 
 
 def active_parameters(model: str, with_floor: bool) -> NDArray[np.intp]:
@@ -67,7 +78,8 @@ def try_lens(blocks: Sequence[Block], start: Estimate, model: str, folds: int) -
         placed = adjust(test_blocks, test, np.array([], dtype=np.intp))
         for i, residual in zip(left_out, residuals(test_blocks, placed), strict=True):
             scores[i] = np.sqrt(np.mean(residual**2))
-    return LensTrial(model, scores[movable], estimate)
+    condition = marginal_covariance(blocks, estimate, active)[1]
+    return LensTrial(model, scores[movable], estimate, condition)
 
 
 def _part(estimate: Estimate, chosen: Sequence[int]) -> Estimate:
@@ -90,13 +102,15 @@ def try_lenses(blocks: Sequence[Block], start: Estimate, models: Sequence[str], 
 def choose_lens(trials: Sequence[LensTrial]) -> LensTrial:
     """The smallest model whose held-out error is within one standard error of the best one's.
 
-    The standard error is that of the paired difference: the same views, predicted by both models.
+    The standard error is that of the paired difference: the same views, predicted by both models. Models whose
+    coefficients the views do not determine are left out unless all are such.
 
     Parameters
     ----------
     trials : sequence of LensTrial
         Smallest model first.
     """
+    trials = [trial for trial in trials if trial.determined] or trials
     best = min(trials, key=lambda trial: trial.score_px2)
     for trial in trials:
         difference = trial.held_out_rms_px**2 - best.held_out_rms_px**2

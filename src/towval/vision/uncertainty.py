@@ -129,3 +129,14 @@ def uncertainty_map(
     position = to_plane(calibration.camera, calibration.floor, pixels, height_m)
     covariance = position_covariance(calibration, pixels, height_m, height_std_m=height_std_m)
     return UncertaintyMap(height_m, pixels, position, covariance)
+
+
+def camera_position_covariance(calibration: Calibration) -> Array:
+    """Covariance (3, 3) of the camera's place in the floor frame [m²]; the last element is that of its height."""
+    rotation_vector = shared_parameters(calibration.camera, calibration.floor)[12:15]
+    shift = calibration.floor.T_camera_floor[:3, 3]
+    rotation, derivative = cv2.Rodrigues(rotation_vector)
+    # The place is −Rᵀt; OpenCV gives the derivative (3, 9) of the elements of R, row by row.
+    by_rotation = -np.einsum("kij,i->jk", derivative.reshape(3, 3, 3), shift)
+    jacobian = np.hstack([by_rotation, -rotation.T])
+    return jacobian @ calibration.covariance[12:, 12:] @ jacobian.T

@@ -18,7 +18,7 @@ from towval.vision.floor import floor_from_boards, place_on_floor, pose_of_plane
 
 
 @dataclass(frozen=True)
-class Scene:
+class Sightings:
     """Boards held up, boards lying on the floor, and surveyed marks.
 
     Without marks the first floor board fixes the floor frame: its ``board_m`` are floor coordinates. ``reference`` is
@@ -57,8 +57,8 @@ class Scene:
         placement = Placement.FIXED if index == 0 and not self.marks else Placement.ON_FLOOR
         return Block(lifted(sighting.board_m, self.reference.board_thickness_m), sighting.corners_px, placement)
 
-    def without(self, names: set[str]) -> Scene:
-        """The scene less some boards."""
+    def without(self, names: set[str]) -> Sightings:
+        """The seen less some boards."""
         return replace(
             self,
             boards=tuple(s for s in self.boards if s.name not in names),
@@ -71,54 +71,54 @@ def lifted(points: Array, height: float) -> Array:
     return np.column_stack([points, np.full(len(points), height)])
 
 
-def first_guess(scene: Scene) -> Estimate:
+def first_guess(seen: Sightings) -> Estimate:
     """Camera without a lens, floor and places, to start the adjustment from.
 
     The focal length comes from the vanishing points of the boards (Zhang 2000), the principal point is the image
     centre.
     """
-    width, height = scene.resolution_px
-    points = [lifted(s.board_m, 0.0).astype(np.float32) for s in scene.sightings]
-    pixels = [s.corners_px.astype(np.float32) for s in scene.sightings]
-    guess = cv2.initCameraMatrix2D(points, pixels, scene.resolution_px, 1.0)[0, 0]
+    width, height = seen.resolution_px
+    points = [lifted(s.board_m, 0.0).astype(np.float32) for s in seen.sightings]
+    pixels = [s.corners_px.astype(np.float32) for s in seen.sightings]
+    guess = cv2.initCameraMatrix2D(points, pixels, seen.resolution_px, 1.0)[0, 0]
     # Boards without tilt have no vanishing points: the guess may then be anything.
     focal = guess if np.isfinite(guess) and 0.2 * width < guess < 10 * width else float(width)
     shared = np.zeros(18)
     shared[:4] = focal, focal, (width - 1) / 2, (height - 1) / 2
-    return placed(scene, Estimate(shared, ()))
+    return placed(seen, Estimate(shared, ()))
 
 
-def placed(scene: Scene, estimate: Estimate) -> Estimate:
+def placed(seen: Sightings, estimate: Estimate) -> Estimate:
     """The same camera with the floor and all places found anew, each board by itself."""
     matrix, distortion = camera_matrix(estimate.shared), estimate.distortion
-    poses = [pose_of_plane(lifted(s.board_m, 0.0), s.corners_px, matrix, distortion)[0] for s in scene.sightings]
-    free, flat = poses[: len(scene.boards)], poses[len(scene.boards) :]
-    if scene.reference is None:
+    poses = [pose_of_plane(lifted(s.board_m, 0.0), s.corners_px, matrix, distortion)[0] for s in seen.sightings]
+    free, flat = poses[: len(seen.boards)], poses[len(seen.boards) :]
+    if seen.reference is None:
         return replace(estimate, places=tuple(free))
-    estimate = _with_floor(scene, estimate, flat)
-    thickness = scene.reference.board_thickness_m
-    places = [np.zeros(0) if b.placement is Placement.FIXED else None for b in scene.blocks[len(scene.boards) :]]
-    for i, sighting in enumerate(scene.floor_boards):
+    estimate = _with_floor(seen, estimate, flat)
+    thickness = seen.reference.board_thickness_m
+    places = [np.zeros(0) if b.placement is Placement.FIXED else None for b in seen.blocks[len(seen.boards) :]]
+    for i, sighting in enumerate(seen.floor_boards):
         if places[i] is None:
             places[i] = place_on_floor(sighting, estimate, thickness)
     return replace(estimate, places=(*free, *places))
 
 
-def _with_floor(scene: Scene, estimate: Estimate, flat: Sequence[Array]) -> Estimate:
-    reference, shared = scene.reference, estimate.shared.copy()
-    if scene.marks >= 4:
+def _with_floor(seen: Sightings, estimate: Estimate, flat: Sequence[Array]) -> Estimate:
+    reference, shared = seen.reference, estimate.shared.copy()
+    if seen.marks >= 4:
         marks = lifted(reference.marks_m, 0.0)
         shared[12:] = pose_of_plane(marks, reference.marks_px, estimate.matrix, estimate.distortion)[0]
         return replace(estimate, shared=shared)
     if not flat:
         raise InputError(
             "the floor cannot be found",
-            got=f"{scene.marks} surveyed marks and no board on the floor",
+            got=f"{seen.marks} surveyed marks and no board on the floor",
             allowed="four marks or more, or a board lying on the floor",
         )
     shared[12:] = floor_from_boards(flat[0], flat, reference.board_thickness_m)
     estimate = replace(estimate, shared=shared)
-    return _turned_to_marks(reference, estimate) if scene.marks else estimate
+    return _turned_to_marks(reference, estimate) if seen.marks else estimate
 
 
 def _turned_to_marks(reference: FloorReference, estimate: Estimate) -> Estimate:
@@ -137,10 +137,10 @@ def _turned_to_marks(reference: FloorReference, estimate: Estimate) -> Estimate:
     return replace(estimate, shared=shared)
 
 
-def unflipped(scene: Scene, estimate: Estimate) -> Estimate:
+def unflipped(seen: Sightings, estimate: Estimate) -> Estimate:
     """The estimate with each free board on that side of its tilt which fits better, now that the camera is known."""
     places = list(estimate.places)
-    for i, block in enumerate(scene.blocks):
+    for i, block in enumerate(seen.blocks):
         if block.placement is not Placement.FREE:
             continue
         for pose in pose_of_plane(block.points_m, block.pixels, estimate.matrix, estimate.distortion):
