@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from towval.geometry import inside_polygon
 from towval.types import Array, Body, Camera, Floor
-from towval.vision.sampling import RELAXED, metres_per_pixel, plane_pixel, plane_to_camera, sample_plane, spline_value
+from towval.vision.sampling import RELAXED, metres_per_pixel, sample_plane, sample_plane_kernel
 
 Luma = NDArray[np.uint8]
 
@@ -30,12 +30,13 @@ _TUKEY = 4.685
 _LEAST_SCALE = 0.5  # Grey levels: rounding alone gives 0.3.
 _GAIN_SPREAD = 0.5  # ASSUME: the light on a tile changes by half, give or take.
 _LEAST_GAIN, _MOST_GAIN = 0.2, 5.0
-_ROUNDS = 15
+_ROUNDS = 12
 _QUANTILE, _QUANTILE_OF_GAUSSIAN = 0.35, 0.45376  # The share of |r| below that many deviations.
 _MARGIN_PX = 3.0  # Kept from the outline, where the smoothed picture mixes in what lies behind.
 _TILES_ACROSS = 5
-_TOLERANCE_PX = 0.01
-_WORST_CONDITION = 1e8
+_TOLERANCE_PX = 0.06  # Steps shrink to a tenth from round to round: what is left is a tenth of this.
+_FIRST_PART, _FIRST_ROUNDS = 4, 6
+_LEAST_DETERMINANT = 1e-4  # Of the normalised information: below, a direction is open.
 _INLIER_WEIGHT = 0.3
 _OUTSIDE = 1e12  # Residual of a point outside the picture: finite, so that compiled sums stay finite.
 
@@ -46,7 +47,8 @@ class Template:
 
     ``points`` (n, 2) in the body frame [m]; ``values`` (n,) grey levels; ``slopes`` (n, 3) change of the grey value
     with a motion (x, y, heading) of the body frame [1/m, 1/m, 1/rad]; ``tile`` (n,) number of the tile a point
-    belongs to, ``tiles`` how many there are.
+    belongs to, ``tiles`` how many there are; ``pixel_m`` the width of a pixel on the top [m]. The points are shuffled,
+    so that the first of them are an even choice.
     """
 
     points: Array
@@ -54,13 +56,14 @@ class Template:
     slopes: Array
     tile: NDArray[np.int64]
     tiles: int
+    pixel_m: float
 
 
 @dataclass(frozen=True)
 class Alignment:
     """Outcome of an alignment.
 
-    ``pose`` (3,); ``covariance`` (3, 3); ``residual`` (n,) of each point [grey levels, of the template], NaN outside
+    ``pose`` (3,); ``covariance`` (3, 3); ``residual`` (n,) of each point [grey levels of the template], large outside
     the picture; ``weight`` (n,) in [0, 1]; ``scale`` deviation of the inliers' residuals; ``correlation`` of picture
     and template over the inliers; ``inlier_fraction`` of all points; ``converged`` whether the last step was small.
     """
@@ -116,10 +119,11 @@ def make_template(
     chosen = chosen[np.isfinite(slope[chosen]).all(axis=1) & np.isfinite(values[chosen])]
     if len(chosen) < max(16, samples // 10):
         return None
+    chosen = np.random.default_rng(0).permutation(chosen)
     points, slope = points[chosen], slope[chosen]
     slopes = np.column_stack([slope, points[:, 0] * slope[:, 1] - points[:, 1] * slope[:, 0]])
     tile, tiles = _tiles(points, low, high)
-    return Template(points, values[chosen], slopes, tile, tiles)
+    return Template(points, values[chosen], slopes, tile, tiles, pixel)
 
 
 def _steepest(cells: NDArray[np.int64], steepness: Array) -> NDArray[np.int64]:
@@ -136,19 +140,6 @@ def _tiles(points: Array, low: Array, high: Array) -> tuple[NDArray[np.int64], i
     place = np.minimum(((points - low) / (high - low) * counts).astype(int), counts - 1)
     _, tile = np.unique(place[:, 0] * counts[1] + place[:, 1], return_inverse=True)
     return tile.astype(np.int64), int(tile.max()) + 1
-
-
-@njit(cache=True, fastmath=RELAXED)
-def _read(luma, points, pose, height, T, matrix, k, values):  # type: ignore[no-untyped-def]
-    """Grey values at the points, −1 outside the picture; returns how many are inside."""
-    columns = plane_to_camera(pose, height, T)
-    inside = 0
-    for i in range(points.shape[0]):
-        u, v = plane_pixel(points[i, 0], points[i, 1], columns, matrix, k)
-        values[i] = spline_value(luma, u, v)
-        if values[i] >= 0:
-            inside += 1
-    return inside
 
 
 @njit(cache=True, fastmath=RELAXED)
@@ -176,112 +167,141 @@ def _fit_light(values, template, tile, tiles, weight, ridge):  # type: ignore[no
 
 @njit(cache=True, fastmath=RELAXED)
 def _misfits(values, template, tile, light, residual):  # type: ignore[no-untyped-def]
-    """Residuals in grey levels of the template; returns the deviation of their better part."""
-    known = np.empty(values.shape[0])
-    count = 0
+    """Residuals in grey levels of the template."""
     for i in range(values.shape[0]):
-        if values[i] < 0:
-            residual[i] = _OUTSIDE
-            continue
         row = tile[i]
-        residual[i] = (values[i] - light[row, 2]) / light[row, 0] - (template[i] - light[row, 1])
-        known[count] = abs(residual[i])
-        count += 1
-    if count == 0:
+        misfit = (values[i] - light[row, 2]) / light[row, 0] - (template[i] - light[row, 1])
+        residual[i] = misfit if values[i] >= 0 else _OUTSIDE
+
+
+@njit(cache=True)
+def _scale(residual):  # type: ignore[no-untyped-def]
+    """Deviation of the better part of the residuals; zero where all are outside."""
+    size = np.abs(residual)
+    inside = size[size < _OUTSIDE]
+    if len(inside) == 0:
         return 0.0
-    at = int(_QUANTILE * count)
-    return np.partition(known[:count], at)[at] / _QUANTILE_OF_GAUSSIAN
+    at = int(_QUANTILE * len(inside))
+    return np.partition(inside, at)[at] / _QUANTILE_OF_GAUSSIAN
 
 
 @njit(cache=True, fastmath=RELAXED)
 def _reweigh(residual, precision, scale, weight):  # type: ignore[no-untyped-def]
     """Tukey's weights of the residuals times the known precision of each point."""
     for i in range(residual.shape[0]):
-        q = residual[i] * np.sqrt(precision[i]) / (_TUKEY * scale)
-        weight[i] = precision[i] * (1 - q * q) ** 2 if abs(q) < 1 else 0.0
+        q2 = residual[i] * residual[i] * precision[i] / (_TUKEY * scale) ** 2
+        weight[i] = precision[i] * (1 - q2) ** 2 if q2 < 1 else 0.0
 
 
-@njit(cache=True, fastmath=RELAXED)
+@njit(cache=True, fastmath=RELAXED, error_model="numpy")
 def _normal_equations(template, slopes, tile, tiles, light, weight, residual, ridge):  # type: ignore[no-untyped-def]
-    """Information (3, 3), right-hand side (3,) and the scores of the tiles (tiles, 3), light eliminated."""
-    mean = np.zeros((tiles, 3))
-    cross = np.zeros((tiles, 3))
+    """Information (3, 3) and the scores of the tiles (tiles, 3), light eliminated."""
+    mean, cross = np.zeros((tiles, 3)), np.zeros((tiles, 3))
     for i in range(template.shape[0]):
         w, row = weight[i], tile[i]
-        if w > 0:
-            t = template[i] - light[row, 1]
-            for j in range(3):
-                mean[row, j] += w * slopes[i, j]
-                cross[row, j] += w * t * slopes[i, j]
+        t = w * (template[i] - light[row, 1])
+        for j in range(3):
+            mean[row, j] += w * slopes[i, j]
+            cross[row, j] += t * slopes[i, j]
     for row in range(tiles):
         for j in range(3):
             mean[row, j] /= light[row, 3]
             cross[row, j] /= light[row, 4] + ridge
-    information = np.zeros((3, 3))
-    scores = np.zeros((tiles, 3))
-    free = np.empty(3)
+    information, scores = np.zeros((3, 3)), np.zeros((tiles, 3))
+    xx = xy = xh = yy = yh = hh = 0.0
     for i in range(template.shape[0]):
-        w, row = weight[i], tile[i]
-        if w > 0:
-            # Residuals are in grey levels of the template: noise in the picture counts 1/gain there.
-            w *= light[row, 0] * light[row, 0]
-            t = template[i] - light[row, 1]
-            for j in range(3):
-                free[j] = slopes[i, j] - mean[row, j] - cross[row, j] * t
-            for j in range(3):
-                scores[row, j] += w * free[j] * residual[i]
-                for m in range(3):
-                    information[j, m] += w * free[j] * free[m]
+        row = tile[i]
+        # Residuals are in grey levels of the template: noise in the picture counts 1/gain there.
+        w = weight[i] * light[row, 0] * light[row, 0]
+        t = template[i] - light[row, 1]
+        x = slopes[i, 0] - mean[row, 0] - cross[row, 0] * t
+        y = slopes[i, 1] - mean[row, 1] - cross[row, 1] * t
+        h = slopes[i, 2] - mean[row, 2] - cross[row, 2] * t
+        r = w * residual[i] if w > 0 else 0.0
+        scores[row, 0] += x * r
+        scores[row, 1] += y * r
+        scores[row, 2] += h * r
+        xx += w * x * x
+        xy += w * x * y
+        xh += w * x * h
+        yy += w * y * y
+        yh += w * y * h
+        hh += w * h * h
+    information[0] = xx, xy, xh
+    information[1] = xy, yy, yh
+    information[2] = xh, yh, hh
     return information, scores
 
 
-@njit(cache=True, fastmath=RELAXED)
-def _align_kernel(  # type: ignore[no-untyped-def]
-    luma, points, template, slopes, tile, tiles, precision, pose, height, T, matrix, k, most_scale, tolerance_m
-):
-    """Rounds of the alignment: pose, information, scores, residuals, weights, scale, whether it converged."""
-    n = points.shape[0]
-    values, residual, weight = np.empty(n), np.empty(n), precision.copy()
-    information, scores = np.zeros((3, 3)), np.zeros((tiles, 3))
-    reach = np.sqrt((points[:, 0] ** 2 + points[:, 1] ** 2).max())
-    pose, scale, converged = pose.copy(), most_scale, False
-    for round_ in range(_ROUNDS):
-        if _read(luma, points, pose, height, T, matrix, k, values) < 16:
-            break
-        if round_ == 0:
-            for i in range(n):
-                weight[i] = precision[i] if values[i] >= 0 else 0.0
-        for _ in range(2):
-            ridge = (scale / _GAIN_SPREAD) ** 2
-            light = _fit_light(values, template, tile, tiles, weight, ridge)
-            scale = min(max(_misfits(values, template, tile, light, residual), _LEAST_SCALE), most_scale)
-            _reweigh(residual, precision, scale, weight)
-        light = _fit_light(values, template, tile, tiles, weight, ridge)
-        _misfits(values, template, tile, light, residual)
-        information, scores = _normal_equations(template, slopes, tile, tiles, light, weight, residual, ridge)
-        if converged:
-            break
-        step = _solve3(information, scores)
-        # pose <- pose * inverse(step)
-        heading = pose[2] - step[2]
-        c, s = np.cos(heading), np.sin(heading)
-        pose[0] -= c * step[0] - s * step[1]
-        pose[1] -= s * step[0] + c * step[1]
-        pose[2] = heading
-        converged = abs(step[0]) + abs(step[1]) + reach * abs(step[2]) < tolerance_m
-    return pose, information, scores, residual, weight, scale, converged, values
-
-
 @njit(cache=True)
-def _solve3(information, scores):  # type: ignore[no-untyped-def]
+def _solve(information, scores):  # type: ignore[no-untyped-def]
     """Solve the 3 × 3 equations, slightly damped so that a direction without texture stays where it is."""
     damped = information.copy()
     for j in range(3):
         damped[j, j] = damped[j, j] * (1 + 1e-6) + 1e-9
-    right = np.zeros(3)
-    for row in range(scores.shape[0]):
-        right += scores[row]
-    return np.linalg.solve(damped, right)
+    return np.linalg.solve(damped, scores.sum(axis=0))
+
+
+@njit(cache=True)
+def _correlation(values, template, tile, light, weight):  # type: ignore[no-untyped-def]
+    """Weighted correlation of picture and template about the means of the tiles."""
+    both = own = other = 0.0
+    for i in range(values.shape[0]):
+        a, t = values[i] - light[tile[i], 2], template[i] - light[tile[i], 1]
+        both += weight[i] * a * t
+        own += weight[i] * a * a
+        other += weight[i] * t * t
+    return both / np.sqrt(own * other) if own * other > 0 else 0.0
+
+
+@njit(cache=True)
+def _align_kernel(  # type: ignore[no-untyped-def]
+    luma, points, template, slopes, tile, tiles, precision, pose, height, T, matrix, k, most_scale, tolerance_m
+):
+    """Rounds of the alignment: pose, information, scores, residuals, weights, scale, correlation, converged."""
+    reach = np.sqrt((points[:, 0] ** 2 + points[:, 1] ** 2).max())
+    pose, scale = pose.copy(), most_scale
+    light = np.empty((tiles, 5))
+    information, scores = np.zeros((3, 3)), np.zeros((tiles, 3))
+    # The first part of the points, an even choice of them, brings the pose near; then all of them settle it.
+    for n, rounds, tolerance in (
+        (len(points) // _FIRST_PART, _FIRST_ROUNDS, 3 * tolerance_m),
+        (len(points), _ROUNDS, tolerance_m),
+    ):
+        residual, weight, converged = np.empty(n), precision[:n].copy(), False
+        t, own_tile = template[:n], tile[:n]
+        for round_ in range(rounds):
+            values = sample_plane_kernel(luma, points[:n], pose, height, T, matrix, k)
+            if n < len(points) and round_ == 0:
+                for i in range(n):
+                    weight[i] = precision[i] if values[i] >= 0 else 0.0
+                light = _fit_light(values, t, own_tile, tiles, weight, (scale / _GAIN_SPREAD) ** 2)
+            _misfits(values, t, own_tile, light, residual)
+            scale = min(max(_scale(residual), _LEAST_SCALE), most_scale)
+            _reweigh(residual, precision[:n], scale, weight)
+            ridge = (scale / _GAIN_SPREAD) ** 2
+            light = _fit_light(values, t, own_tile, tiles, weight, ridge)
+            _misfits(values, t, own_tile, light, residual)
+            information, scores = _normal_equations(t, slopes[:n], own_tile, tiles, light, weight, residual, ridge)
+            step = _solve(information, scores)
+            # pose ∘ step⁻¹
+            pose[2] -= step[2]
+            c, s = np.cos(pose[2]), np.sin(pose[2])
+            pose[0] -= c * step[0] - s * step[1]
+            pose[1] -= s * step[0] + c * step[1]
+            converged = abs(step[0]) + abs(step[1]) + reach * abs(step[2]) < tolerance
+            if converged:
+                break
+    return (
+        pose,
+        information,
+        scores,
+        residual,
+        weight,
+        scale,
+        _correlation(values, t, own_tile, light, weight),
+        converged,
+    )
 
 
 def align(
@@ -318,8 +338,7 @@ def align(
     Alignment or None
         None where too little of the template is in the picture or it leaves a direction open.
     """
-    pixel = metres_per_pixel(pose, height, camera, floor)
-    pose, information, scores, residual, weight, scale, converged, values = _align_kernel(
+    pose, information, scores, residual, weight, scale, correlation, converged = _align_kernel(
         luma,
         template.points,
         template.values,
@@ -333,33 +352,23 @@ def align(
         camera.matrix,
         camera.distortion,
         most_scale,
-        _TOLERANCE_PX * pixel,
+        _TOLERANCE_PX * template.pixel_m,
     )
-    if not np.isfinite(pose).all() or np.linalg.cond(information) > _WORST_CONDITION:
+    size = np.sqrt(np.diag(information))
+    if not np.isfinite(pose).all() or not size.all():
+        return None
+    if np.linalg.det(information / np.outer(size, size)) < _LEAST_DETERMINANT:
         return None
     inverse = np.linalg.inv(information)
     # Residuals of neighbouring points go together (compression, blur): the tiles' scores hold that.
-    meat = scores.T @ scores * template.tiles / max(1, template.tiles - 3)
-    inside = values >= 0
+    meat = scores.T @ scores * (template.tiles / max(1, template.tiles - 3))
     return Alignment(
         pose=pose,
-        covariance=inverse * np.trace(inverse @ meat) / 3,
-        residual=np.where(inside, residual, np.nan),
+        covariance=inverse * (np.sum(inverse * meat) / 3),
+        residual=residual,
         weight=weight,
         scale=float(scale),
-        correlation=_correlation(values, template, weight),
+        correlation=float(correlation),
         inlier_fraction=float((weight > _INLIER_WEIGHT * precision).mean()),
         converged=bool(converged),
     )
-
-
-def _correlation(values: Array, template: Template, weight: Array) -> float:
-    """Weighted correlation of picture and template about the means of the tiles."""
-    total = np.maximum(np.bincount(template.tile, weight, template.tiles), 1e-12)
-
-    def centred(grey: Array) -> Array:
-        return grey - (np.bincount(template.tile, weight * grey, template.tiles) / total)[template.tile]
-
-    picture, pattern = centred(values), centred(template.values)
-    power = np.sum(weight * picture**2) * np.sum(weight * pattern**2)
-    return float(np.sum(weight * picture * pattern) / np.sqrt(power)) if power > 0 else 0.0

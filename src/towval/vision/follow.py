@@ -17,7 +17,8 @@ from towval.vision.sampling import metres_per_pixel
 Luma = NDArray[np.uint8]
 TrackerMaker = Callable[[Body, Camera, Floor, Luma, Array], Tracker]
 
-_OUTLINE_EVERY_S = 0.4  # Between pictures from which edges are gathered.
+_OUTLINE_EVERY_S = 0.5  # Between pictures whose edges are looked at, at first;
+_OUTLINE_DOUBLED_AFTER = 12  # after each dozen twice as long.
 _FARTHEST_CORRECTION_PX = 3.0  # Of the registration by all edges: clicks are that good.
 _MISFIT_OF_CLICKS_PX = 6.0  # More than 0.7 px of noise can explain.
 
@@ -71,7 +72,7 @@ class Follower:
         self.start_covariance = click_covariance
         self.pixel_m = metres_per_pixel(pose, body.tracked_plane_height_m, camera, floor)
         self.outline_fits: list[OutlineFit] = []
-        self.next_outline_s = time_s
+        self.next_outline_s, self.looks = time_s, 0
         self.tracker = make_tracker(body, camera, floor, luma, pose)
         self.motion = Motion(time_s, pose)
         self.record = _Record()
@@ -91,13 +92,14 @@ class Follower:
     def _keep_sighting(self, time_s: float, luma: Luma, seen: Measurement) -> None:
         pose = self.motion.see(time_s, seen.pose) if time_s > self.motion.time_s else seen.pose
         record = self.record
-        record.points.append((len(record.time_s), transform(pose, seen.points_m), seen.weights))
+        record.points.append((len(record.time_s), seen.points_m, seen.weights))
         self._keep(time_s, pose, seen.covariance, TrackStatus.TRACKED, seen.inlier_fraction, seen.residual)
         if time_s >= self.next_outline_s:
             fit = see_outline(luma, self.body, pose, self.camera, self.floor)
             if fit is not None:
                 self.outline_fits.append(fit)
-            self.next_outline_s = time_s + _OUTLINE_EVERY_S
+            self.looks += 1
+            self.next_outline_s = time_s + _OUTLINE_EVERY_S * 2 ** (self.looks // _OUTLINE_DOUBLED_AFTER)
 
     def _coasting_covariance(self, time_s: float) -> Array:
         # ASSUME: while unseen the body may have stopped, or gone on twice as fast.
@@ -159,9 +161,11 @@ class Follower:
         if not points:
             return None
         height = self.body.tracked_plane_height_m
-        floor_m = np.concatenate([np.column_stack([p, np.full(len(p), height)]) for _, p, _ in points])
-        frame = np.concatenate([np.full(len(p), i) for i, p, _ in points])
-        return Features(frame, floor_m, np.concatenate([w for _, _, w in points]))
+        count = [len(own) for _, own, _ in points]
+        frame = np.repeat([index for index, _, _ in points], count)
+        floor_xy = transform(np.array(self.record.pose)[frame], np.concatenate([own for _, own, _ in points]))
+        floor_m = np.column_stack([floor_xy, np.full(len(frame), height)])
+        return Features(frame, floor_m, np.concatenate([weights for _, _, weights in points]))
 
 
 def _judge_clicks(body: Body, misfit_px: float) -> list[Finding]:

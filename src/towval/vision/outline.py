@@ -20,16 +20,18 @@ from towval.errors import InputError
 from towval.geometry import polygon_area, rigid_fit, transform
 from towval.types import Array, Body, Camera, Floor
 from towval.vision.camera import to_plane
-from towval.vision.sampling import metres_per_pixel, plane_pixel, plane_to_camera, spline_value
+from towval.vision.sampling import RELAXED, metres_per_pixel, plane_pixels_kernel, plane_to_camera, spline_value
 
 CLICK_NOISE_PX = 0.7
 """Standard deviation of one coordinate of a click [px]."""
 
 _REACH_PX = 4.0  # How far from the outline an edge is looked for; clicks are within 3 px.
-_STEP_PX = 0.25  # Between readings along a profile.
-_SPACING_PX = 1.0  # Between profiles that are averaged to one.
+_STEP_PX = 1 / 3  # Between readings along a profile.
+_SPACING_PX = 1.5  # Between profiles that are averaged to one.
 _STRETCHES = 10  # Averaged profiles an edge of the outline, at least three pixels each.
 _FITS = 8  # Rounds of the robust fit.
+_TUKEY = 4.685
+_LEAST_DETERMINANT = 1e-3  # Of the normalised information: below, a direction is open.
 
 
 @dataclass(frozen=True)
@@ -140,33 +142,22 @@ def stretches_of(body: Body, pixel_m: float) -> Stretches:
     return Stretches(np.array(middle), along_array, normal, np.array(length), _STEP_PX * pixel_m, _SPACING_PX * pixel_m)
 
 
-@njit(cache=True)
-def _profiles_kernel(
-    luma: NDArray[np.uint8],
-    middle: Array,
-    along: Array,
-    normal: Array,
-    length: Array,
-    offsets: Array,
-    spacing: float,
-    columns: Array,
-    matrix: Array,
-    k: Array,
-) -> Array:
+@njit(cache=True, fastmath=RELAXED)
+def _profiles_kernel(luma, middle, along, normal, length, offsets, spacing, columns, matrix, k):  # type: ignore[no-untyped-def]
+    """Mean grey value of each stretch at each offset (m, k); NaN where it leaves the picture."""
     profiles = np.zeros((middle.shape[0], offsets.shape[0]))
     for m in range(middle.shape[0]):
         count = max(1, int(length[m] / spacing))
+        points = np.empty((count, 2))
         for j in range(offsets.shape[0]):
             for i in range(count):
                 place = length[m] * ((i + 0.5) / count - 0.5)
-                x = middle[m, 0] + place * along[m, 0] + offsets[j] * normal[m, 0]
-                y = middle[m, 1] + place * along[m, 1] + offsets[j] * normal[m, 1]
-                u, v = plane_pixel(x, y, columns, matrix, k)
-                value = spline_value(luma, u, v)
-                if value < 0:
-                    profiles[m, j] = np.nan
-                    break
-                profiles[m, j] += value / count
+                points[i, 0] = middle[m, 0] + place * along[m, 0] + offsets[j] * normal[m, 0]
+                points[i, 1] = middle[m, 1] + place * along[m, 1] + offsets[j] * normal[m, 1]
+            pixels = plane_pixels_kernel(points, columns, matrix, k)
+            for i in range(count):
+                value = spline_value(luma, pixels[i, 0], pixels[i, 1])
+                profiles[m, j] += value / count if value >= 0 else np.nan
     return profiles
 
 
@@ -198,18 +189,26 @@ def edge_slopes(
     return np.nan_to_num(np.abs(profiles[:, 2:] - profiles[:, :-2]) / 2)
 
 
-def _peaks(slopes: Array, offsets: Array, expected: Array, spread: float) -> tuple[Array, Array]:
-    """Offset of the steepest place of each stretch near where it is expected, and how far it stands out."""
-    score = slopes * np.exp(-0.5 * ((offsets - expected[:, None]) / spread) ** 2)
-    at = np.clip(np.argmax(score, axis=1), 1, slopes.shape[1] - 2)
-    rows = np.arange(len(slopes))
-    left, top, right = slopes[rows, at - 1], slopes[rows, at], slopes[rows, at + 1]
-    bend = left - 2 * top + right
-    # A place that is steepest only because the search ends there is no peak.
-    peak = (bend < 0) & (top >= left) & (top >= right)
-    shift = np.where(peak, 0.5 * (left - right) / np.where(peak, bend, -1.0), 0.0)
-    contrast = np.where(peak, top / (np.median(slopes, axis=1) + 0.5) - 1, 0.0)
-    return offsets[at] + shift * (offsets[1] - offsets[0]), np.clip(contrast, 0, 5)
+@njit(cache=True)
+def _peaks(slopes: Array, ordinary: Array, offsets: Array, expected: Array, spread: float) -> tuple[Array, Array]:
+    """Offset of the steepest place of each stretch near where it is expected, and how far it stands out.
+
+    ``ordinary`` (m,) is the usual steepness along each profile. A place that is steepest only because the profile ends
+    there is no peak and does not stand out.
+    """
+    place, contrast = np.zeros(len(slopes)), np.zeros(len(slopes))
+    for m in range(len(slopes)):
+        best, at = -1.0, 1
+        for j in range(1, slopes.shape[1] - 1):
+            score = slopes[m, j] * np.exp(-0.5 * ((offsets[j] - expected[m]) / spread) ** 2)
+            if score > best:
+                best, at = score, j
+        left, top, right = slopes[m, at - 1], slopes[m, at], slopes[m, at + 1]
+        bend = left - 2 * top + right
+        if bend < 0 and top >= left and top >= right:
+            place[m] = offsets[at] + 0.5 * (left - right) / bend * (offsets[1] - offsets[0])
+            contrast[m] = min(max(top / (ordinary[m] + 0.5) - 1, 0.0), 5.0)
+    return place, contrast
 
 
 def fit_outline(slopes: Array, stretches: Stretches, pixel_m: float) -> OutlineFit | None:
@@ -230,35 +229,45 @@ def fit_outline(slopes: Array, stretches: Stretches, pixel_m: float) -> OutlineF
         None where the edges do not settle the pose: fewer than a third of the stretches agree, or they leave a
         direction open.
     """
-    rows = np.column_stack(
-        [
-            stretches.normal,
-            stretches.middle[:, 0] * stretches.normal[:, 1] - stretches.middle[:, 1] * stretches.normal[:, 0],
-        ]
+    middle, normal = stretches.middle, stretches.normal
+    rows = np.column_stack([normal, middle[:, 0] * normal[:, 1] - middle[:, 1] * normal[:, 0]])
+    correction, misfit, weight, information, settled = _fit_kernel(
+        slopes, np.median(slopes, axis=1), stretches.offsets, rows, pixel_m
     )
-    correction = np.zeros(3)
+    if not settled:
+        return None
+    inverse = np.linalg.inv(information)
+    scores = rows * (weight * misfit)[:, None]
+    used = weight > 0
+    return OutlineFit(
+        correction=correction,
+        covariance=inverse @ (scores.T @ scores) @ inverse * (len(rows) / max(1, used.sum() - 3)),
+        residual_px=float(np.sqrt(np.sum(weight * misfit**2) / weight.sum()) / pixel_m),
+        support=float(used.mean()),
+    )
+
+
+@njit(cache=True)
+def _fit_kernel(slopes, ordinary, offsets, rows, pixel_m):  # type: ignore[no-untyped-def]
+    """Rounds of the robust fit: correction, misfits, weights, information, and whether the edges settle the pose."""
+    correction, information = np.zeros(3), np.zeros((3, 3))
+    misfit, weight = np.zeros(len(rows)), np.zeros(len(rows))
     for round_ in range(_FITS):
         # The net is drawn in: wide enough for a click at first, then for the blur of an edge.
         spread = pixel_m * max(0.5, 2.0 * 0.7**round_)
-        place, contrast = _peaks(slopes, stretches.offsets, rows @ correction, spread)
-        misfit = place - rows @ correction
-        scale = max(1.4826 * np.median(np.abs(misfit[contrast > 0])), 0.05 * pixel_m) if (contrast > 0).any() else 1.0
-        robust = np.clip(1 - (misfit / (4.7 * scale)) ** 2, 0, None) ** 2
-        weight = robust * contrast
-        information = rows.T @ (weight[:, None] * rows)
-        if (weight > 0).mean() < 1 / 3 or np.linalg.cond(information) > 1e8:
-            return None
+        expected = rows @ correction
+        place, contrast = _peaks(slopes, ordinary, offsets, expected, spread)
+        misfit = place - expected
+        if (contrast > 0).sum() < 4:
+            return correction, misfit, weight, information, False
+        scale = max(1.4826 * np.median(np.abs(misfit[contrast > 0])), 0.05 * pixel_m)
+        weight = contrast * np.maximum(1 - (misfit / (_TUKEY * scale)) ** 2, 0.0) ** 2
+        information = rows.T @ (weight.reshape(-1, 1) * rows)
+        size = np.sqrt(np.diag(information)) + 1e-12
+        if (weight > 0).mean() < 1 / 3 or np.linalg.det(information / np.outer(size, size)) < _LEAST_DETERMINANT:
+            return correction, misfit, weight, information, False
         correction = correction + np.linalg.solve(information, rows.T @ (weight * misfit))
-    misfit = place - rows @ correction
-    spread_matrix = np.linalg.inv(information)
-    scores = rows * (weight * misfit)[:, None]
-    freedom = len(rows) / max(1, (weight > 0).sum() - 3)
-    return OutlineFit(
-        correction=correction,
-        covariance=spread_matrix @ (scores.T @ scores) @ spread_matrix * freedom,
-        residual_px=float(np.sqrt(np.average(misfit**2, weights=weight)) / pixel_m),
-        support=float((weight > 0).mean()),
-    )
+    return correction, misfit - rows @ correction + expected, weight, information, True
 
 
 def see_outline(luma: NDArray[np.uint8], body: Body, pose: Array, camera: Camera, floor: Floor) -> OutlineFit | None:
@@ -271,8 +280,8 @@ def see_outline(luma: NDArray[np.uint8], body: Body, pose: Array, camera: Camera
 def combine_fits(fits: Sequence[OutlineFit]) -> OutlineFit:
     """One registration from the fits of many pictures at poses that belong together: the mean of those that agree.
 
-    The deviation of the mean is that of the scatter, but not less than a third of a single fit's: what the edges of
-    one body have wrong in all pictures (a bevel, a shadow line) does not average out.
+    Its deviation is that of a single fit: what shifts the edges of one body (what is printed beside them, a bevel, a
+    shadow line) is the same in all pictures and does not average out.
     """
     corrections = np.array([fit.correction for fit in fits])
     middle = np.median(corrections, axis=0)
@@ -280,10 +289,9 @@ def combine_fits(fits: Sequence[OutlineFit]) -> OutlineFit:
     agree = (np.abs(corrections - middle) <= 3 * spread + 1e-9).all(axis=1)
     agree = agree if agree.any() else np.ones(len(fits), dtype=bool)
     scatter = np.diag(spread**2) / agree.sum()
-    single = np.median([np.diag(fit.covariance) for fit in fits], axis=0)
     return OutlineFit(
         correction=corrections[agree].mean(axis=0),
-        covariance=scatter + np.diag(single) / min(9, int(agree.sum())),
+        covariance=scatter + np.median([fit.covariance for fit in fits], axis=0),
         residual_px=float(np.median([fit.residual_px for fit in fits])),
         support=float(np.median([fit.support for fit in fits])),
     )

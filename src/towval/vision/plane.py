@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import cv2
@@ -9,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from towval.errors import InputError
-from towval.geometry import compose, inverse
 from towval.types import Array, Body, Camera, Floor
 from towval.vision.align import Alignment, Template, align, make_template
-from towval.vision.pose import Measurement
+from towval.vision.pose import Measurement, step_between
 from towval.vision.sampling import metres_per_pixel, plane_pixels
 
 Luma = NDArray[np.uint8]
@@ -25,9 +25,8 @@ _JUMP_PX = 3.0  # A pose farther than this from the prediction is looked at from
 _COARSE_BODY_PX = 90
 _COARSE_SAMPLES = 400
 _REFRESH_INLIERS = 0.8
-_SLOWEST_REFRESH = 0.02
-_SMOOTHING = 0.05
-_LEAST_PRECISION = 0.05
+_REFRESH_EVERY = 5  # Pictures, after the first ten.
+_SLOWEST_REFRESH = 0.05
 _MOST_SCALE = 0.5  # Of the template's own deviation.
 _TABLE_POINTS = 60
 
@@ -65,10 +64,9 @@ class PlaneTracker:
         small, small_camera = self._shrunk(luma, pose)
         self.coarse = make_template(small, body, pose, small_camera, floor, _COARSE_SAMPLES)
         self.free_slopes = _without_light(template)
+        self.motion_like = np.linalg.pinv(self.free_slopes)
         self.precision = np.ones(len(template.points))
-        self.variance = np.zeros(len(template.points))
-        self.usual_scale, self.usual_correlation, self.refreshed = 0.0, 1.0, 0
-        self.inflation = 1.0
+        self.usual_correlation, self.seen, self.refreshed = 1.0, 0, 0
         self.most_scale = max(2.0, _MOST_SCALE * float(np.std(template.values)))
 
     def measure(self, luma: Luma, predicted: Array) -> Measurement | None:
@@ -92,8 +90,8 @@ class PlaneTracker:
         )
 
     def _distance_px(self, pose: Array, other: Array) -> float:
-        step = compose(inverse(other), pose)
-        return float((np.linalg.norm(step[:2]) + self.reach_m * abs(step[2])) / self.pixel_m)
+        step = step_between(other, pose)
+        return (math.hypot(step[0], step[1]) + self.reach_m * abs(step[2])) / self.pixel_m
 
     def _align(self, luma: Luma, start: Array) -> Alignment | None:
         found = align(luma, self.template, self.precision, start, self.height, self.camera, self.floor, self.most_scale)
@@ -138,19 +136,15 @@ class PlaneTracker:
 
     def _learn(self, found: Alignment) -> None:
         """Take in what a good alignment says about noise and looks; the template's place stays."""
-        if found.inlier_fraction < _REFRESH_INLIERS:
+        self.seen += 1
+        if found.inlier_fraction < _REFRESH_INLIERS or (self.refreshed > 10 and self.seen % _REFRESH_EVERY):
             return
         self.refreshed += 1
-        rate = max(1 / (self.refreshed + 1), _SMOOTHING)
-        self.usual_scale += rate * (found.scale - self.usual_scale)
-        self.usual_correlation += rate * (found.correlation - self.usual_correlation)
-        good = found.weight > 0
-        misfit = np.where(good, found.residual, 0.0)
         rate = max(1 / (self.refreshed + 1), _SLOWEST_REFRESH)
-        change = rate * misfit
+        self.usual_correlation += rate * (found.correlation - self.usual_correlation)
+        change = rate * np.where(found.weight > 0, found.residual, 0.0)
         # Only what does not look like a motion is taken over: the aligned pose cannot creep.
-        free = self.free_slopes
-        change -= free @ np.linalg.solve(free.T @ free, free.T @ change)
+        change -= self.free_slopes @ (self.motion_like @ change)
         self.template = replace(self.template, values=self.template.values + change)
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from towval.geometry import compose, inverse, rigid_fit, rotation, transform, wrapped
+from towval.geometry import rigid_fit, rotation, transform
 from towval.types import Array
 
 _TUKEY = 4.685  # SOURCE: Tukey's biweight at 95 % efficiency for Gaussian noise.
@@ -85,12 +86,24 @@ class Motion:
 
     def predict(self, time_s: float) -> Array:
         """Pose (3,) expected at ``time_s``, a constant twist in the body frame carried on."""
-        return compose(self.pose, self.velocity * (time_s - self.time_s))
+        return moved(self.pose, self.velocity * (time_s - self.time_s))
 
     def see(self, time_s: float, pose: Array) -> Array:
         """Take in a sighting; returns its pose with the heading unwrapped to follow the last one."""
-        pose = np.array([pose[0], pose[1], self.pose[2] + wrapped(pose[2] - self.pose[2])])
-        step = compose(inverse(self.pose), pose)
+        step = step_between(self.pose, pose)
         self.velocity = step / (time_s - self.time_s)
-        self.time_s, self.pose = time_s, pose
-        return pose
+        self.pose, self.time_s = np.array([pose[0], pose[1], self.pose[2] + step[2]]), time_s
+        return self.pose
+
+
+def moved(pose: Array, step: Array) -> Array:
+    """One pose moved by a step in its own frame: :func:`towval.geometry.compose` for single poses, without its cost."""
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    return np.array([pose[0] + c * step[0] - s * step[1], pose[1] + s * step[0] + c * step[1], pose[2] + step[2]])
+
+
+def step_between(pose: Array, other: Array) -> Array:
+    """The step in the frame of ``pose`` that leads to ``other``, heading in (−π, π]; :func:`moved` undoes it."""
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    x, y = other[0] - pose[0], other[1] - pose[1]
+    return np.array([c * x + s * y, c * y - s * x, math.remainder(other[2] - pose[2], 2 * math.pi)])
