@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from towval.errors import InputError
+from towval.geometry import transform
 from towval.physics.contact import resting_pressure
 from towval.physics.dynamics import feedback, feedforward
 from towval.physics.quasistatic import QuasistaticMotion, quasistatic_plan
@@ -57,14 +58,28 @@ def feedforward_motion(
 
 
 def feedback_motion(
-    scene: PaperScene, patch: SlidingPatch, nominal: QuasistaticMotion, tether: Tether | None = None
+    scene: PaperScene,
+    patch: SlidingPatch,
+    nominal: QuasistaticMotion,
+    *,
+    tether: Tether | None = None,
+    at_rest_length: bool = False,
 ) -> SimulatedMotion:
-    """The cube behind a hinge on its nominal way. SOURCE: section 2.3, case 2."""
+    """The cube behind a hinge on its nominal way. SOURCE: section 2.3, case 2.
+
+    With ``at_rest_length`` the hinge stays at the rest length from the nominal anchor, as if the tether did not
+    stretch: the paper does not say whether its rover path contains the stretch |T|/κ.
+    """
+    hinge = nominal.hinge
+    if at_rest_length:
+        anchor = transform(nominal.pose, scene.cube.anchor)
+        direction = nominal.tether_force / np.linalg.norm(nominal.tether_force, axis=1, keepdims=True)
+        hinge = Path(nominal.time_s, anchor + scene.tether.rest_length * direction)
     return feedback(
         scene.cube,
         patch,
         tether or scene.tether,
-        nominal.hinge,
+        hinge,
         nominal.pose[0],
         _compared_times(nominal),
         start_twist=nominal.twist[0],
@@ -109,6 +124,7 @@ def _dynamics(scene: PaperScene, patch: SlidingPatch, nominal: QuasistaticMotion
         "feedforward": feedforward_motion(scene, patch, nominal),
         "feedforward_from_rest": feedforward_motion(scene, patch, nominal, from_rest=True),
         "feedback": feedback_motion(scene, patch, nominal),
+        "feedback_at_rest_length": feedback_motion(scene, patch, nominal, at_rest_length=True),
     }
     for name, motion in motions.items():
         row |= {f"{name}_rms_m": rms_in_time(motion, nominal), f"{name}_outcome": motion.outcome}
@@ -124,19 +140,20 @@ def stiffness_row(scene: PaperScene, curve: str, speed: float, time_step: float,
     tether = replace(scene.tether, stiffness=stiffness)
     wish = timed(scene.curves[curve], time_step, mean_speed=speed)
     nominal = quasistatic_plan(scene.cube, patch, wish, tether)
-    motion, seconds = feedback_motion(scene, patch, nominal, tether), []
-    for _ in range(3):
-        start = time.process_time()
-        motion = feedback_motion(scene, patch, nominal, tether)
-        seconds.append(time.process_time() - start)
-    return {
-        "curve": curve,
-        "stiffness_n_m": stiffness,
-        "feedback_rms_m": rms_in_time(motion, nominal),
-        "feedback_outcome": motion.outcome,
-        "integrator_steps": motion.statistics["steps"],
-        "compute_time_s": min(seconds),
-    }
+    row: Row = {"curve": curve, "stiffness_n_m": stiffness}
+    for name, at_rest_length in (("feedback", False), ("feedback_at_rest_length", True)):
+        seconds = []
+        for _ in range(4):
+            start = time.process_time()
+            motion = feedback_motion(scene, patch, nominal, tether=tether, at_rest_length=at_rest_length)
+            seconds.append(time.process_time() - start)
+        row |= {
+            f"{name}_rms_m": rms_in_time(motion, nominal),
+            f"{name}_outcome": motion.outcome,
+            f"{name}_steps": motion.statistics["steps"],
+            f"{name}_compute_time_s": min(seconds[1:]),
+        }
+    return row
 
 
 def loop_row(scene: PaperScene, patch: SlidingPatch, nominal: QuasistaticMotion, **settings: Any) -> Row:
@@ -160,13 +177,6 @@ def loop_numbers(loop: ClosedLoop) -> Row:
         "object_outcome": loop.towed.outcome,
         "advice": loop.rover.advice,
     } | shares
-
-
-def threshold_rows(scene: PaperScene, curve: str, thresholds: Iterable[float]) -> list[Row]:
-    """RMS of rover and object against the threshold d_t [m] on one curve, Fig. 7."""
-    patch = cube_patch(scene)
-    nominal = cube_nominal(scene, patch, curve, scene.planner_step)
-    return [{"curve": curve} | loop_row(scene, patch, nominal, threshold=value) for value in thresholds]
 
 
 def surface_grid(first: float, last: float, count: int) -> Array:

@@ -1,0 +1,185 @@
+"""The studies behind the paper's figures, cut into parts: what a part is, and the rows that it makes.
+
+A part is a plain mapping, so that a workflow can hand it to a job, keep it as a parameter and see when it has changed.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from towval.geometry import polygon_centroid
+from towval.physics.contact import resting_pressure
+from towval.physics.quasistatic import QuasistaticMotion, quasistatic_plan
+from towval.physics.wrench import sliding_patch
+from towval.rover.paths import path_heading, timed
+from towval.study.paper_scene import CURVES, PaperScene, friction_law, paper_scene
+from towval.study.sensitivity import (
+    Row,
+    cube_nominal,
+    cube_patch,
+    feedforward_motion,
+    loop_numbers,
+    planned_loop,
+    speed_row,
+    stiffness_row,
+    surface_grid,
+    surface_rows,
+    time_step_row,
+)
+from towval.types import Array, TowedObject
+
+SHOWN_ROWS = 1200
+"""Rows kept of a path that is drawn."""
+
+STEPS_AT_ANY_SPEED = 10_000
+"""Time steps of the motions of Fig. 6(a): the same at each speed, so that they resolve the path alike."""
+
+Part = dict[str, Any]
+
+
+def paper_parts(plan: Mapping[str, Any]) -> dict[str, dict[str, Part]]:
+    """Parts of each study by name, from the configuration's section ``plan``."""
+    vary = plan["sensitivity"]
+    speed = vary["fixed_speed_m_s"]
+    return {
+        "nominal": {
+            f"{curve}_{centre}": {"curve": curve, "centre": centre}
+            for curve in CURVES
+            for centre in plan["general_object"]["centres_of_mass_m"]
+        },
+        "speeds": {f"{k:02d}": {"curve": "lemniscate", "speed": v} for k, v in enumerate(vary["mean_speeds_m_s"])},
+        "time_steps": {
+            f"{k:02d}": {"curve": "lemniscate", "speed": speed, "time_step": step}
+            for k, step in enumerate(vary["time_steps_s"])
+        },
+        "stiffnesses": {
+            f"{k:02d}": {"curve": "lemniscate", "speed": speed, "time_step": 0.1, "stiffness": stiffness}
+            for k, stiffness in enumerate(vary["stiffnesses_n_m"])
+        },
+        "feedforward_paths": {
+            curve: {"curve": curve, "speeds": vary["shown_speeds_m_s"]} for curve in ("rounded_square", "lemniscate")
+        },
+        "thresholds": {curve: {"curve": curve, "thresholds": vary["thresholds_m"]} for curve in CURVES},
+        "surface": _surface_parts(vary),
+    }
+
+
+def _surface_parts(vary: Mapping[str, Any]) -> dict[str, Part]:
+    thresholds = surface_grid(*vary["surface_thresholds_m"]).tolist()
+    look_aheads = surface_grid(*vary["surface_look_aheads_steps"]).tolist()
+    blocks = np.array_split(np.arange(len(thresholds)), min(vary["surface_blocks"], len(thresholds)))
+    return {
+        f"{curve}_{index:02d}": {
+            "curve": curve,
+            "thresholds": [thresholds[row] for row in block],
+            "look_aheads": look_aheads,
+        }
+        for curve in ("lemniscate", "rounded_square")
+        for index, block in enumerate(blocks)
+    }
+
+
+def paper_rows(plan: Mapping[str, Any], study: str, part: Mapping[str, Any]) -> list[Row]:
+    """The rows of one part of a study."""
+    return _STUDIES[study](paper_scene(plan), **part)
+
+
+def general_nominal(scene: PaperScene, curve: str, centre: str) -> QuasistaticMotion:
+    """Quasi-static motion of the general object along a curve, with its centre of mass at a named place.
+
+    ASSUME: the object starts as its footprint alone would settle, its centroid behind the anchor, whatever the load:
+    so what an eccentric load does shows from the start.
+    """
+    towed = scene.general[centre]
+    patch = sliding_patch(resting_pressure(towed), friction_law(scene.friction))
+    wish = timed(scene.curves[curve], scene.time_step, duration=scene.duration)
+    heading = settled_heading(towed, path_heading(wish.position[:3])[0])
+    return quasistatic_plan(towed, patch, wish, scene.tether, start_heading=heading)
+
+
+def settled_heading(towed: TowedObject, direction: float) -> float:
+    """Heading at which the centroid of the footprint lies straight behind the anchor [rad]."""
+    lever = towed.anchor - polygon_centroid(towed.patch.outline)
+    return float(direction - np.arctan2(lever[1], lever[0]))
+
+
+def _nominal_rows(scene: PaperScene, curve: str, centre: str) -> list[Row]:
+    general_nominal(scene, curve, centre)
+    start = time.process_time()
+    nominal = general_nominal(scene, curve, centre)
+    seconds = time.process_time() - start
+    common = {
+        "curve": curve,
+        "centre": centre,
+        "steps": len(nominal.time_s) - 1,
+        "compute_time_s": seconds,
+        "findings": " ".join(finding.code for finding in nominal.findings),
+    }
+    return [common | row for row in _motion_rows(nominal)]
+
+
+def _motion_rows(nominal: QuasistaticMotion) -> list[Row]:
+    shown = _shown(len(nominal.time_s))
+    columns = {
+        "time_s": nominal.time_s,
+        "x_m": nominal.pose[:, 0],
+        "y_m": nominal.pose[:, 1],
+        "heading_rad": nominal.pose[:, 2],
+        "hinge_x_m": nominal.hinge.position[:, 0],
+        "hinge_y_m": nominal.hinge.position[:, 1],
+        "force_x_n": nominal.tether_force[:, 0],
+        "force_y_n": nominal.tether_force[:, 1],
+    }
+    return [
+        dict(zip(columns, values, strict=True)) for values in zip(*(v[shown] for v in columns.values()), strict=True)
+    ]
+
+
+def _shown(count: int) -> Array:
+    return np.unique(np.linspace(0, count - 1, min(count, SHOWN_ROWS + 1)).round().astype(int))
+
+
+def _path_rows(common: Row, position: Array) -> list[Row]:
+    return [common | {"x_m": x, "y_m": y} for x, y in position[_shown(len(position))]]
+
+
+def _feedforward_path_rows(scene: PaperScene, curve: str, speeds: list[float]) -> list[Row]:
+    patch, rows = cube_patch(scene), []
+    for speed in speeds:
+        step = scene.curves[curve].length / speed / STEPS_AT_ANY_SPEED
+        nominal = cube_nominal(scene, patch, curve, step, speed=speed)
+        motion = feedforward_motion(scene, patch, nominal)
+        rows += _path_rows({"curve": curve, "path": "feedforward", "mean_speed_m_s": speed}, motion.pose[:, :2])
+    return rows + _path_rows({"curve": curve, "path": "nominal", "mean_speed_m_s": 0.0}, nominal.pose[:, :2])
+
+
+def _threshold_rows(scene: PaperScene, curve: str, thresholds: list[float]) -> list[Row]:
+    """Rows of numbers, each followed by the paths of rover and object that go with them."""
+    patch = cube_patch(scene)
+    nominal = cube_nominal(scene, patch, curve, scene.planner_step)
+    rows = _path_rows({"curve": curve, "row": "nominal object"}, nominal.pose[:, :2])
+    rows += _path_rows({"curve": curve, "row": "nominal rover"}, nominal.hinge.position)
+    for threshold in thresholds:
+        loop = planned_loop(scene, patch, nominal, threshold=threshold)
+        common = {"curve": curve, "threshold_m": threshold}
+        rows.append(common | {"row": "numbers"} | loop_numbers(loop))
+        rows += _path_rows(common | {"row": "object"}, loop.towed.pose[:, :2])
+        rows += _path_rows(common | {"row": "rover"}, loop.rover.hinge)
+    return rows
+
+
+_STUDIES = {
+    "nominal": _nominal_rows,
+    "speeds": lambda scene, curve, speed: [speed_row(scene, curve, speed, STEPS_AT_ANY_SPEED)],
+    "time_steps": lambda scene, curve, speed, time_step: [time_step_row(scene, curve, speed, time_step)],
+    "stiffnesses": lambda scene, curve, speed, time_step, stiffness: [
+        stiffness_row(scene, curve, speed, time_step, stiffness)
+    ],
+    "feedforward_paths": _feedforward_path_rows,
+    "thresholds": _threshold_rows,
+    "surface": surface_rows,
+}
