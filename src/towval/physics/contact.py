@@ -130,7 +130,7 @@ def pressure_plane(patch: Patch, loads: Sequence[tuple[float, ArrayLike]]) -> Pr
         When the loads act outside the convex hull of the footprint, where the object tips over, or so close to its
         edge (1e-9 of the size) that the contact degenerates to a line.
     """
-    polygon = _valid_polygon(patch)
+    polygon = footprint_polygon(patch)
     normal_force, centre = resultant(loads)
     size = _size(patch)
     _refuse_tipping(polygon, centre, size)
@@ -157,7 +157,8 @@ def resting_pressure(towed: TowedObject) -> PressurePlane:
     return pressure_plane(towed.patch, [(towed.mass * GRAVITY_M_PER_S2, towed.centre_of_mass)])
 
 
-def _valid_polygon(patch: Patch) -> shapely.Polygon:
+def footprint_polygon(patch: Patch) -> shapely.Polygon:
+    """The footprint as an oriented polygon; :class:`InputError` where it is no simple polygon."""
     polygon = shapely.Polygon(patch.outline, patch.holes)
     if not polygon.is_valid or polygon.area <= 0:
         raise InputError(

@@ -41,13 +41,18 @@ _LONGEST_PANEL = 4.5
 _NEGLIGIBLE = 1e-13  # of the patch's radius: an edge as close as that to C adds nothing
 
 
+ISOTROPIC = np.array([1.0, 0.0, 1.0])
+
+
 class SlidingPatch(NamedTuple):
     """A pressed patch and its friction law, laid out for compiled code; build it with :func:`sliding_patch`.
 
     ``origin`` (2,) a point of the patch [m], body frame, that all else is relative to; ``edges`` (m, 5): start (x, y),
     unit tangent (x, y), length [m]; ``pressure`` (3,) at the origin [Pa] and its slopes [Pa/m]; ``area_nodes`` (k, 3):
     place (x, y) [m] and force p dS [N], and ``few_nodes``, fewer of them; ``radius`` [m] of the patch about the
-    origin; ``table`` the friction law.
+    origin; ``table`` the friction law; ``anisotropy`` (3,) of the rule over the area, see ``physics.mesh``.
+
+    A radius of zero keeps to the nodes over the area wherever C lies: so a mesh takes the same interface.
     """
 
     origin: Array
@@ -57,6 +62,7 @@ class SlidingPatch(NamedTuple):
     few_nodes: Array
     radius: float
     table: Array
+    anisotropy: Array
 
 
 def sliding_patch(contact: PressurePlane, law: FrictionLaw) -> SlidingPatch:
@@ -81,9 +87,9 @@ def sliding_patch(contact: PressurePlane, law: FrictionLaw) -> SlidingPatch:
     packed = np.column_stack([edges[:, :2] - origin, vectors / np.where(kept, lengths, 1.0)[:, None], lengths])[kept]
     radius = float(np.linalg.norm(corners - origin, axis=1).max())
     area_nodes, few_nodes = (_area_nodes(triangles, pressure, n) for n in (_NODES_ALONG, _FEW_NODES_ALONG))
-    return SlidingPatch(
-        origin, np.ascontiguousarray(packed), pressure, area_nodes, few_nodes, radius, friction_table(law)
-    )
+    table = friction_table(law)
+    packed = np.ascontiguousarray(packed)
+    return SlidingPatch(origin, packed, pressure, area_nodes, few_nodes, radius, table, ISOTROPIC.copy())
 
 
 def friction_wrench(patch: SlidingPatch, twist: ArrayLike) -> Array:
@@ -170,7 +176,7 @@ def wrench_at_origin(patch: SlidingPatch, vx: float, vy: float, omega: float) ->
     if _centre_is_near(patch, vx, vy, omega):
         sums = _boundary_sums(patch.table, patch.edges, patch.pressure, vx, vy, omega)
         return sums[0], sums[1], sums[2]
-    return _area_wrench(patch.table, _area_rule(patch, vx, vy, omega), vx, vy, omega)
+    return _area_wrench(patch.table, _area_rule(patch, vx, vy, omega), patch.anisotropy, vx, vy, omega)
 
 
 @compiled()
@@ -182,7 +188,7 @@ def wrench_and_slopes(
     It is symmetric because the wrench is the gradient of the (negative) dissipation potential ∫ p Φ(|v|) dS, Φ′ = μ.
     """
     if not _centre_is_near(patch, vx, vy, omega):
-        return _area_sums(patch.table, _area_rule(patch, vx, vy, omega), vx, vy, omega)
+        return _area_sums(patch.table, _area_rule(patch, vx, vy, omega), patch.anisotropy, vx, vy, omega)
     fx, fy, moment, sx, sy, s_moment, xx, xy, yy = _boundary_sums(
         patch.table, patch.edges, patch.pressure, vx, vy, omega
     )
@@ -209,37 +215,45 @@ def _area_rule(patch: SlidingPatch, vx: float, vy: float, omega: float) -> Array
 
 
 @compiled()
-def _area_wrench(table: Array, nodes: Array, vx: float, vy: float, omega: float) -> tuple[float, float, float]:
+def _area_wrench(
+    table: Array, nodes: Array, anisotropy: Array, vx: float, vy: float, omega: float
+) -> tuple[float, float, float]:
     """Wrench by nodes over the area."""
+    axx, axy, ayy = anisotropy[0], anisotropy[1], anisotropy[2]
     fx = fy = moment = 0.0
     for i in range(nodes.shape[0]):
         x, y = nodes[i, 0], nodes[i, 1]
         ux, uy = vx - omega * y, vy + omega * x
-        friction = nodes[i, 2] * coefficient_over_speed(table, math.sqrt(ux * ux + uy * uy))
-        fx -= friction * ux
-        fy -= friction * uy
-        moment -= friction * (x * uy - y * ux)
+        wx, wy = axx * ux + axy * uy, axy * ux + ayy * uy
+        friction = nodes[i, 2] * coefficient_over_speed(table, math.sqrt(ux * wx + uy * wy))
+        fx -= friction * wx
+        fy -= friction * wy
+        moment -= friction * (x * wy - y * wx)
     return fx, fy, moment
 
 
 @compiled()
 def _area_sums(
-    table: Array, nodes: Array, vx: float, vy: float, omega: float
+    table: Array, nodes: Array, anisotropy: Array, vx: float, vy: float, omega: float
 ) -> tuple[float, float, float, float, float, float, float, float, float]:
     """Wrench and slopes by nodes over the area."""
+    axx, axy, ayy = anisotropy[0], anisotropy[1], anisotropy[2]
     fx = fy = moment = xx = xy = yy = x_omega = y_omega = omega_omega = 0.0
     for i in range(nodes.shape[0]):
         x, y, force = nodes[i, 0], nodes[i, 1], nodes[i, 2]
         ux, uy = vx - omega * y, vy + omega * x
-        speed = math.sqrt(ux * ux + uy * uy)
+        wx, wy = axx * ux + axy * uy, axy * ux + ayy * uy
+        speed = math.sqrt(ux * wx + uy * wy)
         ratio = force * coefficient_over_speed(table, speed)
-        fx -= ratio * ux
-        fy -= ratio * uy
-        moment -= ratio * (x * uy - y * ux)
+        fx -= ratio * wx
+        fy -= ratio * wy
+        moment -= ratio * (x * wy - y * wx)
         inverse = 1 / speed if speed > 0 else 0.0
-        nx, ny = ux * inverse, uy * inverse
+        nx, ny = wx * inverse, wy * inverse
         steeper = force * coefficient_slope(table, speed) - ratio
-        nxx, nxy, nyy = ratio + steeper * nx * nx, steeper * nx * ny, ratio + steeper * ny * ny
+        nxx = ratio * axx + steeper * nx * nx
+        nxy = ratio * axy + steeper * nx * ny
+        nyy = ratio * ayy + steeper * ny * ny
         xx -= nxx
         xy -= nxy
         yy -= nyy
