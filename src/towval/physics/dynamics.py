@@ -17,8 +17,8 @@ from towval.errors import InputError
 from towval.geometry import transform
 from towval.physics.contact import resting_pressure
 from towval.physics.integrator import NOT_FINITE, REACHED_END, STEP_LIMIT, STEP_TOO_SMALL, integrate
-from towval.physics.motion import FORCED, SLACK, TAUT, Scene, tautness
-from towval.physics.splines import Spline, piece_at, spline_at, spline_covering
+from towval.physics.motion import FORCED, SLACK, TAUT, Scene, tautness, tensions
+from towval.physics.splines import Spline, piece_at, spline_covering, spline_values
 from towval.physics.wrench import SlidingPatch, sliding_patch
 from towval.types import Array, Finding, FrictionLaw, Path, Severity, SimulatedMotion, Tether, TowedObject, locked
 
@@ -132,9 +132,9 @@ def feedback(
     outcome, states, modes, statistics = _run(scene, mode, y, times, accuracy)
     if outcome == Outcome.CONVERGED and not (modes == TAUT).any() and not statistics["mode_changes"]:
         outcome = Outcome.SLACK_ALL_ALONG
-    tension = [_tension(scene, t, y) for t, y in zip(times[: len(states)], states, strict=True)]
-    lengths, forces = np.array([row[0] for row in tension]), np.array([row[1:] for row in tension])
-    return _motion(towed, times, states, forces, lengths, outcome, statistics)
+    tension = np.empty((len(states), 3))
+    tensions(scene, times, states, tension)
+    return _motion(towed, times, states, tension[:, 1:], tension[:, 0], outcome, statistics)
 
 
 def feedforward(
@@ -156,7 +156,7 @@ def feedforward(
     drive = spline_covering(force, times, "the force")
     scene = _scene(towed, law, Tether(1.0, 1.0), drive)
     outcome, states, _, statistics = _run(scene, FORCED, _state(towed, start_pose, start_twist), times, accuracy)
-    forces = np.array([_spline_value(drive, t) for t in times[: len(states)]])
+    forces, _ = spline_values(drive, times[: len(states)])
     return _motion(towed, times, states, forces, np.zeros(len(states)), outcome, statistics)
 
 
@@ -194,21 +194,6 @@ def _run(
     code, filled, counts = integrate(scene, mode, y, times, weights, accuracy.step_limit, states, modes)
     statistics = dict(zip(("steps", "rejections", "mode_changes"), map(float, counts), strict=True))
     return _OUTCOMES[code], states[:filled], modes[:filled], statistics
-
-
-def _tension(scene: Scene, time: float, y: Array) -> tuple[float, float, float]:
-    """Length of the tether [m] and its force on the object [N]."""
-    piece = piece_at(scene.drive.knots, time, 0)
-    length, stretch, pull = tautness(scene, time, piece, y)
-    hinge = _spline_value(scene.drive, time)
-    anchor = transform(y[:3], scene.body[4:])
-    force = max(0.0, pull) * (hinge - anchor) / length if stretch >= 0 else np.zeros(2)
-    return length, *force
-
-
-def _spline_value(spline: Spline, time: float) -> Array:
-    piece = int(np.clip(np.searchsorted(spline.knots, time, side="right") - 1, 0, len(spline.coefficients) - 1))
-    return np.array(spline_at(spline.knots, spline.coefficients, time, piece)[:2])
 
 
 def _motion(

@@ -12,6 +12,8 @@ has saturated and closed forms hold. The viscous term is linear in u and added i
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 
 from towval.physics.compiling import compiled
@@ -34,7 +36,7 @@ _TO_LOCAL = 2.0 ** (1 - _SHIFT)
 
 
 def friction_table(law: FrictionLaw) -> Array:
-    """Tabulate a friction law: a few milliseconds, once a law.
+    """Tabulate a friction law: some milliseconds, once a law in a process.
 
     Returns
     -------
@@ -43,7 +45,13 @@ def friction_table(law: FrictionLaw) -> Array:
         the first part, the asymptote μ_∞ and c_n in ``m_n → μ_∞/(n+1) + c_n/u^(n+1)``. Then, for each part, each power
         of the local variable in [−1, 1] and each of μ, m_1, m_2, m_3, a coefficient.
     """
-    g1, g2, g3, g4, g5, viscous = law.gamma
+    return _tabulated(tuple(law.gamma.tolist()))
+
+
+@functools.lru_cache(maxsize=32)
+def _tabulated(gamma: tuple[float, ...]) -> Array:
+    g1, g2, g3, g4, g5, viscous = gamma
+    law = FrictionLaw(np.array(gamma))
     rates = [rate for share, rate in ((g1, g2), (g1, g3), (g4, g5)) if share > 0 and rate > 0]
     slope = g1 * (g2 - g3) + g4 * g5 + viscous
     if not rates:
@@ -88,7 +96,7 @@ def _local_polynomials(law: FrictionLaw, starts: Array, widths: Array, integrals
     to_node = _integrals_over(law, np.broadcast_to(starts[:, None], speed.shape), offsets)
     means = (integrals[:-1, None, :] + to_node) / speed[..., None] ** np.arange(2, 5)
     values = np.concatenate([friction_coefficient(law, speed)[..., None], means], axis=-1)
-    return np.linalg.solve(np.vander(local, increasing=True), values)
+    return np.linalg.inv(np.vander(local, increasing=True)) @ values
 
 
 @compiled(inline="always")

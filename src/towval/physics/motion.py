@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from towval.physics.compiling import compiled
-from towval.physics.splines import Spline, spline_at
+from towval.physics.splines import Spline, piece_at, spline_at
 from towval.physics.tether import stretch_and_pull
 from towval.physics.wrench import SlidingPatch, wrench_and_slopes, wrench_at_origin
 from towval.types import Array
@@ -165,6 +165,23 @@ def tautness(scene: Scene, time: float, piece: int, y: Array) -> tuple[float, fl
     return stretch_and_pull(
         px - y[0] - qx, py - y[1] - qy, px_dot - y[3] + y[5] * qy, py_dot - y[4] - y[5] * qx, scene.tether
     )
+
+
+@compiled()
+def tensions(scene: Scene, times: Array, states: Array, out: Array) -> None:
+    """Length of the tether [m] and its force on the object (2) [N], floor axes, at times and states into ``out``."""
+    piece = 0
+    for i in range(len(states)):
+        y = states[i]
+        piece = piece_at(scene.drive.knots, times[i], piece)
+        length, stretch, pull = tautness(scene, times[i], piece, y)
+        px, py, _, _, _, _ = spline_at(scene.drive.knots, scene.drive.coefficients, times[i], piece)
+        cos, sin = math.cos(y[2]), math.sin(y[2])
+        bx, by = scene.body[4], scene.body[5]
+        share = max(0.0, pull) / length if stretch >= 0 else 0.0
+        out[i, 0] = length
+        out[i, 1] = share * (px - y[0] - cos * bx + sin * by)
+        out[i, 2] = share * (py - y[1] - sin * bx - cos * by)
 
 
 @compiled()

@@ -21,7 +21,7 @@ from towval.errors import InputError
 from towval.geometry import inside_polygon, rotation, transform
 from towval.physics.compiling import compiled
 from towval.physics.contact import resting_pressure
-from towval.physics.splines import Spline, piece_at, spline_at, spline_covering
+from towval.physics.splines import Spline, piece_at, spline_at, spline_covering, spline_values
 from towval.physics.wrench import SlidingPatch, sliding_patch, wrench_and_slopes
 from towval.types import Array, Finding, FrictionLaw, Path, Severity, Tether, TowedObject, locked
 
@@ -116,7 +116,7 @@ def quasistatic_plan(
     out = np.empty((len(times), 8))
     solves, worst_newton = _follow(patch, geometry, spline, times, float(start_heading), _radius(patch), out)
     theta, omega, force_body, moment, status = out[:, 0], out[:, 1], out[:, 2:4], out[:, 4], out[:, 5]
-    position, velocity = _positions(spline, times)
+    position, velocity = spline_values(spline, times)
     pose = np.column_stack([position - (rotation(theta) @ point), theta])
     lever = rotation(theta) @ point
     twist = np.column_stack([velocity + omega[:, None] * np.column_stack([lever[:, 1], -lever[:, 0]]), omega])
@@ -144,17 +144,10 @@ def _radius(patch: SlidingPatch) -> float:
     return float(np.linalg.norm(patch.area_nodes[:, :2], axis=1).max())
 
 
-def _positions(spline: Spline, times: Array) -> tuple[Array, Array]:
-    piece = np.clip(np.searchsorted(spline.knots, times, side="right") - 1, 0, len(spline.coefficients) - 1)
-    s = (times - spline.knots[piece])[:, None]
-    c0, c1, c2, c3 = np.moveaxis(spline.coefficients[piece], -1, 0)
-    return c0 + s * (c1 + s * (c2 + s * c3)), c1 + s * (2 * c2 + s * 3 * c3)
-
-
 def _settled_heading(spline: Spline, start: float, lever: Array) -> float:
     """Heading with the anchor ahead of P along the path's first direction [rad]."""
     samples = np.linspace(start, spline.knots[-1], 1001)
-    _, velocity = _positions(spline, samples)
+    _, velocity = spline_values(spline, samples)
     speed = np.linalg.norm(velocity, axis=1)
     moving = np.flatnonzero(speed > 1e-6 * speed.max())
     if speed.max() == 0 or len(moving) == 0:

@@ -68,6 +68,14 @@ def spline_covering(way: Path | CubicSpline, times: Array, name: str) -> Spline:
     return spline
 
 
+def spline_values(spline: Spline, times: Array) -> tuple[Array, Array]:
+    """Values and derivatives (n, 2) of a spline at times (n,)."""
+    piece = np.clip(np.searchsorted(spline.knots, times, side="right") - 1, 0, len(spline.coefficients) - 1)
+    s = (times - spline.knots[piece])[:, None]
+    c0, c1, c2, c3 = np.moveaxis(spline.coefficients[piece], -1, 0)
+    return c0 + s * (c1 + s * (c2 + s * c3)), c1 + s * (2 * c2 + s * 3 * c3)
+
+
 @compiled()
 def piece_at(knots: Array, time: float, hint: int) -> int:
     """Number of the piece that holds a time, searched from a hint."""
