@@ -1,7 +1,9 @@
-"""The calibration rows of the must-reach table, on synthetic sets that tuned nothing: `python benchmarks/calibration_table.py`.
+"""The calibration rows of the must-reach table, on synthetic sets that tuned nothing.
+
+Run ``python benchmarks/calibration_table.py``.
 
 Each set is a made-up ceiling camera (focal length, lens, height and tilt random) and a board of 9 × 6 corners, 40 mm
-squares, held at 0.9 to 2.2 m; see ``tests/corner_scenes.py``. Errors are root mean squares over the whole picture.
+squares, held at 0.8 to 1.8 m; see ``tests/corner_scenes.py``. Errors are root mean squares over the whole picture.
 """
 
 from __future__ import annotations
@@ -15,7 +17,6 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 from corner_scenes import CornerScene, calibration_set
-
 from towval.calibrate import CalibrateSettings, calibrate_sightings
 from towval.types import Calibration
 from towval.vision.camera import to_plane
