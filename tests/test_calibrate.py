@@ -158,13 +158,14 @@ def test_the_lab_campaign(shared_dir):
     for height in (0.0, 0.25, 0.42):
         assert calibration.quality[f"position_std_mm at {height:.3f} m"] < 0.4
         assert calibration.quality[f"halves_difference_mm at {height:.3f} m"] < 0.8
-    assert clicks_off_m(calibration, document, folder) < 0.6e-3
+    # The mean of 16 clicks scatters by 0.44 mm in x and in y; beyond 1.3 mm (three times that) it is the calibration.
+    assert clicks_off_m(calibration, document, folder) < 1.3e-3
 
 
 def clicks_off_m(calibration: Calibration, document: dict, folder: Path) -> float:
     """Mean distance of the clicks of runs a and b, which err by 0.7 px each, from the true corners of the tops [m].
 
-    The mean is over all 16 clicks, vector by vector: 0.7 px are 1.7 mm, their mean scatters by 0.4 mm.
+    The mean is over all 16 clicks, vector by vector.
     """
     apart = []
     for run in "ab":

@@ -92,5 +92,5 @@ def test_a_mistyped_mark_is_found():
 
 def test_coverage_is_the_hull_of_all_corners():
     corner = np.array([[0.0, 0.0], [100.0, 0.0]])
-    assert covered_share([corner, corner + [0, 50]], (200, 100)) == pytest.approx(0.25)
+    assert covered_share([corner, corner + np.array([0.0, 50.0])], (200, 100)) == pytest.approx(0.25)
     assert covered_share([], (200, 100)) == 0.0
