@@ -18,12 +18,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from numba import njit
 from numpy.typing import ArrayLike
 
 from towval.conventions import GRAVITY_M_PER_S2
 from towval.errors import InputError, RefusedError
 from towval.geometry import polygon_area
+from towval.physics.compiling import compiled
 from towval.types import Array, Patch, TowedObject, locked
 
 RESIDUAL_LIMIT = 1e-10
@@ -130,7 +130,7 @@ def pressure_plane(patch: Patch, loads: Sequence[tuple[float, ArrayLike]]) -> Pr
         When the loads act outside the convex hull of the footprint, where the object tips over, or so close to its
         edge (1e-9 of the size) that the contact degenerates to a line.
     """
-    polygon = _valid_polygon(patch)
+    polygon = footprint_polygon(patch)
     normal_force, centre = resultant(loads)
     size = _size(patch)
     _refuse_tipping(polygon, centre, size)
@@ -157,7 +157,8 @@ def resting_pressure(towed: TowedObject) -> PressurePlane:
     return pressure_plane(towed.patch, [(towed.mass * GRAVITY_M_PER_S2, towed.centre_of_mass)])
 
 
-def _valid_polygon(patch: Patch) -> shapely.Polygon:
+def footprint_polygon(patch: Patch) -> shapely.Polygon:
+    """The footprint as an oriented polygon; :class:`InputError` where it is no simple polygon."""
     polygon = shapely.Polygon(patch.outline, patch.holes)
     if not polygon.is_valid or polygon.area <= 0:
         raise InputError(
@@ -217,7 +218,7 @@ def _residual(contact: tuple[Array, ...], plane: Array, centre: Array, size: flo
     return float(np.abs(_forces(moments, plane) - np.array([1.0, 0.0, 0.0])).max())
 
 
-@njit(cache=True)
+@compiled()
 def _add_edge(m: Array, x0: float, y0: float, x1: float, y1: float) -> None:
     """Add an edge's share to the moments 1, x, y, xx, xy, yy of the area (Green)."""
     cross = x0 * y1 - x1 * y0
@@ -229,7 +230,7 @@ def _add_edge(m: Array, x0: float, y0: float, x1: float, y1: float) -> None:
     m[5] += cross * (y0 * y0 + y0 * y1 + y1 * y1) / 12
 
 
-@njit(cache=True)
+@compiled()
 def _clipped_moments(vertices: Array, ring_ends: Array, plane: Array) -> Array:
     """Moments 1, x, y, xx, xy, yy of the rings where ``plane[0] + plane[1] x + plane[2] y > 0``.
 
@@ -266,7 +267,7 @@ def _clipped_moments(vertices: Array, ring_ends: Array, plane: Array) -> Array:
     return m
 
 
-@njit(cache=True)
+@compiled()
 def _forces(m: Array, plane: Array) -> Array:
     """Force and moments ∫p, ∫xp, ∫yp of a plane over a region with moments ``m``."""
     return np.array(
@@ -278,7 +279,7 @@ def _forces(m: Array, plane: Array) -> Array:
     )
 
 
-@njit(cache=True)
+@compiled()
 def _plane_on(m: Array) -> Array:
     """Plane of unit force through the origin for a region taken as fixed, from its moments about its own centroid."""
     x, y = m[1] / m[0], m[2] / m[0]
@@ -289,7 +290,7 @@ def _plane_on(m: Array) -> Array:
     return np.array([1 / m[0] - slope_x * x - slope_y * y, slope_x, slope_y])
 
 
-@njit(cache=True)
+@compiled()
 def _solve_plane(vertices: Array, ring_ends: Array, step_limit: int) -> tuple[Array, int]:
     """Minimise Φ for unit force at the origin. Returns the plane (pressure at the origin, slopes) and the steps."""
     load = np.array([1.0, 0.0, 0.0])

@@ -77,6 +77,9 @@ class Accuracy:
             )
 
 
+STANDARD = Accuracy()
+
+
 def feedback(
     towed: TowedObject,
     law: FrictionLaw | SlidingPatch,
@@ -86,7 +89,7 @@ def feedback(
     times: ArrayLike,
     *,
     start_twist: ArrayLike = (0.0, 0.0, 0.0),
-    accuracy: Accuracy = Accuracy(),
+    accuracy: Accuracy = STANDARD,
 ) -> SimulatedMotion:
     """Motion of an object towed by a tether whose hinge follows a given way (FBD).
 
@@ -120,7 +123,7 @@ def feedback(
     InputError
         When the times are not covered by the hinge's way, or are no times.
     """
-    times = _checked_times(times)
+    times = checked_times(times)
     drive = spline_covering(hinge, times, "the way of the hinge")
     scene = _scene(towed, law, tether, drive)
     y = _state(towed, start_pose, start_twist)
@@ -142,14 +145,14 @@ def feedforward(
     times: ArrayLike,
     *,
     start_twist: ArrayLike = (0.0, 0.0, 0.0),
-    accuracy: Accuracy = Accuracy(),
+    accuracy: Accuracy = STANDARD,
 ) -> SimulatedMotion:
     """Motion of an object on whose anchor a force given over time acts (FFD).
 
     SOURCE: eqs. (9) to (11). The force [N], floor axes, comes as a "path" of its two components; the rest is as in
     :func:`feedback`. ``tether_length`` of the result is NaN-free zero: there is no tether.
     """
-    times = _checked_times(times)
+    times = checked_times(times)
     drive = spline_covering(force, times, "the force")
     scene = _scene(towed, law, Tether(1.0, 1.0), drive)
     outcome, states, _, statistics = _run(scene, FORCED, _state(towed, start_pose, start_twist), times, accuracy)
@@ -157,7 +160,8 @@ def feedforward(
     return _motion(towed, times, states, forces, np.zeros(len(states)), outcome, statistics)
 
 
-def _checked_times(times: ArrayLike) -> Array:
+def checked_times(times: ArrayLike) -> Array:
+    """Times to report as an array; :class:`InputError` where there are fewer than two or they do not increase."""
     times = locked(times, "times", (None,)).copy()
     if len(times) < 2 or not (np.diff(times) > 0).all():
         raise InputError(

@@ -5,7 +5,7 @@ The wrench of a turning patch needs, beside μ itself, the means of μ along a r
     m_n(u) = ∫₀¹ μ(u x) xⁿ dx = H_n(u) / u^(n+1),   H_n(u) = ∫₀ᵘ μ(v) vⁿ dv,   n = 1, 2, 3.
 
 They are bounded and analytic for u > 0, with the nearest singularities at a distance of u or more. So equal parts of a
-binade serve every u alike: each of eight parts holds polynomials of degree seven (interpolated in Chebyshev's
+binade serve every u alike: each of 64 parts holds polynomials of degree four (interpolated in Chebyshev's
 points) for μ, m_1, m_2 and m_3, good to some 1e-13. Below the table the law is linear to rounding, above it tanh
 has saturated and closed forms hold. The viscous term is linear in u and added in closed form.
 """
@@ -13,19 +13,24 @@ has saturated and closed forms hold. The viscous term is linear in u and added i
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from towval.physics.compiling import compiled
 from towval.physics.friction_law import friction_coefficient
 from towval.types import Array, FrictionLaw
 
-_PARTS_LOG2 = 3  # parts of a binade: 2³
-_DEGREE = 7
+_PARTS_LOG2 = 6  # parts of a binade: 2⁶
+_DEGREE = 4
 _SATURATION = 20.0  # tanh 20 is 1 to rounding
 _LINEAR = 1e-4  # tanh x is x to 4e-13 below
 
 # The table is one flat array, so that compiled code passes it on for nothing: a head, then the polynomials.
 LOWEST, HIGHEST, SLOPE, VISCOUS, FIRST_PART, PLATEAU = 0, 1, 2, 3, 4, 5  # then c_1, c_2, c_3
 _HEAD = 9
+
+# Bits of a double: 52 of them are the fraction, of which the first _PARTS_LOG2 number the part.
+_SHIFT = 52 - _PARTS_LOG2
+_WITHIN = (1 << _SHIFT) - 1
+_TO_LOCAL = 2.0 ** (1 - _SHIFT)
 
 
 def friction_table(law: FrictionLaw) -> Array:
@@ -34,14 +39,13 @@ def friction_table(law: FrictionLaw) -> Array:
     Returns
     -------
     ndarray
-        Head: lowest and highest speed covered [m/s], dμ/dv at rest without the viscous term [s/m], γ6 [s/m], number of
+        Head: lowest and highest speed covered [m/s], dμ/dv at rest [s/m], γ6 [s/m], number of
         the first part, the asymptote μ_∞ and c_n in ``m_n → μ_∞/(n+1) + c_n/u^(n+1)``. Then, for each part, each power
         of the local variable in [−1, 1] and each of μ, m_1, m_2, m_3, a coefficient.
     """
     g1, g2, g3, g4, g5, viscous = law.gamma
     rates = [rate for share, rate in ((g1, g2), (g1, g3), (g4, g5)) if share > 0 and rate > 0]
-    bare = FrictionLaw(np.array([g1, g2, g3, g4, g5, 0.0]))
-    slope = g1 * (g2 - g3) + g4 * g5
+    slope = g1 * (g2 - g3) + g4 * g5 + viscous
     if not rates:
         rates = [1.0]
     binades = np.floor(np.log2(_LINEAR / max(rates))), np.ceil(np.log2(_SATURATION / min(rates)))
@@ -49,13 +53,13 @@ def friction_table(law: FrictionLaw) -> Array:
     exponents = np.arange(binades[0], binades[1])
     starts = (2.0 ** exponents[:, None] * (1 + np.arange(parts) / parts)).ravel()
     widths = (2.0 ** exponents[:, None] * np.full(parts, 1 / parts)).ravel()
-    integrals = _cumulative_integrals(bare, slope, starts, widths)
-    coefficients = _local_polynomials(bare, starts, widths, integrals).ravel()
+    integrals = _cumulative_integrals(law, slope, starts, widths)
+    coefficients = _local_polynomials(law, starts, widths, integrals).ravel()
     highest = 2.0 ** binades[1]
-    plateau = float(friction_coefficient(bare, highest))
+    plateau = float(friction_coefficient(law, highest)) - viscous * highest
     powers = np.arange(2, 5)
-    constants = integrals[-1] - plateau * highest**powers / powers
-    first_part = np.float64(starts[0]).view(np.int64) >> (52 - _PARTS_LOG2)
+    constants = integrals[-1] - plateau * highest**powers / powers - viscous * highest ** (powers + 1) / (powers + 1)
+    first_part = np.float64(starts[0]).view(np.int64) >> _SHIFT
     head = [starts[0], highest, slope, viscous, first_part, plateau, *constants]
     return np.concatenate([head, coefficients])
 
@@ -70,7 +74,7 @@ def _cumulative_integrals(law: FrictionLaw, slope: float, starts: Array, widths:
 
 def _integrals_over(law: FrictionLaw, starts: Array, widths: Array) -> Array:
     """∫ μ vⁿ dv from each start over each width, by Gauss-Legendre (..., 3)."""
-    nodes, weights = np.polynomial.legendre.leggauss(12)
+    nodes, weights = np.polynomial.legendre.leggauss(6)
     speed = starts[..., None] + widths[..., None] * (nodes + 1) / 2
     values = friction_coefficient(law, speed) * weights / 2 * widths[..., None]
     return np.stack([(values * speed**n).sum(axis=-1) for n in (1, 2, 3)], axis=-1)
@@ -87,25 +91,25 @@ def _local_polynomials(law: FrictionLaw, starts: Array, widths: Array, integrals
     return np.linalg.solve(np.vander(local, increasing=True), values)
 
 
-@njit(cache=True, inline="always")
+@compiled(inline="always")
 def _part(table: Array, speed: float) -> tuple[np.uint64, float]:
     """Where the part that holds a speed begins, and the local variable there, from the bits of the float."""
     bits = np.float64(speed).view(np.int64)
     # Unsigned, so that reading the table needs no wrap-around for negative indices.
-    begin = np.uint64(((bits >> 49) - np.int64(table[FIRST_PART])) * (4 * (_DEGREE + 1)) + _HEAD)
-    return begin, (bits & 0x1FFFFFFFFFFFF) * 2.0**-48 - 1.0
+    begin = np.uint64(((bits >> _SHIFT) - np.int64(table[FIRST_PART])) * (4 * (_DEGREE + 1)) + _HEAD)
+    return begin, (bits & _WITHIN) * _TO_LOCAL - 1.0
 
 
-@njit(cache=True, fastmath={"contract"})
+@compiled()
 def radial_means(table: Array, speed: float) -> tuple[float, float, float, float]:
     """μ, m_1, m_2, m_3 at a speed u ≥ 0 [m/s]."""
-    viscous = table[VISCOUS] * speed
     if speed < table[LOWEST]:
-        linear = table[SLOPE] * speed + viscous
+        linear = table[SLOPE] * speed
         return linear, linear / 3, linear / 4, linear / 5
     if speed >= table[HIGHEST]:
         inverse = 1 / speed
         square = inverse * inverse
+        viscous = table[VISCOUS] * speed
         return (
             table[PLATEAU] + viscous,
             table[PLATEAU] / 2 + table[PLATEAU + 1] * square + viscous / 3,
@@ -121,22 +125,34 @@ def radial_means(table: Array, speed: float) -> tuple[float, float, float, float
         m1 = m1 * x + table[i + np.uint64(1)]
         m2 = m2 * x + table[i + np.uint64(2)]
         m3 = m3 * x + table[i + np.uint64(3)]
-    return mu + viscous, m1 + viscous / 3, m2 + viscous / 4, m3 + viscous / 5
+    return mu, m1, m2, m3
 
 
-@njit(cache=True, fastmath={"contract"})
-def coefficient_and_slope(table: Array, speed: float) -> tuple[float, float]:
-    """μ / v [s/m] and dμ/dv [s/m] at a sliding speed [m/s]; both the slope at rest where v is zero."""
+@compiled()
+def coefficient_over_speed(table: Array, speed: float) -> float:
+    """μ / v [s/m] at a sliding speed [m/s]; the slope at rest where v is zero."""
     if speed < table[LOWEST]:
-        slope = table[SLOPE] + table[VISCOUS]
-        return slope, slope
+        return table[SLOPE]
     if speed >= table[HIGHEST]:
-        return table[PLATEAU] / speed + table[VISCOUS], table[VISCOUS]
+        return table[PLATEAU] / speed + table[VISCOUS]
     begin, x = _part(table, speed)
-    value, derivative = table[begin + np.uint64(4 * _DEGREE)], 0.0
+    value = table[begin + np.uint64(4 * _DEGREE)]
     for power in range(_DEGREE - 1, -1, -1):
-        derivative = derivative * x + value
         value = value * x + table[begin + np.uint64(4 * power)]
-    # The local variable runs through 2 over the part, whose width is an eighth of its binade.
+    return value / speed
+
+
+@compiled()
+def coefficient_slope(table: Array, speed: float) -> float:
+    """dμ/dv [s/m] at a sliding speed [m/s]."""
+    if speed < table[LOWEST]:
+        return table[SLOPE]
+    if speed >= table[HIGHEST]:
+        return table[VISCOUS]
+    begin, x = _part(table, speed)
+    slope = _DEGREE * table[begin + np.uint64(4 * _DEGREE)]
+    for power in range(_DEGREE - 1, 0, -1):
+        slope = slope * x + power * table[begin + np.uint64(4 * power)]
+    # The local variable runs through 2 over a part; the bits of the exponent alone are the start of the binade.
     binade = np.int64(np.float64(speed).view(np.int64) & np.int64(0x7FF0000000000000)).view(np.float64)
-    return value / speed + table[VISCOUS], derivative * 16.0 / binade + table[VISCOUS]
+    return slope * 2.0 ** (_PARTS_LOG2 + 1) / binade

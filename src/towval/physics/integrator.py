@@ -11,8 +11,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from towval.physics.compiling import compiled
 from towval.physics.motion import SLACK, TAUT, Scene, acceleration_slopes, accelerations, margin
 from towval.physics.rosenbrock import NODES, ORDER, STAGES, A, dense_output, solve_stage, stage_matrix
 from towval.physics.splines import piece_at
@@ -25,7 +25,7 @@ _SMALLEST_STEP = 1e-14  # of the time span
 _LOOKS = 4  # a step's margin is looked at this often
 
 
-@njit(cache=True)
+@compiled()
 def integrate(
     scene: Scene, mode: int, y: Array, times: Array, weights: Array, step_limit: int, states: Array, modes: Array
 ) -> tuple[int, int, Array]:
@@ -114,7 +114,7 @@ def integrate(
     return REACHED_END, filled, counts
 
 
-@njit(cache=True)
+@compiled()
 def _step(
     scene: Scene,
     mode: int,
@@ -161,7 +161,7 @@ def _step(
     return math.sqrt(error / 6)
 
 
-@njit(cache=True)
+@compiled()
 def _slack_step(scene: Scene, t: float, piece: int, y: Array) -> float:
     """Longest step [s] in which hinge and anchor cannot close the gap, at least a quarter of the spline's piece."""
     knots, limits = scene.drive.knots, scene.drive.speed_limits
@@ -180,7 +180,7 @@ def _slack_step(scene: Scene, t: float, piece: int, y: Array) -> float:
     return np.inf
 
 
-@njit(cache=True)
+@compiled()
 def _first_crossing(
     scene: Scene, mode: int, t: float, h: float, piece: int, y: Array, y1: Array, k: Array, state: Array
 ) -> float:
@@ -207,7 +207,7 @@ def _first_crossing(
     return 1.0
 
 
-@njit(cache=True)
+@compiled()
 def _margin_at(
     scene: Scene,
     mode: int,

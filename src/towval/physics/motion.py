@@ -10,8 +10,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from towval.physics.compiling import compiled
 from towval.physics.splines import Spline, spline_at
 from towval.physics.tether import stretch_and_pull
 from towval.physics.wrench import SlidingPatch, wrench_and_slopes, wrench_at_origin
@@ -34,7 +34,7 @@ class Scene(NamedTuple):
     drive: Spline
 
 
-@njit(cache=True, fastmath={"contract"})
+@compiled()
 def accelerations(scene: Scene, mode: int, time: float, piece: int, y: Array, rates: Array) -> None:
     """Time derivative of the state into ``rates`` (6,)."""
     mass, inertia, ox, oy, bx, by = scene.body
@@ -59,7 +59,7 @@ def accelerations(scene: Scene, mode: int, time: float, piece: int, y: Array, ra
     rates[3], rates[4], rates[5] = force_x / mass, force_y / mass, moment / inertia
 
 
-@njit(cache=True, fastmath={"contract"})
+@compiled()
 def acceleration_slopes(
     scene: Scene, mode: int, time: float, piece: int, y: Array, rates: Array, jacobian: Array, time_slope: Array
 ) -> None:
@@ -109,7 +109,7 @@ def acceleration_slopes(
     rates[3], rates[4], rates[5] = force_x / mass, force_y / mass, moment / inertia
 
 
-@njit(cache=True, fastmath={"contract"})
+@compiled()
 def _tether_slopes(
     scene: Scene, time: float, piece: int, y: Array, qx: float, qy: float, jacobian: Array, time_slope: Array
 ) -> tuple[float, float]:
@@ -155,7 +155,7 @@ def _tether_slopes(
     return tx, ty
 
 
-@njit(cache=True)
+@compiled()
 def tautness(scene: Scene, time: float, piece: int, y: Array) -> tuple[float, float, float]:
     """Length [m], stretch [m] and pull [N] of the tether, the pull negative where it would have to push."""
     cos, sin = math.cos(y[2]), math.sin(y[2])
@@ -167,7 +167,7 @@ def tautness(scene: Scene, time: float, piece: int, y: Array) -> tuple[float, fl
     )
 
 
-@njit(cache=True)
+@compiled()
 def margin(scene: Scene, mode: int, time: float, piece: int, y: Array) -> float:
     """How far the tether is from changing between slack and taut [m]; negative once it should have changed."""
     if mode == FORCED:

@@ -14,12 +14,12 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
 from towval.errors import InputError
 from towval.geometry import inside_polygon, rotation, transform
+from towval.physics.compiling import compiled
 from towval.physics.contact import resting_pressure
 from towval.physics.splines import Spline, piece_at, spline_at, spline_covering
 from towval.physics.wrench import SlidingPatch, sliding_patch, wrench_and_slopes
@@ -195,12 +195,13 @@ def _cable_findings(towed: TowedObject, times: Array, direction: Array) -> tuple
         return ()
     text = (
         f"At {int(across.sum())} of {len(times)} times, first at {times[across][0]:.3f} s, the force at the anchor "
-        "points into the object: the cable would have to push, or lie across the object. Smooth the path or move the anchor."
+        "points into the object: the cable would have to push, or lie across the object. Smooth the path or move "
+        "the anchor."
     )
     return (Finding(Severity.WARNING, "cable_would_push", text),)
 
 
-@njit(cache=True)
+@compiled()
 def _follow(
     patch: SlidingPatch, geometry: Array, spline: Spline, times: Array, heading: float, radius: float, out: Array
 ) -> tuple[int, int]:
@@ -249,7 +250,7 @@ def _follow(
     return solves, newton
 
 
-@njit(cache=True)
+@compiled()
 def _mean_rate(known: int, step: float, step1: float, step2: float, rate0: float, rate1: float, rate2: float) -> float:
     """Mean over the coming step of the polynomial through the last rates."""
     if known < 2:
@@ -262,7 +263,7 @@ def _mean_rate(known: int, step: float, step1: float, step2: float, rate0: float
     return mean
 
 
-@njit(cache=True)
+@compiled()
 def _moving_velocity(knots: Array, coefficients: Array, time: float, piece: int) -> tuple[float, float]:
     """Velocity of the path; where it rests, a creep in the direction in which it will move (or has moved)."""
     _, _, vx, vy, ax, ay = spline_at(knots, coefficients, time, piece)
@@ -278,7 +279,7 @@ def _moving_velocity(knots: Array, coefficients: Array, time: float, piece: int)
     return _CREEP, 0.0
 
 
-@njit(cache=True)
+@compiled()
 def _moment_about_anchor(
     patch: SlidingPatch, geometry: Array, ux: float, uy: float, omega: float
 ) -> tuple[float, float, float, float, float, float]:
@@ -290,7 +291,7 @@ def _moment_about_anchor(
     return moment + ax * fy - ay * fx, slope, fx, fy, fx_rate, fy_rate
 
 
-@njit(cache=True)
+@compiled()
 def _balanced_rate(
     patch: SlidingPatch, geometry: Array, ux: float, uy: float, guess: float, radius: float, search: bool
 ) -> tuple[float, float, float, float, int, int]:
@@ -316,7 +317,7 @@ def _balanced_rate(
     return omega, fx, fy, moment, status, tries
 
 
-@njit(cache=True)
+@compiled()
 def _searched_rate(
     patch: SlidingPatch, geometry: Array, ux: float, uy: float, guess: float, unit: float
 ) -> tuple[float, bool]:
@@ -337,7 +338,7 @@ def _searched_rate(
     return (best, True) if found else (least, False)
 
 
-@njit(cache=True)
+@compiled()
 def _bisected(
     patch: SlidingPatch, geometry: Array, ux: float, uy: float, low: float, high: float, positive_low: bool
 ) -> float:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from scipy.interpolate import CubicSpline
 
 from towval.errors import InputError
+from towval.physics.compiling import compiled
 from towval.types import Array, Path
 
 
@@ -68,7 +68,7 @@ def spline_covering(way: Path | CubicSpline, times: Array, name: str) -> Spline:
     return spline
 
 
-@njit(cache=True)
+@compiled()
 def piece_at(knots: Array, time: float, hint: int) -> int:
     """Number of the piece that holds a time, searched from a hint."""
     last = len(knots) - 2
@@ -80,7 +80,7 @@ def piece_at(knots: Array, time: float, hint: int) -> int:
     return k
 
 
-@njit(cache=True)
+@compiled()
 def spline_at(
     knots: Array, coefficients: Array, time: float, k: int
 ) -> tuple[float, float, float, float, float, float]:

@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
+from towval.physics.compiling import compiled
 from towval.types import Array, Tether
 
 
@@ -40,7 +40,7 @@ def tether_force(tether: Tether, span: ArrayLike, span_rate: ArrayLike | None = 
     return np.where(stretch >= 0, pull, 0.0) * direction
 
 
-@njit(cache=True)
+@compiled()
 def stretch_and_pull(
     span_x: float, span_y: float, rate_x: float, rate_y: float, tether: Array
 ) -> tuple[float, float, float]:

@@ -1,0 +1,236 @@
+"""The object trails the hinge without inertia: the rungs of the ladder below full dynamics.
+
+The hinge's way is given, as in feedback dynamics, and the tether pulls with what friction takes. Three models of
+friction: a point at the centre of pressure (the path is a tractrix), the ellipsoidal limit surface, the pressed
+patch itself.
+
+While the tether is taut, the anchor moves along it just so fast that its length stays what the pull asks for,
+``l0 + T/κ``. With the direction of the pull known, balance gives the twist: from the normal of the ellipsoid in closed
+form; for the patch from two equations, no force across the tether and no moment about the anchor, by Newton's method.
+ASSUME: the twist's direction is that at the hinge's own speed along the tether.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import CubicSpline
+
+from towval.geometry import rotation, transform
+from towval.physics.compiling import compiled
+from towval.physics.contact import resting_pressure
+from towval.physics.dynamics import ADVICE, Outcome, checked_times
+from towval.physics.friction_table import coefficient_over_speed
+from towval.physics.limit_surface import limit_surface
+from towval.physics.splines import Spline, piece_at, spline_at, spline_covering
+from towval.physics.wrench import SlidingPatch, sliding_patch, wrench_and_slopes
+from towval.types import Array, Finding, FrictionLaw, Path, Severity, SimulatedMotion, Tether, TowedObject, locked
+
+TRACTRIX, LIMIT_SURFACE, PATCH = "tractrix", "limit surface", "quasi-static patch"
+TRAILING_RUNGS = (TRACTRIX, LIMIT_SURFACE, PATCH)
+
+_STRIDE = 0.05  # of the patch's radius: the hinge moves no further in a Runge-Kutta step
+_LENGTH_STEPS = 3.0  # steps in which a wrong length dies out
+_SLOWEST = 0.05  # of the hinge's mean speed: friction is not looked at below
+_NEWTON_LIMIT = 40
+
+
+class _Trail(NamedTuple):
+    """What stays the same: friction, anchor from the centre of pressure (2,), κ, l0, N, r² and the slowest speed."""
+
+    patch: SlidingPatch
+    drive: Spline
+    anchor: Array
+    numbers: Array
+
+
+def trail(
+    rung: str,
+    towed: TowedObject,
+    law: FrictionLaw,
+    tether: Tether,
+    hinge: Path | CubicSpline,
+    start_pose: ArrayLike,
+    times: ArrayLike,
+) -> SimulatedMotion:
+    """Motion of a towed object without inertia.
+
+    Parameters
+    ----------
+    rung : str
+        "tractrix", "limit surface" or "quasi-static patch".
+    towed, law, tether, hinge, start_pose, times
+        As in :func:`towval.physics.dynamics.feedback`. Mass enters by its weight alone, damping not at all.
+
+    Returns
+    -------
+    SimulatedMotion
+        Outcome "converged", or "slack all along".
+    """
+    times = checked_times(times)
+    drive = spline_covering(hinge, times, "the way of the hinge")
+    contact = resting_pressure(towed)
+    patch, surface = sliding_patch(contact, law), limit_surface(contact, law)
+    mean_speed = float(np.abs(drive.coefficients[:, :, 1]).mean()) * math.sqrt(2)
+    numbers = [tether.stiffness, tether.rest_length, surface.normal_force, surface.radius**2, _SLOWEST * mean_speed]
+    model = _Trail(patch, drive, towed.anchor - patch.origin, np.array([*numbers, patch.radius * _STRIDE]))
+    pose = locked(start_pose, "start pose", (3,))
+    state = np.array([*transform(pose, patch.origin), pose[2]])
+    out = np.empty((len(times), 9))
+    unbalanced, moved = _integrate(TRAILING_RUNGS.index(rung), model, times, state, out)
+    return _motion(rung, times, out, patch.origin, moved, unbalanced)
+
+
+def _motion(rung: str, times: Array, out: Array, centre: Array, moved: bool, unbalanced: int) -> SimulatedMotion:
+    offset = rotation(out[:, 2]) @ -centre
+    turning = out[:, 5:6] * np.column_stack([-offset[:, 1], offset[:, 0]])
+    outcome, findings = Outcome.CONVERGED if moved else Outcome.SLACK_ALL_ALONG, ()
+    if unbalanced:
+        text = f"At {unbalanced} steps of the rung '{rung}' no balance was found; the twist before was kept."
+        findings = (Finding(Severity.WARNING, "not_balanced", text),)
+    motion = SimulatedMotion(
+        time_s=times,
+        pose=np.column_stack([out[:, :2] + offset, out[:, 2]]),
+        twist=np.column_stack([out[:, 3:5] + turning, out[:, 5]]),
+        tether_force=out[:, 6:8],
+        tether_length=out[:, 8],
+        outcome=str(outcome),
+        advice=ADVICE[outcome],
+        rung=rung,
+        findings=findings,
+    )
+    return motion if moved else replace(motion, findings=(*findings, _slack_finding()))
+
+
+def _slack_finding() -> Finding:
+    return Finding(Severity.WARNING, "slack_all_along", f"The tether never pulled. {ADVICE[Outcome.SLACK_ALL_ALONG]}")
+
+
+@compiled()
+def _integrate(rung: int, model: _Trail, times: Array, state: Array, out: Array) -> tuple[int, bool]:
+    """Runge-Kutta of order four between the times, finer where the hinge moves far; fills ``out`` (n, 9)."""
+    knots, limits = model.drive.knots, model.drive.speed_limits
+    rates, trial, total, guess = np.zeros(3), np.empty(3), np.empty(3), np.zeros(3)
+    shares, places = (1 / 6, 1 / 3, 1 / 3, 1 / 6), (0.0, 0.5, 0.5, 1.0)
+    piece, unbalanced, moved = 0, 0, False
+    for i in range(len(times)):
+        piece = piece_at(knots, times[i], piece)
+        if i > 0:
+            travel = limits[piece_at(knots, times[i - 1], piece)] * (times[i] - times[i - 1])
+            parts = max(1, math.ceil(travel / model.numbers[5]))
+            h = (times[i] - times[i - 1]) / parts
+            for part in range(parts):
+                time = times[i - 1] + part * h
+                rates[:] = 0.0
+                total[:] = state
+                for stage in range(4):
+                    for j in range(3):
+                        trial[j] = state[j] + places[stage] * h * rates[j]
+                    now = time + places[stage] * h
+                    lag = _LENGTH_STEPS * h
+                    balanced, _, _, _ = _rates(rung, model, now, piece_at(knots, now, piece), trial, lag, guess, rates)
+                    unbalanced += 0 if balanced else 1
+                    for j in range(3):
+                        total[j] += shares[stage] * h * rates[j]
+                moved = moved or total[0] != state[0] or total[1] != state[1]
+                state[:] = total
+        lag = times[1] - times[0]
+        _, fx, fy, length = _rates(rung, model, times[i], piece, state, lag, guess, rates)
+        out[i, :3], out[i, 3:6] = state, rates
+        out[i, 6], out[i, 7], out[i, 8] = fx, fy, length
+    return unbalanced, moved
+
+
+@compiled()
+def _rates(
+    rung: int, model: _Trail, time: float, piece: int, state: Array, lag: float, guess: Array, rates: Array
+) -> tuple[bool, float, float, float]:
+    """Twist of the centre of pressure into ``rates``; whether balance was found, the tether's force and length."""
+    stiffness, rest_length, normal_force, radius_squared, slowest, _ = model.numbers
+    cos, sin = math.cos(state[2]), math.sin(state[2])
+    bx, by = model.anchor
+    qx, qy = cos * bx - sin * by, sin * bx + cos * by
+    px, py, px_dot, py_dot, _, _ = spline_at(model.drive.knots, model.drive.coefficients, time, piece)
+    rod = math.hypot(bx, by) if rung == 0 else 0.0
+    if rung == 0:
+        qx = qy = 0.0
+    lx, ly = px - state[0] - qx, py - state[1] - qy
+    length = math.hypot(lx, ly)
+    nx, ny = lx / length, ly / length
+    along = nx * px_dot + ny * py_dot
+    speed = max(along, slowest)
+    lever = qx * ny - qy * nx
+    balanced = True
+    if rung == 2:
+        balanced, vx, vy, omega, pull = _balance(model.patch, cos, sin, bx, by, nx, ny, speed, guess)
+    else:
+        stretch = 1 + lever * lever / radius_squared
+        vx, vy, omega = speed * nx / stretch, speed * ny / stretch, speed * lever / radius_squared / stretch
+        sliding = speed / math.sqrt(stretch)
+        pull = normal_force * coefficient_over_speed(model.patch.table, sliding) * sliding / math.sqrt(stretch)
+    closing = along + (length - rod - rest_length - pull / stiffness) / lag
+    share = max(0.0, closing) / speed
+    rates[0], rates[1], rates[2] = share * vx, share * vy, share * omega
+    if rung == 0 and share > 0:
+        # The body lies in the tether's line; its heading is no state of its own.
+        heading = math.atan2(ny, nx) - math.atan2(by, bx)
+        state[2] += (heading - state[2] + math.pi) % (2 * math.pi) - math.pi
+        rates[2] = (nx * (py_dot - rates[1]) - ny * (px_dot - rates[0])) / length
+    if share == 0:
+        pull = min(pull, max(0.0, stiffness * (length - rod - rest_length)))
+    return balanced, pull * nx, pull * ny, length - rod
+
+
+@compiled()
+def _balance(
+    patch: SlidingPatch,
+    cos: float,
+    sin: float,
+    bx: float,
+    by: float,
+    nx: float,
+    ny: float,
+    speed: float,
+    guess: Array,
+) -> tuple[bool, float, float, float, float]:
+    """Twist (floor axes) of the patch whose anchor is drawn along n at a speed, and the pull.
+
+    Unknown are the anchor's speed across the tether and the heading rate. ``guess`` holds both over the speed, from
+    call to call.
+    """
+    nx, ny = cos * nx + sin * ny, cos * ny - sin * nx
+    across, omega = guess[0] * speed, guess[1] * speed
+    found, fx, fy, vx, vy = False, 0.0, 0.0, 0.0, 0.0
+    unit = speed / patch.radius
+    for _ in range(_NEWTON_LIMIT):
+        vx, vy = speed * nx - across * ny + omega * by, speed * ny + across * nx - omega * bx
+        fx, fy, moment, xx, xy, yy, xw, yw, ww = wrench_and_slopes(patch, vx, vy, omega)
+        force = fy * nx - fx * ny
+        torque = moment - (bx * fy - by * fx)
+        # Both are slopes of the same dissipation, so their Jacobian is symmetric and negative while μ does not fall.
+        ax, ay = xx * -ny + xy * nx, xy * -ny + yy * nx
+        cx, cy = xx * by - xy * bx + xw, xy * by - yy * bx + yw
+        a11, a12 = ay * nx - ax * ny, cy * nx - cx * ny
+        a22 = ww + 2 * (xw * by - yw * bx) + xx * by * by - 2 * xy * bx * by + yy * bx * bx
+        determinant = a11 * a22 - a12 * a12
+        d_across = -(a22 * force - a12 * torque) / determinant
+        d_omega = -(a11 * torque - a12 * force) / determinant
+        size = max(abs(d_across) / speed, abs(d_omega) / unit)
+        if not np.isfinite(size):
+            break
+        shrink = min(1.0, 0.5 / size) if size > 0 else 1.0
+        across += shrink * d_across
+        omega += shrink * d_omega
+        if size < 1e-7:
+            found = True
+            break
+    if found:
+        guess[0], guess[1] = across / speed, omega / speed
+    else:
+        across, omega = guess[0] * speed, guess[1] * speed
+    vx, vy = speed * nx - across * ny + omega * by, speed * ny + across * nx - omega * bx
+    return found, cos * vx - sin * vy, sin * vx + cos * vy, omega, -(fx * nx + fy * ny)

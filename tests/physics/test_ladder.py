@@ -1,0 +1,96 @@
+import numpy as np
+import pytest
+from footprints import rectangle
+
+from oracles import DISK_WRENCH, SQUARE_SPIN_M, TRACTRIX
+from towval.errors import InputError
+from towval.physics.contact import pressure_plane, resting_pressure
+from towval.physics.friction_law import coulomb_law
+from towval.physics.ladder import RUNGS, choose_rung, simulate_rung
+from towval.physics.limit_surface import limit_surface, limit_surface_wrench
+from towval.physics.wrench import friction_wrench, sliding_patch
+from towval.types import Path, Tether, TowedObject
+
+TIMES = np.linspace(0, 1, 201)
+STRAIGHT = Path([0.0, 1.0], [[0.0, 0.0], [TRACTRIX["s"], 0.0]])
+STIFF = Tether(TRACTRIX["length"], 1e12)
+
+
+def test_limit_surface_is_exact_in_translation_and_rotation(square, makkar):
+    off_centre, slow = pressure_plane(square, [(49.05, (0.04, 0.02))]), (0.06, -0.08, 0.0)
+    expected = friction_wrench(sliding_patch(off_centre, makkar), slow)
+    assert limit_surface_wrench(limit_surface(off_centre, makkar), slow) == pytest.approx(expected, rel=1e-9, abs=1e-9)
+    centred, spin = pressure_plane(square, [(49.05, (0, 0))]), (0.0, 0.0, 1e3)  # so fast that all of μ is kinetic
+    expected = friction_wrench(sliding_patch(centred, makkar), spin)
+    assert limit_surface_wrench(limit_surface(centred, makkar), spin) == pytest.approx(expected, rel=1e-6, abs=1e-6)
+    assert limit_surface(centred, makkar).radius == pytest.approx(SQUARE_SPIN_M, rel=1e-9)
+
+
+def test_limit_surface_is_a_tenth_off_in_between():
+    force, moment = DISK_WRENCH[0.5]
+    assert force**2 + (1.5 * moment) ** 2 == pytest.approx(1.0, abs=0.1)
+    assert abs(force**2 + (1.5 * moment) ** 2 - 1.0) > 0.05
+
+
+def test_tractrix_has_the_closed_form():
+    towed = TowedObject(rectangle(1e-3, 1e-3), 1.0, [0, 0], 1e-3, [0, 0])
+    start = (0, -TRACTRIX["length"], np.pi / 2)
+    motion = simulate_rung("tractrix", towed, coulomb_law(0.35, 1e-3), STIFF, STRAIGHT, start, TIMES)
+    assert motion.pose[-1, :2] == pytest.approx(TRACTRIX["object_m"], abs=1e-9)
+    assert motion.pose[-1, 2] == pytest.approx(TRACTRIX["theta"], abs=1e-9)
+
+
+@pytest.mark.parametrize("rung", RUNGS)
+def test_every_rung_tows_a_small_object_along_the_tractrix(rung):
+    """A patch of a centimetre at the end of 0.6 m is almost a point, and slow motion has almost no inertia."""
+    towed = TowedObject(rectangle(0.01, 0.01), 1.0, [0, 0], 1e-4, [0, 0])
+    slow = Path(400 * STRAIGHT.time_s, STRAIGHT.position)
+    tether, start = Tether(TRACTRIX["length"], 1e5), (0, -TRACTRIX["length"], np.pi / 2)
+    motion = simulate_rung(rung, towed, coulomb_law(0.35, 1e-5), tether, slow, start, 400 * TIMES)
+    assert motion.outcome == "converged"
+    assert motion.pose[-1, :2] == pytest.approx(TRACTRIX["object_m"], abs=1e-3)
+    assert motion.rung == rung
+
+
+def test_quasi_static_rungs_balance_forces_at_the_tether(cube, lap):
+    law, tether, hinge, start = lap
+    times = np.linspace(0, 100, 21)
+    motion = simulate_rung("quasi-static patch", cube, law, tether, hinge, start, times)
+    patch = sliding_patch(resting_pressure(cube), law)
+    for i in range(5, 20):
+        c, s = np.cos(motion.pose[i, 2]), np.sin(motion.pose[i, 2])
+        turn = np.array([[c, -s], [s, c]])
+        friction = friction_wrench(patch, [*(turn.T @ motion.twist[i, :2]), motion.twist[i, 2]])
+        assert turn @ friction[:2] == pytest.approx(-motion.tether_force[i], abs=0.02)
+        lever = turn @ cube.anchor
+        assert friction[2] == pytest.approx(
+            -(lever[0] * motion.tether_force[i, 1] - lever[1] * motion.tether_force[i, 0]), abs=0.01
+        )
+
+
+def test_ladder_takes_the_lowest_rung_that_is_enough(cube, lap):
+    law, tether, hinge, start = lap
+    times = np.linspace(0, 400, 81)
+    scene = (cube, law, tether, hinge, start, times)
+    choices = [choose_rung(*scene, tolerance) for tolerance in (1e-6, 0.03, 0.2, 5.0)]
+    assert [choice.rung for choice in choices] == ["dynamics", "quasi-static patch", "limit surface", "tractrix"]
+    for choice in choices:
+        assert choice.motion.rung == choice.rung
+        assert choice.margin_m >= 0
+        assert set(choice.differences_m) == set(RUNGS[:-1])
+
+
+def test_slack_hinge_moves_nothing_on_any_rung(cube, makkar):
+    hinge = Path([0.0, 1.0], [[0.3, 0.0], [0.31, 0.0]])
+    for rung in RUNGS:
+        motion = simulate_rung(rung, cube, makkar, Tether(0.6, 1000), hinge, (0, 0, 0), [0.0, 0.5, 1.0])
+        assert motion.outcome == "slack all along"
+        assert np.abs(motion.pose).max() < 1e-12
+
+
+def test_unknown_rung_and_tolerance_are_input_errors(cube, lap):
+    law, tether, hinge, start = lap
+    with pytest.raises(InputError, match="no such rung"):
+        simulate_rung("guess", cube, law, tether, hinge, start, [0.0, 1.0])
+    with pytest.raises(InputError, match="tolerance"):
+        choose_rung(cube, law, tether, hinge, start, [0.0, 1.0], 0.0)
