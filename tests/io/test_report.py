@@ -1,3 +1,4 @@
+import base64
 import dataclasses
 import json
 import re
@@ -10,6 +11,7 @@ from report_scenes import LOST, ceiling_calibration, towed_run
 from towval.errors import InputError
 from towval.io.report import InputRow, Provenance, ReportData, RunReport, StageFinding, report_figures, write_report
 from towval.io.report_view import collect_findings, headline, verdict_reason
+from towval.io.summary import summary_csv, summary_latex
 from towval.types import Finding, Severity, Verdict
 
 PROVENANCE = Provenance(
@@ -172,3 +174,17 @@ def test_figures_are_saved_beside_the_page(tmp_path):
     write_report(tmp_path / "report.html", small, tmp_path / "figures")
     names = {path.name for path in (tmp_path / "figures").iterdir()}
     assert names == {f"{name}.{ending}" for name in report_figures(small) for ending in ("pdf", "svg", "png")}
+
+
+def test_summary_as_latex_has_a_row_a_run_and_dashes_for_what_is_missing():
+    lines = summary_latex([towed_run("run_a").comparison]).splitlines()
+    row = next(line for line in lines if line.startswith("run"))
+    assert row.startswith(r"run\_a & 2.")
+    assert row.endswith(r"& 0.01 & -- & -- & -- & not judged & 188 / 12 \\")
+    columns = re.search(r"tabular}{(\w+)}", "\n".join(lines)).group(1)
+    assert all(line.count("&") == len(columns) - 1 for line in lines if "&" in line)
+
+
+def test_summary_to_download_is_the_summary(page):
+    address = re.search(r'download="summary.csv" href="data:text/csv;base64,([^"]+)"', page).group(1)
+    assert base64.b64decode(address).decode() == summary_csv([run.record.comparison for run in data().runs])

@@ -16,10 +16,11 @@ import numpy as np
 from markupsafe import Markup
 
 from towval.errors import InputError
-from towval.io.figures import TimeAxis
 from towval.io.overlay import overlay_frames
 from towval.io.report_data import ReportData, RunReport
-from towval.io.run_record import RunRecord
+from towval.io.run_record import RunRecord, seen_poses
+from towval.io.style import Frame
+from towval.io.summary import summary_csv, summary_latex
 from towval.types import Array, Calibration, Comparison, Finding, Severity, Verdict
 
 NOT_COMPUTED = "not computed"
@@ -58,7 +59,8 @@ class RunView:
     decimation: tuple[tuple[str, str], ...]
     figures: dict[str, Markup]
     alternatives: dict[str, str]
-    time_axis: TimeAxis
+    time_frame: Frame
+    plan_frame: Frame
     series: Markup
     video: str | None
     video_start_s: float
@@ -74,6 +76,8 @@ class ReportView:
     reasons: tuple[tuple[str, str], ...]
     runs: tuple[RunView, ...]
     findings: tuple[FindingView, ...]
+    notes: tuple[FindingView, ...]
+    tables: tuple[tuple[str, str], ...]
     campaign_figure: Markup
     calibration: tuple[tuple[str, str], ...]
     calibration_figures: tuple[tuple[Markup, str], ...]
@@ -81,7 +85,7 @@ class ReportView:
     data: ReportData
 
 
-def build(data: ReportData, svgs: Mapping[str, str], time_axes: Mapping[str, TimeAxis]) -> ReportView:
+def build(data: ReportData, svgs: Mapping[str, str], frames: Mapping[str, Frame]) -> ReportView:
     """Turn the data of a report and its figures into what the template shows.
 
     Parameters
@@ -90,21 +94,24 @@ def build(data: ReportData, svgs: Mapping[str, str], time_axes: Mapping[str, Tim
         The data.
     svgs : mapping of str to str
         The figures of :func:`towval.io.report.report_figures` as SVG, by name.
-    time_axes : mapping of str to TimeAxis
-        Where time runs in the figures ``errors_<run>``.
+    frames : mapping of str to Frame
+        Where the axes lie in the figures ``errors_<run>`` and ``fig10_<run>``.
 
     Returns
     -------
     ReportView
         Strings and markup only, but for ``data`` itself, whose own strings the template shows as they are.
     """
-    calibration = data.calibration
+    calibration, found = data.calibration, collect_findings(data)
+    comparisons = [run.record.comparison for run in data.runs]
     return ReportView(
         campaign=data.campaign,
-        headline=headline([run.record.comparison for run in data.runs]),
-        reasons=_reasons([run.record.comparison for run in data.runs]),
-        runs=tuple(_run_view(run, svgs, time_axes) for run in data.runs),
-        findings=collect_findings(data),
+        headline=headline(comparisons),
+        reasons=_reasons(comparisons),
+        runs=tuple(_run_view(run, svgs, frames) for run in data.runs),
+        findings=tuple(f for f in found if f.severity != Severity.NOTE),
+        notes=tuple(f for f in found if f.severity == Severity.NOTE),
+        tables=_tables(comparisons),
         campaign_figure=inline_svg(svgs["fig10"], "fig10"),
         calibration=() if calibration is None else _calibration_facts(calibration),
         calibration_figures=tuple(
@@ -198,6 +205,15 @@ def degrees(value_rad: float) -> str:
     return f"{np.rad2deg(value_rad):.2f}°" if np.isfinite(value_rad) else NOT_COMPUTED
 
 
+def _tables(comparisons: list[Comparison]) -> tuple[tuple[str, str], ...]:
+    """Names and contents of the summary to download, as data URIs."""
+    contents = (
+        ("summary.csv", "text/csv", summary_csv(comparisons)),
+        ("summary.tex", "text/plain", summary_latex(comparisons)),
+    )
+    return tuple((name, f"data:{kind};base64,{_base64(text.encode())}") for name, kind, text in contents)
+
+
 def _reasons(comparisons: list[Comparison]) -> tuple[tuple[str, str], ...]:
     """Who was judged how, and why; runs with the same reason together."""
     runs_of: dict[tuple[Verdict, str], list[str]] = {}
@@ -209,7 +225,7 @@ def _reasons(comparisons: list[Comparison]) -> tuple[tuple[str, str], ...]:
     )
 
 
-def _run_view(report: RunReport, svgs: Mapping[str, str], time_axes: Mapping[str, TimeAxis]) -> RunView:
+def _run_view(report: RunReport, svgs: Mapping[str, str], frames: Mapping[str, Frame]) -> RunView:
     run, name = report.record, report.record.name
     comparison = run.comparison
     parts = {key: f"{key}_{name}" for key in ("fig10", "errors", "tracking_rover", "tracking_object", "decimate")}
@@ -225,7 +241,8 @@ def _run_view(report: RunReport, svgs: Mapping[str, str], time_axes: Mapping[str
         decimation=_decimation_facts(run),
         figures={key: inline_svg(svgs[full], full) for key, full in parts.items() if full in svgs},
         alternatives=_alternatives(run),
-        time_axis=time_axes[f"errors_{name}"],
+        time_frame=frames[f"errors_{name}"],
+        plan_frame=frames[f"fig10_{name}"],
         series=_series(run),
         video=None if report.overlay is None else _data_uri(report.overlay, "video/mp4"),
         video_start_s=float(run.rover_track.time_s[0]),
@@ -234,7 +251,7 @@ def _run_view(report: RunReport, svgs: Mapping[str, str], time_axes: Mapping[str
 
 
 def _summary(c: Comparison) -> tuple[tuple[str, str], ...]:
-    lengths = (("RMS, mm", c.path_rms_m), ("max, mm", c.path_max_m))
+    lengths = (("path RMS, mm", c.path_rms_m), ("path max, mm", c.path_max_m))
     uncertainties = (("num", c.u_num_m), ("input", c.u_input_m), ("meas.", c.u_measurement_m), ("val", c.u_val_m))
     return (
         *((name, millimetres(value).removesuffix(" mm")) for name, value in lengths),
@@ -331,8 +348,16 @@ def _series(run: RunRecord) -> Markup:
         "y_mm": _rounded(1e3 * c.error[:, 1], 2),
         "heading_deg": _rounded(np.rad2deg(c.error[:, 2]), 3),
         "tension_N": _rounded(tension, 2),
+        "rover": _track_at(c.time_s, run.rover_track.time_s, seen_poses(run.rover_track)),
+        "measured": _track_at(c.time_s, run.object_track.time_s, seen_poses(run.object_track)),
     }
     return Markup(json.dumps(columns, separators=(",", ":")))
+
+
+def _track_at(wanted_s: Array, time_s: Array, pose: Array) -> list[list[float] | None]:
+    """Places [m] at the samples nearest to the wanted times, to the millimetre; None where the body was not seen."""
+    nearest = np.abs(time_s[:, None] - wanted_s).argmin(axis=0)
+    return [None if np.isnan(x) else [round(float(x), 3), round(float(y), 3)] for x, y in pose[nearest, :2]]
 
 
 def _rounded(values: Array, digits: int) -> list[float | None]:

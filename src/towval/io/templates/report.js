@@ -10,6 +10,10 @@ for (const pair of document.querySelectorAll(".pair[data-run]")) {
   const first = Number(plot.getAttribute("aria-valuemin")), last = Number(plot.getAttribute("aria-valuemax"));
   // The film starts at its first frame, the run's clock where the camera's stood.
   const filmStart = film ? Number(film.dataset.start) : 0;
+  const plan = pair.querySelector(".plan");
+  const dots = ["rover", "measured"].map((body) => [plan.querySelector(`.dot.${body}`), series[body]]);
+  const share = (value, [low, high]) => (value - low) / (high - low);
+  const [across, up] = [plan.dataset.x, plan.dataset.y].map((text) => text.split(" ").map(Number));
   let now = first;
 
   const nearest = (time) => {
@@ -28,11 +32,20 @@ for (const pair of document.querySelectorAll(".pair[data-run]")) {
       : "object not seen";
     return `${series.time_s[i].toFixed(2)} s: ${error}, tension ${series.tension_N[i].toFixed(1)} N`;
   };
+  const place = (dot, at) => {
+    dot.style.visibility = at ? "visible" : "hidden";
+    if (!at) { return; }
+    const [west, east, north, south] = ["left", "right", "top", "bottom"].map((side) => Number(plan.dataset[side]));
+    dot.style.left = `${100 * (west + (east - west) * share(at[0], across))}%`;
+    dot.style.top = `${100 * (south + (north - south) * share(at[1], up))}%`;
+  };
   const show = (time) => {
     now = Math.min(last, Math.max(first, time));
     cursor.style.left = `${100 * (left + (right - left) * (now - first) / (last - first))}%`;
     cursor.style.visibility = "visible";
-    readout.textContent = words(nearest(now));
+    const sample = nearest(now);
+    readout.textContent = words(sample);
+    for (const [dot, places] of dots) { place(dot, places[sample]); }
     plot.setAttribute("aria-valuenow", now.toFixed(2));
     plot.setAttribute("aria-valuetext", readout.textContent);
   };
@@ -49,9 +62,8 @@ for (const pair of document.querySelectorAll(".pair[data-run]")) {
   }
   const point = (event) => {
     const box = plot.getBoundingClientRect();
-    const share = ((event.clientX - box.left) / box.width - left) / (right - left);
     if (film) { film.pause(); }
-    go(first + (last - first) * share);
+    go(first + (last - first) * share((event.clientX - box.left) / box.width, [left, right]));
   };
   plot.addEventListener("pointerdown", (event) => { plot.setPointerCapture(event.pointerId); point(event); });
   plot.addEventListener("pointermove", (event) => { if (plot.hasPointerCapture(event.pointerId)) { point(event); } });
