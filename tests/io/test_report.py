@@ -111,7 +111,7 @@ def test_series_under_the_cursor_is_the_error(page):
     np.testing.assert_allclose(
         np.array(series["x_mm"])[seen].astype(float), 1e3 * run.comparison.error[seen, 0], atol=5e-3
     )
-    np.testing.assert_allclose(series["time_s"], run.comparison.time_s, atol=5e-5)
+    np.testing.assert_allclose(series["time_s"], run.comparison.time_s, atol=5e-7)
 
 
 def test_same_data_give_the_same_bytes(tmp_path):

@@ -343,7 +343,7 @@ def _series(run: RunRecord) -> Markup:
     c, simulated = run.comparison, run.simulated
     tension = np.interp(c.time_s, simulated.time_s, np.linalg.norm(simulated.tether_force, axis=1))
     columns = {
-        "time_s": _rounded(c.time_s, 4),
+        "time_s": _rounded(c.time_s, 6),
         "x_mm": _rounded(1e3 * c.error[:, 0], 2),
         "y_mm": _rounded(1e3 * c.error[:, 1], 2),
         "heading_deg": _rounded(np.rad2deg(c.error[:, 2]), 3),

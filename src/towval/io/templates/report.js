@@ -51,7 +51,8 @@ for (const pair of document.querySelectorAll(".pair[data-run]")) {
   };
   const go = (time) => {
     show(time);
-    if (film) { film.currentTime = Math.max(0, now - filmStart); }
+    // Half a millisecond inside the frame: rounding must not show the one before.
+    if (film) { film.currentTime = Math.max(0, now - filmStart + 5e-4); }
   };
 
   const follow = () => show(film.currentTime + filmStart);
@@ -78,3 +79,7 @@ for (const pair of document.querySelectorAll(".pair[data-run]")) {
   });
   show(first);
 }
+// On paper nothing can be unfolded.
+window.addEventListener("beforeprint", () => {
+  for (const folded of document.querySelectorAll("details")) { folded.open = true; }
+});
