@@ -10,7 +10,8 @@ from report_scenes import LOST, ceiling_calibration, towed_run
 
 from towval.errors import InputError
 from towval.io.report import InputRow, Provenance, ReportData, RunReport, StageFinding, report_figures, write_report
-from towval.io.report_view import collect_findings, headline, verdict_reason
+from towval.io.report_facts import headline, verdict_reason
+from towval.io.report_view import collect_findings
 from towval.io.summary import summary_csv, summary_latex
 from towval.types import Finding, Severity, Verdict
 
@@ -133,8 +134,8 @@ def test_gravest_findings_come_first_and_shared_ones_once():
     [
         (Verdict.NOT_JUDGED, {}, "inputs, measurement"),
         (Verdict.NOT_JUDGED, {"u_input_m": 1e-3, "u_measurement_m": 1e-3}, "No verdict was given"),
-        (Verdict.AGREES, {"u_val_m": 0.004}, "within the validation uncertainty of 4.0 mm"),
-        (Verdict.MODEL_ERROR, {"u_val_m": 0.001}, "exceeds the validation uncertainty of 1.0 mm"),
+        (Verdict.AGREES, {"u_val_m": 0.004}, "within the validation uncertainty of 4.00 mm"),
+        (Verdict.MODEL_ERROR, {"u_val_m": 0.001}, "exceeds the validation uncertainty of 1.00 mm"),
         (Verdict.TOO_UNCERTAIN, {"u_val_m": 0.04}, "40.0 mm is too large"),
     ],
 )
@@ -151,9 +152,9 @@ def test_headline_counts_verdicts_and_spans_errors():
         dataclasses.replace(base, verdict=Verdict.MODEL_ERROR, path_rms_m=0.03),
     ]
     assert headline(runs).startswith("3 runs: 2 agree within their uncertainty, 1 shows an error of the model.")
-    assert "2.0 to 30.0 mm" in headline(runs)
+    assert "2.00 to 30.0 mm" in headline(runs)
     assert headline(runs[:1]).startswith(
-        "1 run: 1 agrees within its uncertainty. The simulated path of the object is 2.0 mm"
+        "1 run: 1 agrees within its uncertainty. The simulated path of the object is 2.00 mm"
     )
 
 

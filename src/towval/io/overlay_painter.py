@@ -110,7 +110,7 @@ class Painter:
         error = pose_at(comparison.time_s, comparison.error, time_s)
         if not np.isfinite(error).all():
             return "object not seen"
-        return f"error {1e3 * np.hypot(error[0], error[1]):5.1f} mm   {np.rad2deg(error[2]):+5.2f}°"
+        return f"error {1e3 * np.hypot(error[0], error[1]):5.2f} mm   {np.rad2deg(error[2]):+5.2f}°"
 
 
 def _stroke(picture: Picture, pixels: Array, colour: Colour, line: int) -> None:

@@ -66,7 +66,7 @@ class Margins:
     drawing, and they are the same in every format.
     """
 
-    left: float = 0.48
+    left: float = 0.55
     right: float = 0.07
     top: float = 0.22
     bottom: float = 0.36

@@ -28,7 +28,7 @@ for (const pair of document.querySelectorAll(".pair[data-run]")) {
   const words = (i) => {
     const seen = series.x_mm[i] !== null;
     const error = seen
-      ? `x ${signed(series.x_mm[i], 1, " mm")}, y ${signed(series.y_mm[i], 1, " mm")}, heading ${signed(series.heading_deg[i], 2, "°")}`
+      ? `x ${signed(series.x_mm[i], 2, " mm")}, y ${signed(series.y_mm[i], 2, " mm")}, heading ${signed(series.heading_deg[i], 3, "°")}`
       : "object not seen";
     return `${series.time_s[i].toFixed(2)} s: ${error}, tension ${series.tension_N[i].toFixed(1)} N`;
   };
@@ -81,5 +81,5 @@ for (const pair of document.querySelectorAll(".pair[data-run]")) {
 }
 // On paper nothing can be unfolded.
 window.addEventListener("beforeprint", () => {
-  for (const folded of document.querySelectorAll("details")) { folded.open = true; }
+  for (const folded of document.querySelectorAll("details:not(.reference)")) { folded.open = true; }
 });
