@@ -10,7 +10,7 @@ from report_scenes import LOST, ceiling_calibration, towed_run
 
 from towval.errors import InputError
 from towval.io.report import InputRow, Provenance, ReportData, RunReport, StageFinding, report_figures, write_report
-from towval.io.report_facts import headline, verdict_reason
+from towval.io.report_facts import headline, side_by_side, verdict_reason
 from towval.io.report_view import collect_findings
 from towval.io.summary import summary_csv, summary_latex
 from towval.types import Finding, Severity, Verdict
@@ -189,3 +189,8 @@ def test_summary_as_latex_has_a_row_a_run_and_dashes_for_what_is_missing():
 def test_summary_to_download_is_the_summary(page):
     address = re.search(r'download="summary.csv" href="data:text/csv;base64,([^"]+)"', page).group(1)
     assert base64.b64decode(address).decode() == summary_csv([run.record.comparison for run in data().runs])
+
+
+def test_facts_of_runs_stand_side_by_side():
+    runs = [(("steps", "12"), ("slack", "8 %")), (("steps", "14"), ("pauses", "2"))]
+    assert side_by_side(runs) == (("steps", ("12", "14")), ("slack", ("8 %", "")), ("pauses", ("", "2")))

@@ -90,6 +90,13 @@ def test_plan_shows_the_object_only_where_it_was_seen(page, plot_box):
         assert page.run("document.querySelector('.dot.measured').style.visibility") == shown
 
 
+def test_a_browser_that_refuses_the_data_gets_a_blob(page):
+    page.run(f"{FILM}.dispatchEvent(new Event('error'))")
+    page.wait_for(f"{FILM}.src.startsWith('blob:') && {FILM}.readyState >= 3")
+    page.run(f"{FILM}.currentTime = 1")
+    page.wait_for(f"!{FILM}.seeking && Math.abs({CURSOR_S} - 1) < 0.001")
+
+
 def test_a_run_without_film_has_a_cursor_of_its_own(page):
     script = "document.querySelector('#run-b .cursor').style"
     page.run("document.querySelector('#run-b .timeplot').focus()")
@@ -107,4 +114,4 @@ def test_a_narrow_screen_needs_no_sideways_scrolling(address, tmp_path):
 
 def test_page_has_no_complaint_and_asks_for_nothing(page, address):
     assert page.complaints() == []
-    assert page.requests() == [address]
+    assert [url for url in page.requests() if not url.startswith("blob:")] == [address]

@@ -27,6 +27,8 @@ def test_lengths_and_angles_carry_their_units():
         ("median_tilt_deg", 31.24, ("median tilt", "31.2°")),
         ("covered_share", 0.634, ("covered share", "63 %")),
         ("position_std_mm at 0.250 m", 0.31, ("position std at 0.250 m", "0.31 mm")),
+        ("u_num_m", 2.34e-6, ("u num", "0.0023 mm")),
+        ("camera_height_m", 4.0996, ("camera height", "4.10 m")),
         ("steps", 1234.0, ("steps", "1234")),
         ("condition_number", 45780.2, ("condition number", "45780")),
         ("held_out_rms_px", float("nan"), ("held out rms", "not computed")),

@@ -11,6 +11,9 @@ from towval.types import Calibration, Comparison, Verdict
 Facts = tuple[tuple[str, str], ...]
 """Names and values, as they are shown."""
 
+Table = tuple[tuple[str, tuple[str, ...]], ...]
+"""Names and the values of all runs."""
+
 _UNCERTAINTIES = (
     ("u_num_m", "numerical"),
     ("u_input_m", "inputs"),
@@ -26,7 +29,7 @@ _VERDICT_PHRASES = {
 }
 
 # What the calibration says of itself that the page says in its own words.
-_SAID_ABOVE = ("views_used", "views_dropped", "camera_height_m", "camera_height_std_m")
+_SAID_ABOVE = ("views_used", "views_dropped", "camera_height_m")
 
 
 def headline(comparisons: list[Comparison]) -> str:
@@ -69,6 +72,12 @@ def reasons(comparisons: list[Comparison]) -> Facts:
     )
 
 
+def side_by_side(runs: list[Facts]) -> Table:
+    """The facts of several runs as one table, a row a name; a run that lacks a fact has an empty cell."""
+    names = dict.fromkeys(name for facts in runs for name, _ in facts)
+    return tuple((name, tuple(dict(facts).get(name, "") for facts in runs)) for name in names)
+
+
 def summary_cells(c: Comparison) -> Facts:
     """The cells of a run in the summary table: column and value, the unit in the column's name."""
     lengths = (("Path RMS, mm", c.path_rms_m), ("Path max., mm", c.path_max_m))
@@ -105,6 +114,7 @@ def simulation_facts(run: RunRecord) -> Facts:
         ("Tether slack", f"{100 * np.mean(tension == 0):.0f} % of the frames"),
     ]
     facts += [named_scalar(name, value) for name, value in simulated.statistics.items()]
+    facts.append(("Advice", simulated.advice))
     return tuple(facts)
 
 
@@ -140,7 +150,6 @@ def calibration_facts(calibration: Calibration) -> Facts:
     used = sum(not view.dropped for view in calibration.views)
     facts = [
         ("Camera height", f"{calibration.floor.camera_position_m[2]:.4f} m"),
-        ("its deviation", millimetres(calibration.quality.get("camera_height_std_m", float("nan")))),
         ("Image", "{} × {} px".format(*camera.resolution_px)),
         ("Focal length", f"{camera.matrix[0, 0]:.1f}, {camera.matrix[1, 1]:.1f} px"),
         ("Lens model", camera.lens_model),

@@ -20,12 +20,14 @@ from towval.io.overlay import overlay_frames
 from towval.io.report_data import ReportData, RunReport
 from towval.io.report_facts import (
     Facts,
+    Table,
     alternatives,
     calibration_facts,
     decimation_facts,
     headline,
     key_numbers,
     reasons,
+    side_by_side,
     simulation_facts,
     summary_cells,
     tracking_facts,
@@ -57,10 +59,6 @@ class RunView:
     verdict: str
     summary: Facts
     key_numbers: Facts
-    simulation: Facts
-    outcome_advice: str
-    tracking: Facts
-    decimation: Facts
     figures: dict[str, Markup]
     alternatives: dict[str, str]
     time_frame: Frame
@@ -86,6 +84,8 @@ class ReportView:
     calibration: Facts
     calibration_figures: tuple[tuple[Markup, str], ...]
     dropped_views: Facts
+    tracking: Table
+    simulation: Table
     data: ReportData
 
 
@@ -107,7 +107,8 @@ def build(data: ReportData, svgs: Mapping[str, str], frames: Mapping[str, Frame]
         Strings and markup only, but for ``data`` itself, whose own strings the template shows as they are.
     """
     calibration, found = data.calibration, collect_findings(data)
-    comparisons = [run.record.comparison for run in data.runs]
+    records = [run.record for run in data.runs]
+    comparisons = [record.comparison for record in records]
     return ReportView(
         campaign=data.campaign,
         headline=headline(comparisons),
@@ -126,6 +127,8 @@ def build(data: ReportData, svgs: Mapping[str, str], frames: Mapping[str, Frame]
         dropped_views=()
         if calibration is None
         else tuple((view.name, view.dropped) for view in calibration.views if view.dropped),
+        tracking=side_by_side([(*tracking_facts(r), *decimation_facts(r)) for r in records]),
+        simulation=side_by_side([simulation_facts(r) for r in records]),
         data=data,
     )
 
@@ -185,10 +188,6 @@ def _run_view(report: RunReport, svgs: Mapping[str, str], frames: Mapping[str, F
         verdict=comparison.verdict.value,
         summary=summary_cells(comparison),
         key_numbers=key_numbers(comparison),
-        simulation=simulation_facts(run),
-        outcome_advice=run.simulated.advice,
-        tracking=tracking_facts(run),
-        decimation=decimation_facts(run),
         figures={key: inline_svg(svgs[full], full) for key, full in parts.items() if full in svgs},
         alternatives=alternatives(run),
         time_frame=frames[f"errors_{name}"],

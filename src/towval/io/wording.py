@@ -50,6 +50,8 @@ def named_scalar(name: str, value: float) -> tuple[str, str]:
     unit = _UNITS[words.pop()] if words[-1] in _UNITS else ""
     if not math.isfinite(value):
         text = NOT_COMPUTED
+    elif unit == "m" and abs(value) < 0.1:
+        text = millimetres(value)
     elif unit:
         text = decimal(value) + ("" if unit == "°" else " ") + unit
     elif words[-1] == "share":

@@ -1,4 +1,9 @@
 "use strict";
+// Some browsers, those of iPhones among them, do not play a film from a data URI but do from a blob.
+const asBlob = (address) => {
+  const bytes = Uint8Array.from(atob(address.slice(address.indexOf(",") + 1)), (letter) => letter.charCodeAt(0));
+  return URL.createObjectURL(new Blob([bytes], { type: "video/mp4" }));
+};
 // One time cursor for each run: it moves with the film, and the film moves with it.
 for (const pair of document.querySelectorAll(".pair[data-run]")) {
   const plot = pair.querySelector(".timeplot");
@@ -58,6 +63,7 @@ for (const pair of document.querySelectorAll(".pair[data-run]")) {
   const follow = () => show(film.currentTime + filmStart);
   const run = () => { follow(); if (!film.paused && !film.ended) { requestAnimationFrame(run); } };
   if (film) {
+    film.addEventListener("error", () => { film.src = asBlob(film.src); }, { once: true });
     film.addEventListener("play", run);
     for (const event of ["timeupdate", "seeked"]) { film.addEventListener(event, follow); }
   }
