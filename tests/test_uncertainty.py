@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from campaigns import ANCHOR, HINGE, OBJECT, ROVER, towed_motion
-from scenes import ceiling, drive
 from scipy.spatial.transform import Rotation
 
+from campaigns import ANCHOR, HINGE, OBJECT, ROVER, towed_motion
+from scenes import ceiling, drive
 from towval.compare import compare
 from towval.decimate import decimate
 from towval.errors import InputError

@@ -43,6 +43,7 @@ from towval.vision.uncertainty import position_sensitivity
 
 _HINGE_STEP_S = 0.02
 _DROPPED_SHARE = 0.02
+_REST = "noise and interactions"
 
 INPUTS = {
     "friction": 1,
@@ -201,23 +202,20 @@ def variance_shares(draws: Array, outputs: Array, inputs: dict[str, int]) -> dic
     Returns
     -------
     dict of str to float
-        By name; they and "noise and interactions" sum to one, unless nothing varies at all.
+        By name, "noise and interactions" last; they sum to one, unless nothing varies at all.
     """
     k, d = draws.shape
     basis = np.concatenate([np.ones((k, 1)), draws, (draws**2 - 1) / np.sqrt(2)], axis=1)
     coefficients, *_ = np.linalg.lstsq(basis, outputs, rcond=None)
     residual = np.sum((outputs - basis @ coefficients) ** 2, axis=0) / max(1, k - basis.shape[1])
     power = np.sum(coefficients[1:] ** 2 - residual / k, axis=1)
-    total = float(np.sum(np.var(outputs, axis=0, ddof=1)))
+    by_column = power[:d] + power[d:]
+    starts = np.cumsum([0, *inputs.values()])[:-1]
+    parts = [max(0.0, float(by_column[i : i + width].sum())) for i, width in zip(starts, inputs.values(), strict=True)]
+    total = sum(parts) + float(residual.sum())
     if total == 0:
-        return dict.fromkeys(inputs, 0.0)
-    by_column = (power[:d] + power[d:]) / total
-    shares, start = {}, 0
-    for name, width in inputs.items():
-        shares[name] = max(0.0, float(by_column[start : start + width].sum()))
-        start += width
-    shares["noise and interactions"] = max(0.0, 1.0 - sum(shares.values()))
-    return shares
+        return dict.fromkeys([*inputs, _REST], 0.0)
+    return dict(zip([*inputs, _REST], [part / total for part in (*parts, float(residual.sum()))], strict=True))
 
 
 class _Sampler:
@@ -373,7 +371,7 @@ def _quantile(values: Array, confidence: float) -> float:
 
 def _findings(dropped: int, shares: dict[str, float]) -> tuple[Finding, ...]:
     findings = []
-    named = {name: share for name, share in shares.items() if name != "noise and interactions"}
+    named = {name: share for name, share in shares.items() if name != _REST}
     if any(named.values()):
         first = max(named, key=lambda name: named[name])
         text = f"{named[first]:.0%} of the path error's expected variance comes from: {first}."
