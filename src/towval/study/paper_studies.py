@@ -18,6 +18,7 @@ from towval.physics.quasistatic import QuasistaticMotion, quasistatic_plan
 from towval.physics.wrench import sliding_patch
 from towval.rover.paths import path_heading, timed
 from towval.rover.planner import PlanCase
+from towval.study.mesh_studies import contact_rows, mesh_rows
 from towval.study.paper_scene import CURVES, PaperScene, friction_law, paper_scene
 from towval.study.sensitivity import (
     Row,
@@ -48,7 +49,11 @@ def paper_parts(plan: Mapping[str, Any]) -> dict[str, dict[str, Part]]:
     """Parts of each study by name, from the configuration's section ``plan``."""
     vary = plan["sensitivity"]
     speed = vary["fixed_speed_m_s"]
+    shape, table = plan["general_object"], plan["table_1"]
     return {
+        "contact": {"extreme": {"centre": shape["extreme_centre_of_mass_m"], "element_size": shape["element_size_m"]}},
+        "meshes": {"boundary": {"element_size": None}}
+        | {f"{1e4 * size:03.0f}": {"element_size": size} for size in table["element_sizes_m"]},
         "nominal": {
             f"{curve}_{centre}": {"curve": curve, "centre": centre}
             for curve in CURVES
@@ -221,6 +226,8 @@ def _threshold_rows(scene: PaperScene, curve: str, thresholds: list[float], show
 
 
 _STUDIES = {
+    "contact": contact_rows,
+    "meshes": mesh_rows,
     "nominal": _nominal_rows,
     "speeds": lambda scene, curve, speed: [speed_row(scene, curve, speed, STEPS_AT_ANY_SPEED)],
     "time_steps": lambda scene, curve, speed, time_step: [time_step_row(scene, curve, speed, time_step)],
