@@ -16,8 +16,8 @@ from towval.study.paper_claims import CLAIMS
 _HEAD = """# Claims of the paper, one by one
 
 Made by the rule `claims` from the tables in `results/figures/tables/`; do not edit. Its twin for machines is
-`claims.json`. Every outcome is decided by the check beside it on our own numbers, with the scene of `workflow/plan.yaml`,
-where the paper's values and our assumptions are told apart.
+`claims.json`. Every outcome is decided by the check beside it on our own numbers, with the scene of
+`workflow/plan.yaml`, where the paper's values and our assumptions are told apart.
 """
 
 
