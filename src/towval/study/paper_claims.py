@@ -194,7 +194,7 @@ CLAIMS = (
     Claim(
         "feasible areas",
         "3.2, Fig. 8",
-        "The feasible area of the lemniscate is smaller, more jagged and of higher RMS than that of the rounded square.",
+        "The lemniscate's feasible area is smaller, more jagged and of higher RMS than the rounded square's.",
         "Fewer points arrive, their border is longer for the area, and their median RMS is higher.",
         checks.surface_compared,
     ),
