@@ -1,3 +1,6 @@
+import dataclasses
+import struct
+
 import av
 import cv2
 import numpy as np
@@ -129,3 +132,23 @@ def test_a_damaged_film_is_refused(calibration, run, footage, tmp_path):
     (tmp_path / "cut.mp4").write_bytes(whole[: len(whole) // 2])
     with pytest.raises(InputError, match=r"cut\.mp4"):
         write_overlay(tmp_path / "cut.mp4", tmp_path / "overlay.mp4", calibration, run)
+
+
+def test_footage_of_a_turned_phone_comes_out_upright(calibration, run, footage, tmp_path):
+    turned = tmp_path / "turned.mp4"
+    turned.write_bytes(quarter_turned(footage.read_bytes()))
+    upright_camera = dataclasses.replace(calibration.camera, resolution_px=SIZE[::-1])
+    upright = dataclasses.replace(calibration, camera=upright_camera)
+    with av.open(write_overlay(turned, tmp_path / "overlay.mp4", upright, run)) as film:
+        context = film.streams.video[0].codec_context
+        assert (context.width, context.height) == SIZE[::-1]
+
+
+def quarter_turned(mp4: bytes) -> bytes:
+    """The film with a display matrix of a quarter turn, as phones write it: 3 × 3 fixed-point numbers in ``tkhd``."""
+    one = 0x00010000
+    straight = struct.pack(">9i", one, 0, 0, 0, one, 0, 0, 0, 0x40000000)
+    quarter = struct.pack(">9i", 0, one, 0, -one, 0, 0, 0, 0, 0x40000000)
+    header = mp4.index(b"tkhd")
+    at = mp4.index(straight, header)
+    return mp4[:at] + quarter + mp4[at + len(quarter) :]

@@ -5,7 +5,15 @@ from towval.io.wording import decimal, degrees, millimetres, named_scalar
 
 @pytest.mark.parametrize(
     ("value", "words"),
-    [(21.04, "21.0"), (6.484, "6.48"), (0.645, "0.65"), (0.0023442, "0.0023"), (-0.00451, "-0.0045"), (0.0, "0.00")],
+    [
+        (21.04, "21.0"),
+        (6.484, "6.48"),
+        (0.645, "0.65"),
+        (0.0023442, "0.0023"),
+        (-0.00451, "-0.0045"),
+        (0.0199999, "0.020"),
+        (0.0, "0.00"),
+    ],
 )
 def test_digits_follow_the_size(value, words):
     assert decimal(value) == words

@@ -123,11 +123,10 @@ def tracking_facts(run: RunRecord) -> Facts:
     facts = []
     for track in (run.rover_track, run.object_track):
         std = np.nanmedian(track.std[track.seen], axis=0) if track.seen.any() else np.full(3, np.nan)
-        place = millimetres(float(np.hypot(std[0], std[1])))
-        facts.append((track.body.capitalize(), f"{int(track.seen.sum())} of {len(track.time_s)} frames seen"))
-        facts.append((f"{track.body.capitalize()}, median deviation", f"{place}, {degrees(float(std[2]))}"))
-        if track.method:
-            facts.append((f"{track.body.capitalize()}, method", track.method))
+        place, body = millimetres(float(np.hypot(std[0], std[1]))), track.body
+        facts.append((f"{body}: frames seen", f"{int(track.seen.sum())} of {len(track.time_s)}"))
+        facts.append((f"{body}: median deviation", f"{place}, {degrees(float(std[2]))}"))
+        facts.append((f"{body}: method", track.method))
     return tuple(facts)
 
 
@@ -136,11 +135,12 @@ def decimation_facts(run: RunRecord) -> Facts:
     thin = run.decimated
     if thin is None:
         return ()
+    noise = f"{decimal(1e3 * thin.noise[0])}, {millimetres(thin.noise[1])}, {degrees(thin.noise[2])}"
     return (
-        ("Points kept", f"{len(thin.time_s)} of {thin.frames} ({100 * len(thin.time_s) / thin.frames:.0f} %)"),
-        ("Noise of one pose", f"{millimetres(thin.noise[0])}, {millimetres(thin.noise[1])}, {degrees(thin.noise[2])}"),
-        ("Misfit in units of that noise", ", ".join(f"{value:.2f}" for value in thin.misfit)),
-        ("Pauses", f"{len(thin.pauses)}, {np.ptp(thin.pauses, axis=1).sum():.1f} s"),
+        ("poses kept", f"{len(thin.time_s)} of {thin.frames} ({100 * len(thin.time_s) / thin.frames:.0f} %)"),
+        ("noise of one pose", noise),
+        ("misfit in units of that noise", ", ".join(f"{value:.2f}" for value in thin.misfit)),
+        ("pauses", f"{len(thin.pauses)} ({np.ptp(thin.pauses, axis=1).sum():.1f} s)" if len(thin.pauses) else "none"),
     )
 
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 NOT_COMPUTED = "not computed"
 
 _UNITS = {"px": "px", "px2": "px²", "mm": "mm", "m": "m", "deg": "°", "rad": "rad", "s": "s", "N": "N"}
@@ -17,7 +15,8 @@ def decimal(value: float) -> str:
         return NOT_COMPUTED
     if abs(value) >= 0.1 or value == 0:
         return f"{value:.1f}" if abs(value) >= 10 else f"{value:.2f}"
-    return np.format_float_positional(value, precision=2, fractional=False, trim="-")
+    exponent = int(f"{value:.1e}".partition("e")[2])
+    return f"{value:.{1 - exponent}f}"
 
 
 def millimetres(value_m: float) -> str:
