@@ -55,7 +55,7 @@ def held_board(
     tilt_deg: tuple[float, float],
     where_px: Array,
     noise_px: float,
-    distance_m: tuple[float, float] = (0.9, 2.2),
+    distance_m: tuple[float, float] = (0.8, 1.8),
 ) -> Sighting:
     """A board held with its centre near a pixel, moved towards the image centre until all of it is seen."""
     corners = board_corners()

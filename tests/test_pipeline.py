@@ -18,7 +18,7 @@ from towval.geometry import wrapped
 from towval.io.campaign import load_campaign
 from towval.io.records import read_calibration, read_simulated, read_tracks
 
-STAGES = ("track", "decimate", "simulate", "compare")
+STAGES = ("track", "decimate", "simulate", "uncertainty", "compare")
 
 
 class Lab:
@@ -131,7 +131,8 @@ def _rules_to_run(lab, repository, *arguments):
 EDITS = {
     "src/towval/vision/camera.py": {"calibrate", *STAGES, "overlay", "report"},
     "src/towval/track.py": {*STAGES, "overlay", "report"},
-    "src/towval/physics/contact.py": {"simulate", "compare", "overlay", "report"},
+    "src/towval/physics/contact.py": {"simulate", "uncertainty", "compare", "overlay", "report"},
+    "src/towval/uncertainty.py": {"uncertainty", "compare", "overlay", "report"},
     "src/towval/compare.py": {"compare", "overlay", "report"},
     "src/towval/io/report.py": {"report"},
     "src/towval/rover/planner.py": set(),
@@ -156,7 +157,7 @@ def test_another_key_of_the_campaign_reruns_what_reads_it(lab, repository):
     document["tether"]["rest_length_m"] = 0.61
     try:
         path.write_text(yaml.safe_dump(document))
-        assert _rules_to_run(lab, repository) == {"simulate", "compare", "overlay", "report"}
+        assert _rules_to_run(lab, repository) == {"simulate", "uncertainty", "compare", "overlay", "report"}
     finally:
         path.write_text(before)
 

@@ -20,8 +20,9 @@ A run by hand, step by step:
   towval track     lab_a --run a --camera out/camera.mcap -o out/a/track.mcap
   towval decimate  out/a/track.mcap -o out/a/decimate.mcap
   towval simulate  lab_a --track out/a/track.mcap --decimated out/a/decimate.mcap -o out/a/simulate.mcap
-  towval compare   lab_a --run a --camera out/camera.mcap --track out/a/track.mcap \\
-                   --simulated out/a/simulate.mcap -o out/a/compare.mcap
+  towval uncertainty lab_a --run a --camera out/camera.mcap --folder out/a -o out/a/uncertainty.mcap
+  towval compare   --run a --track out/a/track.mcap --simulated out/a/simulate.mcap \\
+                   --uncertainty out/a/uncertainty.mcap -o out/a/compare.mcap
   towval report    lab_a --results out
 
 Or all of it at once, resumable and in parallel:
@@ -54,13 +55,17 @@ def _arguments() -> argparse.ArgumentParser:
     _input(stage, "track", "track.mcap of the run: the times of the output")
     _input(stage, "decimated", "decimate.mcap of the run: the rover's way, the object's first pose")
     stage = _stage(
-        stages, "compare", "simulated against measured path → compare.mcap: errors and verdict", settings=False
+        stages, "uncertainty", "all files of a run → uncertainty.mcap: the error that a right model may show"
     )
     _campaign(stage)
     _run(stage)
     _input(stage, "camera", "camera.mcap of the campaign")
+    _input(stage, "folder", "folder with track.mcap, decimate.mcap and simulate.mcap of the run")
+    stage = _stage(stages, "compare", "simulated against measured path → compare.mcap: errors and verdict")
+    _run(stage)
     _input(stage, "track", "track.mcap of the run")
     _input(stage, "simulated", "simulate.mcap of the run")
+    _input(stage, "uncertainty", "uncertainty.mcap of the run")
     stage = _stage(
         stages, "report", "all of a campaign's results → figures, overlays, summary.csv, report.html", output=False
     )

@@ -3,28 +3,57 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 
-from towval.errors import RefusedError
-from towval.geometry import path_length, rotation, wrapped
+from towval.errors import InputError, RefusedError
+from towval.geometry import (
+    error_signature,
+    normalised_signature,
+    rotation,
+    signature_blocks,
+    signature_entries,
+    wrapped,
+)
 from towval.types import (
     Array,
-    Body,
-    Calibration,
     Comparison,
     Finding,
+    RunUncertainty,
     Severity,
     SimulatedMotion,
     Track,
     TrackStatus,
     Verdict,
 )
-from towval.vision.camera import project
-from towval.vision.uncertainty import position_covariance
+
+_STEP_M = 0.01
+"""Way after which direction and length of the path are read again [m]: long against noise, short against bends."""
 
 
-def compare(run: str, simulated: SimulatedMotion, measured: Track, calibration: Calibration, body: Body) -> Comparison:
+@dataclass(frozen=True)
+class CompareSettings:
+    """Keys of ``config["compare"]``.
+
+    ``resolution_m`` is the smallest path error that matters to whoever asks [m]: where twice the validation uncertainty
+    exceeds it, agreement says too little and the verdict is "too uncertain".
+    """
+
+    resolution_m: float = 0.02
+
+    def __post_init__(self) -> None:
+        if not self.resolution_m > 0:
+            raise InputError("compare.resolution_m is out of range", got=self.resolution_m, allowed="above 0 m")
+
+
+def compare(
+    run: str,
+    simulated: SimulatedMotion,
+    measured: Track,
+    uncertainty: RunUncertainty,
+    settings: CompareSettings | None = None,
+) -> Comparison:
     """Compare a simulated motion with the measured one, frame by frame and without aligning them.
 
     Parameters
@@ -35,57 +64,112 @@ def compare(run: str, simulated: SimulatedMotion, measured: Track, calibration: 
         What the model says.
     measured : Track
         What the camera saw; only frames in which the object was seen count.
-    calibration : Calibration
-        The camera that measured, for the uncertainty of the measurement.
-    body : Body
-        The object.
+    uncertainty : RunUncertainty
+        What the error may be if the model is right, at the simulated times.
+    settings : CompareSettings, optional
+        Which error matters.
 
     Returns
     -------
     Comparison
-        Errors over time and their summary. ``u_measurement_m`` is the root mean square standard uncertainty of a
-        measured position: calibration, height of the top, registration in the first frame and the frame's own noise.
+        Errors over time, their summary, and the verdict in the terms of ASME V&V 20: E against u_val, where
+        u_val² = u_num² + u_input² + u_D², with errors that simulation and measurement share counted once.
 
     Raises
     ------
     RefusedError
         When no simulated frame was seen.
     """
-    rows = np.searchsorted(measured.time_s, simulated.time_s)
-    rows = np.minimum(rows, len(measured.time_s) - 1)
-    matched = np.abs(measured.time_s[rows] - simulated.time_s) < 1e-6
-    rows, simulated_pose = rows[matched], simulated.pose[matched]
+    settings = settings or CompareSettings()
+    rows = np.minimum(np.searchsorted(measured.time_s, simulated.time_s - 1e-9), len(measured.time_s) - 1)
     pose = np.where(measured.seen[rows, None], measured.pose[rows], np.nan)
-    if not np.isfinite(pose).any():
+    seen = np.isfinite(pose[:, 0])
+    if not seen.any():
         raise RefusedError(
             f"run {run} cannot be compared",
             got="no simulated frame in which the object was seen",
             remedy="look at the findings of the stage track",
         )
-    error = simulated_pose - pose
+    error = simulated.pose - pose
     error[:, 2] = wrapped(error[:, 2])
     distance = np.linalg.norm(error[:, :2], axis=1)
-    u_measurement = _measurement_uncertainty(measured, rows, pose, calibration, body)
-    u_num = simulated.statistics.get("u_num_m", np.nan)
-    status = measured.status[rows]
+    u_num = simulated.statistics["u_num_m"]
+    u_val = float(np.hypot(position_rms(uncertainty.validation), u_num))
+    along_across = _along_across(error[:, :2], pose)
+    verdict, reason = _verdict(error, along_across, pose, uncertainty, u_val, settings)
     return Comparison(
         run=run,
-        time_s=measured.time_s[rows],
+        time_s=simulated.time_s,
         error=error,
-        along_across=_along_across(error[:, :2], pose),
+        along_across=along_across,
         path_rms_m=_rms(distance),
         path_max_m=float(np.nanmax(distance)),
-        final_error_m=float(distance[np.isfinite(distance)][-1]),
+        final_error_m=float(distance[seen][-1]),
         heading_rms_rad=_rms(error[:, 2]),
-        path_length_m=_length_without_noise(pose, measured.std[rows]),
+        path_length_m=float(_arc_length(pose)[-1]),
         u_num_m=u_num,
-        u_input_m=np.nan,
-        u_measurement_m=u_measurement,
-        u_val_m=np.nan,
-        verdict=Verdict.NOT_JUDGED,
-        tracked_frames=int(np.count_nonzero(status == TrackStatus.TRACKED)),
-        lost_frames=int(np.count_nonzero(status != TrackStatus.TRACKED)),
-        findings=tuple(_findings(measured, simulated)),
+        u_input_m=position_rms(uncertainty.simulation),
+        u_measurement_m=position_rms(uncertainty.measurement),
+        u_val_m=u_val,
+        verdict=verdict,
+        tracked_frames=int(np.count_nonzero(measured.status[rows] == TrackStatus.TRACKED)),
+        lost_frames=int(np.count_nonzero(measured.status[rows] != TrackStatus.TRACKED)),
+        findings=(reason, *_findings(measured, simulated)),
+    )
+
+
+def position_rms(covariance: Array) -> float:
+    """Root mean square over time of the position deviation √(σ_x² + σ_y²) of covariances (n, 3, 3) [m]."""
+    return float(np.sqrt(np.mean(np.trace(covariance[:, :2, :2], axis1=1, axis2=2))))
+
+
+def _verdict(
+    error: Array,
+    along_across: Array,
+    pose: Array,
+    uncertainty: RunUncertainty,
+    u_val: float,
+    settings: CompareSettings,
+) -> tuple[Verdict, Finding]:
+    """The verdict and the sentence that gives its reason.
+
+    A fault of the model is detected when an entry of the error's signature, in units of its deviation, exceeds what
+    the largest entry of a right model exceeds once in ``1 / (1 − confidence)`` runs.
+    """
+    normalised = normalised_signature(error_signature(error), uncertainty.signature).max(axis=1)
+    peak, limit = float(np.nanmax(normalised)), uncertainty.signature_limit
+    ratio = f"the error's signature reaches {peak:.1f} of its deviations, a right model's {limit:.1f}"
+    if peak > limit:
+        text = f"Model-form error: {_where(error, along_across, pose, normalised, limit)}; {ratio}."
+        return Verdict.MODEL_ERROR, Finding(Severity.WARNING, "verdict", text)
+    if 2 * u_val > settings.resolution_m:
+        text = (
+            f"Too uncertain to tell: an error up to {2000 * u_val:.0f} mm could hide in the uncertainty, and errors "
+            f"from {1000 * settings.resolution_m:.0f} mm on matter; {ratio}."
+        )
+        return Verdict.TOO_UNCERTAIN, Finding(Severity.WARNING, "verdict", text)
+    text = f"Agrees within the validation uncertainty of {1000 * u_val:.1f} mm (one deviation): {ratio}."
+    return Verdict.AGREES, Finding(Severity.NOTE, "verdict", text)
+
+
+def _where(error: Array, along_across: Array, pose: Array, normalised: Array, limit: float) -> str:
+    """Where on the path the error begins, how large it becomes and in which direction."""
+    entries = signature_entries()
+    blocks = signature_blocks(len(error))
+    length = _arc_length(pose)
+    # The entry that exceeds and ends first says when the error shows; a change also says since when it has grown.
+    exceeding = [entry for entry, value in zip(entries, normalised, strict=True) if value > limit]
+    first = min(exceeding, key=lambda entry: (entry.last, -entry.first))
+    begin, end = int(blocks[first.first][-1]), int(blocks[first.last][-1])
+    place = pose[begin] if np.isfinite(pose[begin, 0]) else pose[np.flatnonzero(np.isfinite(pose[:, 0]))[0]]
+    rest = slice(begin, None)
+    worst = begin + int(np.nanargmax(np.linalg.norm(error[rest, :2], axis=1)))
+    along, across = 1000 * along_across[worst]
+    turn = np.degrees(error[rest, 2])
+    heading = float(turn[np.nanargmax(np.abs(turn))])
+    return (
+        f"it begins between {length[begin]:.2f} m and {length[end]:.2f} m of the path, near ({place[0]:.2f}, "
+        f"{place[1]:.2f}) m, and reaches {along:+.1f} mm along, {across:+.1f} mm across and {heading:+.2f}°"
     )
 
 
@@ -109,32 +193,18 @@ def _along_across(shift: Array, pose: Array) -> Array:
     return np.einsum("nji,nj->ni", rotation(filled), shift)
 
 
-_STEP_M = 0.01
-"""Way after which the direction of the path is read again [m]: long against tracking noise, short against its bends."""
-
-
-def _length_without_noise(pose: Array, std: Array) -> float:
-    """Length of the measured path [m], read off at steps longer than the noise, so that a rest adds nothing."""
-    seen = pose[np.isfinite(pose[:, 0]), :2]
-    step = max(_STEP_M, 5 * float(np.nanmedian(std[:, :2])))
-    corners = [seen[0]]
-    for position in seen:
-        if np.linalg.norm(position - corners[-1]) > step:
-            corners.append(position)
-    corners.append(seen[-1])
-    return path_length(np.array(corners))
-
-
-def _measurement_uncertainty(measured: Track, rows: Array, pose: Array, calibration: Calibration, body: Body) -> float:
-    seen = np.isfinite(pose[:, 0])
-    height = body.tracked_plane_height_m
-    points = np.column_stack([pose[seen, :2], np.full(np.count_nonzero(seen), height)])
-    pixels = project(calibration.camera, calibration.floor, points)
-    covariance = position_covariance(calibration, pixels, height, height_std_m=body.height_std_m)
-    turn = rotation(pose[seen, 2])
-    covariance = covariance + turn @ measured.start_covariance[:2, :2] @ turn.transpose(0, 2, 1)
-    covariance += measured.covariance[rows][seen][:, :2, :2]
-    return float(np.sqrt(np.mean(np.trace(covariance, axis1=1, axis2=2))))
+def _arc_length(pose: Array) -> Array:
+    """Arc length (n,) of the measured path [m], read at steps longer than the noise, so that a rest adds nothing."""
+    length, total, corner = np.zeros(len(pose)), 0.0, None
+    for i, position in enumerate(pose[:, :2]):
+        if np.isfinite(position[0]):
+            if corner is None:
+                corner = position
+            way = float(np.linalg.norm(position - corner))
+            if way > _STEP_M:
+                total, corner = total + way, position
+        length[i] = total
+    return length
 
 
 def _findings(measured: Track, simulated: SimulatedMotion) -> Iterable[Finding]:
@@ -147,6 +217,3 @@ def _findings(measured: Track, simulated: SimulatedMotion) -> Iterable[Finding]:
             "compare_cut",
             f"{len(measured.time_s) - len(simulated.time_s)} measured frames have no simulated counterpart.",
         )
-    yield Finding(
-        Severity.NOTE, "not_judged", "No verdict: the uncertainty of the simulation's inputs is not computed yet."
-    )

@@ -6,8 +6,10 @@ closed, in either sense of rotation unless said otherwise.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from towval.types import Array
 
@@ -137,3 +139,93 @@ def inside_polygon(polygon: ArrayLike, points: ArrayLike) -> np.ndarray:
 def path_length(position: ArrayLike) -> float:
     """Length of a polyline (n, 2) [m], segments with a missing end left out."""
     return float(np.nansum(np.linalg.norm(np.diff(np.asarray(position, dtype=np.float64), axis=0), axis=-1)))
+
+
+_BLOCKS = 24
+_LAGS = (1, 2, 4, 8)
+
+
+@dataclass(frozen=True)
+class SignatureEntry:
+    """One entry of an error signature: the mean over block ``last``, less that over ``first`` unless they are one."""
+
+    first: int
+    last: int
+
+
+def signature_entries() -> tuple[SignatureEntry, ...]:
+    """The entries of :func:`error_signature` in their order: 24 means, then the changes over 1, 2, 4 and 8 blocks."""
+    means = [SignatureEntry(k, k) for k in range(_BLOCKS)]
+    changes = [SignatureEntry(k, k + lag) for lag in _LAGS for k in range(_BLOCKS - lag)]
+    return (*means, *changes)
+
+
+def signature_blocks(n: int) -> list[NDArray[np.intp]]:
+    """Which of ``n`` times make each of the 24 blocks of a signature."""
+    return np.array_split(np.arange(n), _BLOCKS)
+
+
+def error_signature(error: ArrayLike) -> Array:
+    """Size and changes of an error over a motion: what a fault of the model moves, and what noise and phase do not.
+
+    Means over 24 blocks of time, in which oscillations (stick and slip) and frame noise average out; and the changes of
+    these means over 1, 2, 4 and 8 blocks, in which what is wrong from the start on (a length, a place) cancels, so that
+    an error that begins under way stands out.
+
+    Parameters
+    ----------
+    error : array_like (..., n, 3)
+        Errors of x, y and heading at n times, 24 or more; NaN where missing.
+
+    Returns
+    -------
+    ndarray (..., m, 3)
+        An entry of :func:`signature_entries` each; NaN where a block holds no error at all.
+    """
+    error = np.asarray(error, dtype=np.float64)
+    blocks = [error[..., rows, :] for rows in signature_blocks(error.shape[-2])]
+    counts = [np.isfinite(block).sum(axis=-2) for block in blocks]
+    sums = [np.nansum(block, axis=-2) for block in blocks]
+    means = np.stack(
+        [np.where(c > 0, s / np.maximum(c, 1), np.nan) for s, c in zip(sums, counts, strict=True)], axis=-2
+    )
+    changes = [means[..., lag:, :] - means[..., :-lag, :] for lag in _LAGS]
+    return np.concatenate([means, *changes], axis=-2)
+
+
+def normalised_signature(signature: ArrayLike, covariance: ArrayLike) -> Array:
+    """Entries of an error signature in units of their deviations, the same in every frame of the floor.
+
+    Parameters
+    ----------
+    signature : array_like (..., m, 3)
+        What :func:`error_signature` gives [m, m, rad].
+    covariance : array_like (m, 3, 3)
+        Covariances of the entries [m², m rad, rad²].
+
+    Returns
+    -------
+    ndarray (..., m, 2)
+        ``√(eᵀ Σ⁻¹ e)`` of the position and ``|e| / σ`` of the heading. Where a motion starts at its measured pose its
+        deviation there is nought, and anything would stand out: each deviation counts as at least a fifth of the root
+        mean square of its kind (means, and changes of one lag).
+    """
+    signature, covariance = np.asarray(signature, dtype=np.float64), np.asarray(covariance, dtype=np.float64)
+    parts, start = [], 0
+    for size in (_BLOCKS, *(_BLOCKS - lag for lag in _LAGS)):
+        rows = slice(start, start + size)
+        parts.append(_normalised(signature[..., rows, :], covariance[rows]))
+        start += size
+    return np.concatenate(parts, axis=-2)
+
+
+_FLOOR_SHARE = 0.2
+
+
+def _normalised(error: Array, covariance: Array) -> Array:
+    position, heading = covariance[:, :2, :2], covariance[:, 2, 2]
+    floor = _FLOOR_SHARE**2 * np.mean(np.trace(position, axis1=1, axis2=2)) / 2
+    inverse_position = np.linalg.inv(position + max(floor, 1e-18) * np.eye(2))
+    square = np.einsum("...ni,nij,...nj->...n", error[..., :2], inverse_position, error[..., :2])
+    turn = np.sqrt(np.maximum(heading, max(_FLOOR_SHARE**2 * np.mean(heading), 1e-18)))
+    return np.stack([np.sqrt(square), np.abs(error[..., 2]) / turn], axis=-1)

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from towval.errors import InputError, RefusedError
-from towval.geometry import polygon_area, polygon_centroid, polygon_second_moment, transform
+from towval.geometry import transform
 from towval.physics.dynamics import Accuracy, Outcome, feedback, resting_pressure
 from towval.physics.friction_law import FitResult, fit_makkar
+from towval.physics.mass import towed_object
 from towval.physics.wrench import SlidingPatch, sliding_patch
 from towval.types import Array, DecimatedTrack, Finding, Path, Scene, Severity, SimulatedMotion, TowedObject
 
@@ -28,39 +29,6 @@ class SimulateSettings:
     def __post_init__(self) -> None:
         if not 1e-12 <= self.tolerance_m <= 1e-3:
             raise InputError("simulate.tolerance_m is out of range", got=self.tolerance_m, allowed="1e-12 to 1e-3 m")
-
-
-def towed_object(scene: Scene) -> TowedObject:
-    """Mass, centre of mass and inertia of the object with its load.
-
-    The object's own mass is spread evenly over its footprint, ASSUME; the load is a box.
-
-    Parameters
-    ----------
-    scene : Scene
-        Footprint, masses and anchor.
-
-    Returns
-    -------
-    TowedObject
-        All of it in the object's frame.
-    """
-    rings = [scene.patch.outline, *scene.patch.holes]
-    signs = [1.0] + [-1.0] * len(scene.patch.holes)
-    areas = np.array([sign * abs(polygon_area(ring)) for sign, ring in zip(signs, rings, strict=True)])
-    centre = areas @ np.array([polygon_centroid(ring) for ring in rings]) / areas.sum()
-    second = sum(sign * abs(polygon_second_moment(ring, centre)) for sign, ring in zip(signs, rings, strict=True))
-    own = scene.body_mass * second / areas.sum()
-    load = scene.load
-    mass = scene.body_mass + load.mass
-    centre_of_mass = (scene.body_mass * centre + load.mass * load.at) / mass
-    box = load.mass * (load.size[0] ** 2 + load.size[1] ** 2) / 12
-    inertia = (
-        own
-        + box
-        + sum(m * np.sum((at - centre_of_mass) ** 2) for m, at in ((scene.body_mass, centre), (load.mass, load.at)))
-    )
-    return TowedObject(scene.patch, mass, centre_of_mass, float(inertia), scene.anchor)
 
 
 def friction_law(scene: Scene) -> FitResult:

@@ -14,6 +14,7 @@ from towval.types import Body, Calibration, Track
 from towval.vision.follow import Follower, TrackerMaker
 from towval.vision.klt import KltTracker
 from towval.vision.plane import PlaneTracker
+from towval.vision.watch import CameraWatch
 
 METHODS = ("plane", "klt")
 
@@ -93,30 +94,34 @@ def track(
     done = 0
     for time_s, picture in frames:
         luma = np.ascontiguousarray(picture)
-        if done:
+        if done == 0:
+            _check_size(luma, calibration)
+            followers = [_start(body, calibration, time_s, luma, clicks_px[body.name], settings) for body in bodies]
+            poses = [follower.first_pose for follower in followers]
+            watch = CameraWatch(calibration.camera, calibration.floor, luma, bodies, poses)
+        else:
             for follower in followers:
                 follower.follow(time_s, luma)
-        else:
-            _check_size(luma, calibration)
-            followers = [
-                Follower(
-                    body,
-                    calibration.camera,
-                    calibration.floor,
-                    time_s,
-                    luma,
-                    np.asarray(clicks_px[body.name], dtype=np.float64),
-                    settings.tracker_maker(),
-                    settings.coast_s,
-                )
-                for body in bodies
-            ]
+        watch.look(time_s, luma)
         done += 1
         if progress is not None:
             progress(done)
     if not done:
         raise InputError("the video holds no picture")
-    return {follower.body.name: follower.track(settings.method) for follower in followers}
+    return {follower.body.name: follower.track(settings.method, watch.findings()) for follower in followers}
+
+
+def _start(
+    body: Body,
+    calibration: Calibration,
+    time_s: float,
+    luma: NDArray[np.uint8],
+    clicks_px: ArrayLike,
+    settings: TrackSettings,
+) -> Follower:
+    clicks = np.asarray(clicks_px, dtype=np.float64)
+    maker = settings.tracker_maker()
+    return Follower(body, calibration.camera, calibration.floor, time_s, luma, clicks, maker, settings.coast_s)
 
 
 def _check_size(luma: NDArray[np.uint8], calibration: Calibration) -> None:

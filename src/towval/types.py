@@ -513,6 +513,61 @@ class Scene:
 
 
 @dataclass(frozen=True)
+class InputDeviations:
+    """Standard deviations of what the simulation is told.
+
+    ``friction`` of the kinetic coefficient, the static one going with it in proportion [1]; ``body_mass`` and
+    ``load_mass`` [kg]; ``load_at``, ``anchor``, ``hinge`` of each coordinate [m]; ``rest_length`` [m];
+    ``stiffness`` [N/m].
+    """
+
+    friction: float
+    body_mass: float
+    load_mass: float
+    load_at: float
+    anchor: float
+    hinge: float
+    rest_length: float
+    stiffness: float
+
+    def __post_init__(self) -> None:
+        _positive(self, *(f.name for f in fields(self)), zero=True)
+
+
+@dataclass(frozen=True)
+class RunUncertainty:
+    """What is known of the error of one run before it is looked at, in the terms of ASME V&V 20.
+
+    ``time_s`` (n,); covariances (n, 3, 3) of x, y and heading [m², m rad, rad²]: ``measurement`` of the measured pose,
+    ``simulation`` of the simulated one due to all that it was given, ``validation`` of their difference, in which what
+    both share (the camera) is counted once. ``signature`` (m, 3, 3) is the covariance of the error's signature (see
+    :func:`towval.geometry.error_signature`), and ``signature_limit`` what the largest of its normalised entries does
+    not exceed with probability ``confidence`` where the model is right. ``shares`` of the path error's variance by
+    input, first order; ``samples`` how many were drawn, from ``seed``.
+    """
+
+    time_s: Array
+    measurement: Array
+    simulation: Array
+    validation: Array
+    signature: Array
+    signature_limit: float
+    confidence: float
+    shares: dict[str, float]
+    samples: int
+    seed: int
+    findings: tuple[Finding, ...] = ()
+
+    def __post_init__(self) -> None:
+        n = len(self.time_s)
+        _lock(self, time_s=(n,))
+        for name in ("measurement", "simulation", "validation"):
+            value = locked(getattr(self, name), f"RunUncertainty.{name}", (n, 3, 3), finite=False)
+            object.__setattr__(self, name, value)
+        _lock(self, signature=(None, 3, 3))
+
+
+@dataclass(frozen=True)
 class Path:
     """A point's way over the floor in time: ``time_s`` (n,) strictly increasing, ``position`` (n, 2) [m]."""
 

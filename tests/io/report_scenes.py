@@ -6,6 +6,10 @@ small steps); the "simulated" object is the same motion with an error that is kn
 
 from __future__ import annotations
 
+import dataclasses
+from pathlib import Path
+
+import av
 import numpy as np
 
 from towval.geometry import path_length
@@ -33,6 +37,7 @@ REST_LENGTH = 0.6
 LOST = slice(60, 72)
 SLACK = slice(0, 15)
 ERROR_AMPLITUDE_M = 0.004
+SMALL_SIZE_PX = (640, 360)
 
 
 def towed_run(name: str = "a", n: int = 200, fps: float = 25.0, seed: int = 1, **changes: object) -> RunRecord:
@@ -156,6 +161,29 @@ def ceiling_calibration(seed: int = 2) -> Calibration:
     note = Finding(Severity.NOTE, "view_dropped", "View board_07 was dropped: its corners could not be found.")
     quality = {"reprojection_rms_px": 0.21, "camera_height_m": 4.0, "held_out_rms_px": 0.22, "condition_number": 155.0}
     return Calibration(camera, Floor(down), np.eye(18) * 1e-8, 0.15, views, (note,), quality)
+
+
+def small_calibration() -> Calibration:
+    """The ceiling camera at a third of its size, so that tests with films stay quick."""
+    full = ceiling_calibration()
+    matrix = np.array(full.camera.matrix)
+    matrix[:2] /= 3
+    matrix[0, 2], matrix[1, 2] = 319.5, 179.5
+    camera = dataclasses.replace(full.camera, resolution_px=SMALL_SIZE_PX, matrix=matrix)
+    return dataclasses.replace(full, camera=camera, views=())
+
+
+def grey_film(path: Path, frames: int, size_px: tuple[int, int] = SMALL_SIZE_PX, first_pts: int = 0) -> Path:
+    """An MP4 of 25 frames a second, evenly grey."""
+    with av.open(path, "w") as film:
+        stream = film.add_stream("libx264", rate=25)
+        stream.width, stream.height, stream.pix_fmt = *size_px, "yuv420p"
+        for i in range(frames):
+            frame = av.VideoFrame.from_ndarray(np.full((size_px[1], size_px[0], 3), 128, np.uint8), format="rgb24")
+            frame.pts = first_pts + i
+            film.mux(stream.encode(frame))
+        film.mux(stream.encode(None))
+    return path
 
 
 def _view(i: int, rng: np.random.Generator) -> View:

@@ -8,7 +8,7 @@ from report_scenes import LOST, SLACK, ceiling_calibration, towed_run
 from towval.errors import InputError
 from towval.io import figures
 from towval.io.figures.errors import intervals
-from towval.io.style import COLUMN_WIDTH_IN, MEASURED, PAGE_WIDTH_IN, ROVER, SIMULATED, save_figure, svg_text
+from towval.io.style import COLUMN_WIDTH_IN, MEASURED, PAGE_WIDTH_IN, ROVER, SIMULATED, frame_of, save_figure, svg_text
 
 
 @pytest.fixture(scope="module")
@@ -117,12 +117,11 @@ def test_intervals_of_nothing_and_of_everything():
     assert intervals(time_s, np.array([False, True, False])) == [(0.5, 1.5)]
 
 
-def test_time_axis_points_at_the_frame(run):
-    figure = figures.error_figure(run)
-    axis = figures.time_axis(figure)
-    assert (axis.start_s, axis.end_s) == (run.comparison.time_s[0], run.comparison.time_s[-1])
-    assert 0 < axis.left < axis.right <= 1
-    assert 0 < axis.top < axis.bottom < 1
+def test_frame_of_a_figure_says_where_its_axes_are(run):
+    frame = frame_of(figures.error_figure(run))
+    assert (frame.x_low, frame.x_high) == (run.comparison.time_s[0], run.comparison.time_s[-1])
+    assert 0 < frame.left < frame.right <= 1
+    assert 0 < frame.top < frame.bottom < 1
 
 
 def test_coverage_states_the_factor_it_exaggerates_by(calibration):

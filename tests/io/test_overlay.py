@@ -1,29 +1,24 @@
 import dataclasses
+import struct
 
 import av
 import cv2
 import numpy as np
 import pytest
-from report_scenes import LOST, ceiling_calibration, towed_run
+from report_scenes import LOST, SMALL_SIZE_PX, grey_film, small_calibration, towed_run
 
 from towval.errors import InputError
 from towval.geometry import transform
 from towval.io.overlay import overlay_frames, write_overlay
 from towval.vision.camera import project
 
-FRAMES, SIZE = 80, (640, 360)
+FRAMES = 80
+SIZE = SMALL_SIZE_PX
 
 
 @pytest.fixture(scope="module")
 def calibration():
-    """The ceiling camera at a third of its size, so that tests stay quick."""
-    full = ceiling_calibration()
-    matrix = np.array(full.camera.matrix)
-    matrix[:2] /= 3
-    matrix[0, 2], matrix[1, 2] = 319.5, 179.5
-    return dataclasses.replace(
-        full, camera=dataclasses.replace(full.camera, resolution_px=SIZE, matrix=matrix), views=()
-    )
+    return small_calibration()
 
 
 @pytest.fixture(scope="module")
@@ -33,24 +28,12 @@ def run():
 
 @pytest.fixture(scope="module")
 def footage(tmp_path_factory):
-    return film_of(tmp_path_factory.mktemp("footage") / "grey.mp4", SIZE)
+    return grey_film(tmp_path_factory.mktemp("footage") / "grey.mp4", frames=FRAMES)
 
 
 @pytest.fixture(scope="module")
 def overlay(footage, calibration, run, tmp_path_factory):
     return write_overlay(footage, tmp_path_factory.mktemp("overlay") / "overlay.mp4", calibration, run, crf=12)
-
-
-def film_of(path, size, grey=128, frames=FRAMES, first_pts=0):
-    with av.open(path, "w") as film:
-        stream = film.add_stream("libx264", rate=25)
-        stream.width, stream.height, stream.pix_fmt = *size, "yuv420p"
-        for i in range(frames):
-            frame = av.VideoFrame.from_ndarray(np.full((size[1], size[0], 3), grey, np.uint8), format="rgb24")
-            frame.pts = first_pts + i
-            film.mux(stream.encode(frame))
-        film.mux(stream.encode(None))
-    return path
 
 
 def decoded(path):
@@ -117,7 +100,7 @@ def test_same_data_give_the_same_bytes(calibration, run, footage, overlay, tmp_p
 
 
 def test_an_offset_of_the_footage_is_taken_off(calibration, run, tmp_path):
-    late = film_of(tmp_path / "late.mp4", SIZE, frames=5, first_pts=50)
+    late = grey_film(tmp_path / "late.mp4", frames=5, first_pts=50)
     assert decoded(late)[0][0] == pytest.approx(2.0)
     film = decoded(write_overlay(late, tmp_path / "overlay.mp4", calibration, run))
     assert [t for t, _ in film] == pytest.approx([0, 0.04, 0.08, 0.12, 0.16], abs=1e-9)
@@ -131,7 +114,7 @@ def test_stills_are_jpeg_from_first_to_last(overlay):
 
 
 def test_footage_of_another_size_is_refused(calibration, run, tmp_path):
-    film = film_of(tmp_path / "other.mp4", (320, 180), frames=3)
+    film = grey_film(tmp_path / "other.mp4", frames=3, size_px=(320, 180))
     with pytest.raises(InputError, match="another size") as caught:
         write_overlay(film, tmp_path / "overlay.mp4", calibration, run)
     assert caught.value.got == "320 × 180"
@@ -149,3 +132,23 @@ def test_a_damaged_film_is_refused(calibration, run, footage, tmp_path):
     (tmp_path / "cut.mp4").write_bytes(whole[: len(whole) // 2])
     with pytest.raises(InputError, match=r"cut\.mp4"):
         write_overlay(tmp_path / "cut.mp4", tmp_path / "overlay.mp4", calibration, run)
+
+
+def test_footage_of_a_turned_phone_comes_out_upright(calibration, run, footage, tmp_path):
+    turned = tmp_path / "turned.mp4"
+    turned.write_bytes(quarter_turned(footage.read_bytes()))
+    upright_camera = dataclasses.replace(calibration.camera, resolution_px=SIZE[::-1])
+    upright = dataclasses.replace(calibration, camera=upright_camera)
+    with av.open(write_overlay(turned, tmp_path / "overlay.mp4", upright, run)) as film:
+        context = film.streams.video[0].codec_context
+        assert (context.width, context.height) == SIZE[::-1]
+
+
+def quarter_turned(mp4: bytes) -> bytes:
+    """The film with a display matrix of a quarter turn, as phones write it: 3 × 3 fixed-point numbers in ``tkhd``."""
+    one = 0x00010000
+    straight = struct.pack(">9i", one, 0, 0, 0, one, 0, 0, 0, 0x40000000)
+    quarter = struct.pack(">9i", 0, one, 0, -one, 0, 0, 0, 0, 0x40000000)
+    header = mp4.index(b"tkhd")
+    at = mp4.index(straight, header)
+    return mp4[:at] + quarter + mp4[at + len(quarter) :]

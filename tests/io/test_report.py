@@ -1,3 +1,4 @@
+import base64
 import dataclasses
 import json
 import re
@@ -9,7 +10,9 @@ from report_scenes import LOST, ceiling_calibration, towed_run
 
 from towval.errors import InputError
 from towval.io.report import InputRow, Provenance, ReportData, RunReport, StageFinding, report_figures, write_report
-from towval.io.report_view import collect_findings, headline, verdict_reason
+from towval.io.report_facts import headline, side_by_side, verdict_reason
+from towval.io.report_view import collect_findings
+from towval.io.summary import summary_csv, summary_latex
 from towval.types import Finding, Severity, Verdict
 
 PROVENANCE = Provenance(
@@ -109,7 +112,7 @@ def test_series_under_the_cursor_is_the_error(page):
     np.testing.assert_allclose(
         np.array(series["x_mm"])[seen].astype(float), 1e3 * run.comparison.error[seen, 0], atol=5e-3
     )
-    np.testing.assert_allclose(series["time_s"], run.comparison.time_s, atol=5e-5)
+    np.testing.assert_allclose(series["time_s"], run.comparison.time_s, atol=5e-7)
 
 
 def test_same_data_give_the_same_bytes(tmp_path):
@@ -131,8 +134,8 @@ def test_gravest_findings_come_first_and_shared_ones_once():
     [
         (Verdict.NOT_JUDGED, {}, "inputs, measurement"),
         (Verdict.NOT_JUDGED, {"u_input_m": 1e-3, "u_measurement_m": 1e-3}, "No verdict was given"),
-        (Verdict.AGREES, {"u_val_m": 0.004}, "within the validation uncertainty of 4.0 mm"),
-        (Verdict.MODEL_ERROR, {"u_val_m": 0.001}, "exceeds the validation uncertainty of 1.0 mm"),
+        (Verdict.AGREES, {"u_val_m": 0.004}, "within the validation uncertainty of 4.00 mm"),
+        (Verdict.MODEL_ERROR, {"u_val_m": 0.001}, "exceeds the validation uncertainty of 1.00 mm"),
         (Verdict.TOO_UNCERTAIN, {"u_val_m": 0.04}, "40.0 mm is too large"),
     ],
 )
@@ -149,9 +152,9 @@ def test_headline_counts_verdicts_and_spans_errors():
         dataclasses.replace(base, verdict=Verdict.MODEL_ERROR, path_rms_m=0.03),
     ]
     assert headline(runs).startswith("3 runs: 2 agree within their uncertainty, 1 shows an error of the model.")
-    assert "2.0 to 30.0 mm" in headline(runs)
+    assert "2.00 to 30.0 mm" in headline(runs)
     assert headline(runs[:1]).startswith(
-        "1 run: 1 agrees within its uncertainty. The simulated path of the object is 2.0 mm"
+        "1 run: 1 agrees within its uncertainty. The simulated path of the object is 2.00 mm"
     )
 
 
@@ -172,3 +175,22 @@ def test_figures_are_saved_beside_the_page(tmp_path):
     write_report(tmp_path / "report.html", small, tmp_path / "figures")
     names = {path.name for path in (tmp_path / "figures").iterdir()}
     assert names == {f"{name}.{ending}" for name in report_figures(small) for ending in ("pdf", "svg", "png")}
+
+
+def test_summary_as_latex_has_a_row_a_run_and_dashes_for_what_is_missing():
+    lines = summary_latex([towed_run("run_a").comparison]).splitlines()
+    row = next(line for line in lines if line.startswith("run"))
+    assert row.startswith(r"run\_a & 2.")
+    assert row.endswith(r"& 0.01 & -- & -- & -- & not judged & 188 / 12 \\")
+    columns = re.search(r"tabular}{(\w+)}", "\n".join(lines)).group(1)
+    assert all(line.count("&") == len(columns) - 1 for line in lines if "&" in line)
+
+
+def test_summary_to_download_is_the_summary(page):
+    address = re.search(r'download="summary.csv" href="data:text/csv;base64,([^"]+)"', page).group(1)
+    assert base64.b64decode(address).decode() == summary_csv([run.record.comparison for run in data().runs])
+
+
+def test_facts_of_runs_stand_side_by_side():
+    runs = [(("steps", "12"), ("slack", "8 %")), (("steps", "14"), ("pauses", "2"))]
+    assert side_by_side(runs) == (("steps", ("12", "14")), ("slack", ("8 %", "")), ("pauses", ("", "2")))

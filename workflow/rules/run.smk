@@ -68,24 +68,51 @@ rule simulate:
         "../scripts/simulate.py"
 
 
-rule compare:
+rule uncertainty:
+    message:
+        "{wildcards.campaign}, run {wildcards.run}: sample what is not known exactly"
     input:
         camera=results("{campaign}", "camera.mcap"),
         track=results("{campaign}", "{run}", "track.mcap"),
+        decimated=results("{campaign}", "{run}", "decimate.mcap"),
         simulated=results("{campaign}", "{run}", "simulate.mcap"),
     output:
+        results("{campaign}", "{run}", "uncertainty.mcap"),
+    params:
+        campaign=folder,
+        given=given("rover", "object", "tether", "friction"),
+        settings=section("uncertainty"),
+        code=code("uncertainty"),
+    log:
+        results("{campaign}", "{run}", "logs", "uncertainty.log"),
+    benchmark:
+        results("{campaign}", "{run}", "benchmarks", "uncertainty.tsv")
+    resources:
+        mem_mb=1000,
+        runtime=30,
+    conda:
+        "../envs/towval.yaml"
+    script:
+        "../scripts/uncertainty.py"
+
+
+rule compare:
+    message:
+        "{wildcards.campaign}, run {wildcards.run}: compare simulated with measured"
+    input:
+        track=results("{campaign}", "{run}", "track.mcap"),
+        simulated=results("{campaign}", "{run}", "simulate.mcap"),
+        uncertainty=results("{campaign}", "{run}", "uncertainty.mcap"),
+    output:
         results("{campaign}", "{run}", "compare.mcap"),
+    params:
+        settings=section("compare"),
+        code=code("compare"),
     log:
         results("{campaign}", "{run}", "logs", "compare.log"),
     benchmark:
         results("{campaign}", "{run}", "benchmarks", "compare.tsv")
     conda:
         "../envs/towval.yaml"
-    params:
-        campaign=folder,
-        given=given("object"),
-        code=code("compare"),
-    message:
-        "{wildcards.campaign}, run {wildcards.run}: compare simulated with measured"
     script:
         "../scripts/compare.py"

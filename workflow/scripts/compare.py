@@ -1,4 +1,4 @@
-"""Rule compare: track.mcap and simulate.mcap → compare.mcap."""
+"""Rule compare: track.mcap, simulate.mcap and uncertainty.mcap → compare.mcap."""
 
 from pathlib import Path
 
@@ -7,10 +7,10 @@ from towval.commands.shared import told
 
 with told(Path(snakemake.log[0])):
     run(
-        Path(snakemake.params.campaign),
         snakemake.wildcards.run,
-        Path(snakemake.input.camera),
         Path(snakemake.input.track),
         Path(snakemake.input.simulated),
+        Path(snakemake.input.uncertainty),
         Path(snakemake.output[0]),
+        snakemake.params.settings,
     )

@@ -1,32 +1,40 @@
-"""Command compare: track.mcap and simulate.mcap → compare.mcap."""
+"""Command compare: track.mcap, simulate.mcap and uncertainty.mcap → compare.mcap."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
-from towval.commands.shared import provenance, tell
-from towval.compare import compare
-from towval.io.campaign import load_campaign
-from towval.io.records import read_calibration, read_simulated, read_tracks, write_comparison
+from towval.commands.shared import provenance, settings_from, tell
+from towval.compare import CompareSettings, compare
+from towval.io.records import read_simulated, read_tracks, read_uncertainty, write_comparison
 
 
-def run(campaign: Path, name: str, camera: Path, track: Path, simulated: Path, output: Path) -> None:
+def run(
+    name: str,
+    track: Path,
+    simulated: Path,
+    uncertainty: Path,
+    output: Path,
+    keys: Mapping[str, Any] | None = None,
+) -> None:
     """Compare the simulated with the measured path of the object.
 
     Parameters
     ----------
-    campaign : Path
-        The campaign folder.
     name : str
         The run.
-    camera, track, simulated : Path
-        ``camera.mcap``, ``track.mcap`` and ``simulate.mcap``.
+    track, simulated, uncertainty : Path
+        ``track.mcap``, ``simulate.mcap`` and ``uncertainty.mcap`` of the run.
     output : Path
         ``compare.mcap`` to write.
+    keys : mapping, optional
+        ``config["compare"]``.
     """
-    given = load_campaign(campaign)
+    settings = settings_from(CompareSettings, keys, "compare")
     measured, motion = read_tracks(track)["object"], read_simulated(simulated)
-    comparison = compare(name, motion, measured, read_calibration(camera), given.object)
+    comparison = compare(name, motion, measured, read_uncertainty(uncertainty), settings)
     tell(comparison.findings, f"compare {name}")
-    files = {path.name: path for path in (camera, track, simulated)}
-    write_comparison(output, comparison, measured, motion, provenance({}, files))
+    files = {path.name: path for path in (track, simulated, uncertainty)}
+    write_comparison(output, comparison, measured, motion, provenance(settings, files))

@@ -83,10 +83,10 @@ def told(log: Path | None = None) -> Iterator[None]:
 
 
 @contextmanager
-def progress(label: str, total: int | None) -> Iterator[Callable[[int], None]]:
+def progress(label: str, total: int | None, unit: str = "frame") -> Iterator[Callable[[int], None]]:
     """A progress bar on a terminal, a line every tenth part elsewhere; yields a function of the count done."""
     if sys.stderr.isatty():
-        with tqdm(total=total, desc=label, unit="frame") as bar:
+        with tqdm(total=total, desc=label, unit=unit) as bar:
             yield lambda done: bar.update(done - bar.n)
         return
     next_line = 0.1
@@ -94,7 +94,7 @@ def progress(label: str, total: int | None) -> Iterator[Callable[[int], None]]:
     def line(done: int) -> None:
         nonlocal next_line
         if total and done >= next_line * total:
-            print(f"{label}: {done} of {total} frames", file=sys.stderr, flush=True)
+            print(f"{label}: {done} of {total} {unit}s", file=sys.stderr, flush=True)
             next_line += 0.1
 
     yield line

@@ -11,7 +11,19 @@ import numpy as np
 from towval.errors import InputError
 from towval.geometry import inside_polygon, polygon_area
 from towval.io.schema import check, packaged_schema, read_yaml
-from towval.types import Array, Board, Body, FloorReference, FrictionWish, Load, Patch, Scene, Tether, locked
+from towval.types import (
+    Array,
+    Board,
+    Body,
+    FloorReference,
+    FrictionWish,
+    InputDeviations,
+    Load,
+    Patch,
+    Scene,
+    Tether,
+    locked,
+)
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp")
 
@@ -30,7 +42,7 @@ class Campaign:
     """A campaign as handed in.
 
     ``calibration_images`` and ``floor_images`` are files that exist; the first floor image defines the floor frame.
-    ``scene`` is what the simulation is told; ``document`` is ``campaign.yaml`` as read.
+    ``scene`` is what the simulation is told, ``deviations`` how well it is known; ``document`` is the file as read.
     """
 
     folder: Path
@@ -43,6 +55,7 @@ class Campaign:
     rover: Body
     object: Body
     scene: Scene
+    deviations: InputDeviations
     runs: dict[str, Run]
     document: dict[str, Any]
 
@@ -107,6 +120,7 @@ def load_campaign(folder: Path) -> Campaign:
         rover=_body("rover", rover, ()),
         object=_body("object", towed, (load.outline,) if load.size[:2].all() else ()),
         scene=_scene(document, load),
+        deviations=_deviations(document, load),
         runs={str(name): _run(folder, str(name), entry, document) for name, entry in document["runs"].items()},
         document=document,
     )
@@ -252,6 +266,26 @@ def _scene(document: dict[str, Any], load: Load) -> Scene:
             friction_velocity=friction["friction_velocity_m_per_s"],
             kinetic_std=friction.get("kinetic_std", 0.005),
         ),
+    )
+
+
+_MASS_STD, _STIFFNESS_STD = 0.01, 0.05
+_PLACE_STD_M, _LENGTH_STD_M = 0.001, 0.001
+"""Deviations where campaign.yaml gives none, as the schema says: a scale, a spring balance, a tape measure."""
+
+
+def _deviations(document: dict[str, Any], load: Load) -> InputDeviations:
+    towed, rover, tether = document["object"], document["rover"], document["tether"]
+    loaded = towed.get("load", {})
+    return InputDeviations(
+        friction=document["friction"].get("kinetic_std", 0.005),
+        body_mass=towed.get("mass_std_kg", _MASS_STD * towed["mass_kg"]),
+        load_mass=loaded.get("mass_std_kg", _MASS_STD * load.mass),
+        load_at=loaded.get("at_std_m", _PLACE_STD_M) if loaded else 0.0,
+        anchor=towed.get("tether_anchor_std_m", _PLACE_STD_M),
+        hinge=rover.get("tether_hinge_std_m", _PLACE_STD_M),
+        rest_length=tether.get("rest_length_std_m", _LENGTH_STD_M),
+        stiffness=tether.get("stiffness_std_N_per_m", _STIFFNESS_STD * tether["stiffness_N_per_m"]),
     )
 
 

@@ -102,7 +102,7 @@ class Painter:
         self._text.write(
             picture, (0, 0), [(f"run {self._run.name}   {time_s:6.2f} s   {self._error_text(time_s)}", _WHITE)]
         )
-        key = [("rover  ", (140, 190, 255)), ("measured  ", (255, 130, 112)), ("simulated", _WHITE)]
+        key = [("rover   ", (140, 190, 255)), ("object measured   ", (255, 130, 112)), ("simulated (black)", _WHITE)]
         self._text.write(picture, (0, picture.shape[0] - self._text.height_px), key)
 
     def _error_text(self, time_s: float) -> str:
@@ -110,7 +110,7 @@ class Painter:
         error = pose_at(comparison.time_s, comparison.error, time_s)
         if not np.isfinite(error).all():
             return "object not seen"
-        return f"error {1e3 * np.hypot(error[0], error[1]):5.1f} mm   {np.rad2deg(error[2]):+5.2f}°"
+        return f"error {1e3 * np.hypot(error[0], error[1]):5.2f} mm   {np.rad2deg(error[2]):+5.2f}°"
 
 
 def _stroke(picture: Picture, pixels: Array, colour: Colour, line: int) -> None:

@@ -27,6 +27,7 @@ from towval.types import (
     Features,
     Finding,
     Floor,
+    RunUncertainty,
     Severity,
     SimulatedMotion,
     Track,
@@ -295,6 +296,46 @@ def read_simulated(path: Path) -> SimulatedMotion:
         findings=_findings_in(details["findings"]),
         statistics=details["statistics"],
     )
+
+
+_UNCERTAINTY_ARRAYS = ("measurement", "simulation", "validation")
+
+
+def write_uncertainty(
+    path: Path, uncertainty: RunUncertainty, simulated: SimulatedMotion, provenance: dict[str, str]
+) -> None:
+    """Write ``uncertainty.mcap``: the simulated pose with the covariances of measurement, simulation and error."""
+    messages = []
+    for i, t in enumerate(uncertainty.time_s):
+        for name in _UNCERTAINTY_ARRAYS:
+            covariance = getattr(uncertainty, name)[i]
+            value = ros.pose_with_covariance(t, FLOOR_FRAME, simulated.pose[i], covariance)
+            messages.append(Message(f"/object/{name}_uncertainty", ros.nanoseconds(t), value))
+    skipped = ("time_s", "findings", *_UNCERTAINTY_ARRAYS)
+    names = [field.name for field in dataclasses.fields(uncertainty) if field.name not in skipped]
+    details = {name: getattr(uncertainty, name) for name in names}
+    details["signature"] = uncertainty.signature.tolist()
+    details["findings"] = _findings_out(uncertainty.findings)
+    write_mcap(path, messages, details, provenance)
+
+
+def read_uncertainty(path: Path) -> RunUncertainty:
+    """Read ``uncertainty.mcap``.
+
+    Raises
+    ------
+    InputError
+        When the file is missing, damaged or of another stage.
+    """
+    content = read_mcap(path)
+    details = dict(_details(content, path, "signature_limit", "shares"))
+    details["findings"] = _findings_in(details["findings"])
+    topics = {name: f"/object/{name}_uncertainty" for name in _UNCERTAINTY_ARRAYS}
+    arrays = {
+        name: np.array([ros.planar_covariance(value) for value in content.values(topic)])
+        for name, topic in topics.items()
+    }
+    return RunUncertainty(time_s=content.times_s(topics["validation"]), **arrays, **details)
 
 
 _COMPARISON_SCALARS = tuple(

@@ -14,7 +14,7 @@ from towval.io import figures, report_view
 from towval.io.atomic import write_text
 from towval.io.report_data import InputRow, Provenance, ReportData, RunReport, StageFinding
 from towval.io.run_record import RunRecord
-from towval.io.style import save_figure, svg_text
+from towval.io.style import frame_of, save_figure, svg_text
 
 __all__ = [
     "InputRow",
@@ -58,8 +58,8 @@ def write_report(path: FilePath, data: ReportData, figures_folder: FilePath | No
     if figures_folder is not None:
         for name, figure in drawn.items():
             save_figure(figure, figures_folder, name, svg=svgs[name])
-    time_axes = {name: figures.time_axis(figure) for name, figure in drawn.items() if name.startswith("errors_")}
-    view = report_view.build(data, svgs, time_axes)
+    frames = {name: frame_of(figure) for name, figure in drawn.items() if name.startswith(("errors_", "fig10_"))}
+    view = report_view.build(data, svgs, frames)
     template = _environment().get_template("report.html.j2")
     write_text(path, template.render(view=view, css=_asset("report.css"), script=_asset("report.js")))
     return path

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from towval.geometry import transform
 from towval.types import Array, Body, Comparison, DecimatedTrack, SimulatedMotion, Track, locked
@@ -46,9 +47,16 @@ def seen_poses(track: Track) -> Array:
     return np.where(track.seen[:, None], track.pose, np.nan)
 
 
+def nearest_samples(time_s: Array, wanted_s: ArrayLike) -> NDArray[np.intp]:
+    """Indices of the samples nearest to given times; ``time_s`` increases."""
+    after = np.clip(np.searchsorted(time_s, wanted_s), 1, max(len(time_s) - 1, 1))
+    nearest = np.where(wanted_s - time_s[after - 1] <= time_s[after % len(time_s)] - wanted_s, after - 1, after)
+    return np.minimum(nearest, len(time_s) - 1)
+
+
 def pose_at(time_s: Array, pose: Array, wanted_s: float) -> Array:
     """The pose (3,) of the sample nearest to a time, NaN where there is none within one interval of the samples."""
-    nearest = int(np.argmin(np.abs(time_s - wanted_s)))
+    nearest = int(nearest_samples(time_s, wanted_s))
     interval = float(np.median(np.diff(time_s))) if len(time_s) > 1 else np.inf
     return pose[nearest] if abs(time_s[nearest] - wanted_s) <= interval else np.full(3, np.nan)
 

@@ -66,7 +66,7 @@ class Margins:
     drawing, and they are the same in every format.
     """
 
-    left: float = 0.48
+    left: float = 0.55
     right: float = 0.07
     top: float = 0.22
     bottom: float = 0.36
@@ -143,6 +143,31 @@ def _share(rectangle: tuple[float, float, float, float], figure: Figure) -> tupl
     width, height = figure.get_size_inches()
     left, bottom, across, up = rectangle
     return left / width, bottom / height, across / width, up / height
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Where the axes of a figure lie on it, and what they span, so that a page can mark places on a drawn figure.
+
+    ``left``, ``right``, ``top`` and ``bottom`` are shares of the figure's width and height from its upper left corner,
+    around all panels; ``x_low`` and ``x_high`` the x axis that they share, ``y_low`` and ``y_high`` that of the first.
+    """
+
+    left: float
+    right: float
+    top: float
+    bottom: float
+    x_low: float
+    x_high: float
+    y_low: float
+    y_high: float
+
+
+def frame_of(figure: Figure) -> Frame:
+    """The frame of a figure with one column of panels."""
+    first, last = figure.axes[0].get_position(), figure.axes[-1].get_position()
+    limits = (float(value) for value in (*figure.axes[0].get_xlim(), *figure.axes[0].get_ylim()))
+    return Frame(float(first.x0), float(first.x1), float(1 - first.y1), float(1 - last.y0), *limits)
 
 
 def save_figure(figure: Figure, folder: FilePath, name: str, svg: str | None = None) -> tuple[FilePath, ...]:

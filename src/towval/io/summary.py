@@ -1,13 +1,14 @@
-"""``summary.csv``: a row a run."""
+"""The summary of a campaign, a row a run: ``summary.csv`` and the same for LaTeX."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
 
-from towval.io.atomic import replacing
+from towval.io.atomic import write_text
 from towval.types import Comparison
 
 COLUMNS = (
@@ -31,7 +32,46 @@ def summary_table(comparisons: Sequence[Comparison]) -> pd.DataFrame:
     return pd.DataFrame([[getattr(c, name) for name in COLUMNS] for c in comparisons], columns=list(COLUMNS))
 
 
+def summary_csv(comparisons: Sequence[Comparison]) -> str:
+    """The summary as CSV; an uncertainty that was not computed is left empty."""
+    return summary_table(comparisons).to_csv(index=False, float_format="%.9g", lineterminator="\n")
+
+
+def summary_latex(comparisons: Sequence[Comparison]) -> str:
+    """The summary as a LaTeX ``tabular`` for the package booktabs, in millimetres and degrees, "--" where missing."""
+    rows = [" & ".join(_latex_cells(c)) + r" \\" for c in comparisons]
+    return "\n".join([*_LATEX_HEAD, *rows, r"\bottomrule", r"\end{tabular}", ""])
+
+
 def write_summary(path: Path, comparisons: Sequence[Comparison]) -> None:
-    """Write ``summary.csv``; an uncertainty that was not computed is left empty."""
-    with replacing(path) as temporary:
-        summary_table(comparisons).to_csv(temporary, index=False, float_format="%.9g")
+    """Write ``summary.csv``."""
+    write_text(path, summary_csv(comparisons))
+
+
+_LATEX_HEAD = (
+    "% needs \\usepackage{booktabs}; uncertainties are standard uncertainties",
+    r"\begin{tabular}{lrrrrrrrrlr}",
+    r"\toprule",
+    r"Run & RMS & max. & heading & length & $u_\mathrm{num}$ & $u_\mathrm{input}$ & $u_D$ & $u_\mathrm{val}$ & verdict"
+    r" & seen / lost \\",
+    r" & (mm) & (mm) & (\textdegree) & (m) & (mm) & (mm) & (mm) & (mm) & & (frames) \\",
+    r"\midrule",
+)
+
+
+def _latex_cells(c: Comparison) -> list[str]:
+    uncertainties = (c.u_num_m, c.u_input_m, c.u_measurement_m, c.u_val_m)
+    return [
+        c.run.replace("_", r"\_"),
+        _decimal(1e3 * c.path_rms_m, 2),
+        _decimal(1e3 * c.path_max_m, 2),
+        _decimal(math.degrees(c.heading_rms_rad), 3),
+        _decimal(c.path_length_m, 3),
+        *(_decimal(1e3 * value, 2) for value in uncertainties),
+        c.verdict.value,
+        f"{c.tracked_frames} / {c.lost_frames}",
+    ]
+
+
+def _decimal(value: float, digits: int) -> str:
+    return f"{value:.{digits}f}" if math.isfinite(value) else "--"

@@ -23,13 +23,15 @@ CURVES = ("line", "circle", "lemniscate", "rounded_square")
 class PaperScene:
     """What all of the paper's figures share.
 
-    ``general`` objects by the name of their centre of mass and ``cube``; ``friction`` the four numbers of the law;
+    ``general`` objects by the name of their centre of mass and ``cube``; ``friction`` the four numbers of the
+    law, ``peaked_friction`` those of another with a peak;
     ``planner_step`` [s] the step of the rover's control; ``duration`` and ``time_step`` [s] of the nominal paths.
     """
 
     general: dict[str, TowedObject]
     cube: TowedObject
     friction: FrictionWish
+    peaked_friction: FrictionWish
     tether: Tether
     rover: Rover
     planner: PlannerSettings
@@ -41,7 +43,7 @@ class PaperScene:
 
 def paper_scene(plan: Mapping[str, Any]) -> PaperScene:
     """Build the scene from a section ``plan`` that its schema has checked."""
-    shape, load, friction, tether = plan["general_object"], plan["cube"], plan["friction"], plan["tether"]
+    shape, load, tether = plan["general_object"], plan["cube"], plan["tether"]
     rover, planner = plan["rover"], plan["planner"]
     half = load["side_m"] / 2
     square = half * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
@@ -51,12 +53,8 @@ def paper_scene(plan: Mapping[str, Any]) -> PaperScene:
             for name, centre in shape["centres_of_mass_m"].items()
         },
         cube=towed_object(square, load["mass_kg"], load["centre_of_mass_m"], load["anchor_m"]),
-        friction=FrictionWish(
-            friction["static"],
-            friction["kinetic"],
-            friction["stiction_velocity_m_s"],
-            friction["friction_velocity_m_s"],
-        ),
+        friction=_friction(plan["friction"]),
+        peaked_friction=_friction(plan["peaked_friction"]),
         tether=Tether(tether["rest_length_m"], tether["stiffness_n_m"]),
         rover=symmetric_rover(
             rover["wheelbase_m"],
@@ -80,6 +78,10 @@ def paper_scene(plan: Mapping[str, Any]) -> PaperScene:
         duration=plan["quasi_static"]["duration_s"],
         time_step=plan["quasi_static"]["time_step_s"],
     )
+
+
+def _friction(keys: Mapping[str, float]) -> FrictionWish:
+    return FrictionWish(keys["static"], keys["kinetic"], keys["stiction_velocity_m_s"], keys["friction_velocity_m_s"])
 
 
 def friction_law(wish: FrictionWish) -> FrictionLaw:

@@ -6,7 +6,8 @@ A part is a plain mapping, so that a workflow can hand it to a job, keep it as a
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,8 @@ from towval.physics.contact import resting_pressure
 from towval.physics.quasistatic import QuasistaticMotion, quasistatic_plan
 from towval.physics.wrench import sliding_patch
 from towval.rover.paths import path_heading, timed
+from towval.rover.planner import PlanCase
+from towval.study.mesh_studies import contact_rows, mesh_rows
 from towval.study.paper_scene import CURVES, PaperScene, friction_law, paper_scene
 from towval.study.sensitivity import (
     Row,
@@ -24,6 +27,7 @@ from towval.study.sensitivity import (
     feedforward_motion,
     loop_numbers,
     planned_loop,
+    rms_in_time,
     speed_row,
     stiffness_row,
     surface_grid,
@@ -32,7 +36,7 @@ from towval.study.sensitivity import (
 )
 from towval.types import Array, TowedObject
 
-SHOWN_ROWS = 1200
+SHOWN_ROWS = 800
 """Rows kept of a path that is drawn."""
 
 STEPS_AT_ANY_SPEED = 10_000
@@ -45,7 +49,11 @@ def paper_parts(plan: Mapping[str, Any]) -> dict[str, dict[str, Part]]:
     """Parts of each study by name, from the configuration's section ``plan``."""
     vary = plan["sensitivity"]
     speed = vary["fixed_speed_m_s"]
+    shape, table = plan["general_object"], plan["table_1"]
     return {
+        "contact": {"extreme": {"centre": shape["extreme_centre_of_mass_m"], "element_size": shape["element_size_m"]}},
+        "meshes": {"boundary": {"element_size": None}}
+        | {f"{1e4 * size:03.0f}": {"element_size": size} for size in table["element_sizes_m"]},
         "nominal": {
             f"{curve}_{centre}": {"curve": curve, "centre": centre}
             for curve in CURVES
@@ -63,9 +71,18 @@ def paper_parts(plan: Mapping[str, Any]) -> dict[str, dict[str, Part]]:
         "feedforward_paths": {
             curve: {"curve": curve, "speeds": vary["shown_speeds_m_s"]} for curve in ("rounded_square", "lemniscate")
         },
-        "thresholds": {curve: {"curve": curve, "thresholds": vary["thresholds_m"]} for curve in CURVES},
+        "starts": {law: {"law": law, "curve": "lemniscate", "speed": speed} for law in ("friction", "peaked_friction")},
+        "loop": {"lemniscate": {"curve": "lemniscate", **_planner_keys(plan["closed_loop"])}},
+        "thresholds": {
+            curve: {"curve": curve, "thresholds": vary["thresholds_m"], "shown": vary["shown_thresholds_m"]}
+            for curve in CURVES
+        },
         "surface": _surface_parts(vary),
     }
+
+
+def _planner_keys(keys: Mapping[str, Any]) -> Part:
+    return {"threshold": keys["threshold_m"], "look_ahead_steps": keys["look_ahead_steps"]}
 
 
 def _surface_parts(vary: Mapping[str, Any]) -> dict[str, Part]:
@@ -108,10 +125,8 @@ def settled_heading(towed: TowedObject, direction: float) -> float:
 
 
 def _nominal_rows(scene: PaperScene, curve: str, centre: str) -> list[Row]:
-    general_nominal(scene, curve, centre)
-    start = time.process_time()
     nominal = general_nominal(scene, curve, centre)
-    seconds = time.process_time() - start
+    seconds = _cpu_seconds(lambda: general_nominal(scene, curve, centre))
     common = {
         "curve": curve,
         "centre": centre,
@@ -157,22 +172,62 @@ def _feedforward_path_rows(scene: PaperScene, curve: str, speeds: list[float]) -
     return rows + _path_rows({"curve": curve, "path": "nominal", "mean_speed_m_s": 0.0}, nominal.pose[:, :2])
 
 
-def _threshold_rows(scene: PaperScene, curve: str, thresholds: list[float]) -> list[Row]:
-    """Rows of numbers, each followed by the paths of rover and object that go with them."""
+def _start_rows(scene: PaperScene, law: str, curve: str, speed: float) -> list[Row]:
+    """Feedforward dynamics from rest and from the nominal velocity, with and without a peak of friction."""
+    scene = scene if law == "friction" else replace(scene, friction=scene.peaked_friction)
+    patch, rows = cube_patch(scene), []
+    nominal = cube_nominal(scene, patch, curve, 0.1, speed=speed)
+    for from_rest in (True, False):
+        motion = feedforward_motion(scene, patch, nominal, from_rest=from_rest)
+        numbers = {"rms_m": rms_in_time(motion, nominal), "outcome": motion.outcome}
+        rows.append({"law": law, "start": "rest" if from_rest else "nominal velocity"} | numbers)
+    return rows
+
+
+def _loop_rows(scene: PaperScene, curve: str, **settings: Any) -> list[Row]:
+    """Ways of rover and object step by step, with the planner's cases, Fig. 5; the first row holds the numbers."""
+    patch = cube_patch(scene)
+    nominal = cube_nominal(scene, patch, curve, scene.planner_step)
+    loop = planned_loop(scene, patch, nominal, **settings)
+    seconds = _cpu_seconds(lambda: planned_loop(scene, patch, nominal, **settings))
+    rows = [{"row": "numbers", "curve": curve, "compute_time_s": seconds} | settings | loop_numbers(loop)]
+    rows += _path_rows({"row": "nominal object"}, nominal.pose[:, :2])
+    rows += _path_rows({"row": "nominal rover"}, nominal.hinge.position)
+    case_at = np.array([case.name for case in PlanCase])[loop.rover.case]
+    at = np.searchsorted(loop.rover.time_s, loop.towed.time_s).clip(max=len(case_at) - 1)
+    for name, position, case in (("rover", loop.rover.hinge, case_at), ("object", loop.towed.pose, case_at[at])):
+        rows += [
+            {"row": name, "x_m": x, "y_m": y, "case": letter}
+            for (x, y), letter in zip(position[:, :2], case, strict=True)
+        ]
+    return rows
+
+
+def _cpu_seconds(run: Callable[[], object]) -> float:
+    start = time.process_time()
+    run()
+    return time.process_time() - start
+
+
+def _threshold_rows(scene: PaperScene, curve: str, thresholds: list[float], shown: list[float]) -> list[Row]:
+    """A row of numbers a threshold, and the paths of rover and object for those that are shown, Fig. 7."""
     patch = cube_patch(scene)
     nominal = cube_nominal(scene, patch, curve, scene.planner_step)
     rows = _path_rows({"curve": curve, "row": "nominal object"}, nominal.pose[:, :2])
     rows += _path_rows({"curve": curve, "row": "nominal rover"}, nominal.hinge.position)
-    for threshold in thresholds:
+    for threshold in sorted({*thresholds, *shown}):
         loop = planned_loop(scene, patch, nominal, threshold=threshold)
         common = {"curve": curve, "threshold_m": threshold}
         rows.append(common | {"row": "numbers"} | loop_numbers(loop))
-        rows += _path_rows(common | {"row": "object"}, loop.towed.pose[:, :2])
-        rows += _path_rows(common | {"row": "rover"}, loop.rover.hinge)
+        if threshold in shown:
+            rows += _path_rows(common | {"row": "object"}, loop.towed.pose[:, :2])
+            rows += _path_rows(common | {"row": "rover"}, loop.rover.hinge)
     return rows
 
 
 _STUDIES = {
+    "contact": contact_rows,
+    "meshes": mesh_rows,
     "nominal": _nominal_rows,
     "speeds": lambda scene, curve, speed: [speed_row(scene, curve, speed, STEPS_AT_ANY_SPEED)],
     "time_steps": lambda scene, curve, speed, time_step: [time_step_row(scene, curve, speed, time_step)],
@@ -180,6 +235,8 @@ _STUDIES = {
         stiffness_row(scene, curve, speed, time_step, stiffness)
     ],
     "feedforward_paths": _feedforward_path_rows,
+    "starts": _start_rows,
+    "loop": _loop_rows,
     "thresholds": _threshold_rows,
     "surface": surface_rows,
 }

@@ -8,10 +8,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from towval.errors import InputError
 from towval.geometry import compose, transform
 from towval.types import Array, Body, Camera, Features, Finding, Floor, Severity, Track, TrackStatus
+from towval.vision.noise import hold_rest, scatter_factor
 from towval.vision.outline import OutlineFit, combine_fits, pose_from_clicks, see_outline
-from towval.vision.pose import Measurement, Motion, Tracker
+from towval.vision.pose import Measurement, Motion, Tracker, step_between
+from towval.vision.recover import Finder
 from towval.vision.sampling import metres_per_pixel
 
 Luma = NDArray[np.uint8]
@@ -21,6 +24,13 @@ _OUTLINE_EVERY_S = 0.5  # Between pictures whose edges are looked at, at first;
 _OUTLINE_DOUBLED_AFTER = 12  # after each dozen twice as long.
 _FARTHEST_CORRECTION_PX = 3.0  # Of the registration by all edges: clicks are that good.
 _MISFIT_OF_CLICKS_PX = 6.0  # More than 0.7 px of noise can explain.
+_WRONG_CLICKS = 0.08  # Of the body's size: the clicks belong to another body or are in another order.
+_MOST_ACCELERATION = 5.0  # ASSUME: half of gravity, more than wheels or a tether give [m/s²].
+_SURPRISE_PX = 3.0  # Beyond what acceleration explains.
+_SEARCH_EVERY_S = 0.1
+_AGREE_PX = 2.0
+_LOW_TEXTURE_PX = 0.12  # Deviation of a pose from which on the top counts as too plain.
+_MOVING_PX = 0.1  # A picture.
 
 
 @dataclass
@@ -65,29 +75,54 @@ class Follower:
         coast_s: float,
     ):
         self.body, self.camera, self.floor, self.coast_s = body, camera, floor, coast_s
-        clicked, click_covariance, misfit_px = pose_from_clicks(body, clicks_px, camera, floor)
-        self.findings = _judge_clicks(body, misfit_px)
+        clicked, self.start_covariance, misfit_px = pose_from_clicks(body, clicks_px, camera, floor)
+        self.pixel_m = metres_per_pixel(clicked, body.tracked_plane_height_m, camera, floor)
+        self.findings = _judge_clicks(body, misfit_px, self.pixel_m)
         fit = see_outline(luma, body, clicked, camera, floor)
-        pose = clicked if fit is None else compose(clicked, fit.correction)
-        self.start_covariance = click_covariance
-        self.pixel_m = metres_per_pixel(pose, body.tracked_plane_height_m, camera, floor)
+        self.first_pose = clicked if fit is None else compose(clicked, fit.correction)
         self.outline_fits: list[OutlineFit] = []
         self.next_outline_s, self.looks = time_s, 0
-        self.tracker = make_tracker(body, camera, floor, luma, pose)
-        self.motion = Motion(time_s, pose)
+        self.tracker = make_tracker(body, camera, floor, luma, self.first_pose)
+        self.finder = Finder(body, camera, floor, luma, self.first_pose)
+        self.reach_m = float(np.linalg.norm(body.top_corners_m, axis=1).max())
+        self.next_search_s = time_s
+        self.motion = Motion(time_s, self.first_pose)
         self.record = _Record()
         self.follow(time_s, luma)
 
     def follow(self, time_s: float, luma: Luma) -> None:
         """Take in the next picture."""
-        predicted = self.motion.predict(time_s)
+        coasting = time_s - self.motion.time_s <= self.coast_s
+        predicted = self.motion.predict(time_s) if coasting or len(self.record.pose) < 2 else self.motion.pose
         seen = self.tracker.measure(luma, predicted)
+        if seen is None or self._surprising(time_s, predicted, seen.pose):
+            seen = self._search(time_s, luma, seen)
         if seen is not None:
             self._keep_sighting(time_s, luma, seen)
-        elif time_s - self.motion.time_s <= self.coast_s:
+        elif coasting:
             self._keep(time_s, predicted, self._coasting_covariance(time_s), TrackStatus.COASTING)
         else:
             self._keep(time_s, np.full(3, np.nan), np.full((3, 3), np.nan), TrackStatus.LOST)
+
+    def _apart_px(self, pose: Array, other: Array) -> float:
+        step = step_between(pose, other)
+        return (float(np.hypot(step[0], step[1])) + self.reach_m * abs(step[2])) / self.pixel_m
+
+    def _surprising(self, time_s: float, predicted: Array, pose: Array) -> bool:
+        """Whether a pose is farther from the prediction than a body can have got."""
+        gone = 0.5 * _MOST_ACCELERATION * (time_s - self.motion.time_s) ** 2
+        return self._apart_px(predicted, pose) > _SURPRISE_PX + 2 * gone / self.pixel_m
+
+    def _search(self, time_s: float, luma: Luma, doubtful: Measurement | None) -> Measurement | None:
+        """Look for the body in the whole picture; a doubtful sighting counts if that leads to the same place."""
+        if time_s < self.next_search_s:
+            return None
+        self.next_search_s = time_s + _SEARCH_EVERY_S
+        place = self.finder.find(luma)
+        found = None if place is None else self.tracker.measure(luma, place)
+        if found is None or (doubtful is not None and self._apart_px(found.pose, doubtful.pose) > _AGREE_PX):
+            return None
+        return found
 
     def _keep_sighting(self, time_s: float, luma: Luma, seen: Measurement) -> None:
         pose = self.motion.see(time_s, seen.pose) if time_s > self.motion.time_s else seen.pose
@@ -104,7 +139,8 @@ class Follower:
     def _coasting_covariance(self, time_s: float) -> Array:
         # ASSUME: while unseen the body may have stopped, or gone on twice as fast.
         gone = np.abs(self.motion.velocity) * (time_s - self.motion.time_s)
-        return np.diag((np.array([gone[:2].max(), gone[:2].max(), gone[2]]) + self.pixel_m * np.array([1, 1, 5])) ** 2)
+        way = float(np.hypot(gone[0], gone[1])) + self.pixel_m
+        return np.diag(np.square([way, way, gone[2] + self.pixel_m / self.reach_m]))
 
     def _keep(
         self,
@@ -123,26 +159,41 @@ class Follower:
         record.inlier_fraction.append(inlier_fraction)
         record.residual.append(residual)
 
-    def track(self, method: str) -> Track:
-        """The whole record as a track, registered to the edges of all pictures."""
+    def track(self, method: str, further_findings: tuple[Finding, ...] = ()) -> Track:
+        """The whole record as a track: registered to the edges of all pictures, noise judged, rests held."""
         record, fit = self.record, self._registration()
-        pose = np.array(record.pose)
-        features = self._features()
+        time_s, status = np.array(record.time_s), np.array(record.status, dtype=np.uint8)
+        raw, seen = np.array(record.pose), status == TrackStatus.TRACKED
+        covariance = self._honest_covariance(time_s, raw, np.array(record.covariance), seen)
+        pose = hold_rest(time_s, raw, covariance, seen)
         if fit is not None:
             pose = compose(pose, fit.correction)
         return Track(
             body=self.body.name,
-            time_s=np.array(record.time_s),
+            time_s=time_s,
             pose=pose,
-            covariance=np.array(record.covariance),
-            status=np.array(record.status, dtype=np.uint8),
+            covariance=covariance,
+            status=status,
             inlier_fraction=np.array(record.inlier_fraction),
             residual=np.array(record.residual),
             start_covariance=self.start_covariance if fit is None else fit.covariance,
-            features=features,
-            findings=tuple(self.findings),
+            features=self._features(raw),
+            findings=(*self.findings, *self._judge_sight(time_s, covariance, status), *further_findings),
             method=method,
         )
+
+    def _honest_covariance(self, time_s: Array, pose: Array, covariance: Array, seen: NDArray[np.bool_]) -> Array:
+        """Covariances of the pictures' residuals, widened to the scatter in time."""
+        later = np.flatnonzero(seen)[1:]
+        if seen[0]:
+            # The first picture made the template, so it fits itself: its noise is that of the others.
+            typical = np.median(covariance[later], axis=0) if len(later) else self.start_covariance
+            covariance[0] = typical
+        masked = np.where(seen[:, None], pose, np.nan)
+        step = np.linalg.norm(np.diff(masked[:, :2], axis=0, append=np.nan), axis=1)
+        factor = scatter_factor(time_s, masked, covariance, step > _MOVING_PX * self.pixel_m)
+        covariance[seen] *= factor**2
+        return covariance
 
     def _registration(self) -> OutlineFit | None:
         if self.outline_fits:
@@ -156,23 +207,52 @@ class Follower:
         self.findings.append(Finding(Severity.WARNING, "edges_not_found", text))
         return None
 
-    def _features(self) -> Features | None:
+    def _judge_sight(self, time_s: Array, covariance: Array, status: NDArray[np.uint8]) -> list[Finding]:
+        """Findings about pictures in which the body was not seen, and about a top too plain to be seen well."""
+        findings, name = [], self.body.name
+        unseen = np.flatnonzero(status != TrackStatus.TRACKED)
+        if len(unseen):
+            lost = int((status == TrackStatus.LOST).sum())
+            text = (
+                f"{name} was not seen in {len(unseen)} of {len(status)} pictures ({lost} lost, {len(unseen) - lost} "
+                f"bridged), between {time_s[unseen[0]]:.2f} s and {time_s[unseen[-1]]:.2f} s. Look at the video there: "
+                "something hid it, it left the picture, or its top is too plain."
+            )
+            findings.append(Finding(Severity.WARNING, "not_seen", text))
+        seen = status == TrackStatus.TRACKED
+        deviation = float(np.sqrt(np.median(covariance[seen][:, 0, 0]))) if seen.any() else np.inf
+        if deviation > _LOW_TEXTURE_PX * self.pixel_m or seen.sum() < len(status) / 4:
+            text = (
+                f"The top of {name} shows too little texture for the noise of the video (deviation "
+                f"{1000 * deviation:.2f} mm where seen). Put a pattern on it: print, stickers, tape."
+            )
+            findings.append(Finding(Severity.WARNING, "low_texture", text))
+        return findings
+
+    def _features(self, pose: Array) -> Features | None:
         points = self.record.points
         if not points:
             return None
-        height = self.body.tracked_plane_height_m
         count = [len(own) for _, own, _ in points]
         frame = np.repeat([index for index, _, _ in points], count)
-        floor_xy = transform(np.array(self.record.pose)[frame], np.concatenate([own for _, own, _ in points]))
-        floor_m = np.column_stack([floor_xy, np.full(len(frame), height)])
+        floor_xy = transform(pose[frame], np.concatenate([own for _, own, _ in points]))
+        floor_m = np.column_stack([floor_xy, np.full(len(frame), self.body.tracked_plane_height_m)])
         return Features(frame, floor_m, np.concatenate([weights for _, _, weights in points]))
 
 
-def _judge_clicks(body: Body, misfit_px: float) -> list[Finding]:
+def _judge_clicks(body: Body, misfit_px: float, pixel_m: float) -> list[Finding]:
+    size_px = float(np.linalg.norm(np.ptp(body.top_corners_m, axis=0))) / pixel_m
+    if misfit_px > max(_MISFIT_OF_CLICKS_PX, _WRONG_CLICKS * size_px):
+        raise InputError(
+            f"first_frame_clicks_px of {body.name} do not fit its outline",
+            got=f"a corner {misfit_px:.0f} px off at the best pose",
+            allowed=f"{_MISFIT_OF_CLICKS_PX:.0f} px",
+            remedy="click its corners in the order of top_corners_m (not another body's); check its height and size",
+        )
     if misfit_px <= _MISFIT_OF_CLICKS_PX:
         return []
     text = (
-        f"The clicks of {body.name} miss its corners by up to {misfit_px:.1f} px. Check their order, whether they "
-        "belong to this body, its top_corners_m and tracked_plane_height_m."
+        f"The clicks of {body.name} miss its corners by up to {misfit_px:.1f} px. Check them, its top_corners_m and "
+        "tracked_plane_height_m."
     )
     return [Finding(Severity.WARNING, "clicks_misfit", text)]

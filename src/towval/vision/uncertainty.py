@@ -32,8 +32,9 @@ class UncertaintyMap:
 
     @property
     def rms_m(self) -> float:
-        """Root mean square of :attr:`std_m` over the grid [m]."""
-        return float(np.sqrt(np.nanmean(self.std_m**2)))
+        """Root mean square of :attr:`std_m` over the grid [m]; NaN where no ray meets the plane."""
+        std_m = self.std_m[np.isfinite(self.std_m)]
+        return float(np.sqrt(np.mean(std_m**2))) if len(std_m) else float("nan")
 
 
 def shared_parameters(camera: Camera, floor: Floor) -> Array:

@@ -11,12 +11,11 @@ from towval.io.figures.calibration import (
     uncertainty_figure,
 )
 from towval.io.figures.decimation import decimate_figure
-from towval.io.figures.errors import TimeAxis, error_figure, time_axis
+from towval.io.figures.errors import error_figure
 from towval.io.figures.runs import campaign_figure, run_figure
 from towval.io.figures.tracking import tracking_figure
 
 __all__ = [
-    "TimeAxis",
     "UncertaintyMap",
     "calibration_figures",
     "campaign_figure",
@@ -25,7 +24,6 @@ __all__ = [
     "error_figure",
     "reprojection_figure",
     "run_figure",
-    "time_axis",
     "tracking_figure",
     "uncertainty_figure",
 ]

@@ -19,6 +19,7 @@ from towval.io.style import (
     foot_legend,
     place_maps,
 )
+from towval.io.wording import decimal
 from towval.types import Array, Calibration, View, locked
 
 # Length of a large residual (95th percentile) in the picture, as a share of the image's width.
@@ -46,11 +47,11 @@ class UncertaintyMap:
 
 
 def calibration_figures(calibration: Calibration, uncertainty: UncertaintyMap | None = None) -> dict[str, Figure]:
-    """All figures of a calibration by name: ``coverage``, ``reprojection`` and, where given, ``uncertainty``."""
-    figures = {"coverage": coverage_figure(calibration), "reprojection": reprojection_figure(calibration)}
+    """All figures of a calibration by name: ``coverage``, ``uncertainty`` where given, and ``reprojection``."""
+    figures = {"coverage": coverage_figure(calibration)}
     if uncertainty is not None:
         figures["uncertainty"] = uncertainty_figure(calibration, uncertainty)
-    return figures
+    return figures | {"reprojection": reprojection_figure(calibration)}
 
 
 @figure_function
@@ -82,7 +83,7 @@ def coverage_figure(calibration: Calibration) -> Figure:
     factor = _draw_residuals(axes, calibration, used)
     width, height = _frame_image(axes, calibration)
     axes.set_title("Detected corners and their residuals" + (f", × {factor:.0f}" if factor else ""))
-    place_maps(figure, [axes], height / width, Margins(bottom=0.55))
+    place_maps(figure, [axes], height / width, Margins(left=0.46, bottom=0.55))
     foot_legend(figure, [line for line in axes.lines if not line.get_label().startswith("_")], columns=4)
     return figure
 
@@ -131,7 +132,7 @@ def reprojection_figure(calibration: Calibration) -> Figure:
     errors.set_xlabel("reprojection error, RMS (px)")
     tilts.set_xlabel("tilt (°)")
     tilts.set_xlim(left=0)
-    errors.set_title(f"Views; dashed: corner noise {calibration.corner_noise_px:.2f} px × √2")
+    errors.set_title(f"Views; dashed: corner noise {decimal(calibration.corner_noise_px)} px × √2")
     return figure
 
 
@@ -160,7 +161,7 @@ def uncertainty_figure(calibration: Calibration, uncertainty: UncertaintyMap) ->
     )
     axes.clabel(lines, fontsize=6.5, fmt="%g")
     width, height = _frame_image(axes, calibration)
-    place_maps(figure, [axes], height / width, Margins(right=0.68))
+    place_maps(figure, [axes], height / width, Margins(left=0.46, right=0.68))
     box = axes.get_position()
     bar = figure.colorbar(filled, cax=figure.add_axes((box.x1 + 0.025, box.y0, 0.025, box.height)))
     bar.set_label("standard deviation (mm)")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -19,22 +17,6 @@ _PANELS = (
 )
 _COVERAGE = 2.0
 """Half width of the band in standard uncertainties: 95 % for a normal error."""
-
-
-@dataclass(frozen=True)
-class TimeAxis:
-    """Where the time axis of a figure lies, and the times at its ends [s].
-
-    ``left`` and ``right`` are fractions of the figure's width from the left, ``top`` and ``bottom`` the edges of the
-    panels as fractions of its height from above.
-    """
-
-    left: float
-    right: float
-    top: float
-    bottom: float
-    start_s: float
-    end_s: float
 
 
 @figure_function
@@ -66,16 +48,6 @@ def error_figure(run: RunRecord) -> Figure:
     panels[0].set_xlim(comparison.time_s[0], comparison.time_s[-1])
     _explain(figure, banded=run.error_std is not None, shaded=shaded, gaps=np.isnan(comparison.error).any())
     return figure
-
-
-def time_axis(figure: Figure) -> TimeAxis:
-    """Where time runs in an :func:`error_figure`, so that a cursor can be laid over it."""
-    box, lowest, (start_s, end_s) = (
-        figure.axes[0].get_position(),
-        figure.axes[-1].get_position(),
-        figure.axes[0].get_xlim(),
-    )
-    return TimeAxis(box.x0, box.x1, 1 - box.y1, 1 - lowest.y0, float(start_s), float(end_s))
 
 
 def intervals(time_s: Array, mask: Array) -> list[tuple[float, float]]:

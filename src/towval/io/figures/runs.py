@@ -26,6 +26,7 @@ from towval.io.style import (
     head_legend,
     place_maps,
 )
+from towval.io.wording import millimetres
 from towval.types import Array, Comparison
 
 # Line styles as well as colours: the curves stay apart in grey and without colour vision.
@@ -66,7 +67,7 @@ def run_figure(run: RunRecord, spacing_m: float | None = None) -> Figure:
     _frame(axes, low, high)
     axes.set_title(f"Run {run.name}")
     axes.set_title(_error_text(run.comparison), loc="right", color="#444444")
-    place_maps(figure, [axes], float((high - low)[1] / (high - low)[0]), Margins(top=0.54))
+    place_maps(figure, [axes], float((high - low)[1] / (high - low)[0]), Margins(left=0.46, top=0.54))
     head_legend(figure, _legend_handles(), columns=3)
     return figure
 
@@ -192,7 +193,7 @@ def _frame(axes: Axes, low: Array, high: Array) -> None:
 def _error_text(comparison: Comparison) -> str:
     if not np.isfinite(comparison.path_rms_m):
         return "error not computed"
-    return f"RMS {1e3 * comparison.path_rms_m:.1f} mm, max {1e3 * comparison.path_max_m:.1f} mm"
+    return f"RMS {millimetres(comparison.path_rms_m)}, max {millimetres(comparison.path_max_m)}"
 
 
 def _legend_handles() -> list[Line2D]:

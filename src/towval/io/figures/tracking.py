@@ -17,6 +17,8 @@ _STATUS_COLOURS = {
     TrackStatus.LOST: MEASURED,
 }
 
+_RESIDUAL_UNITS = {"klt": " (px)", "plane": " (grey)"}
+
 
 @figure_function
 def tracking_figure(track: Track) -> Figure:
@@ -36,7 +38,7 @@ def tracking_figure(track: Track) -> Figure:
     heights = [0.7, 0.7, 0.7, 0.7, 0.15]
     figure, panels = column_of_panels(heights, Margins(bottom=0.53), f"Tracking of the {track.body}")
     panels[0].plot(track.time_s, track.residual, color=SIMULATED, linewidth=0.8)
-    panels[0].set_ylabel("residual")
+    panels[0].set_ylabel("residual" + _RESIDUAL_UNITS.get(track.method, ""))
     panels[1].plot(track.time_s, 100 * track.inlier_fraction, color=SIMULATED, linewidth=0.8)
     panels[1].set_ylim(0, 104)
     panels[1].set_ylabel("inliers (%)")

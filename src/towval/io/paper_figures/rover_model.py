@@ -90,7 +90,7 @@ def _geometry(axes: Axes, rover: Rover) -> None:
     for position, angle, name in zip(rover.axles, steering_of_twist(rover.axles, twist), "12", strict=True):
         draw_wheel(axes, rover.wheel_radius, position, angle, FACING_UP, facecolor="none", edgecolor="#c8322b", lw=0.9)
         axes.plot(*np.transpose([transform(FACING_UP, position), on_floor]), color="#c8322b", lw=0.7)
-        above = (-14, 15) if name == "1" else (-14, -24)
+        above = (-44, 16) if name == "1" else (-44, -24)
         _label(axes, transform(FACING_UP, position), rf"$\lambda_{name},\alpha_{name},\beta_{name}$", above)
     _dot(axes, on_floor)
     _label(axes, on_floor, r"$\Omega_r$", (5, -3))
@@ -129,15 +129,15 @@ def _towing(axes: Axes, rover: Rover, outline: Array, anchor: Array, rest_length
     for place, name, shift in ((hinge, r"$P_r$", (6, -5)), (knot, r"$Q_T$", (6, -4))):
         _dot(axes, place)
         _label(axes, place, name, shift)
-    _way(axes, pose, twist, hinge, ROVER_PATH, r"$s_r(t)$")
-    _way(axes, np.array([*body[:2], pose[2] + 0.3]), twist, body[:2], OBJECT_PATH, r"$s_o(t)$")
+    _way(axes, pose, twist, hinge, ROVER_PATH, r"$s_r(t)$", 0.75)
+    _way(axes, np.array([*body[:2], pose[2] + 0.15]), twist, body[:2], OBJECT_PATH, r"$s_o(t)$", 0.3)
     _steering_range(axes, rover, pose)
     axes.autoscale_view()
 
 
-def _way(axes: Axes, pose: Array, twist: Array, start: Array, colour: str, name: str) -> None:
-    """A dashed way through a point, as if carried by a body with a constant twist."""
-    times = np.linspace(-0.55, 0.75, 40)
+def _way(axes: Axes, pose: Array, twist: Array, start: Array, colour: str, name: str, ahead: float) -> None:
+    """A dashed way through a point, as if carried by a body with a constant twist, so far ahead [s]."""
+    times = np.linspace(-0.55, ahead, 40)
     poses = np.array([moved_by([*start, pose[2]], twist, t) for t in times])
     axes.plot(poses[:, 0], poses[:, 1], color=colour, lw=1.0, ls=(0, (5, 2)), zorder=1)
     arrow(axes, poses[-2, :2], poses[-1, :2], colour)
@@ -170,11 +170,7 @@ def _step(axes: Axes, rover: Rover) -> None:
     angle = np.arctan2(*(start[:2] - centre)[::-1]) + np.linspace(0, turn, 60)
     axes.plot(*(centre + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)).T, color=ROVER_PATH, lw=1.3)
     share = np.linspace(-0.25, 1.3, 120)[:, None]
-    nominal = (
-        start[:2]
-        + share * (end - start)[:2]
-        + 0.1 * np.sin(2 * np.pi * share) ** 2 * np.sign(np.sin(2 * np.pi * share)) * np.array([-0.5, 0.85])
-    )
+    nominal = start[:2] + share * (end - start)[:2] + 0.07 * np.sin(2 * np.pi * share) * np.array([-0.5, 0.85])
     axes.plot(*nominal.T, color="#c8322b", lw=0.9, ls=(0, (5, 2)))
     _label(axes, nominal[-1], r"$s_r$", (4, 0), color="#c8322b")
     for pose, name, shift in ((start, r"$P_0,\vartheta_0$", (16, -16)), (end, r"$P_1,\vartheta_1$", (20, -10))):
@@ -200,17 +196,23 @@ def _cases(axes: Axes, rover: Rover) -> None:
     reach = 2.5 * radius
     polygon = feasible_piece(rover, (-1,) * 4).polygon(reach)
     axes.add_patch(Polygon(transform(FACING_UP, polygon), closed=True, facecolor=REGION, edgecolor=REGION_EDGE, lw=0.6))
-    wanted = {"A": [-0.15, -1.75 * radius], "B": [0.62 * radius, -1.55 * radius], "C": [-1.2 * radius, -0.75 * radius]}
+    wanted = {
+        "A": [-0.15 * radius, -1.6 * radius],
+        "B": [0.75 * radius, -1.5 * radius],
+        "C": [-1.2 * radius, -0.75 * radius],
+    }
     for case, place in wanted.items():
         near = np.array(nearest_centre(region.normals[1], region.offsets[1], region.corners[1], *place)[:2])
         taken = region.tips[1] if case == "C" else near
         from_here, to_there = transform(FACING_UP, np.array(place)), transform(FACING_UP, taken)
         _dot(axes, from_here, CASE_COLOURS[case], 4.0)
-        _label(axes, from_here, rf"$\Omega_r$, case {case}", (6, -3), color=CASE_COLOURS[case])
+        _label(
+            axes, from_here, rf"$\Omega_r$, case {case}", (7, 3) if case == "B" else (6, -3), color=CASE_COLOURS[case]
+        )
         if case != "A":
             arrow(axes, from_here, to_there, CASE_COLOURS[case], shrinkA=2)
             _dot(axes, to_there, CASE_COLOURS[case], 4.0)
-            _label(axes, to_there, r"$\Omega_r^*$", (-16, 3) if case == "B" else (-9, 6), color=CASE_COLOURS[case])
+            _label(axes, to_there, r"$\Omega_r^*$", (6, -8) if case == "B" else (-12, 6), color=CASE_COLOURS[case])
     draw_rover(axes, rover, FACING_UP, np.zeros(4))
     axes.set_xlim(-0.75 * radius, 2.55 * radius)
     axes.set_ylim(-1.55 * radius, 1.35 * radius)

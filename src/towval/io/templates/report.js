@@ -1,4 +1,9 @@
 "use strict";
+// Some browsers, those of iPhones among them, do not play a film from a data URI but do from a blob.
+const asBlob = (address) => {
+  const bytes = Uint8Array.from(atob(address.slice(address.indexOf(",") + 1)), (letter) => letter.charCodeAt(0));
+  return URL.createObjectURL(new Blob([bytes], { type: "video/mp4" }));
+};
 // One time cursor for each run: it moves with the film, and the film moves with it.
 for (const pair of document.querySelectorAll(".pair[data-run]")) {
   const plot = pair.querySelector(".timeplot");
@@ -10,6 +15,10 @@ for (const pair of document.querySelectorAll(".pair[data-run]")) {
   const first = Number(plot.getAttribute("aria-valuemin")), last = Number(plot.getAttribute("aria-valuemax"));
   // The film starts at its first frame, the run's clock where the camera's stood.
   const filmStart = film ? Number(film.dataset.start) : 0;
+  const plan = pair.querySelector(".plan");
+  const dots = ["rover", "measured"].map((body) => [plan.querySelector(`.dot.${body}`), series[body]]);
+  const share = (value, [low, high]) => (value - low) / (high - low);
+  const [across, up] = [plan.dataset.x, plan.dataset.y].map((text) => text.split(" ").map(Number));
   let now = first;
 
   const nearest = (time) => {
@@ -24,34 +33,44 @@ for (const pair of document.querySelectorAll(".pair[data-run]")) {
   const words = (i) => {
     const seen = series.x_mm[i] !== null;
     const error = seen
-      ? `x ${signed(series.x_mm[i], 1, " mm")}, y ${signed(series.y_mm[i], 1, " mm")}, heading ${signed(series.heading_deg[i], 2, "°")}`
+      ? `x ${signed(series.x_mm[i], 2, " mm")}, y ${signed(series.y_mm[i], 2, " mm")}, heading ${signed(series.heading_deg[i], 3, "°")}`
       : "object not seen";
     return `${series.time_s[i].toFixed(2)} s: ${error}, tension ${series.tension_N[i].toFixed(1)} N`;
+  };
+  const place = (dot, at) => {
+    dot.style.visibility = at ? "visible" : "hidden";
+    if (!at) { return; }
+    const [west, east, north, south] = ["left", "right", "top", "bottom"].map((side) => Number(plan.dataset[side]));
+    dot.style.left = `${100 * (west + (east - west) * share(at[0], across))}%`;
+    dot.style.top = `${100 * (south + (north - south) * share(at[1], up))}%`;
   };
   const show = (time) => {
     now = Math.min(last, Math.max(first, time));
     cursor.style.left = `${100 * (left + (right - left) * (now - first) / (last - first))}%`;
     cursor.style.visibility = "visible";
-    readout.textContent = words(nearest(now));
+    const sample = nearest(now);
+    readout.textContent = words(sample);
+    for (const [dot, places] of dots) { place(dot, places[sample]); }
     plot.setAttribute("aria-valuenow", now.toFixed(2));
     plot.setAttribute("aria-valuetext", readout.textContent);
   };
   const go = (time) => {
     show(time);
-    if (film) { film.currentTime = Math.max(0, now - filmStart); }
+    // Half a millisecond inside the frame: rounding must not show the one before.
+    if (film) { film.currentTime = Math.max(0, now - filmStart + 5e-4); }
   };
 
   const follow = () => show(film.currentTime + filmStart);
   const run = () => { follow(); if (!film.paused && !film.ended) { requestAnimationFrame(run); } };
   if (film) {
+    film.addEventListener("error", () => { film.src = asBlob(film.src); }, { once: true });
     film.addEventListener("play", run);
     for (const event of ["timeupdate", "seeked"]) { film.addEventListener(event, follow); }
   }
   const point = (event) => {
     const box = plot.getBoundingClientRect();
-    const share = ((event.clientX - box.left) / box.width - left) / (right - left);
     if (film) { film.pause(); }
-    go(first + (last - first) * share);
+    go(first + (last - first) * share((event.clientX - box.left) / box.width, [left, right]));
   };
   plot.addEventListener("pointerdown", (event) => { plot.setPointerCapture(event.pointerId); point(event); });
   plot.addEventListener("pointermove", (event) => { if (plot.hasPointerCapture(event.pointerId)) { point(event); } });
@@ -66,3 +85,7 @@ for (const pair of document.querySelectorAll(".pair[data-run]")) {
   });
   show(first);
 }
+// On paper nothing can be unfolded.
+window.addEventListener("beforeprint", () => {
+  for (const folded of document.querySelectorAll("details:not(.reference)")) { folded.open = true; }
+});

@@ -1,0 +1,62 @@
+"""Command uncertainty: what the error of a run may be if the model is right → uncertainty.mcap."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from towval.commands.shared import progress, provenance, settings_from, tell
+from towval.io.campaign import load_campaign
+from towval.io.records import read_calibration, read_decimated, read_simulated, read_tracks, write_uncertainty
+from towval.simulate import friction_law
+from towval.uncertainty import Case, UncertaintySettings, sample_uncertainty
+
+
+def run(
+    campaign: Path,
+    name: str,
+    camera: Path,
+    folder: Path,
+    output: Path,
+    keys: Mapping[str, Any] | None = None,
+) -> None:
+    """Sample the uncertainty of a run.
+
+    Parameters
+    ----------
+    campaign : Path
+        The campaign folder.
+    name : str
+        The run.
+    camera : Path
+        ``camera.mcap`` of the campaign.
+    folder : Path
+        Folder with ``track.mcap``, ``decimate.mcap`` and ``simulate.mcap`` of the run.
+    output : Path
+        ``uncertainty.mcap`` to write.
+    keys : mapping, optional
+        ``config["uncertainty"]``.
+    """
+    settings = settings_from(UncertaintySettings, keys, "uncertainty")
+    given = load_campaign(campaign)
+    files = {stage: folder / f"{stage}.mcap" for stage in ("track", "decimate", "simulate")}
+    tracks, thin = read_tracks(files["track"]), read_decimated(files["decimate"])
+    case = Case(
+        scene=given.scene,
+        deviations=given.deviations,
+        law=friction_law(given.scene).law,
+        calibration=read_calibration(camera),
+        rover=given.rover,
+        towed=given.object,
+        rover_track=tracks["rover"],
+        rover_decimated=thin["rover"],
+        object_track=tracks["object"],
+        object_decimated=thin["object"],
+        simulated=read_simulated(files["simulate"]),
+    )
+    with progress(f"uncertainty {name}", settings.samples, "draw") as done:
+        uncertainty = sample_uncertainty(case, settings, done)
+    tell(uncertainty.findings, f"uncertainty {name}")
+    inputs = {path.name: path for path in (camera, *files.values())}
+    write_uncertainty(output, uncertainty, case.simulated, provenance(settings, inputs))

@@ -1,0 +1,174 @@
+"""What the report says in words and numbers: headline, reasons of verdicts, facts of each stage."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from towval.io.run_record import RunRecord
+from towval.io.wording import NOT_COMPUTED, decimal, degrees, millimetres, named_scalar
+from towval.types import Calibration, Comparison, Verdict
+
+Facts = tuple[tuple[str, str], ...]
+"""Names and values, as they are shown."""
+
+Table = tuple[tuple[str, tuple[str, ...]], ...]
+"""Names and the values of all runs."""
+
+_UNCERTAINTIES = (
+    ("u_num_m", "numerical"),
+    ("u_input_m", "inputs"),
+    ("u_measurement_m", "measurement"),
+    ("u_val_m", "validation, all together"),
+)
+
+_VERDICT_PHRASES = {
+    Verdict.AGREES: ("agrees within its uncertainty", "agree within their uncertainty"),
+    Verdict.MODEL_ERROR: ("shows an error of the model", "show an error of the model"),
+    Verdict.TOO_UNCERTAIN: ("is too uncertain to tell", "are too uncertain to tell"),
+    Verdict.NOT_JUDGED: ("not judged", "not judged"),
+}
+
+# What the calibration says of itself that the page says in its own words.
+_SAID_ABOVE = ("views_used", "views_dropped", "camera_height_m")
+
+
+def headline(comparisons: list[Comparison]) -> str:
+    """The result of a campaign in one sentence: how many runs came to which verdict, and how far they are off."""
+    counts = [(verdict, sum(c.verdict is verdict for c in comparisons)) for verdict in Verdict]
+    phrases = [f"{count} {_VERDICT_PHRASES[verdict][count != 1]}" for verdict, count in counts if count]
+    errors = [c.path_rms_m for c in comparisons if np.isfinite(c.path_rms_m)]
+    runs = f"{len(comparisons)} run" + "s" * (len(comparisons) != 1)
+    sentence = f"{runs}: {', '.join(phrases)}."
+    if errors:
+        lower = f"{decimal(1e3 * min(errors))} to " if len(errors) > 1 else ""
+        span = lower + millimetres(max(errors))
+        sentence += f" The simulated path of the object is {span} (RMS) from the measured one, unaligned."
+    return sentence
+
+
+def verdict_reason(comparison: Comparison) -> str:
+    """Why a run came to its verdict, in one sentence with its numbers."""
+    error, uncertainty = millimetres(comparison.path_rms_m), millimetres(comparison.u_val_m)
+    if comparison.verdict is Verdict.AGREES:
+        return f"The error ({error} RMS) is within the validation uncertainty of {uncertainty}."
+    if comparison.verdict is Verdict.MODEL_ERROR:
+        return f"The error ({error} RMS) exceeds the validation uncertainty of {uncertainty}."
+    if comparison.verdict is Verdict.TOO_UNCERTAIN:
+        return f"The validation uncertainty of {uncertainty} is too large to tell."
+    missing = [name for field, name in _UNCERTAINTIES[:3] if not np.isfinite(getattr(comparison, field))]
+    if missing:
+        return f"No verdict without the uncertainty of: {', '.join(missing)}."
+    return "No verdict was given."
+
+
+def reasons(comparisons: list[Comparison]) -> Facts:
+    """Who was judged how, and why; runs with the same reason together."""
+    runs_of: dict[tuple[Verdict, str], list[str]] = {}
+    for comparison in comparisons:
+        runs_of.setdefault((comparison.verdict, verdict_reason(comparison)), []).append(comparison.run)
+    return tuple(
+        (f"{'Runs' if len(runs) > 1 else 'Run'} {', '.join(runs)}: {verdict.value}.", reason)
+        for (verdict, reason), runs in runs_of.items()
+    )
+
+
+def side_by_side(runs: list[Facts]) -> Table:
+    """The facts of several runs as one table, a row a name; a run that lacks a fact has an empty cell."""
+    names = dict.fromkeys(name for facts in runs for name, _ in facts)
+    return tuple((name, tuple(dict(facts).get(name, "") for facts in runs)) for name in names)
+
+
+def summary_cells(c: Comparison) -> Facts:
+    """The cells of a run in the summary table: column and value, the unit in the column's name."""
+    lengths = (("Path RMS, mm", c.path_rms_m), ("Path max., mm", c.path_max_m))
+    uncertainties = (("num", c.u_num_m), ("input", c.u_input_m), ("meas.", c.u_measurement_m), ("val", c.u_val_m))
+    return (
+        *((name, millimetres(value).removesuffix(" mm")) for name, value in lengths),
+        ("Heading RMS, °", degrees(c.heading_rms_rad).removesuffix("°")),
+        ("Length, m", f"{c.path_length_m:.3f}" if np.isfinite(c.path_length_m) else NOT_COMPUTED),
+        ("Frames seen / lost", f"{c.tracked_frames} / {c.lost_frames}"),
+        *((f"u {name}, mm", millimetres(value).removesuffix(" mm")) for name, value in uncertainties),
+    )
+
+
+def key_numbers(c: Comparison) -> Facts:
+    """The errors of a run."""
+    share = c.path_rms_m / c.path_length_m if c.path_length_m > 0 else float("nan")
+    return (
+        ("Path error, RMS", millimetres(c.path_rms_m)),
+        ("Path error, maximum", millimetres(c.path_max_m)),
+        ("Path error, at the end", millimetres(c.final_error_m)),
+        ("Heading error, RMS", degrees(c.heading_rms_rad)),
+        ("RMS over path length", f"{decimal(100 * share)} %" if np.isfinite(share) else NOT_COMPUTED),
+    )
+
+
+def simulation_facts(run: RunRecord) -> Facts:
+    """Model, outcome and statistics of a run's simulation."""
+    simulated = run.simulated
+    tension = np.linalg.norm(simulated.tether_force, axis=1)
+    facts = [
+        ("Model", simulated.rung),
+        ("Outcome", simulated.outcome),
+        ("Tension, maximum", f"{tension.max():.1f} N"),
+        ("Tether slack", f"{100 * np.mean(tension == 0):.0f} % of the frames"),
+    ]
+    facts += [named_scalar(name, value) for name, value in simulated.statistics.items()]
+    facts.append(("Advice", simulated.advice))
+    return tuple(facts)
+
+
+def tracking_facts(run: RunRecord) -> Facts:
+    """How many frames were seen, and how well, of each body."""
+    facts = []
+    for track in (run.rover_track, run.object_track):
+        std = np.nanmedian(track.std[track.seen], axis=0) if track.seen.any() else np.full(3, np.nan)
+        place, body = millimetres(float(np.hypot(std[0], std[1]))), track.body
+        facts.append((f"{body}: frames seen", f"{int(track.seen.sum())} of {len(track.time_s)}"))
+        facts.append((f"{body}: median deviation", f"{place}, {degrees(float(std[2]))}"))
+        facts.append((f"{body}: method", track.method))
+    return tuple(facts)
+
+
+def decimation_facts(run: RunRecord) -> Facts:
+    """What thinning left of the rover's track; nothing where it was not thinned."""
+    thin = run.decimated
+    if thin is None:
+        return ()
+    noise = f"{decimal(1e3 * thin.noise[0])}, {millimetres(thin.noise[1])}, {degrees(thin.noise[2])}"
+    return (
+        ("poses kept", f"{len(thin.time_s)} of {thin.frames} ({100 * len(thin.time_s) / thin.frames:.0f} %)"),
+        ("noise of one pose", noise),
+        ("misfit in units of that noise", ", ".join(f"{value:.2f}" for value in thin.misfit)),
+        ("pauses", f"{len(thin.pauses)} ({np.ptp(thin.pauses, axis=1).sum():.1f} s)" if len(thin.pauses) else "none"),
+    )
+
+
+def calibration_facts(calibration: Calibration) -> Facts:
+    """Camera, lens and what the calibration says of itself."""
+    camera = calibration.camera
+    used = sum(not view.dropped for view in calibration.views)
+    facts = [
+        ("Camera height", f"{calibration.floor.camera_position_m[2]:.4f} m"),
+        ("Image", "{} × {} px".format(*camera.resolution_px)),
+        ("Focal length", f"{camera.matrix[0, 0]:.1f}, {camera.matrix[1, 1]:.1f} px"),
+        ("Lens model", camera.lens_model),
+        ("Corner noise", f"{calibration.corner_noise_px:.3f} px"),
+        ("Views used", f"{used} of {len(calibration.views)}"),
+    ]
+    facts += [named_scalar(name, value) for name, value in calibration.quality.items() if name not in _SAID_ABOVE]
+    return tuple(facts)
+
+
+def alternatives(run: RunRecord) -> dict[str, str]:
+    """What each figure of a run shows, for readers who do not see it."""
+    c = run.comparison
+    return {
+        "fig10": f"Run {run.name} on the floor: path of the rover, simulated and measured path of the object with "
+        f"outlines along the way. RMS distance {millimetres(c.path_rms_m)}, maximum {millimetres(c.path_max_m)}.",
+        "errors": f"Run {run.name}: errors in x, y and heading and the tether's tension over "
+        f"{c.time_s[-1] - c.time_s[0]:.1f} s. The last error is {millimetres(c.final_error_m)}.",
+        "tracking_rover": f"Run {run.name}: residual, inliers and deviations of the rover's track over time.",
+        "tracking_object": f"Run {run.name}: residual, inliers and deviations of the object's track over time.",
+        "decimate": f"Run {run.name}: measured and kept points of the hinge's way; measured minus smoothed over time.",
+    }

@@ -1,0 +1,60 @@
+"""Numbers in words, for figures and report: units, sensible digits, and "not computed" for what does not exist."""
+
+from __future__ import annotations
+
+import math
+
+NOT_COMPUTED = "not computed"
+
+_UNITS = {"px": "px", "px2": "px²", "mm": "mm", "m": "m", "deg": "°", "rad": "rad", "s": "s", "N": "N"}
+
+
+def decimal(value: float) -> str:
+    """A number with one decimal from 10 on, two from 0.1 on, below that two digits that count."""
+    if not math.isfinite(value):
+        return NOT_COMPUTED
+    if abs(value) >= 0.1 or value == 0:
+        return f"{value:.1f}" if abs(value) >= 10 else f"{value:.2f}"
+    exponent = int(f"{value:.1e}".partition("e")[2])
+    return f"{value:.{1 - exponent}f}"
+
+
+def millimetres(value_m: float) -> str:
+    """A length in mm."""
+    return f"{decimal(1e3 * value_m)} mm" if math.isfinite(value_m) else NOT_COMPUTED
+
+
+def degrees(value_rad: float) -> str:
+    """An angle in degrees."""
+    return f"{decimal(math.degrees(value_rad))}°" if math.isfinite(value_rad) else NOT_COMPUTED
+
+
+def named_scalar(name: str, value: float) -> tuple[str, str]:
+    """A scalar whose unit is at the end of its name (``focal_length_std_px``, ``rms_mm at 0.25 m``) in words.
+
+    Parameters
+    ----------
+    name : str
+        Words joined by underscores, the last one a unit, ``share`` or neither, then perhaps `` at`` and a place.
+    value : float
+        The scalar in that unit.
+
+    Returns
+    -------
+    tuple of str
+        Name without unit, and value with unit; a share becomes per cent, a count has no decimals.
+    """
+    stem, at, place = name.partition(" at ")
+    words = stem.split("_")
+    unit = _UNITS[words.pop()] if words[-1] in _UNITS else ""
+    if not math.isfinite(value):
+        text = NOT_COMPUTED
+    elif unit == "m" and abs(value) < 0.1:
+        text = millimetres(value)
+    elif unit:
+        text = decimal(value) + ("" if unit == "°" else " ") + unit
+    elif words[-1] == "share":
+        text = f"{100 * value:.0f} %"
+    else:
+        text = f"{value:.0f}" if float(value).is_integer() or abs(value) >= 1000 else decimal(value)
+    return " ".join(words) + at + place, text

@@ -1,0 +1,38 @@
+"""Mass properties of the towed object: footprint, own mass and load to centre of mass and inertia."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from towval.geometry import polygon_area, polygon_centroid, polygon_second_moment
+from towval.types import Scene, TowedObject
+
+
+def towed_object(scene: Scene) -> TowedObject:
+    """Mass, centre of mass and inertia of the object with its load.
+
+    ASSUME: the object's own mass is spread evenly over its footprint; the load is a homogeneous box.
+
+    Parameters
+    ----------
+    scene : Scene
+        Footprint, masses and anchor.
+
+    Returns
+    -------
+    TowedObject
+        All of it in the object's frame; the inertia is about the vertical through the common centre of mass.
+    """
+    rings = [scene.patch.outline, *scene.patch.holes]
+    signs = np.array([1.0] + [-1.0] * len(scene.patch.holes))
+    areas = signs * np.array([abs(polygon_area(ring)) for ring in rings])
+    centre = areas @ np.array([polygon_centroid(ring) for ring in rings]) / areas.sum()
+    second = signs @ np.array([abs(polygon_second_moment(ring, centre)) for ring in rings])
+    load = scene.load
+    mass = scene.body_mass + load.mass
+    centre_of_mass = (scene.body_mass * centre + load.mass * load.at) / mass
+    about_own_centres = scene.body_mass * second / areas.sum() + load.mass * np.sum(load.size[:2] ** 2) / 12
+    steiner = scene.body_mass * np.sum((centre - centre_of_mass) ** 2) + load.mass * np.sum(
+        (load.at - centre_of_mass) ** 2
+    )
+    return TowedObject(scene.patch, mass, centre_of_mass, float(about_own_centres + steiner), scene.anchor)

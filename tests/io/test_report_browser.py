@@ -1,0 +1,117 @@
+"""The report in a real browser: no complaint, the film plays, the cursor moves the film and the film the cursor."""
+
+import pytest
+from browser import Browser
+from report_scenes import grey_film, small_calibration, towed_run
+
+from towval.io.overlay import write_overlay
+from towval.io.report import Provenance, ReportData, RunReport, write_report
+
+FRAMES = 80
+LAST_S = (FRAMES - 1) / 25
+FRAME_S = 0.04
+
+# The time that the cursor stands at, from its place on the plot.
+CURSOR_S = """(() => {
+  const plot = document.querySelector(".timeplot");
+  const share = parseFloat(plot.querySelector(".cursor").style.left) / 100;
+  const { left, right } = plot.dataset;
+  return (share - left) / (right - left) * plot.getAttribute("aria-valuemax");
+})()"""
+FILM = "document.querySelector('video')"
+
+
+@pytest.fixture(scope="module")
+def address(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("report")
+    run, calibration = towed_run(n=FRAMES), small_calibration()
+    overlay = write_overlay(grey_film(folder / "a.mp4", FRAMES), folder / "overlay.mp4", calibration, run)
+    runs = (RunReport(run, overlay), RunReport(towed_run("b", n=FRAMES)))
+    report = write_report(folder / "report.html", ReportData("lab", runs, Provenance("towval report lab")))
+    return report.as_uri()
+
+
+@pytest.fixture(scope="module")
+def page(address, tmp_path_factory):
+    with Browser(tmp_path_factory.mktemp("profile")) as browser:
+        browser.open(address)
+        if not browser.run("document.createElement('video').canPlayType('video/mp4; codecs=\"avc1.64001e\"')"):
+            pytest.skip("this browser was built without H.264")
+        browser.wait_for(f"{FILM}.readyState >= 3")
+        yield browser
+
+
+@pytest.fixture
+def plot_box(page):
+    page.run("document.querySelector('.timeplot').scrollIntoView({ block: 'center', behavior: 'instant' })")
+    return page.run("document.querySelector('.timeplot').getBoundingClientRect().toJSON()")
+
+
+def axis_x(page, box, share):
+    left, right = page.run("(({ left, right }) => [+left, +right])(document.querySelector('.timeplot').dataset)")
+    return box["left"] + box["width"] * (left + share * (right - left))
+
+
+def test_playing_film_moves_the_cursor(page):
+    page.run(f"{FILM}.currentTime = 0, {FILM}.play()")
+    page.wait_for(f"{FILM}.currentTime > 0.4")
+    page.run(f"{FILM}.pause()")
+    page.wait_for(f"Math.abs({FILM}.currentTime - {CURSOR_S}) < 0.001")
+    assert page.run("document.querySelector('.readout').textContent").startswith("0.")
+
+
+def test_click_on_the_plot_moves_film_cursor_and_plan(page, plot_box):
+    before = page.run("document.querySelector('.dot.rover').style.left")
+    page.click(axis_x(page, plot_box, 0.5), plot_box["top"] + plot_box["height"] / 2)
+    page.wait_for(f"!{FILM}.seeking")
+    # A click lands on a whole pixel.
+    pixel_s = LAST_S / plot_box["width"]
+    assert page.run(f"{FILM}.currentTime") == pytest.approx(LAST_S / 2, abs=2 * pixel_s)
+    assert page.run(CURSOR_S) == pytest.approx(LAST_S / 2, abs=2 * pixel_s)
+    assert page.run("document.querySelector('.dot.rover').style.left") != before
+
+
+def test_arrow_keys_step_frame_by_frame(page, plot_box):
+    page.click(axis_x(page, plot_box, 0.25), plot_box["top"] + 50)
+    page.press("Home")
+    page.press("ArrowRight")
+    page.press("ArrowRight")
+    page.wait_for(f"!{FILM}.seeking")
+    assert page.run(f"{FILM}.currentTime") == pytest.approx(2 * FRAME_S, abs=0.001)
+    page.press("End")
+    # A style keeps six digits.
+    assert page.run(CURSOR_S) == pytest.approx(LAST_S, rel=1e-5)
+
+
+def test_plan_shows_the_object_only_where_it_was_seen(page, plot_box):
+    # The scene loses the object from frame 60 to 71 of 80.
+    for share, shown in ((30 / 79, "visible"), (65 / 79, "hidden"), (78 / 79, "visible")):
+        page.click(axis_x(page, plot_box, share), plot_box["top"] + 50)
+        assert page.run("document.querySelector('.dot.measured').style.visibility") == shown
+
+
+def test_a_browser_that_refuses_the_data_gets_a_blob(page):
+    page.run(f"{FILM}.dispatchEvent(new Event('error'))")
+    page.wait_for(f"{FILM}.src.startsWith('blob:') && {FILM}.readyState >= 3")
+    page.run(f"{FILM}.currentTime = 1")
+    page.wait_for(f"!{FILM}.seeking && Math.abs({CURSOR_S} - 1) < 0.001")
+
+
+def test_a_run_without_film_has_a_cursor_of_its_own(page):
+    script = "document.querySelector('#run-b .cursor').style"
+    page.run("document.querySelector('#run-b .timeplot').focus()")
+    before = page.run(f"{script}.left")
+    page.press("End")
+    assert page.run(f"{script}.visibility") == "visible"
+    assert page.run(f"{script}.left") != before
+
+
+def test_a_narrow_screen_needs_no_sideways_scrolling(address, tmp_path):
+    with Browser(tmp_path) as browser:
+        browser.open(address, width=390, height=844)
+        assert browser.run("document.documentElement.scrollWidth") == 390
+
+
+def test_page_has_no_complaint_and_asks_for_nothing(page, address):
+    assert page.complaints() == []
+    assert [url for url in page.requests() if not url.startswith("blob:")] == [address]
