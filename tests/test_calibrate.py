@@ -9,12 +9,12 @@ import pytest
 import yaml
 
 from board_pictures import chessboard_pattern, pattern_to_image, picture
-from corner_scenes import CornerScene, calibration_set
+from corner_scenes import CornerScene, axis_rotation, calibration_set
 from towval.calibrate import CalibrateSettings, calibrate, calibrate_sightings
 from towval.errors import InputError, RefusedError
 from towval.geometry import transform
-from towval.types import Board, Calibration, FloorReference, Severity
-from towval.vision.camera import to_plane
+from towval.types import Board, Calibration, Camera, Floor, FloorReference, Severity
+from towval.vision.camera import project, to_plane
 from towval.vision.search import look_for_boards
 from towval.vision.sightings import Sightings
 from towval.vision.uncertainty import pixel_grid, uncertainty_map
@@ -137,6 +137,39 @@ def test_a_degenerate_set_is_refused_unless_accepted(monkeypatch):
         calibrate(held, floor, BOARD, scene.seen.reference, QUICK)
     accepted = calibrate(held, floor, BOARD, scene.seen.reference, replace(QUICK, accept_refused=True))
     assert any(f.severity is Severity.REFUSAL for f in accepted.findings)
+
+
+def charuco_pictures(count: int) -> tuple[list[tuple[str, np.ndarray]], np.ndarray]:
+    """A ChArUco board of 9 × 6 squares of 50 mm, rendered in tilted poses by a camera without lens, and its matrix."""
+    size, square_px = (960, 540), 40
+    matrix = np.array([[800.0, 0, 470.0], [0, 800.0, 280.0], [0, 0, 1]])
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+    drawn = cv2.aruco.CharucoBoard((9, 6), square_px, 30, dictionary).generateImage((440, 320), marginSize=40)
+    to_metres = np.array([[0.05 / square_px, 0, -0.275], [0, 0.05 / square_px, -0.2], [0, 0, 1]])
+    named = []
+    for i in range(count):
+        about = 2 * np.pi * i / count
+        rotation = axis_rotation(0.55, about) @ cv2.Rodrigues(np.array([0, 0, 2.0 * i]))[0]
+        shift = np.array([0.25 * np.cos(2.4 * i), 0.12 * np.sin(2.4 * i), 0.8 + 0.05 * (i % 3)])
+        homography = matrix @ np.column_stack([rotation[:, :2], shift]) @ to_metres
+        named.append((f"board {i}", picture(drawn, homography, size)))
+    return named, matrix
+
+
+def test_charuco_from_pictures_to_camera_and_floor():
+    named, matrix = charuco_pictures(10)
+    T = np.array([[1.0, 0, 0, 0.1], [0, -1, 0, 0.05], [0, 0, -1, 3.0], [0, 0, 0, 1]])
+    truth = Camera((960, 540), matrix, np.zeros(8), "none"), Floor(T)
+    marks_m = np.array([(x, y) for x in (-1.3, 0.0, 1.1) for y in (-0.7, 0.8)])
+    marks_px = project(*truth, np.column_stack([marks_m, np.zeros(6)]))
+    reference = FloorReference(marks_px=marks_px, marks_m=marks_m, mark_std_px=0.05)
+    board = Board("charuco", (8, 5), 0.05, 0.0375, "DICT_4X4_50")
+    calibration = calibrate(named, [], board, reference, CalibrateSettings(folds=3))
+    assert np.abs(calibration.camera.distortion).max() < 2e-3
+    deviation = np.sqrt(np.diag(calibration.covariance))[:4]
+    apart = calibration.camera.matrix[[0, 1, 0, 1], [0, 1, 2, 2]] - matrix[[0, 1, 0, 1], [0, 1, 2, 2]]
+    assert (np.abs(apart) < 4 * deviation + 0.2).all()
+    assert calibration.corner_noise_px < 0.1
 
 
 @pytest.mark.shared

@@ -8,12 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from towval.errors import InputError, RefusedError
-from towval.types import Array, Board, Calibration, Camera, Finding, Floor, FloorReference, Severity, View
+from towval.types import Board, Calibration, Camera, Finding, Floor, FloorReference, Severity, View
 from towval.vision.adequacy import (
     compare_halves,
     floor_findings,
     halves_findings,
     marks_findings,
+    marks_std_px,
     tilts_deg,
     view_findings,
     view_statistics,
@@ -28,8 +29,12 @@ from towval.vision.uncertainty import camera_position_covariance, uncertainty_ma
 
 _JUDGING_MODELS = ("none", "k1", "k1 k2", "k1 k2 p1 p2 k3", "rational")
 """Lens models fitted in turn before any view is judged: what even the largest cannot explain is the view's fault."""
+_GOOD_ENOUGH_TO_CLEAR = _JUDGING_MODELS[2:]
+"""With these a set in which all views fit alike needs no larger model; smaller ones fit all views alike, badly."""
 _SMALLEST_MISFIT_PX = 0.1
 _FEWEST_VIEWS = 3
+_CLEARLY_MORE = 1.5
+_MARKS_VIEW = "surveyed marks"
 
 
 @dataclass(frozen=True)
@@ -160,6 +165,7 @@ def calibrate_sightings(
         When too few views are left, or the board that fixes the floor frame does not fit.
     """
     kept, start, dropped = _without_misfits(seen, settings)
+    kept, start = _with_honest_marks(kept, start)
     trials = try_lenses(kept.blocks, start, settings.lens_models, settings.folds)
     chosen = choose_lens(trials)
     estimate = chosen.estimate
@@ -172,7 +178,9 @@ def calibrate_sightings(
         corner_noise_px=estimate.noise_px,
         views=_views(seen, kept, estimate, dropped, unseen),
     )
-    return _judged(calibration, kept, trials, chosen, (0.0, *heights_m), settings.position_limit_m)
+    calibration = _judged(calibration, kept, trials, chosen, (0.0, *heights_m), settings.position_limit_m)
+    stated = seen.reference.mark_std_px if seen.reference is not None else np.nan
+    return replace(calibration, findings=(*calibration.findings, *marks_findings(kept, estimate, stated)))
 
 
 def _without_misfits(seen: Sightings, settings: CalibrateSettings) -> tuple[Sightings, Estimate, dict[str, str]]:
@@ -186,18 +194,38 @@ def _without_misfits(seen: Sightings, settings: CalibrateSettings) -> tuple[Sigh
                 allowed=f"{_FEWEST_VIEWS} at the very least, 12 to do well",
                 remedy="film the board tilted by 20° to 40° to all sides, all over the picture",
             )
-        estimate = first_guess(seen)
-        for model in _JUDGING_MODELS:
-            active = active_parameters(model, with_floor=seen.reference is not None)
-            estimate = unflipped(seen, adjust(seen.blocks, estimate, active))
+        estimate, misfit = _fit_to_judge(seen, settings.misfit_ratio)
+        if misfit is None:
+            return seen, estimate, dropped
+        name, reason = misfit
+        dropped[name] = reason
+        seen = _less(seen, name, reason)
+
+
+def _fit_to_judge(seen: Sightings, misfit_ratio: float) -> tuple[Estimate, tuple[str, str] | None]:
+    """Fit ever larger lens models until all views fit; if none does, name the worst view and say why."""
+    estimate = first_guess(seen)
+    for model in _JUDGING_MODELS:
+        active = active_parameters(model, with_floor=seen.reference is not None)
+        estimate = unflipped(seen, adjust(seen.blocks, estimate, active))
         found = residuals(seen.blocks, estimate)[: len(seen.sightings)]
         rms_px = [float(np.sqrt(np.mean(r**2))) for r in found]
         usual, worst = float(np.median(rms_px)), int(np.argmax(rms_px))
-        if rms_px[worst] <= max(settings.misfit_ratio * usual, _SMALLEST_MISFIT_PX):
-            return seen, estimate, dropped
-        name = seen.sightings[worst].name
-        dropped[name] = f"does not fit: {rms_px[worst]:.2f} px RMS where half of the views have {usual:.2f} px or less"
-        seen = _less(seen, name, dropped[name])
+        if model in _GOOD_ENOUGH_TO_CLEAR and rms_px[worst] <= max(misfit_ratio * usual, _SMALLEST_MISFIT_PX):
+            return estimate, None
+    reason = f"does not fit: {rms_px[worst]:.2f} px RMS where half of the views have {usual:.2f} px or less"
+    return estimate, (seen.sightings[worst].name, reason)
+
+
+def _with_honest_marks(seen: Sightings, estimate: Estimate) -> tuple[Sightings, Estimate]:
+    """Surveyed marks with the deviation that their residuals show, where that is clearly more than stated."""
+    if not seen.marks:
+        return seen, estimate
+    shown = marks_std_px(seen, estimate)
+    if shown < _CLEARLY_MORE * seen.reference.mark_std_px:
+        return seen, estimate
+    seen = replace(seen, reference=replace(seen.reference, mark_std_px=shown))
+    return seen, adjust(seen.blocks, estimate, active_parameters("k1 k2", with_floor=True))
 
 
 def _less(seen: Sightings, name: str, reason: str) -> Sightings:
@@ -229,6 +257,9 @@ def _views(
         )
         for s in seen.sightings
     ]
+    if kept.marks:
+        marks, residual = kept.reference, residuals(kept.blocks, estimate)[-1]
+        views.append(View(_MARKS_VIEW, marks.marks_px, marks.marks_m, residual, np.nan, on_floor=True))
     empty = np.zeros((0, 2))
     return (*views, *(View(name, empty, empty, empty, np.nan, dropped=reason) for name, reason in unseen.items()))
 
@@ -258,7 +289,8 @@ def _judged(
         halves = compare_halves(kept, chosen, heights_m)
         findings += halves_findings(halves)
         findings += floor_findings(kept, calibration, heights_m, limit_m)
-        findings += marks_findings(kept, chosen.estimate)
+        if kept.marks:
+            quality["marks_rms_px"] = marks_std_px(kept, chosen.estimate)
         quality["camera_height_m"] = float(calibration.floor.camera_position_m[2])
         quality["camera_height_std_m"] = float(np.sqrt(camera_position_covariance(calibration)[2, 2]))
         for height in heights_m:
@@ -271,7 +303,7 @@ def _judged(
 
 def _reprojection_rms_px(calibration: Calibration) -> float:
     """Root mean square length of the residual vectors of all corners used, as OpenCV counts it [px]."""
-    used: list[Array] = [view.residuals_px for view in calibration.views if not view.dropped]
+    used = [view.residuals_px for view in calibration.views if not view.dropped and view.name != _MARKS_VIEW]
     return float(np.sqrt(np.mean(np.sum(np.concatenate(used) ** 2, axis=1))))
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from corner_scenes import CornerScene, calibration_set
 from towval.calibrate import CalibrateSettings, calibrate_sightings
+from towval.errors import InputError
 from towval.types import Calibration, FloorReference, Severity
 from towval.vision.adequacy import covered_share
 
@@ -94,3 +95,30 @@ def test_coverage_is_the_hull_of_all_corners():
     corner = np.array([[0.0, 0.0], [100.0, 0.0]])
     assert covered_share([corner, corner + np.array([0.0, 50.0])], (200, 100)) == pytest.approx(0.25)
     assert covered_share([], (200, 100)) == 0.0
+
+
+def test_marks_worse_than_stated_are_believed_less():
+    scene = calibration_set(61)
+    rng = np.random.default_rng(0)
+    honest = scene.seen.reference
+    noisy = replace(honest, marks_px=honest.marks_px + rng.normal(0, 1.5, honest.marks_px.shape))
+    sound, spoilt = (
+        calibrated(replace(scene, seen=replace(scene.seen, reference=reference))) for reference in (honest, noisy)
+    )
+    assert "marks-noisy" not in flags(sound)
+    assert "the larger figure is used" in flags(spoilt)["marks-noisy"]
+    assert spoilt.quality["marks_rms_px"] > 0.7
+    assert spoilt.quality["position_std_mm at 0.000 m"] > 3 * sound.quality["position_std_mm at 0.000 m"]
+    marks = next(view for view in spoilt.views if view.name == "surveyed marks")
+    np.testing.assert_array_equal(marks.board_m, honest.marks_m)
+
+
+def test_marks_on_a_line_are_refused():
+    scene = calibration_set(62)
+    line = np.array([0, 1, 2])
+    reference = scene.seen.reference
+    few = FloorReference(
+        marks_px=np.repeat(reference.marks_px[line], 2, axis=0), marks_m=np.repeat(reference.marks_m[line], 2, axis=0)
+    )
+    with pytest.raises(InputError, match="all on one line"):
+        calibrated(replace(scene, seen=replace(scene.seen, reference=few)))

@@ -19,6 +19,7 @@ from towval.types import CALIBRATION_PARAMETERS, Array
 
 _LENS_START, _FLOOR_START = 4, 12
 _MAX_STEPS = 30
+_NOISE_ROUNDS = 5
 _NEGLIGIBLE_DECREASE = 1e-4
 """In units of the whitened cost, where 1 is one standard deviation of one parameter combination."""
 _ROBUST_WIDTH = 5.0
@@ -231,7 +232,7 @@ def adjust(blocks: Sequence[Block], start: Estimate, active: NDArray[np.intp]) -
         The fit, with the noise of one corner coordinate from the weighted residuals and the degrees of freedom.
     """
     estimate = start if np.isfinite(start.noise_px) else replace(start, noise_px=_median_noise(blocks, start))
-    for _ in range(8):
+    for _ in range(_NOISE_ROUNDS):
         estimate = _levenberg_marquardt(blocks, estimate, active)
         noise = _median_noise(blocks, estimate)
         settled = abs(noise - estimate.noise_px) < 0.02 * estimate.noise_px

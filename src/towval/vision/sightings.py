@@ -107,6 +107,7 @@ def placed(seen: Sightings, estimate: Estimate) -> Estimate:
 def _with_floor(seen: Sightings, estimate: Estimate, flat: Sequence[Array]) -> Estimate:
     reference, shared = seen.reference, estimate.shared.copy()
     if seen.marks >= 4:
+        _check_spread(reference.marks_m)
         marks = lifted(reference.marks_m, 0.0)
         shared[12:] = pose_of_plane(marks, reference.marks_px, estimate.matrix, estimate.distortion)[0]
         return replace(estimate, shared=shared)
@@ -119,6 +120,16 @@ def _with_floor(seen: Sightings, estimate: Estimate, flat: Sequence[Array]) -> E
     shared[12:] = floor_from_boards(flat[0], flat, reference.board_thickness_m)
     estimate = replace(estimate, shared=shared)
     return _turned_to_marks(reference, estimate) if seen.marks else estimate
+
+
+def _check_spread(marks_m: Array) -> None:
+    spread = np.linalg.svd(marks_m - marks_m.mean(axis=0), compute_uv=False)
+    if spread[1] < 0.05 * spread[0]:
+        raise InputError(
+            "the surveyed marks are all on one line",
+            got=marks_m.tolist(),
+            allowed="marks to both sides of any line, best towards the four corners of the picture",
+        )
 
 
 def _turned_to_marks(reference: FloorReference, estimate: Estimate) -> Estimate:
