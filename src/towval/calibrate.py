@@ -33,7 +33,6 @@ _GOOD_ENOUGH_TO_CLEAR = _JUDGING_MODELS[2:]
 """With these a set in which all views fit alike needs no larger model; smaller ones fit all views alike, badly."""
 _SMALLEST_MISFIT_PX = 0.1
 _FEWEST_VIEWS = 3
-_CLEARLY_MORE = 1.5
 _MARKS_VIEW = "surveyed marks"
 
 
@@ -221,8 +220,8 @@ def _with_honest_marks(seen: Sightings, estimate: Estimate) -> tuple[Sightings, 
     """Surveyed marks with the deviation that their residuals show, where that is clearly more than stated."""
     if not seen.marks:
         return seen, estimate
-    shown = marks_std_px(seen, estimate)
-    if shown < _CLEARLY_MORE * seen.reference.mark_std_px:
+    shown, worse = marks_std_px(seen, estimate)
+    if not worse:
         return seen, estimate
     seen = replace(seen, reference=replace(seen.reference, mark_std_px=shown))
     return seen, adjust(seen.blocks, estimate, active_parameters("k1 k2", with_floor=True))
@@ -290,7 +289,7 @@ def _judged(
         findings += halves_findings(halves)
         findings += floor_findings(kept, calibration, heights_m, limit_m)
         if kept.marks:
-            quality["marks_rms_px"] = marks_std_px(kept, chosen.estimate)
+            quality["marks_rms_px"], _ = marks_std_px(kept, chosen.estimate)
         quality["camera_height_m"] = float(calibration.floor.camera_position_m[2])
         quality["camera_height_std_m"] = float(np.sqrt(camera_position_covariance(calibration)[2, 2]))
         for height in heights_m:

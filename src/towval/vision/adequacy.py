@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
+from scipy.stats import chi2
 
 from towval.types import Array, Calibration, Camera, Finding, Floor, Severity
 from towval.vision.bundle import Estimate, adjust, marginal_covariance, residuals
@@ -185,13 +186,16 @@ def floor_findings(
     return []
 
 
-def marks_std_px(seen: Sightings, estimate: Estimate) -> float:
+def marks_std_px(seen: Sightings, estimate: Estimate) -> tuple[float, bool]:
     """Standard deviation of one coordinate of a mark, from the marks' own residuals [px].
 
-    The six unknowns of the floor's place are counted against the marks, which overstates it where boards help.
+    The six unknowns of the floor's place are counted against the marks, which overstates it where boards help. The
+    second value tells whether chance would hardly (once in a thousand) make it so much larger than stated.
     """
     residual = residuals(seen.blocks, estimate)[-1]
-    return float(np.sqrt(np.sum(residual**2) / max(residual.size - 6, 1)))
+    freedom = max(residual.size - 6, 1)
+    squares = float(np.sum(residual**2))
+    return np.sqrt(squares / freedom), bool(squares > seen.reference.mark_std_px**2 * chi2.ppf(0.999, freedom))
 
 
 def marks_findings(seen: Sightings, estimate: Estimate, stated_std_px: float) -> list[Finding]:
