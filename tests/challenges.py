@@ -40,6 +40,10 @@ def _paced(motion: Callable[[float], np.ndarray], pace: float) -> Callable[[floa
     return lambda t: motion(t * pace)
 
 
+def _delayed(motion: Callable[[float], np.ndarray], delay_s: float) -> Callable[[float], np.ndarray]:
+    return lambda t: motion(max(0.0, t - delay_s))
+
+
 def arm_and_tether(seed: int) -> Challenge:
     """An arm 0.12 m wide sweeps over both bodies, and a dark tether lies across them."""
     base = metre(seed)
@@ -81,7 +85,9 @@ def motion_blur(seed: int) -> Challenge:
     """The shutter is open for ten pixels of motion."""
     base = metre(seed)
     blur_m = 10 / 1560 * 3.7
-    return replace(base, scene=replace(base.scene, exposure_s=blur_m / 0.4))
+    # A rest first: a picture blurred by a body that just starts has no one pose to compare with.
+    motions = tuple(_delayed(motion, 0.2) for motion in base.scene.motions)
+    return replace(base, scene=replace(base.scene, exposure_s=blur_m / 0.4, motions=motions))
 
 
 def low_texture(seed: int) -> Challenge:

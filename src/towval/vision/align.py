@@ -38,6 +38,8 @@ _TOLERANCE_PX = 0.06  # Steps shrink to a tenth from round to round: what is lef
 _FIRST_PART, _FIRST_ROUNDS = 4, 6
 _LEAST_DETERMINANT = 1e-4  # Of the normalised information: below, a direction is open.
 _INLIER_WEIGHT = 0.3
+_LEAST_OF_TILE = 8  # Points, for a correlation to mean something.
+_SEEN_TILES = 0.7
 _OUTSIDE = 1e12  # Residual of a point outside the picture: finite, so that compiled sums stay finite.
 
 
@@ -65,7 +67,7 @@ class Alignment:
 
     ``pose`` (3,); ``covariance`` (3, 3); ``residual`` (n,) of each point [grey levels of the template], large outside
     the picture; ``weight`` (n,) in [0, 1]; ``scale`` deviation of the inliers' residuals; ``correlation`` of picture
-    and template over the inliers; ``inlier_fraction`` of all points; ``converged`` whether the last step was small.
+    and template in the better tiles; ``inlier_fraction`` of all points; ``converged`` whether the last step was small.
     """
 
     pose: Array
@@ -243,15 +245,31 @@ def _solve(information, scores):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _correlation(values, template, tile, light, weight):  # type: ignore[no-untyped-def]
-    """Weighted correlation of picture and template about the means of the tiles."""
-    both = own = other = 0.0
+def _correlation(values, template, tile, tiles):  # type: ignore[no-untyped-def]
+    """Correlation of picture and template in the tiles that are seen: the 70th percentile over the tiles.
+
+    No weights: weights choose the points that agree, and a few agree anywhere. What hides part of the top costs the
+    tiles it hides and leaves the others as they are.
+    """
+    sums = np.zeros((tiles, 6))
     for i in range(values.shape[0]):
-        a, t = values[i] - light[tile[i], 2], template[i] - light[tile[i], 1]
-        both += weight[i] * a * t
-        own += weight[i] * a * a
-        other += weight[i] * t * t
-    return both / np.sqrt(own * other) if own * other > 0 else 0.0
+        a, t, row = values[i], template[i], tile[i]
+        if a >= 0:
+            sums[row, 0] += 1
+            sums[row, 1] += a
+            sums[row, 2] += t
+            sums[row, 3] += a * a
+            sums[row, 4] += t * t
+            sums[row, 5] += a * t
+    known = np.empty(tiles)
+    count = 0
+    for row in range(tiles):
+        n = sums[row, 0]
+        if n >= _LEAST_OF_TILE:
+            power = (sums[row, 3] - sums[row, 1] ** 2 / n) * (sums[row, 4] - sums[row, 2] ** 2 / n)
+            known[count] = (sums[row, 5] - sums[row, 1] * sums[row, 2] / n) / np.sqrt(power) if power > 0 else 0.0
+            count += 1
+    return np.sort(known[:count])[int(_SEEN_TILES * count)] if count else 0.0
 
 
 @njit(cache=True)
@@ -299,7 +317,7 @@ def _align_kernel(  # type: ignore[no-untyped-def]
         residual,
         weight,
         scale,
-        _correlation(values, t, own_tile, light, weight),
+        _correlation(values, t, own_tile, tiles),
         converged,
     )
 

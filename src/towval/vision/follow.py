@@ -27,10 +27,12 @@ _MISFIT_OF_CLICKS_PX = 6.0  # More than 0.7 px of noise can explain.
 _WRONG_CLICKS = 0.08  # Of the body's size: the clicks belong to another body or are in another order.
 _MOST_ACCELERATION = 5.0  # ASSUME: half of gravity, more than wheels or a tether give [m/s²].
 _SURPRISE_PX = 3.0  # Beyond what acceleration explains.
-_SEARCH_EVERY_S = 0.1
+_SEARCH_EVERY_S = 0.2  # Once a body has been unseen for as long; before that, in each picture.
 _AGREE_PX = 2.0
 _LOW_TEXTURE_PX = 0.12  # Deviation of a pose from which on the top counts as too plain.
 _MOVING_PX = 0.1  # A picture.
+_MOST_SCATTER_PX = 0.06
+_MOST_REST_PX = 0.1
 
 
 @dataclass
@@ -92,8 +94,11 @@ class Follower:
 
     def follow(self, time_s: float, luma: Luma) -> None:
         """Take in the next picture."""
-        coasting = time_s - self.motion.time_s <= self.coast_s
-        predicted = self.motion.predict(time_s) if coasting or len(self.record.pose) < 2 else self.motion.pose
+        unseen_s = time_s - self.motion.time_s
+        coasting = unseen_s <= self.coast_s
+        # The picture after a sighting is always predicted, however slow the video.
+        just_seen = bool(self.record.status) and self.record.status[-1] == TrackStatus.TRACKED
+        predicted = self.motion.predict(time_s) if coasting or just_seen else self.motion.pose
         seen = self.tracker.measure(luma, predicted)
         if seen is None or self._surprising(time_s, predicted, seen.pose):
             seen = self._search(time_s, luma, seen)
@@ -117,7 +122,8 @@ class Follower:
         """Look for the body in the whole picture; a doubtful sighting counts if that leads to the same place."""
         if time_s < self.next_search_s:
             return None
-        self.next_search_s = time_s + _SEARCH_EVERY_S
+        if time_s - self.motion.time_s > _SEARCH_EVERY_S:
+            self.next_search_s = time_s + _SEARCH_EVERY_S
         place = self.finder.find(luma)
         found = None if place is None else self.tracker.measure(luma, place)
         if found is None or (doubtful is not None and self._apart_px(found.pose, doubtful.pose) > _AGREE_PX):
@@ -165,7 +171,8 @@ class Follower:
         time_s, status = np.array(record.time_s), np.array(record.status, dtype=np.uint8)
         raw, seen = np.array(record.pose), status == TrackStatus.TRACKED
         covariance = self._honest_covariance(time_s, raw, np.array(record.covariance), seen)
-        pose = hold_rest(time_s, raw, covariance, seen)
+        most = _MOST_REST_PX * self.pixel_m * np.array([1, 1, 1 / self.reach_m])
+        pose = hold_rest(time_s, raw, covariance, seen, most)
         if fit is not None:
             pose = compose(pose, fit.correction)
         return Track(
@@ -192,7 +199,9 @@ class Follower:
         masked = np.where(seen[:, None], pose, np.nan)
         step = np.linalg.norm(np.diff(masked[:, :2], axis=0, append=np.nan), axis=1)
         factor = scatter_factor(time_s, masked, covariance, step > _MOVING_PX * self.pixel_m)
-        covariance[seen] *= factor**2
+        # More than that is a motion that five pictures do not follow, not noise of the video.
+        most = _MOST_SCATTER_PX * self.pixel_m / np.sqrt(np.median(covariance[seen][:, 0, 0])) if seen.any() else 1.0
+        covariance[seen] *= min(factor, max(1.0, most)) ** 2
         return covariance
 
     def _registration(self) -> OutlineFit | None:

@@ -61,14 +61,14 @@ def _scatter(time_s: Array, pose: Array, covariance: Array, moving: NDArray[np.b
     return float(np.sqrt(np.median(square) / _MEDIAN_CHI_SQUARED_3))
 
 
-def hold_rest(time_s: Array, pose: Array, covariance: Array, seen: NDArray[np.bool_]) -> Array:
+def hold_rest(time_s: Array, pose: Array, covariance: Array, seen: NDArray[np.bool_], most: Array) -> Array:
     """Poses (n, 3) with each rest of a body reduced to its mean, so that noise adds no path.
 
-    A rest lasts as long as each pose stays within four deviations of the mean before it. It is held only where it
-    shows no trend: a body that creeps goes on creeping.
+    A rest lasts as long as each pose stays within four deviations, and within ``most`` (3,) [m, m, rad], of the mean
+    before it. It is held only where it shows no trend: a body that creeps goes on creeping.
     """
     held = pose.copy()
-    deviation = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    deviation = np.minimum(np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)), most / _REST_DEVIATIONS)
     start = 0
     while start < len(time_s):
         if not seen[start]:

@@ -18,7 +18,7 @@ from towval.vision.sampling import metres_per_pixel, plane_pixels
 Luma = NDArray[np.uint8]
 
 _LEAST_INLIERS = 0.3
-_LEAST_CORRELATION = 0.25
+_LEAST_CORRELATION = 0.35  # Where the top is not, its better tiles reach 0.3 by chance.
 _CORRELATION_KEPT = 0.6  # Of what it usually is.
 _WORST_STD_PX = 0.35
 _JUMP_PX = 3.0  # A pose farther than this from the prediction is looked at from afar as well.
