@@ -7,12 +7,15 @@ from __future__ import annotations
 
 import enum
 from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicHermiteSpline
 
 from towval.errors import InputError
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicHermiteSpline
 
 Array = NDArray[np.float64]
 
@@ -378,6 +381,9 @@ class DecimatedTrack:
 
     def spline(self) -> CubicHermiteSpline:
         """The C1 cubic through the kept poses and rates: a callable of the time [s], with ``derivative()``."""
+        # Here, because scipy.interpolate takes longer to import than everything else a simulation needs.
+        from scipy.interpolate import CubicHermiteSpline  # noqa: PLC0415
+
         return CubicHermiteSpline(self.time_s, self.pose, self.rate, axis=0, extrapolate=False)
 
 

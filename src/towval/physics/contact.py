@@ -137,7 +137,8 @@ def pressure_plane(patch: Patch, loads: Sequence[tuple[float, ArrayLike]]) -> Pr
     rings = _oriented_rings(polygon)
     vertices = (np.concatenate(rings) - centre) / size
     ring_ends = np.cumsum([len(ring) for ring in rings])
-    plane, iterations = _solve_plane(vertices, ring_ends, _STEP_LIMIT)
+    plane = np.empty(3)
+    iterations = _solve_plane(vertices, ring_ends, _STEP_LIMIT, plane)
     contact = _in_contact(rings, polygon, plane, centre, size)
     residual = _residual(contact, plane, centre, size)
     if not residual <= RESIDUAL_LIMIT:
@@ -211,11 +212,10 @@ def _in_contact(
 
 
 def _residual(contact: tuple[Array, ...], plane: Array, centre: Array, size: float) -> float:
-    moments = np.zeros(6)
-    for ring in contact:
-        scaled = (ring - centre) / size
-        moments += _clipped_moments(scaled, np.array([len(ring)]), np.array([1.0, 0.0, 0.0]))
-    return float(np.abs(_forces(moments, plane) - np.array([1.0, 0.0, 0.0])).max())
+    vertices = (np.concatenate(contact) - centre) / size
+    moments = np.empty(6)
+    _clipped_moments(vertices, np.cumsum([len(ring) for ring in contact]), 1.0, 0.0, 0.0, moments)
+    return max(map(abs, _imbalance(moments, *plane)))
 
 
 @compiled()
@@ -231,21 +231,23 @@ def _add_edge(m: Array, x0: float, y0: float, x1: float, y1: float) -> None:
 
 
 @compiled()
-def _clipped_moments(vertices: Array, ring_ends: Array, plane: Array) -> Array:
-    """Moments 1, x, y, xx, xy, yy of the rings where ``plane[0] + plane[1] x + plane[2] y > 0``.
+def _clipped_moments(vertices: Array, ring_ends: Array, c: float, a: float, b: float, m: Array) -> None:
+    """Moments 1, x, y, xx, xy, yy of the rings where ``c + a x + b y > 0``, into ``m`` (6,).
 
     Clipping ring by ring leaves seams along the cut; they run there and back and cancel in Green's sums.
     """
-    m = np.zeros(6)
+    for i in range(6):
+        m[i] = 0.0
     start = 0
-    for end in ring_ends:
+    for ring in range(len(ring_ends)):
+        end = ring_ends[ring]
         started = False
         first_x = first_y = last_x = last_y = 0.0
         for i in range(start, end):
             j = i + 1 if i + 1 < end else start
             x0, y0, x1, y1 = vertices[i, 0], vertices[i, 1], vertices[j, 0], vertices[j, 1]
-            z0 = plane[0] + plane[1] * x0 + plane[2] * y0
-            z1 = plane[0] + plane[1] * x1 + plane[2] * y1
+            z0 = c + a * x0 + b * y0
+            z1 = c + a * x1 + b * y1
             if z0 <= 0 and z1 <= 0:
                 continue
             if z0 <= 0 or z1 <= 0:
@@ -264,59 +266,56 @@ def _clipped_moments(vertices: Array, ring_ends: Array, plane: Array) -> Array:
         if started:
             _add_edge(m, last_x, last_y, first_x, first_y)
         start = end
-    return m
 
 
 @compiled()
-def _forces(m: Array, plane: Array) -> Array:
-    """Force and moments ∫p, ∫xp, ∫yp of a plane over a region with moments ``m``."""
-    return np.array(
-        [
-            m[0] * plane[0] + m[1] * plane[1] + m[2] * plane[2],
-            m[1] * plane[0] + m[3] * plane[1] + m[4] * plane[2],
-            m[2] * plane[0] + m[4] * plane[1] + m[5] * plane[2],
-        ]
-    )
-
-
-@compiled()
-def _plane_on(m: Array) -> Array:
+def _plane_on(m: Array) -> tuple[float, float, float]:
     """Plane of unit force through the origin for a region taken as fixed, from its moments about its own centroid."""
     x, y = m[1] / m[0], m[2] / m[0]
     xx, xy, yy = m[3] - m[0] * x * x, m[4] - m[0] * x * y, m[5] - m[0] * y * y
     determinant = xx * yy - xy * xy
     slope_x = -(yy * x - xy * y) / determinant
     slope_y = -(xx * y - xy * x) / determinant
-    return np.array([1 / m[0] - slope_x * x - slope_y * y, slope_x, slope_y])
+    return 1 / m[0] - slope_x * x - slope_y * y, slope_x, slope_y
 
 
 @compiled()
-def _solve_plane(vertices: Array, ring_ends: Array, step_limit: int) -> tuple[Array, int]:
-    """Minimise Φ for unit force at the origin. Returns the plane (pressure at the origin, slopes) and the steps."""
-    load = np.array([1.0, 0.0, 0.0])
-    m = _clipped_moments(vertices, ring_ends, load)
-    plane = _plane_on(m)
-    m = _clipped_moments(vertices, ring_ends, plane)
-    best, best_residual = plane, np.abs(_forces(m, plane) - load).max()
+def _imbalance(m: Array, c: float, a: float, b: float) -> tuple[float, float, float]:
+    """Force and moments ∫p, ∫xp, ∫yp of a plane over a region with moments ``m``, less the unit load at the origin."""
+    return m[0] * c + m[1] * a + m[2] * b - 1.0, m[1] * c + m[3] * a + m[4] * b, m[2] * c + m[4] * a + m[5] * b
+
+
+@compiled()
+def _solve_plane(vertices: Array, ring_ends: Array, step_limit: int, best: Array) -> int:
+    """Minimise Φ for unit force at the origin; the plane (pressure there, slopes) into ``best``. Returns the steps."""
+    m = np.empty(6)
+    _clipped_moments(vertices, ring_ends, 1.0, 0.0, 0.0, m)
+    c, a, b = _plane_on(m)
+    _clipped_moments(vertices, ring_ends, c, a, b, m)
+    best_residual = np.inf
     for iteration in range(step_limit):
-        gradient = _forces(m, plane) - load
-        residual = np.abs(gradient).max()
+        g0, g1, g2 = _imbalance(m, c, a, b)
+        residual = max(abs(g0), abs(g1), abs(g2))
         # Newton doubles the digits; once it no longer halves a small residual, rounding is all that is left.
-        settled = iteration > 0 and best_residual < RESIDUAL_LIMIT and residual > 0.5 * best_residual
+        settled = best_residual < RESIDUAL_LIMIT and residual > 0.5 * best_residual
         if residual < best_residual:
-            best, best_residual = plane, residual
+            best[0], best[1], best[2], best_residual = c, a, b, residual
         if settled or best_residual < 1e-15:
-            return best, iteration
-        step = _plane_on(m) - plane
-        descent = -np.dot(gradient, step)
+            return iteration
+        full_c, full_a, full_b = _plane_on(m)
+        dc, da, db = full_c - c, full_a - a, full_b - b
+        descent = abs(g0 * dc + g1 * da + g2 * db)
         fraction = 1.0
-        while fraction > 1e-12:
-            trial = plane + fraction * step
-            m = _clipped_moments(vertices, ring_ends, trial)
+        while True:
+            trial_c, trial_a, trial_b = c + fraction * dc, a + fraction * da, b + fraction * db
+            _clipped_moments(vertices, ring_ends, trial_c, trial_a, trial_b, m)
+            t0, t1, t2 = _imbalance(m, trial_c, trial_a, trial_b)
             # Φ is convex: its slope along the step grows from −descent; where it has come to +descent / 2 we went
             # too far. Slopes, unlike values of Φ, keep their digits near the solution.
-            if m[0] > 0 and np.dot(_forces(m, trial) - load, step) <= 0.5 * abs(descent) + 1e-15:
+            if m[0] > 0 and t0 * dc + t1 * da + t2 * db <= 0.5 * descent + 1e-15:
                 break
             fraction *= 0.5
-        plane = trial
-    return best, step_limit
+            if fraction < 1e-12:
+                return iteration
+        c, a, b = trial_c, trial_a, trial_b
+    return step_limit

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import enum
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline
 
 from towval.errors import InputError
 from towval.geometry import transform
@@ -21,6 +21,9 @@ from towval.physics.motion import FORCED, SLACK, TAUT, Scene, tautness, tensions
 from towval.physics.splines import Spline, piece_at, spline_covering, spline_values
 from towval.physics.wrench import SlidingPatch, sliding_patch
 from towval.types import Array, Finding, FrictionLaw, Path, Severity, SimulatedMotion, Tether, TowedObject, locked
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 DEFAULT_TOLERANCE_M = 1e-7
 """Error of a single step that is accepted [m]; docs/physics.md shows what path error it buys."""

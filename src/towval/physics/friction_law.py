@@ -18,7 +18,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import dual_annealing, least_squares
 
 from towval.errors import InputError, RefusedError
 from towval.types import Array, FrictionLaw
@@ -133,6 +132,9 @@ def _check_wish(static: float, kinetic: float, v_s: float, v_k: float, viscous: 
 
 @functools.lru_cache(maxsize=64)
 def _fit(static: float, kinetic: float, v_s: float, v_k: float, viscous: float, seed: int) -> FitResult:
+    # Here, because scipy.optimize takes as long to import as all the rest of the physics.
+    from scipy.optimize import dual_annealing, least_squares  # noqa: PLC0415
+
     coulomb = kinetic - viscous * v_k
     if static == kinetic:
         gamma = np.array([0.0, 0.0, 0.0, coulomb, _SATURATED / v_s, viscous])

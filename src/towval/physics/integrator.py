@@ -9,6 +9,7 @@ inside which the margin is looked at five times), so that the moment of tighteni
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,140 +26,143 @@ _SMALLEST_STEP = 1e-14  # of the time span
 _LOOKS = 4  # a step's margin is looked at this often
 
 
+class _Work(NamedTuple):
+    """Arrays that a step writes to: the state after it, stage state and rates, increments, slopes, their inverse."""
+
+    y1: Array
+    stage_y: Array
+    rates0: Array
+    rates: Array
+    k: Array
+    jacobian: Array
+    time_slope: Array
+    inverse: Array
+    scratch: Array
+
+
 @compiled()
 def integrate(
-    scene: Scene, mode: int, y: Array, times: Array, weights: Array, step_limit: int, states: Array, modes: Array
+    scene: Scene, mode: int, start: Array, times: Array, weights: Array, step_limit: int, states: Array, modes: Array
 ) -> tuple[int, int, Array]:
     """Integrate from ``times[0]`` and fill ``states`` (n, 6) and ``modes`` (n,) at the times.
 
     ``weights`` (6,) are the errors of a step that are accepted. Returns the outcome, the number of times filled, and
     counts: steps, rejections, changes between slack and taut.
     """
-    y, y1, stage_y, rates = y.copy(), np.empty(6), np.empty(6), np.empty(6)
-    k, jacobian, inverse, scratch, time_slope = (
+    y, counts = start.copy(), np.zeros(3, dtype=np.int64)
+    work = _Work(
+        np.empty(6),
+        np.empty(6),
+        np.empty(6),
+        np.empty(6),
         np.empty((STAGES, 6)),
         np.empty((3, 6)),
-        np.empty((3, 3)),
-        np.empty((3, 3)),
         np.empty(3),
+        np.empty((3, 3)),
+        np.empty((3, 3)),
     )
-    knots = scene.drive.knots
-    t, end, filled, piece = times[0], times[-1], 1, 0
+    t, end, piece = times[0], times[-1], 0
     span = end - t
-    states[0], modes[0] = y, mode
-    counts = np.zeros(3, dtype=np.int64)
+    filled = _report(mode, t, t, span, y, work, times, 0, states, modes)
     h, growth, fresh = 1e-6 * span, _GROW, True
-    rates0 = np.empty(6)
     while filled < len(times):
         if counts[0] + counts[1] >= step_limit:
             return STEP_LIMIT, filled, counts
-        piece = piece_at(knots, t, piece)
+        piece = piece_at(scene.drive.knots, t, piece)
         if fresh:
-            acceleration_slopes(scene, mode, t, piece, y, rates0, jacobian, time_slope)
-            if not (np.isfinite(rates0).all() and np.isfinite(jacobian).all()):
+            acceleration_slopes(scene, mode, t, piece, y, work.rates0, work.jacobian, work.time_slope)
+            if not _finite(work.rates0, work.jacobian):
                 return NOT_FINITE, filled, counts
-        last_step = t + h >= end
-        if last_step:
-            h = end - t
-        if mode == SLACK:
-            limit = _slack_step(scene, t, piece, y)
-            if limit < h:
-                h, last_step = limit, False
+        h = min(h, end - t, _slack_step(scene, t, piece, y) if mode == SLACK else np.inf)
         if h < _SMALLEST_STEP * span:
             return STEP_TOO_SMALL, filled, counts
-        error = _step(
-            scene, mode, t, h, piece, y, y1, stage_y, rates0, rates, k, jacobian, inverse, scratch, time_slope, weights
-        )
+        error = _step(scene, mode, t, h, piece, y, weights, work)
         if not error <= 1:
             counts[1] += 1
             h *= max(_SHRINK, _SAFETY * error ** (-1 / ORDER)) if np.isfinite(error) else 0.1
             growth, fresh = 1.0, False
             continue
-        theta = _first_crossing(scene, mode, t, h, piece, y, y1, k, stage_y)
-        uncut = h
+        next_h = h * min(growth, max(_SHRINK, _SAFETY * max(error, 1e-12) ** (-1 / ORDER)))
+        theta = _first_crossing(scene, mode, t, h, piece, y, work)
         if theta < 1:
             h *= theta
-            _step(
-                scene,
-                mode,
-                t,
-                h,
-                piece,
-                y,
-                y1,
-                stage_y,
-                rates0,
-                rates,
-                k,
-                jacobian,
-                inverse,
-                scratch,
-                time_slope,
-                weights,
-            )
-            last_step = False
-        t1 = end if last_step else t + h
-        while filled < len(times) and times[filled] <= t1:
-            dense_output((times[filled] - t) / h, y, y1, k, states[filled])
-            modes[filled] = mode
-            filled += 1
-        counts[0] += 1
-        t = t1
-        y[:] = y1
-        fresh = True
+            _step(scene, mode, t, h, piece, y, weights, work)
+        t1 = t + h if t + h < end - _SMALLEST_STEP * span else end
+        filled = _report(mode, t, t1, h, y, work, times, filled, states, modes)
         if theta < 1:
             mode = SLACK if mode == TAUT else TAUT
             counts[2] += 1
-        h = uncut * min(growth, max(_SHRINK, _SAFETY * max(error, 1e-12) ** (-1 / ORDER)))
-        growth = _GROW
+        for i in range(6):
+            y[i] = work.y1[i]
+        counts[0] += 1
+        t, h, growth, fresh = t1, next_h, _GROW, True
     return REACHED_END, filled, counts
 
 
 @compiled()
-def _step(
-    scene: Scene,
+def _report(
     mode: int,
     t: float,
+    t1: float,
     h: float,
-    piece: int,
     y: Array,
-    y1: Array,
-    stage_y: Array,
-    rates0: Array,
-    rates: Array,
-    k: Array,
-    jacobian: Array,
-    inverse: Array,
-    scratch: Array,
-    time_slope: Array,
-    weights: Array,
-) -> float:
-    """One step into ``y1`` with increments ``k``; returns the error over the weights, infinite where it failed."""
-    if not stage_matrix(h, jacobian, inverse, scratch):
-        return np.inf
-    knots = scene.drive.knots
-    rates[:] = rates0
-    solve_stage(0, h, jacobian, inverse, time_slope, rates, k)
-    for stage in range(1, STAGES):
-        if stage < 6:
-            for i in range(6):
-                total = y[i]
-                for j in range(stage):
-                    total += A[stage, j] * k[j, i]
-                stage_y[i] = total
+    work: _Work,
+    times: Array,
+    filled: int,
+    states: Array,
+    modes: Array,
+) -> int:
+    """Fill states and modes at the times up to ``t1`` by dense output; at ``t`` itself with the state there."""
+    while filled < len(times) and times[filled] <= t1:
+        theta = (times[filled] - t) / h
+        if theta > 0:
+            dense_output(theta, y, work.y1, work.k, states[filled])
         else:
             for i in range(6):
-                stage_y[i] += k[stage - 1, i]
-        stage_time = t + NODES[stage] * h
-        piece = piece_at(knots, stage_time, piece)
-        accelerations(scene, mode, stage_time, piece, stage_y, rates)
-        solve_stage(stage, h, jacobian, inverse, time_slope, rates, k)
+                states[filled, i] = y[i]
+        modes[filled] = mode
+        filled += 1
+    return filled
+
+
+@compiled()
+def _step(scene: Scene, mode: int, t: float, h: float, piece: int, y: Array, weights: Array, work: _Work) -> float:
+    """One step into ``work.y1``; returns the error over the weights (root mean square), infinite where it failed."""
+    if not stage_matrix(h, work.jacobian, work.inverse, work.scratch):
+        return np.inf
+    stage_y, rates, k = work.stage_y, work.rates, work.k
+    for i in range(6):
+        rates[i], stage_y[i] = work.rates0[i], y[i]
+    for stage in range(STAGES):
+        if stage > 0:
+            for i in range(6):
+                if stage < 6:
+                    total = y[i]
+                    for j in range(stage):
+                        total += A[stage, j] * k[j, i]
+                    stage_y[i] = total
+                else:
+                    stage_y[i] += k[stage - 1, i]
+            stage_time = t + NODES[stage] * h
+            piece = piece_at(scene.drive.knots, stage_time, piece)
+            accelerations(scene, mode, stage_time, piece, stage_y, rates)
+        solve_stage(stage, h, work.jacobian, work.inverse, work.time_slope, rates, k)
     error = 0.0
     for i in range(6):
-        y1[i] = stage_y[i] + k[STAGES - 1, i]
+        work.y1[i] = stage_y[i] + k[STAGES - 1, i]
         ratio = k[STAGES - 1, i] / weights[i]
         error += ratio * ratio
     return math.sqrt(error / 6)
+
+
+@compiled()
+def _finite(rates: Array, jacobian: Array) -> bool:
+    total = 0.0
+    for i in range(6):
+        total += rates[i]
+        for j in range(3):
+            total += jacobian[j, i]
+    return np.isfinite(total)
 
 
 @compiled()
@@ -181,23 +185,17 @@ def _slack_step(scene: Scene, t: float, piece: int, y: Array) -> float:
 
 
 @compiled()
-def _first_crossing(
-    scene: Scene, mode: int, t: float, h: float, piece: int, y: Array, y1: Array, k: Array, state: Array
-) -> float:
-    """Fraction of the step at which the other mode takes over; 1 where it does not.
-
-    A margin that starts at zero (the step before ended on an event) counts once it has become clearly positive.
-    """
-    knots = scene.drive.knots
+def _first_crossing(scene: Scene, mode: int, t: float, h: float, piece: int, y: Array, work: _Work) -> float:
+    """Fraction of the step at which the other mode takes over; 1 where it does not."""
     low = 0.0
     for look in range(1, _LOOKS + 1):
         high = look / _LOOKS
-        if _margin_at(scene, mode, t, h, high, knots, piece, y, y1, k, state) >= 0:
+        if _margin_at(scene, mode, t, h, high, piece, y, work) >= 0:
             low = high
             continue
         for _ in range(60):
             middle = 0.5 * (low + high)
-            if _margin_at(scene, mode, t, h, middle, knots, piece, y, y1, k, state) >= 0:
+            if _margin_at(scene, mode, t, h, middle, piece, y, work) >= 0:
                 low = middle
             else:
                 high = middle
@@ -208,22 +206,7 @@ def _first_crossing(
 
 
 @compiled()
-def _margin_at(
-    scene: Scene,
-    mode: int,
-    t: float,
-    h: float,
-    theta: float,
-    knots: Array,
-    piece: int,
-    y: Array,
-    y1: Array,
-    k: Array,
-    state: Array,
-) -> float:
-    if theta < 1:
-        dense_output(theta, y, y1, k, state)
-    else:
-        state[:] = y1
+def _margin_at(scene: Scene, mode: int, t: float, h: float, theta: float, piece: int, y: Array, work: _Work) -> float:
+    dense_output(theta, y, work.y1, work.k, work.stage_y)
     time = t + theta * h
-    return margin(scene, mode, time, piece_at(knots, time, piece), state)
+    return margin(scene, mode, time, piece_at(scene.drive.knots, time, piece), work.stage_y)

@@ -8,15 +8,18 @@ comparing them. All of them together cost milliseconds.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline
 
 from towval.errors import InputError
 from towval.physics.dynamics import STANDARD, Accuracy, Outcome, feedback
 from towval.physics.trailing import TRAILING_RUNGS, trail
 from towval.types import FrictionLaw, Path, SimulatedMotion, Tether, TowedObject
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 DYNAMICS = "dynamics"
 RUNGS = (*TRAILING_RUNGS, DYNAMICS)

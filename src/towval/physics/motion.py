@@ -78,7 +78,10 @@ def acceleration_slopes(
     cc, ss, cs = cos * cos, sin * sin, cos * sin
     xx, xy, yy = cc * xx - 2 * cs * xy + ss * yy, cs * (xx - yy) + (cc - ss) * xy, ss * xx + 2 * cs * xy + cc * yy
     xw, yw = cos * xw - sin * yw, sin * xw + cos * yw
-    jacobian[:] = 0.0
+    for j in range(3):
+        time_slope[j] = 0.0
+        for i in range(3):
+            jacobian[j, i] = 0.0
     jacobian[0, 3], jacobian[0, 4], jacobian[0, 5] = xx, xy, xw
     jacobian[1, 3], jacobian[1, 4], jacobian[1, 5] = xy, yy, yw
     jacobian[2, 3], jacobian[2, 4], jacobian[2, 5] = xw, yw, ww
@@ -86,7 +89,6 @@ def acceleration_slopes(
     jacobian[0, 2] = -force_y + xx * vy - xy * vx
     jacobian[1, 2] = force_x + xy * vy - yy * vx
     jacobian[2, 2] = xw * vy - yw * vx
-    time_slope[:] = 0.0
     if mode != SLACK:
         qx, qy = cos * bx - sin * by, sin * bx + cos * by
         if mode == TAUT:

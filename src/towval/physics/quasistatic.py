@@ -12,10 +12,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline
 
 from towval.errors import InputError
 from towval.geometry import inside_polygon, rotation, transform
@@ -24,6 +24,9 @@ from towval.physics.contact import resting_pressure
 from towval.physics.splines import Spline, piece_at, spline_at, spline_covering, spline_values
 from towval.physics.wrench import SlidingPatch, sliding_patch, wrench_and_slopes
 from towval.types import Array, Finding, FrictionLaw, Path, Severity, Tether, TowedObject, locked
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 _STRIDE = 0.01  # of the patch's radius: the object moves no further in an inner step
 _CREEP = 1e-9  # m/s; where the path rests, directions are those of a creep this slow

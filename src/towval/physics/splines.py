@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from towval.errors import InputError
 from towval.physics.compiling import compiled
 from towval.types import Array, Path
+
+if TYPE_CHECKING:
+    # Not at run time: scipy.interpolate takes as long to import as all the rest of the physics.
+    from scipy.interpolate import CubicSpline
 
 
 class Spline(NamedTuple):
@@ -26,7 +29,10 @@ class Spline(NamedTuple):
 
 
 def spline_through(path: Path) -> Spline:
-    """The smooth cubic spline through the points of a path (not-a-knot; straight between two points).
+    """The smooth cubic spline through the points of a path.
+
+    Its third derivative is continuous at the second and the last but one point ("not a knot"); with three points the
+    ends are not curved, with two it is straight.
 
     Raises
     ------
@@ -36,16 +42,61 @@ def spline_through(path: Path) -> Spline:
     n = len(path.time_s)
     if n < 2:
         raise InputError("a path of one point cannot be followed", got=f"{n} points", allowed="two points or more")
-    return spline_from(CubicSpline(path.time_s, path.position, bc_type="not-a-knot" if n > 3 else "natural"))
+    length = np.diff(path.time_s)
+    slope = np.diff(path.position, axis=0) / length[:, None]
+    curvature = np.zeros((n, 2))
+    if n > 2:
+        _solve_curvatures(length, slope, curvature)
+    start, end = curvature[:-1], curvature[1:]
+    linear = slope - length[:, None] * (2 * start + end) / 6
+    cubic = (end - start) / (6 * length[:, None])
+    return _laid_out(path.time_s.copy(), np.stack([path.position[:-1], linear, start / 2, cubic], axis=-1))
 
 
 def spline_from(curve: CubicSpline) -> Spline:
     """A scipy spline with two components, laid out for compiled code."""
-    coefficients = np.ascontiguousarray(np.moveaxis(curve.c[::-1], (0, 1, 2), (2, 0, 1)))
-    length = np.diff(curve.x)[:, None]
+    return _laid_out(np.array(curve.x, dtype=np.float64), np.moveaxis(curve.c[::-1], (0, 1, 2), (2, 0, 1)))
+
+
+def _laid_out(knots: Array, coefficients: Array) -> Spline:
+    coefficients = np.ascontiguousarray(coefficients)
     magnitude = np.linalg.norm(coefficients, axis=1)
-    limits = (magnitude[:, 1:] * np.array([1.0, 2.0, 3.0]) * length ** np.arange(3)).sum(axis=1)
-    return Spline(curve.x.copy(), coefficients, limits)
+    powers = np.diff(knots)[:, None] ** np.arange(3)
+    limits = (magnitude[:, 1:] * np.array([1.0, 2.0, 3.0]) * powers).sum(axis=1)
+    return Spline(knots, coefficients, limits)
+
+
+@compiled()
+def _solve_curvatures(length: Array, slope: Array, curvature: Array) -> None:
+    """Second derivatives at the points (n, 2), from the lengths and slopes of the pieces; n is three or more.
+
+    A tridiagonal system for the inner points, by elimination; it is diagonally dominant.
+    """
+    n = len(curvature)
+    diagonal, above = np.empty(n), np.empty(n)
+    for i in range(1, n - 1):
+        left, right = length[i - 1], length[i]
+        below, diagonal[i], above[i] = left, 2 * (left + right), right
+        # Not a knot: the end's value lies on the line through its two neighbours.
+        if i == 1 and n > 3:
+            diagonal[i] += left + left * left / right
+            above[i] -= left * left / right
+        if i == n - 2 and n > 3:
+            diagonal[i] += right + right * right / left
+            below -= right * right / left
+        factor = below / diagonal[i - 1] if i > 1 else 0.0
+        diagonal[i] -= factor * above[i - 1] if i > 1 else 0.0
+        for k in range(2):
+            curvature[i, k] = 6 * (slope[i, k] - slope[i - 1, k]) - factor * curvature[i - 1, k]
+    for k in range(2):
+        curvature[n - 1, k] = 0.0
+        for i in range(n - 2, 0, -1):
+            following = above[i] * curvature[i + 1, k] if i < n - 2 else 0.0
+            curvature[i, k] = (curvature[i, k] - following) / diagonal[i]
+        if n > 3:
+            first, last = length[0] / length[1], length[n - 2] / length[n - 3]
+            curvature[0, k] = curvature[1, k] + first * (curvature[1, k] - curvature[2, k])
+            curvature[n - 1, k] = curvature[n - 2, k] + last * (curvature[n - 2, k] - curvature[n - 3, k])
 
 
 def spline_covering(way: Path | CubicSpline, times: Array, name: str) -> Spline:

@@ -14,11 +14,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline
 
 from towval.geometry import rotation, transform
 from towval.physics.compiling import compiled
@@ -29,6 +28,9 @@ from towval.physics.limit_surface import limit_surface
 from towval.physics.splines import Spline, piece_at, spline_at, spline_covering
 from towval.physics.wrench import SlidingPatch, sliding_patch, wrench_and_slopes
 from towval.types import Array, Finding, FrictionLaw, Path, Severity, SimulatedMotion, Tether, TowedObject, locked
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 TRACTRIX, LIMIT_SURFACE, PATCH = "tractrix", "limit surface", "quasi-static patch"
 TRAILING_RUNGS = (TRACTRIX, LIMIT_SURFACE, PATCH)
