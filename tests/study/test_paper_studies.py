@@ -1,0 +1,107 @@
+"""The paper's studies in small: parts and rows, figures drawn from them, the ledger decided on them."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from paper_plan import paper_plan, quick_plan
+from towval.commands.claims import markdown, write_ledger
+from towval.commands.paper_figures import draw
+from towval.commands.tables import gather
+from towval.errors import InputError
+from towval.io.plan_files import write_table
+from towval.study import claim_checks as checks
+from towval.study.claims import ClaimOutcome, decided
+from towval.study.paper_claims import CLAIMS
+from towval.study.paper_scene import paper_scene, towed_object
+from towval.study.paper_studies import paper_parts, paper_rows
+from towval.study.sensitivity import surface_grid
+
+
+@pytest.fixture(scope="module")
+def plan():
+    return quick_plan()
+
+
+@pytest.fixture(scope="module")
+def tables(plan, tmp_path_factory):
+    """Tables of all studies, by the way that the workflow takes."""
+    folder = tmp_path_factory.mktemp("tables")
+    files = {}
+    for study, parts in paper_parts(plan).items():
+        written = []
+        for name, part in parts.items():
+            written.append(folder / f"{study}_{name}.csv")
+            write_table(written[-1], pd.DataFrame(paper_rows(plan, study, part)))
+        files[study] = folder / f"{study}.csv"
+        gather(written, files[study])
+    return files
+
+
+def read(tables):
+    return {name: pd.read_csv(file) for name, file in tables.items()}
+
+
+def test_parts_are_plain_data_and_blocks_cover_the_response_surface():
+    plan = paper_plan()
+    parts = paper_parts(plan)
+    assert json.loads(json.dumps(parts)) == parts
+    blocks = [part for part in parts["surface"].values() if part["curve"] == "lemniscate"]
+    assert len(blocks) == plan["sensitivity"]["surface_blocks"]
+    covered = np.concatenate([block["thresholds"] for block in blocks])
+    np.testing.assert_allclose(covered, np.linspace(0.02, 1.5, 40))
+
+
+def test_the_general_footprint_holds_the_three_centres_of_mass():
+    scene = paper_scene(paper_plan())
+    for towed in scene.general.values():
+        assert np.isfinite(towed.inertia)
+        assert (towed.patch.outline.max(axis=0) >= towed.centre_of_mass).all()
+
+
+def test_inertia_is_that_of_the_plate_with_steiners_term():
+    square = 0.2 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    towed = towed_object(square, 5.0, [0.03, 0.04], [0.2, 0.0])
+    assert towed.inertia == pytest.approx(5.0 * (0.4**2 / 6 + 0.05**2))
+
+
+@pytest.mark.parametrize("name", [*(f"figure_{number}" for number in range(2, 9)), "table_1"])
+def test_every_figure_is_drawn_in_three_formats(name, plan, tables, tmp_path):
+    draw(name, plan, tables, tmp_path)
+    for ending in ("pdf", "svg", "png"):
+        assert (tmp_path / f"{name}.{ending}").stat().st_size > 2_000
+
+
+def test_the_ledger_decides_every_claim_and_has_a_twin(plan, tables, tmp_path):
+    outputs = [tmp_path / "claims.md", tmp_path / "claims.json"]
+    write_ledger(plan, tables, outputs)
+    rows = json.loads(outputs[1].read_text())["claims"]
+    text = outputs[0].read_text()
+    assert len({row["name"] for row in rows}) == len(CLAIMS) == len(rows)
+    for row in rows:
+        assert row["outcome"] in set(ClaimOutcome)
+        assert row["numbers"] in text
+    assert markdown(rows) == text
+
+
+def test_what_the_stretch_of_the_tether_explains_is_decided_both_ways(tables):
+    rows = {row["name"]: row["outcome"] for row in decided(CLAIMS, read(tables))}
+    assert rows["stiffer is closer, hinge at rest length"] == "reproduced"
+    assert rows["stiffer is closer, hinge at stretched length"] == "not reproduced"
+    assert rows["time step does not matter"] == "reproduced"
+    assert rows["feedforward falls with speed"] == "reproduced"
+    assert rows["experiments agree with simulation"] == "cannot be decided"
+
+
+def test_a_check_says_no_where_the_numbers_say_no(tables):
+    reversed_speeds = read(tables)
+    speeds = reversed_speeds["speeds"]
+    speeds["feedforward_rms_m"] = speeds["feedforward_rms_m"].to_numpy()[::-1]
+    assert checks.feedforward_falls(reversed_speeds)[0] is ClaimOutcome.NOT_REPRODUCED
+
+
+def test_an_empty_axis_of_the_surface_is_refused():
+    with pytest.raises(InputError, match="axis"):
+        surface_grid(1.0, 0.5, 10)

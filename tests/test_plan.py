@@ -1,0 +1,158 @@
+"""The stage plan: the closed loop, its invariance, and plans as files that drive the dynamics again."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from paper_plan import paper_plan
+from towval.errors import InputError
+from towval.geometry import compose, transform
+from towval.io.mcap_file import Message, read_mcap, write_mcap
+from towval.io.plan_files import JOINT_NAMES, read_path, read_rover_poses, write_plan_csv, write_plan_mcap
+from towval.io.ros import stamped_pose
+from towval.physics.quasistatic import quasistatic_plan
+from towval.plan import close_loop, hinge_of_poses, tow
+from towval.rover import paths
+from towval.rover.planner import PlanOutcome
+from towval.study.paper_scene import paper_scene
+from towval.study.sensitivity import cube_patch
+from towval.types import Path
+
+STEP_S = 0.2
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return paper_scene(paper_plan())
+
+
+@pytest.fixture(scope="module")
+def patch(scene):
+    return cube_patch(scene)
+
+
+@pytest.fixture(scope="module")
+def wish(scene):
+    return paths.timed(scene.curves["lemniscate"], STEP_S, duration=600.0)
+
+
+@pytest.fixture(scope="module")
+def nominal(scene, patch, wish):
+    return quasistatic_plan(scene.cube, patch, wish, scene.tether)
+
+
+@pytest.fixture(scope="module")
+def loop(scene, patch, nominal):
+    return close_loop(nominal, scene.cube, patch, scene.tether, scene.rover, scene.planner, report_stride=5)
+
+
+def test_the_object_follows_the_lemniscate_behind_the_planned_rover(loop):
+    assert loop.rover.outcome is PlanOutcome.ARRIVED
+    assert loop.towed.outcome == "converged"
+    assert loop.rover.rms < 0.02
+    assert loop.object_rms < 0.01
+
+
+def test_behind_the_nominal_hinge_the_object_stays_on_its_path(scene, patch, nominal):
+    motion = tow(nominal.time_s, nominal.hinge.position, nominal, scene.cube, patch, scene.tether)
+    gap = np.linalg.norm(motion.pose[:, :2] - nominal.pose[:, :2], axis=1)
+    # Inertia at 9 mm/s is all that the quasi-static model leaves out: v²/(μ g) is 24 µm.
+    assert gap.max() < 1e-4
+
+
+def test_a_turned_and_moved_wish_gives_the_turned_and_moved_loop(scene, patch, wish, loop):
+    frame = np.array([2.0, -3.0, 0.7])
+    moved_wish = Path(wish.time_s, transform(frame, wish.position))
+    moved_nominal = quasistatic_plan(scene.cube, patch, moved_wish, scene.tether)
+    moved = close_loop(moved_nominal, scene.cube, patch, scene.tether, scene.rover, scene.planner, report_stride=5)
+    np.testing.assert_allclose(moved.rover.hinge, transform(frame, loop.rover.hinge), atol=1e-6)
+    # The integrator's own tolerance: its steps are not the same in another frame.
+    expected = compose(frame, loop.towed.pose)
+    np.testing.assert_allclose(moved.towed.pose[:, :2], expected[:, :2], atol=1e-5)
+
+
+def test_a_plan_written_as_mcap_drives_the_same_object_motion(tmp_path, scene, patch, nominal, loop):
+    file = tmp_path / "plan.mcap"
+    write_plan_mcap(file, loop.rover, loop.towed, {"versions": "{}"})
+    times, poses = read_rover_poses(file)
+    np.testing.assert_allclose(poses, loop.rover.pose, atol=1e-12)
+    hinge = hinge_of_poses(poses, scene.rover)
+    again = tow(times, hinge, nominal, scene.cube, patch, scene.tether, stride=5)
+    np.testing.assert_allclose(again.pose, loop.towed.pose, atol=1e-8)
+
+
+def test_the_mcap_holds_wheel_angles_and_rates_by_name(tmp_path, loop):
+    file = tmp_path / "plan.mcap"
+    write_plan_mcap(file, loop.rover, loop.towed, {})
+    content = read_mcap(file)
+    assert set(content.topics) == {
+        "/rover/pose",
+        "/rover/joint_states",
+        "/object/pose_simulated",
+        "/tether/wrench",
+        "/tf",
+    }
+    state = content.values("/rover/joint_states")[7]
+    assert tuple(state.name) == JOINT_NAMES
+    np.testing.assert_allclose(state.position[:4], loop.rover.steering[7])
+    np.testing.assert_allclose(state.velocity[4:], loop.rover.wheel_rates[7])
+    assert content.details["outcome"] == "arrived"
+    assert len(content.details["case"]) == len(loop.rover.time_s)
+
+
+def test_rover_poses_of_somebody_elses_recording_are_read_too(tmp_path):
+    file = tmp_path / "other.mcap"
+    poses = np.array([[0.0, 0.0, 3.0], [0.1, 0.0, 3.2]])
+    messages = [
+        Message("/rover/pose", k * 10**9, stamped_pose(float(k), "floor", pose)) for k, pose in enumerate(poses)
+    ]
+    write_mcap(file, messages, {}, {})
+    times, read = read_rover_poses(file)
+    np.testing.assert_allclose(times, [0.0, 1.0])
+    np.testing.assert_allclose(read, poses)  # unwrapped across π
+
+
+def test_an_mcap_without_rover_poses_is_refused_by_name(tmp_path):
+    file = tmp_path / "empty.mcap"
+    write_mcap(file, [], {}, {})
+    with pytest.raises(InputError, match="no poses of the rover"):
+        read_rover_poses(file)
+
+
+def test_the_csv_has_a_row_a_step(tmp_path, loop):
+    file = tmp_path / "plan.csv"
+    write_plan_csv(file, loop.rover, loop.towed)
+    table = pd.read_csv(file)
+    assert len(table) == len(loop.rover.time_s)
+    np.testing.assert_allclose(table["front_left_steering_rad"], loop.rover.steering[:, 0], rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(table["object_x_m"].to_numpy()[::5][:100], loop.towed.pose[:100, 0], atol=1e-9)
+    assert set(table["case"]) <= {"A", "B", "C"}
+
+
+def test_a_path_from_a_file_is_planned_like_any_other(tmp_path, scene, patch):
+    angle = np.linspace(0, np.pi, 40)
+    file = tmp_path / "arc.csv"
+    pd.DataFrame({"x_m": 1.5 * np.sin(angle), "y_m": 1.5 - 1.5 * np.cos(angle)}).to_csv(file, index=False)
+    wish = paths.timed(paths.through_points(read_path(file)), STEP_S, mean_speed=0.01)
+    nominal = quasistatic_plan(scene.cube, patch, wish, scene.tether)
+    loop = close_loop(nominal, scene.cube, patch, scene.tether, scene.rover, scene.planner, report_stride=5)
+    assert loop.rover.outcome is PlanOutcome.ARRIVED
+    assert loop.object_rms < 0.01
+
+
+def test_a_timed_path_from_a_file_keeps_its_times(tmp_path):
+    file = tmp_path / "timed.csv"
+    pd.DataFrame({"time_s": [0.0, 1.0, 3.0], "x_m": [0.0, 1.0, 2.0], "y_m": 0.0}).to_csv(file, index=False)
+    assert read_path(file).time_s.tolist() == [0.0, 1.0, 3.0]
+
+
+def test_a_path_file_without_its_columns_is_refused(tmp_path):
+    file = tmp_path / "bad.csv"
+    file.write_text("x,y\n0,0\n")
+    with pytest.raises(InputError, match="no path"):
+        read_path(file)
+
+
+def test_a_plan_of_one_pose_cannot_tow(scene, patch, nominal):
+    with pytest.raises(InputError, match="before it moves"):
+        tow(np.zeros(1), np.zeros((1, 2)), nominal, scene.cube, patch, scene.tether)
