@@ -106,12 +106,13 @@ def _placed(position, rotation):
 
 
 def _held(rng, k):
-    """A board held about a metre under the camera, tilted by 15 to 35 degrees towards one side after the other."""
-    tilt = np.radians(rng.uniform(15, 35))
-    towards = np.pi / 4 + k * 2.4
+    """A board held one to two metres under the camera, all over its view, tilted towards one side after the other."""
+    tilt, towards = np.radians(rng.uniform(22, 38)), np.pi / 4 + k * 2.4
     rotation = Rotation.from_rotvec(tilt * np.array([np.cos(towards), np.sin(towards), 0]))
     rotation = rotation * Rotation.from_euler("z", rng.uniform(-0.6, 0.6))
-    centre = np.array([(k % 3 - 1) * 0.75, (k // 3 % 3 - 1) * 0.4, rng.uniform(1.2, 2.0)])
+    below = rng.uniform(1.0, 1.9)
+    # Half the view at that distance is (400, 225) / 650 of it; the board's centre stays well inside.
+    centre = np.array([(k % 4 - 1.5) / 1.5 * 0.36 * below, (k // 4 % 3 - 1) * 0.12 * below, 4.0 - below])
     return _placed(centre - rotation.apply([0.18, 0.12, 0]), rotation)
 
 
@@ -134,7 +135,7 @@ def write_campaign(folder: Path, seed: int = 0, frames: int = FRAMES) -> dict[st
 
 def _write_pictures(folder, camera, floor, rng):
     folder.mkdir(parents=True)
-    for k in range(12):
+    for k in range(16):
         cv2.imwrite(str(folder / f"board_{k:02d}.png"), board_picture(camera, floor, _held(rng, k), rng))
     flat = [(0.0, 0.0, 0.0), (-1.3, -0.7, 0.7), (1.0, 0.5, 2.1), (1.1, -0.8, -0.4), (-1.2, 0.6, 1.2), (-0.1, -0.8, 0.2)]
     for k, (x, y, heading) in enumerate(flat):

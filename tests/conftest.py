@@ -30,7 +30,7 @@ def shared_dir() -> Path:
     return folder
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def make_track():
     """A function that measures a motion: pose of time, seen with white noise of given deviation."""
 

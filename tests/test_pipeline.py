@@ -89,13 +89,21 @@ def test_summary_has_the_promised_columns(lab):
 
 @pytest.mark.parametrize("body", ["rover", "object"])
 def test_measured_paths_agree_with_the_truth(lab, body):
-    """At 450 lines a pixel is 6 mm on the floor: a tenth of it, with the calibration's own error."""
+    """At 450 lines a pixel is 6 mm on the floor: half of it, in which the calibration and its floor frame are most."""
     track = read_tracks(lab.results / "a" / "track.mcap")[body]
     assert track.seen.all()
     np.testing.assert_allclose(track.time_s, lab.truth["time_s"], atol=1e-5)
     error = track.pose - lab.truth[body]
-    assert np.sqrt(np.mean(np.sum(error[:, :2] ** 2, axis=1))) < 2e-3
+    assert np.sqrt(np.mean(np.sum(error[:, :2] ** 2, axis=1))) < 3e-3
     assert np.degrees(np.sqrt(np.mean(wrapped(error[:, 2]) ** 2))) < 0.3
+
+
+def test_the_measurement_knows_its_own_error(lab):
+    """The object is off by no more than three of the deviations that the run states for it."""
+    track = read_tracks(lab.results / "a" / "track.mcap")["object"]
+    error = np.linalg.norm(track.pose[:, :2] - lab.truth["object"][:, :2], axis=1)
+    stated = pd.read_csv(lab.results / "summary.csv").u_measurement_m[0]
+    assert np.sqrt(np.mean(error**2)) < 3 * stated
 
 
 def test_simulated_path_agrees_with_the_cell_sum(lab):

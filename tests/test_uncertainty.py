@@ -39,7 +39,7 @@ def calibration():
     return Calibration(camera, floor, np.diag(PARAMETER_STD**2), 0.05)
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def case(calibration, make_track):
     """A run of four seconds: truth by the cell sum, measured with noise."""
     rover = drive((-0.15, 0.05, 0.1), speed=0.25, turn=0.5, rest_s=0.3)
