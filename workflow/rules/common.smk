@@ -1,3 +1,4 @@
+import json
 from pathlib import Path
 
 from snakemake.exceptions import WorkflowError
@@ -64,9 +65,14 @@ def given(*sections):
 
     def sections_of(wildcards):
         document = CAMPAIGNS[wildcards.campaign].document
-        return {section: document[section] for section in sections}
+        return canonical({section: document[section] for section in sections})
 
     return sections_of
+
+
+def canonical(keys):
+    """Keys as one text that does not depend on the order in which they are written."""
+    return json.dumps(keys, sort_keys=True)
 
 
 def section(stage):

@@ -48,7 +48,7 @@ rule report:
     params:
         campaign=folder,
         results=lambda wildcards: str(RESULTS / wildcards.campaign),
-        given=lambda wildcards: CAMPAIGNS[wildcards.campaign].document,
+        given=lambda wildcards: canonical(CAMPAIGNS[wildcards.campaign].document),
         settings=section("report"),
         code=code("report"),
     message:

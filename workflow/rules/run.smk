@@ -16,7 +16,7 @@ rule track:
     params:
         campaign=folder,
         given=given("rover", "object"),
-        clicks=lambda wildcards: CAMPAIGNS[wildcards.campaign].document["runs"][wildcards.run],
+        clicks=lambda wildcards: canonical(CAMPAIGNS[wildcards.campaign].document["runs"][wildcards.run]),
         settings=section("track"),
         code=code("track"),
     message:
@@ -69,8 +69,6 @@ rule simulate:
 
 
 rule uncertainty:
-    message:
-        "{wildcards.campaign}, run {wildcards.run}: sample what is not known exactly"
     input:
         camera=results("{campaign}", "camera.mcap"),
         track=results("{campaign}", "{run}", "track.mcap"),
@@ -78,41 +76,43 @@ rule uncertainty:
         simulated=results("{campaign}", "{run}", "simulate.mcap"),
     output:
         results("{campaign}", "{run}", "uncertainty.mcap"),
+    log:
+        results("{campaign}", "{run}", "logs", "uncertainty.log"),
+    benchmark:
+        results("{campaign}", "{run}", "benchmarks", "uncertainty.tsv")
+    conda:
+        "../envs/towval.yaml"
+    resources:
+        mem_mb=1000,
+        runtime=30,
     params:
         campaign=folder,
         given=given("rover", "object", "tether", "friction"),
         settings=section("uncertainty"),
         code=code("uncertainty"),
-    log:
-        results("{campaign}", "{run}", "logs", "uncertainty.log"),
-    benchmark:
-        results("{campaign}", "{run}", "benchmarks", "uncertainty.tsv")
-    resources:
-        mem_mb=1000,
-        runtime=30,
-    conda:
-        "../envs/towval.yaml"
+    message:
+        "{wildcards.campaign}, run {wildcards.run}: sample what is not known exactly"
     script:
         "../scripts/uncertainty.py"
 
 
 rule compare:
-    message:
-        "{wildcards.campaign}, run {wildcards.run}: compare simulated with measured"
     input:
         track=results("{campaign}", "{run}", "track.mcap"),
         simulated=results("{campaign}", "{run}", "simulate.mcap"),
         uncertainty=results("{campaign}", "{run}", "uncertainty.mcap"),
     output:
         results("{campaign}", "{run}", "compare.mcap"),
-    params:
-        settings=section("compare"),
-        code=code("compare"),
     log:
         results("{campaign}", "{run}", "logs", "compare.log"),
     benchmark:
         results("{campaign}", "{run}", "benchmarks", "compare.tsv")
     conda:
         "../envs/towval.yaml"
+    params:
+        settings=section("compare"),
+        code=code("compare"),
+    message:
+        "{wildcards.campaign}, run {wildcards.run}: compare simulated with measured"
     script:
         "../scripts/compare.py"
