@@ -45,16 +45,20 @@ def look_for_boards(images: Sequence[NamedImage], board: Board, threads: int) ->
         When no picture shows the board, with the number of corners that would fit, if any does.
     """
     with ThreadPoolExecutor(threads) as pool:
-        found = list(pool.map(lambda image: _quick(image, board), images))
+        sample = _spread(range(len(images)))
+        known = dict(zip(sample, pool.map(lambda i: _quick(images[i], board), sample), strict=True))
+        if not any(known.values()):
+            _check_corner_counts([images[i] for i in sample], board)
+        rest = [i for i in range(len(images)) if i not in known]
+        known |= zip(rest, pool.map(lambda i: _quick(images[i], board), rest), strict=True)
         if board.kind == "chessboard":
-            missing = [i for i, sighting in enumerate(found) if sighting is None]
-            if len(missing) == len(images):
-                missing = missing[:: max(1, len(missing) // _SAMPLE)]
+            missing = [i for i in range(len(images)) if known[i] is None]
+            missing = missing if len(missing) < len(images) else _spread(missing)
             thorough = pool.map(lambda i: sight_chessboard(*images[i], board, thorough=True), missing)
-            for i, sighting in zip(missing, thorough, strict=True):
-                found[i] = sighting
+            known |= zip(missing, thorough, strict=True)
+    found = [known[i] for i in range(len(images))]
     if not any(found):
-        raise _no_board(images, board)
+        raise _no_board(len(images), board, "check that the pictures are those of the board, whole and sharp")
     unseen = {
         name: "no whole board found" if board.kind == "chessboard" else "too little of the board found"
         for (name, _), sighting in zip(images, found, strict=True)
@@ -63,31 +67,44 @@ def look_for_boards(images: Sequence[NamedImage], board: Board, threads: int) ->
     return [sighting for sighting in found if sighting is not None], unseen
 
 
+def _spread(indices: Sequence[int]) -> list[int]:
+    """A sample of the indices, from all along the sequence."""
+    return [*indices[:: max(1, len(indices) // _SAMPLE)]][:_SAMPLE]
+
+
 def _quick(image: NamedImage, board: Board) -> Sighting | None:
     return sight_charuco(*image, board) if board.kind == "charuco" else sight_chessboard(*image, board, thorough=False)
 
 
-def _no_board(images: Sequence[NamedImage], board: Board) -> InputError:
+def _check_corner_counts(sample: Sequence[NamedImage], board: Board) -> None:
+    """Raise where the pictures show another chessboard than the one looked for."""
+    if board.kind != "chessboard":
+        return
+    fitting = fitting_corner_counts(sample)
+    if fitting is not None and fitting != (max(board.inner_corners), min(board.inner_corners)):
+        remedy = f"the pictures show a chessboard of {fitting[0]} × {fitting[1]} inner corners"
+        raise _no_board(len(sample), board, remedy)
+
+
+def _no_board(looked_at: int, board: Board, remedy: str) -> InputError:
     columns, rows = board.inner_corners
     if board.kind == "charuco":
-        remedy = "check board.dictionary and the two numbers of inner corners, which are one less than the squares"
-    elif fitting := fitting_corner_counts(images):
-        remedy = f"the pictures show a chessboard of {fitting[0]} × {fitting[1]} inner corners: set board.inner_corners"
+        remedy += "; check board.dictionary, and board.inner_corners, which are one less than the squares"
     else:
-        remedy = "count the corners where four squares meet, not the squares, along both sides of the board"
+        remedy += "; check board.inner_corners: the corners where four squares meet, one less than the squares"
     return InputError(
         f"no picture shows a {board.kind} of {columns} × {rows} inner corners",
-        got=f"{len(images)} pictures",
+        got=f"{looked_at} pictures looked at",
         allowed="pictures of the whole board, sharp and evenly lit, with its white margin",
         remedy=remedy,
     )
 
 
 def fitting_corner_counts(images: Sequence[NamedImage]) -> tuple[int, int] | None:
-    """The numbers of inner corners, larger first, that a few of the pictures agree on; None where they do not."""
+    """The numbers of inner corners, larger first, that two or more of the pictures agree on; None where none do."""
     flags = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_LARGER
     votes: Counter[tuple[int, int]] = Counter()
-    for _, image in images[:: max(1, len(images) // _SAMPLE)][:_SAMPLE]:
+    for _, image in images:
         found, _, grid = cv2.findChessboardCornersSBWithMeta(image, (4, 4), flags)
         if found:
             votes[max(grid.shape), min(grid.shape)] += 1
