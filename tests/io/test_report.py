@@ -6,7 +6,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from report_scenes import LOST, ceiling_calibration, towed_run
+from report_scenes import LOST, ceiling_calibration, towed_run, uncertainty_of
 
 from towval.errors import InputError
 from towval.io.report import InputRow, Provenance, ReportData, RunReport, StageFinding, report_figures, write_report
@@ -129,19 +129,24 @@ def test_gravest_findings_come_first_and_shared_ones_once():
     assert found[0].runs == ()
 
 
-@pytest.mark.parametrize(
-    ("verdict", "changes", "words"),
-    [
-        (Verdict.NOT_JUDGED, {}, "inputs, measurement"),
-        (Verdict.NOT_JUDGED, {"u_input_m": 1e-3, "u_measurement_m": 1e-3}, "No verdict was given"),
-        (Verdict.AGREES, {"u_val_m": 0.004}, "within the validation uncertainty of 4.00 mm"),
-        (Verdict.MODEL_ERROR, {"u_val_m": 0.001}, "exceeds the validation uncertainty of 1.00 mm"),
-        (Verdict.TOO_UNCERTAIN, {"u_val_m": 0.04}, "40.0 mm is too large"),
-    ],
-)
-def test_reason_of_a_verdict_says_its_numbers(verdict, changes, words):
-    comparison = dataclasses.replace(towed_run().comparison, verdict=verdict, **changes)
-    assert words in verdict_reason(comparison)
+def test_reason_of_a_verdict_is_what_the_comparison_says():
+    finding = Finding(Severity.WARNING, "verdict", "Model-form error: it begins between 1.00 m and 1.20 m of the path.")
+    comparison = dataclasses.replace(towed_run().comparison, verdict=Verdict.MODEL_ERROR, findings=(finding,))
+    assert verdict_reason(comparison) == finding.text
+    told = data(runs=(RunReport(towed_run(comparison=comparison)),))
+    assert finding.code not in {f.code for f in collect_findings(told)}
+
+
+def test_reason_of_a_missing_verdict_names_the_missing_uncertainty():
+    assert verdict_reason(towed_run().comparison) == "No verdict without the uncertainty of: inputs, measurement."
+
+
+def test_uncertainty_has_its_figures_on_the_page(tmp_path):
+    run = towed_run("a", n=100)
+    run = dataclasses.replace(run, uncertainty=uncertainty_of(run))
+    known = data(runs=(RunReport(run),), calibration=None)
+    assert {"agreement_a", "shares"} <= report_figures(known).keys()
+    assert 'id="uncertainty"' in write_report(tmp_path / "report.html", known).read_text(encoding="utf-8")
 
 
 def test_headline_counts_verdicts_and_spans_errors():
