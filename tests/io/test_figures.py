@@ -124,6 +124,16 @@ def test_ratio_is_the_distance_in_units_of_its_uncertainty(run):
     np.testing.assert_allclose(ratio, distance / np.hypot(0.002, 0.001))
 
 
+def test_ratio_is_left_out_where_there_is_next_to_nothing_to_divide_by(run):
+    known = uncertainty_of(run, 0.002)
+    validation = np.array(known.validation)
+    validation[:15] *= 1e-12
+    known = dataclasses.replace(known, validation=validation)
+    ratio = line(figures.agreement_figure(dataclasses.replace(run, uncertainty=known)).axes[2], SIMULATED, 0.9)
+    assert np.isnan(ratio.get_ydata()[:15]).all()
+    assert np.isfinite(ratio.get_ydata()[15:50]).all()
+
+
 def test_shares_are_sorted_and_in_per_cent(run):
     known = dataclasses.replace(run, uncertainty=uncertainty_of(run))
     axes = figures.shares_figure([known, run]).axes[0]

@@ -24,6 +24,11 @@ from towval.io.style import (
 from towval.types import Array, Comparison, RunUncertainty
 
 _COVERAGE = 2.0
+"""Half width of a band in standard uncertainties: 95 % for a normal error."""
+
+_LEAST_SHARE = 0.01
+"""Share of its root mean square over time from which an uncertainty is worth dividing by."""
+
 _MARKERS = "osD^vPX*"
 
 
@@ -40,7 +45,8 @@ def agreement_figure(run: RunRecord) -> Figure:
     -------
     Figure
         Three panels over one time axis [s]: the error along and across the measured path [mm] with bands of ± two
-        standard validation uncertainties, and ``|E| / u_val`` of the place, both over time, with a line at two.
+        standard validation uncertainties, and ``|E| / u_val`` of the place with a line at two, left out where ``u_val``
+        is below a hundredth of its usual size.
 
     Raises
     ------
@@ -110,8 +116,9 @@ def shares_figure(runs: Sequence[RunRecord]) -> Figure:
 def _draw_ratio(axes: Axes, comparison: Comparison, uncertainty: RunUncertainty) -> None:
     distance = np.linalg.norm(comparison.error[:, :2], axis=1)
     allowed = np.sqrt(np.trace(uncertainty.validation[:, :2, :2], axis1=1, axis2=2))
-    # At the start both are next to nothing: simulation and measurement are put on each other there.
-    ratio = np.divide(distance, allowed, out=np.full(len(distance), np.nan), where=allowed > 0)
+    # Until the object moves, simulation and measurement are put on each other: a ratio of next to nothing says nothing.
+    told = allowed > _LEAST_SHARE * np.sqrt(np.mean(allowed**2))
+    ratio = np.divide(distance, allowed, out=np.full(len(distance), np.nan), where=told)
     axes.axhspan(0, _COVERAGE, color=SHADE, linewidth=0)
     axes.axhline(_COVERAGE, color=MEASURED, linewidth=0.8, linestyle="--")
     axes.plot(comparison.time_s, ratio, color=SIMULATED, linewidth=0.9)
