@@ -22,6 +22,7 @@ from towval.types import (
     DecimatedTrack,
     Finding,
     Floor,
+    RunUncertainty,
     Severity,
     SimulatedMotion,
     Track,
@@ -59,6 +60,24 @@ def towed_run(name: str = "a", n: int = 200, fps: float = 25.0, seed: int = 1, *
         "decimated": _decimated(time_s, rover),
     }
     return RunRecord(**(fields | changes))  # type: ignore[arg-type]
+
+
+def uncertainty_of(run: RunRecord, std_m: float = 0.002) -> RunUncertainty:
+    """An uncertainty for a run whose deviation across the floor's y axis is half of that along x."""
+    n = len(run.comparison.time_s)
+    validation = np.tile(np.diag([std_m, std_m / 2, 0.004]) ** 2, (n, 1, 1))
+    return RunUncertainty(
+        time_s=run.comparison.time_s,
+        measurement=0.1 * validation,
+        simulation=0.9 * validation,
+        validation=validation,
+        signature=np.tile(np.eye(3), (4, 1, 1)),
+        signature_limit=3.0,
+        confidence=0.99,
+        shares={"friction": 0.6, "camera": 0.1, "rest length": 0.25},
+        samples=512,
+        seed=1,
+    )
 
 
 def _motion(n: int) -> tuple[np.ndarray, np.ndarray]:

@@ -3,7 +3,7 @@ import dataclasses
 import matplotlib
 import numpy as np
 import pytest
-from report_scenes import LOST, SLACK, ceiling_calibration, towed_run
+from report_scenes import LOST, SLACK, ceiling_calibration, towed_run, uncertainty_of
 
 from towval.errors import InputError
 from towval.io import figures
@@ -99,9 +99,52 @@ def test_error_figure_shows_millimetres_degrees_and_newton(run):
 
 
 def test_error_band_is_two_standard_uncertainties_wide(run):
-    std = np.tile([0.001, 0.002, 0.003], (len(run.comparison.time_s), 1))
-    bands = figures.error_figure(dataclasses.replace(run, error_std=std)).axes[1].collections
-    assert np.abs(bands[0].get_paths()[0].vertices[:, 1]).max() == pytest.approx(4.0)
+    panels = figures.error_figure(dataclasses.replace(run, uncertainty=uncertainty_of(run, 0.002))).axes
+    for axes, half_width in ((panels[0], 4.0), (panels[1], 2.0), (panels[2], np.rad2deg(0.008))):
+        assert np.abs(axes.collections[0].get_paths()[0].vertices[:, 1]).max() == pytest.approx(half_width)
+
+
+def test_bands_along_and_across_are_the_turned_covariance(run):
+    known = dataclasses.replace(run, uncertainty=uncertainty_of(run, 0.002))
+    heading = 0.3
+    c, s = np.cos(heading), np.sin(heading)
+    error = run.comparison.error[:, :2]
+    turned = error @ np.array([[c, -s], [s, c]])
+    comparison = dataclasses.replace(run.comparison, along_across=turned)
+    panels = figures.agreement_figure(dataclasses.replace(known, comparison=comparison)).axes
+    expected = 4.0 * np.array([np.hypot(c, s / 2), np.hypot(s, c / 2)])
+    for axes, half_width in zip(panels, expected, strict=False):
+        assert np.nanmax(np.abs(axes.collections[0].get_paths()[0].vertices[:, 1])) == pytest.approx(half_width)
+
+
+def test_ratio_is_the_distance_in_units_of_its_uncertainty(run):
+    known = dataclasses.replace(run, uncertainty=uncertainty_of(run, 0.002))
+    ratio = line(figures.agreement_figure(known).axes[2], SIMULATED, 0.9).get_ydata()
+    distance = np.linalg.norm(run.comparison.error[:, :2], axis=1)
+    np.testing.assert_allclose(ratio, distance / np.hypot(0.002, 0.001))
+
+
+def test_ratio_is_left_out_where_there_is_next_to_nothing_to_divide_by(run):
+    known = uncertainty_of(run, 0.002)
+    validation = np.array(known.validation)
+    validation[:15] *= 1e-12
+    known = dataclasses.replace(known, validation=validation)
+    ratio = line(figures.agreement_figure(dataclasses.replace(run, uncertainty=known)).axes[2], SIMULATED, 0.9)
+    assert np.isnan(ratio.get_ydata()[:15]).all()
+    assert np.isfinite(ratio.get_ydata()[15:50]).all()
+
+
+def test_shares_are_sorted_and_in_per_cent(run):
+    known = dataclasses.replace(run, uncertainty=uncertainty_of(run))
+    axes = figures.shares_figure([known, run]).axes[0]
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["friction", "rest length", "camera"]
+    np.testing.assert_allclose([bar.get_width() for bar in axes.patches], [60, 25, 10])
+
+
+def test_uncertainty_figures_without_uncertainty_are_refused(run):
+    for draw in (figures.agreement_figure, lambda it: figures.shares_figure([it])):
+        with pytest.raises(InputError, match="uncertainty"):
+            draw(run)
 
 
 def test_slack_is_shaded_from_start_to_tension(run):

@@ -6,7 +6,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from report_scenes import LOST, ceiling_calibration, towed_run
+from report_scenes import LOST, ceiling_calibration, towed_run, uncertainty_of
 
 from towval.errors import InputError
 from towval.io.report import InputRow, Provenance, ReportData, RunReport, StageFinding, report_figures, write_report
@@ -115,10 +115,13 @@ def test_series_under_the_cursor_is_the_error(page):
     np.testing.assert_allclose(series["time_s"], run.comparison.time_s, atol=5e-7)
 
 
-def test_same_data_give_the_same_bytes(tmp_path):
-    small = data(runs=(RunReport(towed_run("a", n=100)),), calibration=None)
-    first, again = (write_report(tmp_path / f"{i}.html", small) for i in range(2))
-    assert first.read_bytes() == again.read_bytes()
+def test_same_data_give_the_same_bytes_with_and_without_figures_beside(tmp_path):
+    small = data(runs=(RunReport(towed_run("a", n=100, decimated=None)),), calibration=None)
+    alone = write_report(tmp_path / "alone.html", small)
+    beside = write_report(tmp_path / "beside.html", small, tmp_path / "figures")
+    assert alone.read_bytes() == beside.read_bytes()
+    names = {path.name for path in (tmp_path / "figures").iterdir()}
+    assert names == {f"{name}.{ending}" for name in report_figures(small) for ending in ("pdf", "svg", "png")}
 
 
 def test_gravest_findings_come_first_and_shared_ones_once():
@@ -129,19 +132,24 @@ def test_gravest_findings_come_first_and_shared_ones_once():
     assert found[0].runs == ()
 
 
-@pytest.mark.parametrize(
-    ("verdict", "changes", "words"),
-    [
-        (Verdict.NOT_JUDGED, {}, "inputs, measurement"),
-        (Verdict.NOT_JUDGED, {"u_input_m": 1e-3, "u_measurement_m": 1e-3}, "No verdict was given"),
-        (Verdict.AGREES, {"u_val_m": 0.004}, "within the validation uncertainty of 4.00 mm"),
-        (Verdict.MODEL_ERROR, {"u_val_m": 0.001}, "exceeds the validation uncertainty of 1.00 mm"),
-        (Verdict.TOO_UNCERTAIN, {"u_val_m": 0.04}, "40.0 mm is too large"),
-    ],
-)
-def test_reason_of_a_verdict_says_its_numbers(verdict, changes, words):
-    comparison = dataclasses.replace(towed_run().comparison, verdict=verdict, **changes)
-    assert words in verdict_reason(comparison)
+def test_reason_of_a_verdict_is_what_the_comparison_says():
+    finding = Finding(Severity.WARNING, "verdict", "Model-form error: it begins between 1.00 m and 1.20 m of the path.")
+    comparison = dataclasses.replace(towed_run().comparison, verdict=Verdict.MODEL_ERROR, findings=(finding,))
+    assert verdict_reason(comparison) == finding.text
+    told = data(runs=(RunReport(towed_run(comparison=comparison)),))
+    assert finding.code not in {f.code for f in collect_findings(told)}
+
+
+def test_reason_of_a_missing_verdict_names_the_missing_uncertainty():
+    assert verdict_reason(towed_run().comparison) == "No verdict without the uncertainty of: inputs, measurement."
+
+
+def test_uncertainty_has_its_figures_on_the_page(tmp_path):
+    run = towed_run("a", n=100)
+    run = dataclasses.replace(run, uncertainty=uncertainty_of(run))
+    known = data(runs=(RunReport(run),), calibration=None)
+    assert {"agreement_a", "shares"} <= report_figures(known).keys()
+    assert 'id="uncertainty"' in write_report(tmp_path / "report.html", known).read_text(encoding="utf-8")
 
 
 def test_headline_counts_verdicts_and_spans_errors():
@@ -168,13 +176,6 @@ def test_a_missing_overlay_is_named(tmp_path):
     runs = (RunReport(towed_run("a"), tmp_path / "overlay.mp4"),)
     with pytest.raises(InputError, match=r"overlay\.mp4"):
         write_report(tmp_path / "report.html", data(runs=runs))
-
-
-def test_figures_are_saved_beside_the_page(tmp_path):
-    small = data(runs=(RunReport(towed_run("a", n=100)),), calibration=None)
-    write_report(tmp_path / "report.html", small, tmp_path / "figures")
-    names = {path.name for path in (tmp_path / "figures").iterdir()}
-    assert names == {f"{name}.{ending}" for name in report_figures(small) for ending in ("pdf", "svg", "png")}
 
 
 def test_summary_as_latex_has_a_row_a_run_and_dashes_for_what_is_missing():

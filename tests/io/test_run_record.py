@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from report_scenes import LOST, TOWED, towed_run
+from report_scenes import LOST, TOWED, towed_run, uncertainty_of
 
 from towval.errors import InputError
 from towval.io.run_record import nearest_samples, outline_at, pose_at, seen_poses
@@ -38,6 +38,6 @@ def test_outline_is_closed_and_turned():
     np.testing.assert_allclose(outline[0], [1.175, 1.75], atol=1e-12)
 
 
-def test_an_uncertainty_of_another_length_is_refused():
-    with pytest.raises(InputError, match="error_std"):
-        towed_run(error_std=np.ones((3, 3)))
+def test_an_uncertainty_of_other_times_is_refused():
+    with pytest.raises(InputError, match="same times"):
+        towed_run(n=100, uncertainty=uncertainty_of(towed_run(n=80)))

@@ -5,6 +5,7 @@ rule overlay:
         track=results("{campaign}", "{run}", "track.mcap"),
         decimated=results("{campaign}", "{run}", "decimate.mcap"),
         simulated=results("{campaign}", "{run}", "simulate.mcap"),
+        uncertainty=results("{campaign}", "{run}", "uncertainty.mcap"),
         compared=results("{campaign}", "{run}", "compare.mcap"),
     output:
         results("{campaign}", "{run}", "overlay.mp4"),
@@ -33,6 +34,7 @@ rule report:
         tracks=per_run("track.mcap"),
         decimated=per_run("decimate.mcap"),
         simulated=per_run("simulate.mcap"),
+        uncertainties=per_run("uncertainty.mcap"),
         compared=per_run("compare.mcap"),
         overlays=per_run("overlay.mp4"),
     output:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from towval.io.campaign import Campaign
-from towval.io.records import read_comparison, read_decimated, read_simulated, read_tracks
+from towval.io.records import read_comparison, read_decimated, read_simulated, read_tracks, read_uncertainty
 from towval.io.run_record import RunRecord
 
-STAGES = ("track", "decimate", "simulate", "compare")
+STAGES = ("track", "decimate", "simulate", "uncertainty", "compare")
 
 
 def files(folder: Path) -> dict[str, Path]:
@@ -38,4 +38,5 @@ def read_run(campaign: Campaign, name: str, folder: Path) -> RunRecord:
         simulated=read_simulated(paths["simulate"]),
         comparison=read_comparison(paths["compare"]),
         decimated=read_decimated(paths["decimate"])["rover"],
+        uncertainty=read_uncertainty(paths["uncertainty"]),
     )

@@ -50,9 +50,7 @@ def write_report(path: FilePath, data: ReportData, figures_folder: FilePath | No
     InputError
         When there is no run, two runs share a name, or a video cannot be read.
     """
-    names = [run.record.name for run in data.runs]
-    if not names or len(set(names)) < len(names):
-        raise InputError("the runs of a report need names of their own", got=names, allowed="one run or more")
+    _check(data)
     drawn = report_figures(data)
     svgs = {name: svg_text(figure) for name, figure in drawn.items()}
     if figures_folder is not None:
@@ -65,12 +63,24 @@ def write_report(path: FilePath, data: ReportData, figures_folder: FilePath | No
     return path
 
 
-def run_figures(run: RunRecord) -> dict[str, Figure]:
-    """The figures of one run by name: ``fig10_<run>``, ``errors_<run>``, ``tracking_<body>_<run>``, ``decimate_<run>``.
+def _check(data: ReportData) -> None:
+    names = [run.record.name for run in data.runs]
+    if not names or len(set(names)) < len(names):
+        raise InputError("the runs of a report need names of their own", got=names, allowed="one run or more")
+    for run in data.runs:
+        if run.overlay is not None and not run.overlay.is_file():
+            raise InputError(f"the overlay {run.overlay.name} of run {run.record.name} is missing", got=run.overlay)
 
-    The last is left out where the run was not decimated.
+
+def run_figures(run: RunRecord) -> dict[str, Figure]:
+    """The figures of one run by name.
+
+    ``fig10_<run>``, ``errors_<run>``, ``agreement_<run>`` where its uncertainty is known, ``tracking_<body>_<run>``,
+    and ``decimate_<run>`` where it was decimated.
     """
     drawn = {f"fig10_{run.name}": figures.run_figure(run), f"errors_{run.name}": figures.error_figure(run)}
+    if run.uncertainty is not None:
+        drawn[f"agreement_{run.name}"] = figures.agreement_figure(run)
     for track in (run.rover_track, run.object_track):
         drawn[f"tracking_{track.body}_{run.name}"] = figures.tracking_figure(track)
     if run.decimated is not None:
@@ -79,7 +89,7 @@ def run_figures(run: RunRecord) -> dict[str, Figure]:
 
 
 def report_figures(data: ReportData) -> dict[str, Figure]:
-    """All figures of a report by name: ``fig10``, those of each run, and ``calibration_<what>``.
+    """All figures of a report by name: ``fig10``, those of each run, ``shares``, ``calibration_<what>``.
 
     Parameters
     ----------
@@ -94,6 +104,8 @@ def report_figures(data: ReportData) -> dict[str, Figure]:
     drawn = {"fig10": figures.campaign_figure([run.record for run in data.runs])}
     for run in data.runs:
         drawn |= run_figures(run.record)
+    if any(run.record.uncertainty is not None for run in data.runs):
+        drawn["shares"] = figures.shares_figure([run.record for run in data.runs])
     if data.calibration is not None:
         for name, figure in figures.calibration_figures(data.calibration, data.uncertainty).items():
             drawn[f"calibration_{name}"] = figure

@@ -14,12 +14,10 @@ Facts = tuple[tuple[str, str], ...]
 Table = tuple[tuple[str, tuple[str, ...]], ...]
 """Names and the values of all runs."""
 
-_UNCERTAINTIES = (
-    ("u_num_m", "numerical"),
-    ("u_input_m", "inputs"),
-    ("u_measurement_m", "measurement"),
-    ("u_val_m", "validation, all together"),
-)
+VERDICT_CODE = "verdict"
+"""Code of the finding in which the comparison gives the reason of its verdict."""
+
+_UNCERTAINTIES = (("u_num_m", "numerical"), ("u_input_m", "inputs"), ("u_measurement_m", "measurement"))
 
 _VERDICT_PHRASES = {
     Verdict.AGREES: ("agrees within its uncertainty", "agree within their uncertainty"),
@@ -47,18 +45,14 @@ def headline(comparisons: list[Comparison]) -> str:
 
 
 def verdict_reason(comparison: Comparison) -> str:
-    """Why a run came to its verdict, in one sentence with its numbers."""
-    error, uncertainty = millimetres(comparison.path_rms_m), millimetres(comparison.u_val_m)
-    if comparison.verdict is Verdict.AGREES:
-        return f"The error ({error} RMS) is within the validation uncertainty of {uncertainty}."
-    if comparison.verdict is Verdict.MODEL_ERROR:
-        return f"The error ({error} RMS) exceeds the validation uncertainty of {uncertainty}."
-    if comparison.verdict is Verdict.TOO_UNCERTAIN:
-        return f"The validation uncertainty of {uncertainty} is too large to tell."
-    missing = [name for field, name in _UNCERTAINTIES[:3] if not np.isfinite(getattr(comparison, field))]
+    """Why a run came to its verdict: what the comparison says of it, else which uncertainty is missing."""
+    told = [finding.text for finding in comparison.findings if finding.code == VERDICT_CODE]
+    if told:
+        return " ".join(told)
+    missing = [name for field, name in _UNCERTAINTIES if not np.isfinite(getattr(comparison, field))]
     if missing:
         return f"No verdict without the uncertainty of: {', '.join(missing)}."
-    return "No verdict was given."
+    return f"Error {millimetres(comparison.path_rms_m)} RMS, validation uncertainty {millimetres(comparison.u_val_m)}."
 
 
 def reasons(comparisons: list[Comparison]) -> Facts:
@@ -168,6 +162,7 @@ def alternatives(run: RunRecord) -> dict[str, str]:
         f"outlines along the way. RMS distance {millimetres(c.path_rms_m)}, maximum {millimetres(c.path_max_m)}.",
         "errors": f"Run {run.name}: errors in x, y and heading and the tether's tension over "
         f"{c.time_s[-1] - c.time_s[0]:.1f} s. The last error is {millimetres(c.final_error_m)}.",
+        "agreement": f"Run {run.name}: error along and across the path beside the validation uncertainty, over time.",
         "tracking_rover": f"Run {run.name}: residual, inliers and deviations of the rover's track over time.",
         "tracking_object": f"Run {run.name}: residual, inliers and deviations of the object's track over time.",
         "decimate": f"Run {run.name}: measured and kept points of the hinge's way; measured minus smoothed over time.",

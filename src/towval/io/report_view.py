@@ -19,6 +19,7 @@ from towval.errors import InputError
 from towval.io.overlay import overlay_frames
 from towval.io.report_data import ReportData, RunReport
 from towval.io.report_facts import (
+    VERDICT_CODE,
     Facts,
     Table,
     alternatives,
@@ -84,6 +85,7 @@ class ReportView:
     calibration: Facts
     calibration_figures: tuple[tuple[Markup, str], ...]
     dropped_views: Facts
+    shares_figure: Markup | None
     tracking: Table
     simulation: Table
     data: ReportData
@@ -127,6 +129,7 @@ def build(data: ReportData, svgs: Mapping[str, str], frames: Mapping[str, Frame]
         dropped_views=()
         if calibration is None
         else tuple((view.name, view.dropped) for view in calibration.views if view.dropped),
+        shares_figure=inline_svg(svgs["shares"], "shares") if "shares" in svgs else None,
         tracking=side_by_side([(*tracking_facts(r), *decimation_facts(r)) for r in records]),
         simulation=side_by_side([simulation_facts(r) for r in records]),
         data=data,
@@ -143,9 +146,11 @@ def collect_findings(data: ReportData) -> tuple[FindingView, ...]:
             ("track", (*run.rover_track.findings, *run.object_track.findings)),
             ("decimate", () if run.decimated is None else run.decimated.findings),
             ("simulate", run.simulated.findings),
+            ("uncertainty", () if run.uncertainty is None else run.uncertainty.findings),
             ("compare", run.comparison.findings),
         ):
-            found += [(stage, run.name, f) for f in findings]
+            # The reason of the verdict stands in the summary.
+            found += [(stage, run.name, f) for f in findings if f.code != VERDICT_CODE]
     runs_of: dict[tuple[str, Finding], list[str]] = {}
     for stage, run_name, finding in found:
         runs_of.setdefault((stage, finding), []).append(run_name)
@@ -181,7 +186,10 @@ def _tables(comparisons: list[Comparison]) -> Facts:
 def _run_view(report: RunReport, svgs: Mapping[str, str], frames: Mapping[str, Frame]) -> RunView:
     run, name = report.record, report.record.name
     comparison = run.comparison
-    parts = {key: f"{key}_{name}" for key in ("fig10", "errors", "tracking_rover", "tracking_object", "decimate")}
+    parts = {
+        key: f"{key}_{name}"
+        for key in ("fig10", "errors", "agreement", "tracking_rover", "tracking_object", "decimate")
+    }
     stills = () if report.overlay is None else overlay_frames(report.overlay)
     return RunView(
         name=name,

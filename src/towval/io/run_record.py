@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from towval.errors import InputError
 from towval.geometry import transform
-from towval.types import Array, Body, Comparison, DecimatedTrack, SimulatedMotion, Track, locked
+from towval.types import Array, Body, Comparison, DecimatedTrack, RunUncertainty, SimulatedMotion, Track, locked
 
 
 @dataclass(frozen=True)
@@ -17,8 +18,8 @@ class RunRecord:
 
     ``rover`` and ``towed`` are the two bodies, ``hinge`` (2,) and ``anchor`` (2,) [m] the ends of the tether in their
     frames; ``rover_track``, ``object_track`` what was measured, ``decimated`` the thinned track of the rover (None
-    where it was not thinned), ``simulated`` what the model says, ``comparison`` the difference. ``error_std`` (n, 3) is
-    the standard validation uncertainty of ``comparison.error`` [m, m, rad], None where it was not computed.
+    where it was not thinned), ``simulated`` what the model says, ``comparison`` the difference, ``uncertainty``
+    how large it may be if the model is right, None where that was not computed.
     """
 
     name: str
@@ -31,15 +32,18 @@ class RunRecord:
     simulated: SimulatedMotion
     comparison: Comparison
     decimated: DecimatedTrack | None = None
-    error_std: Array | None = None
+    uncertainty: RunUncertainty | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "hinge", locked(self.hinge, "RunRecord.hinge", (2,)))
         object.__setattr__(self, "anchor", locked(self.anchor, "RunRecord.anchor", (2,)))
-        if self.error_std is not None:
-            shape = (len(self.comparison.time_s), 3)
-            std = locked(self.error_std, "RunRecord.error_std", shape, finite=False)
-            object.__setattr__(self, "error_std", std)
+        times = self.comparison.time_s
+        if self.uncertainty is not None and not np.array_equal(self.uncertainty.time_s, times):
+            raise InputError(
+                f"uncertainty and comparison of run {self.name} are not of the same times",
+                got=f"{len(self.uncertainty.time_s)} and {len(times)} samples",
+                remedy="compute both from the same simulation",
+            )
 
 
 def seen_poses(track: Track) -> Array:

@@ -14,9 +14,11 @@ from towval.io.figures.decimation import decimate_figure
 from towval.io.figures.errors import error_figure
 from towval.io.figures.runs import campaign_figure, run_figure
 from towval.io.figures.tracking import tracking_figure
+from towval.io.figures.uncertainty import agreement_figure, shares_figure
 
 __all__ = [
     "UncertaintyMap",
+    "agreement_figure",
     "calibration_figures",
     "campaign_figure",
     "coverage_figure",
@@ -24,6 +26,7 @@ __all__ = [
     "error_figure",
     "reprojection_figure",
     "run_figure",
+    "shares_figure",
     "tracking_figure",
     "uncertainty_figure",
 ]

@@ -26,8 +26,8 @@ def error_figure(run: RunRecord) -> Figure:
     Parameters
     ----------
     run : RunRecord
-        The run. Where ``error_std`` is given, bands of ± two standard uncertainties lie around zero; an error that
-        leaves them is more than the uncertainties explain (95 % for a normal error).
+        The run. Where its uncertainty is known, bands of ± two standard validation uncertainties lie around zero; an
+        error that leaves them for long is more than the uncertainties explain (95 % for a normal error).
 
     Returns
     -------
@@ -39,14 +39,14 @@ def error_figure(run: RunRecord) -> Figure:
     figure, panels = column_of_panels([0.76] * 4, Margins(bottom=0.5), title)
     comparison, simulated = run.comparison, run.simulated
     for axes, (column, label, scale) in zip(panels, _PANELS, strict=False):
-        std = None if run.error_std is None else scale * run.error_std[:, column]
+        std = None if run.uncertainty is None else scale * np.sqrt(run.uncertainty.validation[:, column, column])
         _draw_error(axes, comparison.time_s, scale * comparison.error[:, column], std)
         axes.set_ylabel(label)
     _draw_tension(panels[3], simulated)
     shaded = _shade_slack(panels, simulated)
     panels[3].set_xlabel("time (s)")
     panels[0].set_xlim(comparison.time_s[0], comparison.time_s[-1])
-    _explain(figure, banded=run.error_std is not None, shaded=shaded, gaps=np.isnan(comparison.error).any())
+    _explain(figure, banded=run.uncertainty is not None, shaded=shaded, gaps=np.isnan(comparison.error).any())
     return figure
 
 
