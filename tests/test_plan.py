@@ -4,11 +4,20 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from paper_plan import paper_plan
+from paper_plan import paper_plan, quick_plan
+from towval.commands.plan import run, run_tow
 from towval.errors import InputError
 from towval.geometry import compose, transform
 from towval.io.mcap_file import Message, read_mcap, write_mcap
-from towval.io.plan_files import JOINT_NAMES, read_path, read_rover_poses, write_plan_csv, write_plan_mcap
+from towval.io.plan_files import (
+    JOINT_NAMES,
+    read_object_start,
+    read_path,
+    read_rover_poses,
+    write_plan_csv,
+    write_plan_mcap,
+)
+from towval.io.records import read_simulated
 from towval.io.ros import stamped_pose
 from towval.physics.quasistatic import quasistatic_plan
 from towval.plan import close_loop, hinge_of_poses, tow
@@ -54,7 +63,15 @@ def test_the_object_follows_the_lemniscate_behind_the_planned_rover(loop):
 
 
 def test_behind_the_nominal_hinge_the_object_stays_on_its_path(scene, patch, nominal):
-    motion = tow(nominal.time_s, nominal.hinge.position, nominal, scene.cube, patch, scene.tether)
+    motion = tow(
+        nominal.time_s,
+        nominal.hinge.position,
+        scene.cube,
+        patch,
+        scene.tether,
+        start_pose=nominal.pose[0],
+        start_twist=nominal.twist[0],
+    )
     gap = np.linalg.norm(motion.pose[:, :2] - nominal.pose[:, :2], axis=1)
     # Inertia at 9 mm/s is all that the quasi-static model leaves out: v²/(μ g) is 24 µm.
     assert gap.max() < 1e-4
@@ -77,7 +94,17 @@ def test_a_plan_written_as_mcap_drives_the_same_object_motion(tmp_path, scene, p
     times, poses = read_rover_poses(file)
     np.testing.assert_allclose(poses, loop.rover.pose, atol=1e-12)
     hinge = hinge_of_poses(poses, scene.rover)
-    again = tow(times, hinge, nominal, scene.cube, patch, scene.tether, stride=5)
+    np.testing.assert_allclose(read_object_start(file), nominal.pose[0], atol=1e-12)
+    again = tow(
+        times,
+        hinge,
+        scene.cube,
+        patch,
+        scene.tether,
+        start_pose=nominal.pose[0],
+        start_twist=nominal.twist[0],
+        stride=5,
+    )
     np.testing.assert_allclose(again.pose, loop.towed.pose, atol=1e-8)
 
 
@@ -153,6 +180,25 @@ def test_a_path_file_without_its_columns_is_refused(tmp_path):
         read_path(file)
 
 
+def test_the_commands_plan_a_curve_and_tow_behind_the_recorded_rover(tmp_path, capsys):
+    plan, towed = tmp_path / "line.mcap", tmp_path / "towed.mcap"
+    run(quick_plan(), "line", plan, tmp_path / "line.csv")
+    assert "plan: arrived" in capsys.readouterr().out
+    run_tow(quick_plan(), plan, towed)
+    # The recording starts the object at rest, the plan at the nominal velocity: the tether soon makes them one.
+    gap = read_simulated(towed).pose[-1] - _last_object_pose(tmp_path / "line.csv")
+    assert np.abs(gap[:2]).max() < 1e-4
+
+
+def _last_object_pose(file):
+    return pd.read_csv(file)[["object_x_m", "object_y_m", "object_heading_rad"]].to_numpy()[-1]
+
+
+def test_an_unknown_curve_is_refused_with_those_that_are_known(tmp_path):
+    with pytest.raises(InputError, match="lemniscate"):
+        run(quick_plan(), "spiral", tmp_path / "a.mcap", tmp_path / "a.csv")
+
+
 def test_a_plan_of_one_pose_cannot_tow(scene, patch, nominal):
     with pytest.raises(InputError, match="before it moves"):
-        tow(np.zeros(1), np.zeros((1, 2)), nominal, scene.cube, patch, scene.tether)
+        tow(np.zeros(1), np.zeros((1, 2)), scene.cube, patch, scene.tether, start_pose=nominal.pose[0])

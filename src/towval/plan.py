@@ -77,31 +77,60 @@ def close_loop(
         When the plan ends before the rover has moved.
     """
     plan = plan_rover(nominal.hinge, rover, settings)
-    motion = tow(plan.time_s, plan.hinge, nominal, towed, law, tether, stride=report_stride)
+    motion = tow(
+        plan.time_s,
+        plan.hinge,
+        towed,
+        law,
+        tether,
+        start_pose=nominal.pose[0],
+        start_twist=nominal.twist[0],
+        stride=report_stride,
+    )
     return ClosedLoop(plan, motion, deviation_rms(motion.pose[:, :2], nominal.pose[:, :2]))
 
 
 def tow(
-    times: Array,
+    times: ArrayLike,
     hinge: ArrayLike,
-    nominal: QuasistaticMotion,
     towed: TowedObject,
     law: FrictionLaw | SlidingPatch,
     tether: Tether,
     *,
+    start_pose: ArrayLike,
+    start_twist: ArrayLike = (0.0, 0.0, 0.0),
     stride: int = 1,
 ) -> SimulatedMotion:
-    """Tow an object behind a hinge that goes through points (n, 2) [m] at times (n,) [s], from its nominal start.
+    """Tow an object behind a hinge that goes through given points.
 
-    The hinge may be that of a plan, or of poses read from any MCAP: :func:`hinge_of_poses`.
+    Whatever drives the hinge: a plan, a measured track, the poses of any recording (:func:`hinge_of_poses`).
+
+    Parameters
+    ----------
+    times : array_like (n,)
+        Times of the points [s].
+    hinge : array_like (n, 2)
+        Points [m].
+    towed, law, tether
+        As in :func:`close_loop`.
+    start_pose, start_twist : array_like (3,)
+        First pose of the object [m, m, rad] and its velocity [m/s, m/s, rad/s], at rest if not given.
+    stride : int, optional
+        Take every so many points, and the last, and report at their times.
+
+    Raises
+    ------
+    InputError
+        When there are fewer than two points.
     """
+    times, hinge = np.asarray(times, dtype=np.float64), np.asarray(hinge, dtype=np.float64)
     rows = np.unique(np.concatenate([np.arange(0, len(times), stride), [len(times) - 1]]))
     if len(rows) < 2:
         raise InputError(
             "the rover's plan ends before it moves", got="one pose", remedy="read its advice: it says what failed"
         )
-    way = Path(np.asarray(times)[rows], np.asarray(hinge)[rows])
-    return feedback(towed, law, tether, way, nominal.pose[0], way.time_s, start_twist=nominal.twist[0])
+    way = Path(times[rows], hinge[rows])
+    return feedback(towed, law, tether, way, start_pose, way.time_s, start_twist=start_twist)
 
 
 def hinge_of_poses(pose: ArrayLike, rover: Rover) -> Array:

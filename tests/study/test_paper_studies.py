@@ -5,10 +5,11 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.axes import Axes
 
 from paper_plan import paper_plan, quick_plan
 from towval.commands.claims import markdown, write_ledger
-from towval.commands.paper_figures import draw
+from towval.commands.paper_figures import draw, figure_of
 from towval.commands.tables import gather
 from towval.errors import InputError
 from towval.io.plan_files import write_table
@@ -68,10 +69,20 @@ def test_inertia_is_that_of_the_plate_with_steiners_term():
 
 
 @pytest.mark.parametrize("name", [*(f"figure_{number}" for number in range(2, 9)), "table_1"])
-def test_every_figure_is_drawn_in_three_formats(name, plan, tables, tmp_path):
-    draw(name, plan, tables, tmp_path)
-    for ending in ("pdf", "svg", "png"):
-        assert (tmp_path / f"{name}.{ending}").stat().st_size > 2_000
+def test_every_figure_has_content_and_labels_within_its_page(name, plan, tables):
+    figure = figure_of(name, plan, read(tables))
+    figure.draw_without_rendering()
+    page = figure.bbox
+    for axes in figure.findobj(Axes):
+        assert axes.has_data() or axes.patches or axes.texts
+        for text in (axes.xaxis.label, axes.yaxis.label, axes.title):
+            box = text.get_window_extent()
+            assert not text.get_text() or (box.x0 >= page.x0 - 1 and box.x1 <= page.x1 + 1), text.get_text()
+
+
+def test_a_figure_is_saved_in_three_formats(plan, tables, tmp_path):
+    draw("table_1", plan, tables, tmp_path)
+    assert {file.suffix for file in tmp_path.iterdir()} == {".pdf", ".svg", ".png"}
 
 
 def test_the_ledger_decides_every_claim_and_has_a_twin(plan, tables, tmp_path):

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from towval.commands.paper import run_plan
+from towval.commands.plan import run
 from towval.commands.shared import told
 
 with told(Path(snakemake.log[0])):
-    run_plan(snakemake.params.scene, snakemake.wildcards.curve, Path(snakemake.output.mcap), Path(snakemake.output.csv))
+    run(snakemake.params.scene, snakemake.wildcards.curve, Path(snakemake.output.mcap), Path(snakemake.output.csv))

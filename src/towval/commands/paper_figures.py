@@ -36,8 +36,12 @@ def draw(name: str, plan: Mapping[str, Any], tables: Mapping[str, Path], folder:
     folder : Path
         Where the figure goes.
     """
-    figure = _FIGURES[name](plan, {study: read_table(path) for study, path in tables.items()})
-    save_figure(figure, folder, name)
+    save_figure(figure_of(name, plan, {study: read_table(path) for study, path in tables.items()}), folder, name)
+
+
+def figure_of(name: str, plan: Mapping[str, Any], tables: Tables) -> Figure:
+    """One of the paper's figures from the tables of the studies."""
+    return _FIGURES[name](plan, tables)
 
 
 def _figure_2(plan: Mapping[str, Any], tables: Tables) -> Figure:

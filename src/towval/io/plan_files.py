@@ -96,6 +96,26 @@ def read_rover_poses(path: FilePath) -> tuple[Array, Array]:
     return content.times_s("/rover/pose"), np.column_stack([xy, heading])
 
 
+def read_object_start(path: FilePath) -> Array:
+    """First pose of the object (3,) [m, m, rad] in an MCAP: ``/object/pose``, else ``/object/pose_simulated``.
+
+    Raises
+    ------
+    InputError
+        When the file is missing, damaged or has neither.
+    """
+    content = read_mcap(path)
+    for topic in ("/object/pose", "/object/pose_simulated"):
+        for value in content.values(topic):
+            place = getattr(value.pose, "pose", value.pose)
+            return np.array([place.position.x, place.position.y, ros.heading_of(place.orientation)])
+    raise InputError(
+        f"{path} has no poses of the object",
+        got=", ".join(sorted(content.topics)) or "no topics",
+        allowed="the topic /object/pose or /object/pose_simulated",
+    )
+
+
 def write_plan_csv(path: FilePath, plan: RoverPlan, towed: SimulatedMotion) -> None:
     """Write a plan as CSV, a row a step: poses, wheel angles and rates, case, tow force, object.
 
