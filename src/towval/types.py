@@ -613,11 +613,6 @@ class SimulatedMotion:
         _lock(self, time_s=(n,), pose=(n, 3), twist=(n, 3), tether_force=(n, 2), tether_length=(n,))
 
 
-def as_dict(value: object) -> dict[str, object]:
-    """The fields of a dataclass, one level deep, in their order."""
-    return {f.name: getattr(value, f.name) for f in fields(value)}  # type: ignore[arg-type]
-
-
 class Verdict(enum.StrEnum):
     """What the comparison of a run allows to say, in the form of ASME V&V 20."""
 
