@@ -9,10 +9,10 @@ from numpy.typing import ArrayLike
 
 from towval.errors import InputError, RefusedError
 from towval.geometry import transform
-from towval.physics.dynamics import Accuracy, Outcome, feedback, resting_pressure
+from towval.physics.dynamics import Accuracy, Outcome
 from towval.physics.friction_law import FitResult, fit_makkar
+from towval.physics.ladder import RUNGS, LadderChoice, choose_rung, simulate_rung
 from towval.physics.mass import towed_object
-from towval.physics.wrench import SlidingPatch, sliding_patch
 from towval.types import Array, DecimatedTrack, Finding, Path, Scene, Severity, SimulatedMotion, TowedObject
 
 _HINGE_SAMPLES_PER_FRAME = 2
@@ -22,13 +22,26 @@ _LAW_RESIDUAL = 1e-3
 
 @dataclass(frozen=True)
 class SimulateSettings:
-    """Keys of ``config["simulate"]``: ``tolerance_m``, the error that the integrator accepts in one step [m]."""
+    """Keys of ``config["simulate"]``.
 
+    ``rung`` of the ladder of models, one of :data:`towval.physics.ladder.RUNGS`, or "auto": the simplest whose path stays
+    within ``rung_tolerance_m`` [m] of every fuller one's on this very run. ``tolerance_m`` is the error that the
+    integrator accepts in one step [m].
+    """
+
+    rung: str = "auto"
+    rung_tolerance_m: float = 5e-4
     tolerance_m: float = 1e-7
 
     def __post_init__(self) -> None:
+        if self.rung not in ("auto", *RUNGS):
+            raise InputError("simulate.rung is unknown", got=self.rung, allowed=", ".join(("auto", *RUNGS)))
         if not 1e-12 <= self.tolerance_m <= 1e-3:
             raise InputError("simulate.tolerance_m is out of range", got=self.tolerance_m, allowed="1e-12 to 1e-3 m")
+        if not 1e-9 <= self.rung_tolerance_m <= 1:
+            raise InputError(
+                "simulate.rung_tolerance_m is out of range", got=self.rung_tolerance_m, allowed="1e-9 to 1 m"
+            )
 
 
 def friction_law(scene: Scene) -> FitResult:
@@ -68,7 +81,7 @@ def simulate(
     -------
     SimulatedMotion
         On the given times that both tracks allow. ``statistics["u_num_m"]`` is the largest shift of the path that a
-        hundred times tighter tolerance makes.
+        hundred times tighter tolerance and the full dynamics make.
 
     Raises
     ------
@@ -85,22 +98,24 @@ def simulate(
             got=f"{begin} s to {end} s",
             remedy="look at the findings of the stage track",
         )
-    target = towed_object(scene)
-    law = friction_law(scene)
-    patch = sliding_patch(resting_pressure(target), law.law)
+    target, law = towed_object(scene), friction_law(scene)
     hinge = hinge_path(rover, scene.hinge, inside)
-    start = towed.spline()(inside[0])
-    motion = _integrated(target, patch, scene, hinge, start, inside, settings.tolerance_m)
-    finer = _integrated(target, patch, scene, hinge, start, inside, settings.tolerance_m / 100)
+    given = (target, law.law, scene.tether, hinge, towed.spline()(inside[0]), inside)
+    choice = choose_rung(*given, settings.rung_tolerance_m, accuracy=Accuracy(settings.tolerance_m))
+    rung = choice.rung if settings.rung == "auto" else settings.rung
+    motion = _whole(simulate_rung(rung, *given, accuracy=Accuracy(settings.tolerance_m)), inside)
+    finer = _whole(simulate_rung(rung, *given, accuracy=Accuracy(settings.tolerance_m / 100)), inside)
     u_num = float(np.linalg.norm(motion.pose[:, :2] - finer.pose[:, :2], axis=1).max())
-    findings = (*motion.findings, *_findings(scene, law, motion, hinge, times, inside))
-    return replace(motion, findings=findings, statistics={**motion.statistics, "u_num_m": u_num})
+    statistics = {
+        **motion.statistics,
+        "u_num_m": float(np.hypot(u_num, choice.to_dynamics_m.get(rung, 0.0))),
+        **{f"{lower} to dynamics, m": distance for lower, distance in choice.to_dynamics_m.items()},
+    }
+    findings = (*motion.findings, _rung_finding(choice, rung), *_findings(scene, law, motion, hinge, times, inside))
+    return replace(motion, findings=findings, statistics=statistics)
 
 
-def _integrated(
-    target: TowedObject, patch: SlidingPatch, scene: Scene, hinge: Path, start: Array, times: Array, tolerance: float
-) -> SimulatedMotion:
-    motion = feedback(target, patch, scene.tether, hinge, start, times, accuracy=Accuracy(tolerance))
+def _whole(motion: SimulatedMotion, times: Array) -> SimulatedMotion:
     if len(motion.time_s) < len(times):
         raise RefusedError(
             f"the simulation ended early: {motion.outcome}",
@@ -108,6 +123,20 @@ def _integrated(
             remedy=motion.advice,
         )
     return motion
+
+
+def _rung_finding(choice: LadderChoice, rung: str) -> Finding:
+    """What this scene needed: the rung taken, and what the next simpler and the fullest would have changed."""
+    place = RUNGS.index(rung)
+    changes = [
+        f"{lower} would move the path by up to {1000 * choice.to_dynamics_m[lower]:.2f} mm"
+        for lower in RUNGS[:place][-1:]
+    ]
+    if rung in choice.to_dynamics_m:
+        changes.append(f"the full dynamics would move it by up to {1000 * choice.to_dynamics_m[rung]:.2f} mm")
+    text = f"Model: {rung}; {', '.join(changes)} (allowed: {1000 * choice.tolerance_m:.2f} mm)."
+    enough = RUNGS.index(choice.rung) <= place
+    return Finding(Severity.NOTE if enough else Severity.WARNING, "rung", text)
 
 
 def _findings(

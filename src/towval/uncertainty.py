@@ -18,9 +18,9 @@ from scipy.stats import norm, qmc
 
 from towval.errors import InputError, RefusedError, TowvalError
 from towval.geometry import compose, error_signature, normalised_signature, transform, wrapped
-from towval.physics.dynamics import Accuracy, feedback, resting_pressure
+from towval.physics.dynamics import Accuracy
+from towval.physics.ladder import simulate_rung
 from towval.physics.mass import towed_object
-from towval.physics.wrench import sliding_patch
 from towval.types import (
     CALIBRATION_PARAMETERS,
     Array,
@@ -289,9 +289,10 @@ class _Sampler:
         # γ1, γ4 and γ6 are the amplitudes of Makkar's law: scaling them scales static and kinetic friction alike.
         law = FrictionLaw(self.case.law.gamma * np.array([factor, 1, 1, factor, 1, factor]))
         target = towed_object(scene)
-        motion = feedback(
+        motion = simulate_rung(
+            self.case.simulated.rung,
             target,
-            sliding_patch(resting_pressure(target), law),
+            law,
             scene.tether,
             Path(self.hinge_times, transform(rover, scene.hinge)),
             start,
