@@ -122,6 +122,17 @@ def test_pictures_of_different_size_are_named(board_picture):
         calibrate([("a", board_picture), ("b", small)], [], BOARD, FloorReference(np.zeros(2), np.ones(2)), QUICK)
 
 
+def test_a_floor_picture_among_the_held_ones_counts_once(board_picture, monkeypatch):
+    looked_at = []
+    monkeypatch.setattr("towval.calibrate.look_for_boards", lambda images, *_: (looked_at.extend(images), ([], {}))[1])
+    floor = [("floor.jpg", board_picture)]
+    with pytest.raises(InputError, match="first floor picture"):
+        calibrate([("a", board_picture), *floor], floor, BOARD, FloorReference(np.zeros(2), np.ones(2)), QUICK)
+    assert [name for name, _ in looked_at] == ["a", "floor.jpg"]
+    with pytest.raises(InputError, match="of the same name"):
+        calibrate([("floor.jpg", board_picture[::-1])], floor, BOARD, FloorReference(np.zeros(2), np.ones(2)), QUICK)
+
+
 def test_an_unknown_lens_model_is_refused():
     with pytest.raises(InputError, match="lens_models"):
         CalibrateSettings(lens_models=("k1", "fisheye"))

@@ -98,8 +98,7 @@ def calibrate(
     RefusedError
         When too few views are left, or when the set is degenerate and ``settings`` do not accept that.
     """
-    held = [*images]
-    everything = [*held, *floor_images]
+    everything = [*_only_held(images, floor_images), *floor_images]
     resolution = _common_resolution(everything)
     sightings, unseen = look_for_boards(everything, board, settings.threads)
     floor_names = {name for name, _ in floor_images}
@@ -110,6 +109,20 @@ def calibrate(
     if refusals and not settings.accept_refused:
         raise RefusedError("the calibration views are degenerate", got=" ".join(refusals))
     return calibration
+
+
+def _only_held(images: Iterable[NamedImage], floor_images: Sequence[NamedImage]) -> list[NamedImage]:
+    """The pictures that are not floor pictures, too: a pattern for the one may well find the other."""
+    on_floor = dict(floor_images)
+    held = []
+    for name, image in images:
+        if name not in on_floor:
+            held.append((name, image))
+        elif not np.array_equal(image, on_floor[name]):
+            raise InputError(
+                "a held board and a floor board have pictures of the same name", got=name, remedy="rename one"
+            )
+    return held
 
 
 def _common_resolution(images: Sequence[NamedImage]) -> tuple[int, int]:
