@@ -234,6 +234,12 @@ def ceiling(
     return camera, Floor(T)
 
 
+def small_camera() -> dict[str, object]:
+    """Changes to a scene that film it with a quarter of the pixels: four times as fast, pixels of 4.7 mm."""
+    camera, floor = ceiling((960, 540), 780.0)
+    return {"camera": camera, "floor": floor, "grain_m": 0.024}
+
+
 def two_bodies() -> tuple[Body, Body]:
     """A rover and a box of the usual sizes."""
     return Body("rover", 0.42, rectangle(0.75, 0.5)), Body("object", 0.25, rectangle(0.5, 0.35))

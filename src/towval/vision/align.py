@@ -38,6 +38,8 @@ _TOLERANCE_PX = 0.06  # Steps shrink to a tenth from round to round: what is lef
 _FIRST_PART, _FIRST_ROUNDS = 4, 6
 _LEAST_DETERMINANT = 1e-4  # Of the normalised information: below, a direction is open.
 _INLIER_WEIGHT = 0.3
+_DAMPING = 1 + 1e-6
+_BIN, _BINS = 0.02, 5000  # Grey levels; larger residuals share the last bin.
 _LEAST_OF_TILE = 8  # Points, for a correlation to mean something.
 _SEEN_TILES = 0.7
 _OUTSIDE = 1e12  # Residual of a point outside the picture: finite, so that compiled sums stay finite.
@@ -178,13 +180,20 @@ def _misfits(values, template, tile, light, residual):  # type: ignore[no-untype
 
 @njit(cache=True)
 def _scale(residual):  # type: ignore[no-untyped-def]
-    """Deviation of the better part of the residuals; zero where all are outside."""
-    size = np.abs(residual)
-    inside = size[size < _OUTSIDE]
-    if len(inside) == 0:
-        return 0.0
-    at = int(_QUANTILE * len(inside))
-    return np.partition(inside, at)[at] / _QUANTILE_OF_GAUSSIAN
+    """Deviation of the better part of the residuals, from a histogram; zero where all are outside."""
+    bins = np.zeros(_BINS, dtype=np.int64)
+    inside = 0
+    for i in range(residual.shape[0]):
+        size = abs(residual[i])
+        if size < _OUTSIDE:
+            bins[min(int(size / _BIN), _BINS - 1)] += 1
+            inside += 1
+    wanted, below = _QUANTILE * inside, 0
+    for i in range(_BINS):
+        if below + bins[i] > wanted:
+            return _BIN * (i + (wanted - below) / bins[i]) / _QUANTILE_OF_GAUSSIAN
+        below += bins[i]
+    return 0.0
 
 
 @njit(cache=True, fastmath=RELAXED)
@@ -229,19 +238,28 @@ def _normal_equations(template, slopes, tile, tiles, light, weight, residual, ri
         yy += w * y * y
         yh += w * y * h
         hh += w * h * h
-    information[0] = xx, xy, xh
-    information[1] = xy, yy, yh
-    information[2] = xh, yh, hh
+    information[0, 0], information[1, 1], information[2, 2] = xx, yy, hh
+    information[0, 1] = information[1, 0] = xy
+    information[0, 2] = information[2, 0] = xh
+    information[1, 2] = information[2, 1] = yh
     return information, scores
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _solve(information, scores):  # type: ignore[no-untyped-def]
-    """Solve the 3 × 3 equations, slightly damped so that a direction without texture stays where it is."""
-    damped = information.copy()
-    for j in range(3):
-        damped[j, j] = damped[j, j] * (1 + 1e-6) + 1e-9
-    return np.linalg.solve(damped, scores.sum(axis=0))
+    """Solve the 3 × 3 equations, slightly damped so that a direction without texture stays where it is.
+
+    Cramer's rule: written out it compiles in a tenth of the time of a call to LAPACK.
+    """
+    x = y = h = 0.0
+    for row in range(scores.shape[0]):
+        x, y, h = x + scores[row, 0], y + scores[row, 1], h + scores[row, 2]
+    a, b, c = information[0, 0] * _DAMPING + 1e-9, information[0, 1], information[0, 2]
+    d, e, f = information[1, 1] * _DAMPING + 1e-9, information[1, 2], information[2, 2] * _DAMPING + 1e-9
+    aa, ab, ac = d * f - e * e, c * e - b * f, b * e - c * d
+    dd, de, ff = a * f - c * c, b * c - a * e, a * d - b * b
+    det = a * aa + b * ab + c * ac
+    return (aa * x + ab * y + ac * h) / det, (ab * x + dd * y + de * h) / det, (ac * x + de * y + ff * h) / det
 
 
 @njit(cache=True)
@@ -277,7 +295,9 @@ def _align_kernel(  # type: ignore[no-untyped-def]
     luma, points, template, slopes, tile, tiles, precision, pose, height, T, matrix, k, most_scale, tolerance_m
 ):
     """Rounds of the alignment: pose, information, scores, residuals, weights, scale, correlation, converged."""
-    reach = np.sqrt((points[:, 0] ** 2 + points[:, 1] ** 2).max())
+    reach = 0.0
+    for i in range(len(points)):
+        reach = max(reach, np.hypot(points[i, 0], points[i, 1]))
     pose, scale = pose.copy(), most_scale
     light = np.empty((tiles, 5))
     information, scores = np.zeros((3, 3)), np.zeros((tiles, 3))
@@ -317,6 +337,7 @@ def _align_kernel(  # type: ignore[no-untyped-def]
         residual,
         weight,
         scale,
+        light,
         _correlation(values, t, own_tile, tiles),
         converged,
     )
@@ -356,7 +377,7 @@ def align(
     Alignment or None
         None where too little of the template is in the picture or it leaves a direction open.
     """
-    pose, information, scores, residual, weight, scale, correlation, converged = _align_kernel(
+    pose, information, scores, residual, weight, scale, light, correlation, converged = _align_kernel(
         luma,
         template.points,
         template.values,
@@ -380,6 +401,8 @@ def align(
     inverse = np.linalg.inv(information)
     # Residuals of neighbouring points go together (compression, blur): the tiles' scores hold that.
     meat = scores.T @ scores * (template.tiles / max(1, template.tiles - 3))
+    # A tile that follows the template at the least gain does not show it: something plain hides it.
+    shown = (light[:, 0] > _LEAST_GAIN)[template.tile]
     return Alignment(
         pose=pose,
         covariance=inverse * (np.sum(inverse * meat) / 3),
@@ -387,6 +410,6 @@ def align(
         weight=weight,
         scale=float(scale),
         correlation=float(correlation),
-        inlier_fraction=float((weight > _INLIER_WEIGHT * precision).mean()),
+        inlier_fraction=float((shown & (weight > _INLIER_WEIGHT * precision)).mean()),
         converged=bool(converged),
     )

@@ -231,11 +231,23 @@ def fit_outline(slopes: Array, stretches: Stretches, pixel_m: float) -> OutlineF
     """
     middle, normal = stretches.middle, stretches.normal
     rows = np.column_stack([normal, middle[:, 0] * normal[:, 1] - middle[:, 1] * normal[:, 0]])
-    correction, misfit, weight, information, settled = _fit_kernel(
-        slopes, np.median(slopes, axis=1), stretches.offsets, rows, pixel_m
-    )
-    if not settled:
-        return None
+    ordinary = np.median(slopes, axis=1)
+    correction = np.zeros(3)
+    for round_ in range(_FITS):
+        # The net is drawn in: wide enough for a click at first, then for the blur of an edge.
+        spread = pixel_m * max(0.5, 2.0 * 0.7**round_)
+        place, contrast = _peaks(slopes, ordinary, stretches.offsets, rows @ correction, spread)
+        misfit = place - rows @ correction
+        if (contrast > 0).sum() < 4:
+            return None
+        scale = max(1.4826 * np.median(np.abs(misfit[contrast > 0])), 0.05 * pixel_m)
+        weight = contrast * np.maximum(1 - (misfit / (_TUKEY * scale)) ** 2, 0.0) ** 2
+        information = rows.T @ (weight[:, None] * rows)
+        size = np.sqrt(np.diag(information)) + 1e-12
+        if (weight > 0).mean() < 1 / 3 or np.linalg.det(information / np.outer(size, size)) < _LEAST_DETERMINANT:
+            return None
+        correction = correction + np.linalg.solve(information, rows.T @ (weight * misfit))
+    misfit = place - rows @ correction
     inverse = np.linalg.inv(information)
     scores = rows * (weight * misfit)[:, None]
     used = weight > 0
@@ -245,29 +257,6 @@ def fit_outline(slopes: Array, stretches: Stretches, pixel_m: float) -> OutlineF
         residual_px=float(np.sqrt(np.sum(weight * misfit**2) / weight.sum()) / pixel_m),
         support=float(used.mean()),
     )
-
-
-@njit(cache=True)
-def _fit_kernel(slopes, ordinary, offsets, rows, pixel_m):  # type: ignore[no-untyped-def]
-    """Rounds of the robust fit: correction, misfits, weights, information, and whether the edges settle the pose."""
-    correction, information = np.zeros(3), np.zeros((3, 3))
-    misfit, weight = np.zeros(len(rows)), np.zeros(len(rows))
-    for round_ in range(_FITS):
-        # The net is drawn in: wide enough for a click at first, then for the blur of an edge.
-        spread = pixel_m * max(0.5, 2.0 * 0.7**round_)
-        expected = rows @ correction
-        place, contrast = _peaks(slopes, ordinary, offsets, expected, spread)
-        misfit = place - expected
-        if (contrast > 0).sum() < 4:
-            return correction, misfit, weight, information, False
-        scale = max(1.4826 * np.median(np.abs(misfit[contrast > 0])), 0.05 * pixel_m)
-        weight = contrast * np.maximum(1 - (misfit / (_TUKEY * scale)) ** 2, 0.0) ** 2
-        information = rows.T @ (weight.reshape(-1, 1) * rows)
-        size = np.sqrt(np.diag(information)) + 1e-12
-        if (weight > 0).mean() < 1 / 3 or np.linalg.det(information / np.outer(size, size)) < _LEAST_DETERMINANT:
-            return correction, misfit, weight, information, False
-        correction = correction + np.linalg.solve(information, rows.T @ (weight * misfit))
-    return correction, misfit - rows @ correction + expected, weight, information, True
 
 
 def see_outline(luma: NDArray[np.uint8], body: Body, pose: Array, camera: Camera, floor: Floor) -> OutlineFit | None:
