@@ -23,6 +23,7 @@ def quick_plan():
         "stiffnesses_n_m": [1e3, 1e5],
         "thresholds_m": [0.2, 0.6],
         "shown_thresholds_m": [0.2],
+        "wheelbases_m": [0.4, 0.5],
         "surface_thresholds_m": [0.1, 0.4, 2],
         "surface_look_aheads_steps": [300, 350, 2],
         "surface_blocks": 2,

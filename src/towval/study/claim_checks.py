@@ -237,11 +237,16 @@ def breaking_values(tables: Tables) -> Decision:
     """Whether the paper's two thresholds break the controller."""
     rows = _numbers(tables)
     rows = rows[rows["curve"] == "lemniscate"].set_index("threshold_m")
-    broken = rows[rows["outcome"] != "arrived"].index
+    broken = rows[rows["outcome"] != "arrived"]
     found = {value: rows.loc[value, "outcome"] for value in BREAKING_THRESHOLDS if value in rows.index}
     text = ", ".join(f"{value:g} m {result}" for value, result in found.items())
+    away = int((broken["first_tip_turns_away"] == 1).sum())
+    failed = tables["wheelbases"].assign(failed=lambda table: table["outcome"] != "arrived")
+    shares = failed.groupby("wheelbase_m")["failed"].mean()
+    sizes = ", ".join(f"{100 * share:.0f} % at {length:g} m" for length, share in shares.items())
     return outcome(all(result != "arrived" for result in found.values())), (
-        f"{text}; ours break at {', '.join(f'{value:g}' for value in broken)} m"
+        f"{text}; ours break at {', '.join(f'{value:g}' for value in broken.index)} m, in {away} of {len(broken)} of "
+        f"these the first step in case C turns away from the point aimed at; thresholds that fail by wheelbase: {sizes}"
     )
 
 

@@ -189,7 +189,8 @@ CLAIMS = (
         "The rover does not arrive with these two values.",
         checks.breaking_values,
         "Which values break it depends on wheelbase, track, footprint, load and speed, none of which the paper gives. "
-        "With a wheelbase of 0.5 m in place of 0.4 m, for instance, most thresholds fail.",
+        "The way in which it breaks is the paper's: the tip is taken on the side of the wanted centre, which the "
+        "planned change of heading decides, and not on the side of the point aimed at.",
     ),
     Claim(
         "feasible areas",

@@ -26,6 +26,7 @@ from towval.study.sensitivity import (
     cube_patch,
     feedforward_motion,
     loop_numbers,
+    loop_row,
     planned_loop,
     rms_in_time,
     speed_row,
@@ -76,6 +77,10 @@ def paper_parts(plan: Mapping[str, Any]) -> dict[str, dict[str, Part]]:
         "thresholds": {
             curve: {"curve": curve, "thresholds": vary["thresholds_m"], "shown": vary["shown_thresholds_m"]}
             for curve in CURVES
+        },
+        "wheelbases": {
+            f"{1000 * length:.0f}": {"curve": "lemniscate", "wheelbase": length, "thresholds": vary["thresholds_m"]}
+            for length in vary["wheelbases_m"]
         },
         "surface": _surface_parts(vary),
     }
@@ -218,11 +223,21 @@ def _threshold_rows(scene: PaperScene, curve: str, thresholds: list[float], show
     for threshold in sorted({*thresholds, *shown}):
         loop = planned_loop(scene, patch, nominal, threshold=threshold)
         common = {"curve": curve, "threshold_m": threshold}
-        rows.append(common | {"row": "numbers"} | loop_numbers(loop))
+        rows.append(common | {"row": "numbers"} | loop_numbers(loop, nominal))
         if threshold in shown:
             rows += _path_rows(common | {"row": "object"}, loop.towed.pose[:, :2])
             rows += _path_rows(common | {"row": "rover"}, loop.rover.hinge)
     return rows
+
+
+def _wheelbase_rows(scene: PaperScene, curve: str, wheelbase: float, thresholds: list[float]) -> list[Row]:
+    """Which thresholds arrive with a rover of another wheelbase: the paper does not give its own."""
+    positions = scene.rover.wheel_positions * [wheelbase / np.ptp(scene.rover.wheel_positions[:, 0]), 1.0]
+    scene = replace(scene, rover=replace(scene.rover, wheel_positions=positions))
+    patch = cube_patch(scene)
+    nominal = cube_nominal(scene, patch, curve, scene.planner_step)
+    common = {"curve": curve, "wheelbase_m": wheelbase}
+    return [common | loop_row(scene, patch, nominal, threshold=threshold) for threshold in thresholds]
 
 
 _STUDIES = {
@@ -238,5 +253,6 @@ _STUDIES = {
     "starts": _start_rows,
     "loop": _loop_rows,
     "thresholds": _threshold_rows,
+    "wheelbases": _wheelbase_rows,
     "surface": surface_rows,
 }

@@ -14,14 +14,14 @@ from typing import Any
 import numpy as np
 
 from towval.errors import InputError
-from towval.geometry import transform
+from towval.geometry import inverse_transform, transform
 from towval.physics.contact import resting_pressure
 from towval.physics.dynamics import feedback, feedforward
 from towval.physics.quasistatic import QuasistaticMotion, quasistatic_plan
 from towval.physics.wrench import SlidingPatch, sliding_patch
 from towval.plan import ClosedLoop, close_loop
 from towval.rover.paths import timed
-from towval.rover.planner import PlanCase
+from towval.rover.planner import PlanCase, RoverPlan
 from towval.study.paper_scene import PaperScene, friction_law
 from towval.types import Array, Path, SimulatedMotion, Tether
 
@@ -161,7 +161,7 @@ def stiffness_row(scene: PaperScene, curve: str, speed: float, time_step: float,
 
 def loop_row(scene: PaperScene, patch: SlidingPatch, nominal: QuasistaticMotion, **settings: Any) -> Row:
     """Outcome and RMS of rover and object with planner settings that differ from the scene's, Figs. 7 and 8."""
-    return settings | loop_numbers(planned_loop(scene, patch, nominal, **settings))
+    return settings | loop_numbers(planned_loop(scene, patch, nominal, **settings), nominal)
 
 
 def planned_loop(scene: PaperScene, patch: SlidingPatch, nominal: QuasistaticMotion, **settings: Any) -> ClosedLoop:
@@ -170,7 +170,7 @@ def planned_loop(scene: PaperScene, patch: SlidingPatch, nominal: QuasistaticMot
     return close_loop(nominal, scene.cube, patch, scene.tether, scene.rover, planner, report_stride=REPORT_STRIDE)
 
 
-def loop_numbers(loop: ClosedLoop) -> Row:
+def loop_numbers(loop: ClosedLoop, nominal: QuasistaticMotion) -> Row:
     """The numbers of a closed loop that tables and ledger want."""
     shares = {f"case_{case.name.lower()}_share": loop.rover.share_of(case) for case in PlanCase}
     return {
@@ -178,8 +178,19 @@ def loop_numbers(loop: ClosedLoop) -> Row:
         "object_rms_m": loop.object_rms,
         "outcome": str(loop.rover.outcome),
         "object_outcome": loop.towed.outcome,
+        "first_tip_turns_away": _first_tip_turns_away(loop.rover, nominal),
         "advice": loop.rover.advice,
     } | shares
+
+
+def _first_tip_turns_away(plan: RoverPlan, nominal: QuasistaticMotion) -> float:
+    """1 where the first step in case C turns away from the point aimed at, 0 where towards it, NaN without case C."""
+    steps = np.flatnonzero(plan.case == PlanCase.C)
+    if not len(steps):
+        return float("nan")
+    first = steps[0]
+    aim = inverse_transform(plan.pose[first], nominal.hinge.position[plan.target[first]])
+    return float(np.sign(plan.twist[first, 2]) != np.sign(aim[1]))
 
 
 def surface_grid(first: float, last: float, count: int) -> Array:
