@@ -13,7 +13,7 @@ from towval.physics.dynamics import Accuracy, Outcome
 from towval.physics.friction_law import FitResult, fit_makkar
 from towval.physics.ladder import RUNGS, LadderChoice, choose_rung, simulate_rung
 from towval.physics.mass import towed_object
-from towval.types import Array, DecimatedTrack, Finding, Path, Scene, Severity, SimulatedMotion, TowedObject
+from towval.types import Array, DecimatedTrack, Finding, Path, Scene, Severity, SimulatedMotion
 
 _HINGE_SAMPLES_PER_FRAME = 2
 _LAW_RESIDUAL = 1e-3
@@ -24,8 +24,8 @@ _LAW_RESIDUAL = 1e-3
 class SimulateSettings:
     """Keys of ``config["simulate"]``.
 
-    ``rung`` of the ladder of models, one of :data:`towval.physics.ladder.RUNGS`, or "auto": the simplest whose path stays
-    within ``rung_tolerance_m`` [m] of every fuller one's on this very run. ``tolerance_m`` is the error that the
+    ``rung`` of the ladder of models, one of :data:`towval.physics.ladder.RUNGS`, or "auto": the simplest whose path
+    stays within ``rung_tolerance_m`` [m] of every fuller one's on this very run. ``tolerance_m`` is the error that the
     integrator accepts in one step [m].
     """
 

@@ -1,0 +1,70 @@
+"""config.yaml, its schema and the settings of the stages say the same."""
+
+import dataclasses
+
+import pytest
+import yaml
+
+from towval.calibrate import CalibrateSettings
+from towval.commands.shared import settings_from
+from towval.compare import CompareSettings
+from towval.decimate import DecimateSettings
+from towval.errors import InputError
+from towval.io.report_data import ReportSettings
+from towval.io.schema import check
+from towval.physics.ladder import RUNGS
+from towval.simulate import SimulateSettings
+from towval.track import METHODS, TrackSettings
+from towval.uncertainty import UncertaintySettings
+from towval.vision.lens import LENS_MODELS
+
+SECTIONS = {
+    "calibrate": CalibrateSettings,
+    "track": TrackSettings,
+    "decimate": DecimateSettings,
+    "simulate": SimulateSettings,
+    "uncertainty": UncertaintySettings,
+    "compare": CompareSettings,
+    "report": ReportSettings,
+}
+
+
+@pytest.fixture(scope="module")
+def schema(repository):
+    return yaml.safe_load((repository / "workflow/schemas/config.schema.yaml").read_text())
+
+
+@pytest.fixture(scope="module")
+def config(repository):
+    return yaml.safe_load((repository / "config.yaml").read_text())
+
+
+@pytest.mark.parametrize("section", SECTIONS)
+def test_the_schema_has_every_setting_and_no_other(schema, section):
+    keys = schema["properties"][section]["properties"]
+    assert set(keys) == {field.name for field in dataclasses.fields(SECTIONS[section])}
+    assert all("description" in key for key in keys.values())
+    assert all("unit" in keys[name] for name in keys if name.endswith(("_m", "_s", "_px")))
+
+
+def test_the_choices_of_the_schema_are_those_of_the_code(schema):
+    sections = schema["properties"]
+    assert sections["track"]["properties"]["method"]["enum"] == sorted(METHODS, reverse=True)
+    assert sections["simulate"]["properties"]["rung"]["enum"] == ["auto", *RUNGS]
+    assert sections["calibrate"]["properties"]["lens_models"]["items"]["enum"] == list(LENS_MODELS)
+
+
+def test_the_configuration_is_valid_and_gives_the_defaults(schema, config):
+    check(config, schema, "config")
+    for section, kind in SECTIONS.items():
+        assert settings_from(kind, config.get(section), section) == kind()
+
+
+def test_a_mistyped_setting_is_told_with_the_right_one():
+    with pytest.raises(InputError, match=r"did you mean decimate\.excess\?"):
+        settings_from(DecimateSettings, {"exces": 2}, "decimate")
+
+
+def test_a_mistyped_key_of_the_configuration_is_told(schema, config):
+    with pytest.raises(InputError, match=r"unknown key decimate\.pause; did you mean pause_s\?"):
+        check({**config, "decimate": {"pause": 1}}, schema, "config")
