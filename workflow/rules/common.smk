@@ -77,3 +77,11 @@ def canonical(keys):
 
 def section(stage):
     return dict(config.get(stage) or {})
+
+
+def paper(*parts):
+    return str(RESULTS.joinpath("figures", *parts))
+
+
+def table(study):
+    return paper("tables", f"{study}.csv")

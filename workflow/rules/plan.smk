@@ -6,14 +6,6 @@ told(check, PLAN, read_yaml(HERE / "workflow" / "schemas" / "plan.schema.yaml"),
 PARTS = told(paper_parts, PLAN)
 
 
-def paper(*parts):
-    return str(RESULTS.joinpath("figures", *parts))
-
-
-def table(study):
-    return paper("tables", f"{study}.csv")
-
-
 # What a part varies is in the part itself: a longer sweep runs its new parts only.
 SCENE = {name: section for name, section in PLAN.items() if name not in ("sensitivity", "closed_loop", "table_1")}
 
