@@ -22,7 +22,26 @@ $(VENV)/installed-dev: $(VENV)/installed
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	touch $@
 
-$(VENV)/installed-CAMPAIGN ?= data_samples/lab_small
+$(VENV)/installed-bench: $(VENV)/installed
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
+	touch $@
+
+demo: $(VENV)/installed
+	$(BIN)/snakemake --cores $(CORES)
+	@echo
+	@echo "The report: $(CURDIR)/results/lab_small/report.html"
+
+check: $(VENV)/installed-dev
+	$(BIN)/ruff check $(SOURCES)
+	$(BIN)/ruff format --check $(SOURCES)
+	$(BIN)/lint-imports
+	$(BIN)/snakefmt --check Snakefile workflow/rules
+	$(BIN)/snakemake --lint
+
+test: check
+	$(BIN)/python -m pytest
+
+CAMPAIGN ?= data_samples/lab_small
 
 accuracy: $(VENV)/installed
 	$(BIN)/snakemake --cores $(CORES) --quiet all --config campaign=$(CAMPAIGN)
