@@ -26,12 +26,13 @@ class VideoHeader:
     """What a video file claims about itself before anything is decoded.
 
     ``resolution_px`` (width, height) as stored, before ``rotation``; ``frames`` the number of frames the header
-    claims, None where it does not say (MPEG-TS); ``rate_hz`` the average frame rate, NaN where unknown; ``codec`` and
-    ``pixel_format`` by FFmpeg's names.
+    claims, None where it does not say (MPEG-TS); ``end_s`` when the video ends [s] and ``rate_hz`` the average frame
+    rate, NaN where unknown; ``codec`` and ``pixel_format`` by FFmpeg's names.
     """
 
     resolution_px: tuple[int, int]
     frames: int | None
+    end_s: float
     rate_hz: float
     codec: str
     pixel_format: str
@@ -101,10 +102,14 @@ class Video:
             except av.error.FFmpegError as error:
                 self._damage(error.strerror)
                 return
-        if self.header.frames is not None and self.decoded_frames < self.header.frames:
+        if self.header.frames is not None and self.decoded_frames < self.header.frames and not self._reached_the_end():
             self._damage("the file ends early")
         elif self.decoded_frames == 0:
             raise InputError(f"{self.path.name} holds no frame that decodes", remedy="copy the file again")
+
+    def _reached_the_end(self) -> bool:
+        """Whether the last frame is where the header says the video ends: AVI counts repeated pictures as frames."""
+        return self.last_time_s + 1.5 / self.header.rate_hz >= self.header.end_s
 
     def _time(self, frame: av.VideoFrame) -> float:
         if frame.pts is None:
@@ -138,11 +143,12 @@ class Video:
 
 
 def _header(stream: av.VideoStream) -> VideoHeader:
-    context = stream.codec_context
+    context, nan = stream.codec_context, float("nan")
     return VideoHeader(
         resolution_px=(context.width, context.height),
         frames=stream.frames or None,
-        rate_hz=float(stream.average_rate) if stream.average_rate else float("nan"),
+        end_s=float(((stream.start_time or 0) + stream.duration) * stream.time_base) if stream.duration else nan,
+        rate_hz=float(stream.average_rate) if stream.average_rate else nan,
         codec=context.name,
         pixel_format=context.pix_fmt or "",
     )
