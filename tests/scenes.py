@@ -280,7 +280,8 @@ def write_video(path: Path, frames: Iterator[tuple[float, np.ndarray]], rate: in
     """
     codec = options.pop("codec", "libx264")
     pixel_format = options.pop("pixel_format", "yuv420p")
-    base = Fraction(1, 90000)
+    # AVI counts in frames; MPEG-4 allows no finer clock than 1/65535 s.
+    base = Fraction(1, rate) if path.suffix == ".avi" else Fraction(1, 51200)
     with av.open(str(path), "w", format=options.pop("container", None)) as file:
         stream = None
         for time_s, luma in frames:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ Luma = NDArray[np.uint8]
 # Each decoder thread holds frames of its own: more of them than this buy little and cost memory at 4K.
 _MOST_THREADS = 4
 _QUARTER_TURN_DEG = 90
+_PACKETS_LOOKED_AT = 100
 
 
 @dataclass(frozen=True)
@@ -26,12 +28,13 @@ class VideoHeader:
     """What a video file claims about itself before anything is decoded.
 
     ``resolution_px`` (width, height) as stored, before ``rotation``; ``frames`` the number of frames the header
-    claims, None where it does not say (MPEG-TS); ``rate_hz`` the average frame rate, NaN where unknown; ``codec`` and
-    ``pixel_format`` by FFmpeg's names.
+    claims, None where it does not say (MPEG-TS); ``end_s`` when the video ends [s] and ``rate_hz`` the average frame
+    rate, NaN where unknown; ``codec`` and ``pixel_format`` by FFmpeg's names.
     """
 
     resolution_px: tuple[int, int]
     frames: int | None
+    end_s: float
     rate_hz: float
     codec: str
     pixel_format: str
@@ -88,6 +91,7 @@ class Video:
         self.decoded_frames, self.last_time_s, self.findings = 0, float("nan"), ()
         with self._open() as container:
             stream = container.streams.video[0]
+            pts = sorted(self._stored_pts()) if self._pts_in_coding_order() else None
             stream.thread_type = "AUTO"
             stream.codec_context.thread_count = min(_MOST_THREADS, os.cpu_count() or 1)
             try:
@@ -95,25 +99,47 @@ class Video:
                     if frame.is_corrupt:
                         self._damage("a frame is corrupt")
                         return
-                    time_s = self._time(frame)
+                    time_s = self._time(frame, None if pts is None else pts[self.decoded_frames])
                     yield time_s, upright(luma_plane(frame), frame.rotation)
                     self.decoded_frames, self.last_time_s = self.decoded_frames + 1, time_s
             except av.error.FFmpegError as error:
                 self._damage(error.strerror)
                 return
-        if self.header.frames is not None and self.decoded_frames < self.header.frames:
+        if self.header.frames is not None and self.decoded_frames < self.header.frames and not self._reached_the_end():
             self._damage("the file ends early")
         elif self.decoded_frames == 0:
             raise InputError(f"{self.path.name} holds no frame that decodes", remedy="copy the file again")
 
-    def _time(self, frame: av.VideoFrame) -> float:
-        if frame.pts is None:
+    def _reached_the_end(self) -> bool:
+        """Whether the last frame is where the header says the video ends: AVI counts repeated pictures as frames."""
+        return self.last_time_s + 1.5 / self.header.rate_hz >= self.header.end_s
+
+    def _stored_pts(self) -> list[int]:
+        with self._open() as container:
+            packets = container.demux(container.streams.video[0])
+            return [packet.pts for packet in packets if packet.pts is not None]
+
+    def _pts_in_coding_order(self) -> bool:
+        """Whether the times are stored in coding order although pictures are coded out of order.
+
+        AVI does that, and careless writers of MP4. All times are there then, but on the wrong pictures; in increasing
+        order they are right.
+        """
+        with self._open() as container:
+            stream = container.streams.video[0]
+            packets = itertools.islice(container.demux(stream), _PACKETS_LOOKED_AT)
+            ahead = {p.pts - p.dts for p in packets if p.pts is not None and p.dts is not None}
+            return bool(stream.codec_context.has_b_frames) and len(ahead) == 1
+
+    def _time(self, frame: av.VideoFrame, pts: int | None) -> float:
+        pts = frame.pts if pts is None else pts
+        if pts is None:
             raise InputError(
                 f"frame {self.decoded_frames} of {self.path.name} carries no presentation time",
                 remedy="put the stream into a container that holds times, for example `ffmpeg -i IN -c copy OUT.mp4`",
             )
         # One rounding: numerator and denominator are exact.
-        time_s = frame.pts * frame.time_base.numerator / frame.time_base.denominator
+        time_s = pts * frame.time_base.numerator / frame.time_base.denominator
         if time_s <= self.last_time_s:
             raise InputError(
                 f"the presentation times of {self.path.name} do not increase at frame {self.decoded_frames}",
@@ -138,11 +164,12 @@ class Video:
 
 
 def _header(stream: av.VideoStream) -> VideoHeader:
-    context = stream.codec_context
+    context, nan = stream.codec_context, float("nan")
     return VideoHeader(
         resolution_px=(context.width, context.height),
         frames=stream.frames or None,
-        rate_hz=float(stream.average_rate) if stream.average_rate else float("nan"),
+        end_s=float(((stream.start_time or 0) + stream.duration) * stream.time_base) if stream.duration else nan,
+        rate_hz=float(stream.average_rate) if stream.average_rate else nan,
         codec=context.name,
         pixel_format=context.pix_fmt or "",
     )

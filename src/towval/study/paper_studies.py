@@ -195,7 +195,7 @@ def _loop_rows(scene: PaperScene, curve: str, **settings: Any) -> list[Row]:
     nominal = cube_nominal(scene, patch, curve, scene.planner_step)
     loop = planned_loop(scene, patch, nominal, **settings)
     seconds = _cpu_seconds(lambda: planned_loop(scene, patch, nominal, **settings))
-    rows = [{"row": "numbers", "curve": curve, "compute_time_s": seconds} | settings | loop_numbers(loop)]
+    rows = [{"row": "numbers", "curve": curve, "compute_time_s": seconds} | settings | loop_numbers(loop, nominal)]
     rows += _path_rows({"row": "nominal object"}, nominal.pose[:, :2])
     rows += _path_rows({"row": "nominal rover"}, nominal.hinge.position)
     case_at = np.array([case.name for case in PlanCase])[loop.rover.case]

@@ -1,0 +1,130 @@
+from fractions import Fraction
+
+import av
+import numpy as np
+import pytest
+
+from scenes import write_video
+from towval.errors import InputError
+from towval.io.video import Video, upright
+
+
+def pictures(count=30, start_s=0.0, rate=25.0, size=(96, 128)):
+    """Pictures that brighten one grey level a frame, with a mark in the upper left."""
+    for i in range(count):
+        luma = np.full(size, 60 + i, np.uint8)
+        luma[8:24, 8:40] = 200
+        yield start_s + i / rate, luma
+
+
+def read(path, **options):
+    video = Video(path, **options)
+    return video, [(time_s, luma.copy()) for time_s, luma in video]
+
+
+def test_luma_comes_back_as_written_and_so_do_times_with_their_start(tmp_path):
+    write_video(tmp_path / "a.mp4", pictures(start_s=1.25), crf="1")
+    video, frames = read(tmp_path / "a.mp4")
+    assert len(frames) == 30
+    assert [t for t, _ in frames] == pytest.approx([1.25 + i / 25 for i in range(30)], abs=1e-9)
+    assert video.header.resolution_px == (128, 96)
+    assert video.header.frames == video.decoded_frames == 30
+    for i, (_, luma) in enumerate(frames):
+        assert abs(float(luma[60, 100]) - (60 + i)) <= 2
+        assert abs(float(luma[16, 24]) - 200) <= 3
+
+
+def test_times_that_vary_are_kept(tmp_path):
+    times = np.cumsum([0.02, 0.05, 0.011, 0.1, 0.03, 0.04, 0.25, 0.01])
+    frames = ((t, luma) for t, (_, luma) in zip(times, pictures(8), strict=True))
+    write_video(tmp_path / "a.mkv", frames)
+    # Matroska keeps whole milliseconds.
+    assert [t for t, _ in read(tmp_path / "a.mkv")[1]] == pytest.approx(times, abs=0.6e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("a.mp4", {"codec": "libx265", "x265-params": "log-level=none"}),
+        ("a.mp4", {"codec": "libx264", "pixel_format": "yuv420p10le"}),
+        ("a.mp4", {"codec": "mpeg4", "b": "4M"}),
+        ("a.ts", {"codec": "libx264"}),
+        ("a.avi", {"codec": "mjpeg", "pixel_format": "yuvj420p"}),
+        ("a.mov", {"codec": "prores_ks", "pixel_format": "yuv422p10le"}),
+        ("a.mkv", {"codec": "libsvtav1", "preset": "12"}),
+        ("a.mkv", {"codec": "ffv1", "pixel_format": "gray"}),
+    ],
+)
+def test_formats_of_cameras_are_read(tmp_path, name, options):
+    try:
+        av.codec.Codec(options["codec"], "w")
+    except av.codec.codec.UnknownCodecError:
+        pytest.skip(f"this FFmpeg cannot write {options['codec']}")
+    write_video(tmp_path / name, pictures(10), **options)
+    _, frames = read(tmp_path / name)
+    assert len(frames) == 10
+    assert np.diff([t for t, _ in frames]) == pytest.approx([0.04] * 9, abs=2e-3)
+    for i, (_, luma) in enumerate(frames):
+        assert luma.dtype == np.uint8
+        assert luma.shape == (96, 128)
+        # ProRes knows only the narrow range; what is asked is that depth and plane are right.
+        assert abs(float(luma[60, 100]) - (60 + i)) <= (12 if "prores" in options["codec"] else 6)
+
+
+def test_a_truncated_file_says_how_much_is_good(tmp_path):
+    noise = np.random.default_rng(0)
+    frames = ((i / 25, noise.integers(0, 255, (96, 128), dtype=np.uint8)) for i in range(40))
+    write_video(tmp_path / "whole.mp4", frames, movflags="faststart")
+    with (
+        av.open(str(tmp_path / "whole.mp4")) as whole,
+        av.open(str(tmp_path / "a.mp4"), "w", options={"movflags": "faststart"}) as copy,
+    ):
+        stream = copy.add_stream_from_template(whole.streams.video[0])
+        for packet in whole.demux(whole.streams.video[0]):
+            if packet.dts is not None:
+                packet.stream = stream
+                copy.mux(packet)
+    data = (tmp_path / "a.mp4").read_bytes()
+    (tmp_path / "a.mp4").write_bytes(data[: len(data) * 6 // 10])
+    with pytest.raises(InputError, match=r"damaged or truncated.*\n.*of 40 frames are good, up to") as caught:
+        read(tmp_path / "a.mp4")
+    assert "allow damaged videos" in str(caught.value)
+    video, good = read(tmp_path / "a.mp4", damaged=True)
+    assert 10 < len(good) < 40
+    assert [f.code for f in video.findings] == ["video_damaged"]
+    assert f"{len(good)} of 40" in video.findings[0].text
+
+
+def test_what_is_no_video_is_said_in_one_message(tmp_path):
+    (tmp_path / "a.mp4").write_text("hello\n" * 100)
+    with pytest.raises(InputError, match="no video that FFmpeg can open"):
+        Video(tmp_path / "a.mp4")
+    with pytest.raises(InputError, match="is missing"):
+        Video(tmp_path / "b.mp4")
+
+
+def test_sound_is_no_video(tmp_path):
+    with av.open(str(tmp_path / "a.wav"), "w") as file:
+        stream = file.add_stream("pcm_s16le", rate=8000, layout="mono")
+        frame = av.AudioFrame.from_ndarray(np.zeros((1, 800), np.int16), format="s16", layout="mono")
+        frame.rate, frame.pts, frame.time_base = 8000, 0, Fraction(1, 8000)
+        file.mux(stream.encode(frame))
+        file.mux(stream.encode())
+    with pytest.raises(InputError, match="holds no video stream"):
+        Video(tmp_path / "a.wav")
+
+
+@pytest.mark.parametrize(
+    ("degrees", "corner"), [(0, (0, 0)), (90, (-1, 0)), (-90, (0, -1)), (180, (-1, -1)), (270, (0, -1))]
+)
+def test_pictures_are_turned_counter_clockwise(degrees, corner):
+    luma = np.zeros((4, 6), np.uint8)
+    luma[0, 0] = 1
+    assert upright(luma, degrees)[corner] == 1
+
+
+def test_one_frame_is_held_at_a_time(tmp_path):
+    write_video(tmp_path / "a.mp4", pictures(60))
+    iterator = iter(Video(tmp_path / "a.mp4"))
+    _, first = next(iterator)
+    assert first.base is not None, "the plane is a view of the decoder's memory, not a copy"
