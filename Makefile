@@ -39,7 +39,7 @@ check: $(VENV)/installed-dev
 	$(BIN)/snakemake --lint
 
 test: check
-	$(BIN)/python -m pytest
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(CORES) --dist loadfile --durations 10
 
 CAMPAIGN ?= data_samples/lab_small
 
