@@ -71,6 +71,10 @@ WRONG = {
         ["camera.calibration_images", "calib/*.jpg"],
     ),
     "load beside the top": (lambda d: d["object"]["load"].update(at_m=[0.9, 0.0]), ["object.load.at_m", "0.9"]),
+    "weight beside the footprint": (
+        lambda d: d["object"].update(footprint_m=[[0.05, -0.1], [0.25, -0.1], [0.25, 0.1], [0.05, 0.1]]),
+        ["object.footprint_m", "0.002 m outside", "object.load"],
+    ),
     "static below kinetic": (
         lambda d: d["friction"].update(static=0.2),
         ["friction.static", "0.2", "static >= kinetic"],

@@ -1,7 +1,6 @@
 import json
+import sys
 from pathlib import Path
-
-from snakemake.exceptions import WorkflowError
 
 from towval.errors import TowvalError
 from towval.io.campaign import load_campaign
@@ -13,11 +12,11 @@ SCRIPTS = HERE / "workflow" / "scripts"
 
 
 def told(function, *arguments):
-    """The result of a call; an error of the input becomes one message of Snakemake's."""
+    """The result of a call; an error of the input becomes one message and ends the workflow before it begins."""
     try:
         return function(*arguments)
     except TowvalError as error:
-        raise WorkflowError(str(error)) from None
+        sys.exit(f"towval: {error}")
 
 
 def load_campaigns():

@@ -7,10 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import shapely
 
 from towval.errors import InputError
 from towval.geometry import inside_polygon, polygon_area
 from towval.io.schema import check, packaged_schema, read_yaml
+from towval.physics.mass import towed_object
 from towval.types import (
     Array,
     Board,
@@ -109,6 +111,8 @@ def load_campaign(folder: Path) -> Campaign:
     load = _load(towed)
     _check_load(towed, load)
     _check_friction(document["friction"])
+    scene = _scene(document, load)
+    _check_weight(scene)
     return Campaign(
         folder=folder,
         name=folder.resolve().name,
@@ -119,7 +123,7 @@ def load_campaign(folder: Path) -> Campaign:
         floor_reference=_floor_reference(floor),
         rover=_body("rover", rover, ()),
         object=_body("object", towed, (load.outline,) if load.size[:2].all() else ()),
-        scene=_scene(document, load),
+        scene=scene,
         deviations=_deviations(document, load),
         runs={str(name): _run(folder, str(name), entry, document) for name, entry in document["runs"].items()},
         document=document,
@@ -218,7 +222,7 @@ def _load(towed: dict[str, Any]) -> Load:
 
 
 def _check_load(towed: dict[str, Any], load: Load) -> None:
-    """The load must stand on the top, and the weight of all within the hull of the footprint."""
+    """The load must stand on the top."""
     top = np.array(towed["top_corners_m"], dtype=float)
     if "load" in towed and not inside_polygon(top, load.at):
         raise InputError(
@@ -226,6 +230,20 @@ def _check_load(towed: dict[str, Any], load: Load) -> None:
             got=load.at.tolist(),
             allowed=f"a point inside object.top_corners_m {top.tolist()}",
             remedy="give the centre of the load in metres, in the object's frame",
+        )
+
+
+def _check_weight(scene: Scene) -> None:
+    """The weight of object and load must act within the hull of the footprint, or the object tips over."""
+    hull = shapely.MultiPoint(scene.patch.outline).convex_hull
+    centre = towed_object(scene).centre_of_mass
+    point = shapely.Point(centre)
+    if not hull.contains(point):
+        raise InputError(
+            "campaign.yaml: the weight of the object and its load is not on object.footprint_m",
+            got=f"centre of mass ({centre[0]:.3f}, {centre[1]:.3f}) m, {hull.distance(point):.3f} m outside",
+            allowed="a centre of mass inside the convex hull of the footprint",
+            remedy="check object.footprint_m, object.mass_kg and object.load",
         )
 
 
