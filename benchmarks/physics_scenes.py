@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterator
 
 import numpy as np
 import shapely
@@ -42,16 +43,19 @@ def reference_wrench(
 ) -> Array:
     """The friction wrench by quadrature of high order that shares nothing with ``physics.wrench``.
 
-    Every edge spans a signed triangle with the centre of rotation C; on it the radius is integrated from C by Gauss
-    panels graded towards C, and the edge by Gauss panels graded towards the foot of C. ω must not be zero.
+    With the centre of rotation C far away, Gauss nodes over triangles. Else every edge spans a signed triangle with C;
+    on it the radius is integrated from C by Gauss panels graded towards C, and the edge by Gauss panels graded towards the
+    foot of C. ω must not be zero. The moment is about the centre of pressure.
     """
-    x, w = np.polynomial.legendre.leggauss(order)
-    x, w = (x + 1) / 2, w / 2
+    vx, vy, omega = twist
+    radius = np.linalg.norm(np.concatenate(contact.rings) - contact.centre, axis=1).max()
+    centre = np.array([-vy, vx]) / omega
+    if np.hypot(*(centre - contact.centre)) > 3 * radius:
+        return _wrench_over_triangles(contact, law, centre, omega)
+    x, w = _unit_gauss(order)
     grade = np.concatenate([[0.0], 4.0 ** np.arange(-levels, 1)])
     radial = np.concatenate([a + (b - a) * x for a, b in itertools.pairwise(grade)])
     radial_weight = np.concatenate([(b - a) * w for a, b in itertools.pairwise(grade)])
-    vx, vy, omega = twist
-    centre = np.array([-vy, vx]) / omega
     total = np.zeros(3)
     for x0, y0, x1, y1 in contact.edges:
         start, side = np.array([x0, y0]) - centre, np.array([x1 - x0, y1 - y0])
@@ -62,13 +66,47 @@ def reference_wrench(
             rays = start + u[:, None] * side
             s = rays[:, None, :] * radial[None, :, None]
             area = (rays[:, 0] * side[1] - rays[:, 1] * side[0])[:, None] * radial[None, :]
-            rho, place = np.hypot(s[..., 0], s[..., 1]), s + centre
-            pressure = place @ contact.coefficients[:2] + contact.coefficients[2]
-            force = along[:, None] * radial_weight * area * pressure * friction_coefficient(law, abs(omega) * rho)
-            force *= -np.sign(omega) / np.where(rho > 0, rho, 1.0)
-            fx, fy = -s[..., 1] * force, s[..., 0] * force
-            total += [fx.sum(), fy.sum(), (place[..., 0] * fy - place[..., 1] * fx).sum()]
+            total += _force_and_moment(contact, law, centre, omega, s, along[:, None] * radial_weight * area)
     return total
+
+
+def _wrench_over_triangles(contact: PressurePlane, law: FrictionLaw, centre: Array, omega: float) -> Array:
+    x, w = _unit_gauss(30)
+    u, v = (grid.ravel() for grid in np.meshgrid(x, x, indexing="ij"))
+    weight = np.outer(w, w).ravel() * u
+    total = np.zeros(3)
+    for a, b, c in _triangles(contact):
+        points = a + u[:, None] * (b - a) + (u * v)[:, None] * (c - b)
+        area = abs((b - a)[0] * (c - b)[1] - (b - a)[1] * (c - b)[0])
+        total += _force_and_moment(contact, law, centre, omega, points - centre, weight * area)
+    return total
+
+
+def _triangles(contact: PressurePlane) -> Iterator[Array]:
+    shell = [shapely.Polygon(ring) for ring in contact.rings]
+    if not all(shapely.is_ccw(shapely.LinearRing(ring)) for ring in contact.rings):
+        raise ValueError("the reference takes no holes")
+    for polygon in shell:
+        for triangle in shapely.constrained_delaunay_triangles(polygon).geoms:
+            yield shapely.get_coordinates(triangle)[:3]
+
+
+def _unit_gauss(order: int) -> tuple[Array, Array]:
+    x, w = np.polynomial.legendre.leggauss(order)
+    return (x + 1) / 2, w / 2
+
+
+def _force_and_moment(
+    contact: PressurePlane, law: FrictionLaw, centre: Array, omega: float, s: Array, weight: Array
+) -> Array:
+    """Sum over nodes at ``s`` from C."""
+    rho, place = np.hypot(s[..., 0], s[..., 1]), s + centre
+    pressure = (place - contact.centre) @ contact.coefficients[:2] + contact.coefficients @ (*contact.centre, 1.0)
+    force = -np.sign(omega) * weight * pressure * friction_coefficient(law, abs(omega) * rho)
+    force /= np.where(rho > 0, rho, 1.0)
+    fx, fy = -s[..., 1] * force, s[..., 0] * force
+    x, y = np.moveaxis(place - contact.centre, -1, 0)
+    return np.array([fx.sum(), fy.sum(), (x * fy - y * fx).sum()])
 
 
 def centre_of_rotation(rng: np.random.Generator, contact: PressurePlane, size: float, kind: str) -> Array:

@@ -34,10 +34,9 @@ from towval.types import Array, FrictionLaw, locked
 
 # Centre of rotation within so many radii of the patch: the boundary. Beyond: a rule over the area, exact there to
 # 1e-11, and beyond more radii still, where the integrand is almost linear, one with fewer nodes.
-_NEAR, _FAR = 3.5, 25.0
+_NEAR, _FAR = 3.0, 25.0
 _NODES_ALONG, _FEW_NODES_ALONG = 6, 4  # the sides of a triangle
 _RULE_SIZES = (4, 6, 8, 10, 12, 14, 16)
-_LONGEST_PANEL = 4.5
 _NEGLIGIBLE = 1e-13  # of the patch's radius: an edge as close as that to C adds nothing
 
 
@@ -160,7 +159,7 @@ def _gauss_rules() -> tuple[Array, Array, Array]:
     return nodes, weights, np.array(_RULE_SIZES)
 
 
-def _longest_in_q(sizes: Array, tolerance: float = 1e-9) -> Array:
+def _longest_in_q(sizes: Array, tolerance: float = 1e-10) -> Array:
     """Longest edge in q that each rule integrates to a tolerance: its ellipse of analyticity reaches to π/2."""
     radius = tolerance ** (-1 / (2 * sizes))  # ρ^(−2n) is the error of n nodes on the ellipse ρ
     return np.pi / ((radius - 1 / radius) / 2)
@@ -168,6 +167,7 @@ def _longest_in_q(sizes: Array, tolerance: float = 1e-9) -> Array:
 
 _NODES, _WEIGHTS, _SIZES = _gauss_rules()
 _REACH = _longest_in_q(_SIZES)
+_LONGEST_PANEL, _LAST_RULE = float(_REACH[-1]), len(_REACH) - 1
 
 
 @compiled()
@@ -329,10 +329,10 @@ def _edge_sums(
     d = abs(distance)
     first, last = _exponential(start, d), _exponential(end, d)
     span = math.log(last / first)
-    panels = int(span / _LONGEST_PANEL) + 1
+    panels = math.ceil(span / _LONGEST_PANEL)
     half = span / (2 * panels)
     rule = 0
-    while _REACH[rule] < 2 * half:
+    while rule < _LAST_RULE and _REACH[rule] < 2 * half:
         rule += 1
     middle, step = math.sqrt(first * last), 1.0
     if panels > 1:
@@ -389,9 +389,12 @@ def _exponential(t: float, d: float) -> float:
 
 @compiled(inline="always")
 def _exp(x: float) -> float:
-    """exp(x) to 1e-12 for |x| ≤ 1.8, without a call: Taylor's polynomial at x/8, squared three times."""
+    """exp(x) to rounding for |x| ≤ 2, without a call: Taylor's polynomial at x/8, squared three times."""
     z = 0.125 * x
-    p = 1 / 362880
+    p = 1 / 479001600
+    p = p * z + 1 / 39916800
+    p = p * z + 1 / 3628800
+    p = p * z + 1 / 362880
     p = p * z + 1 / 40320
     p = p * z + 1 / 5040
     p = p * z + 1 / 720
