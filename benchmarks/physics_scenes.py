@@ -44,8 +44,8 @@ def reference_wrench(
     """The friction wrench by quadrature of high order that shares nothing with ``physics.wrench``.
 
     With the centre of rotation C far away, Gauss nodes over triangles. Else every edge spans a signed triangle with
-    C; on it the radius is integrated from C by Gauss panels graded towards C, and the edge by Gauss panels graded towards the
-    foot of C. ω must not be zero. The moment is about the centre of pressure.
+    C; on it the radius is integrated from C by Gauss panels graded towards C, and the edge by Gauss panels graded
+    towards the foot of C. ω must not be zero. The moment is about the centre of pressure.
     """
     vx, vy, omega = twist
     radius = np.linalg.norm(np.concatenate(contact.rings) - contact.centre, axis=1).max()

@@ -2,9 +2,10 @@
 
     python benchmarks/physics_stability.py
 
-κ from 1e2 to 1e6 N/m, v_s from 1e-2 to 1e-6 m/s, tether slack, just straight or stretched at the start. Each scene
-is solved with the default tolerance and, for reference, with one a thousand times tighter. "Right" is a converged outcome
-within 0.1 mm of the reference all along; another outcome is "flagged"; the rest is silently wrong and gives exit code 1.
+κ from 1e2 to 1e6 N/m, v_s from 1e-2 to 1e-6 m/s, tether slack, just straight or stretched at the start. Each
+scene is solved with the default tolerance and, for reference, with one a thousand times tighter. "Right" is a
+converged outcome within 0.1 mm of the reference all along; another outcome is named; the rest is silently wrong
+and gives exit code 1.
 """
 
 from __future__ import annotations

@@ -131,3 +131,17 @@ def test_times_outside_the_hinges_way_are_refused(cube, lap):
         feedback(cube, law, tether, hinge, start, [0.0, 401.0])
     with pytest.raises(InputError, match="increasing"):
         feedback(cube, law, tether, hinge, start, [1.0, 0.0])
+
+
+@pytest.mark.parametrize(("stiffness", "stiction"), [(1e2, 1e-6), (1e3, 1e-5), (1e5, 1e-2), (1e6, 1e-3), (1e6, 1e-6)])
+@pytest.mark.parametrize("start", [-0.05, 0.01])
+def test_extreme_stiffness_and_stiction_are_right_or_named(cube, stiffness, stiction, start):
+    """The corners of benchmarks/physics_stability.py: each was once wrong without a sign of it."""
+    time = np.linspace(0, 2, 101)
+    advance = 0.1 * time - 0.06 * np.sin(np.pi * time)
+    hinge = Path(time, np.column_stack([0.8 + start + advance, 0.05 * advance]))
+    scene = (cube, coulomb_law(0.35, stiction), Tether(0.6, stiffness), hinge, (0, 0, 0), time[::10])
+    motion, reference = feedback(*scene), feedback(*scene, accuracy=Accuracy(1e-10))
+    assert reference.outcome == Outcome.CONVERGED
+    if motion.outcome == Outcome.CONVERGED:
+        assert np.abs(motion.pose - reference.pose).max() < 1e-4

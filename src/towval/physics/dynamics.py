@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from towval.errors import InputError
 from towval.geometry import transform
 from towval.physics.contact import resting_pressure
+from towval.physics.friction_table import SLOPE
 from towval.physics.integrator import NOT_FINITE, REACHED_END, STEP_LIMIT, STEP_TOO_SMALL, integrate
 from towval.physics.motion import FORCED, SLACK, TAUT, Scene, tautness, tensions
 from towval.physics.splines import Spline, piece_at, spline_covering, spline_values
@@ -30,6 +31,9 @@ DEFAULT_TOLERANCE_M = 1e-7
 
 _STEP_LIMIT = 2_000_000
 _VELOCITY_RATE = 10.0  # 1/s; a velocity may be wrong by the position tolerance times this
+# Where friction rises within a speed, or the tether takes up friction within a stretch, below these, errors are kept
+# smaller in proportion: else the forces would be resolved no more, and the result wrong without a sign of it.
+_FINE_SPEED, _FINE_STRETCH = 1e-3, 1e-2  # m/s, m
 
 
 class Outcome(enum.StrEnum):
@@ -190,13 +194,23 @@ def _state(towed: TowedObject, pose: ArrayLike, twist: ArrayLike) -> Array:
 def _run(
     scene: Scene, mode: int, y: Array, times: Array, accuracy: Accuracy
 ) -> tuple[Outcome, Array, Array, dict[str, float]]:
-    radius = scene.patch.radius if scene.patch.radius > 0 else 1.0
-    weights = accuracy.tolerance * np.array([1.0, 1.0, 1 / radius])
-    weights = np.concatenate([weights, weights * _VELOCITY_RATE])
+    weights = accuracy.tolerance * _error_scales(scene, mode)
     states, modes = np.empty((len(times), 6)), np.zeros(len(times), dtype=np.int64)
     code, filled, counts = integrate(scene, mode, y, times, weights, accuracy.step_limit, states, modes)
     statistics = dict(zip(("steps", "rejections", "mode_changes"), map(float, counts), strict=True))
     return _OUTCOMES[code], states[:filled], modes[:filled], statistics
+
+
+def _error_scales(scene: Scene, mode: int) -> Array:
+    """Errors of the state (6,) that weigh as much as a metre of position."""
+    places, weights = scene.patch.area_nodes[:, :2], scene.patch.area_nodes[:, 2]
+    radius = float(np.linalg.norm(places, axis=1).max())
+    lowest_speed, stretch = 1 / scene.patch.table[SLOPE], np.inf
+    if mode != FORCED:
+        stretch = weights.sum() / scene.tether[0]
+    speed_share, stretch_share = min(1.0, lowest_speed / _FINE_SPEED), min(1.0, stretch / _FINE_STRETCH)
+    position = stretch_share * np.array([1.0, 1.0, 1 / radius])
+    return np.concatenate([position, position * speed_share * _VELOCITY_RATE])
 
 
 def _motion(
