@@ -129,19 +129,28 @@ def _towing(axes: Axes, rover: Rover, outline: Array, anchor: Array, rest_length
     for place, name, shift in ((hinge, r"$P_r$", (6, -5)), (knot, r"$Q_T$", (6, -4))):
         _dot(axes, place)
         _label(axes, place, name, shift)
-    _way(axes, pose, twist, hinge, ROVER_PATH, r"$s_r(t)$", 0.75)
-    _way(axes, np.array([*body[:2], pose[2] + 0.15]), twist, body[:2], OBJECT_PATH, r"$s_o(t)$", 0.3)
+    _way(axes, pose, twist, hinge, ROVER_PATH, r"$s_r(t)$", 0.75, (4, 0))
+    _way(axes, np.array([*body[:2], pose[2] + 0.15]), twist, body[:2], OBJECT_PATH, r"$s_o(t)$", 0.3, (-28, 2))
     _steering_range(axes, rover, pose)
     axes.autoscale_view()
 
 
-def _way(axes: Axes, pose: Array, twist: Array, start: Array, colour: str, name: str, ahead: float) -> None:
+def _way(
+    axes: Axes,
+    pose: Array,
+    twist: Array,
+    start: Array,
+    colour: str,
+    name: str,
+    ahead: float,
+    shift: tuple[float, float],
+) -> None:
     """A dashed way through a point, as if carried by a body with a constant twist, so far ahead [s]."""
     times = np.linspace(-0.55, ahead, 40)
     poses = np.array([moved_by([*start, pose[2]], twist, t) for t in times])
     axes.plot(poses[:, 0], poses[:, 1], color=colour, lw=1.0, ls=(0, (5, 2)), zorder=1)
     arrow(axes, poses[-2, :2], poses[-1, :2], colour)
-    _label(axes, poses[-1, :2], name, (4, 0), color=colour)
+    _label(axes, poses[-1, :2], name, shift, color=colour)
 
 
 def _steering_range(axes: Axes, rover: Rover, pose: Array) -> None:
