@@ -30,7 +30,7 @@ from towval.study.sensitivity import (
     planned_loop,
     rms_in_time,
     speed_row,
-    stiffness_row,
+    stiffness_rows,
     surface_grid,
     surface_rows,
     time_step_row,
@@ -66,8 +66,7 @@ def paper_parts(plan: Mapping[str, Any]) -> dict[str, dict[str, Part]]:
             for k, step in enumerate(vary["time_steps_s"])
         },
         "stiffnesses": {
-            f"{k:02d}": {"curve": "lemniscate", "speed": speed, "time_step": 0.1, "stiffness": stiffness}
-            for k, stiffness in enumerate(vary["stiffnesses_n_m"])
+            "all": {"curve": "lemniscate", "speed": speed, "time_step": 0.1, "stiffnesses": vary["stiffnesses_n_m"]}
         },
         "feedforward_paths": {
             curve: {"curve": curve, "speeds": vary["shown_speeds_m_s"]} for curve in ("rounded_square", "lemniscate")
@@ -246,9 +245,7 @@ _STUDIES = {
     "nominal": _nominal_rows,
     "speeds": lambda scene, curve, speed: [speed_row(scene, curve, speed, STEPS_AT_ANY_SPEED)],
     "time_steps": lambda scene, curve, speed, time_step: [time_step_row(scene, curve, speed, time_step)],
-    "stiffnesses": lambda scene, curve, speed, time_step, stiffness: [
-        stiffness_row(scene, curve, speed, time_step, stiffness)
-    ],
+    "stiffnesses": stiffness_rows,
     "feedforward_paths": _feedforward_path_rows,
     "starts": _start_rows,
     "loop": _loop_rows,

@@ -31,6 +31,9 @@ COMPARED_TIMES = 2000
 REPORT_STRIDE = 10
 """The towed object is computed and compared at every so many steps of the planner."""
 
+TIMED_RUNS = 9
+"""How often a motion is timed."""
+
 Row = dict[str, Any]
 
 
@@ -132,31 +135,33 @@ def _dynamics(scene: PaperScene, patch: SlidingPatch, nominal: QuasistaticMotion
     return row
 
 
-def stiffness_row(scene: PaperScene, curve: str, speed: float, time_step: float, stiffness: float) -> Row:
-    """RMS and computing time of feedback with a tether of a stiffness [N/m], Fig. 6(c).
+def stiffness_rows(
+    scene: PaperScene, curve: str, speed: float, time_step: float, stiffnesses: Iterable[float]
+) -> list[Row]:
+    """RMS and computing time of feedback with tethers of several stiffnesses [N/m], Fig. 6(c).
 
-    The time is that of the processor for the dynamics alone, the best of three, compiled beforehand.
+    The time is that of the processor for the dynamics alone, compiled beforehand: the least of several, taken in turns
+    over the stiffnesses, so that whatever else the machine does touches all of them alike.
     """
-    patch = cube_patch(scene)
-    tether = replace(scene.tether, stiffness=stiffness)
-    wish = timed(scene.curves[curve], time_step, mean_speed=speed)
-    nominal = quasistatic_plan(scene.cube, patch, wish, tether)
-    ends = nominal.time_s[[0, -1]]
-    row: Row = {"curve": curve, "stiffness_n_m": stiffness}
+    patch, wish = cube_patch(scene), timed(scene.curves[curve], time_step, mean_speed=speed)
+    tethers = [replace(scene.tether, stiffness=stiffness) for stiffness in stiffnesses]
+    plans = [quasistatic_plan(scene.cube, patch, wish, tether) for tether in tethers]
+    rows: list[Row] = [{"curve": curve, "stiffness_n_m": tether.stiffness} for tether in tethers]
     for name, at_rest_length in (("feedback", False), ("feedback_at_rest_length", True)):
-        seconds = []
-        motion = feedback_motion(scene, patch, nominal, tether=tether, at_rest_length=at_rest_length)
-        for _ in range(3):
-            start = time.process_time()
-            feedback_motion(scene, patch, nominal, tether=tether, at_rest_length=at_rest_length, times=ends)
-            seconds.append(time.process_time() - start)
-        row |= {
-            f"{name}_rms_m": rms_in_time(motion, nominal),
-            f"{name}_outcome": motion.outcome,
-            f"{name}_steps": motion.statistics["steps"],
-            f"{name}_compute_time_s": min(seconds),
-        }
-    return row
+        for row, tether, nominal in zip(rows, tethers, plans, strict=True):
+            motion = feedback_motion(scene, patch, nominal, tether=tether, at_rest_length=at_rest_length)
+            row |= {
+                f"{name}_rms_m": rms_in_time(motion, nominal),
+                f"{name}_outcome": motion.outcome,
+                f"{name}_steps": motion.statistics["steps"],
+                f"{name}_compute_time_s": np.inf,
+            }
+        for _ in range(TIMED_RUNS):
+            for row, tether, nominal in zip(rows, tethers, plans, strict=True):
+                start, ends = time.process_time(), nominal.time_s[[0, -1]]
+                feedback_motion(scene, patch, nominal, tether=tether, at_rest_length=at_rest_length, times=ends)
+                row[f"{name}_compute_time_s"] = min(row[f"{name}_compute_time_s"], time.process_time() - start)
+    return rows
 
 
 def loop_row(scene: PaperScene, patch: SlidingPatch, nominal: QuasistaticMotion, **settings: Any) -> Row:
