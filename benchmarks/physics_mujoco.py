@@ -28,8 +28,8 @@ START = (1.0, -0.8, np.pi / 2)
 PERIOD = 400.0
 
 
-def lemniscate(period: float) -> Path:
-    t = np.linspace(0, period, 4001)
+def lemniscate(period: float, points: int = 4001) -> Path:
+    t = np.linspace(0, period, points)
     tau = 2 * np.pi * t / period
     return Path(t, np.column_stack([np.cos(tau), np.sin(tau) * np.cos(tau)]) / (1 + np.sin(tau) ** 2)[:, None])
 

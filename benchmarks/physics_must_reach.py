@@ -27,7 +27,7 @@ from towval.physics.contact import pressure_plane, resting_pressure
 from towval.physics.mesh import mesh_pressure, meshed_patch
 from towval.physics.quasistatic import quasistatic_plan
 from towval.physics.wrench import SlidingPatch, sliding_patch, wrench_at_origin
-from towval.types import Array, FrictionLaw, Patch, Path, Tether, TowedObject
+from towval.types import Array, FrictionLaw, Patch, Tether, TowedObject
 
 MAKKAR = FrictionLaw([0.06, 400, 40, 0.35, 800, 0])
 CUBE = TowedObject(Patch([[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]]), 5.0, [0, 0], 0.4 / 3, [0.2, 0])
@@ -119,9 +119,7 @@ def wrench_rows() -> Iterator[Row]:
 
 
 def quasistatic_rows() -> Iterator[Row]:
-    time_s = np.arange(60_001) * 0.01
-    way = lemniscate(600.0)
-    path = Path(time_s, np.column_stack([np.interp(time_s, way.time_s, way.position[:, k]) for k in (0, 1)]))
+    path = lemniscate(600.0, 60_001)
     tether = Tether(0.6, 1000.0)
     exact, coarse = sliding_patch(resting_pressure(CUBE), MAKKAR), cube_mesh(1322)
     spent = least_cpu(lambda: quasistatic_plan(CUBE, exact, path, tether))

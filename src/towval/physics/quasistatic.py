@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from towval.errors import InputError
-from towval.geometry import inside_polygon, rotation, transform
+from towval.geometry import inside_polygon
 from towval.physics.compiling import compiled
 from towval.physics.contact import resting_pressure
 from towval.physics.splines import Spline, piece_at, spline_at, spline_covering, spline_values
@@ -117,20 +117,23 @@ def quasistatic_plan(
         start_heading = _settled_heading(spline, times[0], towed.anchor - point)
     geometry = np.concatenate([patch.origin - point, patch.origin - towed.anchor])
     out = np.empty((len(times), 8))
-    solves, worst_newton = _follow(patch, geometry, spline, times, float(start_heading), _radius(patch), out)
-    theta, omega, force_body, moment, status = out[:, 0], out[:, 1], out[:, 2:4], out[:, 4], out[:, 5]
-    position, velocity = spline_values(spline, times)
-    pose = np.column_stack([position - (rotation(theta) @ point), theta])
-    lever = rotation(theta) @ point
-    twist = np.column_stack([velocity + omega[:, None] * np.column_stack([lever[:, 1], -lever[:, 0]]), omega])
-    tow = -np.einsum("nij,nj->ni", rotation(theta), force_body)
-    direction = np.einsum("nij,nj->ni", rotation(theta), out[:, 6:8])
-    reach = tether.rest_length + np.linalg.norm(tow, axis=1) / tether.stiffness
-    hinge = Path(times, transform(pose, towed.anchor) + reach[:, None] * direction)
-    findings = (*_root_findings(times, status, moment), *_cable_findings(towed, times, out[:, 6:8]))
-    statistics = {"solves": float(solves), "newton_steps": float(worst_newton)}
-    lost = np.where(status == ROOT_LOST, moment, 0.0)
-    return QuasistaticMotion(times, pose, twist, omega, tow, hinge, lost, findings, statistics)
+    solves, newton_steps = _follow(patch, geometry, spline, times, float(start_heading), _radius(patch), out)
+    moment, status, direction = out[:, 4], out[:, 5], out[:, 6:8]
+    plan = np.empty((len(times), 10))
+    levers = np.concatenate([point, towed.anchor, [tether.rest_length, tether.stiffness]])
+    _assemble(spline, times, levers, out, plan)
+    findings = (*_root_findings(times, status, moment), *_cable_findings(towed, times, direction))
+    return QuasistaticMotion(
+        time_s=times,
+        pose=plan[:, :3],
+        twist=plan[:, 3:6],
+        heading_rate=out[:, 1],
+        tether_force=plan[:, 6:8],
+        hinge=Path(times, plan[:, 8:10]),
+        residual_moment=np.where(status == ROOT_LOST, moment, 0.0),
+        findings=findings,
+        statistics={"solves": float(solves), "newton_steps": float(newton_steps)},
+    )
 
 
 def _times_of(path: Path | CubicSpline, times: ArrayLike | None) -> Array:
@@ -244,6 +247,29 @@ def _follow(
         out[i, 0], out[i, 1], out[i, 2], out[i, 3], out[i, 4] = theta, omega, fx, fy, moment
         out[i, 5], out[i, 6], out[i, 7] = status, direction_x, direction_y
     return solves, newton
+
+
+@compiled()
+def _assemble(spline: Spline, times: Array, levers: Array, out: Array, plan: Array) -> None:
+    """From what :func:`_follow` found to pose, twist, tow force and hinge, floor axes, in ``plan`` (n, 10).
+
+    ``levers``: P and the anchor in the body frame, rest length and stiffness of the tether.
+    """
+    px, py, ax, ay, rest_length, stiffness = levers
+    piece = 0
+    for i in range(len(times)):
+        theta, omega, fx, fy = out[i, 0], out[i, 1], out[i, 2], out[i, 3]
+        piece = piece_at(spline.knots, times[i], piece)
+        x, y, vx, vy, _, _ = spline_at(spline.knots, spline.coefficients, times[i], piece)
+        cos, sin = math.cos(theta), math.sin(theta)
+        lever_x, lever_y = cos * px - sin * py, sin * px + cos * py
+        x, y = x - lever_x, y - lever_y
+        reach = rest_length + math.hypot(fx, fy) / stiffness
+        along_x, along_y = ax + reach * out[i, 6], ay + reach * out[i, 7]
+        plan[i, 0], plan[i, 1], plan[i, 2] = x, y, theta
+        plan[i, 3], plan[i, 4], plan[i, 5] = vx + omega * lever_y, vy - omega * lever_x, omega
+        plan[i, 6], plan[i, 7] = sin * fy - cos * fx, -sin * fx - cos * fy
+        plan[i, 8], plan[i, 9] = x + cos * along_x - sin * along_y, y + sin * along_x + cos * along_y
 
 
 @compiled()

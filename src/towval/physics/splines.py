@@ -60,10 +60,9 @@ def spline_from(curve: CubicSpline) -> Spline:
 
 def _laid_out(knots: Array, coefficients: Array) -> Spline:
     coefficients = np.ascontiguousarray(coefficients)
-    magnitude = np.linalg.norm(coefficients, axis=1)
-    powers = np.diff(knots)[:, None] ** np.arange(3)
-    limits = (magnitude[:, 1:] * np.array([1.0, 2.0, 3.0]) * powers).sum(axis=1)
-    return Spline(knots, coefficients, limits)
+    length = np.diff(knots)
+    first, second, third = (np.hypot(*coefficients[:, :, power].T) for power in (1, 2, 3))
+    return Spline(knots, coefficients, first + length * (2 * second + length * 3 * third))
 
 
 @compiled()
