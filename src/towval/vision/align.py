@@ -33,6 +33,8 @@ _LEAST_GAIN, _MOST_GAIN = 0.2, 5.0
 _ROUNDS = 12
 _QUANTILE, _QUANTILE_OF_GAUSSIAN = 0.35, 0.45376  # The share of |r| below that many deviations.
 _MARGIN_PX = 3.0  # Kept from the outline, where the smoothed picture mixes in what lies behind.
+_MOST_MARGIN = 0.12  # Of the smaller side: a body of a few pixels keeps some of them.
+_LEAST_POINTS = 40
 _TILES_ACROSS = 5
 _TOLERANCE_PX = 0.06  # Steps shrink to a tenth from round to round: what is left is a tenth of this.
 _FIRST_PART, _FIRST_ROUNDS = 4, 6
@@ -98,7 +100,7 @@ def make_template(
     """Template of a body's top from one picture.
 
     The top is divided into ``samples`` square cells; from each the point with the steepest grey value is taken, since
-    that is where a displacement shows. None where fewer than a tenth of the cells can be used.
+    that is where a displacement shows. None where fewer than :data:`_LEAST_POINTS` are left.
     """
     low, high = body.top_corners_m.min(axis=0), body.top_corners_m.max(axis=0)
     pixel = metres_per_pixel(pose, body.tracked_plane_height_m, camera, floor)
@@ -108,7 +110,7 @@ def make_template(
     axes = [lo + (hi - lo) * (np.arange(n) + 0.5) / n for lo, hi, n in zip(low, high, counts, strict=True)]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
     cells = np.add.outer(np.arange(counts[0]) // per_cell * counts[1], np.arange(counts[1]) // per_cell).ravel()
-    usable = usable_points(body, points, _MARGIN_PX * pixel)
+    usable = usable_points(body, points, min(_MARGIN_PX * pixel, _MOST_MARGIN * float((high - low).min())))
     points, cells = points[usable], cells[usable]
 
     def read(shift: tuple[float, float]) -> Array:
@@ -121,7 +123,7 @@ def make_template(
     values = read((0.0, 0.0))
     chosen = _steepest(cells, np.where(np.isfinite(values), np.hypot(*slope.T), -1.0))
     chosen = chosen[np.isfinite(slope[chosen]).all(axis=1) & np.isfinite(values[chosen])]
-    if len(chosen) < max(16, samples // 10):
+    if len(chosen) < _LEAST_POINTS:
         return None
     chosen = np.random.default_rng(0).permutation(chosen)
     points, slope = points[chosen], slope[chosen]

@@ -31,7 +31,8 @@ _SPACING_PX = 1.5  # Between profiles that are averaged to one.
 _STRETCHES = 10  # Averaged profiles an edge of the outline, at least three pixels each.
 _FITS = 8  # Rounds of the robust fit.
 _TUKEY = 4.685
-_LEAST_DETERMINANT = 1e-3  # Of the normalised information: below, a direction is open.
+_SHARP = np.deg2rad(35.0)
+_PRIOR_PX = 3.0  # What is known without the edges, so that the turn of a disc stays where it is.
 
 
 @dataclass(frozen=True)
@@ -120,17 +121,20 @@ def stretches_of(body: Body, pixel_m: float) -> Stretches:
     corners = body.top_corners_m
     if polygon_area(corners) < 0:
         corners = corners[::-1]
+    edges = np.roll(corners, -1, axis=0) - corners
+    sizes = np.linalg.norm(edges, axis=1)
+    directions = edges / sizes[:, None]
+    turns = np.arccos(np.clip((directions * np.roll(directions, 1, axis=0)).sum(axis=1), -1, 1))
+    # Two pixels at a sharp corner are left out: there a profile sees two edges. A round outline has none.
+    cut = np.where(turns > _SHARP, 2 * pixel_m, 0.0)
     middle, along, length = [], [], []
-    for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        edge = np.linalg.norm(end - start)
-        # Two pixels at each corner are left out: there the profile sees two edges.
-        free = edge - 4 * pixel_m
-        count = int(min(_STRETCHES, free // (3 * pixel_m)))
-        direction = (end - start) / edge
-        for i in range(count):
-            middle.append(start + direction * (2 * pixel_m + free * (i + 0.5) / count))
-            along.append(direction)
-            length.append(free / count)
+    for i in range(len(corners)):
+        first, last = cut[i], sizes[i] - cut[(i + 1) % len(corners)]
+        count = int(min(_STRETCHES, max((last - first) // (3 * pixel_m), last - first > pixel_m)))
+        for j in range(count):
+            middle.append(corners[i] + directions[i] * (first + (last - first) * (j + 0.5) / count))
+            along.append(directions[i])
+            length.append((last - first) / count)
     if len(middle) < 4:
         raise InputError(
             f"the top of {body.name} is too small in the picture to see its edges",
@@ -226,12 +230,13 @@ def fit_outline(slopes: Array, stretches: Stretches, pixel_m: float) -> OutlineF
     Returns
     -------
     OutlineFit or None
-        None where the edges do not settle the pose: fewer than a third of the stretches agree, or they leave a
-        direction open.
+        None where fewer than a third of the stretches agree. A direction that the edges leave open (the turn of a
+        disc) is not moved and has a deviation of three pixels.
     """
     middle, normal = stretches.middle, stretches.normal
     rows = np.column_stack([normal, middle[:, 0] * normal[:, 1] - middle[:, 1] * normal[:, 0]])
     ordinary = np.median(slopes, axis=1)
+    reach = np.linalg.norm(middle, axis=1).max()
     correction = np.zeros(3)
     for round_ in range(_FITS):
         # The net is drawn in: wide enough for a click at first, then for the blur of an edge.
@@ -242,18 +247,19 @@ def fit_outline(slopes: Array, stretches: Stretches, pixel_m: float) -> OutlineF
             return None
         scale = max(1.4826 * np.median(np.abs(misfit[contrast > 0])), 0.05 * pixel_m)
         weight = contrast * np.maximum(1 - (misfit / (_TUKEY * scale)) ** 2, 0.0) ** 2
-        information = rows.T @ (weight[:, None] * rows)
-        size = np.sqrt(np.diag(information)) + 1e-12
-        if (weight > 0).mean() < 1 / 3 or np.linalg.det(information / np.outer(size, size)) < _LEAST_DETERMINANT:
+        if (weight > 0).mean() < 1 / 3:
             return None
-        correction = correction + np.linalg.solve(information, rows.T @ (weight * misfit))
+        prior = scale**2 / (_PRIOR_PX * pixel_m / np.array([1, 1, reach])) ** 2
+        information = rows.T @ (weight[:, None] * rows) + np.diag(prior)
+        correction = np.linalg.solve(information, rows.T @ (weight * place))
     misfit = place - rows @ correction
     inverse = np.linalg.inv(information)
     scores = rows * (weight * misfit)[:, None]
     used = weight > 0
+    freedom = len(rows) / max(1, used.sum() - 3)
     return OutlineFit(
         correction=correction,
-        covariance=inverse @ (scores.T @ scores) @ inverse * (len(rows) / max(1, used.sum() - 3)),
+        covariance=inverse @ (scores.T @ scores * freedom + np.diag(prior) * scale**2) @ inverse,
         residual_px=float(np.sqrt(np.sum(weight * misfit**2) / weight.sum()) / pixel_m),
         support=float(used.mean()),
     )
