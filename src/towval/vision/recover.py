@@ -6,6 +6,8 @@ keeps its size, so a match is a shift and a turn, and a similarity whose scale i
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -48,44 +50,48 @@ class Finder:
         low, high = body.top_corners_m.min(axis=0), body.top_corners_m.max(axis=0)
         counts = np.ceil((high - low) / self.cell_m).astype(int) + 1
         own = np.stack(np.meshgrid(*(lo + self.cell_m * np.arange(n) for lo, n in zip(low, counts, strict=True))), -1)
-        top = _look(luma, *self._pixels(_placed(pose, own)))
-        mask = usable_points(body, own.reshape(-1, 2), 2 * self.cell_m).reshape(own.shape[:2])
-        points, self.descriptors = self.detector.detectAndCompute(top, mask.astype(np.uint8) * 255)
-        self.points_m = low + self.cell_m * np.array([p.pt for p in points]).reshape(-1, 2)
-        self._above: tuple[Array, NDArray[np.float32], NDArray[np.float32]] | None = None
+        self.corner_m, self.own = low, own
+        self.top = _look(luma, *self._pixels(_placed(pose, own)))
+
+    @cached_property
+    def _keyframe(self) -> tuple[Array, NDArray[np.float32] | None]:
+        """Features of the top: places in the body frame (m, 2) [m] and descriptors; made when first needed."""
+        mask = usable_points(self.body, self.own.reshape(-1, 2), 2 * self.cell_m).reshape(self.own.shape[:2])
+        points, descriptors = self.detector.detectAndCompute(self.top, mask.astype(np.uint8) * 255)
+        return self.corner_m + self.cell_m * np.array([p.pt for p in points]).reshape(-1, 2), descriptors
 
     def _pixels(self, plane_xy: Array) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         height = np.full((*plane_xy.shape[:-1], 1), self.body.tracked_plane_height_m)
         pixels = project(self.camera, self.floor, np.concatenate([plane_xy, height], axis=-1)).astype(np.float32)
         return np.ascontiguousarray(pixels[..., 0]), np.ascontiguousarray(pixels[..., 1])
 
+    @cached_property
     def _view_from_above(self) -> tuple[Array, NDArray[np.float32], NDArray[np.float32]]:
         """Corner of the seen part of the plane, and the pixel of each of its cells; made when first needed."""
-        if self._above is None:
-            width, height = self.camera.resolution_px
-            border = [(u, v) for u in np.linspace(0, width - 1, 9) for v in np.linspace(0, height - 1, 9)]
-            seen = to_plane(self.camera, self.floor, np.array(border), self.body.tracked_plane_height_m)
-            seen = seen[np.isfinite(seen).all(axis=1)]
-            # A camera that sees the horizon sees no end of the plane: what is too far for a body is left out.
-            low = np.maximum(seen.min(axis=0), np.median(seen, axis=0) - _MOST_CELLS / 2 * self.cell_m)
-            high = np.minimum(seen.max(axis=0), np.median(seen, axis=0) + _MOST_CELLS / 2 * self.cell_m)
-            axes = [np.arange(lo, hi, self.cell_m) for lo, hi in zip(low, high, strict=True)]
-            self._above = low, *self._pixels(np.stack(np.meshgrid(*axes), axis=-1))
-        return self._above
+        width, height = self.camera.resolution_px
+        border = [(u, v) for u in np.linspace(0, width - 1, 9) for v in np.linspace(0, height - 1, 9)]
+        seen = to_plane(self.camera, self.floor, np.array(border), self.body.tracked_plane_height_m)
+        seen = seen[np.isfinite(seen).all(axis=1)]
+        # A camera that sees the horizon sees no end of the plane: what is too far for a body is left out.
+        low = np.maximum(seen.min(axis=0), np.median(seen, axis=0) - _MOST_CELLS / 2 * self.cell_m)
+        high = np.minimum(seen.max(axis=0), np.median(seen, axis=0) + _MOST_CELLS / 2 * self.cell_m)
+        axes = [np.arange(lo, hi, self.cell_m) for lo, hi in zip(low, high, strict=True)]
+        return low, *self._pixels(np.stack(np.meshgrid(*axes), axis=-1))
 
     def find(self, luma: Luma) -> Array | None:
         """Pose (3,) of the body anywhere in a picture, to a few pixels; None where too few features agree."""
-        if self.descriptors is None or len(self.points_m) < _LEAST_MATCHES:
+        points_m, own_descriptors = self._keyframe
+        if own_descriptors is None or len(points_m) < _LEAST_MATCHES:
             return None
-        corner, map_u, map_v = self._view_from_above()
+        corner, map_u, map_v = self._view_from_above
         points, descriptors = self.detector.detectAndCompute(_look(luma, map_u, map_v), None)
         if descriptors is None or len(points) < _LEAST_MATCHES:
             return None
-        pairs = cv2.BFMatcher().knnMatch(self.descriptors, descriptors, k=2)
+        pairs = cv2.BFMatcher().knnMatch(own_descriptors, descriptors, k=2)
         good = [p[0] for p in pairs if len(p) == 2 and p[0].distance < _RATIO * p[1].distance]
         if len(good) < _LEAST_MATCHES:
             return None
-        source = self.points_m[[match.queryIdx for match in good]]
+        source = points_m[[match.queryIdx for match in good]]
         target = corner + self.cell_m * np.array([points[match.trainIdx].pt for match in good])
         similarity, inliers = cv2.estimateAffinePartial2D(
             source, target, method=cv2.RANSAC, ransacReprojThreshold=_TOLERANCE_CELLS * self.cell_m
