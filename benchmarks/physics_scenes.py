@@ -39,7 +39,7 @@ def random_load(rng: np.random.Generator, outline: Array) -> Array:
 
 
 def reference_wrench(
-    contact: PressurePlane, law: FrictionLaw, twist: Array, order: int = 60, levels: int = 12
+    contact: PressurePlane, law: FrictionLaw, twist: Array, order: int = 40, levels: int = 12
 ) -> Array:
     """The friction wrench by quadrature of high order that shares nothing with ``physics.wrench``.
 
