@@ -43,7 +43,7 @@ def codes(found):
 
 
 def test_a_metre_of_path_is_measured_to_a_twentieth_of_a_pixel():
-    challenge = small(challenges.metre(5, 2.0))
+    challenge = small(challenges.metre(5, 1.6))
     # Tops that stand out from the floor: what limits the pose is then the alignment, not the edges.
     clear = replace(challenge.scene, brightness=(170.0, 190.0), contrast=20.0)
     for found, (distance, turn) in follow(replace(challenge, scene=clear)).values():
@@ -61,7 +61,7 @@ def test_a_metre_of_path_is_measured_to_a_twentieth_of_a_pixel():
 @pytest.mark.parametrize("name", ["light x 0.65", "shadow edge", "arm and tether"])
 def test_light_shade_and_arms_do_not_move_a_track(name):
     challenge = small(challenges.HARD[name](6))
-    challenge = replace(challenge, times=challenge.times[::2])
+    challenge = replace(challenge, times=challenge.times[::3])
     for found, (distance, _) in follow(challenge).values():
         assert found.seen.mean() > 0.8
         assert distance.max() < 1e-3
@@ -70,14 +70,16 @@ def test_light_shade_and_arms_do_not_move_a_track(name):
 
 def test_a_hidden_body_is_bridged_then_lost_then_found_again():
     challenge = small(challenges.occlusion(7))
-    challenge = replace(challenge, times=challenge.times[:60])
+    challenge = replace(challenge, times=challenge.times[:60:2])
     tracks = follow(challenge)
     found, (distance, _) = tracks["object"]
     hidden = (challenge.times > 1.0) & (challenge.times < 2.0)
     assert not found.seen[hidden].any()
-    assert (found.status[hidden][:5] == TrackStatus.COASTING).all()
-    assert (found.status[hidden][6:] == TrackStatus.LOST).all()
-    assert found.seen[~hidden].mean() > 0.95
+    assert (found.status[hidden][:2] == TrackStatus.COASTING).all()
+    assert (found.status[hidden][3:] == TrackStatus.LOST).all()
+    assert found.seen[challenge.times <= 1.0].all()
+    # Once lost it is looked for every 0.2 s.
+    assert found.seen[challenge.times > 2.25].all()
     assert distance.max() < 1e-3
     assert "not_seen" in codes(found)
     assert "not_seen" not in codes(tracks["rover"][0])
@@ -121,7 +123,7 @@ def test_a_still_body_adds_no_path():
 def test_a_camera_that_moved_is_noticed():
     scene = standard_scene(12, **small_camera())
     scene = replace(scene, motions=(drive((0.1, 0.3, 0.2), 0.1), drive((-0.8, -0.4, 0.1), 0.1)))
-    film, times = CeilingCamera(scene), np.arange(50) / 25
+    film, times = CeilingCamera(scene), np.arange(18) / 9
     clicks, bodies = scene.clicks(np.random.default_rng(0)), scene.bodies
 
     def frames(shift_px):
@@ -136,7 +138,7 @@ def test_a_camera_that_moved_is_noticed():
 
 
 def test_klt_stays_the_papers_method_and_does_not_drift():
-    challenge = small(challenges.metre(5, 2.0))
+    challenge = small(challenges.metre(5, 1.6))
     for found, (distance, _) in follow(challenge, method="klt").values():
         assert found.seen.all()
         assert found.method == "klt"
@@ -144,7 +146,7 @@ def test_klt_stays_the_papers_method_and_does_not_drift():
 
 
 def test_a_compressed_video_is_tracked_with_its_own_times(tmp_path):
-    challenge = small(challenges.metre(13, 1.6))
+    challenge = small(challenges.metre(13, 1.2))
     scene = challenge.scene
     late = ((time_s + 2.0, luma) for time_s, luma in CeilingCamera(scene).frames(challenge.times))
     write_video(tmp_path / "a.mp4", late, crf="23")
@@ -160,9 +162,9 @@ def test_a_compressed_video_is_tracked_with_its_own_times(tmp_path):
 def test_the_predicted_deviation_holds_over_scenes():
     """Registration and noise together against the actual error: within a factor of two over a few scenes."""
     predicted, actual = [], []
-    for seed in range(30, 34):
+    for seed in range(30, 33):
         challenge = small(challenges.metre(seed, 2.0))
-        challenge = replace(challenge, times=challenge.times[::5])
+        challenge = replace(challenge, times=challenge.times[::8])
         for found, (distance, _) in follow(challenge, seed).values():
             own = np.trace(found.covariance[:, :2, :2], axis1=1, axis2=2).mean()
             predicted.append(own + np.trace(found.start_covariance[:2, :2]))

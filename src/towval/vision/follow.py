@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Callable
-from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,17 +33,44 @@ _LOW_TEXTURE_PX = 0.12  # Deviation of a pose from which on the top counts as to
 _MOVING_PX = 0.1  # A picture.
 _MOST_SCATTER_PX = 0.06
 _MOST_REST_PX = 0.1
+_NOWHERE, _UNKNOWN = np.full(3, np.nan), np.full((3, 3), np.nan)
 
 
-@dataclass
+_NUMBERS = 16  # A frame's row: time, pose, covariance, status, share of inliers, residual.
+_MOST_TABLED = 8192  # Frames whose points are kept: every one, then every second, fourth, ...
+
+
 class _Record:
-    time_s: list[float] = field(default_factory=list)
-    pose: list[Array] = field(default_factory=list)
-    covariance: list[Array] = field(default_factory=list)
-    status: list[TrackStatus] = field(default_factory=list)
-    inlier_fraction: list[float] = field(default_factory=list)
-    residual: list[float] = field(default_factory=list)
-    points: list[tuple[int, Array, Array]] = field(default_factory=list)
+    """What was seen, 128 bytes a frame, so that a video of any length fits in memory."""
+
+    def __init__(self) -> None:
+        self.numbers = array("d")
+        self.points: list[tuple[int, Array, Array]] = []
+        self.points_every = 1
+        self.last_status: TrackStatus | None = None
+
+    def __len__(self) -> int:
+        return len(self.numbers) // _NUMBERS
+
+    def keep(
+        self, time_s: float, pose: Array, covariance: Array, status: TrackStatus, inliers: float, residual: float
+    ) -> None:
+        self.numbers.extend((time_s, *pose, *covariance.ravel(), float(status), inliers, residual))
+        self.last_status = status
+
+    def keep_points(self, points_m: Array, weights: Array) -> None:
+        """Keep points of the frame that comes next; of long videos only every second, fourth, ... frame's."""
+        if len(self) % self.points_every == 0:
+            self.points.append((len(self), points_m, weights))
+        if len(self.points) > _MOST_TABLED:
+            self.points_every *= 2
+            self.points = [entry for entry in self.points if entry[0] % self.points_every == 0]
+
+    def columns(self) -> tuple[Array, Array, Array, NDArray[np.uint8], Array, Array]:
+        """Times, poses (n, 3), covariances (n, 3, 3), status, share of inliers and residuals."""
+        rows = np.array(self.numbers).reshape(-1, _NUMBERS)
+        covariance = rows[:, 4:13].reshape(-1, 3, 3).copy()
+        return rows[:, 0], rows[:, 1:4].copy(), covariance, rows[:, 13].astype(np.uint8), rows[:, 14], rows[:, 15]
 
 
 class Follower:
@@ -97,7 +124,7 @@ class Follower:
         unseen_s = time_s - self.motion.time_s
         coasting = unseen_s <= self.coast_s
         # The picture after a sighting is always predicted, however slow the video.
-        just_seen = bool(self.record.status) and self.record.status[-1] == TrackStatus.TRACKED
+        just_seen = self.record.last_status == TrackStatus.TRACKED
         predicted = self.motion.predict(time_s) if coasting or just_seen else self.motion.pose
         seen = self.tracker.measure(luma, predicted)
         if seen is None or self._surprising(time_s, predicted, seen.pose):
@@ -105,9 +132,9 @@ class Follower:
         if seen is not None:
             self._keep_sighting(time_s, luma, seen)
         elif coasting:
-            self._keep(time_s, predicted, self._coasting_covariance(time_s), TrackStatus.COASTING)
+            self.record.keep(time_s, predicted, self._coasting_covariance(time_s), TrackStatus.COASTING, 0.0, np.nan)
         else:
-            self._keep(time_s, np.full(3, np.nan), np.full((3, 3), np.nan), TrackStatus.LOST)
+            self.record.keep(time_s, _NOWHERE, _UNKNOWN, TrackStatus.LOST, 0.0, np.nan)
 
     def _apart_px(self, pose: Array, other: Array) -> float:
         step = step_between(pose, other)
@@ -132,9 +159,8 @@ class Follower:
 
     def _keep_sighting(self, time_s: float, luma: Luma, seen: Measurement) -> None:
         pose = self.motion.see(time_s, seen.pose) if time_s > self.motion.time_s else seen.pose
-        record = self.record
-        record.points.append((len(record.time_s), seen.points_m, seen.weights))
-        self._keep(time_s, pose, seen.covariance, TrackStatus.TRACKED, seen.inlier_fraction, seen.residual)
+        self.record.keep_points(seen.points_m, seen.weights)
+        self.record.keep(time_s, pose, seen.covariance, TrackStatus.TRACKED, seen.inlier_fraction, seen.residual)
         if time_s >= self.next_outline_s:
             fit = see_outline(luma, self.body, pose, self.camera, self.floor)
             if fit is not None:
@@ -148,29 +174,12 @@ class Follower:
         way = float(np.hypot(gone[0], gone[1])) + self.pixel_m
         return np.diag(np.square([way, way, gone[2] + self.pixel_m / self.reach_m]))
 
-    def _keep(
-        self,
-        time_s: float,
-        pose: Array,
-        covariance: Array,
-        status: TrackStatus,
-        inlier_fraction: float = 0.0,
-        residual: float = np.nan,
-    ) -> None:
-        record = self.record
-        record.time_s.append(time_s)
-        record.pose.append(pose)
-        record.covariance.append(covariance)
-        record.status.append(status)
-        record.inlier_fraction.append(inlier_fraction)
-        record.residual.append(residual)
-
     def track(self, method: str, further_findings: tuple[Finding, ...] = ()) -> Track:
         """The whole record as a track: registered to the edges of all pictures, noise judged, rests held."""
-        record, fit = self.record, self._registration()
-        time_s, status = np.array(record.time_s), np.array(record.status, dtype=np.uint8)
-        raw, seen = np.array(record.pose), status == TrackStatus.TRACKED
-        covariance = self._honest_covariance(time_s, raw, np.array(record.covariance), seen)
+        fit = self._registration()
+        time_s, raw, covariance, status, inliers, residual = self.record.columns()
+        seen = status == TrackStatus.TRACKED
+        covariance = self._honest_covariance(time_s, raw, covariance, seen)
         most = _MOST_REST_PX * self.pixel_m * np.array([1, 1, 1 / self.reach_m])
         pose = hold_rest(time_s, raw, covariance, seen, most)
         if fit is not None:
@@ -181,8 +190,8 @@ class Follower:
             pose=pose,
             covariance=covariance,
             status=status,
-            inlier_fraction=np.array(record.inlier_fraction),
-            residual=np.array(record.residual),
+            inlier_fraction=inliers,
+            residual=residual,
             start_covariance=self.start_covariance if fit is None else fit.covariance,
             features=self._features(raw),
             findings=(*self.findings, *self._judge_sight(time_s, covariance, status), *further_findings),
