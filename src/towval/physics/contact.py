@@ -20,10 +20,10 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
+from towval.compiling import compiled
 from towval.conventions import GRAVITY_M_PER_S2
 from towval.errors import InputError, RefusedError
 from towval.geometry import polygon_area
-from towval.physics.compiling import compiled
 from towval.types import Array, Patch, TowedObject, locked
 
 RESIDUAL_LIMIT = 1e-10

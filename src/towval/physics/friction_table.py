@@ -16,7 +16,7 @@ import functools
 
 import numpy as np
 
-from towval.physics.compiling import compiled
+from towval.compiling import compiled
 from towval.physics.friction_law import friction_coefficient
 from towval.types import Array, FrictionLaw
 

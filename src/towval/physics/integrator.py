@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from towval.physics.compiling import compiled
+from towval.compiling import compiled
 from towval.physics.motion import SLACK, TAUT, Scene, acceleration_slopes, accelerations, margin
 from towval.physics.rosenbrock import NODES, ORDER, STAGES, A, dense_output, solve_stage, stage_matrix
 from towval.physics.splines import piece_at

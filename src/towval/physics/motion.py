@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from towval.physics.compiling import compiled
+from towval.compiling import compiled
 from towval.physics.splines import Spline, piece_at, spline_at
 from towval.physics.tether import stretch_and_pull
 from towval.physics.wrench import SlidingPatch, wrench_and_slopes, wrench_at_origin

@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from towval.compiling import compiled
 from towval.errors import InputError
 from towval.geometry import inside_polygon
-from towval.physics.compiling import compiled
 from towval.physics.contact import resting_pressure
 from towval.physics.splines import Spline, piece_at, spline_at, spline_covering, spline_values
 from towval.physics.wrench import SlidingPatch, sliding_patch, wrench_and_slopes

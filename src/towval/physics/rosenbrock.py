@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from towval.physics.compiling import compiled
+from towval.compiling import compiled
 from towval.types import Array
 
 ORDER = 5

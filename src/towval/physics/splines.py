@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from towval.compiling import compiled
 from towval.errors import InputError
-from towval.physics.compiling import compiled
 from towval.types import Array, Path
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from towval.physics.compiling import compiled
+from towval.compiling import compiled
 from towval.types import Array, Tether
 
 

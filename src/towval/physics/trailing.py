@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from towval.compiling import compiled
 from towval.geometry import rotation, transform
-from towval.physics.compiling import compiled
 from towval.physics.contact import resting_pressure
 from towval.physics.dynamics import ADVICE, Outcome, checked_times
 from towval.physics.friction_table import coefficient_over_speed

@@ -21,7 +21,7 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
-from towval.physics.compiling import compiled
+from towval.compiling import compiled
 from towval.physics.contact import PressurePlane
 from towval.physics.friction_table import (
     LOWEST,

@@ -13,9 +13,9 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
+from towval.compiling import compiled
 from towval.rover.kinematics import Rover, wheel_velocities
 from towval.types import Array
 
@@ -181,7 +181,7 @@ def _steering_polygon(rover: Rover) -> Array:
     return clipped(square, np.concatenate(normals), np.concatenate(offsets))
 
 
-@njit(cache=True)
+@compiled()
 def nearest_centre(normals, offsets, corners, x, y):
     """Point of a convex flank nearest to (x, y) and its distance: the point itself when it lies inside.
 
@@ -213,7 +213,7 @@ def nearest_centre(normals, offsets, corners, x, y):
     return best_x, best_y, best
 
 
-@njit(cache=True)
+@compiled()
 def nearest_in_polygon(corners, x, y):
     """Point of a convex polygon (m, 2), counter-clockwise, nearest to (x, y): the point itself when it lies inside."""
     inside = True

@@ -12,9 +12,9 @@ import enum
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
+from towval.compiling import compiled
 from towval.errors import InputError
 from towval.geometry import inverse_transform, path_length, transform
 from towval.rover.feasible_region import Flanks, flanks, nearest_centre, nearest_in_polygon
@@ -238,7 +238,7 @@ def tightest_radius(position: ArrayLike) -> float:
     return float((0.5 * (size[:-1] + size[1:])[bends] / turn[bends]).min(initial=np.inf))
 
 
-@njit(cache=True)
+@compiled()
 def _wanted_centre(pose, hinge, aim_x, aim_y, aim_heading):
     """Eq. (19), (20) in the rover frame: the centre of the turn that brings the hinge to the aim with its heading."""
     cosine, sine = np.cos(pose[2]), np.sin(pose[2])
@@ -253,7 +253,7 @@ def _wanted_centre(pose, hinge, aim_x, aim_y, aim_heading):
     return hinge[0] + dx / 2 - across * dy, hinge[1] + dy / 2 + across * dx
 
 
-@njit(cache=True)
+@compiled()
 def _feasible_centre(region, close, x, y):
     """The centre taken for a wanted one, and the case: A as it is, B the nearest feasible, C the tip of that flank."""
     normals, offsets, corners, tips, _ = region
@@ -268,7 +268,7 @@ def _feasible_centre(region, close, x, y):
     return tips[side, 0], tips[side, 1], 2
 
 
-@njit(cache=True)
+@compiled()
 def _steered(region, gains, delta, wanted, error):
     """One step of the PD steering of both wheels, kept feasible; ``delta`` and ``error`` are updated in place.
 
@@ -286,7 +286,7 @@ def _steered(region, gains, delta, wanted, error):
     return front, rear
 
 
-@njit(cache=True)
+@compiled()
 def _moved(pose, twist, step):
     """Exact motion of a pose by a constant twist of the rover frame."""
     turn = twist[2] * step
@@ -298,7 +298,7 @@ def _moved(pose, twist, step):
     return x, y, pose[2] + turn
 
 
-@njit(cache=True)
+@compiled()
 def _twist_of_tangents(tangents, axles, hinge, speed):
     """Twist of the bicycle whose wheels roll along given tangents, with a given speed of the hinge."""
     rate = (tangents[0] - tangents[1]) / (axles[0] - axles[1])
@@ -307,7 +307,7 @@ def _twist_of_tangents(tangents, axles, hinge, speed):
     return scale, scale * sideways, scale * rate
 
 
-@njit(cache=True)
+@compiled()
 def _drive(way, start, machine, limits, gains):
     """The planner's loop. Returns the rows used, the index of the outcome, poses, twists, steering, cases, targets."""
     (path, heading), (hinge, axles, region) = way, machine

@@ -17,9 +17,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from towval.compiling import compiled
 from towval.geometry import inside_polygon
 from towval.types import Array, Body, Camera, Floor
 from towval.vision.sampling import RELAXED, metres_per_pixel, sample_plane, sample_plane_kernel
@@ -148,7 +148,7 @@ def _tiles(points: Array, low: Array, high: Array) -> tuple[NDArray[np.int64], i
     return tile.astype(np.int64), int(tile.max()) + 1
 
 
-@njit(cache=True, fastmath=RELAXED)
+@compiled(fastmath=RELAXED)
 def _fit_light(values, template, tile, tiles, weight, ridge):  # type: ignore[no-untyped-def]
     """Gain, mean of the template, mean of the picture, weight and weighted variance of each tile: (tiles, 5)."""
     sums = np.zeros((tiles, 5))
@@ -171,7 +171,7 @@ def _fit_light(values, template, tile, tiles, weight, ridge):  # type: ignore[no
     return light
 
 
-@njit(cache=True, fastmath=RELAXED)
+@compiled(fastmath=RELAXED)
 def _misfits(values, template, tile, light, residual):  # type: ignore[no-untyped-def]
     """Residuals in grey levels of the template."""
     for i in range(values.shape[0]):
@@ -180,7 +180,7 @@ def _misfits(values, template, tile, light, residual):  # type: ignore[no-untype
         residual[i] = misfit if values[i] >= 0 else _OUTSIDE
 
 
-@njit(cache=True)
+@compiled()
 def _scale(residual):  # type: ignore[no-untyped-def]
     """Deviation of the better part of the residuals, from a histogram; zero where all are outside."""
     bins = np.zeros(_BINS, dtype=np.int64)
@@ -198,7 +198,7 @@ def _scale(residual):  # type: ignore[no-untyped-def]
     return 0.0
 
 
-@njit(cache=True, fastmath=RELAXED)
+@compiled(fastmath=RELAXED)
 def _reweigh(residual, precision, scale, weight):  # type: ignore[no-untyped-def]
     """Tukey's weights of the residuals times the known precision of each point."""
     for i in range(residual.shape[0]):
@@ -206,7 +206,7 @@ def _reweigh(residual, precision, scale, weight):  # type: ignore[no-untyped-def
         weight[i] = precision[i] * (1 - q2) ** 2 if q2 < 1 else 0.0
 
 
-@njit(cache=True, fastmath=RELAXED, error_model="numpy")
+@compiled(fastmath=RELAXED)
 def _normal_equations(template, slopes, tile, tiles, light, weight, residual, ridge):  # type: ignore[no-untyped-def]
     """Information (3, 3) and the scores of the tiles (tiles, 3), light eliminated."""
     mean, cross = np.zeros((tiles, 3)), np.zeros((tiles, 3))
@@ -247,7 +247,7 @@ def _normal_equations(template, slopes, tile, tiles, light, weight, residual, ri
     return information, scores
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _solve(information, scores):  # type: ignore[no-untyped-def]
     """Solve the 3 × 3 equations, slightly damped so that a direction without texture stays where it is.
 
@@ -264,7 +264,7 @@ def _solve(information, scores):  # type: ignore[no-untyped-def]
     return (aa * x + ab * y + ac * h) / det, (ab * x + dd * y + de * h) / det, (ac * x + de * y + ff * h) / det
 
 
-@njit(cache=True)
+@compiled()
 def _correlation(values, template, tile, tiles):  # type: ignore[no-untyped-def]
     """Correlation of picture and template in the tiles that are seen: the 70th percentile over the tiles.
 
@@ -292,7 +292,7 @@ def _correlation(values, template, tile, tiles):  # type: ignore[no-untyped-def]
     return np.sort(known[:count])[int(_SEEN_TILES * count)] if count else 0.0
 
 
-@njit(cache=True)
+@compiled()
 def _align_kernel(  # type: ignore[no-untyped-def]
     luma, points, template, slopes, tile, tiles, precision, pose, height, T, matrix, k, most_scale, tolerance_m
 ):

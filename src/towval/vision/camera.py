@@ -6,16 +6,16 @@ The compiled kernels take plain arrays, so that other compiled code can call the
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
+from towval.compiling import compiled
 from towval.types import Array, Camera, Floor
 
 _NEWTON_STEPS = 20
 _NEWTON_TOLERANCE = 1e-13
 
 
-@njit(cache=True)
+@compiled()
 def distort(x: float, y: float, k: Array) -> tuple[float, float]:
     """Distorted normalised coordinates of undistorted ones, OpenCV's model with ``k`` = k1 k2 p1 p2 k3 k4 k5 k6."""
     r2 = x * x + y * y
@@ -24,7 +24,7 @@ def distort(x: float, y: float, k: Array) -> tuple[float, float]:
     return x * radial + k[2] * xy2 + k[3] * (r2 + 2 * x * x), y * radial + k[2] * (r2 + 2 * y * y) + k[3] * xy2
 
 
-@njit(cache=True)
+@compiled()
 def distort_jacobian(x: float, y: float, k: Array) -> tuple[float, float, float, float]:
     """Derivatives of :func:`distort`: ∂u/∂x, ∂u/∂y, ∂v/∂x, ∂v/∂y."""
     r2 = x * x + y * y
@@ -41,7 +41,7 @@ def distort_jacobian(x: float, y: float, k: Array) -> tuple[float, float, float,
     )
 
 
-@njit(cache=True)
+@compiled()
 def undistort(u: float, v: float, k: Array) -> tuple[float, float]:
     """Inverse of :func:`distort` by Newton's method; NaN where it does not converge or the lens model folds."""
     x, y = u, v
@@ -58,7 +58,7 @@ def undistort(u: float, v: float, k: Array) -> tuple[float, float]:
     return np.nan, np.nan
 
 
-@njit(cache=True)
+@compiled()
 def project_kernel(points: Array, T: Array, matrix: Array, k: Array) -> Array:
     """Pixels (n, 2) of points (n, 3) [m] seen through ``T`` = T_camera_floor; NaN behind the camera."""
     out = np.empty((points.shape[0], 2))
@@ -76,7 +76,7 @@ def project_kernel(points: Array, T: Array, matrix: Array, k: Array) -> Array:
     return out
 
 
-@njit(cache=True)
+@compiled()
 def to_plane_kernel(pixels: Array, height: float, T: Array, matrix: Array, k: Array) -> Array:
     """Floor coordinates (n, 2) [m] of pixels (n, 2) on the plane z = height; NaN where the ray misses it."""
     out = np.empty((pixels.shape[0], 2))

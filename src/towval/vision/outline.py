@@ -13,9 +13,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from towval.compiling import compiled
 from towval.errors import InputError
 from towval.geometry import polygon_area, rigid_fit, transform
 from towval.types import Array, Body, Camera, Floor
@@ -146,7 +146,7 @@ def stretches_of(body: Body, pixel_m: float) -> Stretches:
     return Stretches(np.array(middle), along_array, normal, np.array(length), _STEP_PX * pixel_m, _SPACING_PX * pixel_m)
 
 
-@njit(cache=True, fastmath=RELAXED)
+@compiled(fastmath=RELAXED)
 def _profiles_kernel(luma, middle, along, normal, length, offsets, spacing, columns, matrix, k):  # type: ignore[no-untyped-def]
     """Mean grey value of each stretch at each offset (m, k); NaN where it leaves the picture."""
     profiles = np.zeros((middle.shape[0], offsets.shape[0]))
@@ -193,7 +193,7 @@ def edge_slopes(
     return np.nan_to_num(np.abs(profiles[:, 2:] - profiles[:, :-2]) / 2)
 
 
-@njit(cache=True)
+@compiled()
 def _peaks(slopes: Array, ordinary: Array, offsets: Array, expected: Array, spread: float) -> tuple[Array, Array]:
     """Offset of the steepest place of each stretch near where it is expected, and how far it stands out.
 

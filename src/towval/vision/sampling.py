@@ -7,9 +7,9 @@ its slope is continuous, so that an alignment does not prefer whole pixels as it
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from towval.compiling import compiled
 from towval.types import Array, Camera, Floor
 
 # Without "no NaN" and "no infinity": the checks for points behind the camera need both.
@@ -17,7 +17,7 @@ RELAXED = {"contract", "reassoc", "nsz", "arcp"}
 """How compiled loops may rearrange floating-point sums."""
 
 
-@njit(cache=True, fastmath=RELAXED, inline="always")
+@compiled(fastmath=RELAXED, inline="always")
 def _spline_weights(t: float) -> tuple[float, float, float, float]:
     """Weights of the uniform cubic B-spline for the four pixels around a place ``t`` past the second."""
     r = 1.0 - t
@@ -26,7 +26,7 @@ def _spline_weights(t: float) -> tuple[float, float, float, float]:
     return first, second, 1.0 - first - second - last, last
 
 
-@njit(cache=True, fastmath=RELAXED)
+@compiled(fastmath=RELAXED)
 def spline_value(luma: NDArray[np.uint8], u: float, v: float) -> float:
     """Smoothed grey value at pixel (u, v); −1 where the 4 × 4 pixels around it are not all in the picture."""
     if not (u >= 1.0 and v >= 1.0 and u < luma.shape[1] - 2 and v < luma.shape[0] - 2):
@@ -43,7 +43,7 @@ def spline_value(luma: NDArray[np.uint8], u: float, v: float) -> float:
     )
 
 
-@njit(cache=True)
+@compiled()
 def plane_to_camera(pose: Array, height: float, T: Array) -> Array:
     """Columns (3, 3) that take (x, y, 1) of a body's plane at ``height`` [m] to camera coordinates [m].
 
@@ -58,7 +58,7 @@ def plane_to_camera(pose: Array, height: float, T: Array) -> Array:
     return columns
 
 
-@njit(cache=True, fastmath=RELAXED, error_model="numpy")
+@compiled(fastmath=RELAXED)
 def plane_pixels_kernel(points: Array, columns: Array, matrix: Array, k: Array) -> Array:
     """Pixels (n, 2) of points (n, 2) [m] of a body's plane; ``columns`` from :func:`plane_to_camera`.
 
@@ -83,7 +83,7 @@ def plane_pixels_kernel(points: Array, columns: Array, matrix: Array, k: Array) 
     return pixels
 
 
-@njit(cache=True, fastmath=RELAXED)
+@compiled(fastmath=RELAXED)
 def sample_plane_kernel(
     luma: NDArray[np.uint8], points: Array, pose: Array, height: float, T: Array, matrix: Array, k: Array
 ) -> Array:

@@ -1,0 +1,65 @@
+"""How this package compiles its inner loops.
+
+Compiled code is kept on disk, so that only the first call after installing compiles. Numba knows a function's machine
+code by the file the function stands in; but that code holds what other files contributed as well, and would outlive an
+edit there. So each folder of sources has a cache named after the content of all its files: after an edit the folder
+compiles anew, and what other folders compiled stays.
+
+Divisions follow IEEE 754 instead of raising, for a check at each would cost more than the division; products and sums
+may be contracted to one rounding. A function that takes more liberties with arithmetic says so.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import os
+import shutil
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from numba import config, njit
+
+_KEPT = 3  # Caches of a folder: a branch and the one it came from, and one to spare.
+
+
+def compiled(**options: Any) -> Callable[[Callable], Callable]:
+    """Decorator factory for a function in a numerical inner loop: use as ``@compiled()``.
+
+    Parameters
+    ----------
+    **options
+        What ``numba.njit`` takes, where a function needs something else than the defaults above.
+    """
+    settings = {"cache": True, "error_model": "numpy", "fastmath": {"contract"}} | options
+
+    def compile_later(function: Callable) -> Callable:
+        users_choice = config.CACHE_DIR
+        config.CACHE_DIR = str(_cache_folder(Path(inspect.getfile(function)).resolve().parent, users_choice))
+        try:
+            return njit(**settings)(function)
+        finally:
+            config.CACHE_DIR = users_choice
+
+    return compile_later
+
+
+@cache
+def _cache_folder(sources: Path, users_choice: str) -> Path:
+    digest = hashlib.sha256()
+    for path in sorted(sources.glob("*.py")):
+        digest.update(path.read_bytes())
+    if users_choice:
+        base = Path(users_choice)
+    elif os.access(sources, os.W_OK):
+        base = sources / "__pycache__"
+    else:
+        base = Path.home() / ".cache" / "towval"
+    folder = base / f"compiled-{sources.name}-{digest.hexdigest()[:16]}"
+    if not folder.exists():
+        older = sorted(base.glob(f"compiled-{sources.name}-*"), key=lambda p: p.stat().st_mtime, reverse=True)
+        for outlived in older[_KEPT - 1 :]:
+            shutil.rmtree(outlived, ignore_errors=True)
+    return folder
