@@ -50,7 +50,7 @@ def least_cpu(run: Callable[[], object], repeats: int = 5) -> float:
     return min(spent)
 
 
-@njit
+@njit(_nrt=False)
 def many_wrenches(patch: SlidingPatch, twists: Array, repeats: int) -> float:
     total = 0.0
     for k in range(repeats):
