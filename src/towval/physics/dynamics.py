@@ -18,8 +18,8 @@ from towval.geometry import transform
 from towval.physics.contact import resting_pressure
 from towval.physics.friction_table import SLOPE
 from towval.physics.integrator import NOT_FINITE, REACHED_END, STEP_LIMIT, STEP_TOO_SMALL, integrate
-from towval.physics.motion import FORCED, SLACK, TAUT, Scene, tautness, tensions
-from towval.physics.splines import Spline, piece_at, spline_covering, spline_values
+from towval.physics.motion import FORCED, TAUT, Scene, natural_mode, tensions
+from towval.physics.splines import Spline, spline_covering, spline_values
 from towval.physics.wrench import SlidingPatch, sliding_patch
 from towval.types import Array, Finding, FrictionLaw, Path, Severity, SimulatedMotion, Tether, TowedObject, locked
 
@@ -134,9 +134,7 @@ def feedback(
     drive = spline_covering(hinge, times, "the way of the hinge")
     scene = _scene(towed, law, tether, drive)
     y = _state(towed, start_pose, start_twist)
-    _, stretch, pull = tautness(scene, times[0], piece_at(drive.knots, times[0], 0), y)
-    mode = TAUT if stretch >= 0 and pull >= 0 else SLACK
-    outcome, states, modes, statistics = _run(scene, mode, y, times, accuracy)
+    outcome, states, modes, statistics = _run(scene, natural_mode(scene, times[0], y), y, times, accuracy)
     if outcome == Outcome.CONVERGED and not (modes == TAUT).any() and not statistics["mode_changes"]:
         outcome = Outcome.SLACK_ALL_ALONG
     tension = np.empty((len(states), 3))

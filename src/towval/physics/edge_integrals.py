@@ -71,7 +71,7 @@ _NODES, _WEIGHTS = _gauss_rules()
 _PAIRS, _LONGEST = _pairs_by_order()
 
 
-@compiled(allocates=False)
+@compiled(inner=True)
 def prepared_edge(
     edge: Array, cx: float, cy: float, bound: tuple[float, float, float]
 ) -> tuple[float, float, float, int, int]:
@@ -104,7 +104,7 @@ def prepared_edge(
     return distance, middle, alpha, panels, _PAIRS[order, int(alpha * (_CELLS / _LONGEST_ALPHA))]
 
 
-@compiled(allocates=False)
+@compiled(inner=True)
 def edge_integrals(
     table: Array,
     prepared: tuple[float, float, float, int, int],
@@ -139,7 +139,7 @@ def edge_integrals(
     )
 
 
-@compiled(allocates=False)
+@compiled(inner=True)
 def _node_sums(
     table: Array,
     prepared: tuple[float, float, float, int, int],
@@ -167,7 +167,7 @@ def _node_sums(
     return by_d, by_t, by_m
 
 
-@compiled(allocates=False)
+@compiled(inner=True)
 def _add_node(
     table: Array,
     nearest_speed: float,
@@ -197,7 +197,7 @@ def _add_node(
     )
 
 
-@compiled(allocates=False, inline="always")
+@compiled(inner=True, inline="always")
 def _exponential(t: float, d: float) -> float:
     """exp(asinh(t / d)) for d > 0, without cancellation."""
     rho = math.sqrt(t * t + d * d)

@@ -272,7 +272,7 @@ def _assemble(spline: Spline, times: Array, levers: Array, out: Array, plan: Arr
         plan[i, 8], plan[i, 9] = x + cos * along_x - sin * along_y, y + sin * along_x + cos * along_y
 
 
-@compiled(allocates=False)
+@compiled(inner=True)
 def _mean_rate(known: int, step: float, step1: float, step2: float, rate0: float, rate1: float, rate2: float) -> float:
     """Mean over the coming step of the polynomial through the last rates."""
     if known < 2:
@@ -285,7 +285,7 @@ def _mean_rate(known: int, step: float, step1: float, step2: float, rate0: float
     return mean
 
 
-@compiled(allocates=False)
+@compiled(inner=True)
 def _moving_velocity(knots: Array, coefficients: Array, time: float, piece: int) -> tuple[float, float]:
     """Velocity of the path; where it rests, a creep in the direction in which it will move (or has moved)."""
     _, _, vx, vy, ax, ay = spline_at(knots, coefficients, time, piece)
@@ -301,7 +301,7 @@ def _moving_velocity(knots: Array, coefficients: Array, time: float, piece: int)
     return _CREEP, 0.0
 
 
-@compiled(allocates=False)
+@compiled(inner=True)
 def _moment_about_anchor(
     patch: SlidingPatch, geometry: Array, ux: float, uy: float, omega: float
 ) -> tuple[float, float, float, float, float, float]:
@@ -313,7 +313,7 @@ def _moment_about_anchor(
     return moment + ax * fy - ay * fx, slope, fx, fy, fx_rate, fy_rate
 
 
-@compiled(allocates=False)
+@compiled(inner=True)
 def _balanced_rate(
     patch: SlidingPatch, geometry: Array, ux: float, uy: float, guess: float, radius: float, search: bool
 ) -> tuple[float, float, float, float, int, int]:
@@ -339,7 +339,7 @@ def _balanced_rate(
     return omega, fx, fy, moment, status, tries
 
 
-@compiled(allocates=False)
+@compiled(inner=True)
 def _searched_rate(
     patch: SlidingPatch, geometry: Array, ux: float, uy: float, guess: float, unit: float
 ) -> tuple[float, bool]:
@@ -360,7 +360,7 @@ def _searched_rate(
     return (best, True) if found else (least, False)
 
 
-@compiled(allocates=False)
+@compiled(inner=True)
 def _bisected(
     patch: SlidingPatch, geometry: Array, ux: float, uy: float, low: float, high: float, positive_low: bool
 ) -> float:

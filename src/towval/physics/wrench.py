@@ -193,7 +193,7 @@ def wrench_and_slopes(
     return fx, fy, moment, xx, xy, yy, x_omega, y_omega, omega_omega
 
 
-@compiled(allocates=False, inline="always")
+@compiled(inner=True, inline="always")
 def _centre_is_near(patch: SlidingPatch, vx: float, vy: float, omega: float) -> bool:
     """Whether the boundary is to be used: C is near, and speeds are not so low that friction is linear in them."""
     if math.hypot(vx, vy) + abs(omega) * patch.radius <= patch.table[LOWEST]:
@@ -205,14 +205,14 @@ def _centre_is_near(patch: SlidingPatch, vx: float, vy: float, omega: float) -> 
     return False
 
 
-@compiled(allocates=False, inline="always")
+@compiled(inner=True, inline="always")
 def _area_rule(patch: SlidingPatch, vx: float, vy: float, omega: float) -> Array:
     """The nodes over the area that suffice for the distance of C."""
     far = math.hypot(vx, vy) > _FAR * abs(omega) * patch.radius
     return patch.few_nodes if far else patch.area_nodes
 
 
-@compiled(allocates=False)
+@compiled(inner=True)
 def _area_wrench(
     table: Array, nodes: Array, anisotropy: Array, vx: float, vy: float, omega: float
 ) -> tuple[float, float, float]:
@@ -230,7 +230,7 @@ def _area_wrench(
     return fx, fy, moment
 
 
-@compiled(allocates=False)
+@compiled(inner=True)
 def _area_sums(
     table: Array, nodes: Array, anisotropy: Array, vx: float, vy: float, omega: float
 ) -> tuple[float, float, float, float, float, float, float, float, float]:
@@ -261,7 +261,7 @@ def _area_sums(
     return fx, fy, moment, xx, xy, yy, x_omega, y_omega, omega_omega
 
 
-@compiled(allocates=False)
+@compiled(inner=True)
 def _boundary_sums(
     patch: SlidingPatch, vx: float, vy: float, omega: float
 ) -> tuple[float, float, float, float, float, float, float, float, float]:
