@@ -201,13 +201,11 @@ def _run(
 
 def _error_scales(scene: Scene, mode: int) -> Array:
     """Errors of the state (6,) that weigh as much as a metre of position."""
-    places, weights = scene.patch.area_nodes[:, :2], scene.patch.area_nodes[:, 2]
-    radius = float(np.linalg.norm(places, axis=1).max())
     lowest_speed, stretch = 1 / scene.patch.table[SLOPE], np.inf
     if mode != FORCED:
-        stretch = weights.sum() / scene.tether[0]
+        stretch = 1 / (scene.patch.per_force * scene.tether[0])
     speed_share, stretch_share = min(1.0, lowest_speed / _FINE_SPEED), min(1.0, stretch / _FINE_STRETCH)
-    position = stretch_share * np.array([1.0, 1.0, 1 / radius])
+    position = stretch_share * np.array([1.0, 1.0, 1 / scene.patch.radius])
     return np.concatenate([position, position * speed_share * _VELOCITY_RATE])
 
 

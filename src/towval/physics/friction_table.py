@@ -148,16 +148,17 @@ def coefficient_over_speed(table: Array, speed: float) -> float:
 
 
 @compiled(inner=True)
-def coefficient_slope(table: Array, speed: float) -> float:
-    """dμ/dv [s/m] at a sliding speed [m/s]."""
+def ratio_and_slope(table: Array, speed: float) -> tuple[float, float]:
+    """μ / v and dμ/dv [s/m] at a sliding speed [m/s]; both the slope at rest where v is zero."""
     if speed < table[LOWEST]:
-        return table[SLOPE]
+        return table[SLOPE], table[SLOPE]
     if speed >= table[HIGHEST]:
-        return table[VISCOUS]
+        return table[PLATEAU] / speed + table[VISCOUS], table[VISCOUS]
     begin, x = _part(table, speed)
-    slope = _DEGREE * table[begin + np.uint64(4 * _DEGREE)]
-    for power in range(_DEGREE - 1, 0, -1):
-        slope = slope * x + power * table[begin + np.uint64(4 * power)]
+    value, slope = table[begin + np.uint64(4 * _DEGREE)], 0.0
+    for power in range(_DEGREE - 1, -1, -1):
+        slope = slope * x + value
+        value = value * x + table[begin + np.uint64(4 * power)]
     # The local variable runs through 2 over a part; the bits of the exponent alone are the start of the binade.
     binade = np.int64(np.float64(speed).view(np.int64) & np.int64(0x7FF0000000000000)).view(np.float64)
-    return slope * 2.0 ** (_PARTS_LOG2 + 1) / binade
+    return value / speed, slope * 2.0 ** (_PARTS_LOG2 + 1) / binade

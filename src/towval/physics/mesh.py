@@ -233,10 +233,10 @@ def meshed_patch(
         edges=np.empty((0, 5)),
         pressure=np.zeros(3),
         area_nodes=nodes,
-        few_nodes=nodes,
+        area_rules=np.array([[0.0, len(nodes), 0.0]]),
         circles=np.empty((0, 3)),
         radius=float(np.linalg.norm(nodes[:, :2], axis=1).max()),
-        per_force=1 / force.sum(),
+        per_force=1 / nodes[:, 2].sum(),
         table=friction_table(law),
         anisotropy=entries,
     )

@@ -117,7 +117,7 @@ def quasistatic_plan(
         start_heading = _settled_heading(spline, times[0], towed.anchor - point)
     geometry = np.concatenate([patch.origin - point, patch.origin - towed.anchor])
     out = np.empty((len(times), 8))
-    solves, newton_steps = _follow(patch, geometry, spline, times, float(start_heading), _radius(patch), out)
+    solves, newton_steps = _follow(patch, geometry, spline, times, float(start_heading), patch.radius, out)
     moment, status, direction = out[:, 4], out[:, 5], out[:, 6:8]
     plan = np.empty((len(times), 10))
     levers = np.concatenate([point, towed.anchor, [tether.rest_length, tether.stiffness]])
@@ -144,10 +144,6 @@ def _times_of(path: Path | CubicSpline, times: ArrayLike | None) -> Array:
             "the times of the plan cannot be used", got=f"{len(given)} times", allowed="two or more, increasing"
         )
     return given
-
-
-def _radius(patch: SlidingPatch) -> float:
-    return float(np.linalg.norm(patch.area_nodes[:, :2], axis=1).max())
 
 
 def _settled_heading(spline: Spline, start: float, lever: Array) -> float:

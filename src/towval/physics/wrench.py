@@ -27,16 +27,17 @@ from towval.physics.edge_integrals import edge_integrals, prepared_edge
 from towval.physics.friction_table import (
     LOWEST,
     coefficient_over_speed,
-    coefficient_slope,
     friction_table,
+    ratio_and_slope,
 )
 from towval.types import Array, FrictionLaw, locked
 
 # Centre of rotation within so many radii of a part of the patch: the boundary. Beyond: a rule over the area, exact
-# there to 1e-10, and beyond more radii of the whole, where the integrand is almost linear, one with fewer nodes. Parts
-# count by themselves, for a patch may touch the floor at small tips far apart: in between the boundary's sums cancel.
-_NEAR, _FAR = 3.0, 25.0
-_NODES_ALONG, _FEW_NODES_ALONG = 6, 4  # the sides of a triangle
+# there to 1e-10. Parts count by themselves, for a patch may touch the floor at small tips far apart: in between the
+# boundary's sums cancel.
+_NEAR = 3.0
+# Nodes along the sides of a triangle, and from how many radii of the whole patch on they suffice.
+_AREA_RULES = ((6, 0.0), (5, 5.0), (4, 15.0))
 
 
 ISOTROPIC = np.array([1.0, 0.0, 1.0])
@@ -47,9 +48,10 @@ class SlidingPatch(NamedTuple):
 
     ``origin`` (2,) a point of the patch [m], body frame, that all else is relative to; ``edges`` (m, 5): start (x, y),
     unit tangent (x, y), length [m]; ``pressure`` (3,) at the origin [Pa] and its slopes [Pa/m]; ``area_nodes`` (k, 3):
-    place (x, y) [m] and force p dS [N], and ``few_nodes``, fewer of them; ``circles`` (n, 3): centre (x, y) and
-    radius [m] of circles around the connected parts; ``radius`` [m] of the whole about the origin; ``per_force`` 1/N;
-    ``table`` the friction law; ``anisotropy`` (3,) of the rule over the area, see ``physics.mesh``.
+    place (x, y) [m] and force p dS [N] of the nodes of several rules over the area, finest first, and ``area_rules``
+    (r, 3): first node, number of nodes, and from how many radii on the rule serves; ``circles`` (n, 3): centre (x, y)
+    and radius [m] of circles around the connected parts; ``radius`` [m] of the whole about the origin; ``per_force``
+    1/N [1/N]; ``table`` the friction law; ``anisotropy`` (3,) of the rules over the area, see ``physics.mesh``.
 
     Without circles the nodes over the area serve wherever C lies: so a mesh takes the same interface.
     """
@@ -58,7 +60,7 @@ class SlidingPatch(NamedTuple):
     edges: Array
     pressure: Array
     area_nodes: Array
-    few_nodes: Array
+    area_rules: Array
     circles: Array
     radius: float
     per_force: float
@@ -84,14 +86,15 @@ def sliding_patch(contact: PressurePlane, law: FrictionLaw) -> SlidingPatch:
     starts, vectors = contact.edges[:, :2] - origin, contact.edges[:, 2:] - contact.edges[:, :2]
     lengths = np.linalg.norm(vectors, axis=1)
     kept = lengths > 0
-    area_nodes, few_nodes = (_area_nodes(triangles, pressure, n) for n in (_NODES_ALONG, _FEW_NODES_ALONG))
+    nodes = [_area_nodes(triangles, pressure, along) for along, _ in _AREA_RULES]
+    counts = np.array([len(rule) for rule in nodes])
     circles = np.array([_circle(shapely.get_coordinates(polygon) - origin) for polygon in polygons])
     return SlidingPatch(
         origin=origin,
         edges=np.column_stack([starts, vectors / np.where(kept, lengths, 1.0)[:, None], lengths])[kept],
         pressure=pressure,
-        area_nodes=area_nodes,
-        few_nodes=few_nodes,
+        area_nodes=np.concatenate(nodes),
+        area_rules=np.column_stack([np.cumsum(counts) - counts, counts, [reach for _, reach in _AREA_RULES]]),
         circles=circles,
         radius=float(np.linalg.norm(np.concatenate(contact.rings) - origin, axis=1).max()),
         per_force=1 / contact.normal_force,
@@ -150,7 +153,7 @@ def _area_nodes(triangles: Array, pressure: Array, along: int) -> Array:
     points = a[:, None] + u[:, None] * ab[:, None] + (u * v)[:, None] * bc[:, None]
     double_area = np.abs(ab[:, 0] * bc[:, 1] - ab[:, 1] * bc[:, 0])
     force = share * double_area[:, None] * (pressure[0] + points @ pressure[1:])
-    return np.ascontiguousarray(np.concatenate([points, force[..., None]], axis=-1).reshape(-1, 3))
+    return np.concatenate([points, force[..., None]], axis=-1).reshape(-1, 3)
 
 
 def _polygons(rings: tuple[Array, ...]) -> list[shapely.Polygon]:
@@ -171,7 +174,7 @@ def wrench_at_origin(patch: SlidingPatch, vx: float, vy: float, omega: float) ->
     if _centre_is_near(patch, vx, vy, omega):
         sums = _boundary_sums(patch, vx, vy, omega)
         return sums[0], sums[1], sums[2]
-    return _area_wrench(patch.table, _area_rule(patch, vx, vy, omega), patch.anisotropy, vx, vy, omega)
+    return _area_wrench(patch, vx, vy, omega)
 
 
 @compiled(allocates=False)
@@ -183,7 +186,7 @@ def wrench_and_slopes(
     It is symmetric because the wrench is the gradient of the (negative) dissipation potential ∫ p Φ(|v|) dS, Φ′ = μ.
     """
     if not _centre_is_near(patch, vx, vy, omega):
-        return _area_sums(patch.table, _area_rule(patch, vx, vy, omega), patch.anisotropy, vx, vy, omega)
+        return _area_sums(patch, vx, vy, omega)
     fx, fy, moment, sx, sy, s_moment, xx, xy, yy = _boundary_sums(patch, vx, vy, omega)
     # Known are the slopes by the velocity and, from the law alone, those along the twist: J · twist = s. The column of
     # ω follows; ω is not small here, for the centre of rotation is near.
@@ -205,21 +208,24 @@ def _centre_is_near(patch: SlidingPatch, vx: float, vy: float, omega: float) -> 
     return False
 
 
-@compiled(inner=True, inline="always")
-def _area_rule(patch: SlidingPatch, vx: float, vy: float, omega: float) -> Array:
-    """The nodes over the area that suffice for the distance of C."""
-    far = math.hypot(vx, vy) > _FAR * abs(omega) * patch.radius
-    return patch.few_nodes if far else patch.area_nodes
+@compiled(inner=True)
+def _area_rule(patch: SlidingPatch, vx: float, vy: float, omega: float) -> tuple[int, int]:
+    """First and last but one of the nodes over the area that suffice for the distance of C."""
+    distance, turning = math.hypot(vx, vy), abs(omega) * patch.radius
+    rule = 0
+    while rule + 1 < patch.area_rules.shape[0] and distance > patch.area_rules[rule + 1, 2] * turning:
+        rule += 1
+    first = int(patch.area_rules[rule, 0])
+    return first, first + int(patch.area_rules[rule, 1])
 
 
 @compiled(inner=True)
-def _area_wrench(
-    table: Array, nodes: Array, anisotropy: Array, vx: float, vy: float, omega: float
-) -> tuple[float, float, float]:
+def _area_wrench(patch: SlidingPatch, vx: float, vy: float, omega: float) -> tuple[float, float, float]:
     """Wrench by nodes over the area."""
-    axx, axy, ayy = anisotropy[0], anisotropy[1], anisotropy[2]
+    table, nodes, (axx, axy, ayy) = patch.table, patch.area_nodes, patch.anisotropy
+    first, end = _area_rule(patch, vx, vy, omega)
     fx = fy = moment = 0.0
-    for i in range(nodes.shape[0]):
+    for i in range(first, end):
         x, y = nodes[i, 0], nodes[i, 1]
         ux, uy = vx - omega * y, vy + omega * x
         wx, wy = axx * ux + axy * uy, axy * ux + ayy * uy
@@ -232,23 +238,25 @@ def _area_wrench(
 
 @compiled(inner=True)
 def _area_sums(
-    table: Array, nodes: Array, anisotropy: Array, vx: float, vy: float, omega: float
+    patch: SlidingPatch, vx: float, vy: float, omega: float
 ) -> tuple[float, float, float, float, float, float, float, float, float]:
     """Wrench and slopes by nodes over the area."""
-    axx, axy, ayy = anisotropy[0], anisotropy[1], anisotropy[2]
+    table, nodes, (axx, axy, ayy) = patch.table, patch.area_nodes, patch.anisotropy
+    first, end = _area_rule(patch, vx, vy, omega)
     fx = fy = moment = xx = xy = yy = x_omega = y_omega = omega_omega = 0.0
-    for i in range(nodes.shape[0]):
+    for i in range(first, end):
         x, y, force = nodes[i, 0], nodes[i, 1], nodes[i, 2]
         ux, uy = vx - omega * y, vy + omega * x
         wx, wy = axx * ux + axy * uy, axy * ux + ayy * uy
         speed = math.sqrt(ux * wx + uy * wy)
-        ratio = force * coefficient_over_speed(table, speed)
+        ratio, slope = ratio_and_slope(table, speed)
+        ratio, slope = force * ratio, force * slope
         fx -= ratio * wx
         fy -= ratio * wy
         moment -= ratio * (x * wy - y * wx)
         inverse = 1 / speed if speed > 0 else 0.0
         nx, ny = wx * inverse, wy * inverse
-        steeper = force * coefficient_slope(table, speed) - ratio
+        steeper = slope - ratio
         nxx = ratio * axx + steeper * nx * nx
         nxy = ratio * axy + steeper * nx * ny
         nyy = ratio * ayy + steeper * ny * ny
