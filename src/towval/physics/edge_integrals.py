@@ -89,9 +89,9 @@ def prepared_edge(
     if d < _NEGLIGIBLE * (abs(start) + length):
         return distance, 1.0, 0.0, 0, 0
     first, last = _exponential(start, d), _exponential(end, d)
-    middle = math.sqrt(first * last)
-    grown = math.sqrt(middle / first)
-    alpha = (grown - 1) / (grown + 1)
+    half = math.sqrt(last / first)
+    middle, quarter = first * half, math.sqrt(half)
+    alpha = (quarter - 1) / (quarter + 1)
     far = d + max(abs(start), abs(end))
     reached = d * far * (bound[0] + bound[1] * far) * (1 + far * bound[2])
     order = min(max((np.float64(reached).view(np.int64) >> 52) - (1023 + _LOWEST_ORDER), 0), _ORDERS - 1)
@@ -116,13 +116,22 @@ def edge_integrals(
     With p = p_C + ρ g·e from ``plane``, p_C and the slopes of p along the edge and away from C, they are: by dφ, (t/ρ,
     d/ρ, 1) times the radial integrals of μ p; the same of its derivative along the twist; by dt, (t/ρ, d/ρ) times μ p;
     and by dφ, (t/ρ, d/ρ) times G_1.
+
+    In q all cosh q in denominators cancel: with s, c = sinh q, cosh q, ρ = |d| c, ρ g·e = |d| (along s + across) and,
+    for instance, (t/ρ) G_1 dφ = d |d| m_1 s dq. What is left are moments ∫ m sʲ dq of μ, m_1, m_2 and m_3.
     """
     distance, pressure = prepared[0], plane[0]
     d = abs(distance)
-    by_d, by_t, by_m = _node_sums(table, prepared, plane, rate * d)
-    mu_d, m1_d, m2_d, m3_m = unpacked(by_d)
-    mu_t, m1_t, m2_t, _ = unpacked(by_t)
-    mu_m, _, m2_m, _ = unpacked(by_m)
+    across, along = d * plane[2], d * plane[1]
+    by_1, by_s, by_s2, by_s3 = _moments(table, prepared, rate * d)
+    mu0, m1_d, m2_0, m3_0 = unpacked(by_1)
+    mu1, m1_t, m2_1, m3_1 = unpacked(by_s)
+    mu2, _, m2_2, m3_2 = unpacked(by_s2)
+    mu3, _, _, m3_3 = unpacked(by_s3)
+    near = pressure + across
+    mu_d, mu_t, mu_m = near * mu0 + along * mu1, near * mu1 + along * mu2, near * (mu0 + mu2) + along * (mu1 + mu3)
+    m2_d, m2_t, m2_m = across * m2_0 + along * m2_1, across * m2_1 + along * m2_2, m2_0 + m2_2
+    m3_m = across * (m3_0 + m3_2) + along * (m3_1 + m3_3)
     # dφ has the sign of the distance, and so has d/ρ; dt = ρ dq has none.
     plain, signed = d * d, d * distance
     return (
@@ -140,16 +149,13 @@ def edge_integrals(
 
 
 @compiled(inner=True)
-def _node_sums(
-    table: Array,
-    prepared: tuple[float, float, float, int, int],
-    plane: tuple[float, float, float],
-    nearest_speed: float,
-) -> tuple[Lanes, Lanes, Lanes]:
-    """Sums over the nodes of all panels, see :func:`_add_node`; ``nearest_speed`` is |ω d|."""
-    distance, middle, alpha, panels, pairs = prepared
-    d = abs(distance)
-    by_d = by_t = by_m = lanes(0.0, 0.0, 0.0, 0.0)
+def _moments(
+    table: Array, prepared: tuple[float, float, float, int, int], nearest_speed: float
+) -> tuple[Lanes, Lanes, Lanes, Lanes]:
+    """∫ m sinhʲ q dq along a prepared edge, j from 0 to 3, lanes μ, m_1, m_2, m_3; ``nearest_speed`` is |ω d|."""
+    _, middle, alpha, panels, pairs = prepared
+    zero = lanes(0.0, 0.0, 0.0, 0.0)
+    sums = (zero, zero, zero, zero)
     for panel in range(panels):
         if panel > 0:
             middle *= ((1 + alpha) / (1 - alpha)) ** 4
@@ -160,40 +166,31 @@ def _node_sums(
             weight = 4 * alpha * both * _WEIGHTS[pairs, j]
             grown, shrunk = more * more * both, less * less * both
             grown, shrunk = grown * grown, shrunk * shrunk
-            sums = (by_d, by_t, by_m)
-            sums = _add_node(table, nearest_speed, d, plane, weight, middle * grown, inverse * shrunk, sums)
-            sums = _add_node(table, nearest_speed, d, plane, weight, middle * shrunk, inverse * grown, sums)
-            by_d, by_t, by_m = sums
-    return by_d, by_t, by_m
+            sums = _add_node(table, nearest_speed, weight, middle * grown, inverse * shrunk, sums)
+            sums = _add_node(table, nearest_speed, weight, middle * shrunk, inverse * grown, sums)
+    return sums
 
 
 @compiled(inner=True)
 def _add_node(
     table: Array,
     nearest_speed: float,
-    d: float,
-    plane: tuple[float, float, float],
     weight: float,
     e: float,
     inverse: float,
-    sums: tuple[Lanes, Lanes, Lanes],
-) -> tuple[Lanes, Lanes, Lanes]:
-    """Add the node with exp(±q) to an edge's sums.
-
-    In q all cosh q in denominators cancel: with s, c = sinh q, cosh q, ρ = |d| c, ρ g·e = |d| (along s + across) and,
-    for instance, (t/ρ) G_1 dφ = d |d| m_1 s dq. Lanes are those of the radial means; their weights make the sums
-    μ p, m_1, m_2 ρ g·e and m_3 c² ρ g·e (by d), the first three times s (by t), and μ p c², –, m_2 c², – (by m).
-    """
-    pressure, along, across = plane
+    sums: tuple[Lanes, Lanes, Lanes, Lanes],
+) -> tuple[Lanes, Lanes, Lanes, Lanes]:
+    """Add the node with exp(±q) to the moments."""
     c, s = 0.5 * (e + inverse), 0.5 * (e - inverse)
-    slope, square = d * (along * s + across), weight * c * c
-    means = radial_means(table, nearest_speed * c)
-    pushed = weight * (pressure + slope)
-    share = multiply(means, lanes(pushed, weight, weight * slope, square * slope))
+    means, sinh = radial_means(table, nearest_speed * c), lanes(s, s, s, s)
+    by_1 = lanes(weight, weight, weight, weight)
+    by_s = multiply(by_1, sinh)
+    by_s2 = multiply(by_s, sinh)
     return (
-        multiply_add(share, lanes(1.0, 1.0, 1.0, 1.0), sums[0]),
-        multiply_add(share, lanes(s, s, s, s), sums[1]),
-        multiply_add(means, lanes(square * (pressure + slope), 0.0, square, 0.0), sums[2]),
+        multiply_add(means, by_1, sums[0]),
+        multiply_add(means, by_s, sums[1]),
+        multiply_add(means, by_s2, sums[2]),
+        multiply_add(means, multiply(by_s2, sinh), sums[3]),
     )
 
 

@@ -287,7 +287,8 @@ def _boundary_sums(
     for i in range(edges.shape[0]):
         current = following
         # The next edge is prepared before this one is summed up, for its roots and divisions take long but little.
-        following = prepared_edge(edges[min(i + 1, edges.shape[0] - 1)], cx, cy, bound)
+        if i + 1 < edges.shape[0]:
+            following = prepared_edge(edges[i + 1], cx, cy, bound)
         distance, pairs = current[0], current[4]
         if pairs == 0:
             continue
