@@ -132,8 +132,8 @@ def feedback(
     """
     times = checked_times(times)
     drive = spline_covering(hinge, times, "the way of the hinge")
-    scene = _scene(towed, law, tether, drive)
-    y = _state(towed, start_pose, start_twist)
+    scene = motion_scene(towed, law, tether, drive)
+    y = centre_state(towed, start_pose, start_twist)
     outcome, states, modes, statistics = _run(scene, natural_mode(scene, times[0], y), y, times, accuracy)
     if outcome == Outcome.CONVERGED and not (modes == TAUT).any() and not statistics["mode_changes"]:
         outcome = Outcome.SLACK_ALL_ALONG
@@ -159,8 +159,8 @@ def feedforward(
     """
     times = checked_times(times)
     drive = spline_covering(force, times, "the force")
-    scene = _scene(towed, law, Tether(1.0, 1.0), drive)
-    outcome, states, _, statistics = _run(scene, FORCED, _state(towed, start_pose, start_twist), times, accuracy)
+    scene = motion_scene(towed, law, Tether(1.0, 1.0), drive)
+    outcome, states, _, statistics = _run(scene, FORCED, centre_state(towed, start_pose, start_twist), times, accuracy)
     forces, _ = spline_values(drive, times[: len(states)])
     return _motion(towed, times, states, forces, np.zeros(len(states)), outcome, statistics)
 
@@ -175,13 +175,14 @@ def checked_times(times: ArrayLike) -> Array:
     return times
 
 
-def _scene(towed: TowedObject, law: FrictionLaw | SlidingPatch, tether: Tether, drive: Spline) -> Scene:
+def motion_scene(towed: TowedObject, law: FrictionLaw | SlidingPatch, tether: Tether, drive: Spline) -> Scene:
+    """A towed object, what it slides on and what draws it, laid out for the compiled right-hand side."""
     patch = law if isinstance(law, SlidingPatch) else sliding_patch(resting_pressure(towed), law)
     body = [towed.mass, towed.inertia, *(patch.origin - towed.centre_of_mass), *(towed.anchor - towed.centre_of_mass)]
     return Scene(patch, np.array(body), np.array([tether.stiffness, tether.rest_length, tether.damping]), drive)
 
 
-def _state(towed: TowedObject, pose: ArrayLike, twist: ArrayLike) -> Array:
+def centre_state(towed: TowedObject, pose: ArrayLike, twist: ArrayLike) -> Array:
     """State of the centre of mass from pose and twist of the body frame."""
     pose, twist = locked(pose, "start pose", (3,)), locked(twist, "start twist", (3,))
     centre = transform(pose, towed.centre_of_mass)
