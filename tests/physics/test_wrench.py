@@ -40,6 +40,14 @@ def test_disk_has_the_closed_forms_wrench(ratio, digits):
     assert force_y == pytest.approx(0, abs=1e-12)
 
 
+def test_disk_turning_about_its_centre():
+    wrenches = []
+    for n in (240, 480):
+        patch = sliding_patch(pressure_plane(regular_polygon(n), [(1.0, (0, 0))]), COULOMB)
+        wrenches.append(friction_wrench(patch, (0.0, 0.0, 1.0)))
+    assert ((4 * wrenches[1] - wrenches[0]) / 3) == pytest.approx([0, 0, -2 / 3], abs=1e-9)
+
+
 @pytest.mark.parametrize(("sides", "digits"), [((0.4, 0.4), SQUARE_SPIN_M), ((0.6, 0.4), RECTANGLE_SPIN_M)])
 def test_rectangle_turning_about_its_centre(sides, digits):
     patch = sliding_patch(pressure_plane(rectangle(*sides), [(7.0, (0, 0))]), COULOMB)
