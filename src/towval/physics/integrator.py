@@ -50,17 +50,7 @@ def integrate(
     counts: steps, rejections, changes between slack and taut.
     """
     y, counts = start.copy(), np.zeros(3, dtype=np.int64)
-    work = _Work(
-        np.empty(6),
-        np.empty(6),
-        np.empty(6),
-        np.empty(6),
-        np.empty((STAGES, 6)),
-        np.empty((3, 6)),
-        np.empty(3),
-        np.empty((3, 3)),
-        np.empty((3, 3)),
-    )
+    work = _work()
     t, end, piece = times[0], times[-1], 0
     span = end - t
     filled = _report(mode, t, t, span, y, work, times, 0, states, modes)
@@ -97,6 +87,21 @@ def integrate(
         counts[0] += 1
         t, h, growth, fresh = t1, next_h, _GROW, True
     return REACHED_END, filled, counts
+
+
+@compiled()
+def _work() -> _Work:
+    return _Work(
+        y1=np.empty(6),
+        stage_y=np.empty(6),
+        rates0=np.empty(6),
+        rates=np.empty(6),
+        k=np.empty((STAGES, 6)),
+        jacobian=np.empty((3, 6)),
+        time_slope=np.empty(3),
+        inverse=np.empty((3, 3)),
+        scratch=np.empty((3, 3)),
+    )
 
 
 @compiled(inner=True)

@@ -237,7 +237,7 @@ def _follow(
             rate2, rate1, rate0 = rate1, rate0, omega
             step2, step1 = step1, step
             known += 1
-        pull = math.hypot(fx, fy)
+        pull = math.sqrt(fx * fx + fy * fy)
         if pull > 0:
             direction_x, direction_y = -fx / pull, -fy / pull
         out[i, 0], out[i, 1], out[i, 2], out[i, 3], out[i, 4] = theta, omega, fx, fy, moment
@@ -285,7 +285,7 @@ def _mean_rate(known: int, step: float, step1: float, step2: float, rate0: float
 def _moving_velocity(knots: Array, coefficients: Array, time: float, piece: int) -> tuple[float, float]:
     """Velocity of the path; where it rests, a creep in the direction in which it will move (or has moved)."""
     _, _, vx, vy, ax, ay = spline_at(knots, coefficients, time, piece)
-    speed = math.hypot(vx, vy)
+    speed = math.sqrt(vx * vx + vy * vy)
     if speed > _CREEP:
         return vx, vy
     push = math.hypot(ax, ay)
@@ -314,7 +314,7 @@ def _balanced_rate(
     patch: SlidingPatch, geometry: Array, ux: float, uy: float, guess: float, radius: float, search: bool
 ) -> tuple[float, float, float, float, int, int]:
     """Heading rate with no moment about the anchor: rate, force (2), moment left, status, Newton steps."""
-    unit = math.hypot(ux, uy) / radius
+    unit = math.sqrt(ux * ux + uy * uy) / radius
     omega = guess
     tries = 0
     while not search and tries < _NEWTON_LIMIT:

@@ -199,11 +199,13 @@ def wrench_and_slopes(
 @compiled(inner=True, inline="always")
 def _centre_is_near(patch: SlidingPatch, vx: float, vy: float, omega: float) -> bool:
     """Whether the boundary is to be used: C is near, and speeds are not so low that friction is linear in them."""
-    if math.hypot(vx, vy) + abs(omega) * patch.radius <= patch.table[LOWEST]:
+    # Roots and squares: the C library's hypot, safe from overflow, takes as long as a node.
+    if math.sqrt(vx * vx + vy * vy) + abs(omega) * patch.radius <= patch.table[LOWEST]:
         return False
     for i in range(patch.circles.shape[0]):
-        x, y, radius = patch.circles[i, 0], patch.circles[i, 1], patch.circles[i, 2]
-        if math.hypot(vx - omega * y, vy + omega * x) < _NEAR * abs(omega) * radius:
+        ux, uy = vx - omega * patch.circles[i, 1], vy + omega * patch.circles[i, 0]
+        reach = _NEAR * omega * patch.circles[i, 2]
+        if ux * ux + uy * uy < reach * reach:
             return True
     return False
 
@@ -211,7 +213,7 @@ def _centre_is_near(patch: SlidingPatch, vx: float, vy: float, omega: float) -> 
 @compiled(inner=True)
 def _area_rule(patch: SlidingPatch, vx: float, vy: float, omega: float) -> tuple[int, int]:
     """First and last but one of the nodes over the area that suffice for the distance of C."""
-    distance, turning = math.hypot(vx, vy), abs(omega) * patch.radius
+    distance, turning = math.sqrt(vx * vx + vy * vy), abs(omega) * patch.radius
     rule = 0
     while rule + 1 < patch.area_rules.shape[0] and distance > patch.area_rules[rule + 1, 2] * turning:
         rule += 1
