@@ -61,7 +61,7 @@ def spline_from(curve: CubicSpline) -> Spline:
 def _laid_out(knots: Array, coefficients: Array) -> Spline:
     coefficients = np.ascontiguousarray(coefficients)
     length = np.diff(knots)
-    first, second, third = np.sqrt((coefficients[:, :, 1:] ** 2).sum(axis=1)).T
+    first, second, third = (np.hypot(*coefficients[:, :, power].T) for power in (1, 2, 3))
     return Spline(knots, coefficients, first + length * (2 * second + length * 3 * third))
 
 
