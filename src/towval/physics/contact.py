@@ -218,7 +218,7 @@ def _residual(contact: tuple[Array, ...], plane: Array, centre: Array, size: flo
     return max(map(abs, _imbalance(moments, *plane)))
 
 
-@compiled(inner=True)
+@compiled(allocates=False)
 def _add_edge(m: Array, x0: float, y0: float, x1: float, y1: float) -> None:
     """Add an edge's share to the moments 1, x, y, xx, xy, yy of the area (Green)."""
     cross = x0 * y1 - x1 * y0
@@ -268,7 +268,7 @@ def _clipped_moments(vertices: Array, ring_ends: Array, c: float, a: float, b: f
         start = end
 
 
-@compiled(inner=True)
+@compiled(allocates=False)
 def _plane_on(m: Array) -> tuple[float, float, float]:
     """Plane of unit force through the origin for a region taken as fixed, from its moments about its own centroid."""
     x, y = m[1] / m[0], m[2] / m[0]

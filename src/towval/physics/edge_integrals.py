@@ -71,7 +71,7 @@ _NODES, _WEIGHTS = _gauss_rules()
 _PAIRS, _LONGEST = _pairs_by_order()
 
 
-@compiled(inner=True)
+@compiled(allocates=False)
 def prepared_edge(
     edge: Array, cx: float, cy: float, bound: tuple[float, float, float]
 ) -> tuple[float, float, float, int, int]:
@@ -104,7 +104,7 @@ def prepared_edge(
     return distance, middle, alpha, panels, _PAIRS[order, int(alpha * (_CELLS / _LONGEST_ALPHA))]
 
 
-@compiled(inner=True)
+@compiled(allocates=False)
 def edge_integrals(
     table: Array,
     prepared: tuple[float, float, float, int, int],
@@ -148,7 +148,7 @@ def edge_integrals(
     )
 
 
-@compiled(inner=True)
+@compiled(allocates=False)
 def _moments(
     table: Array, prepared: tuple[float, float, float, int, int], nearest_speed: float
 ) -> tuple[Lanes, Lanes, Lanes, Lanes]:
@@ -171,7 +171,7 @@ def _moments(
     return sums
 
 
-@compiled(inner=True)
+@compiled(allocates=False)
 def _add_node(
     table: Array,
     nearest_speed: float,
@@ -194,7 +194,7 @@ def _add_node(
     )
 
 
-@compiled(inner=True, inline="always")
+@compiled(allocates=False, inline="always")
 def _exponential(t: float, d: float) -> float:
     """exp(asinh(t / d)) for d > 0, without cancellation."""
     rho = math.sqrt(t * t + d * d)

@@ -100,7 +100,7 @@ def _local_polynomials(law: FrictionLaw, starts: Array, widths: Array, integrals
     return np.linalg.inv(np.vander(local, increasing=True)) @ values
 
 
-@compiled(inner=True, inline="always")
+@compiled(allocates=False, inline="always")
 def _part(table: Array, speed: float) -> tuple[np.uint64, float]:
     """Where the part that holds a speed begins, and the local variable there, from the bits of the float."""
     bits = np.float64(speed).view(np.int64)
@@ -109,7 +109,7 @@ def _part(table: Array, speed: float) -> tuple[np.uint64, float]:
     return begin, (bits & _WITHIN) * _TO_LOCAL - 1.0
 
 
-@compiled(inner=True)
+@compiled(allocates=False)
 def radial_means(table: Array, speed: float) -> Lanes:
     """μ, m_1, m_2, m_3 at a speed u ≥ 0 [m/s], as lanes."""
     if speed < table[LOWEST]:
@@ -133,7 +133,7 @@ def radial_means(table: Array, speed: float) -> Lanes:
     return means
 
 
-@compiled(inner=True)
+@compiled(allocates=False)
 def coefficient_over_speed(table: Array, speed: float) -> float:
     """μ / v [s/m] at a sliding speed [m/s]; the slope at rest where v is zero."""
     if speed < table[LOWEST]:
@@ -147,7 +147,7 @@ def coefficient_over_speed(table: Array, speed: float) -> float:
     return value / speed
 
 
-@compiled(inner=True)
+@compiled(allocates=False)
 def ratio_and_slope(table: Array, speed: float) -> tuple[float, float]:
     """μ / v and dμ/dv [s/m] at a sliding speed [m/s]; both the slope at rest where v is zero."""
     if speed < table[LOWEST]:

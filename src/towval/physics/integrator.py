@@ -104,7 +104,7 @@ def _work() -> _Work:
     )
 
 
-@compiled(inner=True)
+@compiled(allocates=False)
 def _report(
     mode: int,
     t: float,
@@ -130,7 +130,7 @@ def _report(
     return filled
 
 
-@compiled(inner=True)
+@compiled(allocates=False)
 def _step(scene: Scene, mode: int, t: float, h: float, piece: int, y: Array, weights: Array, work: _Work) -> float:
     """One step into ``work.y1``; returns the error over the weights (root mean square), infinite where it failed."""
     if not stage_matrix(h, work.jacobian, work.inverse, work.scratch):
@@ -160,7 +160,7 @@ def _step(scene: Scene, mode: int, t: float, h: float, piece: int, y: Array, wei
     return math.sqrt(error / 6)
 
 
-@compiled(inner=True)
+@compiled(allocates=False)
 def _finite(rates: Array, jacobian: Array) -> bool:
     total = 0.0
     for i in range(6):
@@ -170,7 +170,7 @@ def _finite(rates: Array, jacobian: Array) -> bool:
     return np.isfinite(total)
 
 
-@compiled(inner=True)
+@compiled(allocates=False)
 def _slack_step(scene: Scene, t: float, piece: int, y: Array) -> float:
     """Longest step [s] in which hinge and anchor cannot close the gap, at least a quarter of the spline's piece."""
     knots, limits = scene.drive.knots, scene.drive.speed_limits
@@ -189,7 +189,7 @@ def _slack_step(scene: Scene, t: float, piece: int, y: Array) -> float:
     return np.inf
 
 
-@compiled(inner=True)
+@compiled(allocates=False)
 def _first_crossing(scene: Scene, mode: int, t: float, h: float, piece: int, y: Array, work: _Work) -> float:
     """Fraction of the step at which the other mode takes over; 1 where it does not."""
     low = 0.0
@@ -210,7 +210,7 @@ def _first_crossing(scene: Scene, mode: int, t: float, h: float, piece: int, y: 
     return 1.0
 
 
-@compiled(inner=True)
+@compiled(allocates=False)
 def _margin_at(scene: Scene, mode: int, t: float, h: float, theta: float, piece: int, y: Array, work: _Work) -> float:
     dense_output(theta, y, work.y1, work.k, work.stage_y)
     time = t + theta * h

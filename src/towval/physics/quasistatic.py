@@ -268,7 +268,7 @@ def _assemble(spline: Spline, times: Array, levers: Array, out: Array, plan: Arr
         plan[i, 8], plan[i, 9] = x + cos * along_x - sin * along_y, y + sin * along_x + cos * along_y
 
 
-@compiled(inner=True)
+@compiled(allocates=False)
 def _mean_rate(known: int, step: float, step1: float, step2: float, rate0: float, rate1: float, rate2: float) -> float:
     """Mean over the coming step of the polynomial through the last rates."""
     if known < 2:
@@ -281,7 +281,7 @@ def _mean_rate(known: int, step: float, step1: float, step2: float, rate0: float
     return mean
 
 
-@compiled(inner=True)
+@compiled(allocates=False)
 def _moving_velocity(knots: Array, coefficients: Array, time: float, piece: int) -> tuple[float, float]:
     """Velocity of the path; where it rests, a creep in the direction in which it will move (or has moved)."""
     _, _, vx, vy, ax, ay = spline_at(knots, coefficients, time, piece)
@@ -297,7 +297,7 @@ def _moving_velocity(knots: Array, coefficients: Array, time: float, piece: int)
     return _CREEP, 0.0
 
 
-@compiled(inner=True)
+@compiled(allocates=False)
 def _moment_about_anchor(
     patch: SlidingPatch, geometry: Array, ux: float, uy: float, omega: float
 ) -> tuple[float, float, float, float, float, float]:
@@ -309,7 +309,7 @@ def _moment_about_anchor(
     return moment + ax * fy - ay * fx, slope, fx, fy, fx_rate, fy_rate
 
 
-@compiled(inner=True)
+@compiled(allocates=False)
 def _balanced_rate(
     patch: SlidingPatch, geometry: Array, ux: float, uy: float, guess: float, radius: float, search: bool
 ) -> tuple[float, float, float, float, int, int]:
@@ -335,7 +335,7 @@ def _balanced_rate(
     return omega, fx, fy, moment, status, tries
 
 
-@compiled(inner=True)
+@compiled(allocates=False)
 def _searched_rate(
     patch: SlidingPatch, geometry: Array, ux: float, uy: float, guess: float, unit: float
 ) -> tuple[float, bool]:
@@ -356,7 +356,7 @@ def _searched_rate(
     return (best, True) if found else (least, False)
 
 
-@compiled(inner=True)
+@compiled(allocates=False)
 def _bisected(
     patch: SlidingPatch, geometry: Array, ux: float, uy: float, low: float, high: float, positive_low: bool
 ) -> float:
