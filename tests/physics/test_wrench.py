@@ -1,4 +1,5 @@
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -145,6 +146,19 @@ def test_boundary_integral_agrees_with_high_order_quadrature(kind):
         reach = np.hypot(*contact.centre) + size
         scale = contact.normal_force * 0.35 * np.array([1, 1, reach])
         assert np.abs((wrench - reference) / scale).max() < 1e-8
+
+
+@pytest.mark.parametrize("twist", [(0.02, 0.01, 0.1), (0.1, 0.0, 0.5), (0.1, 0.02, 0.01), (0.0, 0.0, 1.0)])
+def test_hole_is_the_footprint_less_what_is_cut_out(makkar, twist):
+    """The same pressure plane over the outline, over the cut-out and over what is left of the outline."""
+    hole = np.array([[-0.1, -0.05], [0.12, -0.08], [0.1, 0.1], [-0.05, 0.12]])
+    left = pressure_plane(
+        Patch([[-0.3, -0.2], [0.3, -0.2], [0.25, 0.2], [-0.3, 0.25]], (hole,)), [(30.0, (0.02, 0.01))]
+    )
+    outer, inner = left.rings
+    parts = [replace(left, rings=(ring,)) for ring in (outer, inner[::-1])]
+    whole, cut_out = (friction_wrench(sliding_patch(part, makkar), twist) for part in parts)
+    assert friction_wrench(sliding_patch(left, makkar), twist) == pytest.approx(whole - cut_out, abs=1e-9)
 
 
 def test_wrench_is_continuous_as_turning_vanishes(square, makkar):
