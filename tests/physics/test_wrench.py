@@ -200,6 +200,27 @@ def wrench_over_triangles(contact, law, twist, order=24):
     return total
 
 
+@pytest.mark.parametrize("reach", [3.0, 4.0, 7.0, 20.0])
+def test_rules_over_the_area_suffice_where_they_begin_to_serve(reach):
+    """Just beyond the distance of C at which a rule takes over, in radii of the part and then of the whole patch."""
+    rng = np.random.default_rng(17)
+    tried = 0
+    while tried < 20:
+        contact, law, _ = random_scene(rng)
+        patch = sliding_patch(contact, law)
+        if len(patch.circles) > 1:
+            continue
+        tried += 1
+        middle, radius = (patch.circles[0, :2], patch.circles[0, 2]) if reach == 3.0 else (0.0, patch.radius)
+        scale = contact.normal_force * 0.35 * np.array([1, 1, np.hypot(*contact.centre) + radius])
+        for angle in rng.uniform(0, 2 * np.pi, 10):
+            cx, cy = patch.origin + middle + 1.0001 * reach * radius * np.array([np.cos(angle), np.sin(angle)])
+            omega = 10 ** rng.uniform(-4, 0.5) / (reach * radius)
+            twist = np.array([cy * omega, -cx * omega, omega])
+            error = friction_wrench(patch, twist) - wrench_over_triangles(contact, law, twist)
+            assert np.abs(error / scale).max() < 2e-10
+
+
 @pytest.mark.parametrize("kind", ["near one tip", "between the tips", "beyond"])
 def test_small_tips_far_apart_keep_their_digits(makkar, kind):
     """The footprint stands on two tips; the triangles that C spans with their edges are 1e8 times the wrench."""

@@ -34,6 +34,7 @@ _HEAD = 9
 _SHIFT = 52 - _PARTS_LOG2
 _WITHIN = (1 << _SHIFT) - 1
 _TO_LOCAL = 2.0 ** (1 - _SHIFT)
+_TO_SLOPE = 2 * 1023 + _PARTS_LOG2 + 1
 
 
 def friction_table(law: FrictionLaw) -> Array:
@@ -147,18 +148,19 @@ def coefficient_over_speed(table: Array, speed: float) -> float:
     return value / speed
 
 
-@compiled(allocates=False)
-def ratio_and_slope(table: Array, speed: float) -> tuple[float, float]:
-    """μ / v and dμ/dv [s/m] at a sliding speed [m/s]; both the slope at rest where v is zero."""
+@compiled(allocates=False, inline="always")
+def ratio_and_slope(table: Array, speed: float, inverse: float) -> tuple[float, float]:
+    """μ / v and dμ/dv [s/m] at a sliding speed [m/s] and one over it; both the slope at rest where v is zero."""
     if speed < table[LOWEST]:
         return table[SLOPE], table[SLOPE]
     if speed >= table[HIGHEST]:
-        return table[PLATEAU] / speed + table[VISCOUS], table[VISCOUS]
+        return table[PLATEAU] * inverse + table[VISCOUS], table[VISCOUS]
     begin, x = _part(table, speed)
     value, slope = table[begin + np.uint64(4 * _DEGREE)], 0.0
     for power in range(_DEGREE - 1, -1, -1):
         slope = slope * x + value
         value = value * x + table[begin + np.uint64(4 * power)]
-    # The local variable runs through 2 over a part; the bits of the exponent alone are the start of the binade.
-    binade = np.int64(np.float64(speed).view(np.int64) & np.int64(0x7FF0000000000000)).view(np.float64)
-    return value / speed, slope * 2.0 ** (_PARTS_LOG2 + 1) / binade
+    # The local variable runs through 2 over a part. 2 over the width of the part is a power of two, whose exponent
+    # (biased, as that of the speed) is made of bits instead of dividing.
+    steepness = np.int64((_TO_SLOPE - (np.float64(speed).view(np.int64) >> 52)) << 52).view(np.float64)
+    return value * inverse, slope * steepness

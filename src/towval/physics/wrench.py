@@ -5,7 +5,8 @@ centre of rotation C the radial part of both is known in closed form once μ is 
 what is left runs along the edges of the patch (``edge_integrals``); docs/physics.md derives it.
 
 Where C is far away (pure translation in the limit) the differences would cancel. There the integrand is smooth over the
-patch and Gauss rules on its triangles, made once, take over. The two agree to 1e-10 of μN where they meet.
+patch and Gauss rules over its area, made once, take over (``area_rules``). The two agree to 1e-10 of μN where they
+meet.
 
 Valid for uniform, isotropic friction; ``physics.mesh`` has the paper's finite volumes for the rest.
 """
@@ -20,23 +21,16 @@ import shapely
 from numpy.typing import ArrayLike
 
 from towval.compiling import compiled
+from towval.physics.area_rules import area_rules, polygons_of
 from towval.physics.contact import PressurePlane
 from towval.physics.edge_integrals import edge_integrals, prepared_edge
-from towval.physics.friction_table import (
-    LOWEST,
-    coefficient_over_speed,
-    friction_table,
-    ratio_and_slope,
-)
+from towval.physics.friction_table import LOWEST, coefficient_over_speed, friction_table, ratio_and_slope
 from towval.types import Array, FrictionLaw, locked
 
 # Centre of rotation within so many radii of a part of the patch: the boundary. Beyond: a rule over the area, exact
 # there to 1e-10. Parts count by themselves, for a patch may touch the floor at small tips far apart: in between the
 # boundary's sums cancel.
 _NEAR = 3.0
-# Nodes along the sides of a triangle, and from how many radii of the whole patch on they suffice.
-_AREA_RULES = ((6, 0.0), (5, 5.0), (4, 15.0))
-
 
 ISOTROPIC = np.array([1.0, 0.0, 1.0])
 
@@ -79,22 +73,19 @@ def sliding_patch(contact: PressurePlane, law: FrictionLaw) -> SlidingPatch:
     origin = contact.centre.copy()
     a, b, _ = contact.coefficients
     pressure = np.array([contact.coefficients @ (*origin, 1.0), a, b])
-    polygons = _polygons(contact.rings)
-    triangles = _triangles(polygons) - origin
+    rings = tuple(ring - origin for ring in contact.rings)
+    nodes, rules = area_rules(rings, pressure)
     starts, vectors = contact.edges[:, :2] - origin, contact.edges[:, 2:] - contact.edges[:, :2]
     lengths = np.linalg.norm(vectors, axis=1)
     kept = lengths > 0
-    nodes = [_area_nodes(triangles, pressure, along) for along, _ in _AREA_RULES]
-    counts = np.array([len(rule) for rule in nodes])
-    circles = np.array([_circle(shapely.get_coordinates(polygon) - origin) for polygon in polygons])
     return SlidingPatch(
         origin=origin,
         edges=np.column_stack([starts, vectors / np.where(kept, lengths, 1.0)[:, None], lengths])[kept],
         pressure=pressure,
-        area_nodes=np.concatenate(nodes),
-        area_rules=np.column_stack([np.cumsum(counts) - counts, counts, [reach for _, reach in _AREA_RULES]]),
-        circles=circles,
-        radius=float(np.linalg.norm(np.concatenate(contact.rings) - origin, axis=1).max()),
+        area_nodes=nodes,
+        area_rules=rules,
+        circles=np.array([_circle(shapely.get_coordinates(polygon)) for polygon in polygons_of(rings)]),
+        radius=float(np.linalg.norm(np.concatenate(rings), axis=1).max()),
         per_force=1 / contact.normal_force,
         table=friction_table(law),
         anisotropy=ISOTROPIC.copy(),
@@ -127,43 +118,6 @@ def _circle(corners: Array) -> tuple[float, float, float]:
     """Centre (x, y) and radius of a circle around corners."""
     centre = (corners.min(axis=0) + corners.max(axis=0)) / 2
     return (*centre, float(np.linalg.norm(corners - centre, axis=1).max()))
-
-
-def _triangles(polygons: list[shapely.Polygon]) -> Array:
-    """A triangulation (k, 3, 2) [m]."""
-    return np.array(
-        [
-            shapely.get_coordinates(triangle)[:3]
-            for polygon in polygons
-            for triangle in shapely.constrained_delaunay_triangles(polygon).geoms
-        ]
-    )
-
-
-def _area_nodes(triangles: Array, pressure: Array, along: int) -> Array:
-    """Gauss nodes over triangles (k, 3): place and force p dS, ``along`` squared in each."""
-    nodes, weights = np.polynomial.legendre.leggauss(along)
-    nodes, weights = (nodes + 1) / 2, weights / 2
-    u, v = (grid.ravel() for grid in np.meshgrid(nodes, nodes, indexing="ij"))
-    # Duffy: the square (u, v) on the triangle, u from a corner to the opposite side.
-    share = (np.outer(weights, weights).ravel() * u)[None, :]
-    a, ab, bc = triangles[:, 0], triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 1]
-    points = a[:, None] + u[:, None] * ab[:, None] + (u * v)[:, None] * bc[:, None]
-    double_area = np.abs(ab[:, 0] * bc[:, 1] - ab[:, 1] * bc[:, 0])
-    force = share * double_area[:, None] * (pressure[0] + points @ pressure[1:])
-    return np.concatenate([points, force[..., None]], axis=-1).reshape(-1, 3)
-
-
-def _polygons(rings: tuple[Array, ...]) -> list[shapely.Polygon]:
-    """Oriented rings as polygons: a clockwise ring is a hole of the counter-clockwise ring before it."""
-    polygons: list[shapely.Polygon] = []
-    for ring in rings:
-        if shapely.is_ccw(shapely.LinearRing(ring)):
-            polygons.append(shapely.Polygon(ring))
-        else:
-            outer = polygons.pop()
-            polygons.append(shapely.Polygon(outer.exterior, [*outer.interiors, ring]))
-    return polygons
 
 
 @compiled(allocates=False)
@@ -240,33 +194,54 @@ def _area_wrench(patch: SlidingPatch, vx: float, vy: float, omega: float) -> tup
 def _area_sums(
     patch: SlidingPatch, vx: float, vy: float, omega: float
 ) -> tuple[float, float, float, float, float, float, float, float, float]:
-    """Wrench and slopes by nodes over the area."""
+    """Wrench and slopes by nodes over the area.
+
+    With the metric A of ``anisotropy``, velocity u = v + ω k × r and s = √(u·Au), friction is −(μ/s) A u: linear in the
+    moments of μ/s over the patch. So is the first part of its slopes; the second is (dμ/ds − μ/s) n nᵀ, n = Au/s.
+    """
     table, nodes, (axx, axy, ayy) = patch.table, patch.area_nodes, patch.anisotropy
     first, end = _area_rule(patch, vx, vy, omega)
-    fx = fy = moment = xx = xy = yy = x_omega = y_omega = omega_omega = 0.0
+    # Moments 1, x, y, xx, xy, yy of μ/s, and of dμ/ds − μ/s the products of n and its lever.
+    r_1 = r_x = r_y = r_xx = r_xy = r_yy = s_xx = s_xy = s_yy = s_xm = s_ym = s_mm = 0.0
     for i in range(first, end):
         x, y, force = nodes[i, 0], nodes[i, 1], nodes[i, 2]
         ux, uy = vx - omega * y, vy + omega * x
         wx, wy = axx * ux + axy * uy, axy * ux + ayy * uy
         speed = math.sqrt(ux * wx + uy * wy)
-        ratio, slope = ratio_and_slope(table, speed)
-        ratio, slope = force * ratio, force * slope
-        fx -= ratio * wx
-        fy -= ratio * wy
-        moment -= ratio * (x * wy - y * wx)
         inverse = 1 / speed if speed > 0 else 0.0
+        ratio, slope = ratio_and_slope(table, speed, inverse)
+        steeper = force * (slope - ratio)
+        ratio *= force
+        ratio_x, ratio_y = ratio * x, ratio * y
+        r_1 += ratio
+        r_x += ratio_x
+        r_y += ratio_y
+        r_xx += ratio_x * x
+        r_xy += ratio_x * y
+        r_yy += ratio_y * y
         nx, ny = wx * inverse, wy * inverse
-        steeper = slope - ratio
-        nxx = ratio * axx + steeper * nx * nx
-        nxy = ratio * axy + steeper * nx * ny
-        nyy = ratio * ayy + steeper * ny * ny
-        xx -= nxx
-        xy -= nxy
-        yy -= nyy
-        x_omega -= nxy * x - nxx * y
-        y_omega -= nyy * x - nxy * y
-        omega_omega -= (nyy * x - nxy * y) * x - (nxy * x - nxx * y) * y
-    return fx, fy, moment, xx, xy, yy, x_omega, y_omega, omega_omega
+        lever = x * ny - y * nx
+        steeper_x, steeper_y = steeper * nx, steeper * ny
+        s_xx += steeper_x * nx
+        s_xy += steeper_x * ny
+        s_yy += steeper_y * ny
+        s_xm += steeper_x * lever
+        s_ym += steeper_y * lever
+        s_mm += steeper * lever * lever
+    xx, xy, yy = axx * r_1, axy * r_1, ayy * r_1
+    x_omega, y_omega = axy * r_x - axx * r_y, ayy * r_x - axy * r_y
+    omega_omega = ayy * r_xx - 2 * axy * r_xy + axx * r_yy
+    return (
+        -(xx * vx + xy * vy + x_omega * omega),
+        -(xy * vx + yy * vy + y_omega * omega),
+        -(x_omega * vx + y_omega * vy + omega_omega * omega),
+        -(xx + s_xx),
+        -(xy + s_xy),
+        -(yy + s_yy),
+        -(x_omega + s_xm),
+        -(y_omega + s_ym),
+        -(omega_omega + s_mm),
+    )
 
 
 @compiled(allocates=False)
