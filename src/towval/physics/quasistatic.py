@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,6 +33,9 @@ _CREEP = 1e-9  # m/s; where the path rests, directions are those of a creep this
 _SETTLED = 1e-6  # a Newton step this small, over |v| / radius, leaves its square as the error
 _NEWTON_LIMIT = 30
 _SCAN = 60  # rates looked at on either side of zero when a root has to be searched
+
+# From P and from the anchor to the origin of the patch (x, y each) [m], body frame.
+Levers = tuple[float, float, float, float]
 
 ROOT_FOUND, ROOT_CHOSEN, ROOT_LOST = 0, 1, 2
 
@@ -115,25 +118,37 @@ def quasistatic_plan(
     point = locked(point, "point", (2,))
     if start_heading is None:
         start_heading = _settled_heading(spline, times[0], towed.anchor - point)
-    geometry = np.concatenate([patch.origin - point, patch.origin - towed.anchor])
-    out = np.empty((len(times), 8))
-    solves, newton_steps = _follow(patch, geometry, spline, times, float(start_heading), patch.radius, out)
-    moment, status, direction = out[:, 4], out[:, 5], out[:, 6:8]
-    plan = np.empty((len(times), 10))
     levers = np.concatenate([point, towed.anchor, [tether.rest_length, tether.stiffness]])
-    _assemble(spline, times, levers, out, plan)
-    findings = (*_root_findings(times, status, moment), *_cable_findings(towed, times, direction))
+    plan = _Plan(*(np.zeros((len(times), width)) for width in (3, 3, 2, 2, 2)), *np.zeros((2, len(times))))
+    solves, newton_steps = _follow(patch, levers, spline, times, float(start_heading), plan)
+    findings = (*_root_findings(times, plan.status, plan.moment), *_cable_findings(towed, times, plan.direction))
     return QuasistaticMotion(
         time_s=times,
-        pose=plan[:, :3],
-        twist=plan[:, 3:6],
-        heading_rate=out[:, 1],
-        tether_force=plan[:, 6:8],
-        hinge=Path(times, plan[:, 8:10]),
-        residual_moment=np.where(status == ROOT_LOST, moment, 0.0),
+        pose=plan.pose,
+        twist=plan.twist,
+        heading_rate=plan.twist[:, 2],
+        tether_force=plan.tether_force,
+        hinge=Path(times, plan.hinge),
+        residual_moment=np.where(plan.status == ROOT_LOST, plan.moment, 0.0),
         findings=findings,
         statistics={"solves": float(solves), "newton_steps": float(newton_steps)},
     )
+
+
+class _Plan(NamedTuple):
+    """What compiled code fills in at each time.
+
+    As in :class:`QuasistaticMotion`: ``pose``, ``twist``, ``tether_force``, ``hinge`` (n, 2). Beside: ``direction`` (n,
+    2) of the tow in body axes, ``moment`` (n,) left about the anchor [N m], ``status`` (n,) of the root.
+    """
+
+    pose: Array
+    twist: Array
+    tether_force: Array
+    hinge: Array
+    direction: Array
+    moment: Array
+    status: Array
 
 
 def _times_of(path: Path | CubicSpline, times: ArrayLike | None) -> Array:
@@ -198,23 +213,23 @@ def _cable_findings(towed: TowedObject, times: Array, direction: Array) -> tuple
 
 @compiled(allocates=False)
 def _follow(
-    patch: SlidingPatch, geometry: Array, spline: Spline, times: Array, heading: float, radius: float, out: Array
+    patch: SlidingPatch, levers: Array, spline: Spline, times: Array, heading: float, plan: _Plan
 ) -> tuple[int, int]:
-    """Fill ``out`` (n, 8): heading, rate, friction force (2, body axes), moment, status, direction of the tow (2).
+    """Fill the plan; ``levers`` (6,): P and the anchor in the body frame, rest length and stiffness of the tether.
 
     The heading is integrated by the quadratic through its last three rates (Adams-Bashforth), one solve a step.
     """
     knots, coefficients = spline.knots, spline.coefficients
+    ox, oy, radius, last_piece = patch.origin[0], patch.origin[1], patch.radius, len(coefficients) - 1
+    geometry = (ox - levers[0], oy - levers[1], ox - levers[2], oy - levers[3])
     solves = newton = 0
-    piece, theta, status = 0, heading, ROOT_CHOSEN
-    direction_x = direction_y = 0.0
+    piece, theta = 0, heading
     rate0 = rate1 = rate2 = step1 = step2 = 0.0
     known = 0
     for i in range(len(times)):
         parts = 1
         if i > 0:
-            piece = piece_at(knots, times[i - 1], piece)
-            travel = spline.speed_limits[piece] * (times[i] - times[i - 1])
+            travel = spline.speed_limits[piece_at(knots, times[i - 1], piece)] * (times[i] - times[i - 1])
             parts = max(1, math.ceil(travel / (_STRIDE * radius)))
         for part in range(parts):
             step = 0.0
@@ -224,7 +239,8 @@ def _follow(
                 time = times[i - 1] + (part + 1) * step
                 theta += step * _mean_rate(known, step, step1, step2, rate0, rate1, rate2)
             piece = piece_at(knots, time, piece)
-            vx, vy = _moving_velocity(knots, coefficients, time, piece)
+            place = spline_at(knots, coefficients, time, piece)
+            vx, vy = _moving_velocity(place, piece < last_piece or time < knots[-1])
             cos, sin = math.cos(theta), math.sin(theta)
             ux, uy = cos * vx + sin * vy, cos * vy - sin * vx
             guess = rate0 if known < 2 else rate0 + (rate0 - rate1) * step / step1
@@ -234,38 +250,44 @@ def _follow(
             if known == 1 and part == 0:
                 # The first step was Euler's; with the rate at its end known, take it again by the trapezium.
                 theta += 0.5 * step * (omega - rate0)
+                cos, sin = math.cos(theta), math.sin(theta)
             rate2, rate1, rate0 = rate1, rate0, omega
             step2, step1 = step1, step
             known += 1
-        pull = math.sqrt(fx * fx + fy * fy)
-        if pull > 0:
-            direction_x, direction_y = -fx / pull, -fy / pull
-        out[i, 0], out[i, 1], out[i, 2], out[i, 3], out[i, 4] = theta, omega, fx, fy, moment
-        out[i, 5], out[i, 6], out[i, 7] = status, direction_x, direction_y
+        plan.pose[i, 2], plan.twist[i, 2], plan.moment[i], plan.status[i] = theta, omega, moment, status
+        _assemble(plan, i, levers, place, (cos, sin), (fx, fy))
     return solves, newton
 
 
 @compiled(allocates=False)
-def _assemble(spline: Spline, times: Array, levers: Array, out: Array, plan: Array) -> None:
-    """From what :func:`_follow` found to pose, twist, tow force and hinge, floor axes, in ``plan`` (n, 10).
+def _assemble(
+    plan: _Plan,
+    i: int,
+    levers: Array,
+    place: tuple[float, float, float, float, float, float],
+    turned: tuple[float, float],
+    friction: tuple[float, float],
+) -> None:
+    """Places, velocities and forces of a time, floor axes, in the plan, which has heading and rate.
 
-    ``levers``: P and the anchor in the body frame, rest length and stiffness of the tether.
+    ``place``: the path's position and derivatives; ``turned``: cosine and sine of the heading; ``friction`` force, body
+    axes. A tow without force keeps the direction of the time before.
     """
     px, py, ax, ay, rest_length, stiffness = levers
-    piece = 0
-    for i in range(len(times)):
-        theta, omega, fx, fy = out[i, 0], out[i, 1], out[i, 2], out[i, 3]
-        piece = piece_at(spline.knots, times[i], piece)
-        x, y, vx, vy, _, _ = spline_at(spline.knots, spline.coefficients, times[i], piece)
-        cos, sin = math.cos(theta), math.sin(theta)
-        lever_x, lever_y = cos * px - sin * py, sin * px + cos * py
-        x, y = x - lever_x, y - lever_y
-        reach = rest_length + math.hypot(fx, fy) / stiffness
-        along_x, along_y = ax + reach * out[i, 6], ay + reach * out[i, 7]
-        plan[i, 0], plan[i, 1], plan[i, 2] = x, y, theta
-        plan[i, 3], plan[i, 4], plan[i, 5] = vx + omega * lever_y, vy - omega * lever_x, omega
-        plan[i, 6], plan[i, 7] = sin * fy - cos * fx, -sin * fx - cos * fy
-        plan[i, 8], plan[i, 9] = x + cos * along_x - sin * along_y, y + sin * along_x + cos * along_y
+    (cos, sin), (fx, fy), omega = turned, friction, plan.twist[i, 2]
+    pull = math.sqrt(fx * fx + fy * fy)
+    if pull > 0:
+        plan.direction[i, 0], plan.direction[i, 1] = -fx / pull, -fy / pull
+    else:
+        plan.direction[i, 0], plan.direction[i, 1] = plan.direction[max(i - 1, 0), 0], plan.direction[max(i - 1, 0), 1]
+    reach = rest_length + pull / stiffness
+    along_x, along_y = ax + reach * plan.direction[i, 0], ay + reach * plan.direction[i, 1]
+    lever_x, lever_y = cos * px - sin * py, sin * px + cos * py
+    x, y = place[0] - lever_x, place[1] - lever_y
+    plan.pose[i, 0], plan.pose[i, 1] = x, y
+    plan.twist[i, 0], plan.twist[i, 1] = place[2] + omega * lever_y, place[3] - omega * lever_x
+    plan.tether_force[i, 0], plan.tether_force[i, 1] = sin * fy - cos * fx, -sin * fx - cos * fy
+    plan.hinge[i, 0], plan.hinge[i, 1] = x + cos * along_x - sin * along_y, y + sin * along_x + cos * along_y
 
 
 @compiled(allocates=False)
@@ -282,15 +304,15 @@ def _mean_rate(known: int, step: float, step1: float, step2: float, rate0: float
 
 
 @compiled(allocates=False)
-def _moving_velocity(knots: Array, coefficients: Array, time: float, piece: int) -> tuple[float, float]:
+def _moving_velocity(place: tuple[float, float, float, float, float, float], goes_on: bool) -> tuple[float, float]:
     """Velocity of the path; where it rests, a creep in the direction in which it will move (or has moved)."""
-    _, _, vx, vy, ax, ay = spline_at(knots, coefficients, time, piece)
+    _, _, vx, vy, ax, ay = place
     speed = math.sqrt(vx * vx + vy * vy)
     if speed > _CREEP:
         return vx, vy
     push = math.hypot(ax, ay)
     if push > 0:
-        sign = 1.0 if piece < len(coefficients) - 1 or time < knots[-1] else -1.0
+        sign = 1.0 if goes_on else -1.0
         return sign * _CREEP * ax / push, sign * _CREEP * ay / push
     if speed > 0:
         return _CREEP * vx / speed, _CREEP * vy / speed
@@ -299,7 +321,7 @@ def _moving_velocity(knots: Array, coefficients: Array, time: float, piece: int)
 
 @compiled(allocates=False)
 def _moment_about_anchor(
-    patch: SlidingPatch, geometry: Array, ux: float, uy: float, omega: float
+    patch: SlidingPatch, geometry: Levers, ux: float, uy: float, omega: float
 ) -> tuple[float, float, float, float, float, float]:
     """Moment about the anchor, its slope by ω, the force and its slopes, for the velocity of P in body axes."""
     px, py, ax, ay = geometry
@@ -311,7 +333,7 @@ def _moment_about_anchor(
 
 @compiled(allocates=False)
 def _balanced_rate(
-    patch: SlidingPatch, geometry: Array, ux: float, uy: float, guess: float, radius: float, search: bool
+    patch: SlidingPatch, geometry: Levers, ux: float, uy: float, guess: float, radius: float, search: bool
 ) -> tuple[float, float, float, float, int, int]:
     """Heading rate with no moment about the anchor: rate, force (2), moment left, status, Newton steps."""
     unit = math.sqrt(ux * ux + uy * uy) / radius
@@ -337,7 +359,7 @@ def _balanced_rate(
 
 @compiled(allocates=False)
 def _searched_rate(
-    patch: SlidingPatch, geometry: Array, ux: float, uy: float, guess: float, unit: float
+    patch: SlidingPatch, geometry: Levers, ux: float, uy: float, guess: float, unit: float
 ) -> tuple[float, bool]:
     """Root nearest to a guess by scanning and bisection; without one, the rate with the least moment, and False."""
     best, best_distance, found = guess, np.inf, False
@@ -358,7 +380,7 @@ def _searched_rate(
 
 @compiled(allocates=False)
 def _bisected(
-    patch: SlidingPatch, geometry: Array, ux: float, uy: float, low: float, high: float, positive_low: bool
+    patch: SlidingPatch, geometry: Levers, ux: float, uy: float, low: float, high: float, positive_low: bool
 ) -> float:
     for _ in range(80):
         middle = 0.5 * (low + high)
