@@ -8,7 +8,7 @@ from towval.physics.area_rules import area_rules
 HOLE = np.array([[0.2, 0.2], [0.2, 0.4], [0.4, 0.2]])
 L_SHAPE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 0.5], [0.5, 0.5], [0.5, 1.0], [0.0, 1.0]])
 RECTANGLE = np.array([[-0.3, -0.2], [0.3, -0.2], [0.3, 0.2], [-0.3, 0.2]])
-ALONG = np.array([7, 6, 5, 4])
+ALONG = np.array([6, 5, 4])
 GAUSS = np.polynomial.legendre.leggauss(12)
 PRESSURE = np.array([3.0, 0.4, -0.7])
 

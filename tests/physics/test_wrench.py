@@ -173,7 +173,7 @@ def test_wrench_is_continuous_as_turning_vanishes(square, makkar):
 def test_boundary_and_area_rule_agree_where_they_meet(square, makkar):
     patch = sliding_patch(pressure_plane(square, [(49.05, (0.1, 0.06))]), makkar)
     ((x, _, radius),) = patch.circles
-    speed, omega = 0.1, 0.1 / (3 * radius)  # of the middle of the patch, so that C is three radii away
+    speed, omega = 0.1, 0.1 / (4 * radius)  # of the middle of the patch, so that C is four radii away
     below = np.array(wrench_and_slopes(patch, 0.0, speed * (1 - 1e-12) - omega * x, omega))
     above = np.array(wrench_and_slopes(patch, 0.0, speed * (1 + 1e-12) - omega * x, omega))
     # 1e-10 of μ N and μ N times the size, as both promise; not the same numbers, as they are computed differently.
@@ -200,7 +200,7 @@ def wrench_over_triangles(contact, law, twist, order=24):
     return total
 
 
-@pytest.mark.parametrize("reach", [3.0, 4.0, 7.0, 20.0])
+@pytest.mark.parametrize("reach", [4.0, 7.0, 20.0])
 def test_rules_over_the_area_suffice_where_they_begin_to_serve(reach):
     """Just beyond the distance of C at which a rule takes over, in radii of the part and then of the whole patch."""
     rng = np.random.default_rng(17)
@@ -211,7 +211,7 @@ def test_rules_over_the_area_suffice_where_they_begin_to_serve(reach):
         if len(patch.circles) > 1:
             continue
         tried += 1
-        middle, radius = (patch.circles[0, :2], patch.circles[0, 2]) if reach == 3.0 else (0.0, patch.radius)
+        middle, radius = (patch.circles[0, :2], patch.circles[0, 2]) if reach == 4.0 else (0.0, patch.radius)
         scale = contact.normal_force * 0.35 * np.array([1, 1, np.hypot(*contact.centre) + radius])
         for angle in rng.uniform(0, 2 * np.pi, 10):
             cx, cy = patch.origin + middle + 1.0001 * reach * radius * np.array([np.cos(angle), np.sin(angle)])

@@ -13,7 +13,7 @@ import shapely
 from towval.types import Array
 
 # Nodes along each side of a piece, and from how many radii of the whole patch on they err by some 1e-10 of μN.
-_RULES = ((7, 0.0), (6, 4.0), (5, 7.0), (4, 20.0))
+_RULES = ((6, 0.0), (5, 7.0), (4, 20.0))
 
 
 def area_rules(rings: tuple[Array, ...], pressure: Array) -> tuple[Array, Array]:

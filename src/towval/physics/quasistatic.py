@@ -122,6 +122,8 @@ def quasistatic_plan(
     plan = _Plan(*(np.zeros((len(times), width)) for width in (3, 3, 2, 2, 2)), *np.zeros((2, len(times))))
     solves, newton_steps = _follow(patch, levers, spline, times, float(start_heading), plan)
     findings = (*_root_findings(times, plan.status, plan.moment), *_cable_findings(towed, times, plan.direction))
+    for array in plan:
+        array.setflags(write=False)  # So the motion need not copy it.
     return QuasistaticMotion(
         time_s=times,
         pose=plan.pose,
@@ -139,7 +141,7 @@ class _Plan(NamedTuple):
     """What compiled code fills in at each time.
 
     As in :class:`QuasistaticMotion`: ``pose``, ``twist``, ``tether_force``, ``hinge`` (n, 2). Beside: ``direction`` (n,
-    2) of the tow in body axes, ``moment`` (n,) left about the anchor [N m], ``status`` (n,) of the root.
+    2) of the tow in body axes, ``moment`` (n,) left about the anchor [N m], ``status`` (n,) of the root. Zero before.
     """
 
     pose: Array
@@ -243,7 +245,7 @@ def _follow(
             vx, vy = _moving_velocity(place, piece < last_piece or time < knots[-1])
             cos, sin = math.cos(theta), math.sin(theta)
             ux, uy = cos * vx + sin * vy, cos * vy - sin * vx
-            guess = rate0 if known < 2 else rate0 + (rate0 - rate1) * step / step1
+            guess = rate0 if known < 2 else rate0 + (rate0 - rate1) * (step / step1)
             omega, fx, fy, moment, status, tries = _balanced_rate(patch, geometry, ux, uy, guess, radius, known == 0)
             solves += 1
             newton += tries
@@ -292,13 +294,16 @@ def _assemble(
 
 @compiled(allocates=False)
 def _mean_rate(known: int, step: float, step1: float, step2: float, rate0: float, rate1: float, rate2: float) -> float:
-    """Mean over the coming step of the polynomial through the last rates."""
+    """Mean over the coming step of the polynomial through the last rates.
+
+    By reciprocals of the steps, which are known while the last rate is still being solved for.
+    """
     if known < 2:
         return rate0
-    first = (rate0 - rate1) / step1
+    first = (rate0 - rate1) * (1 / step1)
     mean = rate0 + first * step / 2
     if known > 2:
-        second = (first - (rate1 - rate2) / step2) / (step1 + step2)
+        second = (first - (rate1 - rate2) * (1 / step2)) * (1 / (step1 + step2))
         mean += second * (step * step / 3 + step1 * step / 2)
     return mean
 

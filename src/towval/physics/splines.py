@@ -110,11 +110,12 @@ def _solve_curvatures(length: Array, slope: Array, curvature: Array) -> None:
         diagonal[i] -= factor * above[i - 1] if i > 1 else 0.0
         for k in range(2):
             curvature[i, k] = 6 * (slope[i, k] - slope[i - 1, k]) - factor * curvature[i - 1, k]
-    for k in range(2):
-        curvature[n - 1, k] = 0.0
-        for i in range(n - 2, 0, -1):
+    curvature[n - 1] = 0.0
+    for i in range(n - 2, 0, -1):
+        for k in range(2):
             following = above[i] * curvature[i + 1, k] if i < n - 2 else 0.0
             curvature[i, k] = (curvature[i, k] - following) / diagonal[i]
+    for k in range(2):
         if n > 3:
             first, last = length[0] / length[1], length[n - 2] / length[n - 3]
             curvature[0, k] = curvature[1, k] + first * (curvature[1, k] - curvature[2, k])

@@ -30,7 +30,7 @@ from towval.types import Array, FrictionLaw, locked
 # Centre of rotation within so many radii of a part of the patch: the boundary. Beyond: a rule over the area, exact
 # there to 1e-10. Parts count by themselves, for a patch may touch the floor at small tips far apart: in between the
 # boundary's sums cancel.
-_NEAR = 3.0
+_NEAR = 4.0
 
 ISOTROPIC = np.array([1.0, 0.0, 1.0])
 
@@ -203,7 +203,7 @@ def _area_sums(
     first, end = _area_rule(patch, vx, vy, omega)
     # Moments 1, x, y, xx, xy, yy of μ/s, and of dμ/ds − μ/s the products of n and its lever.
     r_1 = r_x = r_y = r_xx = r_xy = r_yy = s_xx = s_xy = s_yy = s_xm = s_ym = s_mm = 0.0
-    for i in range(first, end):
+    for i in range(np.uint64(first), np.uint64(end)):
         x, y, force = nodes[i, 0], nodes[i, 1], nodes[i, 2]
         ux, uy = vx - omega * y, vy + omega * x
         wx, wy = axx * ux + axy * uy, axy * ux + ayy * uy

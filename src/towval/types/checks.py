@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 
 
 def locked(values: ArrayLike, name: str, shape: tuple[int | None, ...], *, finite: bool = True) -> Array:
-    """Return a read-only float64 copy of ``values`` after checking its shape.
+    """Return a read-only float64 copy of ``values`` after checking its shape; of a locked array, itself.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def locked(values: ArrayLike, name: str, shape: tuple[int | None, ...], *, finit
     InputError
         When the shape or a value is not as asked.
     """
-    array = np.array(values, dtype=np.float64)
+    array = values if _is_locked(values) else np.array(values, dtype=np.float64)
     if array.ndim != len(shape) or any(want not in (None, have) for want, have in zip(shape, array.shape, strict=True)):
         wanted = " × ".join("any" if n is None else str(n) for n in shape)
         raise InputError(f"{name} has the wrong shape", got=array.shape, allowed=wanted)
@@ -37,6 +37,16 @@ def locked(values: ArrayLike, name: str, shape: tuple[int | None, ...], *, finit
         raise InputError(f"{name} holds values that are not finite", allowed="finite numbers")
     array.setflags(write=False)
     return array
+
+
+def _is_locked(values: ArrayLike) -> bool:
+    """Whether values are a float64 array that owns its memory and that its maker has made read-only."""
+    return (
+        type(values) is np.ndarray
+        and values.dtype == np.float64
+        and values.flags.owndata
+        and not values.flags.writeable
+    )
 
 
 def lock(self: object, **shapes: tuple[int | None, ...]) -> None:
