@@ -19,6 +19,7 @@ import numpy as np
 from towval.geometry import inverse_transform, transform
 from towval.types import Body, Calibration, Camera, Floor
 from towval.vision.camera import project, to_plane
+from towval.vision.top import Top
 
 Motion = Callable[[float], np.ndarray]
 """Pose (3,) of a body [m, m, rad] at a time [s]."""
@@ -62,6 +63,10 @@ class Scene:
     def calibration(self) -> Calibration:
         """The true camera as a calibration without error."""
         return Calibration(self.camera, self.floor, np.zeros((18, 18)), 0.0)
+
+    def top(self, index: int) -> Top:
+        """The top of a body under the camera."""
+        return Top(self.bodies[index], self.camera, self.floor)
 
     def truth(self, times: np.ndarray) -> dict[str, np.ndarray]:
         """Poses (n, 3) of each body at ``times`` (n,)."""
