@@ -35,6 +35,7 @@ _MOST_ACCELERATION = 5.0  # ASSUME: half of gravity, more than wheels or a tethe
 _SURPRISE_PX = 3.0  # Beyond what acceleration explains.
 _SEARCH_EVERY_S = 0.2  # Once a body has been unseen for as long; before that, in each picture.
 _AGREE_PX = 2.0
+_TWIN_STRAY = 0.5  # Of a body's reach: a twin cannot be so near to its place.
 _MOST_COVERED = 0.3  # Of a top over another body: bodies stand beside each other.
 _LOW_TEXTURE_PX = 0.12  # Deviation of a pose from which on the top counts as too plain.
 _MOVING_PX = 0.1  # A picture.
@@ -179,12 +180,17 @@ class Follower:
         yield from (candidate.pose for candidate in self.lookalikes.candidates(luma)[:1])
 
     def _unmistakable(self, time_s: float, luma: Luma, pose: Array) -> bool:
-        """Whether this looks like the body and nothing else does that could be it, as far as it can have got."""
+        """Whether this looks like the body and nothing else does that could be it, as far as it can have got.
+
+        A body with a twin may be hidden while the twin is in view: it is known again only where it must be.
+        """
         rivals = self.lookalikes.rivals(self.lookalikes.candidates(luma), pose)
         if rivals is None:
             return False
         expected = not self._surprising(time_s, pose)
-        if any(not (expected and self._surprising(time_s, rival)) for rival in rivals):
+        rivalled = any(not (expected and self._surprising(time_s, rival)) for rival in rivals)
+        stray = self.top.apart_m(self.motion.predict(time_s), pose) > _TWIN_STRAY * self.top.reach_m
+        if rivalled or (self.lookalikes.has_twin and (stray or not expected)):
             self.mistakable += 1
             return False
         return True

@@ -79,10 +79,19 @@ class Lookalikes:
         low, high = seen_part(self.top, _MOST_CELLS * self.cell_m)
         return low, self.top.picture_of(grid(low - self.top.reach_m, high + self.top.reach_m, self.cell_m))
 
+    @cached_property
+    def has_twin(self) -> bool:
+        """Whether the first picture shows something else that looks like the body."""
+        rivals = self.rivals(self._candidates(self.first), self.pose)
+        return bool(rivals) and any(np.linalg.norm(r[:2] - self.pose[:2]) > self.top.reach_m / 2 for r in rivals)
+
     def candidates(self, luma: Luma) -> list[Candidate]:
         """Where in a picture something looks like the body, best first, good to a cell and some degrees."""
+        return self._candidates(self._shrunk(luma))
+
+    def _candidates(self, small: Luma) -> list[Candidate]:
         low, pixels = self._view_from_above
-        view = _blurred(look(self._shrunk(luma), pixels))
+        view = _blurred(look(small, pixels))
         found = [candidate for template in self._templates for candidate in self._best(view, template, low)]
         return sorted(found, key=lambda candidate: -candidate.correlation)
 
