@@ -20,7 +20,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from towval.compiling import compiled
-from towval.geometry import inside_polygon
 from towval.types import Array, Body
 from towval.vision.sampling import RELAXED, sample_plane, sample_plane_kernel
 from towval.vision.top import Top
@@ -86,13 +85,30 @@ class Alignment:
     converged: bool
 
 
+@compiled()
+def _depth(points: Array, polygon: Array) -> Array:
+    """Distance (n,) of points from a polygon's outline [m], positive inside."""
+    depth = np.empty(points.shape[0])
+    for i in range(points.shape[0]):
+        x, y = points[i, 0], points[i, 1]
+        nearest, inside = np.inf, False
+        for j in range(polygon.shape[0]):
+            ax, ay = polygon[j - 1, 0], polygon[j - 1, 1]
+            ex, ey = polygon[j, 0] - ax, polygon[j, 1] - ay
+            along = min(max(((x - ax) * ex + (y - ay) * ey) / max(ex * ex + ey * ey, 1e-300), 0.0), 1.0)
+            nearest = min(nearest, np.hypot(x - ax - along * ex, y - ay - along * ey))
+            if (ay > y) != (polygon[j, 1] > y) and x < ax + ex * (y - ay) / ey:
+                inside = not inside
+        depth[i] = nearest if inside else -nearest
+    return depth
+
+
 def usable_points(body: Body, points: Array, margin_m: float) -> NDArray[np.bool_]:
     """Which of points (n, 2) [m] lie on the top, ``margin_m`` away from its outline and from what stands on it."""
-    ring = margin_m * np.array([[np.cos(a), np.sin(a)] for a in np.arange(8) * np.pi / 4])
-    around = points[:, None] + np.concatenate([np.zeros((1, 2)), ring])
-    usable = inside_polygon(body.top_corners_m, around).all(axis=1)
+    points = np.ascontiguousarray(points)
+    usable = _depth(points, body.top_corners_m) >= margin_m
     for obstruction in body.obstructions:
-        usable &= ~inside_polygon(obstruction, around).any(axis=1)
+        usable &= _depth(points, obstruction) <= -margin_m
     return usable
 
 
@@ -133,10 +149,17 @@ def make_template(luma: Luma, top: Top, pose: Array, samples: int = 1024) -> Tem
 
 
 def _steepest(cells: NDArray[np.int64], steepness: Array) -> NDArray[np.int64]:
-    """Index of the steepest point of each cell."""
-    order = np.lexsort((steepness, cells))
-    last = np.append(np.diff(cells[order]) != 0, True)
-    return order[last]
+    """Index of the steepest point of each cell that has any, in the order of the cells."""
+    best = np.full(int(cells.max(initial=-1)) + 1, -1)
+    _keep_steepest(cells, steepness, best)
+    return best[best >= 0]
+
+
+@compiled()
+def _keep_steepest(cells, steepness, best):  # type: ignore[no-untyped-def]
+    for i in range(cells.shape[0]):
+        if best[cells[i]] < 0 or steepness[i] > steepness[best[cells[i]]]:
+            best[cells[i]] = i
 
 
 def _tiles(points: Array, low: Array, high: Array, least: float) -> tuple[NDArray[np.int64], int]:

@@ -69,6 +69,9 @@ class Top:
 
     def covered_by(self, pose: Array, outline: Array) -> float:
         """Share of the top at a ``pose`` that lies over an ``outline`` (n, 2) on the floor [m]."""
+        low, high = outline.min(axis=0) - self.reach_m, outline.max(axis=0) + self.reach_m
+        if (pose[:2] < low).any() or (pose[:2] > high).any():
+            return 0.0
         return float(inside_polygon(outline, transform(pose, self._inner_points)).mean())
 
     def outline(self, pose: Array) -> Array:
