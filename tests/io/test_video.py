@@ -88,7 +88,7 @@ def test_a_truncated_file_says_how_much_is_good(tmp_path):
     (tmp_path / "a.mp4").write_bytes(data[: len(data) * 6 // 10])
     with pytest.raises(InputError, match=r"damaged or truncated.*\n.*of 40 frames are good, up to") as caught:
         read(tmp_path / "a.mp4")
-    assert "allow damaged videos" in str(caught.value)
+    assert "damaged_video: true" in str(caught.value)
     video, good = read(tmp_path / "a.mp4", damaged=True)
     assert 10 < len(good) < 40
     assert [f.code for f in video.findings] == ["video_damaged"]

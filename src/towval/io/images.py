@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from towval.errors import InputError
+from towval.io.atomic import replacing
 
 
 def read_gray(path: Path, resolution_px: tuple[int, int]) -> NDArray[np.uint8]:
@@ -37,3 +38,9 @@ def read_gray(path: Path, resolution_px: tuple[int, int]) -> NDArray[np.uint8]:
             remedy="calibrate with pictures from the camera mode that filmed the runs",
         )
     return image
+
+
+def write_picture(path: Path, picture: NDArray[np.uint8]) -> None:
+    """Write a picture (height, width, 3), blue, green, red; the kind of file by its suffix."""
+    with replacing(path) as temporary:
+        temporary.write_bytes(cv2.imencode(path.suffix, picture)[1].tobytes())
