@@ -31,6 +31,7 @@ _SPACING_PX = 1.5  # Between profiles that are averaged to one.
 _STRETCHES = 10  # Averaged profiles an edge of the outline, at least three pixels each.
 _FITS = 8  # Rounds of the robust fit.
 _TUKEY = 4.685
+_LEAST_SLOPE = 0.3  # Of Tukey's ψ over its weight: 0.96 for Gaussian misfits.
 _SHARP = np.deg2rad(35.0)
 _PRIOR_PX = 3.0  # What is known without the edges, so that the turn of a disc stays where it is.
 
@@ -253,7 +254,11 @@ def fit_outline(slopes: Array, stretches: Stretches, pixel_m: float) -> OutlineF
         information = rows.T @ (weight[:, None] * rows) + np.diag(prior)
         correction = np.linalg.solve(information, rows.T @ (weight * place))
     misfit = place - rows @ correction
-    inverse = np.linalg.inv(information)
+    # SOURCE: P. Huber, *Robust Statistics* (1981), 6.3: the bread of the sandwich is the slope of Tukey's ψ, not its
+    # weight; with heavy tails that is the larger covariance.
+    u2 = np.minimum((misfit / (_TUKEY * scale)) ** 2, 1.0)
+    slope = np.sum(contrast * (1 - u2) * (1 - 5 * u2)) / max(float(weight.sum()), 1e-12)
+    inverse = np.linalg.inv(information) / float(np.clip(slope, _LEAST_SLOPE, 1.0))
     scores = rows * (weight * misfit)[:, None]
     used = weight > 0
     freedom = len(rows) / max(1, used.sum() - 3)
