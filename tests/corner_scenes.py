@@ -138,7 +138,10 @@ def calibration_set(
         if floor == "both":
             marks = floor_marks(rng, camera, true_floor, noise_px)
             reference = replace(
-                marks, marks_px=marks.marks_px[[0, 2, 6, 8]], marks_m=marks.marks_m[[0, 2, 6, 8]], board_thickness_m=0.003
+                marks,
+                marks_px=marks.marks_px[[0, 2, 6, 8]],
+                marks_m=marks.marks_m[[0, 2, 6, 8]],
+                board_thickness_m=0.003,
             )
         seen = Sightings(camera.resolution_px, boards, tuple(flat), reference)
     return CornerScene(camera, true_floor, seen)

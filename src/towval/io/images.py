@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -38,6 +40,22 @@ def read_gray(path: Path, resolution_px: tuple[int, int]) -> NDArray[np.uint8]:
             remedy="calibrate with pictures from the camera mode that filmed the runs",
         )
     return image
+
+
+@dataclass(frozen=True)
+class GrayPictures(Sequence[tuple[str, NDArray[np.uint8]]]):
+    """Pictures of files by name and grey levels, each read when it is asked for: see :func:`read_gray`."""
+
+    paths: tuple[Path, ...]
+    resolution_px: tuple[int, int]
+
+    def __len__(self) -> int:
+        return len(self.paths)
+
+    def __getitem__(self, index):  # type: ignore[no-untyped-def]
+        if isinstance(index, slice):
+            return GrayPictures(self.paths[index], self.resolution_px)
+        return self.paths[index].name, read_gray(self.paths[index], self.resolution_px)
 
 
 def write_picture(path: Path, picture: NDArray[np.uint8]) -> None:
