@@ -108,7 +108,7 @@ def test_a_body_that_came_out_of_hiding_beside_its_twin_is_not_guessed_at():
     found, (distance, _) = follow(challenge)["object"]
     assert found.seen[challenge.times <= 1.0].all()
     assert not found.seen[challenge.times > 1.1].any()
-    assert distance.max() < 1e-3
+    assert distance.max() < 4 * deviation(found)
     assert {"not_seen", "lookalike"} <= codes(found)
 
 
@@ -128,7 +128,7 @@ def test_a_body_cannot_be_where_another_one_is():
     tracks = follow(challenges.Challenge(scene, np.arange(32) / 16))
     found, (distance, _) = tracks["object"]
     assert not found.seen[found.time_s > 0.5].any()
-    assert distance.max() < 1e-3
+    assert distance.max() < 4 * deviation(found)
     assert tracks["rover"][0].seen.all()
 
 
