@@ -112,6 +112,19 @@ def test_a_body_that_came_out_of_hiding_beside_its_twin_is_not_guessed_at():
     assert {"not_seen", "lookalike"} <= codes(found)
 
 
+def test_a_body_that_looks_the_same_turned_half_round_is_found_again_where_it_must_be(monkeypatch):
+    def turned(_, candidates, place):
+        return [place + np.array([0.0, 0.0, np.pi])]
+
+    monkeypatch.setattr("towval.vision.lookalikes.Lookalikes.rivals", turned)
+    challenge = small(challenges.occlusion(7))
+    challenge = replace(challenge, times=challenge.times[:60:2])
+    found, (distance, turn) = follow(challenge)["object"]
+    assert found.seen[challenge.times > 2.25].all()
+    assert distance.max() < 4 * deviation(found)
+    assert turn.max() < np.deg2rad(0.5)
+
+
 def test_a_body_cannot_be_where_another_one_is():
     """Two bodies that look the same, one of them taken away: its track must not go over to the other."""
     scene = standard_scene(14, **small_camera())

@@ -35,7 +35,9 @@ _MOST_ACCELERATION = 5.0  # ASSUME: half of gravity, more than wheels or a tethe
 _SURPRISE_PX = 3.0  # Beyond what acceleration explains.
 _SEARCH_EVERY_S = 0.2  # Once a body has been unseen for as long; before that, in each picture.
 _AGREE_PX = 2.0
-_TWIN_STRAY = 0.5  # Of a body's reach: a twin cannot be so near to its place.
+_HOME = 0.5  # Of a body's reach from its place: nothing else can be so near.
+_MUCH_FARTHER = 4.0
+_REMEMBERED_S = 3.0  # How long a place means something for a body that may move unseen.
 _MOST_COVERED = 0.3  # Of a top over another body: bodies stand beside each other.
 _LOW_TEXTURE_PX = 0.12  # Deviation of a pose from which on the top counts as too plain.
 _MOVING_PX = 0.1  # A picture.
@@ -180,20 +182,29 @@ class Follower:
         yield from (candidate.pose for candidate in self.lookalikes.candidates(luma)[:1])
 
     def _unmistakable(self, time_s: float, luma: Luma, pose: Array) -> bool:
-        """Whether this looks like the body and nothing else does that could be it, as far as it can have got.
+        """Whether this looks like the body and nothing else that looks like it could be it.
 
-        A body with a twin may be hidden while the twin is in view: it is known again only where it must be.
+        What else looks like it is out of the question where it is farther than a body can have got, or much farther
+        from where this one was, or should be by now, than ``pose`` is. A body with a twin may be hidden while the twin
+        is in view: it is known again only near its place.
         """
         rivals = self.lookalikes.rivals(self.lookalikes.candidates(luma), pose)
         if rivals is None:
             return False
-        expected = not self._surprising(time_s, pose)
-        rivalled = any(not (expected and self._surprising(time_s, rival)) for rival in rivals)
-        stray = self.top.apart_m(self.motion.predict(time_s), pose) > _TWIN_STRAY * self.top.reach_m
-        if rivalled or (self.lookalikes.has_twin and (stray or not expected)):
-            self.mistakable += 1
-            return False
-        return True
+        stray = self._stray_m(time_s, pose)
+        at_home = stray <= _HOME * self.top.reach_m and time_s - self.motion.time_s <= _REMEMBERED_S
+        nearest = min((self._stray_m(time_s, rival) for rival in rivals), default=np.inf)
+        within_reach = [rival for rival in rivals if not self._surprising(time_s, rival)]
+        alone = not within_reach if not self._surprising(time_s, pose) else not rivals
+        alone |= at_home and nearest > _MUCH_FARTHER * stray
+        if alone and (at_home or not self.lookalikes.has_twin):
+            return True
+        self.mistakable += 1
+        return False
+
+    def _stray_m(self, time_s: float, pose: Array) -> float:
+        """How far a pose is from where the body was seen last, or would be if it had gone on [m]."""
+        return min(self.top.apart_m(known, pose) for known in (self.motion.pose, self.motion.predict(time_s)))
 
     def _keep_sighting(self, time_s: float, luma: Luma, seen: Measurement) -> None:
         pose = self.motion.see(time_s, seen.pose) if time_s > self.motion.time_s else seen.pose
