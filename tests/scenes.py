@@ -303,3 +303,15 @@ def write_video(path: Path, frames: Iterator[tuple[float, np.ndarray]], rate: in
             file.mux(stream.encode(frame))
         if stream is not None:
             file.mux(stream.encode())
+
+
+def cut_off(whole: Path, path: Path, share: float) -> None:
+    """Write the first part of an MP4 file, its index in front, as a copy that was broken off leaves it."""
+    with av.open(str(whole)) as file, av.open(str(path), "w", options={"movflags": "faststart"}) as copy:
+        stream = copy.add_stream_from_template(file.streams.video[0])
+        for packet in file.demux(file.streams.video[0]):
+            if packet.dts is not None:
+                packet.stream = stream
+                copy.mux(packet)
+    data = path.read_bytes()
+    path.write_bytes(data[: int(share * len(data))])

@@ -1,11 +1,10 @@
 """The command ``track`` where the clicks are missing or the video is damaged."""
 
-import av
 import numpy as np
 import pytest
 import yaml
 
-from scenes import ceiling, write_video
+from scenes import ceiling, cut_off, write_video
 from towval.commands.calibrate import run as calibrate
 from towval.commands.track import run as track
 from towval.errors import InputError
@@ -93,17 +92,7 @@ def test_tags_are_as_good_as_clicks(campaign, tmp_path):
 
 
 def test_a_cut_off_video_is_used_only_where_that_is_allowed(campaign, camera, lab_small, tmp_path):
-    with (
-        av.open(str(lab_small / "a.mp4")) as whole,
-        av.open(str(tmp_path / "cut.mp4"), "w", options={"movflags": "faststart"}) as copy,
-    ):
-        stream = copy.add_stream_from_template(whole.streams.video[0])
-        for packet in whole.demux(whole.streams.video[0]):
-            if packet.dts is not None:
-                packet.stream = stream
-                copy.mux(packet)
-    data = (tmp_path / "cut.mp4").read_bytes()
-    (tmp_path / "cut.mp4").write_bytes(data[: len(data) // 3])
+    cut_off(lab_small / "a.mp4", tmp_path / "cut.mp4", 0.33)
     frames = Video(lab_small / "a.mp4").header.frames
     with pytest.raises(
         InputError, match=rf"damaged or truncated(.|\n)*of {frames} frames are good(.|\n)*damaged_video"
