@@ -4,8 +4,9 @@ import pytest
 from scenes import CeilingCamera, small_camera, standard_scene
 from towval.geometry import compose, inverse, wrapped
 from towval.types import Body
-from towval.vision.align import align, make_template, usable_points
+from towval.vision.align import align, make_template
 from towval.vision.sampling import plane_pixels, sample_plane
+from towval.vision.top import usable_points
 
 HEIGHT = 0.42
 

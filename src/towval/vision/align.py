@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from towval.compiling import compiled
-from towval.types import Array, Body
+from towval.types import Array
 from towval.vision.sampling import RELAXED, sample_plane, sample_plane_kernel
-from towval.vision.top import Top
+from towval.vision.top import Top, usable_points
 
 Luma = NDArray[np.uint8]
 
@@ -83,33 +83,6 @@ class Alignment:
     correlation: float
     inlier_fraction: float
     converged: bool
-
-
-@compiled()
-def _depth(points: Array, polygon: Array) -> Array:
-    """Distance (n,) of points from a polygon's outline [m], positive inside."""
-    depth = np.empty(points.shape[0])
-    for i in range(points.shape[0]):
-        x, y = points[i, 0], points[i, 1]
-        nearest, inside = np.inf, False
-        for j in range(polygon.shape[0]):
-            ax, ay = polygon[j - 1, 0], polygon[j - 1, 1]
-            ex, ey = polygon[j, 0] - ax, polygon[j, 1] - ay
-            along = min(max(((x - ax) * ex + (y - ay) * ey) / max(ex * ex + ey * ey, 1e-300), 0.0), 1.0)
-            nearest = min(nearest, np.hypot(x - ax - along * ex, y - ay - along * ey))
-            if (ay > y) != (polygon[j, 1] > y) and x < ax + ex * (y - ay) / ey:
-                inside = not inside
-        depth[i] = nearest if inside else -nearest
-    return depth
-
-
-def usable_points(body: Body, points: Array, margin_m: float) -> NDArray[np.bool_]:
-    """Which of points (n, 2) [m] lie on the top, ``margin_m`` away from its outline and from what stands on it."""
-    points = np.ascontiguousarray(points)
-    usable = _depth(points, body.top_corners_m) >= margin_m
-    for obstruction in body.obstructions:
-        usable &= _depth(points, obstruction) <= -margin_m
-    return usable
 
 
 def make_template(luma: Luma, top: Top, pose: Array, samples: int = 1024) -> Template | None:

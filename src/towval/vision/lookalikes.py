@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from towval.geometry import transform
 from towval.types import Array, Camera
-from towval.vision.align import usable_points
 from towval.vision.recover import grid, look, seen_part
-from towval.vision.top import Top
+from towval.vision.top import Top, usable_points
 
 Luma = NDArray[np.uint8]
 

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from towval.geometry import transform
 from towval.types import Array
-from towval.vision.align import usable_points
-from towval.vision.top import Top
+from towval.vision.top import Top, usable_points
 
 Luma = NDArray[np.uint8]
 

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
+from towval.compiling import compiled
 from towval.geometry import inside_polygon, transform
 from towval.types import Array, Body, Camera, Floor
 from towval.vision.camera import project, to_plane
@@ -77,3 +78,30 @@ class Top:
     def outline(self, pose: Array) -> Array:
         """The top's corners (n, 2) on the floor at a ``pose`` [m]."""
         return transform(pose, self.body.top_corners_m)
+
+
+@compiled()
+def _depth(points: Array, polygon: Array) -> Array:
+    """Distance (n,) of points from a polygon's outline [m], positive inside."""
+    depth = np.empty(points.shape[0])
+    for i in range(points.shape[0]):
+        x, y = points[i, 0], points[i, 1]
+        nearest, inside = np.inf, False
+        for j in range(polygon.shape[0]):
+            ax, ay = polygon[j - 1, 0], polygon[j - 1, 1]
+            ex, ey = polygon[j, 0] - ax, polygon[j, 1] - ay
+            along = min(max(((x - ax) * ex + (y - ay) * ey) / max(ex * ex + ey * ey, 1e-300), 0.0), 1.0)
+            nearest = min(nearest, np.hypot(x - ax - along * ex, y - ay - along * ey))
+            if (ay > y) != (polygon[j, 1] > y) and x < ax + ex * (y - ay) / ey:
+                inside = not inside
+        depth[i] = nearest if inside else -nearest
+    return depth
+
+
+def usable_points(body: Body, points: Array, margin_m: float) -> NDArray[np.bool_]:
+    """Which of points (n, 2) [m] lie on the top, ``margin_m`` away from its outline and from what stands on it."""
+    points = np.ascontiguousarray(points)
+    usable = _depth(points, body.top_corners_m) >= margin_m
+    for obstruction in body.obstructions:
+        usable &= _depth(points, obstruction) <= -margin_m
+    return usable
