@@ -2,6 +2,7 @@
 # make test    install, then check the code and run the tests
 # make check   linters and the import contracts alone
 # make accuracy CAMPAIGN=...   run a campaign that has truth files, and print the errors against the truth
+# make tables  the must-reach tables of calibration and tracking on synthetic scenes, with their seeds
 # make bench [CAMPAIGN=...]    what costs what, side by side
 
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
@@ -10,7 +11,7 @@ CORES ?= 2
 BIN := $(VENV)/bin
 SOURCES := src tests workflow/scripts benchmarks
 
-.PHONY: demo test check accuracy bench clean
+.PHONY: demo test check accuracy tables bench clean
 
 $(VENV)/installed: pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "towval needs Python 3.11 or newer: make PYTHON=/path/to/python3.11")'
@@ -46,6 +47,10 @@ CAMPAIGN ?= data_samples/lab_small
 accuracy: $(VENV)/installed
 	$(BIN)/snakemake --cores $(CORES) --quiet all --config campaign=$(CAMPAIGN)
 	$(BIN)/python benchmarks/accuracy.py results/$(notdir $(CAMPAIGN:/=)) $(CAMPAIGN)
+
+tables: $(VENV)/installed
+	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/calibration_table.py
+	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/tracking_accuracy.py
 
 bench: $(VENV)/installed-bench
 	$(BIN)/python benchmarks/workflow_time.py $(CAMPAIGN)

@@ -19,6 +19,7 @@ import numpy as np
 from towval.geometry import inverse_transform, transform
 from towval.types import Body, Calibration, Camera, Floor
 from towval.vision.camera import project, to_plane
+from towval.vision.top import Top
 
 Motion = Callable[[float], np.ndarray]
 """Pose (3,) of a body [m, m, rad] at a time [s]."""
@@ -62,6 +63,10 @@ class Scene:
     def calibration(self) -> Calibration:
         """The true camera as a calibration without error."""
         return Calibration(self.camera, self.floor, np.zeros((18, 18)), 0.0)
+
+    def top(self, index: int) -> Top:
+        """The top of a body under the camera."""
+        return Top(self.bodies[index], self.camera, self.floor)
 
     def truth(self, times: np.ndarray) -> dict[str, np.ndarray]:
         """Poses (n, 3) of each body at ``times`` (n,)."""
@@ -156,7 +161,8 @@ class CeilingCamera:
         part = self._ground[box].copy()
         self._draw_sides(part, body, pose, low)
         own = inverse_transform(pose, self._tops[index][box])
-        pixel = np.sqrt(np.abs(np.linalg.det(np.stack(np.gradient(own, axis=(0, 1)), axis=-1))))
+        (by_row_x, by_column_x), (by_row_y, by_column_y) = np.gradient(own[..., 0]), np.gradient(own[..., 1])
+        pixel = np.sqrt(np.abs(by_row_x * by_column_y - by_column_x * by_row_y))
         share = np.clip(0.5 - _signed_distance(body.top_corners_m, own) / pixel, 0, 1)
         part += share * (_look_up(self._textures[scene.texture_of[index]], own, 0.001) - part)
         image[box] = cv2.GaussianBlur(part, (0, 0), scene.psf_px)
@@ -198,16 +204,17 @@ def _look_up(texture: np.ndarray, xy: np.ndarray, cell_m: float) -> np.ndarray:
 
 def _signed_distance(polygon: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Distance of points (..., 2) from a polygon's outline [m], negative inside."""
-    nearest = np.full(points.shape[:-1], np.inf)
-    inside = np.zeros(points.shape[:-1], dtype=bool)
-    for a, b in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
-        edge, offset = b - a, points - a
-        along = np.clip(offset @ edge / (edge @ edge), 0, 1)
-        nearest = np.minimum(nearest, np.linalg.norm(offset - along[..., None] * edge, axis=-1))
-        if a[1] != b[1]:
-            crosses = (a[1] > points[..., 1]) != (b[1] > points[..., 1])
-            inside ^= crosses & (offset[..., 0] < edge[0] * offset[..., 1] / edge[1])
-    return np.where(inside, -nearest, nearest)
+    x, y = points[..., 0], points[..., 1]
+    nearest2 = np.full(x.shape, np.inf, dtype=x.dtype)
+    inside = np.zeros(x.shape, dtype=bool)
+    for (ax, ay), (bx, by) in zip(polygon.tolist(), np.roll(polygon, -1, axis=0).tolist(), strict=True):
+        ex, ey, from_x, from_y = bx - ax, by - ay, x - ax, y - ay
+        along = np.clip((from_x * ex + from_y * ey) / (ex * ex + ey * ey), 0, 1)
+        np.minimum(nearest2, (from_x - along * ex) ** 2 + (from_y - along * ey) ** 2, out=nearest2)
+        if ay != by:
+            inside ^= ((ay > y) != (by > y)) & (x < ax + ex * from_y / ey)
+    distance = np.sqrt(nearest2)
+    return np.where(inside, -distance, distance)
 
 
 def rectangle(length: float, width: float) -> np.ndarray:
@@ -296,3 +303,15 @@ def write_video(path: Path, frames: Iterator[tuple[float, np.ndarray]], rate: in
             file.mux(stream.encode(frame))
         if stream is not None:
             file.mux(stream.encode())
+
+
+def cut_off(whole: Path, path: Path, share: float) -> None:
+    """Write the first part of an MP4 file, its index in front, as a copy that was broken off leaves it."""
+    with av.open(str(whole)) as file, av.open(str(path), "w", options={"movflags": "faststart"}) as copy:
+        stream = copy.add_stream_from_template(file.streams.video[0])
+        for packet in file.demux(file.streams.video[0]):
+            if packet.dts is not None:
+                packet.stream = stream
+                copy.mux(packet)
+    data = path.read_bytes()
+    path.write_bytes(data[: int(share * len(data))])

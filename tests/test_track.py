@@ -102,6 +102,49 @@ def test_a_stranger_in_the_place_of_a_body_is_not_taken_for_it():
     assert "not_seen" in codes(found)
 
 
+def test_a_body_that_came_out_of_hiding_beside_its_twin_is_not_guessed_at():
+    challenge = small(challenges.twin_in_view(8))
+    challenge = replace(challenge, times=challenge.times[:65:2])
+    found, (distance, _) = follow(challenge)["object"]
+    assert found.seen[challenge.times <= 1.0].all()
+    assert not found.seen[challenge.times > 1.1].any()
+    assert distance.max() < 4 * deviation(found)
+    assert {"not_seen", "lookalike"} <= codes(found)
+
+
+def test_a_body_that_looks_the_same_turned_half_round_is_found_again_where_it_must_be(monkeypatch):
+    def turned(_, candidates, place):
+        return [place + np.array([0.0, 0.0, np.pi])]
+
+    monkeypatch.setattr("towval.vision.lookalikes.Lookalikes.rivals", turned)
+    challenge = small(challenges.occlusion(7))
+    challenge = replace(challenge, times=challenge.times[:60:2])
+    found, (distance, turn) = follow(challenge)["object"]
+    assert found.seen[challenge.times > 2.25].all()
+    assert distance.max() < 4 * deviation(found)
+    assert turn.max() < np.deg2rad(0.5)
+
+
+def test_a_body_cannot_be_where_another_one_is():
+    """Two bodies that look the same, one of them taken away: its track must not go over to the other."""
+    scene = standard_scene(14, **small_camera())
+    twin = replace(scene.bodies[1], name="rover")
+    motions = (drive((0.0, -0.3, 0.1), 0.05), drive((-0.6, -0.35, 0.15), 0.05))
+    scene = replace(
+        scene,
+        bodies=(twin, scene.bodies[1]),
+        motions=motions,
+        texture_of=(0, 0),
+        brightness=(170.0, 190.0),
+        hidden=lambda t: ("object",) if t > 0.5 else (),
+    )
+    tracks = follow(challenges.Challenge(scene, np.arange(32) / 16))
+    found, (distance, _) = tracks["object"]
+    assert not found.seen[found.time_s > 0.5].any()
+    assert distance.max() < 4 * deviation(found)
+    assert tracks["rover"][0].seen.all()
+
+
 def test_a_body_that_leaves_the_picture_is_lost():
     challenge = small(challenges.leaving(9))
     challenge = replace(challenge, times=challenge.times[::2])

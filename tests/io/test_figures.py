@@ -9,6 +9,7 @@ from towval.errors import InputError
 from towval.io import figures
 from towval.io.figures.errors import intervals
 from towval.io.style import COLUMN_WIDTH_IN, MEASURED, PAGE_WIDTH_IN, ROVER, SIMULATED, frame_of, save_figure, svg_text
+from towval.types import UncertaintyMap
 
 
 @pytest.fixture(scope="module")
@@ -191,13 +192,17 @@ def test_reprojection_figure_names_every_view_and_why_it_was_dropped(calibration
 
 def test_calibration_figures_leave_out_what_is_missing(calibration):
     assert set(figures.calibration_figures(calibration)) == {"coverage", "reprojection"}
-    grid = figures.UncertaintyMap([0, 960, 1919], [0, 1079], [[1e-3, 5e-4, 1e-3], [1e-3, np.nan, 1e-3]], 0.25)
+    pixels = np.stack(np.meshgrid([0.0, 960, 1919], [0.0, 1079]), axis=-1)
+    std_m = np.array([[1e-3, 5e-4, 1e-3], [1e-3, np.nan, 1e-3]])
+    covariance_m2 = 0.5 * std_m[..., None, None] ** 2 * np.eye(2)
+    grid = UncertaintyMap(0.25, pixels, np.zeros((2, 3, 2)), covariance_m2)
+    np.testing.assert_allclose(grid.std_m, std_m)
     assert set(figures.calibration_figures(calibration, grid)) == {"coverage", "reprojection", "uncertainty"}
 
 
 def test_uncertainty_map_checks_its_shape():
-    with pytest.raises(InputError, match=r"std_m"):
-        figures.UncertaintyMap([0, 1], [0, 1], [[1.0, 2.0, 3.0]], 0.25)
+    with pytest.raises(InputError, match=r"UncertaintyMap\.covariance_m2"):
+        UncertaintyMap(0.25, np.zeros((2, 3, 2)), np.zeros((2, 3, 2)), np.zeros((3, 2, 2, 2)))
 
 
 def test_tracking_figure_counts_frames_by_status(run):

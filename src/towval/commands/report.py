@@ -12,13 +12,11 @@ from towval.commands.overlay import run as write_run_overlay
 from towval.commands.run_folder import files, read_run
 from towval.commands.shared import settings_from
 from towval.io.campaign import Campaign, load_campaign
-from towval.io.figures import UncertaintyMap
 from towval.io.provenance import file_hash, versions
 from towval.io.records import read_calibration
 from towval.io.report import write_report
 from towval.io.report_data import InputRow, Provenance, ReportData, ReportSettings, RunReport
 from towval.io.summary import write_summary
-from towval.types import Body, Calibration
 from towval.vision.uncertainty import uncertainty_map
 
 
@@ -49,19 +47,14 @@ def run(campaign: Path, results: Path, keys: Mapping[str, Any] | None = None) ->
         runs=tuple(runs),
         provenance=_provenance(given, results),
         calibration=calibration,
-        uncertainty=_uncertainty(calibration, given.object),
+        uncertainty=uncertainty_map(
+            calibration, given.object.tracked_plane_height_m, height_std_m=given.object.height_std_m
+        ),
         inputs=tuple(_inputs(given)),
     )
     write_summary(results / "summary.csv", [item.record.comparison for item in runs])
     write_report(results / "report.html", data, results / "figures")
     print(f"report: {results / 'report.html'}")
-
-
-def _uncertainty(calibration: Calibration, body: Body) -> UncertaintyMap:
-    """How sure a place on the plane of a body's top is, over the image."""
-    height = body.tracked_plane_height_m
-    grid = uncertainty_map(calibration, height, height_std_m=body.height_std_m)
-    return UncertaintyMap(grid.pixels[0, :, 0], grid.pixels[:, 0, 1], grid.std_m, height)
 
 
 def _provenance(given: Campaign, results: Path) -> Provenance:

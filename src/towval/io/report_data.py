@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 
 from towval.errors import InputError
-from towval.io.figures import UncertaintyMap
 from towval.io.run_record import RunRecord
-from towval.types import Calibration, Finding
+from towval.types import Calibration, Finding, UncertaintyMap
 
 
 @dataclass(frozen=True)

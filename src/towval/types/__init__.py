@@ -11,6 +11,7 @@ from towval.types.camera import (
     Camera,
     Floor,
     FloorReference,
+    UncertaintyMap,
     View,
 )
 from towval.types.checks import Array, locked
@@ -47,6 +48,7 @@ __all__ = [
     "TowedObject",
     "Track",
     "TrackStatus",
+    "UncertaintyMap",
     "Verdict",
     "View",
     "locked",

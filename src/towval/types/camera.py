@@ -161,3 +161,35 @@ class Calibration:
         n = len(CALIBRATION_PARAMETERS)
         lock(self, covariance=(n, n))
         positive(self, "corner_noise_px", zero=True)
+
+
+@dataclass(frozen=True)
+class UncertaintyMap:
+    """Position uncertainty on a plane over a grid of pixels.
+
+    ``height_m`` of the plane over the floor; ``pixels`` (rows, columns, 2); ``position_m`` (rows, columns, 2) where
+    their rays meet the plane, NaN where they miss it; ``covariance_m2`` (rows, columns, 2, 2) of those positions.
+    """
+
+    height_m: float
+    pixels: Array
+    position_m: Array
+    covariance_m2: Array
+
+    def __post_init__(self) -> None:
+        lock(self, pixels=(None, None, 2))
+        rows, columns = self.pixels.shape[:2]
+        for name, shape in (("position_m", (rows, columns, 2)), ("covariance_m2", (rows, columns, 2, 2))):
+            value = locked(getattr(self, name), f"UncertaintyMap.{name}", shape, finite=False)
+            object.__setattr__(self, name, value)
+
+    @property
+    def std_m(self) -> Array:
+        """Root mean square position error to expect (rows, columns) [m]: the root of the covariance's trace."""
+        return np.sqrt(np.trace(self.covariance_m2, axis1=-2, axis2=-1))
+
+    @property
+    def rms_m(self) -> float:
+        """Root mean square of :attr:`std_m` over the grid [m]; NaN where no ray meets the plane."""
+        std_m = self.std_m[np.isfinite(self.std_m)]
+        return float(np.sqrt(np.mean(std_m**2))) if len(std_m) else float("nan")

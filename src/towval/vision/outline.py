@@ -31,6 +31,7 @@ _SPACING_PX = 1.5  # Between profiles that are averaged to one.
 _STRETCHES = 10  # Averaged profiles an edge of the outline, at least three pixels each.
 _FITS = 8  # Rounds of the robust fit.
 _TUKEY = 4.685
+_MUCH_LESS_SURE = 2.0  # Times the deviation of the best fit.
 _SHARP = np.deg2rad(35.0)
 _THIN_PX = 3.5  # Side strips thinner than this blur into the top's edge.
 _THIN_SHIFT_PX = 0.25  # How far they shift the steepest place: 0.11 px measured at a blur of 0.6 px, more when softer.
@@ -302,9 +303,12 @@ def see_outline(luma: NDArray[np.uint8], body: Body, pose: Array, camera: Camera
 def combine_fits(fits: Sequence[OutlineFit]) -> OutlineFit:
     """One registration from the fits of many pictures at poses that belong together: the mean of those that agree.
 
+    Pictures in which the edges are much less sure than in the best one (motion blur, something in front) do not count.
     Its deviation is that of a single fit: what shifts the edges of one body (what is printed beside them, a bevel, a
     shadow line) is the same in all pictures and does not average out.
     """
+    variance = np.array([np.trace(fit.covariance[:2, :2]) for fit in fits])
+    fits = [fit for fit, own in zip(fits, variance, strict=True) if own <= _MUCH_LESS_SURE**2 * variance.min()]
     corrections = np.array([fit.correction for fit in fits])
     middle = np.median(corrections, axis=0)
     spread = 1.4826 * np.median(np.abs(corrections - middle), axis=0) + 1e-12
