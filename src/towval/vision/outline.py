@@ -36,7 +36,8 @@ _SHARP = np.deg2rad(35.0)
 _THIN_PX = 3.5  # Side strips thinner than this blur into the top's edge.
 _THIN_SHIFT_PX = 0.25  # How far they shift the steepest place: 0.11 px measured at a blur of 0.6 px, more when softer.
 _TRUST_IN_THIN = 0.1
-_EDGE_NOISE_PX, _FAINT_NOISE_PX = 0.05, 0.07  # Scatter of a stretch: 0.06 px on a clear edge, 0.2 px on a faint one.
+# Scatter of a stretch of that length, measured: 0.06 px on a clear edge, 0.2 px on a faint one.
+_EDGE_NOISE_PX, _FAINT_NOISE_PX, _NOISE_LENGTH_PX = 0.05, 0.07, 12.0
 _PRIOR_PX = 3.0  # What is known without the edges, so that the turn of a disc stays where it is.
 
 
@@ -278,7 +279,8 @@ def fit_outline(slopes: Array, stretches: Stretches, pixel_m: float, side_px: Ar
         correction = np.linalg.solve(information, rows.T @ (weight * place))
     misfit = place - rows @ correction
     inverse = np.linalg.inv(information)
-    noise = pixel_m * (_EDGE_NOISE_PX + _FAINT_NOISE_PX / np.maximum(contrast, 0.1))
+    averaged = np.sqrt(_NOISE_LENGTH_PX * pixel_m / stretches.length)
+    noise = pixel_m * averaged * (_EDGE_NOISE_PX + _FAINT_NOISE_PX / np.maximum(contrast, 0.1))
     scores = rows * (weight * np.maximum(np.abs(misfit), noise))[:, None]
     used = weight > 0
     freedom = len(rows) / max(1, used.sum() - 3)
