@@ -82,6 +82,12 @@ def test_summary_has_the_promised_columns(lab):
         "verdict",
         "tracked_frames",
         "lost_frames",
+        "final_error_m",
+        "frechet_m",
+        "area_along_m",
+        "area_across_m",
+        "ratio_max",
+        "aligned_rms_m",
     ]
     assert table.tracked_frames[0] == len(lab.truth["time_s"])
     assert table.path_rms_m[0] < 5e-3

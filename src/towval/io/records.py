@@ -338,8 +338,9 @@ def read_uncertainty(path: Path) -> RunUncertainty:
     return RunUncertainty(time_s=content.times_s(topics["validation"]), **arrays, **details)
 
 
+_COMPARISON_ARRAYS = ("time_s", "error", "along_across", "ratio")
 _COMPARISON_SCALARS = tuple(
-    f.name for f in dataclasses.fields(Comparison) if f.name not in ("time_s", "error", "along_across", "findings")
+    f.name for f in dataclasses.fields(Comparison) if f.name not in (*_COMPARISON_ARRAYS, "findings")
 )
 
 
@@ -348,9 +349,12 @@ def write_comparison(
 ) -> None:
     """Write ``compare.mcap``: ``/object/error``, and both paths again, so that one file serves other tools."""
     messages = []
-    for t, error, shift in zip(comparison.time_s, comparison.error, comparison.along_across, strict=True):
+    rows = zip(*(getattr(comparison, name) for name in _COMPARISON_ARRAYS), strict=True)
+    for t, error, shift, ratio in rows:
+        ns = ros.nanoseconds(t)
+        if np.isfinite(ratio):
+            messages.append(Message("/object/error_ratio", ns, ros.number(ratio)))
         if np.isfinite(error).all():
-            ns = ros.nanoseconds(t)
             messages.append(Message("/object/error", ns, ros.stamped_vector(t, FLOOR_FRAME, error)))
             value = ros.stamped_vector(t, "object_path", np.append(shift, error[2]))
             messages.append(Message("/object/error_along_across", ns, value))
@@ -377,6 +381,9 @@ def read_comparison(path: Path) -> Comparison:
     time_ns = np.array(details["time_ns"], dtype=np.int64)
     index = {int(t): i for i, t in enumerate(time_ns)}
     error, shift = np.full((len(time_ns), 3), np.nan), np.full((len(time_ns), 2), np.nan)
+    ratio = np.full(len(time_ns), np.nan)
+    for message in content.topics.get("/object/error_ratio", []):
+        ratio[index[message.time_ns]] = message.value.data
     for message in content.topics.get("/object/error", []):
         vector = message.value.vector
         error[index[message.time_ns]] = vector.x, vector.y, vector.z
@@ -385,7 +392,8 @@ def read_comparison(path: Path) -> Comparison:
     scalars = {name: np.nan if details[name] is None else details[name] for name in _COMPARISON_SCALARS}
     scalars["verdict"] = Verdict(scalars["verdict"])
     findings = _findings_in(details["findings"])
-    return Comparison(time_s=time_ns / 1e9, error=error, along_across=shift, findings=findings, **scalars)
+    arrays = {"time_s": time_ns / 1e9, "error": error, "along_across": shift, "ratio": ratio}
+    return Comparison(**arrays, findings=findings, **scalars)
 
 
 def _planar_poses(values: list[Any]) -> Array:

@@ -85,6 +85,40 @@ def summary_cells(c: Comparison) -> Facts:
     )
 
 
+def campaign_cells(comparisons: list[Comparison]) -> Facts:
+    """The same cells for all runs: root mean square over the runs, largest maximum, sums of lengths and frames."""
+
+    def over_runs(name: str) -> float:
+        values = np.array([getattr(c, name) for c in comparisons])
+        return float(np.sqrt(np.mean(values**2)))
+
+    lengths = (("Path RMS, mm", over_runs("path_rms_m")), ("Path max., mm", max(c.path_max_m for c in comparisons)))
+    uncertainties = (("num", "u_num_m"), ("input", "u_input_m"), ("meas.", "u_measurement_m"), ("val", "u_val_m"))
+    frames = sum(c.tracked_frames for c in comparisons), sum(c.lost_frames for c in comparisons)
+    return (
+        *((name, millimetres(value).removesuffix(" mm")) for name, value in lengths),
+        ("Heading RMS, °", degrees(over_runs("heading_rms_rad")).removesuffix("°")),
+        ("Length, m", f"{sum(c.path_length_m for c in comparisons):.3f}"),
+        ("Frames seen / lost", "{} / {}".format(*frames)),
+        *((f"u {name}, mm", millimetres(over_runs(field)).removesuffix(" mm")) for name, field in uncertainties),
+    )
+
+
+def metric_facts(c: Comparison) -> Facts:
+    """Further measures of how far a run is off; the one after alignment comes last and says so."""
+    known = c.ratio[np.isfinite(c.ratio)]
+    within = f"{100 * np.mean(known <= 2):.0f} %" if len(known) else NOT_COMPUTED
+    return (
+        ("Error at the end", millimetres(c.final_error_m)),
+        ("Discrete Fréchet distance", millimetres(c.frechet_m)),
+        ("Area metric of the error along the path", millimetres(c.area_along_m)),
+        ("Area metric of the error across the path", millimetres(c.area_across_m)),
+        ("|E| / u val, largest", decimal(c.ratio_max)),
+        ("|E| / u val at most 2", within),
+        ("Path RMS after rigid alignment (aligned)", millimetres(c.aligned_rms_m)),
+    )
+
+
 def key_numbers(c: Comparison) -> Facts:
     """The errors of a run."""
     share = c.path_rms_m / c.path_length_m if c.path_length_m > 0 else float("nan")

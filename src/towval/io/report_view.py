@@ -24,9 +24,11 @@ from towval.io.report_facts import (
     Table,
     alternatives,
     calibration_facts,
+    campaign_cells,
     decimation_facts,
     headline,
     key_numbers,
+    metric_facts,
     reasons,
     side_by_side,
     simulation_facts,
@@ -81,6 +83,8 @@ class ReportView:
     findings: tuple[FindingView, ...]
     notes: tuple[FindingView, ...]
     tables: Facts
+    all_runs: Facts
+    metrics: Table
     campaign_figure: Markup
     calibration: Facts
     calibration_figures: tuple[tuple[Markup, str], ...]
@@ -119,6 +123,8 @@ def build(data: ReportData, svgs: Mapping[str, str], frames: Mapping[str, Frame]
         findings=tuple(f for f in found if f.severity != Severity.NOTE),
         notes=tuple(f for f in found if f.severity == Severity.NOTE),
         tables=_tables(comparisons),
+        all_runs=campaign_cells(comparisons) if len(comparisons) > 1 else (),
+        metrics=side_by_side([metric_facts(c) for c in comparisons]),
         campaign_figure=inline_svg(svgs["fig10"], "fig10"),
         calibration=() if calibration is None else calibration_facts(calibration),
         calibration_figures=tuple(

@@ -40,6 +40,11 @@ def vector(x: float, y: float, z: float = 0.0) -> Any:
     return make("geometry_msgs/msg/Vector3", x=float(x), y=float(y), z=float(z))
 
 
+def number(value: float) -> Any:
+    """A number without a stamp: its time is that of its message."""
+    return make("std_msgs/msg/Float64", data=float(value))
+
+
 def point(x: float, y: float, z: float = 0.0) -> Any:
     """A point."""
     return make("geometry_msgs/msg/Point", x=float(x), y=float(y), z=float(z))
