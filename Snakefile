@@ -28,6 +28,7 @@ rule all:
 
 include: "workflow/rules/calibrate.smk"
 include: "workflow/rules/run.smk"
+include: "workflow/rules/identify.smk"
 include: "workflow/rules/report.smk"
 include: "workflow/rules/plan.smk"
 include: "workflow/rules/figures.smk"

@@ -37,6 +37,7 @@ rule report:
         uncertainties=per_run("uncertainty.mcap"),
         compared=per_run("compare.mcap"),
         overlays=per_run("overlay.mp4"),
+        identified=identified,
     output:
         report=results("{campaign}", "report.html"),
         summary=results("{campaign}", "summary.csv"),

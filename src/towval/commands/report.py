@@ -13,6 +13,7 @@ from towval.commands.run_folder import files, read_run
 from towval.commands.shared import settings_from
 from towval.io.campaign import Campaign, load_campaign
 from towval.io.figures import UncertaintyMap
+from towval.io.identification import read_identification
 from towval.io.provenance import file_hash, versions
 from towval.io.records import read_calibration
 from towval.io.report import write_report
@@ -22,7 +23,7 @@ from towval.types import Body, Calibration
 from towval.vision.uncertainty import uncertainty_map
 
 
-def run(campaign: Path, results: Path, keys: Mapping[str, Any] | None = None) -> None:
+def run(campaign: Path, results: Path, keys: Mapping[str, Any] | None = None, identified: Path | None = None) -> None:
     """Write the report of a campaign, its figures and its summary.
 
     Parameters
@@ -33,6 +34,8 @@ def run(campaign: Path, results: Path, keys: Mapping[str, Any] | None = None) ->
         Folder with ``camera.mcap`` and a folder a run; overlay videos that are missing there are made.
     keys : mapping, optional
         ``config["report"]``.
+    identified : Path, optional
+        ``identify.mcap`` to show in a section of its own.
     """
     settings = settings_from(ReportSettings, keys, "report")
     given = load_campaign(campaign)
@@ -51,6 +54,7 @@ def run(campaign: Path, results: Path, keys: Mapping[str, Any] | None = None) ->
         calibration=calibration,
         uncertainty=_uncertainty(calibration, given.object),
         inputs=tuple(_inputs(given)),
+        identification=None if identified is None else read_identification(identified),
     )
     write_summary(results / "summary.csv", [item.record.comparison for item in runs])
     write_report(results / "report.html", data, results / "figures")

@@ -6,13 +6,16 @@ import numpy as np
 
 from towval.io.run_record import RunRecord
 from towval.io.wording import NOT_COMPUTED, decimal, degrees, millimetres, named_scalar
-from towval.types import Calibration, Comparison, Verdict
+from towval.types import Calibration, Comparison, Identification, Verdict
 
 Facts = tuple[tuple[str, str], ...]
 """Names and values, as they are shown."""
 
 Table = tuple[tuple[str, tuple[str, ...]], ...]
 """Names and the values of all runs."""
+
+Rows = tuple[tuple[str, ...], ...]
+"""Rows of a table, the first cell the name of the row."""
 
 VERDICT_CODE = "verdict"
 """Code of the finding in which the comparison gives the reason of its verdict."""
@@ -186,6 +189,35 @@ def calibration_facts(calibration: Calibration) -> Facts:
     ]
     facts += [named_scalar(name, value) for name, value in calibration.quality.items() if name not in _SAID_ABOVE]
     return tuple(facts)
+
+
+def identified_rows(found: Identification) -> Rows:
+    """Each identified input: name, given and its deviation, identified and its deviation, whether the runs fix it."""
+    std = np.sqrt(np.diag(found.covariance))
+    return tuple(
+        (
+            name,
+            f"{given:.5g} ± {given_std:.2g}",
+            f"{value:.5g} ± {deviation:.2g}" if np.isfinite(deviation) else "no value",
+            "yes" if fixed else "no",
+        )
+        for name, given, given_std, value, deviation, fixed in zip(
+            found.parameters, found.given, found.given_std, found.values, std, found.identifiable, strict=True
+        )
+    )
+
+
+def predicted_rows(found: Identification) -> Rows:
+    """Each run left out: name, values fitted without it, path error as given and as predicted."""
+    return tuple(
+        (
+            f"run {p.run}",
+            ", ".join(f"{value:.5g}" for value in p.values),
+            millimetres(p.given_rms_m),
+            millimetres(p.predicted_rms_m),
+        )
+        for p in found.predictions
+    )
 
 
 def alternatives(run: RunRecord) -> dict[str, str]:

@@ -21,14 +21,17 @@ from towval.io.report_data import ReportData, RunReport
 from towval.io.report_facts import (
     VERDICT_CODE,
     Facts,
+    Rows,
     Table,
     alternatives,
     calibration_facts,
     campaign_cells,
     decimation_facts,
     headline,
+    identified_rows,
     key_numbers,
     metric_facts,
+    predicted_rows,
     reasons,
     side_by_side,
     simulation_facts,
@@ -90,6 +93,8 @@ class ReportView:
     calibration_figures: tuple[tuple[Markup, str], ...]
     dropped_views: Facts
     shares_figure: Markup | None
+    identified: Rows
+    predicted: Rows
     tracking: Table
     simulation: Table
     data: ReportData
@@ -136,6 +141,8 @@ def build(data: ReportData, svgs: Mapping[str, str], frames: Mapping[str, Frame]
         if calibration is None
         else tuple((view.name, view.dropped) for view in calibration.views if view.dropped),
         shares_figure=inline_svg(svgs["shares"], "shares") if "shares" in svgs else None,
+        identified=() if data.identification is None else identified_rows(data.identification),
+        predicted=() if data.identification is None else predicted_rows(data.identification),
         tracking=side_by_side([(*tracking_facts(r), *decimation_facts(r)) for r in records]),
         simulation=side_by_side([simulation_facts(r) for r in records]),
         data=data,
@@ -145,6 +152,8 @@ def build(data: ReportData, svgs: Mapping[str, str], frames: Mapping[str, Frame]
 def collect_findings(data: ReportData) -> tuple[FindingView, ...]:
     """Findings of every stage, the gravest first, what several runs share said once."""
     found = [(f.stage, f.run, f.finding) for f in data.findings]
+    if data.identification is not None:
+        found += [("identify", "", f) for f in data.identification.findings]
     if data.calibration is not None:
         found += [("calibrate", "", f) for f in data.calibration.findings]
     for run in (run.record for run in data.runs):
