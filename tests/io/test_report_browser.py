@@ -1,8 +1,10 @@
 """The report in a real browser: no complaint, the film plays, the cursor moves the film and the film the cursor."""
 
+import dataclasses
+
 import pytest
 from browser import Browser
-from report_scenes import grey_film, small_calibration, towed_run
+from report_scenes import grey_film, small_calibration, towed_run, uncertainty_of
 
 from towval.io.overlay import write_overlay
 from towval.io.report import Provenance, ReportData, RunReport, write_report
@@ -25,6 +27,7 @@ FILM = "document.querySelector('video')"
 def address(tmp_path_factory):
     folder = tmp_path_factory.mktemp("report")
     run, calibration = towed_run(n=FRAMES), small_calibration()
+    run = dataclasses.replace(run, uncertainty=uncertainty_of(run))
     overlay = write_overlay(grey_film(folder / "a.mp4", FRAMES), folder / "overlay.mp4", calibration, run)
     runs = (RunReport(run, overlay), RunReport(towed_run("b", n=FRAMES)))
     report = write_report(folder / "report.html", ReportData("lab", runs, Provenance("towval report lab")))
@@ -69,6 +72,19 @@ def test_click_on_the_plot_moves_film_cursor_and_plan(page, plot_box):
     assert page.run(f"{FILM}.currentTime") == pytest.approx(LAST_S / 2, abs=2 * pixel_s)
     assert page.run(CURSOR_S) == pytest.approx(LAST_S / 2, abs=2 * pixel_s)
     assert page.run("document.querySelector('.dot.rover').style.left") != before
+
+
+def test_the_plot_along_and_across_has_the_same_cursor(page):
+    second = "document.querySelectorAll('.pair .timeplot')[1]"
+    page.run(f"{second}.scrollIntoView({{ block: 'center', behavior: 'instant' }})")
+    box = page.run(f"{second}.getBoundingClientRect().toJSON()")
+    left, right = page.run(f"(({{ left, right }}) => [+left, +right])({second}.dataset)")
+    page.click(box["left"] + box["width"] * (left + 0.75 * (right - left)), box["top"] + box["height"] / 2)
+    page.wait_for(f"!{FILM}.seeking")
+    assert page.run(CURSOR_S) == pytest.approx(0.75 * LAST_S, abs=2 * LAST_S / box["width"])
+    assert page.run(f"{FILM}.currentTime") == pytest.approx(0.75 * LAST_S, abs=2 * LAST_S / box["width"])
+    place = page.run(f"parseFloat({second}.querySelector('.cursor').style.left) / 100")
+    assert place == pytest.approx(left + 0.75 * (right - left), abs=2 / box["width"])
 
 
 def test_arrow_keys_step_frame_by_frame(page, plot_box):

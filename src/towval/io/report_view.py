@@ -68,6 +68,7 @@ class RunView:
     figures: dict[str, Markup]
     alternatives: dict[str, str]
     time_frame: Frame
+    agreement_frame: Frame | None
     plan_frame: Frame
     series: Markup
     video: str | None
@@ -110,7 +111,7 @@ def build(data: ReportData, svgs: Mapping[str, str], frames: Mapping[str, Frame]
     svgs : mapping of str to str
         The figures of :func:`towval.io.report.report_figures` as SVG, by name.
     frames : mapping of str to Frame
-        Where the axes lie in the figures ``errors_<run>`` and ``fig10_<run>``.
+        Where the axes lie in the figures ``errors_<run>``, ``agreement_<run>`` and ``fig10_<run>``.
 
     Returns
     -------
@@ -214,6 +215,7 @@ def _run_view(report: RunReport, svgs: Mapping[str, str], frames: Mapping[str, F
         figures={key: inline_svg(svgs[full], full) for key, full in parts.items() if full in svgs},
         alternatives=alternatives(run),
         time_frame=frames[f"errors_{name}"],
+        agreement_frame=frames.get(f"agreement_{name}"),
         plan_frame=frames[f"fig10_{name}"],
         series=_series(run),
         video=None if report.overlay is None else _data_uri(report.overlay, "video/mp4"),
