@@ -73,6 +73,12 @@ def _arguments() -> argparse.ArgumentParser:
     stage = _stage(stages, "identify", "all runs of a campaign → identify.mcap, identify.csv: inputs fitted to them")
     _campaign(stage)
     _input(stage, "results", "folder with a folder a run, all stages up to uncertainty done")
+    stage = _stage(stages, "exchange", "all of a run → exchange.mcap and layouts: one file for viewers", settings=False)
+    _campaign(stage)
+    _run(stage)
+    _input(stage, "camera", "camera.mcap of the campaign")
+    _input(stage, "folder", "folder with all MCAP files of the run")
+    _input(stage, "overlay", "overlay.mp4 of the run, as the report makes it")
     stage = _stage(
         stages, "report", "all of a campaign's results → figures, overlays, summary.csv, report.html", output=False
     )

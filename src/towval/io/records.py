@@ -45,11 +45,9 @@ _STATUS = {level: status for status, level in _LEVELS.items()}
 def write_calibration(path: Path, calibration: Calibration, provenance: dict[str, str]) -> None:
     """Write ``camera.mcap``: ``/camera/camera_info`` and ``/tf_static``, both at time zero."""
     T = calibration.floor.T_camera_floor
-    quaternion = Rotation.from_matrix(T[:3, :3].T).as_quat()
-    static = ros.rigid_transform(0.0, FLOOR_FRAME, CAMERA_FRAME, calibration.floor.camera_position_m, quaternion)
     messages = [
         Message("/camera/camera_info", 0, ros.camera_info(0.0, CAMERA_FRAME, calibration.camera)),
-        Message("/tf_static", 0, static),
+        camera_place(calibration.floor, 0.0),
     ]
     details = {
         "camera": {
@@ -88,6 +86,13 @@ def read_calibration(path: Path) -> Calibration:
         findings=_findings_in(details["findings"]),
         quality=details["quality"],
     )
+
+
+def camera_place(floor: Floor, time_s: float) -> Message:
+    """The camera in the floor frame, on ``/tf_static``."""
+    quaternion = Rotation.from_matrix(floor.T_camera_floor[:3, :3].T).as_quat()
+    static = ros.rigid_transform(time_s, FLOOR_FRAME, CAMERA_FRAME, floor.camera_position_m, quaternion)
+    return Message("/tf_static", ros.nanoseconds(time_s), static)
 
 
 def write_tracks(path: Path, tracks: dict[str, Track], provenance: dict[str, str]) -> None:
@@ -348,6 +353,19 @@ def write_comparison(
     path: Path, comparison: Comparison, measured: Track, simulated: SimulatedMotion, provenance: dict[str, str]
 ) -> None:
     """Write ``compare.mcap``: ``/object/error``, and both paths again, so that one file serves other tools."""
+    messages = error_messages(comparison)
+    messages += _track_messages("object", dataclasses.replace(measured, features=None))
+    for t, pose in zip(simulated.time_s, simulated.pose, strict=True):
+        value = ros.stamped_pose(t, FLOOR_FRAME, pose)
+        messages.append(Message("/object/pose_simulated", ros.nanoseconds(t), value))
+    details = {name: _scalar(getattr(comparison, name)) for name in _COMPARISON_SCALARS}
+    details["time_ns"] = [ros.nanoseconds(t) for t in comparison.time_s]
+    details["findings"] = _findings_out(comparison.findings)
+    write_mcap(path, messages, details, provenance)
+
+
+def error_messages(comparison: Comparison) -> list[Message]:
+    """The errors of a run on ``/object/error``, ``/object/error_along_across`` and ``/object/error_ratio``."""
     messages = []
     rows = zip(*(getattr(comparison, name) for name in _COMPARISON_ARRAYS), strict=True)
     for t, error, shift, ratio in rows:
@@ -358,14 +376,7 @@ def write_comparison(
             messages.append(Message("/object/error", ns, ros.stamped_vector(t, FLOOR_FRAME, error)))
             value = ros.stamped_vector(t, "object_path", np.append(shift, error[2]))
             messages.append(Message("/object/error_along_across", ns, value))
-    messages += _track_messages("object", dataclasses.replace(measured, features=None))
-    for t, pose in zip(simulated.time_s, simulated.pose, strict=True):
-        value = ros.stamped_pose(t, FLOOR_FRAME, pose)
-        messages.append(Message("/object/pose_simulated", ros.nanoseconds(t), value))
-    details = {name: _scalar(getattr(comparison, name)) for name in _COMPARISON_SCALARS}
-    details["time_ns"] = [ros.nanoseconds(t) for t in comparison.time_s]
-    details["findings"] = _findings_out(comparison.findings)
-    write_mcap(path, messages, details, provenance)
+    return messages
 
 
 def read_comparison(path: Path) -> Comparison:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_typestore
 
 from towval.conventions import NANOSECONDS_PER_SECOND
@@ -217,3 +218,8 @@ def diagnostics(time_s: float, entries: Sequence[tuple[int, str, str, dict[str, 
         for level, name, text, values in entries
     ]
     return make("diagnostic_msgs/msg/DiagnosticArray", header=header(time_s, ""), status=status)
+
+
+def compressed_image(time_s: float, frame: str, jpeg: NDArray[np.uint8]) -> Any:
+    """A stamped picture from the bytes (n,) of a JPEG."""
+    return make("sensor_msgs/msg/CompressedImage", header=header(time_s, frame), format="jpeg", data=jpeg)
