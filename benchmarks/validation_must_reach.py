@@ -1,10 +1,12 @@
 """What the verdict must reach, measured on synthetic runs and printed as one table; exit code 1 where a line fails.
 
     python benchmarks/validation_must_reach.py [--runs 200] [--rendered 5] [--output results/validation]
+                                               [--right results/lab_a/a results/lab_a/b]
 
 Each run has a scene, a way, inputs and a camera of its own (``validation_truth``); it is measured, simulated, sampled
-and judged, once as the model says and once with each planted fault. A fault counts from the run on in which it moves
-the object by more than 3 u_val. Rows are kept in ``<output>/runs.jsonl``, one a line, and a second call goes on there.
+and judged, once as the model says and once with each planted fault. A fault counts where it moves the object by more
+than 3 u_val at some time. Rows are kept in the output folder, and a second call goes on there. ``--right`` are folders
+of filmed runs in which nothing was planted.
 """
 
 from __future__ import annotations
@@ -28,6 +30,7 @@ from validation_truth import ROVER, TOWED, TrueCamera, nominal_calibration, plan
 from towval.compare import compare
 from towval.decimate import decimate
 from towval.geometry import wrapped
+from towval.io.records import read_comparison
 from towval.simulate import friction_law, simulate
 from towval.types import Array, Comparison, Verdict
 from towval.uncertainty import Case, UncertaintySettings, sample_uncertainty
@@ -154,21 +157,30 @@ def time_row(runs: int) -> Row:
     return "uncertainty of one run, 1,024 samples", f"{longest:.0f} s CPU", "60 s on 2 cores", longest < 60
 
 
+def right_rows(folders: list[Path]) -> Iterator[Row]:
+    """A row for the results of a run that follows the model."""
+    for folder in folders:
+        result = read_comparison(folder / "compare.mcap")
+        told = f"{result.verdict.value}, E {1e3 * result.path_rms_m:.1f}, u_val {1e3 * result.u_val_m:.1f} mm"
+        yield f"{folder.parent.name}, run {folder.name}", told, "agrees", result.verdict == Verdict.AGREES
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=200)
     parser.add_argument("--samples", type=int, default=512)
     parser.add_argument("--rendered", type=int, default=5)
     parser.add_argument("--output", type=Path, default=Path("results/validation"))
+    parser.add_argument("--right", type=Path, nargs="*", default=[])
     given = parser.parse_args()
     given.output.mkdir(parents=True, exist_ok=True)
     rows = all_rows(given.runs, given.samples, given.output / f"runs_{given.samples}.jsonl")
-    table = [*coverage_rows(rows), *verdict_rows(rows), time_row(2)]
+    table = [*coverage_rows(rows), *verdict_rows(rows), time_row(2), *right_rows(given.right)]
     with tempfile.TemporaryDirectory() as folder:
         table += rendered_rows(given.rendered, Path(folder))
-    print(f"{'what':58}{'measured':34}{'asked':18}")
+    print(f"| {'what':56} | {'measured':38} | {'asked':16} | |\n|---|---|---|---|")
     for what, measured, asked, good in table:
-        print(f"{what:58}{measured:34}{asked:18}{'' if good else 'MISSED'}")
+        print(f"| {what:56} | {measured:38} | {asked:16} | {'' if good else 'MISSED'} |")
     return 0 if all(row[-1] for row in table) else 1
 
 

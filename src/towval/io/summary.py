@@ -50,8 +50,9 @@ def summary_latex(comparisons: Sequence[Comparison]) -> str:
 
 
 def write_summary(path: Path, comparisons: Sequence[Comparison]) -> None:
-    """Write ``summary.csv``."""
+    """Write ``summary.csv``, and beside it the same for LaTeX, ``figures/summary.tex``."""
     write_text(path, summary_csv(comparisons))
+    write_text(path.parent / "figures" / "summary.tex", summary_latex(comparisons))
 
 
 _LATEX_HEAD = (
