@@ -110,15 +110,19 @@ def campaign_cells(comparisons: list[Comparison]) -> Facts:
 def metric_facts(c: Comparison) -> Facts:
     """Further measures of how far a run is off; the one after alignment comes last and says so."""
     known = c.ratio[np.isfinite(c.ratio)]
-    within = f"{100 * np.mean(known <= 2):.0f} %" if len(known) else NOT_COMPUTED
+    within = f"{100 * np.mean(known <= 2):.0f}" if len(known) else NOT_COMPUTED
+
+    def length(value: float) -> str:
+        return millimetres(value).removesuffix(" mm")
+
     return (
-        ("Error at the end", millimetres(c.final_error_m)),
-        ("Discrete Fréchet distance", millimetres(c.frechet_m)),
-        ("Area metric of the error along the path", millimetres(c.area_along_m)),
-        ("Area metric of the error across the path", millimetres(c.area_across_m)),
+        ("Error at the end, mm", length(c.final_error_m)),
+        ("Discrete Fréchet distance, mm", length(c.frechet_m)),
+        ("Area metric of the error along the path, mm", length(c.area_along_m)),
+        ("Area metric of the error across the path, mm", length(c.area_across_m)),
         ("|E| / u val, largest", decimal(c.ratio_max)),
-        ("|E| / u val at most 2", within),
-        ("Path RMS after rigid alignment (aligned)", millimetres(c.aligned_rms_m)),
+        ("|E| / u val at most 2, % of the time", within),
+        ("Path RMS after rigid alignment (aligned), mm", length(c.aligned_rms_m)),
     )
 
 

@@ -6,9 +6,9 @@ const asBlob = (address) => {
 };
 // One time cursor for each run: it moves with the film, and the film moves with it.
 for (const pair of document.querySelectorAll(".pair[data-run]")) {
-  // The first is the slider that keys move; all show the cursor and can be clicked.
-  const plots = [...pair.querySelectorAll(".timeplot")];
-  const plot = plots[0];
+  // One is the slider that keys move; all show the cursor and can be clicked.
+  const plots = pair.querySelectorAll(".timeplot");
+  const plot = pair.querySelector(".timeplot[role=slider]");
   const readout = pair.querySelector(".readout");
   const film = pair.querySelector("video");
   const series = JSON.parse(pair.querySelector(".series").textContent);
