@@ -11,6 +11,7 @@ from validation_truth import SyntheticRun, planted, synthetic_run, true_motion
 from campaigns import OBJECT, RESOLUTION_PX, ROVER, film_campaign, view
 from towval.commands import calibrate, decimate, simulate, track, uncertainty
 from towval.commands import compare as compare_command
+from towval.errors import TowvalError
 from towval.geometry import transform
 from towval.io.records import read_comparison
 from towval.types import Array, Comparison, Verdict
@@ -18,7 +19,7 @@ from towval.vision.camera import project
 
 CASES = ("", "stripe", "centre of mass", "tether", "")
 MARGIN_PX = 12
-FIRST_SEED = 1000
+FIRST_SEED = 999
 LARGE_M = 0.02
 """A fault that is filmed moves the object by so much: about 3 u_val of these runs."""
 
@@ -29,15 +30,18 @@ def rendered_rows(count: int, folder: Path) -> Iterator[Row]:
     """A row a filmed run: its verdict, and what it should be."""
     seed = FIRST_SEED
     for fault in CASES[:count]:
-        seed = filmable(seed, fault)
-        run, size, result = filmed_run(seed, fault, folder / str(seed))
+        seed = filmable(seed + 1, fault)
         wanted = Verdict.MODEL_ERROR if fault else Verdict.AGREES
-        what = f"filmed, {len(run.time_s)} frames, {fault or 'as the model says'}"
+        what = f"filmed, seed {seed}, {fault or 'as the model says'}"
+        try:
+            size, result = filmed_run(seed, fault, folder / str(seed))
+        except TowvalError as error:
+            yield what, f"refused: {error}".splitlines()[0], wanted.value, False
+            continue
         if fault:
             what += f" ({size / result.u_val_m:.1f} u_val)"
         told = f"{result.verdict.value}, E {1e3 * result.path_rms_m:.1f}, u_val {1e3 * result.u_val_m:.1f} mm"
         yield what, told, wanted.value, result.verdict == wanted
-        seed += 1
 
 
 def filmable(seed: int, fault: str) -> int:
@@ -71,14 +75,14 @@ def in_view(body, pose: Array) -> bool:
     return bool(((pixels > MARGIN_PX) & (pixels < np.array(RESOLUTION_PX) - MARGIN_PX)).all())
 
 
-def filmed_run(seed: int, fault: str, folder: Path) -> tuple[SyntheticRun, float, Comparison]:
-    """Film a run, with a fault planted or none, and judge it; also the largest shift that the fault makes [m]."""
+def filmed_run(seed: int, fault: str, folder: Path) -> tuple[float, Comparison]:
+    """Film a run, with a fault planted or none: the largest shift that the fault makes [m], and how it is judged."""
     run, right, motion = motions(seed, fault)
     campaign, results = folder / "campaign", folder / "results"
     campaign.mkdir(parents=True)
     heights = 1e-3 * np.random.default_rng([seed, 4]).standard_normal(2)
     film_campaign(campaign, run.drive, motion, given_of(run), seed, heights)
-    return run, shift(motion, right), judged(campaign, results)
+    return shift(motion, right), judged(campaign, results)
 
 
 def given_of(run: SyntheticRun) -> dict:

@@ -82,7 +82,11 @@ def towed_motion(rover, start, times):
 
 
 def board_picture(camera, floor, T_floor_board, rng):
-    """Grey picture of the board with its face at z = 0 of ``T_floor_board``, three samples a pixel and axis."""
+    """Grey picture of the board with its face at z = 0 of ``T_floor_board``.
+
+    Three samples a pixel and axis, each at a random place of its cell: on a regular grid an edge along the pixels' rows
+    would move by thirds of a pixel, which a calibration rightly takes for a board that does not fit.
+    """
     width, height = RESOLUTION_PX
     sub = (np.arange(3) - 1) / 3
     T_camera_board = floor.T_camera_floor @ T_floor_board
@@ -91,6 +95,7 @@ def board_picture(camera, floor, T_floor_board, rng):
     for du in sub:
         for dv in sub:
             grid = np.stack(np.meshgrid(np.arange(width) + du, np.arange(height) + dv), axis=-1)
+            grid += rng.uniform(-1 / 6, 1 / 6, grid.shape)
             xy = to_plane(camera, board, grid, 0.0) / SQUARE_M
             columns, rows = INNER_CORNERS
             dark = (np.floor(xy).sum(axis=-1) % 2 == 0) & (xy > -1).all(axis=-1) & (xy < (columns, rows)).all(axis=-1)
