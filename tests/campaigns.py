@@ -4,6 +4,7 @@ The object's motion is computed here by summing friction over cells with SciPy's
 neither shares code with the physics under test.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -13,7 +14,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from scenes import CeilingCamera, Scene, ceiling, drive, rectangle, write_video
-from towval.types import Body
+from towval.types import Body, Camera, Floor
 from towval.vision.camera import project, to_plane
 
 RESOLUTION_PX = (800, 450)
@@ -81,7 +82,11 @@ def towed_motion(rover, start, times):
 
 
 def board_picture(camera, floor, T_floor_board, rng):
-    """Grey picture of the board with its face at z = 0 of ``T_floor_board``, three samples a pixel and axis."""
+    """Grey picture of the board with its face at z = 0 of ``T_floor_board``.
+
+    Three samples a pixel and axis, each at a random place of its cell: on a regular grid an edge along the pixels' rows
+    would move by thirds of a pixel, which a calibration rightly takes for a board that does not fit.
+    """
     width, height = RESOLUTION_PX
     sub = (np.arange(3) - 1) / 3
     T_camera_board = floor.T_camera_floor @ T_floor_board
@@ -90,6 +95,7 @@ def board_picture(camera, floor, T_floor_board, rng):
     for du in sub:
         for dv in sub:
             grid = np.stack(np.meshgrid(np.arange(width) + du, np.arange(height) + dv), axis=-1)
+            grid += rng.uniform(-1 / 6, 1 / 6, grid.shape)
             xy = to_plane(camera, board, grid, 0.0) / SQUARE_M
             columns, rows = INNER_CORNERS
             dark = (np.floor(xy).sum(axis=-1) % 2 == 0) & (xy > -1).all(axis=-1) & (xy < (columns, rows)).all(axis=-1)
@@ -116,21 +122,51 @@ def _held(rng, k):
     return _placed(centre - rotation.apply([0.18, 0.12, 0]), rotation)
 
 
+GIVEN = {
+    "mass_kg": MASS,
+    "load": {"mass_kg": LOAD, "at_m": LOAD_AT.tolist(), "size_m": list(LOAD_SIZE)},
+    "tether": {"rest_length_m": REST_LENGTH, "stiffness_N_per_m": STIFFNESS},
+    "friction": {
+        "kinetic": FRICTION,
+        "static": FRICTION,
+        "stiction_velocity_m_per_s": 0.005,
+        "friction_velocity_m_per_s": 0.05,
+    },
+}
+"""What campaign.yaml says of the object, the tether and the friction."""
+
+
 def write_campaign(folder: Path, seed: int = 0, frames: int = FRAMES) -> dict[str, np.ndarray]:
     """Write a campaign with one run ``a``; returns ``time_s`` (n,), true ``rover`` and ``object`` poses (n, 3)."""
-    rng = np.random.default_rng(seed)
-    camera, floor = ceiling(RESOLUTION_PX, focal_px=650.0, height_m=4.0, tilt_rad=0.05, distortion=(-0.05, 0.01))
     times = np.arange(frames) / RATE_HZ
     rover = drive((-0.15, 0.05, 0.1), speed=0.25, turn=0.5, rest_s=0.3)
-    start = np.array([-1.2, 0.0, 0.15])
-    towed = towed_motion(rover, start, times)
-    scene = Scene(camera, floor, (ROVER, OBJECT), (rover, lambda t: towed[round(t * RATE_HZ)]), seed=seed, noise=2.0)
+    towed = towed_motion(rover, np.array([-1.2, 0.0, 0.15]), times)
+    film_campaign(folder, rover, towed, GIVEN, seed)
+    return {"time_s": times, "rover": np.array([rover(t) for t in times]), "object": towed}
+
+
+def view() -> tuple[Camera, Floor]:
+    """The camera that films the campaigns."""
+    return ceiling(RESOLUTION_PX, focal_px=650.0, height_m=4.0, tilt_rad=0.05, distortion=(-0.05, 0.01))
+
+
+def film_campaign(folder: Path, rover, towed, given, seed: int = 0, height_errors=(0.0, 0.0)) -> None:
+    """Film a rover (pose of time) and an object (pose a frame), and write all that a lab hands in.
+
+    ``given`` is shaped like :data:`GIVEN`; by ``height_errors`` the tops are higher than campaign.yaml says.
+    """
+    rng, (camera, floor) = np.random.default_rng(seed), view()
+    times = np.arange(len(towed)) / RATE_HZ
+    bodies = tuple(
+        replace(body, tracked_plane_height_m=body.tracked_plane_height_m + error)
+        for body, error in zip((ROVER, OBJECT), height_errors, strict=True)
+    )
+    scene = Scene(camera, floor, bodies, (rover, lambda t: towed[round(t * RATE_HZ)]), seed=seed, noise=2.0)
     write_video(folder / "a.mp4", CeilingCamera(scene).frames(times), rate=RATE_HZ, crf="16")
     _write_pictures(folder / "calibration", camera, floor, rng)
     clicks = {name: np.round(px, 1).tolist() for name, px in scene.clicks(rng).items()}
     corners = np.array([[0, 0, THICKNESS_M], [(INNER_CORNERS[0] - 1) * SQUARE_M, 0, THICKNESS_M]])
-    _write_yaml(folder, clicks, project(camera, floor, corners))
-    return {"time_s": times, "rover": np.array([rover(t) for t in times]), "object": towed}
+    _write_yaml(folder, clicks, project(camera, floor, corners), given)
 
 
 def _write_pictures(folder, camera, floor, rng):
@@ -143,7 +179,7 @@ def _write_pictures(folder, camera, floor, rng):
         cv2.imwrite(str(folder / ("floor.png" if k == 0 else f"floor_{k}.png")), board_picture(camera, floor, T, rng))
 
 
-def _write_yaml(folder, clicks, corners_px):
+def _write_yaml(folder, clicks, corners_px, given):
     def body(thing):
         return {"tracked_plane_height_m": thing.tracked_plane_height_m, "top_corners_m": thing.top_corners_m.tolist()}
 
@@ -165,17 +201,12 @@ def _write_yaml(folder, clicks, corners_px):
         "object": {
             **body(OBJECT),
             "footprint_m": OBJECT.top_corners_m.tolist(),
-            "mass_kg": MASS,
-            "load": {"mass_kg": LOAD, "at_m": LOAD_AT.tolist(), "size_m": list(LOAD_SIZE)},
+            "mass_kg": given["mass_kg"],
+            "load": given["load"],
             "tether_anchor_m": ANCHOR.tolist(),
         },
-        "tether": {"rest_length_m": REST_LENGTH, "stiffness_N_per_m": STIFFNESS},
-        "friction": {
-            "kinetic": FRICTION,
-            "static": FRICTION,
-            "stiction_velocity_m_per_s": 0.005,
-            "friction_velocity_m_per_s": 0.05,
-        },
+        "tether": given["tether"],
+        "friction": given["friction"],
         "runs": {"a": {"video": "a.mp4", "first_frame_clicks_px": clicks}},
     }
     (folder / "campaign.yaml").write_text(yaml.safe_dump(document, sort_keys=False))

@@ -78,6 +78,11 @@ def section(stage):
     return dict(config.get(stage) or {})
 
 
+def identified(wildcards):
+    """The identification of a campaign, where config["identify"]["parameters"] asks for one."""
+    return [results(wildcards.campaign, "identify.mcap")] if section("identify").get("parameters") else []
+
+
 def paper(*parts):
     return str(RESULTS.joinpath("figures", *parts))
 

@@ -302,7 +302,7 @@ def _scene(document: dict[str, Any], load: Load) -> Scene:
     )
 
 
-_MASS_STD, _STIFFNESS_STD = 0.01, 0.05
+_MASS_STD, _STIFFNESS_STD = 0.01, 0.02
 _PLACE_STD_M, _LENGTH_STD_M = 0.001, 0.001
 """Deviations where campaign.yaml gives none, as the schema says: a scale, a spring balance, a tape measure."""
 

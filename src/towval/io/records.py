@@ -45,11 +45,9 @@ _STATUS = {level: status for status, level in _LEVELS.items()}
 def write_calibration(path: Path, calibration: Calibration, provenance: dict[str, str]) -> None:
     """Write ``camera.mcap``: ``/camera/camera_info`` and ``/tf_static``, both at time zero."""
     T = calibration.floor.T_camera_floor
-    quaternion = Rotation.from_matrix(T[:3, :3].T).as_quat()
-    static = ros.rigid_transform(0.0, FLOOR_FRAME, CAMERA_FRAME, calibration.floor.camera_position_m, quaternion)
     messages = [
         Message("/camera/camera_info", 0, ros.camera_info(0.0, CAMERA_FRAME, calibration.camera)),
-        Message("/tf_static", 0, static),
+        camera_place(calibration.floor, 0.0),
     ]
     details = {
         "camera": {
@@ -88,6 +86,13 @@ def read_calibration(path: Path) -> Calibration:
         findings=_findings_in(details["findings"]),
         quality=details["quality"],
     )
+
+
+def camera_place(floor: Floor, time_s: float) -> Message:
+    """The camera in the floor frame, on ``/tf_static``."""
+    quaternion = Rotation.from_matrix(floor.T_camera_floor[:3, :3].T).as_quat()
+    static = ros.rigid_transform(time_s, FLOOR_FRAME, CAMERA_FRAME, floor.camera_position_m, quaternion)
+    return Message("/tf_static", ros.nanoseconds(time_s), static)
 
 
 def write_tracks(path: Path, tracks: dict[str, Track], provenance: dict[str, str]) -> None:
@@ -338,8 +343,9 @@ def read_uncertainty(path: Path) -> RunUncertainty:
     return RunUncertainty(time_s=content.times_s(topics["validation"]), **arrays, **details)
 
 
+_COMPARISON_ARRAYS = ("time_s", "error", "along_across", "ratio")
 _COMPARISON_SCALARS = tuple(
-    f.name for f in dataclasses.fields(Comparison) if f.name not in ("time_s", "error", "along_across", "findings")
+    f.name for f in dataclasses.fields(Comparison) if f.name not in (*_COMPARISON_ARRAYS, "findings")
 )
 
 
@@ -347,13 +353,7 @@ def write_comparison(
     path: Path, comparison: Comparison, measured: Track, simulated: SimulatedMotion, provenance: dict[str, str]
 ) -> None:
     """Write ``compare.mcap``: ``/object/error``, and both paths again, so that one file serves other tools."""
-    messages = []
-    for t, error, shift in zip(comparison.time_s, comparison.error, comparison.along_across, strict=True):
-        if np.isfinite(error).all():
-            ns = ros.nanoseconds(t)
-            messages.append(Message("/object/error", ns, ros.stamped_vector(t, FLOOR_FRAME, error)))
-            value = ros.stamped_vector(t, "object_path", np.append(shift, error[2]))
-            messages.append(Message("/object/error_along_across", ns, value))
+    messages = error_messages(comparison)
     messages += _track_messages("object", dataclasses.replace(measured, features=None))
     for t, pose in zip(simulated.time_s, simulated.pose, strict=True):
         value = ros.stamped_pose(t, FLOOR_FRAME, pose)
@@ -362,6 +362,21 @@ def write_comparison(
     details["time_ns"] = [ros.nanoseconds(t) for t in comparison.time_s]
     details["findings"] = _findings_out(comparison.findings)
     write_mcap(path, messages, details, provenance)
+
+
+def error_messages(comparison: Comparison) -> list[Message]:
+    """The errors of a run on ``/object/error``, ``/object/error_along_across`` and ``/object/error_ratio``."""
+    messages = []
+    rows = zip(*(getattr(comparison, name) for name in _COMPARISON_ARRAYS), strict=True)
+    for t, error, shift, ratio in rows:
+        ns = ros.nanoseconds(t)
+        if np.isfinite(ratio):
+            messages.append(Message("/object/error_ratio", ns, ros.number(ratio)))
+        if np.isfinite(error).all():
+            messages.append(Message("/object/error", ns, ros.stamped_vector(t, FLOOR_FRAME, error)))
+            value = ros.stamped_vector(t, "object_path", np.append(shift, error[2]))
+            messages.append(Message("/object/error_along_across", ns, value))
+    return messages
 
 
 def read_comparison(path: Path) -> Comparison:
@@ -377,6 +392,9 @@ def read_comparison(path: Path) -> Comparison:
     time_ns = np.array(details["time_ns"], dtype=np.int64)
     index = {int(t): i for i, t in enumerate(time_ns)}
     error, shift = np.full((len(time_ns), 3), np.nan), np.full((len(time_ns), 2), np.nan)
+    ratio = np.full(len(time_ns), np.nan)
+    for message in content.topics.get("/object/error_ratio", []):
+        ratio[index[message.time_ns]] = message.value.data
     for message in content.topics.get("/object/error", []):
         vector = message.value.vector
         error[index[message.time_ns]] = vector.x, vector.y, vector.z
@@ -385,7 +403,8 @@ def read_comparison(path: Path) -> Comparison:
     scalars = {name: np.nan if details[name] is None else details[name] for name in _COMPARISON_SCALARS}
     scalars["verdict"] = Verdict(scalars["verdict"])
     findings = _findings_in(details["findings"])
-    return Comparison(time_s=time_ns / 1e9, error=error, along_across=shift, findings=findings, **scalars)
+    arrays = {"time_s": time_ns / 1e9, "error": error, "along_across": shift, "ratio": ratio}
+    return Comparison(**arrays, findings=findings, **scalars)
 
 
 def _planar_poses(values: list[Any]) -> Array:

@@ -8,7 +8,7 @@ from pathlib import Path as FilePath
 
 from towval.errors import InputError
 from towval.io.run_record import RunRecord
-from towval.types import Calibration, Finding, UncertaintyMap
+from towval.types import Calibration, Finding, Identification, UncertaintyMap
 
 
 @dataclass(frozen=True)
@@ -87,3 +87,4 @@ class ReportData:
     uncertainty: UncertaintyMap | None = None
     inputs: tuple[InputRow, ...] = ()
     findings: tuple[StageFinding, ...] = ()
+    identification: Identification | None = None

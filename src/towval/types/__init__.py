@@ -16,6 +16,7 @@ from towval.types.camera import (
 )
 from towval.types.checks import Array, locked
 from towval.types.findings import Finding, Severity
+from towval.types.identification import Identification, Prediction
 from towval.types.results import Comparison, Path, RunUncertainty, SimulatedMotion, Verdict
 from towval.types.scene import FrictionLaw, FrictionWish, InputDeviations, Load, Patch, Scene, Tether, TowedObject
 from towval.types.tracks import Body, DecimatedTrack, Features, Track, TrackStatus
@@ -36,10 +37,12 @@ __all__ = [
     "FloorReference",
     "FrictionLaw",
     "FrictionWish",
+    "Identification",
     "InputDeviations",
     "Load",
     "Patch",
     "Path",
+    "Prediction",
     "RunUncertainty",
     "Scene",
     "Severity",

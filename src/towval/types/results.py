@@ -103,14 +103,17 @@ class Comparison:
     """Simulated against measured object path of one run, unaligned.
 
     ``time_s`` (n,); ``error`` (n, 3) simulated minus measured [m, m, rad], NaN where the object was not seen;
-    ``along_across`` (n, 2) the same shift along and across the measured path [m]. The scalars are those of
-    ``summary.csv``; an uncertainty that was not computed is NaN and then the verdict is "not judged".
+    ``along_across`` (n, 2) the same shift along and across the measured path [m]; ``ratio`` (n,) is |E| / u_val of the
+    position [1]. The scalars are those of ``summary.csv``; an uncertainty that was not computed is NaN and then the
+    verdict is "not judged". ``frechet_m`` and the area metrics are unaligned, too (see :mod:`towval.metrics`); only
+    ``aligned_rms_m`` comes after the rigid motion that brings the whole simulated path closest to the measured one.
     """
 
     run: str
     time_s: Array
     error: Array
     along_across: Array
+    ratio: Array
     path_rms_m: float
     path_max_m: float
     final_error_m: float
@@ -123,10 +126,19 @@ class Comparison:
     verdict: Verdict
     tracked_frames: int
     lost_frames: int
+    frechet_m: float = float("nan")
+    area_along_m: float = float("nan")
+    area_across_m: float = float("nan")
+    aligned_rms_m: float = float("nan")
     findings: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.time_s)
         lock(self, time_s=(n,))
-        for name, shape in (("error", (n, 3)), ("along_across", (n, 2))):
+        for name, shape in (("error", (n, 3)), ("along_across", (n, 2)), ("ratio", (n,))):
             object.__setattr__(self, name, locked(getattr(self, name), f"Comparison.{name}", shape, finite=False))
+
+    @property
+    def ratio_max(self) -> float:
+        """Largest |E| / u_val of the run [1], NaN where there is none."""
+        return float(np.nanmax(self.ratio)) if np.isfinite(self.ratio).any() else float("nan")
