@@ -3,22 +3,18 @@
 Run ``python benchmarks/calibration_table.py``.
 
 Each set is a made-up ceiling camera (focal length, lens, height and tilt random) and a board of 9 × 6 corners, 40 mm
-squares, held at 0.8 to 1.8 m; see ``tests/corner_scenes.py``. Errors are root mean squares over the whole picture.
+squares, held at 0.8 to 1.8 m; see ``towval/synthetic/boards.py``. Errors are root mean squares over the whole picture.
 """
 
 from __future__ import annotations
 
 import argparse
-import sys
-from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
-
-from corner_scenes import CornerScene, calibration_set
 from towval.calibrate import CalibrateSettings, calibrate_sightings
 from towval.geometry import rigid_fit, transform
+from towval.synthetic.boards import CornerScene, calibration_set
 from towval.types import Array, Calibration
 from towval.vision.camera import to_plane
 from towval.vision.uncertainty import pixel_grid, uncertainty_map

@@ -10,17 +10,13 @@ of predicted to actual deviation, registration included, root mean square over t
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 
-sys.path[:0] = [str(Path(__file__).parents[1] / folder) for folder in ("src", "tests")]
-
-from challenges import ACCURATE, FLAGGED, HARD, Challenge
-from scenes import CeilingCamera
 from towval.geometry import path_length, wrapped
+from towval.synthetic.challenges import ACCURATE, FLAGGED, HARD, Challenge
+from towval.synthetic.scenes import CeilingCamera
 from towval.track import TrackSettings, track
 from towval.types import Track
 
