@@ -4,8 +4,9 @@ from pathlib import Path
 
 from towval.errors import TowvalError
 from towval.io.campaign import load_campaign
-from towval.io.provenance import code_hash
+from towval.io.provenance import code_hash, module_hash
 from towval.io.schema import check, read_yaml
+from towval.presets import STANDARD, settings_of
 
 HERE = Path(workflow.basedir)
 SCRIPTS = HERE / "workflow" / "scripts"
@@ -29,6 +30,10 @@ def load_campaigns():
         campaigns[campaign.name] = campaign
     return campaigns
 
+
+if str(config.get("quick")).lower() in ("true", "false"):
+    # `--config quick=true` comes as a word.
+    config["quick"] = str(config["quick"]).lower() == "true"
 
 told(check, config, read_yaml(HERE / "workflow" / "schemas" / "config.schema.yaml"), "config")
 
@@ -75,7 +80,7 @@ def canonical(keys):
 
 
 def section(stage):
-    return dict(config.get(stage) or {})
+    return settings_of(config.get("preset", STANDARD), stage, config.get(stage))
 
 
 def paper(*parts):

@@ -57,19 +57,23 @@ def judged(error: float, allowed: float, flags: list[str]) -> Row:
 
 @dataclass(frozen=True)
 class Scatter:
-    """A chart of error against cost: rows have ``panel``, ``series``, ``setting``, ``cost``, ``error``, ``default``."""
+    """A chart of error against cost: rows have ``panel``, ``series``, ``setting``, ``cost``, ``error``, ``default``.
+
+    Without ``front`` the points of a series are joined instead of drawing what no other point beats.
+    """
 
     title: str
     cost: str
     error: str
     note: str
+    front: bool = True
 
 
 @dataclass(frozen=True)
 class Maps:
     """Maps of judgements: rows have ``map``, ``x``, ``y`` and the columns of :func:`judged`.
 
-    ``axes`` give the labels of x and y by the name of the map, ``None`` for y where a map has one row only.
+    ``axes`` give the labels of x and y by the name of the map.
     """
 
     title: str

@@ -147,9 +147,11 @@ def _parts(quick: bool) -> dict[str, Part]:
 STUDY = Study(
     Scatter(
         title="What a fault of the input does to the paths",
-        cost="size of the fault",
-        error="RMS distance from the truth, or from each other [mm]",
-        note="Ten seconds, 0.8 m of path, camera 4 m above the floor. No stage can see these faults in the data.",
+        cost="",
+        error="RMS distance [mm]",
+        note="Distance of measured and simulated path from the truth, and from each other: ten seconds, 0.8 m of path, "
+        "camera at 4 m. No stage can see these faults in the data.",
+        front=False,
     ),
     _parts,
     carry_over_rows,

@@ -80,7 +80,7 @@ def integrator_rows(start: str, stiffness: float, stiction: float, over: str, me
         for setting, flags, poses in _tried(method, tether, law, hinge, times):
             gap = np.linalg.norm(poses[:, :2] - truth[: len(poses), :2], axis=1)
             error = float(gap.max()) if len(poses) == len(times) else np.nan
-            name = f"{method}, {start}" + (", over v_s" if over == "stiction" else "")
+            name = f"{method}, over v_s" if over == "stiction" else f"{method}, {start}"
             rows.append({"map": name, "x": x, "y": setting} | judged(error, ALLOWED_M, flags))
     return rows
 
@@ -139,7 +139,7 @@ STUDY = Study(
     Maps(
         title="Integrators of the towed object",
         axes={f"{method}, {start}": (_STIFFNESS, setting) for start in STARTS for method, setting in _SETTING.items()}
-        | {f"{method}, slack, over v_s": (_STICTION, setting) for method, setting in _SETTING.items()},
+        | {f"{method}, over v_s": (_STICTION, setting) for method, setting in _SETTING.items()},
         note="Right: within 1 mm of the truth all along. Flagged: a named outcome other than converged, or the stage's "
         "own estimate of its error above 1 mm; for SciPy, no success; for fixed steps, no number any more.",
     ),

@@ -7,7 +7,7 @@ The object's motion comes from :mod:`towval.synthetic.reference`, the pictures f
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
@@ -103,19 +103,65 @@ class SyntheticCampaign:
     towed: Array
 
 
-def synthetic_campaign(seed: int = 0, frames: int = FRAMES) -> SyntheticCampaign:
-    """A campaign with one run ``a`` of ``frames`` pictures: board held and on the floor, rover and towed object."""
-    rng = np.random.default_rng(seed)
-    camera, floor = ceiling(RESOLUTION_PX, focal_px=650.0, height_m=4.0, tilt_rad=0.05, distortion=(-0.05, 0.01))
-    times = np.arange(frames) / RATE_HZ
+GIVEN: dict[str, Any] = {
+    "mass_kg": MASS,
+    "load": {"mass_kg": LOAD, "at_m": LOAD_AT.tolist(), "size_m": list(LOAD_SIZE)},
+    "tether": {"rest_length_m": REST_LENGTH, "stiffness_N_per_m": STIFFNESS},
+    "friction": {
+        "kinetic": FRICTION,
+        "static": FRICTION,
+        "stiction_velocity_m_per_s": 0.005,
+        "friction_velocity_m_per_s": 0.05,
+    },
+}
+"""What campaign.yaml says of the object, the tether and the friction."""
+
+
+def view() -> tuple[Camera, Floor]:
+    """The camera that films the campaigns."""
+    return ceiling(RESOLUTION_PX, focal_px=650.0, height_m=4.0, tilt_rad=0.05, distortion=(-0.05, 0.01))
+
+
+def bending_tow(frames: int = FRAMES) -> tuple[Motion, Array]:
+    """The rover's motion and the object's poses (frames, 3) behind it: a rest, then a bend."""
     rover = drive((-0.15, 0.05, 0.1), speed=0.25, turn=0.5, rest_s=0.3)
-    towed = towed_motion(rover, np.array([-1.2, 0.0, 0.15]), times)
-    scene = Scene(camera, floor, (ROVER, OBJECT), (rover, lambda t: towed[round(t * RATE_HZ)]), seed=seed, noise=2.0)
+    return rover, towed_motion(rover, np.array([-1.2, 0.0, 0.15]), np.arange(frames) / RATE_HZ)
+
+
+def synthetic_campaign(
+    rover: Motion,
+    towed: Array,
+    given: dict[str, Any] | None = None,
+    seed: int = 0,
+    height_errors: tuple[float, float] = (0.0, 0.0),
+) -> SyntheticCampaign:
+    """A campaign with one run ``a``: board held and on the floor, rover and towed object.
+
+    Parameters
+    ----------
+    rover : callable
+        Its pose at a time.
+    towed : ndarray (n, 3)
+        The object's pose in each picture [m, m, rad].
+    given : dict, optional
+        What campaign.yaml says in place of :data:`GIVEN`.
+    seed : int, optional
+        Of noise and clicks.
+    height_errors : (float, float), optional
+        By how much the tops of rover and object are higher than campaign.yaml says [m].
+    """
+    rng, (camera, floor) = np.random.default_rng(seed), view()
+    times = np.arange(len(towed)) / RATE_HZ
+    bodies = tuple(
+        replace(body, tracked_plane_height_m=body.tracked_plane_height_m + error)
+        for body, error in zip((ROVER, OBJECT), height_errors, strict=True)
+    )
+    scene = Scene(camera, floor, bodies, (rover, lambda t: towed[round(t * RATE_HZ)]), seed=seed, noise=2.0)
     pictures = _pictures(camera, floor, rng)
     clicks = {name: np.round(px, 1).tolist() for name, px in scene.clicks(rng).items()}
     corners = np.array([[0, 0, THICKNESS_M], [(INNER_CORNERS[0] - 1) * SQUARE_M, 0, THICKNESS_M]])
     return SyntheticCampaign(
-        document=_document(clicks, project(camera, floor, corners)),
+        document=_document(clicks, project(camera, floor, corners), given or GIVEN),
         film=lambda: CeilingCamera(scene).frames(times),
         pictures=pictures,
         time_s=times,
@@ -134,7 +180,7 @@ def _pictures(camera: Camera, floor: Floor, rng: np.random.Generator) -> dict[st
     return pictures
 
 
-def _document(clicks: dict[str, list[list[float]]], corners_px: Array) -> dict[str, Any]:
+def _document(clicks: dict[str, list[list[float]]], corners_px: Array, given: dict[str, Any]) -> dict[str, Any]:
     def body(thing: Body) -> dict[str, Any]:
         return {"tracked_plane_height_m": thing.tracked_plane_height_m, "top_corners_m": thing.top_corners_m.tolist()}
 
@@ -156,16 +202,11 @@ def _document(clicks: dict[str, list[list[float]]], corners_px: Array) -> dict[s
         "object": {
             **body(OBJECT),
             "footprint_m": OBJECT.top_corners_m.tolist(),
-            "mass_kg": MASS,
-            "load": {"mass_kg": LOAD, "at_m": LOAD_AT.tolist(), "size_m": list(LOAD_SIZE)},
+            "mass_kg": given["mass_kg"],
+            "load": given["load"],
             "tether_anchor_m": ANCHOR.tolist(),
         },
-        "tether": {"rest_length_m": REST_LENGTH, "stiffness_N_per_m": STIFFNESS},
-        "friction": {
-            "kinetic": FRICTION,
-            "static": FRICTION,
-            "stiction_velocity_m_per_s": 0.005,
-            "friction_velocity_m_per_s": 0.05,
-        },
+        "tether": given["tether"],
+        "friction": given["friction"],
         "runs": {"a": {"video": "a.mp4", "first_frame_clicks_px": clicks}},
     }

@@ -14,6 +14,7 @@ from towval.types.camera import (
     View,
 )
 from towval.types.checks import Array, locked
+from towval.types.choices import Choice
 from towval.types.findings import Finding, Severity
 from towval.types.results import Comparison, Path, RunUncertainty, SimulatedMotion, Verdict
 from towval.types.scene import FrictionLaw, FrictionWish, InputDeviations, Load, Patch, Scene, Tether, TowedObject
@@ -27,6 +28,7 @@ __all__ = [
     "Body",
     "Calibration",
     "Camera",
+    "Choice",
     "Comparison",
     "DecimatedTrack",
     "Features",
