@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from towval.commands.shared import told
-from towval.commands.study import run_block
+from towval.commands.study_block import run_block
 
 with told(Path(snakemake.log[0])):
     run_block(snakemake.wildcards.chart, snakemake.params.part, Path(snakemake.output[0]))

@@ -1,15 +1,13 @@
-"""Commands of the studies: a block → its rows, the blocks of a chart → table and figure, all charts → the page."""
+"""Commands of the studies: the blocks of a chart → table and figure, all charts → the page."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
 from towval.io.atomic import write_text
-from towval.io.machine import machine, version_line
 from towval.io.plan_files import read_table, write_table
 from towval.io.study_charts import map_chart, scatter_chart
 from towval.io.study_page import ChartView, ProductView, front_view, map_view, read_svg, write_study_page
@@ -17,22 +15,6 @@ from towval.io.style import save_figure
 from towval.study.products import STABILITY, TRADEOFF, Scatter, study
 
 PRODUCTS = {"tradeoff": TRADEOFF, "stability": STABILITY}
-
-
-def run_block(chart: str, part: Mapping[str, Any], output: Path) -> None:
-    """Compute one part of a chart and write its rows, with machine and versions.
-
-    Parameters
-    ----------
-    chart : str
-        A name in :data:`towval.study.products.TRADEOFF` or ``STABILITY``.
-    part : mapping
-        What the part varies.
-    output : Path
-        CSV to write.
-    """
-    rows = pd.DataFrame(study(chart).rows(**part))
-    write_table(output, rows.assign(machine=machine(), versions=version_line()))
 
 
 def draw_chart(chart: str, blocks: Sequence[Path], table: Path) -> None:

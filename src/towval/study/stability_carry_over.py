@@ -55,7 +55,8 @@ def true_run(seed: int) -> tuple[_Run, Array]:
     return _Run(scene, times, *noisy), towed
 
 
-def _track(body: str, time_s: Array, pose: Array) -> Track:
+def as_track(body: str, time_s: Array, pose: Array) -> Track:
+    """Poses as the stage track hands them on, with the noise that they have."""
     n = len(time_s)
     return Track(
         body=body,
@@ -118,7 +119,7 @@ def carry_over_rows(fault: str, sizes: list[float], seed: int) -> list[Row]:
     rows = []
     for size in sizes:
         given = FAULTS[fault](run, size)
-        tracks = {name: _track(name, given.time_s, getattr(given, name)) for name in ("rover", "towed")}
+        tracks = {name: as_track(name, given.time_s, getattr(given, name)) for name in ("rover", "towed")}
         motion = simulate(given.scene, decimate(tracks["rover"]), decimate(tracks["towed"]), given.time_s)
         true = np.column_stack([np.interp(motion.time_s, true_times, truth[:, k]) for k in range(3)])
         seen = given.towed[np.searchsorted(given.time_s, motion.time_s - 1e-9)]

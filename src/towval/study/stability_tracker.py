@@ -109,11 +109,11 @@ def _cell(scene: Scene, reading: dict[str, float], seed: int) -> Row:
 
 def _parts(quick: bool) -> dict[str, Part]:
     grids: dict[str, tuple[list[float], list[float]]] = {
-        "blur and stride": ([0, 2, 5, 10, 15], [1, 2, 4, 8]),
-        "noise and texture": ([1, 3, 6, 12, 24], [1, 3, 8, 20, 35]),
-        "occlusion": ([0.2, 0.4, 0.6, 0.8, 1.0], [0.1, 0.3, 0.8]),
-        "change of light": ([0.3, 0.5, 0.8, 1.2, 1.5], [0.0, 0.2, 1.0]),
-        "compression": ([18, 26, 34, 42, 50], [1, 4, 10]),
+        "blur and stride": ([0, 3, 8, 15], [1, 2, 5]),
+        "noise and texture": ([1, 4, 12, 24], [1, 3, 10, 35]),
+        "occlusion": ([0.3, 0.6, 0.8, 1.0], [0.1, 0.3, 0.8]),
+        "change of light": ([0.3, 0.6, 1.3, 1.6], [0.0, 0.2, 1.0]),
+        "compression": ([18, 30, 40, 50], [1, 10]),
     }
     if quick:
         grids = {"noise and texture": ([3, 12], [3, 35]), "occlusion": ([0.4, 1.0], [0.3])}

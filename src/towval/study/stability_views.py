@@ -49,7 +49,7 @@ def _worst(cells: list[Row]) -> Row:
 def _parts(quick: bool) -> dict[str, Part]:
     tilts = [0.0, 30.0] if quick else [0.0, 2.0, 5.0, 10.0, 20.0, 35.0]
     views = [4, 12] if quick else [3, 4, 6, 8, 12, 16]
-    shares = [1.0] if quick else [1.0, 0.6, 0.3]
+    shares = [1.0] if quick else [1.0, 0.3]
     return {
         f"share_{100 * share:.0f}": {
             "share": share,
@@ -64,7 +64,7 @@ def _parts(quick: bool) -> dict[str, Part]:
 STUDY = Study(
     Maps(
         title="Calibration",
-        axes={_name(share): ("tilt of the boards [deg]", "number of views") for share in (1.0, 0.6, 0.3)},
+        axes={_name(share): ("tilt of the boards [deg]", "number of views") for share in (1.0, 0.3)},
         note="Right: 5 mm RMS or less on the floor and on a top at 0.35 m, seen from 4 m. Flagged: a warning or a "
         "refusal. The worst of two cameras made at random; corner noise 0.15 px, seven boards on the floor.",
     ),
