@@ -81,8 +81,8 @@ def scatter_chart(table: pd.DataFrame, title: str, labels: tuple[str, str], note
 
 def medians(table: pd.DataFrame) -> pd.DataFrame:
     """One row a panel, series and setting (where points are joined: and cost), with median cost and error."""
-    usable = table[(table["cost"] > 0) & (table["error"] > 0)].assign(panel=table["panel"].fillna(""))
-    usable = usable.assign(setting=usable["setting"].fillna("").astype(str))
+    usable = table[(table["cost"] > 0) & (table["error"] > 0)].assign(panel=table["panel"].astype(object).fillna(""))
+    usable = usable.assign(setting=usable["setting"].astype(object).fillna("").astype(str))
     keys = ["panel", "series", "setting"]
     if (usable["setting"] == "").all():
         keys.append("cost")
@@ -97,7 +97,7 @@ def medians(table: pd.DataFrame) -> pd.DataFrame:
 def unbeaten(rows: pd.DataFrame) -> pd.DataFrame:
     """The rows that no other beats in both cost and error, cheapest first (the Pareto front)."""
     ordered = rows.sort_values(["cost", "error"])
-    return ordered[ordered["error"] < ordered["error"].cummin().shift(fill_value=np.inf)]
+    return ordered[ordered["error"] < ordered["error"].astype(float).cummin().shift(fill_value=np.inf)]
 
 
 def _draw_panel(axes: Axes, rows: pd.DataFrame, series: Sequence[str], *, front: bool) -> None:

@@ -40,11 +40,3 @@ def take_turns(calls: Mapping[str, Callable[[], Result]], rounds: int) -> dict[s
             results[name] = calls[name]()
             spent[name].append(time.process_time() - start)
     return {name: Timed(results[name], min(spent[name]), max(spent[name])) for name in calls}
-
-
-def on_front(costs: list[float], errors: list[float]) -> list[bool]:
-    """Which of several methods no other beats in both cost and error (the Pareto front)."""
-    return [
-        not any((c <= cost and e <= error) and (c < cost or e < error) for c, e in zip(costs, errors, strict=True))
-        for cost, error in zip(costs, errors, strict=True)
-    ]
