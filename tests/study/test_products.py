@@ -43,17 +43,10 @@ def test_parts_are_plain_data_with_names_of_files(chart, quick):
 
 
 def test_a_cell_is_right_flagged_or_silently_wrong():
-    cells = [
-        judged(error, 1.0, flags) for error, flags in ((0.5, []), (2.0, []), (2.0, ["a"]), (0.5, ["a"]), (np.nan, []))
-    ]
-    expected = [
-        Judgement.RIGHT,
-        Judgement.SILENTLY_WRONG,
-        Judgement.FLAGGED,
-        Judgement.FLAGGED,
-        Judgement.SILENTLY_WRONG,
-    ]
-    assert [cell["judgement"] for cell in cells] == expected
+    right, flagged, wrong = Judgement
+    cases = ((0.5, [], right), (2.0, [], wrong), (2.0, ["a"], flagged), (0.5, ["a"], flagged), (np.nan, [], wrong))
+    for error, flags, expected in cases:
+        assert judged(error, 1.0, flags)["judgement"] == expected
 
 
 def test_times_are_cpu_times_taken_in_turns():
@@ -111,9 +104,8 @@ def test_no_cell_of_ours_is_silently_wrong(folder):
 
 
 def test_charts_tables_and_page_are_there(folder, monkeypatch):
-    monkeypatch.setattr(
-        "towval.commands.study.PRODUCTS", {"tradeoff": ["decimation"], "stability": ["planner", "open_loop"]}
-    )
+    there = {"tradeoff": ["decimation"], "stability": ["planner", "open_loop"]}
+    monkeypatch.setattr("towval.commands.study.PRODUCTS", there)
     write_product("tradeoff", folder, folder / "tradeoff.md")
     write_product("stability", folder, folder / "stability.md")
     assert "0 silently wrong" in (folder / "stability.md").read_text(encoding="utf-8")
@@ -149,14 +141,6 @@ def test_labels_lie_beside_each_other(folder, chart):
 
 
 def test_repeated_points_are_drawn_as_their_median():
-    rows = pd.DataFrame(
-        {
-            "panel": "",
-            "series": "a",
-            "setting": "x",
-            "cost": [1.0, 2.0, 9.0],
-            "error": [3.0, 5.0, 4.0],
-            "default": False,
-        }
-    )
+    repeated = {"panel": "", "series": "a", "setting": "x", "default": False}
+    rows = pd.DataFrame(repeated | {"cost": [1.0, 2.0, 9.0], "error": [3.0, 5.0, 4.0]})
     assert medians(rows)[["cost", "error"]].to_numpy().tolist() == [[2.0, 4.0]]
