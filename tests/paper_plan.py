@@ -2,14 +2,14 @@
 
 from pathlib import Path
 
-from towval.io.schema import check, read_yaml
+from towval.io.schema import check, packaged_schema, read_yaml
 
 WORKFLOW = Path(__file__).resolve().parents[1] / "workflow"
 
 
 def paper_plan():
     plan = read_yaml(WORKFLOW / "plan.yaml")
-    check(plan, read_yaml(WORKFLOW / "schemas" / "plan.schema.yaml"), "plan")
+    check(plan, packaged_schema("plan.schema.yaml"), "plan")
     return plan
 
 

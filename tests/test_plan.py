@@ -1,10 +1,13 @@
 """The stage plan: the closed loop, its invariance, and plans as files that drive the dynamics again."""
 
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
 
-from paper_plan import paper_plan, quick_plan
+from paper_plan import WORKFLOW, paper_plan, quick_plan
+from towval.cli import main
 from towval.commands.plan import run, run_tow
 from towval.errors import InputError
 from towval.geometry import compose, transform
@@ -25,7 +28,7 @@ from towval.rover import paths
 from towval.rover.planner import PlanOutcome
 from towval.study.paper_scene import paper_scene
 from towval.study.sensitivity import cube_patch
-from towval.types import Path
+from towval.types import Path as TimedPath
 
 STEP_S = 0.2
 
@@ -79,7 +82,7 @@ def test_behind_the_nominal_hinge_the_object_stays_on_its_path(scene, patch, nom
 
 def test_a_turned_and_moved_wish_gives_the_turned_and_moved_loop(scene, patch, wish, loop):
     frame = np.array([2.0, -3.0, 0.7])
-    moved_wish = Path(wish.time_s, transform(frame, wish.position))
+    moved_wish = TimedPath(wish.time_s, transform(frame, wish.position))
     moved_nominal = quasistatic_plan(scene.cube, patch, moved_wish, scene.tether)
     moved = close_loop(moved_nominal, scene.cube, patch, scene.tether, scene.rover, scene.planner, report_stride=5)
     np.testing.assert_allclose(moved.rover.hinge, transform(frame, loop.rover.hinge), atol=1e-6)
@@ -197,6 +200,40 @@ def _last_object_pose(file):
 def test_an_unknown_curve_is_refused_with_those_that_are_known(tmp_path):
     with pytest.raises(InputError, match="lemniscate"):
         run(quick_plan(), "spiral", tmp_path / "a.mcap", tmp_path / "a.csv")
+
+
+def test_the_command_line_plans_for_the_object_of_a_campaign(tmp_path, capsys):
+    scene, lab = str(WORKFLOW / "plan.yaml"), str(WORKFLOW.parent / "data_samples" / "lab_small")
+    plan, table, towed = (str(tmp_path / name) for name in ("plan.mcap", "plan.csv", "towed.mcap"))
+    main(["plan", scene, "--path", "circle", "--campaign", lab, "-o", plan, "--csv", table])
+    assert "plan: arrived" in capsys.readouterr().out
+    force = pd.read_csv(table)[["tether_force_x_n", "tether_force_y_n"]].to_numpy()
+    # The sample's object weighs 5.8 kg with its load, and its friction goes from 0.396 down to 0.35 with the speed; the
+    # cube of the scene would take 17.2 N.
+    assert 0.35 < np.linalg.norm(force[-1]) / (5.8 * 9.81) < 0.396
+    main(["tow", scene, plan, "--campaign", lab, "-o", towed])
+    # Started at rest instead of moving, the object sticks and slips in another phase: less than one slip between them.
+    assert np.abs(read_simulated(Path(towed)).pose[-1] - _last_object_pose(table))[:2].max() < 0.01
+
+
+def test_a_plan_with_which_the_rover_does_not_arrive_is_refused_and_not_written(tmp_path, capsys):
+    cusp = tmp_path / "cusp.csv"
+    cusp.write_text("x_m,y_m,time_s\n0,0,0\n2,0,100\n0,0.2,200\n")
+    made = [tmp_path / "plan.mcap", tmp_path / "plan.csv"]
+    arguments = ["plan", WORKFLOW / "plan.yaml", "--path", cusp, "-o", made[0], "--csv", made[1]]
+    with pytest.raises(SystemExit) as ended:
+        main([str(argument) for argument in arguments])
+    assert ended.value.code == 1
+    assert "the rover does not arrive" in capsys.readouterr().err
+    assert not any(file.exists() for file in made)
+
+
+def test_a_scene_with_a_mistyped_key_is_refused_by_name(tmp_path, capsys):
+    scene = tmp_path / "scene.yaml"
+    scene.write_text((WORKFLOW / "plan.yaml").read_text().replace("wheelbase_m:", "wheel_base_m:"))
+    with pytest.raises(SystemExit):
+        main(["plan", str(scene), "--path", "line", "-o", str(tmp_path / "a.mcap"), "--csv", str(tmp_path / "a.csv")])
+    assert "unknown key rover.wheel_base_m; did you mean wheelbase_m?" in capsys.readouterr().err
 
 
 def test_a_plan_of_one_pose_cannot_tow(scene, patch, nominal):

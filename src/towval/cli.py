@@ -25,6 +25,10 @@ A run by hand, step by step:
                    --uncertainty out/a/uncertainty.mcap -o out/a/compare.mcap
   towval report    lab_a --results out
 
+A plan for the rover, so that the object follows a path, and the object behind any recorded rover:
+  towval plan      workflow/plan.yaml --path wish.csv -o out/plan.mcap --csv out/plan.csv
+  towval tow       workflow/plan.yaml out/plan.mcap -o out/towed.mcap
+
 Or all of it at once, resumable and in parallel:
   snakemake --cores 2 --config campaign=lab_a
 
@@ -72,19 +76,42 @@ def _arguments() -> argparse.ArgumentParser:
     )
     _campaign(stage)
     stage.add_argument("--results", type=Path, required=True, help="folder with camera.mcap and a folder a run")
+    _planning(stages)
     return parser
 
 
+def _planning(stages: Any) -> None:
+    stage = _stage(
+        stages, "plan", "a path for the object → plan.mcap and a CSV: what the rover must do", settings=False
+    )
+    stage.set_defaults(function="run_file")
+    _scene(stage)
+    stage.add_argument(
+        "--path", dest="wish", required=True, help="a curve of the scene (lemniscate, ...) or a CSV with x_m and y_m"
+    )
+    stage.add_argument("--csv", type=Path, required=True, help="the same plan as a table, a row a step")
+    stage = _stage(
+        stages, "tow", "a recording's rover → simulate.mcap: the object behind it", module="plan", settings=False
+    )
+    stage.set_defaults(function="run_tow_file")
+    _scene(stage)
+    stage.add_argument("recording", type=Path, help="an MCAP with /rover/pose and a first /object/pose")
+
+
+def _scene(stage: argparse.ArgumentParser) -> None:
+    stage.add_argument("scene", type=Path, help="the scene, as workflow/plan.yaml")
+    stage.add_argument(
+        "--campaign", type=Path, help="a campaign folder: its object, friction, tether and hinge, not the scene's cube"
+    )
+
+
 def _stage(
-    stages: Any, name: str, help_text: str, *, settings: bool = True, output: bool = True
+    stages: Any, name: str, help_text: str, *, module: str = "", settings: bool = True, output: bool = True
 ) -> argparse.ArgumentParser:
-    module = f"towval.commands.{name}"
     stage = stages.add_parser(name, help=help_text, description=help_text[0].upper() + help_text[1:] + ".")
-    stage.set_defaults(module=module)
+    stage.set_defaults(module=f"towval.commands.{module or name}", function="run")
     if output:
-        stage.add_argument(
-            "-o", "--output", type=Path, required=True, help=f"{name}.mcap to write (replaced when whole)"
-        )
+        stage.add_argument("-o", "--output", type=Path, required=True, help="MCAP file to write (replaced when whole)")
     if settings:
         stage.add_argument(
             "--set",
@@ -126,7 +153,7 @@ def main(arguments: list[str] | None = None) -> None:
     with told():
         if "keys" in given:
             given["keys"] = _keys(given["keys"])
-        run: Callable[..., None] = importlib.import_module(given.pop("module")).run
+        run: Callable[..., None] = getattr(importlib.import_module(given.pop("module")), given.pop("function"))
         run(**given)
 
 

@@ -7,8 +7,15 @@ from towval.errors import InputError
 from towval.geometry import compose, transform
 from towval.rover import paths
 from towval.rover.feasible_region import GUARD, flanks
-from towval.rover.kinematics import Rover, constraint_residual, moved_by
-from towval.rover.planner import PlanCase, PlannerSettings, PlanOutcome, plan_rover, tightest_radius
+from towval.rover.kinematics import Rover, constraint_residual, moved_by, symmetric_rover
+from towval.rover.planner import (
+    PlanCase,
+    PlannerSettings,
+    PlanOutcome,
+    heading_over_hinge,
+    plan_rover,
+    tightest_radius,
+)
 from towval.types import Path
 
 DEFAULTS = {
@@ -106,6 +113,22 @@ def test_the_plan_on_a_mirrored_path_with_mirrored_limits_is_the_mirrored_plan()
     np.testing.assert_allclose(mirrored.hinge, plan.hinge * [1, -1], atol=1e-9)
     np.testing.assert_allclose(mirrored.steering, -plan.steering[:, swap], atol=1e-8)
     assert (mirrored.case == plan.case).all()
+
+
+@pytest.mark.parametrize("ahead", [-0.4, 0.3])
+def test_on_a_circle_a_hinge_off_the_middle_asks_for_a_steady_lead_or_lag(ahead):
+    angle = np.linspace(0, 6 * np.pi, 6000)
+    lead = heading_over_hinge(np.column_stack([np.cos(angle), np.sin(angle)]), ahead) - (angle + np.pi / 2)
+    # sin(φ − ϑ) = ξ/R, once the transient of length ξ from the end where it starts is over.
+    np.testing.assert_allclose(lead[2000:4000], -np.arcsin(ahead), atol=2e-3)
+
+
+@pytest.mark.parametrize("name", ["line", "circle", "lemniscate", "rounded square"])
+def test_a_hinge_behind_the_rover_is_led_along_every_kind_of_curve(name):
+    trailing = symmetric_rover(0.4, 0.4, 0.1, outward=np.radians(33.7), inward=np.radians(93.0), hinge=[-0.42, 0.0])
+    plan = plan_rover(timed(name), trailing, settings())
+    assert plan.outcome is PlanOutcome.ARRIVED
+    assert plan.rms < 0.05
 
 
 def test_a_sharp_kink_is_not_followed_and_the_advice_says_why(rover):

@@ -55,6 +55,24 @@ def test_edges_bring_clicks_to_a_tenth_of_a_pixel(seed):
         assert abs(error[2]) < np.deg2rad(0.1)
 
 
+def test_errors_of_the_registration_are_what_it_says_also_where_a_thin_strip_of_the_side_is_seen():
+    rng, shares, offsets = np.random.default_rng(11), [], []
+    for seed in range(16):
+        places = [[rng.uniform(-1.3, 1.3), side * rng.uniform(0.4, 0.7), rng.uniform(-3, 3)] for side in (1, -1)]
+        motions = tuple(lambda _, place=place: np.array(place) for place in places)
+        scene = standard_scene(seed, **small_camera(), motions=motions, contrast=20.0)
+        luma = CeilingCamera(scene).picture(0.0)
+        for body, place in zip(scene.bodies, map(np.array, places), strict=True):
+            fit = see_outline(luma, body, place, scene.camera, scene.floor)
+            offsets.append(fit.correction[:2])
+            shares.append(fit.correction / np.sqrt(np.diag(fit.covariance)))
+    share = np.median(np.abs(shares), axis=0) / 0.674  # the median of a normal deviate
+    assert (share > 0.5).all()
+    assert (share < 2).all()
+    assert np.quantile(np.abs(shares), 0.95) < 3
+    assert np.median(np.linalg.norm(offsets, axis=1)) < 0.3e-3  # 0.06 px
+
+
 def test_a_picture_without_edges_gives_none():
     camera, floor = ceiling()
     flat = np.full((1080, 1920), 128, np.uint8)

@@ -5,7 +5,7 @@ from pathlib import Path
 from towval.errors import TowvalError
 from towval.io.campaign import load_campaign
 from towval.io.provenance import code_hash, module_hash
-from towval.io.schema import check, read_yaml
+from towval.io.schema import check, packaged_schema, read_yaml
 from towval.presets import STANDARD, settings_of
 from towval.study.products import module_of, study
 

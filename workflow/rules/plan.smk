@@ -1,7 +1,7 @@
 from towval.study.paper_studies import paper_parts
 
 PLAN = told(read_yaml, HERE / "workflow" / "plan.yaml")
-told(check, PLAN, read_yaml(HERE / "workflow" / "schemas" / "plan.schema.yaml"), "plan")
+told(check, PLAN, packaged_schema("plan.schema.yaml"), "plan")
 
 PARTS = told(paper_parts, PLAN)
 

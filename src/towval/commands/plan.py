@@ -3,26 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from towval.commands.shared import provenance, tell
-from towval.errors import InputError
+from towval.errors import InputError, RefusedError
+from towval.io.campaign import load_campaign
 from towval.io.plan_files import read_object_start, read_path, read_rover_poses, write_plan_csv, write_plan_mcap
 from towval.io.records import write_simulated
+from towval.io.schema import check, packaged_schema, read_yaml
+from towval.physics.mass import towed_object
 from towval.physics.quasistatic import quasistatic_plan
 from towval.plan import close_loop, hinge_of_poses, tow
 from towval.rover.paths import Curve, through_points, timed
+from towval.rover.planner import PlanOutcome
 from towval.study.paper_scene import PaperScene, paper_scene
 from towval.study.sensitivity import REPORT_STRIDE, cube_patch
 from towval.types import Array
 from towval.types import Path as TimedPath
 
 
-def run(scene: Mapping[str, Any], wish: str, mcap: Path, csv: Path) -> None:
-    """Plan the rover so that the cube follows a path, tow the cube behind it, and write both.
+def run(scene: Mapping[str, Any], wish: str, mcap: Path, csv: Path, campaign: Path | None = None) -> None:
+    """Plan the rover so that the object follows a path, tow the object behind it, and write both.
 
     Parameters
     ----------
@@ -32,19 +37,35 @@ def run(scene: Mapping[str, Any], wish: str, mcap: Path, csv: Path) -> None:
         Name of a curve of the scene, or a CSV file with columns ``x_m``, ``y_m`` and perhaps ``time_s``.
     mcap, csv : Path
         Files to write.
+    campaign : Path, optional
+        A campaign whose object, friction, tether and hinge take the place of the scene's cube.
+
+    Raises
+    ------
+    RefusedError
+        When the rover does not arrive: a plan that fails is not written.
     """
-    given = paper_scene(scene)
+    given = _scene(scene, campaign)
     patch, path = cube_patch(given), _wish(given, wish)
     nominal = quasistatic_plan(given.cube, patch, path, given.tether, times=_planner_times(given, path))
     loop = close_loop(nominal, given.cube, patch, given.tether, given.rover, given.planner, report_stride=REPORT_STRIDE)
     tell((*nominal.findings, *loop.rover.findings, *loop.towed.findings), "plan")
+    if loop.rover.outcome is not PlanOutcome.ARRIVED:
+        raise RefusedError(f"the rover does not arrive: {loop.rover.outcome}", remedy=loop.rover.advice)
     print(f"plan: {loop.rover.outcome}. {loop.rover.advice}")
+    off = f"the object deviates from its path by {1000 * loop.object_rms:.1f} mm RMS"
+    print(f"plan: {off}, the hinge from its own by {1000 * loop.rover.rms:.1f} mm.")
     write_plan_mcap(mcap, loop.rover, loop.towed, provenance(scene, {}))
     write_plan_csv(csv, loop.rover, loop.towed)
 
 
-def run_tow(scene: Mapping[str, Any], recording: Path, output: Path) -> None:
-    """Tow the cube behind the rover of a recording, from the object's first pose in it.
+def run_file(scene: Path, wish: str, output: Path, csv: Path, campaign: Path | None = None) -> None:
+    """Do the same with the scene in a file."""
+    run(_read_scene(scene), wish, output, csv, campaign)
+
+
+def run_tow(scene: Mapping[str, Any], recording: Path, output: Path, campaign: Path | None = None) -> None:
+    """Tow the object behind the rover of a recording, from the object's first pose in it.
 
     Parameters
     ----------
@@ -54,14 +75,36 @@ def run_tow(scene: Mapping[str, Any], recording: Path, output: Path) -> None:
         Any MCAP with ``/rover/pose`` and ``/object/pose`` or ``/object/pose_simulated``: a plan, a measured track.
     output : Path
         MCAP to write, as the stage simulate does.
+    campaign : Path, optional
+        A campaign whose object, friction, tether and hinge take the place of the scene's cube.
     """
-    given = paper_scene(scene)
+    given = _scene(scene, campaign)
     times, poses = read_rover_poses(recording)
     hinge = hinge_of_poses(poses, given.rover)
     start = read_object_start(recording)
     motion = tow(times, hinge, given.cube, cube_patch(given), given.tether, start_pose=start, stride=REPORT_STRIDE)
     tell(motion.findings, "tow")
     write_simulated(output, motion, provenance(scene, {recording.name: recording}))
+
+
+def run_tow_file(scene: Path, recording: Path, output: Path, campaign: Path | None = None) -> None:
+    """Do the same with the scene in a file."""
+    run_tow(_read_scene(scene), recording, output, campaign)
+
+
+def _read_scene(file: Path) -> Mapping[str, Any]:
+    document = read_yaml(file)
+    check(document, packaged_schema("plan.schema.yaml"), file.name)
+    return document
+
+
+def _scene(document: Mapping[str, Any], campaign: Path | None) -> PaperScene:
+    given = paper_scene(document)
+    if campaign is None:
+        return given
+    lab = load_campaign(campaign).scene
+    rover = replace(given.rover, hinge=lab.hinge)
+    return replace(given, cube=towed_object(lab), friction=lab.friction, tether=lab.tether, rover=rover)
 
 
 def _wish(scene: PaperScene, wish: str) -> TimedPath:

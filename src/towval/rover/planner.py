@@ -150,7 +150,7 @@ def plan_rover(path: Path, rover: Rover, settings: PlannerSettings, *, start: Ar
             got=f"{len(path.time_s)} points over {length} m",
             allowed="three points or more, not all in one place",
         )
-    heading = moving_average(path_heading(path.position), int(settings.look_ahead_steps))
+    heading = moving_average(heading_over_hinge(path.position, rover.hinge[0]), int(settings.look_ahead_steps))
     region = flanks(rover)
     if start is None:
         turned_hinge = transform([0.0, 0.0, heading[0]], rover.hinge)
@@ -240,6 +240,46 @@ def _advice(plan: RoverPlan, path: Path, region: Flanks) -> str:
     if plan.outcome is PlanOutcome.STRAYED:
         return f"The rover strayed from the path {when}. {why} A smaller threshold or a longer look-ahead may help."
     return f"The rover got stuck {when}: it drove without coming nearer to the end. {why} A larger threshold may help."
+
+
+def heading_over_hinge(position: ArrayLike, ahead: float) -> Array:
+    """Heading that the rover should have while its hinge is on each point of a path.
+
+    A hinge in the middle of the rover goes where the rover heads. One ahead of it or behind it moves sideways as well
+    when the rover turns; a rover that turns about centres abeam of its middle, where its steering reaches farthest, has
+    dϑ/ds = sin(φ − ϑ)/ξ with the path's heading φ and the hinge at ξ. A hinge ahead makes the rover trail like a cart;
+    for one behind, the same holds backwards from the end of the path, and the rover swings out before a bend.
+
+    Parameters
+    ----------
+    position : array_like (n, 2)
+        Points of the hinge's path [m].
+    ahead : float
+        ξ, the hinge's place ahead of the rover's middle [m], negative behind it.
+
+    Returns
+    -------
+    Array
+        (n,) headings [rad], unwrapped.
+    """
+    position = np.asarray(position, dtype=np.float64)
+    heading = path_heading(position)
+    if ahead == 0:
+        return heading
+    size = np.linalg.norm(np.diff(position, axis=0), axis=1)
+    if ahead > 0:
+        return _trailing_heading(heading, size, ahead)
+    return _trailing_heading(heading[::-1].copy(), size[::-1].copy(), -ahead)[::-1]
+
+
+@compiled()
+def _trailing_heading(heading, size, distance):
+    """Heading of a cart of a given length drawn along a path; exact for each straight step."""
+    trailing = heading.copy()
+    for k in range(1, len(heading)):
+        swing = np.tan(0.5 * (trailing[k - 1] - heading[k])) * np.exp(-size[k - 1] / distance)
+        trailing[k] = heading[k] + 2.0 * np.arctan(swing)
+    return trailing
 
 
 def tightest_radius(position: ArrayLike) -> float:

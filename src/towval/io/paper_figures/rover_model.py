@@ -164,7 +164,7 @@ def _steering_range(axes: Axes, rover: Rover, pose: Array) -> None:
         axes.plot(*np.transpose([place, end]), color="#333333", lw=0.5)
         offset = round(abs(limit - np.degrees(pose[2])), 1)
         sign = "−" if limit > np.degrees(pose[2]) else "+"
-        _label(axes, end, f"{sign}{offset:g}°", (-26, 2) if sign == "−" else (1, -9))
+        _label(axes, end, f"{sign}{offset:g}°", (-26, 2) if sign == "−" else (6, 9))
 
 
 def _step(axes: Axes, rover: Rover) -> None:
