@@ -190,7 +190,7 @@ def map_chart(table: pd.DataFrame, title: str, axes_labels: dict[str, tuple[str,
         What counts as right and as flagged.
     """
     names = [name for name in axes_labels if (table["map"] == name).any()]
-    columns = min(len(names), 4 if len(names) > 6 else 3)
+    columns = 4 if len(names) > 6 else 3
     notes = _wrapped(f"{note} {_machine(table)}")
     margins = Margins(left=0.72, right=0.1, top=0.62, bottom=0.62 + _LINE_IN * (1 + len(notes)), across=0.62, down=0.72)
     figure = Figure(figsize=(PAGE_WIDTH_IN, 3.0))

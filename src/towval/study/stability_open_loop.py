@@ -18,7 +18,7 @@ from towval.study.products import Maps, Part, Row, Study, judged
 from towval.study.stability_integrators import CUBE, FRICTION
 from towval.types import Array, FrictionLaw, Path, SimulatedMotion, Tether
 
-STARTS = {"from rest": 0.0, "matched speed": 1.0}
+STARTS = {"rest": 0.0, "matched": 1.0}
 """Share of the nominal velocity at the start."""
 
 FOLLOWED_M, CREPT_M = 0.01, 1e-3
@@ -107,7 +107,8 @@ STUDY = Study(
             "creep at rest": ("stiction velocity v_s [m/s]", "duration [s]"),
         },
         note="Right: feedforward within 10 mm RMS of the nominal path; creep below 1 mm under half of the pull that "
-        "friction bears. Flagged: a named outcome, or the check for creep.",
+        "friction bears. Flagged: a named outcome; 0.1 % more force that moves the object by over 10 mm; the check for "
+        "creep.",
     ),
     _parts,
     open_loop_rows,
