@@ -29,6 +29,7 @@ SIGNS = {RIGHT: ("", "#1d1d1b"), FLAGGED: ("!", "#1d1d1b"), SILENT: ("×", "#fff
 
 _LINE_IN = 0.16
 _DECADE = 10.0
+_ROOM = 1.15  # Factor of room below and above all points.
 _FEW_DECADES = 60.0  # A range below this has numbers at 1, 2 and 5.
 
 
@@ -52,14 +53,14 @@ def scatter_chart(table: pd.DataFrame, title: str, labels: tuple[str, str], note
     """
     rows = medians(table)
     panels, series = list(dict.fromkeys(rows["panel"])), list(dict.fromkeys(rows["series"]))
-    columns = 1 if len(panels) == 1 else 2 if len(panels) == 2 else 3
+    columns = {1: 1, 2: 2, 4: 2}.get(len(panels), 3)
     notes = _wrapped(f"{note} {_machine(table)}")
     legend_rows = math.ceil(len(series) / 4)
     margins = Margins(
         left=0.62,
         right=0.1,
         top=0.42,
-        bottom=0.55 + _LINE_IN * (legend_rows + len(notes)),
+        bottom=0.62 + _LINE_IN * (legend_rows + len(notes)),
         across=0.5 if columns > 1 else 0.1,
         down=0.62,
     )
@@ -69,7 +70,7 @@ def scatter_chart(table: pd.DataFrame, title: str, labels: tuple[str, str], note
     for index, (panel, own) in enumerate(zip(panels, axes, strict=True)):
         _draw_panel(own, rows[rows["panel"] == panel], series, front=front)
         own.set_xlabel(labels[0] or panel)
-        own.set_title(panel if labels[0] and panel else "")
+        own.set_title(_set(panel) if labels[0] and panel else "")
         if index % columns == 0:
             own.set_ylabel(labels[1])
     _same_decades(axes)
@@ -147,7 +148,7 @@ def _same_decades(axes: Sequence[Axes]) -> None:
     """One range of errors for all panels, so that they can be compared, and numbers at the ticks of any range."""
     limits = np.array([own.get_ylim() for own in axes])
     for own in axes:
-        own.set_ylim(limits[:, 0].min(), limits[:, 1].max())
+        own.set_ylim(limits[:, 0].min() / _ROOM, limits[:, 1].max() * _ROOM)
         for axis, (low, high) in ((own.xaxis, own.get_xlim()), (own.yaxis, own.get_ylim())):
             axis.set_minor_formatter(NullFormatter())
             if high / low < _FEW_DECADES:
@@ -252,7 +253,12 @@ def _shortened(name: str) -> str:
 
 def _set(text: str) -> str:
     """Symbols with an index as mathematics."""
-    return text.replace("v_s", "$v_s$").replace("d_t", "$d_t$").replace("ϑ_lh", r"$\vartheta_{lh}$")
+    return (
+        text.replace("u_val", "$u_{val}$")
+        .replace("v_s", "$v_s$")
+        .replace("d_t", "$d_t$")
+        .replace("ϑ_lh", r"$\vartheta_{lh}$")
+    )
 
 
 def _title(figure: Figure, title: str) -> None:

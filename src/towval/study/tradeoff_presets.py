@@ -71,22 +71,22 @@ def preset_rows(presets: list[str], frames: int, rounds: int) -> list[Row]:
             "measured path": tracked.pose[tracked.seen] - truth["object"][tracked.seen],
             "simulated path": result.simulated - truth["object"][at],
         }
-        errors = {series: float(np.sqrt(np.mean(np.sum(gap[:, :2] ** 2, axis=1)))) for series, gap in gaps.items()}
+        errors = {path: float(np.sqrt(np.mean(np.sum(gap[:, :2] ** 2, axis=1)))) for path, gap in gaps.items()}
         errors["simulated - measured"] = result.comparison.path_rms_m
         errors["stated u_val"] = result.comparison.u_val_m
         rows += [
             {
-                "panel": "",
-                "series": series,
+                "panel": quantity,
+                "series": name,
                 "setting": name,
                 "cost": one.cpu_s,
                 "cost_most": one.cpu_most_s,
                 "wall_s": result.wall_s,
                 "error": 1e3 * error,
                 "verdict": str(result.comparison.verdict),
-                "default": name == STANDARD and series == "simulated - measured",
+                "default": name == STANDARD,
             }
-            for series, error in errors.items()
+            for quantity, error in errors.items()
         ]
     return rows
 
