@@ -14,7 +14,6 @@ PRESETS: dict[str, dict[str, dict[str, Any]]] = {
     # A first look within the time that decoding takes.
     "draft": {
         "calibrate": {"lens_models": ["k1 k2"], "folds": 3},
-        "track": {"samples": 256},
         "simulate": {"rung_tolerance_m": 2e-3, "tolerance_m": 1e-5},
         "uncertainty": {"samples": 64, "tolerance_m": 1e-5},
         "report": {"overlay_width_px": 640},
