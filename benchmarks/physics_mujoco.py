@@ -12,34 +12,13 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Callable
 
 import mujoco
 import numpy as np
+from physics_lap import LENGTH, MASS, MU, PERIOD, SIDE, START, STIFFNESS, lemniscate, simulate
+from physics_timing import least_cpu
 
-from towval.physics.dynamics import Accuracy, feedback
-from towval.physics.friction_law import coulomb_law
-from towval.types import Array, Patch, Path, Tether, TowedObject
-
-SIDE, MASS, MU, STIFFNESS, LENGTH = 0.4, 5.0, 0.35, 1000.0, 0.6
-START = (1.0, -0.8, np.pi / 2)
-
-
-PERIOD = 400.0
-
-
-def lemniscate(period: float, points: int = 4001) -> Path:
-    t = np.linspace(0, period, points)
-    tau = 2 * np.pi * t / period
-    return Path(t, np.column_stack([np.cos(tau), np.sin(tau) * np.cos(tau)]) / (1 + np.sin(tau) ** 2)[:, None])
-
-
-def simulate(period: float, times: Array, tolerance: float) -> Array:
-    x = SIDE / 2
-    cube = TowedObject(Patch([[-x, -x], [x, -x], [x, x], [-x, x]]), MASS, [0, 0], 0.4 / 3, [x, 0])
-    accuracy = Accuracy(tolerance)
-    law, tether = coulomb_law(MU, 1e-3), Tether(LENGTH, STIFFNESS)
-    return feedback(cube, law, tether, lemniscate(period), START, times, accuracy=accuracy).pose[:, :2]
+from towval.types import Array
 
 
 def mujoco_model(step: float, spheres: bool) -> mujoco.MjModel:
@@ -85,15 +64,6 @@ def simulate_mujoco(period: float, times: Array, step: float, spheres: bool) -> 
     return places[np.round(times / step).astype(int)]
 
 
-def least_cpu(run: Callable[[], Array], repeats: int) -> tuple[float, Array]:
-    result, best = run(), np.inf
-    for _ in range(repeats):
-        start = time.process_time()
-        result = run()
-        best = min(best, time.process_time() - start)
-    return best, result
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--period", type=float, default=PERIOD, help="duration of the lap [s]")
@@ -101,7 +71,11 @@ def main() -> None:
     times = np.linspace(0, period, 201)
     exact = simulate(period, times, 1e-11)
     rows = [
-        (f"towval, {tolerance:.0e} m a step", *least_cpu(lambda t=tolerance: simulate(period, times, t), 5))
+        (
+            f"towval, {tolerance:.0e} m a step",
+            least_cpu(lambda t=tolerance: simulate(period, times, t)),
+            simulate(period, times, tolerance),
+        )
         for tolerance in (1e-5, 1e-6, 1e-7, 1e-8)
     ]
     for step, spheres in ((0.002, False), (0.01, False), (0.002, True), (0.01, True)):

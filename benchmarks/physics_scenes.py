@@ -43,14 +43,13 @@ def reference_wrench(
 ) -> Array:
     """The friction wrench by quadrature of high order that shares nothing with ``physics.wrench``.
 
-    With the centre of rotation C far away, Gauss nodes over triangles. Else every edge spans a signed triangle with
-    C; on it the radius is integrated from C by Gauss panels graded towards C, and the edge by Gauss panels graded
-    towards the foot of C. ω must not be zero. The moment is about the centre of pressure.
+    With the centre of rotation C far from every connected part, Gauss nodes over triangles. Else every edge spans a
+    signed triangle with C; on it the radius is integrated from C by Gauss panels graded towards C, and the edge by
+    Gauss panels graded towards the foot of C. ω must not be zero. The moment is about the centre of pressure.
     """
     vx, vy, omega = twist
-    radius = np.linalg.norm(np.concatenate(contact.rings) - contact.centre, axis=1).max()
     centre = np.array([-vy, vx]) / omega
-    if np.hypot(*(centre - contact.centre)) > 3 * radius:
+    if all(np.hypot(*(centre - ring.mean(axis=0))) > 3 * np.ptp(ring, axis=0).max() for ring in contact.rings):
         return _wrench_over_triangles(contact, law, centre, omega)
     x, w = _unit_gauss(order)
     grade = np.concatenate([[0.0], 4.0 ** np.arange(-levels, 1)])
@@ -109,8 +108,13 @@ def _force_and_moment(
     return np.array([fx.sum(), fy.sum(), (x * fy - y * fx).sum()])
 
 
+def _direction(rng: np.random.Generator) -> Array:
+    angle = rng.uniform(0, 2 * np.pi)
+    return np.array([np.cos(angle), np.sin(angle)])
+
+
 def centre_of_rotation(rng: np.random.Generator, contact: PressurePlane, size: float, kind: str) -> Array:
-    """A centre of rotation: on a "vertex", on an "edge", "close to an edge", "inside" or "outside"."""
+    """A centre of rotation: on a "vertex", on an "edge", "close to an edge", "inside", "around" or "outside"."""
     edge = contact.edges[rng.integers(len(contact.edges))]
     start, side = edge[:2], edge[2:] - edge[:2]
     if kind == "vertex":
@@ -122,7 +126,10 @@ def centre_of_rotation(rng: np.random.Generator, contact: PressurePlane, size: f
         return start + rng.uniform() * side + 10 ** rng.uniform(-9, -1) * size * normal
     if kind == "inside":
         return contact.centre + 0.3 * size * rng.uniform(-1, 1, 2)
+    if kind == "around":
+        radius = np.linalg.norm(np.concatenate(contact.rings) - contact.centre, axis=1).max()
+        return contact.centre + 10 ** rng.uniform(-0.5, 0.7) * radius * _direction(rng)
     return contact.centre + 10 ** rng.uniform(0, 1.5) * size * rng.normal(size=2)
 
 
-CENTRES = ("vertex", "edge", "close to an edge", "inside", "outside")
+CENTRES = ("vertex", "edge", "close to an edge", "inside", "around", "outside")

@@ -7,7 +7,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+from numba.core.errors import TypingError
+
+from towval.compiling import compiled
 
 CALLER = """
 from towval.compiling import compiled
@@ -73,3 +77,12 @@ def test_the_users_choice_of_place_is_kept(sources: Path, tmp_path: Path) -> Non
     call(sources, NUMBA_CACHE_DIR=str(place))
     assert list(place.glob("compiled-kernels-*"))
     assert not list((sources / "__pycache__").glob("compiled-*"))
+
+
+def test_functions_said_to_make_no_arrays_cannot():
+    @compiled(allocates=False, cache=False)
+    def makes_one(n):
+        return np.zeros(n)
+
+    with pytest.raises(TypingError, match="zeros"):
+        makes_one(3)

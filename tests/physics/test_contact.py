@@ -37,6 +37,15 @@ def test_load_off_both_axes(square):
     assert contact.contact_area == pytest.approx(TWO_AXES_CONTACT_M2, rel=1e-9)
 
 
+def test_kern_is_where_the_whole_footprint_carries():
+    """All of a rectangle b × h is pressed while |e_x|/b + |e_y|/h is at most a sixth."""
+    patch = rectangle(0.6, 0.4)
+    for share in np.linspace(0, 1, 7):
+        corner = np.array([share * 0.6, (1 - share) * 0.4]) / 6
+        assert pressure_plane(patch, [(10.0, 0.999 * corner)]).contact_area == pytest.approx(0.24, rel=1e-12)
+        assert pressure_plane(patch, [(10.0, 1.02 * corner)]).contact_area < 0.24 * (1 - 1e-6)
+
+
 def test_loads_add_up(square):
     parts = [(40.0, (0.01, -0.02)), (10.0, (-0.1, 0.1)), (-5.0, (0.05, 0.0))]
     together = pressure_plane(square, parts)

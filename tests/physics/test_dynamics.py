@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 from footprints import rectangle
+from scipy.interpolate import CubicSpline
 
 from oracles import (
     COAST,
@@ -15,8 +16,10 @@ from towval.errors import InputError
 from towval.geometry import transform
 from towval.physics.dynamics import Accuracy, Outcome, feedback, feedforward
 from towval.physics.friction_law import coulomb_law
+from towval.physics.mesh import mesh_pressure, meshed_patch
+from towval.physics.quasistatic import quasistatic_plan
 from towval.physics.tether import tether_force
-from towval.types import Patch, Path, Tether, TowedObject
+from towval.types import FrictionLaw, Patch, Path, Tether, TowedObject
 
 NO_FORCE = Path([0.0, 1000.0], np.zeros((2, 2)))
 
@@ -32,6 +35,88 @@ def test_coasting_down_has_the_closed_form(cube):
     assert motion.outcome == Outcome.CONVERGED
     assert motion.twist[1, 0] == pytest.approx(COAST_SPEED, abs=1e-10)
     assert motion.pose[1:, 0] == pytest.approx([COAST_DISTANCE, COAST_REST_DISTANCE], abs=1e-11)
+
+
+def test_steady_pull_against_viscous_friction_has_the_closed_form(cube):
+    """Once Coulomb's part has saturated, m dv/dt = T − μ N − γ6 N v."""
+    mu, viscous, pull = 0.3, 0.5, 20.0
+    law = FrictionLaw([0.0, 0.0, 0.0, mu, 1e6, viscous])
+    times = np.linspace(0, 1.5, 16)
+    force = Path([0.0, 1.5], [[pull, 0.0]] * 2)
+    motion = feedforward(cube, law, force, (0, 0, 0), times, accuracy=Accuracy(1e-11))
+    weight, rate = 5.0 * 9.81, viscous * 9.81
+    final_speed = (pull - mu * weight) / (viscous * weight)
+    assert motion.outcome == Outcome.CONVERGED
+    # It breaks away within 1e-6 s: that is how far the two differ.
+    assert motion.twist[:, 0] == pytest.approx(final_speed * (1 - np.exp(-rate * times)), abs=2e-6)
+    assert motion.pose[-1, 0] == pytest.approx(
+        final_speed * (times[-1] - (1 - np.exp(-rate * times[-1])) / rate), abs=2e-6
+    )
+    assert motion.tether_force == pytest.approx(np.tile([pull, 0.0], (16, 1)))
+    assert np.abs(motion.pose[:, 1:]).max() < 1e-12
+
+
+def test_force_does_the_work_that_becomes_motion_and_heat(cube, makkar):
+    """A constant force works by the way of its point of attack; friction takes the rest, and never gives."""
+    frame = (0.3, -0.2, 0.9)
+    force = np.array([22.0, 6.0])
+    times = np.linspace(0, 1.0, 101)
+    motion = feedforward(cube, makkar, Path([0.0, 1.0], [force, force]), frame, times, accuracy=Accuracy(1e-10))
+    kinetic = cube.mass * (motion.twist[:, :2] ** 2).sum(1) / 2 + cube.inertia * motion.twist[:, 2] ** 2 / 2
+    work = (transform(motion.pose, cube.anchor) - transform(frame, cube.anchor)) @ force
+    assert kinetic[-1] > 1.0
+    assert (np.diff(work - kinetic) > 0).all()
+    frictionless = coulomb_law(1e-12, 1.0)
+    free = feedforward(cube, frictionless, Path([0.0, 1.0], [force, force]), frame, times, accuracy=Accuracy(1e-12))
+    kinetic = cube.mass * (free.twist[:, :2] ** 2).sum(1) / 2 + cube.inertia * free.twist[:, 2] ** 2 / 2
+    work = (transform(free.pose, cube.anchor) - transform(frame, cube.anchor)) @ force
+    assert kinetic == pytest.approx(work, abs=1e-8)
+
+
+def test_planned_force_applied_blindly_follows_the_plan_only_if_started_as_planned(cube):
+    """Friction that rises with speed keeps a feedforward motion close; the first swing from rest is never made up."""
+    law = FrictionLaw([0.0, 0.0, 0.0, 0.35, 1e3, 0.5])
+    time = np.linspace(0, 20, 2001)
+    way = np.column_stack([np.cos(0.1 * time), np.sin(0.1 * time)])
+    plan = quasistatic_plan(cube, law, Path(time, way), Tether(0.6, 1000.0))
+    force, times = Path(plan.time_s, plan.tether_force), time[::100]
+    matched = feedforward(cube, law, force, plan.pose[0], times, start_twist=plan.twist[0])
+    resting = feedforward(cube, law, force, plan.pose[0], times)
+    apart = [np.linalg.norm(m.pose[:, :2] - plan.pose[::100, :2], axis=1) for m in (matched, resting)]
+    # Without a tether nothing leads back to the path: inertia, 5 kg on a circle of 1 m at 0.1 m/s, adds up to mm.
+    assert apart[0].max() < 5e-3
+    # From rest the speed rises as 1 − exp(−γ6 g t), so the way lags by v / (γ6 g).
+    assert apart[1][1] == pytest.approx(0.1 / (0.5 * 9.81), rel=0.05)
+
+
+def test_moved_and_turned_force_gives_the_moved_and_turned_motion(makkar):
+    towed = TowedObject(rectangle(0.5, 0.35), 5.8, [-0.05, 0.03], 0.2, [0.25, 0.0])
+    frame, times = np.array([2.0, -3.0, 1.1]), np.linspace(0, 2, 21)
+    time = np.linspace(0, 2, 41)
+    force = np.column_stack([24 + 4 * np.sin(3 * time), 5 * np.cos(2 * time)])
+    accuracy = Accuracy(1e-10)
+    here = feedforward(towed, makkar, Path(time, force), (0.1, 0.2, 0.3), times, accuracy=accuracy)
+    turned = transform([0.0, 0.0, frame[2]], force)
+    start = (*transform(frame, np.array([0.1, 0.2])), 0.3 + frame[2])
+    there = feedforward(towed, makkar, Path(time, turned), start, times, accuracy=accuracy)
+    assert there.pose[:, :2] == pytest.approx(transform(frame, here.pose[:, :2]), abs=1e-8)
+    assert there.pose[:, 2] == pytest.approx(here.pose[:, 2] + frame[2], abs=1e-8)
+
+
+def test_integrator_has_the_order_of_its_method(cube):
+    """Error over steps, on a smooth motion: Rodas5P is of order five."""
+    time = np.linspace(0, 4, 401)
+    force = CubicSpline(time, np.column_stack([20 + 3 * np.sin(2 * time), 4 * np.cos(time)]))
+    scene = (cube, coulomb_law(0.35, 0.05), force, (0, 0, 0), [0, 4.0])
+
+    def solved(tolerance):
+        return feedforward(*scene, start_twist=(0.1, 0.02, 0.1), accuracy=Accuracy(tolerance))
+
+    exact = solved(1e-14).pose[-1]
+    loose, tight = solved(1e-8), solved(1e-11)
+    errors = [np.abs(motion.pose[-1] - exact).max() for motion in (loose, tight)]
+    more_steps = tight.statistics["steps"] / loose.statistics["steps"]
+    assert np.log(errors[0] / errors[1]) / np.log(more_steps) == pytest.approx(5, abs=0.5)
 
 
 def test_sliding_and_spinning_disk_stops_both_at_once():
@@ -54,6 +139,19 @@ def test_lap_ends_where_the_oracle_says(cube, lap, tolerance, error):
     assert motion.outcome == Outcome.CONVERGED
     assert motion.statistics["mode_changes"] >= 1
     assert motion.pose[-1] == pytest.approx(LAP_FINAL_POSE, abs=error)
+
+
+def test_stiction_velocity_matters_more_than_the_mesh(cube, lap):
+    """From elsewhere: 5 to 6 mm for v_s from 1e-3 to 1e-4 m/s, 0.13 to 0.25 mm for 1,352 cells, on the lap."""
+    law, tether, hinge, start = lap
+    times = np.linspace(0, 400, 101)
+    exact = feedback(cube, law, tether, hinge, start, times).pose[:, :2]
+    sharper = feedback(cube, coulomb_law(0.35, 1e-4), tether, hinge, start, times).pose[:, :2]
+    assert np.linalg.norm(sharper - exact, axis=1).max() == pytest.approx(5.5e-3, abs=1e-3)
+    mesh = meshed_patch(mesh_pressure(cube.patch, [(cube.mass * 9.81, (0, 0))], 0.028), law)
+    assert len(mesh.area_nodes) == pytest.approx(1352, rel=0.1)
+    coarse = feedback(cube, mesh, tether, hinge, start, times).pose[:, :2]
+    assert 5e-5 < np.linalg.norm(coarse - exact, axis=1).max() < 5e-4
 
 
 def test_energy_never_grows_in_free_sliding(cube, makkar):

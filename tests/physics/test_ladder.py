@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from footprints import rectangle
 
-from oracles import DISK_WRENCH, SQUARE_SPIN_M, TRACTRIX
+from oracles import SQUARE_SPIN_M, TRACTRIX, disk_wrench
 from towval.errors import InputError
 from towval.physics.contact import pressure_plane, resting_pressure
 from towval.physics.friction_law import coulomb_law
@@ -27,9 +27,16 @@ def test_limit_surface_is_exact_in_translation_and_rotation(square, makkar):
 
 
 def test_limit_surface_is_a_tenth_off_in_between():
-    force, moment = DISK_WRENCH[0.5]
-    assert force**2 + (1.5 * moment) ** 2 == pytest.approx(1.0, abs=0.1)
-    assert abs(force**2 + (1.5 * moment) ** 2 - 1.0) > 0.05
+    """F² + (M / M0)² of a disk, M0 two thirds of μ N R: a tenth below one with the centre of rotation on the rim."""
+
+    def off(ratio):
+        force, moment = disk_wrench(ratio)
+        return 1 - (force**2 + (1.5 * moment) ** 2)
+
+    assert off(1 - 1e-9) == pytest.approx(0.0994, abs=1e-4)
+    assert max(map(off, np.linspace(0.05, 0.99, 95))) == pytest.approx(0.1273, abs=1e-4)
+    assert off(0.05) < 0.01
+    assert off(10.0) < 0.01
 
 
 def test_tractrix_has_the_closed_form():

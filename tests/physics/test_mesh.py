@@ -39,6 +39,19 @@ def test_mesh_pressure_goes_to_the_closed_form(square, eccentricity):
     assert 0.2 * a + c == pytest.approx(largest, rel=5e-3)
 
 
+def test_dropping_whole_cells_gets_worse_towards_the_edge(square):
+    """Numbers from elsewhere: with 1,352 cells the pressure at the edge is 6.6e-4, 2.8e-3 and 10 % off."""
+    errors = []
+    for eccentricity in (0.1, 0.15, 0.19):
+        pressure = mesh_pressure(square, [(SQUARE_LOAD_N, (eccentricity, 0))], 0.028)
+        assert len(pressure.force) == pytest.approx(1352, rel=0.1)
+        a, _, c = pressure.history[-1].coefficients
+        errors.append(abs((0.2 * a + c) / rectangle_pressure(0.4, 0.4, SQUARE_LOAD_N, eccentricity) - 1))
+    assert errors == sorted(errors)
+    assert errors[0] < 3e-3
+    assert 0.01 < errors[2] < 0.3
+
+
 def test_history_starts_with_the_whole_patch_and_its_residual_falls(square):
     history = mesh_pressure(square, [(SQUARE_LOAD_N, (0.1, 0.06))], 0.02).history
     assert history[0].in_contact.all()

@@ -57,10 +57,10 @@ def test_heading_converges_with_third_order(cube, makkar):
     def final_heading(steps):
         return quasistatic_plan(cube, makkar, path, TETHER, times=np.linspace(0, 600, steps + 1)).pose[-1, 2]
 
-    exact = final_heading(48_000)
-    errors = [abs(final_heading(steps) - exact) for steps in (6000, 12_000)]
-    assert errors[1] < 1e-6
-    assert np.log2(errors[0] / errors[1]) > 1.7
+    exact = final_heading(80_000)
+    errors = [abs(final_heading(steps) - exact) for steps in (2500, 5000)]
+    assert errors[1] < 2e-9
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(3, abs=0.3)
 
 
 def test_feedback_along_the_planned_hinge_follows_the_plan(cube):

@@ -1,4 +1,5 @@
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -38,6 +39,14 @@ def test_disk_has_the_closed_forms_wrench(ratio, digits):
     force_x, force_y, moment = (4 * wrenches[1] - wrenches[0]) / 3
     assert (-force_x, -moment) == pytest.approx(disk_wrench(ratio), abs=2e-8)
     assert force_y == pytest.approx(0, abs=1e-12)
+
+
+def test_disk_turning_about_its_centre():
+    wrenches = []
+    for n in (240, 480):
+        patch = sliding_patch(pressure_plane(regular_polygon(n), [(1.0, (0, 0))]), COULOMB)
+        wrenches.append(friction_wrench(patch, (0.0, 0.0, 1.0)))
+    assert ((4 * wrenches[1] - wrenches[0]) / 3) == pytest.approx([0, 0, -2 / 3], abs=1e-9)
 
 
 @pytest.mark.parametrize(("sides", "digits"), [((0.4, 0.4), SQUARE_SPIN_M), ((0.6, 0.4), RECTANGLE_SPIN_M)])
@@ -139,6 +148,19 @@ def test_boundary_integral_agrees_with_high_order_quadrature(kind):
         assert np.abs((wrench - reference) / scale).max() < 1e-8
 
 
+@pytest.mark.parametrize("twist", [(0.02, 0.01, 0.1), (0.1, 0.0, 0.5), (0.1, 0.02, 0.01), (0.0, 0.0, 1.0)])
+def test_hole_is_the_footprint_less_what_is_cut_out(makkar, twist):
+    """The same pressure plane over the outline, over the cut-out and over what is left of the outline."""
+    hole = np.array([[-0.1, -0.05], [0.12, -0.08], [0.1, 0.1], [-0.05, 0.12]])
+    left = pressure_plane(
+        Patch([[-0.3, -0.2], [0.3, -0.2], [0.25, 0.2], [-0.3, 0.25]], (hole,)), [(30.0, (0.02, 0.01))]
+    )
+    outer, inner = left.rings
+    parts = [replace(left, rings=(ring,)) for ring in (outer, inner[::-1])]
+    whole, cut_out = (friction_wrench(sliding_patch(part, makkar), twist) for part in parts)
+    assert friction_wrench(sliding_patch(left, makkar), twist) == pytest.approx(whole - cut_out, abs=1e-9)
+
+
 def test_wrench_is_continuous_as_turning_vanishes(square, makkar):
     patch = sliding_patch(pressure_plane(square, [(49.05, (0.05, 0.03))]), makkar)
     straight = friction_wrench(patch, (0.05, 0.02, 0.0))
@@ -150,12 +172,50 @@ def test_wrench_is_continuous_as_turning_vanishes(square, makkar):
 
 def test_boundary_and_area_rule_agree_where_they_meet(square, makkar):
     patch = sliding_patch(pressure_plane(square, [(49.05, (0.1, 0.06))]), makkar)
-    switch = 0.1 / (5 * patch.radius)
-    below = np.array(wrench_and_slopes(patch, 0.1, 0.0, switch * (1 - 1e-12)))
-    above = np.array(wrench_and_slopes(patch, 0.1, 0.0, switch * (1 + 1e-12)))
-    # 1e-10 of μ N and μ N times the size, as both promise.
+    ((x, _, radius),) = patch.circles
+    speed, omega = 0.1, 0.1 / (3 * radius)  # of the middle of the patch, so that C is three radii away
+    below = np.array(wrench_and_slopes(patch, 0.0, speed * (1 - 1e-12) - omega * x, omega))
+    above = np.array(wrench_and_slopes(patch, 0.0, speed * (1 + 1e-12) - omega * x, omega))
+    # 1e-10 of μ N and μ N times the size, as both promise; not the same numbers, as they are computed differently.
+    assert (above != below).any()
     assert above[:3] == pytest.approx(below[:3], rel=1e-10, abs=0.35 * 49.05 * 1e-10)
     assert above[3:] == pytest.approx(below[3:], rel=1e-6, abs=1e-6)
+
+
+def wrench_over_triangles(contact, law, twist, order=24):
+    """Gauss nodes over triangles, exact where the centre of rotation is some sizes of a triangle away."""
+    x, w = np.polynomial.legendre.leggauss(order)
+    u, v = ((grid.ravel() + 1) / 2 for grid in np.meshgrid(x, x, indexing="ij"))
+    weight = np.outer(w, w).ravel() / 4 * u
+    total = np.zeros(3)
+    for triangle in shapely.constrained_delaunay_triangles(
+        shapely.MultiPolygon([shapely.Polygon(ring) for ring in contact.rings])
+    ).geoms:
+        a, b, c = shapely.get_coordinates(triangle)[:3]
+        px, py = a[:, None] + np.outer(b - a, u) + np.outer(c - b, u * v)
+        ux, uy = twist[0] - twist[2] * py, twist[1] + twist[2] * px
+        speed, area = np.hypot(ux, uy), abs((b - a)[0] * (c - b)[1] - (b - a)[1] * (c - b)[0])
+        force = area * weight * contact.pressure(np.column_stack([px, py])) * friction_coefficient(law, speed) / speed
+        total -= [(force * ux).sum(), (force * uy).sum(), (force * (px * uy - py * ux)).sum()]
+    return total
+
+
+@pytest.mark.parametrize("kind", ["near one tip", "between the tips", "beyond"])
+def test_small_tips_far_apart_keep_their_digits(makkar, kind):
+    """The footprint stands on two tips; the triangles that C spans with their edges are 1e8 times the wrench."""
+    outline = [[0.0, 0.0], [0.4, 0.3], [1.0, 0.0], [0.9, 0.6], [0.1, 0.6]]
+    contact = pressure_plane(Patch(outline), [(10.0, (0.55, 0.001))])
+    assert len(contact.rings) == 2
+    assert contact.contact_area < 1e-4
+    rng = np.random.default_rng(4)
+    for _ in range(30):
+        angle = rng.uniform(0, 2 * np.pi)
+        reach = {"near one tip": 0.06, "between the tips": rng.uniform(0.1, 0.4), "beyond": rng.uniform(0.7, 2.0)}[kind]
+        cx, cy = (0.0 if kind == "near one tip" else 0.5) + reach * np.cos(angle), reach * np.sin(angle)
+        omega = rng.choice([-1, 1]) * 10 ** rng.uniform(-3, 0.5)
+        twist = np.array([cy * omega, -cx * omega, omega])
+        error = friction_wrench(sliding_patch(contact, makkar), twist) - wrench_over_triangles(contact, makkar, twist)
+        assert np.abs(error).max() < 1e-9 * 10.0 * 0.35
 
 
 @pytest.mark.parametrize("twist", [(0.02, 0.01, 0.1), (0.1, 0, 0.01), (1e-4, 2e-4, 1e-3), (0, 0, 0.2), (1e-9, 0, 1e-8)])

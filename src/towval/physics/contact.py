@@ -218,7 +218,7 @@ def _residual(contact: tuple[Array, ...], plane: Array, centre: Array, size: flo
     return max(map(abs, _imbalance(moments, *plane)))
 
 
-@compiled()
+@compiled(allocates=False)
 def _add_edge(m: Array, x0: float, y0: float, x1: float, y1: float) -> None:
     """Add an edge's share to the moments 1, x, y, xx, xy, yy of the area (Green)."""
     cross = x0 * y1 - x1 * y0
@@ -230,7 +230,7 @@ def _add_edge(m: Array, x0: float, y0: float, x1: float, y1: float) -> None:
     m[5] += cross * (y0 * y0 + y0 * y1 + y1 * y1) / 12
 
 
-@compiled()
+@compiled(allocates=False)
 def _clipped_moments(vertices: Array, ring_ends: Array, c: float, a: float, b: float, m: Array) -> None:
     """Moments 1, x, y, xx, xy, yy of the rings where ``c + a x + b y > 0``, into ``m`` (6,).
 
@@ -268,7 +268,7 @@ def _clipped_moments(vertices: Array, ring_ends: Array, c: float, a: float, b: f
         start = end
 
 
-@compiled()
+@compiled(allocates=False)
 def _plane_on(m: Array) -> tuple[float, float, float]:
     """Plane of unit force through the origin for a region taken as fixed, from its moments about its own centroid."""
     x, y = m[1] / m[0], m[2] / m[0]
@@ -279,7 +279,7 @@ def _plane_on(m: Array) -> tuple[float, float, float]:
     return 1 / m[0] - slope_x * x - slope_y * y, slope_x, slope_y
 
 
-@compiled()
+@compiled(allocates=False)
 def _imbalance(m: Array, c: float, a: float, b: float) -> tuple[float, float, float]:
     """Force and moments ∫p, ∫xp, ∫yp of a plane over a region with moments ``m``, less the unit load at the origin."""
     return m[0] * c + m[1] * a + m[2] * b - 1.0, m[1] * c + m[3] * a + m[4] * b, m[2] * c + m[4] * a + m[5] * b

@@ -18,8 +18,8 @@ from towval.geometry import transform
 from towval.physics.contact import resting_pressure
 from towval.physics.friction_table import SLOPE
 from towval.physics.integrator import NOT_FINITE, REACHED_END, STEP_LIMIT, STEP_TOO_SMALL, integrate
-from towval.physics.motion import FORCED, SLACK, TAUT, Scene, tautness, tensions
-from towval.physics.splines import Spline, piece_at, spline_covering, spline_values
+from towval.physics.motion import FORCED, TAUT, Scene, natural_mode, tensions
+from towval.physics.splines import Spline, spline_covering, spline_values
 from towval.physics.wrench import SlidingPatch, sliding_patch
 from towval.types import Array, Finding, FrictionLaw, Path, Severity, SimulatedMotion, Tether, TowedObject, locked
 
@@ -135,11 +135,9 @@ def feedback(
     """
     times = checked_times(times)
     drive = spline_covering(hinge, times, "the way of the hinge")
-    scene = _scene(towed, law, tether, drive)
-    y = _state(towed, start_pose, start_twist)
-    _, stretch, pull = tautness(scene, times[0], piece_at(drive.knots, times[0], 0), y)
-    mode = TAUT if stretch >= 0 and pull >= 0 else SLACK
-    outcome, states, modes, statistics = _run(scene, mode, y, times, accuracy)
+    scene = motion_scene(towed, law, tether, drive)
+    y = centre_state(towed, start_pose, start_twist)
+    outcome, states, modes, statistics = _run(scene, natural_mode(scene, times[0], y), y, times, accuracy)
     if outcome == Outcome.CONVERGED and not (modes == TAUT).any() and not statistics["mode_changes"]:
         outcome = Outcome.SLACK_ALL_ALONG
     tension = np.empty((len(states), 3))
@@ -167,8 +165,8 @@ def feedforward(
     """
     times = checked_times(times)
     drive = spline_covering(force, times, "the force")
-    scene = _scene(towed, law, Tether(1.0, 1.0), drive)
-    start = _state(towed, start_pose, start_twist)
+    scene = motion_scene(towed, law, Tether(1.0, 1.0), drive)
+    start = centre_state(towed, start_pose, start_twist)
     outcome, states, _, statistics = _run(scene, FORCED, start.copy(), times, accuracy)
     forces, _ = spline_values(drive, times[: len(states)])
     motion = _motion(towed, times, states, forces, np.zeros(len(states)), outcome, statistics)
@@ -199,13 +197,14 @@ def checked_times(times: ArrayLike) -> Array:
     return times
 
 
-def _scene(towed: TowedObject, law: FrictionLaw | SlidingPatch, tether: Tether, drive: Spline) -> Scene:
+def motion_scene(towed: TowedObject, law: FrictionLaw | SlidingPatch, tether: Tether, drive: Spline) -> Scene:
+    """A towed object, what it slides on and what draws it, laid out for the compiled right-hand side."""
     patch = law if isinstance(law, SlidingPatch) else sliding_patch(resting_pressure(towed), law)
     body = [towed.mass, towed.inertia, *(patch.origin - towed.centre_of_mass), *(towed.anchor - towed.centre_of_mass)]
     return Scene(patch, np.array(body), np.array([tether.stiffness, tether.rest_length, tether.damping]), drive)
 
 
-def _state(towed: TowedObject, pose: ArrayLike, twist: ArrayLike) -> Array:
+def centre_state(towed: TowedObject, pose: ArrayLike, twist: ArrayLike) -> Array:
     """State of the centre of mass from pose and twist of the body frame."""
     pose, twist = locked(pose, "start pose", (3,)), locked(twist, "start twist", (3,))
     centre = transform(pose, towed.centre_of_mass)
@@ -225,13 +224,11 @@ def _run(
 
 def _error_scales(scene: Scene, mode: int) -> Array:
     """Errors of the state (6,) that weigh as much as a metre of position."""
-    places, weights = scene.patch.area_nodes[:, :2], scene.patch.area_nodes[:, 2]
-    radius = float(np.linalg.norm(places, axis=1).max())
     lowest_speed, stretch = 1 / scene.patch.table[SLOPE], np.inf
     if mode != FORCED:
-        stretch = weights.sum() / scene.tether[0]
+        stretch = 1 / (scene.patch.per_force * scene.tether[0])
     speed_share, stretch_share = min(1.0, lowest_speed / _FINE_SPEED), min(1.0, stretch / _FINE_STRETCH)
-    position = stretch_share * np.array([1.0, 1.0, 1 / radius])
+    position = stretch_share * np.array([1.0, 1.0, 1 / scene.patch.radius])
     return np.concatenate([position, position * speed_share * _VELOCITY_RATE])
 
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from towval.compiling import compiled
 from towval.physics.friction_law import friction_coefficient
+from towval.physics.lanes import Lanes, lanes, load_lanes, multiply_add
 from towval.types import Array, FrictionLaw
 
 _PARTS_LOG2 = 6  # parts of a binade: 2⁶
@@ -99,7 +100,7 @@ def _local_polynomials(law: FrictionLaw, starts: Array, widths: Array, integrals
     return np.linalg.inv(np.vander(local, increasing=True)) @ values
 
 
-@compiled(inline="always")
+@compiled(allocates=False, inline="always")
 def _part(table: Array, speed: float) -> tuple[np.uint64, float]:
     """Where the part that holds a speed begins, and the local variable there, from the bits of the float."""
     bits = np.float64(speed).view(np.int64)
@@ -108,35 +109,31 @@ def _part(table: Array, speed: float) -> tuple[np.uint64, float]:
     return begin, (bits & _WITHIN) * _TO_LOCAL - 1.0
 
 
-@compiled()
-def radial_means(table: Array, speed: float) -> tuple[float, float, float, float]:
-    """μ, m_1, m_2, m_3 at a speed u ≥ 0 [m/s]."""
+@compiled(allocates=False)
+def radial_means(table: Array, speed: float) -> Lanes:
+    """μ, m_1, m_2, m_3 at a speed u ≥ 0 [m/s], as lanes."""
     if speed < table[LOWEST]:
         linear = table[SLOPE] * speed
-        return linear, linear / 3, linear / 4, linear / 5
+        return lanes(linear, linear / 3, linear / 4, linear / 5)
     if speed >= table[HIGHEST]:
         inverse = 1 / speed
         square = inverse * inverse
         viscous = table[VISCOUS] * speed
-        return (
+        return lanes(
             table[PLATEAU] + viscous,
             table[PLATEAU] / 2 + table[PLATEAU + 1] * square + viscous / 3,
             table[PLATEAU] / 3 + table[PLATEAU + 2] * square * inverse + viscous / 4,
             table[PLATEAU] / 4 + table[PLATEAU + 3] * square * square + viscous / 5,
         )
     begin, x = _part(table, speed)
-    i = begin + np.uint64(4 * _DEGREE)
-    mu, m1, m2, m3 = table[i], table[i + np.uint64(1)], table[i + np.uint64(2)], table[i + np.uint64(3)]
+    local = lanes(x, x, x, x)
+    means = load_lanes(table, begin + np.uint64(4 * _DEGREE))
     for power in range(_DEGREE - 1, -1, -1):
-        i = begin + np.uint64(4 * power)
-        mu = mu * x + table[i]
-        m1 = m1 * x + table[i + np.uint64(1)]
-        m2 = m2 * x + table[i + np.uint64(2)]
-        m3 = m3 * x + table[i + np.uint64(3)]
-    return mu, m1, m2, m3
+        means = multiply_add(means, local, load_lanes(table, begin + np.uint64(4 * power)))
+    return means
 
 
-@compiled()
+@compiled(allocates=False)
 def coefficient_over_speed(table: Array, speed: float) -> float:
     """μ / v [s/m] at a sliding speed [m/s]; the slope at rest where v is zero."""
     if speed < table[LOWEST]:
@@ -150,17 +147,18 @@ def coefficient_over_speed(table: Array, speed: float) -> float:
     return value / speed
 
 
-@compiled()
-def coefficient_slope(table: Array, speed: float) -> float:
-    """dμ/dv [s/m] at a sliding speed [m/s]."""
+@compiled(allocates=False)
+def ratio_and_slope(table: Array, speed: float) -> tuple[float, float]:
+    """μ / v and dμ/dv [s/m] at a sliding speed [m/s]; both the slope at rest where v is zero."""
     if speed < table[LOWEST]:
-        return table[SLOPE]
+        return table[SLOPE], table[SLOPE]
     if speed >= table[HIGHEST]:
-        return table[VISCOUS]
+        return table[PLATEAU] / speed + table[VISCOUS], table[VISCOUS]
     begin, x = _part(table, speed)
-    slope = _DEGREE * table[begin + np.uint64(4 * _DEGREE)]
-    for power in range(_DEGREE - 1, 0, -1):
-        slope = slope * x + power * table[begin + np.uint64(4 * power)]
+    value, slope = table[begin + np.uint64(4 * _DEGREE)], 0.0
+    for power in range(_DEGREE - 1, -1, -1):
+        slope = slope * x + value
+        value = value * x + table[begin + np.uint64(4 * power)]
     # The local variable runs through 2 over a part; the bits of the exponent alone are the start of the binade.
     binade = np.int64(np.float64(speed).view(np.int64) & np.int64(0x7FF0000000000000)).view(np.float64)
-    return slope * 2.0 ** (_PARTS_LOG2 + 1) / binade
+    return value / speed, slope * 2.0 ** (_PARTS_LOG2 + 1) / binade

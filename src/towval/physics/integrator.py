@@ -50,17 +50,7 @@ def integrate(
     counts: steps, rejections, changes between slack and taut.
     """
     y, counts = start.copy(), np.zeros(3, dtype=np.int64)
-    work = _Work(
-        np.empty(6),
-        np.empty(6),
-        np.empty(6),
-        np.empty(6),
-        np.empty((STAGES, 6)),
-        np.empty((3, 6)),
-        np.empty(3),
-        np.empty((3, 3)),
-        np.empty((3, 3)),
-    )
+    work = _work()
     t, end, piece = times[0], times[-1], 0
     span = end - t
     filled = _report(mode, t, t, span, y, work, times, 0, states, modes)
@@ -100,6 +90,21 @@ def integrate(
 
 
 @compiled()
+def _work() -> _Work:
+    return _Work(
+        y1=np.empty(6),
+        stage_y=np.empty(6),
+        rates0=np.empty(6),
+        rates=np.empty(6),
+        k=np.empty((STAGES, 6)),
+        jacobian=np.empty((3, 6)),
+        time_slope=np.empty(3),
+        inverse=np.empty((3, 3)),
+        scratch=np.empty((3, 3)),
+    )
+
+
+@compiled(allocates=False)
 def _report(
     mode: int,
     t: float,
@@ -125,7 +130,7 @@ def _report(
     return filled
 
 
-@compiled()
+@compiled(allocates=False)
 def _step(scene: Scene, mode: int, t: float, h: float, piece: int, y: Array, weights: Array, work: _Work) -> float:
     """One step into ``work.y1``; returns the error over the weights (root mean square), infinite where it failed."""
     if not stage_matrix(h, work.jacobian, work.inverse, work.scratch):
@@ -155,7 +160,7 @@ def _step(scene: Scene, mode: int, t: float, h: float, piece: int, y: Array, wei
     return math.sqrt(error / 6)
 
 
-@compiled()
+@compiled(allocates=False)
 def _finite(rates: Array, jacobian: Array) -> bool:
     total = 0.0
     for i in range(6):
@@ -165,7 +170,7 @@ def _finite(rates: Array, jacobian: Array) -> bool:
     return np.isfinite(total)
 
 
-@compiled()
+@compiled(allocates=False)
 def _slack_step(scene: Scene, t: float, piece: int, y: Array) -> float:
     """Longest step [s] in which hinge and anchor cannot close the gap, at least a quarter of the spline's piece."""
     knots, limits = scene.drive.knots, scene.drive.speed_limits
@@ -184,7 +189,7 @@ def _slack_step(scene: Scene, t: float, piece: int, y: Array) -> float:
     return np.inf
 
 
-@compiled()
+@compiled(allocates=False)
 def _first_crossing(scene: Scene, mode: int, t: float, h: float, piece: int, y: Array, work: _Work) -> float:
     """Fraction of the step at which the other mode takes over; 1 where it does not."""
     low = 0.0
@@ -205,7 +210,7 @@ def _first_crossing(scene: Scene, mode: int, t: float, h: float, piece: int, y: 
     return 1.0
 
 
-@compiled()
+@compiled(allocates=False)
 def _margin_at(scene: Scene, mode: int, t: float, h: float, theta: float, piece: int, y: Array, work: _Work) -> float:
     dense_output(theta, y, work.y1, work.k, work.stage_y)
     time = t + theta * h

@@ -228,4 +228,15 @@ def meshed_patch(
         raise InputError("a factor of friction is out of range", got=factors.min(), allowed="zero or more")
     nodes = np.ascontiguousarray(np.column_stack([places - origin, force * factors]))
     entries = np.array([matrix[0, 0], matrix[0, 1], matrix[1, 1]])
-    return SlidingPatch(origin, np.empty((0, 5)), np.zeros(3), nodes, nodes, 0.0, friction_table(law), entries)
+    return SlidingPatch(
+        origin=origin,
+        edges=np.empty((0, 5)),
+        pressure=np.zeros(3),
+        area_nodes=nodes,
+        area_rules=np.array([[0.0, len(nodes), 0.0]]),
+        circles=np.empty((0, 3)),
+        radius=float(np.linalg.norm(nodes[:, :2], axis=1).max()),
+        per_force=1 / nodes[:, 2].sum(),
+        table=friction_table(law),
+        anisotropy=entries,
+    )

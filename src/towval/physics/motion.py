@@ -34,7 +34,7 @@ class Scene(NamedTuple):
     drive: Spline
 
 
-@compiled()
+@compiled(allocates=False)
 def accelerations(scene: Scene, mode: int, time: float, piece: int, y: Array, rates: Array) -> None:
     """Time derivative of the state into ``rates`` (6,)."""
     mass, inertia, ox, oy, bx, by = scene.body
@@ -59,7 +59,7 @@ def accelerations(scene: Scene, mode: int, time: float, piece: int, y: Array, ra
     rates[3], rates[4], rates[5] = force_x / mass, force_y / mass, moment / inertia
 
 
-@compiled()
+@compiled(allocates=False)
 def acceleration_slopes(
     scene: Scene, mode: int, time: float, piece: int, y: Array, rates: Array, jacobian: Array, time_slope: Array
 ) -> None:
@@ -111,7 +111,7 @@ def acceleration_slopes(
     rates[3], rates[4], rates[5] = force_x / mass, force_y / mass, moment / inertia
 
 
-@compiled()
+@compiled(allocates=False)
 def _tether_slopes(
     scene: Scene, time: float, piece: int, y: Array, qx: float, qy: float, jacobian: Array, time_slope: Array
 ) -> tuple[float, float]:
@@ -157,7 +157,7 @@ def _tether_slopes(
     return tx, ty
 
 
-@compiled()
+@compiled(allocates=False)
 def tautness(scene: Scene, time: float, piece: int, y: Array) -> tuple[float, float, float]:
     """Length [m], stretch [m] and pull [N] of the tether, the pull negative where it would have to push."""
     cos, sin = math.cos(y[2]), math.sin(y[2])
@@ -169,7 +169,14 @@ def tautness(scene: Scene, time: float, piece: int, y: Array) -> tuple[float, fl
     )
 
 
-@compiled()
+@compiled(allocates=False)
+def natural_mode(scene: Scene, time: float, y: Array) -> int:
+    """TAUT where the tether is stretched and would pull, else SLACK."""
+    _, stretch, pull = tautness(scene, time, piece_at(scene.drive.knots, time, 0), y)
+    return TAUT if stretch >= 0 and pull >= 0 else SLACK
+
+
+@compiled(allocates=False)
 def tensions(scene: Scene, times: Array, states: Array, out: Array) -> None:
     """Length of the tether [m] and its force on the object (2) [N], floor axes, at times and states into ``out``."""
     piece = 0
@@ -186,7 +193,7 @@ def tensions(scene: Scene, times: Array, states: Array, out: Array) -> None:
         out[i, 2] = share * (py - y[1] - sin * bx - cos * by)
 
 
-@compiled()
+@compiled(allocates=False)
 def margin(scene: Scene, mode: int, time: float, piece: int, y: Array) -> float:
     """How far the tether is from changing between slack and taut [m]; negative once it should have changed."""
     if mode == FORCED:

@@ -117,7 +117,7 @@ def quasistatic_plan(
         start_heading = _settled_heading(spline, times[0], towed.anchor - point)
     geometry = np.concatenate([patch.origin - point, patch.origin - towed.anchor])
     out = np.empty((len(times), 8))
-    solves, newton_steps = _follow(patch, geometry, spline, times, float(start_heading), _radius(patch), out)
+    solves, newton_steps = _follow(patch, geometry, spline, times, float(start_heading), patch.radius, out)
     moment, status, direction = out[:, 4], out[:, 5], out[:, 6:8]
     plan = np.empty((len(times), 10))
     levers = np.concatenate([point, towed.anchor, [tether.rest_length, tether.stiffness]])
@@ -144,10 +144,6 @@ def _times_of(path: Path | CubicSpline, times: ArrayLike | None) -> Array:
             "the times of the plan cannot be used", got=f"{len(given)} times", allowed="two or more, increasing"
         )
     return given
-
-
-def _radius(patch: SlidingPatch) -> float:
-    return float(np.linalg.norm(patch.area_nodes[:, :2], axis=1).max())
 
 
 def _settled_heading(spline: Spline, start: float, lever: Array) -> float:
@@ -200,7 +196,7 @@ def _cable_findings(towed: TowedObject, times: Array, direction: Array) -> tuple
     return (Finding(Severity.WARNING, "cable_would_push", text),)
 
 
-@compiled()
+@compiled(allocates=False)
 def _follow(
     patch: SlidingPatch, geometry: Array, spline: Spline, times: Array, heading: float, radius: float, out: Array
 ) -> tuple[int, int]:
@@ -241,7 +237,7 @@ def _follow(
             rate2, rate1, rate0 = rate1, rate0, omega
             step2, step1 = step1, step
             known += 1
-        pull = math.hypot(fx, fy)
+        pull = math.sqrt(fx * fx + fy * fy)
         if pull > 0:
             direction_x, direction_y = -fx / pull, -fy / pull
         out[i, 0], out[i, 1], out[i, 2], out[i, 3], out[i, 4] = theta, omega, fx, fy, moment
@@ -249,7 +245,7 @@ def _follow(
     return solves, newton
 
 
-@compiled()
+@compiled(allocates=False)
 def _assemble(spline: Spline, times: Array, levers: Array, out: Array, plan: Array) -> None:
     """From what :func:`_follow` found to pose, twist, tow force and hinge, floor axes, in ``plan`` (n, 10).
 
@@ -272,7 +268,7 @@ def _assemble(spline: Spline, times: Array, levers: Array, out: Array, plan: Arr
         plan[i, 8], plan[i, 9] = x + cos * along_x - sin * along_y, y + sin * along_x + cos * along_y
 
 
-@compiled()
+@compiled(allocates=False)
 def _mean_rate(known: int, step: float, step1: float, step2: float, rate0: float, rate1: float, rate2: float) -> float:
     """Mean over the coming step of the polynomial through the last rates."""
     if known < 2:
@@ -285,11 +281,11 @@ def _mean_rate(known: int, step: float, step1: float, step2: float, rate0: float
     return mean
 
 
-@compiled()
+@compiled(allocates=False)
 def _moving_velocity(knots: Array, coefficients: Array, time: float, piece: int) -> tuple[float, float]:
     """Velocity of the path; where it rests, a creep in the direction in which it will move (or has moved)."""
     _, _, vx, vy, ax, ay = spline_at(knots, coefficients, time, piece)
-    speed = math.hypot(vx, vy)
+    speed = math.sqrt(vx * vx + vy * vy)
     if speed > _CREEP:
         return vx, vy
     push = math.hypot(ax, ay)
@@ -301,7 +297,7 @@ def _moving_velocity(knots: Array, coefficients: Array, time: float, piece: int)
     return _CREEP, 0.0
 
 
-@compiled()
+@compiled(allocates=False)
 def _moment_about_anchor(
     patch: SlidingPatch, geometry: Array, ux: float, uy: float, omega: float
 ) -> tuple[float, float, float, float, float, float]:
@@ -313,12 +309,12 @@ def _moment_about_anchor(
     return moment + ax * fy - ay * fx, slope, fx, fy, fx_rate, fy_rate
 
 
-@compiled()
+@compiled(allocates=False)
 def _balanced_rate(
     patch: SlidingPatch, geometry: Array, ux: float, uy: float, guess: float, radius: float, search: bool
 ) -> tuple[float, float, float, float, int, int]:
     """Heading rate with no moment about the anchor: rate, force (2), moment left, status, Newton steps."""
-    unit = math.hypot(ux, uy) / radius
+    unit = math.sqrt(ux * ux + uy * uy) / radius
     omega = guess
     tries = 0
     while not search and tries < _NEWTON_LIMIT:
@@ -339,7 +335,7 @@ def _balanced_rate(
     return omega, fx, fy, moment, status, tries
 
 
-@compiled()
+@compiled(allocates=False)
 def _searched_rate(
     patch: SlidingPatch, geometry: Array, ux: float, uy: float, guess: float, unit: float
 ) -> tuple[float, bool]:
@@ -360,7 +356,7 @@ def _searched_rate(
     return (best, True) if found else (least, False)
 
 
-@compiled()
+@compiled(allocates=False)
 def _bisected(
     patch: SlidingPatch, geometry: Array, ux: float, uy: float, low: float, high: float, positive_low: bool
 ) -> float:

@@ -107,7 +107,7 @@ DENSE = np.array(
 )
 
 
-@compiled()
+@compiled(allocates=False)
 def inverse_3(m: Array, out: Array) -> bool:
     """Inverse of a 3 × 3 matrix into ``out``; False where it is singular or not finite."""
     a, b, c, d, e, f, g, h, i = m[0, 0], m[0, 1], m[0, 2], m[1, 0], m[1, 1], m[1, 2], m[2, 0], m[2, 1], m[2, 2]
@@ -122,7 +122,7 @@ def inverse_3(m: Array, out: Array) -> bool:
     return True
 
 
-@compiled()
+@compiled(allocates=False)
 def stage_matrix(h: float, jacobian: Array, inverse: Array, scratch: Array) -> bool:
     """Invert ``I/(hγ) − D − hγ K`` into ``inverse``; ``jacobian`` (3, 6) is [K D]. False where that fails."""
     hg = h * GAMMA
@@ -132,7 +132,7 @@ def stage_matrix(h: float, jacobian: Array, inverse: Array, scratch: Array) -> b
     return inverse_3(scratch, inverse)
 
 
-@compiled()
+@compiled(allocates=False)
 def solve_stage(
     stage: int, h: float, jacobian: Array, inverse: Array, time_slope: Array, rates: Array, k: Array
 ) -> None:
@@ -152,7 +152,7 @@ def solve_stage(
         k[stage, i] = hg * (rates[i] + solved)
 
 
-@compiled()
+@compiled(allocates=False)
 def dense_output(theta: float, y0: Array, y1: Array, k: Array, out: Array) -> None:
     """State at the fraction ``theta`` of a step, to order 4, into ``out`` (6,)."""
     for i in range(6):

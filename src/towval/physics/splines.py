@@ -126,7 +126,7 @@ def spline_values(spline: Spline, times: Array) -> tuple[Array, Array]:
     return c0 + s * (c1 + s * (c2 + s * c3)), c1 + s * (2 * c2 + s * 3 * c3)
 
 
-@compiled()
+@compiled(allocates=False)
 def piece_at(knots: Array, time: float, hint: int) -> int:
     """Number of the piece that holds a time, searched from a hint."""
     last = len(knots) - 2
@@ -138,7 +138,7 @@ def piece_at(knots: Array, time: float, hint: int) -> int:
     return k
 
 
-@compiled()
+@compiled(allocates=False)
 def spline_at(
     knots: Array, coefficients: Array, time: float, k: int
 ) -> tuple[float, float, float, float, float, float]:

@@ -40,7 +40,7 @@ def tether_force(tether: Tether, span: ArrayLike, span_rate: ArrayLike | None = 
     return np.where(stretch >= 0, pull, 0.0) * direction
 
 
-@compiled()
+@compiled(allocates=False)
 def stretch_and_pull(
     span_x: float, span_y: float, rate_x: float, rate_y: float, tether: Array
 ) -> tuple[float, float, float]:

@@ -147,7 +147,7 @@ def _integrate(rung: int, model: _Trail, times: Array, state: Array, out: Array)
     return unbalanced, moved
 
 
-@compiled()
+@compiled(allocates=False)
 def _rates(
     rung: int, model: _Trail, time: float, piece: int, state: Array, lag: float, guess: Array, rates: Array
 ) -> tuple[bool, float, float, float]:
@@ -187,7 +187,7 @@ def _rates(
     return balanced, pull * nx, pull * ny, length - rod
 
 
-@compiled()
+@compiled(allocates=False)
 def _balance(
     patch: SlidingPatch,
     cos: float,

@@ -2,12 +2,10 @@
 
 SOURCE: eqs. (4), (5), ``F = −∫ μ p v/|v| dS``, ``M = −∫ r × (μ p v/|v|) dS``. With the origin at the instantaneous
 centre of rotation C the radial part of both is known in closed form once μ is tabulated (``friction_table``), and
-what is left runs along the edges of the patch; docs/physics.md derives it. In ``t = |d| sinh q`` along an edge at
-distance d from C the integrand is analytic for |Im q| < π/2, whatever the law and wherever C lies, so the number of
-Gauss nodes follows from the length of the edge in q alone.
+what is left runs along the edges of the patch (``edge_integrals``); docs/physics.md derives it.
 
 Where C is far away (pure translation in the limit) the differences would cancel. There the integrand is smooth over the
-patch and a Gauss rule on its triangles, made once, takes over. The two agree to rounding where they meet.
+patch and Gauss rules on its triangles, made once, take over. The two agree to 1e-10 of μN where they meet.
 
 Valid for uniform, isotropic friction; ``physics.mesh`` has the paper's finite volumes for the rest.
 """
@@ -23,21 +21,21 @@ from numpy.typing import ArrayLike
 
 from towval.compiling import compiled
 from towval.physics.contact import PressurePlane
+from towval.physics.edge_integrals import edge_integrals, prepared_edge
 from towval.physics.friction_table import (
     LOWEST,
     coefficient_over_speed,
-    coefficient_slope,
     friction_table,
-    radial_means,
+    ratio_and_slope,
 )
 from towval.types import Array, FrictionLaw, locked
 
-# Centre of rotation within so many radii of the patch: the boundary. Beyond: a rule over the area, exact there to
-# 1e-11, and beyond more radii still, where the integrand is almost linear, one with fewer nodes.
-_NEAR, _FAR = 3.0, 25.0
-_NODES_ALONG, _FEW_NODES_ALONG = 6, 4  # the sides of a triangle
-_RULE_SIZES = (4, 6, 8, 10, 12, 14, 16)
-_NEGLIGIBLE = 1e-13  # of the patch's radius: an edge as close as that to C adds nothing
+# Centre of rotation within so many radii of a part of the patch: the boundary. Beyond: a rule over the area, exact
+# there to 1e-10. Parts count by themselves, for a patch may touch the floor at small tips far apart: in between the
+# boundary's sums cancel.
+_NEAR = 3.0
+# Nodes along the sides of a triangle, and from how many radii of the whole patch on they suffice.
+_AREA_RULES = ((6, 0.0), (5, 5.0), (4, 15.0))
 
 
 ISOTROPIC = np.array([1.0, 0.0, 1.0])
@@ -48,18 +46,22 @@ class SlidingPatch(NamedTuple):
 
     ``origin`` (2,) a point of the patch [m], body frame, that all else is relative to; ``edges`` (m, 5): start (x, y),
     unit tangent (x, y), length [m]; ``pressure`` (3,) at the origin [Pa] and its slopes [Pa/m]; ``area_nodes`` (k, 3):
-    place (x, y) [m] and force p dS [N], and ``few_nodes``, fewer of them; ``radius`` [m] of the patch about the
-    origin; ``table`` the friction law; ``anisotropy`` (3,) of the rule over the area, see ``physics.mesh``.
+    place (x, y) [m] and force p dS [N] of the nodes of several rules over the area, finest first, and ``area_rules``
+    (r, 3): first node, number of nodes, and from how many radii on the rule serves; ``circles`` (n, 3): centre (x, y)
+    and radius [m] of circles around the connected parts; ``radius`` [m] of the whole about the origin; ``per_force``
+    1/N [1/N]; ``table`` the friction law; ``anisotropy`` (3,) of the rules over the area, see ``physics.mesh``.
 
-    A radius of zero keeps to the nodes over the area wherever C lies: so a mesh takes the same interface.
+    Without circles the nodes over the area serve wherever C lies: so a mesh takes the same interface.
     """
 
     origin: Array
     edges: Array
     pressure: Array
     area_nodes: Array
-    few_nodes: Array
+    area_rules: Array
+    circles: Array
     radius: float
+    per_force: float
     table: Array
     anisotropy: Array
 
@@ -74,21 +76,29 @@ def sliding_patch(contact: PressurePlane, law: FrictionLaw) -> SlidingPatch:
     law : FrictionLaw
         Friction coefficient, the same all over the patch and in all directions.
     """
-    corners = np.concatenate(contact.rings)
     origin = contact.centre.copy()
     a, b, _ = contact.coefficients
     pressure = np.array([contact.coefficients @ (*origin, 1.0), a, b])
-    triangles = _triangles(contact) - origin
-    edges = contact.edges
-    vectors = edges[:, 2:] - edges[:, :2]
+    polygons = _polygons(contact.rings)
+    triangles = _triangles(polygons) - origin
+    starts, vectors = contact.edges[:, :2] - origin, contact.edges[:, 2:] - contact.edges[:, :2]
     lengths = np.linalg.norm(vectors, axis=1)
     kept = lengths > 0
-    packed = np.column_stack([edges[:, :2] - origin, vectors / np.where(kept, lengths, 1.0)[:, None], lengths])[kept]
-    radius = float(np.linalg.norm(corners - origin, axis=1).max())
-    area_nodes, few_nodes = (_area_nodes(triangles, pressure, n) for n in (_NODES_ALONG, _FEW_NODES_ALONG))
-    table = friction_table(law)
-    packed = np.ascontiguousarray(packed)
-    return SlidingPatch(origin, packed, pressure, area_nodes, few_nodes, radius, table, ISOTROPIC.copy())
+    nodes = [_area_nodes(triangles, pressure, along) for along, _ in _AREA_RULES]
+    counts = np.array([len(rule) for rule in nodes])
+    circles = np.array([_circle(shapely.get_coordinates(polygon) - origin) for polygon in polygons])
+    return SlidingPatch(
+        origin=origin,
+        edges=np.column_stack([starts, vectors / np.where(kept, lengths, 1.0)[:, None], lengths])[kept],
+        pressure=pressure,
+        area_nodes=np.concatenate(nodes),
+        area_rules=np.column_stack([np.cumsum(counts) - counts, counts, [reach for _, reach in _AREA_RULES]]),
+        circles=circles,
+        radius=float(np.linalg.norm(np.concatenate(contact.rings) - origin, axis=1).max()),
+        per_force=1 / contact.normal_force,
+        table=friction_table(law),
+        anisotropy=ISOTROPIC.copy(),
+    )
 
 
 def friction_wrench(patch: SlidingPatch, twist: ArrayLike) -> Array:
@@ -113,12 +123,18 @@ def friction_wrench(patch: SlidingPatch, twist: ArrayLike) -> Array:
     return np.array([fx, fy, moment + x * fy - y * fx])
 
 
-def _triangles(contact: PressurePlane) -> Array:
-    """A triangulation of the patch (k, 3, 2) [m]."""
+def _circle(corners: Array) -> tuple[float, float, float]:
+    """Centre (x, y) and radius of a circle around corners."""
+    centre = (corners.min(axis=0) + corners.max(axis=0)) / 2
+    return (*centre, float(np.linalg.norm(corners - centre, axis=1).max()))
+
+
+def _triangles(polygons: list[shapely.Polygon]) -> Array:
+    """A triangulation (k, 3, 2) [m]."""
     return np.array(
         [
             shapely.get_coordinates(triangle)[:3]
-            for polygon in _polygons(contact.rings)
+            for polygon in polygons
             for triangle in shapely.constrained_delaunay_triangles(polygon).geoms
         ]
     )
@@ -135,7 +151,7 @@ def _area_nodes(triangles: Array, pressure: Array, along: int) -> Array:
     points = a[:, None] + u[:, None] * ab[:, None] + (u * v)[:, None] * bc[:, None]
     double_area = np.abs(ab[:, 0] * bc[:, 1] - ab[:, 1] * bc[:, 0])
     force = share * double_area[:, None] * (pressure[0] + points @ pressure[1:])
-    return np.ascontiguousarray(np.concatenate([points, force[..., None]], axis=-1).reshape(-1, 3))
+    return np.concatenate([points, force[..., None]], axis=-1).reshape(-1, 3)
 
 
 def _polygons(rings: tuple[Array, ...]) -> list[shapely.Polygon]:
@@ -150,36 +166,16 @@ def _polygons(rings: tuple[Array, ...]) -> list[shapely.Polygon]:
     return polygons
 
 
-def _gauss_rules() -> tuple[Array, Array, Array]:
-    """Nodes above zero and weights of symmetric Gauss rules, one a row, and their sizes."""
-    nodes, weights = np.zeros((len(_RULE_SIZES), 8)), np.zeros((len(_RULE_SIZES), 8))
-    for row, size in enumerate(_RULE_SIZES):
-        x, w = np.polynomial.legendre.leggauss(size)
-        nodes[row, : size // 2], weights[row, : size // 2] = x[size // 2 :], w[size // 2 :]
-    return nodes, weights, np.array(_RULE_SIZES)
-
-
-def _longest_in_q(sizes: Array, tolerance: float = 1e-10) -> Array:
-    """Longest edge in q that each rule integrates to a tolerance: its ellipse of analyticity reaches to π/2."""
-    radius = tolerance ** (-1 / (2 * sizes))  # ρ^(−2n) is the error of n nodes on the ellipse ρ
-    return np.pi / ((radius - 1 / radius) / 2)
-
-
-_NODES, _WEIGHTS, _SIZES = _gauss_rules()
-_REACH = _longest_in_q(_SIZES)
-_LONGEST_PANEL, _LAST_RULE = float(_REACH[-1]), len(_REACH) - 1
-
-
-@compiled()
+@compiled(allocates=False)
 def wrench_at_origin(patch: SlidingPatch, vx: float, vy: float, omega: float) -> tuple[float, float, float]:
     """Force [N] and moment [N m] about ``patch.origin``, for the velocity there [m/s] and the heading rate [rad/s]."""
     if _centre_is_near(patch, vx, vy, omega):
-        sums = _boundary_sums(patch.table, patch.edges, patch.pressure, vx, vy, omega)
+        sums = _boundary_sums(patch, vx, vy, omega)
         return sums[0], sums[1], sums[2]
-    return _area_wrench(patch.table, _area_rule(patch, vx, vy, omega), patch.anisotropy, vx, vy, omega)
+    return _area_wrench(patch, vx, vy, omega)
 
 
-@compiled()
+@compiled(allocates=False)
 def wrench_and_slopes(
     patch: SlidingPatch, vx: float, vy: float, omega: float
 ) -> tuple[float, float, float, float, float, float, float, float, float]:
@@ -188,10 +184,8 @@ def wrench_and_slopes(
     It is symmetric because the wrench is the gradient of the (negative) dissipation potential ∫ p Φ(|v|) dS, Φ′ = μ.
     """
     if not _centre_is_near(patch, vx, vy, omega):
-        return _area_sums(patch.table, _area_rule(patch, vx, vy, omega), patch.anisotropy, vx, vy, omega)
-    fx, fy, moment, sx, sy, s_moment, xx, xy, yy = _boundary_sums(
-        patch.table, patch.edges, patch.pressure, vx, vy, omega
-    )
+        return _area_sums(patch, vx, vy, omega)
+    fx, fy, moment, sx, sy, s_moment, xx, xy, yy = _boundary_sums(patch, vx, vy, omega)
     # Known are the slopes by the velocity and, from the law alone, those along the twist: J · twist = s. The column of
     # ω follows; ω is not small here, for the centre of rotation is near.
     x_omega = (sx - xx * vx - xy * vy) / omega
@@ -200,28 +194,38 @@ def wrench_and_slopes(
     return fx, fy, moment, xx, xy, yy, x_omega, y_omega, omega_omega
 
 
-@compiled(inline="always")
+@compiled(allocates=False, inline="always")
 def _centre_is_near(patch: SlidingPatch, vx: float, vy: float, omega: float) -> bool:
     """Whether the boundary is to be used: C is near, and speeds are not so low that friction is linear in them."""
-    speed, turning = math.hypot(vx, vy), abs(omega) * patch.radius
-    return speed < _NEAR * turning and speed + turning > patch.table[LOWEST]
+    # Roots and squares: the C library's hypot, safe from overflow, takes as long as a node.
+    if math.sqrt(vx * vx + vy * vy) + abs(omega) * patch.radius <= patch.table[LOWEST]:
+        return False
+    for i in range(patch.circles.shape[0]):
+        ux, uy = vx - omega * patch.circles[i, 1], vy + omega * patch.circles[i, 0]
+        reach = _NEAR * omega * patch.circles[i, 2]
+        if ux * ux + uy * uy < reach * reach:
+            return True
+    return False
 
 
-@compiled(inline="always")
-def _area_rule(patch: SlidingPatch, vx: float, vy: float, omega: float) -> Array:
-    """The nodes over the area that suffice for the distance of C."""
-    far = math.hypot(vx, vy) > _FAR * abs(omega) * patch.radius
-    return patch.few_nodes if far else patch.area_nodes
+@compiled(allocates=False)
+def _area_rule(patch: SlidingPatch, vx: float, vy: float, omega: float) -> tuple[int, int]:
+    """First and last but one of the nodes over the area that suffice for the distance of C."""
+    distance, turning = math.sqrt(vx * vx + vy * vy), abs(omega) * patch.radius
+    rule = 0
+    while rule + 1 < patch.area_rules.shape[0] and distance > patch.area_rules[rule + 1, 2] * turning:
+        rule += 1
+    first = int(patch.area_rules[rule, 0])
+    return first, first + int(patch.area_rules[rule, 1])
 
 
-@compiled()
-def _area_wrench(
-    table: Array, nodes: Array, anisotropy: Array, vx: float, vy: float, omega: float
-) -> tuple[float, float, float]:
+@compiled(allocates=False)
+def _area_wrench(patch: SlidingPatch, vx: float, vy: float, omega: float) -> tuple[float, float, float]:
     """Wrench by nodes over the area."""
-    axx, axy, ayy = anisotropy[0], anisotropy[1], anisotropy[2]
+    table, nodes, (axx, axy, ayy) = patch.table, patch.area_nodes, patch.anisotropy
+    first, end = _area_rule(patch, vx, vy, omega)
     fx = fy = moment = 0.0
-    for i in range(nodes.shape[0]):
+    for i in range(first, end):
         x, y = nodes[i, 0], nodes[i, 1]
         ux, uy = vx - omega * y, vy + omega * x
         wx, wy = axx * ux + axy * uy, axy * ux + ayy * uy
@@ -232,25 +236,27 @@ def _area_wrench(
     return fx, fy, moment
 
 
-@compiled()
+@compiled(allocates=False)
 def _area_sums(
-    table: Array, nodes: Array, anisotropy: Array, vx: float, vy: float, omega: float
+    patch: SlidingPatch, vx: float, vy: float, omega: float
 ) -> tuple[float, float, float, float, float, float, float, float, float]:
     """Wrench and slopes by nodes over the area."""
-    axx, axy, ayy = anisotropy[0], anisotropy[1], anisotropy[2]
+    table, nodes, (axx, axy, ayy) = patch.table, patch.area_nodes, patch.anisotropy
+    first, end = _area_rule(patch, vx, vy, omega)
     fx = fy = moment = xx = xy = yy = x_omega = y_omega = omega_omega = 0.0
-    for i in range(nodes.shape[0]):
+    for i in range(first, end):
         x, y, force = nodes[i, 0], nodes[i, 1], nodes[i, 2]
         ux, uy = vx - omega * y, vy + omega * x
         wx, wy = axx * ux + axy * uy, axy * ux + ayy * uy
         speed = math.sqrt(ux * wx + uy * wy)
-        ratio = force * coefficient_over_speed(table, speed)
+        ratio, slope = ratio_and_slope(table, speed)
+        ratio, slope = force * ratio, force * slope
         fx -= ratio * wx
         fy -= ratio * wy
         moment -= ratio * (x * wy - y * wx)
         inverse = 1 / speed if speed > 0 else 0.0
         nx, ny = wx * inverse, wy * inverse
-        steeper = force * coefficient_slope(table, speed) - ratio
+        steeper = slope - ratio
         nxx = ratio * axx + steeper * nx * nx
         nxy = ratio * axy + steeper * nx * ny
         nyy = ratio * ayy + steeper * ny * ny
@@ -263,28 +269,35 @@ def _area_sums(
     return fx, fy, moment, xx, xy, yy, x_omega, y_omega, omega_omega
 
 
-@compiled()
+@compiled(allocates=False)
 def _boundary_sums(
-    table: Array, edges: Array, plane: Array, vx: float, vy: float, omega: float
+    patch: SlidingPatch, vx: float, vy: float, omega: float
 ) -> tuple[float, float, float, float, float, float, float, float, float]:
     """Wrench, its derivative along the twist and its slopes xx, xy, yy by the velocity, from the edges.
 
     In an edge's own axes, τ along it and ν outward, e = τ t/ρ + ν d/ρ and k × e = −ν t/ρ + τ d/ρ.
     """
+    edges, plane = patch.edges, patch.pressure
     cx, cy, rate = -vy / omega, vx / omega, abs(omega)
     gx, gy = plane[1], plane[2]
     pressure = plane[0] + gx * cx + gy * cy
+    bound = (patch.per_force * abs(pressure), patch.per_force * math.sqrt(gx * gx + gy * gy), 1 / patch.radius)
     fx = fy = moment = sx = sy = s_moment = bxx = bxy = byx = byy = hx = hy = 0.0
+    following = prepared_edge(edges[0], cx, cy, bound)
     for i in range(edges.shape[0]):
-        tx, ty, length = edges[i, 2], edges[i, 3], edges[i, 4]
-        x, y = edges[i, 0] - cx, edges[i, 1] - cy
-        start, distance = x * tx + y * ty, x * ty - y * tx
-        if abs(distance) < _NEGLIGIBLE * (abs(start) + length):
+        current = following
+        # The next edge is prepared before this one is summed up, for its roots and divisions take long but little.
+        if i + 1 < edges.shape[0]:
+            following = prepared_edge(edges[i + 1], cx, cy, bound)
+        distance, pairs = current[0], current[4]
+        if pairs == 0:
             continue
+        tx, ty = edges[i, 2], edges[i, 3]
         along = gx * tx + gy * ty
         across = (gx * ty - gy * tx) * (1.0 if distance > 0 else -1.0)
-        sums = _edge_sums(table, start, start + length, distance, pressure, along, across, rate)
-        f_t, f_d, f_m, k_t, k_d, k_m, b_t, b_d, h_t, h_d = sums
+        f_t, f_d, f_m, k_t, k_d, k_m, b_t, b_d, h_t, h_d = edge_integrals(
+            patch.table, current, (pressure, along, across), rate
+        )
         fx += ty * f_t - tx * f_d
         fy -= tx * f_t + ty * f_d
         moment -= f_m
@@ -305,105 +318,3 @@ def _boundary_sums(
     # dF/dC turned into dF/dv, C = k × v / ω.
     xx, xy, yy = (bxy - gy * hx) / rate, -(bxx - gx * hx) / rate, -(byx - gx * hy) / rate
     return fx, fy, moment, sx, sy, s_moment, xx, xy, yy
-
-
-@compiled()
-def _edge_sums(
-    table: Array,
-    start: float,
-    end: float,
-    distance: float,
-    pressure: float,
-    along: float,
-    across: float,
-    rate: float,
-) -> tuple[float, float, float, float, float, float, float, float, float, float]:
-    """Integrals over one edge, t from ``start`` to ``end`` at ``distance`` from C.
-
-    With p = p_C + ρ g·e from ``pressure``, ``along`` and ``across`` (slopes of p along the edge, and away from C), the
-    integrals are: by dφ, (t/ρ, d/ρ, 1) times the radial integrals of μ p; the same of its derivative along the twist;
-    by dt, (t/ρ, d/ρ) times μ p; and by dφ, (t/ρ, d/ρ) times G_1.
-    In q all cosh q in denominators cancel: with s, c = sinh q, cosh q, ρ = |d| c, ρ g·e = |d| (along s + across) and,
-    for instance, (t/ρ) G_1 dφ = d |d| m_1 s dq.
-    """
-    d = abs(distance)
-    first, last = _exponential(start, d), _exponential(end, d)
-    span = math.log(last / first)
-    panels = math.ceil(span / _LONGEST_PANEL)
-    half = span / (2 * panels)
-    rule = 0
-    while rule < _LAST_RULE and _REACH[rule] < 2 * half:
-        rule += 1
-    middle, step = math.sqrt(first * last), 1.0
-    if panels > 1:
-        middle, step = first * math.exp(half), math.exp(2 * half)
-    m1_t = m1_d = m2_t = m2_d = m2_m = m3_m = mu_t = mu_d = mu_m = 0.0
-    for _ in range(panels):
-        inverse_middle = 1 / middle
-        for j in range(_SIZES[rule] // 2):
-            grown = _exp(half * _NODES[rule, j])
-            shrunk = 1 / grown
-            for side in range(2):
-                if side == 0:
-                    e, inverse = middle * grown, inverse_middle * shrunk
-                else:
-                    e, inverse = middle * shrunk, inverse_middle * grown
-                c, s = 0.5 * (e + inverse), 0.5 * (e - inverse)
-                mu, m1, m2, m3 = radial_means(table, rate * d * c)
-                weight = _WEIGHTS[rule, j]
-                slope = d * (along * s + across)
-                w_mu, w_m1, w_m2 = weight * mu * (pressure + slope), weight * m1, weight * slope * m2
-                m1_d += w_m1
-                m1_t += w_m1 * s
-                m2_d += w_m2
-                m2_t += w_m2 * s
-                mu_d += w_mu
-                mu_t += w_mu * s
-                square = c * c
-                m2_m += weight * square * m2
-                m3_m += weight * square * slope * m3
-                mu_m += w_mu * square
-        middle *= step
-    # dφ has the sign of the distance, and so has d/ρ; dt = ρ dq has none.
-    plain, signed = half * d * d, half * d * distance
-    return (
-        signed * (pressure * m1_t + m2_t),
-        plain * (pressure * m1_d + m2_d),
-        signed * d * (pressure * m2_m + m3_m),
-        signed * (mu_t - 2 * pressure * m1_t - 3 * m2_t),
-        plain * (mu_d - 2 * pressure * m1_d - 3 * m2_d),
-        signed * d * (mu_m - 3 * pressure * m2_m - 4 * m3_m),
-        half * d * mu_t,
-        half * distance * mu_d,
-        signed * m1_t,
-        plain * m1_d,
-    )
-
-
-@compiled(inline="always")
-def _exponential(t: float, d: float) -> float:
-    """exp(asinh(t / d)) for d > 0, without cancellation."""
-    rho = math.sqrt(t * t + d * d)
-    return (t + rho) / d if t > 0 else d / (rho - t)
-
-
-@compiled(inline="always")
-def _exp(x: float) -> float:
-    """exp(x) to rounding for |x| ≤ 2, without a call: Taylor's polynomial at x/8, squared three times."""
-    z = 0.125 * x
-    p = 1 / 479001600
-    p = p * z + 1 / 39916800
-    p = p * z + 1 / 3628800
-    p = p * z + 1 / 362880
-    p = p * z + 1 / 40320
-    p = p * z + 1 / 5040
-    p = p * z + 1 / 720
-    p = p * z + 1 / 120
-    p = p * z + 1 / 24
-    p = p * z + 1 / 6
-    p = p * z + 1 / 2
-    p = p * z + 1
-    p = p * z + 1
-    p *= p
-    p *= p
-    return p * p

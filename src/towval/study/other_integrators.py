@@ -12,10 +12,9 @@ from scipy.integrate import solve_ivp
 
 from towval.compiling import compiled
 from towval.geometry import transform
-from towval.physics.contact import resting_pressure
-from towval.physics.motion import SLACK, TAUT, Scene, accelerations, tautness
+from towval.physics.dynamics import centre_state, motion_scene
+from towval.physics.motion import Scene, accelerations, natural_mode
 from towval.physics.splines import piece_at, spline_covering
-from towval.physics.wrench import sliding_patch
 from towval.types import Array, FrictionLaw, Path, Tether, TowedObject
 
 SEMI_IMPLICIT_EULER, RUNGE_KUTTA_4 = 1, 4
@@ -26,16 +25,12 @@ _BLOWN_UP = 1e3  # m
 
 def tethered_scene(towed: TowedObject, law: FrictionLaw, tether: Tether, hinge: Path) -> Scene:
     """The compiled scene of an object behind a hinge."""
-    patch = sliding_patch(resting_pressure(towed), law)
-    body = [towed.mass, towed.inertia, *(patch.origin - towed.centre_of_mass), *(towed.anchor - towed.centre_of_mass)]
-    drive = spline_covering(hinge, hinge.time_s, "the way of the hinge")
-    return Scene(patch, np.array(body), np.array([tether.stiffness, tether.rest_length, tether.damping]), drive)
+    return motion_scene(towed, law, tether, spline_covering(hinge, hinge.time_s, "the way of the hinge"))
 
 
 def state_at_rest(towed: TowedObject, pose: ArrayLike) -> Array:
     """State (6,) of the centre of mass of an object at rest."""
-    centre = transform(np.asarray(pose, dtype=np.float64), towed.centre_of_mass)
-    return np.array([*centre, np.asarray(pose)[2], 0.0, 0.0, 0.0])
+    return centre_state(towed, pose, (0.0, 0.0, 0.0))
 
 
 def poses_of(towed: TowedObject, states: Array) -> Array:
@@ -66,9 +61,7 @@ def fixed_steps(scheme: int, scene: Scene, start: Array, times: Array, step_s: f
 @compiled()
 def _rates(scene: Scene, time: float, y: Array, rates: Array) -> None:
     """Rates of the state, with the tether's mode as it is at that moment."""
-    piece = piece_at(scene.drive.knots, time, 0)
-    _, stretch, pull = tautness(scene, time, piece, y)
-    accelerations(scene, TAUT if stretch >= 0 and pull >= 0 else SLACK, time, piece, y, rates)
+    accelerations(scene, natural_mode(scene, time, y), time, piece_at(scene.drive.knots, time, 0), y, rates)
 
 
 @compiled()

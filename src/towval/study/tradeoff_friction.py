@@ -16,7 +16,7 @@ from towval.physics.contact import resting_pressure
 from towval.physics.friction_law import coulomb_law
 from towval.physics.limit_surface import limit_surface, surface_wrench_at_centre
 from towval.physics.mesh import mesh_pressure, meshed_patch
-from towval.physics.wrench import ISOTROPIC, SlidingPatch, sliding_patch, wrench_at_origin
+from towval.physics.wrench import SlidingPatch, sliding_patch, wrench_at_origin
 from towval.study.costs import take_turns
 from towval.study.products import Part, Row, Scatter, Study
 from towval.study.tabulated_wrench import read_wrench, wrench_table
@@ -128,13 +128,18 @@ def _boundary(towed: TowedObject) -> list[_Method]:
 
 
 def _area(towed: TowedObject) -> list[_Method]:
-    exact = sliding_patch(resting_pressure(towed), coulomb_law(FRICTION, STICTION))
     box = Box((SIDE, SIDE), MASS, CENTRE, 1.0, (0.0, 0.0), FRICTION, STICTION)
+    law, loads = coulomb_law(FRICTION, STICTION), [(MASS * GRAVITY_M_PER_S2, CENTRE)]
+    coarse = mesh_pressure(towed.patch, loads, SIDE / 4)
     methods = []
     for panels, order in ((1, 4), (1, 8), (2, 8), (4, 8), (8, 8)):
         places, force = box.nodes((panels, panels), order)
-        nodes = np.ascontiguousarray(np.column_stack([places - exact.origin, force]))
-        patch = exact._replace(area_nodes=nodes, few_nodes=nodes, radius=0.0, anisotropy=ISOTROPIC.copy())
+        # A meshed patch is its places and forces: another origin and other nodes make it a rule of Gauss.
+        origin = force @ places / force.sum()
+        nodes = np.ascontiguousarray(np.column_stack([places - origin, force]))
+        patch = meshed_patch(coarse, law)
+        rules = np.array([[0.0, len(nodes), 0.0]])
+        patch = patch._replace(origin=origin, area_nodes=nodes, area_rules=rules)
         methods.append(_on_patch("Gauss nodes over the area", f"{len(nodes)} nodes", patch, calls=_CALLS // 4))
     return methods
 
