@@ -15,12 +15,9 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from pathlib import Path as FilePath
 
 import numpy as np
 from numba import njit
-from physics_lap import PERIOD, lemniscate, simulate
-from physics_mujoco import simulate_mujoco
 from physics_opponent import many_mesh_wrenches, plan_on_mesh
 from physics_scenes import CENTRES, centre_of_rotation, random_load, random_star, reference_wrench
 from physics_timing import least_cpu
@@ -31,6 +28,8 @@ from towval.physics.contact import pressure_plane, resting_pressure
 from towval.physics.mesh import mesh_pressure, meshed_patch
 from towval.physics.quasistatic import quasistatic_plan
 from towval.physics.wrench import SlidingPatch, sliding_patch, wrench_at_origin
+from towval.study.engine_studies import mujoco_places
+from towval.study.integrator_studies import lap_scene, lemniscate, reference_places
 from towval.types import Array, FrictionLaw, Patch, Tether, TowedObject
 
 MAKKAR = FrictionLaw([0.06, 400, 40, 0.35, 800, 0])
@@ -39,7 +38,7 @@ LOADS = [(49.05, (0.03, 0.02))]
 TWISTS = np.array([(0.1, 0.02, 0.4), (0.0, 0.05, 0.2), (0.1, 0.0, 0.0), (0.03, -0.02, 0.1), (0.1, 0.01, 0.05)])
 GAMMA = tuple(MAKKAR.gamma.tolist())
 LAP_END = (0.24350136, -0.30703927)
-COLD = "import numpy as np, physics_lap as p; p.simulate(400.0, np.array([0.0, 400.0]), 1e-7)"
+COLD = "from towval.study.integrator_studies import lap_scene, reference_places; reference_places(lap_scene(), 1e-7)"
 
 Row = tuple[str, str, str, bool]
 
@@ -137,14 +136,13 @@ def quasistatic_rows() -> Iterator[Row]:
 
 
 def lap_rows() -> Iterator[Row]:
-    ends = np.array([0.0, PERIOD])
-    error = float(np.abs(simulate(PERIOD, ends, 1e-7)[-1] - LAP_END).max())
+    scene = lap_scene()
+    error = float(np.abs(reference_places(scene, 1e-7)[-1] - LAP_END).max())
     yield "FBD lap of 400 s, final position", "1e-6 m", f"{error:.1e} m", error <= 1e-6
-    times = np.linspace(0, PERIOD, 201)
-    reached = np.abs(simulate(PERIOD, times, 1e-6) - simulate(PERIOD, times, 1e-11)).max()
-    spent = least_cpu(lambda: simulate(PERIOD, times, 1e-6))
+    reached = np.abs(reference_places(scene, 1e-6) - reference_places(scene, 1e-11)).max()
+    spent = least_cpu(lambda: reference_places(scene, 1e-6))
     start = time.process_time()
-    simulate_mujoco(PERIOD, times, 0.002, spheres=False)
+    mujoco_places(scene, 0.002, spheres=False)
     ratio = (time.process_time() - start) / spent
     yield (
         "FBD lap against MuJoCo at 2 ms",
@@ -155,9 +153,8 @@ def lap_rows() -> Iterator[Row]:
 
 
 def cold_rows() -> Iterator[Row]:
-    here = FilePath(__file__).parent
     with tempfile.TemporaryDirectory() as cache:
-        environment = {**os.environ, "NUMBA_CACHE_DIR": cache, "PYTHONPATH": os.pathsep.join([str(here), *sys.path])}
+        environment = {**os.environ, "NUMBA_CACHE_DIR": cache, "PYTHONPATH": os.pathsep.join(sys.path)}
         spent = []
         for _ in range(4):
             start, wall = _children_cpu(), time.perf_counter()

@@ -10,7 +10,6 @@ this run; the paper's seconds are from its own machine.
 from __future__ import annotations
 
 import numpy as np
-from physics_lap import lemniscate
 from physics_must_reach import CUBE, GAMMA, LOADS, MAKKAR, seconds_a_mesh_wrench, seconds_a_wrench
 from physics_opponent import plan_on_mesh
 from physics_timing import least_cpu
@@ -20,6 +19,7 @@ from towval.physics.contact import pressure_plane, resting_pressure
 from towval.physics.mesh import mesh_pressure, meshed_patch
 from towval.physics.quasistatic import quasistatic_plan
 from towval.physics.wrench import SlidingPatch, sliding_patch
+from towval.study.integrator_studies import lemniscate
 from towval.study.mesh_studies import PAPER_TABLE_1, SIDES_PER_ELEMENT_SIZE
 from towval.types import Path, Tether
 

@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from towval.compiling import compiled
 from towval.errors import InputError
@@ -55,10 +54,14 @@ class TowScene:
 
 def lap_scene(duration: float = 400.0) -> TowScene:
     """A cube towed slowly along Bernoulli's lemniscate, 2 m wide, from rest; the tether goes slack on the way."""
-    t = np.linspace(0, duration, 4001)
+    return _cube_scene(coulomb_law(0.35, 1e-3), 1000.0, lemniscate(duration), (1.0, -0.8, np.pi / 2), 201)
+
+
+def lemniscate(duration: float, points: int = 4001) -> Path:
+    """Once around Bernoulli's lemniscate, 2 m wide, in a time [s]."""
+    t = np.linspace(0, duration, points)
     tau = 2 * np.pi * t / duration
-    way = np.column_stack([np.cos(tau), np.sin(tau) * np.cos(tau)]) / (1 + np.sin(tau) ** 2)[:, None]
-    return _cube_scene(coulomb_law(0.35, 1e-3), 1000.0, Path(t, way), (1.0, -0.8, np.pi / 2), 201)
+    return Path(t, np.column_stack([np.cos(tau), np.sin(tau) * np.cos(tau)]) / (1 + np.sin(tau) ** 2)[:, None])
 
 
 def stick_slip_scene(duration: float = 20.0) -> TowScene:
@@ -105,8 +108,13 @@ def work_precision_rows(
     unknown = set(methods) - set(METHODS)
     if unknown:
         raise InputError("there is no such integrator", got=", ".join(sorted(unknown)), allowed=", ".join(METHODS))
-    exact = _ours(scene, REFERENCE_TOLERANCE_M).places
+    exact = reference_places(scene, REFERENCE_TOLERANCE_M)
     return [_row(scene, exact, method, tolerance) for method in methods for tolerance in tolerances]
+
+
+def reference_places(scene: TowScene, tolerance: float) -> Array:
+    """The object's centre (n, 2) [m] at the scene's times, by our integrator at a tolerance [m]."""
+    return _ours(scene, tolerance).places
 
 
 @dataclass(frozen=True)
@@ -188,6 +196,8 @@ class _Problem:
 
 
 def _scipy(method: str, scene: TowScene, tolerance: float) -> _Solution:
+    from scipy.integrate import solve_ivp  # noqa: PLC0415 — takes as long to import as all the rest
+
     problem = _Problem(scene)
     solution = solve_ivp(
         lambda t, y: problem.rates(t, np.ascontiguousarray(y), np.empty(6)),
