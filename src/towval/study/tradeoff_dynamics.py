@@ -7,6 +7,7 @@ The scene is the cube of tests/oracles.py on its lap, driven in 40 s. The truth 
 
 from __future__ import annotations
 
+import importlib.util
 from collections.abc import Callable, Iterator
 
 import numpy as np
@@ -15,7 +16,8 @@ from towval.physics.dynamics import DEFAULT_TOLERANCE_M, Accuracy, feedback
 from towval.physics.friction_law import coulomb_law
 from towval.physics.trailing import TRAILING_RUNGS, trail
 from towval.study.costs import take_turns
-from towval.study.mujoco_lap import mujoco_is_there, mujoco_poses
+from towval.study.engine_studies import mujoco_places
+from towval.study.integrator_studies import TowScene, lap_scene
 from towval.study.other_integrators import (
     RUNGE_KUTTA_4,
     SEMI_IMPLICIT_EULER,
@@ -27,14 +29,9 @@ from towval.study.other_integrators import (
 )
 from towval.study.products import Part, Row, Scatter, Study
 from towval.synthetic.reference import Box, towed_box
-from towval.types import Array, Patch, Path, Tether, TowedObject
+from towval.types import Array
 
-SIDE, MASS, FRICTION, STICTION = 0.4, 5.0, 0.35, 1e-3
-TETHER = Tether(0.6, 1000.0)
-START = (1.0, -0.8, np.pi / 2)
-CUBE = TowedObject(
-    Patch(SIDE / 2 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])), MASS, [0, 0], 0.4 / 3, [SIDE / 2, 0]
-)
+SIDE, MASS, INERTIA, FRICTION, STICTION = 0.4, 5.0, 0.4 / 3, 0.35, 1e-3
 
 _Call = Callable[[], Array]
 
@@ -47,20 +44,21 @@ def lemniscate(time_s: float | Array, period_s: float) -> Array:
 
 def dynamics_rows(period_s: float, panels: int, mujoco_steps_s: list[float], rounds: int) -> list[Row]:
     """A row a method: CPU seconds of a lap, RMS and largest error of the path, and where it stopped early."""
-    times = np.linspace(0, period_s, 201)
-    box = Box((SIDE, SIDE), MASS, (0.0, 0.0), 0.4 / 3, (SIDE / 2, 0.0), FRICTION, STICTION)
+    scene = lap_scene(period_s)
+    times = scene.times
+    box = Box((SIDE, SIDE), MASS, (0.0, 0.0), INERTIA, (SIDE / 2, 0.0), FRICTION, STICTION)
     truth = towed_box(
         box,
         lambda t: lemniscate(t, period_s),
-        (TETHER.rest_length, TETHER.stiffness),
-        START,
+        (scene.tether.rest_length, scene.tether.stiffness),
+        scene.start_pose,
         times,
         panels=(panels, panels),
         order=4,
         tolerance=1e-8,
         longest_step_s=0.1,
     )
-    methods = {(series, setting): call for series, setting, call in _methods(period_s, times, mujoco_steps_s)}
+    methods = {(series, setting): call for series, setting, call in _methods(scene, mujoco_steps_s)}
     timed = take_turns({f"{series}|{setting}": call for (series, setting), call in methods.items()}, rounds)
     rows = []
     for (series, setting), result in zip(methods, timed.values(), strict=True):
@@ -84,24 +82,29 @@ def dynamics_rows(period_s: float, panels: int, mujoco_steps_s: list[float], rou
     return rows
 
 
-def _methods(period_s: float, times: Array, mujoco_steps_s: list[float]) -> Iterator[tuple[str, str, _Call]]:
-    fine = np.linspace(0, period_s, 4001)
-    hinge, law = Path(fine, lemniscate(fine, period_s)), coulomb_law(FRICTION, STICTION)
-    scene, state = tethered_scene(CUBE, law, TETHER, hinge), state_at_rest(CUBE, START)
+def mujoco_is_there() -> bool:
+    """Whether MuJoCo, which comes with the extra ``bench``, is installed."""
+    return importlib.util.find_spec("mujoco") is not None
+
+
+def _methods(scene: TowScene, mujoco_steps_s: list[float]) -> Iterator[tuple[str, str, _Call]]:
+    cube, law, times = scene.towed, coulomb_law(FRICTION, STICTION), scene.times
+    given = (cube, law, scene.tether, scene.hinge, scene.start_pose, times)
+    compiled_scene, state = tethered_scene(*given[:4]), state_at_rest(cube, scene.start_pose)
 
     def own(tolerance: float) -> Array:
-        return feedback(CUBE, law, TETHER, hinge, START, times, accuracy=Accuracy(tolerance)).pose
+        return feedback(*given, accuracy=Accuracy(tolerance)).pose
 
     def by_scipy(method: str, tolerance: float) -> Array:
-        return poses_of(CUBE, scipy_steps(method, scene, state, times, tolerance)[1])
+        return poses_of(cube, scipy_steps(method, compiled_scene, state, times, tolerance)[1])
 
     def by_steps(scheme: int, step_s: float) -> Array:
-        return poses_of(CUBE, fixed_steps(scheme, scene, state, times, step_s)[1])
+        return poses_of(cube, fixed_steps(scheme, compiled_scene, state, times, step_s)[1])
 
     for tolerance in (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9):
         yield "towval, dynamics", _power(tolerance), lambda t=tolerance: own(t)
     for rung in TRAILING_RUNGS:
-        yield "towval, no inertia", rung, lambda r=rung: trail(r, CUBE, law, TETHER, hinge, START, times).pose
+        yield "towval, no inertia", rung, lambda r=rung: trail(r, *given).pose
     for method in ("Radau", "BDF", "LSODA"):
         for tolerance in (1e-4, 1e-6, 1e-8):
             yield f"SciPy {method}", _power(tolerance), lambda m=method, t=tolerance: by_scipy(m, t)
@@ -110,13 +113,8 @@ def _methods(period_s: float, times: Array, mujoco_steps_s: list[float]) -> Iter
         yield "semi-implicit Euler", f"{1e3 * step:g} ms", lambda s=step: by_steps(SEMI_IMPLICIT_EULER, s)
     if mujoco_is_there():
         for step in mujoco_steps_s:
-            for layout in ("box", "4 × 4 spheres"):
-                setting = f"{layout}, {1e3 * step:g} ms"
-                yield (
-                    "MuJoCo",
-                    setting,
-                    lambda s=step, y=layout: mujoco_poses(CUBE, FRICTION, TETHER, hinge, np.array(START), times, s, y),
-                )
+            for layout, spheres in (("box", False), ("4 × 4 spheres", True)):
+                yield "MuJoCo", f"{layout}, {1e3 * step:g} ms", lambda s=step, y=spheres: mujoco_places(scene, s, y)
 
 
 def _power(tolerance: float) -> str:
