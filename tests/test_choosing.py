@@ -6,14 +6,10 @@ import numpy as np
 import pytest
 
 from towval.calibrate import CalibrateSettings, calibrate_sightings
-from towval.choosing import (
-    TOLERANCES_M,
-    TRACK_SAMPLES,
-    choose_tracking,
-    measurement_std_m,
-    simulate_choosing,
-    with_lens_choice,
-)
+from towval.choosing.lens import with_lens_choice
+from towval.choosing.margin import measurement_std_m
+from towval.choosing.simulation import TOLERANCES_M, simulate_choosing
+from towval.choosing.tracking import TRACK_SAMPLES, choose_tracking
 from towval.decimate import decimate
 from towval.physics.ladder import RUNGS
 from towval.simulate import SimulateSettings, simulate

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from towval.calibrate import CalibrateSettings, calibrate
-from towval.choosing import with_lens_choice
+from towval.choosing.lens import with_lens_choice
 from towval.commands.shared import provenance, settings_from, tell
 from towval.io.campaign import load_campaign
 from towval.io.images import read_gray

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from towval.choosing import measurement_std_m, seen_places, simulate_choosing
+from towval.choosing.margin import measurement_std_m, seen_places
+from towval.choosing.simulation import simulate_choosing
 from towval.commands.shared import provenance, settings_from, tell, without_auto
 from towval.errors import InputError
 from towval.io.campaign import load_campaign

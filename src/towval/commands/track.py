@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from towval.choosing import PROBE_FRAMES, PROBE_STRIDE, choose_tracking
+from towval.choosing.tracking import PROBE_FRAMES, PROBE_STRIDE, choose_tracking
 from towval.commands.shared import progress, provenance, settings_from, tell, without_auto
 from towval.errors import InputError
 from towval.io.campaign import load_campaign

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from towval.choosing import measurement_std_m, sample_choosing, seen_places
+from towval.choosing.margin import measurement_std_m, seen_places
+from towval.choosing.sampling import sample_choosing
 from towval.commands.shared import progress, provenance, settings_from, tell, without_auto
 from towval.io.campaign import load_campaign
 from towval.io.records import read_calibration, read_decimated, read_simulated, read_tracks, write_uncertainty

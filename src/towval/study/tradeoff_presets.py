@@ -12,16 +12,11 @@ from typing import Any
 import numpy as np
 
 from towval.calibrate import CalibrateSettings, calibrate
-from towval.choosing import (
-    PROBE_FRAMES,
-    PROBE_STRIDE,
-    choose_tracking,
-    measurement_std_m,
-    sample_choosing,
-    seen_places,
-    simulate_choosing,
-    with_lens_choice,
-)
+from towval.choosing.lens import with_lens_choice
+from towval.choosing.margin import measurement_std_m, seen_places
+from towval.choosing.sampling import sample_choosing
+from towval.choosing.simulation import simulate_choosing
+from towval.choosing.tracking import PROBE_FRAMES, PROBE_STRIDE, choose_tracking
 from towval.compare import compare
 from towval.decimate import decimate
 from towval.io.campaign import Campaign, load_campaign
