@@ -96,7 +96,8 @@ def _cell(scene: Scene, reading: dict[str, float], seed: int) -> Row:
             frames = thinned(CeilingCamera(scene).frames(times), int(reading.get("stride", 1)))
         try:
             tracks = track(frames, scene.calibration, scene.bodies, clicks)
-        except TowvalError as error:
+        except (TowvalError, np.linalg.LinAlgError) as error:
+            # Whatever ends the run is no silent error; docs/limits.md has a line for what is not a refusal.
             return judged(np.nan, ALLOWED_M, [type(error).__name__])
     flags, errors = [], []
     for body, motion in zip(scene.bodies, scene.motions, strict=True):
