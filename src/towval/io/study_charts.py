@@ -209,6 +209,7 @@ def map_chart(table: pd.DataFrame, title: str, axes_labels: dict[str, tuple[str,
 
 
 def _draw_map(axes: Axes, rows: pd.DataFrame) -> None:
+    rows = rows.assign(x=rows["x"].map(_value), y=rows["y"].map(_value))
     across, up = _ordered(rows["x"]), _ordered(rows["y"])
     for row in rows.itertuples():
         x, y = across.index(row.x), up.index(row.y)
@@ -236,10 +237,18 @@ def _ordered(values: pd.Series) -> list:
     return found if any(isinstance(value, str) for value in found) else sorted(found)
 
 
+def _value(value: float | str) -> float | str:
+    """A number where it is one: a column with words has its numbers as words, too."""
+    try:
+        return float(value)
+    except ValueError:
+        return value
+
+
 def _number(value: float | str) -> str:
     if isinstance(value, str):
         return value
-    if value and not 1e-2 <= abs(value) < 1e4:
+    if value and not 1e-2 <= abs(value) < 1e3:
         exponent = math.floor(math.log10(abs(value)) + 1e-9)
         factor = value / _DECADE**exponent
         power = f"10^{{{exponent}}}"

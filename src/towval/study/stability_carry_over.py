@@ -102,12 +102,12 @@ CAMERA_HEIGHT_M = 4.0
 
 FAULTS: dict[str, Callable[[_Run, float], _Run]] = {
     "frame rate [Hz]": _slower,
-    "height of the rover's top [mm too high]": lambda run, mm: _higher(run, mm, "rover"),
-    "height of the object's top [mm too high]": lambda run, mm: _higher(run, mm, "towed"),
-    "clicks on the rover [mm]": lambda run, mm: _clicked(run, mm, "rover"),
-    "clicks on the object [mm]": lambda run, mm: _clicked(run, mm, "towed"),
-    "mass of object and load [% too much]": _heavier,
-    "place of the load [mm off]": _displaced,
+    "rover's top too high by [mm]": lambda run, mm: _higher(run, mm, "rover"),
+    "object's top too high by [mm]": lambda run, mm: _higher(run, mm, "towed"),
+    "rover's frame off by [mm]": lambda run, mm: _clicked(run, mm, "rover"),
+    "object's frame off by [mm]": lambda run, mm: _clicked(run, mm, "towed"),
+    "masses too large by [%]": _heavier,
+    "load off its place by [mm]": _displaced,
 }
 """Faults by the panel that shows them, as functions of their size."""
 
@@ -137,7 +137,7 @@ def carry_over_rows(fault: str, sizes: list[float], seed: int) -> list[Row]:
 
 
 def _parts(quick: bool) -> dict[str, Part]:
-    sizes = {"frame rate [Hz]": [25.0, 12.5, 5.0, 2.5, 1.0], "mass of object and load [% too much]": [1, 3, 10, 30]}
+    sizes = {"frame rate [Hz]": [25.0, 12.5, 5.0, 2.5, 1.0], "masses too large by [%]": [1, 3, 10, 30]}
     chosen = list(FAULTS)[:2] if quick else list(FAULTS)
     keys = {fault: [float(v) for v in sizes.get(fault, [1, 3, 10, 30])] for fault in chosen}
     return {
