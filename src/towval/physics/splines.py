@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -47,10 +48,9 @@ def spline_through(path: Path) -> Spline:
     curvature = np.zeros((n, 2))
     if n > 2:
         _solve_curvatures(length, slope, curvature)
-    start, end = curvature[:-1], curvature[1:]
-    linear = slope - length[:, None] * (2 * start + end) / 6
-    cubic = (end - start) / (6 * length[:, None])
-    return _laid_out(path.time_s.copy(), np.stack([path.position[:-1], linear, start / 2, cubic], axis=-1))
+    coefficients = np.empty((n - 1, 2, 4))
+    _lay_out_pieces(path.position, length, slope, curvature, coefficients)
+    return _laid_out(path.time_s.copy(), coefficients)
 
 
 def spline_from(curve: CubicSpline) -> Spline:
@@ -60,9 +60,32 @@ def spline_from(curve: CubicSpline) -> Spline:
 
 def _laid_out(knots: Array, coefficients: Array) -> Spline:
     coefficients = np.ascontiguousarray(coefficients)
-    length = np.diff(knots)
-    first, second, third = (np.hypot(*coefficients[:, :, power].T) for power in (1, 2, 3))
-    return Spline(knots, coefficients, first + length * (2 * second + length * 3 * third))
+    speed_limits = np.empty(len(coefficients))
+    _bound_speeds(knots, coefficients, speed_limits)
+    return Spline(knots, coefficients, speed_limits)
+
+
+@compiled(allocates=False)
+def _lay_out_pieces(position: Array, length: Array, slope: Array, curvature: Array, coefficients: Array) -> None:
+    """Fill ``coefficients`` (n, 2, 4) from points, lengths and slopes of the pieces, and second derivatives."""
+    for i in range(len(length)):
+        for k in range(2):
+            start, end = curvature[i, k], curvature[i + 1, k]
+            coefficients[i, k, 0] = position[i, k]
+            coefficients[i, k, 1] = slope[i, k] - length[i] * (2 * start + end) / 6
+            coefficients[i, k, 2] = start / 2
+            coefficients[i, k, 3] = (end - start) / (6 * length[i])
+
+
+@compiled(allocates=False)
+def _bound_speeds(knots: Array, coefficients: Array, speed_limits: Array) -> None:
+    """Fill ``speed_limits`` (n,): the magnitudes of the derivative's terms at the end of each piece, summed."""
+    for i in range(len(coefficients)):
+        length, x, y = knots[i + 1] - knots[i], coefficients[i, 0], coefficients[i, 1]
+        first = math.sqrt(x[1] * x[1] + y[1] * y[1])
+        second = math.sqrt(x[2] * x[2] + y[2] * y[2])
+        third = math.sqrt(x[3] * x[3] + y[3] * y[3])
+        speed_limits[i] = first + length * (2 * second + length * 3 * third)
 
 
 @compiled()
