@@ -17,6 +17,9 @@ localrules:
     simulate,
     compare,
     report,
+    study_chart,
+    tradeoff,
+    stability,
 
 
 rule all:
@@ -34,3 +37,4 @@ include: "workflow/rules/report.smk"
 include: "workflow/rules/exchange.smk"
 include: "workflow/rules/plan.smk"
 include: "workflow/rules/figures.smk"
+include: "workflow/rules/study.smk"

@@ -3,7 +3,7 @@
 Run ``python benchmarks/calibration_table.py``.
 
 Each set is a made-up ceiling camera (focal length, lens, height and tilt random) and a board of 9 × 6 corners, 40 mm
-squares, held at 0.8 to 1.8 m; see ``tests/corner_scenes.py``. Errors are root mean squares over the whole picture.
+squares, held at 0.8 to 1.8 m; see ``towval/synthetic/boards.py``. Errors are root mean squares over the whole picture.
 """
 
 from __future__ import annotations
@@ -12,16 +12,13 @@ import argparse
 import sys
 from collections.abc import Iterable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 from tqdm import tqdm
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
-
-from corner_scenes import CornerScene, calibration_set
 from towval.calibrate import CalibrateSettings, calibrate_sightings
 from towval.geometry import rigid_fit, transform
+from towval.synthetic.boards import CornerScene, calibration_set
 from towval.types import Array, Calibration
 from towval.vision.bundle import Estimate, adjust, marginal_covariance
 from towval.vision.camera import to_plane

@@ -17,16 +17,13 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from tqdm import tqdm
 
-sys.path[:0] = [str(Path(__file__).parents[1] / folder) for folder in ("src", "tests")]
-
-from challenges import ACCURATE, FLAGGED, HARD, Challenge
-from scenes import CeilingCamera
 from towval.geometry import path_length, wrapped
+from towval.synthetic.challenges import ACCURATE, FLAGGED, HARD, Challenge
+from towval.synthetic.scenes import CeilingCamera
 from towval.track import TrackSettings, track
 from towval.types import Severity, Track
 

@@ -20,8 +20,9 @@ import numpy as np
 
 sys.path[:0] = [str(Path(__file__).parents[1] / folder) for folder in ("src", "tests")]
 
-from scenes import CeilingCamera, Scene, ceiling, drive, small_camera, standard_scene, write_video
+from towval.io.film import write_video
 from towval.io.video import Video
+from towval.synthetic.scenes import CeilingCamera, Scene, ceiling, drive, small_camera, standard_scene
 from towval.track import track
 
 LIMIT_MB = 500

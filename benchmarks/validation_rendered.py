@@ -8,12 +8,13 @@ from pathlib import Path
 import numpy as np
 from validation_truth import SyntheticRun, planted, synthetic_run, true_motion
 
-from campaigns import OBJECT, RESOLUTION_PX, ROVER, film_campaign, view
 from towval.commands import calibrate, decimate, simulate, track, uncertainty
 from towval.commands import compare as compare_command
 from towval.errors import TowvalError
 from towval.geometry import transform
 from towval.io.records import read_comparison
+from towval.io.synthetic_campaign import film_campaign
+from towval.synthetic.campaign import OBJECT, RESOLUTION_PX, ROVER, view
 from towval.types import Array, Comparison, Verdict
 from towval.vision.camera import project
 

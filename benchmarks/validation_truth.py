@@ -15,9 +15,9 @@ import numpy as np
 from numba import njit
 from scipy.spatial.transform import Rotation
 
-from scenes import ceiling, drive, two_bodies
 from towval.geometry import compose, rigid_fit, transform
 from towval.physics.friction_law import fit_makkar
+from towval.synthetic.scenes import ceiling, drive, two_bodies
 from towval.types import (
     Array,
     Calibration,

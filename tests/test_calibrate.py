@@ -11,10 +11,10 @@ import pytest
 import yaml
 
 from board_pictures import chessboard_pattern, pattern_to_image, picture
-from corner_scenes import CornerScene, axis_rotation, calibration_set
 from towval.calibrate import CalibrateSettings, calibrate, calibrate_sightings
 from towval.errors import InputError, RefusedError
 from towval.geometry import transform
+from towval.synthetic.boards import CornerScene, axis_rotation, calibration_set
 from towval.types import Board, Calibration, Camera, Floor, FloorReference, Severity
 from towval.vision.camera import project, to_plane
 from towval.vision.search import look_for_boards

@@ -13,10 +13,11 @@ import pandas as pd
 import pytest
 import yaml
 
-from campaigns import REST_LENGTH, write_campaign
 from towval.geometry import wrapped
 from towval.io.campaign import load_campaign
 from towval.io.records import read_calibration, read_simulated, read_tracks
+from towval.io.synthetic_campaign import write_campaign
+from towval.synthetic.campaign import REST_LENGTH
 
 STAGES = ("track", "decimate", "simulate", "uncertainty", "compare")
 

@@ -8,11 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import challenges
-from scenes import CeilingCamera, drive, small_camera, standard_scene, write_video
 from towval.errors import InputError
 from towval.geometry import path_length, wrapped
+from towval.io.film import write_video
 from towval.io.video import Video
+from towval.synthetic import challenges
+from towval.synthetic.scenes import CeilingCamera, drive, small_camera, standard_scene
 from towval.track import TrackSettings, track
 from towval.types import TrackStatus
 

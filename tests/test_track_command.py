@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 import yaml
 
-from scenes import ceiling, cut_off, write_video
 from towval.commands.calibrate import run as calibrate
 from towval.commands.track import run as track
 from towval.errors import InputError
 from towval.geometry import inside_polygon, wrapped
+from towval.io.film import cut_off, write_video
 from towval.io.records import read_tracks, write_calibration
 from towval.io.video import Video
+from towval.synthetic.scenes import ceiling
 from towval.types import Calibration
 from towval.vision.tags import Tag
 from vision.test_start import picture_with

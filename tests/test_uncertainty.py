@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from campaigns import ANCHOR, HINGE, OBJECT, ROVER, towed_motion
-from scenes import ceiling, drive
 from towval.compare import compare
 from towval.decimate import decimate
 from towval.errors import InputError
 from towval.geometry import rigid_fit, transform
 from towval.physics.friction_law import fit_makkar
 from towval.simulate import simulate
+from towval.synthetic.campaign import ANCHOR, HINGE, OBJECT, ROVER, towed_motion
+from towval.synthetic.scenes import ceiling, drive
 from towval.types import (
     Calibration,
     Camera,

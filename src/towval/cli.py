@@ -62,6 +62,7 @@ def _arguments() -> argparse.ArgumentParser:
     _campaign(stage)
     _input(stage, "track", "track.mcap of the run: the times of the output")
     _input(stage, "decimated", "decimate.mcap of the run: the rover's way, the object's first pose")
+    stage.add_argument("--camera", type=Path, help="camera.mcap of the campaign, for settings that are auto")
     stage = _stage(
         stages, "uncertainty", "all files of a run → uncertainty.mcap: the error that a right model may show"
     )

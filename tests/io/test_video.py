@@ -4,8 +4,8 @@ import av
 import numpy as np
 import pytest
 
-from scenes import cut_off, write_video
 from towval.errors import InputError
+from towval.io.film import cut_off, write_video
 from towval.io.video import Video, upright
 
 

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from campaigns import ANCHOR, HINGE, OBJECT
-from scenes import drive
 from towval.decimate import decimate
 from towval.errors import InputError
 from towval.simulate import SimulateSettings, simulate
 from towval.study.identify import IdentifySettings, MeasuredRun, _identifiability, identify
+from towval.synthetic.campaign import ANCHOR, HINGE, OBJECT
+from towval.synthetic.scenes import drive
 from towval.types import FrictionWish, InputDeviations, Load, Patch, Scene, Tether
 
 DEVIATIONS = InputDeviations(0.005, 0.04, 0.015, 0.001, 0.001, 0.001, 0.001, 16.0)

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from scenes import CeilingCamera, small_camera, standard_scene
 from towval.geometry import compose, inverse, wrapped
+from towval.synthetic.scenes import CeilingCamera, small_camera, standard_scene
 from towval.types import Body
 from towval.vision.align import align, make_template
 from towval.vision.sampling import plane_pixels, sample_plane

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from scenes import CeilingCamera, small_camera, standard_scene
 from towval.geometry import compose, wrapped
+from towval.synthetic.scenes import CeilingCamera, small_camera, standard_scene
 from towval.vision.klt import KltTracker
 
 

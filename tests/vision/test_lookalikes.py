@@ -3,8 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenes import CeilingCamera, drive, small_camera, standard_scene
 from towval.geometry import transform, wrapped
+from towval.synthetic.scenes import CeilingCamera, drive, small_camera, standard_scene
 from towval.vision.lookalikes import Lookalikes
 
 PLACES = (drive((-0.5, 0.3, 0.2), 0.0), drive((-0.8, -0.5, 0.4), 0.0), drive((0.7, -0.4, 1.9), 0.0))

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from scenes import CeilingCamera, ceiling, rectangle, small_camera, standard_scene
 from towval.errors import InputError
 from towval.geometry import compose, inverse, transform
+from towval.synthetic.scenes import CeilingCamera, ceiling, rectangle, small_camera, standard_scene
 from towval.types import Body
 from towval.vision.camera import project
 from towval.vision.outline import OutlineFit, combine_fits, pose_from_clicks, see_outline

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from scenes import CeilingCamera, ceiling, small_camera, standard_scene
+from towval.synthetic.scenes import CeilingCamera, ceiling, small_camera, standard_scene
 from towval.types import Body
 from towval.vision.recover import Finder
 from towval.vision.top import Top

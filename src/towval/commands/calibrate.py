@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from towval.calibrate import CalibrateSettings, calibrate
+from towval.choosing.lens import with_lens_choice
 from towval.commands.shared import provenance, settings_from, tell
 from towval.io.campaign import load_campaign
 from towval.io.images import GrayPictures
@@ -35,6 +36,7 @@ def run(campaign: Path, output: Path, keys: Mapping[str, Any] | None = None) -> 
         settings,
         heights_m=[body.tracked_plane_height_m for body in given.bodies],
     )
+    calibration = with_lens_choice(calibration, given.floor_reference, settings, given.object.tracked_plane_height_m)
     tell(calibration.findings, "calibrate")
     inputs = {path.name: path for path in (*given.calibration_images, *given.floor_images)}
     write_calibration(output, calibration, provenance(settings, inputs))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from towval.commands.shared import progress, provenance, settings_from, tell
+from towval.choosing.tracking import PROBE_FRAMES, PROBE_STRIDE, choose_tracking
+from towval.commands.shared import progress, provenance, settings_from, tell, without_auto
 from towval.errors import InputError
 from towval.io.campaign import Campaign, Run, load_campaign
 from towval.io.images import write_picture
@@ -40,6 +42,7 @@ def run(campaign: Path, name: str, camera: Path, output: Path, keys: Mapping[str
     keys : mapping, optional
         ``config["track"]``.
     """
+    keys, auto = without_auto(keys, "samples")
     settings = settings_from(TrackSettings, keys, "track")
     given = load_campaign(campaign)
     entry = given.run(name)
@@ -53,9 +56,16 @@ def run(campaign: Path, name: str, camera: Path, output: Path, keys: Mapping[str
         )
     calibration = read_calibration(camera)
     clicks = _clicks(given, entry, video, calibration, output.with_name("proposals.png"))
+    frames = list(
+        itertools.islice(Video(entry.video, damaged=entry.damaged_video), 0, PROBE_FRAMES * PROBE_STRIDE, PROBE_STRIDE)
+    )
+    settings, choices = choose_tracking(frames, calibration, given.bodies, clicks, settings, auto="samples" in auto)
     with progress(f"track {name}", video.header.frames) as done:
         tracks = track(video, calibration, given.bodies, clicks, settings, progress=done)
-    tracks = {body: replace(found, findings=(*found.findings, *video.findings)) for body, found in tracks.items()}
+    tracks = {
+        body: replace(found, findings=(*found.findings, *video.findings), choices=(choices[body],))
+        for body, found in tracks.items()
+    }
     for body in tracks.values():
         tell(body.findings, f"track {name}")
     write_tracks(output, tracks, provenance(settings, {entry.video.name: entry.video, camera.name: camera}))

@@ -22,6 +22,7 @@ from towval.types import (
     Array,
     Calibration,
     Camera,
+    Choice,
     Comparison,
     DecimatedTrack,
     Features,
@@ -61,6 +62,7 @@ def write_calibration(path: Path, calibration: Calibration, provenance: dict[str
         "corner_noise_px": calibration.corner_noise_px,
         "views": [_plain(view) for view in calibration.views],
         "findings": _findings_out(calibration.findings),
+        "choices": _choices_out(calibration.choices),
         "quality": dict(calibration.quality),
     }
     write_mcap(path, messages, details, provenance)
@@ -85,6 +87,7 @@ def read_calibration(path: Path) -> Calibration:
         views=tuple(View(**_arrays(view)) for view in details["views"]),
         findings=_findings_in(details["findings"]),
         quality=details["quality"],
+        choices=_choices_in(details),
     )
 
 
@@ -104,6 +107,7 @@ def write_tracks(path: Path, tracks: dict[str, Track], provenance: dict[str, str
             "method": track.method,
             "start_covariance": track.start_covariance.tolist(),
             "findings": _findings_out(track.findings),
+            "choices": _choices_out(track.choices),
             "time_ns": [ros.nanoseconds(t) for t in track.time_s],
         }
         for name, track in tracks.items()
@@ -195,6 +199,7 @@ def _track(name: str, content: McapContent, details: dict[str, Any]) -> Track:
         features=_features(content.topics.get(f"/{name}/features", []), index),
         findings=_findings_in(details["findings"]),
         method=details["method"],
+        choices=_choices_in(details),
     )
 
 
@@ -274,6 +279,7 @@ def write_simulated(path: Path, simulated: SimulatedMotion, provenance: dict[str
         "rung": str(simulated.rung),
         "findings": _findings_out(simulated.findings),
         "statistics": dict(simulated.statistics),
+        "choices": _choices_out(simulated.choices),
     }
     write_mcap(path, messages, details, provenance)
 
@@ -300,6 +306,7 @@ def read_simulated(path: Path) -> SimulatedMotion:
         rung=details["rung"],
         findings=_findings_in(details["findings"]),
         statistics=details["statistics"],
+        choices=_choices_in(details),
     )
 
 
@@ -321,6 +328,7 @@ def write_uncertainty(
     details = {name: getattr(uncertainty, name) for name in names}
     details["signature"] = uncertainty.signature.tolist()
     details["findings"] = _findings_out(uncertainty.findings)
+    details["choices"] = _choices_out(uncertainty.choices)
     write_mcap(path, messages, details, provenance)
 
 
@@ -334,7 +342,7 @@ def read_uncertainty(path: Path) -> RunUncertainty:
     """
     content = read_mcap(path)
     details = dict(_details(content, path, "signature_limit", "shares"))
-    details["findings"] = _findings_in(details["findings"])
+    details["findings"], details["choices"] = _findings_in(details["findings"]), _choices_in(details)
     topics = {name: f"/object/{name}_uncertainty" for name in _UNCERTAINTY_ARRAYS}
     arrays = {
         name: np.array([ros.planar_covariance(value) for value in content.values(topic)])
@@ -452,6 +460,16 @@ def _findings_out(findings: tuple[Finding, ...]) -> list[dict[str, str]]:
 
 def _findings_in(rows: list[dict[str, str]]) -> tuple[Finding, ...]:
     return tuple(Finding(Severity(row["severity"]), row["code"], row["text"]) for row in rows)
+
+
+def _choices_out(choices: tuple[Choice, ...]) -> list[dict[str, Any]]:
+    return [{name: _scalar(value) for name, value in dataclasses.asdict(choice).items()} for choice in choices]
+
+
+def _choices_in(details: dict[str, Any]) -> tuple[Choice, ...]:
+    """Choices of a file's details; files of versions that recorded none have none."""
+    rows = details.get("choices", [])
+    return tuple(Choice(**{**row, "change_m": np.nan if row["change_m"] is None else row["change_m"]}) for row in rows)
 
 
 def _details(content: McapContent, path: Path, *names: str) -> dict[str, Any]:

@@ -16,6 +16,7 @@ import numpy as np
 from markupsafe import Markup
 
 from towval.errors import InputError
+from towval.io.needed import NeededRow, needed_rows
 from towval.io.overlay import overlay_frames
 from towval.io.report_data import ReportData, RunReport
 from towval.io.report_facts import (
@@ -98,6 +99,7 @@ class ReportView:
     predicted: Rows
     tracking: Table
     simulation: Table
+    needed: tuple[NeededRow, ...]
     data: ReportData
 
 
@@ -146,6 +148,7 @@ def build(data: ReportData, svgs: Mapping[str, str], frames: Mapping[str, Frame]
         predicted=() if data.identification is None else predicted_rows(data.identification),
         tracking=side_by_side([(*tracking_facts(r), *decimation_facts(r)) for r in records]),
         simulation=side_by_side([simulation_facts(r) for r in records]),
+        needed=needed_rows(calibration, tuple(records)),
         data=data,
     )
 

@@ -15,6 +15,7 @@ from towval.types.camera import (
     View,
 )
 from towval.types.checks import Array, locked
+from towval.types.choices import Choice
 from towval.types.findings import Finding, Severity
 from towval.types.identification import Identification, Prediction
 from towval.types.results import Comparison, Path, RunUncertainty, SimulatedMotion, Verdict
@@ -29,6 +30,7 @@ __all__ = [
     "Body",
     "Calibration",
     "Camera",
+    "Choice",
     "Comparison",
     "DecimatedTrack",
     "Features",

@@ -8,6 +8,7 @@ import numpy as np
 
 from towval.errors import InputError
 from towval.types.checks import Array, lock, locked, positive
+from towval.types.choices import Choice
 from towval.types.findings import Finding
 
 DISTORTION_NAMES = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
@@ -146,7 +147,8 @@ class Calibration:
 
     ``covariance`` (18, 18) is that of :data:`CALIBRATION_PARAMETERS`, marginal over the poses of all boards; rows of
     coefficients that the lens model does not use are zero. ``corner_noise_px`` is the standard deviation of one
-    corner coordinate, from the residuals. ``quality`` holds named scalars with the unit in the name.
+    corner coordinate, from the residuals. ``quality`` holds named scalars with the unit in the name; ``choices`` what
+    was chosen and what the next choice would have changed.
     """
 
     camera: Camera
@@ -156,6 +158,7 @@ class Calibration:
     views: tuple[View, ...] = ()
     findings: tuple[Finding, ...] = ()
     quality: dict[str, float] = field(default_factory=dict)
+    choices: tuple[Choice, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(CALIBRATION_PARAMETERS)

@@ -9,6 +9,7 @@ import numpy as np
 
 from towval.errors import InputError
 from towval.types.checks import Array, lock, locked
+from towval.types.choices import Choice
 from towval.types.findings import Finding
 
 
@@ -33,7 +34,7 @@ class SimulatedMotion:
     origin and heading rate, in the floor frame [m/s, m/s, rad/s]; ``tether_force`` (n, 2) on the object, in the floor
     frame [N]; ``tether_length`` (n,) from anchor to hinge [m]; ``outcome`` a named end of the integration (see
     ``physics.dynamics``), ``advice`` what it means; ``rung`` the model that computed it; ``statistics`` named scalars
-    of the integrator.
+    of the integrator; ``choices`` what was chosen, and what the next choice would have changed.
     """
 
     time_s: Array
@@ -46,6 +47,7 @@ class SimulatedMotion:
     rung: str
     findings: tuple[Finding, ...] = ()
     statistics: dict[str, float] = field(default_factory=dict)
+    choices: tuple[Choice, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.time_s)
@@ -61,7 +63,8 @@ class RunUncertainty:
     both share (the camera) is counted once. ``signature`` (m, 3, 3) is the covariance of the error's signature (see
     :func:`towval.geometry.error_signature`), and ``signature_limit`` what the largest of its normalised entries does
     not exceed with probability ``confidence`` where the model is right. ``shares`` of the path error's variance by
-    input, first order; ``samples`` how many were drawn, from ``seed``.
+    input, first order; ``samples`` how many were drawn, from ``seed``; ``choices`` what
+    that number was chosen against.
     """
 
     time_s: Array
@@ -75,6 +78,7 @@ class RunUncertainty:
     samples: int
     seed: int
     findings: tuple[Finding, ...] = ()
+    choices: tuple[Choice, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.time_s)

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scenes import Scene, drive, standard_scene
 from towval.geometry import transform
+from towval.synthetic.scenes import Scene, drive, standard_scene
 
 RATE_HZ = 25.0
 

@@ -1,20 +1,23 @@
 """A synthetic campaign: pictures of a board, a filmed run and its campaign.yaml, with the truth beside.
 
-The object's motion is computed here by summing friction over cells with SciPy's Radau, the pictures by :mod:`scenes`:
-neither shares code with the physics under test.
+The object's motion comes from :mod:`towval.synthetic.reference`, the pictures from
+:mod:`towval.synthetic.scenes`: neither shares code with the physics that is measured against them.
 """
 
-from dataclasses import replace
-from pathlib import Path
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any
 
 import cv2
 import numpy as np
-import yaml
-from scipy.integrate import solve_ivp
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from scenes import CeilingCamera, Scene, ceiling, drive, rectangle, write_video
-from towval.types import Body, Camera, Floor
+from towval.synthetic.reference import Box, planar, towed_box
+from towval.synthetic.scenes import CeilingCamera, Motion, Scene, ceiling, drive, rectangle
+from towval.types import Array, Body, Camera, Floor
 from towval.vision.camera import project, to_plane
 
 RESOLUTION_PX = (800, 450)
@@ -24,64 +27,32 @@ INNER_CORNERS = (7, 5)
 SQUARE_M = 0.06
 THICKNESS_M = 0.003
 
+OBJECT_SIZE_M = (0.5, 0.35)
 ROVER = Body("rover", 0.40, rectangle(0.75, 0.5))
-OBJECT = Body("object", 0.25, rectangle(0.5, 0.35))
+OBJECT = Body("object", 0.25, rectangle(*OBJECT_SIZE_M))
 HINGE, ANCHOR = np.array([-0.42, 0.0]), np.array([0.25, 0.0])
 MASS, LOAD, LOAD_AT, LOAD_SIZE = 4.0, 1.5, np.array([-0.15, 0.08]), (0.1, 0.1, 0.0)
-REST_LENGTH, STIFFNESS, FRICTION = 0.6, 800.0, 0.35
+REST_LENGTH, STIFFNESS, FRICTION, STICTION_VELOCITY = 0.6, 800.0, 0.35, 2e-3
+
+Luma = NDArray[np.uint8]
 
 
-def _planar(heading, points):
-    c, s = np.cos(heading), np.sin(heading)
-    return points @ np.array([[c, s], [-s, c]])
-
-
-def towed_motion(rover, start, times):
-    """Poses (n, 3) of the object behind the rover's motion: 24 × 16 cells with linear pressure, μ tanh(v / v_s)."""
-    x, y = np.meshgrid((np.arange(24) + 0.5) / 24 * 0.5 - 0.25, (np.arange(16) + 0.5) / 16 * 0.35 - 0.175)
-    cells = np.column_stack([x.ravel(), y.ravel()])
+def towed_motion(rover: Motion, start: Array, times: Array) -> Array:
+    """Poses (n, 3) of the campaign's object behind the rover's motion, at rest at first; friction μ tanh(v / v_s)."""
     mass = MASS + LOAD
     centre = LOAD * LOAD_AT / mass
-    moments = np.array([[len(cells), 0, 0], [0, (cells[:, 0] ** 2).sum(), 0], [0, 0, (cells[:, 1] ** 2).sum()]])
-    plane = np.linalg.solve(moments, mass * 9.81 * np.array([1, *centre]))
-    force = plane[0] + cells @ plane[1:]
-    assert force.min() > 0
-    own = MASS * (0.5**2 + 0.35**2) / 12 + MASS * centre @ centre
-    inertia = own + LOAD * (0.01 + 0.01) / 12 + LOAD * (LOAD_AT - centre) @ (LOAD_AT - centre)
+    own = MASS * (OBJECT_SIZE_M[0] ** 2 + OBJECT_SIZE_M[1] ** 2) / 12 + MASS * centre @ centre
+    load = LOAD * (LOAD_SIZE[0] ** 2 + LOAD_SIZE[1] ** 2) / 12 + LOAD * (LOAD_AT - centre) @ (LOAD_AT - centre)
+    box = Box(OBJECT_SIZE_M, mass, tuple(centre), own + load, tuple(ANCHOR), FRICTION, STICTION_VELOCITY)
 
-    def rate(t, state):
-        position, heading, velocity, spin = state[:2], state[2], state[3:5], state[5]
-        pose = rover(t)
-        hinge = pose[:2] + _planar(pose[2], HINGE)
-        arms = _planar(heading, cells - centre)
-        pull_arm = _planar(heading, ANCHOR - centre)
-        span = hinge - position - pull_arm
-        length = np.linalg.norm(span)
-        pull = max(0.0, STIFFNESS * (length - REST_LENGTH)) * span / length
-        sliding = velocity + spin * np.column_stack([-arms[:, 1], arms[:, 0]])
-        speed = np.linalg.norm(sliding, axis=1) + 1e-12
-        drag = -(FRICTION * force * np.tanh(speed / 2e-3) / speed)[:, None] * sliding
-        torque = (arms[:, 0] * drag[:, 1] - arms[:, 1] * drag[:, 0]).sum()
-        torque += pull_arm[0] * pull[1] - pull_arm[1] * pull[0]
-        return np.concatenate([velocity, [spin], (drag.sum(axis=0) + pull) / mass, [torque / inertia]])
+    def hinge(time_s: float) -> Array:
+        pose = rover(time_s)
+        return pose[:2] + planar(pose[2], HINGE)
 
-    at_centre = np.asarray(start[:2]) + _planar(start[2], centre)
-    solution = solve_ivp(
-        rate,
-        (times[0], times[-1]),
-        [*at_centre, start[2], 0, 0, 0],
-        "Radau",
-        times,
-        rtol=1e-7,
-        atol=1e-9,
-        max_step=0.02,
-    )
-    assert solution.success
-    origin = np.array([p - _planar(h, centre) for p, h in zip(solution.y[:2].T, solution.y[2], strict=True)])
-    return np.column_stack([origin, solution.y[2]])
+    return towed_box(box, hinge, (REST_LENGTH, STIFFNESS), start, times, tolerance=1e-7)
 
 
-def board_picture(camera, floor, T_floor_board, rng):
+def board_picture(camera: Camera, floor: Floor, T_floor_board: Array, rng: np.random.Generator) -> Luma:
     """Grey picture of the board with its face at z = 0 of ``T_floor_board``.
 
     Three samples a pixel and axis, each at a random place of its cell: on a regular grid an edge along the pixels' rows
@@ -89,8 +60,7 @@ def board_picture(camera, floor, T_floor_board, rng):
     """
     width, height = RESOLUTION_PX
     sub = (np.arange(3) - 1) / 3
-    T_camera_board = floor.T_camera_floor @ T_floor_board
-    board = type(floor)(T_camera_board)
+    board = Floor(floor.T_camera_floor @ T_floor_board)
     total = np.zeros((height, width))
     for du in sub:
         for dv in sub:
@@ -105,13 +75,13 @@ def board_picture(camera, floor, T_floor_board, rng):
     return np.clip(np.rint(picture), 0, 255).astype(np.uint8)
 
 
-def _placed(position, rotation):
+def _placed(position: Array, rotation: Rotation) -> Array:
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = rotation.as_matrix(), position
     return T
 
 
-def _held(rng, k):
+def _held(rng: np.random.Generator, k: int) -> Array:
     """A board held one to two metres under the camera, all over its view, tilted towards one side after the other."""
     tilt, towards = np.radians(rng.uniform(22, 38)), np.pi / 4 + k * 2.4
     rotation = Rotation.from_rotvec(tilt * np.array([np.cos(towards), np.sin(towards), 0]))
@@ -122,7 +92,23 @@ def _held(rng, k):
     return _placed(centre - rotation.apply([0.18, 0.12, 0]), rotation)
 
 
-GIVEN = {
+@dataclass(frozen=True)
+class SyntheticCampaign:
+    """All that a campaign folder holds, and the truth.
+
+    ``document`` is ``campaign.yaml``; ``film`` yields times and pictures of the run ``a`` anew at each call;
+    ``pictures`` of the board by file name; ``time_s`` (n,), ``rover`` and ``towed`` (n, 3) the true poses.
+    """
+
+    document: dict[str, Any]
+    film: Callable[[], Iterator[tuple[float, Luma]]]
+    pictures: dict[str, Luma]
+    time_s: Array
+    rover: Array
+    towed: Array
+
+
+GIVEN: dict[str, Any] = {
     "mass_kg": MASS,
     "load": {"mass_kg": LOAD, "at_m": LOAD_AT.tolist(), "size_m": list(LOAD_SIZE)},
     "tether": {"rest_length_m": REST_LENGTH, "stiffness_N_per_m": STIFFNESS},
@@ -136,24 +122,38 @@ GIVEN = {
 """What campaign.yaml says of the object, the tether and the friction."""
 
 
-def write_campaign(folder: Path, seed: int = 0, frames: int = FRAMES) -> dict[str, np.ndarray]:
-    """Write a campaign with one run ``a``; returns ``time_s`` (n,), true ``rover`` and ``object`` poses (n, 3)."""
-    times = np.arange(frames) / RATE_HZ
-    rover = drive((-0.15, 0.05, 0.1), speed=0.25, turn=0.5, rest_s=0.3)
-    towed = towed_motion(rover, np.array([-1.2, 0.0, 0.15]), times)
-    film_campaign(folder, rover, towed, GIVEN, seed)
-    return {"time_s": times, "rover": np.array([rover(t) for t in times]), "object": towed}
-
-
 def view() -> tuple[Camera, Floor]:
     """The camera that films the campaigns."""
     return ceiling(RESOLUTION_PX, focal_px=650.0, height_m=4.0, tilt_rad=0.05, distortion=(-0.05, 0.01))
 
 
-def film_campaign(folder: Path, rover, towed, given, seed: int = 0, height_errors=(0.0, 0.0)) -> None:
-    """Film a rover (pose of time) and an object (pose a frame), and write all that a lab hands in.
+def bending_tow(frames: int = FRAMES) -> tuple[Motion, Array]:
+    """The rover's motion and the object's poses (frames, 3) behind it: a rest, then a bend."""
+    rover = drive((-0.15, 0.05, 0.1), speed=0.25, turn=0.5, rest_s=0.3)
+    return rover, towed_motion(rover, np.array([-1.2, 0.0, 0.15]), np.arange(frames) / RATE_HZ)
 
-    ``given`` is shaped like :data:`GIVEN`; by ``height_errors`` the tops are higher than campaign.yaml says.
+
+def synthetic_campaign(
+    rover: Motion,
+    towed: Array,
+    given: dict[str, Any] | None = None,
+    seed: int = 0,
+    height_errors: tuple[float, float] = (0.0, 0.0),
+) -> SyntheticCampaign:
+    """A campaign with one run ``a``: board held and on the floor, rover and towed object.
+
+    Parameters
+    ----------
+    rover : callable
+        Its pose at a time.
+    towed : ndarray (n, 3)
+        The object's pose in each picture [m, m, rad].
+    given : dict, optional
+        What campaign.yaml says in place of :data:`GIVEN`.
+    seed : int, optional
+        Of noise and clicks.
+    height_errors : (float, float), optional
+        By how much the tops of rover and object are higher than campaign.yaml says [m].
     """
     rng, (camera, floor) = np.random.default_rng(seed), view()
     times = np.arange(len(towed)) / RATE_HZ
@@ -162,28 +162,34 @@ def film_campaign(folder: Path, rover, towed, given, seed: int = 0, height_error
         for body, error in zip((ROVER, OBJECT), height_errors, strict=True)
     )
     scene = Scene(camera, floor, bodies, (rover, lambda t: towed[round(t * RATE_HZ)]), seed=seed, noise=2.0)
-    write_video(folder / "a.mp4", CeilingCamera(scene).frames(times), rate=RATE_HZ, crf="16")
-    _write_pictures(folder / "calibration", camera, floor, rng)
+    pictures = _pictures(camera, floor, rng)
     clicks = {name: np.round(px, 1).tolist() for name, px in scene.clicks(rng).items()}
     corners = np.array([[0, 0, THICKNESS_M], [(INNER_CORNERS[0] - 1) * SQUARE_M, 0, THICKNESS_M]])
-    _write_yaml(folder, clicks, project(camera, floor, corners), given)
+    return SyntheticCampaign(
+        document=_document(clicks, project(camera, floor, corners), given or GIVEN),
+        film=lambda: CeilingCamera(scene).frames(times),
+        pictures=pictures,
+        time_s=times,
+        rover=np.array([rover(t) for t in times]),
+        towed=towed,
+    )
 
 
-def _write_pictures(folder, camera, floor, rng):
-    folder.mkdir(parents=True)
-    for k in range(16):
-        cv2.imwrite(str(folder / f"board_{k:02d}.png"), board_picture(camera, floor, _held(rng, k), rng))
+def _pictures(camera: Camera, floor: Floor, rng: np.random.Generator) -> dict[str, Luma]:
+    """Boards held, ``board_*.png``, and lying on the floor, ``floor*.png``, the first of these at the origin."""
+    pictures = {f"board_{k:02d}.png": board_picture(camera, floor, _held(rng, k), rng) for k in range(16)}
     flat = [(0.0, 0.0, 0.0), (-1.3, -0.7, 0.7), (1.0, 0.5, 2.1), (1.1, -0.8, -0.4), (-1.2, 0.6, 1.2), (-0.1, -0.8, 0.2)]
     for k, (x, y, heading) in enumerate(flat):
-        T = _placed((x, y, THICKNESS_M), Rotation.from_euler("z", heading))
-        cv2.imwrite(str(folder / ("floor.png" if k == 0 else f"floor_{k}.png")), board_picture(camera, floor, T, rng))
+        T = _placed(np.array([x, y, THICKNESS_M]), Rotation.from_euler("z", heading))
+        pictures["floor.png" if k == 0 else f"floor_{k}.png"] = board_picture(camera, floor, T, rng)
+    return pictures
 
 
-def _write_yaml(folder, clicks, corners_px, given):
-    def body(thing):
+def _document(clicks: dict[str, list[list[float]]], corners_px: Array, given: dict[str, Any]) -> dict[str, Any]:
+    def body(thing: Body) -> dict[str, Any]:
         return {"tracked_plane_height_m": thing.tracked_plane_height_m, "top_corners_m": thing.top_corners_m.tolist()}
 
-    document = {
+    return {
         "camera": {
             "resolution_px": list(RESOLUTION_PX),
             "fps": RATE_HZ,
@@ -209,4 +215,3 @@ def _write_yaml(folder, clicks, corners_px, given):
         "friction": given["friction"],
         "runs": {"a": {"video": "a.mp4", "first_frame_clicks_px": clicks}},
     }
-    (folder / "campaign.yaml").write_text(yaml.safe_dump(document, sort_keys=False))
