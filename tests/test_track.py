@@ -94,6 +94,17 @@ def test_a_hidden_body_is_bridged_then_lost_then_found_again():
     assert "not_seen" not in codes(tracks["rover"][0])
 
 
+def test_a_picture_that_the_encoder_repeats_is_no_proof_of_the_pose():
+    scene = small(challenges.metre(5, 1.6)).scene
+    bodies, clicks = scene.bodies, scene.clicks(np.random.default_rng(0))
+    first = CeilingCamera(scene).picture(0.0)
+    repeated = ((0.04 * k, first) for k in range(12))
+    for found in track(repeated, scene.calibration, bodies, clicks, TrackSettings()).values():
+        # Equal pictures fit each other without a residual, yet each grey value is known to half a level only.
+        assert (np.linalg.eigvalsh(found.covariance) > 0).all()
+        assert (found.std[:, 0] > 1e-6).all()
+
+
 def test_a_stranger_in_the_place_of_a_body_is_not_taken_for_it():
     challenge = small(challenges.swapped(8))
     challenge = replace(challenge, times=challenge.times[:60:2])

@@ -45,6 +45,7 @@ _DAMPING = 1 + 1e-6
 _BIN, _BINS = 0.02, 5000  # Grey levels; larger residuals share the last bin.
 _LEAST_OF_TILE = 8  # Points, for a correlation to mean something.
 _SEEN_TILES = 0.7
+_ROUNDING = 1 / 12  # Variance of a grey value that is a whole number: a picture repeated by the encoder fits no better.
 _OUTSIDE = 1e12  # Residual of a point outside the picture: finite, so that compiled sums stay finite.
 
 
@@ -394,7 +395,7 @@ def align(
     shown = (light[:, 0] > _LEAST_GAIN)[template.tile]
     return Alignment(
         pose=pose,
-        covariance=inverse * (np.sum(inverse * meat) / 3),
+        covariance=inverse * max(np.sum(inverse * meat) / 3, _ROUNDING),
         residual=residual,
         weight=weight,
         scale=float(scale),
