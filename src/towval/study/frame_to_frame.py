@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from towval.track import TrackSettings
-from towval.types import Array, Body, Camera, Floor
+from towval.types import Array
 from towval.vision.follow import TrackerMaker
 from towval.vision.klt import KltTracker
 from towval.vision.pose import Measurement
+from towval.vision.top import Top
 
 Luma = NDArray[np.uint8]
 
@@ -22,15 +23,15 @@ class FrameToFrameKlt:
     The arguments are those of :class:`towval.vision.klt.KltTracker`, of which it makes one a picture.
     """
 
-    def __init__(self, body: Body, camera: Camera, floor: Floor, luma: Luma, pose: Array):
-        self.scene = (body, camera, floor)
-        self.last = KltTracker(body, camera, floor, luma, pose)
+    def __init__(self, top: Top, luma: Luma, pose: Array):
+        self.top = top
+        self.last = KltTracker(top, luma, pose)
 
     def measure(self, luma: Luma, predicted: Array) -> Measurement | None:
         """Pose near ``predicted`` (3,) from the points of the picture before."""
         found = self.last.measure(luma, predicted)
         if found is not None:
-            self.last = KltTracker(*self.scene, luma, found.pose)
+            self.last = KltTracker(self.top, luma, found.pose)
         return found
 
 
