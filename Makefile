@@ -1,7 +1,9 @@
 # make demo    install, then run the workflow on data_samples
 # make test    install, then check the code and run the tests
+# make studies [QUICK=true]   speed against accuracy, and where methods fail
 # make check   linters and the import contracts alone
 # make accuracy CAMPAIGN=...   run a campaign that has truth files, and print the errors against the truth
+# make tables  the must-reach tables of calibration and tracking on synthetic scenes, with their seeds
 # make bench [CAMPAIGN=...]    what costs what, side by side
 
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
@@ -10,7 +12,7 @@ CORES ?= 2
 BIN := $(VENV)/bin
 SOURCES := src tests workflow/scripts benchmarks
 
-.PHONY: demo test check accuracy bench clean
+.PHONY: demo test check studies accuracy tables bench clean
 
 $(VENV)/installed: pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "towval needs Python 3.11 or newer: make PYTHON=/path/to/python3.11")'
@@ -47,8 +49,18 @@ accuracy: $(VENV)/installed
 	$(BIN)/snakemake --cores $(CORES) --quiet all --config campaign=$(CAMPAIGN)
 	$(BIN)/python benchmarks/accuracy.py results/$(notdir $(CAMPAIGN:/=)) $(CAMPAIGN)
 
+tables: $(VENV)/installed
+	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/calibration_table.py
+	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/tracking_accuracy.py
+
 bench: $(VENV)/installed-bench
 	$(BIN)/python benchmarks/workflow_time.py $(CAMPAIGN)
+
+QUICK ?= false
+
+studies: $(VENV)/installed
+	$(BIN)/snakemake tradeoff stability --cores $(CORES) --quiet rules --config quick=$(QUICK)
+	@echo "The charts: $(CURDIR)/results/study/study.html"
 
 clean:
 	rm -rf $(VENV) results .snakemake

@@ -17,6 +17,9 @@ localrules:
     simulate,
     compare,
     report,
+    study_chart,
+    tradeoff,
+    stability,
 
 
 rule all:
@@ -24,10 +27,14 @@ rule all:
     input:
         [results(name, "report.html") for name in CAMPAIGNS],
         [results(name, "summary.csv") for name in CAMPAIGNS],
+        [results(name, run, "exchange.mcap") for name, campaign in CAMPAIGNS.items() for run in campaign.runs],
 
 
 include: "workflow/rules/calibrate.smk"
 include: "workflow/rules/run.smk"
+include: "workflow/rules/identify.smk"
 include: "workflow/rules/report.smk"
+include: "workflow/rules/exchange.smk"
 include: "workflow/rules/plan.smk"
 include: "workflow/rules/figures.smk"
+include: "workflow/rules/study.smk"

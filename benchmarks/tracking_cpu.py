@@ -12,17 +12,15 @@ from __future__ import annotations
 import argparse
 import itertools
 import resource
-import sys
 import tempfile
 import time
 from pathlib import Path
 
 import numpy as np
 
-sys.path[:0] = [str(Path(__file__).parents[1] / folder) for folder in ("src", "tests")]
-
-from scenes import CeilingCamera, Scene, standard_scene, write_video
+from towval.io.film import write_video
 from towval.io.video import Video
+from towval.synthetic.scenes import CeilingCamera, Scene, standard_scene
 from towval.track import track
 
 

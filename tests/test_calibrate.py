@@ -1,5 +1,7 @@
 """The stage: accuracy against known cameras, predicted against actual error, bad views, bad input, real pictures."""
 
+import weakref
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,10 +11,10 @@ import pytest
 import yaml
 
 from board_pictures import chessboard_pattern, pattern_to_image, picture
-from corner_scenes import CornerScene, axis_rotation, calibration_set
 from towval.calibrate import CalibrateSettings, calibrate, calibrate_sightings
 from towval.errors import InputError, RefusedError
 from towval.geometry import transform
+from towval.synthetic.boards import CornerScene, axis_rotation, calibration_set
 from towval.types import Board, Calibration, Camera, Floor, FloorReference, Severity
 from towval.vision.camera import project, to_plane
 from towval.vision.search import look_for_boards
@@ -131,6 +133,37 @@ def test_a_floor_picture_among_the_held_ones_counts_once(board_picture, monkeypa
     assert [name for name, _ in looked_at] == ["a", "floor.jpg"]
     with pytest.raises(InputError, match="of the same name"):
         calibrate([("floor.jpg", board_picture[::-1])], floor, BOARD, FloorReference(np.zeros(2), np.ones(2)), QUICK)
+
+
+class Counted(Sequence):
+    """Blank pictures made when they are asked for; ``most`` is how many of them were alive at a time."""
+
+    def __init__(self, count):
+        self.count, self.alive, self.most = count, 0, 0
+
+    def __len__(self):
+        return self.count
+
+    def __getitem__(self, index):
+        if not 0 <= index < self.count:
+            raise IndexError(index)
+        image = np.full((60, 80), 128, np.uint8)
+        self.alive += 1
+        self.most = max(self.most, self.alive)
+        weakref.finalize(image, self._gone)
+        return f"{index:02d}.png", image
+
+    def _gone(self):
+        self.alive -= 1
+
+
+def test_pictures_are_not_held_in_memory():
+    images = Counted(40)
+    with pytest.raises(InputError, match="no picture shows a chessboard"):
+        calibrate(images, [], BOARD, FloorReference(np.zeros(2), np.ones(2)), QUICK)
+    # Six of them are looked at together for any other board; each thread holds one, and one is on its way.
+    assert images.most <= 6 + QUICK.threads + 1
+    assert images.alive == 0
 
 
 def test_an_unknown_lens_model_is_refused():

@@ -14,6 +14,7 @@ from towval.io.report_data import ReportSettings
 from towval.io.schema import check
 from towval.physics.ladder import RUNGS
 from towval.simulate import SimulateSettings
+from towval.study.identify import PARAMETERS, IdentifySettings
 from towval.track import METHODS, TrackSettings
 from towval.uncertainty import UncertaintySettings
 from towval.vision.lens import LENS_MODELS
@@ -25,6 +26,7 @@ SECTIONS = {
     "simulate": SimulateSettings,
     "uncertainty": UncertaintySettings,
     "compare": CompareSettings,
+    "identify": IdentifySettings,
     "report": ReportSettings,
 }
 
@@ -51,6 +53,7 @@ def test_the_choices_of_the_schema_are_those_of_the_code(schema):
     sections = schema["properties"]
     assert sections["track"]["properties"]["method"]["enum"] == sorted(METHODS, reverse=True)
     assert sections["simulate"]["properties"]["rung"]["enum"] == ["auto", *RUNGS]
+    assert sections["identify"]["properties"]["parameters"]["items"]["enum"] == list(PARAMETERS)
     assert sections["calibrate"]["properties"]["lens_models"]["items"]["enum"] == list(LENS_MODELS)
 
 

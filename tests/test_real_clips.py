@@ -18,8 +18,8 @@ from towval.vision.camera import project, to_plane
 
 pytestmark = pytest.mark.shared
 
-# The blob fits begin at 200; the striker is wholly in the picture, and free of its launcher, from 230 on.
-PUCK_FIRST_FRAME = {"target": 200, "striker": 230}
+# The blob fits begin at 200, where the striker is not yet free of its launcher; at 230 it is.
+PUCK_FIRST_FRAMES = (200, 230)
 
 # Corners of the white plate in the first picture, by eye, from the arrow's tail on the left around it [px].
 PLATES = {
@@ -61,29 +61,39 @@ def codes(found: Track) -> set[str]:
     return {finding.code for finding in found.findings}
 
 
-@pytest.mark.parametrize("puck", ["target", "striker"])
-def test_discs_of_17_pixels_are_followed_or_flagged(real_dir, puck):
-    blobs = np.genfromtxt(real_dir / "sliding_pucks" / f"blob_rot_{puck}.csv", delimiter=",", names=True)
-    blobs = blobs[blobs["frame"] >= PUCK_FIRST_FRAME[puck]]
-    first = int(blobs["frame"][0])
+@pytest.mark.parametrize("first", PUCK_FIRST_FRAMES)
+def test_two_discs_of_17_pixels_that_look_alike_and_collide_keep_their_names(real_dir, first):
     calibration = from_above(320, 240)
+    blobs = {name: _blobs(real_dir, name, first) for name in ("target", "striker")}
+    bodies, clicks = [], {}
     angle = np.arange(16) * np.pi / 8
-    ring = blobs["radius_px"][0] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    clicks = np.array([blobs["cx"][0], blobs["cy"][0]]) + ring * (1, -1)
-    last = int(blobs["frame"][-1])
+    for name, blob in blobs.items():
+        ring = blob["radius_px"][0] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        clicks[name] = np.array([blob["cx"][0], blob["cy"][0]]) + ring * (1, -1)
+        bodies.append(Body(name, 0.0, ring / 1000))
+    last = max(int(blob["frame"][-1]) for blob in blobs.values())
     video = enumerate(Video(real_dir / "sliding_pucks" / "Rotation.MP4"))
-    frames = (frame for i, frame in video if first <= i <= last)
-    found = track(frames, calibration, [Body("object", 0.0, ring / 1000)], {"object": clicks})["object"]
-    index = (blobs["frame"] - first).astype(int)
-    seen = found.seen[index]
-    centre = pixels_of(calibration, found.pose[index], np.zeros(2))
-    distance = np.hypot(centre[:, 0] - blobs["cx"], centre[:, 1] - blobs["cy"])
-    assert distance[seen].max() < 3.0
-    assert seen.mean() > 0.9
-    # The axis through the dots has no direction; the blob fit itself scatters by some degrees.
-    turned = -(blobs["dot_axis_rad"] - blobs["dot_axis_rad"][0])
-    axis_error = np.abs(wrapped(2 * (found.pose[index, 2] - turned))) / 2
-    assert np.nanmedian(axis_error[seen]) < np.deg2rad(8)
+    tracks = track((frame for i, frame in video if first <= i <= last), calibration, bodies, clicks)
+    for name, blob in blobs.items():
+        found, index = tracks[name], (blob["frame"] - first).astype(int)
+        seen = found.seen[index]
+        apart = pixels_of(calibration, found.pose[index], np.zeros(2)) - np.column_stack([blob["cx"], blob["cy"]])
+        # The colour blobs lie 1.0 to 1.6 px up and left of the edges in the luma, the same way whichever way a disc
+        # is turned: the reference's own error.
+        offset = np.median(apart[seen], axis=0)
+        assert np.linalg.norm(offset) < 1.8
+        assert np.linalg.norm(apart - offset, axis=1)[seen].max() < 3.0
+        assert seen.mean() > 0.9
+        # The axis through the dots has no direction; the blob fit itself scatters by some degrees.
+        turned = -(blob["dot_axis_rad"] - blob["dot_axis_rad"][0])
+        axis_error = np.abs(wrapped(2 * (found.pose[index, 2] - turned))) / 2
+        assert np.nanmedian(axis_error[seen]) < np.deg2rad(8)
+
+
+def _blobs(real_dir: Path, name: str, first: int) -> np.ndarray:
+    blobs = np.genfromtxt(real_dir / "sliding_pucks" / f"blob_rot_{name}.csv", delimiter=",", names=True)
+    # Where the fit found no radius (the lamp's reflection, or two blobs in one) its centre is off, too.
+    return blobs[(blobs["frame"] >= first) & np.isfinite(blobs["radius_px"])]
 
 
 @pytest.mark.parametrize("clip", sorted(PLATES))
@@ -92,25 +102,32 @@ def test_a_robot_that_jumps_30_pixels_a_frame_is_recovered_or_lost(real_dir, cli
     clicks = np.array(PLATES[clip])
     body = Body("rover", 0.0, outline_from(calibration, clicks))
     found = track(Video(path), calibration, [body], {"rover": clicks})["rover"]
-    middle, arrow = pixels_of(calibration, found.pose, np.zeros(2)), _red_centroids(path)
-    distance = np.linalg.norm(middle - arrow, axis=1)[found.seen]
-    # The authors' dots cut the arrow into pieces, and its centroid jumps to the largest: it stays on the plate (64 by
-    # 78 px), whose middle is what is tracked.
-    assert distance.max() < 32.0
-    assert np.median(distance) < 20.0
+    distance = np.linalg.norm(pixels_of(calibration, found.pose, np.zeros(2)) - _arrows(path), axis=1)[found.seen]
+    # The box around the arrow is known to 3 px where no painted dot hides a tip, to some 10 px where one does.
+    assert distance.max() < 12.0
+    assert np.median(distance) < 5.0
+    assert found.seen.mean() > 0.3
     assert found.seen.all() or "not_seen" in codes(found)
 
 
-def _red_centroids(path: Path) -> np.ndarray:
-    """Centroid of the largest red blob of each picture (n, 2) [px]."""
-    centroids = []
+def _arrows(path: Path) -> np.ndarray:
+    """Middle (n, 2) of the box around the red arrow of each picture [px].
+
+    The authors' dots cut the arrow into pieces, so its centroid wanders over the plate; its tips stay.
+    """
+    middles = []
     with av.open(str(path)) as container:
         for frame in container.decode(video=0):
             blue, green, red = np.moveaxis(frame.to_ndarray(format="bgr24").astype(int), -1, 0)
             mask = ((red > 110) & (red > 1.6 * green) & (red > 1.6 * blue)).astype(np.uint8)
-            _, _, statistics, centres = cv2.connectedComponentsWithStats(mask)
-            centroids.append(centres[1 + np.argmax(statistics[1:, cv2.CC_STAT_AREA])])
-    return np.array(centroids)
+            _, labels, statistics, centres = cv2.connectedComponentsWithStats(mask)
+            area = statistics[:, cv2.CC_STAT_AREA]
+            largest = centres[1 + np.argmax(area[1:])]
+            near = (np.linalg.norm(centres - largest, axis=1) < 60) & (area > 15)
+            near[0] = False
+            rows, columns = np.nonzero(np.isin(labels, np.flatnonzero(near)))
+            middles.append(cv2.minAreaRect(np.column_stack([columns, rows]).astype(np.float32))[0])
+    return np.array(middles)
 
 
 @pytest.mark.parametrize(

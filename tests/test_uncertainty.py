@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from campaigns import ANCHOR, HINGE, OBJECT, ROVER, towed_motion
-from scenes import ceiling, drive
 from towval.compare import compare
 from towval.decimate import decimate
 from towval.errors import InputError
 from towval.geometry import rigid_fit, transform
 from towval.physics.friction_law import fit_makkar
 from towval.simulate import simulate
+from towval.synthetic.campaign import ANCHOR, HINGE, OBJECT, ROVER, towed_motion
+from towval.synthetic.scenes import ceiling, drive
 from towval.types import (
     Calibration,
     Camera,
@@ -128,7 +128,9 @@ def test_without_deviations_nothing_is_uncertain(case):
         rover_decimated=replace(case.rover_decimated, covariance=np.zeros_like(case.rover_decimated.covariance)),
     )
     uncertainty = sample_uncertainty(exact, UncertaintySettings(samples=64))
-    assert np.abs(uncertainty.validation).max() < 1e-20
+    # What is left is the integration, with a tolerance of 1e-6 m a step for the draws and 1e-7 m for the nominal run.
+    assert np.sqrt(np.trace(uncertainty.validation[:, :2, :2], axis1=1, axis2=2)).max() < 1e-5
+    assert np.sqrt(uncertainty.validation[:, 2, 2].max()) < 1e-4
     assert set(uncertainty.shares.values()) == {0.0}
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -60,7 +60,7 @@ class CalibrateSettings:
 
 
 def calibrate(
-    images: Iterable[NamedImage],
+    images: Sequence[NamedImage],
     floor_images: Sequence[NamedImage],
     board: Board,
     floor: FloorReference,
@@ -72,8 +72,9 @@ def calibrate(
 
     Parameters
     ----------
-    images : iterable of (str, ndarray of uint8)
-        Name and grey picture (height, width) of the board held in many poses.
+    images : sequence of (str, ndarray of uint8)
+        Name and grey picture (height, width) of the board held in many poses. They are asked for when they are looked
+        at and not kept, so a sequence that reads files needs memory for a few of them.
     floor_images : sequence of (str, ndarray of uint8)
         The board lying on the floor; the first of them fixes the floor frame unless ``floor`` has marks.
     board : Board
@@ -98,11 +99,9 @@ def calibrate(
     RefusedError
         When too few views are left, or when the set is degenerate and ``settings`` do not accept that.
     """
-    everything = [*_only_held(images, floor_images), *floor_images]
-    resolution = _common_resolution(everything)
+    everything, floor_names, resolution = _listed(images, floor_images)
     sightings, unseen = look_for_boards(everything, board, settings.threads)
-    floor_names = {name for name, _ in floor_images}
-    flat = _with_origin([s for s in sightings if s.name in floor_names], floor_images, floor)
+    flat = _with_origin([s for s in sightings if s.name in floor_names], floor_names, floor)
     seen = Sightings(resolution, tuple(s for s in sightings if s.name not in floor_names), tuple(flat), floor)
     calibration = calibrate_sightings(seen, settings, unseen, heights_m=heights_m)
     refusals = [finding.text for finding in calibration.findings if finding.severity is Severity.REFUSAL]
@@ -111,38 +110,58 @@ def calibrate(
     return calibration
 
 
-def _only_held(images: Iterable[NamedImage], floor_images: Sequence[NamedImage]) -> list[NamedImage]:
-    """The pictures that are not floor pictures, too: a pattern for the one may well find the other."""
-    on_floor = dict(floor_images)
+@dataclass(frozen=True)
+class _Chosen(Sequence[NamedImage]):
+    """Some pictures of some sequences, each taken from its sequence when it is asked for and not kept."""
+
+    places: tuple[tuple[Sequence[NamedImage], int], ...]
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+    def __getitem__(self, index):  # type: ignore[no-untyped-def]
+        if isinstance(index, slice):
+            return _Chosen(self.places[index])
+        images, place = self.places[index]
+        return images[place]
+
+
+def _listed(
+    images: Sequence[NamedImage], floor_images: Sequence[NamedImage]
+) -> tuple[_Chosen, list[str], tuple[int, int]]:
+    """All pictures once, held boards first, the names of the floor pictures, and the size that all of them have.
+
+    A pattern for held boards may well find the floor pictures, too.
+    """
+    sizes: dict[tuple[int, ...], str] = {}
+    on_floor: dict[str, int] = {}
+    for i, (name, image) in enumerate(floor_images):
+        on_floor[name] = i
+        sizes.setdefault(image.shape, name)
     held = []
-    for name, image in images:
+    for i, (name, image) in enumerate(images):
+        sizes.setdefault(image.shape, name)
         if name not in on_floor:
-            held.append((name, image))
-        elif not np.array_equal(image, on_floor[name]):
+            held.append((images, i))
+        elif not np.array_equal(image, floor_images[on_floor[name]][1]):
             raise InputError(
                 "a held board and a floor board have pictures of the same name", got=name, remedy="rename one"
             )
-    return held
-
-
-def _common_resolution(images: Sequence[NamedImage]) -> tuple[int, int]:
-    sizes: dict[tuple[int, ...], str] = {}
-    for name, image in images:
-        sizes.setdefault(image.shape, name)
     if len(sizes) != 1:
         got = ", ".join(f"{name}: {shape[1]} × {shape[0]}" for shape, name in sizes.items()) or "no picture"
         raise InputError("the calibration pictures are not of one size", got=got, allowed="the size of the videos")
     height, width = next(iter(sizes))
-    return width, height
+    flat = [(floor_images, i) for i in range(len(floor_images))]
+    return _Chosen((*held, *flat)), list(on_floor), (width, height)
 
 
-def _with_origin(flat: list[Sighting], images: Sequence[NamedImage], floor: FloorReference) -> list[Sighting]:
+def _with_origin(flat: list[Sighting], names: Sequence[str], floor: FloorReference) -> list[Sighting]:
     if len(floor.marks_px):
         return flat
-    if not images or not flat or flat[0].name != images[0][0]:
+    if not names or not flat or flat[0].name != names[0]:
         raise InputError(
             "the board is not seen in the first floor picture",
-            got=images[0][0] if images else "no floor picture",
+            got=names[0] if names else "no floor picture",
             allowed="the whole board, lying flat on the floor",
             remedy="check floor.image, or give surveyed marks on the floor instead",
         )

@@ -25,6 +25,10 @@ A run by hand, step by step:
                    --uncertainty out/a/uncertainty.mcap -o out/a/compare.mcap
   towval report    lab_a --results out
 
+Inputs fitted to all runs, apart from the validation:
+  towval identify  lab_a --results out -o out/identify.mcap --set parameters=[rest_length,friction]
+  towval report    lab_a --results out --identified out/identify.mcap
+
 A plan for the rover, so that the object follows a path, and the object behind any recorded rover:
   towval plan      workflow/plan.yaml --path wish.csv -o out/plan.mcap --csv out/plan.csv
   towval tow       workflow/plan.yaml out/plan.mcap -o out/towed.mcap
@@ -58,6 +62,7 @@ def _arguments() -> argparse.ArgumentParser:
     _campaign(stage)
     _input(stage, "track", "track.mcap of the run: the times of the output")
     _input(stage, "decimated", "decimate.mcap of the run: the rover's way, the object's first pose")
+    stage.add_argument("--camera", type=Path, help="camera.mcap of the campaign, for settings that are auto")
     stage = _stage(
         stages, "uncertainty", "all files of a run → uncertainty.mcap: the error that a right model may show"
     )
@@ -70,11 +75,21 @@ def _arguments() -> argparse.ArgumentParser:
     _input(stage, "track", "track.mcap of the run")
     _input(stage, "simulated", "simulate.mcap of the run")
     _input(stage, "uncertainty", "uncertainty.mcap of the run")
+    stage = _stage(stages, "identify", "all runs of a campaign → identify.mcap, identify.csv: inputs fitted to them")
+    _campaign(stage)
+    _input(stage, "results", "folder with a folder a run, all stages up to uncertainty done")
+    stage = _stage(stages, "exchange", "all of a run → exchange.mcap and layouts: one file for viewers", settings=False)
+    _campaign(stage)
+    _run(stage)
+    _input(stage, "camera", "camera.mcap of the campaign")
+    _input(stage, "folder", "folder with all MCAP files of the run")
+    _input(stage, "overlay", "overlay.mp4 of the run, as the report makes it")
     stage = _stage(
         stages, "report", "all of a campaign's results → figures, overlays, summary.csv, report.html", output=False
     )
     _campaign(stage)
     stage.add_argument("--results", type=Path, required=True, help="folder with camera.mcap and a folder a run")
+    stage.add_argument("--identified", type=Path, help="identify.mcap to show in a section of its own")
     _planning(stages)
     return parser
 

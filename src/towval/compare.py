@@ -16,6 +16,7 @@ from towval.geometry import (
     signature_entries,
     wrapped,
 )
+from towval.metrics import aligned_rms, area_metric, error_ratio, frechet_distance
 from towval.types import (
     Array,
     Comparison,
@@ -95,13 +96,17 @@ def compare(
     distance = np.linalg.norm(error[:, :2], axis=1)
     u_num = simulated.statistics["u_num_m"]
     u_val = float(np.hypot(position_rms(uncertainty.validation), u_num))
-    along_across = _along_across(error[:, :2], pose)
+    turn = rotation(_directions(pose))
+    along_across = np.einsum("nji,nj->ni", turn, error[:, :2])
+    path_covariance = turn.transpose(0, 2, 1) @ uncertainty.validation[:, :2, :2] @ turn
+    path_std = np.sqrt(np.diagonal(path_covariance, axis1=1, axis2=2))
     verdict, reason = _verdict(error, along_across, pose, uncertainty, u_val, settings)
     return Comparison(
         run=run,
         time_s=simulated.time_s,
         error=error,
         along_across=along_across,
+        ratio=error_ratio(error, uncertainty.validation),
         path_rms_m=_rms(distance),
         path_max_m=float(np.nanmax(distance)),
         final_error_m=float(distance[seen][-1]),
@@ -114,6 +119,10 @@ def compare(
         verdict=verdict,
         tracked_frames=int(np.count_nonzero(measured.status[rows] == TrackStatus.TRACKED)),
         lost_frames=int(np.count_nonzero(measured.status[rows] != TrackStatus.TRACKED)),
+        frechet_m=frechet_distance(simulated.pose[seen, :2], pose[seen, :2]),
+        area_along_m=area_metric(along_across[:, 0], path_std[:, 0]),
+        area_across_m=area_metric(along_across[:, 1], path_std[:, 1]),
+        aligned_rms_m=aligned_rms(simulated.pose[seen, :2], pose[seen, :2]),
         findings=(reason, *_findings(measured, simulated)),
     )
 
@@ -177,8 +186,8 @@ def _rms(values: Array) -> float:
     return float(np.sqrt(np.nanmean(values**2)))
 
 
-def _along_across(shift: Array, pose: Array) -> Array:
-    """Shifts (n, 2) along and across the measured path; where the object rests, along its last direction."""
+def _directions(pose: Array) -> Array:
+    """Direction (n,) of the measured path [rad]; where the object rests, its last one; NaN where it never moves."""
     direction = np.full(len(pose), np.nan)
     seen = np.flatnonzero(np.isfinite(pose[:, 0]))
     anchor = pose[seen[0], :2]
@@ -188,9 +197,8 @@ def _along_across(shift: Array, pose: Array) -> Array:
             direction[i], anchor = np.arctan2(step[1], step[0]), pose[i, :2]
     known = np.flatnonzero(np.isfinite(direction))
     if len(known) == 0:
-        return np.where(np.isfinite(shift), np.nan, np.nan)
-    filled = direction[known[np.clip(np.searchsorted(known, np.arange(len(pose))), 0, len(known) - 1)]]
-    return np.einsum("nji,nj->ni", rotation(filled), shift)
+        return direction
+    return direction[known[np.clip(np.searchsorted(known, np.arange(len(pose))), 0, len(known) - 1)]]
 
 
 def _arc_length(pose: Array) -> Array:

@@ -165,6 +165,15 @@ def signature_blocks(n: int) -> list[NDArray[np.intp]]:
     return np.array_split(np.arange(n), _BLOCKS)
 
 
+def block_means(values: ArrayLike) -> Array:
+    """Means (..., 24, m) of values (..., n, m) over the blocks of a signature, of what is there; else NaN."""
+    values = np.asarray(values, dtype=np.float64)
+    blocks = [values[..., rows, :] for rows in signature_blocks(values.shape[-2])]
+    counts = [np.isfinite(block).sum(axis=-2) for block in blocks]
+    sums = [np.nansum(block, axis=-2) for block in blocks]
+    return np.stack([np.where(c > 0, s / np.maximum(c, 1), np.nan) for s, c in zip(sums, counts, strict=True)], axis=-2)
+
+
 def error_signature(error: ArrayLike) -> Array:
     """Size and changes of an error over a motion: what a fault of the model moves, and what noise and phase do not.
 
@@ -183,12 +192,7 @@ def error_signature(error: ArrayLike) -> Array:
         An entry of :func:`signature_entries` each; NaN where a block holds no error at all.
     """
     error = np.asarray(error, dtype=np.float64)
-    blocks = [error[..., rows, :] for rows in signature_blocks(error.shape[-2])]
-    counts = [np.isfinite(block).sum(axis=-2) for block in blocks]
-    sums = [np.nansum(block, axis=-2) for block in blocks]
-    means = np.stack(
-        [np.where(c > 0, s / np.maximum(c, 1), np.nan) for s, c in zip(sums, counts, strict=True)], axis=-2
-    )
+    means = block_means(error)
     changes = [means[..., lag:, :] - means[..., :-lag, :] for lag in _LAGS]
     return np.concatenate([means, *changes], axis=-2)
 

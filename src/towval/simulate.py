@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from towval.errors import InputError, RefusedError
 from towval.geometry import transform
+from towval.physics.creep import creep_length
 from towval.physics.dynamics import Accuracy, Outcome
 from towval.physics.friction_law import FitResult, fit_makkar
 from towval.physics.ladder import RUNGS, LadderChoice, choose_rung, simulate_rung
@@ -111,7 +112,12 @@ def simulate(
         "u_num_m": float(np.hypot(u_num, choice.to_dynamics_m.get(rung, 0.0))),
         **{f"{lower} to dynamics, m": distance for lower, distance in choice.to_dynamics_m.items()},
     }
-    findings = (*motion.findings, _rung_finding(choice, rung), *_findings(scene, law, motion, hinge, times, inside))
+    findings = (
+        *motion.findings,
+        _rung_finding(choice, rung),
+        *_error_findings(u_num, creep_length(motion, target, scene.friction.stiction_velocity), settings),
+        *_findings(scene, law, motion, hinge, times, inside),
+    )
     return replace(motion, findings=findings, statistics=statistics)
 
 
@@ -137,6 +143,24 @@ def _rung_finding(choice: LadderChoice, rung: str) -> Finding:
     text = f"Model: {rung}; {', '.join(changes)} (allowed: {1000 * choice.tolerance_m:.2f} mm)."
     enough = RUNGS.index(choice.rung) <= place
     return Finding(Severity.NOTE if enough else Severity.WARNING, "rung", text)
+
+
+def _error_findings(u_num: float, crept: float, settings: SimulateSettings) -> list[Finding]:
+    """Where the integrator's tolerance or the regularised law moves the path by more than a simpler model may."""
+    findings = []
+    if u_num > settings.rung_tolerance_m:
+        text = (
+            f"A hundred times tighter tolerance moves the path by {1000 * u_num:.2f} mm (allowed: "
+            f"{1000 * settings.rung_tolerance_m:.2f} mm). Take a smaller simulate.tolerance_m."
+        )
+        findings.append(Finding(Severity.WARNING, "numerical_error", text))
+    if crept > settings.rung_tolerance_m:
+        text = (
+            f"The object creeps {1000 * crept:.1f} mm in all at speeds below the stiction velocity, where a real one "
+            "would stick now and then: that much of its path hangs on friction.stiction_velocity_m_per_s."
+        )
+        findings.append(Finding(Severity.NOTE, "creep", text))
+    return findings
 
 
 def _findings(

@@ -14,6 +14,7 @@ from towval.types import Body, Calibration, Track
 from towval.vision.follow import Follower, TrackerMaker
 from towval.vision.klt import KltTracker
 from towval.vision.plane import PlaneTracker
+from towval.vision.top import Top
 from towval.vision.watch import CameraWatch
 
 METHODS = ("plane", "klt")
@@ -101,14 +102,15 @@ def track(
             watch = CameraWatch(calibration.camera, calibration.floor, luma, bodies, poses)
         else:
             for follower in followers:
-                follower.follow(time_s, luma)
+                others = [other.place for other in followers if other is not follower]
+                follower.follow(time_s, luma, [outline for outline in others if outline is not None])
         watch.look(time_s, luma)
         done += 1
         if progress is not None:
             progress(done)
     if not done:
         raise InputError("the video holds no picture")
-    return {follower.body.name: follower.track(settings.method, watch.findings()) for follower in followers}
+    return {follower.top.body.name: follower.track(settings.method, watch.findings()) for follower in followers}
 
 
 def _start(
@@ -120,8 +122,8 @@ def _start(
     settings: TrackSettings,
 ) -> Follower:
     clicks = np.asarray(clicks_px, dtype=np.float64)
-    maker = settings.tracker_maker()
-    return Follower(body, calibration.camera, calibration.floor, time_s, luma, clicks, maker, settings.coast_s)
+    top = Top(body, calibration.camera, calibration.floor)
+    return Follower(top, time_s, luma, clicks, settings.tracker_maker(), settings.coast_s)
 
 
 def _check_size(luma: NDArray[np.uint8], calibration: Calibration) -> None:

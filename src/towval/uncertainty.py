@@ -158,18 +158,18 @@ def sample_uncertainty(
             remedy="check the deviations in campaign.yaml: a load may leave the footprint, a length become negative",
         )
     draws, simulated, measured = draws[done], simulated[done], measured[done]
-    error = simulated - measured
-    error[..., 2] = wrapped(error[..., 2] - error[..., 2].mean(axis=0))
-    error[..., :2] -= error[..., :2].mean(axis=0)
-    validation = _covariance(error)
+    # Deviations are taken from the nominal solution, which stands where the truth stands in the campaign, not from the
+    # mean of the draws: where phases wander, both sides of S − D oscillate, and the mean of the draws does not.
+    nominal = case.simulated.pose
+    error = _difference(simulated, measured)
     signature = error_signature(error)
-    signature_covariance = _covariance(signature)
+    signature_covariance = _mean_square(signature)
     shares = variance_shares(draws, error[..., :2].reshape(len(error), -1), INPUTS)
     return RunUncertainty(
         time_s=sampler.times,
-        measurement=_covariance(measured),
-        simulation=_covariance(simulated),
-        validation=validation,
+        measurement=_mean_square(_difference(measured, nominal)),
+        simulation=_mean_square(_difference(simulated, nominal)),
+        validation=_mean_square(error),
         signature=signature_covariance,
         signature_limit=_quantile(
             normalised_signature(signature, signature_covariance).max(axis=(1, 2)), settings.confidence
@@ -205,6 +205,7 @@ def variance_shares(draws: Array, outputs: Array, inputs: dict[str, int]) -> dic
         By name, "noise and interactions" last; they sum to one, unless nothing varies at all.
     """
     k, d = draws.shape
+    outputs = outputs - outputs.mean(axis=0)
     basis = np.concatenate([np.ones((k, 1)), draws, (draws**2 - 1) / np.sqrt(2)], axis=1)
     coefficients, *_ = np.linalg.lstsq(basis, outputs, rcond=None)
     residual = np.sum((outputs - basis @ coefficients) ** 2, axis=0) / max(1, k - basis.shape[1])
@@ -360,10 +361,16 @@ def _root(covariance: ArrayLike) -> Array:
     return vectors * np.sqrt(np.maximum(values, 0.0))
 
 
-def _covariance(samples: Array) -> Array:
-    """Covariance (n, 3, 3) over the first axis of samples (k, n, 3)."""
-    centred = samples - samples.mean(axis=0)
-    return np.einsum("kni,knj->nij", centred, centred) / max(1, len(samples) - 1)
+def _difference(pose: Array, other: Array) -> Array:
+    """Poses (..., 3) less others, the heading's difference in (−π, π]."""
+    difference = pose - other
+    difference[..., 2] = wrapped(difference[..., 2])
+    return difference
+
+
+def _mean_square(error: Array) -> Array:
+    """Second moments (n, 3, 3) about nought over the first axis of errors (k, n, 3)."""
+    return np.einsum("kni,knj->nij", error, error) / len(error)
 
 
 def _quantile(values: Array, confidence: float) -> float:

@@ -154,6 +154,7 @@ def _simulated(name: str, time_s: np.ndarray, truth: np.ndarray) -> tuple[Simula
         time_s=time_s,
         error=error,
         along_across=np.column_stack([(error[:, :2] * forward).sum(axis=1), error[:, 1]]),
+        ratio=np.full(n, np.nan),
         path_rms_m=float(np.sqrt(np.nanmean(shift**2))),
         path_max_m=float(np.nanmax(shift)),
         final_error_m=float(shift[-1]),

@@ -9,6 +9,7 @@ from towval.errors import InputError
 from towval.io import figures
 from towval.io.figures.errors import intervals
 from towval.io.style import COLUMN_WIDTH_IN, MEASURED, PAGE_WIDTH_IN, ROVER, SIMULATED, frame_of, save_figure, svg_text
+from towval.types import UncertaintyMap
 
 
 @pytest.fixture(scope="module")
@@ -117,21 +118,14 @@ def test_bands_along_and_across_are_the_turned_covariance(run):
         assert np.nanmax(np.abs(axes.collections[0].get_paths()[0].vertices[:, 1])) == pytest.approx(half_width)
 
 
-def test_ratio_is_the_distance_in_units_of_its_uncertainty(run):
-    known = dataclasses.replace(run, uncertainty=uncertainty_of(run, 0.002))
-    ratio = line(figures.agreement_figure(known).axes[2], SIMULATED, 0.9).get_ydata()
-    distance = np.linalg.norm(run.comparison.error[:, :2], axis=1)
-    np.testing.assert_allclose(ratio, distance / np.hypot(0.002, 0.001))
-
-
-def test_ratio_is_left_out_where_there_is_next_to_nothing_to_divide_by(run):
-    known = uncertainty_of(run, 0.002)
-    validation = np.array(known.validation)
-    validation[:15] *= 1e-12
-    known = dataclasses.replace(known, validation=validation)
-    ratio = line(figures.agreement_figure(dataclasses.replace(run, uncertainty=known)).axes[2], SIMULATED, 0.9)
-    assert np.isnan(ratio.get_ydata()[:15]).all()
-    assert np.isfinite(ratio.get_ydata()[15:50]).all()
+def test_ratio_is_that_of_the_comparison_gaps_and_all(run):
+    ratio = np.linspace(0, 3, len(run.comparison.time_s))
+    ratio[:15] = np.nan
+    known = dataclasses.replace(
+        run, uncertainty=uncertainty_of(run, 0.002), comparison=dataclasses.replace(run.comparison, ratio=ratio)
+    )
+    drawn = line(figures.agreement_figure(known).axes[2], SIMULATED, 0.9).get_ydata()
+    np.testing.assert_array_equal(drawn, ratio)
 
 
 def test_shares_are_sorted_and_in_per_cent(run):
@@ -191,13 +185,17 @@ def test_reprojection_figure_names_every_view_and_why_it_was_dropped(calibration
 
 def test_calibration_figures_leave_out_what_is_missing(calibration):
     assert set(figures.calibration_figures(calibration)) == {"coverage", "reprojection"}
-    grid = figures.UncertaintyMap([0, 960, 1919], [0, 1079], [[1e-3, 5e-4, 1e-3], [1e-3, np.nan, 1e-3]], 0.25)
+    pixels = np.stack(np.meshgrid([0.0, 960, 1919], [0.0, 1079]), axis=-1)
+    std_m = np.array([[1e-3, 5e-4, 1e-3], [1e-3, np.nan, 1e-3]])
+    covariance_m2 = 0.5 * std_m[..., None, None] ** 2 * np.eye(2)
+    grid = UncertaintyMap(0.25, pixels, np.zeros((2, 3, 2)), covariance_m2)
+    np.testing.assert_allclose(grid.std_m, std_m)
     assert set(figures.calibration_figures(calibration, grid)) == {"coverage", "reprojection", "uncertainty"}
 
 
 def test_uncertainty_map_checks_its_shape():
-    with pytest.raises(InputError, match=r"std_m"):
-        figures.UncertaintyMap([0, 1], [0, 1], [[1.0, 2.0, 3.0]], 0.25)
+    with pytest.raises(InputError, match=r"UncertaintyMap\.covariance_m2"):
+        UncertaintyMap(0.25, np.zeros((2, 3, 2)), np.zeros((2, 3, 2)), np.zeros((3, 2, 2, 2)))
 
 
 def test_tracking_figure_counts_frames_by_status(run):

@@ -126,6 +126,7 @@ def test_comparison_round_trip(tmp_path, track, simulated):
         track.time_s,
         error,
         error[:, :2],
+        error[:, 0] / 2e-3,
         0.001,
         0.002,
         0.001,
@@ -138,6 +139,10 @@ def test_comparison_round_trip(tmp_path, track, simulated):
         Verdict.NOT_JUDGED,
         n - 4,
         4,
+        0.0015,
+        0.0004,
+        np.nan,
+        0.0005,
     )
     records.write_comparison(tmp_path / "compare.mcap", comparison, track, simulated, PROVENANCE)
     same(comparison, records.read_comparison(tmp_path / "compare.mcap"))

@@ -1,8 +1,10 @@
 """The report in a real browser: no complaint, the film plays, the cursor moves the film and the film the cursor."""
 
+import dataclasses
+
 import pytest
 from browser import Browser
-from report_scenes import grey_film, small_calibration, towed_run
+from report_scenes import grey_film, small_calibration, towed_run, uncertainty_of
 
 from towval.io.overlay import write_overlay
 from towval.io.report import Provenance, ReportData, RunReport, write_report
@@ -13,7 +15,7 @@ FRAME_S = 0.04
 
 # The time that the cursor stands at, from its place on the plot.
 CURSOR_S = """(() => {
-  const plot = document.querySelector(".timeplot");
+  const plot = document.querySelector("[role=slider]");
   const share = parseFloat(plot.querySelector(".cursor").style.left) / 100;
   const { left, right } = plot.dataset;
   return (share - left) / (right - left) * plot.getAttribute("aria-valuemax");
@@ -25,6 +27,7 @@ FILM = "document.querySelector('video')"
 def address(tmp_path_factory):
     folder = tmp_path_factory.mktemp("report")
     run, calibration = towed_run(n=FRAMES), small_calibration()
+    run = dataclasses.replace(run, uncertainty=uncertainty_of(run))
     overlay = write_overlay(grey_film(folder / "a.mp4", FRAMES), folder / "overlay.mp4", calibration, run)
     runs = (RunReport(run, overlay), RunReport(towed_run("b", n=FRAMES)))
     report = write_report(folder / "report.html", ReportData("lab", runs, Provenance("towval report lab")))
@@ -43,12 +46,12 @@ def page(address, tmp_path_factory):
 
 @pytest.fixture
 def plot_box(page):
-    page.run("document.querySelector('.timeplot').scrollIntoView({ block: 'center', behavior: 'instant' })")
-    return page.run("document.querySelector('.timeplot').getBoundingClientRect().toJSON()")
+    page.run("document.querySelector('[role=slider]').scrollIntoView({ block: 'center', behavior: 'instant' })")
+    return page.run("document.querySelector('[role=slider]').getBoundingClientRect().toJSON()")
 
 
 def axis_x(page, box, share):
-    left, right = page.run("(({ left, right }) => [+left, +right])(document.querySelector('.timeplot').dataset)")
+    left, right = page.run("(({ left, right }) => [+left, +right])(document.querySelector('[role=slider]').dataset)")
     return box["left"] + box["width"] * (left + share * (right - left))
 
 
@@ -69,6 +72,19 @@ def test_click_on_the_plot_moves_film_cursor_and_plan(page, plot_box):
     assert page.run(f"{FILM}.currentTime") == pytest.approx(LAST_S / 2, abs=2 * pixel_s)
     assert page.run(CURSOR_S) == pytest.approx(LAST_S / 2, abs=2 * pixel_s)
     assert page.run("document.querySelector('.dot.rover').style.left") != before
+
+
+def test_the_plot_along_and_across_has_the_same_cursor(page):
+    second = "document.querySelector('.timeplot:not([role])')"
+    page.run(f"{second}.scrollIntoView({{ block: 'center', behavior: 'instant' }})")
+    box = page.run(f"{second}.getBoundingClientRect().toJSON()")
+    left, right = page.run(f"(({{ left, right }}) => [+left, +right])({second}.dataset)")
+    page.click(box["left"] + box["width"] * (left + 0.75 * (right - left)), box["top"] + box["height"] / 2)
+    page.wait_for(f"!{FILM}.seeking")
+    assert page.run(CURSOR_S) == pytest.approx(0.75 * LAST_S, abs=2 * LAST_S / box["width"])
+    assert page.run(f"{FILM}.currentTime") == pytest.approx(0.75 * LAST_S, abs=2 * LAST_S / box["width"])
+    place = page.run(f"parseFloat({second}.querySelector('.cursor').style.left) / 100")
+    assert place == pytest.approx(left + 0.75 * (right - left), abs=2 / box["width"])
 
 
 def test_arrow_keys_step_frame_by_frame(page, plot_box):
@@ -99,7 +115,7 @@ def test_a_browser_that_refuses_the_data_gets_a_blob(page):
 
 def test_a_run_without_film_has_a_cursor_of_its_own(page):
     script = "document.querySelector('#run-b .cursor').style"
-    page.run("document.querySelector('#run-b .timeplot').focus()")
+    page.run("document.querySelector('#run-b [role=slider]').focus()")
     before = page.run(f"{script}.left")
     page.press("End")
     assert page.run(f"{script}.visibility") == "visible"

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from corner_scenes import CornerScene, calibration_set
 from towval.calibrate import CalibrateSettings, calibrate_sightings
 from towval.errors import InputError
+from towval.synthetic.boards import CornerScene, calibration_set
 from towval.types import Calibration, FloorReference, Severity
 from towval.vision.adequacy import covered_share
 

@@ -1,11 +1,12 @@
 import numpy as np
 import pytest
 
-from scenes import CeilingCamera, small_camera, standard_scene
 from towval.geometry import compose, inverse, wrapped
+from towval.synthetic.scenes import CeilingCamera, small_camera, standard_scene
 from towval.types import Body
-from towval.vision.align import align, make_template, usable_points
+from towval.vision.align import align, make_template
 from towval.vision.sampling import plane_pixels, sample_plane
+from towval.vision.top import usable_points
 
 HEIGHT = 0.42
 
@@ -16,13 +17,13 @@ def filmed():
     scene = standard_scene(4, **small_camera())
     film = CeilingCamera(scene)
     pose = scene.motions[0](0.0)
-    template = make_template(film.picture(0.0), scene.bodies[0], pose, scene.camera, scene.floor)
+    template = make_template(film.picture(0.0), scene.top(0), pose)
     return scene, film, template
 
 
 def aligned(filmed, luma, start):
     scene, _, template = filmed
-    return align(luma, template, np.ones(len(template.points)), start, HEIGHT, scene.camera, scene.floor, 20.0)
+    return align(luma, template, np.ones(len(template.points)), start, scene.top(0), 20.0)
 
 
 def off(found, true):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from corner_scenes import calibration_set
+from towval.synthetic.boards import calibration_set
 from towval.vision.bundle import (
     Block,
     Estimate,

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from corner_scenes import board_corners, calibration_set
 from towval.errors import InputError
+from towval.synthetic.boards import board_corners, calibration_set
 from towval.types import FloorReference
 from towval.vision.bundle import Estimate
 from towval.vision.corners import Sighting

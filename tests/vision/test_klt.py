@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from scenes import CeilingCamera, small_camera, standard_scene
 from towval.geometry import compose, wrapped
+from towval.synthetic.scenes import CeilingCamera, small_camera, standard_scene
 from towval.vision.klt import KltTracker
 
 
@@ -15,7 +15,7 @@ def filmed():
 
 def tracker(filmed):
     scene, _, first = filmed
-    return KltTracker(scene.bodies[0], scene.camera, scene.floor, first, scene.motions[0](0.0))
+    return KltTracker(scene.top(0), first, scene.motions[0](0.0))
 
 
 def test_points_give_the_pose_from_a_prediction_some_pixels_off(filmed):

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from corner_scenes import calibration_set
+from towval.synthetic.boards import calibration_set
 from towval.vision.bundle import Estimate, adjust
 from towval.vision.lens import LENS_MODELS, LensTrial, active_parameters, choose_lens, try_lens, try_lenses
 from towval.vision.sightings import first_guess

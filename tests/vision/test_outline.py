@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from scenes import CeilingCamera, ceiling, rectangle, small_camera, standard_scene
 from towval.errors import InputError
 from towval.geometry import compose, inverse, transform
+from towval.synthetic.scenes import CeilingCamera, ceiling, rectangle, small_camera, standard_scene
 from towval.types import Body
 from towval.vision.camera import project
 from towval.vision.outline import OutlineFit, combine_fits, pose_from_clicks, see_outline
@@ -96,3 +96,12 @@ def test_one_wrong_fit_among_many_does_not_count():
     assert np.allclose(combined.correction, np.delete(corrections, 5, axis=0).mean(axis=0), atol=1e-5)
     # What a single picture has wrong may be wrong in all of them.
     assert (np.diag(combined.covariance) >= 1e-9).all()
+
+
+def test_blurred_pictures_do_not_move_the_registration():
+    rng = np.random.default_rng(3)
+    sharp = [OutlineFit(c, 1e-9 * np.eye(3), 0.05, 0.8) for c in rng.normal(0, 3e-5, (3, 3))]
+    blurred = [OutlineFit(c, 1e-6 * np.eye(3), 0.9, 0.5) for c in rng.normal(1e-3, 3e-4, (9, 3))]
+    combined = combine_fits([*blurred[:4], *sharp, *blurred[4:]])
+    assert np.linalg.norm(combined.correction[:2]) < 1e-4
+    assert np.sqrt(np.diag(combined.covariance)[:2]).max() < 1e-4

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from corner_scenes import ceiling_camera
+from towval.synthetic.boards import ceiling_camera
 from towval.types import Calibration, Camera, Floor
 from towval.vision.camera import to_plane
 from towval.vision.uncertainty import (

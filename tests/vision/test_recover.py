@@ -1,15 +1,16 @@
 import numpy as np
 import pytest
 
-from scenes import CeilingCamera, ceiling, small_camera, standard_scene
+from towval.synthetic.scenes import CeilingCamera, ceiling, small_camera, standard_scene
 from towval.types import Body
 from towval.vision.recover import Finder
+from towval.vision.top import Top
 
 
 def test_a_body_is_found_wherever_it_went():
     scene = standard_scene(31, **small_camera())
-    film, body, motion = CeilingCamera(scene), scene.bodies[0], scene.motions[0]
-    finder = Finder(body, scene.camera, scene.floor, film.picture(0.0), motion(0.0))
+    film, motion = CeilingCamera(scene), scene.motions[0]
+    finder = Finder(scene.top(0), film.picture(0.0), motion(0.0))
     for time_s in (2.0, 8.0):
         found = finder.find(film.picture(time_s))
         # Good enough to start an alignment from: two pixels of 4.7 mm, and of 1 % of the body's half length in heading.
@@ -19,8 +20,8 @@ def test_a_body_is_found_wherever_it_went():
 
 def test_where_it_is_not_it_is_not_found():
     scene = standard_scene(31, **small_camera(), hidden=lambda t: ("rover",) if t > 1 else ())
-    film, body = CeilingCamera(scene), scene.bodies[0]
-    finder = Finder(body, scene.camera, scene.floor, film.picture(0.0), scene.motions[0](0.0))
+    film = CeilingCamera(scene)
+    finder = Finder(scene.top(0), film.picture(0.0), scene.motions[0](0.0))
     assert finder.find(film.picture(2.0)) is None
 
 
@@ -28,4 +29,4 @@ def test_a_plain_top_has_nothing_to_be_found_by():
     camera, floor = ceiling()
     flat = np.full((1080, 1920), 128, np.uint8)
     body = Body("rover", 0.3, np.array([[-0.3, -0.2], [0.3, -0.2], [0.3, 0.2], [-0.3, 0.2]]))
-    assert Finder(body, camera, floor, flat, np.zeros(3)).find(flat) is None
+    assert Finder(Top(body, camera, floor), flat, np.zeros(3)).find(flat) is None

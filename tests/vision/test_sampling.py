@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from scenes import ceiling
 from towval.geometry import transform
+from towval.synthetic.scenes import ceiling
 from towval.vision.camera import project
 from towval.vision.sampling import metres_per_pixel, plane_pixels, sample_plane, spline_value
 

@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
-from scenes import CeilingCamera, ceiling, drive, small_camera, standard_scene
 from towval.errors import InputError
 from towval.geometry import inside_polygon, transform
+from towval.synthetic.scenes import CeilingCamera, ceiling, drive, small_camera, standard_scene
 from towval.types import Body
 from towval.vision.camera import project
 from towval.vision.propose import propose_bodies

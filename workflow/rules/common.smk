@@ -4,8 +4,10 @@ from pathlib import Path
 
 from towval.errors import TowvalError
 from towval.io.campaign import load_campaign
-from towval.io.provenance import code_hash
+from towval.io.provenance import code_hash, module_hash
 from towval.io.schema import check, packaged_schema, read_yaml
+from towval.presets import STANDARD, settings_of
+from towval.study.products import module_of, study
 
 HERE = Path(workflow.basedir)
 SCRIPTS = HERE / "workflow" / "scripts"
@@ -29,6 +31,10 @@ def load_campaigns():
         campaigns[campaign.name] = campaign
     return campaigns
 
+
+if str(config.get("quick")).lower() in ("true", "false"):
+    # `--config quick=true` comes as a word.
+    config["quick"] = str(config["quick"]).lower() == "true"
 
 told(check, config, read_yaml(HERE / "workflow" / "schemas" / "config.schema.yaml"), "config")
 
@@ -75,7 +81,12 @@ def canonical(keys):
 
 
 def section(stage):
-    return dict(config.get(stage) or {})
+    return settings_of(config.get("preset", STANDARD), stage, config.get(stage))
+
+
+def identified(wildcards):
+    """The identification of a campaign, where config["identify"]["parameters"] asks for one."""
+    return [results(wildcards.campaign, "identify.mcap")] if section("identify").get("parameters") else []
 
 
 def paper(*parts):
@@ -84,3 +95,28 @@ def paper(*parts):
 
 def table(study):
     return paper("tables", f"{study}.csv")
+
+
+QUICK = bool(config.get("quick", False))
+# Whoever asks for neither product does not wait for the modules that compute them.
+STUDY_BLOCKS = {}
+
+
+def studies(*parts):
+    return str(RESULTS.joinpath("study", *parts))
+
+
+def blocks_of(chart):
+    """The parts of a chart by name."""
+    if chart not in STUDY_BLOCKS:
+        STUDY_BLOCKS[chart] = study(chart).parts(QUICK)
+    return STUDY_BLOCKS[chart]
+
+
+def code_of_chart(wildcards):
+    """Fingerprint of the module that computes a chart and of all that it imports, and of the script's."""
+    return code("study_block") + module_hash(f"towval.study.{module_of(wildcards.chart)}")
+
+
+def product_charts(charts):
+    return [studies(f"{chart}.{ending}") for chart in charts for ending in ("csv", "svg", "png", "pdf")]

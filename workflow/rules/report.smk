@@ -8,7 +8,11 @@ rule overlay:
         uncertainty=results("{campaign}", "{run}", "uncertainty.mcap"),
         compared=results("{campaign}", "{run}", "compare.mcap"),
     output:
-        results("{campaign}", "{run}", "overlay.mp4"),
+        report(
+            results("{campaign}", "{run}", "overlay.mp4"),
+            category="{campaign}",
+            labels={"run": "{run}", "what": "overlay video"},
+        ),
     log:
         results("{campaign}", "{run}", "logs", "overlay.log"),
     benchmark:
@@ -37,10 +41,20 @@ rule report:
         uncertainties=per_run("uncertainty.mcap"),
         compared=per_run("compare.mcap"),
         overlays=per_run("overlay.mp4"),
+        identified=identified,
     output:
-        report=results("{campaign}", "report.html"),
-        summary=results("{campaign}", "summary.csv"),
-        figures=directory(results("{campaign}", "figures")),
+        report=report(
+            results("{campaign}", "report.html"), category="{campaign}", labels={"run": "all", "what": "report"}
+        ),
+        summary=report(
+            results("{campaign}", "summary.csv"), category="{campaign}", labels={"run": "all", "what": "summary"}
+        ),
+        figures=report(
+            directory(results("{campaign}", "figures")),
+            patterns=["fig10_{name}.svg", "agreement_{name}.svg"],
+            category="{campaign}",
+            labels={"run": "{name}", "what": "figure"},
+        ),
     log:
         results("{campaign}", "logs", "report.log"),
     benchmark:

@@ -47,6 +47,7 @@ rule decimate:
 
 rule simulate:
     input:
+        camera=results("{campaign}", "camera.mcap"),
         track=results("{campaign}", "{run}", "track.mcap"),
         decimated=results("{campaign}", "{run}", "decimate.mcap"),
     output:

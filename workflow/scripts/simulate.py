@@ -12,4 +12,5 @@ with told(Path(snakemake.log[0])):
         Path(snakemake.input.decimated),
         Path(snakemake.output[0]),
         snakemake.params.settings,
+        camera=Path(snakemake.input.camera),
     )

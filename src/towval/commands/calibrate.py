@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from towval.calibrate import CalibrateSettings, calibrate
+from towval.choosing.lens import with_lens_choice
 from towval.commands.shared import provenance, settings_from, tell
 from towval.io.campaign import load_campaign
-from towval.io.images import read_gray
+from towval.io.images import GrayPictures
 from towval.io.records import write_calibration
 
 
@@ -28,13 +29,14 @@ def run(campaign: Path, output: Path, keys: Mapping[str, Any] | None = None) -> 
     settings = settings_from(CalibrateSettings, keys, "calibrate")
     given = load_campaign(campaign)
     calibration = calibrate(
-        ((path.name, read_gray(path, given.resolution_px)) for path in given.calibration_images),
-        [(path.name, read_gray(path, given.resolution_px)) for path in given.floor_images],
+        GrayPictures(given.calibration_images, given.resolution_px),
+        GrayPictures(given.floor_images, given.resolution_px),
         given.board,
         given.floor_reference,
         settings,
         heights_m=[body.tracked_plane_height_m for body in given.bodies],
     )
+    calibration = with_lens_choice(calibration, given.floor_reference, settings, given.object.tracked_plane_height_m)
     tell(calibration.findings, "calibrate")
     inputs = {path.name: path for path in (*given.calibration_images, *given.floor_images)}
     write_calibration(output, calibration, provenance(settings, inputs))

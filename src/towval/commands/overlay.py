@@ -30,4 +30,5 @@ def run(campaign: Path, name: str, camera: Path, folder: Path, output: Path, wid
     """
     given = load_campaign(campaign)
     record = read_run(given, name, folder)
-    write_overlay(given.run(name).video, output, read_calibration(camera), record, width_px=width_px)
+    entry, calibration = given.run(name), read_calibration(camera)
+    write_overlay(entry.video, output, calibration, record, width_px=width_px, damaged=entry.damaged_video)

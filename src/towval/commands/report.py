@@ -12,17 +12,16 @@ from towval.commands.overlay import run as write_run_overlay
 from towval.commands.run_folder import files, read_run
 from towval.commands.shared import settings_from
 from towval.io.campaign import Campaign, load_campaign
-from towval.io.figures import UncertaintyMap
+from towval.io.identification import read_identification
 from towval.io.provenance import file_hash, versions
 from towval.io.records import read_calibration
 from towval.io.report import write_report
 from towval.io.report_data import InputRow, Provenance, ReportData, ReportSettings, RunReport
 from towval.io.summary import write_summary
-from towval.types import Body, Calibration
 from towval.vision.uncertainty import uncertainty_map
 
 
-def run(campaign: Path, results: Path, keys: Mapping[str, Any] | None = None) -> None:
+def run(campaign: Path, results: Path, keys: Mapping[str, Any] | None = None, identified: Path | None = None) -> None:
     """Write the report of a campaign, its figures and its summary.
 
     Parameters
@@ -33,6 +32,8 @@ def run(campaign: Path, results: Path, keys: Mapping[str, Any] | None = None) ->
         Folder with ``camera.mcap`` and a folder a run; overlay videos that are missing there are made.
     keys : mapping, optional
         ``config["report"]``.
+    identified : Path, optional
+        ``identify.mcap`` to show in a section of its own.
     """
     settings = settings_from(ReportSettings, keys, "report")
     given = load_campaign(campaign)
@@ -49,19 +50,15 @@ def run(campaign: Path, results: Path, keys: Mapping[str, Any] | None = None) ->
         runs=tuple(runs),
         provenance=_provenance(given, results),
         calibration=calibration,
-        uncertainty=_uncertainty(calibration, given.object),
+        uncertainty=uncertainty_map(
+            calibration, given.object.tracked_plane_height_m, height_std_m=given.object.height_std_m
+        ),
         inputs=tuple(_inputs(given)),
+        identification=None if identified is None else read_identification(identified),
     )
     write_summary(results / "summary.csv", [item.record.comparison for item in runs])
     write_report(results / "report.html", data, results / "figures")
     print(f"report: {results / 'report.html'}")
-
-
-def _uncertainty(calibration: Calibration, body: Body) -> UncertaintyMap:
-    """How sure a place on the plane of a body's top is, over the image."""
-    height = body.tracked_plane_height_m
-    grid = uncertainty_map(calibration, height, height_std_m=body.height_std_m)
-    return UncertaintyMap(grid.pixels[0, :, 0], grid.pixels[:, 0, 1], grid.std_m, height)
 
 
 def _provenance(given: Campaign, results: Path) -> Provenance:
@@ -79,24 +76,39 @@ def _provenance(given: Campaign, results: Path) -> Provenance:
 
 
 def _inputs(given: Campaign) -> Iterator[InputRow]:
-    """The quantities that the simulation was given, as campaign.yaml has them."""
-    scene, source = given.scene, "campaign.yaml"
-    wish = scene.friction
-    yield InputRow("mass of the object without load", f"{scene.body_mass:g}", "kg", source=source)
-    yield InputRow("mass of the load", f"{scene.load.mass:g}", "kg", source=source)
-    yield InputRow("place of the load", _point(scene.load.at), "m", source=source)
-    yield InputRow("anchor on the object", _point(scene.anchor), "m", source=source)
-    yield InputRow("hinge on the rover", _point(scene.hinge), "m", source=source)
-    yield InputRow("rest length of the tether", f"{scene.tether.rest_length:g}", "m", source=source)
-    yield InputRow("stiffness of the tether", f"{scene.tether.stiffness:g}", "N/m", source=source)
-    yield InputRow("damping of the tether", f"{scene.tether.damping:g}", "N s/m", source=source)
-    yield InputRow("kinetic friction coefficient", f"{wish.kinetic:g}", "", f"{wish.kinetic_std:g}", source)
-    yield InputRow("static friction coefficient", f"{wish.static:g}", "", source=source)
-    yield InputRow("stiction velocity", f"{wish.stiction_velocity:g}", "m/s", source=source)
-    yield InputRow("friction velocity", f"{wish.friction_velocity:g}", "m/s", source=source)
+    """The quantities that the simulation was given, and the deviations that were sampled."""
+    scene, std, document = given.scene, given.deviations, given.document
+
+    def row(name: str, value: str, unit: str, deviation: float | None, *key: str) -> InputRow:
+        source, section = "campaign.yaml", document
+        for part in key:
+            section = section.get(part, {})
+        if deviation is not None and section == {}:
+            source += "; deviation: default"
+        return InputRow(name, value, unit, "" if deviation is None else f"{deviation:.3g}", source)
+
+    load = ("object", "load")
+    yield row("mass of the object without load", f"{scene.body_mass:g}", "kg", std.body_mass, "object", "mass_std_kg")
+    yield row("mass of the load", f"{scene.load.mass:g}", "kg", std.load_mass, *load, "mass_std_kg")
+    yield row("place of the load", _point(scene.load.at), "m", std.load_at, *load, "at_std_m")
+    yield row("anchor on the object", _point(scene.anchor), "m", std.anchor, "object", "tether_anchor_std_m")
+    yield row("hinge on the rover", _point(scene.hinge), "m", std.hinge, "rover", "tether_hinge_std_m")
+    tether, friction = scene.tether, scene.friction
+    yield row(
+        "rest length of the tether", f"{tether.rest_length:g}", "m", std.rest_length, "tether", "rest_length_std_m"
+    )
+    yield row(
+        "stiffness of the tether", f"{tether.stiffness:g}", "N/m", std.stiffness, "tether", "stiffness_std_N_per_m"
+    )
+    yield row("damping of the tether", f"{tether.damping:g}", "N s/m", None)
+    yield row("kinetic friction coefficient", f"{friction.kinetic:g}", "", std.friction, "friction", "kinetic_std")
+    static_std = std.friction * friction.static / friction.kinetic
+    yield row("static friction coefficient", f"{friction.static:g}", "", static_std, "friction", "kinetic_std")
+    yield row("stiction velocity", f"{friction.stiction_velocity:g}", "m/s", None)
+    yield row("friction velocity", f"{friction.friction_velocity:g}", "m/s", None)
     for body in given.bodies:
-        height = f"{body.tracked_plane_height_m:g}"
-        yield InputRow(f"height of the {body.name}'s top", height, "m", f"{body.height_std_m:g}", source)
+        height, key = f"{body.tracked_plane_height_m:g}", "tracked_plane_height_std_m"
+        yield row(f"height of the {body.name}'s top", height, "m", body.height_std_m, body.name, key)
 
 
 def _point(xy: Any) -> str:

@@ -44,6 +44,13 @@ def settings_from(kind: type[Settings], keys: Mapping[str, Any] | None, section:
         raise InputError(f"a value of {section} has the wrong type", got=error) from None
 
 
+def without_auto(keys: Mapping[str, Any] | None, *choosable: str) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """A section's keys without those that say "auto", and the names of these; only some can be chosen by a probe."""
+    keys = dict(keys or {})
+    chosen = tuple(name for name in choosable if keys.get(name) == "auto")
+    return {name: value for name, value in keys.items() if name not in chosen}, chosen
+
+
 def provenance(settings: Any, inputs: Mapping[str, Path]) -> dict[str, str]:
     """What a result was made of: versions, settings, and the SHA-256 of each input file by name."""
     configuration = dataclasses.asdict(settings) if dataclasses.is_dataclass(settings) else dict(settings or {})

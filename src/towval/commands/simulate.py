@@ -6,13 +6,26 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from towval.commands.shared import provenance, settings_from, tell
+import numpy as np
+
+from towval.choosing.margin import measurement_std_m, seen_places
+from towval.choosing.simulation import simulate_choosing
+from towval.commands.shared import provenance, settings_from, tell, without_auto
+from towval.errors import InputError
 from towval.io.campaign import load_campaign
-from towval.io.records import read_decimated, read_tracks, write_simulated
-from towval.simulate import SimulateSettings, simulate
+from towval.io.records import read_calibration, read_decimated, read_tracks, write_simulated
+from towval.simulate import SimulateSettings
 
 
-def run(campaign: Path, track: Path, decimated: Path, output: Path, keys: Mapping[str, Any] | None = None) -> None:
+def run(
+    campaign: Path,
+    track: Path,
+    decimated: Path,
+    output: Path,
+    keys: Mapping[str, Any] | None = None,
+    *,
+    camera: Path | None = None,
+) -> None:
     """Simulate the towed object on the measured track of the rover.
 
     Parameters
@@ -27,11 +40,29 @@ def run(campaign: Path, track: Path, decimated: Path, output: Path, keys: Mappin
         ``simulate.mcap`` to write.
     keys : mapping, optional
         ``config["simulate"]``.
+    camera : Path, optional
+        ``camera.mcap`` of the campaign: what "auto" is chosen against.
+
+    Raises
+    ------
+    InputError
+        When a setting is "auto" and no camera is given.
     """
+    keys, auto = without_auto(keys, "rung_tolerance_m", "tolerance_m")
     settings = settings_from(SimulateSettings, keys, "simulate")
+    if auto and camera is None:
+        raise InputError(
+            f"simulate.{auto[0]} cannot be chosen", got="auto without a camera", remedy="give camera.mcap, or a number"
+        )
     given = load_campaign(campaign)
     bodies = read_decimated(decimated)
-    times = read_tracks(track)["object"].time_s
-    simulated = simulate(given.scene, bodies["rover"], bodies["object"], times, settings)
+    tracked = read_tracks(track)["object"]
+    inputs = {path.name: path for path in (track, decimated, camera) if path is not None}
+    measured = np.inf
+    if camera is not None:
+        measured = measurement_std_m(read_calibration(camera), given.object, seen_places(tracked))
+    settings, simulated = simulate_choosing(
+        given.scene, bodies["rover"], bodies["object"], tracked.time_s, settings, auto=auto, measurement_m=measured
+    )
     tell(simulated.findings, "simulate")
-    write_simulated(output, simulated, provenance(settings, {track.name: track, decimated.name: decimated}))
+    write_simulated(output, simulated, provenance(settings, inputs))

@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from towval.commands.shared import progress, provenance, settings_from, tell
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from towval.choosing.tracking import PROBE_FRAMES, PROBE_STRIDE, choose_tracking
+from towval.commands.shared import progress, provenance, settings_from, tell, without_auto
 from towval.errors import InputError
-from towval.io.campaign import load_campaign
+from towval.io.campaign import Campaign, Run, load_campaign
+from towval.io.images import write_picture
 from towval.io.records import read_calibration, write_tracks
 from towval.io.video import Video
 from towval.track import TrackSettings, track
+from towval.types import Calibration
+from towval.vision.propose import propose_bodies
+from towval.vision.tags import clicks_from_tags
+
+_MOST_PICTURES = 16  # Of which the background is made.
 
 
 def run(campaign: Path, name: str, camera: Path, output: Path, keys: Mapping[str, Any] | None = None) -> None:
@@ -30,10 +42,11 @@ def run(campaign: Path, name: str, camera: Path, output: Path, keys: Mapping[str
     keys : mapping, optional
         ``config["track"]``.
     """
+    keys, auto = without_auto(keys, "samples")
     settings = settings_from(TrackSettings, keys, "track")
     given = load_campaign(campaign)
     entry = given.run(name)
-    video = Video(entry.video)
+    video = Video(entry.video, damaged=entry.damaged_video)
     if tuple(video.header.resolution_px) not in (given.resolution_px, given.resolution_px[::-1]):
         raise InputError(
             f"the video {entry.video.name} has another size than camera.resolution_px",
@@ -42,8 +55,57 @@ def run(campaign: Path, name: str, camera: Path, output: Path, keys: Mapping[str
             remedy="calibrate with pictures of the size of the video",
         )
     calibration = read_calibration(camera)
+    clicks = _clicks(given, entry, video, calibration, output.with_name("proposals.png"))
+    frames = list(
+        itertools.islice(Video(entry.video, damaged=entry.damaged_video), 0, PROBE_FRAMES * PROBE_STRIDE, PROBE_STRIDE)
+    )
+    settings, choices = choose_tracking(frames, calibration, given.bodies, clicks, settings, auto="samples" in auto)
     with progress(f"track {name}", video.header.frames) as done:
-        tracks = track(video, calibration, given.bodies, entry.clicks_px, settings, progress=done)
+        tracks = track(video, calibration, given.bodies, clicks, settings, progress=done)
+    tracks = {
+        body: replace(found, findings=(*found.findings, *video.findings), choices=(choices[body],))
+        for body, found in tracks.items()
+    }
     for body in tracks.values():
         tell(body.findings, f"track {name}")
     write_tracks(output, tracks, provenance(settings, {entry.video.name: entry.video, camera.name: camera}))
+
+
+def _clicks(
+    given: Campaign, entry: Run, video: Video, calibration: Calibration, proposals: Path
+) -> dict[str, ArrayLike]:
+    """The corners of both tops in the first picture: clicked, or where a body's tags say they are."""
+    clicks: dict[str, ArrayLike] = dict(entry.clicks_px)
+    unclicked = [body for body in given.bodies if body.name not in clicks]
+    if not unclicked:
+        return clicks
+    luma = next(iter(video))[1]
+    for body in unclicked:
+        if not given.tags[body.name]:
+            raise _ask_for_clicks(body.name, entry, video, proposals)
+        clicks[body.name] = clicks_from_tags(luma, body, given.tags[body.name], calibration.camera, calibration.floor)
+    return clicks
+
+
+def _ask_for_clicks(name: str, entry: Run, video: Video, proposals: Path) -> InputError:
+    """An error that shows what moves in the video, as a picture and as clicks to correct and paste."""
+    found, picture = propose_bodies(_spread_pictures(video))
+    write_picture(proposals, picture)
+    rows = [f"{i + 1}: {np.round(proposal.corners_px, 1).tolist()}" for i, proposal in enumerate(found)]
+    return InputError(
+        f"runs.{entry.name}.first_frame_clicks_px.{name} is missing, and {name} has no tags",
+        got="; ".join(f"a moving body at {row}" for row in rows) or "nothing that moves is seen",
+        allowed=f"the corners of the tops in the first frame, in the order of top_corners_m; {proposals} shows it",
+        remedy="tell which proposal is which body, move its corners onto the top, and paste them there",
+    )
+
+
+def _spread_pictures(video: Video) -> list[NDArray[np.uint8]]:
+    """The first picture and some more, spread evenly over the video."""
+    pictures, every = [], 1
+    for i, (_, luma) in enumerate(video):
+        if i % every == 0:
+            pictures.append(luma.copy())
+        if len(pictures) > _MOST_PICTURES:
+            pictures, every = pictures[::2], 2 * every
+    return pictures

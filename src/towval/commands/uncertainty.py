@@ -6,11 +6,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from towval.commands.shared import progress, provenance, settings_from, tell
+from towval.choosing.margin import measurement_std_m, seen_places
+from towval.choosing.sampling import sample_choosing
+from towval.commands.shared import progress, provenance, settings_from, tell, without_auto
 from towval.io.campaign import load_campaign
 from towval.io.records import read_calibration, read_decimated, read_simulated, read_tracks, write_uncertainty
 from towval.simulate import friction_law
-from towval.uncertainty import Case, UncertaintySettings, sample_uncertainty
+from towval.uncertainty import Case, UncertaintySettings
 
 
 def run(
@@ -38,6 +40,7 @@ def run(
     keys : mapping, optional
         ``config["uncertainty"]``.
     """
+    keys, auto = without_auto(keys, "samples")
     settings = settings_from(UncertaintySettings, keys, "uncertainty")
     given = load_campaign(campaign)
     files = {stage: folder / f"{stage}.mcap" for stage in ("track", "decimate", "simulate")}
@@ -55,8 +58,9 @@ def run(
         object_decimated=thin["object"],
         simulated=read_simulated(files["simulate"]),
     )
-    with progress(f"uncertainty {name}", settings.samples, "draw") as done:
-        uncertainty = sample_uncertainty(case, settings, done)
+    measured = measurement_std_m(case.calibration, case.towed, seen_places(case.object_track))
+    with progress(f"uncertainty {name}", None if auto else settings.samples, "draw") as done:
+        uncertainty = sample_choosing(case, settings, auto=bool(auto), measurement_m=measured, progress=done)
     tell(uncertainty.findings, f"uncertainty {name}")
     inputs = {path.name: path for path in (camera, *files.values())}
     write_uncertainty(output, uncertainty, case.simulated, provenance(settings, inputs))

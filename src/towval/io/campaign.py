@@ -26,17 +26,22 @@ from towval.types import (
     Tether,
     locked,
 )
+from towval.vision.tags import Tag
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp")
 
 
 @dataclass(frozen=True)
 class Run:
-    """One run: its name, its video and where the corners of both tops are in the first frame, body by body [px]."""
+    """One run: its name, its video and where the corners of the tops are in the first frame, by body's name [px].
+
+    ``damaged_video`` allows to go on with the good part of a damaged video.
+    """
 
     name: str
     video: Path
     clicks_px: dict[str, Array]
+    damaged_video: bool = False
 
 
 @dataclass(frozen=True)
@@ -44,7 +49,8 @@ class Campaign:
     """A campaign as handed in.
 
     ``calibration_images`` and ``floor_images`` are files that exist; the first floor image defines the floor frame.
-    ``scene`` is what the simulation is told, ``deviations`` how well it is known; ``document`` is the file as read.
+    ``tags`` are the markers on each body's top, by its name; ``scene`` is what the simulation is told, ``deviations``
+    how well it is known; ``document`` is the file as read.
     """
 
     folder: Path
@@ -56,6 +62,7 @@ class Campaign:
     floor_reference: FloorReference
     rover: Body
     object: Body
+    tags: dict[str, tuple[Tag, ...]]
     scene: Scene
     deviations: InputDeviations
     runs: dict[str, Run]
@@ -123,6 +130,7 @@ def load_campaign(folder: Path) -> Campaign:
         floor_reference=_floor_reference(floor),
         rover=_body("rover", rover, ()),
         object=_body("object", towed, (load.outline,) if load.size[:2].all() else ()),
+        tags={"rover": _tags(rover), "object": _tags(towed)},
         scene=scene,
         deviations=_deviations(document, load),
         runs={str(name): _run(folder, str(name), entry, document) for name, entry in document["runs"].items()},
@@ -212,6 +220,13 @@ def _body(name: str, keys: dict[str, Any], obstructions: tuple[Array, ...]) -> B
     )
 
 
+def _tags(keys: dict[str, Any]) -> tuple[Tag, ...]:
+    return tuple(
+        Tag(tag["dictionary"], tag["number"], tag["size_m"], np.array([*tag["at_m"], tag.get("heading_rad", 0.0)]))
+        for tag in keys.get("tags", ())
+    )
+
+
 def _load(towed: dict[str, Any]) -> Load:
     keys = towed.get("load", {"mass_kg": 0.0, "at_m": [0.0, 0.0]})
     return Load(
@@ -287,7 +302,7 @@ def _scene(document: dict[str, Any], load: Load) -> Scene:
     )
 
 
-_MASS_STD, _STIFFNESS_STD = 0.01, 0.05
+_MASS_STD, _STIFFNESS_STD = 0.01, 0.02
 _PLACE_STD_M, _LENGTH_STD_M = 0.001, 0.001
 """Deviations where campaign.yaml gives none, as the schema says: a scale, a spring balance, a tape measure."""
 
@@ -309,10 +324,9 @@ def _deviations(document: dict[str, Any], load: Load) -> InputDeviations:
 
 def _run(folder: Path, name: str, entry: dict[str, Any], document: dict[str, Any]) -> Run:
     clicks = {}
-    for body in ("rover", "object"):
+    for body, pixels in entry.get("first_frame_clicks_px", {}).items():
         key = f"runs.{name}.first_frame_clicks_px.{body}"
         corners = document[body]["top_corners_m"]
-        pixels = entry["first_frame_clicks_px"][body]
         if len(pixels) != len(corners):
             raise InputError(
                 f"campaign.yaml: {key} has another number of corners than {body}.top_corners_m",
@@ -322,7 +336,8 @@ def _run(folder: Path, name: str, entry: dict[str, Any], document: dict[str, Any
             )
         clicks[body] = locked(pixels, key, (len(corners), 2))
         _check_clicks(clicks[body], document["camera"]["resolution_px"], key)
-    return Run(name=name, video=_file(folder, entry["video"], f"runs.{name}.video"), clicks_px=clicks)
+    video = _file(folder, entry["video"], f"runs.{name}.video")
+    return Run(name, video, clicks, damaged_video=entry.get("damaged_video", False))
 
 
 def _check_clicks(clicks: Array, resolution_px: list[int], key: str) -> None:

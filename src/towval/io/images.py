@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -9,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from towval.errors import InputError
+from towval.io.atomic import replacing
 
 
 def read_gray(path: Path, resolution_px: tuple[int, int]) -> NDArray[np.uint8]:
@@ -37,3 +40,25 @@ def read_gray(path: Path, resolution_px: tuple[int, int]) -> NDArray[np.uint8]:
             remedy="calibrate with pictures from the camera mode that filmed the runs",
         )
     return image
+
+
+@dataclass(frozen=True)
+class GrayPictures(Sequence[tuple[str, NDArray[np.uint8]]]):
+    """Pictures of files by name and grey levels, each read when it is asked for: see :func:`read_gray`."""
+
+    paths: tuple[Path, ...]
+    resolution_px: tuple[int, int]
+
+    def __len__(self) -> int:
+        return len(self.paths)
+
+    def __getitem__(self, index):  # type: ignore[no-untyped-def]
+        if isinstance(index, slice):
+            return GrayPictures(self.paths[index], self.resolution_px)
+        return self.paths[index].name, read_gray(self.paths[index], self.resolution_px)
+
+
+def write_picture(path: Path, picture: NDArray[np.uint8]) -> None:
+    """Write a picture (height, width, 3), blue, green, red; the kind of file by its suffix."""
+    with replacing(path) as temporary:
+        temporary.write_bytes(cv2.imencode(path.suffix, picture)[1].tobytes())

@@ -37,7 +37,14 @@ class Still:
 
 
 def write_overlay(
-    source: FilePath, target: FilePath, calibration: Calibration, run: RunRecord, *, width_px: int = 960, crf: int = 25
+    source: FilePath,
+    target: FilePath,
+    calibration: Calibration,
+    run: RunRecord,
+    *,
+    width_px: int = 960,
+    crf: int = 25,
+    damaged: bool = False,
 ) -> FilePath:
     """Draw a run onto its footage.
 
@@ -53,6 +60,8 @@ def write_overlay(
         Largest width of the film [px]; smaller footage keeps its size.
     crf : int, optional
         Constant rate factor of x264, 0 to 51; less is better and larger.
+    damaged : bool, optional
+        Draw on the good part of a damaged source instead of refusing it.
 
     Returns
     -------
@@ -69,7 +78,7 @@ def write_overlay(
         stream = film.streams.video[0]
         with av.open(temporary, "w", format="mp4", options={"movflags": "+faststart"}) as output:
             encoder = _add_encoder(output, stream, painter.size_px, crf)
-            for frame in _drawn_frames(source, film, painter):
+            for frame in _drawn_frames(source, _decoded(film, damaged), stream, painter):
                 output.mux(encoder.encode(frame))
             output.mux(encoder.encode(None))
     return target
@@ -148,11 +157,24 @@ def _add_encoder(
     return encoder
 
 
-def _drawn_frames(source: FilePath, film: av.container.InputContainer, painter: Painter) -> Iterator[av.VideoFrame]:
+def _decoded(film: av.container.InputContainer, damaged: bool) -> Iterator[av.VideoFrame]:
+    """The frames of the footage; of a damaged one those before the damage, where that is allowed."""
+    try:
+        for frame in film.decode(film.streams.video[0]):
+            if frame.is_corrupt and damaged:
+                return
+            yield frame
+    except av.FFmpegError:
+        if not damaged:
+            raise
+
+
+def _drawn_frames(
+    source: FilePath, frames: Iterator[av.VideoFrame], stream: av.VideoStream, painter: Painter
+) -> Iterator[av.VideoFrame]:
     """The frames of the footage with the run drawn in, ready to be coded; their times start at zero."""
-    stream = film.streams.video[0]
     first = None
-    for frame in film.decode(stream):
+    for frame in frames:
         if first is None:
             _check_size(source, frame, painter.calibration)
             first = frame.pts

@@ -61,6 +61,11 @@ def code_hash(script: Path) -> str:
     return digest.hexdigest()[:16]
 
 
+def module_hash(name: str) -> str:
+    """Fingerprint of a module of this package, as :func:`code_hash`, for what is imported by name at run time."""
+    return code_hash(_module_files(name)[-1])
+
+
 @cache
 def _file_digest(path: Path, _mtime_ns: int) -> bytes:
     return hashlib.sha256(path.read_bytes()).digest()

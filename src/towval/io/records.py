@@ -22,6 +22,7 @@ from towval.types import (
     Array,
     Calibration,
     Camera,
+    Choice,
     Comparison,
     DecimatedTrack,
     Features,
@@ -45,11 +46,9 @@ _STATUS = {level: status for status, level in _LEVELS.items()}
 def write_calibration(path: Path, calibration: Calibration, provenance: dict[str, str]) -> None:
     """Write ``camera.mcap``: ``/camera/camera_info`` and ``/tf_static``, both at time zero."""
     T = calibration.floor.T_camera_floor
-    quaternion = Rotation.from_matrix(T[:3, :3].T).as_quat()
-    static = ros.rigid_transform(0.0, FLOOR_FRAME, CAMERA_FRAME, calibration.floor.camera_position_m, quaternion)
     messages = [
         Message("/camera/camera_info", 0, ros.camera_info(0.0, CAMERA_FRAME, calibration.camera)),
-        Message("/tf_static", 0, static),
+        camera_place(calibration.floor, 0.0),
     ]
     details = {
         "camera": {
@@ -63,6 +62,7 @@ def write_calibration(path: Path, calibration: Calibration, provenance: dict[str
         "corner_noise_px": calibration.corner_noise_px,
         "views": [_plain(view) for view in calibration.views],
         "findings": _findings_out(calibration.findings),
+        "choices": _choices_out(calibration.choices),
         "quality": dict(calibration.quality),
     }
     write_mcap(path, messages, details, provenance)
@@ -87,7 +87,15 @@ def read_calibration(path: Path) -> Calibration:
         views=tuple(View(**_arrays(view)) for view in details["views"]),
         findings=_findings_in(details["findings"]),
         quality=details["quality"],
+        choices=_choices_in(details),
     )
+
+
+def camera_place(floor: Floor, time_s: float) -> Message:
+    """The camera in the floor frame, on ``/tf_static``."""
+    quaternion = Rotation.from_matrix(floor.T_camera_floor[:3, :3].T).as_quat()
+    static = ros.rigid_transform(time_s, FLOOR_FRAME, CAMERA_FRAME, floor.camera_position_m, quaternion)
+    return Message("/tf_static", ros.nanoseconds(time_s), static)
 
 
 def write_tracks(path: Path, tracks: dict[str, Track], provenance: dict[str, str]) -> None:
@@ -99,6 +107,7 @@ def write_tracks(path: Path, tracks: dict[str, Track], provenance: dict[str, str
             "method": track.method,
             "start_covariance": track.start_covariance.tolist(),
             "findings": _findings_out(track.findings),
+            "choices": _choices_out(track.choices),
             "time_ns": [ros.nanoseconds(t) for t in track.time_s],
         }
         for name, track in tracks.items()
@@ -190,6 +199,7 @@ def _track(name: str, content: McapContent, details: dict[str, Any]) -> Track:
         features=_features(content.topics.get(f"/{name}/features", []), index),
         findings=_findings_in(details["findings"]),
         method=details["method"],
+        choices=_choices_in(details),
     )
 
 
@@ -269,6 +279,7 @@ def write_simulated(path: Path, simulated: SimulatedMotion, provenance: dict[str
         "rung": str(simulated.rung),
         "findings": _findings_out(simulated.findings),
         "statistics": dict(simulated.statistics),
+        "choices": _choices_out(simulated.choices),
     }
     write_mcap(path, messages, details, provenance)
 
@@ -295,6 +306,7 @@ def read_simulated(path: Path) -> SimulatedMotion:
         rung=details["rung"],
         findings=_findings_in(details["findings"]),
         statistics=details["statistics"],
+        choices=_choices_in(details),
     )
 
 
@@ -316,6 +328,7 @@ def write_uncertainty(
     details = {name: getattr(uncertainty, name) for name in names}
     details["signature"] = uncertainty.signature.tolist()
     details["findings"] = _findings_out(uncertainty.findings)
+    details["choices"] = _choices_out(uncertainty.choices)
     write_mcap(path, messages, details, provenance)
 
 
@@ -329,7 +342,7 @@ def read_uncertainty(path: Path) -> RunUncertainty:
     """
     content = read_mcap(path)
     details = dict(_details(content, path, "signature_limit", "shares"))
-    details["findings"] = _findings_in(details["findings"])
+    details["findings"], details["choices"] = _findings_in(details["findings"]), _choices_in(details)
     topics = {name: f"/object/{name}_uncertainty" for name in _UNCERTAINTY_ARRAYS}
     arrays = {
         name: np.array([ros.planar_covariance(value) for value in content.values(topic)])
@@ -338,8 +351,9 @@ def read_uncertainty(path: Path) -> RunUncertainty:
     return RunUncertainty(time_s=content.times_s(topics["validation"]), **arrays, **details)
 
 
+_COMPARISON_ARRAYS = ("time_s", "error", "along_across", "ratio")
 _COMPARISON_SCALARS = tuple(
-    f.name for f in dataclasses.fields(Comparison) if f.name not in ("time_s", "error", "along_across", "findings")
+    f.name for f in dataclasses.fields(Comparison) if f.name not in (*_COMPARISON_ARRAYS, "findings")
 )
 
 
@@ -347,13 +361,7 @@ def write_comparison(
     path: Path, comparison: Comparison, measured: Track, simulated: SimulatedMotion, provenance: dict[str, str]
 ) -> None:
     """Write ``compare.mcap``: ``/object/error``, and both paths again, so that one file serves other tools."""
-    messages = []
-    for t, error, shift in zip(comparison.time_s, comparison.error, comparison.along_across, strict=True):
-        if np.isfinite(error).all():
-            ns = ros.nanoseconds(t)
-            messages.append(Message("/object/error", ns, ros.stamped_vector(t, FLOOR_FRAME, error)))
-            value = ros.stamped_vector(t, "object_path", np.append(shift, error[2]))
-            messages.append(Message("/object/error_along_across", ns, value))
+    messages = error_messages(comparison)
     messages += _track_messages("object", dataclasses.replace(measured, features=None))
     for t, pose in zip(simulated.time_s, simulated.pose, strict=True):
         value = ros.stamped_pose(t, FLOOR_FRAME, pose)
@@ -362,6 +370,21 @@ def write_comparison(
     details["time_ns"] = [ros.nanoseconds(t) for t in comparison.time_s]
     details["findings"] = _findings_out(comparison.findings)
     write_mcap(path, messages, details, provenance)
+
+
+def error_messages(comparison: Comparison) -> list[Message]:
+    """The errors of a run on ``/object/error``, ``/object/error_along_across`` and ``/object/error_ratio``."""
+    messages = []
+    rows = zip(*(getattr(comparison, name) for name in _COMPARISON_ARRAYS), strict=True)
+    for t, error, shift, ratio in rows:
+        ns = ros.nanoseconds(t)
+        if np.isfinite(ratio):
+            messages.append(Message("/object/error_ratio", ns, ros.number(ratio)))
+        if np.isfinite(error).all():
+            messages.append(Message("/object/error", ns, ros.stamped_vector(t, FLOOR_FRAME, error)))
+            value = ros.stamped_vector(t, "object_path", np.append(shift, error[2]))
+            messages.append(Message("/object/error_along_across", ns, value))
+    return messages
 
 
 def read_comparison(path: Path) -> Comparison:
@@ -377,6 +400,9 @@ def read_comparison(path: Path) -> Comparison:
     time_ns = np.array(details["time_ns"], dtype=np.int64)
     index = {int(t): i for i, t in enumerate(time_ns)}
     error, shift = np.full((len(time_ns), 3), np.nan), np.full((len(time_ns), 2), np.nan)
+    ratio = np.full(len(time_ns), np.nan)
+    for message in content.topics.get("/object/error_ratio", []):
+        ratio[index[message.time_ns]] = message.value.data
     for message in content.topics.get("/object/error", []):
         vector = message.value.vector
         error[index[message.time_ns]] = vector.x, vector.y, vector.z
@@ -385,7 +411,8 @@ def read_comparison(path: Path) -> Comparison:
     scalars = {name: np.nan if details[name] is None else details[name] for name in _COMPARISON_SCALARS}
     scalars["verdict"] = Verdict(scalars["verdict"])
     findings = _findings_in(details["findings"])
-    return Comparison(time_s=time_ns / 1e9, error=error, along_across=shift, findings=findings, **scalars)
+    arrays = {"time_s": time_ns / 1e9, "error": error, "along_across": shift, "ratio": ratio}
+    return Comparison(**arrays, findings=findings, **scalars)
 
 
 def _planar_poses(values: list[Any]) -> Array:
@@ -433,6 +460,16 @@ def _findings_out(findings: tuple[Finding, ...]) -> list[dict[str, str]]:
 
 def _findings_in(rows: list[dict[str, str]]) -> tuple[Finding, ...]:
     return tuple(Finding(Severity(row["severity"]), row["code"], row["text"]) for row in rows)
+
+
+def _choices_out(choices: tuple[Choice, ...]) -> list[dict[str, Any]]:
+    return [{name: _scalar(value) for name, value in dataclasses.asdict(choice).items()} for choice in choices]
+
+
+def _choices_in(details: dict[str, Any]) -> tuple[Choice, ...]:
+    """Choices of a file's details; files of versions that recorded none have none."""
+    rows = details.get("choices", [])
+    return tuple(Choice(**{**row, "change_m": np.nan if row["change_m"] is None else row["change_m"]}) for row in rows)
 
 
 def _details(content: McapContent, path: Path, *names: str) -> dict[str, Any]:

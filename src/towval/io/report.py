@@ -28,6 +28,10 @@ __all__ = [
 ]
 
 
+_TIMED = ("errors_", "agreement_", "fig10_")
+"""Figures over which the time cursor moves."""
+
+
 def write_report(path: FilePath, data: ReportData, figures_folder: FilePath | None = None) -> FilePath:
     """Write the report of a campaign.
 
@@ -56,7 +60,7 @@ def write_report(path: FilePath, data: ReportData, figures_folder: FilePath | No
     if figures_folder is not None:
         for name, figure in drawn.items():
             save_figure(figure, figures_folder, name, svg=svgs[name])
-    frames = {name: frame_of(figure) for name, figure in drawn.items() if name.startswith(("errors_", "fig10_"))}
+    frames = {name: frame_of(figure) for name, figure in drawn.items() if name.startswith(_TIMED)}
     view = report_view.build(data, svgs, frames)
     template = _environment().get_template("report.html.j2")
     write_text(path, template.render(view=view, css=_asset("report.css"), script=_asset("report.js")))

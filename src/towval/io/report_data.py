@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 
 from towval.errors import InputError
-from towval.io.figures import UncertaintyMap
 from towval.io.run_record import RunRecord
-from towval.types import Calibration, Finding
+from towval.types import Calibration, Finding, Identification, UncertaintyMap
 
 
 @dataclass(frozen=True)
@@ -88,3 +87,4 @@ class ReportData:
     uncertainty: UncertaintyMap | None = None
     inputs: tuple[InputRow, ...] = ()
     findings: tuple[StageFinding, ...] = ()
+    identification: Identification | None = None

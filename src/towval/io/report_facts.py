@@ -6,13 +6,16 @@ import numpy as np
 
 from towval.io.run_record import RunRecord
 from towval.io.wording import NOT_COMPUTED, decimal, degrees, millimetres, named_scalar
-from towval.types import Calibration, Comparison, Verdict
+from towval.types import Calibration, Comparison, Identification, Verdict
 
 Facts = tuple[tuple[str, str], ...]
 """Names and values, as they are shown."""
 
 Table = tuple[tuple[str, tuple[str, ...]], ...]
 """Names and the values of all runs."""
+
+Rows = tuple[tuple[str, ...], ...]
+"""Rows of a table, the first cell the name of the row."""
 
 VERDICT_CODE = "verdict"
 """Code of the finding in which the comparison gives the reason of its verdict."""
@@ -85,6 +88,44 @@ def summary_cells(c: Comparison) -> Facts:
     )
 
 
+def campaign_cells(comparisons: list[Comparison]) -> Facts:
+    """The same cells for all runs: root mean square over the runs, largest maximum, sums of lengths and frames."""
+
+    def over_runs(name: str) -> float:
+        values = np.array([getattr(c, name) for c in comparisons])
+        return float(np.sqrt(np.mean(values**2)))
+
+    lengths = (("Path RMS, mm", over_runs("path_rms_m")), ("Path max., mm", max(c.path_max_m for c in comparisons)))
+    uncertainties = (("num", "u_num_m"), ("input", "u_input_m"), ("meas.", "u_measurement_m"), ("val", "u_val_m"))
+    frames = sum(c.tracked_frames for c in comparisons), sum(c.lost_frames for c in comparisons)
+    return (
+        *((name, millimetres(value).removesuffix(" mm")) for name, value in lengths),
+        ("Heading RMS, °", degrees(over_runs("heading_rms_rad")).removesuffix("°")),
+        ("Length, m", f"{sum(c.path_length_m for c in comparisons):.3f}"),
+        ("Frames seen / lost", "{} / {}".format(*frames)),
+        *((f"u {name}, mm", millimetres(over_runs(field)).removesuffix(" mm")) for name, field in uncertainties),
+    )
+
+
+def metric_facts(c: Comparison) -> Facts:
+    """Further measures of how far a run is off; the one after alignment comes last and says so."""
+    known = c.ratio[np.isfinite(c.ratio)]
+    within = f"{100 * np.mean(known <= 2):.0f}" if len(known) else NOT_COMPUTED
+
+    def length(value: float) -> str:
+        return millimetres(value).removesuffix(" mm")
+
+    return (
+        ("Error at the end, mm", length(c.final_error_m)),
+        ("Discrete Fréchet distance, mm", length(c.frechet_m)),
+        ("Area metric of the error along the path, mm", length(c.area_along_m)),
+        ("Area metric of the error across the path, mm", length(c.area_across_m)),
+        ("|E| / u val, largest", decimal(c.ratio_max)),
+        ("|E| / u val at most 2, % of the time", within),
+        ("Path RMS after rigid alignment (aligned), mm", length(c.aligned_rms_m)),
+    )
+
+
 def key_numbers(c: Comparison) -> Facts:
     """The errors of a run."""
     share = c.path_rms_m / c.path_length_m if c.path_length_m > 0 else float("nan")
@@ -152,6 +193,35 @@ def calibration_facts(calibration: Calibration) -> Facts:
     ]
     facts += [named_scalar(name, value) for name, value in calibration.quality.items() if name not in _SAID_ABOVE]
     return tuple(facts)
+
+
+def identified_rows(found: Identification) -> Rows:
+    """Each identified input: name, given and its deviation, identified and its deviation, whether the runs fix it."""
+    std = np.sqrt(np.diag(found.covariance))
+    return tuple(
+        (
+            name,
+            f"{given:.5g} ± {given_std:.2g}",
+            f"{value:.5g} ± {deviation:.2g}" if np.isfinite(deviation) else "no value",
+            "yes" if fixed else "no",
+        )
+        for name, given, given_std, value, deviation, fixed in zip(
+            found.parameters, found.given, found.given_std, found.values, std, found.identifiable, strict=True
+        )
+    )
+
+
+def predicted_rows(found: Identification) -> Rows:
+    """Each run left out: name, values fitted without it, path error as given and as predicted."""
+    return tuple(
+        (
+            f"run {p.run}",
+            ", ".join(f"{value:.5g}" for value in p.values),
+            millimetres(p.given_rms_m),
+            millimetres(p.predicted_rms_m),
+        )
+        for p in found.predictions
+    )
 
 
 def alternatives(run: RunRecord) -> dict[str, str]:

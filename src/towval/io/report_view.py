@@ -16,17 +16,23 @@ import numpy as np
 from markupsafe import Markup
 
 from towval.errors import InputError
+from towval.io.needed import NeededRow, needed_rows
 from towval.io.overlay import overlay_frames
 from towval.io.report_data import ReportData, RunReport
 from towval.io.report_facts import (
     VERDICT_CODE,
     Facts,
+    Rows,
     Table,
     alternatives,
     calibration_facts,
+    campaign_cells,
     decimation_facts,
     headline,
+    identified_rows,
     key_numbers,
+    metric_facts,
+    predicted_rows,
     reasons,
     side_by_side,
     simulation_facts,
@@ -63,6 +69,7 @@ class RunView:
     figures: dict[str, Markup]
     alternatives: dict[str, str]
     time_frame: Frame
+    agreement_frame: Frame | None
     plan_frame: Frame
     series: Markup
     video: str | None
@@ -81,13 +88,18 @@ class ReportView:
     findings: tuple[FindingView, ...]
     notes: tuple[FindingView, ...]
     tables: Facts
+    all_runs: Facts
+    metrics: Table
     campaign_figure: Markup
     calibration: Facts
     calibration_figures: tuple[tuple[Markup, str], ...]
     dropped_views: Facts
     shares_figure: Markup | None
+    identified: Rows
+    predicted: Rows
     tracking: Table
     simulation: Table
+    needed: tuple[NeededRow, ...]
     data: ReportData
 
 
@@ -101,7 +113,7 @@ def build(data: ReportData, svgs: Mapping[str, str], frames: Mapping[str, Frame]
     svgs : mapping of str to str
         The figures of :func:`towval.io.report.report_figures` as SVG, by name.
     frames : mapping of str to Frame
-        Where the axes lie in the figures ``errors_<run>`` and ``fig10_<run>``.
+        Where the axes lie in the figures ``errors_<run>``, ``agreement_<run>`` and ``fig10_<run>``.
 
     Returns
     -------
@@ -119,6 +131,8 @@ def build(data: ReportData, svgs: Mapping[str, str], frames: Mapping[str, Frame]
         findings=tuple(f for f in found if f.severity != Severity.NOTE),
         notes=tuple(f for f in found if f.severity == Severity.NOTE),
         tables=_tables(comparisons),
+        all_runs=campaign_cells(comparisons) if len(comparisons) > 1 else (),
+        metrics=side_by_side([metric_facts(c) for c in comparisons]),
         campaign_figure=inline_svg(svgs["fig10"], "fig10"),
         calibration=() if calibration is None else calibration_facts(calibration),
         calibration_figures=tuple(
@@ -130,8 +144,11 @@ def build(data: ReportData, svgs: Mapping[str, str], frames: Mapping[str, Frame]
         if calibration is None
         else tuple((view.name, view.dropped) for view in calibration.views if view.dropped),
         shares_figure=inline_svg(svgs["shares"], "shares") if "shares" in svgs else None,
+        identified=() if data.identification is None else identified_rows(data.identification),
+        predicted=() if data.identification is None else predicted_rows(data.identification),
         tracking=side_by_side([(*tracking_facts(r), *decimation_facts(r)) for r in records]),
         simulation=side_by_side([simulation_facts(r) for r in records]),
+        needed=needed_rows(calibration, tuple(records)),
         data=data,
     )
 
@@ -139,6 +156,8 @@ def build(data: ReportData, svgs: Mapping[str, str], frames: Mapping[str, Frame]
 def collect_findings(data: ReportData) -> tuple[FindingView, ...]:
     """Findings of every stage, the gravest first, what several runs share said once."""
     found = [(f.stage, f.run, f.finding) for f in data.findings]
+    if data.identification is not None:
+        found += [("identify", "", f) for f in data.identification.findings]
     if data.calibration is not None:
         found += [("calibrate", "", f) for f in data.calibration.findings]
     for run in (run.record for run in data.runs):
@@ -199,6 +218,7 @@ def _run_view(report: RunReport, svgs: Mapping[str, str], frames: Mapping[str, F
         figures={key: inline_svg(svgs[full], full) for key, full in parts.items() if full in svgs},
         alternatives=alternatives(run),
         time_frame=frames[f"errors_{name}"],
+        agreement_frame=frames.get(f"agreement_{name}"),
         plan_frame=frames[f"fig10_{name}"],
         series=_series(run),
         video=None if report.overlay is None else _data_uri(report.overlay, "video/mp4"),

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_typestore
 
 from towval.conventions import NANOSECONDS_PER_SECOND
@@ -38,6 +39,11 @@ def header(time_s: float, frame: str) -> Any:
 def vector(x: float, y: float, z: float = 0.0) -> Any:
     """A vector."""
     return make("geometry_msgs/msg/Vector3", x=float(x), y=float(y), z=float(z))
+
+
+def number(value: float) -> Any:
+    """A number without a stamp: its time is that of its message."""
+    return make("std_msgs/msg/Float64", data=float(value))
 
 
 def point(x: float, y: float, z: float = 0.0) -> Any:
@@ -212,3 +218,8 @@ def diagnostics(time_s: float, entries: Sequence[tuple[int, str, str, dict[str, 
         for level, name, text, values in entries
     ]
     return make("diagnostic_msgs/msg/DiagnosticArray", header=header(time_s, ""), status=status)
+
+
+def compressed_image(time_s: float, frame: str, jpeg: NDArray[np.uint8]) -> Any:
+    """A stamped picture from the bytes (n,) of a JPEG."""
+    return make("sensor_msgs/msg/CompressedImage", header=header(time_s, frame), format="jpeg", data=jpeg)

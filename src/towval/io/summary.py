@@ -24,6 +24,12 @@ COLUMNS = (
     "verdict",
     "tracked_frames",
     "lost_frames",
+    "final_error_m",
+    "frechet_m",
+    "area_along_m",
+    "area_across_m",
+    "ratio_max",
+    "aligned_rms_m",
 )
 
 
@@ -44,17 +50,19 @@ def summary_latex(comparisons: Sequence[Comparison]) -> str:
 
 
 def write_summary(path: Path, comparisons: Sequence[Comparison]) -> None:
-    """Write ``summary.csv``."""
+    """Write ``summary.csv``, and beside it the same for LaTeX, ``figures/summary.tex``."""
     write_text(path, summary_csv(comparisons))
+    write_text(path.parent / "figures" / "summary.tex", summary_latex(comparisons))
 
 
 _LATEX_HEAD = (
-    "% needs \\usepackage{booktabs}; uncertainties are standard uncertainties",
-    r"\begin{tabular}{lrrrrrrrrlr}",
+    "% needs \\usepackage{booktabs}; uncertainties are standard uncertainties; only the last column is aligned",
+    r"\begin{tabular}{lrrrrrrrrlrrrrrr}",
     r"\toprule",
     r"Run & RMS & max. & heading & length & $u_\mathrm{num}$ & $u_\mathrm{input}$ & $u_D$ & $u_\mathrm{val}$ & verdict"
-    r" & seen / lost \\",
-    r" & (mm) & (mm) & (\textdegree) & (m) & (mm) & (mm) & (mm) & (mm) & & (frames) \\",
+    r" & seen / lost & Fr\'echet & area along & area across & $\max |E|/u_\mathrm{val}$ & aligned RMS \\",
+    r" & (mm) & (mm) & (\textdegree) & (m) & (mm) & (mm) & (mm) & (mm) & & (frames)"
+    r" & (mm) & (mm) & (mm) & & (mm) \\",
     r"\midrule",
 )
 
@@ -70,6 +78,9 @@ def _latex_cells(c: Comparison) -> list[str]:
         *(_decimal(1e3 * value, 2) for value in uncertainties),
         c.verdict.value,
         f"{c.tracked_frames} / {c.lost_frames}",
+        *(_decimal(1e3 * value, 2) for value in (c.frechet_m, c.area_along_m, c.area_across_m)),
+        _decimal(c.ratio_max, 2),
+        _decimal(1e3 * c.aligned_rms_m, 2),
     ]
 
 

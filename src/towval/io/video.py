@@ -157,7 +157,7 @@ class Video:
             raise InputError(
                 f"{self.path.name} is damaged or truncated ({reason})",
                 got=good,
-                remedy="copy the file again, or allow damaged videos to use the good part",
+                remedy="copy the file again, or set damaged_video: true for this run to go on with the good part",
             )
         text = f"{self.path.name} is damaged or truncated ({reason}): {good}; the rest was left out."
         self.findings = (*self.findings, Finding(Severity.WARNING, "video_damaged", text))

@@ -7,7 +7,7 @@ plane, so the pressure does not change. ASSUME: the loads rest where the centre 
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 
 DEFAULT_TOLERANCE_M = 1e-7
 """Error of a single step that is accepted [m]; docs/physics.md shows what path error it buys."""
+
+_FORCE_ERROR, _FORCE_SHIFT_M = 1e-3, 0.01
+"""An error of the force that nobody can exclude, and how far it may move the object before that is worth a word."""
 
 _STEP_LIMIT = 2_000_000
 _VELOCITY_RATE = 10.0  # 1/s; a velocity may be wrong by the position tolerance times this
@@ -156,13 +159,32 @@ def feedforward(
 
     SOURCE: eqs. (9) to (11). The force [N], floor axes, comes as a "path" of its two components; the rest is as in
     :func:`feedback`. ``tether_length`` of the result is NaN-free zero: there is no tether.
+
+    A force does not fix a path: where friction no longer rises with speed, the least error of it adds up. So the motion
+    is computed again under 0.1 % more force, and the finding "open_loop" says how far that leads away.
     """
     times = checked_times(times)
     drive = spline_covering(force, times, "the force")
     scene = motion_scene(towed, law, Tether(1.0, 1.0), drive)
-    outcome, states, _, statistics = _run(scene, FORCED, centre_state(towed, start_pose, start_twist), times, accuracy)
+    start = centre_state(towed, start_pose, start_twist)
+    outcome, states, _, statistics = _run(scene, FORCED, start.copy(), times, accuracy)
     forces, _ = spline_values(drive, times[: len(states)])
-    return _motion(towed, times, states, forces, np.zeros(len(states)), outcome, statistics)
+    motion = _motion(towed, times, states, forces, np.zeros(len(states)), outcome, statistics)
+    stronger = drive._replace(coefficients=(1 + _FORCE_ERROR) * drive.coefficients)
+    _, moved, _, _ = _run(scene._replace(drive=stronger), FORCED, start.copy(), times, accuracy)
+    both = min(len(states), len(moved))
+    apart = float(np.linalg.norm(states[:both, :2] - moved[:both, :2], axis=1).max())
+    return replace(motion, findings=(*motion.findings, *_open_loop_findings(apart)))
+
+
+def _open_loop_findings(apart_m: float) -> tuple[Finding, ...]:
+    if apart_m <= _FORCE_SHIFT_M:
+        return ()
+    text = (
+        f"{_FORCE_ERROR:.1%} more force moves the object by up to {1000 * apart_m:.3g} mm: a force given over time "
+        "does not fix its path. Tow it by a tether behind a given way of the hinge instead."
+    )
+    return (Finding(Severity.WARNING, "open_loop", text),)
 
 
 def checked_times(times: ArrayLike) -> Array:

@@ -19,8 +19,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from towval.compiling import compiled
 from towval.physics.contact import PressurePlane
-from towval.physics.friction_law import coulomb_law, friction_coefficient
+from towval.physics.friction_law import coulomb_law
+from towval.physics.friction_table import coefficient_over_speed, friction_table
 from towval.physics.wrench import friction_wrench, sliding_patch
 from towval.types import Array, FrictionLaw, locked
 
@@ -54,10 +56,18 @@ def limit_surface_wrench(surface: LimitSurface, twist: ArrayLike) -> Array:
     """
     vx, vy, omega = locked(twist, "twist", (3,))
     x, y = surface.centre
-    vx, vy = vx - omega * y, vy + omega * x
-    speed = math.sqrt(vx * vx + vy * vy + (surface.radius * omega) ** 2)
-    if speed == 0:
-        return np.zeros(3)
-    pull = float(friction_coefficient(surface.law, speed)) * surface.normal_force / speed
-    fx, fy, moment = -pull * vx, -pull * vy, -pull * surface.radius**2 * omega
+    numbers = np.array([surface.normal_force, surface.radius**2])
+    fx, fy, moment = surface_wrench_at_centre(
+        friction_table(surface.law), numbers, vx - omega * y, vy + omega * x, omega
+    )
     return np.array([fx, fy, moment + x * fy - y * fx])
+
+
+@compiled()
+def surface_wrench_at_centre(
+    table: Array, numbers: Array, vx: float, vy: float, omega: float
+) -> tuple[float, float, float]:
+    """Force [N] and moment [N m] about the centre of pressure, from N [N] and r² [m²] in ``numbers`` (2,)."""
+    speed = math.sqrt(vx * vx + vy * vy + numbers[1] * omega * omega)
+    pull = coefficient_over_speed(table, speed) * numbers[0]
+    return -pull * vx, -pull * vy, -pull * numbers[1] * omega

@@ -22,6 +22,9 @@ from towval.rover.kinematics import Rover, steering_of_twist, wheel_rates
 from towval.rover.paths import deviation_rms, moving_average, path_heading
 from towval.types import Array, Finding, Path, Severity, locked
 
+FOLLOWED = 2.5
+"""A plan whose hinge deviates from the path by an RMS of more than this many arrival distances does not follow it."""
+
 LEAST_TURN = 1e-9
 """Turns below this [rad] count as this: the centre is then some 10⁹ path steps away, as good as infinitely far."""
 
@@ -180,7 +183,20 @@ def plan_rover(path: Path, rover: Rover, settings: PlannerSettings, *, start: Ar
         advice="",
         findings=_findings(path, settings, length, region),
     )
-    return replace(plan, advice=_advice(plan, path, region))
+    findings = (*plan.findings, *_deviation_findings(plan, settings))
+    return replace(plan, advice=_advice(plan, path, region), findings=findings)
+
+
+def _deviation_findings(plan: RoverPlan, settings: PlannerSettings) -> list[Finding]:
+    """A plan may arrive by cutting every corner; then it says so."""
+    if plan.outcome is not PlanOutcome.ARRIVED or plan.rms <= FOLLOWED * settings.arrival_distance:
+        return []
+    text = (
+        f"The hinge arrives but is {1000 * plan.rms:.0f} mm RMS off its path, more than {FOLLOWED:g} times the arrival "
+        f"distance of {1000 * settings.arrival_distance:.0f} mm: it cuts corners or swings. Take a smaller threshold, "
+        "a shorter look-ahead or a path that bends less."
+    )
+    return [Finding(Severity.WARNING, "path_not_followed", text)]
 
 
 def _findings(path: Path, settings: PlannerSettings, length: float, region: Flanks) -> tuple[Finding, ...]:

@@ -11,10 +11,13 @@ from towval.types.camera import (
     Camera,
     Floor,
     FloorReference,
+    UncertaintyMap,
     View,
 )
 from towval.types.checks import Array, locked
+from towval.types.choices import Choice
 from towval.types.findings import Finding, Severity
+from towval.types.identification import Identification, Prediction
 from towval.types.results import Comparison, Path, RunUncertainty, SimulatedMotion, Verdict
 from towval.types.scene import FrictionLaw, FrictionWish, InputDeviations, Load, Patch, Scene, Tether, TowedObject
 from towval.types.tracks import Body, DecimatedTrack, Features, Track, TrackStatus
@@ -27,6 +30,7 @@ __all__ = [
     "Body",
     "Calibration",
     "Camera",
+    "Choice",
     "Comparison",
     "DecimatedTrack",
     "Features",
@@ -35,10 +39,12 @@ __all__ = [
     "FloorReference",
     "FrictionLaw",
     "FrictionWish",
+    "Identification",
     "InputDeviations",
     "Load",
     "Patch",
     "Path",
+    "Prediction",
     "RunUncertainty",
     "Scene",
     "Severity",
@@ -47,6 +53,7 @@ __all__ = [
     "TowedObject",
     "Track",
     "TrackStatus",
+    "UncertaintyMap",
     "Verdict",
     "View",
     "locked",

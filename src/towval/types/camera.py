@@ -8,6 +8,7 @@ import numpy as np
 
 from towval.errors import InputError
 from towval.types.checks import Array, lock, locked, positive
+from towval.types.choices import Choice
 from towval.types.findings import Finding
 
 DISTORTION_NAMES = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
@@ -146,7 +147,8 @@ class Calibration:
 
     ``covariance`` (18, 18) is that of :data:`CALIBRATION_PARAMETERS`, marginal over the poses of all boards; rows of
     coefficients that the lens model does not use are zero. ``corner_noise_px`` is the standard deviation of one
-    corner coordinate, from the residuals. ``quality`` holds named scalars with the unit in the name.
+    corner coordinate, from the residuals. ``quality`` holds named scalars with the unit in the name; ``choices`` what
+    was chosen and what the next choice would have changed.
     """
 
     camera: Camera
@@ -156,8 +158,41 @@ class Calibration:
     views: tuple[View, ...] = ()
     findings: tuple[Finding, ...] = ()
     quality: dict[str, float] = field(default_factory=dict)
+    choices: tuple[Choice, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(CALIBRATION_PARAMETERS)
         lock(self, covariance=(n, n))
         positive(self, "corner_noise_px", zero=True)
+
+
+@dataclass(frozen=True)
+class UncertaintyMap:
+    """Position uncertainty on a plane over a grid of pixels.
+
+    ``height_m`` of the plane over the floor; ``pixels`` (rows, columns, 2); ``position_m`` (rows, columns, 2) where
+    their rays meet the plane, NaN where they miss it; ``covariance_m2`` (rows, columns, 2, 2) of those positions.
+    """
+
+    height_m: float
+    pixels: Array
+    position_m: Array
+    covariance_m2: Array
+
+    def __post_init__(self) -> None:
+        lock(self, pixels=(None, None, 2))
+        rows, columns = self.pixels.shape[:2]
+        for name, shape in (("position_m", (rows, columns, 2)), ("covariance_m2", (rows, columns, 2, 2))):
+            value = locked(getattr(self, name), f"UncertaintyMap.{name}", shape, finite=False)
+            object.__setattr__(self, name, value)
+
+    @property
+    def std_m(self) -> Array:
+        """Root mean square position error to expect (rows, columns) [m]: the root of the covariance's trace."""
+        return np.sqrt(np.trace(self.covariance_m2, axis1=-2, axis2=-1))
+
+    @property
+    def rms_m(self) -> float:
+        """Root mean square of :attr:`std_m` over the grid [m]; NaN where no ray meets the plane."""
+        std_m = self.std_m[np.isfinite(self.std_m)]
+        return float(np.sqrt(np.mean(std_m**2))) if len(std_m) else float("nan")

@@ -9,6 +9,7 @@ import numpy as np
 
 from towval.errors import InputError
 from towval.types.checks import Array, lock, locked
+from towval.types.choices import Choice
 from towval.types.findings import Finding
 
 
@@ -33,7 +34,7 @@ class SimulatedMotion:
     origin and heading rate, in the floor frame [m/s, m/s, rad/s]; ``tether_force`` (n, 2) on the object, in the floor
     frame [N]; ``tether_length`` (n,) from anchor to hinge [m]; ``outcome`` a named end of the integration (see
     ``physics.dynamics``), ``advice`` what it means; ``rung`` the model that computed it; ``statistics`` named scalars
-    of the integrator.
+    of the integrator; ``choices`` what was chosen, and what the next choice would have changed.
     """
 
     time_s: Array
@@ -46,6 +47,7 @@ class SimulatedMotion:
     rung: str
     findings: tuple[Finding, ...] = ()
     statistics: dict[str, float] = field(default_factory=dict)
+    choices: tuple[Choice, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.time_s)
@@ -61,7 +63,8 @@ class RunUncertainty:
     both share (the camera) is counted once. ``signature`` (m, 3, 3) is the covariance of the error's signature (see
     :func:`towval.geometry.error_signature`), and ``signature_limit`` what the largest of its normalised entries does
     not exceed with probability ``confidence`` where the model is right. ``shares`` of the path error's variance by
-    input, first order; ``samples`` how many were drawn, from ``seed``.
+    input, first order; ``samples`` how many were drawn, from ``seed``; ``choices`` what
+    that number was chosen against.
     """
 
     time_s: Array
@@ -75,6 +78,7 @@ class RunUncertainty:
     samples: int
     seed: int
     findings: tuple[Finding, ...] = ()
+    choices: tuple[Choice, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.time_s)
@@ -103,14 +107,17 @@ class Comparison:
     """Simulated against measured object path of one run, unaligned.
 
     ``time_s`` (n,); ``error`` (n, 3) simulated minus measured [m, m, rad], NaN where the object was not seen;
-    ``along_across`` (n, 2) the same shift along and across the measured path [m]. The scalars are those of
-    ``summary.csv``; an uncertainty that was not computed is NaN and then the verdict is "not judged".
+    ``along_across`` (n, 2) the same shift along and across the measured path [m]; ``ratio`` (n,) is |E| / u_val of the
+    position [1]. The scalars are those of ``summary.csv``; an uncertainty that was not computed is NaN and then the
+    verdict is "not judged". ``frechet_m`` and the area metrics are unaligned, too (see :mod:`towval.metrics`); only
+    ``aligned_rms_m`` comes after the rigid motion that brings the whole simulated path closest to the measured one.
     """
 
     run: str
     time_s: Array
     error: Array
     along_across: Array
+    ratio: Array
     path_rms_m: float
     path_max_m: float
     final_error_m: float
@@ -123,10 +130,19 @@ class Comparison:
     verdict: Verdict
     tracked_frames: int
     lost_frames: int
+    frechet_m: float = float("nan")
+    area_along_m: float = float("nan")
+    area_across_m: float = float("nan")
+    aligned_rms_m: float = float("nan")
     findings: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.time_s)
         lock(self, time_s=(n,))
-        for name, shape in (("error", (n, 3)), ("along_across", (n, 2))):
+        for name, shape in (("error", (n, 3)), ("along_across", (n, 2)), ("ratio", (n,))):
             object.__setattr__(self, name, locked(getattr(self, name), f"Comparison.{name}", shape, finite=False))
+
+    @property
+    def ratio_max(self) -> float:
+        """Largest |E| / u_val of the run [1], NaN where there is none."""
+        return float(np.nanmax(self.ratio)) if np.isfinite(self.ratio).any() else float("nan")

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from towval.errors import InputError
 from towval.types.checks import Array, lock, locked, positive
+from towval.types.choices import Choice
 from towval.types.findings import Finding
 
 if TYPE_CHECKING:
@@ -85,7 +86,7 @@ class Track:
     agree; ``residual`` (n,) root mean square misfit, in pixels for KLT and in grey levels for plane alignment.
 
     ``start_covariance`` (3, 3) is that of the body frame's registration in the first frame: one unknown shift and
-    turn, in the body frame, common to all poses.
+    turn, in the body frame, common to all poses. ``choices``: what was chosen, and what the next would have changed.
     """
 
     body: str
@@ -99,6 +100,7 @@ class Track:
     features: Features | None = None
     findings: tuple[Finding, ...] = ()
     method: str = ""
+    choices: tuple[Choice, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.time_s)

@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from towval.compiling import compiled
-from towval.geometry import inside_polygon
-from towval.types import Array, Body, Camera, Floor
-from towval.vision.sampling import RELAXED, metres_per_pixel, sample_plane, sample_plane_kernel
+from towval.types import Array
+from towval.vision.sampling import RELAXED, sample_plane, sample_plane_kernel
+from towval.vision.top import Top, usable_points
 
 Luma = NDArray[np.uint8]
 
@@ -36,6 +36,7 @@ _MARGIN_PX = 3.0  # Kept from the outline, where the smoothed picture mixes in w
 _MOST_MARGIN = 0.12  # Of the smaller side: a body of a few pixels keeps some of them.
 _LEAST_POINTS = 40
 _TILES_ACROSS = 5
+_LEAST_TILE_PX = 12.0  # Smaller ones hold too few independent pixels: they correlate with anything smooth.
 _TOLERANCE_PX = 0.06  # Steps shrink to a tenth from round to round: what is left is a tenth of this.
 _FIRST_PART, _FIRST_ROUNDS = 4, 6
 _LEAST_DETERMINANT = 1e-4  # Of the normalised information: below, a direction is open.
@@ -44,6 +45,7 @@ _DAMPING = 1 + 1e-6
 _BIN, _BINS = 0.02, 5000  # Grey levels; larger residuals share the last bin.
 _LEAST_OF_TILE = 8  # Points, for a correlation to mean something.
 _SEEN_TILES = 0.7
+_ROUNDING = 1 / 12  # Variance of a grey value that is a whole number: a picture repeated by the encoder fits no better.
 _OUTSIDE = 1e12  # Residual of a point outside the picture: finite, so that compiled sums stay finite.
 
 
@@ -84,37 +86,25 @@ class Alignment:
     converged: bool
 
 
-def usable_points(body: Body, points: Array, margin_m: float) -> NDArray[np.bool_]:
-    """Which of points (n, 2) [m] lie on the top, ``margin_m`` away from its outline and from what stands on it."""
-    ring = margin_m * np.array([[np.cos(a), np.sin(a)] for a in np.arange(8) * np.pi / 4])
-    around = points[:, None] + np.concatenate([np.zeros((1, 2)), ring])
-    usable = inside_polygon(body.top_corners_m, around).all(axis=1)
-    for obstruction in body.obstructions:
-        usable &= ~inside_polygon(obstruction, around).any(axis=1)
-    return usable
-
-
-def make_template(
-    luma: Luma, body: Body, pose: Array, camera: Camera, floor: Floor, samples: int = 1024
-) -> Template | None:
-    """Template of a body's top from one picture.
+def make_template(luma: Luma, top: Top, pose: Array, samples: int = 1024) -> Template | None:
+    """Template of a body's top, seen at ``pose`` (3,) in one picture.
 
     The top is divided into ``samples`` square cells; from each the point with the steepest grey value is taken, since
     that is where a displacement shows. None where fewer than :data:`_LEAST_POINTS` are left.
     """
-    low, high = body.top_corners_m.min(axis=0), body.top_corners_m.max(axis=0)
-    pixel = metres_per_pixel(pose, body.tracked_plane_height_m, camera, floor)
+    low, high = top.body.top_corners_m.min(axis=0), top.body.top_corners_m.max(axis=0)
+    pixel = top.metres_per_pixel(pose)
     cell = max(np.sqrt(np.prod(high - low) / samples), pixel)
     per_cell = int(np.clip(cell / pixel / 1.5, 1, 6))
     counts = np.maximum(1, np.floor((high - low) / cell)).astype(int) * per_cell
     axes = [lo + (hi - lo) * (np.arange(n) + 0.5) / n for lo, hi, n in zip(low, high, counts, strict=True)]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
     cells = np.add.outer(np.arange(counts[0]) // per_cell * counts[1], np.arange(counts[1]) // per_cell).ravel()
-    usable = usable_points(body, points, min(_MARGIN_PX * pixel, _MOST_MARGIN * float((high - low).min())))
+    usable = usable_points(top.body, points, min(_MARGIN_PX * pixel, _MOST_MARGIN * float((high - low).min())))
     points, cells = points[usable], cells[usable]
 
     def read(shift: tuple[float, float]) -> Array:
-        return sample_plane(luma, points + shift, pose, body.tracked_plane_height_m, camera, floor)
+        return sample_plane(luma, points + shift, pose, top.height, top.camera, top.floor)
 
     step = 0.5 * pixel
     slope = np.stack(
@@ -128,20 +118,27 @@ def make_template(
     chosen = np.random.default_rng(0).permutation(chosen)
     points, slope = points[chosen], slope[chosen]
     slopes = np.column_stack([slope, points[:, 0] * slope[:, 1] - points[:, 1] * slope[:, 0]])
-    tile, tiles = _tiles(points, low, high)
+    tile, tiles = _tiles(points, low, high, _LEAST_TILE_PX * pixel)
     return Template(points, values[chosen], slopes, tile, tiles, pixel)
 
 
 def _steepest(cells: NDArray[np.int64], steepness: Array) -> NDArray[np.int64]:
-    """Index of the steepest point of each cell."""
-    order = np.lexsort((steepness, cells))
-    last = np.append(np.diff(cells[order]) != 0, True)
-    return order[last]
+    """Index of the steepest point of each cell that has any, in the order of the cells."""
+    best = np.full(int(cells.max(initial=-1)) + 1, -1)
+    _keep_steepest(cells, steepness, best)
+    return best[best >= 0]
 
 
-def _tiles(points: Array, low: Array, high: Array) -> tuple[NDArray[np.int64], int]:
-    """Tiles about square, :data:`_TILES_ACROSS` along the longer side."""
-    size = (high - low).max() / _TILES_ACROSS
+@compiled()
+def _keep_steepest(cells, steepness, best):  # type: ignore[no-untyped-def]
+    for i in range(cells.shape[0]):
+        if best[cells[i]] < 0 or steepness[i] > steepness[best[cells[i]]]:
+            best[cells[i]] = i
+
+
+def _tiles(points: Array, low: Array, high: Array, least: float) -> tuple[NDArray[np.int64], int]:
+    """Tiles about square, :data:`_TILES_ACROSS` along the longer side but not smaller than ``least`` [m]."""
+    size = max((high - low).max() / _TILES_ACROSS, least)
     counts = np.maximum(1, np.round((high - low) / size)).astype(int)
     place = np.minimum(((points - low) / (high - low) * counts).astype(int), counts - 1)
     _, tile = np.unique(place[:, 0] * counts[1] + place[:, 1], return_inverse=True)
@@ -346,14 +343,7 @@ def _align_kernel(  # type: ignore[no-untyped-def]
 
 
 def align(
-    luma: Luma,
-    template: Template,
-    precision: Array,
-    pose: Array,
-    height: float,
-    camera: Camera,
-    floor: Floor,
-    most_scale: float,
+    luma: Luma, template: Template, precision: Array, pose: Array, top: Top, most_scale: float
 ) -> Alignment | None:
     """Align a template with a picture.
 
@@ -367,10 +357,8 @@ def align(
         Weight of each point known beforehand, in [0, 1].
     pose : ndarray (3,)
         Where to start [m, m, rad].
-    height : float
-        Height of the plane over the floor [m].
-    camera, floor : Camera, Floor
-        The calibrated camera.
+    top : Top
+        The top under its camera.
     most_scale : float
         Largest deviation of the residuals that an inlier may have [grey levels].
 
@@ -388,10 +376,10 @@ def align(
         template.tiles,
         precision,
         np.asarray(pose, dtype=np.float64),
-        height,
-        floor.T_camera_floor,
-        camera.matrix,
-        camera.distortion,
+        top.height,
+        top.floor.T_camera_floor,
+        top.camera.matrix,
+        top.camera.distortion,
         most_scale,
         _TOLERANCE_PX * template.pixel_m,
     )
@@ -407,7 +395,7 @@ def align(
     shown = (light[:, 0] > _LEAST_GAIN)[template.tile]
     return Alignment(
         pose=pose,
-        covariance=inverse * (np.sum(inverse * meat) / 3),
+        covariance=inverse * max(np.sum(inverse * meat) / 3, _ROUNDING),
         residual=residual,
         weight=weight,
         scale=float(scale),

@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from towval.errors import InputError
 from towval.geometry import compose, transform
-from towval.types import Array, Body, Camera, Features, Finding, Floor, Severity, Track, TrackStatus
+from towval.types import Array, Body, Features, Finding, Severity, Track, TrackStatus
+from towval.vision.lookalikes import Lookalikes
 from towval.vision.noise import hold_rest, scatter_factor
-from towval.vision.outline import OutlineFit, combine_fits, pose_from_clicks, see_outline
-from towval.vision.pose import Measurement, Motion, Tracker, step_between
+from towval.vision.outline import (
+    OutlineFit,
+    combine_fits,
+    pose_from_clicks,
+    see_outline,
+)
+from towval.vision.pose import Measurement, Motion, Tracker
 from towval.vision.recover import Finder
-from towval.vision.sampling import metres_per_pixel
+from towval.vision.top import Top
 
 Luma = NDArray[np.uint8]
-TrackerMaker = Callable[[Body, Camera, Floor, Luma, Array], Tracker]
+TrackerMaker = Callable[[Top, Luma, Array], Tracker]
 
 _OUTLINE_EVERY_S = 0.5  # Between pictures whose edges are looked at, at first;
 _OUTLINE_DOUBLED_AFTER = 12  # after each dozen twice as long.
@@ -29,6 +35,10 @@ _MOST_ACCELERATION = 5.0  # ASSUME: half of gravity, more than wheels or a tethe
 _SURPRISE_PX = 3.0  # Beyond what acceleration explains.
 _SEARCH_EVERY_S = 0.2  # Once a body has been unseen for as long; before that, in each picture.
 _AGREE_PX = 2.0
+_HOME = 0.5  # Of a body's reach from its place: nothing else can be so near.
+_MUCH_FARTHER = 4.0
+_REMEMBERED_S = 3.0  # How long a place means something for a body that may move unseen.
+_MOST_COVERED = 0.3  # Of a top over another body: bodies stand beside each other.
 _LOW_TEXTURE_PX = 0.12  # Deviation of a pose from which on the top counts as too plain.
 _MOVING_PX = 0.1  # A picture.
 _MOST_SCATTER_PX = 0.06
@@ -78,57 +88,58 @@ class Follower:
 
     Parameters
     ----------
-    body : Body
-        The body.
-    camera, floor : Camera, Floor
-        The calibrated camera.
+    top : Top
+        The body's top under its camera.
     time_s, luma : float, ndarray (height, width) uint8
         The first picture.
     clicks_px : ndarray (n, 2)
         Its corners [px].
     make_tracker : callable
-        Builds the tracker from body, camera, floor, picture and pose.
+        Builds the tracker from top, picture and pose.
     coast_s : float
         How long a body that is not seen is predicted before it counts as lost [s].
     """
 
     def __init__(
-        self,
-        body: Body,
-        camera: Camera,
-        floor: Floor,
-        time_s: float,
-        luma: Luma,
-        clicks_px: Array,
-        make_tracker: TrackerMaker,
-        coast_s: float,
+        self, top: Top, time_s: float, luma: Luma, clicks_px: Array, make_tracker: TrackerMaker, coast_s: float
     ):
-        self.body, self.camera, self.floor, self.coast_s = body, camera, floor, coast_s
+        self.top, self.coast_s = top, coast_s
+        body, camera, floor = top.body, top.camera, top.floor
         clicked, self.start_covariance, misfit_px = pose_from_clicks(body, clicks_px, camera, floor)
-        self.pixel_m = metres_per_pixel(clicked, body.tracked_plane_height_m, camera, floor)
+        self.pixel_m = top.metres_per_pixel(clicked)
         self.findings = _judge_clicks(body, misfit_px, self.pixel_m)
         fit = see_outline(luma, body, clicked, camera, floor)
         self.first_pose = clicked if fit is None else compose(clicked, fit.correction)
         self.outline_fits: list[OutlineFit] = []
         self.next_outline_s, self.looks = time_s, 0
-        self.tracker = make_tracker(body, camera, floor, luma, self.first_pose)
-        self.finder = Finder(body, camera, floor, luma, self.first_pose)
-        self.reach_m = float(np.linalg.norm(body.top_corners_m, axis=1).max())
+        self.tracker = make_tracker(top, luma, self.first_pose)
+        self.finder = Finder(top, luma, self.first_pose)
+        self.lookalikes = Lookalikes(top, luma, self.first_pose)
+        self.mistakable = 0
         self.next_search_s = time_s
         self.motion = Motion(time_s, self.first_pose)
         self.record = _Record()
         self.follow(time_s, luma)
 
-    def follow(self, time_s: float, luma: Luma) -> None:
-        """Take in the next picture."""
+    @property
+    def place(self) -> Array | None:
+        """Outline (n, 2) of the body on the floor where it was just seen [m]; None where it was not."""
+        return self.top.outline(self.motion.pose) if self.record.last_status == TrackStatus.TRACKED else None
+
+    def follow(self, time_s: float, luma: Luma, occupied: Sequence[Array] = ()) -> None:
+        """Take in the next picture; outlines that other bodies fill on the floor cannot be this one's place."""
         unseen_s = time_s - self.motion.time_s
         coasting = unseen_s <= self.coast_s
         # The picture after a sighting is always predicted, however slow the video.
         just_seen = self.record.last_status == TrackStatus.TRACKED
         predicted = self.motion.predict(time_s) if coasting or just_seen else self.motion.pose
         seen = self.tracker.measure(luma, predicted)
-        if seen is None or self._surprising(time_s, predicted, seen.pose):
+        if seen is None or self._surprising(time_s, seen.pose):
             seen = self._search(time_s, luma, seen)
+        elif self._returns_elsewhere(time_s, luma, seen.pose):
+            seen = None
+        if seen is not None and any(self.top.covered_by(seen.pose, other) > _MOST_COVERED for other in occupied):
+            seen = None
         if seen is not None:
             self._keep_sighting(time_s, luma, seen)
         elif coasting:
@@ -136,14 +147,16 @@ class Follower:
         else:
             self.record.keep(time_s, _NOWHERE, _UNKNOWN, TrackStatus.LOST, 0.0, np.nan)
 
-    def _apart_px(self, pose: Array, other: Array) -> float:
-        step = step_between(pose, other)
-        return (float(np.hypot(step[0], step[1])) + self.reach_m * abs(step[2])) / self.pixel_m
+    def _returns_elsewhere(self, time_s: float, luma: Luma, pose: Array) -> bool:
+        """Whether what seems to be the body after a while unseen is something else."""
+        if self.record.last_status in (None, TrackStatus.TRACKED):
+            return False
+        return not self._unmistakable(time_s, luma, pose)
 
-    def _surprising(self, time_s: float, predicted: Array, pose: Array) -> bool:
-        """Whether a pose is farther from the prediction than a body can have got."""
+    def _surprising(self, time_s: float, pose: Array) -> bool:
+        """Whether a pose is farther from where the motion leads than a body can have got."""
         gone = 0.5 * _MOST_ACCELERATION * (time_s - self.motion.time_s) ** 2
-        return self._apart_px(predicted, pose) > _SURPRISE_PX + 2 * gone / self.pixel_m
+        return self.top.apart_m(self.motion.predict(time_s), pose) > _SURPRISE_PX * self.pixel_m + 2 * gone
 
     def _search(self, time_s: float, luma: Luma, doubtful: Measurement | None) -> Measurement | None:
         """Look for the body in the whole picture; a doubtful sighting counts if that leads to the same place."""
@@ -151,18 +164,54 @@ class Follower:
             return None
         if time_s - self.motion.time_s > _SEARCH_EVERY_S:
             self.next_search_s = time_s + _SEARCH_EVERY_S
+        for place in self._places(luma):
+            found = self.tracker.measure(luma, place)
+            if found is None:
+                continue
+            if doubtful is not None and self.top.apart_m(found.pose, doubtful.pose) > _AGREE_PX * self.pixel_m:
+                continue
+            if self._unmistakable(time_s, luma, found.pose):
+                return found
+        return None
+
+    def _places(self, luma: Luma) -> Iterator[Array]:
+        """Where the body may be: by features, which part of it suffices for, then by its whole look."""
         place = self.finder.find(luma)
-        found = None if place is None else self.tracker.measure(luma, place)
-        if found is None or (doubtful is not None and self._apart_px(found.pose, doubtful.pose) > _AGREE_PX):
-            return None
-        return found
+        if place is not None:
+            yield place
+        yield from (candidate.pose for candidate in self.lookalikes.candidates(luma)[:1])
+
+    def _unmistakable(self, time_s: float, luma: Luma, pose: Array) -> bool:
+        """Whether this looks like the body and nothing else that looks like it could be it.
+
+        What else looks like it is out of the question where it is farther than a body can have got, or much farther
+        from where this one was, or should be by now, than ``pose`` is. A body with a twin may be hidden while the twin
+        is in view: it is known again only near its place.
+        """
+        rivals = self.lookalikes.rivals(self.lookalikes.candidates(luma), pose)
+        if rivals is None:
+            return False
+        stray = self._stray_m(time_s, pose)
+        at_home = stray <= _HOME * self.top.reach_m and time_s - self.motion.time_s <= _REMEMBERED_S
+        nearest = min((self._stray_m(time_s, rival) for rival in rivals), default=np.inf)
+        within_reach = [rival for rival in rivals if not self._surprising(time_s, rival)]
+        alone = not within_reach if not self._surprising(time_s, pose) else not rivals
+        alone |= at_home and nearest > _MUCH_FARTHER * stray
+        if alone and (at_home or not self.lookalikes.has_twin):
+            return True
+        self.mistakable += 1
+        return False
+
+    def _stray_m(self, time_s: float, pose: Array) -> float:
+        """How far a pose is from where the body was seen last, or would be if it had gone on [m]."""
+        return min(self.top.apart_m(known, pose) for known in (self.motion.pose, self.motion.predict(time_s)))
 
     def _keep_sighting(self, time_s: float, luma: Luma, seen: Measurement) -> None:
         pose = self.motion.see(time_s, seen.pose) if time_s > self.motion.time_s else seen.pose
         self.record.keep_points(seen.points_m, seen.weights)
         self.record.keep(time_s, pose, seen.covariance, TrackStatus.TRACKED, seen.inlier_fraction, seen.residual)
         if time_s >= self.next_outline_s:
-            fit = see_outline(luma, self.body, pose, self.camera, self.floor)
+            fit = see_outline(luma, self.top.body, pose, self.top.camera, self.top.floor)
             if fit is not None:
                 self.outline_fits.append(fit)
             self.looks += 1
@@ -172,7 +221,7 @@ class Follower:
         # ASSUME: while unseen the body may have stopped, or gone on twice as fast.
         gone = np.abs(self.motion.velocity) * (time_s - self.motion.time_s)
         way = float(np.hypot(gone[0], gone[1])) + self.pixel_m
-        return np.diag(np.square([way, way, gone[2] + self.pixel_m / self.reach_m]))
+        return np.diag(np.square([way, way, gone[2] + self.pixel_m / self.top.reach_m]))
 
     def track(self, method: str, further_findings: tuple[Finding, ...] = ()) -> Track:
         """The whole record as a track: registered to the edges of all pictures, noise judged, rests held."""
@@ -180,12 +229,12 @@ class Follower:
         time_s, raw, covariance, status, inliers, residual = self.record.columns()
         seen = status == TrackStatus.TRACKED
         covariance = self._honest_covariance(time_s, raw, covariance, seen)
-        most = _MOST_REST_PX * self.pixel_m * np.array([1, 1, 1 / self.reach_m])
+        most = _MOST_REST_PX * self.pixel_m * np.array([1, 1, 1 / self.top.reach_m])
         pose = hold_rest(time_s, raw, covariance, seen, most)
         if fit is not None:
             pose = compose(pose, fit.correction)
         return Track(
-            body=self.body.name,
+            body=self.top.body.name,
             time_s=time_s,
             pose=pose,
             covariance=covariance,
@@ -219,7 +268,7 @@ class Follower:
             if np.linalg.norm(fit.correction[:2]) < _FARTHEST_CORRECTION_PX * self.pixel_m:
                 return fit
         text = (
-            f"The edges of {self.body.name} could not be found around the clicks; its frame rests on the clicks "
+            f"The edges of {self.top.body.name} could not be found around the clicks; its frame rests on the clicks "
             f"({1000 * np.sqrt(self.start_covariance[0, 0]):.1f} mm). Check the clicks and top_corners_m."
         )
         self.findings.append(Finding(Severity.WARNING, "edges_not_found", text))
@@ -227,7 +276,7 @@ class Follower:
 
     def _judge_sight(self, time_s: Array, covariance: Array, status: NDArray[np.uint8]) -> list[Finding]:
         """Findings about pictures in which the body was not seen, and about a top too plain to be seen well."""
-        findings, name = [], self.body.name
+        findings, name = [], self.top.body.name
         unseen = np.flatnonzero(status != TrackStatus.TRACKED)
         if len(unseen):
             lost = int((status == TrackStatus.LOST).sum())
@@ -237,6 +286,12 @@ class Follower:
                 "something hid it, it left the picture, or its top is too plain."
             )
             findings.append(Finding(Severity.WARNING, "not_seen", text))
+        if self.mistakable:
+            text = (
+                f"{name} cannot be told from something else that looks like it, or from itself turned round: "
+                f"{self.mistakable} times it was not taken for found. Put a pattern of its own on each body."
+            )
+            findings.append(Finding(Severity.WARNING, "lookalike", text))
         seen = status == TrackStatus.TRACKED
         deviation = float(np.sqrt(np.median(covariance[seen][:, 0, 0]))) if seen.any() else np.inf
         if deviation > _LOW_TEXTURE_PX * self.pixel_m or seen.sum() < len(status) / 4:
@@ -254,7 +309,7 @@ class Follower:
         count = [len(own) for _, own, _ in points]
         frame = np.repeat([index for index, _, _ in points], count)
         floor_xy = transform(pose[frame], np.concatenate([own for _, own, _ in points]))
-        floor_m = np.column_stack([floor_xy, np.full(len(frame), self.body.tracked_plane_height_m)])
+        floor_m = np.column_stack([floor_xy, np.full(len(frame), self.top.body.tracked_plane_height_m)])
         return Features(frame, floor_m, np.concatenate([weights for _, _, weights in points]))
 
 

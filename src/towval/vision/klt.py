@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from towval.geometry import inverse_transform, wrapped
-from towval.types import Array, Body, Camera, Floor
-from towval.vision.camera import to_plane
+from towval.types import Array
 from towval.vision.pose import Measurement, robust_rigid_fit
-from towval.vision.sampling import metres_per_pixel, plane_pixels
+from towval.vision.top import Top
 
 Luma = NDArray[np.uint8]
 
@@ -40,30 +39,15 @@ class _Keyframe:
 
 
 class KltTracker:
-    """Follows one body by KLT points with a forward-backward check.
+    """Follows a ``top``, seen at ``pose`` (3,) in ``luma``, by KLT points.
 
-    Parameters
-    ----------
-    body : Body
-        The body; its obstructions are left out.
-    camera, floor : Camera, Floor
-        The calibrated camera.
-    luma : ndarray (height, width) uint8
-        The first picture.
-    pose : ndarray (3,)
-        The body's pose in it [m, m, rad].
-    forward_backward_px : float
-        Largest distance between a point and where it comes back to [px].
+    A point counts if it comes back to within ``forward_backward_px`` of where it started [px].
     """
 
-    def __init__(
-        self, body: Body, camera: Camera, floor: Floor, luma: Luma, pose: Array, forward_backward_px: float = 0.5
-    ):
-        self.body, self.camera, self.floor = body, camera, floor
-        self.height = body.tracked_plane_height_m
-        self.forward_backward_px = forward_backward_px
-        pixels = plane_pixels(body.top_corners_m, pose, self.height, camera, floor)
-        reach = np.linalg.norm(pixels - plane_pixels(np.zeros((1, 2)), pose, self.height, camera, floor), axis=1).max()
+    def __init__(self, top: Top, luma: Luma, pose: Array, forward_backward_px: float = 0.5):
+        self.top, self.forward_backward_px = top, forward_backward_px
+        pixels = top.pixels(top.body.top_corners_m, pose)
+        reach = np.linalg.norm(pixels - top.pixels(np.zeros((1, 2)), pose), axis=1).max()
         # The crop holds the body at any heading, elsewhere in the picture a little larger, and the search around it.
         side = int(2 * (1.2 * reach + 2 * _WINDOW_PX))
         self.crop_px = np.minimum(side, [luma.shape[1], luma.shape[0]])
@@ -72,7 +56,7 @@ class KltTracker:
 
     def _crop(self, luma: Luma, pose: Array) -> tuple[Luma, Array]:
         """The part of a picture around the body, always of the same size, and its upper left corner [px]."""
-        centre = plane_pixels(np.zeros((1, 2)), pose, self.height, self.camera, self.floor)[0]
+        centre = self.top.pixels(np.zeros((1, 2)), pose)[0]
         room = np.array([luma.shape[1], luma.shape[0]]) - self.crop_px
         u, v = np.clip(np.round(np.nan_to_num(centre) - self.crop_px / 2), 0, room).astype(int)
         corner = np.array([u, v], dtype=np.float64)
@@ -83,11 +67,11 @@ class KltTracker:
         mask = np.zeros((self.crop_px[1], self.crop_px[0]), np.uint8)
 
         def draw(outline: Array, value: int) -> None:
-            pixels = plane_pixels(outline, pose, self.height, self.camera, self.floor) - corner
+            pixels = self.top.pixels(outline, pose) - corner
             cv2.fillPoly(mask, [np.round(pixels).astype(np.int32)], value)
 
-        draw(self.body.top_corners_m, 255)
-        for obstruction in self.body.obstructions:
+        draw(self.top.body.top_corners_m, 255)
+        for obstruction in self.top.body.obstructions:
             draw(obstruction, 0)
         # The frame of zeros makes the picture's border an edge, too.
         return cv2.erode(
@@ -104,7 +88,7 @@ class KltTracker:
             crop, corners, (3, 3), (-1, -1), (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.01)
         )
         pixels = corners.reshape(-1, 2).astype(np.float64)
-        on_plane = to_plane(self.camera, self.floor, pixels + corner, self.height)
+        on_plane = self.top.floor_xy(pixels + corner)
         self.keyframes.append(_Keyframe(crop, pixels, inverse_transform(pose, on_plane), float(pose[2])))
 
     def measure(self, luma: Luma, predicted: Array) -> Measurement | None:
@@ -119,7 +103,7 @@ class KltTracker:
 
     def _match(self, key: _Keyframe, luma: Luma, predicted: Array) -> Measurement | None:
         crop, corner = self._crop(luma, predicted)
-        guess = plane_pixels(key.points_m, predicted, self.height, self.camera, self.floor) - corner
+        guess = self.top.pixels(key.points_m, predicted) - corner
         start, first = key.pixels.astype(np.float32)[:, None], guess.astype(np.float32)[:, None]
         options = {
             "winSize": (_WINDOW_PX, _WINDOW_PX),
@@ -133,8 +117,8 @@ class KltTracker:
         good = (there.ravel() == 1) & (here.ravel() == 1) & (astray < self.forward_backward_px)
         if good.sum() < _LEAST_POINTS:
             return None
-        pixel = metres_per_pixel(predicted, self.height, self.camera, self.floor)
-        seen = to_plane(self.camera, self.floor, forth.reshape(-1, 2)[good] + corner, self.height)
+        pixel = self.top.metres_per_pixel(predicted)
+        seen = self.top.floor_xy(forth.reshape(-1, 2)[good] + corner)
         fit = robust_rigid_fit(key.points_m[good], seen, _NOISE_FLOOR_PX * pixel)
         weights = np.zeros(len(good))
         weights[good] = fit.weights

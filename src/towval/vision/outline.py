@@ -31,11 +31,13 @@ _SPACING_PX = 1.5  # Between profiles that are averaged to one.
 _STRETCHES = 10  # Averaged profiles an edge of the outline, at least three pixels each.
 _FITS = 8  # Rounds of the robust fit.
 _TUKEY = 4.685
+_MUCH_LESS_SURE = 2.0  # Times the deviation of the best fit.
 _SHARP = np.deg2rad(35.0)
 _THIN_PX = 3.5  # Side strips thinner than this blur into the top's edge.
 _THIN_SHIFT_PX = 0.25  # How far they shift the steepest place: 0.11 px measured at a blur of 0.6 px, more when softer.
 _TRUST_IN_THIN = 0.1
-_EDGE_NOISE_PX, _FAINT_NOISE_PX = 0.05, 0.07  # Scatter of a stretch: 0.06 px on a clear edge, 0.2 px on a faint one.
+# Scatter of a stretch of that length, measured: 0.06 px on a clear edge, 0.2 px on a faint one.
+_EDGE_NOISE_PX, _FAINT_NOISE_PX, _NOISE_LENGTH_PX = 0.05, 0.07, 12.0
 _PRIOR_PX = 3.0  # What is known without the edges, so that the turn of a disc stays where it is.
 
 
@@ -277,7 +279,8 @@ def fit_outline(slopes: Array, stretches: Stretches, pixel_m: float, side_px: Ar
         correction = np.linalg.solve(information, rows.T @ (weight * place))
     misfit = place - rows @ correction
     inverse = np.linalg.inv(information)
-    noise = pixel_m * (_EDGE_NOISE_PX + _FAINT_NOISE_PX / np.maximum(contrast, 0.1))
+    averaged = np.sqrt(_NOISE_LENGTH_PX * pixel_m / stretches.length)
+    noise = pixel_m * averaged * (_EDGE_NOISE_PX + _FAINT_NOISE_PX / np.maximum(contrast, 0.1))
     scores = rows * (weight * np.maximum(np.abs(misfit), noise))[:, None]
     used = weight > 0
     freedom = len(rows) / max(1, used.sum() - 3)
@@ -302,9 +305,12 @@ def see_outline(luma: NDArray[np.uint8], body: Body, pose: Array, camera: Camera
 def combine_fits(fits: Sequence[OutlineFit]) -> OutlineFit:
     """One registration from the fits of many pictures at poses that belong together: the mean of those that agree.
 
+    Pictures in which the edges are much less sure than in the best one (motion blur, something in front) do not count.
     Its deviation is that of a single fit: what shifts the edges of one body (what is printed beside them, a bevel, a
     shadow line) is the same in all pictures and does not average out.
     """
+    variance = np.array([np.trace(fit.covariance[:2, :2]) for fit in fits])
+    fits = [fit for fit, own in zip(fits, variance, strict=True) if own <= _MUCH_LESS_SURE**2 * variance.min()]
     corrections = np.array([fit.correction for fit in fits])
     middle = np.median(corrections, axis=0)
     spread = 1.4826 * np.median(np.abs(corrections - middle), axis=0) + 1e-12

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import cv2
@@ -10,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from towval.errors import InputError
-from towval.types import Array, Body, Camera, Floor
+from towval.types import Array, Camera
 from towval.vision.align import Alignment, Template, align, make_template
-from towval.vision.pose import Measurement, step_between
-from towval.vision.sampling import metres_per_pixel, plane_pixels
+from towval.vision.pose import Measurement
+from towval.vision.top import Top
 
 Luma = NDArray[np.uint8]
 
@@ -32,37 +31,27 @@ _TABLE_POINTS = 60
 
 
 class PlaneTracker:
-    """Follows one body by its whole top.
+    """Follows a ``top``, seen at ``pose`` (3,) in ``luma``, as a whole: by some ``samples`` points of it.
 
-    Parameters
-    ----------
-    body : Body
-        The body; its obstructions are left out.
-    camera, floor : Camera, Floor
-        The calibrated camera.
-    luma : ndarray (height, width) uint8
-        The first picture.
-    pose : ndarray (3,)
-        The body's pose in it [m, m, rad].
-    samples : int
-        Points of the template.
+    Raises
+    ------
+    InputError
+        When too little of the top is in the picture.
     """
 
-    def __init__(self, body: Body, camera: Camera, floor: Floor, luma: Luma, pose: Array, samples: int = 1024):
-        self.body, self.camera, self.floor = body, camera, floor
-        self.height = body.tracked_plane_height_m
-        self.pixel_m = metres_per_pixel(pose, self.height, camera, floor)
-        template = make_template(luma, body, pose, camera, floor, samples)
+    def __init__(self, top: Top, luma: Luma, pose: Array, samples: int = 1024):
+        self.top = top
+        self.pixel_m = top.metres_per_pixel(pose)
+        template = make_template(luma, top, pose, samples)
         if template is None:
             raise InputError(
-                f"too little of the top of {body.name} can be seen in the first picture",
+                f"too little of the top of {top.body.name} can be seen in the first picture",
                 remedy="check its clicks and obstructions, or start where the body is in full view",
             )
         self.template = template
-        self.reach_m = float(np.linalg.norm(template.points, axis=1).max())
-        self.factor = max(1, round(2 * self.reach_m / self.pixel_m / _COARSE_BODY_PX))
+        self.factor = max(1, round(2 * top.reach_m / self.pixel_m / _COARSE_BODY_PX))
         small, small_camera = self._shrunk(luma, pose)
-        self.coarse = make_template(small, body, pose, small_camera, floor, _COARSE_SAMPLES)
+        self.coarse = make_template(small, replace(top, camera=small_camera), pose, _COARSE_SAMPLES)
         self.free_slopes = _without_light(template)
         self.motion_like = np.linalg.pinv(self.free_slopes)
         self.precision = np.ones(len(template.points))
@@ -72,7 +61,7 @@ class PlaneTracker:
     def measure(self, luma: Luma, predicted: Array) -> Measurement | None:
         """Pose near ``predicted`` (3,), or None where the picture does not vouch for one."""
         found = self._align(luma, predicted)
-        if found is None or self._distance_px(found.pose, predicted) > _JUMP_PX:
+        if found is None or self.top.apart_m(predicted, found.pose) > _JUMP_PX * self.pixel_m:
             from_afar = self._align_coarsely(luma, predicted)
             if from_afar is not None and (found is None or from_afar.correlation > found.correlation):
                 found = from_afar
@@ -89,12 +78,8 @@ class PlaneTracker:
             weights=np.clip(found.weight[::step][:_TABLE_POINTS], 0, 1),
         )
 
-    def _distance_px(self, pose: Array, other: Array) -> float:
-        step = step_between(other, pose)
-        return (math.hypot(step[0], step[1]) + self.reach_m * abs(step[2])) / self.pixel_m
-
     def _align(self, luma: Luma, start: Array) -> Alignment | None:
-        found = align(luma, self.template, self.precision, start, self.height, self.camera, self.floor, self.most_scale)
+        found = align(luma, self.template, self.precision, start, self.top, self.most_scale)
         return found if found is not None and self._trusted(found) else None
 
     def _align_coarsely(self, luma: Luma, start: Array) -> Alignment | None:
@@ -102,13 +87,13 @@ class PlaneTracker:
             return None
         small, camera = self._shrunk(luma, start)
         flat = np.ones(len(self.coarse.points))
-        found = align(small, self.coarse, flat, start, self.height, camera, self.floor, self.most_scale)
+        found = align(small, self.coarse, flat, start, replace(self.top, camera=camera), self.most_scale)
         return None if found is None else self._align(luma, found.pose)
 
     def _shrunk(self, luma: Luma, pose: Array) -> tuple[Luma, Camera]:
         """The surroundings of the body at the coarse scale, and the camera that would have taken them."""
-        centre = plane_pixels(np.zeros((1, 2)), pose, self.height, self.camera, self.floor)[0]
-        reach = 2.0 * self.reach_m / self.pixel_m
+        centre = self.top.pixels(np.zeros((1, 2)), pose)[0]
+        reach = 2.0 * self.top.reach_m / self.pixel_m
         low = np.clip(np.nan_to_num(centre) - reach, 0, None).astype(int)
         high = np.minimum(np.nan_to_num(centre) + reach, [luma.shape[1], luma.shape[0]]).astype(int)
         size = np.maximum((high - low) // self.factor, 8)
@@ -117,12 +102,12 @@ class PlaneTracker:
             crop, low, size = luma, np.zeros(2, dtype=int), np.array(luma.shape[::-1]) // self.factor
         small = cv2.resize(crop, (int(size[0]), int(size[1])), interpolation=cv2.INTER_AREA)
         scale = np.array([size[0] / crop.shape[1], size[1] / crop.shape[0]])
-        matrix = self.camera.matrix.copy()
+        matrix = self.top.camera.matrix.copy()
         matrix[0, 0] *= scale[0]
         matrix[1, 1] *= scale[1]
         # Pixel centres are whole numbers at both scales, so half a pixel goes in and out.
         matrix[:2, 2] = (matrix[:2, 2] - low + 0.5) * scale - 0.5
-        return small, replace(self.camera, matrix=matrix, resolution_px=(int(size[0]), int(size[1])))
+        return small, replace(self.top.camera, matrix=matrix, resolution_px=(int(size[0]), int(size[1])))
 
     def _trusted(self, found: Alignment) -> bool:
         worst = _WORST_STD_PX * self.pixel_m
@@ -131,7 +116,7 @@ class PlaneTracker:
             found.converged
             and found.inlier_fraction >= _LEAST_INLIERS
             and found.correlation >= max(_LEAST_CORRELATION, _CORRELATION_KEPT * self.usual_correlation)
-            and max(std[0], std[1], std[2] * self.reach_m) <= worst
+            and max(std[0], std[1], std[2] * self.top.reach_m) <= worst
         )
 
     def _learn(self, found: Alignment) -> None:

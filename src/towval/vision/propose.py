@@ -46,7 +46,8 @@ def propose_bodies(pictures: Sequence[NDArray[np.uint8]], most: int = 2) -> tupl
     proposals : list of Proposal
         Largest first; empty where nothing moved.
     picture : ndarray (height, width, 3) uint8
-        The first picture (blue, green, red) with the proposals drawn and numbered, to be confirmed.
+        The first picture (blue, green, red) with the proposals drawn and numbered and their corners lettered, to be
+        confirmed.
     """
     if len(pictures) < _LEAST_PICTURES:
         raise InputError("too few pictures to tell bodies from the background", got=len(pictures), allowed="5 or more")
@@ -75,4 +76,7 @@ def _drawn(luma: NDArray[np.uint8], proposals: Sequence[Proposal]) -> NDArray[np
         cv2.polylines(picture, [np.round(proposal.corners_px).astype(np.int32)], True, colour, 2, cv2.LINE_AA)
         place = np.round(proposal.corners_px.mean(axis=0)).astype(int)
         cv2.putText(picture, str(i + 1), (int(place[0]), int(place[1])), cv2.FONT_HERSHEY_SIMPLEX, 1.2, colour, 2)
+        for letter, corner in zip("abcd", proposal.corners_px, strict=True):
+            u, v = np.round(corner + 0.15 * (corner - place)).astype(int)
+            cv2.putText(picture, letter, (int(u), int(v)), cv2.FONT_HERSHEY_SIMPLEX, 0.7, colour, 2)
     return picture

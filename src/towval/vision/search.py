@@ -26,7 +26,7 @@ def look_for_boards(images: Sequence[NamedImage], board: Board, threads: int) ->
     Parameters
     ----------
     images : sequence of (str, ndarray of uint8)
-        Names and grey pictures.
+        Names and grey pictures, asked for when they are looked at.
     board : Board
         The board.
     threads : int
@@ -60,8 +60,8 @@ def look_for_boards(images: Sequence[NamedImage], board: Board, threads: int) ->
     if not any(found):
         raise _no_board(len(images), board, "check that the pictures are those of the board, whole and sharp")
     unseen = {
-        name: "no whole board found" if board.kind == "chessboard" else "too little of the board found"
-        for (name, _), sighting in zip(images, found, strict=True)
+        images[i][0]: "no whole board found" if board.kind == "chessboard" else "too little of the board found"
+        for i, sighting in enumerate(found)
         if sighting is None
     }
     return [sighting for sighting in found if sighting is not None], unseen

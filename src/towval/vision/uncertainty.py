@@ -2,39 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
-from towval.types import CALIBRATION_PARAMETERS, Array, Calibration, Camera, Floor
+from towval.types import CALIBRATION_PARAMETERS, Array, Calibration, Camera, Floor, UncertaintyMap
 from towval.vision.camera import to_plane
-
-
-@dataclass(frozen=True)
-class UncertaintyMap:
-    """Position uncertainty on a plane over a grid of pixels.
-
-    ``height_m`` of the plane over the floor; ``pixels`` (rows, columns, 2); ``position_m`` (rows, columns, 2) where
-    their rays meet the plane, NaN where they miss it; ``covariance_m2`` (rows, columns, 2, 2) of those positions.
-    """
-
-    height_m: float
-    pixels: Array
-    position_m: Array
-    covariance_m2: Array
-
-    @property
-    def std_m(self) -> Array:
-        """Root mean square position error to expect (rows, columns) [m]: the root of the covariance's trace."""
-        return np.sqrt(np.trace(self.covariance_m2, axis1=-2, axis2=-1))
-
-    @property
-    def rms_m(self) -> float:
-        """Root mean square of :attr:`std_m` over the grid [m]; NaN where no ray meets the plane."""
-        std_m = self.std_m[np.isfinite(self.std_m)]
-        return float(np.sqrt(np.mean(std_m**2))) if len(std_m) else float("nan")
 
 
 def shared_parameters(camera: Camera, floor: Floor) -> Array:

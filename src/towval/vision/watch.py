@@ -11,6 +11,7 @@ from towval.geometry import transform
 from towval.types import Array, Body, Camera, Finding, Floor, Severity
 from towval.vision.align import align, make_template
 from towval.vision.camera import to_plane
+from towval.vision.top import Top
 
 Luma = NDArray[np.uint8]
 
@@ -38,14 +39,12 @@ class CameraWatch:
     """
 
     def __init__(self, camera: Camera, floor: Floor, luma: Luma, bodies: Sequence[Body], poses: Sequence[Array]):
-        self.camera, self.floor = camera, floor
         hidden = tuple(transform(p, 1.3 * b.top_corners_m) for b, p in zip(bodies, poses, strict=True))
         outline = _seen_floor(camera, floor)
         self.template = None
         if outline is not None:
-            self.template = make_template(
-                luma, Body("floor", 0.0, outline, hidden), np.zeros(3), camera, floor, _SAMPLES
-            )
+            self.top = Top(Body("floor", 0.0, outline, hidden), camera, floor)
+            self.template = make_template(luma, self.top, np.zeros(3), _SAMPLES)
         self.next_s = -np.inf
         self.moved: list[tuple[float, float]] = []
         self.looks = self.known = 0
@@ -58,7 +57,7 @@ class CameraWatch:
         self.looks += 1
         template = self.template
         flat = np.ones(len(template.points))
-        found = align(luma, template, flat, np.zeros(3), 0.0, self.camera, self.floor, _MOST_SCALE)
+        found = align(luma, template, flat, np.zeros(3), self.top, _MOST_SCALE)
         if found is None or not found.converged or found.inlier_fraction < _LEAST_INLIERS:
             return
         std_px = np.sqrt(np.diag(found.covariance)[:2].max()) / template.pixel_m

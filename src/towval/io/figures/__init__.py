@@ -4,7 +4,6 @@
 """
 
 from towval.io.figures.calibration import (
-    UncertaintyMap,
     calibration_figures,
     coverage_figure,
     reprojection_figure,
@@ -17,7 +16,6 @@ from towval.io.figures.tracking import tracking_figure
 from towval.io.figures.uncertainty import agreement_figure, shares_figure
 
 __all__ = [
-    "UncertaintyMap",
     "agreement_figure",
     "calibration_figures",
     "campaign_figure",

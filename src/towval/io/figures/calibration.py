@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -20,30 +18,10 @@ from towval.io.style import (
     place_maps,
 )
 from towval.io.wording import decimal
-from towval.types import Array, Calibration, View, locked
+from towval.types import Array, Calibration, UncertaintyMap, View
 
 # Length of a large residual (95th percentile) in the picture, as a share of the image's width.
 _ARROW_SHARE = 0.02
-
-
-@dataclass(frozen=True)
-class UncertaintyMap:
-    """Standard deviation of a place seen by the camera, over a grid of pixels.
-
-    ``u_px`` (m,) columns and ``v_px`` (n,) rows of the grid; ``std_m`` (n, m) root sum of squares of the deviations in
-    x and y on the plane at ``height_m``, NaN where the camera does not see it.
-    """
-
-    u_px: Array
-    v_px: Array
-    std_m: Array
-    height_m: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "u_px", locked(self.u_px, "UncertaintyMap.u_px", (None,)))
-        object.__setattr__(self, "v_px", locked(self.v_px, "UncertaintyMap.v_px", (None,)))
-        std_m = locked(self.std_m, "UncertaintyMap.std_m", (len(self.v_px), len(self.u_px)), finite=False)
-        object.__setattr__(self, "std_m", std_m)
 
 
 def calibration_figures(calibration: Calibration, uncertainty: UncertaintyMap | None = None) -> dict[str, Figure]:
@@ -155,10 +133,9 @@ def uncertainty_figure(calibration: Calibration, uncertainty: UncertaintyMap) ->
     figure = Figure(figsize=(COLUMN_WIDTH_IN, COLUMN_WIDTH_IN))
     axes = figure.add_subplot()
     std_mm = np.ma.masked_invalid(1e3 * uncertainty.std_m)
-    filled = axes.contourf(uncertainty.u_px, uncertainty.v_px, std_mm, levels=9, cmap="YlGnBu")
-    lines = axes.contour(
-        uncertainty.u_px, uncertainty.v_px, std_mm, levels=filled.levels, colors="#333333", linewidths=0.4
-    )
+    u, v = np.moveaxis(uncertainty.pixels, -1, 0)
+    filled = axes.contourf(u, v, std_mm, levels=9, cmap="YlGnBu")
+    lines = axes.contour(u, v, std_mm, levels=filled.levels, colors="#333333", linewidths=0.4)
     axes.clabel(lines, fontsize=6.5, fmt="%g")
     width, height = _frame_image(axes, calibration)
     place_maps(figure, [axes], height / width, Margins(left=0.46, right=0.68))

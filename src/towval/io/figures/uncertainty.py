@@ -26,9 +26,6 @@ from towval.types import Array, Comparison, RunUncertainty
 _COVERAGE = 2.0
 """Half width of a band in standard uncertainties: 95 % for a normal error."""
 
-_LEAST_SHARE = 0.01
-"""Share of its root mean square over time from which an uncertainty is worth dividing by."""
-
 _MARKERS = "osD^vPX*"
 
 
@@ -65,7 +62,7 @@ def agreement_figure(run: RunRecord) -> Figure:
         axes.axhline(0.0, color="#333333", linewidth=0.5)
         axes.plot(comparison.time_s, 1e3 * comparison.along_across[:, column], color=SIMULATED, linewidth=0.9)
         axes.set_ylabel(label)
-    _draw_ratio(panels[2], comparison, uncertainty)
+    _draw_ratio(panels[2], comparison)
     panels[2].set_xlabel("time (s)")
     panels[0].set_xlim(comparison.time_s[0], comparison.time_s[-1])
     return figure
@@ -113,15 +110,10 @@ def shares_figure(runs: Sequence[RunRecord]) -> Figure:
     return figure
 
 
-def _draw_ratio(axes: Axes, comparison: Comparison, uncertainty: RunUncertainty) -> None:
-    distance = np.linalg.norm(comparison.error[:, :2], axis=1)
-    allowed = np.sqrt(np.trace(uncertainty.validation[:, :2, :2], axis1=1, axis2=2))
-    # Until the object moves, simulation and measurement are put on each other: a ratio of next to nothing says nothing.
-    told = allowed > _LEAST_SHARE * np.sqrt(np.mean(allowed**2))
-    ratio = np.divide(distance, allowed, out=np.full(len(distance), np.nan), where=told)
+def _draw_ratio(axes: Axes, comparison: Comparison) -> None:
     axes.axhspan(0, _COVERAGE, color=SHADE, linewidth=0)
     axes.axhline(_COVERAGE, color=MEASURED, linewidth=0.8, linestyle="--")
-    axes.plot(comparison.time_s, ratio, color=SIMULATED, linewidth=0.9)
+    axes.plot(comparison.time_s, comparison.ratio, color=SIMULATED, linewidth=0.9)
     axes.set_ylim(bottom=0)
     axes.set_ylabel("$|E|/u_{val}$")
 

@@ -6,12 +6,13 @@ const asBlob = (address) => {
 };
 // One time cursor for each run: it moves with the film, and the film moves with it.
 for (const pair of document.querySelectorAll(".pair[data-run]")) {
-  const plot = pair.querySelector(".timeplot");
-  const cursor = pair.querySelector(".cursor");
+  // One is the slider that keys move; all show the cursor and can be clicked.
+  const plots = pair.querySelectorAll(".timeplot");
+  const plot = pair.querySelector(".timeplot[role=slider]");
   const readout = pair.querySelector(".readout");
   const film = pair.querySelector("video");
   const series = JSON.parse(pair.querySelector(".series").textContent);
-  const left = Number(plot.dataset.left), right = Number(plot.dataset.right);
+  const ends = (one) => [Number(one.dataset.left), Number(one.dataset.right)];
   const first = Number(plot.getAttribute("aria-valuemin")), last = Number(plot.getAttribute("aria-valuemax"));
   // The film starts at its first frame, the run's clock where the camera's stood.
   const filmStart = film ? Number(film.dataset.start) : 0;
@@ -46,8 +47,11 @@ for (const pair of document.querySelectorAll(".pair[data-run]")) {
   };
   const show = (time) => {
     now = Math.min(last, Math.max(first, time));
-    cursor.style.left = `${100 * (left + (right - left) * (now - first) / (last - first))}%`;
-    cursor.style.visibility = "visible";
+    for (const one of plots) {
+      const [left, right] = ends(one), cursor = one.querySelector(".cursor");
+      cursor.style.left = `${100 * (left + (right - left) * (now - first) / (last - first))}%`;
+      cursor.style.visibility = "visible";
+    }
     const sample = nearest(now);
     readout.textContent = words(sample);
     for (const [dot, places] of dots) { place(dot, places[sample]); }
@@ -67,13 +71,15 @@ for (const pair of document.querySelectorAll(".pair[data-run]")) {
     film.addEventListener("play", run);
     for (const event of ["timeupdate", "seeked"]) { film.addEventListener(event, follow); }
   }
-  const point = (event) => {
-    const box = plot.getBoundingClientRect();
-    if (film) { film.pause(); }
-    go(first + (last - first) * share((event.clientX - box.left) / box.width, [left, right]));
-  };
-  plot.addEventListener("pointerdown", (event) => { plot.setPointerCapture(event.pointerId); point(event); });
-  plot.addEventListener("pointermove", (event) => { if (plot.hasPointerCapture(event.pointerId)) { point(event); } });
+  for (const one of plots) {
+    const point = (event) => {
+      const box = one.getBoundingClientRect();
+      if (film) { film.pause(); }
+      go(first + (last - first) * share((event.clientX - box.left) / box.width, ends(one)));
+    };
+    one.addEventListener("pointerdown", (event) => { one.setPointerCapture(event.pointerId); point(event); });
+    one.addEventListener("pointermove", (event) => { if (one.hasPointerCapture(event.pointerId)) { point(event); } });
+  }
   plot.addEventListener("keydown", (event) => {
     const here = nearest(now);
     const steps = { ArrowLeft: here - 1, ArrowRight: here + 1, Home: 0, End: series.time_s.length - 1 };

@@ -2,23 +2,21 @@
 
 Every pixel of a body's top is the top's texture at the exact intersection of the pixel's ray with the plane of the
 top; the outline is soft over one pixel, as an area sensor sees it. Sides, shadow, an arm, a change of light, motion
-blur and noise can be added. Nothing here is used by the package, so truth and measurement share the camera model only.
+blur and noise can be added. Truth and measurement share the camera model only.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from fractions import Fraction
-from pathlib import Path
 
-import av
 import cv2
 import numpy as np
 
 from towval.geometry import inverse_transform, transform
 from towval.types import Body, Calibration, Camera, Floor
 from towval.vision.camera import project, to_plane
+from towval.vision.top import Top
 
 Motion = Callable[[float], np.ndarray]
 """Pose (3,) of a body [m, m, rad] at a time [s]."""
@@ -62,6 +60,10 @@ class Scene:
     def calibration(self) -> Calibration:
         """The true camera as a calibration without error."""
         return Calibration(self.camera, self.floor, np.zeros((18, 18)), 0.0)
+
+    def top(self, index: int) -> Top:
+        """The top of a body under the camera."""
+        return Top(self.bodies[index], self.camera, self.floor)
 
     def truth(self, times: np.ndarray) -> dict[str, np.ndarray]:
         """Poses (n, 3) of each body at ``times`` (n,)."""
@@ -156,7 +158,8 @@ class CeilingCamera:
         part = self._ground[box].copy()
         self._draw_sides(part, body, pose, low)
         own = inverse_transform(pose, self._tops[index][box])
-        pixel = np.sqrt(np.abs(np.linalg.det(np.stack(np.gradient(own, axis=(0, 1)), axis=-1))))
+        (by_row_x, by_column_x), (by_row_y, by_column_y) = np.gradient(own[..., 0]), np.gradient(own[..., 1])
+        pixel = np.sqrt(np.abs(by_row_x * by_column_y - by_column_x * by_row_y))
         share = np.clip(0.5 - _signed_distance(body.top_corners_m, own) / pixel, 0, 1)
         part += share * (_look_up(self._textures[scene.texture_of[index]], own, 0.001) - part)
         image[box] = cv2.GaussianBlur(part, (0, 0), scene.psf_px)
@@ -198,16 +201,17 @@ def _look_up(texture: np.ndarray, xy: np.ndarray, cell_m: float) -> np.ndarray:
 
 def _signed_distance(polygon: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Distance of points (..., 2) from a polygon's outline [m], negative inside."""
-    nearest = np.full(points.shape[:-1], np.inf)
-    inside = np.zeros(points.shape[:-1], dtype=bool)
-    for a, b in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
-        edge, offset = b - a, points - a
-        along = np.clip(offset @ edge / (edge @ edge), 0, 1)
-        nearest = np.minimum(nearest, np.linalg.norm(offset - along[..., None] * edge, axis=-1))
-        if a[1] != b[1]:
-            crosses = (a[1] > points[..., 1]) != (b[1] > points[..., 1])
-            inside ^= crosses & (offset[..., 0] < edge[0] * offset[..., 1] / edge[1])
-    return np.where(inside, -nearest, nearest)
+    x, y = points[..., 0], points[..., 1]
+    nearest2 = np.full(x.shape, np.inf, dtype=x.dtype)
+    inside = np.zeros(x.shape, dtype=bool)
+    for (ax, ay), (bx, by) in zip(polygon.tolist(), np.roll(polygon, -1, axis=0).tolist(), strict=True):
+        ex, ey, from_x, from_y = bx - ax, by - ay, x - ax, y - ay
+        along = np.clip((from_x * ex + from_y * ey) / (ex * ex + ey * ey), 0, 1)
+        np.minimum(nearest2, (from_x - along * ex) ** 2 + (from_y - along * ey) ** 2, out=nearest2)
+        if ay != by:
+            inside ^= ((ay > y) != (by > y)) & (x < ax + ex * from_y / ey)
+    distance = np.sqrt(nearest2)
+    return np.where(inside, -distance, distance)
 
 
 def rectangle(length: float, width: float) -> np.ndarray:
@@ -271,28 +275,3 @@ def standard_scene(seed: int = 0, **changes: object) -> Scene:
         ),
     )
     return replace(Scene(camera, floor, two_bodies(), motions, seed=seed), **changes)
-
-
-def write_video(path: Path, frames: Iterator[tuple[float, np.ndarray]], rate: int = 25, **options: str) -> None:
-    """Write luma pictures as H.264 (or another codec) with their own times; options are the encoder's.
-
-    ``codec``, ``pixel_format`` and ``container`` choose the kind of file.
-    """
-    codec = options.pop("codec", "libx264")
-    pixel_format = options.pop("pixel_format", "yuv420p")
-    # AVI counts in frames; MPEG-4 allows no finer clock than 1/65535 s.
-    base = Fraction(1, rate) if path.suffix == ".avi" else Fraction(1, 51200)
-    with av.open(str(path), "w", format=options.pop("container", None)) as file:
-        stream = None
-        for time_s, luma in frames:
-            if stream is None:
-                stream = file.add_stream(codec, rate=rate, options=options)
-                stream.width, stream.height, stream.pix_fmt = luma.shape[1], luma.shape[0], pixel_format
-                stream.time_base = stream.codec_context.time_base = base
-            frame = av.VideoFrame.from_ndarray(luma, format="gray").reformat(
-                format=pixel_format, src_color_range="JPEG", dst_color_range="JPEG"
-            )
-            frame.pts, frame.time_base = round(time_s / base), base
-            file.mux(stream.encode(frame))
-        if stream is not None:
-            file.mux(stream.encode())

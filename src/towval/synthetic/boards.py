@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -119,7 +119,10 @@ def calibration_set(
     share: float = 1.0,
     floor: str = "marks",
 ) -> CornerScene:
-    """A random set: ``views`` boards over ``share`` of the image, and a floor from nine "marks" or seven "boards"."""
+    """A random set: ``views`` boards over ``share`` of the image, and a floor.
+
+    The floor comes from nine surveyed "marks", from seven "boards", or from seven boards and four marks ("both").
+    """
     rng = np.random.default_rng(seed)
     camera, true_floor = ceiling_camera(rng)
     where = spread_pixels(rng, views, camera.resolution_px, share)
@@ -132,5 +135,13 @@ def calibration_set(
     else:
         flat = floor_boards(rng, camera, true_floor, 7, noise_px)
         reference = FloorReference(flat[0].corners_px[0], flat[0].corners_px[8], board_thickness_m=0.003)
+        if floor == "both":
+            marks = floor_marks(rng, camera, true_floor, noise_px)
+            reference = replace(
+                marks,
+                marks_px=marks.marks_px[[0, 2, 6, 8]],
+                marks_m=marks.marks_m[[0, 2, 6, 8]],
+                board_thickness_m=0.003,
+            )
         seen = Sightings(camera.resolution_px, boards, tuple(flat), reference)
     return CornerScene(camera, true_floor, seen)

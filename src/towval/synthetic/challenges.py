@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scenes import Scene, drive, standard_scene
 from towval.geometry import transform
+from towval.synthetic.scenes import Scene, drive, standard_scene
 
 RATE_HZ = 25.0
 
@@ -135,6 +135,31 @@ def swapped(seed: int) -> Challenge:
     return replace(base, scene=scene)
 
 
+def twin_in_view(seed: int) -> Challenge:
+    """The object is carried off under a cover while another body that looks just like it stands in full view."""
+    base = occlusion(seed)
+    scene = base.scene
+    before, beside = scene.motions[1], drive((0.3, -0.9, 0.3), 0.0)
+
+    def motion(t: float) -> np.ndarray:
+        # While it is hidden something pushes it 0.4 m aside.
+        return before(t) + 0.4 * np.clip(t - 1.2, 0.0, 0.6) / 0.6 * np.array([0.0, 1.0, 0.0])
+
+    def cover(t: float) -> list[np.ndarray]:
+        if not 1.0 < t < 2.0:
+            return []
+        return [transform(motion(t), 0.6 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]))]
+
+    scene = replace(
+        scene,
+        bodies=(*scene.bodies, replace(scene.bodies[1], name="twin")),
+        motions=(scene.motions[0], motion, beside),
+        texture_of=(0, 1, 1),
+        cover=cover,
+    )
+    return replace(base, scene=scene)
+
+
 ACCURATE = {"1 m of path": metre}
 HARD = {
     "arm and tether": arm_and_tether,
@@ -143,4 +168,10 @@ HARD = {
     "every 10th frame": every_tenth,
     "motion blur 10 px": motion_blur,
 }
-FLAGGED = {"low texture": low_texture, "full occlusion": occlusion, "leaving the image": leaving, "swapped": swapped}
+FLAGGED = {
+    "low texture": low_texture,
+    "full occlusion": occlusion,
+    "leaving the image": leaving,
+    "swapped": swapped,
+    "twin in view": twin_in_view,
+}

@@ -1,0 +1,54 @@
+"""Goes with the stage uncertainty: how many draws a run needs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from towval.choosing.margin import SHARE
+from towval.types import Choice, RunUncertainty
+from towval.uncertainty import Case, UncertaintySettings, sample_uncertainty
+
+DRAWS = (128, 256, 512, 1024, 2048)
+"""What "auto" chooses from, cheapest first."""
+
+_SETTLED = 0.1  # Limits of the verdict may change by this share when the draws are doubled.
+
+
+def sample_choosing(
+    case: Case,
+    settings: UncertaintySettings,
+    *,
+    auto: bool,
+    measurement_m: float,
+    progress: Callable[[int], None] | None = None,
+) -> RunUncertainty:
+    """Sample the uncertainty of a run; under ``auto`` with draws doubled until the result has settled.
+
+    Settled: the validation uncertainty changes by less than a third of the measurement uncertainty, and the limit of
+    the verdict by less than a tenth.
+    """
+    if not auto:
+        found = sample_uncertainty(case, settings, progress)
+        # The standard deviation of a root mean square over n normal draws.
+        change = _validation_m(found) / np.sqrt(2 * found.samples)
+        choice = Choice("draws", f"{settings.samples}", f"{2 * settings.samples}", change, "of u_val, as expected")
+        return replace(found, choices=(choice,))
+    found = sample_uncertainty(case, replace(settings, samples=DRAWS[0]))
+    for count in DRAWS[1:]:
+        more = sample_uncertainty(case, replace(settings, samples=count), progress)
+        change = abs(_validation_m(more) - _validation_m(found))
+        limits = more.signature_limit, found.signature_limit
+        settled = change <= SHARE * measurement_m and abs(limits[0] / limits[1] - 1) <= _SETTLED
+        choice = Choice("draws", f"{count}", f"{count // 2}", change, "of u_val")
+        found = replace(more, choices=(choice,))
+        if settled:
+            break
+    return found
+
+
+def _validation_m(uncertainty: RunUncertainty) -> float:
+    """Root mean square over time of the validation uncertainty of the position [m]."""
+    return float(np.sqrt(np.mean(np.trace(uncertainty.validation[:, :2, :2], axis1=1, axis2=2))))

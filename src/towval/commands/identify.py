@@ -1,0 +1,54 @@
+"""Command identify: all runs of a campaign → identify.mcap, identify.csv: inputs fitted to them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from towval.commands.run_folder import files
+from towval.commands.shared import provenance, settings_from, tell
+from towval.io.campaign import load_campaign
+from towval.io.identification import write_identification, write_identified_table
+from towval.io.records import read_decimated, read_simulated, read_tracks, read_uncertainty
+from towval.study.identify import IdentifySettings, MeasuredRun, identify
+
+
+def run(campaign: Path, results: Path, output: Path, keys: Mapping[str, Any] | None = None) -> None:
+    """Fit inputs to the runs of a campaign and predict each run from the others.
+
+    Parameters
+    ----------
+    campaign : Path
+        The campaign folder.
+    results : Path
+        Folder with a folder a run, whose stages up to ``uncertainty`` have been run.
+    output : Path
+        ``identify.mcap`` to write; the table ``identify.csv`` comes beside it.
+    keys : mapping, optional
+        ``config["identify"]``.
+    """
+    settings = settings_from(IdentifySettings, keys, "identify")
+    given = load_campaign(campaign)
+    runs, inputs = [], {}
+    for name in given.runs:
+        paths = files(results / name)
+        inputs |= {f"{name}/{paths[s].name}": paths[s] for s in ("track", "decimate", "simulate", "uncertainty")}
+        runs.append(_measured(name, paths))
+    identified = identify(given.scene, given.deviations, runs, settings)
+    tell(identified.findings, "identify")
+    write_identification(output, identified, provenance(settings, inputs))
+    write_identified_table(output.with_suffix(".csv"), identified)
+
+
+def _measured(name: str, paths: Mapping[str, Path]) -> MeasuredRun:
+    thin, simulated = read_decimated(paths["decimate"]), read_simulated(paths["simulate"])
+    return MeasuredRun(
+        name=name,
+        rover=thin["rover"],
+        towed=thin["object"],
+        object_track=read_tracks(paths["track"])["object"],
+        time_s=simulated.time_s,
+        measurement=read_uncertainty(paths["uncertainty"]).measurement,
+        rung=simulated.rung,
+    )

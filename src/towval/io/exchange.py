@@ -1,0 +1,157 @@
+"""One MCAP file a run for viewers: the film, the camera, both bodies, the tether, errors and tension together.
+
+The stages' own files each hold what one stage found; a viewer wants them side by side in one file. Layouts that open it
+are in the folder ``layouts``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from importlib.resources import files
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+
+from towval.conventions import CAMERA_FRAME, FLOOR_FRAME
+from towval.geometry import transform
+from towval.io import ros
+from towval.io.atomic import write_bytes
+from towval.io.mcap_file import Message, write_mcap
+from towval.io.records import camera_place
+from towval.io.run_record import RunRecord, seen_poses
+from towval.types import Array, Calibration, Camera, Comparison
+
+LAYOUTS = ("lichtblick.json", "rerun.rbl")
+"""Layouts for Lichtblick and Foxglove, and for Rerun."""
+
+_IMAGE_STEP_S = 0.2
+_JPEG_QUALITY = 80
+_STEP_M = 0.01
+_TETHER_Z_M = 0.02
+_ERRORS = ("along_m", "across_m", "heading_rad", "ratio")
+
+
+def write_run_file(
+    path: Path, run: RunRecord, calibration: Calibration, overlay: Path, provenance: dict[str, str]
+) -> None:
+    """Write ``run.mcap``.
+
+    Parameters
+    ----------
+    path : Path
+        Where to.
+    run : RunRecord
+        The run.
+    calibration : Calibration
+        Camera and floor.
+    overlay : Path
+        The run's overlay video; its pictures go into the file, five a second.
+    provenance : dict of str to str
+        What it was made of.
+    """
+    start_s = float(run.rover_track.time_s[0])
+    messages = [
+        camera_place(calibration.floor, start_s),
+        *_pictures(overlay, calibration.camera, start_s),
+        *_bodies(run, start_s),
+        *_motions(run),
+        *_tether(run),
+        *_errors(run.comparison),
+    ]
+    write_mcap(path, messages, {"run": run.name}, provenance)
+
+
+def write_layouts(folder: Path) -> None:
+    """Copy the layouts into a folder."""
+    for name in LAYOUTS:
+        write_bytes(folder / name, (files("towval.io") / "layouts" / name).read_bytes())
+
+
+def _pictures(overlay: Path, camera: Camera, start_s: float) -> Iterator[Message]:
+    """Pictures of the film, and with each the camera of its size."""
+    due_s = 0.0
+    with av.open(overlay) as film:
+        stream = film.streams.video[0]
+        scaled = _scaled(camera, (stream.width, stream.height))
+        for frame in film.decode(stream):
+            time_s = float(frame.pts * stream.time_base)
+            if time_s + 1e-6 < due_s:
+                continue
+            due_s += _IMAGE_STEP_S
+            picture = cv2.cvtColor(frame.to_ndarray(format="rgb24"), cv2.COLOR_RGB2BGR)
+            jpeg = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])[1]
+            now_s = start_s + time_s
+            ns = ros.nanoseconds(now_s)
+            yield Message("/camera/image", ns, ros.compressed_image(now_s, CAMERA_FRAME, jpeg.ravel()))
+            yield Message("/camera/camera_info", ns, ros.camera_info(now_s, CAMERA_FRAME, scaled))
+
+
+def _scaled(camera: Camera, size_px: tuple[int, int]) -> Camera:
+    """The camera of pictures of another size; (0, 0) is the centre of the first pixel in both."""
+    factors = np.array(size_px) / camera.resolution_px
+    matrix = camera.matrix.copy()
+    matrix[:2] *= factors[:, None]
+    matrix[:2, 2] += 0.5 * factors - 0.5
+    return Camera(size_px, matrix, camera.distortion, camera.lens_model)
+
+
+def _bodies(run: RunRecord, time_s: float) -> Iterator[Message]:
+    """Outlines of the tops as points, each in the frame that ``/tf`` moves."""
+    for frame, body in (("rover", run.rover), ("object", run.towed), ("object_simulated", run.towed)):
+        corners = np.vstack([body.top_corners_m, body.top_corners_m[:1]])
+        line = _points_along(np.column_stack([corners, np.full(len(corners), body.tracked_plane_height_m)]))
+        yield Message(f"/{frame}/outline", ros.nanoseconds(time_s), ros.point_cloud(time_s, frame, line, "xyz"))
+
+
+def _points_along(line: Array) -> Array:
+    """Points (m, 3) at equal small steps along a line through corners (n, 3) [m]."""
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+    steps = np.linspace(0, length[-1], max(2, round(length[-1] / _STEP_M)))
+    return np.stack([np.interp(steps, length, line[:, k]) for k in range(3)], axis=1)
+
+
+def _motions(run: RunRecord) -> Iterator[Message]:
+    """Poses of both bodies, measured and simulated, as transforms and as poses."""
+    motions = {
+        "rover": ("/rover/pose", run.rover_track.time_s, seen_poses(run.rover_track)),
+        "object": ("/object/pose", run.object_track.time_s, seen_poses(run.object_track)),
+        "object_simulated": ("/object/pose_simulated", run.simulated.time_s, run.simulated.pose),
+    }
+    for frame, (topic, times, poses) in motions.items():
+        for time_s, pose in zip(times, poses, strict=True):
+            if np.isfinite(pose).all():
+                ns = ros.nanoseconds(time_s)
+                yield Message(topic, ns, ros.stamped_pose(time_s, FLOOR_FRAME, pose))
+                yield Message("/tf", ns, ros.transforms(time_s, FLOOR_FRAME, {frame: pose}))
+
+
+def _tether(run: RunRecord) -> Iterator[Message]:
+    """The simulated tether as points, with its length as position and its tension as effort."""
+    simulated = run.simulated
+    hinge, anchor = _hinge(run), transform(simulated.pose, run.anchor)
+    tension = np.linalg.norm(simulated.tether_force, axis=1)
+    for i, time_s in enumerate(simulated.time_s):
+        ns = ros.nanoseconds(time_s)
+        state = ros.joint_state(time_s, ["tether"], [simulated.tether_length[i]], [], [tension[i]])
+        yield Message("/tether/state", ns, state)
+        if np.isfinite(hinge[i]).all():
+            line = _points_along(np.column_stack([[anchor[i], hinge[i]], [_TETHER_Z_M] * 2]))
+            yield Message("/tether/line", ns, ros.point_cloud(time_s, FLOOR_FRAME, line, "xyz"))
+
+
+def _errors(comparison: Comparison) -> Iterator[Message]:
+    """Errors as the positions of a JointState, the one message of named numbers that every viewer plots."""
+    shift, heading = comparison.along_across, comparison.error[:, 2]
+    for time_s, (along, across), turn, ratio in zip(comparison.time_s, shift, heading, comparison.ratio, strict=True):
+        if np.isfinite(along):
+            value = ros.joint_state(time_s, _ERRORS, [along, across, turn, ratio], [], [])
+            yield Message("/object/error_state", ros.nanoseconds(time_s), value)
+
+
+def _hinge(run: RunRecord) -> Array:
+    """Places (n, 2) of the tether's hinge at the simulated times, NaN where the rover was not seen."""
+    track = run.rover_track
+    rows = np.searchsorted(track.time_s, run.simulated.time_s - 1e-9)
+    return transform(seen_poses(track)[rows], run.hinge)

@@ -1,0 +1,27 @@
+"""Creep at rest: how far a regularised friction law let an object slide where a real one would have stuck."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from towval.types import SimulatedMotion, TowedObject
+
+
+def creep_length(motion: SimulatedMotion, towed: TowedObject, stiction_velocity: float) -> float:
+    """Way of the footprint's fastest corner at speeds below the stiction velocity [m].
+
+    Below v_s a law that rises from zero at rest lets the object slide under any pull, at about ``v_s T / (μ N)``; a
+    real one sticks. What adds up there is no motion of the real object. Read at the reported times, by the trapezium
+    rule.
+
+    Parameters
+    ----------
+    motion : SimulatedMotion
+    towed : TowedObject
+    stiction_velocity : float
+        Speed at which friction is fully there [m/s].
+    """
+    reach = float(np.linalg.norm(towed.patch.outline, axis=1).max())
+    speed = np.linalg.norm(motion.twist[:, :2], axis=1) + reach * np.abs(motion.twist[:, 2])
+    slow = np.where(speed < stiction_velocity, speed, 0.0)
+    return float(np.sum((slow[1:] + slow[:-1]) / 2 * np.diff(motion.time_s)))

@@ -1,0 +1,52 @@
+"""Presets: what `preset` in config.yaml sets, one table. A key that config.yaml gives itself counts more.
+
+"auto" as a value lets the stage choose by a quick probe on the campaign itself: the cheapest setting whose error stays
+below a third of the measurement uncertainty.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+STANDARD = "standard"
+
+PRESETS: dict[str, dict[str, dict[str, Any]]] = {
+    # A first look within the time that decoding takes.
+    "draft": {
+        "calibrate": {"lens_models": ["k1 k2"], "folds": 3},
+        "simulate": {"rung_tolerance_m": 2e-3, "tolerance_m": 1e-5},
+        "uncertainty": {"samples": 64, "tolerance_m": 1e-5},
+        "report": {"overlay_width_px": 640},
+    },
+    # The stages' own defaults.
+    STANDARD: {},
+    # Numbers to publish: nothing that the method adds should show beside what was measured.
+    "fine": {
+        "calibrate": {"folds": 12},
+        "track": {"samples": 4096},
+        "simulate": {"rung": "dynamics", "tolerance_m": 1e-9},
+        "uncertainty": {"samples": 2048, "tolerance_m": 1e-7},
+    },
+    # As much as this campaign needs.
+    "auto": {
+        "track": {"samples": "auto"},
+        "simulate": {"rung_tolerance_m": "auto", "tolerance_m": "auto"},
+        "uncertainty": {"samples": "auto"},
+    },
+}
+"""Settings by preset and stage; what is left out stays the stage's default."""
+
+
+def settings_of(preset: str, stage: str, own: dict[str, Any] | None = None) -> dict[str, Any]:
+    """Keys of a stage's section under a preset, those of config.yaml last.
+
+    Parameters
+    ----------
+    preset : str
+        A name in :data:`PRESETS`.
+    stage : str
+        The stage.
+    own : dict, optional
+        What config.yaml itself says in that section.
+    """
+    return {**PRESETS[preset].get(stage, {}), **(own or {})}

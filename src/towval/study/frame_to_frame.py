@@ -1,0 +1,46 @@
+"""A candidate tracker: KLT from each picture to the next, without a keyframe to hold on to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from towval.track import TrackSettings
+from towval.types import Array
+from towval.vision.follow import TrackerMaker
+from towval.vision.klt import KltTracker
+from towval.vision.pose import Measurement
+from towval.vision.top import Top
+
+Luma = NDArray[np.uint8]
+
+
+class FrameToFrameKlt:
+    """Follows one body by points that are new in every picture; its errors add up.
+
+    The arguments are those of :class:`towval.vision.klt.KltTracker`, of which it makes one a picture.
+    """
+
+    def __init__(self, top: Top, luma: Luma, pose: Array):
+        self.top = top
+        self.last = KltTracker(top, luma, pose)
+
+    def measure(self, luma: Luma, predicted: Array) -> Measurement | None:
+        """Pose near ``predicted`` (3,) from the points of the picture before."""
+        found = self.last.measure(luma, predicted)
+        if found is not None:
+            self.last = KltTracker(self.top, luma, found.pose)
+        return found
+
+
+@dataclass(frozen=True)
+class FrameToFrameSettings(TrackSettings):
+    """Settings of the stage ``track`` with this tracker in place of its own."""
+
+    method: str = "klt"
+
+    def tracker_maker(self) -> TrackerMaker:
+        """The function that builds a tracker."""
+        return FrameToFrameKlt

@@ -1,0 +1,142 @@
+"""The file for viewers: what is in it, that layouts name what is in it, and that other people's programs read it."""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+from importlib.resources import files
+from io import BytesIO
+
+import av
+import numpy as np
+import pytest
+from report_scenes import grey_film, small_calibration, towed_run, uncertainty_of
+from rosbags.highlevel import AnyReader
+
+from towval.geometry import transform
+from towval.io import records
+from towval.io.exchange import LAYOUTS, write_layouts, write_run_file
+from towval.io.mcap_file import read_mcap
+from towval.io.overlay import write_overlay
+
+FRAMES = 80
+
+
+@pytest.fixture(scope="module")
+def run():
+    return towed_run(n=FRAMES)
+
+
+@pytest.fixture(scope="module")
+def folder(run, tmp_path_factory):
+    """A folder with a run's files for viewers and those of two stages."""
+    folder, calibration = tmp_path_factory.mktemp("exchange"), small_calibration()
+    overlay = write_overlay(grey_film(folder / "a.mp4", FRAMES), folder / "overlay.mp4", calibration, run)
+    write_run_file(folder / "exchange.mcap", run, calibration, overlay, {"versions": "{}"})
+    write_layouts(folder)
+    records.write_comparison(folder / "compare.mcap", run.comparison, run.object_track, run.simulated, {})
+    records.write_uncertainty(folder / "uncertainty.mcap", uncertainty_of(run), run.simulated, {})
+    records.write_calibration(folder / "camera.mcap", calibration, {})
+    return folder
+
+
+@pytest.fixture(scope="module")
+def content(folder):
+    return read_mcap(folder / "exchange.mcap")
+
+
+def program(name):
+    """Path of somebody else's program: called, never imported, for two of them are GPL."""
+    path = shutil.which(name, path=os.pathsep.join([os.environ.get("TOWVAL_VIEWERS", ""), os.environ["PATH"]]))
+    if path is None:
+        pytest.skip(f"{name} is not installed: see docs/formats.md, or set TOWVAL_VIEWERS to its folder")
+    return path
+
+
+def told(*command):
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout + done.stderr
+
+
+def test_outlines_are_the_tops_at_their_height(content, run):
+    for frame, body in (("rover", run.rover), ("object", run.towed), ("object_simulated", run.towed)):
+        (cloud,) = content.values(f"/{frame}/outline")
+        points = np.frombuffer(bytes(cloud.data), "<f4").reshape(-1, 3)
+        assert cloud.header.frame_id == frame
+        np.testing.assert_allclose(points[:, 2], body.tracked_plane_height_m, rtol=1e-6)
+        np.testing.assert_allclose(points.min(axis=0)[:2], body.top_corners_m.min(axis=0), atol=1e-6)
+        np.testing.assert_allclose(points[0], points[-1])
+
+
+def test_tether_runs_from_the_simulated_anchor_to_the_measured_hinge(content, run):
+    clouds = content.values("/tether/line")
+    points = np.frombuffer(bytes(clouds[20].data), "<f4").reshape(-1, 3)
+    np.testing.assert_allclose(points[0, :2], transform(run.simulated.pose[20], run.anchor), atol=1e-6)
+    np.testing.assert_allclose(points[-1, :2], transform(run.rover_track.pose[20], run.hinge), atol=1e-6)
+
+
+def test_errors_and_tension_are_numbers_that_viewers_plot(content, run):
+    values = content.values("/object/error_state")
+    seen = np.isfinite(run.comparison.along_across[:, 0])
+    np.testing.assert_allclose([v.position[:2] for v in values], run.comparison.along_across[seen])
+    tension = [v.effort[0] for v in content.values("/tether/state")]
+    np.testing.assert_allclose(tension, np.hypot(*run.simulated.tether_force.T))
+
+
+def test_pictures_come_five_times_a_second_with_a_camera_of_their_size(content):
+    pictures, cameras = content.values("/camera/image"), content.values("/camera/camera_info")
+    assert len(pictures) == len(cameras) == int(np.ceil(FRAMES / 25 / 0.2))
+    with av.open(BytesIO(bytes(pictures[0].data)), format="mjpeg") as film:
+        picture = next(film.decode(video=0))
+    assert (picture.width, picture.height) == (cameras[0].width, cameras[0].height)
+
+
+def test_the_layout_names_only_topics_and_frames_of_the_file(folder, content):
+    layout = json.loads((folder / "lichtblick.json").read_text())
+    panels = layout["configById"]
+    named = {path["value"].split(".")[0] for panel in panels.values() for path in panel.get("paths", [])}
+    named |= set(panels["3D!floor"]["topics"]) | set(panels["Image!camera"]["imageMode"].values())
+    assert named <= set(content.topics)
+    shown = re.findall(r"\w+!\w+", json.dumps(layout["layout"]))
+    assert sorted(shown) == sorted(panels)
+
+
+def test_layouts_are_copied_whole(folder):
+    for name in LAYOUTS:
+        assert (folder / name).read_bytes() == (files("towval.io") / "layouts" / name).read_bytes()
+
+
+def test_rosbags_reads_every_message(folder):
+    with AnyReader([folder / "exchange.mcap"]) as reader:
+        for connection, _, data in reader.messages():
+            reader.deserialize(data, connection.msgtype)
+
+
+@pytest.mark.parametrize("name", ["exchange", "compare", "uncertainty", "camera"])
+def test_pymcap_cli_doctor_finds_nothing(folder, name):
+    assert "passed" in told(program("pymcap-cli"), "doctor", folder / f"{name}.mcap")
+
+
+def test_evo_finds_the_same_path_error(folder, run):
+    told_by_evo = told(program("evo_ape"), "bag2", folder / "compare.mcap", "/object/pose", "/object/pose_simulated")
+    rmse = float(re.search(r"rmse\s+([\d.]+)", told_by_evo)[1])
+    assert rmse == pytest.approx(run.comparison.path_rms_m, abs=3e-4)
+
+
+def test_rerun_understands_bodies_camera_and_plots(folder, tmp_path):
+    rerun = program("rerun")
+    told(rerun, "mcap", "convert", folder / "exchange.mcap", "-o", tmp_path / "run.rrd")
+    printed = told(rerun, "rrd", "print", tmp_path / "run.rrd")
+    for entity, component in (
+        ("/camera/image", "EncodedImage"),
+        ("/camera/camera_info", "Pinhole"),
+        ("/tf", "Transform3D"),
+        ("/rover/outline", "Points3D"),
+        ("/tether/line", "Points3D"),
+        ("/object/error_state/position", "Scalars"),
+        ("/tether/state/effort", "Scalars"),
+    ):
+        assert re.search(rf"{entity} - data columns: \[.*{component}", printed), entity
+    told(rerun, "rrd", "verify", folder / "rerun.rbl")

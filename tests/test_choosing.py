@@ -1,0 +1,103 @@
+"""Choices by probes: what is taken is enough, and what is said of the next choice is true."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from towval.calibrate import CalibrateSettings, calibrate_sightings
+from towval.choosing.lens import with_lens_choice
+from towval.choosing.margin import measurement_std_m
+from towval.choosing.simulation import TOLERANCES_M, simulate_choosing
+from towval.choosing.tracking import TRACK_SAMPLES, choose_tracking
+from towval.decimate import decimate
+from towval.physics.ladder import RUNGS
+from towval.simulate import SimulateSettings, simulate
+from towval.study.stability_carry_over import as_track, true_run
+from towval.synthetic.boards import calibration_set
+from towval.synthetic.challenges import metre
+from towval.synthetic.scenes import CeilingCamera, small_camera
+from towval.track import TrackSettings, track
+from towval.vision.camera import to_plane
+from towval.vision.uncertainty import pixel_grid
+
+
+@pytest.fixture(scope="module")
+def run():
+    """The synthetic tow as the stage simulate takes it."""
+    given, _ = true_run(3)
+    tracks = {name: decimate(as_track(name, given.time_s, getattr(given, name))) for name in ("rover", "towed")}
+    return given.scene, tracks["rover"], tracks["towed"], given.time_s
+
+
+def test_simulation_takes_the_coarsest_tolerance_that_is_enough(run):
+    settings, motion = simulate_choosing(*run, SimulateSettings(), auto=("tolerance_m",), measurement_m=3e-3)
+    choice = next(choice for choice in motion.choices if choice.what == "tolerance of a step")
+    assert choice.change_m <= 1e-3
+    exact = simulate(*run, SimulateSettings(rung=motion.rung, tolerance_m=1e-10))
+    assert np.linalg.norm(motion.pose[:, :2] - exact.pose[:, :2], axis=1).max() <= 1e-3
+    sharper, _ = simulate_choosing(*run, SimulateSettings(), auto=("tolerance_m",), measurement_m=3e-8)
+    assert sharper.tolerance_m < settings.tolerance_m
+    assert {settings.tolerance_m, sharper.tolerance_m} <= set(TOLERANCES_M)
+
+
+def test_simulation_takes_a_simpler_model_where_the_measurement_is_rough(run):
+    rungs = [
+        simulate_choosing(*run, SimulateSettings(), auto=("rung_tolerance_m",), measurement_m=measured)[1].rung
+        for measured in (1e-6, 3.0)
+    ]
+    assert rungs == ["dynamics", "tractrix"]
+
+
+def test_the_next_model_changes_the_path_by_what_the_choice_says(run):
+    _, motion = simulate_choosing(*run, SimulateSettings(rung="limit surface"), auto=(), measurement_m=np.inf)
+    choice = next(choice for choice in motion.choices if choice.what == "model of the object")
+    assert (choice.chosen, choice.next) == ("limit surface", RUNGS[-1])
+    full = simulate(*run, SimulateSettings(rung="dynamics"))
+    apart = np.linalg.norm(motion.pose[:, :2] - full.pose[:, :2], axis=1).max()
+    # The choice counts corners of the footprint, so its turn as well.
+    assert apart <= choice.change_m <= 3 * apart
+
+
+def test_tracking_takes_more_points_only_where_they_matter():
+    challenge = metre(4, 1.2)
+    scene = replace(challenge.scene, **small_camera())
+    frames = list(CeilingCamera(scene).frames(challenge.times[:16:4]))
+    clicks = scene.clicks(np.random.default_rng(4))
+    rough = replace(scene.calibration, covariance=np.diag([0.0] * 15 + [1e-4] * 3))
+    given = (frames, rough, scene.bodies, clicks, TrackSettings())
+    settings, choices = choose_tracking(*given, auto=True)
+    assert settings.samples == TRACK_SAMPLES[0]
+    # Without any uncertainty nothing is small against it.
+    bodies = [replace(body, height_std_m=1e-9) for body in scene.bodies]
+    exact = (frames, scene.calibration, bodies, clicks, TrackSettings())
+    sharper, _ = choose_tracking(*exact, auto=True)
+    assert sharper.samples == TRACK_SAMPLES[-1]
+    more = track(iter(frames), rough, scene.bodies, clicks, TrackSettings(samples=TRACK_SAMPLES[1]))
+    few = track(iter(frames), rough, scene.bodies, clicks, TrackSettings(samples=TRACK_SAMPLES[0]))
+    for body, choice in choices.items():
+        gap = few[body].pose[:, :2] - more[body].pose[:, :2]
+        assert choice.change_m == pytest.approx(np.sqrt(np.mean(np.sum(gap**2, axis=1))))
+
+
+def test_the_next_lens_model_is_held_against_the_chosen_one():
+    scene = calibration_set(5, views=10, floor="boards")
+    settings = CalibrateSettings(lens_models=("k1 k2",))
+    calibration = calibrate_sightings(scene.seen, settings, {})
+    (choice,) = with_lens_choice(calibration, scene.seen.reference, settings, 0.3).choices
+    assert (choice.chosen, choice.next) == ("k1 k2", "k1 k2 p1 p2")
+    larger = calibrate_sightings(scene.seen, CalibrateSettings(lens_models=("k1 k2 p1 p2",)), {})
+    pixels = pixel_grid(calibration.camera.resolution_px, 16).reshape(-1, 2)
+    one, other = (to_plane(each.camera, each.floor, pixels, 0.3) for each in (calibration, larger))
+    assert choice.change_m == pytest.approx(np.sqrt(np.mean(np.sum((one - other) ** 2, axis=1))), rel=1e-3)
+
+
+def test_the_measurement_uncertainty_grows_with_the_height_that_is_not_known():
+    scene = calibration_set(5, views=10, floor="boards")
+    calibration = calibrate_sightings(scene.seen, CalibrateSettings(), {})
+    body = metre(1).scene.bodies[0]
+    places = [[1.0, 0.5], [-1.0, 0.2]]
+    known, unknown = (measurement_std_m(calibration, replace(body, height_std_m=std), places) for std in (1e-6, 0.01))
+    assert 0 < known < unknown
+    # A centimetre of height moves a place at about 1.1 m from the nadir, 3.6 m below the camera, by some 3 mm.
+    assert np.sqrt(unknown**2 - known**2) == pytest.approx(0.01 * 1.1 / 3.6, rel=0.4)

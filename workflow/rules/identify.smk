@@ -1,0 +1,29 @@
+# Kept apart from the validation: nothing of it goes into simulate, uncertainty or compare.
+rule identify:
+    input:
+        tracks=per_run("track.mcap"),
+        decimated=per_run("decimate.mcap"),
+        simulated=per_run("simulate.mcap"),
+        uncertainties=per_run("uncertainty.mcap"),
+    output:
+        values=results("{campaign}", "identify.mcap"),
+        table=results("{campaign}", "identify.csv"),
+    log:
+        results("{campaign}", "logs", "identify.log"),
+    benchmark:
+        results("{campaign}", "benchmarks", "identify.tsv")
+    conda:
+        "../envs/towval.yaml"
+    resources:
+        mem_mb=1000,
+        runtime=30,
+    params:
+        campaign=folder,
+        results=lambda wildcards: str(RESULTS / wildcards.campaign),
+        given=given("rover", "object", "tether", "friction"),
+        settings=section("identify"),
+        code=code("identify"),
+    message:
+        "{wildcards.campaign}: identify inputs from the runs"
+    script:
+        "../scripts/identify.py"
