@@ -57,5 +57,5 @@ def test_table_has_a_row_a_parameter(tmp_path):
 
 def test_a_file_of_another_stage_is_refused(tmp_path):
     write_mcap(tmp_path / "other.mcap", [], {"outcome": "converged"}, {})
-    with pytest.raises(InputError, match="no identification"):
+    with pytest.raises(InputError, match="made by another stage"):
         read_identification(tmp_path / "other.mcap")

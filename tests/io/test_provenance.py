@@ -24,7 +24,7 @@ def script(tmp_path):
     return path
 
 
-@pytest.mark.parametrize("module", ["decimate.py", "types/tracks.py", "io/records.py", "commands/decimate.py"])
+@pytest.mark.parametrize("module", ["decimate.py", "types/tracks.py", "io/records/tracks.py", "commands/decimate.py"])
 def test_an_edit_in_a_used_module_changes_it(package, script, module):
     before = provenance.code_hash(script)
     with (package / module).open("a") as stream:

@@ -9,7 +9,7 @@ from towval.study.integrator_studies import lap_scene
 
 def test_four_points_are_off_and_spheres_less_so():
     """From elsewhere: 65 mm RMS and 0.2 m at most for a box on a lap of 40 s, whatever the time step."""
-    pytest.importorskip("mujoco")
+    pytest.importorskip("mujoco", reason="an optional peer to compare with: pip install 'towval[bench]'")
     box, spheres = mujoco_rows(lap_scene(40.0), (0.004,))
     assert box["outcome"] == "computed"
     assert box["rms_m"] == pytest.approx(0.065, abs=0.01)

@@ -32,7 +32,7 @@ def test_tighter_tolerances_cost_more_calls_and_leave_less_error():
 def test_other_integrators_come_to_the_same_motion(method):
     """The reference is our integrator's; that others agree with it is what makes it one."""
     if method == study.CVODE:
-        pytest.importorskip("sksundae")
+        pytest.importorskip("sksundae", reason="an optional peer to compare with: pip install 'towval[bench]'")
     (row,) = rows_of(method, (1e-10,))
     assert row["outcome"] == "converged"
     assert row["error_m"] < 1e-5

@@ -8,11 +8,11 @@ import numpy as np
 import pandas as pd
 
 from towval.conventions import FLOOR_FRAME
-from towval.errors import InputError
 from towval.io import ros
 from towval.io.atomic import write_text
 from towval.io.mcap_file import Message, read_mcap, write_mcap
-from towval.types import Finding, Identification, Prediction, Severity
+from towval.io.records.details import details_with, findings_in, findings_out, planar_poses
+from towval.types import Identification, Prediction
 
 
 def write_identification(path: Path, identified: Identification, provenance: dict[str, str]) -> None:
@@ -39,7 +39,7 @@ def write_identification(path: Path, identified: Identification, provenance: dic
             }
             for p in identified.predictions
         ],
-        "findings": [{"severity": str(f.severity), "code": f.code, "text": f.text} for f in identified.findings],
+        "findings": findings_out(identified.findings),
     }
     write_mcap(path, messages, details, provenance)
 
@@ -53,16 +53,12 @@ def read_identification(path: Path) -> Identification:
         When the file is missing, damaged or of another stage.
     """
     content = read_mcap(path)
-    details = content.details
-    if "identifiable" not in details:
-        raise InputError(f"{path} holds no identification", allowed="a file that the command identify made")
+    details = details_with(content, path, "identifiable")
     predictions = []
     for entry in details["predictions"]:
         topic = f"/{entry['run']}/object/pose_predicted"
         poses = [value.pose for value in content.values(topic)]
-        pose = np.array([[v.position.x, v.position.y, ros.heading_of(v.orientation)] for v in poses])
-        pose[:, 2] = np.unwrap(pose[:, 2])
-        predictions.append(Prediction(time_s=content.times_s(topic), pose=pose, **entry))
+        predictions.append(Prediction(time_s=content.times_s(topic), pose=planar_poses(poses), **entry))
     p = len(details["parameters"])
     return Identification(
         parameters=tuple(details["parameters"]),
@@ -73,7 +69,7 @@ def read_identification(path: Path) -> Identification:
         covariance=np.array(details["covariance"], dtype=np.float64).reshape(p, p),
         identifiable=tuple(details["identifiable"]),
         predictions=tuple(predictions),
-        findings=tuple(Finding(Severity(f["severity"]), f["code"], f["text"]) for f in details["findings"]),
+        findings=findings_in(details["findings"]),
     )
 
 

@@ -1,0 +1,68 @@
+"""``camera.mcap`` and back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from scipy.spatial.transform import Rotation
+
+from towval.conventions import CAMERA_FRAME, FLOOR_FRAME
+from towval.io import ros
+from towval.io.mcap_file import Message, read_mcap, write_mcap
+from towval.io.records.details import arrays, choices_in, choices_out, details_with, findings_in, findings_out, plain
+from towval.types import Calibration, Camera, Floor, View
+
+
+def write_calibration(path: Path, calibration: Calibration, provenance: dict[str, str]) -> None:
+    """Write ``camera.mcap``: ``/camera/camera_info`` and ``/tf_static``, both at time zero."""
+    T = calibration.floor.T_camera_floor
+    messages = [
+        Message("/camera/camera_info", 0, ros.camera_info(0.0, CAMERA_FRAME, calibration.camera)),
+        camera_place(calibration.floor, 0.0),
+    ]
+    details = {
+        "camera": {
+            "resolution_px": list(calibration.camera.resolution_px),
+            "matrix": calibration.camera.matrix.tolist(),
+            "distortion": calibration.camera.distortion.tolist(),
+            "lens_model": calibration.camera.lens_model,
+        },
+        "T_camera_floor": T.tolist(),
+        "covariance": calibration.covariance.tolist(),
+        "corner_noise_px": calibration.corner_noise_px,
+        "views": [plain(view) for view in calibration.views],
+        "findings": findings_out(calibration.findings),
+        "choices": choices_out(calibration.choices),
+        "quality": dict(calibration.quality),
+    }
+    write_mcap(path, messages, details, provenance)
+
+
+def read_calibration(path: Path) -> Calibration:
+    """Read ``camera.mcap``.
+
+    Raises
+    ------
+    InputError
+        When the file is missing, damaged or no calibration.
+    """
+    details = details_with(read_mcap(path), path, "camera", "T_camera_floor", "covariance")
+    camera = dict(details["camera"])
+    camera["resolution_px"] = tuple(camera["resolution_px"])
+    return Calibration(
+        camera=Camera(**camera),
+        floor=Floor(details["T_camera_floor"]),
+        covariance=details["covariance"],
+        corner_noise_px=details["corner_noise_px"],
+        views=tuple(View(**arrays(view)) for view in details["views"]),
+        findings=findings_in(details["findings"]),
+        quality=details["quality"],
+        choices=choices_in(details),
+    )
+
+
+def camera_place(floor: Floor, time_s: float) -> Message:
+    """The camera in the floor frame, on ``/tf_static``."""
+    quaternion = Rotation.from_matrix(floor.T_camera_floor[:3, :3].T).as_quat()
+    static = ros.rigid_transform(time_s, FLOOR_FRAME, CAMERA_FRAME, floor.camera_position_m, quaternion)
+    return Message("/tf_static", ros.nanoseconds(time_s), static)

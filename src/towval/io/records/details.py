@@ -1,0 +1,94 @@
+"""What fits no ROS message, as plain JSON values and back: the attachment ``details.json`` of a file."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from towval.errors import InputError
+from towval.io import ros
+from towval.io.mcap_file import McapContent
+from towval.types import Array, Choice, Finding, Severity
+
+
+def json_value(value: Any) -> Any:
+    """A JSON value: NaN, which JSON does not know, becomes null."""
+    return None if isinstance(value, float) and np.isnan(value) else value
+
+
+def plain(value: Any) -> dict[str, Any]:
+    """A dataclass of arrays, numbers and texts as JSON-able values; NaN becomes null."""
+    plain = {}
+    for field in dataclasses.fields(value):
+        item = getattr(value, field.name)
+        if isinstance(item, np.ndarray):
+            item = [[json_value(x) for x in row] for row in item.tolist()]
+        plain[field.name] = json_value(item)
+    return plain
+
+
+def arrays(plain: dict[str, Any]) -> dict[str, Any]:
+    """Undo :func:`plain`: lists become arrays and null becomes NaN."""
+    return {
+        key: np.array(item, dtype=np.float64).reshape(len(item), 2)
+        if isinstance(item, list)
+        else np.nan
+        if item is None
+        else item
+        for key, item in plain.items()
+    }
+
+
+def findings_out(findings: tuple[Finding, ...]) -> list[dict[str, str]]:
+    """Findings as rows of texts."""
+    return [{"severity": str(f.severity), "code": f.code, "text": f.text} for f in findings]
+
+
+def findings_in(rows: list[dict[str, str]]) -> tuple[Finding, ...]:
+    """Findings of rows of texts."""
+    return tuple(Finding(Severity(row["severity"]), row["code"], row["text"]) for row in rows)
+
+
+def choices_out(choices: tuple[Choice, ...]) -> list[dict[str, Any]]:
+    """Choices as rows; a change that is not known becomes null."""
+    return [{name: json_value(value) for name, value in dataclasses.asdict(choice).items()} for choice in choices]
+
+
+def choices_in(details: dict[str, Any]) -> tuple[Choice, ...]:
+    """Choices of a file's details."""
+    rows = details["choices"]
+    return tuple(Choice(**{**row, "change_m": np.nan if row["change_m"] is None else row["change_m"]}) for row in rows)
+
+
+def details_with(content: McapContent, path: Path, *names: str) -> dict[str, Any]:
+    """Details of a file that must hold some names.
+
+    Raises
+    ------
+    InputError
+        When one is missing: the file is of another stage.
+    """
+    missing = [name for name in names if name not in content.details]
+    if missing:
+        raise InputError(
+            f"{path} was made by another stage",
+            got=f"no {', '.join(missing)} in its details",
+            remedy="give the file that this stage's documentation names",
+        )
+    return content.details
+
+
+def planar_poses(values: list[Any]) -> Array:
+    """Poses (n, 3) [m, m, rad] of ROS poses, headings unwrapped."""
+    pose = np.array([[v.position.x, v.position.y, ros.heading_of(v.orientation)] for v in values]).reshape(-1, 3)
+    pose[:, 2] = np.unwrap(pose[:, 2])
+    return pose
+
+
+def planar_twists(values: list[Any]) -> Array:
+    """Rates (n, 3) [m/s, m/s, rad/s] of ROS twists."""
+    rows = [[v.twist.linear.x, v.twist.linear.y, v.twist.angular.z] for v in values]
+    return np.array(rows).reshape(-1, 3)

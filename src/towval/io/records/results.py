@@ -1,0 +1,180 @@
+"""``simulate.mcap``, ``uncertainty.mcap`` and ``compare.mcap`` and back."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+
+from towval.conventions import FLOOR_FRAME
+from towval.io import ros
+from towval.io.mcap_file import Message, read_mcap, write_mcap
+from towval.io.records.details import (
+    choices_in,
+    choices_out,
+    details_with,
+    findings_in,
+    findings_out,
+    json_value,
+    planar_poses,
+    planar_twists,
+)
+from towval.io.records.tracks import track_messages
+from towval.types import Comparison, RunUncertainty, SimulatedMotion, Track, Verdict
+
+
+def write_simulated(path: Path, simulated: SimulatedMotion, provenance: dict[str, str]) -> None:
+    """Write ``simulate.mcap``: simulated poses and twists, tether force, tether length and tension."""
+    messages = []
+    for i, t in enumerate(simulated.time_s):
+        ns, pose, force = ros.nanoseconds(t), simulated.pose[i], simulated.tether_force[i]
+        state = ros.joint_state(t, ["tether"], [simulated.tether_length[i]], [], [np.hypot(*force)])
+        messages += [
+            Message("/object/pose_simulated", ns, ros.stamped_pose(t, FLOOR_FRAME, pose)),
+            Message("/object/twist_simulated", ns, ros.stamped_twist(t, FLOOR_FRAME, simulated.twist[i])),
+            Message("/tether/wrench", ns, ros.wrench(t, FLOOR_FRAME, force)),
+            Message("/tether/state", ns, state),
+            Message("/tf", ns, ros.transforms(t, FLOOR_FRAME, {"object_simulated": pose})),
+        ]
+    details = {
+        "outcome": str(simulated.outcome),
+        "advice": simulated.advice,
+        "rung": str(simulated.rung),
+        "findings": findings_out(simulated.findings),
+        "statistics": dict(simulated.statistics),
+        "choices": choices_out(simulated.choices),
+    }
+    write_mcap(path, messages, details, provenance)
+
+
+def read_simulated(path: Path) -> SimulatedMotion:
+    """Read ``simulate.mcap``.
+
+    Raises
+    ------
+    InputError
+        When the file is missing, damaged or no simulation.
+    """
+    content = read_mcap(path)
+    details = details_with(content, path, "outcome", "rung")
+    pose = planar_poses([value.pose for value in content.values("/object/pose_simulated")])
+    return SimulatedMotion(
+        time_s=content.times_s("/object/pose_simulated"),
+        pose=pose,
+        twist=planar_twists(content.values("/object/twist_simulated")),
+        tether_force=np.array([[v.wrench.force.x, v.wrench.force.y] for v in content.values("/tether/wrench")]),
+        tether_length=np.array([value.position[0] for value in content.values("/tether/state")]),
+        outcome=details["outcome"],
+        advice=details["advice"],
+        rung=details["rung"],
+        findings=findings_in(details["findings"]),
+        statistics=details["statistics"],
+        choices=choices_in(details),
+    )
+
+
+_UNCERTAINTY_ARRAYS = ("measurement", "simulation", "validation")
+
+
+def write_uncertainty(
+    path: Path, uncertainty: RunUncertainty, simulated: SimulatedMotion, provenance: dict[str, str]
+) -> None:
+    """Write ``uncertainty.mcap``: the simulated pose with the covariances of measurement, simulation and error."""
+    messages = []
+    for i, t in enumerate(uncertainty.time_s):
+        for name in _UNCERTAINTY_ARRAYS:
+            covariance = getattr(uncertainty, name)[i]
+            value = ros.pose_with_covariance(t, FLOOR_FRAME, simulated.pose[i], covariance)
+            messages.append(Message(f"/object/{name}_uncertainty", ros.nanoseconds(t), value))
+    skipped = ("time_s", "findings", *_UNCERTAINTY_ARRAYS)
+    names = [field.name for field in dataclasses.fields(uncertainty) if field.name not in skipped]
+    details = {name: getattr(uncertainty, name) for name in names}
+    details["signature"] = uncertainty.signature.tolist()
+    details["findings"] = findings_out(uncertainty.findings)
+    details["choices"] = choices_out(uncertainty.choices)
+    write_mcap(path, messages, details, provenance)
+
+
+def read_uncertainty(path: Path) -> RunUncertainty:
+    """Read ``uncertainty.mcap``.
+
+    Raises
+    ------
+    InputError
+        When the file is missing, damaged or of another stage.
+    """
+    content = read_mcap(path)
+    details = dict(details_with(content, path, "signature_limit", "shares"))
+    details["findings"], details["choices"] = findings_in(details["findings"]), choices_in(details)
+    topics = {name: f"/object/{name}_uncertainty" for name in _UNCERTAINTY_ARRAYS}
+    arrays = {
+        name: np.array([ros.planar_covariance(value) for value in content.values(topic)])
+        for name, topic in topics.items()
+    }
+    return RunUncertainty(time_s=content.times_s(topics["validation"]), **arrays, **details)
+
+
+_COMPARISON_ARRAYS = ("time_s", "error", "along_across", "ratio")
+
+_COMPARISON_SCALARS = tuple(
+    f.name for f in dataclasses.fields(Comparison) if f.name not in (*_COMPARISON_ARRAYS, "findings")
+)
+
+
+def write_comparison(
+    path: Path, comparison: Comparison, measured: Track, simulated: SimulatedMotion, provenance: dict[str, str]
+) -> None:
+    """Write ``compare.mcap``: ``/object/error``, and both paths again, so that one file serves other tools."""
+    messages = error_messages(comparison)
+    messages += track_messages("object", dataclasses.replace(measured, features=None))
+    for t, pose in zip(simulated.time_s, simulated.pose, strict=True):
+        value = ros.stamped_pose(t, FLOOR_FRAME, pose)
+        messages.append(Message("/object/pose_simulated", ros.nanoseconds(t), value))
+    details = {name: json_value(getattr(comparison, name)) for name in _COMPARISON_SCALARS}
+    details["time_ns"] = [ros.nanoseconds(t) for t in comparison.time_s]
+    details["findings"] = findings_out(comparison.findings)
+    write_mcap(path, messages, details, provenance)
+
+
+def error_messages(comparison: Comparison) -> list[Message]:
+    """The errors of a run on ``/object/error``, ``/object/error_along_across`` and ``/object/error_ratio``."""
+    messages = []
+    rows = zip(*(getattr(comparison, name) for name in _COMPARISON_ARRAYS), strict=True)
+    for t, error, shift, ratio in rows:
+        ns = ros.nanoseconds(t)
+        if np.isfinite(ratio):
+            messages.append(Message("/object/error_ratio", ns, ros.number(ratio)))
+        if np.isfinite(error).all():
+            messages.append(Message("/object/error", ns, ros.stamped_vector(t, FLOOR_FRAME, error)))
+            value = ros.stamped_vector(t, "object_path", np.append(shift, error[2]))
+            messages.append(Message("/object/error_along_across", ns, value))
+    return messages
+
+
+def read_comparison(path: Path) -> Comparison:
+    """Read ``compare.mcap``.
+
+    Raises
+    ------
+    InputError
+        When the file is missing, damaged or no comparison.
+    """
+    content = read_mcap(path)
+    details = details_with(content, path, *_COMPARISON_SCALARS)
+    time_ns = np.array(details["time_ns"], dtype=np.int64)
+    index = {int(t): i for i, t in enumerate(time_ns)}
+    error, shift = np.full((len(time_ns), 3), np.nan), np.full((len(time_ns), 2), np.nan)
+    ratio = np.full(len(time_ns), np.nan)
+    for message in content.topics.get("/object/error_ratio", []):
+        ratio[index[message.time_ns]] = message.value.data
+    for message in content.topics.get("/object/error", []):
+        vector = message.value.vector
+        error[index[message.time_ns]] = vector.x, vector.y, vector.z
+    for message in content.topics.get("/object/error_along_across", []):
+        shift[index[message.time_ns]] = message.value.vector.x, message.value.vector.y
+    scalars = {name: np.nan if details[name] is None else details[name] for name in _COMPARISON_SCALARS}
+    scalars["verdict"] = Verdict(scalars["verdict"])
+    findings = findings_in(details["findings"])
+    arrays = {"time_s": time_ns / 1e9, "error": error, "along_across": shift, "ratio": ratio}
+    return Comparison(**arrays, findings=findings, **scalars)

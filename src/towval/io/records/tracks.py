@@ -1,0 +1,184 @@
+"""``track.mcap`` and ``decimate.mcap`` and back."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from towval.conventions import FLOOR_FRAME
+from towval.errors import InputError
+from towval.io import ros
+from towval.io.mcap_file import McapContent, Message, read_mcap, write_mcap
+from towval.io.records.details import choices_in, choices_out, findings_in, findings_out, planar_poses, planar_twists
+from towval.types import DecimatedTrack, Features, Track, TrackStatus
+
+_LEVELS = {TrackStatus.TRACKED: 0, TrackStatus.COASTING: 1, TrackStatus.LOST: 2}
+"""Level of a DiagnosticStatus (OK, WARN, ERROR) of a pose's status."""
+
+_STATUS = {level: status for status, level in _LEVELS.items()}
+
+
+def write_tracks(path: Path, tracks: dict[str, Track], provenance: dict[str, str]) -> None:
+    """Write ``track.mcap``: poses, features, tf and the diagnostics of every frame."""
+    messages = [message for name, track in tracks.items() for message in track_messages(name, track)]
+    messages += _frame_messages(tracks)
+    details = {
+        name: {
+            "method": track.method,
+            "start_covariance": track.start_covariance.tolist(),
+            "findings": findings_out(track.findings),
+            "choices": choices_out(track.choices),
+            "time_ns": [ros.nanoseconds(t) for t in track.time_s],
+        }
+        for name, track in tracks.items()
+    }
+    write_mcap(path, messages, details, provenance)
+
+
+def track_messages(name: str, track: Track) -> Iterator[Message]:
+    """Poses and features of a body, on the topics of its name."""
+    for i in np.flatnonzero(track.status != TrackStatus.LOST):
+        t = track.time_s[i]
+        value = ros.pose_with_covariance(t, FLOOR_FRAME, track.pose[i], track.covariance[i])
+        yield Message(f"/{name}/pose", ros.nanoseconds(t), value)
+    if track.features is not None:
+        order = np.argsort(track.features.frame, kind="stable")
+        frames, starts = np.unique(track.features.frame[order], return_index=True)
+        for frame, rows in zip(frames, np.split(order, starts[1:]), strict=True):
+            t = track.time_s[frame]
+            points = np.column_stack([track.features.floor_m[rows], track.features.weight[rows]])
+            cloud = ros.point_cloud(t, FLOOR_FRAME, points, ("x", "y", "z", "weight"))
+            yield Message(f"/{name}/features", ros.nanoseconds(t), cloud)
+
+
+def _frame_messages(tracks: dict[str, Track]) -> Iterator[Message]:
+    time_s = next(iter(tracks.values())).time_s
+    for i, t in enumerate(time_s):
+        poses = {name: track.pose[i] for name, track in tracks.items() if track.status[i] != TrackStatus.LOST}
+        if poses:
+            yield Message("/tf", ros.nanoseconds(t), ros.transforms(t, FLOOR_FRAME, poses))
+        entries = [
+            (
+                _LEVELS[TrackStatus(track.status[i])],
+                name,
+                TrackStatus(track.status[i]).name.lower(),
+                {"inlier_fraction": repr(float(track.inlier_fraction[i])), "residual": repr(float(track.residual[i]))},
+            )
+            for name, track in tracks.items()
+        ]
+        yield Message("/diagnostics", ros.nanoseconds(t), ros.diagnostics(t, entries))
+
+
+def read_tracks(path: Path) -> dict[str, Track]:
+    """Read ``track.mcap``: the track of each body by name.
+
+    Raises
+    ------
+    InputError
+        When the file is missing, damaged or holds no tracks.
+    """
+    content = read_mcap(path)
+    if not content.details or not content.values("/diagnostics"):
+        raise InputError(f"{path} holds no tracks", allowed="a file that the stage track made")
+    try:
+        return {name: _track(name, content, details) for name, details in content.details.items()}
+    except (KeyError, StopIteration) as error:
+        raise InputError(
+            f"{path} contradicts itself",
+            got=f"{type(error).__name__}: {error}",
+            remedy="delete it and run the stage track again",
+        ) from None
+
+
+def _track(name: str, content: McapContent, details: dict[str, Any]) -> Track:
+    time_ns = np.array(details["time_ns"], dtype=np.int64)
+    n = len(time_ns)
+    index = {int(t): i for i, t in enumerate(time_ns)}
+    pose, covariance = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan)
+    for message in content.topics.get(f"/{name}/pose", []):
+        i = index[message.time_ns]
+        position = message.value.pose.pose.position
+        pose[i] = position.x, position.y, ros.heading_of(message.value.pose.pose.orientation)
+        covariance[i] = ros.planar_covariance(message.value)
+    seen = np.isfinite(pose[:, 2])
+    pose[seen, 2] = np.unwrap(pose[seen, 2])
+    status, inliers, residual = np.zeros(n, dtype=np.uint8), np.full(n, np.nan), np.full(n, np.nan)
+    for message in content.topics["/diagnostics"]:
+        i = index[message.time_ns]
+        entry = next(entry for entry in message.value.status if entry.name == name)
+        values = {pair.key: float(pair.value) for pair in entry.values}
+        status[i], inliers[i], residual[i] = _STATUS[entry.level], values["inlier_fraction"], values["residual"]
+    return Track(
+        body=name,
+        time_s=time_ns / 1e9,
+        pose=pose,
+        covariance=covariance,
+        status=status,
+        inlier_fraction=inliers,
+        residual=residual,
+        start_covariance=np.array(details["start_covariance"]),
+        features=_features(content.topics.get(f"/{name}/features", []), index),
+        findings=findings_in(details["findings"]),
+        method=details["method"],
+        choices=choices_in(details),
+    )
+
+
+def _features(messages: list[Message], index: dict[int, int]) -> Features | None:
+    if not messages:
+        return None
+    clouds = [ros.cloud_points(message.value) for message in messages]
+    frames = np.repeat([index[message.time_ns] for message in messages], [len(cloud) for cloud in clouds])
+    table = np.concatenate(clouds)
+    return Features(frame=frames, floor_m=table[:, :3], weight=table[:, 3])
+
+
+def write_decimated(path: Path, decimated: dict[str, DecimatedTrack], provenance: dict[str, str]) -> None:
+    """Write ``decimate.mcap``: the kept poses and their rates."""
+    messages, details = [], {}
+    for name, track in decimated.items():
+        for t, pose, rate, covariance in zip(track.time_s, track.pose, track.rate, track.covariance, strict=True):
+            ns = ros.nanoseconds(t)
+            messages.append(Message(f"/{name}/pose", ns, ros.pose_with_covariance(t, FLOOR_FRAME, pose, covariance)))
+            messages.append(Message(f"/{name}/twist", ns, ros.stamped_twist(t, FLOOR_FRAME, rate)))
+            messages.append(Message("/tf", ns, ros.transforms(t, FLOOR_FRAME, {name: pose})))
+        details[name] = {
+            "noise": track.noise.tolist(),
+            "pauses": track.pauses.tolist(),
+            "frames": track.frames,
+            "misfit": track.misfit.tolist(),
+            "findings": findings_out(track.findings),
+        }
+    write_mcap(path, messages, details, provenance)
+
+
+def read_decimated(path: Path) -> dict[str, DecimatedTrack]:
+    """Read ``decimate.mcap``: the thinned track of each body by name.
+
+    Raises
+    ------
+    InputError
+        When the file is missing, damaged or holds no thinned tracks.
+    """
+    content = read_mcap(path)
+    if not content.details:
+        raise InputError(f"{path} holds no decimated tracks", allowed="a file that the stage decimate made")
+    tracks = {}
+    for name, details in content.details.items():
+        values = content.values(f"/{name}/pose")
+        tracks[name] = DecimatedTrack(
+            body=name,
+            time_s=content.times_s(f"/{name}/pose"),
+            pose=planar_poses([value.pose.pose for value in values]),
+            rate=planar_twists(content.values(f"/{name}/twist")),
+            covariance=np.array([ros.planar_covariance(value) for value in values]),
+            noise=details["noise"],
+            pauses=details["pauses"],
+            frames=details["frames"],
+            misfit=details["misfit"],
+            findings=findings_in(details["findings"]),
+        )
+    return tracks
