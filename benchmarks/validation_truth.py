@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from towval.geometry import compose, rigid_fit, transform
 from towval.physics.friction_law import fit_makkar
+from towval.synthetic.measured import measured_track
 from towval.synthetic.scenes import ceiling, drive, two_bodies
 from towval.types import (
     Array,
@@ -30,7 +31,6 @@ from towval.types import (
     Scene,
     Tether,
     Track,
-    TrackStatus,
 )
 from towval.vision.camera import project, to_plane
 
@@ -273,13 +273,4 @@ class TrueCamera:
         placed[:, 2] = np.unwrap(placed[:, 2])
         placed = compose(placed, START_STD * error[:3])
         placed += FRAME_STD * self.rng.standard_normal(placed.shape)
-        return Track(
-            body=body.name,
-            time_s=time_s,
-            pose=placed,
-            covariance=np.tile(np.diag(FRAME_STD**2), (n, 1, 1)),
-            status=np.full(n, TrackStatus.TRACKED, dtype=np.uint8),
-            inlier_fraction=np.ones(n),
-            residual=np.full(n, 0.1),
-            start_covariance=np.diag(START_STD**2),
-        )
+        return measured_track(body.name, time_s, placed, FRAME_STD, START_STD)

@@ -13,9 +13,10 @@ from towval.choosing.tracking import TRACK_SAMPLES, choose_tracking
 from towval.decimate import decimate
 from towval.physics.ladder import RUNGS
 from towval.simulate import SimulateSettings, simulate
-from towval.study.stability_carry_over import as_track, true_run
+from towval.study.stability_carry_over import NOISE, true_run
 from towval.synthetic.boards import calibration_set
 from towval.synthetic.challenges import metre
+from towval.synthetic.measured import measured_track
 from towval.synthetic.scenes import CeilingCamera, small_camera
 from towval.track import TrackSettings, track
 from towval.vision.camera import to_plane
@@ -26,7 +27,9 @@ from towval.vision.uncertainty import pixel_grid
 def run():
     """The synthetic tow as the stage simulate takes it."""
     given, _ = true_run(3)
-    tracks = {name: decimate(as_track(name, given.time_s, getattr(given, name))) for name in ("rover", "towed")}
+    tracks = {
+        name: decimate(measured_track(name, given.time_s, getattr(given, name), NOISE)) for name in ("rover", "towed")
+    }
     return given.scene, tracks["rover"], tracks["towed"], given.time_s
 
 

@@ -17,8 +17,9 @@ from towval.geometry import compose
 from towval.simulate import simulate
 from towval.study.products import Part, Row, Scatter, Study
 from towval.synthetic import campaign
+from towval.synthetic.measured import measured_track
 from towval.synthetic.scenes import drive
-from towval.types import Array, FrictionWish, Load, Patch, Scene, Tether, Track, TrackStatus
+from towval.types import Array, FrictionWish, Load, Patch, Scene, Tether
 
 DURATION_S = 10.0
 NOISE = np.array([2e-4, 2e-4, 4e-4])
@@ -53,21 +54,6 @@ def true_run(seed: int) -> tuple[_Run, Array]:
     poses = [np.array([rover(t) for t in times]), towed]
     noisy = [pose + NOISE * rng.standard_normal(pose.shape) for pose in poses]
     return _Run(scene, times, *noisy), towed
-
-
-def as_track(body: str, time_s: Array, pose: Array) -> Track:
-    """Poses as the stage track hands them on, with the noise that they have."""
-    n = len(time_s)
-    return Track(
-        body=body,
-        time_s=time_s,
-        pose=pose,
-        covariance=np.tile(np.diag(NOISE**2), (n, 1, 1)),
-        status=np.full(n, TrackStatus.TRACKED, dtype=np.uint8),
-        inlier_fraction=np.ones(n),
-        residual=np.full(n, 0.1),
-        start_covariance=np.zeros((3, 3)),
-    )
 
 
 def _slower(run: _Run, rate_hz: float) -> _Run:
@@ -119,7 +105,7 @@ def carry_over_rows(fault: str, sizes: list[float], seed: int) -> list[Row]:
     rows = []
     for size in sizes:
         given = FAULTS[fault](run, size)
-        tracks = {name: as_track(name, given.time_s, getattr(given, name)) for name in ("rover", "towed")}
+        tracks = {name: measured_track(name, given.time_s, getattr(given, name), NOISE) for name in ("rover", "towed")}
         motion = simulate(given.scene, decimate(tracks["rover"]), decimate(tracks["towed"]), given.time_s)
         true = np.column_stack([np.interp(motion.time_s, true_times, truth[:, k]) for k in range(3)])
         seen = given.towed[np.searchsorted(given.time_s, motion.time_s - 1e-9)]

@@ -9,7 +9,8 @@ from scipy.interpolate import CubicSpline
 
 from towval.decimate import DecimateSettings, decimate
 from towval.study.products import Row, Scatter, Study
-from towval.types import Array, Track, TrackStatus
+from towval.synthetic.measured import measured_track
+from towval.types import Array, Track
 
 RATE_HZ, DURATION_S, STOP_S, GO_S = 25, 24.0, 10.0, 14.0
 NOISE = np.array([3e-4, 3e-4, 5e-4])
@@ -36,17 +37,7 @@ def measured(seed: int) -> Track:
         time_s[::_FINE],
         pose[::_FINE] + np.random.default_rng(seed).normal(size=(len(time_s[::_FINE]), 3)) * NOISE,
     )
-    n = len(time_s)
-    return Track(
-        body="rover",
-        time_s=time_s,
-        pose=pose,
-        covariance=np.tile(np.diag(NOISE**2), (n, 1, 1)),
-        status=np.full(n, TrackStatus.TRACKED, dtype=np.uint8),
-        inlier_fraction=np.ones(n),
-        residual=np.full(n, 0.1),
-        start_covariance=np.zeros((3, 3)),
-    )
+    return measured_track("rover", time_s, pose, NOISE)
 
 
 def decimation_rows(seeds: list[int]) -> list[Row]:
