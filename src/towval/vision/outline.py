@@ -31,7 +31,9 @@ _SPACING_PX = 1.5  # Between profiles that are averaged to one.
 _STRETCHES = 10  # Averaged profiles an edge of the outline, at least three pixels each.
 _FITS = 8  # Rounds of the robust fit.
 _TUKEY = 4.685
-_MUCH_LESS_SURE = 2.0  # Times the deviation of the best fit.
+_ASTRAY = 3.0  # Times the usual distance from the other fits,
+_MOST_APART = 0.75  # Of a fit's variance: that much is believed to average out.
+_MEDIAN_CHI_3 = 1.538  # which is at least that of three normal deviates.
 _SHARP = np.deg2rad(35.0)
 _THIN_PX = 3.5  # Side strips thinner than this blur into the top's edge.
 _THIN_SHIFT_PX = 0.25  # How far they shift the steepest place: 0.11 px measured at a blur of 0.6 px, more when softer.
@@ -271,14 +273,17 @@ def fit_outline(slopes: Array, stretches: Stretches, pixel_m: float, side_px: Ar
         if (contrast > 0).sum() < 4:
             return None
         scale = max(1.4826 * np.median(np.abs(misfit[contrast > 0])), 0.05 * pixel_m)
-        weight = trust * contrast * np.maximum(1 - (misfit / (_TUKEY * scale)) ** 2, 0.0) ** 2
+        inner = np.maximum(1 - (misfit / (_TUKEY * scale)) ** 2, 0.0)
+        weight = trust * contrast * inner**2
         if (weight > 0).mean() < 1 / 3:
             return None
         prior = scale**2 / (_PRIOR_PX * pixel_m / np.array([1, 1, reach])) ** 2
         information = rows.T @ (weight[:, None] * rows) + np.diag(prior)
         correction = np.linalg.solve(information, rows.T @ (weight * place))
     misfit = place - rows @ correction
-    inverse = np.linalg.inv(information)
+    # The slope of Tukey's influence function: less than its weight, so that what is far from the fit holds it less.
+    steadiness = trust * contrast * inner * np.maximum(5 * inner - 4, 0.0)
+    inverse = np.linalg.inv(rows.T @ (steadiness[:, None] * rows) + np.diag(prior))
     averaged = np.sqrt(_NOISE_LENGTH_PX * pixel_m / stretches.length)
     noise = pixel_m * averaged * (_EDGE_NOISE_PX + _FAINT_NOISE_PX / np.maximum(contrast, 0.1))
     scores = rows * (weight * np.maximum(np.abs(misfit), noise))[:, None]
@@ -305,21 +310,49 @@ def see_outline(luma: NDArray[np.uint8], body: Body, pose: Array, camera: Camera
 def combine_fits(fits: Sequence[OutlineFit]) -> OutlineFit:
     """One registration from the fits of many pictures at poses that belong together: the mean of those that agree.
 
-    Pictures in which the edges are much less sure than in the best one (motion blur, something in front) do not count.
-    Its deviation is that of a single fit: what shifts the edges of one body (what is printed beside them, a bevel, a
-    shadow line) is the same in all pictures and does not average out.
+    Each counts by its information, direction by direction: where motion blurs the edges across the motion it still
+    tells the place along them. What shifts the edges of one body (what is printed beside them, a bevel, a shadow line)
+    is the same in all pictures and does not average out. So of the variance of a fit the share that is seen to differ
+    between the pictures averages out, and the errors of the rest are taken to go together: there the mean of pictures
+    that are equally sure is no surer than one of them.
     """
-    variance = np.array([np.trace(fit.covariance[:2, :2]) for fit in fits])
-    fits = [fit for fit, own in zip(fits, variance, strict=True) if own <= _MUCH_LESS_SURE**2 * variance.min()]
     corrections = np.array([fit.correction for fit in fits])
-    middle = np.median(corrections, axis=0)
-    spread = 1.4826 * np.median(np.abs(corrections - middle), axis=0) + 1e-12
-    agree = (np.abs(corrections - middle) <= 3 * spread + 1e-9).all(axis=1)
-    agree = agree if agree.any() else np.ones(len(fits), dtype=bool)
-    scatter = np.diag(spread**2) / agree.sum()
+    covariances = np.array([fit.covariance for fit in fits])
+    information = np.linalg.inv(covariances)
+    agree = _agreeing(corrections, covariances, information)
+    corrections, information = corrections[agree], information[agree]
+    spread = np.linalg.inv(information.sum(axis=0))
+    mean = spread @ np.einsum("nij,nj->i", information, corrections)
+    off = corrections - mean
+    apart = np.einsum("ni,nij,nj->", off, information, off) / (3 * max(1, len(off) - 1))
+    share = min(apart, _MOST_APART)
+    together = spread @ _roots(information, spread).sum(axis=0)
     return OutlineFit(
-        correction=corrections[agree].mean(axis=0),
-        covariance=scatter + np.median([fit.covariance for fit in fits], axis=0),
+        correction=mean,
+        covariance=(1 - share) * together @ together.T + apart * spread,
         residual_px=float(np.median([fit.residual_px for fit in fits])),
         support=float(np.median([fit.support for fit in fits])),
     )
+
+
+def _agreeing(corrections: Array, covariances: Array, information: Array) -> NDArray[np.bool_]:
+    """Which corrections (n, 3) are no farther from their middle than chance, or most of them, by what each knows."""
+    weight = 1 / np.diagonal(covariances, axis1=1, axis2=2)
+    middle = np.array([_weighted_median(corrections[:, j], weight[:, j]) for j in range(3)])
+    off = corrections - middle
+    distance = np.sqrt(np.einsum("ni,nij,nj->n", off, information, off))
+    return distance <= _ASTRAY * max(_MEDIAN_CHI_3, float(np.median(distance)))
+
+
+def _weighted_median(values: Array, weights: Array) -> float:
+    order = np.argsort(values)
+    below = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(below, 0.5 * below[-1])])
+
+
+def _roots(information: Array, unit: Array) -> Array:
+    """Symmetric roots (n, 3, 3), taken in the units in which ``unit`` (3, 3) has a diagonal of ones."""
+    scale = np.sqrt(np.diag(unit))
+    size, axes = np.linalg.eigh(information * np.outer(scale, scale))
+    root = (axes * np.sqrt(size)[:, None, :]) @ axes.transpose(0, 2, 1)
+    return root / scale[:, None]
