@@ -23,13 +23,15 @@ class FrameToFrameKlt:
     The arguments are those of :class:`towval.vision.klt.KltTracker`, of which it makes one a picture.
     """
 
+    exposure_s = 0.0
+
     def __init__(self, top: Top, luma: Luma, pose: Array):
         self.top = top
         self.last = KltTracker(top, luma, pose)
 
-    def measure(self, luma: Luma, predicted: Array) -> Measurement | None:
+    def measure(self, luma: Luma, predicted: Array, velocity: Array | None = None) -> Measurement | None:
         """Pose near ``predicted`` (3,) from the points of the picture before."""
-        found = self.last.measure(luma, predicted)
+        found = self.last.measure(luma, predicted, velocity)
         if found is not None:
             self.last = KltTracker(self.top, luma, found.pose)
         return found

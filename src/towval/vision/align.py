@@ -20,7 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from towval.compiling import compiled
-from towval.types import Array
+from towval.types import Array, Body
+from towval.vision.light import GAIN_SPREAD, LEAST_GAIN, OUTSIDE, fit_light, misfits
 from towval.vision.sampling import RELAXED, sample_plane, sample_plane_kernel
 from towval.vision.top import Top, usable_points
 
@@ -28,8 +29,6 @@ Luma = NDArray[np.uint8]
 
 _TUKEY = 4.685
 _LEAST_SCALE = 0.5  # Grey levels: rounding alone gives 0.3.
-_GAIN_SPREAD = 0.5  # ASSUME: the light on a tile changes by half, give or take.
-_LEAST_GAIN, _MOST_GAIN = 0.2, 5.0
 _ROUNDS = 12
 _QUANTILE, _QUANTILE_OF_GAUSSIAN = 0.35, 0.45376  # The share of |r| below that many deviations.
 _MARGIN_PX = 3.0  # Kept from the outline, where the smoothed picture mixes in what lies behind.
@@ -46,7 +45,6 @@ _BIN, _BINS = 0.02, 5000  # Grey levels; larger residuals share the last bin.
 _LEAST_OF_TILE = 8  # Points, for a correlation to mean something.
 _SEEN_TILES = 0.7
 _ROUNDING = 1 / 12  # Variance of a grey value that is a whole number: a picture repeated by the encoder fits no better.
-_OUTSIDE = 1e12  # Residual of a point outside the picture: finite, so that compiled sums stay finite.
 
 
 @dataclass(frozen=True)
@@ -86,6 +84,11 @@ class Alignment:
     converged: bool
 
 
+def clearance_m(body: Body, pixel_m: float) -> float:
+    """What points of a template keep from the outline of a body [m], in pictures whose pixels are ``pixel_m`` wide."""
+    return min(_MARGIN_PX * pixel_m, _MOST_MARGIN * float(np.ptp(body.top_corners_m, axis=0).min()))
+
+
 def make_template(luma: Luma, top: Top, pose: Array, samples: int = 1024) -> Template | None:
     """Template of a body's top, seen at ``pose`` (3,) in one picture.
 
@@ -100,7 +103,7 @@ def make_template(luma: Luma, top: Top, pose: Array, samples: int = 1024) -> Tem
     axes = [lo + (hi - lo) * (np.arange(n) + 0.5) / n for lo, hi, n in zip(low, high, counts, strict=True)]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
     cells = np.add.outer(np.arange(counts[0]) // per_cell * counts[1], np.arange(counts[1]) // per_cell).ravel()
-    usable = usable_points(top.body, points, min(_MARGIN_PX * pixel, _MOST_MARGIN * float((high - low).min())))
+    usable = usable_points(top.body, points, clearance_m(top.body, pixel))
     points, cells = points[usable], cells[usable]
 
     def read(shift: tuple[float, float]) -> Array:
@@ -145,38 +148,6 @@ def _tiles(points: Array, low: Array, high: Array, least: float) -> tuple[NDArra
     return tile.astype(np.int64), int(tile.max()) + 1
 
 
-@compiled(fastmath=RELAXED)
-def _fit_light(values, template, tile, tiles, weight, ridge):  # type: ignore[no-untyped-def]
-    """Gain, mean of the template, mean of the picture, weight and weighted variance of each tile: (tiles, 5)."""
-    sums = np.zeros((tiles, 5))
-    light = np.empty((tiles, 5))
-    for i in range(values.shape[0]):
-        w, a, t, row = weight[i], values[i], template[i], tile[i]
-        sums[row, 0] += w
-        sums[row, 1] += w * t
-        sums[row, 2] += w * a
-        sums[row, 3] += w * t * t
-        sums[row, 4] += w * t * a
-    for row in range(tiles):
-        total = max(sums[row, 0], 1e-9)
-        mean_t, mean_a = sums[row, 1] / total, sums[row, 2] / total
-        variance = max(sums[row, 3] - total * mean_t * mean_t, 0.0)
-        # The ridge is a prior: gain 1, give or take _GAIN_SPREAD, against residuals of the present scale.
-        gain = (sums[row, 4] - total * mean_t * mean_a + ridge) / (variance + ridge)
-        light[row, 0] = min(max(gain, _LEAST_GAIN), _MOST_GAIN)
-        light[row, 1], light[row, 2], light[row, 3], light[row, 4] = mean_t, mean_a, total, variance
-    return light
-
-
-@compiled(fastmath=RELAXED)
-def _misfits(values, template, tile, light, residual):  # type: ignore[no-untyped-def]
-    """Residuals in grey levels of the template."""
-    for i in range(values.shape[0]):
-        row = tile[i]
-        misfit = (values[i] - light[row, 2]) / light[row, 0] - (template[i] - light[row, 1])
-        residual[i] = misfit if values[i] >= 0 else _OUTSIDE
-
-
 @compiled()
 def _scale(residual):  # type: ignore[no-untyped-def]
     """Deviation of the better part of the residuals, from a histogram; zero where all are outside."""
@@ -184,7 +155,7 @@ def _scale(residual):  # type: ignore[no-untyped-def]
     inside = 0
     for i in range(residual.shape[0]):
         size = abs(residual[i])
-        if size < _OUTSIDE:
+        if size < OUTSIDE:
             bins[min(int(size / _BIN), _BINS - 1)] += 1
             inside += 1
     wanted, below = _QUANTILE * inside, 0
@@ -312,13 +283,13 @@ def _align_kernel(  # type: ignore[no-untyped-def]
             if n < len(points) and round_ == 0:
                 for i in range(n):
                     weight[i] = precision[i] if values[i] >= 0 else 0.0
-                light = _fit_light(values, t, own_tile, tiles, weight, (scale / _GAIN_SPREAD) ** 2)
-            _misfits(values, t, own_tile, light, residual)
+                light = fit_light(values, t, own_tile, tiles, weight, (scale / GAIN_SPREAD) ** 2)
+            misfits(values, t, own_tile, light, residual)
             scale = min(max(_scale(residual), _LEAST_SCALE), most_scale)
             _reweigh(residual, precision[:n], scale, weight)
-            ridge = (scale / _GAIN_SPREAD) ** 2
-            light = _fit_light(values, t, own_tile, tiles, weight, ridge)
-            _misfits(values, t, own_tile, light, residual)
+            ridge = (scale / GAIN_SPREAD) ** 2
+            light = fit_light(values, t, own_tile, tiles, weight, ridge)
+            misfits(values, t, own_tile, light, residual)
             information, scores = _normal_equations(t, slopes[:n], own_tile, tiles, light, weight, residual, ridge)
             step = _solve(information, scores)
             # pose ∘ step⁻¹
@@ -392,7 +363,7 @@ def align(
     # Residuals of neighbouring points go together (compression, blur): the tiles' scores hold that.
     meat = scores.T @ scores * (template.tiles / max(1, template.tiles - 3))
     # A tile that follows the template at the least gain does not show it: something plain hides it.
-    shown = (light[:, 0] > _LEAST_GAIN)[template.tile]
+    shown = (light[:, 0] > LEAST_GAIN)[template.tile]
     return Alignment(
         pose=pose,
         covariance=inverse * max(np.sum(inverse * meat) / 3, _ROUNDING),

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from towval.errors import InputError
 from towval.geometry import compose, transform
 from towval.types import Array, Body, Features, Finding, Severity, Track, TrackStatus
+from towval.vision.blur import ahead_of_middle
 from towval.vision.lookalikes import Lookalikes
 from towval.vision.noise import hold_rest, scatter_factor
 from towval.vision.outline import (
@@ -133,7 +134,7 @@ class Follower:
         # The picture after a sighting is always predicted, however slow the video.
         just_seen = self.record.last_status == TrackStatus.TRACKED
         predicted = self.motion.predict(time_s) if coasting or just_seen else self.motion.pose
-        seen = self.tracker.measure(luma, predicted)
+        seen = self.tracker.measure(luma, predicted, self.motion.velocity)
         if seen is None or self._surprising(time_s, seen.pose):
             seen = self._search(time_s, luma, seen)
         elif self._returns_elsewhere(time_s, luma, seen.pose):
@@ -228,6 +229,7 @@ class Follower:
         fit = self._registration()
         time_s, raw, covariance, status, inliers, residual = self.record.columns()
         seen = status == TrackStatus.TRACKED
+        raw = raw - ahead_of_middle(time_s, np.where(seen[:, None], raw, np.nan), self.tracker.exposure_s)
         covariance = self._honest_covariance(time_s, raw, covariance, seen)
         most = _MOST_REST_PX * self.pixel_m * np.array([1, 1, 1 / self.top.reach_m])
         pose = hold_rest(time_s, raw, covariance, seen, most)

@@ -44,6 +44,8 @@ class KltTracker:
     A point counts if it comes back to within ``forward_backward_px`` of where it started [px].
     """
 
+    exposure_s = 0.0
+
     def __init__(self, top: Top, luma: Luma, pose: Array, forward_backward_px: float = 0.5):
         self.top, self.forward_backward_px = top, forward_backward_px
         pixels = top.pixels(top.body.top_corners_m, pose)
@@ -91,8 +93,11 @@ class KltTracker:
         on_plane = self.top.floor_xy(pixels + corner)
         self.keyframes.append(_Keyframe(crop, pixels, inverse_transform(pose, on_plane), float(pose[2])))
 
-    def measure(self, luma: Luma, predicted: Array) -> Measurement | None:
-        """Pose near ``predicted`` (3,), or None where too few points come back to where they started."""
+    def measure(self, luma: Luma, predicted: Array, velocity: Array | None = None) -> Measurement | None:
+        """Pose near ``predicted`` (3,), or None where too few points come back to where they started.
+
+        The ``velocity`` is not used: blur takes points away, and those left are matched as they are.
+        """
         if not self.keyframes:
             return None
         turns = [abs(wrapped(k.heading - predicted[2])) for k in self.keyframes]

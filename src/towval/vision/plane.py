@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from towval.errors import InputError
 from towval.types import Array, Camera
 from towval.vision.align import Alignment, Template, align, make_template
+from towval.vision.blur import Shutter
 from towval.vision.pose import Measurement
 from towval.vision.top import Top
 
@@ -52,43 +53,53 @@ class PlaneTracker:
         self.factor = max(1, round(2 * top.reach_m / self.pixel_m / _COARSE_BODY_PX))
         small, small_camera = self._shrunk(luma, pose)
         self.coarse = make_template(small, replace(top, camera=small_camera), pose, _COARSE_SAMPLES)
+        self.shutter = Shutter(top, luma, pose, template)
         self.free_slopes = _without_light(template)
         self.motion_like = np.linalg.pinv(self.free_slopes)
-        self.precision = np.ones(len(template.points))
         self.usual_correlation, self.seen, self.refreshed = 1.0, 0, 0
         self.most_scale = max(2.0, _MOST_SCALE * float(np.std(template.values)))
 
-    def measure(self, luma: Luma, predicted: Array) -> Measurement | None:
+    @property
+    def exposure_s(self) -> float:
+        """How long the shutter seems to be open [s]."""
+        return self.shutter.exposure_s
+
+    def measure(self, luma: Luma, predicted: Array, velocity: Array | None = None) -> Measurement | None:
         """Pose near ``predicted`` (3,), or None where the picture does not vouch for one."""
-        found = self._align(luma, predicted)
+        blurred = None if velocity is None else self.shutter.template(velocity)
+        template = self.template if blurred is None else blurred
+        found = self._align(luma, predicted, template)
         if found is None or self.top.apart_m(predicted, found.pose) > _JUMP_PX * self.pixel_m:
-            from_afar = self._align_coarsely(luma, predicted)
+            from_afar = self._align_coarsely(luma, predicted, template)
             if from_afar is not None and (found is None or from_afar.correlation > found.correlation):
                 found = from_afar
         if found is None:
             return None
-        self._learn(found)
-        step = max(1, len(self.template.points) // _TABLE_POINTS)
+        if blurred is None:
+            self._learn(found)
+        if velocity is not None:
+            self.shutter.learn(luma, found, template, velocity)
+        step = max(1, len(template.points) // _TABLE_POINTS)
         return Measurement(
             pose=found.pose,
             covariance=found.covariance,
             inlier_fraction=found.inlier_fraction,
             residual=found.scale,
-            points_m=self.template.points[::step][:_TABLE_POINTS],
+            points_m=template.points[::step][:_TABLE_POINTS],
             weights=np.clip(found.weight[::step][:_TABLE_POINTS], 0, 1),
         )
 
-    def _align(self, luma: Luma, start: Array) -> Alignment | None:
-        found = align(luma, self.template, self.precision, start, self.top, self.most_scale)
+    def _align(self, luma: Luma, start: Array, template: Template) -> Alignment | None:
+        found = align(luma, template, np.ones(len(template.points)), start, self.top, self.most_scale)
         return found if found is not None and self._trusted(found) else None
 
-    def _align_coarsely(self, luma: Luma, start: Array) -> Alignment | None:
+    def _align_coarsely(self, luma: Luma, start: Array, template: Template) -> Alignment | None:
         if self.coarse is None:
             return None
         small, camera = self._shrunk(luma, start)
         flat = np.ones(len(self.coarse.points))
         found = align(small, self.coarse, flat, start, replace(self.top, camera=camera), self.most_scale)
-        return None if found is None else self._align(luma, found.pose)
+        return None if found is None else self._align(luma, found.pose, template)
 
     def _shrunk(self, luma: Luma, pose: Array) -> tuple[Luma, Camera]:
         """The surroundings of the body at the coarse scale, and the camera that would have taken them."""

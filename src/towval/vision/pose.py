@@ -36,8 +36,15 @@ class Measurement:
 class Tracker(Protocol):
     """Measures one body's pose in pictures."""
 
-    def measure(self, luma: NDArray[np.uint8], predicted: Array) -> Measurement | None:
-        """Pose near ``predicted``, or None where the picture does not vouch for one."""
+    @property
+    def exposure_s(self) -> float:
+        """How long the shutter seems to be open [s]; zero where that is not measured."""
+
+    def measure(self, luma: NDArray[np.uint8], predicted: Array, velocity: Array | None = None) -> Measurement | None:
+        """Pose near ``predicted``, or None where the picture does not vouch for one.
+
+        ``velocity`` (3,) is the body's twist in its own frame [m/s, m/s, rad/s], where known: it blurs the picture.
+        """
 
 
 @dataclass(frozen=True)
