@@ -140,3 +140,16 @@ def test_rerun_understands_bodies_camera_and_plots(folder, tmp_path):
     ):
         assert re.search(rf"{entity} - data columns: \[.*{component}", printed), entity
     told(rerun, "rrd", "verify", folder / "rerun.rbl")
+
+
+def test_rerun_has_run_and_layout_under_one_application_with_entities_that_are_there(folder, tmp_path):
+    rerun, run = program("rerun"), tmp_path / "run.rrd"
+    told(rerun, "mcap", "convert", folder / "exchange.mcap", "--application-id", "towval", "-o", run)
+    recording = told(rerun, "rrd", "print", run)
+    layout = told(rerun, "rrd", "print", "-vvv", folder / "rerun.rbl")
+    assert re.search(r'StoreId\(\s*Recording,\s*"towval"', recording)
+    assert re.search(r'StoreId\(\s*Blueprint,\s*"towval"', layout)
+    named = set(re.findall(r"(?<![\w/])/(?:rover|object|object_simulated|tether|camera|tf|tf_static)\b[\w/]*", layout))
+    assert {"/tether/line", "/object/error_state/position", "/camera/image"} <= named
+    for entity in named:
+        assert re.search(rf"{entity} - data columns", recording), entity
