@@ -22,10 +22,12 @@ ERRORS = "/object/error_state/position"
 
 
 def points(colour):
-    return rr.Points3D.from_fields(colors=[colour], radii=[0.012])
+    """Points of one colour, a line when seen from above."""
+    return rr.Points3D.from_fields(colors=[colour], radii=[0.006])
 
 
 def plot(name, shown):
+    """A plot of some of the error's four series."""
     lines = rr.SeriesLines.from_fields(colors=SERIES, visible_series=[k in shown for k in range(4)], widths=[1.5] * 4)
     return rrb.TimeSeriesView(origin=ERRORS, name=name, overrides={ERRORS: lines}, plot_legend=HIDDEN)
 
