@@ -14,7 +14,7 @@ import numpy as np
 from towval.calibrate import CalibrateSettings, calibrate
 from towval.choosing.lens import with_lens_choice
 from towval.choosing.margin import measurement_std_m, seen_places
-from towval.choosing.sampling import sample_choosing
+from towval.choosing.sampling import gather, sample_choosing
 from towval.choosing.simulation import simulate_choosing
 from towval.choosing.tracking import PROBE_FRAMES, PROBE_STRIDE, choose_tracking
 from towval.compare import compare
@@ -24,12 +24,12 @@ from towval.io.images import read_gray
 from towval.io.synthetic_campaign import write_campaign
 from towval.io.video import Video
 from towval.presets import PRESETS, STANDARD, settings_of
-from towval.simulate import SimulateSettings, friction_law
+from towval.simulate import SimulateSettings
 from towval.study.costs import take_turns
 from towval.study.products import Part, Row, Scatter, Study
 from towval.track import TrackSettings, track
 from towval.types import Array, Calibration, Comparison, Track
-from towval.uncertainty import Case, UncertaintySettings
+from towval.uncertainty import UncertaintySettings
 
 AUTO = "auto"
 
@@ -104,19 +104,7 @@ def run_pipeline(given: Campaign, preset: str) -> PipelineResult:
     _, motion = simulate_choosing(
         given.scene, thin["rover"], thin["object"], times, SimulateSettings(**keys), auto=auto, measurement_m=measured
     )
-    case = Case(
-        scene=given.scene,
-        deviations=given.deviations,
-        law=friction_law(given.scene).law,
-        calibration=calibration,
-        rover=given.rover,
-        towed=given.object,
-        rover_track=tracks["rover"],
-        rover_decimated=thin["rover"],
-        object_track=tracks["object"],
-        object_decimated=thin["object"],
-        simulated=motion,
-    )
+    case = gather(given.scene, given.deviations, calibration, given.bodies, tracks, thin, motion)
     keys, auto = _keys(preset, "uncertainty")
     uncertainty = sample_choosing(case, UncertaintySettings(**keys), auto="samples" in auto, measurement_m=measured)
     comparison = compare(entry.video.stem, motion, tracks["object"], uncertainty)
