@@ -263,9 +263,11 @@ def identified_rows(found: Identification) -> Rows:
     std = np.sqrt(np.diag(found.covariance))
     return tuple(
         (
-            name,
-            f"{given:.5g} ± {given_std:.2g}",
-            f"{value:.5g} ± {deviation:.2g}" if np.isfinite(deviation) else "no value",
+            name.replace(" [", ", ").removesuffix("]"),
+            f"{_to_its_deviation(given, given_std)} ± {_to_its_deviation(given_std, given_std)}",
+            f"{_to_its_deviation(value, deviation)} ± {_to_its_deviation(deviation, deviation)}"
+            if np.isfinite(deviation)
+            else "no value",
             "yes" if fixed else "no",
         )
         for name, given, given_std, value, deviation, fixed in zip(
@@ -276,15 +278,23 @@ def identified_rows(found: Identification) -> Rows:
 
 def predicted_rows(found: Identification) -> Rows:
     """Each run left out: name, values fitted without it, path error as given and as predicted."""
+    std = np.sqrt(np.diag(found.covariance))
     return tuple(
         (
             f"run {p.run}",
-            ", ".join(f"{value:.5g}" for value in p.values),
+            "; ".join(_to_its_deviation(value, deviation) for value, deviation in zip(p.values, std, strict=True)),
             millimetres(p.given_rms_m),
             millimetres(p.predicted_rms_m),
         )
         for p in found.predictions
     )
+
+
+def _to_its_deviation(value: float, std: float) -> str:
+    """A value to the second digit that counts of its deviation; to five digits where that is not known."""
+    if not (np.isfinite(std) and std > 0):
+        return f"{value:.5g}"
+    return f"{value:.{max(0, 1 - int(np.floor(np.log10(std))))}f}"
 
 
 def alternatives(run: RunRecord) -> dict[str, str]:
