@@ -20,7 +20,7 @@ from towval.types import (
     SimulatedMotion,
     Track,
 )
-from towval.uncertainty import Case, UncertaintySettings, sample_uncertainty
+from towval.uncertainty import Case, UncertaintySampling, UncertaintySettings, sample_uncertainty
 
 DRAWS = (128, 256, 512, 1024, 2048)
 """What "auto" chooses from, cheapest first."""
@@ -76,9 +76,10 @@ def sample_choosing(
         change = _validation_m(found) / np.sqrt(2 * found.samples)
         choice = Choice("draws", f"{settings.samples}", f"{2 * settings.samples}", change, "of u_val, as expected")
         return replace(found, choices=(choice,))
-    found = sample_uncertainty(case, replace(settings, samples=DRAWS[0]))
+    sampling = UncertaintySampling(case, settings, progress)
+    found = sampling.describe(DRAWS[0])
     for count in DRAWS[1:]:
-        more = sample_uncertainty(case, replace(settings, samples=count), progress)
+        more = sampling.describe(count)
         change = abs(_validation_m(more) - _validation_m(found))
         limits = more.signature_limit, found.signature_limit
         settled = change <= SHARE * measurement_m and abs(limits[0] / limits[1] - 1) <= _SETTLED
