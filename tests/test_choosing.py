@@ -9,15 +9,18 @@ from towval.calibrate import CalibrateSettings, calibrate_sightings
 from towval.choosing.lens import with_lens_choice
 from towval.choosing.margin import measurement_std_m
 from towval.choosing.simulation import TOLERANCES_M, simulate_choosing
-from towval.choosing.tracking import TRACK_SAMPLES, choose_tracking
+from towval.choosing.tracking import TRACK_SAMPLES, neighbour_of_tracking, track_choosing
 from towval.decimate import decimate
+from towval.io.campaign import load_campaign
+from towval.io.synthetic_campaign import write_campaign
+from towval.io.video import Video
 from towval.physics.ladder import RUNGS
 from towval.simulate import SimulateSettings, simulate
 from towval.study.stability_carry_over import NOISE, true_run
+from towval.study.tradeoff_presets import calibrated
 from towval.synthetic.boards import calibration_set
 from towval.synthetic.challenges import metre
 from towval.synthetic.measured import measured_track
-from towval.synthetic.scenes import CeilingCamera, small_camera
 from towval.track import TrackSettings, track
 from towval.vision.camera import to_plane
 from towval.vision.uncertainty import pixel_grid
@@ -62,25 +65,86 @@ def test_the_next_model_changes_the_path_by_what_the_choice_says(run):
     assert apart <= choice.change_m <= 3 * apart
 
 
-def test_tracking_takes_more_points_only_where_they_matter():
-    challenge = metre(4, 1.2)
-    scene = replace(challenge.scene, **small_camera())
-    frames = list(CeilingCamera(scene).frames(challenge.times[:16:4]))
-    clicks = scene.clicks(np.random.default_rng(4))
-    rough = replace(scene.calibration, covariance=np.diag([0.0] * 15 + [1e-4] * 3))
-    given = (frames, rough, scene.bodies, clicks, TrackSettings())
-    settings, choices = choose_tracking(*given, auto=True)
+@pytest.fixture(scope="module")
+def filmed(tmp_path_factory):
+    """A synthetic campaign as the stage track takes it."""
+    folder = tmp_path_factory.mktemp("filmed")
+    write_campaign(folder, frames=40)
+    given = load_campaign(folder)
+    entry = given.run("a")
+    calibration = calibrated(given, {"lens_models": ["k1 k2"]})
+    return given, calibration, list(Video(entry.video)), entry.clicks_px
+
+
+def known_as(calibration, bodies, factor):
+    """The same camera and bodies, with all that is not known of them scaled."""
+    return (
+        replace(calibration, covariance=factor**2 * calibration.covariance),
+        [replace(body, height_std_m=factor * body.height_std_m) for body in bodies],
+    )
+
+
+def simulated_path(given, tracks):
+    thin = {name: decimate(one) for name, one in tracks.items()}
+    return simulate(given.scene, thin["rover"], thin["object"], tracks["object"].time_s).pose[:, :2]
+
+
+def rms(gap):
+    return np.sqrt(np.mean(np.sum(gap**2, axis=1)))
+
+
+@pytest.mark.parametrize(("factor", "samples"), [(10.0, TRACK_SAMPLES[0]), (1e-6, TRACK_SAMPLES[-1])])
+def test_tracking_takes_more_points_only_where_they_matter(filmed, factor, samples):
+    given, calibration, frames, clicks = filmed
+    known = known_as(calibration, given.bodies, factor)
+    settings, tracks = track_choosing(frames, *known, clicks, TrackSettings(), given.scene)
+    assert settings.samples == samples
+    alone = {count: track(frames, *known, clicks, TrackSettings(samples=count)) for count in TRACK_SAMPLES}
+    for name, taken in tracks.items():
+        np.testing.assert_array_equal(taken.pose, alone[samples][name].pose)
+        gap = np.subtract(*(alone[count][name].pose[:, :2] for count in TRACK_SAMPLES))
+        assert taken.choices[0].change_m == pytest.approx(rms(gap))
+    carried = tracks["object"].choices[1]
+    assert carried.measure == "RMS of the simulated path"
+    paths = [simulated_path(given, alone[count]) for count in TRACK_SAMPLES]
+    assert carried.change_m == pytest.approx(rms(np.subtract(*paths)))
+
+
+def test_more_points_are_taken_where_only_the_simulated_path_needs_them(filmed, monkeypatch):
+    given, calibration, frames, clicks = filmed
+    known = known_as(calibration, given.bodies, 10.0)
+    paths = iter((0.0, 0.1))
+
+    def far_apart(scene, rover, towed, times):
+        motion = simulate(scene, rover, towed, times)
+        return replace(motion, pose=motion.pose + next(paths))
+
+    monkeypatch.setattr("towval.choosing.tracking.simulate", far_apart)
+    settings, _ = track_choosing(frames, *known, clicks, TrackSettings(), given.scene)
+    assert settings.samples == TRACK_SAMPLES[-1]
+
+
+def test_a_run_that_cannot_be_simulated_is_tracked_all_the_same(filmed):
+    given, calibration, frames, clicks = filmed
+    known = known_as(calibration, given.bodies, 10.0)
+    settings, tracks = track_choosing(frames[:5], *known, clicks, TrackSettings(), given.scene)
     assert settings.samples == TRACK_SAMPLES[0]
-    # Without any uncertainty nothing is small against it.
-    bodies = [replace(body, height_std_m=1e-9) for body in scene.bodies]
-    exact = (frames, scene.calibration, bodies, clicks, TrackSettings())
-    sharper, _ = choose_tracking(*exact, auto=True)
-    assert sharper.samples == TRACK_SAMPLES[-1]
-    more = track(iter(frames), rough, scene.bodies, clicks, TrackSettings(samples=TRACK_SAMPLES[1]))
-    few = track(iter(frames), rough, scene.bodies, clicks, TrackSettings(samples=TRACK_SAMPLES[0]))
-    for body, choice in choices.items():
-        gap = few[body].pose[:, :2] - more[body].pose[:, :2]
-        assert choice.change_m == pytest.approx(np.sqrt(np.mean(np.sum(gap**2, axis=1))))
+    assert np.isnan(tracks["object"].choices[1].change_m)
+
+
+@pytest.mark.parametrize(
+    ("settings", "names"),
+    [
+        (TrackSettings(), ("plane, 1024 points", "plane, 4096 points")),
+        (TrackSettings(samples=4096), ("plane, 4096 points", "plane, 1024 points")),
+        (TrackSettings(method="klt"), ("KLT points", "plane, 1024 points")),
+    ],
+)
+def test_the_neighbour_of_a_tracking_is_tried_on_a_few_frames(filmed, settings, names):
+    given, calibration, frames, clicks = filmed
+    choices = neighbour_of_tracking(frames[:16:4], calibration, given.bodies, clicks, settings)
+    assert {(choice.chosen, choice.next) for choice in choices.values()} == {names}
+    assert all(0 < choice.change_m < 5e-3 for choice in choices.values())
 
 
 def test_the_next_lens_model_is_held_against_the_chosen_one():

@@ -11,7 +11,7 @@ from towval.compare import CompareSettings
 from towval.decimate import DecimateSettings
 from towval.errors import InputError
 from towval.io.report_data import ReportSettings
-from towval.io.schema import check
+from towval.io.schema import check, read_value, with_numbers
 from towval.physics.ladder import RUNGS
 from towval.simulate import SimulateSettings
 from towval.study.identify import PARAMETERS, IdentifySettings
@@ -66,6 +66,31 @@ def test_the_configuration_is_valid_and_gives_the_defaults(schema, config):
 def test_a_mistyped_setting_is_told_with_the_right_one():
     with pytest.raises(InputError, match=r"did you mean decimate\.excess\?"):
         settings_from(DecimateSettings, {"exces": 2}, "decimate")
+
+
+@pytest.mark.parametrize("text", ["1e-7", "1E-7", "1.0e-7", ".1e-6", "+1e-07"])
+def test_a_number_with_an_exponent_is_a_number_with_or_without_a_point(text, schema, config):
+    assert read_value(text) == pytest.approx(1e-7, rel=1e-12)
+    # As Snakemake hands it over.
+    sections = {**config, "simulate": with_numbers({"tolerance_m": text})}
+    check(sections, schema, "config")
+    assert settings_from(SimulateSettings, sections["simulate"], "simulate").tolerance_m == pytest.approx(
+        1e-7, rel=1e-12
+    )
+
+
+def test_texts_stay_texts():
+    assert [read_value(text) for text in ("'1e-7'", "1e", "e7", "k1 k2", "1e5m")] == [
+        "1e-7",
+        "1e",
+        "e7",
+        "k1 k2",
+        "1e5m",
+    ]
+    assert with_numbers({"method": "plane", "list": ["k1", 3, True, None]}) == {
+        "method": "plane",
+        "list": ["k1", 3, True, None],
+    }
 
 
 def test_a_mistyped_key_of_the_configuration_is_told(schema, config):

@@ -26,7 +26,14 @@ from towval.types import (
     Tether,
     Verdict,
 )
-from towval.uncertainty import Case, UncertaintySettings, _motions, sample_uncertainty, variance_shares
+from towval.uncertainty import (
+    Case,
+    UncertaintySampling,
+    UncertaintySettings,
+    _motions,
+    sample_uncertainty,
+    variance_shares,
+)
 from towval.vision.camera import project, to_plane
 
 DEVIATIONS = InputDeviations(0.005, 0.04, 0.015, 0.001, 0.001, 0.001, 0.001, 40.0)
@@ -114,6 +121,16 @@ def test_a_right_model_agrees_and_the_same_seed_gives_the_same(case):
     again = sample_uncertainty(case, replace(settings, processes=2))
     np.testing.assert_array_equal(again.validation, uncertainty.validation)
     assert again.signature_limit == uncertainty.signature_limit
+
+
+def test_more_draws_keep_those_that_were_made(case):
+    sampling = UncertaintySampling(case, UncertaintySettings(samples=64), (counts := []).append)
+    first = sampling.describe(64)
+    twice = sampling.describe(128)
+    assert counts == list(range(1, 129))
+    whole = sample_uncertainty(case, UncertaintySettings(samples=128))
+    np.testing.assert_array_equal(twice.validation, whole.validation)
+    np.testing.assert_array_equal(sampling.describe(64).validation, first.validation)
 
 
 def test_without_deviations_nothing_is_uncertain(case):

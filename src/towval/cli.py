@@ -8,11 +8,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 import towval
 from towval.commands.shared import told
 from towval.errors import InputError
+from towval.io.schema import read_value
 
 _EPILOG = """\
 A run by hand, step by step:
@@ -156,7 +155,7 @@ def _keys(pairs: list[str]) -> dict[str, Any]:
         name, equals, text = pair.partition("=")
         if not (name and equals):
             raise InputError("--set wants a key and a value", got=pair, allowed="KEY=VALUE")
-        keys[name] = yaml.safe_load(text)
+        keys[name] = read_value(text)
     return keys
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from towval.errors import InputError
-from towval.types import Body, Calibration, Track
+from towval.types import Body, Calibration, Finding, Track
 from towval.vision.follow import Follower, TrackerMaker
 from towval.vision.klt import KltTracker
 from towval.vision.plane import PlaneTracker
@@ -52,8 +52,11 @@ class TrackSettings:
         return partial(KltTracker, forward_backward_px=self.forward_backward_px)
 
 
+Frames = Iterable[tuple[float, NDArray[np.uint8]]]
+
+
 def track(
-    frames: Iterable[tuple[float, NDArray[np.uint8]]],
+    frames: Frames,
     calibration: Calibration,
     bodies: Sequence[Body],
     clicks_px: Mapping[str, ArrayLike],
@@ -87,43 +90,77 @@ def track(
     InputError
         When there is no picture, the picture's size is not the calibration's, or clicks are missing.
     """
-    settings = settings or TrackSettings()
+    return track_beside(frames, calibration, bodies, clicks_px, (settings or TrackSettings(),), progress)[0]
+
+
+def track_beside(
+    frames: Frames,
+    calibration: Calibration,
+    bodies: Sequence[Body],
+    clicks_px: Mapping[str, ArrayLike],
+    several: Sequence[TrackSettings],
+    progress: Callable[[int], None] | None = None,
+) -> list[dict[str, Track]]:
+    """Track with several settings beside one another in the same pass, which decodes the video once.
+
+    The tracks come in the order of ``several``, each as :func:`track` would give it; the rest is as there.
+    """
     missing = [body.name for body in bodies if body.name not in clicks_px]
     if missing:
         raise InputError(f"first_frame_clicks_px of {', '.join(missing)} is missing", got=sorted(clicks_px))
-    followers: list[Follower] = []
+    groups: list[_Group] = []
     done = 0
     for time_s, picture in frames:
         luma = np.ascontiguousarray(picture)
         if done == 0:
             _check_size(luma, calibration)
-            followers = [_start(body, calibration, time_s, luma, clicks_px[body.name], settings) for body in bodies]
-            poses = [follower.first_pose for follower in followers]
+            groups = [_Group(settings, calibration, bodies, time_s, luma, clicks_px) for settings in several]
+            poses = [follower.first_pose for follower in groups[0].followers]
             watch = CameraWatch(calibration.camera, calibration.floor, luma, bodies, poses)
         else:
-            for follower in followers:
-                others = [other.place for other in followers if other is not follower]
-                follower.follow(time_s, luma, [outline for outline in others if outline is not None])
+            for group in groups:
+                group.follow(time_s, luma)
         watch.look(time_s, luma)
         done += 1
         if progress is not None:
             progress(done)
     if not done:
         raise InputError("the video holds no picture")
-    return {follower.top.body.name: follower.track(settings.method, watch.findings()) for follower in followers}
+    return [group.tracks(watch.findings()) for group in groups]
 
 
-def _start(
-    body: Body,
-    calibration: Calibration,
-    time_s: float,
-    luma: NDArray[np.uint8],
-    clicks_px: ArrayLike,
-    settings: TrackSettings,
-) -> Follower:
-    clicks = np.asarray(clicks_px, dtype=np.float64)
-    top = Top(body, calibration.camera, calibration.floor)
-    return Follower(top, time_s, luma, clicks, settings.tracker_maker(), settings.coast_s)
+class _Group:
+    """All bodies of a scene, followed with the same settings; none may take another's place."""
+
+    def __init__(
+        self,
+        settings: TrackSettings,
+        calibration: Calibration,
+        bodies: Sequence[Body],
+        time_s: float,
+        luma: NDArray[np.uint8],
+        clicks_px: Mapping[str, ArrayLike],
+    ):
+        self.method = settings.method
+        self.followers = [
+            Follower(
+                Top(body, calibration.camera, calibration.floor),
+                time_s,
+                luma,
+                np.asarray(clicks_px[body.name], dtype=np.float64),
+                settings.tracker_maker(),
+                settings.coast_s,
+            )
+            for body in bodies
+        ]
+
+    def follow(self, time_s: float, luma: NDArray[np.uint8]) -> None:
+        for follower in self.followers:
+            others = [other.place for other in self.followers if other is not follower]
+            follower.follow(time_s, luma, [outline for outline in others if outline is not None])
+
+    def tracks(self, watched: tuple[Finding, ...]) -> dict[str, Track]:
+        return {follower.top.body.name: follower.track(self.method, watched) for follower in self.followers}
 
 
 def _check_size(luma: NDArray[np.uint8], calibration: Calibration) -> None:

@@ -8,7 +8,7 @@ counted once).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 
@@ -44,6 +44,7 @@ from towval.vision.uncertainty import position_sensitivity
 _HINGE_STEP_S = 0.02
 _DROPPED_SHARE = 0.02
 _REST = "noise and interactions"
+_SMALLEST = 2.0**-31  # Half a step of the Sobol sequence, which may hold 0, whose normal quantile is infinite.
 
 INPUTS = {
     "friction": 1,
@@ -146,40 +147,81 @@ def sample_uncertainty(
         When more than 2 % of the draws cannot be simulated: the limits would be those of the easy ones.
     """
     settings = settings or UncertaintySettings()
-    sampler = _Sampler(case, settings)
-    draws = _normal_draws(settings)
-    simulated, measured = _outcomes(sampler, draws, settings.processes, progress)
-    done = np.isfinite(simulated[:, -1, 0])
-    if np.mean(~done) > _DROPPED_SHARE:
-        raise RefusedError(
-            "the uncertainty cannot be sampled",
-            got=f"{np.count_nonzero(~done)} of {len(draws)} draws could not be simulated",
-            allowed=f"at most {_DROPPED_SHARE:.0%}",
-            remedy="check the deviations in campaign.yaml: a load may leave the footprint, a length become negative",
+    return UncertaintySampling(case, settings, progress).describe(settings.samples)
+
+
+class UncertaintySampling:
+    """Draws of all that is uncertain in a run, and where each leads; asking for more keeps those that were made.
+
+    Parameters
+    ----------
+    case, settings, progress
+        As in :func:`sample_uncertainty`; the number of draws is that of :meth:`describe`.
+    """
+
+    def __init__(self, case: Case, settings: UncertaintySettings, progress: Callable[[int], None] | None = None):
+        self.case, self.settings, self.progress = case, settings, progress
+        self._sampler = _Sampler(case, settings)
+        self._sequence = qmc.Sobol(sum(INPUTS.values()), scramble=True, rng=np.random.default_rng(settings.seed))
+        self._draws = np.empty((0, self._sequence.d))
+        self._outcomes: list[tuple[Array, Array]] = []
+
+    def describe(self, samples: int) -> RunUncertainty:
+        """The spread of the first ``samples`` draws, a power of two; errors as in :func:`sample_uncertainty`."""
+        self._extend(samples)
+        draws = self._draws[:samples]
+        simulated, measured = (np.array(part) for part in zip(*self._outcomes[:samples], strict=True))
+        done = np.isfinite(simulated[:, -1, 0])
+        if np.mean(~done) > _DROPPED_SHARE:
+            raise RefusedError(
+                "the uncertainty cannot be sampled",
+                got=f"{np.count_nonzero(~done)} of {len(draws)} draws could not be simulated",
+                allowed=f"at most {_DROPPED_SHARE:.0%}",
+                remedy="check the deviations in campaign.yaml: a load may leave its footprint, a length be negative",
+            )
+        return self._described(draws[done], simulated[done], measured[done], np.count_nonzero(~done))
+
+    def _described(self, draws: Array, simulated: Array, measured: Array, dropped: int) -> RunUncertainty:
+        # Deviations are taken from the nominal solution, which stands where the truth stands in the campaign, not from
+        # the mean of the draws: where phases wander, both sides of S − D oscillate, and the mean of the draws does not.
+        nominal = self.case.simulated.pose
+        error = _difference(simulated, measured)
+        signature = error_signature(error)
+        covariance = _mean_square(signature)
+        largest = normalised_signature(signature, covariance).max(axis=(1, 2))
+        shares = variance_shares(draws, error[..., :2].reshape(len(error), -1), INPUTS)
+        return RunUncertainty(
+            time_s=self._sampler.times,
+            measurement=_mean_square(_difference(measured, nominal)),
+            simulation=_mean_square(_difference(simulated, nominal)),
+            validation=_mean_square(error),
+            signature=covariance,
+            signature_limit=float(np.quantile(largest, self.settings.confidence, method="higher")),
+            confidence=self.settings.confidence,
+            shares=shares,
+            samples=len(draws),
+            seed=self.settings.seed,
+            findings=_findings(dropped, shares),
         )
-    draws, simulated, measured = draws[done], simulated[done], measured[done]
-    # Deviations are taken from the nominal solution, which stands where the truth stands in the campaign, not from the
-    # mean of the draws: where phases wander, both sides of S − D oscillate, and the mean of the draws does not.
-    nominal = case.simulated.pose
-    error = _difference(simulated, measured)
-    signature = error_signature(error)
-    signature_covariance = _mean_square(signature)
-    shares = variance_shares(draws, error[..., :2].reshape(len(error), -1), INPUTS)
-    return RunUncertainty(
-        time_s=sampler.times,
-        measurement=_mean_square(_difference(measured, nominal)),
-        simulation=_mean_square(_difference(simulated, nominal)),
-        validation=_mean_square(error),
-        signature=signature_covariance,
-        signature_limit=_quantile(
-            normalised_signature(signature, signature_covariance).max(axis=(1, 2)), settings.confidence
-        ),
-        confidence=settings.confidence,
-        shares=shares,
-        samples=len(draws),
-        seed=settings.seed,
-        findings=_findings(np.count_nonzero(~done), shares),
-    )
+
+    def _extend(self, samples: int) -> None:
+        made = len(self._draws)
+        if samples <= made:
+            return
+        uniform = self._sequence.random(samples - made)
+        draws = norm.ppf(np.clip(uniform, _SMALLEST, 1 - _SMALLEST))
+        self._draws = np.concatenate([self._draws, draws])
+        if self.settings.processes == 1:
+            self._collect(self._sampler.outcome(made + i, draw) for i, draw in enumerate(draws))
+        else:
+            with ProcessPoolExecutor(self.settings.processes) as pool:
+                self._collect(pool.map(self._sampler.outcome, range(made, samples), draws, chunksize=8))
+
+    def _collect(self, outcomes: Iterable[tuple[Array, Array]]) -> None:
+        for outcome in outcomes:
+            self._outcomes.append(outcome)
+            if self.progress is not None:
+                self.progress(len(self._outcomes))
 
 
 def variance_shares(draws: Array, outputs: Array, inputs: dict[str, int]) -> dict[str, float]:
@@ -327,34 +369,6 @@ def _motions(calibration: Calibration, body: Body, pose: Array) -> _Motions:
     return _Motions(pose, by_pose[..., :-1], by_pose[..., -1])
 
 
-def _normal_draws(settings: UncertaintySettings) -> Array:
-    """Standard normal numbers (samples, d) from a scrambled Sobol sequence."""
-    sobol = qmc.Sobol(sum(INPUTS.values()), scramble=True, rng=np.random.default_rng(settings.seed))
-    uniform = sobol.random(settings.samples)
-    # The sequence may hold 0, whose normal quantile is infinite: keep half a cell away from the ends.
-    half = 0.5 / settings.samples
-    return norm.ppf(np.clip(uniform, half, 1 - half))
-
-
-def _outcomes(
-    sampler: _Sampler, draws: Array, processes: int, progress: Callable[[int], None] | None
-) -> tuple[Array, Array]:
-    results: list[tuple[Array, Array]] = []
-
-    def collect(pairs: Sequence[tuple[Array, Array]] | object) -> None:
-        for pair in pairs:  # type: ignore[attr-defined]
-            results.append(pair)
-            if progress is not None:
-                progress(len(results))
-
-    if processes == 1:
-        collect(sampler.outcome(i, draw) for i, draw in enumerate(draws))
-    else:
-        with ProcessPoolExecutor(processes) as pool:
-            collect(pool.map(sampler.outcome, range(len(draws)), draws, chunksize=8))
-    return np.array([pair[0] for pair in results]), np.array([pair[1] for pair in results])
-
-
 def _root(covariance: ArrayLike) -> Array:
     """A square root of a covariance that may be singular."""
     values, vectors = np.linalg.eigh(np.asarray(covariance, dtype=np.float64))
@@ -371,10 +385,6 @@ def _difference(pose: Array, other: Array) -> Array:
 def _mean_square(error: Array) -> Array:
     """Second moments (n, 3, 3) about nought over the first axis of errors (k, n, 3)."""
     return np.einsum("kni,knj->nij", error, error) / len(error)
-
-
-def _quantile(values: Array, confidence: float) -> float:
-    return float(np.quantile(values, confidence, method="higher"))
 
 
 def _findings(dropped: int, shares: dict[str, float]) -> tuple[Finding, ...]:

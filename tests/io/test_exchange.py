@@ -62,12 +62,21 @@ def told(*command):
 
 def test_outlines_are_the_tops_at_their_height(content, run):
     for frame, body in (("rover", run.rover), ("object", run.towed), ("object_simulated", run.towed)):
-        (cloud,) = content.values(f"/{frame}/outline")
+        cloud = content.values(f"/{frame}/outline")[-1]
         points = np.frombuffer(bytes(cloud.data), "<f4").reshape(-1, 3)
         assert cloud.header.frame_id == frame
         np.testing.assert_allclose(points[:, 2], body.tracked_plane_height_m, rtol=1e-6)
         np.testing.assert_allclose(points.min(axis=0)[:2], body.top_corners_m.min(axis=0), atol=1e-6)
         np.testing.assert_allclose(points[0], points[-1])
+
+
+def test_an_outline_comes_with_every_pose_for_viewers_draw_it_where_its_frame_was_at_its_own_time(content):
+    for body, poses in (
+        ("rover", "rover/pose"),
+        ("object", "object/pose"),
+        ("object_simulated", "object/pose_simulated"),
+    ):
+        np.testing.assert_array_equal(content.times_s(f"/{body}/outline"), content.times_s(f"/{poses}"))
 
 
 def test_tether_runs_from_the_simulated_anchor_to_the_measured_hinge(content, run):
@@ -96,11 +105,19 @@ def test_pictures_come_five_times_a_second_with_a_camera_of_their_size(content):
 def test_the_layout_names_only_topics_and_frames_of_the_file(folder, content):
     layout = json.loads((folder / "lichtblick.json").read_text())
     panels = layout["configById"]
-    named = {path["value"].split(".")[0] for panel in panels.values() for path in panel.get("paths", [])}
+    paths = [path["value"] for panel in panels.values() for path in panel.get("paths", [])]
+    named = {path.split(".")[0] for path in paths if path.startswith("/")}
     named |= set(panels["3D!floor"]["topics"]) | set(panels["Image!camera"]["imageMode"].values())
     assert named <= set(content.topics)
     shown = re.findall(r"\w+!\w+", json.dumps(layout["layout"]))
     assert sorted(shown) == sorted(panels)
+
+
+def test_the_layout_says_a_field_with_each_colour_for_without_one_the_viewer_chooses_its_own(folder):
+    topics = json.loads((folder / "lichtblick.json").read_text())["configById"]["3D!floor"]["topics"]
+    clouds = [settings for settings in topics.values() if settings.get("colorMode") == "flat"]
+    assert len(clouds) == 4
+    assert all(settings["colorField"] == "x" for settings in clouds)
 
 
 def test_layouts_are_copied_whole(folder):
@@ -140,3 +157,16 @@ def test_rerun_understands_bodies_camera_and_plots(folder, tmp_path):
     ):
         assert re.search(rf"{entity} - data columns: \[.*{component}", printed), entity
     told(rerun, "rrd", "verify", folder / "rerun.rbl")
+
+
+def test_rerun_has_run_and_layout_under_one_application_with_entities_that_are_there(folder, tmp_path):
+    rerun, run = program("rerun"), tmp_path / "run.rrd"
+    told(rerun, "mcap", "convert", folder / "exchange.mcap", "--application-id", "towval", "-o", run)
+    recording = told(rerun, "rrd", "print", run)
+    layout = told(rerun, "rrd", "print", "-vvv", folder / "rerun.rbl")
+    assert re.search(r'StoreId\(\s*Recording,\s*"towval"', recording)
+    assert re.search(r'StoreId\(\s*Blueprint,\s*"towval"', layout)
+    named = set(re.findall(r"(?<![\w/])/(?:rover|object|object_simulated|tether|camera|tf|tf_static)\b[\w/]*", layout))
+    assert {"/tether/line", "/object/error_state/position", "/camera/image"} <= named
+    for entity in named:
+        assert re.search(rf"{entity} - data columns", recording), entity

@@ -7,6 +7,7 @@ import pytest
 from towval.errors import InputError
 from towval.io.identification import read_identification, write_identification, write_identified_table
 from towval.io.mcap_file import write_mcap
+from towval.io.report_facts import identified_rows, predicted_rows
 from towval.types import Finding, Identification, Prediction, Severity
 
 FOUND = Identification(
@@ -59,3 +60,11 @@ def test_a_file_of_another_stage_is_refused(tmp_path):
     write_mcap(tmp_path / "other.mcap", [], {"outcome": "converged"}, {})
     with pytest.raises(InputError, match="made by another stage"):
         read_identification(tmp_path / "other.mcap")
+
+
+def test_the_report_gives_values_to_the_second_digit_of_their_deviation():
+    assert identified_rows(FOUND) == (
+        ("friction", "0.3500 ± 0.0050", "0.360 ± 0.010", "yes"),
+        ("rest length, m", "0.6000 ± 0.0010", "0.6300 ± 0.0020", "no"),
+    )
+    assert predicted_rows(FOUND)[0] == ("run a", "0.370; 0.6200", "20.0 mm", "1.00 mm")

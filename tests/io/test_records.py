@@ -9,7 +9,7 @@ from rosbags.highlevel import AnyReader
 from towval.decimate import decimate
 from towval.errors import InputError
 from towval.io import records
-from towval.io.mcap_file import read_mcap
+from towval.io.mcap_file import read_mcap, read_provenance
 from towval.types import (
     Calibration,
     Camera,
@@ -226,3 +226,6 @@ def test_a_failed_write_leaves_the_old_file(tmp_path, simulated):
 def test_provenance_is_kept(tmp_path, simulated):
     records.write_simulated(tmp_path / "simulate.mcap", simulated, {"versions": '{"towval": "1"}'})
     assert read_mcap(tmp_path / "simulate.mcap").provenance == {"versions": '{"towval": "1"}'}
+    assert read_provenance(tmp_path / "simulate.mcap") == {"versions": '{"towval": "1"}'}
+    with pytest.raises(InputError, match="missing"):
+        read_provenance(tmp_path / "track.mcap")

@@ -10,7 +10,7 @@ from report_scenes import LOST, ceiling_calibration, towed_run, uncertainty_of
 
 from towval.errors import InputError
 from towval.io.report import InputRow, Provenance, ReportData, RunReport, StageFinding, report_figures, write_report
-from towval.io.report_facts import headline, side_by_side, verdict_reason
+from towval.io.report_facts import calibration_facts, headline, plane_table, side_by_side, verdict_reason
 from towval.io.report_view import collect_findings
 from towval.io.summary import summary_csv, summary_latex
 from towval.types import Finding, Severity, Verdict
@@ -20,6 +20,7 @@ PROVENANCE = Provenance(
     versions={"towval": "0.1.0"},
     input_hashes={"a.mp4": "9f86d081"},
     configuration="track: {method: planes}",
+    settings={"track, run a": '{"samples": 1024}'},
 )
 
 
@@ -87,6 +88,33 @@ def test_page_asks_for_nothing_from_outside(page):
     within = {a[1:] for a in parsed.addresses if a.startswith("#")}
     assert within <= set(parsed.ids)
     assert not re.search(r"@import|url\((?!#)", page)
+
+
+def test_uncertainties_are_symbols_and_settings_stand_with_their_stage(page):
+    assert "<i>u</i><sub>val</sub>, mm</th>" in page
+    assert '<th scope="row">track, run a</th><td><code>{&#34;samples&#34;: 1024}</code></td>' in page
+
+
+def test_notes_are_rows_of_stage_run_and_text(page):
+    assert '<th scope="row">decimate</th><td>a</td><td>Two pauses were kept. <code>pauses</code></td>' in page
+
+
+def test_what_the_calibration_says_of_planes_is_a_table_by_height():
+    base = ceiling_calibration()
+    said = {
+        "position_std_mm at 0.000 m": 0.2,
+        "position_std_mm at 0.250 m": 0.19,
+        "halves_difference_mm at 0.250 m": 0.31,
+        "focal_length_std_px": 0.59,
+    }
+    calibration = dataclasses.replace(base, quality=base.quality | said)
+    columns, rows = plane_table(calibration)
+    assert len(columns) == 2
+    assert rows == (("0.000 m", "0.20", "not computed"), ("0.250 m", "0.19", "0.31"))
+    facts = dict(calibration_facts(calibration))
+    assert facts["Focal length"].endswith("px ± 0.59 px")
+    assert not any("0.250" in name for name in facts)
+    assert plane_table(base) == ((), ())
 
 
 def test_names_are_escaped(page):

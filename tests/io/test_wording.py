@@ -38,7 +38,7 @@ def test_lengths_and_angles_carry_their_units():
         ("u_num_m", 2.34e-6, ("u num", "0.0023 mm")),
         ("camera_height_m", 4.0996, ("camera height", "4.10 m")),
         ("steps", 1234.0, ("steps", "1234")),
-        ("condition_number", 45780.2, ("condition number", "45780")),
+        ("condition_number", 45780.2, ("condition number", "46000")),
         ("held_out_rms_px", float("nan"), ("held out rms", "not computed")),
     ],
 )

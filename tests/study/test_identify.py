@@ -73,6 +73,35 @@ def test_planted_values_come_back_and_predict_the_run_left_out(scene, measure):
         assert prediction.predicted_rms_m < 0.1 * prediction.given_rms_m
 
 
+def test_a_wrong_input_that_is_not_fitted_moves_a_value_within_its_deviation(scene, measure):
+    """A load told too heavy is found nearer to the middle, by what its mass's deviation says."""
+    runs, settings = measure(scene, 2), IdentifySettings(("load_x",))
+    nothing = InputDeviations(*np.zeros(8))
+    at = replace(nothing, load_mass=0.3)
+    sure, unsure = (identify(scene, known, runs, settings) for known in (nothing, at))
+    assert unsure.covariance[0, 0] > 4 * sure.covariance[0, 0]
+    heavier = replace(scene, load=replace(scene.load, mass=scene.load.mass + 0.3))
+    moved = identify(heavier, nothing, runs, settings).values[0] - sure.values[0]
+    expected = np.sqrt(unsure.covariance[0, 0] - sure.covariance[0, 0])
+    assert abs(moved) == pytest.approx(expected, rel=0.3)
+
+
+def test_a_start_far_off_does_not_end_in_another_valley(scene, measure):
+    """Between the stiffness told here and the true one the sum of squares has another minimum, near 1080 N/m."""
+    told = replace(scene, tether=replace(scene.tether, stiffness=1160.0))
+    found = identify(told, DEVIATIONS, measure(scene, 2), IdentifySettings(("stiffness",)))
+    assert found.values[0] == pytest.approx(800.0, abs=3 * np.sqrt(found.covariance[0, 0]))
+    assert found.identifiable == (True,)
+
+
+def test_a_value_beyond_the_searched_range_is_not_called_identified(scene, measure):
+    told = replace(scene, load=replace(scene.load, at=np.array([-0.15, -0.05])))
+    found = identify(told, DEVIATIONS, measure(scene, 2), IdentifySettings(("load_y",)))
+    assert found.identifiable == (False,)
+    assert {finding.code for finding in found.findings} == {"not_identifiable", "identify_misfit"}
+    assert any("end of the searched range" in finding.text for finding in found.findings)
+
+
 def test_a_length_that_never_pulled_is_not_identifiable(scene, measure):
     slack = replace(scene, tether=Tether(4.0, 800.0))
     found = identify(slack, DEVIATIONS, measure(slack, 2), IdentifySettings(("rest_length",)))

@@ -140,6 +140,25 @@ def test_labels_lie_beside_each_other(folder, chart):
         assert not any(a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i])
 
 
+def test_labels_make_room_for_marks_and_for_each_other():
+    """Three points side by side, nearer than a label is wide, and one at the right edge."""
+    rows = pd.DataFrame(
+        {"panel": "", "series": list("abcd"), "setting": ["one", "two", "three", "last"], "default": False}
+        | {"cost": [1.0, 1.02, 1.04, 2.0], "error": [1.0, 1.01, 1.0, 0.5]}
+    )
+    figure = scatter_chart(rows, "Title", ("cost", "error"), "Note.")
+    FigureCanvasAgg(figure).draw()
+    (axes,) = figure.axes
+    labels = [text for text in axes.texts if text.get_visible()]
+    assert {text.get_text() for text in labels} == {"one", "two", "three", "last"}
+    marks = [point for line in axes.lines for point in axes.transData.transform(np.column_stack(line.get_data()))]
+    for label in labels:
+        box = label.get_window_extent()
+        assert not any(box.contains(*mark) for mark in marks)
+        assert axes.get_window_extent().contains(box.x0, box.y0)
+        assert axes.get_window_extent().contains(box.x1, box.y1)
+
+
 def test_repeated_points_are_drawn_as_their_median():
     repeated = {"panel": "", "series": "a", "setting": "x", "default": False}
     rows = pd.DataFrame(repeated | {"cost": [1.0, 2.0, 9.0], "error": [3.0, 5.0, 4.0]})

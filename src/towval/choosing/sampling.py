@@ -2,19 +2,59 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from towval.choosing.margin import SHARE
-from towval.types import Choice, RunUncertainty
-from towval.uncertainty import Case, UncertaintySettings, sample_uncertainty
+from towval.simulate import friction_law
+from towval.types import (
+    Body,
+    Calibration,
+    Choice,
+    DecimatedTrack,
+    InputDeviations,
+    RunUncertainty,
+    Scene,
+    SimulatedMotion,
+    Track,
+)
+from towval.uncertainty import Case, UncertaintySampling, UncertaintySettings, sample_uncertainty
 
 DRAWS = (128, 256, 512, 1024, 2048)
 """What "auto" chooses from, cheapest first."""
 
 _SETTLED = 0.1  # Limits of the verdict may change by this share when the draws are doubled.
+
+
+def gather(
+    scene: Scene,
+    deviations: InputDeviations,
+    calibration: Calibration,
+    bodies: tuple[Body, Body],
+    tracks: Mapping[str, Track],
+    decimated: Mapping[str, DecimatedTrack],
+    simulated: SimulatedMotion,
+) -> Case:
+    """A run as the sampling sees it, from what the campaign gave and the stages found.
+
+    ``bodies`` are rover and object; ``tracks`` and ``decimated`` hold theirs under these names.
+    """
+    rover, towed = bodies
+    return Case(
+        scene=scene,
+        deviations=deviations,
+        law=friction_law(scene).law,
+        calibration=calibration,
+        rover=rover,
+        towed=towed,
+        rover_track=tracks[rover.name],
+        rover_decimated=decimated[rover.name],
+        object_track=tracks[towed.name],
+        object_decimated=decimated[towed.name],
+        simulated=simulated,
+    )
 
 
 def sample_choosing(
@@ -36,9 +76,10 @@ def sample_choosing(
         change = _validation_m(found) / np.sqrt(2 * found.samples)
         choice = Choice("draws", f"{settings.samples}", f"{2 * settings.samples}", change, "of u_val, as expected")
         return replace(found, choices=(choice,))
-    found = sample_uncertainty(case, replace(settings, samples=DRAWS[0]))
+    sampling = UncertaintySampling(case, settings, progress)
+    found = sampling.describe(DRAWS[0])
     for count in DRAWS[1:]:
-        more = sample_uncertainty(case, replace(settings, samples=count), progress)
+        more = sampling.describe(count)
         change = abs(_validation_m(more) - _validation_m(found))
         limits = more.signature_limit, found.signature_limit
         settled = change <= SHARE * measurement_m and abs(limits[0] / limits[1] - 1) <= _SETTLED

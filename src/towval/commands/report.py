@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from towval.commands.run_folder import files, read_run
 from towval.commands.shared import settings_from
 from towval.io.campaign import Campaign, load_campaign
 from towval.io.identification import read_identification
+from towval.io.mcap_file import read_provenance
 from towval.io.provenance import file_hash, versions
 from towval.io.records import read_calibration
 from towval.io.report import write_report
@@ -71,8 +73,23 @@ def _provenance(given: Campaign, results: Path) -> Provenance:
         command=f"snakemake --cores 2 --config campaign={given.folder}",
         versions=versions(),
         input_hashes=hashes,
+        settings=_settings(made),
         configuration=yaml.safe_dump(given.document, sort_keys=False, default_flow_style=None, allow_unicode=True),
     )
+
+
+def _settings(made: Sequence[Path]) -> dict[str, str]:
+    """What each stage was set to, as its files say; runs that were set alike stand together."""
+    folders: dict[tuple[str, str], list[str]] = {}
+    for path in made:
+        settings = read_provenance(path).get("settings", "{}")
+        if settings != "{}":
+            folders.setdefault((path.stem, settings), []).append(path.parent.name)
+    stages = Counter(stage for stage, _ in folders)
+    return {
+        stage if stages[stage] == 1 else f"{stage}, run {', '.join(runs)}": settings
+        for (stage, settings), runs in folders.items()
+    }
 
 
 def _inputs(given: Campaign) -> Iterator[InputRow]:
@@ -85,7 +102,7 @@ def _inputs(given: Campaign) -> Iterator[InputRow]:
             section = section.get(part, {})
         if deviation is not None and section == {}:
             source += "; deviation: default"
-        return InputRow(name, value, unit, "" if deviation is None else f"{deviation:.3g}", source)
+        return InputRow(name, value, unit, "" if deviation is None else f"{float(f'{deviation:.1e}'):g}", source)
 
     load = ("object", "load")
     yield row("mass of the object without load", f"{scene.body_mass:g}", "kg", std.body_mass, "object", "mass_std_kg")
@@ -112,4 +129,4 @@ def _inputs(given: Campaign) -> Iterator[InputRow]:
 
 
 def _point(xy: Any) -> str:
-    return f"({xy[0]:g}, {xy[1]:g})"
+    return f"({xy[0]:g}, {xy[1]:g})".replace("-", "−")

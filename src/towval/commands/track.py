@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from towval.choosing.tracking import PROBE_FRAMES, PROBE_STRIDE, choose_tracking
+from towval.choosing.tracking import PROBE_FRAMES, PROBE_STRIDE, neighbour_of_tracking, track_choosing
 from towval.commands.shared import progress, provenance, settings_from, tell, without_auto
 from towval.errors import InputError
 from towval.io.campaign import Campaign, Run, load_campaign
@@ -56,16 +56,17 @@ def run(campaign: Path, name: str, camera: Path, output: Path, keys: Mapping[str
         )
     calibration = read_calibration(camera)
     clicks = _clicks(given, entry, video, calibration, output.with_name("proposals.png"))
-    frames = list(
-        itertools.islice(Video(entry.video, damaged=entry.damaged_video), 0, PROBE_FRAMES * PROBE_STRIDE, PROBE_STRIDE)
-    )
-    settings, choices = choose_tracking(frames, calibration, given.bodies, clicks, settings, auto="samples" in auto)
+    scene = (calibration, given.bodies, clicks)
     with progress(f"track {name}", video.header.frames) as done:
-        tracks = track(video, calibration, given.bodies, clicks, settings, progress=done)
-    tracks = {
-        body: replace(found, findings=(*found.findings, *video.findings), choices=(choices[body],))
-        for body, found in tracks.items()
-    }
+        if "samples" in auto:
+            settings, tracks = track_choosing(video, *scene, settings, given.scene, progress=done)
+        else:
+            tracks = track(video, *scene, settings, progress=done)
+            again = Video(entry.video, damaged=entry.damaged_video)
+            few = list(itertools.islice(again, 0, PROBE_FRAMES * PROBE_STRIDE, PROBE_STRIDE))
+            choices = neighbour_of_tracking(few, *scene, settings)
+            tracks = {body: replace(found, choices=(choices[body],)) for body, found in tracks.items()}
+    tracks = {body: replace(found, findings=(*found.findings, *video.findings)) for body, found in tracks.items()}
     for body in tracks.values():
         tell(body.findings, f"track {name}")
     write_tracks(output, tracks, provenance(settings, {entry.video.name: entry.video, camera.name: camera}))

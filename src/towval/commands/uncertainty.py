@@ -7,12 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from towval.choosing.margin import measurement_std_m, seen_places
-from towval.choosing.sampling import sample_choosing
+from towval.choosing.sampling import gather, sample_choosing
 from towval.commands.shared import progress, provenance, settings_from, tell, without_auto
 from towval.io.campaign import load_campaign
 from towval.io.records import read_calibration, read_decimated, read_simulated, read_tracks, write_uncertainty
-from towval.simulate import friction_law
-from towval.uncertainty import Case, UncertaintySettings
+from towval.uncertainty import UncertaintySettings
 
 
 def run(
@@ -45,18 +44,14 @@ def run(
     given = load_campaign(campaign)
     files = {stage: folder / f"{stage}.mcap" for stage in ("track", "decimate", "simulate")}
     tracks, thin = read_tracks(files["track"]), read_decimated(files["decimate"])
-    case = Case(
-        scene=given.scene,
-        deviations=given.deviations,
-        law=friction_law(given.scene).law,
-        calibration=read_calibration(camera),
-        rover=given.rover,
-        towed=given.object,
-        rover_track=tracks["rover"],
-        rover_decimated=thin["rover"],
-        object_track=tracks["object"],
-        object_decimated=thin["object"],
-        simulated=read_simulated(files["simulate"]),
+    case = gather(
+        given.scene,
+        given.deviations,
+        read_calibration(camera),
+        given.bodies,
+        tracks,
+        thin,
+        read_simulated(files["simulate"]),
     )
     measured = measurement_std_m(case.calibration, case.towed, seen_places(case.object_track))
     with progress(f"uncertainty {name}", None if auto else settings.samples, "draw") as done:

@@ -21,7 +21,7 @@ from towval.io.atomic import write_bytes
 from towval.io.mcap_file import Message, write_mcap
 from towval.io.records import camera_place
 from towval.io.run_record import RunRecord, seen_poses
-from towval.types import Array, Calibration, Camera, Comparison
+from towval.types import Array, Body, Calibration, Camera, Comparison
 
 LAYOUTS = ("lichtblick.json", "rerun.rbl")
 """Layouts for Lichtblick and Foxglove, and for Rerun."""
@@ -55,7 +55,6 @@ def write_run_file(
     messages = [
         camera_place(calibration.floor, start_s),
         *_pictures(overlay, calibration.camera, start_s),
-        *_bodies(run, start_s),
         *_motions(run),
         *_tether(run),
         *_errors(run.comparison),
@@ -97,12 +96,10 @@ def _scaled(camera: Camera, size_px: tuple[int, int]) -> Camera:
     return Camera(size_px, matrix, camera.distortion, camera.lens_model)
 
 
-def _bodies(run: RunRecord, time_s: float) -> Iterator[Message]:
-    """Outlines of the tops as points, each in the frame that ``/tf`` moves."""
-    for frame, body in (("rover", run.rover), ("object", run.towed), ("object_simulated", run.towed)):
-        corners = np.vstack([body.top_corners_m, body.top_corners_m[:1]])
-        line = _points_along(np.column_stack([corners, np.full(len(corners), body.tracked_plane_height_m)]))
-        yield Message(f"/{frame}/outline", ros.nanoseconds(time_s), ros.point_cloud(time_s, frame, line, "xyz"))
+def _outline(body: Body) -> Array:
+    """Points (m, 3) [m] along the outline of a body's top, in the body's own frame."""
+    corners = np.vstack([body.top_corners_m, body.top_corners_m[:1]])
+    return _points_along(np.column_stack([corners, np.full(len(corners), body.tracked_plane_height_m)]))
 
 
 def _points_along(line: Array) -> Array:
@@ -113,18 +110,23 @@ def _points_along(line: Array) -> Array:
 
 
 def _motions(run: RunRecord) -> Iterator[Message]:
-    """Poses of both bodies, measured and simulated, as transforms and as poses."""
+    """Poses of both bodies, measured and simulated, as transforms and as poses, and with each the outline of the top.
+
+    Viewers draw an outline where its frame was at the outline's own time: one outline a run would stay at the start.
+    """
     motions = {
-        "rover": ("/rover/pose", run.rover_track.time_s, seen_poses(run.rover_track)),
-        "object": ("/object/pose", run.object_track.time_s, seen_poses(run.object_track)),
-        "object_simulated": ("/object/pose_simulated", run.simulated.time_s, run.simulated.pose),
+        "rover": ("/rover/pose", run.rover, run.rover_track.time_s, seen_poses(run.rover_track)),
+        "object": ("/object/pose", run.towed, run.object_track.time_s, seen_poses(run.object_track)),
+        "object_simulated": ("/object/pose_simulated", run.towed, run.simulated.time_s, run.simulated.pose),
     }
-    for frame, (topic, times, poses) in motions.items():
+    for frame, (topic, body, times, poses) in motions.items():
+        outline = _outline(body)
         for time_s, pose in zip(times, poses, strict=True):
             if np.isfinite(pose).all():
                 ns = ros.nanoseconds(time_s)
                 yield Message(topic, ns, ros.stamped_pose(time_s, FLOOR_FRAME, pose))
                 yield Message("/tf", ns, ros.transforms(time_s, FLOOR_FRAME, {frame: pose}))
+                yield Message(f"/{frame}/outline", ns, ros.point_cloud(time_s, frame, outline, "xyz"))
 
 
 def _tether(run: RunRecord) -> Iterator[Message]:

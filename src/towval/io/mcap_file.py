@@ -8,10 +8,11 @@ from __future__ import annotations
 import json
 import struct
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from mcap.exceptions import McapError
@@ -104,6 +105,13 @@ def write_mcap(path: Path, messages: Iterable[Message], details: dict[str, Any],
         writer.finish()
 
 
+def read_provenance(path: Path) -> dict[str, str]:
+    """The provenance of an MCAP file alone, without reading its messages; as :func:`read_mcap` raises."""
+    with _readable(path) as stream:
+        records = make_reader(stream).iter_metadata()
+        return next((dict(record.metadata) for record in records if record.name == _PROVENANCE), {})
+
+
 def read_mcap(path: Path) -> McapContent:
     """Read an MCAP file, verifying its checksums.
 
@@ -112,22 +120,29 @@ def read_mcap(path: Path) -> McapContent:
     InputError
         When the file is missing, damaged, or holds a message of a type that is not ROS 2's.
     """
-    path = Path(path)
     topics: dict[str, list[Message]] = defaultdict(list)
     details: dict[str, Any] = {}
     provenance: dict[str, str] = {}
+    with _readable(path) as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        for schema, channel, message in reader.iter_messages():
+            value = TYPESTORE.deserialize_cdr(message.data, schema.name)
+            topics[channel.topic].append(Message(channel.topic, message.log_time, value))
+        for attachment in reader.iter_attachments():
+            if attachment.name == _DETAILS:
+                details = json.loads(attachment.data)
+        for record in reader.iter_metadata():
+            if record.name == _PROVENANCE:
+                provenance = dict(record.metadata)
+    return McapContent(dict(topics), details, provenance)
+
+
+@contextmanager
+def _readable(path: Path) -> Iterator[BinaryIO]:
+    """The open file; what goes wrong while it is read becomes an error of the input."""
     try:
-        with path.open("rb") as stream:
-            reader = make_reader(stream, validate_crcs=True)
-            for schema, channel, message in reader.iter_messages():
-                value = TYPESTORE.deserialize_cdr(message.data, schema.name)
-                topics[channel.topic].append(Message(channel.topic, message.log_time, value))
-            for attachment in reader.iter_attachments():
-                if attachment.name == _DETAILS:
-                    details = json.loads(attachment.data)
-            for record in reader.iter_metadata():
-                if record.name == _PROVENANCE:
-                    provenance = dict(record.metadata)
+        with Path(path).open("rb") as stream:
+            yield stream
     except FileNotFoundError:
         raise InputError(f"{path} is missing", remedy="run the stage that makes it") from None
     except _DAMAGE as error:
@@ -137,4 +152,3 @@ def read_mcap(path: Path) -> McapContent:
             allowed="an undamaged MCAP file of profile ros2",
             remedy="delete it and run the stage that makes it again",
         ) from None
-    return McapContent(dict(topics), details, provenance)

@@ -58,4 +58,4 @@ def _significant(value: float) -> str:
     """Two digits, no exponent; what is too small to show is said so."""
     if value < 0.001:
         return "below 0.001"
-    return np.format_float_positional(value, precision=2, fractional=False, trim="-")
+    return np.format_float_positional(value, precision=2, fractional=False, trim="-", min_digits=2)

@@ -110,7 +110,9 @@ class Painter:
         error = pose_at(comparison.time_s, comparison.error, time_s)
         if not np.isfinite(error).all():
             return "object not seen"
-        return f"error {1e3 * np.hypot(error[0], error[1]):5.2f} mm   {np.rad2deg(error[2]):+5.2f}°"
+        # Adding zero takes the sign from what rounds to nothing.
+        turn = f"{round(float(np.rad2deg(error[2])), 2) + 0.0:+5.2f}".replace("-", "−")
+        return f"error {1e3 * np.hypot(error[0], error[1]):5.2f} mm   {turn}°"
 
 
 def _stroke(picture: Picture, pixels: Array, colour: Colour, line: int) -> None:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from importlib.resources import files
 from pathlib import Path as FilePath
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
+from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
 from towval.errors import InputError
@@ -27,6 +28,8 @@ __all__ = [
     "write_report",
 ]
 
+
+_UNCERTAINTY = re.compile(r"\bu_(num|input|D|val)\b")
 
 _TIMED = ("errors_", "agreement_", "fig10_")
 """Figures over which the time cursor moves."""
@@ -86,7 +89,7 @@ def run_figures(run: RunRecord) -> dict[str, Figure]:
     if run.uncertainty is not None:
         drawn[f"agreement_{run.name}"] = figures.agreement_figure(run)
     for track in (run.rover_track, run.object_track):
-        drawn[f"tracking_{track.body}_{run.name}"] = figures.tracking_figure(track)
+        drawn[f"tracking_{track.body}_{run.name}"] = figures.tracking_figure(track, run.name)
     if run.decimated is not None:
         drawn[f"decimate_{run.name}"] = figures.decimate_figure(run)
     return drawn
@@ -117,13 +120,20 @@ def report_figures(data: ReportData) -> dict[str, Figure]:
 
 
 def _environment() -> Environment:
-    return Environment(
+    environment = Environment(
         loader=PackageLoader("towval.io"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters["symbols"] = _symbols
+    return environment
+
+
+def _symbols(text: str) -> Markup:
+    """A text with its uncertainties, ``u_val`` and the like, as symbols with an index."""
+    return Markup(_UNCERTAINTY.sub(r"<i>u</i><sub>\1</sub>", str(escape(text))))
 
 
 def _asset(name: str) -> Markup:

@@ -55,13 +55,14 @@ class Provenance:
     """Where the results come from: enough to get them again.
 
     ``command`` the line that made them; ``versions`` of programs by name; ``input_hashes`` SHA-256 by file;
-    ``configuration`` the settings as text.
+    ``configuration`` the campaign's description as text; ``settings`` what each stage was set to, by stage and runs.
     """
 
     command: str
     versions: Mapping[str, str] = field(default_factory=dict)
     input_hashes: Mapping[str, str] = field(default_factory=dict)
     configuration: str = ""
+    settings: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

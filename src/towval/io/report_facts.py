@@ -30,7 +30,30 @@ _VERDICT_PHRASES = {
 }
 
 # What the calibration says of itself that the page says in its own words.
-_SAID_ABOVE = ("views_used", "views_dropped", "camera_height_m")
+_SAID_ABOVE = ("views_used", "views_dropped", "camera_height_m", "camera_height_std_m", "focal_length_std_px")
+
+_WORDS = {
+    "median_tilt_deg": "tilt of the held boards, median",
+    "covered_share": "image covered by corners",
+    "reprojection_rms_px": "reprojection error, RMS",
+    "held_out_rms_px": "error on views held out, RMS a coordinate",
+    "marks_rms_px": "error of the marks on the floor, RMS",
+    "steps": "steps of the integrator",
+    "rejections": "steps rejected and repeated",
+    "mode_changes": "changes between slack and taut",
+    "u_num_m": "numerical uncertainty u_num",
+}
+"""Names of scalars in words, where their own name is not clear enough."""
+
+_TO_DYNAMICS = " to dynamics, m"
+"""How the names of statistics end that say how far a simpler model is from the dynamics."""
+
+# Columns of the calibration's table by height: how its scalars are called, and what that is.
+_AT_HEIGHT = {
+    "position_std_mm": "standard deviation of a place, mm",
+    "halves_difference_mm": "two halves of the views differ by, mm",
+    "halves_expected_mm": "expected difference, mm",
+}
 
 
 def headline(comparisons: list[Comparison]) -> str:
@@ -78,13 +101,13 @@ def side_by_side(runs: list[Facts]) -> Table:
 def summary_cells(c: Comparison) -> Facts:
     """The cells of a run in the summary table: column and value, the unit in the column's name."""
     lengths = (("Path RMS, mm", c.path_rms_m), ("Path max., mm", c.path_max_m))
-    uncertainties = (("num", c.u_num_m), ("input", c.u_input_m), ("meas.", c.u_measurement_m), ("val", c.u_val_m))
+    uncertainties = (("num", c.u_num_m), ("input", c.u_input_m), ("D", c.u_measurement_m), ("val", c.u_val_m))
     return (
         *((name, millimetres(value).removesuffix(" mm")) for name, value in lengths),
         ("Heading RMS, °", degrees(c.heading_rms_rad).removesuffix("°")),
         ("Length, m", f"{c.path_length_m:.3f}" if np.isfinite(c.path_length_m) else NOT_COMPUTED),
         ("Frames seen / lost", f"{c.tracked_frames} / {c.lost_frames}"),
-        *((f"u {name}, mm", millimetres(value).removesuffix(" mm")) for name, value in uncertainties),
+        *((f"u_{name}, mm", millimetres(value).removesuffix(" mm")) for name, value in uncertainties),
     )
 
 
@@ -96,14 +119,14 @@ def campaign_cells(comparisons: list[Comparison]) -> Facts:
         return float(np.sqrt(np.mean(values**2)))
 
     lengths = (("Path RMS, mm", over_runs("path_rms_m")), ("Path max., mm", max(c.path_max_m for c in comparisons)))
-    uncertainties = (("num", "u_num_m"), ("input", "u_input_m"), ("meas.", "u_measurement_m"), ("val", "u_val_m"))
+    uncertainties = (("num", "u_num_m"), ("input", "u_input_m"), ("D", "u_measurement_m"), ("val", "u_val_m"))
     frames = sum(c.tracked_frames for c in comparisons), sum(c.lost_frames for c in comparisons)
     return (
         *((name, millimetres(value).removesuffix(" mm")) for name, value in lengths),
         ("Heading RMS, °", degrees(over_runs("heading_rms_rad")).removesuffix("°")),
         ("Length, m", f"{sum(c.path_length_m for c in comparisons):.3f}"),
         ("Frames seen / lost", "{} / {}".format(*frames)),
-        *((f"u {name}, mm", millimetres(over_runs(field)).removesuffix(" mm")) for name, field in uncertainties),
+        *((f"u_{name}, mm", millimetres(over_runs(field)).removesuffix(" mm")) for name, field in uncertainties),
     )
 
 
@@ -120,8 +143,8 @@ def metric_facts(c: Comparison) -> Facts:
         ("Discrete Fréchet distance, mm", length(c.frechet_m)),
         ("Area metric of the error along the path, mm", length(c.area_along_m)),
         ("Area metric of the error across the path, mm", length(c.area_across_m)),
-        ("|E| / u val, largest", decimal(c.ratio_max)),
-        ("|E| / u val at most 2, % of the time", within),
+        ("|E| / u_val, largest", decimal(c.ratio_max)),
+        ("|E| / u_val at most 2, % of the time", within),
         ("Path RMS after rigid alignment (aligned), mm", length(c.aligned_rms_m)),
     )
 
@@ -148,9 +171,23 @@ def simulation_facts(run: RunRecord) -> Facts:
         ("Tension, maximum", f"{tension.max():.1f} N"),
         ("Tether slack", f"{100 * np.mean(tension == 0):.0f} % of the frames"),
     ]
-    facts += [named_scalar(name, value) for name, value in simulated.statistics.items()]
+    facts += [_statistic(name, value) for name, value in simulated.statistics.items()]
     facts.append(("Advice", simulated.advice))
     return tuple(facts)
+
+
+def _statistic(name: str, value: float) -> tuple[str, str]:
+    """A statistic of the simulation in words."""
+    if name.endswith(_TO_DYNAMICS):
+        simpler = name.removesuffix(_TO_DYNAMICS)
+        return f"{simpler} instead of dynamics: path moves by up to", millimetres(value)
+    return _in_words(name, value)
+
+
+def _in_words(name: str, value: float) -> tuple[str, str]:
+    """A scalar with its unit in words."""
+    stem, text = named_scalar(name, value)
+    return _WORDS.get(name, stem), text
 
 
 def tracking_facts(run: RunRecord) -> Facts:
@@ -160,7 +197,7 @@ def tracking_facts(run: RunRecord) -> Facts:
         std = np.nanmedian(track.std[track.seen], axis=0) if track.seen.any() else np.full(3, np.nan)
         place, body = millimetres(float(np.hypot(std[0], std[1]))), track.body
         facts.append((f"{body}: frames seen", f"{int(track.seen.sum())} of {len(track.time_s)}"))
-        facts.append((f"{body}: median deviation", f"{place}, {degrees(float(std[2]))}"))
+        facts.append((f"{body}: standard deviation of place and heading, median", f"{place}, {degrees(float(std[2]))}"))
         facts.append((f"{body}: method", track.method))
     return tuple(facts)
 
@@ -172,27 +209,53 @@ def decimation_facts(run: RunRecord) -> Facts:
         return ()
     noise = f"{decimal(1e3 * thin.noise[0])}, {millimetres(thin.noise[1])}, {degrees(thin.noise[2])}"
     return (
-        ("poses kept", f"{len(thin.time_s)} of {thin.frames} ({100 * len(thin.time_s) / thin.frames:.0f} %)"),
-        ("noise of one pose", noise),
-        ("misfit in units of that noise", ", ".join(f"{value:.2f}" for value in thin.misfit)),
-        ("pauses", f"{len(thin.pauses)} ({np.ptp(thin.pauses, axis=1).sum():.1f} s)" if len(thin.pauses) else "none"),
+        ("rover: poses kept", f"{len(thin.time_s)} of {thin.frames} ({100 * len(thin.time_s) / thin.frames:.0f} %)"),
+        ("rover: noise of one pose in x, y and heading", noise),
+        (
+            "rover: misfit of the kept poses' curve in units of that noise",
+            ", ".join(f"{value:.2f}" for value in thin.misfit),
+        ),
+        (
+            "rover: pauses",
+            f"{len(thin.pauses)} ({np.ptp(thin.pauses, axis=1).sum():.1f} s)" if len(thin.pauses) else "none",
+        ),
     )
 
 
 def calibration_facts(calibration: Calibration) -> Facts:
-    """Camera, lens and what the calibration says of itself."""
-    camera = calibration.camera
+    """Camera, lens and what the calibration says of itself, but for what it says of planes."""
+    camera, quality = calibration.camera, calibration.quality
     used = sum(not view.dropped for view in calibration.views)
+    height_std, focal_std = (quality.get(name, np.nan) for name in ("camera_height_std_m", "focal_length_std_px"))
     facts = [
-        ("Camera height", f"{calibration.floor.camera_position_m[2]:.4f} m"),
+        ("Camera height", f"{calibration.floor.camera_position_m[2]:.4f} m" + _deviation(millimetres(height_std))),
         ("Image", "{} × {} px".format(*camera.resolution_px)),
-        ("Focal length", f"{camera.matrix[0, 0]:.1f}, {camera.matrix[1, 1]:.1f} px"),
+        (
+            "Focal length",
+            f"{camera.matrix[0, 0]:.1f}, {camera.matrix[1, 1]:.1f} px" + _deviation(f"{decimal(focal_std)} px"),
+        ),
         ("Lens model", camera.lens_model),
-        ("Corner noise", f"{calibration.corner_noise_px:.3f} px"),
+        ("Corner noise a coordinate", f"{calibration.corner_noise_px:.3f} px"),
         ("Views used", f"{used} of {len(calibration.views)}"),
     ]
-    facts += [named_scalar(name, value) for name, value in calibration.quality.items() if name not in _SAID_ABOVE]
+    facts += [
+        _in_words(name, value) for name, value in quality.items() if name not in _SAID_ABOVE and " at " not in name
+    ]
     return tuple(facts)
+
+
+def _deviation(text: str) -> str:
+    """A standard deviation to be put behind its value; nothing where it is not known."""
+    return "" if NOT_COMPUTED in text else f" ± {text}"
+
+
+def plane_table(calibration: Calibration) -> tuple[tuple[str, ...], Rows]:
+    """What the calibration says of planes: names of the columns, then a row a height of the plane."""
+    quality = calibration.quality
+    places = dict.fromkeys(name.partition(" at ")[2] for name in quality if " at " in name)
+    columns = [name for name in _AT_HEIGHT if any(f"{name} at {place}" in quality for place in places)]
+    rows = tuple((place, *(decimal(quality.get(f"{name} at {place}", np.nan)) for name in columns)) for place in places)
+    return tuple(_AT_HEIGHT[name] for name in columns), rows
 
 
 def identified_rows(found: Identification) -> Rows:
@@ -200,9 +263,11 @@ def identified_rows(found: Identification) -> Rows:
     std = np.sqrt(np.diag(found.covariance))
     return tuple(
         (
-            name,
-            f"{given:.5g} ± {given_std:.2g}",
-            f"{value:.5g} ± {deviation:.2g}" if np.isfinite(deviation) else "no value",
+            name.replace(" [", ", ").removesuffix("]"),
+            f"{_to_its_deviation(given, given_std)} ± {_to_its_deviation(given_std, given_std)}",
+            f"{_to_its_deviation(value, deviation)} ± {_to_its_deviation(deviation, deviation)}"
+            if np.isfinite(deviation)
+            else "no value",
             "yes" if fixed else "no",
         )
         for name, given, given_std, value, deviation, fixed in zip(
@@ -213,15 +278,23 @@ def identified_rows(found: Identification) -> Rows:
 
 def predicted_rows(found: Identification) -> Rows:
     """Each run left out: name, values fitted without it, path error as given and as predicted."""
+    std = np.sqrt(np.diag(found.covariance))
     return tuple(
         (
             f"run {p.run}",
-            ", ".join(f"{value:.5g}" for value in p.values),
+            "; ".join(_to_its_deviation(value, deviation) for value, deviation in zip(p.values, std, strict=True)),
             millimetres(p.given_rms_m),
             millimetres(p.predicted_rms_m),
         )
         for p in found.predictions
     )
+
+
+def _to_its_deviation(value: float, std: float) -> str:
+    """A value to the second digit that counts of its deviation; to five digits where that is not known."""
+    if not (np.isfinite(std) and std > 0):
+        return f"{value:.5g}"
+    return f"{value:.{max(0, 1 - int(np.floor(np.log10(std))))}f}"
 
 
 def alternatives(run: RunRecord) -> dict[str, str]:

@@ -32,6 +32,7 @@ from towval.io.report_facts import (
     identified_rows,
     key_numbers,
     metric_facts,
+    plane_table,
     predicted_rows,
     reasons,
     side_by_side,
@@ -84,6 +85,7 @@ class ReportView:
     campaign: str
     headline: str
     reasons: Facts
+    confidence: str
     runs: tuple[RunView, ...]
     findings: tuple[FindingView, ...]
     notes: tuple[FindingView, ...]
@@ -92,6 +94,7 @@ class ReportView:
     metrics: Table
     campaign_figure: Markup
     calibration: Facts
+    planes: tuple[tuple[str, ...], Rows]
     calibration_figures: tuple[tuple[Markup, str], ...]
     dropped_views: Facts
     shares_figure: Markup | None
@@ -127,6 +130,7 @@ def build(data: ReportData, svgs: Mapping[str, str], frames: Mapping[str, Frame]
         campaign=data.campaign,
         headline=headline(comparisons),
         reasons=reasons(comparisons),
+        confidence=_confidence(records),
         runs=tuple(_run_view(run, svgs, frames) for run in data.runs),
         findings=tuple(f for f in found if f.severity != Severity.NOTE),
         notes=tuple(f for f in found if f.severity == Severity.NOTE),
@@ -135,6 +139,7 @@ def build(data: ReportData, svgs: Mapping[str, str], frames: Mapping[str, Frame]
         metrics=side_by_side([metric_facts(c) for c in comparisons]),
         campaign_figure=inline_svg(svgs["fig10"], "fig10"),
         calibration=() if calibration is None else calibration_facts(calibration),
+        planes=((), ()) if calibration is None else plane_table(calibration),
         calibration_figures=tuple(
             (inline_svg(svg, name), _CALIBRATION_CAPTIONS[name])
             for name, svg in svgs.items()
@@ -202,6 +207,12 @@ def _tables(comparisons: list[Comparison]) -> Facts:
     return tuple((name, f"data:{kind};base64,{_base64(text.encode())}") for name, kind, text in contents)
 
 
+def _confidence(records: list[RunRecord]) -> str:
+    """Share of right models that keep the limits of the verdict; empty where no run was judged."""
+    shares = {f"{100 * record.uncertainty.confidence:g} %" for record in records if record.uncertainty is not None}
+    return " or ".join(sorted(shares))
+
+
 def _run_view(report: RunReport, svgs: Mapping[str, str], frames: Mapping[str, Frame]) -> RunView:
     run, name = report.record, report.record.name
     comparison = run.comparison
@@ -267,8 +278,8 @@ def _base64(content: bytes) -> str:
 _CALIBRATION_CAPTIONS = {
     "calibration_coverage": "Where in the image the board's corners were seen, with their residuals, exaggerated as "
     "stated. Parts of the image without corners are extrapolated.",
-    "calibration_reprojection": "Reprojection error and tilt of each view. Views without tilt do not fix the focal "
-    "length.",
+    "calibration_reprojection": "Reprojection error and tilt of each view: held boards as blue circles, boards on the "
+    "floor as green squares. Views without tilt do not fix the focal length.",
     "calibration_uncertainty": "Standard deviation of a place on the plane of the tracked top, from the covariance of "
     "the calibration. It does not contain the error of the lens model.",
 }

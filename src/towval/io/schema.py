@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from functools import lru_cache
 from importlib import resources
 from pathlib import Path
@@ -29,6 +30,12 @@ def _mapping_without_duplicates(loader: _StrictLoader, node: yaml.MappingNode) -
     return loader.construct_mapping(node, deep=True)
 
 
+# PyYAML follows YAML 1.1, in which 1e-7, without a point, is a text.
+_EXPONENT = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)[eE][-+]?\d+")
+
+_StrictLoader.add_implicit_resolver(
+    "tag:yaml.org,2002:float", re.compile(f"^{_EXPONENT.pattern}$"), list("-+.0123456789")
+)
 _StrictLoader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping_without_duplicates)
 
 
@@ -52,6 +59,23 @@ def read_yaml(path: Path) -> Any:
         raise InputError(
             f"{path} is not valid YAML", got=" ".join(str(error).split()), remedy="mend that line"
         ) from None
+
+
+def read_value(text: str) -> Any:
+    """One value as YAML writes it: a number, a text, a list."""
+    try:
+        return yaml.load(text, Loader=_StrictLoader)  # a SafeLoader: builds plain data only
+    except yaml.YAMLError as error:
+        raise InputError("a value is not valid YAML", got=" ".join(str(error).split())) from None
+
+
+def with_numbers(value: Any) -> Any:
+    """A value that another program read from YAML, with each text that :func:`read_yaml` takes for a number as one."""
+    if isinstance(value, dict):
+        return {key: with_numbers(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [with_numbers(item) for item in value]
+    return float(value) if isinstance(value, str) and _EXPONENT.fullmatch(value) else value
 
 
 @lru_cache

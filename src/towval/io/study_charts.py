@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.backend_bases import RendererBase
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -16,6 +17,7 @@ from matplotlib.patches import Patch as Swatch
 from matplotlib.patches import Rectangle
 from matplotlib.text import Annotation
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
+from matplotlib.transforms import Bbox
 
 from towval.io.style import PAGE_WIDTH_IN, Margins, figure_function, foot_legend, place_maps
 
@@ -28,6 +30,20 @@ SIGNS = {RIGHT: ("", "#1d1d1b"), FLAGGED: ("!", "#1d1d1b"), SILENT: ("×", "#fff
 """Cells by judgement: face, and sign in its colour; light, middle and dark, so that grey will do."""
 
 _LINE_IN = 0.16
+_LINE_STEP_PX = 3.0
+_AWAY, _AWAY_DEFAULT = 3.5, 5.0
+"""From a point to its label [pt], and from one with the ring of the default."""
+_AROUND = (
+    (1.0, 0.8, "left", "bottom"),
+    (-1.0, 0.8, "right", "bottom"),
+    (1.0, -0.8, "left", "top"),
+    (-1.0, -0.8, "right", "top"),
+    (1.4, 0.0, "left", "center"),
+    (-1.4, 0.0, "right", "center"),
+    (0.0, 1.3, "center", "bottom"),
+    (0.0, -1.3, "center", "top"),
+)
+"""Places of a label around its point, the best first: steps right and up in its distance, and its alignment."""
 _DECADE = 10.0
 _ROOM = 1.15  # Factor of room below and above all points.
 _FEW_DECADES = 60.0  # A range below this has numbers at 1, 2 and 5.
@@ -76,7 +92,7 @@ def scatter_chart(table: pd.DataFrame, title: str, labels: tuple[str, str], note
     _same_decades(axes)
     _title(figure, title)
     _foot(figure, _handles(series, front=front), 4, notes)
-    _hide_overlapping(figure, axes)
+    _place_labels(figure, axes)
     return figure
 
 
@@ -126,8 +142,8 @@ def _draw_panel(axes: Axes, rows: pd.DataFrame, series: Sequence[str], *, front:
     axes.plot(default["cost"], default["error"], "o", mfc="none", mec="#000000", mew=0.9, ms=10, zorder=4)
     named = pd.concat([default, best, rows.sort_values("error")]).drop_duplicates(["series", "setting"])
     for row in named.itertuples():
-        place = (5, 4) if row.default else (4, 3)
-        axes.annotate(row.setting, (row.cost, row.error), place, textcoords="offset points", fontsize=6.5, zorder=5)
+        away = (_AWAY_DEFAULT, 0) if row.default else (_AWAY, 0)
+        axes.annotate(row.setting, (row.cost, row.error), away, textcoords="offset points", fontsize=6.5, zorder=5)
     axes.margins(x=0.1, y=0.1)
 
 
@@ -158,21 +174,48 @@ def _same_decades(axes: Sequence[Axes]) -> None:
                 axis.set_major_locator(LogLocator(numticks=20))
 
 
-def _hide_overlapping(figure: Figure, axes: Sequence[Axes]) -> None:
-    """Labels that would lie on one another or leave their panel are not shown; the table has them all."""
+def _place_labels(figure: Figure, axes: Sequence[Axes]) -> None:
+    """Put each label beside its point, clear of marks, lines and labels before it.
+
+    A label without such a place is not shown; the table has the settings of all points.
+    """
     renderer = FigureCanvasAgg(figure).get_renderer()
     for own in axes:
-        frame, taken = own.get_window_extent(renderer), []
-        points = [own.transData.transform((x, y)) for line in own.lines for x, y in zip(*line.get_data(), strict=True)]
+        frame, taken = own.get_window_extent(renderer), _marks_and_lines(own, figure.dpi / 72)
         for label in (text for text in own.texts if isinstance(text, Annotation)):
-            label.update_positions(renderer)
-            box = label.get_window_extent(renderer)
-            inside = frame.x0 <= box.x0 and box.x1 <= frame.x1 and frame.y0 <= box.y0 and box.y1 <= frame.y1
-            covered = any(box.x0 < x < box.x1 and box.y0 < y < box.y1 for x, y in points)
-            if not inside or covered or any(box.overlaps(other) for other in taken):
-                label.set_visible(False)
-            else:
+            box = _free_place(label, frame, taken, renderer)
+            label.set_visible(box is not None)
+            if box is not None:
                 taken.append(box)
+
+
+def _free_place(label: Annotation, frame: Bbox, taken: Sequence[Bbox], renderer: RendererBase) -> Bbox | None:
+    """Move a label to the first place around its point that is free; its box there, or None."""
+    away = max(abs(step) for step in label.xyann)
+    for across, up, horizontal, vertical in _AROUND:
+        label.xyann = (across * away, up * away)
+        label.set(horizontalalignment=horizontal, verticalalignment=vertical)
+        label.update_positions(renderer)
+        box = label.get_window_extent(renderer)
+        inside = frame.x0 <= box.x0 and box.x1 <= frame.x1 and frame.y0 <= box.y0 and box.y1 <= frame.y1
+        if inside and not any(box.overlaps(other) for other in taken):
+            return box
+    return None
+
+
+def _marks_and_lines(axes: Axes, px_per_point: float) -> list[Bbox]:
+    """Boxes [px] around the marks of a panel and along its lines."""
+    boxes = []
+    for line in axes.lines:
+        points = axes.transData.transform(np.column_stack(line.get_data()).astype(float))
+        if line.get_marker() != "None":
+            radius = 0.5 * line.get_markersize() * px_per_point
+            boxes += [Bbox.from_extents(*(point - radius), *(point + radius)) for point in points]
+        if line.get_linestyle() != "None":
+            for start, end in itertools.pairwise(points):
+                steps = np.linspace(0, 1, max(2, int(np.hypot(*(end - start)) / _LINE_STEP_PX)))
+                boxes += [Bbox.from_extents(*point, *point) for point in start + steps[:, None] * (end - start)]
+    return boxes
 
 
 @figure_function
@@ -263,7 +306,8 @@ def _shortened(name: str) -> str:
 def _set(text: str) -> str:
     """Symbols with an index as mathematics."""
     return (
-        text.replace("u_val", "$u_{val}$")
+        text.replace("u_val", r"$u_\mathrm{val}$")
+        .replace(" - ", " − ")
         .replace("v_s", "$v_s$")
         .replace("d_t", "$d_t$")
         .replace("ϑ_lh", r"$\vartheta_{lh}$")

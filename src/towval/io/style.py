@@ -90,7 +90,7 @@ def column_of_panels(
     apart : int, optional
         How many of the upper panels keep an x axis of their own, with room for its labels.
     """
-    gaps = [margins.bottom + margins.down if i < apart else margins.down for i in range(len(heights_in) - 1)]
+    gaps = [Margins.bottom + margins.down if i < apart else margins.down for i in range(len(heights_in) - 1)]
     height = margins.top + sum(heights_in) + sum(gaps) + margins.bottom
     figure = Figure(figsize=(COLUMN_WIDTH_IN, height))
     width = COLUMN_WIDTH_IN - margins.left - margins.right
@@ -136,6 +136,18 @@ def foot_legend(figure: Figure, handles: Sequence[Artist], columns: int) -> None
     """A legend in the margin at the very bottom, centred."""
     height = figure.get_size_inches()[1]
     figure.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 0.03 / height), ncols=columns)
+
+
+def foot_note(figure: Figure, text: str, left_in: float = Margins.left) -> None:
+    """A line in the margin at the very bottom, from where the panels begin [in]."""
+    width, height = figure.get_size_inches()
+    figure.text(left_in / width, 0.04 / height, text, fontsize=7, color="#555555")
+
+
+def symmetric(axes: Axes) -> None:
+    """Limits of y as far below zero as above."""
+    largest = max(abs(limit) for limit in axes.get_ylim())
+    axes.set_ylim(-largest, largest)
 
 
 def _share(rectangle: tuple[float, float, float, float], figure: Figure) -> tuple[float, float, float, float]:

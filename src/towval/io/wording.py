@@ -29,6 +29,13 @@ def degrees(value_rad: float) -> str:
     return f"{decimal(math.degrees(value_rad))}°" if math.isfinite(value_rad) else NOT_COMPUTED
 
 
+def _plain_number(value: float) -> str:
+    """A count as it is; any other number with decimals, or from a thousand on with two digits that count."""
+    if float(value).is_integer():
+        return f"{value:.0f}"
+    return f"{float(f'{value:.1e}'):.0f}" if abs(value) >= 1000 else decimal(value)
+
+
 def named_scalar(name: str, value: float) -> tuple[str, str]:
     """A scalar whose unit is at the end of its name (``focal_length_std_px``, ``rms_mm at 0.25 m``) in words.
 
@@ -56,5 +63,5 @@ def named_scalar(name: str, value: float) -> tuple[str, str]:
     elif words[-1] == "share":
         text = f"{100 * value:.0f} %"
     else:
-        text = f"{value:.0f}" if float(value).is_integer() or abs(value) >= 1000 else decimal(value)
+        text = _plain_number(value)
     return " ".join(words) + at + place, text

@@ -5,18 +5,20 @@ Kept apart from the validation: the blind comparison uses what campaign.yaml say
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
+from scipy.stats import qmc
 
-from towval.errors import InputError, RefusedError
+from towval.errors import InputError, RefusedError, TowvalError
 from towval.geometry import block_means, wrapped
 from towval.physics.dynamics import Accuracy
 from towval.physics.ladder import simulate_rung
 from towval.physics.mass import towed_object
 from towval.simulate import friction_law, hinge_path
+from towval.study.identifiable import PARAMETERS, has_a_load, titled
 from towval.types import (
     Array,
     DecimatedTrack,
@@ -33,6 +35,18 @@ from towval.types import (
 _STEP = 0.1
 """Step of the difference quotients, in units of a parameter's scale: below it the phase of stick and slip is noise."""
 
+_PLACES, _SEED = 64, 1
+"""Places at which the sum of squares is tried before a fit, and the seed of the sequence that they are from."""
+
+_STARTS = 3
+"""Of these places, the best ones from which fits are started."""
+
+_AT_THE_END = 1e-3
+"""Share of the searched range within which a value counts as being at its end."""
+
+_MISFIT = 2.0
+"""Root mean square of what a fit leaves, in deviations of the measurement, that the runs are no longer explained by."""
+
 _VAGUE_SHARE = 0.25
 """A deviation of more than this share of the searched range fixes nothing."""
 
@@ -41,80 +55,11 @@ _TIED = 0.98
 
 
 @dataclass(frozen=True)
-class Parameter:
-    """An input that can be identified.
-
-    ``unit`` of its value; ``value`` of a scene; ``given_std`` of campaign.yaml; ``changed`` the scene and law with
-    another value; ``scale`` of a noticeable change and ``reach`` of the search to both sides, in the value's unit.
-    """
-
-    unit: str
-    value: Callable[[Scene], float]
-    given_std: Callable[[InputDeviations], float]
-    changed: Callable[[Scene, FrictionLaw, float], tuple[Scene, FrictionLaw]]
-    scale: Callable[[Scene], float]
-    reach: Callable[[Scene], float]
-
-
-def _load_at(axis: int) -> Parameter:
-    def changed(scene: Scene, law: FrictionLaw, value: float) -> tuple[Scene, FrictionLaw]:
-        at = scene.load.at.copy()
-        at[axis] = value
-        return replace(scene, load=replace(scene.load, at=at)), law
-
-    return Parameter(
-        unit="m",
-        value=lambda scene: float(scene.load.at[axis]),
-        given_std=lambda std: std.load_at,
-        changed=changed,
-        scale=lambda _: 5e-3,
-        reach=lambda scene: float(0.25 * np.ptp(scene.patch.outline[:, axis])),
-    )
-
-
-def _friction(scene: Scene, law: FrictionLaw, value: float) -> tuple[Scene, FrictionLaw]:
-    # γ1, γ4 and γ6 are the amplitudes of Makkar's law: scaling them scales static and kinetic friction alike.
-    factor = value / scene.friction.kinetic
-    return scene, FrictionLaw(law.gamma * np.array([factor, 1, 1, factor, 1, factor]))
-
-
-PARAMETERS = {
-    "friction": Parameter(
-        unit="",
-        value=lambda scene: scene.friction.kinetic,
-        given_std=lambda std: std.friction,
-        changed=_friction,
-        scale=lambda scene: 0.02 * scene.friction.kinetic,
-        reach=lambda scene: 0.5 * scene.friction.kinetic,
-    ),
-    "load_x": _load_at(0),
-    "load_y": _load_at(1),
-    "rest_length": Parameter(
-        unit="m",
-        value=lambda scene: scene.tether.rest_length,
-        given_std=lambda std: std.rest_length,
-        changed=lambda scene, law, value: (replace(scene, tether=replace(scene.tether, rest_length=value)), law),
-        scale=lambda _: 2e-3,
-        reach=lambda scene: 0.3 * scene.tether.rest_length,
-    ),
-    "stiffness": Parameter(
-        unit="N/m",
-        value=lambda scene: scene.tether.stiffness,
-        given_std=lambda std: std.stiffness,
-        changed=lambda scene, law, value: (replace(scene, tether=replace(scene.tether, stiffness=value)), law),
-        scale=lambda scene: 0.02 * scene.tether.stiffness,
-        reach=lambda scene: 0.5 * scene.tether.stiffness,
-    ),
-}
-"""What can be identified, by the names of ``config["identify"]["parameters"]``."""
-
-
-@dataclass(frozen=True)
 class IdentifySettings:
     """Keys of ``config["identify"]``.
 
-    ``parameters`` to fit, names of :data:`PARAMETERS`; none switches the identification off. ``tolerance_m`` of
-    integration [m].
+    ``parameters`` to fit, names of :data:`towval.study.identifiable.PARAMETERS`; none switches the identification off.
+    ``tolerance_m`` of integration [m].
     """
 
     parameters: tuple[str, ...] = ()
@@ -156,16 +101,19 @@ def identify(
     The residual is the error's mean over 24 blocks of time, in which stick and slip average out, in units of the
     deviation u_D of the measurement there. How errors of the measurement hang together in time is not known here, so
     they are counted twice: once as independent from block to block, once as one unknown for all blocks of a run (a
-    camera's, a start's). The covariance of the values is ``(JᵀJ)⁻¹ + A Σ Aᵀ`` with ``A = (JᵀJ)⁻¹Jᵀ`` and Σ the
-    covariance of the residuals in the second case, times the reduced χ² where that exceeds one. What other inputs may
-    be wrong by is not in it; the scatter of the values in the predictions shows some of that.
+    camera's, a start's). The covariance of the values is ``((JᵀJ)⁻¹ + A Σ Aᵀ) max(1, χ²) + A B Bᵀ Aᵀ`` with
+    ``A = (JᵀJ)⁻¹Jᵀ``, Σ the covariance of the residuals in the second case, χ² reduced, and the columns of B what the
+    inputs that are not fitted change by one of their deviations in campaign.yaml.
+
+    The sum of squares has many valleys. It is tried at what campaign.yaml says and 64 places of a Sobol sequence over
+    the searched range, fits start at the best three, and the best fit counts.
 
     Parameters
     ----------
     scene : Scene
-        What campaign.yaml says; the fit starts there.
+        What campaign.yaml says.
     deviations : InputDeviations
-        How well that was known, for comparison only: the fit does not lean on it.
+        How well that was known. Of the fitted inputs for comparison only: the fit does not lean on it.
     runs : sequence of MeasuredRun
         One run or more.
     settings : IdentifySettings
@@ -184,14 +132,20 @@ def identify(
     """
     if not settings.parameters or not runs:
         raise InputError("there is nothing to identify", allowed=f"one or more of {', '.join(PARAMETERS)}, and a run")
-    if scene.load.mass == 0 and any(name.startswith("load") for name in settings.parameters):
-        raise InputError("the object has no load whose place could be identified", remedy="leave load_x, load_y out")
-    fit = _Fit(scene, friction_law(scene).law, settings)
-    values, covariance = fit.values(runs)
-    identifiable, findings = _identifiability(settings.parameters, covariance, fit.reach)
+    if not has_a_load(scene) and any(name.startswith("load") for name in settings.parameters):
+        raise InputError(
+            "the object has no load whose place or mass could be identified",
+            remedy="leave load_x, load_y and load_mass out",
+        )
+    fit = _Fit(scene, friction_law(scene).law, deviations, settings)
+    found = fit.values(runs, fit.starts(runs)[:_STARTS])
+    identifiable, findings = _identifiability(settings.parameters, found.covariance, fit.reach)
+    identifiable, further = _trust(found, fit, identifiable)
+    findings += further
     predictions = []
     for left_out in runs if len(runs) > 1 else ():
-        others, _ = fit.values([run for run in runs if run is not left_out])
+        rest = [run for run in runs if run is not left_out]
+        others = fit.values(rest, [found.values, fit.starts(rest)[0]]).values
         pose = fit.simulated(left_out, others)
         predictions.append(
             Prediction(
@@ -207,66 +161,119 @@ def identify(
         text = "One run only: nothing is left that the identified values could predict."
         findings.append(Finding(Severity.WARNING, "identify_one_run", text))
     return Identification(
-        parameters=tuple(_titled(name) for name in settings.parameters),
+        parameters=tuple(titled(name) for name in settings.parameters),
         runs=tuple(run.name for run in runs),
         given=fit.given,
         given_std=np.array([PARAMETERS[name].given_std(deviations) for name in settings.parameters]),
-        values=values,
-        covariance=covariance,
+        values=found.values,
+        covariance=found.covariance,
         identifiable=identifiable,
         predictions=tuple(predictions),
         findings=tuple(findings),
     )
 
 
+@dataclass(frozen=True)
+class _Found:
+    """Fitted values (p,), their covariance (p, p) and the root mean square of the residuals."""
+
+    values: Array
+    covariance: Array
+    misfit: float
+
+
 class _Fit:
     """Least squares over the simulation, with parameters in units of their scales."""
 
-    def __init__(self, scene: Scene, law: FrictionLaw, settings: IdentifySettings):
-        self.scene, self.law, self.settings = scene, law, settings
+    def __init__(self, scene: Scene, law: FrictionLaw, deviations: InputDeviations, settings: IdentifySettings):
+        self.scene, self.law, self.deviations, self.settings = scene, law, deviations, settings
         self.parameters = [PARAMETERS[name] for name in settings.parameters]
         self.given = np.array([p.value(scene) for p in self.parameters])
         self.scale = np.array([p.scale(scene) for p in self.parameters])
         self.reach = np.array([p.reach(scene) for p in self.parameters])
+        # The difference quotients look a step beyond a value: the bounds stay that far from the range's ends.
+        self.bound = self.reach - _STEP * self.scale
+        sequence = qmc.Sobol(len(self.given), scramble=True, rng=np.random.default_rng(_SEED)).random(_PLACES)
+        self.places = np.vstack([self.given, self.given + (2 * sequence - 1) * self.bound])
+        self._at_places: dict[str, Array] = {}
 
-    def values(self, runs: Sequence[MeasuredRun]) -> tuple[Array, Array]:
-        """Fitted values (p,) and their covariance (p, p)."""
-        whitening = [_whitening(run) for run in runs]
+    def starts(self, runs: Sequence[MeasuredRun]) -> Array:
+        """Places (k, p) in the searched range to start from, the best for these runs first."""
+        for run in runs:
+            if run.name not in self._at_places:
+                self._at_places[run.name] = np.array([self._squares(run, values) for values in self.places])
+        return self.places[np.argsort(sum(self._at_places[run.name] for run in runs), kind="stable")]
+
+    def values(self, runs: Sequence[MeasuredRun], starts: Sequence[Array]) -> _Found:
+        """The best of the fits to these runs that begin at ``starts``, each (p,)."""
 
         def residual(u: Array) -> Array:
-            values = self.given + u * self.scale
-            parts = [self._residual(run, values, white) for run, white in zip(runs, whitening, strict=True)]
-            return np.concatenate(parts)
+            return self._residuals(runs, self.scene, self.law, self.given + u * self.scale)
 
         def jacobian(u: Array) -> Array:
             steps = _STEP * np.eye(len(u))
             return np.column_stack([(residual(u + step) - residual(u - step)) / (2 * _STEP) for step in steps])
 
-        # The difference quotients look a step beyond the value: the bounds stay that far from the range's ends.
-        bound = self.reach / self.scale - _STEP
-        solution = least_squares(
-            residual, np.zeros(len(self.given)), jacobian, (-bound, bound), xtol=1e-4, ftol=1e-6, gtol=1e-8
-        )
-        return self.given + solution.x * self.scale, self._covariance(solution.jac, solution.fun, len(runs))
+        bound = self.bound / self.scale
+        fits = [
+            least_squares(
+                residual, (start - self.given) / self.scale, jacobian, (-bound, bound), xtol=1e-4, ftol=1e-6, gtol=1e-8
+            )
+            for start in starts
+        ]
+        best = min(fits, key=lambda fit: fit.cost)
+        values = self.given + best.x * self.scale
+        covariance = self._covariance(best.jac, best.fun, self._by_others(runs, values), len(runs))
+        return _Found(values, covariance, float(np.sqrt(np.mean(best.fun**2))))
 
-    def _covariance(self, jacobian: Array, residual: Array, runs: int) -> Array:
+    def _squares(self, run: MeasuredRun, values: Array) -> float:
+        try:
+            return float(np.sum(self._residuals([run], self.scene, self.law, values) ** 2))
+        except TowvalError:
+            # No place to start from. Where all are like this, the fit meets the same error and tells it.
+            return float("inf")
+
+    def _by_others(self, runs: Sequence[MeasuredRun], values: Array) -> list[Array]:
+        """What one deviation of each input that is not fitted changes the residuals (m,) by."""
+        columns = []
+        for name, other in PARAMETERS.items():
+            std = other.given_std(self.deviations)
+            if name in self.settings.parameters or std == 0 or (name.startswith("load") and not has_a_load(self.scene)):
+                continue
+            given = other.value(self.scene)
+            above, below = (
+                self._residuals(runs, *other.changed(self.scene, self.law, given + sign * std), values)
+                for sign in (1, -1)
+            )
+            columns.append((above - below) / 2)
+        return columns
+
+    def _covariance(self, jacobian: Array, residual: Array, by_others: Sequence[Array], runs: int) -> Array:
         p = jacobian.shape[1]
         if np.linalg.matrix_rank(jacobian) < p:
             return np.full((p, p), np.nan)
         solver = np.linalg.pinv(jacobian)
         per_run = solver.reshape(p, runs, -1, 3).sum(axis=2).reshape(p, -1)
         chi2 = float(residual @ residual) / max(1, len(residual) - p)
-        both = solver @ solver.T + per_run @ per_run.T
-        return both * max(1.0, chi2) * np.outer(self.scale, self.scale)
+        covariance = (solver @ solver.T + per_run @ per_run.T) * max(1.0, chi2)
+        for change in by_others:
+            covariance += np.outer(solver @ change, solver @ change)
+        return covariance * np.outer(self.scale, self.scale)
 
-    def _residual(self, run: MeasuredRun, values: Array, whitening: Array) -> Array:
-        means = block_means(_error(run, self.simulated(run, values)))
-        # A block in which the object was never seen says nothing.
-        return np.einsum("kij,kj->ki", whitening, np.nan_to_num(means)).ravel()
+    def _residuals(self, runs: Sequence[MeasuredRun], scene: Scene, law: FrictionLaw, values: Array) -> Array:
+        """Block means of simulated − measured in deviations of the measurement, all runs one after another."""
+        parts = []
+        for run in runs:
+            means = block_means(_error(run, self._poses(run, scene, law, values)))
+            # A block in which the object was never seen says nothing.
+            parts.append(np.einsum("kij,kj->ki", _whitening(run), np.nan_to_num(means)).ravel())
+        return np.concatenate(parts)
 
     def simulated(self, run: MeasuredRun, values: Array) -> Array:
         """Poses (n, 3) of the object with the values (p,)."""
-        scene, law = self.scene, self.law
+        return self._poses(run, self.scene, self.law, values)
+
+    def _poses(self, run: MeasuredRun, scene: Scene, law: FrictionLaw, values: Array) -> Array:
         for parameter, value in zip(self.parameters, values, strict=True):
             scene, law = parameter.changed(scene, law, float(value))
         motion = simulate_rung(
@@ -313,7 +320,7 @@ def _identifiability(names: Sequence[str], covariance: Array, reach: Array) -> t
         Finding(
             Severity.WARNING,
             "not_identifiable",
-            f"{_titled(name)} is not identifiable: its deviation is {deviation:.3g}, the searched range ± {half:.3g}.",
+            f"{titled(name)} is not identifiable: its deviation is {deviation:.3g}, the searched range ± {half:.3g}.",
         )
         for name, deviation, half, good in zip(names, std, reach, identifiable, strict=True)
         if not good
@@ -324,13 +331,28 @@ def _identifiability(names: Sequence[str], covariance: Array, reach: Array) -> t
             if abs(correlation[i, j]) > _TIED:
                 identifiable[[i, j]] = False
                 text = (
-                    f"{_titled(names[j])} and {_titled(names[i])} are not identifiable apart, only a combination of "
+                    f"{titled(names[j])} and {titled(names[i])} are not identifiable apart, only a combination of "
                     f"them (correlation {correlation[i, j]:+.3f}). Identify one of them."
                 )
                 findings.append(Finding(Severity.WARNING, "not_identifiable", text))
     return tuple(map(bool, identifiable)), findings
 
 
-def _titled(name: str) -> str:
-    unit = PARAMETERS[name].unit
-    return name.replace("_", " ") + (f" [{unit}]" if unit else "")
+def _trust(found: _Found, fit: _Fit, identifiable: tuple[bool, ...]) -> tuple[tuple[bool, ...], list[Finding]]:
+    """``identifiable`` but for values at the end of their range, and findings on these and on the misfit."""
+    names, findings = fit.settings.parameters, []
+    inside = np.abs(found.values - fit.given) < fit.bound - _AT_THE_END * fit.reach
+    for name, value, within in zip(names, found.values, inside, strict=True):
+        if not within:
+            text = (
+                f"{titled(name)} is not identifiable: {value:.4g} is the end of the searched range, the runs ask for "
+                "more. Look at what campaign.yaml says of it, or at what else may be wrong."
+            )
+            findings.append(Finding(Severity.WARNING, "not_identifiable", text))
+    if found.misfit > _MISFIT:
+        text = (
+            f"The fitted inputs do not explain the runs: what is left is {found.misfit:.1f} deviations of the "
+            "measurement, root mean square. The values stand for a model that is not that of the runs."
+        )
+        findings.append(Finding(Severity.WARNING, "identify_misfit", text))
+    return tuple(bool(i and w) for i, w in zip(identifiable, inside, strict=True)), findings

@@ -14,9 +14,9 @@ import numpy as np
 from towval.calibrate import CalibrateSettings, calibrate
 from towval.choosing.lens import with_lens_choice
 from towval.choosing.margin import measurement_std_m, seen_places
-from towval.choosing.sampling import sample_choosing
+from towval.choosing.sampling import gather, sample_choosing
 from towval.choosing.simulation import simulate_choosing
-from towval.choosing.tracking import PROBE_FRAMES, PROBE_STRIDE, choose_tracking
+from towval.choosing.tracking import PROBE_FRAMES, PROBE_STRIDE, neighbour_of_tracking, track_choosing
 from towval.compare import compare
 from towval.decimate import decimate
 from towval.io.campaign import Campaign, load_campaign
@@ -24,12 +24,12 @@ from towval.io.images import read_gray
 from towval.io.synthetic_campaign import write_campaign
 from towval.io.video import Video
 from towval.presets import PRESETS, STANDARD, settings_of
-from towval.simulate import SimulateSettings, friction_law
+from towval.simulate import SimulateSettings
 from towval.study.costs import take_turns
 from towval.study.products import Part, Row, Scatter, Study
 from towval.track import TrackSettings, track
 from towval.types import Array, Calibration, Comparison, Track
-from towval.uncertainty import Case, UncertaintySettings
+from towval.uncertainty import UncertaintySettings
 
 AUTO = "auto"
 
@@ -89,14 +89,16 @@ def preset_rows(presets: list[str], frames: int, rounds: int) -> list[Row]:
 def run_pipeline(given: Campaign, preset: str) -> PipelineResult:
     """All stages of a campaign's first run under a preset, from the pictures to the verdict."""
     began = time.perf_counter()
-    calibration = _calibrated(given, _keys(preset, "calibrate")[0])
+    calibration = calibrated(given, _keys(preset, "calibrate")[0])
     entry = given.run(next(iter(given.runs)))
     keys, auto = _keys(preset, "track")
-    few = list(itertools.islice(Video(entry.video), 0, PROBE_FRAMES * PROBE_STRIDE, PROBE_STRIDE))
-    settings, _ = choose_tracking(
-        few, calibration, given.bodies, entry.clicks_px, TrackSettings(**keys), auto="samples" in auto
-    )
-    tracks = track(Video(entry.video), calibration, given.bodies, entry.clicks_px, settings)
+    seen = (calibration, given.bodies, entry.clicks_px, TrackSettings(**keys))
+    if "samples" in auto:
+        _, tracks = track_choosing(Video(entry.video), *seen, given.scene)
+    else:
+        tracks = track(Video(entry.video), *seen)
+        few = list(itertools.islice(Video(entry.video), 0, PROBE_FRAMES * PROBE_STRIDE, PROBE_STRIDE))
+        neighbour_of_tracking(few, *seen)
     thin = {name: decimate(body) for name, body in tracks.items()}
     measured = measurement_std_m(calibration, given.object, seen_places(tracks["object"]))
     keys, auto = _keys(preset, "simulate")
@@ -104,19 +106,7 @@ def run_pipeline(given: Campaign, preset: str) -> PipelineResult:
     _, motion = simulate_choosing(
         given.scene, thin["rover"], thin["object"], times, SimulateSettings(**keys), auto=auto, measurement_m=measured
     )
-    case = Case(
-        scene=given.scene,
-        deviations=given.deviations,
-        law=friction_law(given.scene).law,
-        calibration=calibration,
-        rover=given.rover,
-        towed=given.object,
-        rover_track=tracks["rover"],
-        rover_decimated=thin["rover"],
-        object_track=tracks["object"],
-        object_decimated=thin["object"],
-        simulated=motion,
-    )
+    case = gather(given.scene, given.deviations, calibration, given.bodies, tracks, thin, motion)
     keys, auto = _keys(preset, "uncertainty")
     uncertainty = sample_choosing(case, UncertaintySettings(**keys), auto="samples" in auto, measurement_m=measured)
     comparison = compare(entry.video.stem, motion, tracks["object"], uncertainty)
@@ -130,7 +120,8 @@ def _keys(preset: str, stage: str) -> tuple[dict[str, Any], tuple[str, ...]]:
     return {name: value for name, value in keys.items() if name not in auto}, auto
 
 
-def _calibrated(given: Campaign, keys: dict[str, Any]) -> Calibration:
+def calibrated(given: Campaign, keys: dict[str, Any]) -> Calibration:
+    """The camera of a campaign, found with these keys of ``config["calibrate"]`` in this process alone."""
     keys = {name: tuple(value) if isinstance(value, list) else value for name, value in keys.items()}
     settings = CalibrateSettings(**keys, threads=1)
     calibration = calibrate(

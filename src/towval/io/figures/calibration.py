@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from towval.io.style import (
     COLUMN_WIDTH_IN,
@@ -22,6 +25,8 @@ from towval.types import Array, Calibration, UncertaintyMap, View
 
 # Length of a large residual (95th percentile) in the picture, as a share of the image's width.
 _ARROW_SHARE = 0.02
+_FLOOR = "#2c8a4b"
+_CLEAR = {"facecolor": "white", "edgecolor": "none", "pad": 0.3}
 
 
 def calibration_figures(calibration: Calibration, uncertainty: UncertaintyMap | None = None) -> dict[str, Figure]:
@@ -52,7 +57,7 @@ def coverage_figure(calibration: Calibration) -> Figure:
     held, lying = [v for v in used if not v.on_floor], [v for v in used if v.on_floor]
     for views, marker, colour, label in (
         (held, "o", ROVER, "held boards"),
-        (lying, "s", "#2c8a4b", "boards on the floor"),
+        (lying, "s", _FLOOR, "boards on the floor"),
         ([v for v in calibration.views if v.dropped], "x", MUTED, "dropped"),
     ):
         corners = _stacked(views, "corners_px")
@@ -82,7 +87,7 @@ def reprojection_figure(calibration: Calibration) -> Figure:
         board and image plane [°] on the right. Boards seen without tilt say nothing about the focal length.
     """
     views = calibration.views
-    margins = Margins(left=0.2 + 0.052 * max((len(view.name) for view in views), default=0))
+    margins = Margins(left=0.2 + 0.052 * max((len(view.name) for view in views), default=0), bottom=0.53)
     height = margins.top + max(0.6, 0.115 * len(views)) + margins.bottom
     figure = Figure(figsize=(COLUMN_WIDTH_IN, height))
     errors, tilts = figure.subplots(1, 2, sharey=True, width_ratios=[1.6, 1])
@@ -94,14 +99,16 @@ def reprojection_figure(calibration: Calibration) -> Figure:
         wspace=0.06,
     )
     for row, view in enumerate(views):
-        colour = "#2c8a4b" if view.on_floor else ROVER
+        mark, colour = ("s", _FLOOR) if view.on_floor else ("o", ROVER)
         if view.dropped:
-            errors.text(0.0, row, f" dropped: {view.dropped}", va="center", fontsize=6.5, color=MEASURED)
+            errors.text(
+                0.001, row, f"dropped: {view.dropped}", va="center", fontsize=6.5, color=MEASURED, bbox=_CLEAR, zorder=3
+            )
             continue
         rms = float(np.sqrt(np.nanmean((view.residuals_px**2).sum(axis=1))))
         errors.plot([0, rms], [row, row], color=SHADE, linewidth=2.5, solid_capstyle="butt", zorder=1)
-        errors.plot(rms, row, "s" if view.on_floor else "o", color=colour, markersize=3)
-        tilts.plot(view.tilt_deg, row, "s" if view.on_floor else "o", color=colour, markersize=3)
+        errors.plot(rms, row, mark, color=colour, markersize=3)
+        tilts.plot(view.tilt_deg, row, mark, color=colour, markersize=3)
     expected = np.sqrt(2) * calibration.corner_noise_px
     errors.axvline(expected, color="#333333", linewidth=0.7, linestyle="--")
     errors.set_yticks(range(len(views)), [view.name for view in views], fontsize=6.5)
@@ -110,6 +117,8 @@ def reprojection_figure(calibration: Calibration) -> Figure:
     errors.set_xlabel("reprojection error, RMS (px)")
     tilts.set_xlabel("tilt (°)")
     tilts.set_xlim(left=0)
+    kinds = (("o", ROVER, "held boards"), ("s", _FLOOR, "boards on the floor"))
+    foot_legend(figure, [Line2D([], [], ls="", marker=m, color=c, ms=3, label=name) for m, c, name in kinds], columns=2)
     errors.set_title(f"Views; dashed: corner noise {decimal(calibration.corner_noise_px)} px × √2")
     return figure
 
@@ -134,9 +143,11 @@ def uncertainty_figure(calibration: Calibration, uncertainty: UncertaintyMap) ->
     axes = figure.add_subplot()
     std_mm = np.ma.masked_invalid(1e3 * uncertainty.std_m)
     u, v = np.moveaxis(uncertainty.pixels, -1, 0)
-    filled = axes.contourf(u, v, std_mm, levels=9, cmap="YlGnBu")
+    # Its dark end is left out, so that the labels can be read everywhere.
+    colours = ListedColormap(colormaps["YlGnBu"](np.linspace(0.05, 0.65, 64)))
+    filled = axes.contourf(u, v, std_mm, levels=9, cmap=colours)
     lines = axes.contour(u, v, std_mm, levels=filled.levels, colors="#333333", linewidths=0.4)
-    axes.clabel(lines, fontsize=6.5, fmt="%g")
+    axes.clabel(lines, levels=lines.levels[2::2], fontsize=6.5, fmt="%g")
     width, height = _frame_image(axes, calibration)
     place_maps(figure, [axes], height / width, Margins(left=0.46, right=0.68))
     box = axes.get_position()

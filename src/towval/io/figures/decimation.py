@@ -5,11 +5,25 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from towval.errors import InputError
 from towval.geometry import transform
 from towval.io.run_record import RunRecord
-from towval.io.style import BAND, MEASURED, MUTED, ROVER, SHADE, Margins, column_of_panels, figure_function, head_legend
+from towval.io.style import (
+    BAND,
+    MEASURED,
+    MUTED,
+    ROVER,
+    SHADE,
+    Margins,
+    column_of_panels,
+    figure_function,
+    foot_legend,
+    head_legend,
+    symmetric,
+)
 from towval.types import DecimatedTrack, Track
 
 _BAND = 2.0
@@ -38,14 +52,15 @@ def decimate_figure(run: RunRecord) -> Figure:
     """
     if run.decimated is None:
         raise InputError(f"run {run.name} has no decimated track to draw", remedy="decimate it first")
-    title = f"Run {run.name}: way of the hinge"
-    figure, (plan, *over_time) = column_of_panels([1.5, 0.62, 0.62], Margins(top=0.4), title, apart=1)
+    title = f"Run {run.name}: way of the hinge; Δ: measured minus smoothed"
+    figure, (plan, *over_time) = column_of_panels([1.5, 0.62, 0.62], Margins(top=0.4, bottom=0.53), title, apart=1)
     _draw_plan(plan, run, run.decimated)
     for axes, column, name in zip(over_time, (0, 1), "xy", strict=True):
         _draw_misfit(axes, run.rover_track, run.decimated, column)
-        axes.set_ylabel(f"${name}$ (mm)")
+        axes.set_ylabel(rf"$\Delta {name}$ (mm)")
     over_time[-1].set_xlabel("time (s)")
     over_time[-1].set_xlim(run.rover_track.time_s[0], run.rover_track.time_s[-1])
+    foot_legend(figure, _marks(paused=len(run.decimated.pauses) > 0), columns=3)
     return figure
 
 
@@ -58,6 +73,14 @@ def _draw_plan(axes: Axes, run: RunRecord, decimated: DecimatedTrack) -> None:
     axes.set_xlabel("$x$ on the floor (m)")
     axes.set_ylabel("$y$ on the floor (m)")
     head_legend(axes.figure, axes.lines, columns=2)
+    axes.figure.legends[0].get_lines()[0].set_markersize(5)
+
+
+def _marks(*, paused: bool) -> list[Line2D | Patch]:
+    """What is drawn over time besides the measured points."""
+    ticks = Line2D([], [], linestyle="none", marker="|", color=MEASURED, markersize=6, label="time of a kept pose")
+    band = Patch(color=BAND, alpha=0.6, linewidth=0, label=r"$\pm\,2\sigma$ of a pose")
+    return [ticks, band, *([Patch(color=SHADE, linewidth=0, label="pause")] if paused else [])]
 
 
 def _draw_misfit(axes: Axes, track: Track, decimated: DecimatedTrack, column: int) -> None:
@@ -68,6 +91,7 @@ def _draw_misfit(axes: Axes, track: Track, decimated: DecimatedTrack, column: in
         axes.axvspan(start_s, end_s, color=SHADE, linewidth=0, zorder=0)
     axes.axhspan(-bound, bound, color=BAND, alpha=0.6, linewidth=0, zorder=1)
     axes.plot(time_s, misfit, ".", color="#333333", markersize=1.8, markeredgewidth=0, zorder=3)
+    symmetric(axes)
     foot = np.full(len(decimated.time_s), 0.0)
     transformed = axes.get_xaxis_transform()
     axes.plot(decimated.time_s, foot, "|", color=MEASURED, markersize=6, mew=0.5, transform=transformed, zorder=4)

@@ -7,7 +7,17 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from towval.io.run_record import RunRecord
-from towval.io.style import BAND, MEASURED, SHADE, SIMULATED, Margins, column_of_panels, figure_function
+from towval.io.style import (
+    BAND,
+    MEASURED,
+    SHADE,
+    SIMULATED,
+    Margins,
+    column_of_panels,
+    figure_function,
+    foot_note,
+    symmetric,
+)
 from towval.types import Array, SimulatedMotion
 
 _PANELS = (
@@ -42,6 +52,7 @@ def error_figure(run: RunRecord) -> Figure:
         std = None if run.uncertainty is None else scale * np.sqrt(run.uncertainty.validation[:, column, column])
         _draw_error(axes, comparison.time_s, scale * comparison.error[:, column], std)
         axes.set_ylabel(label)
+        symmetric(axes)
     _draw_tension(panels[3], simulated)
     shaded = _shade_slack(panels, simulated)
     panels[3].set_xlabel("time (s)")
@@ -85,10 +96,10 @@ def _shade_slack(panels: list[Axes], simulated: SimulatedMotion) -> bool:
 def _explain(figure: Figure, *, banded: bool, shaded: bool, gaps: bool) -> None:
     parts = []
     if banded:
-        parts.append("band: ±2 standard uncertainties")
+        parts.append("band: ± 2 standard uncertainties of validation")
     if shaded:
         parts.append("shaded: tether slack")
     if gaps:
         parts.append("red foot: object not seen")
     if parts:
-        figure.text(0.02, 0.012, "; ".join(parts), fontsize=7, color="#555555")
+        foot_note(figure, "; ".join(parts))

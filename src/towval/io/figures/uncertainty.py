@@ -20,6 +20,8 @@ from towval.io.style import (
     Margins,
     column_of_panels,
     figure_function,
+    foot_note,
+    symmetric,
 )
 from towval.types import Array, Comparison, RunUncertainty
 
@@ -54,7 +56,7 @@ def agreement_figure(run: RunRecord) -> Figure:
         raise InputError(f"run {run.name} has no uncertainty to draw", remedy="compute its uncertainty first")
     comparison, uncertainty = run.comparison, run.uncertainty
     title = f"Run {run.name}: error and validation uncertainty"
-    figure, panels = column_of_panels([0.76] * 3, Margins(), title)
+    figure, panels = column_of_panels([0.76] * 3, Margins(bottom=0.5), title)
     std = _along_across_std(comparison, uncertainty)
     for axes, column, label in zip(panels, (0, 1), ("along (mm)", "across (mm)"), strict=False):
         band = 1e3 * _COVERAGE * std[:, column]
@@ -62,9 +64,11 @@ def agreement_figure(run: RunRecord) -> Figure:
         axes.axhline(0.0, color="#333333", linewidth=0.5)
         axes.plot(comparison.time_s, 1e3 * comparison.along_across[:, column], color=SIMULATED, linewidth=0.9)
         axes.set_ylabel(label)
+        symmetric(axes)
     _draw_ratio(panels[2], comparison)
     panels[2].set_xlabel("time (s)")
     panels[0].set_xlim(comparison.time_s[0], comparison.time_s[-1])
+    foot_note(figure, "band: ± 2 standard uncertainties of validation; dashed: two of them")
     return figure
 
 
@@ -96,7 +100,7 @@ def shares_figure(runs: Sequence[RunRecord]) -> Figure:
     margins = Margins(left=0.2 + 0.058 * max(len(name) for name in names))
     figure, (axes,) = column_of_panels([max(0.6, 0.14 * len(names))], margins, "Shares of the error's variance")
     rows = np.arange(len(names))
-    axes.barh(rows, np.nanmean(table, axis=0)[order], height=0.62, color=BAND, linewidth=0)
+    axes.barh(rows, np.nanmean(table, axis=0)[order], height=0.62, color=BAND, linewidth=0, label="mean")
     for index, (run_name, values) in enumerate(zip(shares, table, strict=True)):
         marker = _MARKERS[index % len(_MARKERS)]
         axes.plot(
@@ -115,7 +119,7 @@ def _draw_ratio(axes: Axes, comparison: Comparison) -> None:
     axes.axhline(_COVERAGE, color=MEASURED, linewidth=0.8, linestyle="--")
     axes.plot(comparison.time_s, comparison.ratio, color=SIMULATED, linewidth=0.9)
     axes.set_ylim(bottom=0)
-    axes.set_ylabel("$|E|/u_{val}$")
+    axes.set_ylabel(r"$|E|/u_\mathrm{val}$")
 
 
 def _along_across_std(comparison: Comparison, uncertainty: RunUncertainty) -> Array:
