@@ -176,7 +176,7 @@ class UncertaintySampling:
             raise RefusedError(
                 "the uncertainty cannot be sampled",
                 got=f"{np.count_nonzero(~done)} of {len(draws)} draws could not be simulated",
-                allowed=f"at most {_DROPPED_SHARE:.0%}",
+                allowed=f"at most {100 * _DROPPED_SHARE:.0f} %",
                 remedy="check the deviations in campaign.yaml: a load may leave its footprint, a length be negative",
             )
         return self._described(draws[done], simulated[done], measured[done], np.count_nonzero(~done))
@@ -392,7 +392,7 @@ def _findings(dropped: int, shares: dict[str, float]) -> tuple[Finding, ...]:
     named = {name: share for name, share in shares.items() if name != _REST}
     if any(named.values()):
         first = max(named, key=lambda name: named[name])
-        text = f"{named[first]:.0%} of the path error's expected variance comes from: {first}."
+        text = f"{100 * named[first]:.0f} % of the path error's expected variance comes from: {first}."
         findings.append(Finding(Severity.NOTE, "main_input", text))
     if dropped:
         text = f"{dropped} draws could not be simulated and were left out."

@@ -181,8 +181,8 @@ def _open_loop_findings(apart_m: float) -> tuple[Finding, ...]:
     if apart_m <= _FORCE_SHIFT_M:
         return ()
     text = (
-        f"{_FORCE_ERROR:.1%} more force moves the object by up to {1000 * apart_m:.3g} mm: a force given over time "
-        "does not fix its path. Tow it by a tether behind a given way of the hinge instead."
+        f"{100 * _FORCE_ERROR:.1f} % more force moves the object by up to {1000 * apart_m:.3g} mm: a force given over "
+        "time does not fix its path. Tow it by a tether behind a given way of the hinge instead."
     )
     return (Finding(Severity.WARNING, "open_loop", text),)
 
