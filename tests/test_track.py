@@ -235,6 +235,20 @@ def test_the_predicted_deviation_holds_over_scenes():
     assert 0.5 < np.sqrt(np.mean(predicted) / np.mean(actual)) < 2.0
 
 
+def test_noise_in_the_template_is_not_counted_as_texture():
+    """As much noise as contrast: the steepest places of the first picture are noise, which does not move."""
+    predicted, actual = [], []
+    for seed in (11, 12):
+        scene = replace(standard_scene(seed, **small_camera()), noise=4.0, contrast=4.0)
+        given = challenges.Challenge(scene, np.arange(40) / 25)
+        truth = scene.truth(given.times)
+        for name, (found, _) in follow(given, seed).items():
+            error = (found.pose - truth[name])[found.seen, :2]
+            actual.append(np.sum(np.var(error, axis=0)))
+            predicted.append(np.median(np.trace(found.covariance[found.seen][:, :2, :2], axis1=1, axis2=2)))
+    assert 0.5 < np.sqrt(np.median(predicted) / np.median(actual)) < 2
+
+
 def test_wrong_input_is_named():
     scene = standard_scene(1, **small_camera())
     frames, clicks = [(0.0, np.zeros((540, 960), np.uint8))], scene.clicks(np.random.default_rng(0))

@@ -106,23 +106,32 @@ def make_template(luma: Luma, top: Top, pose: Array, samples: int = 1024) -> Tem
     usable = usable_points(top.body, points, clearance_m(top.body, pixel))
     points, cells = points[usable], cells[usable]
 
-    def read(shift: tuple[float, float]) -> Array:
-        return sample_plane(luma, points + shift, pose, top.height, top.camera, top.floor)
-
-    step = 0.5 * pixel
-    slope = np.stack(
-        [(read((step, 0)) - read((-step, 0))) / (2 * step), (read((0, step)) - read((0, -step))) / (2 * step)], axis=1
-    )
-    values = read((0.0, 0.0))
+    slope = slopes_at(luma, top, pose, points, pixel)
+    values = sample_plane(luma, points, pose, top.height, top.camera, top.floor)
     chosen = _steepest(cells, np.where(np.isfinite(values), np.hypot(*slope.T), -1.0))
     chosen = chosen[np.isfinite(slope[chosen]).all(axis=1) & np.isfinite(values[chosen])]
     if len(chosen) < _LEAST_POINTS:
         return None
     chosen = np.random.default_rng(0).permutation(chosen)
     points, slope = points[chosen], slope[chosen]
-    slopes = np.column_stack([slope, points[:, 0] * slope[:, 1] - points[:, 1] * slope[:, 0]])
     tile, tiles = _tiles(points, low, high, _LEAST_TILE_PX * pixel)
-    return Template(points, values[chosen], slopes, tile, tiles, pixel)
+    return Template(points, values[chosen], by_motion(points, slope), tile, tiles, pixel)
+
+
+def slopes_at(luma: Luma, top: Top, pose: Array, points: Array, pixel_m: float) -> Array:
+    """Change (n, 2) of the grey value along x and y [1/m] at points (n, 2) of a body at ``pose`` (3,), over a pixel."""
+    half = 0.5 * pixel_m
+    ends = [
+        sample_plane(luma, points + sign * shift, pose, top.height, top.camera, top.floor)
+        for shift in half * np.eye(2)
+        for sign in (1, -1)
+    ]
+    return np.column_stack([ends[0] - ends[1], ends[2] - ends[3]]) / pixel_m
+
+
+def by_motion(points: Array, slope: Array) -> Array:
+    """Change (n, 3) of the grey value at points (n, 2) with a motion of the body frame, from its slopes (n, 2)."""
+    return np.column_stack([slope, points[:, 0] * slope[:, 1] - points[:, 1] * slope[:, 0]])
 
 
 def _steepest(cells: NDArray[np.int64], steepness: Array) -> NDArray[np.int64]:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from towval.types import Array, Camera
-from towval.vision.align import Alignment, Template, clearance_m
+from towval.vision.align import Alignment, Template, by_motion, clearance_m
 from towval.vision.light import light_misfit
 from towval.vision.sampling import sample_plane
 from towval.vision.top import Top, usable_points
@@ -94,8 +94,9 @@ class SharpTop:
         if known.sum() < _LEAST_KEPT * len(sharp.points):
             return None
         points, slope = points[known], slope[known]
-        slopes = np.column_stack([slope, points[:, 0] * slope[:, 1] - points[:, 1] * slope[:, 0]])
-        return replace(sharp, points=points, values=values[known], slopes=slopes, tile=sharp.tile[kept][known])
+        return replace(
+            sharp, points=points, values=values[known], slopes=by_motion(points, slope), tile=sharp.tile[kept][known]
+        )
 
 
 def ahead_of_middle(time_s: Array, pose: Array, exposure_s: float) -> Array:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from towval.errors import InputError
 from towval.types import Array, Camera
-from towval.vision.align import Alignment, Template, align, make_template
+from towval.vision.align import Alignment, Template, align, by_motion, make_template, slopes_at
 from towval.vision.blur import Shutter
 from towval.vision.pose import Measurement
 from towval.vision.top import Top
@@ -27,6 +27,8 @@ _COARSE_SAMPLES = 400
 _REFRESH_INLIERS = 0.8
 _REFRESH_EVERY = 5  # Pictures, after the first ten.
 _SLOWEST_REFRESH = 0.05
+_FIRST_LESSONS = 10
+_LEAST_SHARE = 0.1**3  # Of a determinant: a tenth of each motion.
 _MOST_SCALE = 0.5  # Of the template's own deviation.
 _TABLE_POINTS = 60
 
@@ -56,6 +58,7 @@ class PlaneTracker:
         self.shutter = Shutter(top, luma, pose, template)
         self.free_slopes = _without_light(template)
         self.motion_like = np.linalg.pinv(self.free_slopes)
+        self.response, self.blurred_response = _Response(), _Response()
         self.usual_correlation, self.seen, self.refreshed = 1.0, 0, 0
         self.most_scale = max(2.0, _MOST_SCALE * float(np.std(template.values)))
 
@@ -68,15 +71,20 @@ class PlaneTracker:
         """Pose near ``predicted`` (3,), or None where the picture does not vouch for one."""
         blurred = None if velocity is None else self.shutter.template(velocity)
         template = self.template if blurred is None else blurred
-        found = self._align(luma, predicted, template)
+        response = self.response if blurred is None else self.blurred_response
+        found = self._align(luma, predicted, template, response)
         if found is None or self.top.apart_m(predicted, found.pose) > _JUMP_PX * self.pixel_m:
-            from_afar = self._align_coarsely(luma, predicted, template)
+            from_afar = self._align_coarsely(luma, predicted, template, response)
             if from_afar is not None and (found is None or from_afar.correlation > found.correlation):
                 found = from_afar
         if found is None:
             return None
         if blurred is None:
             self._learn(found)
+        if found.inlier_fraction >= _REFRESH_INLIERS and response.is_due():
+            slopes = slopes_at(luma, self.top, found.pose, template.points, self.pixel_m)
+            free = self.free_slopes if blurred is None else _without_light(template)
+            response.learn(free, by_motion(template.points, slopes), found.weight)
         if velocity is not None:
             self.shutter.learn(luma, found, template, velocity)
         step = max(1, len(template.points) // _TABLE_POINTS)
@@ -89,17 +97,21 @@ class PlaneTracker:
             weights=np.clip(found.weight[::step][:_TABLE_POINTS], 0, 1),
         )
 
-    def _align(self, luma: Luma, start: Array, template: Template) -> Alignment | None:
+    def _align(self, luma: Luma, start: Array, template: Template, response: _Response) -> Alignment | None:
         found = align(luma, template, np.ones(len(template.points)), start, self.top, self.most_scale)
-        return found if found is not None and self._trusted(found) else None
+        if found is None or response.is_blind:
+            return None
+        whole = np.linalg.inv(response.share)
+        found = replace(found, covariance=whole @ found.covariance @ whole.T)
+        return found if self._trusted(found) else None
 
-    def _align_coarsely(self, luma: Luma, start: Array, template: Template) -> Alignment | None:
+    def _align_coarsely(self, luma: Luma, start: Array, template: Template, response: _Response) -> Alignment | None:
         if self.coarse is None:
             return None
         small, camera = self._shrunk(luma, start)
         flat = np.ones(len(self.coarse.points))
         found = align(small, self.coarse, flat, start, replace(self.top, camera=camera), self.most_scale)
-        return None if found is None else self._align(luma, found.pose, template)
+        return None if found is None else self._align(luma, found.pose, template, response)
 
     def _shrunk(self, luma: Luma, pose: Array) -> tuple[Luma, Camera]:
         """The surroundings of the body at the coarse scale, and the camera that would have taken them."""
@@ -142,6 +154,36 @@ class PlaneTracker:
         # Only what does not look like a motion is taken over: the aligned pose cannot creep.
         change -= self.free_slopes @ (self.motion_like @ change)
         self.template = replace(self.template, values=self.template.values + change)
+
+
+class _Response:
+    """How much of a small motion alignments with a template see: ``share`` (3, 3), one where nothing is lost.
+
+    The template's slopes J hold noise, and the steepest places were chosen. A later picture's slopes J' at the same
+    points hold noise of their own, so ``(JᵀJ)⁻¹JᵀJ'`` is free of what JᵀJ counts as texture and is none. The
+    alignment solves ``JᵀJ' ε = Jᵀ(noise)``: its covariance is that of ``(JᵀJ)⁻¹Jᵀ(noise)`` over this share.
+    """
+
+    def __init__(self) -> None:
+        self.share = np.eye(3)
+        self.asked, self.learned = 0, 0
+
+    @property
+    def is_blind(self) -> bool:
+        """Whether next to nothing of a motion would be seen."""
+        return bool(np.linalg.det(self.share) < _LEAST_SHARE)
+
+    def is_due(self) -> bool:
+        """Whether the picture at hand should be learned from: each of the first, later every fifth."""
+        self.asked += 1
+        return self.learned < _FIRST_LESSONS or self.asked % _REFRESH_EVERY == 0
+
+    def learn(self, slopes: Array, seen: Array, weight: Array) -> None:
+        """Compare slopes (n, 3) of the template, freed of the light's, with those of a picture; ``weight`` (n,)."""
+        known = np.isfinite(seen).all(axis=1) & (weight > 0)
+        share = np.linalg.lstsq(slopes[known], seen[known], rcond=None)[0]
+        self.learned += 1
+        self.share += max(1 / self.learned, _SLOWEST_REFRESH) * (share - self.share)
 
 
 def _without_light(template: Template) -> Array:
