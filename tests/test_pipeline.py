@@ -172,7 +172,8 @@ def _rules_to_run(lab, repository, *arguments):
 EDITS = {
     "src/towval/vision/camera.py": {"calibrate", *STAGES, "overlay", "report"},
     "src/towval/track.py": {*STAGES, "overlay", "report"},
-    "src/towval/physics/contact.py": {"simulate", "uncertainty", "compare", "overlay", "report"},
+    # The probe that chooses how many points to track simulates.
+    "src/towval/physics/contact.py": {*STAGES, "overlay", "report"},
     "src/towval/uncertainty.py": {"uncertainty", "compare", "overlay", "report"},
     "src/towval/compare.py": {"compare", "overlay", "report"},
     "src/towval/io/report.py": {"report"},

@@ -15,7 +15,8 @@ rule track:
         runtime=60,
     params:
         campaign=folder,
-        given=given("rover", "object"),
+        # Where a probe chooses the number of points, it simulates the run.
+        given=given("rover", "object", *(["tether", "friction"] if section("track").get("samples") == "auto" else [])),
         clicks=lambda wildcards: canonical(CAMPAIGNS[wildcards.campaign].document["runs"][wildcards.run]),
         settings=section("track"),
         code=code("track"),
