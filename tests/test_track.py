@@ -174,6 +174,16 @@ def test_a_plain_top_is_flagged():
         assert not (distance > 3e-3).any()
 
 
+def test_edges_that_are_blurred_in_all_pictures_are_flagged():
+    challenge = small(challenges.motion_blur(700))
+    scene = challenge.scene
+    at_once = replace(scene, motions=tuple(lambda t, motion=motion: motion(t + 0.8) for motion in scene.motions))
+    for found, _ in follow(replace(challenge, scene=at_once, times=challenge.times[:20])).values():
+        assert "edges_unsure" in codes(found)
+    for found, _ in follow(replace(challenge, times=challenge.times[:20])).values():
+        assert "edges_unsure" not in codes(found)
+
+
 def test_a_still_body_adds_no_path():
     scene = standard_scene(11, **small_camera())
     scene = replace(scene, motions=(drive((0.1, 0.3, 0.2), 0.3, rest_s=2.0), drive((-0.8, -0.4, 0.1), 0.0)))

@@ -30,6 +30,7 @@ TrackerMaker = Callable[[Top, Luma, Array], Tracker]
 _OUTLINE_EVERY_S = 0.5  # Between pictures whose edges are looked at, at first;
 _OUTLINE_DOUBLED_AFTER = 12  # after each dozen twice as long.
 _FARTHEST_CORRECTION_PX = 3.0  # Of the registration by all edges: clicks are that good.
+_UNSURE_EDGES_PX = 0.15  # Deviation of the registration: sharp edges give up to 0.1, blurred ones 0.2 and more.
 _MISFIT_OF_CLICKS_PX = 6.0  # More than 0.7 px of noise can explain.
 _WRONG_CLICKS = 0.08  # Of the body's size: the clicks belong to another body or are in another order.
 _MOST_ACCELERATION = 5.0  # ASSUME: half of gravity, more than wheels or a tether give [m/s²].
@@ -268,6 +269,7 @@ class Follower:
         if self.outline_fits:
             fit = combine_fits(self.outline_fits)
             if np.linalg.norm(fit.correction[:2]) < _FARTHEST_CORRECTION_PX * self.pixel_m:
+                self._judge_registration(fit)
                 return fit
         text = (
             f"The edges of {self.top.body.name} could not be found around the clicks; its frame rests on the clicks "
@@ -275,6 +277,16 @@ class Follower:
         )
         self.findings.append(Finding(Severity.WARNING, "edges_not_found", text))
         return None
+
+    def _judge_registration(self, fit: OutlineFit) -> None:
+        deviation = float(np.sqrt(np.linalg.eigvalsh(fit.covariance[:2, :2])[-1]))
+        if deviation > _UNSURE_EDGES_PX * self.pixel_m:
+            text = (
+                f"The edges of {self.top.body.name} do not tell its place in one direction: its frame is known to "
+                f"{1000 * deviation:.1f} mm there. Begin the run at rest or expose for a shorter time, so that its "
+                "edges are sharp in some pictures, and let it stand out from the floor."
+            )
+            self.findings.append(Finding(Severity.WARNING, "edges_unsure", text))
 
     def _judge_sight(self, time_s: Array, covariance: Array, status: NDArray[np.uint8]) -> list[Finding]:
         """Findings about pictures in which the body was not seen, and about a top too plain to be seen well."""
