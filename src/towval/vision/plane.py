@@ -27,7 +27,7 @@ _COARSE_SAMPLES = 400
 _REFRESH_INLIERS = 0.8
 _REFRESH_EVERY = 5  # Pictures, after the first ten.
 _SLOWEST_REFRESH = 0.05
-_FIRST_LESSONS = 10
+_FIRST_LESSONS, _LESSON_EVERY = 10, 25  # Pictures that the response is learned from.
 _LEAST_SHARE = 0.1**3  # Of a determinant: a tenth of each motion.
 _MOST_SCALE = 0.5  # Of the template's own deviation.
 _TABLE_POINTS = 60
@@ -174,9 +174,9 @@ class _Response:
         return bool(np.linalg.det(self.share) < _LEAST_SHARE)
 
     def is_due(self) -> bool:
-        """Whether the picture at hand should be learned from: each of the first, later every fifth."""
+        """Whether the picture at hand should be learned from: each of the first, later one now and then."""
         self.asked += 1
-        return self.learned < _FIRST_LESSONS or self.asked % _REFRESH_EVERY == 0
+        return self.learned < _FIRST_LESSONS or self.asked % _LESSON_EVERY == 0
 
     def learn(self, slopes: Array, seen: Array, weight: Array) -> None:
         """Compare slopes (n, 3) of the template, freed of the light's, with those of a picture; ``weight`` (n,)."""
