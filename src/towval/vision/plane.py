@@ -99,10 +99,9 @@ class PlaneTracker:
 
     def _align(self, luma: Luma, start: Array, template: Template, response: _Response) -> Alignment | None:
         found = align(luma, template, np.ones(len(template.points)), start, self.top, self.most_scale)
-        if found is None or response.is_blind:
+        if found is None or response.whole is None:
             return None
-        whole = np.linalg.inv(response.share)
-        found = replace(found, covariance=whole @ found.covariance @ whole.T)
+        found = replace(found, covariance=response.whole @ found.covariance @ response.whole.T)
         return found if self._trusted(found) else None
 
     def _align_coarsely(self, luma: Luma, start: Array, template: Template, response: _Response) -> Alignment | None:
@@ -166,12 +165,8 @@ class _Response:
 
     def __init__(self) -> None:
         self.share = np.eye(3)
+        self.whole: Array | None = np.eye(3)  # Inverse of the share; None where next to nothing of a motion is seen.
         self.asked, self.learned = 0, 0
-
-    @property
-    def is_blind(self) -> bool:
-        """Whether next to nothing of a motion would be seen."""
-        return bool(np.linalg.det(self.share) < _LEAST_SHARE)
 
     def is_due(self) -> bool:
         """Whether the picture at hand should be learned from: each of the first, later one now and then."""
@@ -184,6 +179,7 @@ class _Response:
         share = np.linalg.lstsq(slopes[known], seen[known], rcond=None)[0]
         self.learned += 1
         self.share += max(1 / self.learned, _SLOWEST_REFRESH) * (share - self.share)
+        self.whole = np.linalg.inv(self.share) if np.linalg.det(self.share) > _LEAST_SHARE else None
 
 
 def _without_light(template: Template) -> Array:
