@@ -11,7 +11,7 @@ from towval.compare import CompareSettings
 from towval.decimate import DecimateSettings
 from towval.errors import InputError
 from towval.io.report_data import ReportSettings
-from towval.io.schema import check, read_value, with_numbers
+from towval.io.schema import check, read_value, with_plain_values
 from towval.physics.ladder import RUNGS
 from towval.simulate import SimulateSettings
 from towval.study.identify import PARAMETERS, IdentifySettings
@@ -72,7 +72,7 @@ def test_a_mistyped_setting_is_told_with_the_right_one():
 def test_a_number_with_an_exponent_is_a_number_with_or_without_a_point(text, schema, config):
     assert read_value(text) == pytest.approx(1e-7, rel=1e-12)
     # As Snakemake hands it over.
-    sections = {**config, "simulate": with_numbers({"tolerance_m": text})}
+    sections = {**config, "simulate": with_plain_values({"tolerance_m": text})}
     check(sections, schema, "config")
     assert settings_from(SimulateSettings, sections["simulate"], "simulate").tolerance_m == pytest.approx(
         1e-7, rel=1e-12
@@ -87,9 +87,20 @@ def test_texts_stay_texts():
         "k1 k2",
         "1e5m",
     ]
-    assert with_numbers({"method": "plane", "list": ["k1", 3, True, None]}) == {
+    assert with_plain_values({"method": "plane", "list": ["k1", 3, True, None]}) == {
         "method": "plane",
         "list": ["k1", 3, True, None],
+    }
+
+
+def test_values_within_braces_on_snakemakes_command_line_are_what_they_look_like():
+    given = {"samples": "256", "coast_s": "0.5", "method": "plane", "on": "true", "list": ["7", "{odd", "k1: k2"]}
+    assert with_plain_values(given) == {
+        "samples": 256,
+        "coast_s": 0.5,
+        "method": "plane",
+        "on": True,
+        "list": [7, "{odd", "k1: k2"],
     }
 
 

@@ -184,6 +184,13 @@ def test_edges_that_are_blurred_in_all_pictures_are_flagged():
         assert "edges_unsure" not in codes(found)
 
 
+@pytest.mark.parametrize(("settings", "told"), [({}, False), ({"samples": 512}, True), ({"method": "klt"}, False)])
+def test_few_points_are_told(settings, told):
+    challenge = small(challenges.metre(5, 1.6))
+    for found, _ in follow(replace(challenge, times=challenge.times[:3]), **settings).values():
+        assert ("few_points" in codes(found)) == told
+
+
 def test_a_still_body_adds_no_path():
     scene = standard_scene(11, **small_camera())
     scene = replace(scene, motions=(drive((0.1, 0.3, 0.2), 0.3, rest_s=2.0), drive((-0.8, -0.4, 0.1), 0.0)))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from towval.errors import InputError
-from towval.types import Body, Calibration, Finding, Track
+from towval.types import Body, Calibration, Finding, Severity, Track
 from towval.vision.follow import Follower, TrackerMaker
 from towval.vision.klt import KltTracker
 from towval.vision.plane import PlaneTracker
@@ -18,6 +18,8 @@ from towval.vision.top import Top
 from towval.vision.watch import CameraWatch
 
 METHODS = ("plane", "klt")
+
+_ENOUGH_SAMPLES = 1024  # Measured: docs/limits.md.
 
 
 @dataclass(frozen=True)
@@ -29,7 +31,7 @@ class TrackSettings:
     method : str
         ``plane``, alignment of the whole top with a template; or ``klt``, the paper's points.
     samples : int
-        Points of the template.
+        Points of the template; with fewer than 1024 the tracks carry a warning.
     coast_s : float
         How long a body that is not seen is predicted, and marked so, before it counts as lost [s].
     forward_backward_px : float
@@ -141,7 +143,7 @@ class _Group:
         luma: NDArray[np.uint8],
         clicks_px: Mapping[str, ArrayLike],
     ):
-        self.method = settings.method
+        self.settings = settings
         self.followers = [
             Follower(
                 Top(body, calibration.camera, calibration.floor),
@@ -160,7 +162,18 @@ class _Group:
             follower.follow(time_s, luma, [outline for outline in others if outline is not None])
 
     def tracks(self, watched: tuple[Finding, ...]) -> dict[str, Track]:
-        return {follower.top.body.name: follower.track(self.method, watched) for follower in self.followers}
+        findings = (*watched, *_judge_samples(self.settings))
+        return {one.top.body.name: one.track(self.settings.method, findings) for one in self.followers}
+
+
+def _judge_samples(settings: TrackSettings) -> tuple[Finding, ...]:
+    if settings.method != "plane" or settings.samples >= _ENOUGH_SAMPLES:
+        return ()
+    text = (
+        f"Tracked with {settings.samples} points: what so few leave out moves a pose slowly on its way by more than "
+        f"its stated deviation, and a right model can be judged wrong. Take track.samples of {_ENOUGH_SAMPLES} or more."
+    )
+    return (Finding(Severity.WARNING, "few_points", text),)
 
 
 def _check_size(luma: NDArray[np.uint8], calibration: Calibration) -> None:

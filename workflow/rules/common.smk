@@ -5,7 +5,7 @@ from pathlib import Path
 from towval.errors import TowvalError
 from towval.io.campaign import load_campaign
 from towval.io.provenance import code_hash, module_hash
-from towval.io.schema import check, packaged_schema, read_yaml, with_numbers
+from towval.io.schema import check, packaged_schema, read_yaml, with_plain_values
 from towval.presets import STANDARD, settings_of
 from towval.study.products import module_of, study
 
@@ -36,8 +36,8 @@ if str(config.get("quick")).lower() in ("true", "false"):
     # `--config quick=true` comes as a word.
     config["quick"] = str(config["quick"]).lower() == "true"
 
-# Snakemake reads 1e-7 as a text.
-config.update({name: with_numbers(section) for name, section in config.items() if isinstance(section, dict)})
+# Snakemake reads 1e-7 as a text and, within braces on the command line, every value.
+config.update({name: with_plain_values(section) for name, section in config.items() if isinstance(section, dict)})
 
 told(check, config, read_yaml(HERE / "workflow" / "schemas" / "config.schema.yaml"), "config")
 

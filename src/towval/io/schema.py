@@ -69,13 +69,19 @@ def read_value(text: str) -> Any:
         raise InputError("a value is not valid YAML", got=" ".join(str(error).split())) from None
 
 
-def with_numbers(value: Any) -> Any:
-    """A value that another program read from YAML, with each text that :func:`read_yaml` takes for a number as one."""
+def with_plain_values(value: Any) -> Any:
+    """A value that another program read from YAML, in which each text that is a number or yes or no becomes one."""
     if isinstance(value, dict):
-        return {key: with_numbers(item) for key, item in value.items()}
+        return {key: with_plain_values(item) for key, item in value.items()}
     if isinstance(value, list):
-        return [with_numbers(item) for item in value]
-    return float(value) if isinstance(value, str) and _EXPONENT.fullmatch(value) else value
+        return [with_plain_values(item) for item in value]
+    if not isinstance(value, str):
+        return value
+    try:
+        read = read_value(value)
+    except InputError:
+        return value
+    return read if isinstance(read, bool | int | float) else value
 
 
 @lru_cache
