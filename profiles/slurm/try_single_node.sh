@@ -13,6 +13,11 @@ if [ -e /etc/slurm/slurm.conf ]; then
     exit 1
 fi
 
+if ! command -v snakemake > /dev/null; then
+    echo "snakemake is not on the path: activate the environment with towval[slurm], and keep PATH as in the line above" >&2
+    exit 1
+fi
+
 repository=$(cd "$(dirname "$0")/../.." && pwd)
 if ! command -v slurmctld slurmd munged > /dev/null; then
     apt-get update -qq
