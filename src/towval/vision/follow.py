@@ -283,8 +283,8 @@ class Follower:
         if deviation > _UNSURE_EDGES_PX * self.pixel_m:
             text = (
                 f"The edges of {self.top.body.name} do not tell its place in one direction: its frame is known to "
-                f"{1000 * deviation:.1f} mm there. Begin the run at rest or expose for a shorter time, so that its "
-                "edges are sharp in some pictures, and let it stand out from the floor."
+                f"{1000 * deviation:.1f} mm at best there. Begin the run at rest or expose for a shorter time: its "
+                "edges must be sharp in some pictures, and stand out from the floor."
             )
             self.findings.append(Finding(Severity.WARNING, "edges_unsure", text))
 
