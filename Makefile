@@ -10,6 +10,7 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV ?= .venv
 CORES ?= 2
 BIN := $(VENV)/bin
+VIEWERS := $(VENV)/viewers
 SOURCES := src tests workflow/scripts benchmarks
 
 .PHONY: demo test check studies accuracy tables bench clean
@@ -22,6 +23,12 @@ $(VENV)/installed: pyproject.toml
 
 $(VENV)/installed-dev: $(VENV)/installed
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	touch $@
+
+# The programs that have to open our files, apart from our own packages: they are called, never imported, and two are GPL.
+$(VENV)/installed-viewers: $(VENV)/installed
+	$(PYTHON) -m venv $(VIEWERS)
+	$(VIEWERS)/bin/python -m pip install --quiet --disable-pip-version-check 'evo>=1.30,<2' 'pymcap-cli>=0.30,<1' 'rerun-sdk>=0.30,<1'
 	touch $@
 
 $(VENV)/installed-bench: $(VENV)/installed
@@ -41,7 +48,8 @@ check: $(VENV)/installed-dev
 	$(BIN)/snakemake --lint
 
 test: check
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(CORES) --dist loadfile --durations 10
+	@$(MAKE) --no-print-directory $(VENV)/installed-viewers || echo "evo, pymcap-cli or Rerun cannot be installed here: what calls them is skipped"
+	OMP_NUM_THREADS=1 TOWVAL_VIEWERS="$${TOWVAL_VIEWERS:-$(CURDIR)/$(VIEWERS)/bin}" $(BIN)/python -m pytest -n $(CORES) --dist loadfile --durations 10
 
 CAMPAIGN ?= data_samples/lab_small
 
