@@ -1,12 +1,14 @@
 """What tests share: where data is, and small results with known content."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from towval.types import Track, TrackStatus
+from towval.synthetic.measured import measured_track
+from towval.types import TrackStatus
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 
@@ -36,22 +38,14 @@ def make_track():
 
     def make(motion, *, body="rover", duration_s=12.0, rate_hz=25.0, std=(1e-4, 1e-4, 2e-4), seed=0, lost=()):
         time_s = np.arange(round(duration_s * rate_hz)) / rate_hz
-        n = len(time_s)
-        std = np.asarray(std, dtype=float)
-        pose = motion(time_s) + np.random.default_rng(seed).normal(size=(n, 3)) * std
-        covariance = np.tile(np.diag(std**2), (n, 1, 1))
-        status = np.full(n, TrackStatus.TRACKED, dtype=np.uint8)
-        for i in lost:
-            status[i], pose[i], covariance[i] = TrackStatus.LOST, np.nan, np.nan
-        return Track(
-            body=body,
-            time_s=time_s,
-            pose=pose,
-            covariance=covariance,
-            status=status,
-            inlier_fraction=np.ones(n),
-            residual=np.full(n, 0.1),
-            start_covariance=np.diag([1e-6, 1e-6, 1e-6]),
+        noise = np.random.default_rng(seed).normal(size=(len(time_s), 3)) * np.asarray(std, dtype=float)
+        seen = measured_track(body, time_s, motion(time_s) + noise, std, start_std=(1e-3, 1e-3, 1e-3))
+        gone = np.isin(np.arange(len(time_s)), list(lost))
+        return replace(
+            seen,
+            pose=np.where(gone[:, None], np.nan, seen.pose),
+            covariance=np.where(gone[:, None, None], np.nan, seen.covariance),
+            status=np.where(gone, TrackStatus.LOST, seen.status).astype(np.uint8),
         )
 
     return make
