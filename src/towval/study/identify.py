@@ -139,7 +139,8 @@ def identify(
         )
     fit = _Fit(scene, friction_law(scene).law, deviations, settings)
     found = fit.values(runs, fit.starts(runs)[:_STARTS])
-    identifiable, findings = _identifiability(settings.parameters, found.covariance, fit.reach)
+    covariance = fit.covariance(found, runs)
+    identifiable, findings = _identifiability(settings.parameters, covariance, fit.reach)
     identifiable, further = _trust(found, fit, identifiable)
     findings += further
     predictions = []
@@ -166,7 +167,7 @@ def identify(
         given=fit.given,
         given_std=np.array([PARAMETERS[name].given_std(deviations) for name in settings.parameters]),
         values=found.values,
-        covariance=found.covariance,
+        covariance=covariance,
         identifiable=identifiable,
         predictions=tuple(predictions),
         findings=tuple(findings),
@@ -175,11 +176,16 @@ def identify(
 
 @dataclass(frozen=True)
 class _Found:
-    """Fitted values (p,), their covariance (p, p) and the root mean square of the residuals."""
+    """Fitted values (p,), and there the residuals (m,) and their slopes (m, p), parameters in units of their scales."""
 
     values: Array
-    covariance: Array
-    misfit: float
+    residual: Array
+    jacobian: Array
+
+    @property
+    def misfit(self) -> float:
+        """Root mean square of the residuals."""
+        return float(np.sqrt(np.mean(self.residual**2)))
 
 
 class _Fit:
@@ -196,6 +202,7 @@ class _Fit:
         sequence = qmc.Sobol(len(self.given), scramble=True, rng=np.random.default_rng(_SEED)).random(_PLACES)
         self.places = np.vstack([self.given, self.given + (2 * sequence - 1) * self.bound])
         self._at_places: dict[str, Array] = {}
+        self._whitening: dict[str, Array] = {}
 
     def starts(self, runs: Sequence[MeasuredRun]) -> Array:
         """Places (k, p) in the searched range to start from, the best for these runs first."""
@@ -223,8 +230,7 @@ class _Fit:
         ]
         best = min(fits, key=lambda fit: fit.cost)
         values = self.given + best.x * self.scale
-        covariance = self._covariance(best.jac, best.fun, self._by_others(runs, values), len(runs))
-        return _Found(values, covariance, float(np.sqrt(np.mean(best.fun**2))))
+        return _Found(values, best.fun, best.jac)
 
     def _squares(self, run: MeasuredRun, values: Array) -> float:
         try:
@@ -248,15 +254,17 @@ class _Fit:
             columns.append((above - below) / 2)
         return columns
 
-    def _covariance(self, jacobian: Array, residual: Array, by_others: Sequence[Array], runs: int) -> Array:
+    def covariance(self, found: _Found, runs: Sequence[MeasuredRun]) -> Array:
+        """Covariance (p, p) of the values fitted to these runs; NaN where they do not tell all of them apart."""
+        jacobian, residual = found.jacobian, found.residual
         p = jacobian.shape[1]
         if np.linalg.matrix_rank(jacobian) < p:
             return np.full((p, p), np.nan)
         solver = np.linalg.pinv(jacobian)
-        per_run = solver.reshape(p, runs, -1, 3).sum(axis=2).reshape(p, -1)
+        per_run = solver.reshape(p, len(runs), -1, 3).sum(axis=2).reshape(p, -1)
         chi2 = float(residual @ residual) / max(1, len(residual) - p)
         covariance = (solver @ solver.T + per_run @ per_run.T) * max(1.0, chi2)
-        for change in by_others:
+        for change in self._by_others(runs, found.values):
             covariance += np.outer(solver @ change, solver @ change)
         return covariance * np.outer(self.scale, self.scale)
 
@@ -264,9 +272,11 @@ class _Fit:
         """Block means of simulated − measured in deviations of the measurement, all runs one after another."""
         parts = []
         for run in runs:
+            if run.name not in self._whitening:
+                self._whitening[run.name] = _whitening(run)
             means = block_means(_error(run, self._poses(run, scene, law, values)))
             # A block in which the object was never seen says nothing.
-            parts.append(np.einsum("kij,kj->ki", _whitening(run), np.nan_to_num(means)).ravel())
+            parts.append(np.einsum("kij,kj->ki", self._whitening[run.name], np.nan_to_num(means)).ravel())
         return np.concatenate(parts)
 
     def simulated(self, run: MeasuredRun, values: Array) -> Array:
