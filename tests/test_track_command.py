@@ -1,5 +1,7 @@
 """The command ``track`` where the clicks are missing or the video is damaged."""
 
+import itertools
+
 import numpy as np
 import pytest
 import yaml
@@ -106,3 +108,11 @@ def test_a_cut_off_video_is_used_only_where_that_is_allowed(campaign, camera, la
         assert 10 < len(found.time_s) < frames
         assert found.seen.all()
         assert "video_damaged" in {finding.code for finding in found.findings}
+
+
+def test_the_papers_points_leave_nothing_to_choose(campaign, camera, lab_small, tmp_path):
+    video = tmp_path / "short.mp4"
+    write_video(video, itertools.islice(Video(lab_small / "a.mp4"), 20), crf="20")
+    track(campaign(lambda d: None, video), "a", camera, tmp_path / "t.mcap", {"method": "klt", "samples": "auto"})
+    for found in read_tracks(tmp_path / "t.mcap").values():
+        assert [(choice.chosen, choice.next) for choice in found.choices] == [("KLT points", "plane, 1024 points")]

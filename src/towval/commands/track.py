@@ -58,7 +58,8 @@ def run(campaign: Path, name: str, camera: Path, output: Path, keys: Mapping[str
     clicks = _clicks(given, entry, video, calibration, output.with_name("proposals.png"))
     scene = (calibration, given.bodies, clicks)
     with progress(f"track {name}", video.header.frames) as done:
-        if "samples" in auto:
+        # The paper's points are no samples of a template: there is nothing to choose.
+        if "samples" in auto and settings.method == "plane":
             settings, tracks = track_choosing(video, *scene, settings, given.scene, progress=done)
         else:
             tracks = track(video, *scene, settings, progress=done)
