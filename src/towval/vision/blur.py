@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from towval.types import Array, Camera
-from towval.vision.align import Alignment, Template, by_motion, clearance_m
+from towval.vision.align import Alignment, Template, by_motion, clearance_m, slopes_at
 from towval.vision.light import light_misfit
 from towval.vision.sampling import sample_plane
 from towval.vision.top import Top, usable_points
@@ -81,15 +81,14 @@ class SharpTop:
         most = np.hypot(*way.T).max() / sharp.pixel_m
         if most < _BLURRED_PX:
             return None
-        count, step = int(np.ceil(most / _READING_PX)) + 1, 0.5 * sharp.pixel_m
+        count = int(np.ceil(most / _READING_PX)) + 1
         kept = self.clear(sharp.points, way)
         points, way = sharp.points[kept], way[kept]
         values, slope = np.zeros(len(points)), np.zeros((len(points), 2))
         for s in (np.arange(count) + 0.5) / count - 0.5:
             places = points + s * way
             values += self.read(places) / count
-            for axis, shift in enumerate(step * np.eye(2)):
-                slope[:, axis] += (self.read(places + shift) - self.read(places - shift)) / (2 * step * count)
+            slope += slopes_at(self.luma, self.top, self.pose, places, sharp.pixel_m) / count
         known = np.isfinite(values) & np.isfinite(slope).all(axis=1)
         if known.sum() < _LEAST_KEPT * len(sharp.points):
             return None
