@@ -11,7 +11,7 @@ VENV ?= .venv
 CORES ?= 2
 BIN := $(VENV)/bin
 VIEWERS := $(VENV)/viewers
-SOURCES := src tests workflow/scripts benchmarks
+SOURCES := src studies tests workflow/scripts
 
 .PHONY: demo test check studies accuracy tables bench clean
 
@@ -55,14 +55,14 @@ CAMPAIGN ?= data_samples/lab_small
 
 accuracy: $(VENV)/installed
 	$(BIN)/snakemake --cores $(CORES) --quiet all --config campaign=$(CAMPAIGN)
-	$(BIN)/python benchmarks/accuracy.py results/$(notdir $(CAMPAIGN:/=)) $(CAMPAIGN)
+	$(BIN)/python -m studies.tables.accuracy results/$(notdir $(CAMPAIGN:/=)) $(CAMPAIGN)
 
 tables: $(VENV)/installed
-	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/calibration_table.py
-	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/tracking_accuracy.py
+	OMP_NUM_THREADS=1 $(BIN)/python -m studies.tables.calibration_table
+	OMP_NUM_THREADS=1 $(BIN)/python -m studies.tables.tracking_accuracy
 
 bench: $(VENV)/installed-bench
-	$(BIN)/python benchmarks/workflow_time.py $(CAMPAIGN)
+	$(BIN)/python -m studies.tables.workflow_time $(CAMPAIGN)
 
 QUICK ?= false
 

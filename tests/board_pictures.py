@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from towval.types import Array
+from towval.model import Array
 
 _OVERSAMPLING = 4
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from towval.synthetic.measured import measured_track
-from towval.types import TrackStatus
+from studies.worlds.measured import measured_track
+from towval.model import TrackStatus
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 

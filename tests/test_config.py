@@ -5,19 +5,19 @@ import dataclasses
 import pytest
 import yaml
 
-from towval.calibrate import CalibrateSettings
+from towval.calibration.calibrate import CalibrateSettings
+from towval.calibration.lens import LENS_MODELS
 from towval.commands.shared import settings_from
-from towval.compare import CompareSettings
-from towval.decimate import DecimateSettings
-from towval.errors import InputError
-from towval.io.report_data import ReportSettings
 from towval.io.schema import check, read_value, with_plain_values
+from towval.model.errors import InputError
 from towval.physics.ladder import RUNGS
-from towval.simulate import SimulateSettings
-from towval.study.identify import PARAMETERS, IdentifySettings
-from towval.track import METHODS, TrackSettings
-from towval.uncertainty import UncertaintySettings
-from towval.vision.lens import LENS_MODELS
+from towval.report.data import ReportSettings
+from towval.tracking.track import METHODS, TrackSettings
+from towval.validation.compare import CompareSettings
+from towval.validation.decimate import DecimateSettings
+from towval.validation.identify import PARAMETERS, IdentifySettings
+from towval.validation.simulate import SimulateSettings
+from towval.validation.uncertainty import UncertaintySettings
 
 SECTIONS = {
     "calibrate": CalibrateSettings,

@@ -13,11 +13,11 @@ import pandas as pd
 import pytest
 import yaml
 
-from towval.geometry import wrapped
+from studies.worlds.campaign import REST_LENGTH
+from studies.worlds.folder import write_campaign
 from towval.io.campaign import load_campaign
 from towval.io.records import read_calibration, read_simulated, read_tracks
-from towval.io.synthetic_campaign import write_campaign
-from towval.synthetic.campaign import REST_LENGTH
+from towval.model.geometry import wrapped
 
 STAGES = ("track", "decimate", "simulate", "uncertainty", "compare")
 
@@ -34,7 +34,7 @@ class Lab:
         repository = repository or self.repository
         line = [sys.executable, "-m", "snakemake", "--cores", "2", "--snakefile", str(repository / "Snakefile")]
         line += ["--directory", str(self.folder), "--rerun-triggers", "mtime", "params", "input", "--config"]
-        environment = {**os.environ, "PYTHONPATH": str(repository / "src")}
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(repository / "src"), str(repository)])}
         return [*line, f"campaign={self.campaign}", *arguments], {"env": environment, "cwd": self.folder}
 
     def snakemake(self, *arguments: str, repository: Path | None = None) -> subprocess.CompletedProcess:
@@ -170,21 +170,21 @@ def _rules_to_run(lab, repository, *arguments):
 
 
 EDITS = {
-    "src/towval/vision/camera.py": {"calibrate", *STAGES, "overlay", "report"},
-    "src/towval/track.py": {*STAGES, "overlay", "report"},
+    "src/towval/optics/projection.py": {"calibrate", *STAGES, "overlay", "report"},
+    "src/towval/tracking/track.py": {*STAGES, "overlay", "report"},
     # The probe that chooses how many points to track simulates.
     "src/towval/physics/contact.py": {*STAGES, "overlay", "report"},
-    "src/towval/uncertainty.py": {"uncertainty", "compare", "overlay", "report"},
-    "src/towval/compare.py": {"compare", "overlay", "report"},
-    "src/towval/io/report.py": {"report"},
-    "src/towval/rover/planner.py": set(),
+    "src/towval/validation/uncertainty.py": {"uncertainty", "compare", "overlay", "report"},
+    "src/towval/validation/compare.py": {"compare", "overlay", "report"},
+    "src/towval/report/page.py": {"report"},
+    "src/towval/planning/planner.py": set(),
 }
 
 
 @pytest.mark.parametrize("module", EDITS)
 def test_an_edit_reruns_what_depends_on_it_and_nothing_else(lab, repository, tmp_path, module):
     copy = tmp_path / "copy"
-    for name in ("src", "workflow", "profiles"):
+    for name in ("src", "studies", "workflow", "profiles"):
         shutil.copytree(repository / name, copy / name, ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
     shutil.copy(repository / "Snakefile", copy)
     with (copy / module).open("a") as stream:
@@ -237,10 +237,10 @@ def test_wrong_input_is_one_message_without_a_traceback(lab, tmp_path):
     other = Lab(lab.repository, tmp_path)
     shutil.copy(lab.repository / "config.yaml", tmp_path)
     answer = other.snakemake()
-    told = answer.stdout + answer.stderr
+    errors_reported = answer.stdout + answer.stderr
     assert answer.returncode != 0
-    assert "did you mean rest_length_m?" in told
-    assert "Traceback" not in told
+    assert "did you mean rest_length_m?" in errors_reported
+    assert "Traceback" not in errors_reported
 
 
 def test_a_video_that_is_none_fails_alone(lab, tmp_path):
@@ -251,10 +251,10 @@ def test_a_video_that_is_none_fails_alone(lab, tmp_path):
     other = Lab(lab.repository, tmp_path)
     shutil.copy(lab.repository / "config.yaml", tmp_path)
     answer = other.snakemake()
-    told = answer.stdout + answer.stderr
+    errors_reported = answer.stdout + answer.stderr
     assert answer.returncode != 0
-    assert "a.mp4 is no video" in told
-    assert "Traceback" not in told
+    assert "a.mp4 is no video" in errors_reported
+    assert "Traceback" not in errors_reported
     assert (other.results / "camera.mcap").exists()
     assert not (other.results / "a" / "track.mcap").exists()
 

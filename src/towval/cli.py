@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import towval
-from towval.commands.shared import told
-from towval.errors import InputError
+from towval.commands.shared import errors_reported
 from towval.io.schema import read_value
+from towval.model.errors import InputError
 
 _EPILOG = """\
 A run by hand, step by step:
@@ -100,7 +100,7 @@ def _planning(stages: Any) -> None:
     stage.set_defaults(function="run_file")
     _scene(stage)
     stage.add_argument(
-        "--path", dest="wish", required=True, help="a curve of the scene (lemniscate, ...) or a CSV with x_m and y_m"
+        "--path", dest="wanted", required=True, help="a curve of the scene (lemniscate, ...) or a CSV with x_m and y_m"
     )
     stage.add_argument("--csv", type=Path, required=True, help="the same plan as a table, a row a step")
     stage = _stage(
@@ -163,7 +163,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Run the command line; exits with 1 and one message when the input is at fault."""
     given = vars(_arguments().parse_args(arguments))
     given.pop("stage")
-    with told():
+    with errors_reported():
         if "keys" in given:
             given["keys"] = _keys(given["keys"])
         run: Callable[..., None] = getattr(importlib.import_module(given.pop("module")), given.pop("function"))

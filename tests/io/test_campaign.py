@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import yaml
 
-from towval.errors import InputError
 from towval.io.campaign import load_campaign
 from towval.io.schema import packaged_schema
+from towval.model.errors import InputError
 
 
 @pytest.fixture

@@ -11,14 +11,14 @@ from io import BytesIO
 import av
 import numpy as np
 import pytest
-from report_scenes import grey_film, small_calibration, towed_run, uncertainty_of
 from rosbags.highlevel import AnyReader
 
-from towval.geometry import transform
+from report_scenes import grey_film, small_calibration, towed_run, uncertainty_of
 from towval.io import records
 from towval.io.exchange import LAYOUTS, write_layouts, write_run_file
 from towval.io.mcap_file import read_mcap
-from towval.io.overlay import write_overlay
+from towval.model.geometry import transform
+from towval.report.overlay import write_overlay
 
 FRAMES = 80
 
@@ -54,7 +54,7 @@ def program(name):
     return path
 
 
-def told(*command):
+def errors_reported(*command):
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout + done.stderr
@@ -133,19 +133,21 @@ def test_rosbags_reads_every_message(folder):
 
 @pytest.mark.parametrize("name", ["exchange", "compare", "uncertainty", "camera"])
 def test_pymcap_cli_doctor_finds_nothing(folder, name):
-    assert "passed" in told(program("pymcap-cli"), "doctor", folder / f"{name}.mcap")
+    assert "passed" in errors_reported(program("pymcap-cli"), "doctor", folder / f"{name}.mcap")
 
 
 def test_evo_finds_the_same_path_error(folder, run):
-    told_by_evo = told(program("evo_ape"), "bag2", folder / "compare.mcap", "/object/pose", "/object/pose_simulated")
+    told_by_evo = errors_reported(
+        program("evo_ape"), "bag2", folder / "compare.mcap", "/object/pose", "/object/pose_simulated"
+    )
     rmse = float(re.search(r"rmse\s+([\d.]+)", told_by_evo)[1])
     assert rmse == pytest.approx(run.comparison.path_rms_m, abs=3e-4)
 
 
 def test_rerun_understands_bodies_camera_and_plots(folder, tmp_path):
     rerun = program("rerun")
-    told(rerun, "mcap", "convert", folder / "exchange.mcap", "-o", tmp_path / "run.rrd")
-    printed = told(rerun, "rrd", "print", tmp_path / "run.rrd")
+    errors_reported(rerun, "mcap", "convert", folder / "exchange.mcap", "-o", tmp_path / "run.rrd")
+    printed = errors_reported(rerun, "rrd", "print", tmp_path / "run.rrd")
     for entity, component in (
         ("/camera/image", "EncodedImage"),
         ("/camera/camera_info", "Pinhole"),
@@ -156,14 +158,14 @@ def test_rerun_understands_bodies_camera_and_plots(folder, tmp_path):
         ("/tether/state/effort", "Scalars"),
     ):
         assert re.search(rf"{entity} - data columns: \[.*{component}", printed), entity
-    told(rerun, "rrd", "verify", folder / "rerun.rbl")
+    errors_reported(rerun, "rrd", "verify", folder / "rerun.rbl")
 
 
 def test_rerun_has_run_and_layout_under_one_application_with_entities_that_are_there(folder, tmp_path):
     rerun, run = program("rerun"), tmp_path / "run.rrd"
-    told(rerun, "mcap", "convert", folder / "exchange.mcap", "--application-id", "towval", "-o", run)
-    recording = told(rerun, "rrd", "print", run)
-    layout = told(rerun, "rrd", "print", "-vvv", folder / "rerun.rbl")
+    errors_reported(rerun, "mcap", "convert", folder / "exchange.mcap", "--application-id", "towval", "-o", run)
+    recording = errors_reported(rerun, "rrd", "print", run)
+    layout = errors_reported(rerun, "rrd", "print", "-vvv", folder / "rerun.rbl")
     assert re.search(r'StoreId\(\s*Recording,\s*"towval"', recording)
     assert re.search(r'StoreId\(\s*Blueprint,\s*"towval"', layout)
     named = set(re.findall(r"(?<![\w/])/(?:rover|object|object_simulated|tether|camera|tf|tf_static)\b[\w/]*", layout))

@@ -4,11 +4,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from towval.errors import InputError
-from towval.io.identification import read_identification, write_identification, write_identified_table
 from towval.io.mcap_file import write_mcap
-from towval.io.report_facts import identified_rows, predicted_rows
-from towval.types import Finding, Identification, Prediction, Severity
+from towval.io.records.identification import read_identification, write_identification, write_identified_table
+from towval.model import Finding, Identification, Prediction, Severity
+from towval.model.errors import InputError
+from towval.report.facts import identified_rows, predicted_rows
 
 FOUND = Identification(
     parameters=("friction", "rest length [m]"),

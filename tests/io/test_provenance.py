@@ -1,4 +1,4 @@
-"""The fingerprint of code: it changes with the modules that a script uses, and with no others."""
+"""The fingerprint of code: it changes with the modules that a command uses, and with no others."""
 
 import shutil
 
@@ -14,38 +14,41 @@ def package(tmp_path, monkeypatch):
     folder = tmp_path / "towval"
     shutil.copytree(provenance._PACKAGE, folder, ignore=shutil.ignore_patterns("__pycache__"))
     monkeypatch.setattr(provenance, "_PACKAGE", folder)
-    return folder
+    provenance._source_folder.cache_clear()
+    yield folder
+    provenance._source_folder.cache_clear()
 
 
-@pytest.fixture
-def script(tmp_path):
-    path = tmp_path / "decimate.py"
-    path.write_text("from towval.commands.decimate import run\n")
-    return path
-
-
-@pytest.mark.parametrize("module", ["decimate.py", "types/tracks.py", "io/records/tracks.py", "commands/decimate.py"])
-def test_an_edit_in_a_used_module_changes_it(package, script, module):
-    before = provenance.code_hash(script)
-    with (package / module).open("a") as stream:
+def edit(path):
+    with path.open("a") as stream:
         stream.write("\n# edited\n")
-    assert provenance.code_hash(script) != before
 
 
-def test_an_edit_elsewhere_does_not(package, script):
-    before = provenance.code_hash(script)
-    with (package / "vision" / "camera.py").open("a") as stream:
-        stream.write("\n# edited\n")
-    assert provenance.code_hash(script) == before
+@pytest.mark.parametrize(
+    "module", ["validation/decimate.py", "model/tracks.py", "io/records/tracks.py", "commands/decimate.py"]
+)
+def test_an_edit_in_a_used_module_changes_it(package, module):
+    before = provenance.module_hash("towval.commands.decimate")
+    edit(package / module)
+    assert provenance.module_hash("towval.commands.decimate") != before
 
 
-def test_a_schema_counts_for_those_who_read_it(package, tmp_path):
-    script = tmp_path / "calibrate.py"
-    script.write_text("from towval.io.campaign import load_campaign\n")
-    before = provenance.code_hash(script)
-    with (package / "io" / "campaign.schema.yaml").open("a") as stream:
-        stream.write("\n# edited\n")
-    assert provenance.code_hash(script) != before
+def test_an_edit_elsewhere_does_not(package):
+    before = provenance.module_hash("towval.commands.decimate")
+    edit(package / "optics" / "projection.py")
+    assert provenance.module_hash("towval.commands.decimate") == before
+
+
+def test_a_schema_counts_for_those_who_read_it(package):
+    before = provenance.module_hash("towval.commands.calibrate")
+    edit(package / "io" / "campaign.schema.yaml")
+    assert provenance.module_hash("towval.commands.calibrate") != before
+
+
+def test_a_study_changes_with_what_it_imports_from_the_package(package):
+    before = provenance.module_hash("studies.maps.integrators")
+    edit(package / "physics" / "wrench.py")
+    assert provenance.module_hash("studies.maps.integrators") != before
 
 
 def test_versions_name_the_libraries():

@@ -6,11 +6,9 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
-from towval.decimate import decimate
-from towval.errors import InputError
 from towval.io import records
 from towval.io.mcap_file import read_mcap, read_provenance
-from towval.types import (
+from towval.model import (
     Calibration,
     Camera,
     Comparison,
@@ -22,6 +20,8 @@ from towval.types import (
     Verdict,
     View,
 )
+from towval.model.errors import InputError
+from towval.validation.decimate import decimate
 
 PROVENANCE = {"versions": "{}", "settings": "{}"}
 

@@ -4,9 +4,9 @@ import av
 import numpy as np
 import pytest
 
-from towval.errors import InputError
-from towval.io.film import cut_off, write_video
+from studies.worlds.film import cut_off, write_video
 from towval.io.video import Video, upright
+from towval.model.errors import InputError
 
 
 def pictures(count=30, start_s=0.0, rate=25.0, size=(96, 128)):

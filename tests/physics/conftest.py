@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from footprints import rectangle
 
+from footprints import rectangle
+from towval.model import FrictionLaw, Tether, TimedPath, TowedObject
 from towval.physics.friction_law import coulomb_law
-from towval.types import FrictionLaw, Path, Tether, TowedObject
 
 
 @pytest.fixture(scope="session")
@@ -29,5 +29,5 @@ def lap():
     t = np.linspace(0, 400.0, 4001)
     tau = 2 * np.pi * t / 400.0
     scale = 1 + np.sin(tau) ** 2
-    hinge = Path(t, np.column_stack([np.cos(tau), np.sin(tau) * np.cos(tau)]) / scale[:, None])
+    hinge = TimedPath(t, np.column_stack([np.cos(tau), np.sin(tau) * np.cos(tau)]) / scale[:, None])
     return coulomb_law(0.35, 1e-3), Tether(0.6, 1000.0), hinge, (1.0, -0.8, np.pi / 2)

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 import shapely
-from footprints import random_star
 
+from footprints import random_star
 from towval.physics.area_rules import area_rules
 
 HOLE = np.array([[0.2, 0.2], [0.2, 0.4], [0.4, 0.2]])

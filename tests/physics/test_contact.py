@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 import shapely
-from footprints import random_star, rectangle
 
+from footprints import random_star, rectangle
 from oracles import (
     PRESSURE_MAX_PA,
     SQUARE_LOAD_N,
@@ -10,9 +10,9 @@ from oracles import (
     TWO_AXES_PRESSURE_MAX_PA,
     rectangle_pressure,
 )
-from towval.errors import InputError, RefusedError
+from towval.model import Patch
+from towval.model.errors import InputError, RefusedError
 from towval.physics.contact import pressure_plane
-from towval.types import Patch
 
 
 @pytest.mark.parametrize("eccentricity", [0.0, 0.02, 0.05, 0.4 / 6, 0.1, 0.15, 0.19, 0.1995])

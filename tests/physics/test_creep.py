@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from towval.model import Tether, TimedPath
 from towval.physics.creep import creep_length
 from towval.physics.dynamics import feedback
 from towval.physics.friction_law import coulomb_law
-from towval.types import Path, Tether
 
 PULL = 0.5
 
@@ -16,7 +16,7 @@ def test_creep_is_what_the_law_lets_through(cube):
     stiction, duration, tether = 1e-3, 40.0, Tether(0.6, 1000.0)
     speed = stiction * np.arctanh(PULL)
     taut = 0.8 + PULL * 0.35 * 5.0 * 9.81 / 1000
-    hinge = Path([0.0, duration], [[taut, 0.0], [taut + speed * duration, 0.0]])
+    hinge = TimedPath([0.0, duration], [[taut, 0.0], [taut + speed * duration, 0.0]])
     times = np.linspace(0, duration, 201)
     motion = feedback(cube, coulomb_law(0.35, stiction), tether, hinge, (0, 0, 0), times)
     crept = creep_length(motion, cube, stiction)
@@ -26,7 +26,7 @@ def test_creep_is_what_the_law_lets_through(cube):
 
 def test_sliding_is_not_creep(cube):
     tether = Tether(0.6, 1000.0)
-    hinge = Path([0.0, 10.0], [[0.82, 0.0], [2.82, 0.0]])
+    hinge = TimedPath([0.0, 10.0], [[0.82, 0.0], [2.82, 0.0]])
     times = np.linspace(0, 10, 1001)
     motion = feedback(cube, coulomb_law(0.35, 1e-3), tether, hinge, (0, 0, 0), times)
     assert motion.pose[-1, 0] > 1.9

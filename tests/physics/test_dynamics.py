@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
-from footprints import rectangle
 from scipy.interpolate import CubicSpline
 
+from footprints import rectangle
 from oracles import (
     COAST,
     COAST_DISTANCE,
@@ -12,16 +12,16 @@ from oracles import (
     LAP_FINAL_POSE,
     coast_speed,
 )
-from towval.errors import InputError
-from towval.geometry import transform
+from towval.model import FrictionLaw, Patch, Tether, TimedPath, TowedObject
+from towval.model.errors import InputError
+from towval.model.geometry import transform
 from towval.physics.dynamics import Accuracy, Outcome, feedback, feedforward
 from towval.physics.friction_law import coulomb_law
 from towval.physics.mesh import mesh_pressure, meshed_patch
 from towval.physics.quasistatic import quasistatic_plan
 from towval.physics.tether import tether_force
-from towval.types import FrictionLaw, Patch, Path, Tether, TowedObject
 
-NO_FORCE = Path([0.0, 1000.0], np.zeros((2, 2)))
+NO_FORCE = TimedPath([0.0, 1000.0], np.zeros((2, 2)))
 
 
 def coast(towed, law, twist, times, **options):
@@ -42,7 +42,7 @@ def test_steady_pull_against_viscous_friction_has_the_closed_form(cube):
     mu, viscous, pull = 0.3, 0.5, 20.0
     law = FrictionLaw([0.0, 0.0, 0.0, mu, 1e6, viscous])
     times = np.linspace(0, 1.5, 16)
-    force = Path([0.0, 1.5], [[pull, 0.0]] * 2)
+    force = TimedPath([0.0, 1.5], [[pull, 0.0]] * 2)
     motion = feedforward(cube, law, force, (0, 0, 0), times, accuracy=Accuracy(1e-11))
     weight, rate = 5.0 * 9.81, viscous * 9.81
     final_speed = (pull - mu * weight) / (viscous * weight)
@@ -61,13 +61,15 @@ def test_force_does_the_work_that_becomes_motion_and_heat(cube, makkar):
     frame = (0.3, -0.2, 0.9)
     force = np.array([22.0, 6.0])
     times = np.linspace(0, 1.0, 101)
-    motion = feedforward(cube, makkar, Path([0.0, 1.0], [force, force]), frame, times, accuracy=Accuracy(1e-10))
+    motion = feedforward(cube, makkar, TimedPath([0.0, 1.0], [force, force]), frame, times, accuracy=Accuracy(1e-10))
     kinetic = cube.mass * (motion.twist[:, :2] ** 2).sum(1) / 2 + cube.inertia * motion.twist[:, 2] ** 2 / 2
     work = (transform(motion.pose, cube.anchor) - transform(frame, cube.anchor)) @ force
     assert kinetic[-1] > 1.0
     assert (np.diff(work - kinetic) > 0).all()
     frictionless = coulomb_law(1e-12, 1.0)
-    free = feedforward(cube, frictionless, Path([0.0, 1.0], [force, force]), frame, times, accuracy=Accuracy(1e-12))
+    free = feedforward(
+        cube, frictionless, TimedPath([0.0, 1.0], [force, force]), frame, times, accuracy=Accuracy(1e-12)
+    )
     kinetic = cube.mass * (free.twist[:, :2] ** 2).sum(1) / 2 + cube.inertia * free.twist[:, 2] ** 2 / 2
     work = (transform(free.pose, cube.anchor) - transform(frame, cube.anchor)) @ force
     assert kinetic == pytest.approx(work, abs=1e-8)
@@ -77,9 +79,9 @@ def test_planned_force_applied_blindly_follows_the_plan_only_if_started_as_plann
     """Friction that rises with speed keeps a feedforward motion close; the first swing from rest is never made up."""
     law = FrictionLaw([0.0, 0.0, 0.0, 0.35, 1e3, 0.5])
     time = np.linspace(0, 20, 2001)
-    way = np.column_stack([np.cos(0.1 * time), np.sin(0.1 * time)])
-    plan = quasistatic_plan(cube, law, Path(time, way), Tether(0.6, 1000.0))
-    force, times = Path(plan.time_s, plan.tether_force), time[::100]
+    path = np.column_stack([np.cos(0.1 * time), np.sin(0.1 * time)])
+    plan = quasistatic_plan(cube, law, TimedPath(time, path), Tether(0.6, 1000.0))
+    force, times = TimedPath(plan.time_s, plan.tether_force), time[::100]
     matched = feedforward(cube, law, force, plan.pose[0], times, start_twist=plan.twist[0])
     resting = feedforward(cube, law, force, plan.pose[0], times)
     apart = [np.linalg.norm(m.pose[:, :2] - plan.pose[::100, :2], axis=1) for m in (matched, resting)]
@@ -95,10 +97,10 @@ def test_moved_and_turned_force_gives_the_moved_and_turned_motion(makkar):
     time = np.linspace(0, 2, 41)
     force = np.column_stack([24 + 4 * np.sin(3 * time), 5 * np.cos(2 * time)])
     accuracy = Accuracy(1e-10)
-    here = feedforward(towed, makkar, Path(time, force), (0.1, 0.2, 0.3), times, accuracy=accuracy)
+    here = feedforward(towed, makkar, TimedPath(time, force), (0.1, 0.2, 0.3), times, accuracy=accuracy)
     turned = transform([0.0, 0.0, frame[2]], force)
     start = (*transform(frame, np.array([0.1, 0.2])), 0.3 + frame[2])
-    there = feedforward(towed, makkar, Path(time, turned), start, times, accuracy=accuracy)
+    there = feedforward(towed, makkar, TimedPath(time, turned), start, times, accuracy=accuracy)
     assert there.pose[:, :2] == pytest.approx(transform(frame, here.pose[:, :2]), abs=1e-8)
     assert there.pose[:, 2] == pytest.approx(here.pose[:, 2] + frame[2], abs=1e-8)
 
@@ -170,7 +172,7 @@ def test_moved_and_turned_scene_gives_the_moved_and_turned_motion(lap, makkar):
     accuracy = Accuracy(1e-9)
     here = feedback(towed, makkar, tether, hinge, start, times, accuracy=accuracy)
     frame = np.array([2.0, -3.0, 1.1])
-    moved = Path(hinge.time_s, transform(frame, hinge.position))
+    moved = TimedPath(hinge.time_s, transform(frame, hinge.position))
     there_start = (*transform(frame, np.array(start[:2])), start[2] + frame[2])
     there = feedback(towed, makkar, tether, moved, there_start, times, accuracy=accuracy)
     # Rounding may change a step here or there, so the two agree to a few times what a step is allowed.
@@ -189,7 +191,7 @@ def test_tether_force_and_length_are_those_of_the_poses(cube, lap):
 
 
 def test_slack_tether_is_named(cube, makkar):
-    hinge = Path([0.0, 1.0, 2.0], [[0.3, 0], [0.3, 0.1], [0.3, 0]])
+    hinge = TimedPath([0.0, 1.0, 2.0], [[0.3, 0], [0.3, 0.1], [0.3, 0]])
     motion = feedback(cube, makkar, Tether(0.6, 1000), hinge, (0, 0, 0), [0, 1, 2])
     assert motion.outcome == Outcome.SLACK_ALL_ALONG
     assert (motion.pose == 0).all()
@@ -200,7 +202,7 @@ def test_tightening_is_not_stepped_over(cube, makkar):
     """A hinge at rest for long, then a short pull: the one moment that matters."""
     time = np.linspace(0, 100, 2001)
     away = 0.7 + 0.2 * np.exp(-(((time - 60) / 3.0) ** 2))
-    hinge = Path(time, np.column_stack([away, np.zeros_like(away)]))
+    hinge = TimedPath(time, np.column_stack([away, np.zeros_like(away)]))
     motion = feedback(cube, makkar, Tether(0.6, 1000), hinge, (0, 0, 0), [0, 50, 100])
     assert motion.pose[1, 0] == pytest.approx(0, abs=1e-12)
     # The tether reaches 0.6 m at 0.8 m from the start; the hinge goes to 0.9 m.
@@ -209,7 +211,7 @@ def test_tightening_is_not_stepped_over(cube, makkar):
 
 def test_matched_start_slides_on_without_a_transient(cube, makkar):
     time = np.linspace(0, 10, 101)
-    hinge = Path(time, np.column_stack([0.8 + 0.35 * 49.05 / 1000 + 0.1 * time, np.zeros_like(time)]))
+    hinge = TimedPath(time, np.column_stack([0.8 + 0.35 * 49.05 / 1000 + 0.1 * time, np.zeros_like(time)]))
     motion = feedback(cube, makkar, Tether(0.6, 1000), hinge, (0, 0, 0), time, start_twist=(0.1, 0, 0))
     assert motion.pose[:, 0] == pytest.approx(0.1 * time, abs=5e-5)
 
@@ -234,10 +236,10 @@ def test_times_outside_the_hinges_way_are_refused(cube, lap):
 @pytest.mark.parametrize(("stiffness", "stiction"), [(1e2, 1e-6), (1e3, 1e-5), (1e5, 1e-2), (1e6, 1e-3), (1e6, 1e-6)])
 @pytest.mark.parametrize("start", [-0.05, 0.01])
 def test_extreme_stiffness_and_stiction_are_right_or_named(cube, stiffness, stiction, start):
-    """The corners of benchmarks/physics_stability.py: each was once wrong without a sign of it."""
+    """The corners of studies/tables/physics_stability.py: each was once wrong without a sign of it."""
     time = np.linspace(0, 2, 101)
     advance = 0.1 * time - 0.06 * np.sin(np.pi * time)
-    hinge = Path(time, np.column_stack([0.8 + start + advance, 0.05 * advance]))
+    hinge = TimedPath(time, np.column_stack([0.8 + start + advance, 0.05 * advance]))
     scene = (cube, coulomb_law(0.35, stiction), Tether(0.6, stiffness), hinge, (0, 0, 0), time[::10])
     motion, reference = feedback(*scene), feedback(*scene, accuracy=Accuracy(1e-10))
     assert reference.outcome == Outcome.CONVERGED

@@ -1,16 +1,21 @@
 import numpy as np
 import pytest
 
-from towval.errors import InputError, RefusedError
+from towval.model.errors import InputError, RefusedError
 from towval.physics.friction_law import coulomb_law, fit_makkar, friction_coefficient
 
-WISHES = [(0.396, 0.35, 0.0052, 0.07), (0.4, 0.3, 1e-3, 0.05), (0.8, 0.2, 0.01, 0.1), (0.35001, 0.35, 1e-3, 0.01)]
+SPECIFICATIONS = [
+    (0.396, 0.35, 0.0052, 0.07),
+    (0.4, 0.3, 1e-3, 0.05),
+    (0.8, 0.2, 0.01, 0.1),
+    (0.35001, 0.35, 1e-3, 0.01),
+]
 
 
-@pytest.mark.parametrize("wish", WISHES)
-def test_fit_peaks_and_settles_where_asked(wish):
-    static, kinetic, stiction, friction = wish
-    fit = fit_makkar(*wish)
+@pytest.mark.parametrize("specification", SPECIFICATIONS)
+def test_fit_peaks_and_settles_where_asked(specification):
+    static, kinetic, stiction, friction = specification
+    fit = fit_makkar(*specification)
     speed = np.linspace(0, 5 * friction, 200_001)
     mu = friction_coefficient(fit.law, speed)
     assert fit.residual < 1e-12
@@ -24,16 +29,16 @@ def test_fit_peaks_and_settles_where_asked(wish):
 
 def test_law_with_the_peak_of_the_sample_campaign_is_close_to_the_truth(makkar):
     """The four numbers rounded as a lab would give them: above v_s the curve is known to 0.3 % of μ."""
-    fit = fit_makkar(*WISHES[0])
+    fit = fit_makkar(*SPECIFICATIONS[0])
     speed = np.linspace(0.0052, 0.3, 10_001)
     assert np.abs(friction_coefficient(fit.law, speed) - friction_coefficient(makkar, speed)).max() < 1e-3
 
 
 def test_same_wish_same_law():
     fit_makkar.__globals__["_fit"].cache_clear()
-    first = fit_makkar(*WISHES[0]).law.gamma
+    first = fit_makkar(*SPECIFICATIONS[0]).law.gamma
     fit_makkar.__globals__["_fit"].cache_clear()
-    assert (fit_makkar(*WISHES[0]).law.gamma == first).all()
+    assert (fit_makkar(*SPECIFICATIONS[0]).law.gamma == first).all()
 
 
 def test_static_equal_to_kinetic_gives_no_peak():
@@ -49,7 +54,7 @@ def test_viscous_friction_is_part_of_the_kinetic_value():
 
 
 @pytest.mark.parametrize(
-    "wish",
+    "specification",
     [
         (0.3, 0.35, 0.005, 0.07),
         (0.4, 0.35, 0.07, 0.07),
@@ -58,9 +63,9 @@ def test_viscous_friction_is_part_of_the_kinetic_value():
         (0.4, 0.3, np.nan, 1),
     ],
 )
-def test_contradicting_numbers_are_input_errors(wish):
+def test_contradicting_numbers_are_input_errors(specification):
     with pytest.raises(InputError):
-        fit_makkar(*wish)
+        fit_makkar(*specification)
 
 
 def test_speeds_too_close_together_are_refused():

@@ -1,18 +1,18 @@
 import numpy as np
 import pytest
-from footprints import rectangle
 
+from footprints import rectangle
 from oracles import SQUARE_SPIN_M, TRACTRIX, disk_wrench
-from towval.errors import InputError
+from towval.model import Tether, TimedPath, TowedObject
+from towval.model.errors import InputError
 from towval.physics.contact import pressure_plane, resting_pressure
 from towval.physics.friction_law import coulomb_law
 from towval.physics.ladder import RUNGS, choose_rung, simulate_rung
 from towval.physics.limit_surface import limit_surface, limit_surface_wrench
 from towval.physics.wrench import friction_wrench, sliding_patch
-from towval.types import Path, Tether, TowedObject
 
 TIMES = np.linspace(0, 1, 201)
-STRAIGHT = Path([0.0, 1.0], [[0.0, 0.0], [TRACTRIX["s"], 0.0]])
+STRAIGHT = TimedPath([0.0, 1.0], [[0.0, 0.0], [TRACTRIX["s"], 0.0]])
 STIFF = Tether(TRACTRIX["length"], 1e12)
 
 
@@ -51,7 +51,7 @@ def test_tractrix_has_the_closed_form():
 def test_every_rung_tows_a_small_object_along_the_tractrix(rung):
     """A patch of a centimetre at the end of 0.6 m is almost a point, and slow motion has almost no inertia."""
     towed = TowedObject(rectangle(0.01, 0.01), 1.0, [0, 0], 1e-4, [0, 0])
-    slow = Path(400 * STRAIGHT.time_s, STRAIGHT.position)
+    slow = TimedPath(400 * STRAIGHT.time_s, STRAIGHT.position)
     tether, start = Tether(TRACTRIX["length"], 1e5), (0, -TRACTRIX["length"], np.pi / 2)
     motion = simulate_rung(rung, towed, coulomb_law(0.35, 1e-5), tether, slow, start, 400 * TIMES)
     assert motion.outcome == "converged"
@@ -88,7 +88,7 @@ def test_ladder_takes_the_lowest_rung_that_is_enough(cube, lap):
 
 
 def test_slack_hinge_moves_nothing_on_any_rung(cube, makkar):
-    hinge = Path([0.0, 1.0], [[0.3, 0.0], [0.31, 0.0]])
+    hinge = TimedPath([0.0, 1.0], [[0.3, 0.0], [0.31, 0.0]])
     for rung in RUNGS:
         motion = simulate_rung(rung, cube, makkar, Tether(0.6, 1000), hinge, (0, 0, 0), [0.0, 0.5, 1.0])
         assert motion.outcome == "slack all along"

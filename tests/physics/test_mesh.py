@@ -1,14 +1,14 @@
 import numpy as np
 import pytest
-from footprints import random_star, rectangle
 
+from footprints import random_star, rectangle
 from oracles import SQUARE_LOAD_N, rectangle_pressure
-from towval.errors import InputError, RefusedError
+from towval.model import Patch
+from towval.model.errors import InputError, RefusedError
 from towval.physics.contact import pressure_plane
 from towval.physics.friction_law import coulomb_law
 from towval.physics.mesh import mesh_pressure, meshed_patch, triangulate
 from towval.physics.wrench import friction_wrench, sliding_patch, wrench_and_slopes, wrench_at_origin
-from towval.types import Patch
 
 TWISTS = [(0.05, 0.01, 0.2), (0.1, 0.0, 0.05), (0.0, 0.0, 0.3)]
 

@@ -1,16 +1,16 @@
 import numpy as np
 import pytest
-from footprints import rectangle
 
+from footprints import rectangle
 from oracles import TRACTRIX
-from towval.errors import InputError
-from towval.geometry import rotation, transform
+from towval.model import Tether, TimedPath, TowedObject
+from towval.model.errors import InputError
+from towval.model.geometry import rotation, transform
 from towval.physics.contact import resting_pressure
 from towval.physics.dynamics import feedback
 from towval.physics.friction_law import coulomb_law
 from towval.physics.quasistatic import quasistatic_plan
 from towval.physics.wrench import friction_wrench, sliding_patch
-from towval.types import Path, Tether, TowedObject
 
 TETHER = Tether(0.6, 1000.0)
 
@@ -18,7 +18,7 @@ TETHER = Tether(0.6, 1000.0)
 def lemniscate(duration, steps):
     time = np.linspace(0, duration, steps + 1)
     tau = 2 * np.pi * time / duration
-    return Path(time, np.column_stack([np.cos(tau), np.sin(tau) * np.cos(tau)]) / (1 + np.sin(tau) ** 2)[:, None])
+    return TimedPath(time, np.column_stack([np.cos(tau), np.sin(tau) * np.cos(tau)]) / (1 + np.sin(tau) ** 2)[:, None])
 
 
 def test_moments_balance_about_the_anchor_and_the_hinge_follows(cube, makkar):
@@ -45,7 +45,7 @@ def test_tracked_point_stays_on_the_path(cube, makkar):
 
 def test_straight_path_needs_the_friction_force_and_no_turning(cube):
     time = np.linspace(0, 140, 1401)
-    path = Path(time, np.outer(0.01 * time, [np.sqrt(0.5), np.sqrt(0.5)]))
+    path = TimedPath(time, np.outer(0.01 * time, [np.sqrt(0.5), np.sqrt(0.5)]))
     plan = quasistatic_plan(cube, coulomb_law(0.35, 1e-6), path, TETHER)
     assert plan.pose[:, 2] == pytest.approx(np.pi / 4, abs=1e-12)
     assert np.linalg.norm(plan.tether_force, axis=1) == pytest.approx(0.35 * 5 * 9.81, rel=1e-9)
@@ -75,7 +75,7 @@ def test_small_patch_towed_far_off_is_a_tractrix():
     """With P at the anchor and a patch that is almost a point, the body trails its anchor as a tractrix."""
     tiny = rectangle(1e-3, 1e-3)
     towed = TowedObject(tiny, 1.0, [0, 0], 1e-3, [TRACTRIX["length"], 0])
-    path = Path([0.0, 1.0], [[0.0, 0.0], [TRACTRIX["s"], 0.0]])
+    path = TimedPath([0.0, 1.0], [[0.0, 0.0], [TRACTRIX["s"], 0.0]])
     plan = quasistatic_plan(
         towed,
         coulomb_law(0.3, 1e-6),
@@ -98,7 +98,7 @@ def test_lost_root_is_reported(makkar):
 
 def test_turned_and_moved_path_is_the_turned_and_moved_plan(cube, makkar):
     frame, path = np.array([1.0, -2.0, 0.8]), lemniscate(600, 2000)
-    moved = Path(path.time_s, transform(frame, path.position))
+    moved = TimedPath(path.time_s, transform(frame, path.position))
     here = quasistatic_plan(cube, makkar, path, TETHER)
     there = quasistatic_plan(cube, makkar, moved, TETHER)
     assert there.hinge.position == pytest.approx(transform(frame, here.hinge.position), abs=1e-10)
@@ -107,4 +107,4 @@ def test_turned_and_moved_path_is_the_turned_and_moved_plan(cube, makkar):
 
 def test_resting_path_is_an_input_error(cube, makkar):
     with pytest.raises(InputError, match="never moves"):
-        quasistatic_plan(cube, makkar, Path([0, 1, 2.0], np.zeros((3, 2))), TETHER)
+        quasistatic_plan(cube, makkar, TimedPath([0, 1, 2.0], np.zeros((3, 2))), TETHER)

@@ -4,8 +4,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
-from footprints import random_star, rectangle
 
+from footprints import random_star, rectangle
 from oracles import (
     DISK_WRENCH,
     FOUR_CORNERS_OVER_PATCH,
@@ -15,10 +15,10 @@ from oracles import (
     disk_wrench,
     rectangle_spin,
 )
+from towval.model import FrictionLaw, Patch
 from towval.physics.contact import pressure_plane
 from towval.physics.friction_law import coulomb_law, friction_coefficient
 from towval.physics.wrench import friction_wrench, sliding_patch, wrench_and_slopes, wrench_at_origin
-from towval.types import FrictionLaw, Patch
 
 COULOMB = coulomb_law(1.0, 1e-12)
 

@@ -15,11 +15,15 @@ rule calibrate:
         mem_mb=2000,
         runtime=10,
     params:
-        campaign=folder,
+        call="towval.commands.calibrate:run",
+        code=code("towval.commands.calibrate"),
+        arguments=lambda wildcards, input, output: dict(
+            campaign=folder(wildcards),
+            output=output[0],
+            keys=section("calibrate"),
+        ),
         given=given("camera", "floor"),
-        settings=section("calibrate"),
-        code=code("calibrate"),
     message:
         "{wildcards.campaign}: calibrate camera and floor"
     script:
-        "../scripts/calibrate.py"
+        "../scripts/run.py"

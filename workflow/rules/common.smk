@@ -2,18 +2,17 @@ import json
 import sys
 from pathlib import Path
 
-from towval.errors import TowvalError
+from towval.model.errors import TowvalError
 from towval.io.campaign import load_campaign
-from towval.io.provenance import code_hash, module_hash
+from towval.io.provenance import module_hash
 from towval.io.schema import check, packaged_schema, read_yaml, with_plain_values
-from towval.presets import STANDARD, settings_of
-from towval.study.products import module_of, study
+from towval.model.presets import STANDARD, settings_of
+from studies.frame import module_of, study
 
 HERE = Path(workflow.basedir)
-SCRIPTS = HERE / "workflow" / "scripts"
 
 
-def told(function, *arguments):
+def or_exit(function, *arguments):
     """The result of a call; an error of the input becomes one message and ends the workflow before it begins."""
     try:
         return function(*arguments)
@@ -39,9 +38,9 @@ if str(config.get("quick")).lower() in ("true", "false"):
 # Snakemake reads 1e-7 as a text and, within braces on the command line, every value.
 config.update({name: with_plain_values(section) for name, section in config.items() if isinstance(section, dict)})
 
-told(check, config, read_yaml(HERE / "workflow" / "schemas" / "config.schema.yaml"), "config")
+or_exit(check, config, read_yaml(HERE / "workflow" / "schemas" / "config.schema.yaml"), "config")
 
-CAMPAIGNS = told(load_campaigns)
+CAMPAIGNS = or_exit(load_campaigns)
 RESULTS = Path(config["results"])
 
 
@@ -63,9 +62,18 @@ def folder(wildcards):
     return str(CAMPAIGNS[wildcards.campaign].folder)
 
 
-def code(stage):
-    """Fingerprint of the modules that a stage runs: an edit there, and only there, runs the stage again."""
-    return code_hash(SCRIPTS / f"{stage}.py")
+def run_folder(wildcards):
+    return results(wildcards.campaign, wildcards.run)
+
+
+def tables_by_name(files):
+    """Tables of the studies by the study's name."""
+    return {Path(file).stem: file for file in files}
+
+
+def code(module):
+    """Fingerprint of a module and of all that it imports: an edit there, and only there, runs its rule again."""
+    return module_hash(module)
 
 
 def given(*sections):
@@ -118,7 +126,7 @@ def blocks_of(chart):
 
 def code_of_chart(wildcards):
     """Fingerprint of the module that computes a chart and of all that it imports, and of the script's."""
-    return code("study_block") + module_hash(f"towval.study.{module_of(wildcards.chart)}")
+    return code("study_block") + module_hash(f"studies.{module_of(wildcards.chart)}")
 
 
 def product_charts(charts):

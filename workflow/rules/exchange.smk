@@ -20,9 +20,17 @@ rule exchange:
         mem_mb=1000,
         runtime=30,
     params:
-        campaign=folder,
-        code=code("exchange"),
+        call="towval.commands.exchange:run",
+        code=code("towval.commands.exchange"),
+        arguments=lambda wildcards, input, output: dict(
+            campaign=folder(wildcards),
+            name=wildcards.run,
+            camera=input.camera,
+            folder=run_folder(wildcards),
+            overlay=input.overlay,
+            output=output.file,
+        ),
     message:
         "{wildcards.campaign}, run {wildcards.run}: one file for viewers"
     script:
-        "../scripts/exchange.py"
+        "../scripts/run.py"

@@ -31,12 +31,18 @@ rule figure:
     conda:
         "../envs/towval.yaml"
     params:
-        plan=PLAN,
-        code=code("figure"),
+        call="studies.paper.figures_command:draw",
+        code=code("studies.paper.figures_command"),
+        arguments=lambda wildcards, input, output: dict(
+            name=wildcards.figure,
+            plan=PLAN,
+            tables=tables_by_name(input),
+            folder=paper(),
+        ),
     message:
         "paper: {wildcards.figure}"
     script:
-        "../scripts/figure.py"
+        "../scripts/run.py"
 
 
 rule claims:
@@ -52,9 +58,14 @@ rule claims:
     conda:
         "../envs/towval.yaml"
     params:
-        plan=PLAN,
-        code=code("claims"),
+        call="studies.paper.claims_command:write_ledger",
+        code=code("studies.paper.claims_command"),
+        arguments=lambda wildcards, input, output: dict(
+            plan=PLAN,
+            tables=tables_by_name(input),
+            outputs=list(output),
+        ),
     message:
         "paper: the ledger of claims"
     script:
-        "../scripts/claims.py"
+        "../scripts/run.py"

@@ -18,12 +18,16 @@ rule identify:
         mem_mb=1000,
         runtime=30,
     params:
-        campaign=folder,
-        results=lambda wildcards: str(RESULTS / wildcards.campaign),
+        call="towval.commands.identify:run",
+        code=code("towval.commands.identify"),
+        arguments=lambda wildcards, input, output: dict(
+            campaign=folder(wildcards),
+            results=results(wildcards.campaign),
+            output=output.values,
+            keys=section("identify"),
+        ),
         given=given("rover", "object", "tether", "friction"),
-        settings=section("identify"),
-        code=code("identify"),
     message:
         "{wildcards.campaign}: identify inputs from the runs"
     script:
-        "../scripts/identify.py"
+        "../scripts/run.py"

@@ -1,9 +1,9 @@
-from towval.study.paper_studies import paper_parts
+from studies.paper.studies import paper_parts
 
-PLAN = told(read_yaml, HERE / "workflow" / "plan.yaml")
-told(check, PLAN, packaged_schema("plan.schema.yaml"), "plan")
+PLAN = or_exit(read_yaml, HERE / "workflow" / "plan.yaml")
+or_exit(check, PLAN, packaged_schema("plan.schema.yaml"), "plan")
 
-PARTS = told(paper_parts, PLAN)
+PARTS = or_exit(paper_parts, PLAN)
 
 
 # What a part varies is in the part itself: a longer sweep runs its new parts only.
@@ -26,13 +26,18 @@ rule study_part:
         mem_mb=1500,
         runtime=30,
     params:
-        scene=SCENE,
-        part=lambda wildcards: PARTS[wildcards.study][wildcards.part],
-        code=code("study_part"),
+        call="studies.paper.part_command:run_part",
+        code=code("studies.paper.part_command"),
+        arguments=lambda wildcards, input, output: dict(
+            scene=SCENE,
+            study=wildcards.study,
+            part=PARTS[wildcards.study][wildcards.part],
+            output=output[0],
+        ),
     message:
         "paper, study {wildcards.study}: part {wildcards.part}"
     script:
-        "../scripts/study_part.py"
+        "../scripts/run.py"
 
 
 rule study_table:
@@ -47,11 +52,16 @@ rule study_table:
     conda:
         "../envs/towval.yaml"
     params:
-        code=code("study_table"),
+        call="studies.tables_command:gather",
+        code=code("studies.tables_command"),
+        arguments=lambda wildcards, input, output: dict(
+            parts=list(input),
+            output=output[0],
+        ),
     message:
         "paper, study {wildcards.study}: one table"
     script:
-        "../scripts/study_table.py"
+        "../scripts/run.py"
 
 
 rule plan:
@@ -63,9 +73,15 @@ rule plan:
     conda:
         "../envs/towval.yaml"
     params:
-        scene=SCENE,
-        code=code("plan"),
+        call="towval.commands.plan:run",
+        code=code("towval.commands.plan"),
+        arguments=lambda wildcards, input, output: dict(
+            scene=SCENE,
+            wanted=wildcards.curve,
+            mcap=output.mcap,
+            csv=output.csv,
+        ),
     message:
         "paper: plan of the rover on the curve {wildcards.curve}, to be sent to a rover"
     script:
-        "../scripts/plan.py"
+        "../scripts/run.py"

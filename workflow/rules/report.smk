@@ -23,13 +23,20 @@ rule overlay:
         mem_mb=1000,
         runtime=60,
     params:
-        campaign=folder,
-        width_px=section("report").get("overlay_width_px", 960),
-        code=code("overlay"),
+        call="towval.commands.overlay:run",
+        code=code("towval.commands.overlay"),
+        arguments=lambda wildcards, input, output: dict(
+            campaign=folder(wildcards),
+            name=wildcards.run,
+            camera=input.camera,
+            folder=run_folder(wildcards),
+            output=output[0],
+            width_px=section("report").get("overlay_width_px", 960),
+        ),
     message:
         "{wildcards.campaign}, run {wildcards.run}: draw the outlines onto the footage"
     script:
-        "../scripts/overlay.py"
+        "../scripts/run.py"
 
 
 rule report:
@@ -62,12 +69,16 @@ rule report:
     conda:
         "../envs/towval.yaml"
     params:
-        campaign=folder,
-        results=lambda wildcards: str(RESULTS / wildcards.campaign),
+        call="towval.commands.report:run",
+        code=code("towval.commands.report"),
+        arguments=lambda wildcards, input, output: dict(
+            campaign=folder(wildcards),
+            results=results(wildcards.campaign),
+            keys=section("report"),
+            identified=next(iter(input.get("identified", [])), None),
+        ),
         given=lambda wildcards: canonical(CAMPAIGNS[wildcards.campaign].document),
-        settings=section("report"),
-        code=code("report"),
     message:
         "{wildcards.campaign}: figures, summary and report"
     script:
-        "../scripts/report.py"
+        "../scripts/run.py"

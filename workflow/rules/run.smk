@@ -14,16 +14,22 @@ rule track:
         mem_mb=1000,
         runtime=60,
     params:
-        campaign=folder,
         # Where a probe chooses the number of points, it simulates the run.
         given=given("rover", "object", *(["tether", "friction"] if section("track").get("samples") == "auto" else [])),
         clicks=lambda wildcards: canonical(CAMPAIGNS[wildcards.campaign].document["runs"][wildcards.run]),
-        settings=section("track"),
-        code=code("track"),
+        call="towval.commands.track:run",
+        code=code("towval.commands.track"),
+        arguments=lambda wildcards, input, output: dict(
+            campaign=folder(wildcards),
+            name=wildcards.run,
+            camera=input.camera,
+            output=output[0],
+            keys=section("track"),
+        ),
     message:
         "{wildcards.campaign}, run {wildcards.run}: track rover and object"
     script:
-        "../scripts/track.py"
+        "../scripts/run.py"
 
 
 rule decimate:
@@ -38,12 +44,17 @@ rule decimate:
     conda:
         "../envs/towval.yaml"
     params:
-        settings=section("decimate"),
-        code=code("decimate"),
+        call="towval.commands.decimate:run",
+        code=code("towval.commands.decimate"),
+        arguments=lambda wildcards, input, output: dict(
+            track=input[0],
+            output=output[0],
+            keys=section("decimate"),
+        ),
     message:
         "{wildcards.campaign}, run {wildcards.run}: thin the tracks"
     script:
-        "../scripts/decimate.py"
+        "../scripts/run.py"
 
 
 rule simulate:
@@ -60,14 +71,21 @@ rule simulate:
     conda:
         "../envs/towval.yaml"
     params:
-        campaign=folder,
+        call="towval.commands.simulate:run",
+        code=code("towval.commands.simulate"),
+        arguments=lambda wildcards, input, output: dict(
+            campaign=folder(wildcards),
+            track=input.track,
+            decimated=input.decimated,
+            output=output[0],
+            keys=section("simulate"),
+            camera=input.camera,
+        ),
         given=given("rover", "object", "tether", "friction"),
-        settings=section("simulate"),
-        code=code("simulate"),
     message:
         "{wildcards.campaign}, run {wildcards.run}: simulate the towed object"
     script:
-        "../scripts/simulate.py"
+        "../scripts/run.py"
 
 
 rule uncertainty:
@@ -88,14 +106,21 @@ rule uncertainty:
         mem_mb=1000,
         runtime=30,
     params:
-        campaign=folder,
+        call="towval.commands.uncertainty:run",
+        code=code("towval.commands.uncertainty"),
+        arguments=lambda wildcards, input, output: dict(
+            campaign=folder(wildcards),
+            name=wildcards.run,
+            camera=input.camera,
+            folder=run_folder(wildcards),
+            output=output[0],
+            keys=section("uncertainty"),
+        ),
         given=given("rover", "object", "tether", "friction"),
-        settings=section("uncertainty"),
-        code=code("uncertainty"),
     message:
         "{wildcards.campaign}, run {wildcards.run}: sample what is not known exactly"
     script:
-        "../scripts/uncertainty.py"
+        "../scripts/run.py"
 
 
 rule compare:
@@ -112,9 +137,17 @@ rule compare:
     conda:
         "../envs/towval.yaml"
     params:
-        settings=section("compare"),
-        code=code("compare"),
+        call="towval.commands.compare:run",
+        code=code("towval.commands.compare"),
+        arguments=lambda wildcards, input, output: dict(
+            name=wildcards.run,
+            track=input.track,
+            simulated=input.simulated,
+            uncertainty=input.uncertainty,
+            output=output[0],
+            keys=section("compare"),
+        ),
     message:
         "{wildcards.campaign}, run {wildcards.run}: compare simulated with measured"
     script:
-        "../scripts/compare.py"
+        "../scripts/run.py"

@@ -1,4 +1,4 @@
-from towval.study.products import STABILITY, TRADEOFF
+from studies.frame import STABILITY, TRADEOFF
 
 
 rule study_block:
@@ -17,12 +17,17 @@ rule study_block:
         mem_mb=2000,
         runtime=30,
     params:
-        part=lambda wildcards: blocks_of(wildcards.chart)[wildcards.part],
+        call="studies.block_command:run_block",
         code=code_of_chart,
+        arguments=lambda wildcards, input, output: dict(
+            chart=wildcards.chart,
+            part=blocks_of(wildcards.chart)[wildcards.part],
+            output=output[0],
+        ),
     message:
         "study {wildcards.chart}: part {wildcards.part}"
     script:
-        "../scripts/study_block.py"
+        "../scripts/run.py"
 
 
 rule study_chart:
@@ -37,12 +42,18 @@ rule study_chart:
     conda:
         "../envs/towval.yaml"
     params:
-        code=code("study_chart"),
+        call="studies.commands:draw_chart",
+        code=code("studies.commands"),
+        arguments=lambda wildcards, input, output: dict(
+            chart=wildcards.chart,
+            blocks=list(input),
+            table=output.table,
+        ),
         labels=code_of_chart,
     message:
         "study {wildcards.chart}: table and chart"
     script:
-        "../scripts/study_chart.py"
+        "../scripts/run.py"
 
 
 # Each writes study.html beside its summary, with whatever charts there are: a file that both update is nobody's output.
@@ -56,11 +67,17 @@ rule tradeoff:
     conda:
         "../envs/towval.yaml"
     params:
-        code=code("study_product"),
+        call="studies.commands:write_product",
+        code=code("studies.commands"),
+        arguments=lambda wildcards, input, output: dict(
+            product="tradeoff",
+            folder=studies(),
+            summary=output[0],
+        ),
     message:
         "speed against accuracy: results in {output}"
     script:
-        "../scripts/study_product.py"
+        "../scripts/run.py"
 
 
 rule stability:
@@ -73,8 +90,14 @@ rule stability:
     conda:
         "../envs/towval.yaml"
     params:
-        code=code("study_product"),
+        call="studies.commands:write_product",
+        code=code("studies.commands"),
+        arguments=lambda wildcards, input, output: dict(
+            product="stability",
+            folder=studies(),
+            summary=output[0],
+        ),
     message:
         "where methods fail: results in {output}"
     script:
-        "../scripts/study_product.py"
+        "../scripts/run.py"

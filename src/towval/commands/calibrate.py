@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from towval.calibrate import CalibrateSettings, calibrate
-from towval.choosing.lens import with_lens_choice
-from towval.commands.shared import provenance, settings_from, tell
+from towval.calibration.calibrate import CalibrateSettings, calibrate
+from towval.commands.shared import print_findings, provenance, settings_from
 from towval.io.campaign import load_campaign
 from towval.io.images import GrayPictures
 from towval.io.records import write_calibration
+from towval.selection.lens import with_lens_choice
 
 
 def run(campaign: Path, output: Path, keys: Mapping[str, Any] | None = None) -> None:
@@ -37,6 +37,6 @@ def run(campaign: Path, output: Path, keys: Mapping[str, Any] | None = None) -> 
         heights_m=[body.tracked_plane_height_m for body in given.bodies],
     )
     calibration = with_lens_choice(calibration, given.floor_reference, settings, given.object.tracked_plane_height_m)
-    tell(calibration.findings, "calibrate")
+    print_findings(calibration.findings, "calibrate")
     inputs = {path.name: path for path in (*given.calibration_images, *given.floor_images)}
     write_calibration(output, calibration, provenance(settings, inputs))

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from towval.commands.shared import provenance, settings_from, tell
-from towval.compare import CompareSettings, compare
+from towval.commands.shared import print_findings, provenance, settings_from
 from towval.io.records import read_simulated, read_tracks, read_uncertainty, write_comparison
+from towval.validation.compare import CompareSettings, compare
 
 
 def run(
@@ -35,6 +35,6 @@ def run(
     settings = settings_from(CompareSettings, keys, "compare")
     measured, motion = read_tracks(track)["object"], read_simulated(simulated)
     comparison = compare(name, motion, measured, read_uncertainty(uncertainty), settings)
-    tell(comparison.findings, f"compare {name}")
+    print_findings(comparison.findings, f"compare {name}")
     files = {path.name: path for path in (track, simulated, uncertainty)}
     write_comparison(output, comparison, measured, motion, provenance(settings, files))

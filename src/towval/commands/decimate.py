@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from towval.commands.shared import provenance, settings_from, tell
-from towval.decimate import DecimateSettings, decimate
+from towval.commands.shared import print_findings, provenance, settings_from
 from towval.io.records import read_tracks, write_decimated
+from towval.validation.decimate import DecimateSettings, decimate
 
 
 def run(track: Path, output: Path, keys: Mapping[str, Any] | None = None) -> None:
@@ -26,5 +26,5 @@ def run(track: Path, output: Path, keys: Mapping[str, Any] | None = None) -> Non
     settings = settings_from(DecimateSettings, keys, "decimate")
     decimated = {name: decimate(body, settings) for name, body in read_tracks(track).items()}
     for body in decimated.values():
-        tell(body.findings, "decimate")
+        print_findings(body.findings, "decimate")
     write_decimated(output, decimated, provenance(settings, {track.name: track}))

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from towval.commands.run_folder import files
-from towval.commands.shared import provenance, settings_from, tell
+from towval.commands.shared import print_findings, provenance, settings_from
 from towval.io.campaign import load_campaign
-from towval.io.identification import write_identification, write_identified_table
 from towval.io.records import read_decimated, read_simulated, read_tracks, read_uncertainty
-from towval.study.identify import IdentifySettings, MeasuredRun, identify
+from towval.io.records.identification import write_identification, write_identified_table
+from towval.validation.identify import IdentifySettings, MeasuredRun, identify
 
 
 def run(campaign: Path, results: Path, output: Path, keys: Mapping[str, Any] | None = None) -> None:
@@ -36,7 +36,7 @@ def run(campaign: Path, results: Path, output: Path, keys: Mapping[str, Any] | N
         inputs |= {f"{name}/{paths[s].name}": paths[s] for s in ("track", "decimate", "simulate", "uncertainty")}
         runs.append(_measured(name, paths))
     identified = identify(given.scene, given.deviations, runs, settings)
-    tell(identified.findings, "identify")
+    print_findings(identified.findings, "identify")
     write_identification(output, identified, provenance(settings, inputs))
     write_identified_table(output.with_suffix(".csv"), identified)
 

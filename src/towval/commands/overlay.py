@@ -6,8 +6,8 @@ from pathlib import Path
 
 from towval.commands.run_folder import read_run
 from towval.io.campaign import load_campaign
-from towval.io.overlay import write_overlay
 from towval.io.records import read_calibration
+from towval.report.overlay import write_overlay
 
 
 def run(campaign: Path, name: str, camera: Path, folder: Path, output: Path, width_px: int = 960) -> None:

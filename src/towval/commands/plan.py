@@ -9,24 +9,25 @@ from typing import Any
 
 import numpy as np
 
-from towval.commands.shared import provenance, tell
-from towval.errors import InputError, RefusedError
+from towval.commands.shared import print_findings, provenance
 from towval.io.campaign import load_campaign
 from towval.io.plan_files import read_object_start, read_path, read_rover_poses, write_plan_csv, write_plan_mcap
 from towval.io.records import write_simulated
 from towval.io.schema import check, packaged_schema, read_yaml
+from towval.model import Array, TimedPath
+from towval.model.errors import InputError, RefusedError
 from towval.physics.mass import towed_object
 from towval.physics.quasistatic import quasistatic_plan
-from towval.plan import close_loop, hinge_of_poses, tow
-from towval.rover.paths import Curve, through_points, timed
-from towval.rover.planner import PlanOutcome
-from towval.study.paper_scene import PaperScene, paper_scene
-from towval.study.sensitivity import REPORT_STRIDE, cube_patch
-from towval.types import Array
-from towval.types import Path as TimedPath
+from towval.planning.paths import Curve, through_points, timed
+from towval.planning.plan import close_loop, hinge_of_poses, tow
+from towval.planning.planner import PlanOutcome
+from towval.planning.scene import PlanScene, plan_scene, resting_patch
+
+_REPORT_STRIDE = 10
+"""The towed object is reported at every so many steps of the planner."""
 
 
-def run(scene: Mapping[str, Any], wish: str, mcap: Path, csv: Path, campaign: Path | None = None) -> None:
+def run(scene: Mapping[str, Any], wanted: str, mcap: Path, csv: Path, campaign: Path | None = None) -> None:
     """Plan the rover so that the object follows a path, tow the object behind it, and write both.
 
     Parameters
@@ -46,10 +47,12 @@ def run(scene: Mapping[str, Any], wish: str, mcap: Path, csv: Path, campaign: Pa
         When the rover does not arrive: a plan that fails is not written.
     """
     given = _scene(scene, campaign)
-    patch, path = cube_patch(given), _wish(given, wish)
+    patch, path = resting_patch(given), _wanted(given, wanted)
     nominal = quasistatic_plan(given.cube, patch, path, given.tether, times=_planner_times(given, path))
-    loop = close_loop(nominal, given.cube, patch, given.tether, given.rover, given.planner, report_stride=REPORT_STRIDE)
-    tell((*nominal.findings, *loop.rover.findings, *loop.towed.findings), "plan")
+    loop = close_loop(
+        nominal, given.cube, patch, given.tether, given.rover, given.planner, report_stride=_REPORT_STRIDE
+    )
+    print_findings((*nominal.findings, *loop.rover.findings, *loop.towed.findings), "plan")
     if loop.rover.outcome is not PlanOutcome.ARRIVED:
         raise RefusedError(f"the rover does not arrive: {loop.rover.outcome}", remedy=loop.rover.advice)
     print(f"plan: {loop.rover.outcome}. {loop.rover.advice}")
@@ -59,9 +62,9 @@ def run(scene: Mapping[str, Any], wish: str, mcap: Path, csv: Path, campaign: Pa
     write_plan_csv(csv, loop.rover, loop.towed)
 
 
-def run_file(scene: Path, wish: str, output: Path, csv: Path, campaign: Path | None = None) -> None:
+def run_file(scene: Path, wanted: str, output: Path, csv: Path, campaign: Path | None = None) -> None:
     """Do the same with the scene in a file."""
-    run(_read_scene(scene), wish, output, csv, campaign)
+    run(_read_scene(scene), wanted, output, csv, campaign)
 
 
 def run_tow(scene: Mapping[str, Any], recording: Path, output: Path, campaign: Path | None = None) -> None:
@@ -82,8 +85,8 @@ def run_tow(scene: Mapping[str, Any], recording: Path, output: Path, campaign: P
     times, poses = read_rover_poses(recording)
     hinge = hinge_of_poses(poses, given.rover)
     start = read_object_start(recording)
-    motion = tow(times, hinge, given.cube, cube_patch(given), given.tether, start_pose=start, stride=REPORT_STRIDE)
-    tell(motion.findings, "tow")
+    motion = tow(times, hinge, given.cube, resting_patch(given), given.tether, start_pose=start, stride=_REPORT_STRIDE)
+    print_findings(motion.findings, "tow")
     write_simulated(output, motion, provenance(scene, {recording.name: recording}))
 
 
@@ -98,8 +101,8 @@ def _read_scene(file: Path) -> Mapping[str, Any]:
     return document
 
 
-def _scene(document: Mapping[str, Any], campaign: Path | None) -> PaperScene:
-    given = paper_scene(document)
+def _scene(document: Mapping[str, Any], campaign: Path | None) -> PlanScene:
+    given = plan_scene(document)
     if campaign is None:
         return given
     lab = load_campaign(campaign).scene
@@ -107,22 +110,22 @@ def _scene(document: Mapping[str, Any], campaign: Path | None) -> PaperScene:
     return replace(given, cube=towed_object(lab), friction=lab.friction, tether=lab.tether, rover=rover)
 
 
-def _wish(scene: PaperScene, wish: str) -> TimedPath:
-    if wish in scene.curves:
-        return _timed(scene, scene.curves[wish])
-    if Path(wish).suffix != ".csv":
+def _wanted(scene: PlanScene, wanted: str) -> TimedPath:
+    if wanted in scene.curves:
+        return _timed(scene, scene.curves[wanted])
+    if Path(wanted).suffix != ".csv":
         raise InputError(
-            f"the path {wish} is not known", allowed=f"{', '.join(scene.curves)}, or a CSV file with x_m and y_m"
+            f"the path {wanted} is not known", allowed=f"{', '.join(scene.curves)}, or a CSV file with x_m and y_m"
         )
-    read = read_path(Path(wish))
-    return read if isinstance(read, TimedPath) else _timed(scene, through_points(read, name=Path(wish).stem))
+    read = read_path(Path(wanted))
+    return read if isinstance(read, TimedPath) else _timed(scene, through_points(read, name=Path(wanted).stem))
 
 
-def _timed(scene: PaperScene, curve: Curve) -> TimedPath:
+def _timed(scene: PlanScene, curve: Curve) -> TimedPath:
     return timed(curve, scene.planner_step, duration=scene.duration)
 
 
-def _planner_times(scene: PaperScene, path: TimedPath) -> Array:
+def _planner_times(scene: PlanScene, path: TimedPath) -> Array:
     """Times in the planner's steps over the duration of a path that may have its own."""
     return path.time_s[0] + scene.planner_step * np.arange(
         int((path.time_s[-1] - path.time_s[0]) / scene.planner_step + 1e-9) + 1

@@ -13,14 +13,14 @@ from towval.commands.overlay import run as write_run_overlay
 from towval.commands.run_folder import files, read_run
 from towval.commands.shared import settings_from
 from towval.io.campaign import Campaign, load_campaign
-from towval.io.identification import read_identification
 from towval.io.mcap_file import read_provenance
 from towval.io.provenance import file_hash, versions
 from towval.io.records import read_calibration
-from towval.io.report import write_report
-from towval.io.report_data import InputRow, Provenance, ReportData, ReportSettings, RunReport
+from towval.io.records.identification import read_identification
 from towval.io.summary import write_summary
-from towval.vision.uncertainty import uncertainty_map
+from towval.optics.plane_uncertainty import uncertainty_map
+from towval.report.data import InputRow, Provenance, ReportData, ReportSettings, RunReport
+from towval.report.page import write_report
 
 
 def run(campaign: Path, results: Path, keys: Mapping[str, Any] | None = None, identified: Path | None = None) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from towval.io.campaign import Campaign
 from towval.io.records import read_comparison, read_decimated, read_simulated, read_tracks, read_uncertainty
-from towval.io.run_record import RunRecord
+from towval.model.run_record import RunRecord
 
 STAGES = ("track", "decimate", "simulate", "uncertainty", "compare")
 

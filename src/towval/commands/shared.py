@@ -13,9 +13,9 @@ from typing import Any, TypeVar
 
 from tqdm import tqdm
 
-from towval.errors import InputError, TowvalError
 from towval.io.provenance import file_hash, versions
-from towval.types import Finding, Severity
+from towval.model import Finding, Severity
+from towval.model.errors import InputError, TowvalError
 
 Settings = TypeVar("Settings")
 
@@ -62,7 +62,7 @@ def provenance(settings: Any, inputs: Mapping[str, Path]) -> dict[str, str]:
     }
 
 
-def tell(findings: tuple[Finding, ...], stage: str) -> None:
+def print_findings(findings: tuple[Finding, ...], stage: str) -> None:
     """Print a stage's findings: warnings and refusals to the error output, notes to the plain one."""
     for finding in findings:
         stream = sys.stdout if finding.severity == Severity.NOTE else sys.stderr
@@ -70,7 +70,7 @@ def tell(findings: tuple[Finding, ...], stage: str) -> None:
 
 
 @contextmanager
-def told(log: Path | None = None) -> Iterator[None]:
+def errors_reported(log: Path | None = None) -> Iterator[None]:
     """Turn an error of the input into one message and exit code 1; anything else stays a traceback.
 
     Parameters

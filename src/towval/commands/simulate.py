@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from towval.choosing.margin import measurement_std_m, seen_places
-from towval.choosing.simulation import simulate_choosing
-from towval.commands.shared import provenance, settings_from, tell, without_auto
-from towval.errors import InputError
+from towval.commands.shared import print_findings, provenance, settings_from, without_auto
 from towval.io.campaign import load_campaign
 from towval.io.records import read_calibration, read_decimated, read_tracks, write_simulated
-from towval.simulate import SimulateSettings
+from towval.model.errors import InputError
+from towval.selection.margin import measurement_std_m, seen_places
+from towval.selection.simulation import simulate_selecting
+from towval.validation.simulate import SimulateSettings
 
 
 def run(
@@ -61,8 +61,8 @@ def run(
     measured = np.inf
     if camera is not None:
         measured = measurement_std_m(read_calibration(camera), given.object, seen_places(tracked))
-    settings, simulated = simulate_choosing(
+    settings, simulated = simulate_selecting(
         given.scene, bodies["rover"], bodies["object"], tracked.time_s, settings, auto=auto, measurement_m=measured
     )
-    tell(simulated.findings, "simulate")
+    print_findings(simulated.findings, "simulate")
     write_simulated(output, simulated, provenance(settings, inputs))

@@ -11,17 +11,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from towval.choosing.tracking import PROBE_FRAMES, PROBE_STRIDE, neighbour_of_tracking, track_choosing
-from towval.commands.shared import progress, provenance, settings_from, tell, without_auto
-from towval.errors import InputError
+from towval.commands.shared import print_findings, progress, provenance, settings_from, without_auto
 from towval.io.campaign import Campaign, Run, load_campaign
 from towval.io.images import write_picture
 from towval.io.records import read_calibration, write_tracks
 from towval.io.video import Video
-from towval.track import TrackSettings, track
-from towval.types import Calibration
-from towval.vision.propose import propose_bodies
-from towval.vision.tags import clicks_from_tags
+from towval.model import Calibration
+from towval.model.errors import InputError
+from towval.selection.tracking import PROBE_FRAMES, PROBE_STRIDE, neighbour_of_tracking, track_selecting
+from towval.tracking.markers import clicks_from_tags
+from towval.tracking.proposals import propose_bodies
+from towval.tracking.track import TrackSettings, track
 
 _MOST_PICTURES = 16  # Of which the background is made.
 
@@ -60,7 +60,7 @@ def run(campaign: Path, name: str, camera: Path, output: Path, keys: Mapping[str
     with progress(f"track {name}", video.header.frames) as done:
         # The paper's points are no samples of a template: there is nothing to choose.
         if "samples" in auto and settings.method == "plane":
-            settings, tracks = track_choosing(video, *scene, settings, given.scene, progress=done)
+            settings, tracks = track_selecting(video, *scene, settings, given.scene, progress=done)
         else:
             tracks = track(video, *scene, settings, progress=done)
             again = Video(entry.video, damaged=entry.damaged_video)
@@ -69,7 +69,7 @@ def run(campaign: Path, name: str, camera: Path, output: Path, keys: Mapping[str
             tracks = {body: replace(found, choices=(choices[body],)) for body, found in tracks.items()}
     tracks = {body: replace(found, findings=(*found.findings, *video.findings)) for body, found in tracks.items()}
     for body in tracks.values():
-        tell(body.findings, f"track {name}")
+        print_findings(body.findings, f"track {name}")
     write_tracks(output, tracks, provenance(settings, {entry.video.name: entry.video, camera.name: camera}))
 
 

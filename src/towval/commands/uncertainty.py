@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from towval.choosing.margin import measurement_std_m, seen_places
-from towval.choosing.sampling import gather, sample_choosing
-from towval.commands.shared import progress, provenance, settings_from, tell, without_auto
+from towval.commands.shared import print_findings, progress, provenance, settings_from, without_auto
 from towval.io.campaign import load_campaign
 from towval.io.records import read_calibration, read_decimated, read_simulated, read_tracks, write_uncertainty
-from towval.uncertainty import UncertaintySettings
+from towval.selection.draws import gather, sample_selecting
+from towval.selection.margin import measurement_std_m, seen_places
+from towval.validation.uncertainty import UncertaintySettings
 
 
 def run(
@@ -55,7 +55,7 @@ def run(
     )
     measured = measurement_std_m(case.calibration, case.towed, seen_places(case.object_track))
     with progress(f"uncertainty {name}", None if auto else settings.samples, "draw") as done:
-        uncertainty = sample_choosing(case, settings, auto=bool(auto), measurement_m=measured, progress=done)
-    tell(uncertainty.findings, f"uncertainty {name}")
+        uncertainty = sample_selecting(case, settings, auto=bool(auto), measurement_m=measured, progress=done)
+    print_findings(uncertainty.findings, f"uncertainty {name}")
     inputs = {path.name: path for path in (camera, *files.values())}
     write_uncertainty(output, uncertainty, case.simulated, provenance(settings, inputs))

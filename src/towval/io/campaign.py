@@ -9,24 +9,24 @@ from typing import Any
 import numpy as np
 import shapely
 
-from towval.errors import InputError
-from towval.geometry import inside_polygon, polygon_area
 from towval.io.schema import check, packaged_schema, read_yaml
-from towval.physics.mass import towed_object
-from towval.types import (
+from towval.model import (
     Array,
     Board,
     Body,
     FloorReference,
-    FrictionWish,
+    FrictionSpecification,
     InputDeviations,
     Load,
     Patch,
-    Scene,
     Tether,
+    TowingScene,
     locked,
 )
-from towval.vision.tags import Tag
+from towval.model.errors import InputError
+from towval.model.geometry import inside_polygon, polygon_area
+from towval.physics.mass import towed_object
+from towval.tracking.markers import Tag
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp")
 
@@ -63,7 +63,7 @@ class Campaign:
     rover: Body
     object: Body
     tags: dict[str, tuple[Tag, ...]]
-    scene: Scene
+    scene: TowingScene
     deviations: InputDeviations
     runs: dict[str, Run]
     document: dict[str, Any]
@@ -248,7 +248,7 @@ def _check_load(towed: dict[str, Any], load: Load) -> None:
         )
 
 
-def _check_weight(scene: Scene) -> None:
+def _check_weight(scene: TowingScene) -> None:
     """The weight of object and load must act within the hull of the footprint, or the object tips over."""
     hull = shapely.MultiPoint(scene.patch.outline).convex_hull
     centre = towed_object(scene).centre_of_mass
@@ -278,10 +278,10 @@ def _check_friction(friction: dict[str, Any]) -> None:
         )
 
 
-def _scene(document: dict[str, Any], load: Load) -> Scene:
+def _scene(document: dict[str, Any], load: Load) -> TowingScene:
     towed, tether, friction = document["object"], document["tether"], document["friction"]
     holes = tuple(np.array(hole, dtype=float) for hole in towed.get("footprint_holes_m", ()))
-    return Scene(
+    return TowingScene(
         patch=Patch(outline=np.array(towed["footprint_m"], dtype=float), holes=holes),
         body_mass=towed["mass_kg"],
         load=load,
@@ -292,7 +292,7 @@ def _scene(document: dict[str, Any], load: Load) -> Scene:
             stiffness=tether["stiffness_N_per_m"],
             damping=tether.get("damping_Ns_per_m", 0.0),
         ),
-        friction=FrictionWish(
+        friction=FrictionSpecification(
             static=friction["static"],
             kinetic=friction["kinetic"],
             stiction_velocity=friction["stiction_velocity_m_per_s"],

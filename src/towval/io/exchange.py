@@ -14,14 +14,14 @@ import av
 import cv2
 import numpy as np
 
-from towval.conventions import CAMERA_FRAME, FLOOR_FRAME
-from towval.geometry import transform
 from towval.io import ros
 from towval.io.atomic import write_bytes
 from towval.io.mcap_file import Message, write_mcap
 from towval.io.records import camera_place
-from towval.io.run_record import RunRecord, seen_poses
-from towval.types import Array, Body, Calibration, Camera, Comparison
+from towval.model import Array, Body, Calibration, Camera, Comparison
+from towval.model.conventions import CAMERA_FRAME, FLOOR_FRAME
+from towval.model.geometry import transform
+from towval.model.run_record import RunRecord, measured_poses
 
 LAYOUTS = ("lichtblick.json", "rerun.rbl")
 """Layouts for Lichtblick and Foxglove, and for Rerun."""
@@ -115,8 +115,8 @@ def _motions(run: RunRecord) -> Iterator[Message]:
     Viewers draw an outline where its frame was at the outline's own time: one outline a run would stay at the start.
     """
     motions = {
-        "rover": ("/rover/pose", run.rover, run.rover_track.time_s, seen_poses(run.rover_track)),
-        "object": ("/object/pose", run.towed, run.object_track.time_s, seen_poses(run.object_track)),
+        "rover": ("/rover/pose", run.rover, run.rover_track.time_s, measured_poses(run.rover_track)),
+        "object": ("/object/pose", run.towed, run.object_track.time_s, measured_poses(run.object_track)),
         "object_simulated": ("/object/pose_simulated", run.towed, run.simulated.time_s, run.simulated.pose),
     }
     for frame, (topic, body, times, poses) in motions.items():
@@ -156,4 +156,4 @@ def _hinge(run: RunRecord) -> Array:
     """Places (n, 2) of the tether's hinge at the simulated times, NaN where the rover was not seen."""
     track = run.rover_track
     rows = np.searchsorted(track.time_s, run.simulated.time_s - 1e-9)
-    return transform(seen_poses(track)[rows], run.hinge)
+    return transform(measured_poses(track)[rows], run.hinge)

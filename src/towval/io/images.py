@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from towval.errors import InputError
 from towval.io.atomic import replacing
+from towval.model.errors import InputError
 
 
 def read_gray(path: Path, resolution_px: tuple[int, int]) -> NDArray[np.uint8]:

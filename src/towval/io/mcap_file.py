@@ -22,9 +22,9 @@ from rosbags.serde import SerdeError
 from zstandard import ZstdError
 
 import towval
-from towval.errors import InputError
 from towval.io.atomic import replacing
 from towval.io.ros import TYPESTORE
+from towval.model.errors import InputError
 
 _DETAILS = "details.json"
 _PROVENANCE = "provenance"

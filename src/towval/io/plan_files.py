@@ -8,14 +8,14 @@ from pathlib import Path as FilePath
 import numpy as np
 import pandas as pd
 
-from towval.conventions import FLOOR_FRAME
-from towval.errors import InputError
 from towval.io import ros
 from towval.io.atomic import replacing
 from towval.io.mcap_file import Message, read_mcap, write_mcap
-from towval.rover.kinematics import WHEEL_NAMES
-from towval.rover.planner import PlanCase, RoverPlan
-from towval.types import Array, Path, SimulatedMotion
+from towval.model import Array, SimulatedMotion, TimedPath
+from towval.model.conventions import FLOOR_FRAME
+from towval.model.errors import InputError
+from towval.planning.kinematics import WHEEL_NAMES
+from towval.planning.planner import PlanCase, RoverPlan
 
 JOINT_NAMES = (*(f"{name}_steering" for name in WHEEL_NAMES), *(f"{name}_wheel" for name in WHEEL_NAMES))
 """Joints of ``/rover/joint_states``: steering angles, then wheels."""
@@ -32,7 +32,7 @@ def write_plan_mcap(path: FilePath, plan: RoverPlan, towed: SimulatedMotion, pro
 
     Parameters
     ----------
-    path : Path
+    path : TimedPath
         Where to.
     plan : RoverPlan
         What the rover does.
@@ -153,13 +153,13 @@ def read_table(path: FilePath) -> pd.DataFrame:
         raise InputError(f"{path} is missing", remedy="run the rule that makes it") from None
 
 
-def read_path(path: FilePath) -> Array | Path:
+def read_path(path: FilePath) -> Array | TimedPath:
     """Points of a path from CSV with columns ``x_m`` and ``y_m``, and ``time_s`` where the path has its own times.
 
     Returns
     -------
-    ndarray (n, 2) or Path
-        Points [m], for :func:`towval.rover.paths.through_points`; a timed path where times are given.
+    ndarray (n, 2) or TimedPath
+        Points [m], for :func:`towval.planning.paths.through_points`; a timed path where times are given.
 
     Raises
     ------
@@ -173,4 +173,4 @@ def read_path(path: FilePath) -> Array | Path:
             f"{path} is no path", got=f"columns {', '.join(table)}", allowed="columns x_m, y_m and perhaps time_s"
         )
     points = table[["x_m", "y_m"]].to_numpy(dtype=np.float64)
-    return Path(table["time_s"].to_numpy(dtype=np.float64), points) if "time_s" in table else points
+    return TimedPath(table["time_s"].to_numpy(dtype=np.float64), points) if "time_s" in table else points

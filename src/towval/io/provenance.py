@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import ast
 import hashlib
+import importlib.util
 import platform
+import sysconfig
 from functools import cache
 from importlib import metadata
 from pathlib import Path
@@ -44,26 +46,21 @@ def file_hash(path: Path) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
-def code_hash(script: Path) -> str:
-    """Fingerprint of a script and of every module of this package that it imports, directly or not.
+def module_hash(name: str) -> str:
+    """Fingerprint of a module and of every module of its own and of this package that it imports, directly or not.
 
     Workflow rules carry it as a parameter: an edit in a module then reruns the rules that use it, and no others. Data
-    files that lie beside a module (schemas, templates, styles) count as part of its folder's package.
+    files that lie beside a module (schemas, templates, styles) count where the module names them.
 
     Parameters
     ----------
-    script : Path
-        A Python file.
+    name : str
+        A module as one imports it, of this package or of another that stands beside it as source.
     """
     digest = hashlib.sha256()
-    for path in sorted(_closure(Path(script).resolve())):
+    for path in sorted(_closure(_module_files(name)[-1])):
         digest.update(_file_digest(path, path.stat().st_mtime_ns))
     return digest.hexdigest()[:16]
-
-
-def module_hash(name: str) -> str:
-    """Fingerprint of a module of this package, as :func:`code_hash`, for what is imported by name at run time."""
-    return code_hash(_module_files(name)[-1])
 
 
 @cache
@@ -71,9 +68,9 @@ def _file_digest(path: Path, _mtime_ns: int) -> bytes:
     return hashlib.sha256(path.read_bytes()).digest()
 
 
-def _closure(script: Path) -> set[Path]:
+def _closure(module: Path) -> set[Path]:
     found: set[Path] = set()
-    waiting = [script]
+    waiting = [module]
     while waiting:
         path = waiting.pop()
         if path not in found:
@@ -84,7 +81,7 @@ def _closure(script: Path) -> set[Path]:
 
 @cache
 def _imported(path: Path, _mtime_ns: int) -> tuple[Path, ...]:
-    """Files of this package that one file imports, and the data files it names by a literal."""
+    """Source files that one file imports, installed libraries apart, and the data files it names by a literal."""
     if path.suffix != ".py":
         return ()
     found: list[Path] = []
@@ -96,18 +93,18 @@ def _imported(path: Path, _mtime_ns: int) -> tuple[Path, ...]:
             found += _module_files(node.module)
             for alias in node.names:
                 found += _module_files(f"{node.module}.{alias.name}")
-        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and _PACKAGE in path.parents:
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
             found += _data_file(path.parent, node.value)
     return tuple(found)
 
 
 def _module_files(name: str) -> list[Path]:
-    parts = name.split(".")
-    if parts[0] != "towval":
+    top, *parts = name.split(".")
+    folder = _source_folder(top)
+    if folder is None:
         return []
-    found = [_PACKAGE / "__init__.py"]
-    folder = _PACKAGE
-    for part in parts[1:]:
+    found = [folder / "__init__.py"]
+    for part in parts:
         if (folder / f"{part}.py").is_file():
             return [*found, folder / f"{part}.py"]
         folder = folder / part
@@ -115,6 +112,19 @@ def _module_files(name: str) -> list[Path]:
             break
         found.append(folder / "__init__.py")
     return found
+
+
+@cache
+def _source_folder(package: str) -> Path | None:
+    """Where a package's source is; none for an installed library, whose version says what it is."""
+    if package == "towval":
+        return _PACKAGE
+    spec = importlib.util.find_spec(package)
+    if spec is None or not spec.submodule_search_locations:
+        return None
+    folder = Path(spec.submodule_search_locations[0]).resolve()
+    installed = {Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "purelib", "platlib")}
+    return None if installed & {*folder.parents} or not (folder / "__init__.py").is_file() else folder
 
 
 def _data_file(folder: Path, text: str) -> list[Path]:

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_typestore
 
-from towval.conventions import NANOSECONDS_PER_SECOND
-from towval.types import Array, Camera
+from towval.model import Array, Camera
+from towval.model.conventions import NANOSECONDS_PER_SECOND
 
 TYPESTORE = get_typestore(Stores.ROS2_HUMBLE)
 

@@ -13,7 +13,7 @@ import yaml
 from jsonschema import Draft202012Validator
 from jsonschema.exceptions import ValidationError
 
-from towval.errors import InputError
+from towval.model.errors import InputError
 
 
 class _StrictLoader(yaml.SafeLoader):

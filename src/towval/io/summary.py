@@ -9,7 +9,7 @@ from pathlib import Path
 import pandas as pd
 
 from towval.io.atomic import write_text
-from towval.types import Comparison
+from towval.model import Comparison
 
 COLUMNS = (
     "run",

@@ -12,8 +12,8 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
-from towval.errors import InputError
-from towval.types import Finding, Severity
+from towval.model import Finding, Severity
+from towval.model.errors import InputError
 
 Luma = NDArray[np.uint8]
 

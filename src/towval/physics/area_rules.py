@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
-from towval.types import Array
+from towval.model import Array
 
 # Nodes along each side of a piece, and from how many radii of the whole patch on they err by some 1e-10 of μN.
 _RULES = ((6, 0.0), (5, 7.0), (4, 20.0))

@@ -20,11 +20,11 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
-from towval.compiling import compiled
-from towval.conventions import GRAVITY_M_PER_S2
-from towval.errors import InputError, RefusedError
-from towval.geometry import polygon_area
-from towval.types import Array, Patch, TowedObject, locked
+from towval.model import Array, Patch, TowedObject, locked
+from towval.model.compiling import compiled
+from towval.model.conventions import GRAVITY_M_PER_S2
+from towval.model.errors import InputError, RefusedError
+from towval.model.geometry import polygon_area
 
 RESIDUAL_LIMIT = 1e-10
 """Largest equilibrium residual that is vouched for, as a part of N and of N times the footprint's size."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from towval.types import SimulatedMotion, TowedObject
+from towval.model import SimulatedMotion, TowedObject
 
 
 def creep_length(motion: SimulatedMotion, towed: TowedObject, stiction_velocity: float) -> float:

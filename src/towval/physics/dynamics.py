@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from towval.errors import InputError
-from towval.geometry import transform
+from towval.model import Array, Finding, FrictionLaw, Severity, SimulatedMotion, Tether, TimedPath, TowedObject, locked
+from towval.model.errors import InputError
+from towval.model.geometry import transform
 from towval.physics.contact import resting_pressure
 from towval.physics.friction_table import SLOPE
 from towval.physics.integrator import NOT_FINITE, REACHED_END, STEP_LIMIT, STEP_TOO_SMALL, integrate
-from towval.physics.motion import FORCED, TAUT, Scene, natural_mode, tensions
+from towval.physics.motion import FORCED, TAUT, MotionProblem, natural_mode, tensions
 from towval.physics.splines import Spline, spline_covering, spline_values
 from towval.physics.wrench import SlidingPatch, sliding_patch
-from towval.types import Array, Finding, FrictionLaw, Path, Severity, SimulatedMotion, Tether, TowedObject, locked
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
@@ -94,7 +94,7 @@ def feedback(
     towed: TowedObject,
     law: FrictionLaw | SlidingPatch,
     tether: Tether,
-    hinge: Path | CubicSpline,
+    hinge: TimedPath | CubicSpline,
     start_pose: ArrayLike,
     times: ArrayLike,
     *,
@@ -111,7 +111,7 @@ def feedback(
     law : FrictionLaw or SlidingPatch
         Friction of the whole footprint, or a patch prepared with its own pressure, friction and method.
     tether : Tether
-    hinge : Path or CubicSpline
+    hinge : TimedPath or CubicSpline
         Way of the tether's end on the rover [m]; a path is splined. It must cover ``times``.
     start_pose : array_like (3,)
         Pose of the body frame at ``times[0]`` [m, m, rad].
@@ -148,7 +148,7 @@ def feedback(
 def feedforward(
     towed: TowedObject,
     law: FrictionLaw | SlidingPatch,
-    force: Path | CubicSpline,
+    force: TimedPath | CubicSpline,
     start_pose: ArrayLike,
     times: ArrayLike,
     *,
@@ -197,11 +197,11 @@ def checked_times(times: ArrayLike) -> Array:
     return times
 
 
-def motion_scene(towed: TowedObject, law: FrictionLaw | SlidingPatch, tether: Tether, drive: Spline) -> Scene:
+def motion_scene(towed: TowedObject, law: FrictionLaw | SlidingPatch, tether: Tether, drive: Spline) -> MotionProblem:
     """A towed object, what it slides on and what draws it, laid out for the compiled right-hand side."""
     patch = law if isinstance(law, SlidingPatch) else sliding_patch(resting_pressure(towed), law)
     body = [towed.mass, towed.inertia, *(patch.origin - towed.centre_of_mass), *(towed.anchor - towed.centre_of_mass)]
-    return Scene(patch, np.array(body), np.array([tether.stiffness, tether.rest_length, tether.damping]), drive)
+    return MotionProblem(patch, np.array(body), np.array([tether.stiffness, tether.rest_length, tether.damping]), drive)
 
 
 def centre_state(towed: TowedObject, pose: ArrayLike, twist: ArrayLike) -> Array:
@@ -213,7 +213,7 @@ def centre_state(towed: TowedObject, pose: ArrayLike, twist: ArrayLike) -> Array
 
 
 def _run(
-    scene: Scene, mode: int, y: Array, times: Array, accuracy: Accuracy
+    scene: MotionProblem, mode: int, y: Array, times: Array, accuracy: Accuracy
 ) -> tuple[Outcome, Array, Array, dict[str, float]]:
     weights = accuracy.tolerance * _error_scales(scene, mode)
     states, modes = np.empty((len(times), 6)), np.zeros(len(times), dtype=np.int64)
@@ -222,7 +222,7 @@ def _run(
     return _OUTCOMES[code], states[:filled], modes[:filled], statistics
 
 
-def _error_scales(scene: Scene, mode: int) -> Array:
+def _error_scales(scene: MotionProblem, mode: int) -> Array:
     """Errors of the state (6,) that weigh as much as a metre of position."""
     lowest_speed, stretch = 1 / scene.patch.table[SLOPE], np.inf
     if mode != FORCED:

@@ -13,13 +13,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from towval.compiling import compiled
+from towval.model import Array
+from towval.model.compiling import compiled
 from towval.physics.friction_table import radial_means
 from towval.physics.lanes import Lanes, lanes, multiply, multiply_add, unpacked
-from towval.types import Array
 
 # Bound of an edge's error over μN and μN times the radius. The bound knows neither signs nor where the integrand is
-# large: what comes out (tests, benchmarks/physics_must_reach.py) is some 1,000 times better.
+# large: what comes out (tests, studies/tables/physics_must_reach.py) is some 1,000 times better.
 _ERROR_BOUND = 1e-7
 _MOST_PAIRS = 8  # of nodes on a panel of an edge
 _CELLS, _LONGEST_ALPHA = 128, 0.6  # lengths of panels told apart

@@ -19,8 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from towval.errors import InputError, RefusedError
-from towval.types import Array, FrictionLaw
+from towval.model import Array, FrictionLaw
+from towval.model.errors import InputError, RefusedError
 
 SETTLED_FRACTION = 0.01
 RISE_RATIO = 2.0
@@ -98,11 +98,11 @@ def fit_makkar(
     RefusedError
         When no law of this form meets them, as with v_s and v_k too close together.
     """
-    _check_wish(static, kinetic, stiction_velocity, friction_velocity, viscous)
+    _check_specification(static, kinetic, stiction_velocity, friction_velocity, viscous)
     return _fit(float(static), float(kinetic), float(stiction_velocity), float(friction_velocity), float(viscous), seed)
 
 
-def _check_wish(static: float, kinetic: float, v_s: float, v_k: float, viscous: float) -> None:
+def _check_specification(static: float, kinetic: float, v_s: float, v_k: float, viscous: float) -> None:
     values = np.array([static, kinetic, v_s, v_k])
     if not (np.isfinite(values).all() and (values > 0).all() and math.isfinite(viscous) and viscous >= 0):
         raise InputError(

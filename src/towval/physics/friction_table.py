@@ -16,10 +16,10 @@ import functools
 
 import numpy as np
 
-from towval.compiling import compiled
+from towval.model import Array, FrictionLaw
+from towval.model.compiling import compiled
 from towval.physics.friction_law import friction_coefficient
 from towval.physics.lanes import Lanes, lanes, load_lanes, multiply_add
-from towval.types import Array, FrictionLaw
 
 _PARTS_LOG2 = 6  # parts of a binade: 2⁶
 _DEGREE = 4

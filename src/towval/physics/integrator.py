@@ -1,4 +1,4 @@
-"""Integration of a :class:`~towval.physics.motion.Scene` over time: step control, events, outputs, compiled.
+"""Integration of a :class:`~towval.physics.motion.MotionProblem` over time: step control, events, outputs, compiled.
 
 Slack to taut and back are events: within a step the rates are those of one mode and smooth; a step at whose end, or
 inside which, the other mode should have taken over is cut at that moment and taken again. While slack a step never
@@ -13,11 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from towval.compiling import compiled
-from towval.physics.motion import SLACK, TAUT, Scene, acceleration_slopes, accelerations, margin
+from towval.model import Array
+from towval.model.compiling import compiled
+from towval.physics.motion import SLACK, TAUT, MotionProblem, acceleration_slopes, accelerations, margin
 from towval.physics.rosenbrock import NODES, ORDER, STAGES, A, dense_output, solve_stage, stage_matrix
 from towval.physics.splines import piece_at
-from towval.types import Array
 
 REACHED_END, STEP_LIMIT, STEP_TOO_SMALL, NOT_FINITE = 0, 1, 2, 3
 
@@ -42,7 +42,14 @@ class _Work(NamedTuple):
 
 @compiled()
 def integrate(
-    scene: Scene, mode: int, start: Array, times: Array, weights: Array, step_limit: int, states: Array, modes: Array
+    scene: MotionProblem,
+    mode: int,
+    start: Array,
+    times: Array,
+    weights: Array,
+    step_limit: int,
+    states: Array,
+    modes: Array,
 ) -> tuple[int, int, Array]:
     """Integrate from ``times[0]`` and fill ``states`` (n, 6) and ``modes`` (n,) at the times.
 
@@ -131,7 +138,9 @@ def _report(
 
 
 @compiled(allocates=False)
-def _step(scene: Scene, mode: int, t: float, h: float, piece: int, y: Array, weights: Array, work: _Work) -> float:
+def _step(
+    scene: MotionProblem, mode: int, t: float, h: float, piece: int, y: Array, weights: Array, work: _Work
+) -> float:
     """One step into ``work.y1``; returns the error over the weights (root mean square), infinite where it failed."""
     if not stage_matrix(h, work.jacobian, work.inverse, work.scratch):
         return np.inf
@@ -171,7 +180,7 @@ def _finite(rates: Array, jacobian: Array) -> bool:
 
 
 @compiled(allocates=False)
-def _slack_step(scene: Scene, t: float, piece: int, y: Array) -> float:
+def _slack_step(scene: MotionProblem, t: float, piece: int, y: Array) -> float:
     """Longest step [s] in which hinge and anchor cannot close the gap, at least a quarter of the spline's piece."""
     knots, limits = scene.drive.knots, scene.drive.speed_limits
     gap = margin(scene, SLACK, t, piece, y)
@@ -190,7 +199,7 @@ def _slack_step(scene: Scene, t: float, piece: int, y: Array) -> float:
 
 
 @compiled(allocates=False)
-def _first_crossing(scene: Scene, mode: int, t: float, h: float, piece: int, y: Array, work: _Work) -> float:
+def _first_crossing(scene: MotionProblem, mode: int, t: float, h: float, piece: int, y: Array, work: _Work) -> float:
     """Fraction of the step at which the other mode takes over; 1 where it does not."""
     low = 0.0
     for look in range(1, _LOOKS + 1):
@@ -211,7 +220,9 @@ def _first_crossing(scene: Scene, mode: int, t: float, h: float, piece: int, y: 
 
 
 @compiled(allocates=False)
-def _margin_at(scene: Scene, mode: int, t: float, h: float, theta: float, piece: int, y: Array, work: _Work) -> float:
+def _margin_at(
+    scene: MotionProblem, mode: int, t: float, h: float, theta: float, piece: int, y: Array, work: _Work
+) -> float:
     dense_output(theta, y, work.y1, work.k, work.stage_y)
     time = t + theta * h
     return margin(scene, mode, time, piece_at(scene.drive.knots, time, piece), work.stage_y)

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from towval.errors import InputError
+from towval.model import FrictionLaw, SimulatedMotion, Tether, TimedPath, TowedObject
+from towval.model.errors import InputError
 from towval.physics.dynamics import STANDARD, Accuracy, Outcome, feedback
 from towval.physics.trailing import TRAILING_RUNGS, trail
-from towval.types import FrictionLaw, Path, SimulatedMotion, Tether, TowedObject
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
@@ -48,7 +48,7 @@ def simulate_rung(
     towed: TowedObject,
     law: FrictionLaw,
     tether: Tether,
-    hinge: Path | CubicSpline,
+    hinge: TimedPath | CubicSpline,
     start_pose: ArrayLike,
     times: ArrayLike,
     *,
@@ -72,7 +72,7 @@ def choose_rung(
     towed: TowedObject,
     law: FrictionLaw,
     tether: Tether,
-    hinge: Path | CubicSpline,
+    hinge: TimedPath | CubicSpline,
     start_pose: ArrayLike,
     times: ArrayLike,
     tolerance_m: float,

@@ -19,12 +19,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from towval.compiling import compiled
+from towval.model import Array, FrictionLaw, locked
+from towval.model.compiling import compiled
 from towval.physics.contact import PressurePlane
 from towval.physics.friction_law import coulomb_law
 from towval.physics.friction_table import coefficient_over_speed, friction_table
 from towval.physics.wrench import friction_wrench, sliding_patch
-from towval.types import Array, FrictionLaw, locked
 
 
 class LimitSurface(NamedTuple):

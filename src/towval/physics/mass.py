@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from towval.geometry import polygon_area, polygon_centroid, polygon_second_moment
-from towval.types import Scene, TowedObject
+from towval.model import TowedObject, TowingScene
+from towval.model.geometry import polygon_area, polygon_centroid, polygon_second_moment
 
 
-def towed_object(scene: Scene) -> TowedObject:
+def towed_object(scene: TowingScene) -> TowedObject:
     """Mass, centre of mass and inertia of the object with its load.
 
     ASSUME: the object's own mass is spread evenly over its footprint; the load is a homogeneous box.
 
     Parameters
     ----------
-    scene : Scene
+    scene : TowingScene
         Footprint, masses and anchor.
 
     Returns

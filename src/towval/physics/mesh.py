@@ -16,11 +16,11 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import Delaunay
 
-from towval.errors import InputError, RefusedError
+from towval.model import Array, FrictionLaw, Patch, locked
+from towval.model.errors import InputError, RefusedError
 from towval.physics.contact import footprint_polygon, resultant
 from towval.physics.friction_table import friction_table
 from towval.physics.wrench import SlidingPatch
-from towval.types import Array, FrictionLaw, Patch, locked
 
 _SPACING = 0.85  # of the element size, first try; less where a side came out longer
 _TRIES = 12

@@ -11,17 +11,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from towval.compiling import compiled
+from towval.model import Array
+from towval.model.compiling import compiled
 from towval.physics.splines import Spline, piece_at, spline_at
 from towval.physics.tether import stretch_and_pull
 from towval.physics.wrench import SlidingPatch, wrench_and_slopes, wrench_at_origin
-from towval.types import Array
 
 SLACK, TAUT, FORCED = 0, 1, 2
 """What acts on the anchor: nothing, the tether, a force given over time."""
 
 
-class Scene(NamedTuple):
+class MotionProblem(NamedTuple):
     """What stays the same during a motion, laid out for compiled code.
 
     ``body`` (6,): mass [kg], inertia [kg m²], place of ``patch.origin`` and of the anchor relative to G in body axes
@@ -35,7 +35,7 @@ class Scene(NamedTuple):
 
 
 @compiled(allocates=False)
-def accelerations(scene: Scene, mode: int, time: float, piece: int, y: Array, rates: Array) -> None:
+def accelerations(scene: MotionProblem, mode: int, time: float, piece: int, y: Array, rates: Array) -> None:
     """Time derivative of the state into ``rates`` (6,)."""
     mass, inertia, ox, oy, bx, by = scene.body
     cos, sin = math.cos(y[2]), math.sin(y[2])
@@ -61,7 +61,7 @@ def accelerations(scene: Scene, mode: int, time: float, piece: int, y: Array, ra
 
 @compiled(allocates=False)
 def acceleration_slopes(
-    scene: Scene, mode: int, time: float, piece: int, y: Array, rates: Array, jacobian: Array, time_slope: Array
+    scene: MotionProblem, mode: int, time: float, piece: int, y: Array, rates: Array, jacobian: Array, time_slope: Array
 ) -> None:
     """Rates (6,), slopes of the accelerations by the state (3, 6) and by time (3,)."""
     mass, inertia, ox, oy, bx, by = scene.body
@@ -113,7 +113,7 @@ def acceleration_slopes(
 
 @compiled(allocates=False)
 def _tether_slopes(
-    scene: Scene, time: float, piece: int, y: Array, qx: float, qy: float, jacobian: Array, time_slope: Array
+    scene: MotionProblem, time: float, piece: int, y: Array, qx: float, qy: float, jacobian: Array, time_slope: Array
 ) -> tuple[float, float]:
     """Tether force; adds its slopes, and those of its moment, to ``jacobian`` and ``time_slope``."""
     px, py, px_dot, py_dot, px_ddot, py_ddot = spline_at(scene.drive.knots, scene.drive.coefficients, time, piece)
@@ -158,7 +158,7 @@ def _tether_slopes(
 
 
 @compiled(allocates=False)
-def tautness(scene: Scene, time: float, piece: int, y: Array) -> tuple[float, float, float]:
+def tautness(scene: MotionProblem, time: float, piece: int, y: Array) -> tuple[float, float, float]:
     """Length [m], stretch [m] and pull [N] of the tether, the pull negative where it would have to push."""
     cos, sin = math.cos(y[2]), math.sin(y[2])
     bx, by = scene.body[4], scene.body[5]
@@ -170,14 +170,14 @@ def tautness(scene: Scene, time: float, piece: int, y: Array) -> tuple[float, fl
 
 
 @compiled(allocates=False)
-def natural_mode(scene: Scene, time: float, y: Array) -> int:
+def natural_mode(scene: MotionProblem, time: float, y: Array) -> int:
     """TAUT where the tether is stretched and would pull, else SLACK."""
     _, stretch, pull = tautness(scene, time, piece_at(scene.drive.knots, time, 0), y)
     return TAUT if stretch >= 0 and pull >= 0 else SLACK
 
 
 @compiled(allocates=False)
-def tensions(scene: Scene, times: Array, states: Array, out: Array) -> None:
+def tensions(scene: MotionProblem, times: Array, states: Array, out: Array) -> None:
     """Length of the tether [m] and its force on the object (2) [N], floor axes, at times and states into ``out``."""
     piece = 0
     for i in range(len(states)):
@@ -194,7 +194,7 @@ def tensions(scene: Scene, times: Array, states: Array, out: Array) -> None:
 
 
 @compiled(allocates=False)
-def margin(scene: Scene, mode: int, time: float, piece: int, y: Array) -> float:
+def margin(scene: MotionProblem, mode: int, time: float, piece: int, y: Array) -> float:
     """How far the tether is from changing between slack and taut [m]; negative once it should have changed."""
     if mode == FORCED:
         return np.inf

@@ -17,13 +17,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from towval.compiling import compiled
-from towval.errors import InputError
-from towval.geometry import inside_polygon
+from towval.model import Array, Finding, FrictionLaw, Severity, Tether, TimedPath, TowedObject, locked
+from towval.model.compiling import compiled
+from towval.model.errors import InputError
+from towval.model.geometry import inside_polygon
 from towval.physics.contact import resting_pressure
 from towval.physics.splines import Spline, piece_at, spline_at, spline_covering, spline_values
 from towval.physics.wrench import SlidingPatch, sliding_patch, wrench_and_slopes
-from towval.types import Array, Finding, FrictionLaw, Path, Severity, Tether, TowedObject, locked
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
@@ -55,7 +55,7 @@ class QuasistaticMotion:
     twist: Array
     heading_rate: Array
     tether_force: Array
-    hinge: Path
+    hinge: TimedPath
     residual_moment: Array
     findings: tuple[Finding, ...] = ()
     statistics: dict[str, float] = field(default_factory=dict)
@@ -76,7 +76,7 @@ class QuasistaticMotion:
 def quasistatic_plan(
     towed: TowedObject,
     law: FrictionLaw | SlidingPatch,
-    path: Path | CubicSpline,
+    path: TimedPath | CubicSpline,
     tether: Tether,
     *,
     point: ArrayLike = (0.0, 0.0),
@@ -92,7 +92,7 @@ def quasistatic_plan(
     towed : TowedObject
     law : FrictionLaw or SlidingPatch
         Friction of the whole footprint, or a patch prepared with its own pressure, friction and method.
-    path : Path or CubicSpline
+    path : TimedPath or CubicSpline
         Way of the tracked point P over the floor in time [m]; a path is splined.
     tether : Tether
     point : array_like (2,), optional
@@ -130,7 +130,7 @@ def quasistatic_plan(
         twist=plan.twist,
         heading_rate=plan.twist[:, 2],
         tether_force=plan.tether_force,
-        hinge=Path(times, plan.hinge),
+        hinge=TimedPath(times, plan.hinge),
         residual_moment=np.where(plan.status == ROOT_LOST, plan.moment, 0.0),
         findings=findings,
         statistics={"solves": float(solves), "newton_steps": float(newton_steps)},
@@ -153,8 +153,8 @@ class _Plan(NamedTuple):
     status: Array
 
 
-def _times_of(path: Path | CubicSpline, times: ArrayLike | None) -> Array:
-    given = (path.time_s if isinstance(path, Path) else path.x) if times is None else times
+def _times_of(path: TimedPath | CubicSpline, times: ArrayLike | None) -> Array:
+    given = (path.time_s if isinstance(path, TimedPath) else path.x) if times is None else times
     given = locked(given, "times", (None,)).copy()
     if len(given) < 2 or not (np.diff(given) > 0).all():
         raise InputError(

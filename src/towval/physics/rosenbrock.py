@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from towval.compiling import compiled
-from towval.types import Array
+from towval.model import Array
+from towval.model.compiling import compiled
 
 ORDER = 5
 STAGES = 8

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from towval.compiling import compiled
-from towval.errors import InputError
-from towval.types import Array, Path
+from towval.model import Array, TimedPath
+from towval.model.compiling import compiled
+from towval.model.errors import InputError
 
 if TYPE_CHECKING:
     # Not at run time: scipy.interpolate takes as long to import as all the rest of the physics.
@@ -29,7 +29,7 @@ class Spline(NamedTuple):
     speed_limits: Array
 
 
-def spline_through(path: Path) -> Spline:
+def spline_through(path: TimedPath) -> Spline:
     """The smooth cubic spline through the points of a path.
 
     Its third derivative is continuous at the second and the last but one point ("not a knot"); with three points the
@@ -122,7 +122,7 @@ def _solve_curvatures(length: Array, slope: Array, curvature: Array) -> None:
             curvature[n - 1, k] = curvature[n - 2, k] + last * (curvature[n - 2, k] - curvature[n - 3, k])
 
 
-def spline_covering(way: Path | CubicSpline, times: Array, name: str) -> Spline:
+def spline_covering(path: TimedPath | CubicSpline, times: Array, name: str) -> Spline:
     """The spline of a path, or a spline as it is, after a check that it covers the times.
 
     Raises
@@ -130,7 +130,7 @@ def spline_covering(way: Path | CubicSpline, times: Array, name: str) -> Spline:
     InputError
         When a time lies outside.
     """
-    spline = spline_through(way) if isinstance(way, Path) else spline_from(way)
+    spline = spline_through(path) if isinstance(path, TimedPath) else spline_from(path)
     first, last = spline.knots[0], spline.knots[-1]
     slip = 1e-9 * (last - first)
     if times[0] < first - slip or times[-1] > last + slip:

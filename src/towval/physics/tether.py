@@ -11,8 +11,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from towval.compiling import compiled
-from towval.types import Array, Tether
+from towval.model import Array, Tether
+from towval.model.compiling import compiled
 
 
 def tether_force(tether: Tether, span: ArrayLike, span_rate: ArrayLike | None = None) -> Array:

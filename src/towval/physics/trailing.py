@@ -19,15 +19,15 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from towval.compiling import compiled
-from towval.geometry import rotation, transform
+from towval.model import Array, Finding, FrictionLaw, Severity, SimulatedMotion, Tether, TimedPath, TowedObject, locked
+from towval.model.compiling import compiled
+from towval.model.geometry import rotation, transform
 from towval.physics.contact import resting_pressure
 from towval.physics.dynamics import ADVICE, Outcome, checked_times
 from towval.physics.friction_table import coefficient_over_speed
 from towval.physics.limit_surface import limit_surface
 from towval.physics.splines import Spline, piece_at, spline_at, spline_covering
 from towval.physics.wrench import SlidingPatch, sliding_patch, wrench_and_slopes
-from towval.types import Array, Finding, FrictionLaw, Path, Severity, SimulatedMotion, Tether, TowedObject, locked
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
@@ -55,7 +55,7 @@ def trail(
     towed: TowedObject,
     law: FrictionLaw,
     tether: Tether,
-    hinge: Path | CubicSpline,
+    hinge: TimedPath | CubicSpline,
     start_pose: ArrayLike,
     times: ArrayLike,
 ) -> SimulatedMotion:

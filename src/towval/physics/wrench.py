@@ -20,12 +20,12 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
-from towval.compiling import compiled
+from towval.model import Array, FrictionLaw, locked
+from towval.model.compiling import compiled
 from towval.physics.area_rules import area_rules, polygons_of
 from towval.physics.contact import PressurePlane
 from towval.physics.edge_integrals import edge_integrals, prepared_edge
 from towval.physics.friction_table import LOWEST, coefficient_over_speed, friction_table, ratio_and_slope
-from towval.types import Array, FrictionLaw, locked
 
 # Centre of rotation within so many radii of a part of the patch: the boundary. Beyond: a rule over the area, exact
 # there to 1e-10. Parts count by themselves, for a patch may touch the floor at small tips far apart: in between the

@@ -6,11 +6,11 @@ from pathlib import Path
 
 from scipy.spatial.transform import Rotation
 
-from towval.conventions import CAMERA_FRAME, FLOOR_FRAME
 from towval.io import ros
 from towval.io.mcap_file import Message, read_mcap, write_mcap
 from towval.io.records.details import arrays, choices_in, choices_out, details_with, findings_in, findings_out, plain
-from towval.types import Calibration, Camera, Floor, View
+from towval.model import Calibration, Camera, Floor, View
+from towval.model.conventions import CAMERA_FRAME, FLOOR_FRAME
 
 
 def write_calibration(path: Path, calibration: Calibration, provenance: dict[str, str]) -> None:

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from towval.errors import InputError
 from towval.io import ros
 from towval.io.mcap_file import McapContent
-from towval.types import Array, Choice, Finding, Severity
+from towval.model import Array, Choice, Finding, Severity
+from towval.model.errors import InputError
 
 
 def json_value(value: Any) -> Any:

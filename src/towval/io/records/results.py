@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from towval.conventions import FLOOR_FRAME
 from towval.io import ros
 from towval.io.mcap_file import Message, read_mcap, write_mcap
 from towval.io.records.details import (
@@ -21,7 +20,8 @@ from towval.io.records.details import (
     planar_twists,
 )
 from towval.io.records.tracks import track_messages
-from towval.types import Comparison, RunUncertainty, SimulatedMotion, Track, Verdict
+from towval.model import Comparison, RunUncertainty, SimulatedMotion, Track, Verdict
+from towval.model.conventions import FLOOR_FRAME
 
 
 def write_simulated(path: Path, simulated: SimulatedMotion, provenance: dict[str, str]) -> None:

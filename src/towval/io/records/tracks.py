@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from towval.conventions import FLOOR_FRAME
-from towval.errors import InputError
 from towval.io import ros
 from towval.io.mcap_file import McapContent, Message, read_mcap, write_mcap
 from towval.io.records.details import choices_in, choices_out, findings_in, findings_out, planar_poses, planar_twists
-from towval.types import DecimatedTrack, Features, Track, TrackStatus
+from towval.model import DecimatedTrack, Features, Track, TrackStatus
+from towval.model.conventions import FLOOR_FRAME
+from towval.model.errors import InputError
 
 _LEVELS = {TrackStatus.TRACKED: 0, TrackStatus.COASTING: 1, TrackStatus.LOST: 2}
 """Level of a DiagnosticStatus (OK, WARN, ERROR) of a pose's status."""

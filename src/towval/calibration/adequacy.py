@@ -1,0 +1,229 @@
+"""Whether a set of views is adequate: tilt, coverage and number of views, two halves compared, in plain words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from scipy.stats import chi2
+
+from towval.calibration.bundle_adjustment import Estimate, adjust, marginal_covariance, residuals
+from towval.calibration.lens import LensTrial, active_parameters
+from towval.calibration.observations import CalibrationObservations
+from towval.model import Array, Calibration, Camera, Finding, Floor, Severity
+from towval.optics.plane_uncertainty import pixel_grid, position_sensitivity, uncertainty_map
+from towval.optics.projection import to_plane
+
+_ENOUGH_TILT_DEG = 8.0
+_ENOUGH_COVERAGE = 0.4
+_ENOUGH_VIEWS = 6
+_FOCAL_STD_SHARE = 0.006
+_USELESS_FOCAL_STD_SHARE = 0.02
+_FILM_TILT = "film the board tilted by 20° to 40°, to all four sides in turn"
+_FILM_ALL_OVER = "film the board all over the picture, also with its edge at the picture's edges and corners"
+
+
+def tilts_deg(seen: CalibrationObservations, estimate: Estimate) -> list[float]:
+    """Angle between each board and the image plane [°], in the order of the sightings."""
+    floor_normal = estimate.T_camera_floor[:3, 2]
+    normals = [cv2.Rodrigues(place[:3])[0][:, 2] for place in estimate.places[: len(seen.boards)]]
+    normals += [floor_normal] * len(seen.floor_boards)
+    return [float(np.degrees(np.arccos(min(1.0, abs(normal[2]))))) for normal in normals]
+
+
+def covered_share(corners_px: Sequence[Array], resolution_px: tuple[int, int]) -> float:
+    """Share of the image within the convex hull of all corners."""
+    if not len(corners_px):
+        return 0.0
+    hull = cv2.convexHull(np.concatenate(corners_px).astype(np.float32))
+    return float(cv2.contourArea(hull) / (resolution_px[0] * resolution_px[1]))
+
+
+@dataclass(frozen=True)
+class ViewStatistics:
+    """How the held boards were filmed: number, tilts [°], share of the image covered, focal length std over itself."""
+
+    held: int
+    tilt_deg: Array
+    covered: float
+    focal_std_share: float
+
+    @property
+    def median_tilt_deg(self) -> float:
+        """Half of the held boards are tilted by less [°]."""
+        return float(np.median(self.tilt_deg)) if self.held else 0.0
+
+
+def view_statistics(seen: CalibrationObservations, estimate: Estimate, covariance: Array) -> ViewStatistics:
+    """Number, tilt and coverage of the held boards and what they leave unknown of the focal length."""
+    held = len(seen.boards)
+    tilt = np.array(tilts_deg(seen, estimate)[:held])
+    covered = covered_share([s.corners_px for s in seen.boards], seen.resolution_px)
+    return ViewStatistics(held, tilt, covered, float(np.sqrt(covariance[0, 0])) / estimate.shared[0])
+
+
+def view_findings(statistics: ViewStatistics) -> list[Finding]:
+    """Degenerate sets of views, in words, each with what to film instead."""
+    findings = []
+    uncertain = f"the focal length is uncertain by {100 * statistics.focal_std_share:.1f} %"
+    useless = statistics.focal_std_share > _USELESS_FOCAL_STD_SHARE
+    if statistics.median_tilt_deg < _ENOUGH_TILT_DEG:
+        text = (
+            f"The boards are hardly tilted: half of the {statistics.held} held views are within "
+            f"{statistics.median_tilt_deg:.1f}° of the image plane. Focal length and distance cannot be told apart; "
+            f"{uncertain}, though the boards fit well. Instead, {_FILM_TILT}."
+        )
+        findings.append(Finding(Severity.REFUSAL if useless else Severity.WARNING, "no-tilt", text))
+    elif statistics.focal_std_share > _FOCAL_STD_SHARE:
+        text = (
+            f"The views leave the camera uncertain: {uncertain}. Film more views: {_FILM_TILT}, nearer to the camera."
+        )
+        findings.append(Finding(Severity.REFUSAL if useless else Severity.WARNING, "focal-length-uncertain", text))
+    if statistics.covered < _ENOUGH_COVERAGE:
+        text = (
+            f"The boards were held only in a part of the picture, {100 * statistics.covered:.0f} % of it: the lens is "
+            f"extrapolated to the rest, and the predicted deviations do not see that error. Instead, {_FILM_ALL_OVER}."
+        )
+        findings.append(Finding(Severity.WARNING, "centre-only", text))
+    if statistics.held < _ENOUGH_VIEWS:
+        text = (
+            f"Too few views: {statistics.held} held boards are used, {_ENOUGH_VIEWS} are the least and 12 are good. "
+            f"For the others, {_FILM_TILT}, and {_FILM_ALL_OVER}."
+        )
+        findings.append(Finding(Severity.WARNING, "few-views", text))
+    return findings
+
+
+@dataclass(frozen=True)
+class HalvesComparison:
+    """Two halves of the views calibrated apart: RMS distance of their positions on a plane, found and expected [m].
+
+    What is found beyond what the corner noise lets expect is the error of the model: of the lens, of the board.
+    """
+
+    height_m: float
+    found_m: float
+    expected_m: float
+
+
+def compare_halves(
+    seen: CalibrationObservations, trial: LensTrial, heights_m: Sequence[float]
+) -> list[HalvesComparison]:
+    """Calibrate every other view and the rest apart and compare them over the image on planes over the floor.
+
+    The first floor board and the marks are in both halves, so that both speak of the same floor frame. Empty where
+    the halves would have fewer than three held boards each, or where there is no floor.
+    """
+    if seen.reference is None or len(seen.boards) < 6:
+        return []
+    active = active_parameters(trial.model, with_floor=True)
+    fits = [_half(seen, trial.estimate, active, start) for start in (0, 1)]
+    pixels = pixel_grid(seen.resolution_px, 24).reshape(-1, 2)
+    comparisons = []
+    for height in heights_m:
+        on_plane = [to_plane(camera, floor, pixels, height) for camera, floor, _ in fits]
+        apart = on_plane[0] - on_plane[1]
+        expected = np.zeros(len(pixels))
+        for camera, floor, covariance in fits:
+            A = position_sensitivity(camera, floor, pixels, height)[0]
+            expected += np.trace(A @ covariance @ A.transpose(0, 2, 1), axis1=1, axis2=2)
+        comparisons.append(HalvesComparison(height, _rms(np.linalg.norm(apart, axis=1)), _rms(np.sqrt(expected))))
+    return comparisons
+
+
+def _half(seen: CalibrationObservations, estimate: Estimate, active: Array, start: int) -> tuple[Camera, Floor, Array]:
+    boards = range(start, len(seen.boards), 2)
+    flat = range(len(seen.boards), len(seen.observations))
+    first = [] if seen.marks else [flat[0]]
+    chosen = [*boards, *first, *flat[len(first) + start :: 2], *range(len(seen.observations), len(seen.blocks))]
+    blocks = [seen.blocks[i] for i in chosen]
+    fitted = adjust(blocks, replace(estimate, places=tuple(estimate.places[i] for i in chosen)), active)
+    camera = Camera(seen.resolution_px, fitted.matrix, fitted.distortion, "")
+    return camera, Floor(fitted.T_camera_floor), marginal_covariance(blocks, fitted, active)[0]
+
+
+def _rms(values: Array) -> float:
+    values = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(values**2))) if len(values) else np.inf
+
+
+def halves_findings(comparisons: Sequence[HalvesComparison]) -> list[Finding]:
+    """A warning where the halves differ by much more than the corner noise explains."""
+    findings = []
+    for plane in comparisons:
+        if plane.found_m > max(3 * plane.expected_m, 1e-3):
+            text = (
+                f"Two halves of the views, calibrated apart, differ by {1e3 * plane.found_m:.1f} mm on the plane at "
+                f"{plane.height_m:.2f} m where the corner noise explains {1e3 * plane.expected_m:.1f} mm. Something "
+                "is not as assumed: a bent board, a focus or zoom that changed, a board moved during the exposure."
+            )
+            findings.append(Finding(Severity.WARNING, "halves-disagree", text))
+    return findings
+
+
+def floor_findings(
+    seen: CalibrationObservations, calibration: Calibration, heights_m: Sequence[float], limit_m: float
+) -> list[Finding]:
+    """Where the floor is extrapolated and positions are more uncertain than ``limit_m``, in millimetres."""
+    references = [s.corners_px for s in seen.floor_boards]
+    if seen.marks:
+        references.append(seen.reference.marks_px)
+    covered = covered_share(references, seen.resolution_px)
+    for height in heights_m:
+        plane = uncertainty_map(calibration, height)
+        std = np.where(np.isfinite(plane.std_m), plane.std_m, np.inf)
+        if plane.rms_m <= limit_m:
+            continue
+        row, column = np.unravel_index(np.argmax(std), std.shape)
+        u, v = plane.pixels[row, column]
+        text = (
+            f"The floor is known from {100 * covered:.0f} % of the picture and extrapolated to the rest: positions on "
+            f"the plane at {height:.2f} m are uncertain by {1e3 * plane.rms_m:.1f} mm over the picture, and by "
+            f"{1e3 * std[row, column]:.1f} mm at pixel ({u:.0f}, {v:.0f}). Lay the board down at more places, far "
+            "apart and towards the picture's corners, or survey marks there."
+        )
+        return [Finding(Severity.WARNING, "floor-extrapolated", text)]
+    return []
+
+
+def marks_std_px(seen: CalibrationObservations, estimate: Estimate) -> tuple[float, bool]:
+    """Standard deviation of one coordinate of a mark, from the marks' own residuals [px].
+
+    The six unknowns of the floor's place are counted against the marks, which overstates it where boards help. The
+    second value tells whether chance would hardly (once in a thousand) make it so much larger than stated.
+    """
+    residual = residuals(seen.blocks, estimate)[-1]
+    freedom = max(residual.size - 6, 1)
+    squares = float(np.sum(residual**2))
+    return np.sqrt(squares / freedom), bool(squares > seen.reference.mark_std_px**2 * chi2.ppf(0.999, freedom))
+
+
+def marks_findings(seen: CalibrationObservations, estimate: Estimate, stated_std_px: float) -> list[Finding]:
+    """Surveyed marks that are worse than stated, all of them or single ones.
+
+    Parameters
+    ----------
+    seen, estimate
+        The adjustment; the reference's ``mark_std_px`` may have been raised to what the residuals say.
+    stated_std_px : float
+        The deviation of a mark as the campaign states it [px].
+    """
+    if not seen.marks:
+        return []
+    reference, findings = seen.reference, []
+    if reference.mark_std_px > stated_std_px:
+        text = (
+            f"The surveyed marks scatter by {reference.mark_std_px:.1f} px where {stated_std_px:.1f} px are stated; "
+            "the larger figure is used. Measure them again, or state what they are good for."
+        )
+        findings.append(Finding(Severity.WARNING, "marks-noisy", text))
+    distance = np.linalg.norm(residuals(seen.blocks, estimate)[-1], axis=1)
+    for i in np.flatnonzero(distance > 4 * stated_std_px):
+        text = (
+            f"The surveyed mark at {reference.marks_m[i].tolist()} m is {distance[i]:.1f} px from where the others put "
+            f"it (stated deviation of a mark: {stated_std_px:.1f} px). Check its pixel and its coordinates."
+        )
+        findings.append(Finding(Severity.WARNING, "mark-misfit", text))
+    return findings

@@ -1,0 +1,330 @@
+"""Bundle adjustment of one camera, its lens, the floor and every board it saw; and what that leaves unknown.
+
+All pictures share the parameters of :data:`towval.model.CALIBRATION_PARAMETERS`; each board adds its own place. The
+normal equations are reduced to the shared parameters with the Schur complement, both to solve them and to read their
+marginal covariance: what remains uncertain when the places of all boards are uncertain, too.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from towval.model import CALIBRATION_PARAMETERS, Array
+
+_LENS_START, _FLOOR_START = 4, 12
+_MAX_STEPS = 30
+_NOISE_ROUNDS = 5
+_NEGLIGIBLE_DECREASE = 1e-4
+"""In units of the whitened cost, where 1 is one standard deviation of one parameter combination."""
+_ROBUST_WIDTH = 5.0
+"""Residuals beyond this many times the spread of their own picture count linearly, not squared (Huber).
+
+Of their own picture, not of all: a corner is wild among its neighbours, whereas a whole picture that fits badly may be
+the only one that reaches the edge of the image and must not be silenced by the ones that do not.
+"""
+_RAYLEIGH_MEDIAN = np.sqrt(2 * np.log(2))
+"""Median length of a two-dimensional Gaussian vector, in standard deviations of one coordinate."""
+
+
+class Placement(enum.Enum):
+    """What is known about the place of a set of points; the value is the number of unknowns."""
+
+    FREE = 6
+    """Held anywhere: rotation vector and shift into the camera frame."""
+    ON_FLOOR = 3
+    """Lying flat on the floor: x, y and heading in the floor frame."""
+    FIXED = 0
+    """Given in floor coordinates."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """Points of one picture: ``points_m`` (n, 3) in the frame its placement moves, ``pixels`` (n, 2) where seen.
+
+    ``std_px`` is the standard deviation of one pixel coordinate, NaN where the adjustment is to estimate it.
+    """
+
+    points_m: Array
+    pixels: Array
+    placement: Placement
+    std_px: float = np.nan
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Shared parameters (18,), the place of each block, and the noise of a corner coordinate [px]."""
+
+    shared: Array
+    places: tuple[Array, ...]
+    noise_px: float = np.nan
+
+    @property
+    def matrix(self) -> Array:
+        """Camera matrix (3, 3) [px]."""
+        return camera_matrix(self.shared)
+
+    @property
+    def distortion(self) -> Array:
+        """Lens coefficients (8,)."""
+        return self.shared[_LENS_START:_FLOOR_START]
+
+    @property
+    def T_camera_floor(self) -> Array:
+        """Pose (4, 4) of the floor frame in the camera frame."""
+        T = np.eye(4)
+        T[:3, :3] = cv2.Rodrigues(self.shared[_FLOOR_START : _FLOOR_START + 3])[0]
+        T[:3, 3] = self.shared[_FLOOR_START + 3 :]
+        return T
+
+
+def camera_matrix(shared: Array) -> Array:
+    """Camera matrix (3, 3) [px] of shared parameters (18,)."""
+    fx, fy, cx, cy = shared[:4]
+    return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+
+
+def linearise(block: Block, shared: Array, place: Array) -> tuple[Array, Array, Array]:
+    """Residuals of a block and their derivatives.
+
+    Parameters
+    ----------
+    block : Block
+        Points and where they were seen.
+    shared : ndarray (18,)
+        Values of :data:`towval.model.CALIBRATION_PARAMETERS`.
+    place : ndarray (6,), (3,) or (0,)
+        Place of the block, as its placement says.
+
+    Returns
+    -------
+    residual : ndarray (2n,)
+        Seen minus predicted [px], u and v alternating.
+    J_shared : ndarray (2n, 18)
+        Derivatives of the prediction by the shared parameters.
+    J_place : ndarray (2n, 6), (2n, 3) or (2n, 0)
+        Derivatives of the prediction by the place.
+    """
+    free = block.placement is Placement.FREE
+    pose = place if free else shared[_FLOOR_START:]
+    points, moved_by_place = (block.points_m, None) if free else _on_floor(block, place)
+    pixels, jacobian = cv2.projectPoints(
+        points, pose[:3], pose[3:], camera_matrix(shared), shared[_LENS_START:_FLOOR_START]
+    )
+    J_shared = np.zeros((len(jacobian), len(CALIBRATION_PARAMETERS)))
+    J_shared[:, :_FLOOR_START] = jacobian[:, 6:18]
+    if free:
+        J_place = jacobian[:, :6]
+    else:
+        J_shared[:, _FLOOR_START:] = jacobian[:, :6]
+        by_point = (jacobian[:, 3:6] @ cv2.Rodrigues(pose[:3])[0]).reshape(-1, 2, 3)
+        J_place = np.einsum("nij,njk->nik", by_point, moved_by_place).reshape(len(jacobian), -1)
+    return (block.pixels - pixels.reshape(-1, 2)).ravel(), J_shared, J_place
+
+
+def _on_floor(block: Block, place: Array) -> tuple[Array, Array]:
+    """Points in the floor frame (n, 3) and their derivatives by the place (n, 3, 3 or 0)."""
+    if block.placement is Placement.FIXED:
+        return block.points_m, np.zeros((len(block.points_m), 3, 0))
+    c, s = np.cos(place[2]), np.sin(place[2])
+    x, y, z = block.points_m.T
+    points = np.stack([c * x - s * y + place[0], s * x + c * y + place[1], z], axis=1)
+    derivative = np.zeros((len(points), 3, 3))
+    derivative[:, 0, 0] = derivative[:, 1, 1] = 1.0
+    derivative[:, 0, 2], derivative[:, 1, 2] = -s * x - c * y, c * x - s * y
+    return points, derivative
+
+
+@dataclass(frozen=True)
+class _Normal:
+    """Whitened normal equations, block by block: A by the shared parameters, B by the place, r the residual."""
+
+    cost: float
+    AA: Array
+    Ar: Array
+    AB: tuple[Array, ...]
+    BB: tuple[Array, ...]
+    Br: tuple[Array, ...]
+
+    def reduced(self, damping: float) -> tuple[Array, Array, list[Array]]:
+        """Schur complement, its right-hand side and the gains that give the places back.
+
+        ``damping`` is relative to each diagonal element (Marquardt).
+        """
+        schur, right, gains = _damped(self.AA, damping), self.Ar.copy(), []
+        for AB, BB, Br in zip(self.AB, self.BB, self.Br, strict=True):
+            gain = np.linalg.solve(_damped(BB, damping), np.column_stack([AB.T, Br])) if len(Br) else np.zeros((0, 1))
+            if len(Br):
+                schur -= AB @ gain[:, :-1]
+                right -= AB @ gain[:, -1]
+            gains.append(gain)
+        return schur, right, gains
+
+
+def _damped(matrix: Array, damping: float) -> Array:
+    matrix = matrix.copy()
+    matrix.flat[:: len(matrix) + 1] *= 1 + damping
+    return matrix
+
+
+def _std(block: Block, estimate: Estimate) -> float:
+    return estimate.noise_px if np.isnan(block.std_px) else block.std_px
+
+
+def _huber_weight(length: Array, spread_px: float) -> Array:
+    return np.minimum(1.0, _ROBUST_WIDTH * spread_px / np.maximum(length, 1e-12))
+
+
+def _spread(blocks: Sequence[Block], estimate: Estimate) -> list[float]:
+    """Robust standard deviation of the residuals of each block [px], at least that of its corners."""
+    lengths = [np.linalg.norm(r, axis=1) for r in residuals(blocks, estimate)]
+    return [
+        max(float(np.median(length)) / _RAYLEIGH_MEDIAN, _std(block, estimate))
+        for block, length in zip(blocks, lengths, strict=True)
+    ]
+
+
+def _normal(
+    blocks: Sequence[Block], estimate: Estimate, active: NDArray[np.intp], spread_px: Sequence[float]
+) -> _Normal:
+    AA, Ar, cost = np.zeros((len(active), len(active))), np.zeros(len(active)), 0.0
+    AB, BB, Br = [], [], []
+    for block, place, spread in zip(blocks, estimate.places, spread_px, strict=True):
+        residual, J_shared, J_place = linearise(block, estimate.shared, place)
+        std = _std(block, estimate)
+        length = np.sqrt(residual[::2] ** 2 + residual[1::2] ** 2)
+        weight = _huber_weight(length, spread)
+        # Huber: length² below the width, 2 width · length − width² beyond; with w = width / length both are one form.
+        cost += float(np.sum(weight * (2 - weight) * length**2)) / std**2
+        root = np.repeat(np.sqrt(weight) / std, 2)
+        r, A, B = root * residual, root[:, None] * J_shared[:, active], root[:, None] * J_place
+        AA += A.T @ A
+        Ar += A.T @ r
+        AB.append(A.T @ B)
+        BB.append(B.T @ B)
+        Br.append(B.T @ r)
+    return _Normal(cost, AA, Ar, tuple(AB), tuple(BB), tuple(Br))
+
+
+def adjust(blocks: Sequence[Block], start: Estimate, active: NDArray[np.intp]) -> Estimate:
+    """Fit shared parameters and places to all blocks at once, robustly.
+
+    Levenberg-Marquardt on Huber's cost; the noise of the corners is re-estimated from the median residual until it
+    stays.
+
+    Parameters
+    ----------
+    blocks : sequence of Block
+        What was seen.
+    start : Estimate
+        Where to start; its ``noise_px`` may be NaN.
+    active : ndarray of int
+        Indices of the shared parameters to fit; the others stay as they are. None at all fits the places alone.
+
+    Returns
+    -------
+    Estimate
+        The fit, with the noise of one corner coordinate from the weighted residuals and the degrees of freedom.
+    """
+    estimate = start if np.isfinite(start.noise_px) else replace(start, noise_px=_median_noise(blocks, start))
+    for _ in range(_NOISE_ROUNDS):
+        estimate = _levenberg_marquardt(blocks, estimate, active)
+        noise = _median_noise(blocks, estimate)
+        settled = abs(noise - estimate.noise_px) < 0.02 * estimate.noise_px
+        estimate = replace(estimate, noise_px=noise)
+        if settled:
+            break
+    return replace(estimate, noise_px=_noise(blocks, estimate, len(active)))
+
+
+def _levenberg_marquardt(blocks: Sequence[Block], estimate: Estimate, active: NDArray[np.intp]) -> Estimate:
+    damping, spread = 1e-9, _spread(blocks, estimate)
+    normal = _normal(blocks, estimate, active, spread)
+    for _ in range(_MAX_STEPS):
+        schur, right, gains = normal.reduced(damping)
+        step = _solve_scaled(schur, right)
+        moves = [gain[:, -1] - gain[:, :-1] @ step if len(gain) else np.zeros(0) for gain in gains]
+        promised = normal.Ar @ step + sum(Br @ move for Br, move in zip(normal.Br, moves, strict=True))
+        shared = estimate.shared.copy()
+        shared[active] += step
+        places = tuple(place + move for place, move in zip(estimate.places, moves, strict=True))
+        trial = replace(estimate, shared=shared, places=places)
+        trial_normal = _normal(blocks, trial, active, spread)
+        if trial_normal.cost <= normal.cost:
+            estimate, normal, damping = trial, trial_normal, max(damping / 10, 1e-12)
+        elif damping > 1e6:
+            break
+        else:
+            damping *= 10
+        if promised < _NEGLIGIBLE_DECREASE:
+            break
+    return estimate
+
+
+def _solve_scaled(matrix: Array, right: Array) -> Array:
+    if not len(right):
+        return np.zeros(0)
+    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    return scale * np.linalg.lstsq(scale[:, None] * matrix * scale, scale * right, rcond=1e-15)[0]
+
+
+def residuals(blocks: Sequence[Block], estimate: Estimate) -> list[Array]:
+    """Seen minus predicted pixels (n, 2) of each block."""
+    return [
+        linearise(block, estimate.shared, place)[0].reshape(-1, 2)
+        for block, place in zip(blocks, estimate.places, strict=True)
+    ]
+
+
+def _median_noise(blocks: Sequence[Block], estimate: Estimate) -> float:
+    found = [r for b, r in zip(blocks, residuals(blocks, estimate), strict=True) if np.isnan(b.std_px)]
+    if not found:
+        return 1.0
+    median = np.median(np.linalg.norm(np.concatenate(found), axis=1))
+    return float(max(median / _RAYLEIGH_MEDIAN, 1e-4))
+
+
+def _noise(blocks: Sequence[Block], estimate: Estimate, shared_unknowns: int) -> float:
+    """Standard deviation of a corner coordinate: weighted residuals over their degrees of freedom."""
+    total, count, unknowns = 0.0, 0.0, float(shared_unknowns)
+    found = zip(blocks, residuals(blocks, estimate), _spread(blocks, estimate), strict=True)
+    for block, residual, spread in found:
+        if not np.isnan(block.std_px):
+            continue
+        length = np.linalg.norm(residual, axis=1)
+        weight = _huber_weight(length, spread)
+        total += float(np.sum(weight * length**2))
+        count += 2 * float(np.sum(weight))
+        unknowns += block.placement.value
+    return float(np.sqrt(total / (count - unknowns))) if count > unknowns else estimate.noise_px
+
+
+def marginal_covariance(blocks: Sequence[Block], estimate: Estimate, active: NDArray[np.intp]) -> tuple[Array, float]:
+    """Covariance of the shared parameters, marginal over all places, and how well-posed the problem is.
+
+    Parameters
+    ----------
+    blocks, estimate, active
+        As returned by and given to :func:`adjust`.
+
+    Returns
+    -------
+    covariance : ndarray (18, 18)
+        Rows and columns of parameters that were not fitted are zero.
+    condition : float
+        Condition number of the information matrix scaled to a unit diagonal. It does not depend on units or on the
+        noise; 1 is independent parameters, beyond 1e8 a direction is practically unobserved.
+    """
+    information = _normal(blocks, estimate, active, _spread(blocks, estimate)).reduced(0.0)[0]
+    scale = 1 / np.sqrt(np.maximum(np.diag(information), 1e-300))
+    values, vectors = np.linalg.eigh(scale[:, None] * information * scale)
+    smallest = max(values[-1] * 1e-14, 1e-300)
+    inverse = (vectors / np.maximum(values, smallest)) @ vectors.T
+    covariance = np.zeros((len(CALIBRATION_PARAMETERS),) * 2)
+    covariance[np.ix_(active, active)] = scale[:, None] * inverse * scale
+    return covariance, float(values[-1] / max(values[0], smallest))

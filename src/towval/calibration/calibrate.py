@@ -1,0 +1,377 @@
+"""The stage ``calibrate``: pictures of a board, held up and lying on the floor, to a camera over a floor."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from towval.calibration.adequacy import (
+    compare_halves,
+    floor_findings,
+    halves_findings,
+    marks_findings,
+    marks_std_px,
+    tilts_deg,
+    view_findings,
+    view_statistics,
+)
+from towval.calibration.board_search import NamedImage, find_boards
+from towval.calibration.bundle_adjustment import Estimate, adjust, marginal_covariance, residuals
+from towval.calibration.corners import BoardObservation
+from towval.calibration.floor import in_floor_axes
+from towval.calibration.lens import LENS_MODELS, LensTrial, active_parameters, choose_lens, try_lenses
+from towval.calibration.observations import CalibrationObservations, first_guess, unflipped
+from towval.model import Board, Calibration, Camera, Finding, Floor, FloorReference, Severity, View
+from towval.model.errors import InputError, RefusedError
+from towval.optics.plane_uncertainty import camera_position_covariance, uncertainty_map
+
+_JUDGING_MODELS = ("none", "k1", "k1 k2", "k1 k2 p1 p2 k3", "rational")
+"""Lens models fitted in turn before any view is judged: what even the largest cannot explain is the view's fault."""
+_GOOD_ENOUGH_TO_CLEAR = _JUDGING_MODELS[2:]
+"""With these a set in which all views fit alike needs no larger model; smaller ones fit all views alike, badly."""
+_SMALLEST_MISFIT_PX = 0.1
+_FEWEST_VIEWS = 3
+_MARKS_VIEW = "surveyed marks"
+
+
+@dataclass(frozen=True)
+class CalibrateSettings:
+    """What the stage can be told; the keys of ``config["calibrate"]``.
+
+    ``lens_models`` to choose from, names of :data:`towval.calibration.lens.LENS_MODELS`, smallest first; ``folds`` the
+    views are divided into to be held out; ``misfit_ratio``: a view whose residuals are this many times those of the
+    median view is dropped; ``position_limit_m``: the position uncertainty that is warned about; ``accept_refused``:
+    return a calibration from a degenerate set instead of refusing it; ``threads`` that look for boards.
+    """
+
+    lens_models: tuple[str, ...] = tuple(LENS_MODELS)
+    folds: int = 6
+    misfit_ratio: float = 4.0
+    position_limit_m: float = 0.003
+    accept_refused: bool = False
+    threads: int = 2
+
+    def __post_init__(self) -> None:
+        unknown = [name for name in self.lens_models if name not in LENS_MODELS]
+        if unknown or not self.lens_models:
+            raise InputError("calibrate.lens_models", got=list(self.lens_models), allowed=", ".join(LENS_MODELS))
+
+
+def calibrate(
+    images: Sequence[NamedImage],
+    floor_images: Sequence[NamedImage],
+    board: Board,
+    floor: FloorReference,
+    settings: CalibrateSettings,
+    *,
+    heights_m: Sequence[float] = (),
+) -> Calibration:
+    """Calibrate a camera and the floor under it.
+
+    Parameters
+    ----------
+    images : sequence of (str, ndarray of uint8)
+        Name and grey picture (height, width) of the board held in many poses. They are asked for when they are looked
+        at and not kept, so a sequence that reads files needs memory for a few of them.
+    floor_images : sequence of (str, ndarray of uint8)
+        The board lying on the floor; the first of them fixes the floor frame unless ``floor`` has marks.
+    board : Board
+        The board.
+    floor : FloorReference
+        What fixes the floor frame.
+    settings : CalibrateSettings
+        How to go about it.
+    heights_m : sequence of float, optional
+        Heights of the bodies' tops, on which the quality is given besides the floor's [m].
+
+    Returns
+    -------
+    Calibration
+        Camera, floor, covariance, every view with its residuals or the reason why it was dropped, and findings.
+
+    Raises
+    ------
+    InputError
+        When no picture shows the board, the pictures differ in size, the floor board is missing or its corners are
+        not where ``floor`` says.
+    RefusedError
+        When too few views are left, or when the set is degenerate and ``settings`` do not accept that.
+    """
+    everything, floor_names, resolution = _listed(images, floor_images)
+    observations, unseen = find_boards(everything, board, settings.threads)
+    flat = _with_origin([s for s in observations if s.name in floor_names], floor_names, floor)
+    seen = CalibrationObservations(
+        resolution, tuple(s for s in observations if s.name not in floor_names), tuple(flat), floor
+    )
+    calibration = calibrate_observations(seen, settings, unseen, heights_m=heights_m)
+    refusals = [finding.text for finding in calibration.findings if finding.severity is Severity.REFUSAL]
+    if refusals and not settings.accept_refused:
+        raise RefusedError("the calibration views are degenerate", got=" ".join(refusals))
+    return calibration
+
+
+@dataclass(frozen=True)
+class _Chosen(Sequence[NamedImage]):
+    """Some pictures of some sequences, each taken from its sequence when it is asked for and not kept."""
+
+    places: tuple[tuple[Sequence[NamedImage], int], ...]
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+    def __getitem__(self, index):  # type: ignore[no-untyped-def]
+        if isinstance(index, slice):
+            return _Chosen(self.places[index])
+        images, place = self.places[index]
+        return images[place]
+
+
+def _listed(
+    images: Sequence[NamedImage], floor_images: Sequence[NamedImage]
+) -> tuple[_Chosen, list[str], tuple[int, int]]:
+    """All pictures once, held boards first, the names of the floor pictures, and the size that all of them have.
+
+    A pattern for held boards may well find the floor pictures, too.
+    """
+    sizes: dict[tuple[int, ...], str] = {}
+    on_floor: dict[str, int] = {}
+    for i, (name, image) in enumerate(floor_images):
+        on_floor[name] = i
+        sizes.setdefault(image.shape, name)
+    held = []
+    for i, (name, image) in enumerate(images):
+        sizes.setdefault(image.shape, name)
+        if name not in on_floor:
+            held.append((images, i))
+        elif not np.array_equal(image, floor_images[on_floor[name]][1]):
+            raise InputError(
+                "a held board and a floor board have pictures of the same name", got=name, remedy="rename one"
+            )
+    if len(sizes) != 1:
+        got = ", ".join(f"{name}: {shape[1]} × {shape[0]}" for shape, name in sizes.items()) or "no picture"
+        raise InputError("the calibration pictures are not of one size", got=got, allowed="the size of the videos")
+    height, width = next(iter(sizes))
+    flat = [(floor_images, i) for i in range(len(floor_images))]
+    return _Chosen((*held, *flat)), list(on_floor), (width, height)
+
+
+def _with_origin(flat: list[BoardObservation], names: Sequence[str], floor: FloorReference) -> list[BoardObservation]:
+    if len(floor.marks_px):
+        return flat
+    if not names or not flat or flat[0].name != names[0]:
+        raise InputError(
+            "the board is not seen in the first floor picture",
+            got=names[0] if names else "no floor picture",
+            allowed="the whole board, lying flat on the floor",
+            remedy="check floor.image, or give surveyed marks on the floor instead",
+        )
+    return [in_floor_axes(flat[0], floor), *flat[1:]]
+
+
+def calibrate_observations(
+    seen: CalibrationObservations,
+    settings: CalibrateSettings,
+    unseen: dict[str, str],
+    *,
+    heights_m: Sequence[float] = (),
+) -> Calibration:
+    """Calibrate from corners that are already found.
+
+    Parameters
+    ----------
+    seen : Sightings
+        The boards and marks. Without a floor (``seen.reference`` None) the camera alone is calibrated and the floor of
+        the result is the camera frame itself.
+    settings : CalibrateSettings
+        How to go about it.
+    unseen : dict
+        Names of the pictures without a board and the reason, for the record.
+    heights_m : sequence of float, optional
+        Heights of the bodies' tops [m].
+
+    Returns
+    -------
+    Calibration
+        A degenerate set is in its findings, with the severity of a refusal where it is hopeless.
+
+    Raises
+    ------
+    RefusedError
+        When too few views are left, or the board that fixes the floor frame does not fit.
+    """
+    kept, start, dropped = _without_misfits(seen, settings)
+    kept, start = _with_honest_marks(kept, start)
+    trials = try_lenses(kept.blocks, start, settings.lens_models, settings.folds)
+    chosen = choose_lens(trials)
+    estimate = chosen.estimate
+    active = active_parameters(chosen.model, with_floor=seen.reference is not None)
+    covariance, _ = marginal_covariance(kept.blocks, estimate, active)
+    calibration = Calibration(
+        camera=Camera(seen.resolution_px, estimate.matrix, estimate.distortion, chosen.model),
+        floor=Floor(estimate.T_camera_floor),
+        covariance=covariance,
+        corner_noise_px=estimate.noise_px,
+        views=_views(seen, kept, estimate, dropped, unseen),
+    )
+    calibration = _judged(calibration, kept, trials, chosen, (0.0, *heights_m), settings.position_limit_m)
+    stated = seen.reference.mark_std_px if seen.reference is not None else np.nan
+    return replace(calibration, findings=(*calibration.findings, *marks_findings(kept, estimate, stated)))
+
+
+def _without_misfits(
+    seen: CalibrationObservations, settings: CalibrateSettings
+) -> tuple[CalibrationObservations, Estimate, dict[str, str]]:
+    """Drop the views that do not fit, worst first, until all others do; return what is left and its fit."""
+    dropped: dict[str, str] = {}
+    while True:
+        if len(seen.observations) < _FEWEST_VIEWS:
+            raise RefusedError(
+                "too few views of the board",
+                got=f"{len(seen.observations)} usable",
+                allowed=f"{_FEWEST_VIEWS} at the very least, 12 to do well",
+                remedy="film the board tilted by 20° to 40° to all sides, all over the picture",
+            )
+        estimate, misfit = _fit_to_judge(seen, settings.misfit_ratio)
+        if misfit is None:
+            return seen, estimate, dropped
+        name, reason = misfit
+        dropped[name] = reason
+        seen = _less(seen, name, reason)
+
+
+def _fit_to_judge(seen: CalibrationObservations, misfit_ratio: float) -> tuple[Estimate, tuple[str, str] | None]:
+    """Fit ever larger lens models until all views fit; if none does, name the worst view and say why."""
+    estimate = first_guess(seen)
+    for model in _JUDGING_MODELS:
+        active = active_parameters(model, with_floor=seen.reference is not None)
+        estimate = unflipped(seen, adjust(seen.blocks, estimate, active))
+        found = residuals(seen.blocks, estimate)[: len(seen.observations)]
+        rms_px = [float(np.sqrt(np.mean(r**2))) for r in found]
+        usual, worst = float(np.median(rms_px)), int(np.argmax(rms_px))
+        if model in _GOOD_ENOUGH_TO_CLEAR and rms_px[worst] <= max(misfit_ratio * usual, _SMALLEST_MISFIT_PX):
+            return estimate, None
+    reason = f"does not fit: {rms_px[worst]:.2f} px RMS where half of the views have {usual:.2f} px or less"
+    return estimate, (seen.observations[worst].name, reason)
+
+
+def _with_honest_marks(seen: CalibrationObservations, estimate: Estimate) -> tuple[CalibrationObservations, Estimate]:
+    """Surveyed marks with the deviation that their residuals show, where that is clearly more than stated."""
+    if not seen.marks:
+        return seen, estimate
+    shown, worse = marks_std_px(seen, estimate)
+    if not worse:
+        return seen, estimate
+    seen = replace(seen, reference=replace(seen.reference, mark_std_px=shown))
+    return seen, adjust(seen.blocks, estimate, active_parameters("k1 k2", with_floor=True))
+
+
+def _less(seen: CalibrationObservations, name: str, reason: str) -> CalibrationObservations:
+    if seen.floor_boards and not seen.marks and seen.floor_boards[0].name == name:
+        raise RefusedError(
+            "the board that fixes the floor frame does not fit",
+            got=f"{name} {reason}",
+            remedy="check that it lies flat, is sharp and is the same board; or take another picture as floor.image",
+        )
+    return seen.without({name})
+
+
+def _views(
+    seen: CalibrationObservations,
+    kept: CalibrationObservations,
+    estimate: Estimate,
+    dropped: dict[str, str],
+    unseen: dict[str, str],
+) -> tuple[View, ...]:
+    names = [s.name for s in kept.observations]
+    fitted = dict(zip(names, residuals(kept.blocks, estimate), strict=False))
+    tilts = dict(zip(names, tilts_deg(kept, estimate), strict=True))
+    on_floor = {s.name for s in seen.floor_boards}
+    views = [
+        View(
+            name=s.name,
+            corners_px=s.corners_px,
+            board_m=s.board_m,
+            residuals_px=fitted.get(s.name, np.full_like(s.corners_px, np.nan)),
+            tilt_deg=tilts.get(s.name, np.nan),
+            on_floor=s.name in on_floor,
+            dropped=dropped.get(s.name, ""),
+        )
+        for s in seen.observations
+    ]
+    if kept.marks:
+        marks, residual = kept.reference, residuals(kept.blocks, estimate)[-1]
+        views.append(View(_MARKS_VIEW, marks.marks_px, marks.marks_m, residual, np.nan, on_floor=True))
+    empty = np.zeros((0, 2))
+    return (*views, *(View(name, empty, empty, empty, np.nan, dropped=reason) for name, reason in unseen.items()))
+
+
+def _judged(
+    calibration: Calibration,
+    kept: CalibrationObservations,
+    trials: Sequence[LensTrial],
+    chosen: LensTrial,
+    heights_m: Sequence[float],
+    limit_m: float,
+) -> Calibration:
+    """The calibration with its findings and its quality figures."""
+    statistics = view_statistics(kept, chosen.estimate, calibration.covariance)
+    quality = {
+        "views_used": float(len(kept.observations)),
+        "views_dropped": float(sum(bool(view.dropped) for view in calibration.views)),
+        "median_tilt_deg": statistics.median_tilt_deg,
+        "covered_share": statistics.covered,
+        "reprojection_rms_px": _reprojection_rms_px(calibration),
+        "held_out_rms_px": float(np.sqrt(chosen.score_px2)),
+        "condition_number": chosen.condition,
+        "focal_length_std_px": float(np.sqrt(calibration.covariance[0, 0])),
+    }
+    findings = [*_dropped_findings(calibration), *view_findings(statistics), *_lens_findings(trials, chosen)]
+    if kept.reference is not None:
+        halves = compare_halves(kept, chosen, heights_m)
+        findings += halves_findings(halves)
+        findings += floor_findings(kept, calibration, heights_m, limit_m)
+        if kept.marks:
+            quality["marks_rms_px"], _ = marks_std_px(kept, chosen.estimate)
+        quality["camera_height_m"] = float(calibration.floor.camera_position_m[2])
+        quality["camera_height_std_m"] = float(np.sqrt(camera_position_covariance(calibration)[2, 2]))
+        for height in heights_m:
+            quality[f"position_std_mm at {height:.3f} m"] = 1e3 * uncertainty_map(calibration, height).rms_m
+        for plane in halves:
+            quality[f"halves_difference_mm at {plane.height_m:.3f} m"] = 1e3 * plane.found_m
+            quality[f"halves_expected_mm at {plane.height_m:.3f} m"] = 1e3 * plane.expected_m
+    return replace(calibration, findings=tuple(findings), quality=quality)
+
+
+def _reprojection_rms_px(calibration: Calibration) -> float:
+    """Root mean square length of the residual vectors of all corners used, as OpenCV counts it [px]."""
+    used = [view.residuals_px for view in calibration.views if not view.dropped and view.name != _MARKS_VIEW]
+    return float(np.sqrt(np.mean(np.sum(np.concatenate(used) ** 2, axis=1))))
+
+
+def _dropped_findings(calibration: Calibration) -> list[Finding]:
+    return [
+        Finding(
+            Severity.WARNING if len(view.corners_px) else Severity.NOTE,
+            "view-dropped",
+            f"{view.name} was left out: {view.dropped}.",
+        )
+        for view in calibration.views
+        if view.dropped
+    ]
+
+
+def _lens_findings(trials: Sequence[LensTrial], chosen: LensTrial) -> list[Finding]:
+    """A note where a larger lens model predicts better but its coefficients are not determined."""
+    better = [t for t in trials if not t.determined and t.score_px2 < chosen.score_px2]
+    return [
+        Finding(
+            Severity.NOTE,
+            "lens-undetermined",
+            f'The lens model "{trial.model}" predicts held-out views better ({np.sqrt(trial.score_px2):.2f} px against '
+            f'{np.sqrt(chosen.score_px2):.2f} px of "{chosen.model}"), but the views do not determine its coefficients '
+            f"(condition number {trial.condition:.0e}): they cancel, and beyond the corners anything can happen.",
+        )
+        for trial in better
+    ]

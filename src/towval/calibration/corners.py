@@ -1,0 +1,146 @@
+"""Corners of calibration boards in pictures: found, refined to a fraction of a pixel, and put in a fixed order."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from towval.model import Array, Board
+from towval.model.errors import InputError
+
+_CLASSIC = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
+_SECTORS = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE
+_SUBPIXEL_STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 60, 1e-4)
+_WINDOW_SHARE = 0.3
+"""Half-width of the refinement window as a share of the distance to the nearest corner.
+
+The diagonal of a window turned against the board must not reach the edges that meet in the next corner.
+"""
+_WIDEST_WINDOW = 15
+_FEWEST_CORNERS = 8
+_LARGEST_MOVE = 0.3
+"""A corner that refinement moves by more than this share of a square has left its place."""
+
+
+@dataclass(frozen=True)
+class BoardObservation:
+    """Corners of one board in one picture: ``corners_px`` (n, 2), and ``board_m`` (n, 2) the same on the board.
+
+    Board coordinates are right-handed seen from the printed side: x to y runs counter-clockwise to the camera.
+    """
+
+    name: str
+    corners_px: Array
+    board_m: Array
+
+
+def sight_chessboard(name: str, image: NDArray[np.uint8], board: Board, *, thorough: bool) -> BoardObservation | None:
+    """Find a chessboard in a picture.
+
+    Parameters
+    ----------
+    name : str
+        What to call the picture.
+    image : ndarray of uint8 (height, width)
+        The picture, grey.
+    board : Board
+        The board to look for; all its corners have to be in the picture.
+    thorough : bool
+        Ask the sector-based finder, which sees more and takes ten to a hundred times as long.
+
+    Returns
+    -------
+    Sighting or None
+        None where the board, or a part of it, is not seen.
+    """
+    if thorough:
+        found, corners = cv2.findChessboardCornersSB(image, board.inner_corners, flags=_SECTORS)
+    else:
+        found, corners = cv2.findChessboardCorners(image, board.inner_corners, flags=_CLASSIC)
+    if not found:
+        return None
+    columns, rows = board.inner_corners
+    grid = corners.reshape(rows, columns, 2).astype(np.float64)
+    spacing = _distance_to_neighbour(grid)
+    refined = refine(image, grid.reshape(-1, 2), spacing.ravel())
+    row, column = np.mgrid[0:rows, 0:columns]
+    on_board = board.square_m * np.column_stack([column.ravel(), row.ravel()])
+    return BoardObservation(name, refined, facing_camera(on_board, refined))
+
+
+def sight_charuco(name: str, image: NDArray[np.uint8], board: Board) -> BoardObservation | None:
+    """Find a ChArUco board, whole or in part, in a grey picture; None where too little of it is seen.
+
+    Raises
+    ------
+    InputError
+        When OpenCV has no marker set of the board's name.
+    """
+    pattern = _charuco_pattern(board)
+    corners, ids, _, _ = cv2.aruco.CharucoDetector(pattern).detectBoard(image)
+    if ids is None or len(ids) < _FEWEST_CORNERS:
+        return None
+    grid = np.asarray(pattern.getChessboardCorners(), dtype=np.float64)[ids.ravel(), :2]
+    if np.linalg.matrix_rank(grid - grid.mean(axis=0), tol=0.5 * board.square_m) < 2:
+        return None
+    corners = corners.reshape(-1, 2).astype(np.float64)
+    # The window must end before the markers, which stand inside the white squares.
+    inset = 0.5 * (1 - board.marker_m / board.square_m)
+    spacing = _predicted_spacing(grid, corners, board.square_m)
+    refined = refine(image, corners, spacing, min(_WINDOW_SHARE, inset))
+    return BoardObservation(name, refined, facing_camera(grid, refined))
+
+
+def _charuco_pattern(board: Board) -> cv2.aruco.CharucoBoard:
+    number = getattr(cv2.aruco, board.dictionary, None)
+    if number is None:
+        known = sorted(name for name in dir(cv2.aruco) if name.startswith("DICT_"))
+        raise InputError("board.dictionary is unknown", got=board.dictionary, allowed=", ".join(known))
+    squares = (board.inner_corners[0] + 1, board.inner_corners[1] + 1)
+    dictionary = cv2.aruco.getPredefinedDictionary(number)
+    return cv2.aruco.CharucoBoard(squares, board.square_m, board.marker_m, dictionary)
+
+
+def _predicted_spacing(grid: Array, corners: Array, square_m: float) -> Array:
+    """Distance (n,) from each corner to the nearest of its four neighbours, seen or not [px]."""
+    homography = cv2.findHomography(grid, corners)[0]
+    steps = square_m * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]], dtype=float)
+    seen = cv2.perspectiveTransform((grid[:, None] + steps).reshape(-1, 1, 2), homography).reshape(-1, 5, 2)
+    return np.linalg.norm(seen[:, 1:] - seen[:, :1], axis=2).min(axis=1)
+
+
+def facing_camera(board_m: Array, corners_px: Array) -> Array:
+    """Board coordinates with y reversed where they would be those of the board seen from behind."""
+    affine = np.linalg.lstsq(np.column_stack([board_m, np.ones(len(board_m))]), corners_px, rcond=None)[0][:2]
+    # Image v runs down: a board that faces the camera has a negative determinant there.
+    return board_m * [1.0, -1.0] if np.linalg.det(affine) > 0 else board_m
+
+
+def _distance_to_neighbour(grid: Array) -> Array:
+    """Distance of each corner of a grid (rows, columns, 2) to the nearest of its four neighbours [px]."""
+    spacing = np.full(grid.shape[:2], np.inf)
+    along, down = np.linalg.norm(np.diff(grid, axis=1), axis=2), np.linalg.norm(np.diff(grid, axis=0), axis=2)
+    for part, distance in ((np.s_[:, 1:], along), (np.s_[:, :-1], along), (np.s_[1:], down), (np.s_[:-1], down)):
+        spacing[part] = np.minimum(spacing[part], distance)
+    return spacing
+
+
+def refine(image: NDArray[np.uint8], corners: Array, spacing: Array, share: float = _WINDOW_SHARE) -> Array:
+    """Corners (n, 2) to a fraction of a pixel, each in a window that fits its distance (n,) to the next corner [px].
+
+    The window reaches ``share`` of that distance to either side. One of a fixed size reaches into the neighbouring
+    corners of a small board and pulls them together.
+    """
+    refined = corners.astype(np.float32).reshape(-1, 1, 2)
+    half_widths = np.clip((share * spacing).astype(int), 2, _WIDEST_WINDOW)
+    for half_width in np.unique(half_widths):
+        chosen = np.flatnonzero(half_widths == half_width)
+        part = np.ascontiguousarray(refined[chosen])
+        cv2.cornerSubPix(image, part, (int(half_width),) * 2, (-1, -1), _SUBPIXEL_STOP)
+        refined[chosen] = part
+    moved = refined.reshape(-1, 2).astype(np.float64)
+    astray = np.linalg.norm(moved - corners, axis=1) > _LARGEST_MOVE * spacing
+    return np.where(astray[:, None], corners, moved)

@@ -1,0 +1,87 @@
+"""The floor frame: which corner of which board is the origin, and a first guess that the adjustment can start from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+
+from towval.calibration.bundle_adjustment import Estimate
+from towval.calibration.corners import BoardObservation
+from towval.model import Array, FloorReference
+from towval.model.errors import InputError
+from towval.model.geometry import rigid_fit
+from towval.optics.projection import to_plane_kernel
+
+
+def in_floor_axes(observation: BoardObservation, reference: FloorReference) -> BoardObservation:
+    """The first floor board in floor coordinates: origin at the corner pointed at, x along the row pointed along.
+
+    Raises
+    ------
+    InputError
+        When a point is further than one square from the nearest corner, or both mean the same corner.
+    """
+    origin = _nearest(observation, reference.origin_corner_px, "floor.origin_corner_px")
+    end = _nearest(observation, reference.x_axis_end_corner_px, "floor.x_axis_end_corner_px")
+    if origin == end:
+        raise InputError(
+            "floor.x_axis_end_corner_px is the corner of floor.origin_corner_px",
+            got=np.round(observation.corners_px[origin], 1).tolist(),
+            remedy="give another corner of the same row of the board",
+        )
+    axis = observation.board_m[end] - observation.board_m[origin]
+    c, s = axis / np.linalg.norm(axis)
+    turned = (observation.board_m - observation.board_m[origin]) @ np.array([[c, -s], [s, c]])
+    return BoardObservation(observation.name, observation.corners_px, turned)
+
+
+def _nearest(observation: BoardObservation, pixel: Array, key: str) -> int:
+    distance = np.linalg.norm(observation.corners_px - pixel, axis=1)
+    nearest = int(np.argmin(distance))
+    between = np.linalg.norm(observation.corners_px - observation.corners_px[nearest], axis=1)
+    square_px = np.min(between[between > 0])
+    if distance[nearest] > square_px:
+        raise InputError(
+            f"{key} is not at a corner of the board in {observation.name}",
+            got=np.asarray(pixel).tolist(),
+            allowed=f"within {square_px:.0f} px of a corner; the nearest is {observation.corners_px[nearest].round(1)}",
+            remedy="give the pixel of an inner corner of the board in the first floor image",
+        )
+    return nearest
+
+
+def pose_of_plane(points_m: Array, pixels: Array, matrix: Array, distortion: Array) -> list[Array]:
+    """Poses (6,) of a flat set of points in the camera frame, the likelier of the two solutions first.
+
+    A flat target seen from afar has two poses that look nearly alike, tilted to either side (Collins and Bartoli 2014).
+    """
+    _, rotations, shifts, _ = cv2.solvePnPGeneric(points_m, pixels, matrix, distortion, flags=cv2.SOLVEPNP_IPPE)
+    return [np.concatenate([r.ravel(), t.ravel()]) for r, t in zip(rotations, shifts, strict=True)]
+
+
+def floor_from_boards(origin_pose: Array, all_poses: Sequence[Array], thickness_m: float) -> Array:
+    """First guess (6,) of the floor in the camera frame.
+
+    The normal is the mean over all boards, place and x axis come from the board at the origin.
+    """
+    normal = np.mean([cv2.Rodrigues(pose[:3])[0][:, 2] for pose in all_poses], axis=0)
+    normal /= np.linalg.norm(normal)
+    x = cv2.Rodrigues(origin_pose[:3])[0][:, 0]
+    x = x - (x @ normal) * normal
+    x /= np.linalg.norm(x)
+    rotation = np.column_stack([x, np.cross(normal, x), normal])
+    return np.concatenate([cv2.Rodrigues(rotation)[0].ravel(), origin_pose[3:] - thickness_m * normal])
+
+
+def place_on_floor(observation: BoardObservation, estimate: Estimate, thickness_m: float) -> Array:
+    """Where a board lies (3,): x, y [m] and heading [rad] in the floor frame."""
+    seen = to_plane_kernel(
+        np.ascontiguousarray(observation.corners_px),
+        thickness_m,
+        estimate.T_camera_floor,
+        estimate.matrix,
+        np.ascontiguousarray(estimate.distortion),
+    )
+    return rigid_fit(observation.board_m, seen)

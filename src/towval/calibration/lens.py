@@ -1,0 +1,119 @@
+"""Which lens model: nested ones, the smallest that predicts held-out views as well as the best."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from towval.calibration.bundle_adjustment import Block, Estimate, Placement, adjust, marginal_covariance, residuals
+from towval.model import Array
+
+LENS_MODELS = {
+    "none": (),
+    "k1": (4,),
+    "k1 k2": (4, 5),
+    "k1 k2 p1 p2": (4, 5, 6, 7),
+    "k1 k2 p1 p2 k3": (4, 5, 6, 7, 8),
+    "rational": (4, 5, 6, 7, 8, 9, 10, 11),
+}
+"""Nested lens models, smallest first: the shared parameters each of them adds to fx, fy, cx, cy."""
+
+
+_LARGEST_CONDITION = 1e8
+"""Beyond it coefficients cancel: the fit is good where there are corners and anything between and beyond them."""
+
+
+@dataclass(frozen=True)
+class LensTrial:
+    """How one lens model did.
+
+    ``held_out_rms_px`` (views,) of every view as predicted by the others; ``estimate`` from all views; ``condition``
+    the scaled condition number of its parameters.
+    """
+
+    model: str
+    held_out_rms_px: Array
+    estimate: Estimate
+    condition: float
+
+    @property
+    def score_px2(self) -> float:
+        """Mean square held-out residual of a coordinate [px²]."""
+        return float(np.mean(self.held_out_rms_px**2))
+
+    @property
+    def determined(self) -> bool:
+        """Whether the views determine the coefficients, or leave some that cancel."""
+        return self.condition < _LARGEST_CONDITION
+
+
+def active_parameters(model: str, with_floor: bool) -> NDArray[np.intp]:
+    """Indices of the shared parameters that a lens model fits, those of the floor among them where there is one."""
+    floor = range(12, 18) if with_floor else ()
+    return np.array([0, 1, 2, 3, *LENS_MODELS[model], *floor])
+
+
+def try_lens(blocks: Sequence[Block], start: Estimate, model: str, folds: int) -> LensTrial:
+    """Fit a lens model to all views and, leaving out a fold at a time, predict each view from the others.
+
+    A view that is left out fits its own place and nothing else. Points given in floor coordinates stay in every fit:
+    they fix the frame.
+    """
+    with_floor = any(block.placement is not Placement.FREE for block in blocks)
+    active = active_parameters(model, with_floor)
+    shared = start.shared.copy()
+    shared[[i for i in range(4, 12) if i not in active]] = 0.0
+    estimate = adjust(blocks, replace(start, shared=shared), active)
+    movable = [i for i, block in enumerate(blocks) if block.placement is not Placement.FIXED]
+    scores = np.full(len(blocks), np.nan)
+    for fold in range(min(folds, len(movable))):
+        left_out = movable[fold::folds]
+        kept = [i for i in range(len(blocks)) if i not in left_out]
+        fitted = adjust([blocks[i] for i in kept], _part(estimate, kept), active)
+        test = replace(fitted, places=tuple(estimate.places[i] for i in left_out))
+        test_blocks = [blocks[i] for i in left_out]
+        placed = adjust(test_blocks, test, np.array([], dtype=np.intp))
+        for i, residual in zip(left_out, residuals(test_blocks, placed), strict=True):
+            scores[i] = np.sqrt(np.mean(residual**2))
+    condition = marginal_covariance(blocks, estimate, active)[1]
+    return LensTrial(model, scores[movable], estimate, condition)
+
+
+def _part(estimate: Estimate, chosen: Sequence[int]) -> Estimate:
+    return replace(estimate, places=tuple(estimate.places[i] for i in chosen))
+
+
+def try_lenses(blocks: Sequence[Block], start: Estimate, models: Sequence[str], folds: int) -> list[LensTrial]:
+    """Try nested models, smallest first, each from the one before, until two in a row predict no better."""
+    trials: list[LensTrial] = []
+    worse_in_a_row = 0
+    for model in models:
+        trials.append(try_lens(blocks, trials[-1].estimate if trials else start, model, folds))
+        best_before = min((trial.score_px2 for trial in trials[:-1]), default=np.inf)
+        worse_in_a_row = 0 if trials[-1].score_px2 < best_before else worse_in_a_row + 1
+        if worse_in_a_row == 2:
+            break
+    return trials
+
+
+def choose_lens(trials: Sequence[LensTrial]) -> LensTrial:
+    """The smallest model whose held-out error is within one standard error of the best one's.
+
+    The standard error is that of the paired difference: the same views, predicted by both models. Models whose
+    coefficients the views do not determine are left out unless all are such.
+
+    Parameters
+    ----------
+    trials : sequence of LensTrial
+        Smallest model first.
+    """
+    trials = [trial for trial in trials if trial.determined] or trials
+    best = min(trials, key=lambda trial: trial.score_px2)
+    for trial in trials:
+        difference = trial.held_out_rms_px**2 - best.held_out_rms_px**2
+        if difference.mean() <= difference.std(ddof=1) / np.sqrt(len(difference)):
+            return trial
+    return best

@@ -1,0 +1,162 @@
+"""All that a calibration saw, as blocks for the adjustment, and a first guess of camera, floor and places."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from towval.calibration.bundle_adjustment import Block, Estimate, Placement, camera_matrix, residuals
+from towval.calibration.corners import BoardObservation
+from towval.calibration.floor import floor_from_boards, place_on_floor, pose_of_plane
+from towval.model import Array, FloorReference
+from towval.model.errors import InputError
+from towval.model.geometry import rigid_fit
+from towval.optics.projection import to_plane_kernel
+
+
+@dataclass(frozen=True)
+class CalibrationObservations:
+    """Boards held up, boards lying on the floor, and surveyed marks.
+
+    Without marks the first floor board fixes the floor frame: its ``board_m`` are floor coordinates. ``reference`` is
+    None where there is no floor at all.
+    """
+
+    resolution_px: tuple[int, int]
+    boards: tuple[BoardObservation, ...]
+    floor_boards: tuple[BoardObservation, ...] = ()
+    reference: FloorReference | None = None
+
+    @property
+    def observations(self) -> tuple[BoardObservation, ...]:
+        """All boards, in the order of the blocks."""
+        return self.boards + self.floor_boards
+
+    @property
+    def marks(self) -> int:
+        """Number of surveyed marks."""
+        return 0 if self.reference is None else len(self.reference.marks_px)
+
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        """Boards, floor boards, then the marks where there are any."""
+        free = [Block(lifted(s.board_m, 0.0), s.corners_px, Placement.FREE) for s in self.boards]
+        flat = [self._floor_block(i) for i in range(len(self.floor_boards))]
+        if self.marks:
+            reference = self.reference
+            flat.append(
+                Block(lifted(reference.marks_m, 0.0), reference.marks_px, Placement.FIXED, reference.mark_std_px)
+            )
+        return (*free, *flat)
+
+    def _floor_block(self, index: int) -> Block:
+        observation = self.floor_boards[index]
+        placement = Placement.FIXED if index == 0 and not self.marks else Placement.ON_FLOOR
+        return Block(lifted(observation.board_m, self.reference.board_thickness_m), observation.corners_px, placement)
+
+    def without(self, names: set[str]) -> CalibrationObservations:
+        """The seen less some boards."""
+        return replace(
+            self,
+            boards=tuple(s for s in self.boards if s.name not in names),
+            floor_boards=tuple(s for s in self.floor_boards if s.name not in names),
+        )
+
+
+def lifted(points: Array, height: float) -> Array:
+    """Plane points (n, 2) as (n, 3) at a height."""
+    return np.column_stack([points, np.full(len(points), height)])
+
+
+def first_guess(seen: CalibrationObservations) -> Estimate:
+    """Camera without a lens, floor and places, to start the adjustment from.
+
+    The focal length comes from the vanishing points of the boards (Zhang 2000), the principal point is the image
+    centre.
+    """
+    width, height = seen.resolution_px
+    points = [lifted(s.board_m, 0.0).astype(np.float32) for s in seen.observations]
+    pixels = [s.corners_px.astype(np.float32) for s in seen.observations]
+    guess = cv2.initCameraMatrix2D(points, pixels, seen.resolution_px, 1.0)[0, 0]
+    # Boards without tilt have no vanishing points: the guess may then be anything.
+    focal = guess if np.isfinite(guess) and 0.2 * width < guess < 10 * width else float(width)
+    shared = np.zeros(18)
+    shared[:4] = focal, focal, (width - 1) / 2, (height - 1) / 2
+    return placed(seen, Estimate(shared, ()))
+
+
+def placed(seen: CalibrationObservations, estimate: Estimate) -> Estimate:
+    """The same camera with the floor and all places found anew, each board by itself."""
+    matrix, distortion = camera_matrix(estimate.shared), estimate.distortion
+    poses = [pose_of_plane(lifted(s.board_m, 0.0), s.corners_px, matrix, distortion)[0] for s in seen.observations]
+    free, flat = poses[: len(seen.boards)], poses[len(seen.boards) :]
+    if seen.reference is None:
+        return replace(estimate, places=tuple(free))
+    estimate = _with_floor(seen, estimate, flat)
+    thickness = seen.reference.board_thickness_m
+    places = [np.zeros(0) if b.placement is Placement.FIXED else None for b in seen.blocks[len(seen.boards) :]]
+    for i, observation in enumerate(seen.floor_boards):
+        if places[i] is None:
+            places[i] = place_on_floor(observation, estimate, thickness)
+    return replace(estimate, places=(*free, *places))
+
+
+def _with_floor(seen: CalibrationObservations, estimate: Estimate, flat: Sequence[Array]) -> Estimate:
+    reference, shared = seen.reference, estimate.shared.copy()
+    if seen.marks >= 4:
+        _check_spread(reference.marks_m)
+        marks = lifted(reference.marks_m, 0.0)
+        shared[12:] = pose_of_plane(marks, reference.marks_px, estimate.matrix, estimate.distortion)[0]
+        return replace(estimate, shared=shared)
+    if not flat:
+        raise InputError(
+            "the floor cannot be found",
+            got=f"{seen.marks} surveyed marks and no board on the floor",
+            allowed="four marks or more, or a board lying on the floor",
+        )
+    shared[12:] = floor_from_boards(flat[0], flat, reference.board_thickness_m)
+    estimate = replace(estimate, shared=shared)
+    return _turned_to_marks(reference, estimate) if seen.marks else estimate
+
+
+def _check_spread(marks_m: Array) -> None:
+    spread = np.linalg.svd(marks_m - marks_m.mean(axis=0), compute_uv=False)
+    if spread[1] < 0.05 * spread[0]:
+        raise InputError(
+            "the surveyed marks are all on one line",
+            got=marks_m.tolist(),
+            allowed="marks to both sides of any line, best towards the four corners of the picture",
+        )
+
+
+def _turned_to_marks(reference: FloorReference, estimate: Estimate) -> Estimate:
+    """The floor of the boards with its axes turned and shifted so that the marks have their surveyed coordinates."""
+    T = estimate.T_camera_floor
+    seen = to_plane_kernel(
+        np.ascontiguousarray(reference.marks_px), 0.0, T, estimate.matrix, estimate.distortion.copy()
+    )
+    x, y, heading = rigid_fit(reference.marks_m, seen)
+    turn = np.eye(4)
+    turn[:2, :2] = [[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]]
+    turn[:2, 3] = x, y
+    T = T @ turn
+    shared = estimate.shared.copy()
+    shared[12:] = np.concatenate([cv2.Rodrigues(T[:3, :3])[0].ravel(), T[:3, 3]])
+    return replace(estimate, shared=shared)
+
+
+def unflipped(seen: CalibrationObservations, estimate: Estimate) -> Estimate:
+    """The estimate with each free board on that side of its tilt which fits better, now that the camera is known."""
+    places = list(estimate.places)
+    for i, block in enumerate(seen.blocks):
+        if block.placement is not Placement.FREE:
+            continue
+        for pose in pose_of_plane(block.points_m, block.pixels, estimate.matrix, estimate.distortion):
+            other = residuals([block], replace(estimate, places=(pose,)))[0]
+            own = residuals([block], replace(estimate, places=(places[i],)))[0]
+            if np.sum(other**2) < np.sum(own**2):
+                places[i] = pose
+    return replace(estimate, places=tuple(places))

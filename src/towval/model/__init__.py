@@ -1,0 +1,69 @@
+"""What the stages hand to each other: frozen dataclasses over locked float64 arrays, checked where they are built.
+
+Units, frames and symbols are those of :mod:`towval.model.conventions`. NaN means "missing" and is never filled.
+"""
+
+from towval.model.camera import (
+    CALIBRATION_PARAMETERS,
+    DISTORTION_NAMES,
+    Board,
+    Calibration,
+    Camera,
+    Floor,
+    FloorReference,
+    UncertaintyMap,
+    View,
+)
+from towval.model.checks import Array, locked
+from towval.model.choices import Choice
+from towval.model.findings import Finding, Severity
+from towval.model.identification import Identification, Prediction
+from towval.model.results import Comparison, RunUncertainty, SimulatedMotion, TimedPath, Verdict
+from towval.model.towing import (
+    FrictionLaw,
+    FrictionSpecification,
+    InputDeviations,
+    Load,
+    Patch,
+    Tether,
+    TowedObject,
+    TowingScene,
+)
+from towval.model.tracks import Body, DecimatedTrack, Features, Track, TrackStatus
+
+__all__ = [
+    "CALIBRATION_PARAMETERS",
+    "DISTORTION_NAMES",
+    "Array",
+    "Board",
+    "Body",
+    "Calibration",
+    "Camera",
+    "Choice",
+    "Comparison",
+    "DecimatedTrack",
+    "Features",
+    "Finding",
+    "Floor",
+    "FloorReference",
+    "FrictionLaw",
+    "FrictionSpecification",
+    "Identification",
+    "InputDeviations",
+    "Load",
+    "Patch",
+    "Prediction",
+    "RunUncertainty",
+    "Severity",
+    "SimulatedMotion",
+    "Tether",
+    "TimedPath",
+    "TowedObject",
+    "TowingScene",
+    "Track",
+    "TrackStatus",
+    "UncertaintyMap",
+    "Verdict",
+    "View",
+    "locked",
+]

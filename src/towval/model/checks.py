@@ -1,0 +1,64 @@
+"""Checks that the types share: locked arrays of a known shape, numbers in range."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from towval.model.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+def locked(values: ArrayLike, name: str, shape: tuple[int | None, ...], *, finite: bool = True) -> Array:
+    """Return a read-only float64 copy of ``values`` after checking its shape; of a locked array, itself.
+
+    Parameters
+    ----------
+    values : array_like
+        What to copy.
+    name : str
+        What to call it in the error.
+    shape : tuple of int or None
+        Expected shape; None leaves an axis free.
+    finite : bool, optional
+        Whether NaN and infinity are refused.
+
+    Raises
+    ------
+    InputError
+        When the shape or a value is not as asked.
+    """
+    array = values if _is_locked(values) else np.array(values, dtype=np.float64)
+    if array.ndim != len(shape) or any(want not in (None, have) for want, have in zip(shape, array.shape, strict=True)):
+        wanted = " × ".join("any" if n is None else str(n) for n in shape)
+        raise InputError(f"{name} has the wrong shape", got=array.shape, allowed=wanted)
+    if finite and not np.isfinite(array).all():
+        raise InputError(f"{name} holds values that are not finite", allowed="finite numbers")
+    array.setflags(write=False)
+    return array
+
+
+def _is_locked(values: ArrayLike) -> bool:
+    """Whether values are a float64 array that owns its memory and that its maker has made read-only."""
+    return (
+        type(values) is np.ndarray
+        and values.dtype == np.float64
+        and values.flags.owndata
+        and not values.flags.writeable
+    )
+
+
+def lock(self: object, **shapes: tuple[int | None, ...]) -> None:
+    """Lock the named fields of a frozen dataclass in place; see :func:`locked`."""
+    for name, shape in shapes.items():
+        object.__setattr__(self, name, locked(getattr(self, name), f"{type(self).__name__}.{name}", shape))
+
+
+def positive(self: object, *names: str, zero: bool = False) -> None:
+    """Refuse named fields that are not finite and above zero, or zero itself where ``zero`` allows it."""
+    for name in names:
+        value = getattr(self, name)
+        if not (np.isfinite(value) and (value > 0 or (zero and value == 0))):
+            allowed = "a finite number, zero or more" if zero else "a finite number above zero"
+            raise InputError(f"{type(self).__name__}.{name} is out of range", got=value, allowed=allowed)

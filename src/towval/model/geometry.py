@@ -1,0 +1,235 @@
+"""Planar geometry: poses in SE(2), rigid fits, angles, polygons.
+
+A pose is ``(x, y, heading)``; arrays of poses carry them in the last axis. Polygons are (n, 2) arrays of corners, not
+closed, in either sense of rotation unless said otherwise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from towval.model import Array
+
+
+def wrapped(angle: ArrayLike) -> Array:
+    """The same angle in (−π, π] [rad]."""
+    angle = np.asarray(angle, dtype=np.float64)
+    return np.pi - np.mod(np.pi - angle, 2 * np.pi)
+
+
+def rotation(heading: ArrayLike) -> Array:
+    """Rotation matrices (..., 2, 2) for counter-clockwise headings (...) [rad]."""
+    heading = np.asarray(heading, dtype=np.float64)
+    c, s = np.cos(heading), np.sin(heading)
+    return np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)
+
+
+def transform(pose: ArrayLike, points: ArrayLike) -> Array:
+    """Points of a body frame in the floor frame.
+
+    Parameters
+    ----------
+    pose : array_like (..., 3)
+        Pose of the body frame [m, m, rad].
+    points : array_like (..., 2)
+        Points in the body frame [m], broadcast against the poses.
+
+    Returns
+    -------
+    ndarray (..., 2)
+        ``R(heading) p + (x, y)`` [m].
+    """
+    pose, points = np.asarray(pose, dtype=np.float64), np.asarray(points, dtype=np.float64)
+    c, s = np.cos(pose[..., 2]), np.sin(pose[..., 2])
+    x, y = points[..., 0], points[..., 1]
+    return np.stack([c * x - s * y + pose[..., 0], s * x + c * y + pose[..., 1]], axis=-1)
+
+
+def inverse_transform(pose: ArrayLike, points: ArrayLike) -> Array:
+    """Points of the floor frame in a body frame: the inverse of :func:`transform`, same shapes."""
+    pose, points = np.asarray(pose, dtype=np.float64), np.asarray(points, dtype=np.float64)
+    c, s = np.cos(pose[..., 2]), np.sin(pose[..., 2])
+    x, y = points[..., 0] - pose[..., 0], points[..., 1] - pose[..., 1]
+    return np.stack([c * x + s * y, -s * x + c * y], axis=-1)
+
+
+def compose(first: ArrayLike, second: ArrayLike) -> Array:
+    """Pose ``T_AC = T_AB T_BC`` of two poses (..., 3); headings add and stay unwrapped."""
+    first, second = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
+    xy = transform(first, second[..., :2])
+    return np.concatenate([xy, (first[..., 2] + second[..., 2])[..., None]], axis=-1)
+
+
+def inverse(pose: ArrayLike) -> Array:
+    """Pose ``T_BA`` of the pose ``T_AB`` (..., 3)."""
+    pose = np.asarray(pose, dtype=np.float64)
+    xy = inverse_transform(pose, np.zeros(2))
+    return np.concatenate([xy, -pose[..., 2:]], axis=-1)
+
+
+def rigid_fit(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = None) -> Array:
+    """The pose that brings ``source`` closest to ``target`` in the weighted least-squares sense.
+
+    Closed form in the plane: with both sets centred, ``tan(heading) = Σ w (s × t) / Σ w (s · t)``.
+
+    Parameters
+    ----------
+    source, target : array_like (n, 2)
+        Matching points [m], two or more that do not coincide.
+    weights : array_like (n,), optional
+        Weight of each pair, zero or more.
+
+    Returns
+    -------
+    ndarray (3,)
+        Pose with ``transform(pose, source) ≈ target``, heading in (−π, π].
+    """
+    source, target = np.asarray(source, dtype=np.float64), np.asarray(target, dtype=np.float64)
+    w = np.ones(len(source)) if weights is None else np.asarray(weights, dtype=np.float64)
+    source_mean, target_mean = np.average(source, axis=0, weights=w), np.average(target, axis=0, weights=w)
+    s, t = source - source_mean, target - target_mean
+    sine = np.sum(w * (s[:, 0] * t[:, 1] - s[:, 1] * t[:, 0]))
+    cosine = np.sum(w * (s * t).sum(axis=1))
+    heading = np.arctan2(sine, cosine)
+    shift = target_mean - rotation(heading) @ source_mean
+    return np.array([shift[0], shift[1], heading])
+
+
+def polygon_area(polygon: ArrayLike) -> float:
+    """Signed area of a simple polygon (n, 2) [m²], positive when its corners run counter-clockwise."""
+    x, y = np.asarray(polygon, dtype=np.float64).T
+    x, y = x - x[0], y - y[0]
+    return float(0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+
+
+def polygon_centroid(polygon: ArrayLike) -> Array:
+    """Centroid of a simple polygon (n, 2) [m] (2,)."""
+    polygon = np.asarray(polygon, dtype=np.float64)
+    origin = polygon[0]
+    x, y = (polygon - origin).T
+    cross = x * np.roll(y, -1) - np.roll(x, -1) * y
+    return origin + np.array([np.sum((x + np.roll(x, -1)) * cross), np.sum((y + np.roll(y, -1)) * cross)]) / (
+        3 * np.sum(cross)
+    )
+
+
+def polygon_second_moment(polygon: ArrayLike, about: ArrayLike) -> float:
+    """Polar second moment of area of a simple polygon (n, 2) about a point (2,) [m⁴], signed like its area."""
+    x, y = (np.asarray(polygon, dtype=np.float64) - np.asarray(about, dtype=np.float64)).T
+    xn, yn = np.roll(x, -1), np.roll(y, -1)
+    return float(np.sum((x * yn - xn * y) * (x * x + x * xn + xn * xn + y * y + y * yn + yn * yn)) / 12)
+
+
+def inside_polygon(polygon: ArrayLike, points: ArrayLike) -> np.ndarray:
+    """Whether points (..., 2) lie inside a simple polygon (n, 2), by the even-odd rule."""
+    polygon, points = np.asarray(polygon, dtype=np.float64), np.asarray(points, dtype=np.float64)
+    inside = np.zeros(points.shape[:-1], dtype=bool)
+    x, y = points[..., 0], points[..., 1]
+    for (x0, y0), (x1, y1) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        if y0 == y1:
+            continue
+        crosses = (y0 > y) != (y1 > y)
+        inside ^= crosses & (x < (x1 - x0) * (y - y0) / (y1 - y0) + x0)
+    return inside
+
+
+def path_length(position: ArrayLike) -> float:
+    """Length of a polyline (n, 2) [m], segments with a missing end left out."""
+    return float(np.nansum(np.linalg.norm(np.diff(np.asarray(position, dtype=np.float64), axis=0), axis=-1)))
+
+
+_BLOCKS = 24
+_LAGS = (1, 2, 4, 8)
+
+
+@dataclass(frozen=True)
+class SignatureEntry:
+    """One entry of an error signature: the mean over block ``last``, less that over ``first`` unless they are one."""
+
+    first: int
+    last: int
+
+
+def signature_entries() -> tuple[SignatureEntry, ...]:
+    """The entries of :func:`error_signature` in their order: 24 means, then the changes over 1, 2, 4 and 8 blocks."""
+    means = [SignatureEntry(k, k) for k in range(_BLOCKS)]
+    changes = [SignatureEntry(k, k + lag) for lag in _LAGS for k in range(_BLOCKS - lag)]
+    return (*means, *changes)
+
+
+def signature_blocks(n: int) -> list[NDArray[np.intp]]:
+    """Which of ``n`` times make each of the 24 blocks of a signature."""
+    return np.array_split(np.arange(n), _BLOCKS)
+
+
+def block_means(values: ArrayLike) -> Array:
+    """Means (..., 24, m) of values (..., n, m) over the blocks of a signature, of what is there; else NaN."""
+    values = np.asarray(values, dtype=np.float64)
+    blocks = [values[..., rows, :] for rows in signature_blocks(values.shape[-2])]
+    counts = [np.isfinite(block).sum(axis=-2) for block in blocks]
+    sums = [np.nansum(block, axis=-2) for block in blocks]
+    return np.stack([np.where(c > 0, s / np.maximum(c, 1), np.nan) for s, c in zip(sums, counts, strict=True)], axis=-2)
+
+
+def error_signature(error: ArrayLike) -> Array:
+    """Size and changes of an error over a motion: what a fault of the model moves, and what noise and phase do not.
+
+    Means over 24 blocks of time, in which oscillations (stick and slip) and frame noise average out; and the changes of
+    these means over 1, 2, 4 and 8 blocks, in which what is wrong from the start on (a length, a place) cancels, so that
+    an error that begins under way stands out.
+
+    Parameters
+    ----------
+    error : array_like (..., n, 3)
+        Errors of x, y and heading at n times, 24 or more; NaN where missing.
+
+    Returns
+    -------
+    ndarray (..., m, 3)
+        An entry of :func:`signature_entries` each; NaN where a block holds no error at all.
+    """
+    error = np.asarray(error, dtype=np.float64)
+    means = block_means(error)
+    changes = [means[..., lag:, :] - means[..., :-lag, :] for lag in _LAGS]
+    return np.concatenate([means, *changes], axis=-2)
+
+
+def normalised_signature(signature: ArrayLike, covariance: ArrayLike) -> Array:
+    """Entries of an error signature in units of their deviations, the same in every frame of the floor.
+
+    Parameters
+    ----------
+    signature : array_like (..., m, 3)
+        What :func:`error_signature` gives [m, m, rad].
+    covariance : array_like (m, 3, 3)
+        Covariances of the entries [m², m rad, rad²].
+
+    Returns
+    -------
+    ndarray (..., m, 2)
+        ``√(eᵀ Σ⁻¹ e)`` of the position and ``|e| / σ`` of the heading. Where a motion starts at its measured pose its
+        deviation there is nought, and anything would stand out: each deviation counts as at least a fifth of the root
+        mean square of its kind (means, and changes of one lag).
+    """
+    signature, covariance = np.asarray(signature, dtype=np.float64), np.asarray(covariance, dtype=np.float64)
+    parts, start = [], 0
+    for size in (_BLOCKS, *(_BLOCKS - lag for lag in _LAGS)):
+        rows = slice(start, start + size)
+        parts.append(_normalised(signature[..., rows, :], covariance[rows]))
+        start += size
+    return np.concatenate(parts, axis=-2)
+
+
+_FLOOR_SHARE = 0.2
+
+
+def _normalised(error: Array, covariance: Array) -> Array:
+    position, heading = covariance[:, :2, :2], covariance[:, 2, 2]
+    floor = _FLOOR_SHARE**2 * np.mean(np.trace(position, axis1=1, axis2=2)) / 2
+    inverse_position = np.linalg.inv(position + max(floor, 1e-18) * np.eye(2))
+    square = np.einsum("...ni,nij,...nj->...n", error[..., :2], inverse_position, error[..., :2])
+    turn = np.sqrt(np.maximum(heading, max(_FLOOR_SHARE**2 * np.mean(heading), 1e-18)))
+    return np.stack([np.sqrt(square), np.abs(error[..., 2]) / turn], axis=-1)

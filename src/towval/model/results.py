@@ -1,0 +1,149 @@
+"""What simulation, uncertainty analysis and comparison give."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from towval.model.checks import Array, lock, locked
+from towval.model.choices import Choice
+from towval.model.errors import InputError
+from towval.model.findings import Finding
+
+
+@dataclass(frozen=True)
+class TimedPath:
+    """A point's way over the floor in time: ``time_s`` (n,) strictly increasing, ``position`` (n, 2) [m]."""
+
+    time_s: Array
+    position: Array
+
+    def __post_init__(self) -> None:
+        lock(self, time_s=(None,), position=(len(self.time_s), 2))
+        if len(self.time_s) > 1 and not (np.diff(self.time_s) > 0).all():
+            raise InputError("the times of the path do not increase", allowed="strictly increasing times")
+
+
+@dataclass(frozen=True)
+class SimulatedMotion:
+    """The simulated object on given times.
+
+    ``time_s`` (n,); ``pose`` (n, 3) of the body frame [m, m, rad]; ``twist`` (n, 3) velocity of the body frame's
+    origin and heading rate, in the floor frame [m/s, m/s, rad/s]; ``tether_force`` (n, 2) on the object, in the floor
+    frame [N]; ``tether_length`` (n,) from anchor to hinge [m]; ``outcome`` a named end of the integration (see
+    ``physics.dynamics``), ``advice`` what it means; ``rung`` the model that computed it; ``statistics`` named scalars
+    of the integrator; ``choices`` what was chosen, and what the next choice would have changed.
+    """
+
+    time_s: Array
+    pose: Array
+    twist: Array
+    tether_force: Array
+    tether_length: Array
+    outcome: str
+    advice: str
+    rung: str
+    findings: tuple[Finding, ...] = ()
+    statistics: dict[str, float] = field(default_factory=dict)
+    choices: tuple[Choice, ...] = ()
+
+    def __post_init__(self) -> None:
+        n = len(self.time_s)
+        lock(self, time_s=(n,), pose=(n, 3), twist=(n, 3), tether_force=(n, 2), tether_length=(n,))
+
+
+@dataclass(frozen=True)
+class RunUncertainty:
+    """What is known of the error of one run before it is looked at, in the terms of ASME V&V 20.
+
+    ``time_s`` (n,); covariances (n, 3, 3) of x, y and heading [m², m rad, rad²]: ``measurement`` of the measured pose,
+    ``simulation`` of the simulated one due to all that it was given, ``validation`` of their difference, in which what
+    both share (the camera) is counted once. ``signature`` (m, 3, 3) is the covariance of the error's signature (see
+    :func:`towval.model.geometry.error_signature`), and ``signature_limit`` what the largest of its normalised entries
+    does not exceed with probability ``confidence`` where the model is right. ``shares`` of the path error's variance by
+    input, first order; ``samples`` how many were drawn, from ``seed``; ``choices`` what
+    that number was chosen against.
+    """
+
+    time_s: Array
+    measurement: Array
+    simulation: Array
+    validation: Array
+    signature: Array
+    signature_limit: float
+    confidence: float
+    shares: dict[str, float]
+    samples: int
+    seed: int
+    findings: tuple[Finding, ...] = ()
+    choices: tuple[Choice, ...] = ()
+
+    def __post_init__(self) -> None:
+        n = len(self.time_s)
+        lock(self, time_s=(n,))
+        for name in ("measurement", "simulation", "validation"):
+            value = locked(getattr(self, name), f"RunUncertainty.{name}", (n, 3, 3), finite=False)
+            object.__setattr__(self, name, value)
+        lock(self, signature=(None, 3, 3))
+
+
+class Verdict(enum.StrEnum):
+    """What the comparison of a run allows to say, in the form of ASME V&V 20."""
+
+    AGREES = "agrees"
+    """The error is within the validation uncertainty, and that is small enough to mean something."""
+    MODEL_ERROR = "model error"
+    """The error exceeds the validation uncertainty: the model's form is wrong, and it shows."""
+    TOO_UNCERTAIN = "too uncertain"
+    """The validation uncertainty is too large to tell."""
+    NOT_JUDGED = "not judged"
+    """An uncertainty is missing, so no verdict is given."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Simulated against measured object path of one run, unaligned.
+
+    ``time_s`` (n,); ``error`` (n, 3) simulated minus measured [m, m, rad], NaN where the object was not seen;
+    ``along_across`` (n, 2) the same shift along and across the measured path [m]; ``ratio`` (n,) is |E| / u_val of the
+    position [1]. The scalars are those of ``summary.csv``; an uncertainty that was not computed is NaN and then the
+    verdict is "not judged". ``frechet_m`` and the area metrics are unaligned, too (see
+    :mod:`towval.validation.metrics`); only ``aligned_rms_m`` comes after the rigid motion that brings the whole
+    simulated path closest to the measured one.
+    """
+
+    run: str
+    time_s: Array
+    error: Array
+    along_across: Array
+    ratio: Array
+    path_rms_m: float
+    path_max_m: float
+    final_error_m: float
+    heading_rms_rad: float
+    path_length_m: float
+    u_num_m: float
+    u_input_m: float
+    u_measurement_m: float
+    u_val_m: float
+    verdict: Verdict
+    tracked_frames: int
+    lost_frames: int
+    frechet_m: float = float("nan")
+    area_along_m: float = float("nan")
+    area_across_m: float = float("nan")
+    aligned_rms_m: float = float("nan")
+    findings: tuple[Finding, ...] = ()
+
+    def __post_init__(self) -> None:
+        n = len(self.time_s)
+        lock(self, time_s=(n,))
+        for name, shape in (("error", (n, 3)), ("along_across", (n, 2)), ("ratio", (n,))):
+            object.__setattr__(self, name, locked(getattr(self, name), f"Comparison.{name}", shape, finite=False))
+
+    @property
+    def ratio_max(self) -> float:
+        """Largest |E| / u_val of the run [1], NaN where there is none."""
+        return float(np.nanmax(self.ratio)) if np.isfinite(self.ratio).any() else float("nan")

@@ -1,0 +1,71 @@
+"""All that is known of one run, as the figures, the overlay video and the report draw it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from towval.model import Array, Body, Comparison, DecimatedTrack, RunUncertainty, SimulatedMotion, Track, locked
+from towval.model.errors import InputError
+from towval.model.geometry import transform
+
+
+@dataclass(frozen=True)
+class RunRecord:
+    """One run from its tracks to its comparison.
+
+    ``rover`` and ``towed`` are the two bodies, ``hinge`` (2,) and ``anchor`` (2,) [m] the ends of the tether in their
+    frames; ``rover_track``, ``object_track`` what was measured, ``decimated`` the thinned track of the rover (None
+    where it was not thinned), ``simulated`` what the model says, ``comparison`` the difference, ``uncertainty``
+    how large it may be if the model is right, None where that was not computed.
+    """
+
+    name: str
+    rover: Body
+    towed: Body
+    hinge: Array
+    anchor: Array
+    rover_track: Track
+    object_track: Track
+    simulated: SimulatedMotion
+    comparison: Comparison
+    decimated: DecimatedTrack | None = None
+    uncertainty: RunUncertainty | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "hinge", locked(self.hinge, "RunRecord.hinge", (2,)))
+        object.__setattr__(self, "anchor", locked(self.anchor, "RunRecord.anchor", (2,)))
+        times = self.comparison.time_s
+        if self.uncertainty is not None and not np.array_equal(self.uncertainty.time_s, times):
+            raise InputError(
+                f"uncertainty and comparison of run {self.name} are not of the same times",
+                got=f"{len(self.uncertainty.time_s)} and {len(times)} samples",
+                remedy="compute both from the same simulation",
+            )
+
+
+def measured_poses(track: Track) -> Array:
+    """Poses (n, 3) of the frames in which the body was seen, NaN in the others."""
+    return np.where(track.seen[:, None], track.pose, np.nan)
+
+
+def nearest_samples(time_s: Array, wanted_s: ArrayLike) -> NDArray[np.intp]:
+    """Indices of the samples nearest to given times; ``time_s`` increases."""
+    after = np.clip(np.searchsorted(time_s, wanted_s), 1, max(len(time_s) - 1, 1))
+    nearest = np.where(wanted_s - time_s[after - 1] <= time_s[after % len(time_s)] - wanted_s, after - 1, after)
+    return np.minimum(nearest, len(time_s) - 1)
+
+
+def pose_at(time_s: Array, pose: Array, wanted_s: float) -> Array:
+    """The pose (3,) of the sample nearest to a time, NaN where there is none within one interval of the samples."""
+    nearest = int(nearest_samples(time_s, wanted_s))
+    interval = float(np.median(np.diff(time_s))) if len(time_s) > 1 else np.inf
+    return pose[nearest] if abs(time_s[nearest] - wanted_s) <= interval else np.full(3, np.nan)
+
+
+def outline_at(body: Body, pose: Array) -> Array:
+    """The closed outline (n + 1, 2) [m] of a body's top at a pose (3,)."""
+    corners = transform(pose, body.top_corners_m)
+    return np.concatenate([corners, corners[:1]])

@@ -1,0 +1,163 @@
+"""What the simulation is told: footprint, load, friction, tether, and how well each is known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from towval.model.checks import Array, lock, locked, positive
+from towval.model.errors import InputError
+
+
+@dataclass(frozen=True)
+class Patch:
+    """The footprint of an object: a simple polygon, with holes or without, in the body frame.
+
+    ``outline`` (n, 2) and each of ``holes`` (m, 2) in metres, in either sense of rotation.
+    """
+
+    outline: Array
+    holes: tuple[Array, ...] = ()
+
+    def __post_init__(self) -> None:
+        lock(self, outline=(None, 2))
+        holes = tuple(locked(h, "Patch.holes", (None, 2)) for h in self.holes)
+        object.__setattr__(self, "holes", holes)
+        if min(len(ring) for ring in (self.outline, *holes)) < 3:
+            raise InputError("a ring of the footprint is no polygon", allowed="three corners or more")
+
+
+@dataclass(frozen=True)
+class FrictionLaw:
+    """Makkar's friction coefficient of the sliding speed, μ(v).
+
+    SOURCE: eq. (3), ``μ(v) = γ1 (tanh γ2 v − tanh γ3 v) + γ4 tanh γ5 v + γ6 v``. ``gamma`` (6,): γ1, γ4 [1], γ2, γ3,
+    γ5, γ6 [s/m], all zero or more.
+    """
+
+    gamma: Array
+
+    def __post_init__(self) -> None:
+        lock(self, gamma=(6,))
+        if (self.gamma < 0).any():
+            raise InputError("FrictionLaw.gamma is out of range", got=self.gamma.tolist(), allowed="zero or more")
+
+
+@dataclass(frozen=True)
+class Tether:
+    """An elastic tether that can only pull, eq. (12) of the paper.
+
+    ``rest_length`` [m], ``stiffness`` [N/m], ``damping`` [N s/m] (zero in the paper).
+    """
+
+    rest_length: float
+    stiffness: float
+    damping: float = 0.0
+
+    def __post_init__(self) -> None:
+        positive(self, "rest_length", "stiffness")
+        positive(self, "damping", zero=True)
+
+
+@dataclass(frozen=True)
+class TowedObject:
+    """The towed object as dynamics sees it, in its body frame.
+
+    ``patch`` the footprint; ``mass`` [kg] all in all; ``centre_of_mass`` (2,) [m]; ``inertia`` [kg m²] about the
+    vertical through the centre of mass; ``anchor`` (2,) [m] where the tether holds it.
+    """
+
+    patch: Patch
+    mass: float
+    centre_of_mass: Array
+    inertia: float
+    anchor: Array
+
+    def __post_init__(self) -> None:
+        lock(self, centre_of_mass=(2,), anchor=(2,))
+        positive(self, "mass", "inertia")
+
+
+@dataclass(frozen=True)
+class Load:
+    """A box standing on the object, its sides along the object's axes.
+
+    ``mass`` [kg]; ``at`` (2,) its centre in the object's frame [m]; ``size`` (3,) length, width and height [m].
+    """
+
+    mass: float
+    at: Array
+    size: Array
+
+    def __post_init__(self) -> None:
+        lock(self, at=(2,), size=(3,))
+        positive(self, "mass", zero=True)
+
+    @property
+    def outline(self) -> Array:
+        """Corners of its bottom (4, 2) in the object's frame [m]."""
+        half = 0.5 * self.size[:2]
+        return self.at + half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+
+
+@dataclass(frozen=True)
+class FrictionSpecification:
+    """What a lab knows of the friction: the numbers to which Makkar's law is fitted.
+
+    ``static`` and ``kinetic`` coefficients [1], ``kinetic_std`` [1]; ``stiction_velocity`` v_s, where the law peaks,
+    and ``friction_velocity`` v_k, where it has come down to the kinetic coefficient [m/s].
+    """
+
+    static: float
+    kinetic: float
+    stiction_velocity: float
+    friction_velocity: float
+    kinetic_std: float = 0.005
+
+    def __post_init__(self) -> None:
+        positive(self, "static", "kinetic", "stiction_velocity", "friction_velocity")
+        positive(self, "kinetic_std", zero=True)
+
+
+@dataclass(frozen=True)
+class TowingScene:
+    """All that the simulation is told besides the rover's track.
+
+    ``patch``, ``load`` and ``anchor`` (2,) in the object's frame, ``hinge`` (2,) in the rover's [m]; ``body_mass`` [kg]
+    of the object without its load, spread evenly over the footprint.
+    """
+
+    patch: Patch
+    body_mass: float
+    load: Load
+    anchor: Array
+    hinge: Array
+    tether: Tether
+    friction: FrictionSpecification
+
+    def __post_init__(self) -> None:
+        lock(self, anchor=(2,), hinge=(2,))
+        positive(self, "body_mass")
+
+
+@dataclass(frozen=True)
+class InputDeviations:
+    """Standard deviations of what the simulation is told.
+
+    ``friction`` of the kinetic coefficient, the static one going with it in proportion [1]; ``body_mass`` and
+    ``load_mass`` [kg]; ``load_at``, ``anchor``, ``hinge`` of each coordinate [m]; ``rest_length`` [m];
+    ``stiffness`` [N/m].
+    """
+
+    friction: float
+    body_mass: float
+    load_mass: float
+    load_at: float
+    anchor: float
+    hinge: float
+    rest_length: float
+    stiffness: float
+
+    def __post_init__(self) -> None:
+        positive(self, *(f.name for f in fields(self)), zero=True)

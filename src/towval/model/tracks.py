@@ -1,0 +1,172 @@
+"""Bodies as the camera sees them, and their measured motion."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from towval.model.checks import Array, lock, locked, positive
+from towval.model.choices import Choice
+from towval.model.errors import InputError
+from towval.model.findings import Finding
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicHermiteSpline
+
+
+@dataclass(frozen=True)
+class Body:
+    """A body whose flat top the camera sees.
+
+    ``top_corners_m`` (n, 2) is the outline of the top in the body frame, at ``tracked_plane_height_m`` above the
+    floor. ``obstructions`` are regions of the top, each (m, 2) in the body frame, hidden by something that stands on
+    it (the load): what is seen there is not on the plane. ``height_std_m`` is the deviation of the height.
+    """
+
+    name: str
+    tracked_plane_height_m: float
+    top_corners_m: Array
+    obstructions: tuple[Array, ...] = ()
+    height_std_m: float = 0.001
+
+    def __post_init__(self) -> None:
+        lock(self, top_corners_m=(None, 2))
+        positive(self, "tracked_plane_height_m", "height_std_m", zero=True)
+        if len(self.top_corners_m) < 3:
+            raise InputError(
+                f"{self.name}.top_corners_m is no outline",
+                got=f"{len(self.top_corners_m)} corners",
+                allowed="three corners or more",
+            )
+        obstructions = tuple(locked(o, f"{self.name} obstruction", (None, 2)) for o in self.obstructions)
+        object.__setattr__(self, "obstructions", obstructions)
+
+
+class TrackStatus(enum.IntEnum):
+    """Whether a pose can be trusted."""
+
+    LOST = 0
+    """No pose: the numbers of this frame are NaN."""
+    COASTING = 1
+    """Predicted from the frames before, not seen."""
+    TRACKED = 2
+    """Seen."""
+
+
+@dataclass(frozen=True)
+class Features:
+    """Points on a body that a track rests on, in one table over all frames.
+
+    ``frame`` (m,) index into the track's times; ``floor_m`` (m, 3) the point in the floor frame, at the height of the
+    body's top; ``weight`` (m,) in [0, 1], zero for an outlier.
+    """
+
+    frame: NDArray[np.int64]
+    floor_m: Array
+    weight: Array
+
+    def __post_init__(self) -> None:
+        frame = np.array(self.frame, dtype=np.int64)
+        frame.setflags(write=False)
+        object.__setattr__(self, "frame", frame)
+        lock(self, floor_m=(len(frame), 3), weight=(len(frame),))
+
+
+@dataclass(frozen=True)
+class Track:
+    """Measured planar poses of one body over time.
+
+    ``time_s`` (n,) strictly increasing, the video's presentation times; ``pose`` (n, 3) x [m], y [m], heading [rad]
+    unwrapped, NaN where lost; ``covariance`` (n, 3, 3) of the frame's own noise, without calibration and start, NaN
+    where lost; ``status`` (n,) of :class:`TrackStatus`; ``inlier_fraction`` (n,) share of the points or samples that
+    agree; ``residual`` (n,) root mean square misfit, in pixels for KLT and in grey levels for plane alignment.
+
+    ``start_covariance`` (3, 3) is that of the body frame's registration in the first frame: one unknown shift and
+    turn, in the body frame, common to all poses. ``choices``: what was chosen, and what the next would have changed.
+    """
+
+    body: str
+    time_s: Array
+    pose: Array
+    covariance: Array
+    status: NDArray[np.uint8]
+    inlier_fraction: Array
+    residual: Array
+    start_covariance: Array
+    features: Features | None = None
+    findings: tuple[Finding, ...] = ()
+    method: str = ""
+    choices: tuple[Choice, ...] = ()
+
+    def __post_init__(self) -> None:
+        n = len(self.time_s)
+        lock(self, time_s=(n,), start_covariance=(3, 3))
+        for name, shape in (("pose", (n, 3)), ("covariance", (n, 3, 3)), ("inlier_fraction", (n,)), ("residual", (n,))):
+            object.__setattr__(self, name, locked(getattr(self, name), f"Track.{name}", shape, finite=False))
+        status = np.array(self.status, dtype=np.uint8)
+        status.setflags(write=False)
+        object.__setattr__(self, "status", status)
+        if status.shape != (n,):
+            raise InputError("Track.status has the wrong shape", got=status.shape, allowed=f"{n}")
+        if n > 1 and not (np.diff(self.time_s) > 0).all():
+            raise InputError(f"the times of the {self.body} track do not increase", allowed="strictly increasing times")
+        seen = status != TrackStatus.LOST
+        if not np.isfinite(self.pose[seen]).all() or np.isfinite(self.pose[~seen]).any():
+            raise InputError(
+                f"the {self.body} track's poses and status disagree",
+                allowed="finite poses where tracked or coasting, NaN where lost",
+            )
+
+    @property
+    def seen(self) -> NDArray[np.bool_]:
+        """Frames that were seen, neither lost nor coasting (n,)."""
+        return self.status == TrackStatus.TRACKED
+
+    @property
+    def std(self) -> Array:
+        """Standard deviation of each pose (n, 3) [m, m, rad], of the frame's own noise."""
+        return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
+
+
+@dataclass(frozen=True)
+class DecimatedTrack:
+    """A track thinned to the points that it needs: a C1 cubic through poses and their rates.
+
+    ``time_s`` (m,) times of kept frames; ``pose`` (m, 3) and ``rate`` (m, 3) of the smoothing spline there [m, m, rad;
+    per s]; ``covariance`` (m, 3, 3) of the kept poses; ``noise`` (3,) standard deviation of one measured pose, read off
+    the track itself; ``pauses`` (k, 2) start and end of the times at rest [s]; ``frames`` how many measured poses went
+    in; ``misfit`` (3,) root mean square deviation of the measured poses from the spline, in units of their noise.
+    """
+
+    body: str
+    time_s: Array
+    pose: Array
+    rate: Array
+    covariance: Array
+    noise: Array
+    pauses: Array
+    frames: int
+    misfit: Array
+    findings: tuple[Finding, ...] = ()
+
+    def __post_init__(self) -> None:
+        m = len(self.time_s)
+        lock(self, time_s=(m,), pose=(m, 3), rate=(m, 3), covariance=(m, 3, 3), noise=(3,), misfit=(3,))
+        object.__setattr__(self, "pauses", locked(np.reshape(self.pauses, (-1, 2)), "DecimatedTrack.pauses", (None, 2)))
+        if m < 2 or not (np.diff(self.time_s) > 0).all():
+            raise InputError(
+                f"the decimated {self.body} track is too short or its times do not increase",
+                got=m,
+                allowed="two points or more at increasing times",
+            )
+
+    def spline(self) -> CubicHermiteSpline:
+        """The C1 cubic through the kept poses and rates: a callable of the time [s], with ``derivative()``."""
+        # Here, because scipy.interpolate takes longer to import than everything else a simulation needs.
+        from scipy.interpolate import CubicHermiteSpline  # noqa: PLC0415
+
+        return CubicHermiteSpline(self.time_s, self.pose, self.rate, axis=0, extrapolate=False)

@@ -1,0 +1,139 @@
+"""The camera model: floor points to pixels, pixels to a plane at a given height, both with OpenCV's lens.
+
+The compiled kernels take plain arrays, so that other compiled code can call them sample by sample.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from towval.model import Array, Camera, Floor
+from towval.model.compiling import compiled
+
+_NEWTON_STEPS = 20
+_NEWTON_TOLERANCE = 1e-13
+
+
+@compiled()
+def distort(x: float, y: float, k: Array) -> tuple[float, float]:
+    """Distorted normalised coordinates of undistorted ones, OpenCV's model with ``k`` = k1 k2 p1 p2 k3 k4 k5 k6."""
+    r2 = x * x + y * y
+    radial = (1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))) / (1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7])))
+    xy2 = 2 * x * y
+    return x * radial + k[2] * xy2 + k[3] * (r2 + 2 * x * x), y * radial + k[2] * (r2 + 2 * y * y) + k[3] * xy2
+
+
+@compiled()
+def distort_jacobian(x: float, y: float, k: Array) -> tuple[float, float, float, float]:
+    """Derivatives of :func:`distort`: ∂u/∂x, ∂u/∂y, ∂v/∂x, ∂v/∂y."""
+    r2 = x * x + y * y
+    top = 1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))
+    bottom = 1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7]))
+    radial = top / bottom
+    slope = (k[0] + r2 * (2 * k[1] + 3 * r2 * k[4]) - radial * (k[5] + r2 * (2 * k[6] + 3 * r2 * k[7]))) / bottom
+    mixed = 2 * x * y * slope + 2 * k[2] * x + 2 * k[3] * y
+    return (
+        radial + 2 * x * x * slope + 2 * k[2] * y + 6 * k[3] * x,
+        mixed,
+        mixed,
+        radial + 2 * y * y * slope + 6 * k[2] * y + 2 * k[3] * x,
+    )
+
+
+@compiled()
+def undistort(u: float, v: float, k: Array) -> tuple[float, float]:
+    """Inverse of :func:`distort` by Newton's method; NaN where it does not converge or the lens model folds."""
+    x, y = u, v
+    for _ in range(_NEWTON_STEPS):
+        du, dv = distort(x, y, k)
+        a, b, c, d = distort_jacobian(x, y, k)
+        det = a * d - b * c
+        if not det > 0.0:
+            return np.nan, np.nan
+        du, dv = u - du, v - dv
+        x, y = x + (d * du - b * dv) / det, y + (a * dv - c * du) / det
+        if abs(du) + abs(dv) < _NEWTON_TOLERANCE:
+            return x, y
+    return np.nan, np.nan
+
+
+@compiled()
+def project_kernel(points: Array, T: Array, matrix: Array, k: Array) -> Array:
+    """Pixels (n, 2) of points (n, 3) [m] seen through ``T`` = T_camera_floor; NaN behind the camera."""
+    out = np.empty((points.shape[0], 2))
+    for i in range(points.shape[0]):
+        px, py, pz = points[i, 0], points[i, 1], points[i, 2]
+        z = T[2, 0] * px + T[2, 1] * py + T[2, 2] * pz + T[2, 3]
+        if z <= 0:
+            out[i, 0] = out[i, 1] = np.nan
+            continue
+        x = (T[0, 0] * px + T[0, 1] * py + T[0, 2] * pz + T[0, 3]) / z
+        y = (T[1, 0] * px + T[1, 1] * py + T[1, 2] * pz + T[1, 3]) / z
+        u, v = distort(x, y, k)
+        out[i, 0] = matrix[0, 0] * u + matrix[0, 2]
+        out[i, 1] = matrix[1, 1] * v + matrix[1, 2]
+    return out
+
+
+@compiled()
+def to_plane_kernel(pixels: Array, height: float, T: Array, matrix: Array, k: Array) -> Array:
+    """Floor coordinates (n, 2) [m] of pixels (n, 2) on the plane z = height; NaN where the ray misses it."""
+    out = np.empty((pixels.shape[0], 2))
+    # Columns of the rotation dotted with the ray and the shift: the ray in the floor frame, no inverse needed.
+    for i in range(pixels.shape[0]):
+        x, y = undistort((pixels[i, 0] - matrix[0, 2]) / matrix[0, 0], (pixels[i, 1] - matrix[1, 2]) / matrix[1, 1], k)
+        ray_z = T[0, 2] * x + T[1, 2] * y + T[2, 2]
+        camera_z = -(T[0, 2] * T[0, 3] + T[1, 2] * T[1, 3] + T[2, 2] * T[2, 3])
+        depth = (height - camera_z) / ray_z
+        if not depth > 0:
+            out[i, 0] = out[i, 1] = np.nan
+            continue
+        dx, dy, dz = x * depth - T[0, 3], y * depth - T[1, 3], depth - T[2, 3]
+        out[i, 0] = T[0, 0] * dx + T[1, 0] * dy + T[2, 0] * dz
+        out[i, 1] = T[0, 1] * dx + T[1, 1] * dy + T[2, 1] * dz
+    return out
+
+
+def project(camera: Camera, floor: Floor, points: ArrayLike) -> Array:
+    """Pixels of floor points.
+
+    Parameters
+    ----------
+    camera, floor : Camera, Floor
+        The calibrated camera and the floor it sees.
+    points : array_like (..., 3)
+        Points in the floor frame [m].
+
+    Returns
+    -------
+    ndarray (..., 2)
+        Pixels [px]; NaN for points behind the camera.
+    """
+    points = np.asarray(points, dtype=np.float64)
+    flat = np.ascontiguousarray(points.reshape(-1, 3))
+    pixels = project_kernel(flat, floor.T_camera_floor, camera.matrix, camera.distortion)
+    return pixels.reshape(*points.shape[:-1], 2)
+
+
+def to_plane(camera: Camera, floor: Floor, pixels: ArrayLike, height: float) -> Array:
+    """Where the rays of pixels meet the plane at ``height`` over the floor: the inverse of :func:`project` there.
+
+    Parameters
+    ----------
+    camera, floor : Camera, Floor
+        The calibrated camera and the floor it sees.
+    pixels : array_like (..., 2)
+        Pixels [px].
+    height : float
+        Height of the plane over the floor [m].
+
+    Returns
+    -------
+    ndarray (..., 2)
+        x and y in the floor frame [m]; NaN where a ray misses the plane or the lens model has no inverse.
+    """
+    pixels = np.asarray(pixels, dtype=np.float64)
+    flat = np.ascontiguousarray(pixels.reshape(-1, 2))
+    xy = to_plane_kernel(flat, height, floor.T_camera_floor, camera.matrix, camera.distortion)
+    return xy.reshape(pixels.shape)

@@ -1,0 +1,138 @@
+"""Stage plan: what the rover must do so that the object follows a path, and how well it then does.
+
+The quasi-static model turns the wish for the object into a nominal way of the hinge; the planner turns that into a
+motion of which the rover is capable; feedback dynamics tell where the object goes behind that rover. Types in, types
+out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from towval.model import Array, FrictionLaw, SimulatedMotion, Tether, TimedPath, TowedObject
+from towval.model.errors import InputError
+from towval.model.geometry import transform
+from towval.physics.dynamics import feedback
+from towval.physics.quasistatic import QuasistaticMotion
+from towval.physics.wrench import SlidingPatch
+from towval.planning.kinematics import Rover
+from towval.planning.paths import deviation_rms
+from towval.planning.planner import PlannerSettings, RoverPlan, plan_rover
+
+
+@dataclass(frozen=True)
+class ClosedLoop:
+    """The rover's plan for a nominal motion and what becomes of the object behind it.
+
+    ``rover`` the plan; ``towed`` the object behind the planned rover; ``object_rms`` [m] its deviation from its nominal
+    path as a curve (see :func:`towval.planning.paths.deviation_rms`); that of the hinge is ``rover.rms``.
+    """
+
+    rover: RoverPlan
+    towed: SimulatedMotion
+    object_rms: float
+
+
+def close_loop(
+    nominal: QuasistaticMotion,
+    towed: TowedObject,
+    law: FrictionLaw | SlidingPatch,
+    tether: Tether,
+    rover: Rover,
+    settings: PlannerSettings,
+    *,
+    report_stride: int = 1,
+) -> ClosedLoop:
+    """Plan the rover along the nominal way of the hinge and tow the object behind it.
+
+    SOURCE: sections 2.3 (case 2) and 2.4. The object starts with the nominal pose and velocity.
+
+    Parameters
+    ----------
+    nominal : QuasistaticMotion
+        In equal time steps, which become those of the planner.
+    towed : TowedObject
+        The object.
+    law : FrictionLaw or SlidingPatch
+        Friction of its footprint, or the patch prepared with it.
+    tether : Tether
+        The tether.
+    rover : Rover
+        The rover.
+    settings : PlannerSettings
+        The planner's.
+    report_stride : int, optional
+        Tow with every so many rows of the plan as knots of the hinge's way, and report there.
+
+    Returns
+    -------
+    ClosedLoop
+
+    Raises
+    ------
+    InputError
+        When the plan ends before the rover has moved.
+    """
+    plan = plan_rover(nominal.hinge, rover, settings)
+    motion = tow(
+        plan.time_s,
+        plan.hinge,
+        towed,
+        law,
+        tether,
+        start_pose=nominal.pose[0],
+        start_twist=nominal.twist[0],
+        stride=report_stride,
+    )
+    return ClosedLoop(plan, motion, deviation_rms(motion.pose[:, :2], nominal.pose[:, :2]))
+
+
+def tow(
+    times: ArrayLike,
+    hinge: ArrayLike,
+    towed: TowedObject,
+    law: FrictionLaw | SlidingPatch,
+    tether: Tether,
+    *,
+    start_pose: ArrayLike,
+    start_twist: ArrayLike = (0.0, 0.0, 0.0),
+    stride: int = 1,
+) -> SimulatedMotion:
+    """Tow an object behind a hinge that goes through given points.
+
+    Whatever drives the hinge: a plan, a measured track, the poses of any recording (:func:`hinge_of_poses`).
+
+    Parameters
+    ----------
+    times : array_like (n,)
+        Times of the points [s].
+    hinge : array_like (n, 2)
+        Points [m].
+    towed, law, tether
+        As in :func:`close_loop`.
+    start_pose, start_twist : array_like (3,)
+        First pose of the object [m, m, rad] and its velocity [m/s, m/s, rad/s], at rest if not given.
+    stride : int, optional
+        Take every so many points, and the last, and report at their times.
+
+    Raises
+    ------
+    InputError
+        When there are fewer than two points.
+    """
+    times, hinge = np.asarray(times, dtype=np.float64), np.asarray(hinge, dtype=np.float64)
+    rows = np.unique(np.concatenate([np.arange(0, len(times), stride), [len(times) - 1]]))
+    if len(rows) < 2:
+        raise InputError(
+            "the rover's plan ends before it moves", got="one pose", remedy="read its advice: it says what failed"
+        )
+    path = TimedPath(times[rows], hinge[rows])
+    return feedback(towed, law, tether, path, start_pose, path.time_s, start_twist=start_twist)
+
+
+def hinge_of_poses(pose: ArrayLike, rover: Rover) -> Array:
+    """Places of the hinge (n, 2) [m] of a rover at poses (n, 3)."""
+    return transform(pose, rover.hinge)

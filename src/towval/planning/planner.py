@@ -1,0 +1,403 @@
+"""The planner: how a rover with limited steering drives along a path.
+
+At each step the rover aims at a point of the path farther than a threshold d_t ahead, with the heading planned for
+that point; one turn about a centre Ω would bring it there. Where Ω is not feasible, another centre is taken. The
+equivalent bicycle's steering follows under PD control, and the rover moves at constant speed about the centre that its
+steering really gives. SOURCE: sections 2.4.3 to 2.4.5, Fig. 3(c) and (d).
+"""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from towval.model import Array, Finding, Severity, TimedPath, locked
+from towval.model.compiling import compiled
+from towval.model.errors import InputError
+from towval.model.geometry import inverse_transform, path_length, transform
+from towval.planning.feasible_region import Flanks, flanks, nearest_centre, nearest_in_polygon
+from towval.planning.kinematics import Rover, steering_of_twist, wheel_rates
+from towval.planning.paths import deviation_rms, moving_average, path_heading
+
+FOLLOWED = 2.5
+"""A plan whose hinge deviates from the path by an RMS of more than this many arrival distances does not follow it."""
+
+LEAST_TURN = 1e-9
+"""Turns below this [rad] count as this: the centre is then some 10⁹ path steps away, as good as infinitely far."""
+
+
+class PlanOutcome(enum.StrEnum):
+    """How a plan ends."""
+
+    ARRIVED = "arrived"
+    """The hinge reached the end of the path."""
+    STRAYED = "strayed"
+    """The hinge went farther from the point it aimed at than the planner may."""
+    STUCK = "stuck"
+    """The rover drove on without getting nearer to the end."""
+
+
+class PlanCase(enum.IntEnum):
+    """How the centre of a step was found."""
+
+    A = 0
+    """The wanted centre is feasible and taken."""
+    B = 1
+    """It is not, but close: the nearest feasible centre is taken."""
+    C = 2
+    """It is not, and far: the tip of the nearest flank is taken, the tightest turn to that side."""
+
+
+@dataclass(frozen=True)
+class PlannerSettings:
+    """What the planner may choose.
+
+    ``threshold`` d_t [m]; ``look_ahead_steps`` ϑ_lh, half the window of the moving average of the path's heading;
+    ``proportional_gain`` [1/s], ``derivative_gain`` [1] of the steering; ``close_distance`` [m] within which of the
+    feasible region a centre is case B; ``arrival_distance`` [m] from the end that counts as there;
+    ``stray_distance`` [m] beyond the threshold at which the plan is given up.
+    """
+
+    threshold: float
+    look_ahead_steps: int
+    proportional_gain: float
+    derivative_gain: float
+    close_distance: float
+    arrival_distance: float
+    stray_distance: float
+
+    def __post_init__(self) -> None:
+        for f in fields(self):
+            value = getattr(self, f.name)
+            zero = f.name in {"threshold", "look_ahead_steps", "derivative_gain", "close_distance"}
+            if not (np.isfinite(value) and (value > 0 or (zero and value == 0))):
+                allowed = "zero or more" if zero else "above zero"
+                raise InputError(f"the planner's {f.name} is out of range", got=value, allowed=allowed)
+
+
+@dataclass(frozen=True)
+class RoverPlan:
+    """What the rover does, step by step; row k holds from ``time_s[k]`` on.
+
+    ``time_s`` (n,); ``pose`` (n, 3) of the rover frame [m, m, rad]; ``hinge`` (n, 2) [m]; ``twist`` (n, 3) in the rover
+    frame [m/s, m/s, rad/s]; ``steering`` (n, 4) [rad] and ``wheel_rates`` (n, 4) [rad/s] of the wheels, in the order of
+    ``WHEEL_NAMES``; ``bicycle_steering`` (n, 2) [rad]; ``case`` (n,) of :class:`PlanCase`; ``target`` (n,) index of the
+    path point aimed at; ``rms`` [m] of the hinge from the path; ``outcome`` with ``advice`` in words.
+    """
+
+    time_s: Array
+    pose: Array
+    hinge: Array
+    twist: Array
+    steering: Array
+    wheel_rates: Array
+    bicycle_steering: Array
+    case: np.ndarray
+    target: np.ndarray
+    rms: float
+    outcome: PlanOutcome
+    advice: str
+    findings: tuple[Finding, ...] = ()
+
+    def __post_init__(self) -> None:
+        n = len(self.time_s)
+        shapes = {"time_s": (n,), "pose": (n, 3), "hinge": (n, 2), "twist": (n, 3), "steering": (n, 4)}
+        shapes |= {"wheel_rates": (n, 4), "bicycle_steering": (n, 2)}
+        for name, shape in shapes.items():
+            object.__setattr__(self, name, locked(getattr(self, name), f"RoverPlan.{name}", shape))
+        for name in ("case", "target"):
+            values = np.array(getattr(self, name), dtype=np.int64)
+            values.setflags(write=False)
+            object.__setattr__(self, name, values)
+
+    def share_of(self, case: PlanCase) -> float:
+        """Share of the steps that fell into a case."""
+        return float(np.mean(self.case == case))
+
+
+def plan_rover(
+    path: TimedPath, rover: Rover, settings: PlannerSettings, *, start: ArrayLike | None = None
+) -> RoverPlan:
+    """Drive a rover so that its hinge follows a path.
+
+    Parameters
+    ----------
+    path : TimedPath
+        Nominal way of the hinge, in steps of equal time; the rover moves at its mean speed, with its step.
+    rover : Rover
+        The rover.
+    settings : PlannerSettings
+        Threshold, look-ahead, gains and limits.
+    start : array_like (3,), optional
+        First pose of the rover frame [m, m, rad]; by default the hinge stands on the first point with the heading
+        planned there. ASSUME: the wheels are already steered for the first step.
+
+    Returns
+    -------
+    RoverPlan
+        With an outcome; a plan that failed ends where it failed.
+
+    Raises
+    ------
+    InputError
+        When the path has fewer than three points or no length.
+    """
+    length = path_length(path.position)
+    if len(path.time_s) < 3 or length == 0:
+        raise InputError(
+            "the rover's path cannot be planned",
+            got=f"{len(path.time_s)} points over {length} m",
+            allowed="three points or more, not all in one place",
+        )
+    heading = moving_average(heading_over_hinge(path.position, rover.hinge[0]), int(settings.look_ahead_steps))
+    region = flanks(rover)
+    if start is None:
+        turned_hinge = transform([0.0, 0.0, heading[0]], rover.hinge)
+        start = np.array([*(path.position[0] - turned_hinge), heading[0]])
+    start = locked(start, "the rover's first pose", (3,))
+    speed = length / (path.time_s[-1] - path.time_s[0])
+    step = (path.time_s[-1] - path.time_s[0]) / (len(path.time_s) - 1)
+    circling = 2 * (2 * np.pi * region.tightest_radius) + settings.threshold
+    count, code, pose, twist, bicycle, case, target = _drive(
+        (path.position, heading),
+        start,
+        (rover.hinge, rover.axles[:, 0].copy(), tuple(getattr(region, f.name) for f in fields(region))),
+        (settings.threshold, settings.close_distance, settings.arrival_distance, settings.stray_distance, circling),
+        (settings.proportional_gain, settings.derivative_gain, speed, step, 2 * length + circling),
+    )
+    rows = slice(0, count)
+    hinge, steering = transform(pose[rows], rover.hinge), steering_of_twist(rover.wheel_positions, twist[rows])
+    plan = RoverPlan(
+        time_s=path.time_s[0] + step * np.arange(count),
+        pose=pose[rows],
+        hinge=hinge,
+        twist=twist[rows],
+        steering=steering,
+        wheel_rates=wheel_rates(rover, steering, twist[rows]),
+        bicycle_steering=bicycle[rows],
+        case=case[rows],
+        target=target[rows],
+        rms=deviation_rms(hinge, path.position),
+        outcome=tuple(PlanOutcome)[code],
+        advice="",
+        findings=_findings(path, settings, length, region),
+    )
+    findings = (*plan.findings, *_deviation_findings(plan, settings))
+    return replace(plan, advice=_advice(plan, path, region), findings=findings)
+
+
+def _deviation_findings(plan: RoverPlan, settings: PlannerSettings) -> list[Finding]:
+    """A plan may arrive by cutting every corner; then it says so."""
+    if plan.outcome is not PlanOutcome.ARRIVED or plan.rms <= FOLLOWED * settings.arrival_distance:
+        return []
+    text = (
+        f"The hinge arrives but is {1000 * plan.rms:.0f} mm RMS off its path, more than {FOLLOWED:g} times the arrival "
+        f"distance of {1000 * settings.arrival_distance:.0f} mm: it cuts corners or swings. Take a smaller threshold, "
+        "a shorter look-ahead or a path that bends less."
+    )
+    return [Finding(Severity.WARNING, "path_not_followed", text)]
+
+
+def _findings(path: TimedPath, settings: PlannerSettings, length: float, region: Flanks) -> tuple[Finding, ...]:
+    """Settings that cannot do what they are for on this path."""
+    findings = []
+    steps, tightest = len(path.time_s) - 1, tightest_radius(path.position)
+    if settings.threshold >= length:
+        text = (
+            f"The threshold d_t, {settings.threshold:g} m, is longer than the path, {length:.3g} m: the rover drives "
+        )
+        text += "straight for the end and does not follow what lies between. Take a smaller threshold."
+        findings.append(Finding(Severity.WARNING, "threshold_exceeds_path", text))
+    if settings.look_ahead_steps >= steps:
+        text = (
+            f"The orientation look-ahead, {settings.look_ahead_steps:g} steps, is longer than the path, {steps} steps: "
+        )
+        text += "the planned heading is an average over the whole path. Take a shorter look-ahead."
+        findings.append(Finding(Severity.WARNING, "look_ahead_exceeds_path", text))
+    if tightest < region.tightest_radius:
+        text = f"The path bends with a radius of {tightest:.3g} m, tighter than the rover's tightest turn of "
+        text += f"{region.tightest_radius:.3g} m: the rover follows only by turning its body less than the path turns."
+        findings.append(Finding(Severity.NOTE, "path_too_tight", text))
+    return tuple(findings)
+
+
+def _advice(plan: RoverPlan, path: TimedPath, region: Flanks) -> str:
+    """The outcome in words, with the numbers that explain it."""
+    shares = ", ".join(f"{case.name} {100 * plan.share_of(case):.1f} %" for case in PlanCase)
+    target = int(plan.target[-1])
+    aim = path.position[target]
+    gap = float(np.linalg.norm(aim - plan.hinge[-1]))
+    if plan.outcome is PlanOutcome.ARRIVED:
+        return f"The hinge reached the end of the path within {gap:.3g} m (cases: {shares})."
+    place = "ahead of" if inverse_transform(plan.pose[-1], aim)[0] > 0 else "behind"
+    why = (
+        f"It aimed at point {target} of {len(path.position) - 1}, {gap:.3g} m away and {place} the rover; "
+        f"the path's tightest radius is {tightest_radius(path.position):.3g} m, the rover's "
+        f"{region.tightest_radius:.3g} m (cases: {shares})."
+    )
+    when = f"after {plan.time_s[-1] - plan.time_s[0]:.4g} s and {path_length(plan.hinge):.3g} m"
+    if plan.outcome is PlanOutcome.STRAYED:
+        return f"The rover strayed from the path {when}. {why} A smaller threshold or a longer look-ahead may help."
+    return f"The rover got stuck {when}: it drove without coming nearer to the end. {why} A larger threshold may help."
+
+
+def heading_over_hinge(position: ArrayLike, ahead: float) -> Array:
+    """Heading that the rover should have while its hinge is on each point of a path.
+
+    A hinge in the middle of the rover goes where the rover heads. One ahead of it or behind it moves sideways as well
+    when the rover turns; a rover that turns about centres abeam of its middle, where its steering reaches farthest, has
+    dϑ/ds = sin(φ − ϑ)/ξ with the path's heading φ and the hinge at ξ. A hinge ahead makes the rover trail like a cart;
+    for one behind, the same holds backwards from the end of the path, and the rover swings out before a bend.
+
+    Parameters
+    ----------
+    position : array_like (n, 2)
+        Points of the hinge's path [m].
+    ahead : float
+        ξ, the hinge's place ahead of the rover's middle [m], negative behind it.
+
+    Returns
+    -------
+    Array
+        (n,) headings [rad], unwrapped.
+    """
+    position = np.asarray(position, dtype=np.float64)
+    heading = path_heading(position)
+    if ahead == 0:
+        return heading
+    size = np.linalg.norm(np.diff(position, axis=0), axis=1)
+    if ahead > 0:
+        return _trailing_heading(heading, size, ahead)
+    return _trailing_heading(heading[::-1].copy(), size[::-1].copy(), -ahead)[::-1]
+
+
+@compiled()
+def _trailing_heading(heading, size, distance):
+    """Heading of a cart of a given length drawn along a path; exact for each straight step."""
+    trailing = heading.copy()
+    for k in range(1, len(heading)):
+        swing = np.tan(0.5 * (trailing[k - 1] - heading[k])) * np.exp(-size[k - 1] / distance)
+        trailing[k] = heading[k] + 2.0 * np.arctan(swing)
+    return trailing
+
+
+def tightest_radius(position: ArrayLike) -> float:
+    """Smallest radius of curvature of a sampled path (n, 2) [m], infinite when it is straight."""
+    position = np.asarray(position, dtype=np.float64)
+    chord = np.diff(position, axis=0)
+    size = np.linalg.norm(chord, axis=1)
+    chord, size = chord[size > 0], size[size > 0]
+    cross = chord[:-1, 0] * chord[1:, 1] - chord[:-1, 1] * chord[1:, 0]
+    turn = np.abs(np.arctan2(cross, np.sum(chord[:-1] * chord[1:], axis=1)))
+    bends = turn > 1e-9  # below is rounding of a straight line
+    return float((0.5 * (size[:-1] + size[1:])[bends] / turn[bends]).min(initial=np.inf))
+
+
+@compiled()
+def _wanted_centre(pose, hinge, aim_x, aim_y, aim_heading):
+    """Eq. (19), (20) in the rover frame: the centre of the turn that brings the hinge to the aim with its heading."""
+    cosine, sine = np.cos(pose[2]), np.sin(pose[2])
+    dx = aim_x - (pose[0] + cosine * hinge[0] - sine * hinge[1])
+    dy = aim_y - (pose[1] + sine * hinge[0] + cosine * hinge[1])
+    dx, dy = cosine * dx + sine * dy, -sine * dx + cosine * dy
+    turn = aim_heading - pose[2]
+    turn -= 2 * np.pi * np.round(turn / (2 * np.pi))
+    if abs(turn) < LEAST_TURN:
+        turn = np.copysign(LEAST_TURN, turn)
+    across = 0.5 / np.tan(turn / 2)
+    return hinge[0] + dx / 2 - across * dy, hinge[1] + dy / 2 + across * dx
+
+
+@compiled()
+def _feasible_centre(region, close, x, y):
+    """The centre taken for a wanted one, and the case: A as it is, B the nearest feasible, C the tip of that flank."""
+    normals, offsets, corners, tips, _ = region
+    left = nearest_centre(normals[0], offsets[0], corners[0], x, y)
+    right = nearest_centre(normals[1], offsets[1], corners[1], x, y)
+    side = 0 if left[2] <= right[2] else 1
+    near_x, near_y, distance = left if side == 0 else right
+    if distance == 0.0:
+        return x, y, 0
+    if distance <= close:
+        return near_x, near_y, 1
+    return tips[side, 0], tips[side, 1], 2
+
+
+@compiled()
+def _steered(region, gains, delta, wanted, error):
+    """One step of the PD steering of both wheels, kept feasible; ``delta`` and ``error`` are updated in place.
+
+    ASSUME: the controller sets the steering rate, ``δ̇ = K_p e + K_d ė``.
+    """
+    proportional, derivative, _, step, _ = gains
+    for wheel in range(2):
+        new_error = wanted[wheel] - delta[wheel]
+        delta[wheel] += step * proportional * new_error + derivative * (new_error - error[wheel])
+        error[wheel] = new_error
+    bound = np.arctan(1e6)
+    tangents = (np.tan(min(max(delta[0], -bound), bound)), np.tan(min(max(delta[1], -bound), bound)))
+    front, rear = nearest_in_polygon(region[4], tangents[0], tangents[1])
+    delta[0], delta[1] = np.arctan(front), np.arctan(rear)
+    return front, rear
+
+
+@compiled()
+def _moved(pose, twist, step):
+    """Exact motion of a pose by a constant twist of the rover frame."""
+    turn = twist[2] * step
+    half = turn / 2
+    chord = step * (np.sin(half) / half if abs(half) > 1e-8 else 1.0)
+    cosine, sine = np.cos(pose[2] + half), np.sin(pose[2] + half)
+    x = pose[0] + chord * (cosine * twist[0] - sine * twist[1])
+    y = pose[1] + chord * (sine * twist[0] + cosine * twist[1])
+    return x, y, pose[2] + turn
+
+
+@compiled()
+def _twist_of_tangents(tangents, axles, hinge, speed):
+    """Twist of the bicycle whose wheels roll along given tangents, with a given speed of the hinge."""
+    rate = (tangents[0] - tangents[1]) / (axles[0] - axles[1])
+    sideways = tangents[0] - rate * axles[0]
+    scale = speed / np.hypot(1.0 - rate * hinge[1], sideways + rate * hinge[0])
+    return scale, scale * sideways, scale * rate
+
+
+@compiled()
+def _drive(path, start, machine, limits, gains):
+    """The planner's loop. Returns the rows used, the index of the outcome, poses, twists, steering, cases, targets."""
+    (path, heading), (hinge, axles, region) = path, machine
+    threshold, close, arrival, stray, circling = limits
+    _, _, speed, step, most_travel = gains
+    last, most_steps = len(path) - 1, int(np.ceil(most_travel / (speed * step)))
+    pose, twist, bicycle = np.zeros((most_steps, 3)), np.zeros((most_steps, 3)), np.zeros((most_steps, 2))
+    case, target = np.zeros(most_steps, np.int64), np.zeros(most_steps, np.int64)
+    delta, error, wanted = np.zeros(2), np.zeros(2), np.zeros(2)
+    pose[0] = start
+    aim, progressed, code, k = 0, 0, 2, 0
+    for k in range(most_steps):
+        if k > 0:
+            pose[k] = _moved(pose[k - 1], twist[k - 1], step)
+        x = pose[k, 0] + np.cos(pose[k, 2]) * hinge[0] - np.sin(pose[k, 2]) * hinge[1]
+        y = pose[k, 1] + np.sin(pose[k, 2]) * hinge[0] + np.cos(pose[k, 2]) * hinge[1]
+        gap = np.hypot(path[aim, 0] - x, path[aim, 1] - y)
+        while aim < last and gap <= threshold:
+            aim, progressed = aim + 1, k
+            gap = np.hypot(path[aim, 0] - x, path[aim, 1] - y)
+        target[k] = aim
+        centre_x, centre_y = _wanted_centre(pose[k], hinge, path[aim, 0], path[aim, 1], heading[aim])
+        centre_x, centre_y, case[k] = _feasible_centre(region, close, centre_x, centre_y)
+        for wheel in range(2):
+            wanted[wheel] = np.arctan((axles[wheel] - centre_x) / centre_y)
+        if k == 0:
+            delta[:] = wanted
+        tangents = _steered(region, gains, delta, wanted, error)
+        bicycle[k] = delta
+        twist[k] = _twist_of_tangents(tangents, axles, hinge, speed)
+        arrived, strayed = aim == last and gap <= arrival, gap > threshold + stray
+        if arrived or strayed or speed * step * (k - progressed) > circling:
+            code = 0 if arrived else 1 if strayed else 2
+            break
+    return k + 1, code, pose, twist, bicycle, case, target

@@ -1,0 +1,128 @@
+"""The scene of a plan: object, tether, rover, planner and curves, as ``plan.yaml`` describes them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from towval.model import Array, FrictionLaw, FrictionSpecification, Patch, Tether, TowedObject
+from towval.model.geometry import polygon_area, polygon_centroid
+from towval.physics.contact import resting_pressure
+from towval.physics.friction_law import fit_makkar
+from towval.physics.wrench import SlidingPatch, sliding_patch
+from towval.planning import paths
+from towval.planning.kinematics import Rover, symmetric_rover
+from towval.planning.planner import PlannerSettings
+
+
+@dataclass(frozen=True)
+class PlanScene:
+    """What is towed, by what, and along which paths.
+
+    ``cube`` is the towed object; ``friction`` the four numbers of its law; ``planner_step`` the step of the rover's
+    control [s]; ``curves`` the paths by name; ``duration`` of a path that has no times of its own [s].
+    """
+
+    cube: TowedObject
+    friction: FrictionSpecification
+    tether: Tether
+    rover: Rover
+    planner: PlannerSettings
+    planner_step: float
+    curves: dict[str, paths.Curve]
+    duration: float
+
+
+def plan_scene(plan: Mapping[str, Any]) -> PlanScene:
+    """Build the scene from a ``plan.yaml`` that its schema has checked."""
+    load, tether, rover, planner = plan["cube"], plan["tether"], plan["rover"], plan["planner"]
+    half = load["side_m"] / 2
+    square = half * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    return PlanScene(
+        cube=towed_object(square, load["mass_kg"], load["centre_of_mass_m"], load["anchor_m"]),
+        friction=friction_of(plan["friction"]),
+        tether=Tether(tether["rest_length_m"], tether["stiffness_n_m"]),
+        rover=symmetric_rover(
+            rover["wheelbase_m"],
+            rover["track_m"],
+            rover["wheel_radius_m"],
+            outward=np.radians(rover["outward_deg"]),
+            inward=np.radians(rover["inward_deg"]),
+            hinge=rover["hinge_m"],
+        ),
+        planner=PlannerSettings(
+            threshold=planner["threshold_m"],
+            look_ahead_steps=planner["look_ahead_steps"],
+            proportional_gain=planner["proportional_gain"],
+            derivative_gain=planner["derivative_gain"],
+            close_distance=planner["close_distance_m"],
+            arrival_distance=planner["arrival_distance_m"],
+            stray_distance=planner["stray_distance_m"],
+        ),
+        planner_step=planner["time_step_s"],
+        curves=_curves(plan["curves"]),
+        duration=plan["quasi_static"]["duration_s"],
+    )
+
+
+def friction_of(keys: Mapping[str, float]) -> FrictionSpecification:
+    """The four numbers of a friction law from a section of ``plan.yaml``."""
+    return FrictionSpecification(
+        keys["static"], keys["kinetic"], keys["stiction_velocity_m_s"], keys["friction_velocity_m_s"]
+    )
+
+
+def friction_law(specification: FrictionSpecification) -> FrictionLaw:
+    """Makkar's law for the four numbers."""
+    return fit_makkar(
+        specification.static, specification.kinetic, specification.stiction_velocity, specification.friction_velocity
+    ).law
+
+
+def _curves(sizes: Mapping[str, float]) -> dict[str, paths.Curve]:
+    curves = (
+        paths.line(sizes["line_length_m"]),
+        paths.circle(sizes["circle_radius_m"]),
+        paths.lemniscate(sizes["lemniscate_width_m"]),
+        paths.rounded_square(sizes["square_side_m"], sizes["square_corner_radius_m"]),
+    )
+    return {curve.name: curve for curve in curves}
+
+
+def towed_object(outline: Array, mass: float, centre_of_mass: Array, anchor: Array) -> TowedObject:
+    """An object of uniform thickness on which a load has moved the centre of mass.
+
+    ASSUME: the moment of inertia is that of the uniform footprint about its centroid, with the mass moved by Steiner's
+    term to the centre of mass: the paper gives neither the load nor its place.
+
+    Parameters
+    ----------
+    outline : array_like (n, 2)
+        Footprint in the object's frame [m].
+    mass : float
+        With the load [kg].
+    centre_of_mass, anchor : array_like (2,)
+        In the object's frame [m].
+    """
+    patch = Patch(outline)
+    centroid = polygon_centroid(patch.outline)
+    offset = np.asarray(centre_of_mass, dtype=np.float64) - centroid
+    inertia = mass * (_polar_radius_squared(patch.outline - centroid) + offset @ offset)
+    return TowedObject(patch, mass, centre_of_mass, float(inertia), anchor)
+
+
+def _polar_radius_squared(outline: Array) -> float:
+    """Mean of ξ² + η² over a simple polygon about its own origin [m²] (Green)."""
+    x, y = outline.T
+    x1, y1 = np.roll(x, -1), np.roll(y, -1)
+    cross = x * y1 - x1 * y
+    moment = np.sum(cross * (x * x + x * x1 + x1 * x1 + y * y + y * y1 + y1 * y1)) / 12
+    return float(moment / polygon_area(outline))
+
+
+def resting_patch(scene: PlanScene) -> SlidingPatch:
+    """The object's footprint under its load, with its friction law."""
+    return sliding_patch(resting_pressure(scene.cube), friction_law(scene.friction))

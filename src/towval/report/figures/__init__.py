@@ -1,0 +1,30 @@
+"""Figures at column width, drawn from typed data: each function returns a matplotlib ``Figure`` and writes no file.
+
+:func:`towval.report.style.save_figure` writes a figure as PDF, SVG and PNG.
+"""
+
+from towval.report.figures.calibration import (
+    calibration_figures,
+    coverage_figure,
+    reprojection_figure,
+    uncertainty_figure,
+)
+from towval.report.figures.decimation import decimate_figure
+from towval.report.figures.errors import error_figure
+from towval.report.figures.runs import campaign_figure, run_figure
+from towval.report.figures.tracking import tracking_figure
+from towval.report.figures.uncertainty import agreement_figure, shares_figure
+
+__all__ = [
+    "agreement_figure",
+    "calibration_figures",
+    "campaign_figure",
+    "coverage_figure",
+    "decimate_figure",
+    "error_figure",
+    "reprojection_figure",
+    "run_figure",
+    "shares_figure",
+    "tracking_figure",
+    "uncertainty_figure",
+]

@@ -1,0 +1,105 @@
+"""Errors of a run over time, with the tension of the tether below."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from towval.model import Array, SimulatedMotion
+from towval.model.run_record import RunRecord
+from towval.report.style import (
+    BAND,
+    MEASURED,
+    SHADE,
+    SIMULATED,
+    Margins,
+    column_of_panels,
+    figure_function,
+    foot_note,
+    symmetric,
+)
+
+_PANELS = (
+    (0, "$x$ (mm)", 1e3),
+    (1, "$y$ (mm)", 1e3),
+    (2, "heading (°)", float(np.rad2deg(1.0))),
+)
+_COVERAGE = 2.0
+"""Half width of the band in standard uncertainties: 95 % for a normal error."""
+
+
+@figure_function
+def error_figure(run: RunRecord) -> Figure:
+    """Simulated minus measured over time in x, y and heading, and the tension of the tether, one column wide.
+
+    Parameters
+    ----------
+    run : RunRecord
+        The run. Where its uncertainty is known, bands of ± two standard validation uncertainties lie around zero; an
+        error that leaves them for long is more than the uncertainties explain (95 % for a normal error).
+
+    Returns
+    -------
+    Figure
+        Four panels over one time axis [s]: errors in mm and degrees, tension in N. Shaded where the tether is slack;
+        a red line at the foot of a panel marks frames in which the object was not seen.
+    """
+    title = f"Run {run.name}: simulated minus measured"
+    figure, panels = column_of_panels([0.76] * 4, Margins(bottom=0.5), title)
+    comparison, simulated = run.comparison, run.simulated
+    for axes, (column, label, scale) in zip(panels, _PANELS, strict=False):
+        std = None if run.uncertainty is None else scale * np.sqrt(run.uncertainty.validation[:, column, column])
+        _draw_error(axes, comparison.time_s, scale * comparison.error[:, column], std)
+        axes.set_ylabel(label)
+        symmetric(axes)
+    _draw_tension(panels[3], simulated)
+    shaded = _shade_slack(panels, simulated)
+    panels[3].set_xlabel("time (s)")
+    panels[0].set_xlim(comparison.time_s[0], comparison.time_s[-1])
+    _explain(figure, banded=run.uncertainty is not None, shaded=shaded, gaps=np.isnan(comparison.error).any())
+    return figure
+
+
+def intervals(time_s: Array, mask: Array) -> list[tuple[float, float]]:
+    """Start and end [s] of each stretch of samples in which ``mask`` (n,) holds, half an interval wider each side."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
+    bounds = np.concatenate([time_s[:1], (time_s[1:] + time_s[:-1]) / 2, time_s[-1:]])
+    return [(float(bounds[i]), float(bounds[j])) for i, j in edges.reshape(-1, 2)]
+
+
+def _draw_error(axes: Axes, time_s: Array, error: Array, std: Array | None) -> None:
+    axes.axhline(0.0, color="#333333", linewidth=0.5, zorder=2)
+    if std is not None:
+        axes.fill_between(time_s, -_COVERAGE * std, _COVERAGE * std, color=BAND, linewidth=0, zorder=1.5)
+    axes.plot(time_s, error, color=SIMULATED, linewidth=0.9, zorder=3)
+    for start_s, end_s in intervals(time_s, np.isnan(error)):
+        axes.axvspan(start_s, end_s, ymax=0.035, color=MEASURED, linewidth=0, zorder=4)
+
+
+def _draw_tension(axes: Axes, simulated: SimulatedMotion) -> None:
+    tension = np.linalg.norm(simulated.tether_force, axis=1)
+    axes.plot(simulated.time_s, tension, color=SIMULATED, linewidth=0.8, zorder=3)
+    axes.set_ylim(bottom=0)
+    axes.set_ylabel("tension (N)")
+
+
+def _shade_slack(panels: list[Axes], simulated: SimulatedMotion) -> bool:
+    slack = ~(np.linalg.norm(simulated.tether_force, axis=1) > 0)
+    spans = intervals(simulated.time_s, slack)
+    for axes in panels:
+        for start_s, end_s in spans:
+            axes.axvspan(start_s, end_s, color=SHADE, linewidth=0, zorder=0)
+    return bool(spans)
+
+
+def _explain(figure: Figure, *, banded: bool, shaded: bool, gaps: bool) -> None:
+    parts = []
+    if banded:
+        parts.append("band: ± 2 standard uncertainties of validation")
+    if shaded:
+        parts.append("shaded: tether slack")
+    if gaps:
+        parts.append("red foot: object not seen")
+    if parts:
+        foot_note(figure, "; ".join(parts))

@@ -1,0 +1,135 @@
+"""How large errors may be: along and across the path, in units of their uncertainty, and where that comes from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from towval.model import Array, Comparison, RunUncertainty
+from towval.model.errors import InputError
+from towval.model.geometry import rotation
+from towval.model.run_record import RunRecord
+from towval.report.style import (
+    BAND,
+    MEASURED,
+    ROVER,
+    SHADE,
+    SIMULATED,
+    Margins,
+    column_of_panels,
+    figure_function,
+    foot_note,
+    symmetric,
+)
+
+_COVERAGE = 2.0
+"""Half width of a band in standard uncertainties: 95 % for a normal error."""
+
+_MARKERS = "osD^vPX*"
+
+
+@figure_function
+def agreement_figure(run: RunRecord) -> Figure:
+    """Errors along and across the path beside what the uncertainties allow, and their ratio, one column wide.
+
+    Parameters
+    ----------
+    run : RunRecord
+        A run with its uncertainty.
+
+    Returns
+    -------
+    Figure
+        Three panels over one time axis [s]: the error along and across the measured path [mm] with bands of ± two
+        standard validation uncertainties, and ``|E| / u_val`` of the place with a line at two, left out where ``u_val``
+        is below a hundredth of its usual size.
+
+    Raises
+    ------
+    InputError
+        When the uncertainty of the run was not computed.
+    """
+    if run.uncertainty is None:
+        raise InputError(f"run {run.name} has no uncertainty to draw", remedy="compute its uncertainty first")
+    comparison, uncertainty = run.comparison, run.uncertainty
+    title = f"Run {run.name}: error and validation uncertainty"
+    figure, panels = column_of_panels([0.76] * 3, Margins(bottom=0.5), title)
+    std = _along_across_std(comparison, uncertainty)
+    for axes, column, label in zip(panels, (0, 1), ("along (mm)", "across (mm)"), strict=False):
+        band = 1e3 * _COVERAGE * std[:, column]
+        axes.fill_between(comparison.time_s, -band, band, color=BAND, linewidth=0)
+        axes.axhline(0.0, color="#333333", linewidth=0.5)
+        axes.plot(comparison.time_s, 1e3 * comparison.along_across[:, column], color=SIMULATED, linewidth=0.9)
+        axes.set_ylabel(label)
+        symmetric(axes)
+    _draw_ratio(panels[2], comparison)
+    panels[2].set_xlabel("time (s)")
+    panels[0].set_xlim(comparison.time_s[0], comparison.time_s[-1])
+    foot_note(figure, "band: ± 2 standard uncertainties of validation; dashed: two of them")
+    return figure
+
+
+@figure_function
+def shares_figure(runs: Sequence[RunRecord]) -> Figure:
+    """Which input the variance of the error comes from, first-order shares, one column wide.
+
+    Parameters
+    ----------
+    runs : sequence of RunRecord
+        Runs with their uncertainty; those without are left out.
+
+    Returns
+    -------
+    Figure
+        A row an input, the largest mean share on top: a bar for the mean of the runs, a mark a run [%].
+
+    Raises
+    ------
+    InputError
+        When no run has an uncertainty.
+    """
+    shares = {run.name: run.uncertainty.shares for run in runs if run.uncertainty is not None}
+    if not shares:
+        raise InputError("no run has shares of variance to draw", remedy="compute the uncertainty of a run first")
+    names = dict.fromkeys(name for of_run in shares.values() for name in of_run)
+    table = 100 * np.array([[of_run.get(name, np.nan) for name in names] for of_run in shares.values()])
+    order = np.argsort(-np.nanmean(table, axis=0), kind="stable")
+    margins = Margins(left=0.2 + 0.058 * max(len(name) for name in names))
+    figure, (axes,) = column_of_panels([max(0.6, 0.14 * len(names))], margins, "Shares of the error's variance")
+    rows = np.arange(len(names))
+    axes.barh(rows, np.nanmean(table, axis=0)[order], height=0.62, color=BAND, linewidth=0, label="mean")
+    for index, (run_name, values) in enumerate(zip(shares, table, strict=True)):
+        marker = _MARKERS[index % len(_MARKERS)]
+        axes.plot(
+            values[order], rows, marker, color=ROVER, markersize=2.6, mfc="white", mew=0.7, label=f"run {run_name}"
+        )
+    axes.set_yticks(rows, np.array(list(names))[order])
+    axes.set_ylim(len(names) - 0.4, -0.6)
+    axes.set_xlim(left=0)
+    axes.set_xlabel("first-order share (%)")
+    axes.legend(loc="lower right")
+    return figure
+
+
+def _draw_ratio(axes: Axes, comparison: Comparison) -> None:
+    axes.axhspan(0, _COVERAGE, color=SHADE, linewidth=0)
+    axes.axhline(_COVERAGE, color=MEASURED, linewidth=0.8, linestyle="--")
+    axes.plot(comparison.time_s, comparison.ratio, color=SIMULATED, linewidth=0.9)
+    axes.set_ylim(bottom=0)
+    axes.set_ylabel(r"$|E|/u_\mathrm{val}$")
+
+
+def _along_across_std(comparison: Comparison, uncertainty: RunUncertainty) -> Array:
+    """Deviations (n, 2) along and across the path [m], the path's direction being that of the comparison.
+
+    The comparison says an error twice, on the floor's axes and along the path: the angle between is the direction.
+    """
+    on_floor = comparison.error[:, 0] + 1j * comparison.error[:, 1]
+    on_path = comparison.along_across[:, 0] + 1j * comparison.along_across[:, 1]
+    turn = rotation(np.angle(on_floor * np.conj(on_path)))
+    covariance = turn.transpose(0, 2, 1) @ uncertainty.validation[:, :2, :2] @ turn
+    std = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    return np.where((np.abs(on_path) > 0)[:, None], std, np.nan)

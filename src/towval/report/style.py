@@ -1,0 +1,233 @@
+"""The look of the figures: colours, widths, and saving them so that the same data give the same bytes."""
+
+from __future__ import annotations
+
+import functools
+import io
+import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.resources import as_file, files
+from pathlib import Path as FilePath
+from typing import ParamSpec
+
+import matplotlib
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from towval.io.atomic import replacing, write_text
+from towval.model.errors import InputError
+
+COLUMN_WIDTH_IN = 85 / 25.4
+"""Width of one column of a journal page, 85 mm [in]."""
+PAGE_WIDTH_IN = 175 / 25.4
+"""Width of both columns, 175 mm [in]."""
+
+ROVER = "#1f63b4"
+SIMULATED = "#000000"
+MEASURED = "#e8412a"
+"""The paper's blue, black and red; the red is light enough to stand off black for readers who do not see red."""
+MUTED = "#8a8a8a"
+SHADE = "#ececec"
+BAND = "#c9d8ea"
+
+FORMATS = ("pdf", "svg", "png")
+# What a format would otherwise write into the file: the time of day, and with it new bytes at every run.
+_METADATA = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": {"Software": None}}
+
+_Arguments = ParamSpec("_Arguments")
+
+
+@contextmanager
+def house_style() -> Iterator[None]:
+    """Matplotlib's settings as ``towval.mplstyle`` gives them, for the length of a ``with`` block."""
+    with as_file(files("towval.report") / "towval.mplstyle") as path, matplotlib.rc_context(fname=path):
+        yield
+
+
+def figure_function(draw: Callable[_Arguments, Figure]) -> Callable[_Arguments, Figure]:
+    """Let a function draw in the house style."""
+
+    @functools.wraps(draw)
+    def drawn(*args: _Arguments.args, **kwargs: _Arguments.kwargs) -> Figure:
+        with house_style():
+            return draw(*args, **kwargs)
+
+    return drawn
+
+
+@dataclass(frozen=True)
+class Margins:
+    """Room around and between the panels of a figure [in].
+
+    Fixed room, not fitted to the labels: the panels of all figures line up on a page, their places are known without
+    drawing, and they are the same in every format.
+    """
+
+    left: float = 0.55
+    right: float = 0.07
+    top: float = 0.22
+    bottom: float = 0.36
+    across: float = 0.1
+    down: float = 0.09
+
+
+def column_of_panels(
+    heights_in: Sequence[float], margins: Margins, title: str = "", apart: int = 0
+) -> tuple[Figure, list[Axes]]:
+    """A figure one column wide with panels above each other over one x axis, which only the lowest one labels.
+
+    Parameters
+    ----------
+    heights_in : sequence of float
+        Heights of the panels from above [in].
+    margins : Margins
+        Room around and between them.
+    title : str, optional
+        Title at the top left.
+    apart : int, optional
+        How many of the upper panels keep an x axis of their own, with room for its labels.
+    """
+    gaps = [Margins.bottom + margins.down if i < apart else margins.down for i in range(len(heights_in) - 1)]
+    height = margins.top + sum(heights_in) + sum(gaps) + margins.bottom
+    figure = Figure(figsize=(COLUMN_WIDTH_IN, height))
+    width = COLUMN_WIDTH_IN - margins.left - margins.right
+    panels: list[Axes] = []
+    top = margins.top
+    for index, (panel_height, gap) in enumerate(zip(heights_in, [*gaps, 0.0], strict=True)):
+        rectangle = (margins.left, height - top - panel_height, width, panel_height)
+        axes = figure.add_axes(_share(rectangle, figure), sharex=panels[apart] if index > apart else None)
+        axes.yaxis.set_label_coords((0.17 - margins.left) / width, 0.5)
+        panels.append(axes)
+        top += panel_height + gap
+    for axes in panels[apart:-1]:
+        axes.tick_params(labelbottom=False)
+    panels[0].set_title(title)
+    return figure, panels
+
+
+def place_maps(figure: Figure, panels: Sequence[Axes], ratio: float, margins: Margins, columns: int = 1) -> None:
+    """Place panels of one shape in rows, each ``ratio`` times as high as wide, and give the figure the height for it.
+
+    Meant for maps: with the height right, equal scales on both axes leave no margins, and the width stays the column's.
+    """
+    width = figure.get_size_inches()[0]
+    panel_width = (width - margins.left - margins.right - margins.across * (columns - 1)) / columns
+    step = ratio * panel_width + margins.down
+    rows = math.ceil(len(panels) / columns)
+    height = margins.top + rows * step - margins.down + margins.bottom
+    figure.set_size_inches(width, height)
+    for index, axes in enumerate(panels):
+        row, column = divmod(index, columns)
+        left = margins.left + column * (panel_width + margins.across)
+        bottom = height - margins.top - row * step - ratio * panel_width
+        axes.set_position(_share((left, bottom, panel_width, ratio * panel_width), figure))
+
+
+def head_legend(figure: Figure, handles: Sequence[Artist], columns: int) -> None:
+    """A legend in the margin at the very top, centred."""
+    height = figure.get_size_inches()[1]
+    figure.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, 1 - 0.03 / height), ncols=columns)
+
+
+def foot_legend(figure: Figure, handles: Sequence[Artist], columns: int) -> None:
+    """A legend in the margin at the very bottom, centred."""
+    height = figure.get_size_inches()[1]
+    figure.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 0.03 / height), ncols=columns)
+
+
+def foot_note(figure: Figure, text: str, left_in: float = Margins.left) -> None:
+    """A line in the margin at the very bottom, from where the panels begin [in]."""
+    width, height = figure.get_size_inches()
+    figure.text(left_in / width, 0.04 / height, text, fontsize=7, color="#555555")
+
+
+def symmetric(axes: Axes) -> None:
+    """Limits of y as far below zero as above."""
+    largest = max(abs(limit) for limit in axes.get_ylim())
+    axes.set_ylim(-largest, largest)
+
+
+def _share(rectangle: tuple[float, float, float, float], figure: Figure) -> tuple[float, float, float, float]:
+    """A rectangle (left, bottom, width, height) [in] as shares of the figure's size."""
+    width, height = figure.get_size_inches()
+    left, bottom, across, up = rectangle
+    return left / width, bottom / height, across / width, up / height
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Where the axes of a figure lie on it, and what they span, so that a page can mark places on a drawn figure.
+
+    ``left``, ``right``, ``top`` and ``bottom`` are shares of the figure's width and height from its upper left corner,
+    around all panels; ``x_low`` and ``x_high`` the x axis that they share, ``y_low`` and ``y_high`` that of the first.
+    """
+
+    left: float
+    right: float
+    top: float
+    bottom: float
+    x_low: float
+    x_high: float
+    y_low: float
+    y_high: float
+
+
+def frame_of(figure: Figure) -> Frame:
+    """The frame of a figure with one column of panels."""
+    first, last = figure.axes[0].get_position(), figure.axes[-1].get_position()
+    limits = (float(value) for value in (*figure.axes[0].get_xlim(), *figure.axes[0].get_ylim()))
+    return Frame(float(first.x0), float(first.x1), float(1 - first.y1), float(1 - last.y0), *limits)
+
+
+def save_figure(figure: Figure, folder: FilePath, name: str, svg: str | None = None) -> tuple[FilePath, ...]:
+    """Save a figure as ``name.pdf``, ``name.svg`` and ``name.png`` at its own width; each appears whole or not at all.
+
+    Parameters
+    ----------
+    figure : Figure
+        What a function of :mod:`towval.report.figures` returned.
+    folder : path
+        Where to; made if it is not there.
+    name : str
+        Name of the files, without ending.
+    svg : str, optional
+        What :func:`svg_text` returned for the figure, where it is at hand; saves drawing it again.
+
+    Returns
+    -------
+    tuple of path
+        The files written, in the order of :data:`FORMATS`. The same figure gives the same bytes each time.
+
+    Raises
+    ------
+    InputError
+        When ``folder`` cannot be written to.
+    """
+    try:
+        paths = tuple(folder / f"{name}.{ending}" for ending in FORMATS)
+        for path in paths:
+            if path.suffix == ".svg":
+                write_text(path, svg or svg_text(figure))
+            else:
+                _save(figure, path)
+        return paths
+    except OSError as error:
+        raise InputError(f"figure {name} could not be saved", got=error, remedy=f"make {folder} writable") from error
+
+
+def _save(figure: Figure, path: FilePath) -> None:
+    ending = path.suffix.removeprefix(".")
+    with replacing(path) as temporary, house_style():
+        figure.savefig(temporary, format=ending, metadata=_METADATA[ending])
+
+
+def svg_text(figure: Figure) -> str:
+    """The figure as an ``<svg>`` element, without the XML prologue, to be put into an HTML page."""
+    buffer = io.StringIO()
+    with house_style():
+        figure.savefig(buffer, format="svg", metadata=_METADATA["svg"])
+    text = buffer.getvalue()
+    return text[text.index("<svg") :]

@@ -1,1 +1,0 @@
-"""The rover: kinematics of four steered wheels, feasible instantaneous centres, paths, planner."""

@@ -1,0 +1,95 @@
+"""Goes with the stage uncertainty: how many draws a run needs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from towval.model import (
+    Body,
+    Calibration,
+    Choice,
+    DecimatedTrack,
+    InputDeviations,
+    RunUncertainty,
+    SimulatedMotion,
+    TowingScene,
+    Track,
+)
+from towval.selection.margin import SHARE
+from towval.validation.simulate import friction_law
+from towval.validation.uncertainty import Case, UncertaintySampling, UncertaintySettings, sample_uncertainty
+
+DRAWS = (128, 256, 512, 1024, 2048)
+"""What "auto" chooses from, cheapest first."""
+
+_SETTLED = 0.1  # Limits of the verdict may change by this share when the draws are doubled.
+
+
+def gather(
+    scene: TowingScene,
+    deviations: InputDeviations,
+    calibration: Calibration,
+    bodies: tuple[Body, Body],
+    tracks: Mapping[str, Track],
+    decimated: Mapping[str, DecimatedTrack],
+    simulated: SimulatedMotion,
+) -> Case:
+    """A run as the sampling sees it, from what the campaign gave and the stages found.
+
+    ``bodies`` are rover and object; ``tracks`` and ``decimated`` hold theirs under these names.
+    """
+    rover, towed = bodies
+    return Case(
+        scene=scene,
+        deviations=deviations,
+        law=friction_law(scene).law,
+        calibration=calibration,
+        rover=rover,
+        towed=towed,
+        rover_track=tracks[rover.name],
+        rover_decimated=decimated[rover.name],
+        object_track=tracks[towed.name],
+        object_decimated=decimated[towed.name],
+        simulated=simulated,
+    )
+
+
+def sample_selecting(
+    case: Case,
+    settings: UncertaintySettings,
+    *,
+    auto: bool,
+    measurement_m: float,
+    progress: Callable[[int], None] | None = None,
+) -> RunUncertainty:
+    """Sample the uncertainty of a run; under ``auto`` with draws doubled until the result has settled.
+
+    Settled: the validation uncertainty changes by less than a third of the measurement uncertainty, and the limit of
+    the verdict by less than a tenth.
+    """
+    if not auto:
+        found = sample_uncertainty(case, settings, progress)
+        # The standard deviation of a root mean square over n normal draws.
+        change = _validation_m(found) / np.sqrt(2 * found.samples)
+        choice = Choice("draws", f"{settings.samples}", f"{2 * settings.samples}", change, "of u_val, as expected")
+        return replace(found, choices=(choice,))
+    sampling = UncertaintySampling(case, settings, progress)
+    found = sampling.describe(DRAWS[0])
+    for count in DRAWS[1:]:
+        more = sampling.describe(count)
+        change = abs(_validation_m(more) - _validation_m(found))
+        limits = more.signature_limit, found.signature_limit
+        settled = change <= SHARE * measurement_m and abs(limits[0] / limits[1] - 1) <= _SETTLED
+        choice = Choice("draws", f"{count}", f"{count // 2}", change, "of u_val")
+        found = replace(more, choices=(choice,))
+        if settled:
+            break
+    return found
+
+
+def _validation_m(uncertainty: RunUncertainty) -> float:
+    """Root mean square over time of the validation uncertainty of the position [m]."""
+    return float(np.sqrt(np.mean(np.trace(uncertainty.validation[:, :2, :2], axis1=1, axis2=2))))

@@ -1,0 +1,39 @@
+"""Goes with the stage calibrate: what the next larger lens model would have changed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from towval.calibration.calibrate import CalibrateSettings, calibrate_observations
+from towval.calibration.corners import BoardObservation
+from towval.calibration.lens import LENS_MODELS
+from towval.calibration.observations import CalibrationObservations
+from towval.model import Calibration, Choice, FloorReference
+from towval.model.errors import RefusedError
+from towval.optics.plane_uncertainty import pixel_grid
+from towval.optics.projection import to_plane
+
+
+def with_lens_choice(
+    calibration: Calibration, reference: FloorReference, settings: CalibrateSettings, height_m: float
+) -> Calibration:
+    """The calibration with what the next larger lens model would have changed on the plane of a top."""
+    models, chosen = list(LENS_MODELS), calibration.camera.lens_model
+    place = models.index(chosen)
+    following = models[place + 1] if place + 1 < len(models) else models[place - 1]
+    used = [view for view in calibration.views if not view.dropped and len(view.corners_px) and len(view.board_m)]
+    boards = [BoardObservation(view.name, view.corners_px, view.board_m) for view in used if not view.on_floor]
+    flat = [BoardObservation(view.name, view.corners_px, view.board_m) for view in used if view.on_floor]
+    flat = [observation for observation in flat if len(observation.corners_px) != len(reference.marks_px)]
+    seen = CalibrationObservations(calibration.camera.resolution_px, tuple(boards), tuple(flat), reference)
+    try:
+        other = calibrate_observations(seen, replace(settings, lens_models=(following,)), {})
+        pixels = pixel_grid(calibration.camera.resolution_px, 16).reshape(-1, 2)
+        there = [to_plane(each.camera, each.floor, pixels, height_m) for each in (calibration, other)]
+        change = float(np.sqrt(np.mean(np.sum((there[0] - there[1]) ** 2, axis=1))))
+    except RefusedError:
+        change = float("nan")
+    measure = f"RMS over the picture at {height_m:g} m"
+    return replace(calibration, choices=(Choice("lens model", chosen, following, change, measure),))

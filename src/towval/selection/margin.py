@@ -1,0 +1,31 @@
+"""The margin that choices are held against: a third of the measurement uncertainty."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from towval.model import Array, Body, Calibration, Track
+from towval.optics.plane_uncertainty import position_covariance
+from towval.optics.projection import project
+
+SHARE = 1 / 3
+"""Of the measurement uncertainty that the error of a setting may reach."""
+
+
+def measurement_std_m(calibration: Calibration, body: Body, places: ArrayLike) -> float:
+    """Standard uncertainty of a body's measured place [m], root mean square over places (n, 2) on the floor [m].
+
+    It holds calibration and the height of the top, what all poses of a run share. √(σ_x² + σ_y²).
+    """
+    places = np.asarray(places, dtype=np.float64)[:, :2]
+    height = body.tracked_plane_height_m
+    pixels = project(calibration.camera, calibration.floor, np.column_stack([places, np.full(len(places), height)]))
+    covariance = position_covariance(calibration, pixels, height, height_std_m=body.height_std_m)
+    return float(np.sqrt(np.mean(np.trace(covariance, axis1=1, axis2=2))))
+
+
+def seen_places(tracked: Track) -> Array:
+    """Places (n, 2) of a track's frames in which the body was seen [m], at most fifty of them."""
+    places = tracked.pose[tracked.seen, :2]
+    return places[:: max(1, len(places) // 50)]

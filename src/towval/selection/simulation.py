@@ -1,0 +1,59 @@
+"""Goes with the stage simulate: which model and tolerance a run needs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from towval.model import Choice, DecimatedTrack, SimulatedMotion, TowingScene
+from towval.physics.ladder import DYNAMICS, RUNGS
+from towval.selection.margin import SHARE
+from towval.validation.simulate import SimulateSettings, simulate
+
+TOLERANCES_M = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
+"""What "auto" chooses from, cheapest first."""
+
+
+def simulate_selecting(
+    scene: TowingScene,
+    rover: DecimatedTrack,
+    towed: DecimatedTrack,
+    times: ArrayLike,
+    settings: SimulateSettings,
+    *,
+    auto: Sequence[str],
+    measurement_m: float,
+) -> tuple[SimulateSettings, SimulatedMotion]:
+    """Simulate a run with what it needs; the motion says what the next model and tolerance would have changed.
+
+    ``auto`` holds the names of the settings to be chosen, "rung_tolerance_m" and "tolerance_m", against the measurement
+    uncertainty ``measurement_m`` [m]; the rest is as in :func:`towval.validation.simulate.simulate`.
+    """
+    limit = SHARE * measurement_m
+    if "rung_tolerance_m" in auto:
+        settings = replace(settings, rung_tolerance_m=float(np.clip(limit, 1e-9, 1.0)))
+    tolerances = TOLERANCES_M if "tolerance_m" in auto else (settings.tolerance_m,)
+    motion, change, finer = None, np.inf, 0.0
+    for tolerance in tolerances:
+        settings = replace(settings, tolerance_m=tolerance)
+        motion = simulate(scene, rover, towed, times, settings)
+        finer = max(tolerance / 10, 1e-12)
+        # The same rung again: what is asked is the tolerance alone.
+        again = simulate(scene, rover, towed, times, replace(settings, tolerance_m=finer, rung=motion.rung))
+        change = float(np.linalg.norm(motion.pose[:, :2] - again.pose[:, :2], axis=1).max())
+        if change <= limit:
+            break
+    names = (f"{value:.0e} m" for value in (settings.tolerance_m, finer))
+    choices = (_rung_choice(motion), Choice("tolerance of a step", *names, change, "at most over the path"))
+    return settings, replace(motion, choices=choices)
+
+
+def _rung_choice(motion: SimulatedMotion) -> Choice:
+    """Against the full dynamics or, for these, the quasi-static patch."""
+    simpler = RUNGS[RUNGS.index(DYNAMICS) - 1]
+    following, lower = (simpler, simpler) if motion.rung == DYNAMICS else (DYNAMICS, motion.rung)
+    change = motion.statistics[f"{lower} to dynamics, m"]
+    return Choice("model of the object", motion.rung, following, change, "at most over the path")

@@ -1,0 +1,129 @@
+"""Goes with the stage track: how many points of the template the footage needs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from towval.model import Array, Body, Calibration, Choice, SimulatedMotion, TowingScene, Track
+from towval.model.errors import TowvalError
+from towval.selection.margin import SHARE, measurement_std_m, seen_places
+from towval.tracking.track import Frames, TrackSettings, track_beside
+from towval.validation.decimate import decimate
+from towval.validation.simulate import simulate
+
+TRACK_SAMPLES = (1024, 4096)
+"""What "auto" chooses from, cheapest first.
+
+Fewer than 1024 points are left out: 256 save 2 % of the time of decoding (docs/choosing.md), and what they add is small
+against the measurement uncertainty but not against the frame's own noise, which the verdict is sensitive to.
+"""
+
+PROBE_FRAMES, PROBE_STRIDE = 12, 4
+"""How many frames a setting that is given is compared on with its neighbour, and at what stride from the first."""
+
+
+def neighbour_of_tracking(
+    frames: Sequence[tuple[float, NDArray[np.uint8]]],
+    calibration: Calibration,
+    bodies: Sequence[Body],
+    clicks_px: Mapping[str, ArrayLike],
+    settings: TrackSettings,
+) -> dict[str, Choice]:
+    """What the next finer tracking would have changed, for each body, tried on some frames from the first on.
+
+    For the finest it is the one before. The parameters are those of :func:`towval.tracking.track.track`.
+    """
+    other = _neighbour(settings)
+    found, beside = track_beside(iter(frames), calibration, bodies, clicks_px, (settings, other))
+    measure = f"RMS over {len(frames)} frames"
+    return {
+        name: Choice(
+            "tracking", _tracking_name(settings), _tracking_name(other), _apart(found[name], beside[name]), measure
+        )
+        for name in found
+    }
+
+
+def track_selecting(
+    frames: Frames,
+    calibration: Calibration,
+    bodies: Sequence[Body],
+    clicks_px: Mapping[str, ArrayLike],
+    settings: TrackSettings,
+    scene: TowingScene,
+    *,
+    progress: Callable[[int], None] | None = None,
+) -> tuple[TrackSettings, dict[str, Track]]:
+    """Track with as many points as the run needs; the tracks say what the other number would have changed.
+
+    All of :data:`TRACK_SAMPLES` follow the bodies through the whole video, in one pass, and both tracks drive the
+    simulation of ``scene``: stick and slip may multiply what a track adds, and no part of a run shows that. The smaller
+    number is taken where neither a measured path nor the simulated one moves by more than a third of the measurement
+    uncertainty. The other parameters are those of :func:`towval.tracking.track.track`.
+
+    Returns
+    -------
+    settings, tracks
+        The settings taken, and the tracks by body.
+    """
+    cheap, fine = (replace(settings, samples=count) for count in TRACK_SAMPLES)
+    tracks, finer = track_beside(frames, calibration, bodies, clicks_px, (cheap, fine), progress)
+    places = {body.name: seen_places(tracks[body.name]) for body in bodies}
+    # Nothing is small enough beside a body that the smaller number never saw.
+    limits = {
+        body.name: SHARE * measurement_std_m(calibration, body, places[body.name]) if len(places[body.name]) else 0.0
+        for body in bodies
+    }
+    moved = {name: _apart(tracks[name], finer[name]) for name in tracks}
+    carried = _carried(scene, tracks, finer)
+    enough = all(moved[name] <= limit for name, limit in limits.items()) and not carried > limits["object"]
+    taken, other = (cheap, fine) if enough else (fine, cheap)
+    names = _tracking_name(taken), _tracking_name(other)
+    choices = {name: [Choice("tracking", *names, change, "RMS of the measured path")] for name, change in moved.items()}
+    choices["object"].append(Choice("tracking", *names, carried, "RMS of the simulated path"))
+    return taken, {
+        name: replace(one, choices=tuple(choices[name])) for name, one in (tracks if enough else finer).items()
+    }
+
+
+def _carried(scene: TowingScene, one: Mapping[str, Track], other: Mapping[str, Track]) -> float:
+    """RMS distance of the paths that two sets of tracks are simulated to [m]; NaN where one cannot be simulated."""
+    try:
+        first, second = (_simulated(scene, tracks) for tracks in (one, other))
+    except TowvalError:
+        # The stages decimate and simulate meet the same error and tell it with its remedy.
+        return float("nan")
+    _, rows, others = np.intersect1d(first.time_s, second.time_s, return_indices=True)
+    return _rms(first.pose[rows] - second.pose[others])
+
+
+def _simulated(scene: TowingScene, tracks: Mapping[str, Track]) -> SimulatedMotion:
+    thin = {name: decimate(tracks[name]) for name in ("rover", "object")}
+    return simulate(scene, thin["rover"], thin["object"], tracks["object"].time_s)
+
+
+def _neighbour(settings: TrackSettings) -> TrackSettings:
+    """The plane method for the paper's points, else the next number of points, for the largest the one before."""
+    if settings.method != "plane":
+        return replace(settings, method="plane")
+    following = 4 * settings.samples
+    return replace(settings, samples=following if following <= TRACK_SAMPLES[-1] else settings.samples // 4)
+
+
+def _tracking_name(settings: TrackSettings) -> str:
+    return f"plane, {settings.samples} points" if settings.method == "plane" else "KLT points"
+
+
+def _apart(one: Track, other: Track) -> float:
+    """RMS distance of two tracks of the same frames [m]; infinite where they never saw the body together."""
+    both = one.seen & other.seen
+    return _rms(one.pose[both] - other.pose[both]) if both.any() else float("inf")
+
+
+def _rms(gap: Array) -> float:
+    """Root mean square length [m] of shifts (n, 3), of which x and y count."""
+    return float(np.sqrt(np.mean(np.sum(gap[:, :2] ** 2, axis=1))))

@@ -1,0 +1,1 @@
+"""From pictures to planar poses of rover and object, with their uncertainty."""

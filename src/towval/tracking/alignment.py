@@ -1,0 +1,385 @@
+"""Planar pose by inverse-compositional Lucas-Kanade on a body's whole top against a metric template.
+
+The template holds grey values T at points p of the top, in the body frame. At the true pose the picture shows
+``I(p) = g T(p) + b`` with a gain g and a bias b that change with the light. At a pose that is off by a small motion ε
+of the body frame, ``I(p) = g (T(p) + J(p) ε) + b`` with ``J = ∇T · [[1, 0, −y], [0, 1, x]]``: J belongs to the template
+and never changes. Each round reads the picture at the points through the exact camera model, solves for ε with robust
+weights and takes it off the pose.
+
+Gain and bias are those of small tiles of the top, eliminated from the equations: the edge of a shadow then costs only
+the tiles it crosses. What hides the top is told from it by its misfit (Tukey's biweight).
+
+SOURCE: S. Baker, I. Matthews, *Lucas-Kanade 20 Years On*, IJCV 56 (2004), for the inverse-compositional scheme.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from towval.model import Array, Body
+from towval.model.compiling import compiled
+from towval.tracking.interpolation import RELAXED, sample_plane, sample_plane_kernel
+from towval.tracking.light import GAIN_SPREAD, LEAST_GAIN, OUTSIDE, fit_light, misfits
+from towval.tracking.planar_target import PlanarTarget, usable_points
+
+Luma = NDArray[np.uint8]
+
+_TUKEY = 4.685
+_LEAST_SCALE = 0.5  # Grey levels: rounding alone gives 0.3.
+_ROUNDS = 12
+_QUANTILE, _QUANTILE_OF_GAUSSIAN = 0.35, 0.45376  # The share of |r| below that many deviations.
+_MARGIN_PX = 3.0  # Kept from the outline, where the smoothed picture mixes in what lies behind.
+_MOST_MARGIN = 0.12  # Of the smaller side: a body of a few pixels keeps some of them.
+_LEAST_POINTS = 40
+_TILES_ACROSS = 5
+_LEAST_TILE_PX = 12.0  # Smaller ones hold too few independent pixels: they correlate with anything smooth.
+_TOLERANCE_PX = 0.06  # Steps shrink to a tenth from round to round: what is left is a tenth of this.
+_FIRST_PART, _FIRST_ROUNDS = 4, 6
+_LEAST_DETERMINANT = 1e-4  # Of the normalised information: below, a direction is open.
+_INLIER_WEIGHT = 0.3
+_DAMPING = 1 + 1e-6
+_BIN, _BINS = 0.02, 5000  # Grey levels; larger residuals share the last bin.
+_LEAST_OF_TILE = 8  # Points, for a correlation to mean something.
+_VISIBLE_TILES = 0.7
+_ROUNDING = 1 / 12  # Variance of a grey value that is a whole number: a picture repeated by the encoder fits no better.
+
+
+@dataclass(frozen=True)
+class Template:
+    """What the top of a body looks like.
+
+    ``points`` (n, 2) in the body frame [m]; ``values`` (n,) grey levels; ``slopes`` (n, 3) change of the grey value
+    with a motion (x, y, heading) of the body frame [1/m, 1/m, 1/rad]; ``tile`` (n,) number of the tile a point
+    belongs to, ``tiles`` how many there are; ``pixel_m`` the width of a pixel on the top [m]. The points are shuffled,
+    so that the first of them are an even choice.
+    """
+
+    points: Array
+    values: Array
+    slopes: Array
+    tile: NDArray[np.int64]
+    tiles: int
+    pixel_m: float
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """Outcome of an alignment.
+
+    ``pose`` (3,); ``covariance`` (3, 3); ``residual`` (n,) of each point [grey levels of the template], large outside
+    the picture; ``weight`` (n,) in [0, 1]; ``scale`` deviation of the inliers' residuals; ``correlation`` of picture
+    and template in the better tiles; ``inlier_fraction`` of all points; ``converged`` whether the last step was small.
+    """
+
+    pose: Array
+    covariance: Array
+    residual: Array
+    weight: Array
+    scale: float
+    correlation: float
+    inlier_fraction: float
+    converged: bool
+
+
+def clearance_m(body: Body, pixel_m: float) -> float:
+    """What points of a template keep from the outline of a body [m], in pictures whose pixels are ``pixel_m`` wide."""
+    return min(_MARGIN_PX * pixel_m, _MOST_MARGIN * float(np.ptp(body.top_corners_m, axis=0).min()))
+
+
+def make_template(luma: Luma, target: PlanarTarget, pose: Array, samples: int = 1024) -> Template | None:
+    """Template of a body's top, seen at ``pose`` (3,) in one picture.
+
+    The top is divided into ``samples`` square cells; from each the point with the steepest grey value is taken, since
+    that is where a displacement shows. None where fewer than :data:`_LEAST_POINTS` are left.
+    """
+    low, high = target.body.top_corners_m.min(axis=0), target.body.top_corners_m.max(axis=0)
+    pixel = target.metres_per_pixel(pose)
+    cell = max(np.sqrt(np.prod(high - low) / samples), pixel)
+    per_cell = int(np.clip(cell / pixel / 1.5, 1, 6))
+    counts = np.maximum(1, np.floor((high - low) / cell)).astype(int) * per_cell
+    axes = [lo + (hi - lo) * (np.arange(n) + 0.5) / n for lo, hi, n in zip(low, high, counts, strict=True)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+    cells = np.add.outer(np.arange(counts[0]) // per_cell * counts[1], np.arange(counts[1]) // per_cell).ravel()
+    usable = usable_points(target.body, points, clearance_m(target.body, pixel))
+    points, cells = points[usable], cells[usable]
+
+    slope = slopes_at(luma, target, pose, points, pixel)
+    values = sample_plane(luma, points, pose, target.height, target.camera, target.floor)
+    chosen = _steepest(cells, np.where(np.isfinite(values), np.hypot(*slope.T), -1.0))
+    chosen = chosen[np.isfinite(slope[chosen]).all(axis=1) & np.isfinite(values[chosen])]
+    if len(chosen) < _LEAST_POINTS:
+        return None
+    chosen = np.random.default_rng(0).permutation(chosen)
+    points, slope = points[chosen], slope[chosen]
+    tile, tiles = _tiles(points, low, high, _LEAST_TILE_PX * pixel)
+    return Template(points, values[chosen], by_motion(points, slope), tile, tiles, pixel)
+
+
+def slopes_at(luma: Luma, target: PlanarTarget, pose: Array, points: Array, pixel_m: float) -> Array:
+    """Change (n, 2) of the grey value along x and y [1/m] at points (n, 2) of a body at ``pose`` (3,), over a pixel."""
+    half = 0.5 * pixel_m
+    ends = [
+        sample_plane(luma, points + sign * shift, pose, target.height, target.camera, target.floor)
+        for shift in half * np.eye(2)
+        for sign in (1, -1)
+    ]
+    return np.column_stack([ends[0] - ends[1], ends[2] - ends[3]]) / pixel_m
+
+
+def by_motion(points: Array, slope: Array) -> Array:
+    """Change (n, 3) of the grey value at points (n, 2) with a motion of the body frame, from its slopes (n, 2)."""
+    return np.column_stack([slope, points[:, 0] * slope[:, 1] - points[:, 1] * slope[:, 0]])
+
+
+def _steepest(cells: NDArray[np.int64], steepness: Array) -> NDArray[np.int64]:
+    """Index of the steepest point of each cell that has any, in the order of the cells."""
+    best = np.full(int(cells.max(initial=-1)) + 1, -1)
+    _keep_steepest(cells, steepness, best)
+    return best[best >= 0]
+
+
+@compiled()
+def _keep_steepest(cells, steepness, best):  # type: ignore[no-untyped-def]
+    for i in range(cells.shape[0]):
+        if best[cells[i]] < 0 or steepness[i] > steepness[best[cells[i]]]:
+            best[cells[i]] = i
+
+
+def _tiles(points: Array, low: Array, high: Array, least: float) -> tuple[NDArray[np.int64], int]:
+    """Tiles about square, :data:`_TILES_ACROSS` along the longer side but not smaller than ``least`` [m]."""
+    size = max((high - low).max() / _TILES_ACROSS, least)
+    counts = np.maximum(1, np.round((high - low) / size)).astype(int)
+    place = np.minimum(((points - low) / (high - low) * counts).astype(int), counts - 1)
+    _, tile = np.unique(place[:, 0] * counts[1] + place[:, 1], return_inverse=True)
+    return tile.astype(np.int64), int(tile.max()) + 1
+
+
+@compiled()
+def _scale(residual):  # type: ignore[no-untyped-def]
+    """Deviation of the better part of the residuals, from a histogram; zero where all are outside."""
+    bins = np.zeros(_BINS, dtype=np.int64)
+    inside = 0
+    for i in range(residual.shape[0]):
+        size = abs(residual[i])
+        if size < OUTSIDE:
+            bins[min(int(size / _BIN), _BINS - 1)] += 1
+            inside += 1
+    wanted, below = _QUANTILE * inside, 0
+    for i in range(_BINS):
+        if below + bins[i] > wanted:
+            return _BIN * (i + (wanted - below) / bins[i]) / _QUANTILE_OF_GAUSSIAN
+        below += bins[i]
+    return 0.0
+
+
+@compiled(fastmath=RELAXED)
+def _reweigh(residual, precision, scale, weight):  # type: ignore[no-untyped-def]
+    """Tukey's weights of the residuals times the known precision of each point."""
+    for i in range(residual.shape[0]):
+        q2 = residual[i] * residual[i] * precision[i] / (_TUKEY * scale) ** 2
+        weight[i] = precision[i] * (1 - q2) ** 2 if q2 < 1 else 0.0
+
+
+@compiled(fastmath=RELAXED)
+def _normal_equations(template, slopes, tile, tiles, light, weight, residual, ridge):  # type: ignore[no-untyped-def]
+    """Information (3, 3) and the scores of the tiles (tiles, 3), light eliminated."""
+    mean, cross = np.zeros((tiles, 3)), np.zeros((tiles, 3))
+    for i in range(template.shape[0]):
+        w, row = weight[i], tile[i]
+        t = w * (template[i] - light[row, 1])
+        for j in range(3):
+            mean[row, j] += w * slopes[i, j]
+            cross[row, j] += t * slopes[i, j]
+    for row in range(tiles):
+        for j in range(3):
+            mean[row, j] /= light[row, 3]
+            cross[row, j] /= light[row, 4] + ridge
+    information, scores = np.zeros((3, 3)), np.zeros((tiles, 3))
+    xx = xy = xh = yy = yh = hh = 0.0
+    for i in range(template.shape[0]):
+        row = tile[i]
+        # Residuals are in grey levels of the template: noise in the picture counts 1/gain there.
+        w = weight[i] * light[row, 0] * light[row, 0]
+        t = template[i] - light[row, 1]
+        x = slopes[i, 0] - mean[row, 0] - cross[row, 0] * t
+        y = slopes[i, 1] - mean[row, 1] - cross[row, 1] * t
+        h = slopes[i, 2] - mean[row, 2] - cross[row, 2] * t
+        r = w * residual[i] if w > 0 else 0.0
+        scores[row, 0] += x * r
+        scores[row, 1] += y * r
+        scores[row, 2] += h * r
+        xx += w * x * x
+        xy += w * x * y
+        xh += w * x * h
+        yy += w * y * y
+        yh += w * y * h
+        hh += w * h * h
+    information[0, 0], information[1, 1], information[2, 2] = xx, yy, hh
+    information[0, 1] = information[1, 0] = xy
+    information[0, 2] = information[2, 0] = xh
+    information[1, 2] = information[2, 1] = yh
+    return information, scores
+
+
+@compiled()
+def _solve(information, scores):  # type: ignore[no-untyped-def]
+    """Solve the 3 × 3 equations, slightly damped so that a direction without texture stays where it is.
+
+    Cramer's rule: written out it compiles in a tenth of the time of a call to LAPACK.
+    """
+    x = y = h = 0.0
+    for row in range(scores.shape[0]):
+        x, y, h = x + scores[row, 0], y + scores[row, 1], h + scores[row, 2]
+    a, b, c = information[0, 0] * _DAMPING + 1e-9, information[0, 1], information[0, 2]
+    d, e, f = information[1, 1] * _DAMPING + 1e-9, information[1, 2], information[2, 2] * _DAMPING + 1e-9
+    aa, ab, ac = d * f - e * e, c * e - b * f, b * e - c * d
+    dd, de, ff = a * f - c * c, b * c - a * e, a * d - b * b
+    det = a * aa + b * ab + c * ac
+    return (aa * x + ab * y + ac * h) / det, (ab * x + dd * y + de * h) / det, (ac * x + de * y + ff * h) / det
+
+
+@compiled()
+def _correlation(values, template, tile, tiles):  # type: ignore[no-untyped-def]
+    """Correlation of picture and template in the tiles that are seen: the 70th percentile over the tiles.
+
+    No weights: weights choose the points that agree, and a few agree anywhere. What hides part of the top costs the
+    tiles it hides and leaves the others as they are.
+    """
+    sums = np.zeros((tiles, 6))
+    for i in range(values.shape[0]):
+        a, t, row = values[i], template[i], tile[i]
+        if a >= 0:
+            sums[row, 0] += 1
+            sums[row, 1] += a
+            sums[row, 2] += t
+            sums[row, 3] += a * a
+            sums[row, 4] += t * t
+            sums[row, 5] += a * t
+    known = np.empty(tiles)
+    count = 0
+    for row in range(tiles):
+        n = sums[row, 0]
+        if n >= _LEAST_OF_TILE:
+            power = (sums[row, 3] - sums[row, 1] ** 2 / n) * (sums[row, 4] - sums[row, 2] ** 2 / n)
+            known[count] = (sums[row, 5] - sums[row, 1] * sums[row, 2] / n) / np.sqrt(power) if power > 0 else 0.0
+            count += 1
+    return np.sort(known[:count])[int(_VISIBLE_TILES * count)] if count else 0.0
+
+
+@compiled()
+def _align_kernel(  # type: ignore[no-untyped-def]
+    luma, points, template, slopes, tile, tiles, precision, pose, height, T, matrix, k, most_scale, tolerance_m
+):
+    """Rounds of the alignment: pose, information, scores, residuals, weights, scale, correlation, converged."""
+    reach = 0.0
+    for i in range(len(points)):
+        reach = max(reach, np.hypot(points[i, 0], points[i, 1]))
+    pose, scale = pose.copy(), most_scale
+    light = np.empty((tiles, 5))
+    information, scores = np.zeros((3, 3)), np.zeros((tiles, 3))
+    # The first part of the points, an even choice of them, brings the pose near; then all of them settle it.
+    for n, rounds, tolerance in (
+        (len(points) // _FIRST_PART, _FIRST_ROUNDS, 3 * tolerance_m),
+        (len(points), _ROUNDS, tolerance_m),
+    ):
+        residual, weight, converged = np.empty(n), precision[:n].copy(), False
+        t, own_tile = template[:n], tile[:n]
+        for round_ in range(rounds):
+            values = sample_plane_kernel(luma, points[:n], pose, height, T, matrix, k)
+            if n < len(points) and round_ == 0:
+                for i in range(n):
+                    weight[i] = precision[i] if values[i] >= 0 else 0.0
+                light = fit_light(values, t, own_tile, tiles, weight, (scale / GAIN_SPREAD) ** 2)
+            misfits(values, t, own_tile, light, residual)
+            scale = min(max(_scale(residual), _LEAST_SCALE), most_scale)
+            _reweigh(residual, precision[:n], scale, weight)
+            ridge = (scale / GAIN_SPREAD) ** 2
+            light = fit_light(values, t, own_tile, tiles, weight, ridge)
+            misfits(values, t, own_tile, light, residual)
+            information, scores = _normal_equations(t, slopes[:n], own_tile, tiles, light, weight, residual, ridge)
+            step = _solve(information, scores)
+            # pose ∘ step⁻¹
+            pose[2] -= step[2]
+            c, s = np.cos(pose[2]), np.sin(pose[2])
+            pose[0] -= c * step[0] - s * step[1]
+            pose[1] -= s * step[0] + c * step[1]
+            converged = abs(step[0]) + abs(step[1]) + reach * abs(step[2]) < tolerance
+            if converged:
+                break
+    return (
+        pose,
+        information,
+        scores,
+        residual,
+        weight,
+        scale,
+        light,
+        _correlation(values, t, own_tile, tiles),
+        converged,
+    )
+
+
+def align(
+    luma: Luma, template: Template, precision: Array, pose: Array, target: PlanarTarget, most_scale: float
+) -> Alignment | None:
+    """Align a template with a picture.
+
+    Parameters
+    ----------
+    luma : ndarray (height, width) uint8
+        The picture, C-contiguous.
+    template : Template
+        What to find.
+    precision : ndarray (n,)
+        Weight of each point known beforehand, in [0, 1].
+    pose : ndarray (3,)
+        Where to start [m, m, rad].
+    top : Top
+        The top under its camera.
+    most_scale : float
+        Largest deviation of the residuals that an inlier may have [grey levels].
+
+    Returns
+    -------
+    Alignment or None
+        None where too little of the template is in the picture or it leaves a direction open.
+    """
+    pose, information, scores, residual, weight, scale, light, correlation, converged = _align_kernel(
+        luma,
+        template.points,
+        template.values,
+        template.slopes,
+        template.tile,
+        template.tiles,
+        precision,
+        np.asarray(pose, dtype=np.float64),
+        target.height,
+        target.floor.T_camera_floor,
+        target.camera.matrix,
+        target.camera.distortion,
+        most_scale,
+        _TOLERANCE_PX * template.pixel_m,
+    )
+    size = np.sqrt(np.diag(information))
+    if not np.isfinite(pose).all() or not size.all():
+        return None
+    if np.linalg.det(information / np.outer(size, size)) < _LEAST_DETERMINANT:
+        return None
+    inverse = np.linalg.inv(information)
+    # Residuals of neighbouring points go together (compression, blur): the tiles' scores hold that.
+    meat = scores.T @ scores * (template.tiles / max(1, template.tiles - 3))
+    # A tile that follows the template at the least gain does not show it: something plain hides it.
+    shown = (light[:, 0] > LEAST_GAIN)[template.tile]
+    return Alignment(
+        pose=pose,
+        covariance=inverse * max(np.sum(inverse * meat) / 3, _ROUNDING),
+        residual=residual,
+        weight=weight,
+        scale=float(scale),
+        correlation=float(correlation),
+        inlier_fraction=float((shown & (weight > _INLIER_WEIGHT * precision)).mean()),
+        converged=bool(converged),
+    )

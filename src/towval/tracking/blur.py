@@ -1,0 +1,197 @@
+"""Motion blur: what the top of a moving body looks like through an open shutter.
+
+While the shutter is open a point p of the picture, taken in the body frame at the middle of the exposure, sees the
+points ``p − s w(p)`` of the top, ``w = τ (v + ω × p)`` the way of the body during the exposure τ and s from −½ to ½.
+So a blurred picture is aligned with the mean of the sharp top over these points. Against the sharp top itself the
+sum of squares has a flat bottom as wide as the blur, and texture and noise decide where in it an alignment ends.
+
+The exposure is measured: of a row of candidates that which explains the moving pictures best.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from towval.model import Array, Camera
+from towval.tracking.alignment import Alignment, Template, by_motion, clearance_m, slopes_at
+from towval.tracking.interpolation import sample_plane
+from towval.tracking.light import light_misfit
+from towval.tracking.planar_target import PlanarTarget, usable_points
+
+Luma = NDArray[np.uint8]
+
+_CANDIDATES_S = np.arange(17) / 240.0
+"""Exposures that are considered [s]. ASSUME: none is longer than a fifteenth of a second."""
+_READINGS = 2  # Of the sharp top between one candidate and the next.
+_LEARNED_FROM = 400  # Points, the first of the template: an even choice.
+_LEAST_PATH_PX = 3.0  # During the longest candidate, for a picture to tell them apart.
+_FIRST_LESSONS, _LESSON_EVERY = 10, 10  # Pictures that the exposure is learned from.
+_BLURRED_PX = 0.5  # Less is as sharp as the smoothing of the readings.
+_READING_PX = 1.5  # Between readings of the sharp top.
+_CHANGED_PX = 0.5  # Of the way, for the blurred template to be made anew.
+_LEAST_KEPT = 0.6  # Of the points: with fewer the blur is a large part of the body.
+
+
+def paths(points: Array, sweep: Array) -> Array:
+    """Way (n, 2) of points (n, 2) of a body [m] that moves by ``sweep`` (3,) in its own frame [m, m, rad]."""
+    return sweep[:2] + sweep[2] * np.column_stack([-points[:, 1], points[:, 0]])
+
+
+@dataclass(frozen=True)
+class SharpTarget:
+    """The picture that a template was taken from, cut out around the body.
+
+    ``luma`` (height, width); ``top`` under the camera of that part; ``pose`` (3,) of the body; ``template`` from it.
+    """
+
+    luma: Luma
+    target: PlanarTarget
+    pose: Array
+    template: Template
+
+    @classmethod
+    def cut(cls, luma: Luma, target: PlanarTarget, pose: Array, template: Template) -> SharpTarget:
+        """Keep what is needed of the picture ``luma``, where the body is at ``pose`` (3,)."""
+        corners = target.pixels(target.body.top_corners_m, pose)
+        low = np.clip(np.floor(corners.min(axis=0)).astype(int) - 4, 0, None)
+        high = np.ceil(corners.max(axis=0)).astype(int) + 5
+        part = luma[low[1] : high[1], low[0] : high[0]].copy()
+        return cls(part, replace(target, camera=_shifted(target.camera, low, part)), np.array(pose), template)
+
+    def read(self, points: Array) -> Array:
+        """Grey values (n,) at points (n, 2) of the body frame [m]; NaN outside the picture."""
+        return sample_plane(self.luma, points, self.pose, self.target.height, self.target.camera, self.target.floor)
+
+    def clear(self, points: Array, path: Array) -> NDArray[np.bool_]:
+        """Which points (n, 2) see nothing but the top while the body moves by ``way`` (n, 2) [m]."""
+        margin = clearance_m(self.target.body, self.template.pixel_m)
+        return np.logical_and(*(usable_points(self.target.body, points + s * path, margin) for s in (-0.5, 0.5)))
+
+    def blurred(self, sweep: Array) -> Template | None:
+        """The template through a shutter that is open while the body moves by ``sweep`` (3,) [m, m, rad].
+
+        None where that is no blur to speak of, or so much that most of the top is mixed with its surroundings.
+        """
+        sharp = self.template
+        path = paths(sharp.points, sweep)
+        most = np.hypot(*path.T).max() / sharp.pixel_m
+        if most < _BLURRED_PX:
+            return None
+        count = int(np.ceil(most / _READING_PX)) + 1
+        kept = self.clear(sharp.points, path)
+        points, path = sharp.points[kept], path[kept]
+        values, slope = np.zeros(len(points)), np.zeros((len(points), 2))
+        for s in (np.arange(count) + 0.5) / count - 0.5:
+            places = points + s * path
+            values += self.read(places) / count
+            slope += slopes_at(self.luma, self.target, self.pose, places, sharp.pixel_m) / count
+        known = np.isfinite(values) & np.isfinite(slope).all(axis=1)
+        if known.sum() < _LEAST_KEPT * len(sharp.points):
+            return None
+        points, slope = points[known], slope[known]
+        return replace(
+            sharp, points=points, values=values[known], slopes=by_motion(points, slope), tile=sharp.tile[kept][known]
+        )
+
+
+def ahead_of_middle(time_s: Array, pose: Array, exposure_s: float) -> Array:
+    """How far the mean pose over an exposure is from the pose at its middle (n, 3) [m, m, rad].
+
+    An acceleration a during the exposure τ shifts the mean by ``a τ² / 24``. It is that of three poses in a row; zero
+    where one of them is not known (NaN) or missing.
+    """
+    shift = np.zeros_like(pose)
+    if len(pose) < 3 or exposure_s == 0.0:
+        return shift
+    velocity = np.diff(pose, axis=0) / np.diff(time_s)[:, None]
+    acceleration = 2 * np.diff(velocity, axis=0) / (time_s[2:] - time_s[:-2])[:, None]
+    shift[1:-1] = np.nan_to_num(acceleration) * exposure_s**2 / 24
+    return shift
+
+
+def _noise_left(length_px: Array) -> Array:
+    """Share (n,) of the variance of white noise that is left when readings are averaged over lengths (n,).
+
+    Readings are smoothed by the cubic B-spline, so their noise goes together as the B-spline of degree 7 does, whose
+    variance is 8/12 px²; here the Gaussian of that variance.
+    """
+    u = (np.arange(64) + 0.5) / 64
+    return 2 * np.mean((1 - u) * np.exp(-(np.outer(length_px, u) ** 2) / (2 * 8 / 12)), axis=1)
+
+
+def _shifted(camera: Camera, low: NDArray[np.int_], part: Luma) -> Camera:
+    """The camera whose picture is a part of another's, cut at the pixel ``low`` (2,)."""
+    matrix = camera.matrix.copy()
+    matrix[:2, 2] -= low
+    return replace(camera, matrix=matrix, resolution_px=(part.shape[1], part.shape[0]))
+
+
+class Shutter:
+    """Learns how long the shutter is open, and shows a template as it then looks.
+
+    ASSUME: the exposure is the same in all pictures.
+    """
+
+    def __init__(self, target: PlanarTarget, luma: Luma, pose: Array, template: Template):
+        self.target = target
+        self.sharp = SharpTarget.cut(luma, target, pose, template)
+        self.misfit, self.own_noise = np.zeros((2, len(_CANDIDATES_S)))
+        self.weight = 0.0
+        self.lessons = 0
+        self.swept = np.zeros(3)
+        self.blurred: Template | None = None
+
+    @property
+    def exposure_s(self) -> float:
+        """The exposure that explains the pictures so far best [s]; zero while none showed any motion."""
+        if not self.weight:
+            return 0.0
+        # A mean of readings holds less noise than one, and would win for that alone. The picture's noise is as large
+        # as the sharp top's was: the misfit of the best candidate tells it.
+        best = int(np.argmin(self.misfit))
+        noise = self.misfit[best] / (self.weight + self.own_noise[best])
+        misfit = self.misfit - noise * self.own_noise
+        best = int(np.argmin(misfit))
+        if not 0 < best < len(_CANDIDATES_S) - 1:
+            return float(_CANDIDATES_S[best])
+        before, at, after = misfit[best - 1 : best + 2]
+        return float(_CANDIDATES_S[best] + 0.5 * (before - after) / (before - 2 * at + after) * _CANDIDATES_S[1])
+
+    def template(self, velocity: Array) -> Template | None:
+        """:meth:`SharpTop.blurred` at a velocity (3,) and the exposure known so far, kept while that hardly changes."""
+        sweep = velocity * self.exposure_s
+        change = np.abs(sweep - self.swept)
+        if change[:2].sum() + self.target.reach_m * change[2] > _CHANGED_PX * self.sharp.template.pixel_m:
+            self.blurred, self.swept = self.sharp.blurred(sweep), sweep
+        return self.blurred
+
+    def learn(self, luma: Luma, found: Alignment, template: Template, velocity: Array) -> None:
+        """Compare all exposures with a picture in which ``template`` was found, the body at a velocity (3,)."""
+        speed = math.hypot(velocity[0], velocity[1]) + 0.5 * self.target.reach_m * abs(velocity[2])
+        length_px = speed * _CANDIDATES_S / template.pixel_m
+        if length_px[-1] < _LEAST_PATH_PX:
+            return
+        self.lessons += 1
+        if self.lessons > _FIRST_LESSONS and self.lessons % _LESSON_EVERY:
+            return
+        points = template.points[:_LEARNED_FROM]
+        longest = paths(points, velocity * _CANDIDATES_S[-1])
+        steps = _READINGS * (len(_CANDIDATES_S) - 1)
+        kept = np.flatnonzero(self.sharp.clear(points, longest))
+        points, path = points[kept], longest[kept]
+        readings = np.array([self.sharp.read(points + s * path) for s in np.arange(steps + 1) / steps - 0.5])
+        seen = sample_plane(luma, points, found.pose, self.target.height, self.target.camera, self.target.floor)
+        known = np.isfinite(readings).all(axis=0) & np.isfinite(seen)
+        if known.sum() < _LEAST_KEPT * min(_LEARNED_FROM, len(self.sharp.template.points)):
+            return
+        tile, weight = template.tile[kept[known]], found.weight[kept[known]]
+        self.weight += weight.sum()
+        self.own_noise += weight.sum() * _noise_left(length_px)
+        for i in range(len(_CANDIDATES_S)):
+            part = readings[(steps - _READINGS * i) // 2 : (steps + _READINGS * i) // 2 + 1, known]
+            look = part[0] if i == 0 else (part[1:] + part[:-1]).mean(axis=0) / 2
+            self.misfit[i] += light_misfit(seen[known], look, tile, template.tiles, weight, found.scale)

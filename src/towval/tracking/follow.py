@@ -1,0 +1,351 @@
+"""One body followed through a video: prediction, measurement, what is trusted, and the record of it."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from towval.model import Array, Body, Features, Finding, Severity, Track, TrackStatus
+from towval.model.errors import InputError
+from towval.model.geometry import compose, transform
+from towval.tracking.blur import ahead_of_middle
+from towval.tracking.lookalikes import Lookalikes
+from towval.tracking.noise import hold_rest, scatter_factor
+from towval.tracking.outline import (
+    OutlineFit,
+    combine_fits,
+    pose_from_clicks,
+    see_outline,
+)
+from towval.tracking.planar_target import PlanarTarget
+from towval.tracking.pose import Measurement, Motion, Tracker
+from towval.tracking.relocalisation import Relocaliser
+
+Luma = NDArray[np.uint8]
+TrackerMaker = Callable[[PlanarTarget, Luma, Array], Tracker]
+
+_OUTLINE_EVERY_S = 0.5  # Between pictures whose edges are looked at, at first;
+_OUTLINE_DOUBLED_AFTER = 12  # after each dozen twice as long.
+_FARTHEST_CORRECTION_PX = 3.0  # Of the registration by all edges: clicks are that good.
+_UNSURE_EDGES_PX = 0.15  # Deviation of the registration: sharp edges give up to 0.1, blurred ones 0.2 and more.
+_MISFIT_OF_CLICKS_PX = 6.0  # More than 0.7 px of noise can explain.
+_WRONG_CLICKS = 0.08  # Of the body's size: the clicks belong to another body or are in another order.
+_MOST_ACCELERATION = 5.0  # ASSUME: half of gravity, more than wheels or a tether give [m/s²].
+_SURPRISE_PX = 3.0  # Beyond what acceleration explains.
+_SEARCH_EVERY_S = 0.2  # Once a body has been unseen for as long; before that, in each picture.
+_AGREE_PX = 2.0
+_HOME = 0.5  # Of a body's reach from its place: nothing else can be so near.
+_MUCH_FARTHER = 4.0
+_REMEMBERED_S = 3.0  # How long a place means something for a body that may move unseen.
+_MOST_COVERED = 0.3  # Of a top over another body: bodies stand beside each other.
+_LOW_TEXTURE_PX = 0.12  # Deviation of a pose from which on the top counts as too plain.
+_MOVING_PX = 0.1  # A picture.
+_MOST_SCATTER_PX = 0.06
+_MOST_REST_PX = 0.1
+_NOWHERE, _UNKNOWN = np.full(3, np.nan), np.full((3, 3), np.nan)
+
+
+_NUMBERS = 16  # A frame's row: time, pose, covariance, status, share of inliers, residual.
+_MOST_TABLED = 8192  # Frames whose points are kept: every one, then every second, fourth, ...
+
+
+class _Record:
+    """What was seen, 128 bytes a frame, so that a video of any length fits in memory."""
+
+    def __init__(self) -> None:
+        self.numbers = array("d")
+        self.points: list[tuple[int, Array, Array]] = []
+        self.points_every = 1
+        self.last_status: TrackStatus | None = None
+
+    def __len__(self) -> int:
+        return len(self.numbers) // _NUMBERS
+
+    def keep(
+        self, time_s: float, pose: Array, covariance: Array, status: TrackStatus, inliers: float, residual: float
+    ) -> None:
+        self.numbers.extend((time_s, *pose, *covariance.ravel(), float(status), inliers, residual))
+        self.last_status = status
+
+    def keep_points(self, points_m: Array, weights: Array) -> None:
+        """Keep points of the frame that comes next; of long videos only every second, fourth, ... frame's."""
+        if len(self) % self.points_every == 0:
+            self.points.append((len(self), points_m, weights))
+        if len(self.points) > _MOST_TABLED:
+            self.points_every *= 2
+            self.points = [entry for entry in self.points if entry[0] % self.points_every == 0]
+
+    def columns(self) -> tuple[Array, Array, Array, NDArray[np.uint8], Array, Array]:
+        """Times, poses (n, 3), covariances (n, 3, 3), status, share of inliers and residuals."""
+        rows = np.array(self.numbers).reshape(-1, _NUMBERS)
+        covariance = rows[:, 4:13].reshape(-1, 3, 3).copy()
+        return rows[:, 0], rows[:, 1:4].copy(), covariance, rows[:, 13].astype(np.uint8), rows[:, 14], rows[:, 15]
+
+
+class Follower:
+    """Follows one body from clicks in the first picture and keeps what it saw.
+
+    Parameters
+    ----------
+    top : Top
+        The body's top under its camera.
+    time_s, luma : float, ndarray (height, width) uint8
+        The first picture.
+    clicks_px : ndarray (n, 2)
+        Its corners [px].
+    make_tracker : callable
+        Builds the tracker from top, picture and pose.
+    coast_s : float
+        How long a body that is not seen is predicted before it counts as lost [s].
+    """
+
+    def __init__(
+        self,
+        target: PlanarTarget,
+        time_s: float,
+        luma: Luma,
+        clicks_px: Array,
+        make_tracker: TrackerMaker,
+        coast_s: float,
+    ):
+        self.target, self.coast_s = target, coast_s
+        body, camera, floor = target.body, target.camera, target.floor
+        clicked, self.start_covariance, misfit_px = pose_from_clicks(body, clicks_px, camera, floor)
+        self.pixel_m = target.metres_per_pixel(clicked)
+        self.findings = _judge_clicks(body, misfit_px, self.pixel_m)
+        fit = see_outline(luma, body, clicked, camera, floor)
+        self.first_pose = clicked if fit is None else compose(clicked, fit.correction)
+        self.outline_fits: list[OutlineFit] = []
+        self.next_outline_s, self.looks = time_s, 0
+        self.tracker = make_tracker(target, luma, self.first_pose)
+        self.finder = Relocaliser(target, luma, self.first_pose)
+        self.lookalikes = Lookalikes(target, luma, self.first_pose)
+        self.mistakable = 0
+        self.next_search_s = time_s
+        self.motion = Motion(time_s, self.first_pose)
+        self.record = _Record()
+        self.follow(time_s, luma)
+
+    @property
+    def place(self) -> Array | None:
+        """Outline (n, 2) of the body on the floor where it was just seen [m]; None where it was not."""
+        return self.target.outline(self.motion.pose) if self.record.last_status == TrackStatus.TRACKED else None
+
+    def follow(self, time_s: float, luma: Luma, occupied: Sequence[Array] = ()) -> None:
+        """Take in the next picture; outlines that other bodies fill on the floor cannot be this one's place."""
+        hidden_s = time_s - self.motion.time_s
+        coasting = hidden_s <= self.coast_s
+        # The picture after a sighting is always predicted, however slow the video.
+        just_visible = self.record.last_status == TrackStatus.TRACKED
+        predicted = self.motion.predict(time_s) if coasting or just_visible else self.motion.pose
+        seen = self.tracker.measure(luma, predicted, self.motion.velocity)
+        if seen is None or self._surprising(time_s, seen.pose):
+            seen = self._search(time_s, luma, seen)
+        elif self._returns_elsewhere(time_s, luma, seen.pose):
+            seen = None
+        if seen is not None and any(self.target.covered_by(seen.pose, other) > _MOST_COVERED for other in occupied):
+            seen = None
+        if seen is not None:
+            self._keep_observation(time_s, luma, seen)
+        elif coasting:
+            self.record.keep(time_s, predicted, self._coasting_covariance(time_s), TrackStatus.COASTING, 0.0, np.nan)
+        else:
+            self.record.keep(time_s, _NOWHERE, _UNKNOWN, TrackStatus.LOST, 0.0, np.nan)
+
+    def _returns_elsewhere(self, time_s: float, luma: Luma, pose: Array) -> bool:
+        """Whether what seems to be the body after a while unseen is something else."""
+        if self.record.last_status in (None, TrackStatus.TRACKED):
+            return False
+        return not self._unmistakable(time_s, luma, pose)
+
+    def _surprising(self, time_s: float, pose: Array) -> bool:
+        """Whether a pose is farther from where the motion leads than a body can have got."""
+        gone = 0.5 * _MOST_ACCELERATION * (time_s - self.motion.time_s) ** 2
+        return self.target.apart_m(self.motion.predict(time_s), pose) > _SURPRISE_PX * self.pixel_m + 2 * gone
+
+    def _search(self, time_s: float, luma: Luma, doubtful: Measurement | None) -> Measurement | None:
+        """Look for the body in the whole picture; a doubtful sighting counts if that leads to the same place."""
+        if time_s < self.next_search_s:
+            return None
+        if time_s - self.motion.time_s > _SEARCH_EVERY_S:
+            self.next_search_s = time_s + _SEARCH_EVERY_S
+        for place in self._places(luma):
+            found = self.tracker.measure(luma, place)
+            if found is None:
+                continue
+            if doubtful is not None and self.target.apart_m(found.pose, doubtful.pose) > _AGREE_PX * self.pixel_m:
+                continue
+            if self._unmistakable(time_s, luma, found.pose):
+                return found
+        return None
+
+    def _places(self, luma: Luma) -> Iterator[Array]:
+        """Where the body may be: by features, which part of it suffices for, then by its whole look."""
+        place = self.finder.find(luma)
+        if place is not None:
+            yield place
+        yield from (candidate.pose for candidate in self.lookalikes.candidates(luma)[:1])
+
+    def _unmistakable(self, time_s: float, luma: Luma, pose: Array) -> bool:
+        """Whether this looks like the body and nothing else that looks like it could be it.
+
+        What else looks like it is out of the question where it is farther than a body can have got, or much farther
+        from where this one was, or should be by now, than ``pose`` is. A body with a twin may be hidden while the twin
+        is in view: it is known again only near its place.
+        """
+        rivals = self.lookalikes.rivals(self.lookalikes.candidates(luma), pose)
+        if rivals is None:
+            return False
+        stray = self._stray_m(time_s, pose)
+        at_home = stray <= _HOME * self.target.reach_m and time_s - self.motion.time_s <= _REMEMBERED_S
+        nearest = min((self._stray_m(time_s, rival) for rival in rivals), default=np.inf)
+        within_reach = [rival for rival in rivals if not self._surprising(time_s, rival)]
+        alone = not within_reach if not self._surprising(time_s, pose) else not rivals
+        alone |= at_home and nearest > _MUCH_FARTHER * stray
+        if alone and (at_home or not self.lookalikes.has_twin):
+            return True
+        self.mistakable += 1
+        return False
+
+    def _stray_m(self, time_s: float, pose: Array) -> float:
+        """How far a pose is from where the body was seen last, or would be if it had gone on [m]."""
+        return min(self.target.apart_m(known, pose) for known in (self.motion.pose, self.motion.predict(time_s)))
+
+    def _keep_observation(self, time_s: float, luma: Luma, seen: Measurement) -> None:
+        pose = self.motion.see(time_s, seen.pose) if time_s > self.motion.time_s else seen.pose
+        self.record.keep_points(seen.points_m, seen.weights)
+        self.record.keep(time_s, pose, seen.covariance, TrackStatus.TRACKED, seen.inlier_fraction, seen.residual)
+        if time_s >= self.next_outline_s:
+            fit = see_outline(luma, self.target.body, pose, self.target.camera, self.target.floor)
+            if fit is not None:
+                self.outline_fits.append(fit)
+            self.looks += 1
+            self.next_outline_s = time_s + _OUTLINE_EVERY_S * 2 ** (self.looks // _OUTLINE_DOUBLED_AFTER)
+
+    def _coasting_covariance(self, time_s: float) -> Array:
+        # ASSUME: while unseen the body may have stopped, or gone on twice as fast.
+        gone = np.abs(self.motion.velocity) * (time_s - self.motion.time_s)
+        path = float(np.hypot(gone[0], gone[1])) + self.pixel_m
+        return np.diag(np.square([path, path, gone[2] + self.pixel_m / self.target.reach_m]))
+
+    def track(self, method: str, further_findings: tuple[Finding, ...] = ()) -> Track:
+        """The whole record as a track: registered to the edges of all pictures, noise judged, rests held."""
+        fit = self._registration()
+        time_s, raw, covariance, status, inliers, residual = self.record.columns()
+        seen = status == TrackStatus.TRACKED
+        raw = raw - ahead_of_middle(time_s, np.where(seen[:, None], raw, np.nan), self.tracker.exposure_s)
+        covariance = self._honest_covariance(time_s, raw, covariance, seen)
+        most = _MOST_REST_PX * self.pixel_m * np.array([1, 1, 1 / self.target.reach_m])
+        pose = hold_rest(time_s, raw, covariance, seen, most)
+        if fit is not None:
+            pose = compose(pose, fit.correction)
+        return Track(
+            body=self.target.body.name,
+            time_s=time_s,
+            pose=pose,
+            covariance=covariance,
+            status=status,
+            inlier_fraction=inliers,
+            residual=residual,
+            start_covariance=self.start_covariance if fit is None else fit.covariance,
+            features=self._features(raw),
+            findings=(*self.findings, *self._judge_sight(time_s, covariance, status), *further_findings),
+            method=method,
+        )
+
+    def _honest_covariance(self, time_s: Array, pose: Array, covariance: Array, seen: NDArray[np.bool_]) -> Array:
+        """Covariances of the pictures' residuals, widened to the scatter in time."""
+        later = np.flatnonzero(seen)[1:]
+        if seen[0]:
+            # The first picture made the template, so it fits itself: its noise is that of the others.
+            typical = np.median(covariance[later], axis=0) if len(later) else self.start_covariance
+            covariance[0] = typical
+        masked = np.where(seen[:, None], pose, np.nan)
+        step = np.linalg.norm(np.diff(masked[:, :2], axis=0, append=np.nan), axis=1)
+        factor = scatter_factor(time_s, masked, covariance, step > _MOVING_PX * self.pixel_m)
+        # More than that is a motion that five pictures do not follow, not noise of the video.
+        most = _MOST_SCATTER_PX * self.pixel_m / np.sqrt(np.median(covariance[seen][:, 0, 0])) if seen.any() else 1.0
+        covariance[seen] *= min(factor, max(1.0, most)) ** 2
+        return covariance
+
+    def _registration(self) -> OutlineFit | None:
+        if self.outline_fits:
+            fit = combine_fits(self.outline_fits)
+            if np.linalg.norm(fit.correction[:2]) < _FARTHEST_CORRECTION_PX * self.pixel_m:
+                self._judge_registration(fit)
+                return fit
+        text = (
+            f"The edges of {self.target.body.name} could not be found around the clicks; its frame rests on the clicks "
+            f"({1000 * np.sqrt(self.start_covariance[0, 0]):.1f} mm). Check the clicks and top_corners_m."
+        )
+        self.findings.append(Finding(Severity.WARNING, "edges_not_found", text))
+        return None
+
+    def _judge_registration(self, fit: OutlineFit) -> None:
+        deviation = float(np.sqrt(np.linalg.eigvalsh(fit.covariance[:2, :2])[-1]))
+        if deviation > _UNSURE_EDGES_PX * self.pixel_m:
+            text = (
+                f"The edges of {self.target.body.name} do not tell its place in one direction: its frame is known to "
+                f"{1000 * deviation:.1f} mm at best there. Begin the run at rest or expose for a shorter time: its "
+                "edges must be sharp in some pictures, and stand out from the floor."
+            )
+            self.findings.append(Finding(Severity.WARNING, "edges_unsure", text))
+
+    def _judge_sight(self, time_s: Array, covariance: Array, status: NDArray[np.uint8]) -> list[Finding]:
+        """Findings about pictures in which the body was not seen, and about a top too plain to be seen well."""
+        findings, name = [], self.target.body.name
+        unseen = np.flatnonzero(status != TrackStatus.TRACKED)
+        if len(unseen):
+            lost = int((status == TrackStatus.LOST).sum())
+            text = (
+                f"{name} was not seen in {len(unseen)} of {len(status)} pictures ({lost} lost, {len(unseen) - lost} "
+                f"bridged), between {time_s[unseen[0]]:.2f} s and {time_s[unseen[-1]]:.2f} s. Look at the video there: "
+                "something hid it, it left the picture, or its top is too plain."
+            )
+            findings.append(Finding(Severity.WARNING, "not_seen", text))
+        if self.mistakable:
+            text = (
+                f"{name} cannot be told from something else that looks like it, or from itself turned round: "
+                f"{self.mistakable} times it was not taken for found. Put a pattern of its own on each body."
+            )
+            findings.append(Finding(Severity.WARNING, "lookalike", text))
+        seen = status == TrackStatus.TRACKED
+        deviation = float(np.sqrt(np.median(covariance[seen][:, 0, 0]))) if seen.any() else np.inf
+        if deviation > _LOW_TEXTURE_PX * self.pixel_m or seen.sum() < len(status) / 4:
+            text = (
+                f"The top of {name} shows too little texture for the noise of the video (deviation "
+                f"{1000 * deviation:.2f} mm where seen). Put a pattern on it: print, stickers, tape."
+            )
+            findings.append(Finding(Severity.WARNING, "low_texture", text))
+        return findings
+
+    def _features(self, pose: Array) -> Features | None:
+        points = self.record.points
+        if not points:
+            return None
+        count = [len(own) for _, own, _ in points]
+        frame = np.repeat([index for index, _, _ in points], count)
+        floor_xy = transform(pose[frame], np.concatenate([own for _, own, _ in points]))
+        floor_m = np.column_stack([floor_xy, np.full(len(frame), self.target.body.tracked_plane_height_m)])
+        return Features(frame, floor_m, np.concatenate([weights for _, _, weights in points]))
+
+
+def _judge_clicks(body: Body, misfit_px: float, pixel_m: float) -> list[Finding]:
+    size_px = float(np.linalg.norm(np.ptp(body.top_corners_m, axis=0))) / pixel_m
+    if misfit_px > max(_MISFIT_OF_CLICKS_PX, _WRONG_CLICKS * size_px):
+        raise InputError(
+            f"first_frame_clicks_px of {body.name} do not fit its outline",
+            got=f"a corner {misfit_px:.0f} px off at the best pose",
+            allowed=f"{_MISFIT_OF_CLICKS_PX:.0f} px",
+            remedy="click its corners in the order of top_corners_m (not another body's); check its height and size",
+        )
+    if misfit_px <= _MISFIT_OF_CLICKS_PX:
+        return []
+    text = (
+        f"The clicks of {body.name} miss its corners by up to {misfit_px:.1f} px. Check them, its top_corners_m and "
+        "tracked_plane_height_m."
+    )
+    return [Finding(Severity.WARNING, "clicks_misfit", text)]

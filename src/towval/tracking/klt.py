@@ -1,0 +1,137 @@
+"""The paper's tracker: KLT points on a body's top, matched to a keyframe, fitted with a planar pose.
+
+Points are followed from a keyframe and not from the frame before, so their error does not add up over frames. A patch
+of pixels matches only while it has not turned much; so keyframes are kept by heading, and a new one is made only at a
+heading that none covers yet. Each point is checked by following it back.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from towval.model import Array
+from towval.model.geometry import inverse_transform, wrapped
+from towval.tracking.planar_target import PlanarTarget
+from towval.tracking.pose import Measurement, robust_rigid_fit
+
+Luma = NDArray[np.uint8]
+
+_WINDOW_PX = 21
+_LEVELS = 2
+_MARGIN_PX = 8  # Points keep this far from the edges, behind which the background moves differently.
+_POINTS = 120
+_KEYFRAME_TURN = np.deg2rad(10.0)  # A 21 px patch turned by 10° moves 1.8 px at its rim.
+_LEAST_POINTS = 8
+_NOISE_FLOOR_PX = 0.05
+_TABLE_POINTS = 60
+
+
+@dataclass(frozen=True)
+class _Keyframe:
+    crop: Luma
+    pixels: Array
+    points_m: Array
+    heading: float
+
+
+class KltTracker:
+    """Follows a ``top``, seen at ``pose`` (3,) in ``luma``, by KLT points.
+
+    A point counts if it comes back to within ``forward_backward_px`` of where it started [px].
+    """
+
+    exposure_s = 0.0
+
+    def __init__(self, target: PlanarTarget, luma: Luma, pose: Array, forward_backward_px: float = 0.5):
+        self.target, self.forward_backward_px = target, forward_backward_px
+        pixels = target.pixels(target.body.top_corners_m, pose)
+        reach = np.linalg.norm(pixels - target.pixels(np.zeros((1, 2)), pose), axis=1).max()
+        # The crop holds the body at any heading, elsewhere in the picture a little larger, and the search around it.
+        side = int(2 * (1.2 * reach + 2 * _WINDOW_PX))
+        self.crop_px = np.minimum(side, [luma.shape[1], luma.shape[0]])
+        self.keyframes: list[_Keyframe] = []
+        self._add_keyframe(luma, pose)
+
+    def _crop(self, luma: Luma, pose: Array) -> tuple[Luma, Array]:
+        """The part of a picture around the body, always of the same size, and its upper left corner [px]."""
+        centre = self.target.pixels(np.zeros((1, 2)), pose)[0]
+        room = np.array([luma.shape[1], luma.shape[0]]) - self.crop_px
+        u, v = np.clip(np.round(np.nan_to_num(centre) - self.crop_px / 2), 0, room).astype(int)
+        corner = np.array([u, v], dtype=np.float64)
+        return np.ascontiguousarray(luma[v : v + self.crop_px[1], u : u + self.crop_px[0]]), corner
+
+    def _mask(self, corner: Array, pose: Array) -> Luma:
+        """Where points may lie in a crop: on the top, off its edges and obstructions."""
+        mask = np.zeros((self.crop_px[1], self.crop_px[0]), np.uint8)
+
+        def draw(outline: Array, value: int) -> None:
+            pixels = self.target.pixels(outline, pose) - corner
+            cv2.fillPoly(mask, [np.round(pixels).astype(np.int32)], value)
+
+        draw(self.target.body.top_corners_m, 255)
+        for obstruction in self.target.body.obstructions:
+            draw(obstruction, 0)
+        # The frame of zeros makes the picture's border an edge, too.
+        return cv2.erode(
+            cv2.copyMakeBorder(mask, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0),
+            np.ones((2 * _MARGIN_PX + 1, 2 * _MARGIN_PX + 1), np.uint8),
+        )[1:-1, 1:-1]
+
+    def _add_keyframe(self, luma: Luma, pose: Array) -> None:
+        crop, corner = self._crop(luma, pose)
+        corners = cv2.goodFeaturesToTrack(crop, _POINTS, 0.01, 6, mask=self._mask(corner, pose), blockSize=5)
+        if corners is None or len(corners) < _LEAST_POINTS:
+            return
+        corners = cv2.cornerSubPix(
+            crop, corners, (3, 3), (-1, -1), (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.01)
+        )
+        pixels = corners.reshape(-1, 2).astype(np.float64)
+        on_plane = self.target.floor_xy(pixels + corner)
+        self.keyframes.append(_Keyframe(crop, pixels, inverse_transform(pose, on_plane), float(pose[2])))
+
+    def measure(self, luma: Luma, predicted: Array, velocity: Array | None = None) -> Measurement | None:
+        """Pose near ``predicted`` (3,), or None where too few points come back to where they started.
+
+        The ``velocity`` is not used: blur takes points away, and those left are matched as they are.
+        """
+        if not self.keyframes:
+            return None
+        turns = [abs(wrapped(k.heading - predicted[2])) for k in self.keyframes]
+        found = self._match(self.keyframes[int(np.argmin(turns))], luma, predicted)
+        if found is not None and min(turns) > _KEYFRAME_TURN:
+            self._add_keyframe(luma, found.pose)
+        return found
+
+    def _match(self, key: _Keyframe, luma: Luma, predicted: Array) -> Measurement | None:
+        crop, corner = self._crop(luma, predicted)
+        guess = self.target.pixels(key.points_m, predicted) - corner
+        start, first = key.pixels.astype(np.float32)[:, None], guess.astype(np.float32)[:, None]
+        options = {
+            "winSize": (_WINDOW_PX, _WINDOW_PX),
+            "maxLevel": _LEVELS,
+            "flags": cv2.OPTFLOW_USE_INITIAL_FLOW,
+            "criteria": (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 0.005),
+        }
+        forth, there, _ = cv2.calcOpticalFlowPyrLK(key.crop, crop, start, first.copy(), **options)
+        back, here, _ = cv2.calcOpticalFlowPyrLK(crop, key.crop, forth, start.copy(), **options)
+        astray = np.linalg.norm((back - start).reshape(-1, 2), axis=1)
+        good = (there.ravel() == 1) & (here.ravel() == 1) & (astray < self.forward_backward_px)
+        if good.sum() < _LEAST_POINTS:
+            return None
+        pixel = self.target.metres_per_pixel(predicted)
+        seen = self.target.floor_xy(forth.reshape(-1, 2)[good] + corner)
+        fit = robust_rigid_fit(key.points_m[good], seen, _NOISE_FLOOR_PX * pixel)
+        weights = np.zeros(len(good))
+        weights[good] = fit.weights
+        return Measurement(
+            pose=fit.pose,
+            covariance=fit.covariance,
+            inlier_fraction=float((weights > 0.1).mean()),
+            residual=fit.rms / pixel,
+            points_m=key.points_m[:_TABLE_POINTS],
+            weights=weights[:_TABLE_POINTS],
+        )

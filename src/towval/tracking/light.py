@@ -1,0 +1,80 @@
+"""The light on a top: gain and bias of each of its tiles between a template and a picture."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from towval.model import Array
+from towval.model.compiling import compiled
+from towval.tracking.interpolation import RELAXED
+
+GAIN_SPREAD = 0.5
+"""ASSUME: the light on a tile changes by half, give or take."""
+
+LEAST_GAIN = 0.2
+"""A tile that follows the template at no more than that does not show it."""
+
+OUTSIDE = 1e12
+"""Residual of a point outside the picture: finite, so that compiled sums stay finite."""
+
+_MOST_GAIN = 5.0
+
+
+@compiled(fastmath=RELAXED)
+def fit_light(values, template, tile, tiles, weight, ridge):  # type: ignore[no-untyped-def]
+    """Gain, mean of the template, mean of the picture, weight and weighted variance of each tile: (tiles, 5)."""
+    sums = np.zeros((tiles, 5))
+    light = np.empty((tiles, 5))
+    for i in range(values.shape[0]):
+        w, a, t, row = weight[i], values[i], template[i], tile[i]
+        sums[row, 0] += w
+        sums[row, 1] += w * t
+        sums[row, 2] += w * a
+        sums[row, 3] += w * t * t
+        sums[row, 4] += w * t * a
+    for row in range(tiles):
+        total = max(sums[row, 0], 1e-9)
+        mean_t, mean_a = sums[row, 1] / total, sums[row, 2] / total
+        variance = max(sums[row, 3] - total * mean_t * mean_t, 0.0)
+        # The ridge is a prior: gain 1, give or take GAIN_SPREAD, against residuals of the present scale.
+        gain = (sums[row, 4] - total * mean_t * mean_a + ridge) / (variance + ridge)
+        light[row, 0] = min(max(gain, LEAST_GAIN), _MOST_GAIN)
+        light[row, 1], light[row, 2], light[row, 3], light[row, 4] = mean_t, mean_a, total, variance
+    return light
+
+
+@compiled(fastmath=RELAXED)
+def misfits(values, template, tile, light, residual):  # type: ignore[no-untyped-def]
+    """Residuals in grey levels of the template."""
+    for i in range(values.shape[0]):
+        row = tile[i]
+        misfit = (values[i] - light[row, 2]) / light[row, 0] - (template[i] - light[row, 1])
+        residual[i] = misfit if values[i] >= 0 else OUTSIDE
+
+
+def light_misfit(
+    values: Array, template: Array, tile: NDArray[np.int64], tiles: int, weight: Array, scale: float
+) -> float:
+    """Weighted sum of the squared residuals of grey values once the light is fitted.
+
+    Parameters
+    ----------
+    values, template : ndarray (n,)
+        Grey values read in the picture, none outside it, and those of the template.
+    tile : ndarray (n,) of int
+        Tile of each point, of ``tiles``.
+    weight : ndarray (n,)
+        Weight of each point.
+    scale : float
+        Deviation of the residuals [grey levels of the template].
+
+    Returns
+    -------
+    float
+        The sum [squared grey levels of the picture].
+    """
+    light = fit_light(values, template, tile, tiles, weight, (scale / GAIN_SPREAD) ** 2)
+    residual = np.empty(len(values))
+    misfits(values, template, tile, light, residual)
+    return float(np.sum(weight * (light[tile, 0] * residual) ** 2))

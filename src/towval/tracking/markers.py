@@ -1,0 +1,105 @@
+"""ArUco and AprilTag markers on a body in place of clicks on its corners."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from towval.model import Array, Body, Camera, Floor
+from towval.model.errors import InputError
+from towval.model.geometry import rigid_fit, transform
+from towval.optics.projection import project, to_plane
+
+_WORST_MISFIT = 0.1  # Of a tag's side: more, and its size, place or number is not what was said.
+
+
+@dataclass(frozen=True)
+class Tag:
+    """A marker on the top of a body.
+
+    ``dictionary`` is OpenCV's name without its prefix (``4X4_50``, ``APRILTAG_36h11``); ``number`` the marker's;
+    ``size_m`` the side of its black square; ``pose`` (3,) its middle and heading in the body frame [m, m, rad], the
+    heading that of its upper edge from left to right.
+    """
+
+    dictionary: str
+    number: int
+    size_m: float
+    pose: Array
+
+    def corners_m(self) -> Array:
+        """Corners (4, 2) in the body frame [m], in the order OpenCV reports: upper left first, then clockwise."""
+        half = self.size_m / 2
+        return transform(self.pose, half * np.array([[-1.0, 1], [1, 1], [1, -1], [-1, -1]]))
+
+
+def clicks_from_tags(luma: NDArray[np.uint8], body: Body, tags: Sequence[Tag], camera: Camera, floor: Floor) -> Array:
+    """Pixels of a body's corners, found from the tags on its top: what clicks in the first picture would be.
+
+    Parameters
+    ----------
+    luma : ndarray (height, width) uint8
+        The first picture.
+    body : Body
+        The body; tags lie on its top.
+    tags : sequence of Tag
+        The tags on it; those that are seen are used together.
+    camera, floor : Camera, Floor
+        The calibrated camera.
+
+    Returns
+    -------
+    ndarray (n, 2)
+        Pixels of ``top_corners_m``, to be given to :func:`towval.tracking.track.track` as clicks.
+
+    Raises
+    ------
+    InputError
+        When no tag is seen, a dictionary is unknown, or the tags do not fit their places.
+    """
+    own, seen = [], []
+    for tag in tags:
+        corners = _detect(luma, tag)
+        if corners is not None:
+            own.append(tag.corners_m())
+            seen.append(to_plane(camera, floor, corners, body.tracked_plane_height_m))
+    if not own:
+        raise InputError(
+            f"no tag of {body.name} is seen in the first picture",
+            got=", ".join(f"{tag.dictionary} {tag.number}" for tag in tags) or "no tags",
+            remedy="start with its tags in view, unhidden and with a white border, or click its corners",
+        )
+    source, target = np.concatenate(own), np.concatenate(seen)
+    pose = rigid_fit(source, target)
+    misfit = float(np.linalg.norm(transform(pose, source) - target, axis=1).max())
+    smallest = min(tag.size_m for tag in tags)
+    if not misfit <= _WORST_MISFIT * smallest:
+        raise InputError(
+            f"the tags of {body.name} do not fit their places",
+            got=f"{1000 * misfit:.1f} mm off",
+            allowed=f"{1000 * _WORST_MISFIT * smallest:.1f} mm",
+            remedy="check size, place and heading of each tag, and the height of the top",
+        )
+    corners = transform(pose, body.top_corners_m)
+    return project(camera, floor, np.column_stack([corners, np.full(len(corners), body.tracked_plane_height_m)]))
+
+
+def _detect(luma: NDArray[np.uint8], tag: Tag) -> Array | None:
+    """Corners (4, 2) of a tag [px], None where it is not seen."""
+    constant = getattr(cv2.aruco, f"DICT_{tag.dictionary}", None)
+    if constant is None:
+        raise InputError("a tag's dictionary is unknown", got=tag.dictionary, allowed="4X4_50, APRILTAG_36h11, …")
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    detector = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(constant), parameters)
+    corners, numbers, _ = detector.detectMarkers(luma)
+    if numbers is None:
+        return None
+    for quad, number in zip(corners, numbers.ravel(), strict=True):
+        if number == tag.number:
+            return quad.reshape(4, 2).astype(np.float64)
+    return None

@@ -1,0 +1,98 @@
+"""What a finished track says about its own noise, and bodies that stand still.
+
+Compression moves a whole body by a fraction of a pixel and leaves no trace in the residuals of a picture. It shows in
+time: real bodies move smoothly over five pictures, noise does not.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from towval.model import Array
+
+_WINDOWS = (5, 9)
+_MEDIAN_CHI_SQUARED_3 = 2.366
+_LEAST_WINDOWS = 20
+_GROWTH_OF_NOISE = 2.5  # Between the windows; the scatter of real motion grows by (9/5)³ = 5.8 and more.
+_REST_DEVIATIONS = 4.0
+_SHORTEST_REST_S = 0.4
+_LEAST_REST_PICTURES = 6
+
+
+def scatter_factor(time_s: Array, pose: Array, covariance: Array, moving: NDArray[np.bool_]) -> float:
+    """How much larger the scatter of a track in time is than its predicted deviation, at least 1.
+
+    A quadratic is fitted to each five, and each nine, pictures in a row; the distance of the middle one from it is
+    compared with what the covariance predicts. The median over the track is robust against jerks. The longer window
+    also sees noise that goes on over several pictures; it counts unless it sees real motion.
+
+    Parameters
+    ----------
+    time_s, pose, covariance : ndarray (n,), (n, 3), (n, 3, 3)
+        The track; NaN where not seen.
+    moving : ndarray (n,) bool
+        Pictures that count: a body at rest in compressed video repeats its error and hides it.
+    """
+    short, long = (_scatter(time_s, pose, covariance, moving, window) for window in _WINDOWS)
+    return max(1.0, short, long if long < _GROWTH_OF_NOISE * max(short, 1.0) else 0.0)
+
+
+def _scatter(time_s: Array, pose: Array, covariance: Array, moving: NDArray[np.bool_], window: int) -> float:
+    half = window // 2
+    if len(time_s) < window:
+        return 0.0
+    rows = np.arange(half, len(time_s) - half)
+    rows = rows[moving[rows]]
+    rows = rows[:: max(1, len(rows) // 5000)]
+    index = rows[:, None] + np.arange(-half, half + 1)
+    known = np.isfinite(pose[index, 0]).all(axis=1)
+    rows, index = rows[known], index[known]
+    if len(rows) < _LEAST_WINDOWS:
+        return 0.0
+    t = (time_s[index] - time_s[rows][:, None]) / (time_s[index[:, -1]] - time_s[index[:, 0]])[:, None]
+    basis = np.stack([np.ones_like(t), t, t * t], axis=-1)
+    # Row 0 of the pseudo-inverse gives the fitted value at the middle, where t = 0.
+    kernel = -np.linalg.pinv(basis)[:, 0, :]
+    kernel[:, half] += 1
+    misfit = np.einsum("nk,nkj->nj", kernel, pose[index])
+    expected = covariance[rows] * np.sum(kernel**2, axis=1)[:, None, None]
+    square = np.einsum("nj,nj->n", misfit, np.linalg.solve(expected, misfit[..., None])[..., 0])
+    return float(np.sqrt(np.median(square) / _MEDIAN_CHI_SQUARED_3))
+
+
+def hold_rest(time_s: Array, pose: Array, covariance: Array, seen: NDArray[np.bool_], most: Array) -> Array:
+    """Poses (n, 3) with each rest of a body reduced to its mean, so that noise adds no path.
+
+    A rest lasts as long as each pose stays within four deviations, and within ``most`` (3,) [m, m, rad], of the mean
+    before it. It is held only where it shows no trend: a body that creeps goes on creeping.
+    """
+    held = pose.copy()
+    deviation = np.minimum(np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)), most / _REST_DEVIATIONS)
+    start = 0
+    while start < len(time_s):
+        if not seen[start]:
+            start += 1
+            continue
+        mean, count = pose[start].copy(), 1
+        end = start + 1
+        while end < len(time_s) and seen[end] and (np.abs(pose[end] - mean) <= _REST_DEVIATIONS * deviation[end]).all():
+            count += 1
+            mean += (pose[end] - mean) / count
+            end += 1
+        if count >= _LEAST_REST_PICTURES and time_s[end - 1] - time_s[start] >= _SHORTEST_REST_S:
+            part = slice(start, end)
+            if not _has_trend(time_s[part], pose[part], deviation[part].mean(axis=0)):
+                held[part] = mean
+            start = end
+        else:
+            start += 1
+    return held
+
+
+def _has_trend(time_s: Array, pose: Array, deviation: Array) -> bool:
+    """Whether a straight line through poses rises by more than chance allows."""
+    t = time_s - time_s.mean()
+    slope = t @ (pose - pose.mean(axis=0)) / (t @ t)
+    scatter = np.maximum((pose - pose.mean(axis=0) - np.outer(t, slope)).std(axis=0), 0.3 * deviation)
+    return bool((np.abs(slope) * np.sqrt(t @ t) > 3.5 * scatter).any())

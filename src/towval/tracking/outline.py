@@ -1,0 +1,358 @@
+"""Where a body's frame is: its known outline found on the edges that the camera sees.
+
+The outline of the top is laid into the picture at an approximate pose. Across each stretch of each edge a profile of
+grey values is read along the normal, in the plane of the top; its slope peaks at the edge. The pose that brings the
+outline onto the peaks is a robust point-to-line fit. What else makes edges (a visible side, the shadow, a printed
+border) lies elsewhere on the profile and moves against the top as the body moves; so the fits of many pictures agree
+on the top's edge and scatter where something else was taken for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from towval.model import Array, Body, Camera, Floor
+from towval.model.compiling import compiled
+from towval.model.errors import InputError
+from towval.model.geometry import polygon_area, rigid_fit, transform
+from towval.optics.projection import project, to_plane
+from towval.tracking.interpolation import RELAXED, metres_per_pixel, plane_pixels_kernel, plane_to_camera, spline_value
+
+CLICK_NOISE_PX = 0.7
+"""Standard deviation of one coordinate of a click [px]."""
+
+_REACH_PX = 4.0  # How far from the outline an edge is looked for; clicks are within 3 px.
+_STEP_PX = 1 / 3  # Between readings along a profile.
+_SPACING_PX = 1.5  # Between profiles that are averaged to one.
+_STRETCHES = 10  # Averaged profiles an edge of the outline, at least three pixels each.
+_FITS = 8  # Rounds of the robust fit.
+_TUKEY = 4.685
+_ASTRAY = 3.0  # Times the usual distance from the other fits,
+_MOST_APART = 0.75  # Of a fit's variance: that much is believed to average out.
+_MEDIAN_CHI_3 = 1.538  # which is at least that of three normal deviates.
+_SHARP = np.deg2rad(35.0)
+_THIN_PX = 3.5  # Side strips thinner than this blur into the top's edge.
+_THIN_SHIFT_PX = 0.25  # How far they shift the steepest place: 0.11 px measured at a blur of 0.6 px, more when softer.
+_TRUST_IN_THIN = 0.1
+# Scatter of a stretch of that length, measured: 0.06 px on a clear edge, 0.2 px on a faint one.
+_EDGE_NOISE_PX, _FAINT_NOISE_PX, _NOISE_LENGTH_PX = 0.05, 0.07, 12.0
+_PRIOR_PX = 3.0  # What is known without the edges, so that the turn of a disc stays where it is.
+
+
+@dataclass(frozen=True)
+class Stretches:
+    """Short pieces of a body's outline, each with its place and outward normal.
+
+    ``middle`` (m, 2) [m]; ``along`` (m, 2) and ``normal`` (m, 2) unit vectors; ``length`` (m,) [m]; ``step`` [m]
+    between readings along the normal; ``spacing`` [m] between profiles of one stretch.
+    """
+
+    middle: Array
+    along: Array
+    normal: Array
+    length: Array
+    step: float
+    spacing: float
+
+    @property
+    def offsets(self) -> Array:
+        """Distances along the normal where the slope is known (k,) [m], outward positive."""
+        half = round(_REACH_PX / _STEP_PX)
+        return self.step * np.arange(-half, half + 1)
+
+
+@dataclass(frozen=True)
+class OutlineFit:
+    """How the outline has to be moved to lie on the edges.
+
+    ``correction`` (3,) is a pose in the body frame: the true body frame is ``compose(pose, correction)``.
+    ``covariance`` (3, 3) of it; ``residual_px`` root mean square distance of the edges used; ``support`` share of the
+    outline's stretches that were used.
+    """
+
+    correction: Array
+    covariance: Array
+    residual_px: float
+    support: float
+
+
+def pose_from_clicks(body: Body, clicks_px: ArrayLike, camera: Camera, floor: Floor) -> tuple[Array, Array, float]:
+    """Pose from clicks on the corners of the top.
+
+    Parameters
+    ----------
+    body : Body
+        The body; its ``top_corners_m`` say in which order the corners were clicked.
+    clicks_px : array_like (n, 2)
+        The clicks [px].
+    camera, floor : Camera, Floor
+        The calibrated camera.
+
+    Returns
+    -------
+    pose : ndarray (3,)
+        Least-squares pose [m, m, rad].
+    covariance : ndarray (3, 3)
+        Of the registration in the body frame, from :data:`CLICK_NOISE_PX` [m², m rad, rad²].
+    misfit_px : float
+        Largest distance between a click and its corner at that pose [px].
+
+    Raises
+    ------
+    InputError
+        When the number of clicks is not that of the corners, or a click's ray misses the plane.
+    """
+    clicks_px = np.asarray(clicks_px, dtype=np.float64)
+    if clicks_px.shape != body.top_corners_m.shape:
+        raise InputError(
+            f"the clicks of {body.name} do not match its corners",
+            got=f"{len(clicks_px)} clicks",
+            allowed=f"{len(body.top_corners_m)} clicks, in the order of top_corners_m",
+        )
+    seen = to_plane(camera, floor, clicks_px, body.tracked_plane_height_m)
+    if not np.isfinite(seen).all():
+        raise InputError(f"a click of {body.name} is not on its plane", got=clicks_px.tolist())
+    pose = rigid_fit(body.top_corners_m, seen)
+    pixel = metres_per_pixel(pose, body.tracked_plane_height_m, camera, floor)
+    misfit = np.linalg.norm(transform(pose, body.top_corners_m) - seen, axis=1).max() / pixel
+    x, y = body.top_corners_m.T
+    rows = np.concatenate([np.stack([np.ones_like(x), 0 * x, -y], 1), np.stack([0 * x, np.ones_like(x), x], 1)])
+    return pose, np.linalg.inv(rows.T @ rows) * (CLICK_NOISE_PX * pixel) ** 2, float(misfit)
+
+
+def stretches_of(body: Body, pixel_m: float) -> Stretches:
+    """Cut the outline of a body into stretches for a picture whose pixels are ``pixel_m`` wide on its top."""
+    corners = body.top_corners_m
+    if polygon_area(corners) < 0:
+        corners = corners[::-1]
+    edges = np.roll(corners, -1, axis=0) - corners
+    sizes = np.linalg.norm(edges, axis=1)
+    directions = edges / sizes[:, None]
+    turns = np.arccos(np.clip((directions * np.roll(directions, 1, axis=0)).sum(axis=1), -1, 1))
+    # Two pixels at a sharp corner are left out: there a profile sees two edges. A round outline has none.
+    cut = np.where(turns > _SHARP, 2 * pixel_m, 0.0)
+    middle, along, length = [], [], []
+    for i in range(len(corners)):
+        first, last = cut[i], sizes[i] - cut[(i + 1) % len(corners)]
+        count = int(min(_STRETCHES, max((last - first) // (3 * pixel_m), last - first > pixel_m)))
+        for j in range(count):
+            middle.append(corners[i] + directions[i] * (first + (last - first) * (j + 0.5) / count))
+            along.append(directions[i])
+            length.append((last - first) / count)
+    if len(middle) < 4:
+        raise InputError(
+            f"the top of {body.name} is too small in the picture to see its edges",
+            got=f"{pixel_m * 1000:.1f} mm a pixel",
+            remedy="film from nearer or with more pixels",
+        )
+    along_array = np.array(along)
+    normal = np.stack([along_array[:, 1], -along_array[:, 0]], axis=1)
+    return Stretches(np.array(middle), along_array, normal, np.array(length), _STEP_PX * pixel_m, _SPACING_PX * pixel_m)
+
+
+@compiled(fastmath=RELAXED)
+def _profiles_kernel(luma, middle, along, normal, length, offsets, spacing, columns, matrix, k):  # type: ignore[no-untyped-def]
+    """Mean grey value of each stretch at each offset (m, k); NaN where it leaves the picture."""
+    profiles = np.zeros((middle.shape[0], offsets.shape[0]))
+    for m in range(middle.shape[0]):
+        count = max(1, int(length[m] / spacing))
+        points = np.empty((count, 2))
+        for j in range(offsets.shape[0]):
+            for i in range(count):
+                place = length[m] * ((i + 0.5) / count - 0.5)
+                points[i, 0] = middle[m, 0] + place * along[m, 0] + offsets[j] * normal[m, 0]
+                points[i, 1] = middle[m, 1] + place * along[m, 1] + offsets[j] * normal[m, 1]
+            pixels = plane_pixels_kernel(points, columns, matrix, k)
+            for i in range(count):
+                value = spline_value(luma, pixels[i, 0], pixels[i, 1])
+                profiles[m, j] += value / count if value >= 0 else np.nan
+    return profiles
+
+
+def edge_slopes(
+    luma: NDArray[np.uint8], body: Body, stretches: Stretches, pose: Array, camera: Camera, floor: Floor
+) -> Array:
+    """Steepness of the picture across each stretch of the outline.
+
+    Returns
+    -------
+    ndarray (m, k)
+        Magnitude of the slope at :attr:`Stretches.offsets` [grey levels per step], zero outside the picture.
+    """
+    offsets = stretches.offsets
+    around = np.concatenate([[offsets[0] - stretches.step], offsets, [offsets[-1] + stretches.step]])
+    columns = plane_to_camera(np.asarray(pose, dtype=np.float64), body.tracked_plane_height_m, floor.T_camera_floor)
+    profiles = _profiles_kernel(
+        luma,
+        stretches.middle,
+        stretches.along,
+        stretches.normal,
+        stretches.length,
+        around,
+        stretches.spacing,
+        columns,
+        camera.matrix,
+        camera.distortion,
+    )
+    return np.nan_to_num(np.abs(profiles[:, 2:] - profiles[:, :-2]) / 2)
+
+
+@compiled()
+def _peaks(slopes: Array, ordinary: Array, offsets: Array, expected: Array, spread: float) -> tuple[Array, Array]:
+    """Offset of the steepest place of each stretch near where it is expected, and how far it stands out.
+
+    ``ordinary`` (m,) is the usual steepness along each profile. A place that is steepest only because the profile ends
+    there is no peak and does not stand out.
+    """
+    place, contrast = np.zeros(len(slopes)), np.zeros(len(slopes))
+    for m in range(len(slopes)):
+        best, at = -1.0, 1
+        for j in range(1, slopes.shape[1] - 1):
+            score = slopes[m, j] * np.exp(-0.5 * ((offsets[j] - expected[m]) / spread) ** 2)
+            if score > best:
+                best, at = score, j
+        left, target, right = slopes[m, at - 1], slopes[m, at], slopes[m, at + 1]
+        bend = left - 2 * target + right
+        if bend < 0 and target >= left and target >= right:
+            place[m] = offsets[at] + 0.5 * (left - right) / bend * (offsets[1] - offsets[0])
+            contrast[m] = min(max(target / (ordinary[m] + 0.5) - 1, 0.0), 5.0)
+    return place, contrast
+
+
+def side_widths(body: Body, stretches: Stretches, pose: Array, camera: Camera, floor: Floor) -> Array:
+    """How wide the body's side is seen outside each stretch (m,) [px] if it reaches down to the floor.
+
+    Zero or less where the top hides the side.
+    """
+    height = body.tracked_plane_height_m
+    beyond = stretches.middle + stretches.step * stretches.normal
+    places = [transform(pose, points) for points in (stretches.middle, beyond)]
+    target, out = (project(camera, floor, np.column_stack([xy, np.full(len(xy), height)])) for xy in places)
+    foot = project(camera, floor, np.column_stack([places[0], np.zeros(len(target))]))
+    outward = (out - target) / np.linalg.norm(out - target, axis=1, keepdims=True)
+    return ((foot - target) * outward).sum(axis=1)
+
+
+def fit_outline(slopes: Array, stretches: Stretches, pixel_m: float, side_px: Array | None = None) -> OutlineFit | None:
+    """Move the outline onto the edges.
+
+    Parameters
+    ----------
+    slopes : ndarray (m, k)
+        From :func:`edge_slopes`.
+    stretches : Stretches
+        The stretches the slopes belong to.
+    pixel_m : float
+        Width of a pixel on the top [m].
+    side_px : ndarray (m,), optional
+        From :func:`side_widths`. Where only a thin strip of the side is seen, its far edge blurs into the top's and
+        shifts the steepest place: such a stretch counts little, and what it may shift is in the deviation.
+
+    Returns
+    -------
+    OutlineFit or None
+        None where fewer than a third of the stretches agree. A direction that the edges leave open (the turn of a
+        disc) is not moved and has a deviation of three pixels.
+    """
+    middle, normal = stretches.middle, stretches.normal
+    rows = np.column_stack([normal, middle[:, 0] * normal[:, 1] - middle[:, 1] * normal[:, 0]])
+    ordinary = np.median(slopes, axis=1)
+    reach = np.linalg.norm(middle, axis=1).max()
+    correction = np.zeros(3)
+    thin = np.zeros(len(rows), dtype=bool) if side_px is None else (side_px > 0) & (side_px < _THIN_PX)
+    trust = np.where(thin, _TRUST_IN_THIN, 1.0)
+    for round_ in range(_FITS):
+        # The net is drawn in: wide enough for a click at first, then for the blur of an edge.
+        spread = pixel_m * max(0.5, 2.0 * 0.7**round_)
+        place, contrast = _peaks(slopes, ordinary, stretches.offsets, rows @ correction, spread)
+        misfit = place - rows @ correction
+        if (contrast > 0).sum() < 4:
+            return None
+        scale = max(1.4826 * np.median(np.abs(misfit[contrast > 0])), 0.05 * pixel_m)
+        inner = np.maximum(1 - (misfit / (_TUKEY * scale)) ** 2, 0.0)
+        weight = trust * contrast * inner**2
+        if (weight > 0).mean() < 1 / 3:
+            return None
+        prior = scale**2 / (_PRIOR_PX * pixel_m / np.array([1, 1, reach])) ** 2
+        information = rows.T @ (weight[:, None] * rows) + np.diag(prior)
+        correction = np.linalg.solve(information, rows.T @ (weight * place))
+    misfit = place - rows @ correction
+    # The slope of Tukey's influence function: less than its weight, so that what is far from the fit holds it less.
+    steadiness = trust * contrast * inner * np.maximum(5 * inner - 4, 0.0)
+    inverse = np.linalg.inv(rows.T @ (steadiness[:, None] * rows) + np.diag(prior))
+    averaged = np.sqrt(_NOISE_LENGTH_PX * pixel_m / stretches.length)
+    noise = pixel_m * averaged * (_EDGE_NOISE_PX + _FAINT_NOISE_PX / np.maximum(contrast, 0.1))
+    scores = rows * (weight * np.maximum(np.abs(misfit), noise))[:, None]
+    used = weight > 0
+    freedom = len(rows) / max(1, used.sum() - 3)
+    shifted = inverse @ rows.T @ (weight * thin * _THIN_SHIFT_PX * pixel_m)
+    return OutlineFit(
+        correction=correction,
+        covariance=inverse @ (scores.T @ scores * freedom + np.diag(prior) * scale**2) @ inverse
+        + np.outer(shifted, shifted),
+        residual_px=float(np.sqrt(np.sum(weight * misfit**2) / weight.sum()) / pixel_m),
+        support=float(used.mean()),
+    )
+
+
+def see_outline(luma: NDArray[np.uint8], body: Body, pose: Array, camera: Camera, floor: Floor) -> OutlineFit | None:
+    """How the outline at ``pose`` (3,) has to be moved to lie on the edges of a picture; None where they hide."""
+    pixel = metres_per_pixel(pose, body.tracked_plane_height_m, camera, floor)
+    stretches = stretches_of(body, pixel)
+    slopes = edge_slopes(luma, body, stretches, pose, camera, floor)
+    return fit_outline(slopes, stretches, pixel, side_widths(body, stretches, pose, camera, floor))
+
+
+def combine_fits(fits: Sequence[OutlineFit]) -> OutlineFit:
+    """One registration from the fits of many pictures at poses that belong together: the mean of those that agree.
+
+    Each counts by its information, direction by direction: where motion blurs the edges across the motion it still
+    tells the place along them. What shifts the edges of one body (what is printed beside them, a bevel, a shadow line)
+    is the same in all pictures and does not average out. So of the variance of a fit the share that is seen to differ
+    between the pictures averages out, and the errors of the rest are taken to go together: there the mean of pictures
+    that are equally sure is no surer than one of them.
+    """
+    corrections = np.array([fit.correction for fit in fits])
+    covariances = np.array([fit.covariance for fit in fits])
+    information = np.linalg.inv(covariances)
+    agree = _agreeing(corrections, covariances, information)
+    corrections, information = corrections[agree], information[agree]
+    spread = np.linalg.inv(information.sum(axis=0))
+    mean = spread @ np.einsum("nij,nj->i", information, corrections)
+    off = corrections - mean
+    apart = np.einsum("ni,nij,nj->", off, information, off) / (3 * max(1, len(off) - 1))
+    share = min(apart, _MOST_APART)
+    together = spread @ _roots(information, spread).sum(axis=0)
+    return OutlineFit(
+        correction=mean,
+        covariance=(1 - share) * together @ together.T + apart * spread,
+        residual_px=float(np.median([fit.residual_px for fit in fits])),
+        support=float(np.median([fit.support for fit in fits])),
+    )
+
+
+def _agreeing(corrections: Array, covariances: Array, information: Array) -> NDArray[np.bool_]:
+    """Which corrections (n, 3) are no farther from their middle than chance, or most of them, by what each knows."""
+    weight = 1 / np.diagonal(covariances, axis1=1, axis2=2)
+    middle = np.array([_weighted_median(corrections[:, j], weight[:, j]) for j in range(3)])
+    off = corrections - middle
+    distance = np.sqrt(np.einsum("ni,nij,nj->n", off, information, off))
+    return distance <= _ASTRAY * max(_MEDIAN_CHI_3, float(np.median(distance)))
+
+
+def _weighted_median(values: Array, weights: Array) -> float:
+    order = np.argsort(values)
+    below = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(below, 0.5 * below[-1])])
+
+
+def _roots(information: Array, unit: Array) -> Array:
+    """Symmetric roots (n, 3, 3), taken in the units in which ``unit`` (3, 3) has a diagonal of ones."""
+    scale = np.sqrt(np.diag(unit))
+    size, axes = np.linalg.eigh(information * np.outer(scale, scale))
+    root = (axes * np.sqrt(size)[:, None, :]) @ axes.transpose(0, 2, 1)
+    return root / scale[:, None]

@@ -1,0 +1,107 @@
+"""A body's flat top as a calibrated camera sees it: what every way of following it needs to know."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from towval.model import Array, Body, Camera, Floor
+from towval.model.compiling import compiled
+from towval.model.geometry import inside_polygon, transform
+from towval.optics.projection import project, to_plane
+from towval.tracking.interpolation import metres_per_pixel, plane_pixels
+from towval.tracking.pose import step_between
+
+_POINTS_ACROSS = 12
+
+
+@dataclass(frozen=True)
+class PlanarTarget:
+    """The top of a ``body`` under a calibrated ``camera`` over a ``floor``."""
+
+    body: Body
+    camera: Camera
+    floor: Floor
+
+    @property
+    def height(self) -> float:
+        """Height of the top over the floor [m]."""
+        return self.body.tracked_plane_height_m
+
+    @cached_property
+    def reach_m(self) -> float:
+        """Distance of its farthest corner from the origin of the body frame [m]."""
+        return float(np.linalg.norm(self.body.top_corners_m, axis=1).max())
+
+    def pixels(self, points: Array, pose: Array) -> Array:
+        """Pixels (n, 2) of points (n, 2) [m] of the body frame at a ``pose`` (3,)."""
+        return plane_pixels(points, pose, self.height, self.camera, self.floor)
+
+    def picture_of(self, floor_xy: Array) -> Array:
+        """Pixels (..., 2) of points at the top's height over the floor (..., 2) [m]."""
+        height = np.full((*floor_xy.shape[:-1], 1), self.height)
+        return project(self.camera, self.floor, np.concatenate([floor_xy, height], axis=-1))
+
+    def floor_xy(self, pixels: ArrayLike) -> Array:
+        """Where the rays of pixels (..., 2) meet the plane of the top (..., 2) [m]; NaN where they miss it."""
+        return to_plane(self.camera, self.floor, pixels, self.height)
+
+    def metres_per_pixel(self, pose: Array) -> float:
+        """Width of a pixel on the top at a ``pose`` [m]."""
+        return metres_per_pixel(pose, self.height, self.camera, self.floor)
+
+    def apart_m(self, pose: Array, other: Array) -> float:
+        """How far a corner of the body may be from its place at another pose [m]: shift and turn together."""
+        step = step_between(pose, other)
+        return math.hypot(step[0], step[1]) + self.reach_m * abs(step[2])
+
+    @cached_property
+    def _inner_points(self) -> Array:
+        """Points spread evenly over the top (n, 2) [m]."""
+        corners = self.body.top_corners_m
+        low, size = corners.min(axis=0), np.ptp(corners, axis=0)
+        steps = (np.arange(_POINTS_ACROSS) + 0.5) / _POINTS_ACROSS
+        grid = low + size * np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+        return grid[inside_polygon(corners, grid)]
+
+    def covered_by(self, pose: Array, outline: Array) -> float:
+        """Share of the top at a ``pose`` that lies over an ``outline`` (n, 2) on the floor [m]."""
+        low, high = outline.min(axis=0) - self.reach_m, outline.max(axis=0) + self.reach_m
+        if (pose[:2] < low).any() or (pose[:2] > high).any():
+            return 0.0
+        return float(inside_polygon(outline, transform(pose, self._inner_points)).mean())
+
+    def outline(self, pose: Array) -> Array:
+        """The top's corners (n, 2) on the floor at a ``pose`` [m]."""
+        return transform(pose, self.body.top_corners_m)
+
+
+@compiled()
+def _depth(points: Array, polygon: Array) -> Array:
+    """Distance (n,) of points from a polygon's outline [m], positive inside."""
+    depth = np.empty(points.shape[0])
+    for i in range(points.shape[0]):
+        x, y = points[i, 0], points[i, 1]
+        nearest, inside = np.inf, False
+        for j in range(polygon.shape[0]):
+            ax, ay = polygon[j - 1, 0], polygon[j - 1, 1]
+            ex, ey = polygon[j, 0] - ax, polygon[j, 1] - ay
+            along = min(max(((x - ax) * ex + (y - ay) * ey) / max(ex * ex + ey * ey, 1e-300), 0.0), 1.0)
+            nearest = min(nearest, np.hypot(x - ax - along * ex, y - ay - along * ey))
+            if (ay > y) != (polygon[j, 1] > y) and x < ax + ex * (y - ay) / ey:
+                inside = not inside
+        depth[i] = nearest if inside else -nearest
+    return depth
+
+
+def usable_points(body: Body, points: Array, margin_m: float) -> NDArray[np.bool_]:
+    """Which of points (n, 2) [m] lie on the top, ``margin_m`` away from its outline and from what stands on it."""
+    points = np.ascontiguousarray(points)
+    usable = _depth(points, body.top_corners_m) >= margin_m
+    for obstruction in body.obstructions:
+        usable &= _depth(points, obstruction) <= -margin_m
+    return usable

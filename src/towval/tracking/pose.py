@@ -1,0 +1,116 @@
+"""What a tracker says about one picture, the robust rigid fit, and the motion it expects next."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from towval.model import Array
+from towval.model.geometry import rigid_fit, rotation, transform
+
+_TUKEY = 4.685  # SOURCE: Tukey's biweight at 95 % efficiency for Gaussian noise.
+_FITS = 10
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """A body's pose seen in one picture.
+
+    ``pose`` (3,) [m, m, rad]; ``covariance`` (3, 3); ``inlier_fraction`` share of points or samples that agree;
+    ``residual`` root mean square misfit (pixels for KLT, grey levels for plane alignment); ``points_m`` (k, 2) in the
+    body frame with ``weights`` (k,) in [0, 1], some of what the pose rests on.
+    """
+
+    pose: Array
+    covariance: Array
+    inlier_fraction: float
+    residual: float
+    points_m: Array
+    weights: Array
+
+
+class Tracker(Protocol):
+    """Measures one body's pose in pictures."""
+
+    @property
+    def exposure_s(self) -> float:
+        """How long the shutter seems to be open [s]; zero where that is not measured."""
+
+    def measure(self, luma: NDArray[np.uint8], predicted: Array, velocity: Array | None = None) -> Measurement | None:
+        """Pose near ``predicted``, or None where the picture does not vouch for one.
+
+        ``velocity`` (3,) is the body's twist in its own frame [m/s, m/s, rad/s], where known: it blurs the picture.
+        """
+
+
+@dataclass(frozen=True)
+class RigidFit:
+    """A robust rigid fit: ``pose`` (3,), its ``covariance`` (3, 3), ``weights`` (n,) in [0, 1] and ``rms`` [m]."""
+
+    pose: Array
+    covariance: Array
+    weights: Array
+    rms: float
+
+
+def robust_rigid_fit(source: Array, target: Array, noise_floor_m: float) -> RigidFit:
+    """Pose that brings ``source`` (n, 2) onto ``target`` (n, 2) [m], outliers weighted down.
+
+    Iterated reweighting with Tukey's biweight, started from the median shift; the scale is the median absolute
+    deviation, not less than ``noise_floor_m``.
+    """
+    weights = np.ones(len(source))
+    for _ in range(_FITS):
+        pose = rigid_fit(source, target, weights)
+        misfit = np.linalg.norm(transform(pose, source) - target, axis=1)
+        # The median of a Rayleigh variable is 1.1774 deviations of one coordinate.
+        scale = max(float(np.median(misfit)) / 1.1774, noise_floor_m)
+        weights = np.clip(1 - (misfit / (_TUKEY * scale)) ** 2, 0, None) ** 2
+    freedom = max(1.0, 2 * (weights > 0.1).sum() - 3)
+    variance = 2 * float(np.sum(weights * misfit**2)) / max(weights.sum(), 1e-9) / 2 * (1 + 3 / freedom)
+    turned = source @ rotation(pose[2]).T
+    one, zero = np.ones(len(source)), np.zeros(len(source))
+    rows = np.concatenate([np.stack([one, zero, -turned[:, 1]], axis=1), np.stack([zero, one, turned[:, 0]], axis=1)])
+    information = rows.T @ (np.tile(weights, 2)[:, None] * rows)
+    covariance = np.linalg.inv(information) * max(variance / 2, noise_floor_m**2)
+    return RigidFit(pose, covariance, weights, float(np.sqrt(variance)))
+
+
+@dataclass
+class Motion:
+    """Where a body should be next: it goes on as it did between the last two sightings.
+
+    The last velocity is used as it is; a body that was at rest is expected at rest.
+    """
+
+    time_s: float
+    pose: Array
+    velocity: Array = field(default_factory=lambda: np.zeros(3))
+
+    def predict(self, time_s: float) -> Array:
+        """Pose (3,) expected at ``time_s``, a constant twist in the body frame carried on."""
+        return moved(self.pose, self.velocity * (time_s - self.time_s))
+
+    def see(self, time_s: float, pose: Array) -> Array:
+        """Take in a sighting; returns its pose with the heading unwrapped to follow the last one."""
+        step = step_between(self.pose, pose)
+        self.velocity = step / (time_s - self.time_s)
+        self.pose, self.time_s = np.array([pose[0], pose[1], self.pose[2] + step[2]]), time_s
+        return self.pose
+
+
+def moved(pose: Array, step: Array) -> Array:
+    """One pose moved by a step in its own frame: ``geometry.compose`` for single poses, without its cost."""
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    return np.array([pose[0] + c * step[0] - s * step[1], pose[1] + s * step[0] + c * step[1], pose[2] + step[2]])
+
+
+def step_between(pose: Array, other: Array) -> Array:
+    """The step in the frame of ``pose`` that leads to ``other``, heading in (−π, π]; :func:`moved` undoes it."""
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    x, y = other[0] - pose[0], other[1] - pose[1]
+    return np.array([c * x + s * y, c * y - s * x, math.remainder(other[2] - pose[2], 2 * math.pi)])

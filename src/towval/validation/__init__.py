@@ -1,0 +1,1 @@
+"""From tracks to a verdict: decimation, simulation, uncertainty, comparison, identification."""

@@ -1,0 +1,370 @@
+"""Stage decimate: thin densely packed poses to those that the measured noise can tell apart.
+
+Where a rover stands or creeps, its track piles up poses that differ by noise alone. A pause becomes one pose with two
+ends; elsewhere a C1 cubic through as few kept times as possible replaces the poses. The rule, its bound and its limits
+are in docs/decimation.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from towval.model import Array, DecimatedTrack, Finding, Severity, Track, TrackStatus
+from towval.model.errors import InputError, RefusedError
+
+_MAD_TO_STD = 1.4826
+_THIRD_DIFFERENCE_GAIN = np.sqrt(20.0)
+"""Standard deviation of the third difference (1, −3, 3, −1) of white noise of deviation one."""
+
+_MINIMUM_FRAMES = 8
+_REST_FRAMES = 27
+"""Frames of the shortest rest: over its length, 3 deviations of its slope are then 3 √(12/27) = 2 deviations of one
+pose, which is all the creep that can hide in it."""
+
+_SHORTEST_STRETCH = 3
+"""Frames between two kept times below which a stretch is not cut any further."""
+
+_RUN = 4
+_RUN_BOUND = 2.0
+"""The mean misfit of any 4 frames in a row may be 2 deviations of one frame, which is 4 of the mean's own."""
+
+
+@dataclass(frozen=True)
+class DecimateSettings:
+    """Keys of ``config["decimate"]``.
+
+    ``excess`` is how many standard deviations of its own scatter the mean squared misfit of a stretch between two kept
+    times may lie above one; ``pause_s`` the shortest rest that counts as a pause [s], and never less than 27 frames.
+    """
+
+    excess: float = 3.0
+    pause_s: float = 0.3
+
+    def __post_init__(self) -> None:
+        if not self.excess > 0:
+            raise InputError("decimate.excess is out of range", got=self.excess, allowed="above 0")
+        if not self.pause_s > 0:
+            raise InputError("decimate.pause_s is out of range", got=self.pause_s, allowed="above 0 s")
+
+
+def decimate(track: Track, settings: DecimateSettings | None = None) -> DecimatedTrack:
+    """Thin a track to the poses that it needs.
+
+    Parameters
+    ----------
+    track : Track
+        A measured track; lost and coasting frames take no part, and the curve bridges them.
+    settings : DecimateSettings, optional
+        Bound of the misfit and shortest pause.
+
+    Returns
+    -------
+    DecimatedTrack
+        Kept times (each the time of a measured frame), smoothed poses and their rates. Between two kept times the mean
+        squared deviation of the measured poses, in units of their noise, is at most ``1 + excess √(2/m)``, with m the
+        number of measured coordinates there, and the mean deviation of any four poses in a row at most 2. A stretch of
+        three frames is not cut further.
+
+    Raises
+    ------
+    RefusedError
+        When fewer than 8 frames were seen: no noise can be read off them.
+    """
+    settings = settings or DecimateSettings()
+    seen = np.flatnonzero(track.seen)
+    if len(seen) < _MINIMUM_FRAMES:
+        raise RefusedError(
+            f"the {track.body} track is too short to thin",
+            got=f"{len(seen)} tracked frames",
+            allowed=f"at least {_MINIMUM_FRAMES}",
+            remedy="look at the stage track's findings for this run",
+        )
+    time, pose = track.time_s[seen], track.pose[seen]
+    noise = noise_of(time, pose, track.std[seen])
+    sigma = _frame_sigma(track.std[seen], noise)
+    pauses = find_pauses(time, pose, sigma, settings.pause_s)
+    fit, kept = _fewest_knots(time, pose, sigma, pauses, settings.excess)
+    residual = (pose - fit.values(time)) / sigma
+    return DecimatedTrack(
+        body=track.body,
+        time_s=time[kept],
+        pose=fit.nodes[:, 0],
+        rate=fit.nodes[:, 1],
+        covariance=fit.covariance,
+        noise=noise,
+        pauses=np.array([[time[i], time[j]] for i, j in pauses]).reshape(-1, 2),
+        frames=len(seen),
+        misfit=np.sqrt(np.mean(residual**2, axis=0)),
+        findings=_findings(track, seen, fit, kept, residual, settings),
+    )
+
+
+def noise_of(time: Array, pose: Array, reported: Array) -> Array:
+    """Standard deviation of one pose (3,) [m, m, rad], read off the track itself.
+
+    Smooth motion all but cancels in third differences, noise does not: their median absolute value, scaled for white
+    noise, is the estimate. Where every third difference is zero (a track without noise) the smallest reported deviation
+    stands in, so that no division by zero follows.
+
+    Parameters
+    ----------
+    time : ndarray (n,)
+        Times [s]; differences over gaps longer than 1.5 typical steps take no part.
+    pose : ndarray (n, 3)
+        Measured poses [m, m, rad].
+    reported : ndarray (n, 3)
+        Deviations that the tracker reports.
+    """
+    step = np.diff(time)
+    even = np.abs(step - np.median(step)) < 0.5 * np.median(step)
+    usable = even[:-2] & even[1:-1] & even[2:]
+    third = np.diff(pose, n=3, axis=0)[usable if usable.any() else slice(None)]
+    white = _MAD_TO_STD * np.median(np.abs(third), axis=0) / _THIRD_DIFFERENCE_GAIN
+    floor = np.maximum(np.nanmin(reported, axis=0), 1e-9)
+    return np.where(white > 0, white, floor)
+
+
+def _frame_sigma(reported: Array, noise: Array) -> Array:
+    """Deviation of each pose (n, 3): the track's noise, larger where the tracker says that a frame was worse."""
+    typical = np.median(reported, axis=0)
+    relative = np.where(typical > 0, reported / np.where(typical > 0, typical, 1.0), 1.0)
+    return noise * np.maximum(relative, 1.0)
+
+
+def find_pauses(time: Array, pose: Array, sigma: Array, shortest: float) -> list[tuple[int, int]]:
+    """Stretches in which the body stands still: index pairs (first, last), in order and apart from each other.
+
+    A stretch rests when one constant pose explains it: its mean squared misfit is within 3 deviations of one, and a
+    straight line explains it no better (slope within 3 deviations of zero, in each coordinate). A stretch of the
+    shortest length that passes is grown while both tests hold.
+    """
+    n = len(time)
+    pauses: list[tuple[int, int]] = []
+    first = 0
+    while first < n - 1:
+        last = int(np.searchsorted(time, time[first] + shortest - 1e-9))
+        last = max(last, first + _REST_FRAMES - 1)
+        if last >= n:
+            break
+        if not _rests(time, pose, sigma, first, last):
+            first += 1
+            continue
+        last = _grown(time, pose, sigma, first, last)
+        pauses.append((first, last))
+        first = last + 1
+    return _without_creep(pauses)
+
+
+def _without_creep(pauses: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Rests that follow each other without a break are one slow motion: only the longest of such a chain is kept."""
+    chains: list[list[tuple[int, int]]] = []
+    for pause in pauses:
+        if chains and pause[0] - chains[-1][-1][1] <= _SHORTEST_STRETCH:
+            chains[-1].append(pause)
+        else:
+            chains.append([pause])
+    return [max(chain, key=lambda pause: pause[1] - pause[0]) for chain in chains]
+
+
+def _grown(time: Array, pose: Array, sigma: Array, first: int, last: int) -> int:
+    """The last index up to which the rest that starts at ``first`` holds: doubling steps, then halving."""
+    step = last - first
+    while step >= 1:
+        if last + step < len(time) and _rests(time, pose, sigma, first, last + step):
+            last += step
+            step *= 2
+        else:
+            step //= 2
+    return last
+
+
+def _rests(time: Array, pose: Array, sigma: Array, first: int, last: int) -> bool:
+    t, p = time[first : last + 1], pose[first : last + 1]
+    weight = sigma[first : last + 1] ** -2.0
+    mean = np.sum(weight * p, axis=0) / weight.sum(axis=0)
+    deviation = p - mean
+    m = deviation.size
+    if np.mean(weight * deviation**2) > 1 + 3 * np.sqrt(2 / m):
+        return False
+    # The newest poses must agree too: a departure is diluted in the mean of a long rest.
+    tail = slice(-_RUN, None)
+    if np.any(np.abs(deviation[tail].mean(axis=0)) > 4 / np.sqrt(weight[tail].sum(axis=0))):
+        return False
+    centred = t[:, None] - np.sum(weight * t[:, None], axis=0) / weight.sum(axis=0)
+    information = np.sum(weight * centred**2, axis=0)
+    slope = np.sum(weight * centred * deviation, axis=0) / information
+    return bool(np.all(np.abs(slope) * np.sqrt(information) <= 3))
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """A C1 cubic by weighted least squares: knots (m,), nodes (m, 2, 3) of value and rate, covariance (m, 3, 3)."""
+
+    knots: Array
+    nodes: Array
+    covariance: Array
+
+    def values(self, time: Array) -> Array:
+        basis = _hermite_basis(self.knots, time)
+        return np.einsum("nk,kc->nc", basis, self.nodes.reshape(-1, 3))
+
+
+def _hermite_basis(knots: Array, time: Array) -> Array:
+    """Rows (n, 2 m) that give the cubic at ``time`` from (value, rate) of each knot in turn."""
+    cell = np.clip(np.searchsorted(knots, time, side="right") - 1, 0, len(knots) - 2)
+    width = knots[cell + 1] - knots[cell]
+    s = (time - knots[cell]) / width
+    rows = np.arange(len(time))
+    basis = np.zeros((len(time), 2 * len(knots)))
+    basis[rows, 2 * cell] = (1 + 2 * s) * (1 - s) ** 2
+    basis[rows, 2 * cell + 1] = s * (1 - s) ** 2 * width
+    basis[rows, 2 * cell + 2] = s**2 * (3 - 2 * s)
+    basis[rows, 2 * cell + 3] = s**2 * (s - 1) * width
+    return basis
+
+
+def _pause_reduction(kept: list[int], pauses: list[tuple[int, int]]) -> Array:
+    """Matrix (2 m, free) from the free unknowns to (value, rate) of each knot: at rest one value and no rate."""
+    starts = dict(pauses)
+    columns: list[Array] = []
+    done = set()
+    for k, index in enumerate(kept):
+        if index in done:
+            continue
+        value = np.zeros(2 * len(kept))
+        value[2 * k] = 1.0
+        if index in starts:
+            value[2 * (k + 1)] = 1.0
+            done.add(starts[index])
+            columns.append(value)
+            continue
+        rate = np.zeros(2 * len(kept))
+        rate[2 * k + 1] = 1.0
+        columns += [value, rate]
+    return np.stack(columns, axis=1)
+
+
+def _fit(time: Array, pose: Array, sigma: Array, kept: list[int], pauses: list[tuple[int, int]]) -> _Fit:
+    knots = time[kept]
+    reduction = _pause_reduction(kept, pauses)
+    basis = _hermite_basis(knots, time) @ reduction
+    nodes = np.empty((len(kept), 2, 3))
+    covariance = np.zeros((len(kept), 3, 3))
+    for c in range(3):
+        weighted = basis / sigma[:, c : c + 1]
+        normal = weighted.T @ weighted
+        # A stretch with fewer poses than unknowns leaves a rate open; a weak pull towards zero curvature closes it.
+        normal[np.diag_indices_from(normal)] += 1e-9 * np.trace(normal) / len(normal)
+        factor = cho_factor(normal)
+        solution = reduction @ cho_solve(factor, weighted.T @ (pose[:, c] / sigma[:, c]))
+        nodes[:, :, c] = solution.reshape(-1, 2)
+        variance = np.einsum("ij,jk,ik->i", reduction, cho_solve(factor, np.eye(len(normal))), reduction)
+        covariance[:, c, c] = variance[0::2]
+    return _Fit(knots, nodes, covariance)
+
+
+def _fewest_knots(
+    time: Array, pose: Array, sigma: Array, pauses: list[tuple[int, int]], excess: float
+) -> tuple[_Fit, NDArray[np.int64]]:
+    """The fewest kept frames for which one C1 cubic holds the bound in every stretch.
+
+    Stretches are made as long as a cubic of their own allows, from the left; the joint fit, whose pieces must also meet
+    with one rate, is then cut where it breaks the bound.
+    """
+    kept = _longest_stretches(time, pose, sigma, pauses, excess)
+    resting = {first for first, _ in pauses}
+    while True:
+        fit = _fit(time, pose, sigma, kept, pauses)
+        misfit = (pose - fit.values(time)) / sigma
+        cuts = [
+            (i + j) // 2
+            for i, j in pairwise(kept)
+            if i not in resting and j - i >= _SHORTEST_STRETCH and not _within_bound(misfit[i : j + 1], excess)
+        ]
+        if not cuts:
+            return fit, np.array(kept)
+        kept = sorted({*kept, *cuts})
+
+
+def _longest_stretches(
+    time: Array, pose: Array, sigma: Array, pauses: list[tuple[int, int]], excess: float
+) -> list[int]:
+    """Frames between which one cubic, free at both ends, explains the poses; pauses are stretches of their own."""
+    ends = dict(pauses)
+    starts = sorted(ends)
+    kept = [0]
+    while kept[-1] < len(time) - 1:
+        first = kept[-1]
+        if first in ends:
+            kept.append(ends[first])
+            continue
+        limit = next((start for start in starts if start > first), len(time) - 1)
+        last, step = min(first + _SHORTEST_STRETCH, limit), _SHORTEST_STRETCH
+        while step >= 1:
+            trial = slice(first, last + step + 1)
+            if last + step <= limit and _within_bound(_cubic_misfit(time[trial], pose[trial], sigma[trial]), excess):
+                last, step = last + step, step * 2
+            else:
+                step //= 2
+        kept.append(last)
+    return kept
+
+
+def _cubic_misfit(time: Array, pose: Array, sigma: Array) -> Array:
+    """Deviations (n, 3) of poses from their own least-squares cubic, in units of their noise."""
+    basis = np.vander((time - time[0]) / (time[-1] - time[0]), 4)
+    misfit = np.empty_like(pose)
+    for c in range(3):
+        weighted = basis / sigma[:, c : c + 1]
+        target = pose[:, c] / sigma[:, c]
+        misfit[:, c] = target - weighted @ np.linalg.lstsq(weighted, target, rcond=None)[0]
+    return misfit
+
+
+def _within_bound(misfit: Array, excess: float) -> bool:
+    """Whether a stretch's misfits (n, 3), in units of noise, are no more than noise: all in all, and frame by frame."""
+    if np.mean(misfit**2) > 1 + excess * np.sqrt(2 / misfit.size):
+        return False
+    if len(misfit) < _RUN:
+        return True
+    total = np.cumsum(np.vstack([np.zeros(3), misfit]), axis=0)
+    return bool(np.abs(total[_RUN:] - total[:-_RUN]).max() / _RUN <= _RUN_BOUND)
+
+
+def _findings(
+    track: Track,
+    seen: NDArray[np.int64],
+    fit: _Fit,
+    kept: NDArray[np.int64],
+    residual: Array,
+    settings: DecimateSettings,
+) -> tuple[Finding, ...]:
+    findings = [Finding(Severity.NOTE, "decimated", f"{track.body}: {len(kept)} of {len(seen)} tracked poses kept.")]
+    worst = float(np.abs(residual).max())
+    if worst > 6:
+        t = track.time_s[seen][np.abs(residual).max(axis=1).argmax()]
+        findings.append(
+            Finding(
+                Severity.WARNING,
+                "decimate_outlier",
+                f"{track.body}: at {t:.2f} s the measured pose is {worst:.1f} deviations off the smoothed track; "
+                "look at that frame of the overlay.",
+            )
+        )
+    missing = np.count_nonzero(track.status != TrackStatus.TRACKED)
+    if missing:
+        longest = float(np.diff(track.time_s[seen]).max()) if len(seen) > 1 else 0.0
+        findings.append(
+            Finding(
+                Severity.WARNING,
+                "decimate_bridged",
+                f"{track.body}: {missing} frames were not seen; the smoothed track bridges them "
+                f"(longest gap {longest:.2f} s).",
+            )
+        )
+    return tuple(findings)

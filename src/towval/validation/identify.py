@@ -1,0 +1,368 @@
+"""Identification: inputs of the simulation fitted to measured runs, and each run predicted from the others.
+
+Kept apart from the validation: the blind comparison uses what campaign.yaml says and nothing from here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.stats import qmc
+
+from towval.model import (
+    Array,
+    DecimatedTrack,
+    Finding,
+    FrictionLaw,
+    Identification,
+    InputDeviations,
+    Prediction,
+    Severity,
+    TowingScene,
+    Track,
+)
+from towval.model.errors import InputError, RefusedError, TowvalError
+from towval.model.geometry import block_means, wrapped
+from towval.physics.dynamics import Accuracy
+from towval.physics.ladder import simulate_rung
+from towval.physics.mass import towed_object
+from towval.validation.identifiable import PARAMETERS, has_a_load, titled
+from towval.validation.simulate import friction_law, hinge_path
+
+_STEP = 0.1
+"""Step of the difference quotients, in units of a parameter's scale: below it the phase of stick and slip is noise."""
+
+_PLACES, _SEED = 64, 1
+"""Places at which the sum of squares is tried before a fit, and the seed of the sequence that they are from."""
+
+_STARTS = 3
+"""Of these places, the best ones from which fits are started."""
+
+_AT_THE_END = 1e-3
+"""Share of the searched range within which a value counts as being at its end."""
+
+_MISFIT = 2.0
+"""Root mean square of what a fit leaves, in deviations of the measurement, that the runs are no longer explained by."""
+
+_VAGUE_SHARE = 0.25
+"""A deviation of more than this share of the searched range fixes nothing."""
+
+_TIED = 0.98
+"""Correlation of two values from which on only a combination of them is known."""
+
+
+@dataclass(frozen=True)
+class IdentifySettings:
+    """Keys of ``config["identify"]``.
+
+    ``parameters`` to fit, names of :data:`towval.validation.identifiable.PARAMETERS`; none: nothing is identified.
+    ``tolerance_m`` of integration [m].
+    """
+
+    parameters: tuple[str, ...] = ()
+    tolerance_m: float = 1e-6
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "parameters", tuple(self.parameters))
+        unknown = [name for name in self.parameters if name not in PARAMETERS]
+        if unknown or len(set(self.parameters)) < len(self.parameters):
+            raise InputError(
+                "identify.parameters is out of range", got=list(self.parameters), allowed=", ".join(PARAMETERS)
+            )
+        if not 1e-12 <= self.tolerance_m <= 1e-3:
+            raise InputError("identify.tolerance_m is out of range", got=self.tolerance_m, allowed="1e-12 to 1e-3 m")
+
+
+@dataclass(frozen=True)
+class MeasuredRun:
+    """What identification needs of a run.
+
+    ``name``; the thinned tracks of both bodies and the object's track; ``time_s`` (n,) at which it was simulated and
+    ``measurement`` (n, 3, 3) the covariance of the measured pose there; ``rung`` of the model that simulated it.
+    """
+
+    name: str
+    rover: DecimatedTrack
+    towed: DecimatedTrack
+    object_track: Track
+    time_s: Array
+    measurement: Array
+    rung: str
+
+
+def identify(
+    scene: TowingScene, deviations: InputDeviations, runs: Sequence[MeasuredRun], settings: IdentifySettings
+) -> Identification:
+    """Fit inputs to runs by least squares over the simulation, and predict each run from all others.
+
+    The residual is the error's mean over 24 blocks of time, in which stick and slip average out, in units of the
+    deviation u_D of the measurement there. How errors of the measurement hang together in time is not known here, so
+    they are counted twice: once as independent from block to block, once as one unknown for all blocks of a run (a
+    camera's, a start's). The covariance of the values is ``((JᵀJ)⁻¹ + A Σ Aᵀ) max(1, χ²) + A B Bᵀ Aᵀ`` with
+    ``A = (JᵀJ)⁻¹Jᵀ``, Σ the covariance of the residuals in the second case, χ² reduced, and the columns of B what the
+    inputs that are not fitted change by one of their deviations in campaign.yaml.
+
+    The sum of squares has many valleys. It is tried at what campaign.yaml says and 64 places of a Sobol sequence over
+    the searched range, fits start at the best three, and the best fit counts.
+
+    Parameters
+    ----------
+    scene : TowingScene
+        What campaign.yaml says.
+    deviations : InputDeviations
+        How well that was known. Of the fitted inputs for comparison only: the fit does not lean on it.
+    runs : sequence of MeasuredRun
+        One run or more.
+    settings : IdentifySettings
+        What to fit.
+
+    Returns
+    -------
+    Identification
+
+    Raises
+    ------
+    InputError
+        When no parameter is named, or the place of a load that is not there.
+    RefusedError
+        When a simulation ends early within the searched range.
+    """
+    if not settings.parameters or not runs:
+        raise InputError("there is nothing to identify", allowed=f"one or more of {', '.join(PARAMETERS)}, and a run")
+    if not has_a_load(scene) and any(name.startswith("load") for name in settings.parameters):
+        raise InputError(
+            "the object has no load whose place or mass could be identified",
+            remedy="leave load_x, load_y and load_mass out",
+        )
+    fit = _Fit(scene, friction_law(scene).law, deviations, settings)
+    found = fit.values(runs, fit.starts(runs)[:_STARTS])
+    covariance = fit.covariance(found, runs)
+    identifiable, findings = _identifiability(settings.parameters, covariance, fit.reach)
+    identifiable, further = _trust(found, fit, identifiable)
+    findings += further
+    predictions = []
+    for left_out in runs if len(runs) > 1 else ():
+        rest = [run for run in runs if run is not left_out]
+        others = fit.values(rest, [found.values, fit.starts(rest)[0]]).values
+        pose = fit.simulated(left_out, others)
+        predictions.append(
+            Prediction(
+                left_out.name,
+                others,
+                left_out.time_s,
+                pose,
+                given_rms_m=_path_rms(left_out, fit.simulated(left_out, fit.given)),
+                predicted_rms_m=_path_rms(left_out, pose),
+            )
+        )
+    if len(runs) == 1:
+        text = "One run only: nothing is left that the identified values could predict."
+        findings.append(Finding(Severity.WARNING, "identify_one_run", text))
+    return Identification(
+        parameters=tuple(titled(name) for name in settings.parameters),
+        runs=tuple(run.name for run in runs),
+        given=fit.given,
+        given_std=np.array([PARAMETERS[name].given_std(deviations) for name in settings.parameters]),
+        values=found.values,
+        covariance=covariance,
+        identifiable=identifiable,
+        predictions=tuple(predictions),
+        findings=tuple(findings),
+    )
+
+
+@dataclass(frozen=True)
+class _Found:
+    """Fitted values (p,), and there the residuals (m,) and their slopes (m, p), parameters in units of their scales."""
+
+    values: Array
+    residual: Array
+    jacobian: Array
+
+    @property
+    def misfit(self) -> float:
+        """Root mean square of the residuals."""
+        return float(np.sqrt(np.mean(self.residual**2)))
+
+
+class _Fit:
+    """Least squares over the simulation, with parameters in units of their scales."""
+
+    def __init__(self, scene: TowingScene, law: FrictionLaw, deviations: InputDeviations, settings: IdentifySettings):
+        self.scene, self.law, self.deviations, self.settings = scene, law, deviations, settings
+        self.parameters = [PARAMETERS[name] for name in settings.parameters]
+        self.given = np.array([p.value(scene) for p in self.parameters])
+        self.scale = np.array([p.scale(scene) for p in self.parameters])
+        self.reach = np.array([p.reach(scene) for p in self.parameters])
+        # The difference quotients look a step beyond a value: the bounds stay that far from the range's ends.
+        self.bound = self.reach - _STEP * self.scale
+        sequence = qmc.Sobol(len(self.given), scramble=True, rng=np.random.default_rng(_SEED)).random(_PLACES)
+        self.places = np.vstack([self.given, self.given + (2 * sequence - 1) * self.bound])
+        self._at_places: dict[str, Array] = {}
+        self._whitening: dict[str, Array] = {}
+
+    def starts(self, runs: Sequence[MeasuredRun]) -> Array:
+        """Places (k, p) in the searched range to start from, the best for these runs first."""
+        for run in runs:
+            if run.name not in self._at_places:
+                self._at_places[run.name] = np.array([self._squares(run, values) for values in self.places])
+        return self.places[np.argsort(sum(self._at_places[run.name] for run in runs), kind="stable")]
+
+    def values(self, runs: Sequence[MeasuredRun], starts: Sequence[Array]) -> _Found:
+        """The best of the fits to these runs that begin at ``starts``, each (p,)."""
+
+        def residual(u: Array) -> Array:
+            return self._residuals(runs, self.scene, self.law, self.given + u * self.scale)
+
+        def jacobian(u: Array) -> Array:
+            steps = _STEP * np.eye(len(u))
+            return np.column_stack([(residual(u + step) - residual(u - step)) / (2 * _STEP) for step in steps])
+
+        bound = self.bound / self.scale
+        fits = [
+            least_squares(
+                residual, (start - self.given) / self.scale, jacobian, (-bound, bound), xtol=1e-4, ftol=1e-6, gtol=1e-8
+            )
+            for start in starts
+        ]
+        best = min(fits, key=lambda fit: fit.cost)
+        values = self.given + best.x * self.scale
+        return _Found(values, best.fun, best.jac)
+
+    def _squares(self, run: MeasuredRun, values: Array) -> float:
+        try:
+            return float(np.sum(self._residuals([run], self.scene, self.law, values) ** 2))
+        except TowvalError:
+            # No place to start from. Where all are like this, the fit meets the same error and tells it.
+            return float("inf")
+
+    def _by_others(self, runs: Sequence[MeasuredRun], values: Array) -> list[Array]:
+        """What one deviation of each input that is not fitted changes the residuals (m,) by."""
+        columns = []
+        for name, other in PARAMETERS.items():
+            std = other.given_std(self.deviations)
+            if name in self.settings.parameters or std == 0 or (name.startswith("load") and not has_a_load(self.scene)):
+                continue
+            given = other.value(self.scene)
+            above, below = (
+                self._residuals(runs, *other.changed(self.scene, self.law, given + sign * std), values)
+                for sign in (1, -1)
+            )
+            columns.append((above - below) / 2)
+        return columns
+
+    def covariance(self, found: _Found, runs: Sequence[MeasuredRun]) -> Array:
+        """Covariance (p, p) of the values fitted to these runs; NaN where they do not tell all of them apart."""
+        jacobian, residual = found.jacobian, found.residual
+        p = jacobian.shape[1]
+        if np.linalg.matrix_rank(jacobian) < p:
+            return np.full((p, p), np.nan)
+        solver = np.linalg.pinv(jacobian)
+        per_run = solver.reshape(p, len(runs), -1, 3).sum(axis=2).reshape(p, -1)
+        chi2 = float(residual @ residual) / max(1, len(residual) - p)
+        covariance = (solver @ solver.T + per_run @ per_run.T) * max(1.0, chi2)
+        for change in self._by_others(runs, found.values):
+            covariance += np.outer(solver @ change, solver @ change)
+        return covariance * np.outer(self.scale, self.scale)
+
+    def _residuals(self, runs: Sequence[MeasuredRun], scene: TowingScene, law: FrictionLaw, values: Array) -> Array:
+        """Block means of simulated − measured in deviations of the measurement, all runs one after another."""
+        parts = []
+        for run in runs:
+            if run.name not in self._whitening:
+                self._whitening[run.name] = _whitening(run)
+            means = block_means(_error(run, self._poses(run, scene, law, values)))
+            # A block in which the object was never seen says nothing.
+            parts.append(np.einsum("kij,kj->ki", self._whitening[run.name], np.nan_to_num(means)).ravel())
+        return np.concatenate(parts)
+
+    def simulated(self, run: MeasuredRun, values: Array) -> Array:
+        """Poses (n, 3) of the object with the values (p,)."""
+        return self._poses(run, self.scene, self.law, values)
+
+    def _poses(self, run: MeasuredRun, scene: TowingScene, law: FrictionLaw, values: Array) -> Array:
+        for parameter, value in zip(self.parameters, values, strict=True):
+            scene, law = parameter.changed(scene, law, float(value))
+        motion = simulate_rung(
+            run.rung,
+            towed_object(scene),
+            law,
+            scene.tether,
+            hinge_path(run.rover, scene.hinge, run.time_s),
+            run.towed.spline()(run.time_s[0]),
+            run.time_s,
+            accuracy=Accuracy(self.settings.tolerance_m),
+        )
+        if len(motion.time_s) < len(run.time_s):
+            raise RefusedError(f"run {run.name} cannot be simulated while inputs are searched: {motion.outcome}")
+        return motion.pose
+
+
+def _error(run: MeasuredRun, pose: Array) -> Array:
+    """Simulated minus measured (n, 3), NaN where the object was not seen."""
+    rows = np.searchsorted(run.object_track.time_s, run.time_s - 1e-9)
+    error = pose - np.where(run.object_track.seen[rows, None], run.object_track.pose[rows], np.nan)
+    error[:, 2] = wrapped(error[:, 2])
+    return error
+
+
+def _path_rms(run: MeasuredRun, pose: Array) -> float:
+    return float(np.sqrt(np.nanmean(np.sum(_error(run, pose)[:, :2] ** 2, axis=1))))
+
+
+def _whitening(run: MeasuredRun) -> Array:
+    """Matrices (24, 3, 3) that turn a block's mean error into units of the measurement's deviation."""
+    covariance = block_means(run.measurement.reshape(-1, 9)).reshape(-1, 3, 3)
+    return np.linalg.inv(np.linalg.cholesky(covariance + 1e-12 * np.eye(3)))
+
+
+def _identifiability(names: Sequence[str], covariance: Array, reach: Array) -> tuple[tuple[bool, ...], list[Finding]]:
+    """Which values the runs fix, and a finding for each that they do not."""
+    if not np.isfinite(covariance).all():
+        text = f"The runs do not tell {', '.join(names)} apart: the simulated paths do not change with all of them."
+        return (False,) * len(names), [Finding(Severity.WARNING, "not_identifiable", text)]
+    std = np.sqrt(np.diag(covariance))
+    identifiable = std <= _VAGUE_SHARE * reach
+    findings = [
+        Finding(
+            Severity.WARNING,
+            "not_identifiable",
+            f"{titled(name)} is not identifiable: its deviation is {deviation:.3g}, the searched range ± {half:.3g}.",
+        )
+        for name, deviation, half, good in zip(names, std, reach, identifiable, strict=True)
+        if not good
+    ]
+    correlation = covariance / np.outer(std, std)
+    for i in range(len(names)):
+        for j in range(i):
+            if abs(correlation[i, j]) > _TIED:
+                identifiable[[i, j]] = False
+                text = (
+                    f"{titled(names[j])} and {titled(names[i])} are not identifiable apart, only a combination of "
+                    f"them (correlation {correlation[i, j]:+.3f}). Identify one of them."
+                )
+                findings.append(Finding(Severity.WARNING, "not_identifiable", text))
+    return tuple(map(bool, identifiable)), findings
+
+
+def _trust(found: _Found, fit: _Fit, identifiable: tuple[bool, ...]) -> tuple[tuple[bool, ...], list[Finding]]:
+    """``identifiable`` but for values at the end of their range, and findings on these and on the misfit."""
+    names, findings = fit.settings.parameters, []
+    inside = np.abs(found.values - fit.given) < fit.bound - _AT_THE_END * fit.reach
+    for name, value, within in zip(names, found.values, inside, strict=True):
+        if not within:
+            text = (
+                f"{titled(name)} is not identifiable: {value:.4g} is the end of the searched range, the runs ask for "
+                "more. Look at what campaign.yaml says of it, or at what else may be wrong."
+            )
+            findings.append(Finding(Severity.WARNING, "not_identifiable", text))
+    if found.misfit > _MISFIT:
+        text = (
+            f"The fitted inputs do not explain the runs: what is left is {found.misfit:.1f} deviations of the "
+            "measurement, root mean square. The values stand for a model that is not that of the runs."
+        )
+        findings.append(Finding(Severity.WARNING, "identify_misfit", text))
+    return tuple(bool(i and w) for i, w in zip(identifiable, inside, strict=True)), findings

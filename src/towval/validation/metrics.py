@@ -1,0 +1,137 @@
+"""How far two motions of a body are apart, as single numbers: discrete Fréchet distance, area metric, aligned error."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import ndtr
+
+from towval.model import Array
+from towval.model.compiling import compiled
+from towval.model.errors import InputError
+from towval.model.geometry import rigid_fit, transform
+
+_AREA_STEPS = 2000
+_AREA_REACH = 6.0
+
+
+def frechet_distance(path: ArrayLike, other: ArrayLike) -> float:
+    """Discrete Fréchet distance of two paths [m]: the shortest leash with which both can be walked without going back.
+
+    SOURCE: Eiter and Mannila, Computing discrete Fréchet distance, 1994. Unlike the largest distance at equal times it
+    does not count a delay along the same path.
+
+    Parameters
+    ----------
+    path, other : array_like (n, 2), (m, 2)
+        Points in the order of the walk [m], all finite.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    InputError
+        When a path is empty or a point is missing.
+    """
+    path, other = np.asarray(path, dtype=np.float64), np.asarray(other, dtype=np.float64)
+    if not (len(path) and len(other) and np.isfinite(path).all() and np.isfinite(other).all()):
+        raise InputError("the Fréchet distance needs two whole paths", allowed="one finite point or more each")
+    return float(_leash(path, other))
+
+
+@compiled()
+def _leash(path, other):
+    row = np.empty(len(other))
+    for i in range(len(path)):
+        before = 0.0  # of row i − 1 in column j − 1
+        for j in range(len(other)):
+            distance = np.hypot(path[i, 0] - other[j, 0], path[i, 1] - other[j, 1])
+            above = row[j]
+            if i == 0 and j == 0:
+                reach = distance
+            elif i == 0:
+                reach = max(row[j - 1], distance)
+            elif j == 0:
+                reach = max(above, distance)
+            else:
+                reach = max(min(above, before, row[j - 1]), distance)
+            before, row[j] = above, reach
+    return row[-1]
+
+
+def area_metric(error: ArrayLike, std: ArrayLike) -> float:
+    """Area between the distribution of an error over time and the one that its deviations predict, in the error's unit.
+
+    SOURCE: Ferson, Oberkampf and Ginzburg, Model validation and predictive capability for the thermal challenge
+    problem, 2008: ``d = ∫ |F(x) − S(x)| dx``. S is the empirical distribution function of the error, F the mean of the
+    normal ones with the deviations at the same times. Nought for an error that scatters as predicted; ``|b|`` for an
+    error that is b all along where nothing was uncertain. It grows where the error is too large and, more slowly, where
+    it is smaller than predicted.
+
+    Parameters
+    ----------
+    error : array_like (n,)
+        The error; NaN where missing.
+    std : array_like (n,)
+        Its standard deviation at the same times, zero or more.
+
+    Returns
+    -------
+    float
+        NaN where no error is known.
+    """
+    error, std = np.asarray(error, dtype=np.float64), np.asarray(std, dtype=np.float64)
+    known = np.isfinite(error) & np.isfinite(std)
+    error, std = np.sort(error[known]), std[known]
+    if not len(error):
+        return float("nan")
+    reach = max(float(np.abs(error).max()), _AREA_REACH * float(std.max()))
+    if reach == 0:
+        return 0.0
+    edges = np.linspace(-reach, reach, _AREA_STEPS + 1)
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    empirical = np.searchsorted(error, middle, side="right") / len(error)
+    # A deviation of nought is a step at zero, which a tiny one draws just as well.
+    predicted = ndtr(middle[:, None] / np.maximum(std, 1e-12 * reach)).mean(axis=1)
+    return float(np.abs(predicted - empirical).sum() * (edges[1] - edges[0]))
+
+
+def aligned_rms(simulated: ArrayLike, measured: ArrayLike) -> float:
+    """Root mean square distance [m] after the rigid motion of the whole path that makes it least.
+
+    A generous number: it hides every error that a shift and a turn of the floor frame explain. To be shown beside the
+    unaligned one, and marked as aligned.
+
+    Parameters
+    ----------
+    simulated, measured : array_like (n, 2)
+        Positions at the same times [m], all finite, two or more that do not coincide.
+    """
+    simulated, measured = np.asarray(simulated, dtype=np.float64), np.asarray(measured, dtype=np.float64)
+    moved = transform(rigid_fit(simulated, measured), simulated)
+    return float(np.sqrt(np.mean(np.sum((moved - measured) ** 2, axis=1))))
+
+
+def error_ratio(error: ArrayLike, covariance: ArrayLike) -> Array:
+    """|E| / u_val of the position over time (n,) [1], with u_val = √(σ_x² + σ_y²) at that time.
+
+    Parameters
+    ----------
+    error : array_like (n, 3)
+        Simulated minus measured pose [m, m, rad]; NaN where missing.
+    covariance : array_like (n, 3, 3)
+        Its covariance if the model is right.
+
+    Returns
+    -------
+    ndarray (n,)
+        NaN where the error is missing, and where u_val is below a hundredth of its root mean square: until the object
+        moves, simulation and measurement are put on each other, and a ratio of next to nothing says nothing.
+    """
+    error, covariance = np.asarray(error, dtype=np.float64), np.asarray(covariance, dtype=np.float64)
+    distance = np.linalg.norm(error[:, :2], axis=1)
+    allowed = np.sqrt(np.trace(covariance[:, :2, :2], axis1=1, axis2=2))
+    errors_reported = allowed > 0.01 * np.sqrt(np.mean(allowed**2))
+    return np.divide(distance, allowed, out=np.full(len(distance), np.nan), where=errors_reported)

@@ -1,0 +1,400 @@
+"""Stage uncertainty: what the error of a run may be if the model is right, by sampling all that is not known exactly.
+
+Camera, heights, registration in the first frame and tracking noise move the measured object *and* the rover that drives
+the simulation; masses, tether and friction move the simulation alone. All are drawn together, the run is simulated for
+each draw, and the spread of simulated − measured is the validation uncertainty (ASME V&V 20-2009, 5: shared errors are
+counted once).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.stats import norm, qmc
+
+from towval.model import (
+    CALIBRATION_PARAMETERS,
+    Array,
+    Body,
+    Calibration,
+    DecimatedTrack,
+    Finding,
+    FrictionLaw,
+    InputDeviations,
+    RunUncertainty,
+    Severity,
+    SimulatedMotion,
+    Tether,
+    TimedPath,
+    TowingScene,
+    Track,
+)
+from towval.model.errors import InputError, RefusedError, TowvalError
+from towval.model.geometry import compose, error_signature, normalised_signature, transform, wrapped
+from towval.optics.plane_uncertainty import position_sensitivity
+from towval.optics.projection import project
+from towval.physics.dynamics import Accuracy
+from towval.physics.ladder import simulate_rung
+from towval.physics.mass import towed_object
+
+_HINGE_STEP_S = 0.02
+_DROPPED_SHARE = 0.02
+_REST = "noise and interactions"
+_SMALLEST = 2.0**-31  # Half a step of the Sobol sequence, which may hold 0, whose normal quantile is infinite.
+
+INPUTS = {
+    "friction": 1,
+    "mass of the object": 1,
+    "mass of the load": 1,
+    "place of the load": 2,
+    "anchor": 2,
+    "hinge": 2,
+    "rest length": 1,
+    "stiffness": 1,
+    "camera": len(CALIBRATION_PARAMETERS),
+    "height of the rover": 1,
+    "height of the object": 1,
+    "rover's first frame": 3,
+    "object's first frame": 3,
+}
+"""What is drawn, and from how many independent standard normal numbers."""
+
+
+@dataclass(frozen=True)
+class UncertaintySettings:
+    """Keys of ``config["uncertainty"]``.
+
+    ``samples`` drawn, a power of two; ``seed`` of the scrambled Sobol sequence; ``tolerance_m`` of integration [m];
+    ``confidence`` of the limits that a right model keeps; ``processes`` that simulate at once.
+    """
+
+    samples: int = 512
+    seed: int = 1
+    tolerance_m: float = 1e-6
+    confidence: float = 0.99
+    processes: int = 1
+
+    def __post_init__(self) -> None:
+        if self.samples < 64 or self.samples & (self.samples - 1):
+            raise InputError(
+                "uncertainty.samples is out of range", got=self.samples, allowed="a power of two from 64 on"
+            )
+        if not 0.5 <= self.confidence < 1:
+            raise InputError("uncertainty.confidence is out of range", got=self.confidence, allowed="0.5 up to below 1")
+        if not 1e-12 <= self.tolerance_m <= 1e-3:
+            raise InputError("uncertainty.tolerance_m is out of range", got=self.tolerance_m, allowed="1e-12 to 1e-3 m")
+        if self.processes < 1:
+            raise InputError("uncertainty.processes is out of range", got=self.processes, allowed="1 or more")
+
+
+@dataclass(frozen=True)
+class Case:
+    """One run as the sampling sees it: what was given, what was measured, and the friction law of the nominal input."""
+
+    scene: TowingScene
+    deviations: InputDeviations
+    law: FrictionLaw
+    calibration: Calibration
+    rover: Body
+    towed: Body
+    rover_track: Track
+    rover_decimated: DecimatedTrack
+    object_track: Track
+    object_decimated: DecimatedTrack
+    simulated: SimulatedMotion
+
+
+@dataclass(frozen=True)
+class _Motions:
+    """How the poses of a body along its track move with the camera (n, 3, 18) and with the height of its top (n, 3)."""
+
+    pose: Array
+    by_camera: Array
+    by_height: Array
+
+    def shifted(self, camera: Array, height: float, first_frame: Array) -> Array:
+        """Poses (n, 3) for a change of the camera's parameters, of the height and of the body frame's registration."""
+        moved = self.pose + self.by_camera @ camera + self.by_height * height
+        return compose(moved, first_frame)
+
+
+def sample_uncertainty(
+    case: Case, settings: UncertaintySettings | None = None, progress: Callable[[int], None] | None = None
+) -> RunUncertainty:
+    """Draw everything that is uncertain, simulate each draw, and describe the spread.
+
+    Parameters
+    ----------
+    case : Case
+        The run.
+    settings : UncertaintySettings, optional
+        How many draws, from which seed, and how exactly each is simulated.
+    progress : callable, optional
+        Called with the number of draws done.
+
+    Returns
+    -------
+    RunUncertainty
+        Covariances over time and the limits that a right model keeps.
+
+    Raises
+    ------
+    RefusedError
+        When more than 2 % of the draws cannot be simulated: the limits would be those of the easy ones.
+    """
+    settings = settings or UncertaintySettings()
+    return UncertaintySampling(case, settings, progress).describe(settings.samples)
+
+
+class UncertaintySampling:
+    """Draws of all that is uncertain in a run, and where each leads; asking for more keeps those that were made.
+
+    Parameters
+    ----------
+    case, settings, progress
+        As in :func:`sample_uncertainty`; the number of draws is that of :meth:`describe`.
+    """
+
+    def __init__(self, case: Case, settings: UncertaintySettings, progress: Callable[[int], None] | None = None):
+        self.case, self.settings, self.progress = case, settings, progress
+        self._sampler = _Sampler(case, settings)
+        self._sequence = qmc.Sobol(sum(INPUTS.values()), scramble=True, rng=np.random.default_rng(settings.seed))
+        self._draws = np.empty((0, self._sequence.d))
+        self._outcomes: list[tuple[Array, Array]] = []
+
+    def describe(self, samples: int) -> RunUncertainty:
+        """The spread of the first ``samples`` draws, a power of two; errors as in :func:`sample_uncertainty`."""
+        self._extend(samples)
+        draws = self._draws[:samples]
+        simulated, measured = (np.array(part) for part in zip(*self._outcomes[:samples], strict=True))
+        done = np.isfinite(simulated[:, -1, 0])
+        if np.mean(~done) > _DROPPED_SHARE:
+            raise RefusedError(
+                "the uncertainty cannot be sampled",
+                got=f"{np.count_nonzero(~done)} of {len(draws)} draws could not be simulated",
+                allowed=f"at most {100 * _DROPPED_SHARE:.0f} %",
+                remedy="check the deviations in campaign.yaml: a load may leave its footprint, a length be negative",
+            )
+        return self._described(draws[done], simulated[done], measured[done], np.count_nonzero(~done))
+
+    def _described(self, draws: Array, simulated: Array, measured: Array, dropped: int) -> RunUncertainty:
+        # Deviations are taken from the nominal solution, which stands where the truth stands in the campaign, not from
+        # the mean of the draws: where phases wander, both sides of S − D oscillate, and the mean of the draws does not.
+        nominal = self.case.simulated.pose
+        error = _difference(simulated, measured)
+        signature = error_signature(error)
+        covariance = _mean_square(signature)
+        largest = normalised_signature(signature, covariance).max(axis=(1, 2))
+        shares = variance_shares(draws, error[..., :2].reshape(len(error), -1), INPUTS)
+        return RunUncertainty(
+            time_s=self._sampler.times,
+            measurement=_mean_square(_difference(measured, nominal)),
+            simulation=_mean_square(_difference(simulated, nominal)),
+            validation=_mean_square(error),
+            signature=covariance,
+            signature_limit=float(np.quantile(largest, self.settings.confidence, method="higher")),
+            confidence=self.settings.confidence,
+            shares=shares,
+            samples=len(draws),
+            seed=self.settings.seed,
+            findings=_findings(dropped, shares),
+        )
+
+    def _extend(self, samples: int) -> None:
+        made = len(self._draws)
+        if samples <= made:
+            return
+        uniform = self._sequence.random(samples - made)
+        draws = norm.ppf(np.clip(uniform, _SMALLEST, 1 - _SMALLEST))
+        self._draws = np.concatenate([self._draws, draws])
+        if self.settings.processes == 1:
+            self._collect(self._sampler.outcome(made + i, draw) for i, draw in enumerate(draws))
+        else:
+            with ProcessPoolExecutor(self.settings.processes) as pool:
+                self._collect(pool.map(self._sampler.outcome, range(made, samples), draws, chunksize=8))
+
+    def _collect(self, outcomes: Iterable[tuple[Array, Array]]) -> None:
+        for outcome in outcomes:
+            self._outcomes.append(outcome)
+            if self.progress is not None:
+                self.progress(len(self._outcomes))
+
+
+def variance_shares(draws: Array, outputs: Array, inputs: dict[str, int]) -> dict[str, float]:
+    """Shares of the outputs' variance that each input explains on its own: first-order Sobol indices.
+
+    The outputs are regressed on Hermite polynomials of degree one and two of each draw, which are orthonormal for
+    standard normal draws, so that a squared coefficient is a share of variance (Sudret 2008); indices of many outputs
+    are weighted by their variances (Lamboni, Monod and Makowski 2011). What the regression's own noise adds to a
+    squared coefficient is taken off. The rest, "noise and interactions", is what no input explains alone.
+
+    Parameters
+    ----------
+    draws : ndarray (k, d)
+        Standard normal numbers.
+    outputs : ndarray (k, m)
+        Results of the draws.
+    inputs : dict of str to int
+        Names of the inputs and of how many columns of ``draws`` each is made.
+
+    Returns
+    -------
+    dict of str to float
+        By name, "noise and interactions" last; they sum to one, unless nothing varies at all.
+    """
+    k, d = draws.shape
+    outputs = outputs - outputs.mean(axis=0)
+    basis = np.concatenate([np.ones((k, 1)), draws, (draws**2 - 1) / np.sqrt(2)], axis=1)
+    coefficients, *_ = np.linalg.lstsq(basis, outputs, rcond=None)
+    residual = np.sum((outputs - basis @ coefficients) ** 2, axis=0) / max(1, k - basis.shape[1])
+    power = np.sum(coefficients[1:] ** 2 - residual / k, axis=1)
+    by_column = power[:d] + power[d:]
+    starts = np.cumsum([0, *inputs.values()])[:-1]
+    parts = [max(0.0, float(by_column[i : i + width].sum())) for i, width in zip(starts, inputs.values(), strict=True)]
+    total = sum(parts) + float(residual.sum())
+    if total == 0:
+        return dict.fromkeys([*inputs, _REST], 0.0)
+    return dict(zip([*inputs, _REST], [part / total for part in (*parts, float(residual.sum()))], strict=True))
+
+
+class _Sampler:
+    """Turns standard normal numbers into a simulated and a measured motion of the object."""
+
+    def __init__(self, case: Case, settings: UncertaintySettings):
+        self.case, self.settings = case, settings
+        self.times = case.simulated.time_s
+        begin, end = self.times[[0, -1]]
+        self.hinge_times = np.linspace(begin, end, max(4, round((end - begin) / _HINGE_STEP_S)))
+        self.rover = _motions(case.calibration, case.rover, case.rover_decimated.spline()(self.hinge_times))
+        rows = np.searchsorted(case.object_track.time_s, self.times - 1e-9)
+        self.noise_std = np.nan_to_num(case.object_track.std[rows])
+        self.object = _motions(case.calibration, case.towed, case.simulated.pose)
+        self.start = _motions(case.calibration, case.towed, case.object_decimated.spline()(self.times[:1]))
+        self.camera_root = _root(case.calibration.covariance)
+        self.rover_root = _root(case.rover_track.start_covariance)
+        self.object_root = _root(case.object_track.start_covariance)
+        self.knot_std = np.sqrt(np.diagonal(case.rover_decimated.covariance, axis1=1, axis2=2))
+
+    def outcome(self, index: int, draw: Array) -> tuple[Array, Array]:
+        """Simulated and measured poses (n, 3) of one draw; NaN where it cannot be simulated."""
+        part = dict(zip(INPUTS, np.split(draw, np.cumsum(list(INPUTS.values()))[:-1]), strict=True))
+        # One generator a draw, so that the result does not depend on how draws are shared among processes.
+        rng = np.random.default_rng([self.settings.seed, index])
+        camera = self.camera_root @ part["camera"]
+        case, scene = self.case, self._scene(part)
+        height = case.towed.height_std_m * part["height of the object"][0]
+        first = self.object_root @ part["object's first frame"]
+        measured = self.object.shifted(camera, height, first) + self.noise_std * rng.standard_normal(
+            self.noise_std.shape
+        )
+        try:
+            simulated = self._simulate(
+                scene, part, self._rover_poses(part, camera, rng), self.start.shifted(camera, height, first)[0]
+            )
+        except TowvalError:
+            simulated = np.full_like(measured, np.nan)
+        return simulated, measured
+
+    def _rover_poses(self, part: dict[str, Array], camera: Array, rng: np.random.Generator) -> Array:
+        height = self.case.rover.height_std_m * part["height of the rover"][0]
+        poses = self.rover.shifted(camera, height, self.rover_root @ part["rover's first frame"])
+        knots = self.case.rover_decimated.time_s
+        noise = self.knot_std * rng.standard_normal(self.knot_std.shape)
+        return poses + np.stack([np.interp(self.hinge_times, knots, noise[:, c]) for c in range(3)], axis=1)
+
+    def _scene(self, part: dict[str, Array]) -> TowingScene:
+        scene, std = self.case.scene, self.case.deviations
+        load = replace(
+            scene.load,
+            mass=max(0.0, scene.load.mass + std.load_mass * part["mass of the load"][0]),
+            at=scene.load.at + std.load_at * part["place of the load"],
+        )
+        tether = Tether(
+            rest_length=scene.tether.rest_length + std.rest_length * part["rest length"][0],
+            stiffness=scene.tether.stiffness + std.stiffness * part["stiffness"][0],
+            damping=scene.tether.damping,
+        )
+        return replace(
+            scene,
+            body_mass=scene.body_mass + std.body_mass * part["mass of the object"][0],
+            load=load,
+            tether=tether,
+            anchor=scene.anchor + std.anchor * part["anchor"],
+            hinge=scene.hinge + std.hinge * part["hinge"],
+        )
+
+    def _simulate(self, scene: TowingScene, part: dict[str, Array], rover: Array, start: Array) -> Array:
+        factor = 1 + self.case.deviations.friction / self.case.scene.friction.kinetic * part["friction"][0]
+        # γ1, γ4 and γ6 are the amplitudes of Makkar's law: scaling them scales static and kinetic friction alike.
+        law = FrictionLaw(self.case.law.gamma * np.array([factor, 1, 1, factor, 1, factor]))
+        target = towed_object(scene)
+        motion = simulate_rung(
+            self.case.simulated.rung,
+            target,
+            law,
+            scene.tether,
+            TimedPath(self.hinge_times, transform(rover, scene.hinge)),
+            start,
+            self.times,
+            accuracy=Accuracy(self.settings.tolerance_m),
+        )
+        if len(motion.time_s) < len(self.times):
+            raise RefusedError(f"the simulation of a draw ended early: {motion.outcome}")
+        return motion.pose
+
+
+def _motions(calibration: Calibration, body: Body, pose: Array) -> _Motions:
+    """Sensitivities of a body's pose: those of the corners of its top, fitted by a rigid motion."""
+    corners = transform(pose[:, None, :], body.top_corners_m)
+    n, k = corners.shape[:2]
+    height = body.tracked_plane_height_m
+    points = np.concatenate([corners, np.full((n, k, 1), height)], axis=-1).reshape(-1, 3)
+    pixels = project(calibration.camera, calibration.floor, points)
+    by_camera, by_height = position_sensitivity(calibration.camera, calibration.floor, pixels, height)
+    moves = np.concatenate([by_camera, by_height[:, :, None]], axis=2).reshape(n, k, 2, -1)
+    # A small rigid motion (dx, dy, dφ) moves a corner at arm a by (dx, dy) + dφ k × a; least squares over the corners,
+    # with the arms taken from their mean, decouples shift and turn.
+    arms = corners - corners.mean(axis=1, keepdims=True)
+    mean_move = moves.mean(axis=1)
+    turn = np.einsum("nk,nkp->np", arms[..., 0], moves[:, :, 1]) - np.einsum("nk,nkp->np", arms[..., 1], moves[:, :, 0])
+    turn /= np.sum(arms**2, axis=(1, 2))[:, None]
+    lever = pose[:, :2] - corners.mean(axis=1)
+    shift_x = mean_move[:, 0] - lever[:, 1, None] * turn
+    shift_y = mean_move[:, 1] + lever[:, 0, None] * turn
+    by_pose = np.stack([shift_x, shift_y, turn], axis=1)
+    return _Motions(pose, by_pose[..., :-1], by_pose[..., -1])
+
+
+def _root(covariance: ArrayLike) -> Array:
+    """A square root of a covariance that may be singular."""
+    values, vectors = np.linalg.eigh(np.asarray(covariance, dtype=np.float64))
+    return vectors * np.sqrt(np.maximum(values, 0.0))
+
+
+def _difference(pose: Array, other: Array) -> Array:
+    """Poses (..., 3) less others, the heading's difference in (−π, π]."""
+    difference = pose - other
+    difference[..., 2] = wrapped(difference[..., 2])
+    return difference
+
+
+def _mean_square(error: Array) -> Array:
+    """Second moments (n, 3, 3) about nought over the first axis of errors (k, n, 3)."""
+    return np.einsum("kni,knj->nij", error, error) / len(error)
+
+
+def _findings(dropped: int, shares: dict[str, float]) -> tuple[Finding, ...]:
+    findings = []
+    named = {name: share for name, share in shares.items() if name != _REST}
+    if any(named.values()):
+        first = max(named, key=lambda name: named[name])
+        text = f"{100 * named[first]:.0f} % of the path error's expected variance comes from: {first}."
+        findings.append(Finding(Severity.NOTE, "main_input", text))
+    if dropped:
+        text = f"{dropped} draws could not be simulated and were left out."
+        findings.append(Finding(Severity.WARNING, "draws_left_out", text))
+    return tuple(findings)

@@ -1,1 +1,0 @@
-"""The eyes: camera model, floor, corner detection, tracking. Arrays in, arrays out; OpenCV computes here."""

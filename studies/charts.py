@@ -1,0 +1,346 @@
+"""Charts of the studies: error against cost, and maps of right, flagged and silently wrong."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.backend_bases import RendererBase
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch as Swatch
+from matplotlib.patches import Rectangle
+from matplotlib.text import Annotation
+from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
+from matplotlib.transforms import Bbox
+
+from towval.report.style import PAGE_WIDTH_IN, Margins, figure_function, foot_legend, place_maps
+
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "*")
+COLOURS = ("#1f63b4", "#c8322b", "#2b8a3e", "#7b3fb5", "#e08a00", "#0b7285", "#444444", "#a61e4d", "#5c940d", "#868e96")
+
+RIGHT, FLAGGED, SILENT = "right", "flagged", "silently wrong"
+FACES = {RIGHT: "#f1f3f5", FLAGGED: "#9fb6d0", SILENT: "#1d1d1b"}
+SIGNS = {RIGHT: ("", "#1d1d1b"), FLAGGED: ("!", "#1d1d1b"), SILENT: ("×", "#ffffff")}
+"""Cells by judgement: face, and sign in its colour; light, middle and dark, so that grey will do."""
+
+_LINE_IN = 0.16
+_LINE_STEP_PX = 3.0
+_AWAY, _AWAY_DEFAULT = 3.5, 5.0
+"""From a point to its label [pt], and from one with the ring of the default."""
+_AROUND = (
+    (1.0, 0.8, "left", "bottom"),
+    (-1.0, 0.8, "right", "bottom"),
+    (1.0, -0.8, "left", "top"),
+    (-1.0, -0.8, "right", "top"),
+    (1.4, 0.0, "left", "center"),
+    (-1.4, 0.0, "right", "center"),
+    (0.0, 1.3, "center", "bottom"),
+    (0.0, -1.3, "center", "top"),
+)
+"""Places of a label around its point, the best first: steps right and up in its distance, and its alignment."""
+_DECADE = 10.0
+_ROOM = 1.15  # Factor of room below and above all points.
+_FEW_DECADES = 60.0  # A range below this has numbers at 1, 2 and 5.
+
+
+@figure_function
+def scatter_chart(table: pd.DataFrame, title: str, labels: tuple[str, str], note: str, *, front: bool = True) -> Figure:
+    """Error against cost on logarithmic scales, a panel for each value of ``panel``.
+
+    Parameters
+    ----------
+    table : DataFrame
+        Columns ``panel``, ``series``, ``setting``, ``cost``, ``error``, ``default``; rows that repeat the first three
+        are drawn as their median.
+    title : str
+        Of the chart.
+    labels : (str, str)
+        Of the axes x and y; without the first the panels' names label x.
+    note : str
+        A sentence or two below.
+    front : bool, optional
+        Draw the points that no other beats in both, and label them; else join the points of a series.
+    """
+    rows = medians(table)
+    panels, series = list(dict.fromkeys(rows["panel"])), list(dict.fromkeys(rows["series"]))
+    columns = {1: 1, 2: 2, 4: 2}.get(len(panels), 3)
+    notes = _wrapped(f"{note} {_machine(table)}")
+    legend_rows = math.ceil(len(series) / 4)
+    margins = Margins(
+        left=0.62,
+        right=0.1,
+        top=0.42,
+        bottom=0.62 + _LINE_IN * (legend_rows + len(notes)),
+        across=0.5 if columns > 1 else 0.1,
+        down=0.62,
+    )
+    figure = Figure(figsize=(PAGE_WIDTH_IN, 3.0))
+    axes = [figure.add_subplot() for _ in panels]
+    place_maps(figure, axes, 0.52 if columns == 1 else 0.8, margins, columns)
+    for index, (panel, own) in enumerate(zip(panels, axes, strict=True)):
+        _draw_panel(own, rows[rows["panel"] == panel], series, front=front)
+        own.set_xlabel(labels[0] or panel)
+        own.set_title(_set(panel) if labels[0] and panel else "")
+        if index % columns == 0:
+            own.set_ylabel(labels[1])
+    _same_decades(axes)
+    _title(figure, title)
+    _foot(figure, _handles(series, front=front), 4, notes)
+    _place_labels(figure, axes)
+    return figure
+
+
+def medians(table: pd.DataFrame) -> pd.DataFrame:
+    """One row a panel, series and setting (where points are joined: and cost), with median cost and error."""
+    usable = table[(table["cost"] > 0) & (table["error"] > 0)].assign(panel=table["panel"].astype(object).fillna(""))
+    usable = usable.assign(setting=usable["setting"].astype(object).fillna("").astype(str))
+    keys = ["panel", "series", "setting"]
+    if (usable["setting"] == "").all():
+        keys.append("cost")
+        return (
+            usable.groupby(keys, sort=False)[["error", "default"]]
+            .agg({"error": "median", "default": "max"})
+            .reset_index()
+        )
+    return usable.groupby(keys, sort=False).agg({"cost": "median", "error": "median", "default": "max"}).reset_index()
+
+
+def unbeaten(rows: pd.DataFrame) -> pd.DataFrame:
+    """The rows that no other beats in both cost and error, cheapest first (the Pareto front)."""
+    ordered = rows.sort_values(["cost", "error"])
+    return ordered[ordered["error"] < ordered["error"].astype(float).cummin().shift(fill_value=np.inf)]
+
+
+def _draw_panel(axes: Axes, rows: pd.DataFrame, series: Sequence[str], *, front: bool) -> None:
+    axes.set(xscale="log", yscale="log")
+    for name, points in rows.groupby("series", sort=False):
+        index = series.index(name)
+        line = "none" if front else "-"
+        ordered = points if front else points.sort_values("cost")
+        axes.plot(
+            ordered["cost"],
+            ordered["error"],
+            linestyle=line,
+            marker=MARKERS[index % len(MARKERS)],
+            color=COLOURS[index % len(COLOURS)],
+            ms=4.5,
+            mec="white",
+            mew=0.4,
+            zorder=3,
+        )
+    if not front:
+        return
+    best = unbeaten(rows)
+    axes.plot(best["cost"], best["error"], color="#777777", lw=0.8, ls="--", zorder=2)
+    default = rows[rows["default"].astype(float) > 0]
+    axes.plot(default["cost"], default["error"], "o", mfc="none", mec="#000000", mew=0.9, ms=10, zorder=4)
+    named = pd.concat([default, best, rows.sort_values("error")]).drop_duplicates(["series", "setting"])
+    for row in named.itertuples():
+        away = (_AWAY_DEFAULT, 0) if row.default else (_AWAY, 0)
+        axes.annotate(row.setting, (row.cost, row.error), away, textcoords="offset points", fontsize=6.5, zorder=5)
+    axes.margins(x=0.1, y=0.1)
+
+
+def _handles(series: Sequence[str], *, front: bool) -> list[Line2D]:
+    style = {"ms": 4.5, "mec": "white", "mew": 0.4}
+    shapes = zip(itertools.cycle(MARKERS), itertools.cycle(COLOURS))
+    handles = [
+        Line2D([], [], ls="" if front else "-", marker=marker, color=colour, label=name, **style)
+        for name, (marker, colour) in zip(series, shapes, strict=False)
+    ]
+    if front:
+        handles.append(Line2D([], [], color="#777777", lw=0.8, ls="--", label="not beaten in both"))
+        handles.append(Line2D([], [], ls="", marker="o", mfc="none", mec="#000000", ms=8, label="default"))
+    return handles
+
+
+def _same_decades(axes: Sequence[Axes]) -> None:
+    """One range of errors for all panels, so that they can be compared, and numbers at the ticks of any range."""
+    limits = np.array([own.get_ylim() for own in axes])
+    for own in axes:
+        own.set_ylim(limits[:, 0].min() / _ROOM, limits[:, 1].max() * _ROOM)
+        for axis, (low, high) in ((own.xaxis, own.get_xlim()), (own.yaxis, own.get_ylim())):
+            axis.set_minor_formatter(NullFormatter())
+            if high / low < _FEW_DECADES:
+                axis.set_major_locator(LogLocator(subs=(1, 2, 5), numticks=20))
+                axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+            else:
+                axis.set_major_locator(LogLocator(numticks=20))
+
+
+def _place_labels(figure: Figure, axes: Sequence[Axes]) -> None:
+    """Put each label beside its point, clear of marks, lines and labels before it.
+
+    A label without such a place is not shown; the table has the settings of all points.
+    """
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    for own in axes:
+        frame, taken = own.get_window_extent(renderer), _marks_and_lines(own, figure.dpi / 72)
+        for label in (text for text in own.texts if isinstance(text, Annotation)):
+            box = _free_place(label, frame, taken, renderer)
+            label.set_visible(box is not None)
+            if box is not None:
+                taken.append(box)
+
+
+def _free_place(label: Annotation, frame: Bbox, taken: Sequence[Bbox], renderer: RendererBase) -> Bbox | None:
+    """Move a label to the first place around its point that is free; its box there, or None."""
+    away = max(abs(step) for step in label.xyann)
+    for across, up, horizontal, vertical in _AROUND:
+        label.xyann = (across * away, up * away)
+        label.set(horizontalalignment=horizontal, verticalalignment=vertical)
+        label.update_positions(renderer)
+        box = label.get_window_extent(renderer)
+        inside = frame.x0 <= box.x0 and box.x1 <= frame.x1 and frame.y0 <= box.y0 and box.y1 <= frame.y1
+        if inside and not any(box.overlaps(other) for other in taken):
+            return box
+    return None
+
+
+def _marks_and_lines(axes: Axes, px_per_point: float) -> list[Bbox]:
+    """Boxes [px] around the marks of a panel and along its lines."""
+    boxes = []
+    for line in axes.lines:
+        points = axes.transData.transform(np.column_stack(line.get_data()).astype(float))
+        if line.get_marker() != "None":
+            radius = 0.5 * line.get_markersize() * px_per_point
+            boxes += [Bbox.from_extents(*(point - radius), *(point + radius)) for point in points]
+        if line.get_linestyle() != "None":
+            for start, end in itertools.pairwise(points):
+                steps = np.linspace(0, 1, max(2, int(np.hypot(*(end - start)) / _LINE_STEP_PX)))
+                boxes += [Bbox.from_extents(*point, *point) for point in start + steps[:, None] * (end - start)]
+    return boxes
+
+
+@figure_function
+def map_chart(table: pd.DataFrame, title: str, axes_labels: dict[str, tuple[str, str]], note: str) -> Figure:
+    """Maps of judgements, a cell a pair of values, in the order of the values.
+
+    Parameters
+    ----------
+    table : DataFrame
+        Columns ``map``, ``x``, ``y``, ``judgement``; maps without rows are left out.
+    title : str
+        Of the chart.
+    axes_labels : dict
+        Labels of x and y by the name of a map.
+    note : str
+        What counts as right and as flagged.
+    """
+    names = [name for name in axes_labels if (table["map"] == name).any()]
+    columns = 4 if len(names) > 6 else 3
+    notes = _wrapped(f"{note} {_machine(table)}")
+    margins = Margins(left=0.72, right=0.1, top=0.62, bottom=0.62 + _LINE_IN * (1 + len(notes)), across=0.62, down=0.72)
+    figure = Figure(figsize=(PAGE_WIDTH_IN, 3.0))
+    axes = [figure.add_subplot() for _ in names]
+    place_maps(figure, axes, 0.95, margins, columns)
+    for name, own in zip(names, axes, strict=True):
+        _draw_map(own, table[table["map"] == name])
+        own.set_title(_shortened(name), fontsize=7.5)
+        own.set_xlabel(_set(axes_labels[name][0]), fontsize=7.5)
+        own.set_ylabel(_set(axes_labels[name][1]), fontsize=7.5)
+    _title(figure, title)
+    handles = [Swatch(facecolor=FACES[name], edgecolor="#777777", label=f"{name}  {SIGNS[name][0]}") for name in FACES]
+    _foot(figure, handles, 3, notes)
+    return figure
+
+
+def _draw_map(axes: Axes, rows: pd.DataFrame) -> None:
+    rows = rows.assign(x=rows["x"].map(_value), y=rows["y"].map(_value))
+    across, up = _ordered(rows["x"]), _ordered(rows["y"])
+    for row in rows.itertuples():
+        x, y = across.index(row.x), up.index(row.y)
+        axes.add_patch(
+            _cell(x, y, FACES[row.judgement]),
+        )
+        sign, colour = SIGNS[row.judgement]
+        axes.text(x, y, sign, color=colour, ha="center", va="center_baseline", fontsize=7)
+    axes.set(xlim=(-0.5, len(across) - 0.5), ylim=(-0.5, len(up) - 0.5))
+    axes.grid(visible=False)
+    for axis, values in ((axes.xaxis, across), (axes.yaxis, up)):
+        every = math.ceil(len(values) / 6)
+        axis.set_major_locator(FixedLocator(list(range(0, len(values), every))))
+        axis.set_minor_locator(NullLocator())
+        axis.set_ticklabels([_number(value) for value in values[::every]], fontsize=6.5)
+
+
+def _cell(x: int, y: int, face: str) -> Rectangle:
+    return Rectangle((x - 0.5, y - 0.5), 1, 1, facecolor=face, edgecolor="white", lw=0.6)
+
+
+def _ordered(values: pd.Series) -> list:
+    """Numbers by size, words as they come."""
+    found = list(dict.fromkeys(values))
+    return found if any(isinstance(value, str) for value in found) else sorted(found)
+
+
+def _value(value: float | str) -> float | str:
+    """A number where it is one: a column with words has its numbers as words, too."""
+    try:
+        return float(value)
+    except ValueError:
+        return value
+
+
+def _number(value: float | str) -> str:
+    if isinstance(value, str):
+        return value
+    if value and not 1e-2 <= abs(value) < 1e3:
+        exponent = math.floor(math.log10(abs(value)) + 1e-9)
+        factor = value / _DECADE**exponent
+        power = f"10^{{{exponent}}}"
+        return f"${power}$" if abs(factor - 1) < 1e-6 else rf"${factor:.2g}\cdot{power}$"
+    return f"{value:.3g}"
+
+
+def _shortened(name: str) -> str:
+    return _set(name.replace("semi-implicit", "semi-impl.").replace(" of the picture", ""))
+
+
+def _set(text: str) -> str:
+    """Symbols with an index as mathematics."""
+    return (
+        text.replace("u_val", r"$u_\mathrm{val}$")
+        .replace(" - ", " − ")
+        .replace("v_s", "$v_s$")
+        .replace("d_t", "$d_t$")
+        .replace("ϑ_lh", r"$\vartheta_{lh}$")
+    )
+
+
+def _title(figure: Figure, title: str) -> None:
+    height = figure.get_size_inches()[1]
+    figure.text(0.012, 1 - 0.06 / height, title, fontsize=10, va="top", ha="left")
+
+
+def _foot(figure: Figure, handles: Sequence[Line2D | Swatch], columns: int, notes: Sequence[str]) -> None:
+    """The legend at the bottom and, below it, the note."""
+    height = figure.get_size_inches()[1]
+    for line, text in enumerate(reversed(notes)):
+        figure.text(0.012, (0.05 + _LINE_IN * 0.85 * line) / height, text, fontsize=7, color="#555555", va="bottom")
+    foot_legend(figure, handles, columns)
+    legend = figure.legends[-1]
+    legend.set_bbox_to_anchor((0.5, (0.1 + _LINE_IN * 0.85 * len(notes)) / height))
+
+
+def _machine(table: pd.DataFrame) -> str:
+    """Machine and versions, as the table's columns say."""
+    parts = [str(table[name].iloc[0]) for name in ("machine", "versions") if name in table]
+    return f"{'; '.join(parts)}." if parts else ""
+
+
+def _wrapped(text: str, width: int = 138) -> list[str]:
+    lines, line = [], ""
+    for word in text.split():
+        if len(line) + len(word) + 1 > width:
+            lines.append(line)
+            line = word
+        else:
+            line = f"{line} {word}".strip()
+    return [*lines, line]

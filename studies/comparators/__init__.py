@@ -1,0 +1,1 @@
+"""Other programs and methods to measure ours against, each in one place."""

@@ -1,0 +1,48 @@
+"""A candidate tracker: KLT from each picture to the next, without a keyframe to hold on to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from towval.model import Array
+from towval.tracking.follow import TrackerMaker
+from towval.tracking.klt import KltTracker
+from towval.tracking.planar_target import PlanarTarget
+from towval.tracking.pose import Measurement
+from towval.tracking.track import TrackSettings
+
+Luma = NDArray[np.uint8]
+
+
+class FrameToFrameKlt:
+    """Follows one body by points that are new in every picture; its errors add up.
+
+    The arguments are those of :class:`towval.tracking.klt.KltTracker`, of which it makes one a picture.
+    """
+
+    exposure_s = 0.0
+
+    def __init__(self, target: PlanarTarget, luma: Luma, pose: Array):
+        self.target = target
+        self.last = KltTracker(target, luma, pose)
+
+    def measure(self, luma: Luma, predicted: Array, velocity: Array | None = None) -> Measurement | None:
+        """Pose near ``predicted`` (3,) from the points of the picture before."""
+        found = self.last.measure(luma, predicted, velocity)
+        if found is not None:
+            self.last = KltTracker(self.target, luma, found.pose)
+        return found
+
+
+@dataclass(frozen=True)
+class FrameToFrameSettings(TrackSettings):
+    """Settings of the stage ``track`` with this tracker in place of its own."""
+
+    method: str = "klt"
+
+    def tracker_maker(self) -> TrackerMaker:
+        """The function that builds a tracker."""
+        return FrameToFrameKlt

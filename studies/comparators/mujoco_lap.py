@@ -1,0 +1,117 @@
+"""The lap in another engine: what MuJoCo gives for the same cube, tether and way of the hinge, and what it costs.
+
+MuJoCo has Coulomb friction at points: the four corners of a box, or a grid of small spheres. A patch is neither, so the
+difference to the continuous patch does not go away with the time step.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import time
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from studies.comparators.integrator_studies import REFERENCE_TOLERANCE_M, Row, TowScene, reference_places
+from towval.model import Array
+from towval.physics.friction_table import PLATEAU
+
+if TYPE_CHECKING:
+    import mujoco
+
+_GRID = 4  # spheres along a side
+_THIN = 0.02  # half the height of the body [m]; its anchor is on the floor, so that the tow does not tilt it
+_SPHERE_M = 0.005
+
+
+def mujoco_rows(scene: TowScene, steps: Iterable[float] = (0.002, 0.01)) -> list[Row]:
+    """CPU time and error of MuJoCo on a scene whose object is a square about its centre of mass.
+
+    Parameters
+    ----------
+    scene : TowScene
+        Its law counts by the friction at high speed alone.
+    steps : iterable of float, optional
+        Time steps [s].
+
+    Returns
+    -------
+    list of dict
+        ``contact`` "box" or "4 × 4 spheres", ``step_s``, ``cpu_s``, ``error_m`` and ``rms_m`` of the centre over the
+        scene's times, against our integrator at 1e-12 m; ``outcome`` "computed", or why it was skipped.
+    """
+    if importlib.util.find_spec("mujoco") is None:
+        nothing = dict.fromkeys(("step_s", "cpu_s", "error_m", "rms_m"), np.nan)
+        return [{"contact": "box"} | nothing | {"outcome": "skipped: mujoco is not installed"}]
+    exact = reference_places(scene, REFERENCE_TOLERANCE_M)
+    rows: list[Row] = []
+    for contact, spheres in (("box", False), (f"{_GRID} × {_GRID} spheres", True)):
+        for step in steps:
+            start = time.process_time()
+            places = mujoco_places(scene, step, spheres)
+            spent = time.process_time() - start
+            error = np.linalg.norm(places - exact, axis=1)
+            rows.append(
+                {
+                    "contact": contact,
+                    "step_s": step,
+                    "cpu_s": spent,
+                    "error_m": float(error.max()),
+                    "rms_m": float(np.sqrt(np.mean(error**2))),
+                    "outcome": "computed",
+                }
+            )
+    return rows
+
+
+def mujoco_places(scene: TowScene, step: float, spheres: bool) -> Array:
+    """The object's centre (n, 2) [m] at the scene's times, which are taken to the nearest time step [s]."""
+    import mujoco  # noqa: PLC0415 — an extra: not everybody has it
+
+    model = mujoco_model(scene, step, spheres)
+    data = mujoco.MjData(model)
+    begin, end = scene.times[0], scene.times[-1]
+    count = round((end - begin) / step)
+    moments = begin + np.arange(count) * step
+    path = np.column_stack([np.interp(moments, scene.hinge.time_s, scene.hinge.position[:, k]) for k in (0, 1)])
+    places = np.empty((count + 1, 2))
+    target = data.mocap_pos[0]
+    for i in range(count):
+        target[:2] = path[i]
+        places[i] = data.qpos[:2]
+        mujoco.mj_step(model, data)
+    places[count] = data.qpos[:2]
+    return places[np.round((scene.times - begin) / step).astype(int)]
+
+
+def mujoco_model(scene: TowScene, step: float, spheres: bool) -> mujoco.MjModel:
+    """Floor, object on its contacts, hinge as a mocap body, and the tether as a tendon that only pulls."""
+    import mujoco  # noqa: PLC0415
+
+    towed, friction = scene.towed, float(scene.patch.table[PLATEAU])
+    half = float(towed.patch.outline.max())
+    x, y, heading = scene.start_pose
+    hinge_x, hinge_y = scene.hinge.position[0]
+    if spheres:
+        places = np.linspace(-half + _SPHERE_M, half - _SPHERE_M, _GRID)
+        contacts = "".join(
+            f'<geom type="sphere" size="{_SPHERE_M}" pos="{px} {py} {_SPHERE_M - _THIN}" mass="0" '
+            f'friction="{friction} 0 0"/>'
+            for px in places
+            for py in places
+        )
+    else:
+        contacts = f'<geom type="box" size="{half} {half} {_THIN}" mass="0" friction="{friction} 0 0"/>'
+    return mujoco.MjModel.from_xml_string(f"""
+    <mujoco><option timestep="{step}" gravity="0 0 -9.81" cone="elliptic" impratio="10"/>
+    <worldbody>
+      <geom type="plane" size="5 5 1" friction="{friction} 0 0"/>
+      <body name="hinge" mocap="true" pos="{hinge_x} {hinge_y} 0"><site name="hinge"/></body>
+      <body name="object" pos="{x} {y} {_THIN}" euler="0 0 {np.degrees(heading)}"><freejoint/>
+        <inertial pos="0 0 {-_THIN}" mass="{towed.mass}" diaginertia="0.1 0.1 {towed.inertia}"/>{contacts}
+        <site name="anchor" pos="{towed.anchor[0]} {towed.anchor[1]} {-_THIN}"/></body>
+    </worldbody>
+    <tendon><spatial stiffness="{scene.tether.stiffness}" springlength="0 {scene.tether.rest_length}">
+      <site site="hinge"/><site site="anchor"/></spatial></tendon>
+    </mujoco>""")

@@ -1,0 +1,1 @@
+"""Maps of stability: where methods are right, flagged or silently wrong."""

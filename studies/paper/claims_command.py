@@ -1,0 +1,52 @@
+"""Command of the ledger: tables of the studies → the paper's claims as Markdown and JSON."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from studies.paper.claims import CLAIMS
+from studies.paper.ledger import ClaimOutcome, decided
+from towval.io.atomic import write_text
+from towval.io.plan_files import read_table
+
+_HEAD = """# Claims of the paper, one by one
+
+Made by the rule `claims` from the tables in `results/figures/tables/`; do not edit. Its twin for machines is
+`claims.json`. Every outcome is decided by the check beside it on our own numbers, with the scene of
+`workflow/plan.yaml`, where the paper's values and our assumptions are told apart.
+"""
+
+
+def write_ledger(plan: Mapping[str, Any], tables: Mapping[str, Path], outputs: Sequence[Path]) -> None:
+    """Decide all claims and write the ledger.
+
+    Parameters
+    ----------
+    plan : mapping
+        The configuration's section ``plan``, kept in the twin.
+    tables : mapping
+        CSV files of the studies by name.
+    outputs : sequence of Path
+        Files to write: ``.md`` gets the ledger, ``.json`` its twin.
+    """
+    rows = decided(CLAIMS, {name: read_table(path) for name, path in tables.items()})
+    twin = json.dumps({"claims": rows, "plan": plan}, indent=2, ensure_ascii=False) + "\n"
+    for output in outputs:
+        write_text(output, twin if output.suffix == ".json" else markdown(rows))
+
+
+def markdown(rows: Sequence[Mapping[str, str]]) -> str:
+    """The ledger as Markdown: counts, a table of outcomes, then each claim with its check and numbers."""
+    counts = Counter(row["outcome"] for row in rows)
+    summary = ", ".join(f"{counts[outcome]} {outcome}" for outcome in ClaimOutcome)
+    lines = [_HEAD, f"{len(rows)} statements: {summary}.", "", "| section | claim | outcome |", "|---|---|---|"]
+    lines += [f"| {row['where']} | {row['name']} | {row['outcome']} |" for row in rows]
+    for row in rows:
+        lines += ["", f"## {row['name']}", "", f"Section {row['where']}: “{row['statement']}”", ""]
+        lines += [f"- Check: {row['check']}", f"- Ours: {row['numbers']}.", f"- Outcome: **{row['outcome']}**."]
+        lines += [f"- Note: {row['note']}"] if row["note"] else []
+    return "\n".join(lines) + "\n"

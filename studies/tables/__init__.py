@@ -1,0 +1,1 @@
+"""Tables that state what towval reaches, each a command: python -m studies.tables.NAME."""

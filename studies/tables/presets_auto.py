@@ -1,0 +1,77 @@
+"""Preset auto beside fine on a campaign: CPU time, how far its paths move, and what they may move.
+
+    python -m studies.tables.presets_auto [path/to/campaign]
+
+Both are run by the workflow from the calibration to the verdict, without figures. A measured or simulated path may move
+by a third of the measurement uncertainty, root mean square over the run.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from studies.tables.workflow_time import spent
+from towval.io.campaign import Campaign, load_campaign
+from towval.io.records import read_calibration, read_comparison, read_simulated, read_tracks
+from towval.selection.margin import SHARE, measurement_std_m, seen_places
+
+PRESETS = ("auto", "fine")
+
+
+def run_workflow(campaign: Campaign, preset: str, results: Path) -> None:
+    """All runs under a preset, up to their verdicts."""
+    targets = [str(results / campaign.folder.name / run / "compare.mcap") for run in campaign.runs]
+    keys = [f"campaign={campaign.folder}", f"results={results}", f"preset={preset}"]
+    line = [sys.executable, "-m", "snakemake", "--cores", "2", "--quiet", "all", "--nolock", *targets]
+    line += ["--config", *keys]
+    repository = Path(__file__).resolve().parents[2]
+    subprocess.run(line, check=True, stdout=subprocess.DEVNULL, cwd=repository)
+
+
+def moved_mm(one: object, other: object) -> float:
+    """RMS distance of two motions with ``time_s`` and ``pose`` at their common times [mm]."""
+    _, rows, others = np.intersect1d(one.time_s, other.time_s, return_indices=True)
+    gap = (one.pose[rows] - other.pose[others])[:, :2]
+    return 1e3 * float(np.sqrt(np.nanmean(np.sum(gap**2, axis=1))))
+
+
+def row(campaign: Campaign, run: str, folders: list[Path]) -> str:
+    """One line of the table; ``folders`` are the campaign's results under auto and fine."""
+    tracks = [read_tracks(folder / run / "track.mcap")["object"] for folder in folders]
+    motions = [read_simulated(folder / run / "simulate.mcap") for folder in folders]
+    compared = [read_comparison(folder / run / "compare.mcap") for folder in folders]
+    camera = read_calibration(folders[1] / "camera.mcap")
+    allowed = 1e3 * SHARE * measurement_std_m(camera, campaign.object, seen_places(tracks[1]))
+    moves = moved_mm(*tracks), moved_mm(*motions)
+    verdicts = " / ".join(str(one.verdict) for one in compared)
+    return (
+        f"{run:4}{moves[0]:10.3f}{moves[1]:11.3f}{allowed:9.3f}  {'kept' if max(moves) <= allowed else 'MISSED':8}"
+        f"{1e3 * compared[0].path_rms_m:9.3f}{1e3 * compared[1].path_rms_m:9.3f}  {verdicts}; "
+        + "; ".join(f"{choice.what} {choice.chosen}" for choice in (tracks[0].choices[0], *motions[0].choices))
+    )
+
+
+def main(folder: Path) -> None:
+    campaign = load_campaign(folder.resolve())
+    with tempfile.TemporaryDirectory() as place:
+        results = [Path(place) / preset for preset in PRESETS]
+        cost = [
+            spent(lambda preset=preset, into=into: run_workflow(campaign, preset, into))
+            for preset, into in zip(PRESETS, results, strict=True)
+        ]
+        print(f"{campaign.name}, {len(campaign.runs)} runs, calibration to verdict")
+        for preset, (wall, cpu) in zip(PRESETS, cost, strict=True):
+            print(f"{preset}: {cpu:.1f} s CPU, {wall:.1f} s wall")
+        print("moved by auto against fine and allowed, then simulated - measured under auto and fine, all mm RMS")
+        print(f"{'run':4}{'measured':>10}{'simulated':>11}{'allowed':>9}{'':10}{'auto':>9}{'fine':>9}  verdicts; taken")
+        for run in campaign.runs:
+            print(row(campaign, run, [into / campaign.folder.name for into in results]))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).resolve().parents[2] / "data_samples" / "lab_small")

@@ -1,0 +1,89 @@
+"""Peak memory of the tracking pass: 4K at 120 pictures a second, and videos of growing length.
+
+    python -m studies.tables.tracking_memory
+
+Each case runs in a process of its own, whose largest resident set counts, libraries included. The long videos are one
+short file played again and again with times that go on, the bodies at rest: what grows with the length is the record.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from studies.worlds.film import write_video
+from studies.worlds.scenes import CeilingCamera, FilmedScene, ceiling, drive, small_camera, standard_scene
+from towval.io.video import Video
+from towval.tracking.track import track
+
+LIMIT_MB = 500
+
+
+def scene_of(kind: str) -> FilmedScene:
+    """The scene of a case: bodies that drive under a 4K camera, or stand under a small one."""
+    if kind == "4k":
+        camera, floor = ceiling((3840, 2160), 3120.0)
+        return standard_scene(5, camera=camera, floor=floor)
+    return standard_scene(5, **small_camera(), motions=(drive((-0.3, 0.4, 0.1), 0.0), drive((-0.9, -0.5, 0.2), 0.0)))
+
+
+def again_and_again(path: Path, frames: int) -> Iterator[tuple[float, np.ndarray]]:
+    """The pictures of a video, played until there are ``frames`` of them, 25 a second."""
+    done = 0
+    while done < frames:
+        for _, luma in Video(path):
+            yield done / 25, luma
+            done += 1
+            if done == frames:
+                return
+
+
+def peak_memory_mb() -> float:
+    """Largest resident set of this program [MB]; ``ru_maxrss`` would hold that of the program that started it, too."""
+    status = Path("/proc/self/status").read_text(encoding="ascii")
+    return float(next(line for line in status.splitlines() if line.startswith("VmHWM")).split()[1]) / 1024
+
+
+def measure(kind: str, path: Path, frames: int) -> None:
+    """Track a video and print the frames, the share tracked and the peak memory [MB]."""
+    scene = scene_of(kind)
+    clicks = scene.clicks(np.random.default_rng(0))
+    pictures = Video(path) if kind == "4k" else again_and_again(path, frames)
+    tracks = track(pictures, scene.calibration, scene.bodies, clicks)
+    seen = np.mean([found.seen.mean() for found in tracks.values()])
+    peak = peak_memory_mb()
+    print(len(tracks["rover"].time_s), f"{seen:.3f}", f"{peak:.0f}")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--case", nargs=3, help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    if arguments.case:
+        kind, path, frames = arguments.case
+        measure(kind, Path(path), int(frames))
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        large, small = Path(folder) / "4k.mp4", Path(folder) / "small.mp4"
+        film = CeilingCamera(scene_of("4k")).frames(np.arange(36) / 120)
+        write_video(large, film, rate=120, crf="20", preset="ultrafast")
+        still = replace(scene_of("small"), noise=3.0)
+        write_video(small, CeilingCamera(still).frames(np.arange(30) / 25), crf="20", preset="ultrafast")
+        for kind, path, frames in (("4k", large, 36), ("small", small, 500), ("small", small, 10_000)):
+            command = [sys.executable, __file__, "--case", kind, str(path), str(frames)]
+            fields = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
+            verdict = "below" if float(fields[2]) < LIMIT_MB else "ABOVE"
+            print(
+                f"{kind:6s}{fields[0]:>7s} frames, tracked {fields[1]}, peak {fields[2]} MB ({verdict} {LIMIT_MB} MB)"
+            )
+
+
+if __name__ == "__main__":
+    main()

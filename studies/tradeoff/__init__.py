@@ -1,0 +1,1 @@
+"""Charts of error against cost."""

@@ -1,0 +1,139 @@
+"""What the motion of a towed object costs and how wrong it is: integrators, tolerances, models of the ladder, MuJoCo.
+
+The scene is the cube of tests/oracles.py on its lap, driven in 40 s. The truth is
+:func:`studies.worlds.reference.towed_box`. Driven in 400 s it ends where the oracle says, to 1e-8 m and 2e-7 rad; in
+40 s, with 48 × 48 nodes, 96 × 96 move it by 1e-6 m.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from studies.comparators.integrator_studies import TowScene, lap_scene
+from studies.comparators.mujoco_lap import mujoco_places
+from studies.comparators.other_integrators import (
+    RUNGE_KUTTA_4,
+    SEMI_IMPLICIT_EULER,
+    fixed_steps,
+    poses_of,
+    scipy_steps,
+    state_at_rest,
+    tethered_scene,
+)
+from studies.costs import take_turns
+from studies.frame import Part, Row, Scatter, Study
+from studies.worlds.reference import Box, towed_box
+from towval.model import Array
+from towval.physics.dynamics import DEFAULT_TOLERANCE_M, Accuracy, feedback
+from towval.physics.friction_law import coulomb_law
+from towval.physics.trailing import TRAILING_RUNGS, trail
+
+SIDE, MASS, INERTIA, FRICTION, STICTION = 0.4, 5.0, 0.4 / 3, 0.35, 1e-3
+
+_Call = Callable[[], Array]
+
+
+def lemniscate(time_s: float | Array, period_s: float) -> Array:
+    """Place (..., 2) of the hinge on its lap [m]."""
+    tau = 2 * np.pi * np.asarray(time_s) / period_s
+    return np.stack([np.cos(tau), np.sin(tau) * np.cos(tau)], axis=-1) / (1 + np.sin(tau) ** 2)[..., None]
+
+
+def dynamics_rows(period_s: float, panels: int, mujoco_steps_s: list[float], rounds: int) -> list[Row]:
+    """A row a method: CPU seconds of a lap, RMS and largest error of the path, and where it stopped early."""
+    scene = lap_scene(period_s)
+    times = scene.times
+    box = Box((SIDE, SIDE), MASS, (0.0, 0.0), INERTIA, (SIDE / 2, 0.0), FRICTION, STICTION)
+    truth = towed_box(
+        box,
+        lambda t: lemniscate(t, period_s),
+        (scene.tether.rest_length, scene.tether.stiffness),
+        scene.start_pose,
+        times,
+        panels=(panels, panels),
+        order=4,
+        tolerance=1e-8,
+        longest_step_s=0.1,
+    )
+    methods = {(series, setting): call for series, setting, call in _methods(scene, mujoco_steps_s)}
+    timed = take_turns({f"{series}|{setting}": call for (series, setting), call in methods.items()}, rounds)
+    rows = []
+    for (series, setting), result in zip(methods, timed.values(), strict=True):
+        gap = np.full(len(times), np.nan)
+        poses = result.result
+        gap[: len(poses)] = np.linalg.norm(poses[:, :2] - truth[: len(poses), :2], axis=1)
+        rows.append(
+            {
+                "panel": "",
+                "series": series,
+                "setting": setting,
+                "cost": result.cpu_s,
+                "cost_most": result.cpu_most_s,
+                "error": 1e3 * float(np.sqrt(np.mean(gap**2))),
+                "error_most": 1e3 * float(gap.max()),
+                "default": series == "towval, dynamics" and setting == _power(DEFAULT_TOLERANCE_M),
+            }
+        )
+    if not mujoco_is_there():
+        rows.append({"panel": "", "series": "MuJoCo", "setting": "left out: the extra bench is not installed"})
+    return rows
+
+
+def mujoco_is_there() -> bool:
+    """Whether MuJoCo, which comes with the extra ``bench``, is installed."""
+    return importlib.util.find_spec("mujoco") is not None
+
+
+def _methods(scene: TowScene, mujoco_steps_s: list[float]) -> Iterator[tuple[str, str, _Call]]:
+    cube, law, times = scene.towed, coulomb_law(FRICTION, STICTION), scene.times
+    given = (cube, law, scene.tether, scene.hinge, scene.start_pose, times)
+    compiled_scene, state = tethered_scene(*given[:4]), state_at_rest(cube, scene.start_pose)
+
+    def own(tolerance: float) -> Array:
+        return feedback(*given, accuracy=Accuracy(tolerance)).pose
+
+    def by_scipy(method: str, tolerance: float) -> Array:
+        return poses_of(cube, scipy_steps(method, compiled_scene, state, times, tolerance)[1])
+
+    def by_steps(scheme: int, step_s: float) -> Array:
+        return poses_of(cube, fixed_steps(scheme, compiled_scene, state, times, step_s)[1])
+
+    for tolerance in (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9):
+        yield "towval, dynamics", _power(tolerance), lambda t=tolerance: own(t)
+    for rung in TRAILING_RUNGS:
+        yield "towval, no inertia", rung, lambda r=rung: trail(r, *given).pose
+    for method in ("Radau", "BDF", "LSODA"):
+        for tolerance in (1e-4, 1e-6, 1e-8):
+            yield f"SciPy {method}", _power(tolerance), lambda m=method, t=tolerance: by_scipy(m, t)
+    for step in (5e-4, 2.5e-4):
+        yield "Runge-Kutta 4", f"{1e3 * step:g} ms", lambda s=step: by_steps(RUNGE_KUTTA_4, s)
+        yield "semi-implicit Euler", f"{1e3 * step:g} ms", lambda s=step: by_steps(SEMI_IMPLICIT_EULER, s)
+    if mujoco_is_there():
+        for step in mujoco_steps_s:
+            for layout, spheres in (("box", False), ("4 × 4 spheres", True)):
+                yield "MuJoCo", f"{layout}, {1e3 * step:g} ms", lambda s=step, y=spheres: mujoco_places(scene, s, y)
+
+
+def _power(tolerance: float) -> str:
+    return f"1e{round(np.log10(tolerance))}"
+
+
+def _parts(quick: bool) -> dict[str, Part]:
+    if quick:
+        return {"lap": {"period_s": 20.0, "panels": 6, "mujoco_steps_s": [1e-2], "rounds": 2}}
+    return {"lap": {"period_s": 40.0, "panels": 12, "mujoco_steps_s": [1e-2, 5e-3, 2e-3], "rounds": 3}}
+
+
+STUDY = Study(
+    Scatter(
+        title="A lap of a towed cube",
+        cost="CPU time [s]",
+        error="RMS error of the path [mm]",
+        note="Labels: tolerance, time step, model. The truth, Gauss sums and SciPy's Radau, is good to 1e-3 mm.",
+    ),
+    _parts,
+    dynamics_rows,
+)

@@ -1,0 +1,153 @@
+"""What the whole pipeline costs and how wrong it ends, preset by preset, on a synthetic campaign with known truth."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from studies.costs import take_turns
+from studies.frame import Part, Row, Scatter, Study
+from studies.worlds.folder import write_campaign
+from towval.calibration.calibrate import CalibrateSettings, calibrate
+from towval.io.campaign import Campaign, load_campaign
+from towval.io.images import read_gray
+from towval.io.video import Video
+from towval.model import Array, Calibration, Comparison, Track
+from towval.model.presets import PRESETS, STANDARD, settings_of
+from towval.selection.draws import gather, sample_selecting
+from towval.selection.lens import with_lens_choice
+from towval.selection.margin import measurement_std_m, seen_places
+from towval.selection.simulation import simulate_selecting
+from towval.selection.tracking import PROBE_FRAMES, PROBE_STRIDE, neighbour_of_tracking, track_selecting
+from towval.tracking.track import TrackSettings, track
+from towval.validation.compare import compare
+from towval.validation.decimate import decimate
+from towval.validation.simulate import SimulateSettings
+from towval.validation.uncertainty import UncertaintySettings
+
+AUTO = "auto"
+
+
+@dataclass(frozen=True)
+class PipelineResult:
+    """What a run of the whole pipeline ends with, and the wall time that it took [s]."""
+
+    measured: dict[str, Track]
+    simulated: Array
+    time_s: Array
+    comparison: Comparison
+    wall_s: float
+
+
+def preset_rows(presets: list[str], frames: int, rounds: int) -> list[Row]:
+    """A row a preset and path: CPU seconds of all stages but the pictures of the report, error in mm, u_val, wall time.
+
+    The error is the RMS distance from the truth of the measured and of the simulated path, and of their difference: the
+    model is right here, so whatever they differ by is the pipeline's own error.
+    """
+    with TemporaryDirectory() as folder:
+        place = Path(folder) / "synthetic"
+        place.mkdir()
+        truth = write_campaign(place, frames=frames)
+        given = load_campaign(place)
+        timed = take_turns({name: lambda n=name: run_pipeline(given, n) for name in presets}, rounds)
+    rows = []
+    for name, one in timed.items():
+        result = one.result
+        at = np.searchsorted(truth["time_s"], result.time_s - 1e-3)
+        tracked = result.measured["object"]
+        gaps = {
+            "measured path": tracked.pose[tracked.seen] - truth["object"][tracked.seen],
+            "simulated path": result.simulated - truth["object"][at],
+        }
+        errors = {path: float(np.sqrt(np.mean(np.sum(gap[:, :2] ** 2, axis=1)))) for path, gap in gaps.items()}
+        errors["simulated - measured"] = result.comparison.path_rms_m
+        errors["stated u_val"] = result.comparison.u_val_m
+        rows += [
+            {
+                "panel": quantity,
+                "series": name,
+                "setting": name,
+                "cost": one.cpu_s,
+                "cost_most": one.cpu_most_s,
+                "wall_s": result.wall_s,
+                "error": 1e3 * error,
+                "verdict": str(result.comparison.verdict),
+                "default": name == STANDARD,
+            }
+            for quantity, error in errors.items()
+        ]
+    return rows
+
+
+def run_pipeline(given: Campaign, preset: str) -> PipelineResult:
+    """All stages of a campaign's first run under a preset, from the pictures to the verdict."""
+    began = time.perf_counter()
+    calibration = calibrated(given, _keys(preset, "calibrate")[0])
+    entry = given.run(next(iter(given.runs)))
+    keys, auto = _keys(preset, "track")
+    seen = (calibration, given.bodies, entry.clicks_px, TrackSettings(**keys))
+    if "samples" in auto:
+        _, tracks = track_selecting(Video(entry.video), *seen, given.scene)
+    else:
+        tracks = track(Video(entry.video), *seen)
+        few = list(itertools.islice(Video(entry.video), 0, PROBE_FRAMES * PROBE_STRIDE, PROBE_STRIDE))
+        neighbour_of_tracking(few, *seen)
+    thin = {name: decimate(body) for name, body in tracks.items()}
+    measured = measurement_std_m(calibration, given.object, seen_places(tracks["object"]))
+    keys, auto = _keys(preset, "simulate")
+    times = tracks["object"].time_s
+    _, motion = simulate_selecting(
+        given.scene, thin["rover"], thin["object"], times, SimulateSettings(**keys), auto=auto, measurement_m=measured
+    )
+    case = gather(given.scene, given.deviations, calibration, given.bodies, tracks, thin, motion)
+    keys, auto = _keys(preset, "uncertainty")
+    uncertainty = sample_selecting(case, UncertaintySettings(**keys), auto="samples" in auto, measurement_m=measured)
+    comparison = compare(entry.video.stem, motion, tracks["object"], uncertainty)
+    return PipelineResult(tracks, motion.pose, motion.time_s, comparison, time.perf_counter() - began)
+
+
+def _keys(preset: str, stage: str) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """A stage's keys under a preset without those that are to be chosen, and the names of these."""
+    keys = settings_of(preset, stage)
+    auto = tuple(name for name, value in keys.items() if value == AUTO)
+    return {name: value for name, value in keys.items() if name not in auto}, auto
+
+
+def calibrated(given: Campaign, keys: dict[str, Any]) -> Calibration:
+    """The camera of a campaign, found with these keys of ``config["calibrate"]`` in this process alone."""
+    keys = {name: tuple(value) if isinstance(value, list) else value for name, value in keys.items()}
+    settings = CalibrateSettings(**keys, threads=1)
+    calibration = calibrate(
+        [(path.name, read_gray(path, given.resolution_px)) for path in given.calibration_images],
+        [(path.name, read_gray(path, given.resolution_px)) for path in given.floor_images],
+        given.board,
+        given.floor_reference,
+        settings,
+        heights_m=[body.tracked_plane_height_m for body in given.bodies],
+    )
+    return with_lens_choice(calibration, given.floor_reference, settings, given.object.tracked_plane_height_m)
+
+
+def _parts(quick: bool) -> dict[str, Part]:
+    if quick:
+        return {"all": {"presets": ["draft", "auto"], "frames": 50, "rounds": 1}}
+    return {"all": {"presets": list(PRESETS), "frames": 80, "rounds": 2}}
+
+
+STUDY = Study(
+    Scatter(
+        title="The whole pipeline, preset by preset",
+        cost="CPU time of all stages, without figures and overlay [s]",
+        error="RMS [mm]",
+        note="A synthetic campaign, 800 × 450 pixels of 6 mm. Labels: presets of config.yaml; wall times: table.",
+    ),
+    _parts,
+    preset_rows,
+)

@@ -1,0 +1,125 @@
+"""Bundle adjustment against finite differences, exact data, dense linear algebra and Monte-Carlo scatter."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from studies.worlds.boards import calibration_set
+from towval.calibration.bundle_adjustment import (
+    Block,
+    Estimate,
+    Placement,
+    adjust,
+    linearise,
+    marginal_covariance,
+    residuals,
+)
+from towval.calibration.lens import active_parameters
+from towval.calibration.observations import first_guess
+from towval.optics.plane_uncertainty import shared_parameters
+
+ACTIVE = active_parameters("k1 k2", with_floor=True)
+
+
+def exact(seed: int, **keys):
+    """A set without noise, its blocks and its true shared parameters."""
+    scene = calibration_set(seed, noise_px=0.0, **keys)
+    return scene, scene.seen.blocks, shared_parameters(scene.camera, scene.floor)
+
+
+def fitted(blocks, scene) -> Estimate:
+    start = first_guess(scene.seen)
+    for model in ("none", "k1"):
+        start = adjust(blocks, start, active_parameters(model, with_floor=True))
+    return adjust(blocks, start, ACTIVE)
+
+
+@pytest.mark.parametrize("placement", list(Placement))
+def test_derivatives_are_those_of_the_projection(placement):
+    rng = np.random.default_rng(3)
+    shared = np.array(
+        [1500, 1490, 950, 530, -0.1, 0.02, 1e-3, -2e-3, 3e-3, 0.01, 0.02, 0.01, 3.0, 0.1, 0.2, 0.1, -0.1, 4]
+    )
+    place = {6: np.array([3.0, 0.2, -0.1, 0.1, 0.2, 1.5]), 3: np.array([0.4, -0.3, 0.7]), 0: np.zeros(0)}[
+        placement.value
+    ]
+    block = Block(rng.uniform(-0.3, 0.3, (5, 3)), rng.uniform(0, 1000, (5, 2)), placement)
+    _, J_shared, J_place = linearise(block, shared, place)
+    step = 1e-6
+
+    def change(k: int, is_shared: bool) -> np.ndarray:
+        by = [np.zeros(18), np.zeros(len(place))]
+        by[0 if is_shared else 1][k] = step
+        ahead = linearise(block, shared + by[0], place + by[1])[0]
+        behind = linearise(block, shared - by[0], place - by[1])[0]
+        return (behind - ahead) / (2 * step)
+
+    for k in range(18):
+        np.testing.assert_allclose(J_shared[:, k], change(k, True), rtol=1e-5, atol=1e-3)
+    for k in range(len(place)):
+        np.testing.assert_allclose(J_place[:, k], change(k, False), rtol=1e-5, atol=1e-3)
+
+
+@pytest.mark.parametrize("floor", ["marks", "boards"])
+def test_exact_corners_give_the_camera_back(floor):
+    scene, blocks, truth = exact(11, floor=floor)
+    estimate = fitted(blocks, scene)
+    assert max(np.abs(r).max() for r in residuals(blocks, estimate)) < 1e-3
+    np.testing.assert_allclose(estimate.shared[:4], truth[:4], atol=0.01)
+    np.testing.assert_allclose(estimate.T_camera_floor, scene.floor.T_camera_floor, atol=2e-5)
+
+
+def test_one_wild_corner_changes_little():
+    scene = calibration_set(12)
+    blocks = scene.seen.blocks
+    clean = fitted(blocks, scene)
+    wild = blocks[3].pixels.copy()
+    wild[7] += [40.0, -25.0]
+    spoilt = fitted([*blocks[:3], replace(blocks[3], pixels=wild), *blocks[4:]], scene)
+    deviation = np.sqrt(np.diag(marginal_covariance(blocks, clean, ACTIVE)[0]))[ACTIVE]
+    assert (np.abs(spoilt.shared - clean.shared)[ACTIVE] < deviation).all()
+
+
+def test_marginal_covariance_is_a_block_of_the_full_inverse():
+    scene = calibration_set(13, views=5)
+    blocks = scene.seen.blocks
+    estimate = fitted(blocks, scene)
+    columns = len(ACTIVE) + sum(b.placement.value for b in blocks)
+    rows, at = [], len(ACTIVE)
+    for block, place in zip(blocks, estimate.places, strict=True):
+        _, A, B = linearise(block, estimate.shared, place)
+        row = np.zeros((len(A), columns))
+        row[:, : len(ACTIVE)], row[:, at : at + B.shape[1]] = A[:, ACTIVE], B
+        rows.append(row / (estimate.noise_px if np.isnan(block.std_px) else block.std_px))
+        at += B.shape[1]
+    J = np.concatenate(rows)
+    scale = 1 / np.linalg.norm(J, axis=0)
+    dense = scale[:, None] * np.linalg.inv((J * scale).T @ (J * scale)) * scale
+    covariance, _ = marginal_covariance(blocks, estimate, ACTIVE)
+    np.testing.assert_allclose(np.sqrt(np.diag(covariance))[ACTIVE], np.sqrt(np.diag(dense))[: len(ACTIVE)], rtol=1e-4)
+    unused = np.setdiff1d(np.arange(18), ACTIVE)
+    assert not covariance[unused].any()
+
+
+def test_predicted_covariance_is_that_of_the_scatter():
+    scene, blocks, truth = exact(14, floor="boards")
+    start, rng, noise = fitted(blocks, scene), np.random.default_rng(1), 0.2
+    squares = []
+    for _ in range(24):
+        noisy = [replace(b, pixels=b.pixels + rng.normal(0, noise, b.pixels.shape)) for b in blocks]
+        estimate = adjust(noisy, replace(start, noise_px=np.nan), ACTIVE)
+        covariance = marginal_covariance(noisy, estimate, ACTIVE)[0][np.ix_(ACTIVE, ACTIVE)]
+        apart = (estimate.shared - truth)[ACTIVE]
+        squares.append(apart @ np.linalg.solve(covariance, apart) / len(ACTIVE))
+        assert estimate.noise_px == pytest.approx(noise, rel=0.06)
+    # 24 × 12 squared standard deviations of mean 1: their mean scatters by √(2/288) = 0.083; three of those.
+    assert np.mean(squares) == pytest.approx(1.0, abs=0.25)
+
+
+def test_condition_number_sees_the_missing_tilt():
+    conditions = []
+    for tilt in ((20.0, 40.0), (0.0, 0.5)):
+        scene = calibration_set(15, tilt_deg=tilt)
+        conditions.append(marginal_covariance(scene.seen.blocks, fitted(scene.seen.blocks, scene), ACTIVE)[1])
+    assert conditions[1] > 100 * conditions[0]

@@ -1,0 +1,124 @@
+"""Corners of rendered boards against the places they were rendered at."""
+
+import cv2
+import numpy as np
+import pytest
+
+from board_pictures import chessboard_pattern, pattern_to_image, picture, true_corners
+from towval.calibration.board_search import find_boards, fitting_corner_counts
+from towval.calibration.corners import facing_camera, refine, sight_charuco, sight_chessboard
+from towval.model import Board
+from towval.model.errors import InputError
+
+CHESSBOARD = Board("chessboard", (9, 6), 0.04)
+CHARUCO = Board("charuco", (8, 5), 0.04, 0.03, "DICT_4X4_50")
+SIZE = (640, 480)
+TURNED = np.array([[100.0, 60.0], [520.0, 110.0], [480.0, 420.0], [70.0, 350.0]])
+
+
+def scaled(quad: np.ndarray, scale: float) -> np.ndarray:
+    centre = quad.mean(axis=0)
+    return centre + scale * (quad - centre)
+
+
+def sorted_pairs(found: np.ndarray, true: np.ndarray) -> np.ndarray:
+    """Distance of each true corner to the nearest one found."""
+    return np.linalg.norm(true[:, None] - found[None], axis=2).min(axis=1)
+
+
+@pytest.mark.parametrize(
+    ("scale", "thorough", "tolerance_px"),
+    [(1.0, False, 0.1), (0.5, False, 0.12), (0.33, True, 0.15), (0.2, True, 0.25)],
+)
+def test_chessboard_corners_are_subpixel_down_to_small_boards(scale, thorough, tolerance_px):
+    pattern = chessboard_pattern(9, 6, 40)
+    homography = pattern_to_image(pattern, scaled(TURNED, scale))
+    observation = sight_chessboard("a", picture(pattern, homography, SIZE), CHESSBOARD, thorough=thorough)
+    # The tolerance is for the worst of 54 corners; at the smallest scale a square is 7 px wide and its window 5 px.
+    assert sorted_pairs(observation.corners_px, true_corners(9, 6, 40, homography)).max() < tolerance_px
+
+
+def test_a_window_wider_than_a_square_pulls_corners_away():
+    pattern = chessboard_pattern(9, 6, 40)
+    homography = pattern_to_image(pattern, scaled(TURNED, 0.33))
+    image, true = picture(pattern, homography, SIZE), true_corners(9, 6, 40, homography)
+    start = true + 0.4
+    fitted = refine(image, start, np.full(len(true), 10.0))
+    pulled = refine(image, start, np.full(len(true), 10.0), 1.1)
+    assert np.linalg.norm(fitted - true, axis=1).max() < 0.12
+    assert np.linalg.norm(pulled - true, axis=1).max() > 0.5
+
+
+def test_board_coordinates_explain_the_corners():
+    pattern = chessboard_pattern(9, 6, 40)
+    homography = pattern_to_image(pattern, TURNED)
+    observation = sight_chessboard("a", picture(pattern, homography, SIZE), CHESSBOARD, thorough=True)
+    fit = cv2.findHomography(observation.board_m, observation.corners_px)[0]
+    again = cv2.perspectiveTransform(observation.board_m.reshape(-1, 1, 2), fit).reshape(-1, 2)
+    np.testing.assert_allclose(again, observation.corners_px, atol=0.15)
+
+
+def test_a_board_faces_the_camera_whichever_way_it_was_read():
+    board = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
+    upright = 100 * board * [1, -1] + 300
+    np.testing.assert_array_equal(facing_camera(board, upright), board)
+    np.testing.assert_array_equal(facing_camera(board, 100 * board + 300), board * [1, -1])
+
+
+def charuco_picture(quad: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+    drawn = cv2.aruco.CharucoBoard((9, 6), 40, 30, dictionary).generateImage((440, 320), marginSize=40)
+    homography = pattern_to_image(drawn, quad)
+    column, row = np.meshgrid(np.arange(8), np.arange(5))
+    at = 40.0 * (np.stack([column, row], axis=-1).reshape(-1, 1, 2) + 2.0) - 0.5
+    return picture(drawn, homography, SIZE), cv2.perspectiveTransform(at, homography).reshape(-1, 2)
+
+
+def test_charuco_corners_are_subpixel_and_in_place():
+    image, true = charuco_picture(TURNED)
+    observation = sight_charuco("a", image, CHARUCO)
+    assert len(observation.corners_px) == 40
+    assert sorted_pairs(observation.corners_px, true).max() < 0.15
+    homography = cv2.findHomography(observation.board_m, observation.corners_px)[0]
+    again = cv2.perspectiveTransform(observation.board_m.reshape(-1, 1, 2), homography).reshape(-1, 2)
+    np.testing.assert_allclose(again, observation.corners_px, atol=0.2)
+
+
+def test_charuco_board_may_leave_the_picture():
+    image, _ = charuco_picture(TURNED - [260, 0])
+    observation = sight_charuco("a", image, CHARUCO)
+    assert 8 <= len(observation.corners_px) < 40
+
+
+def test_too_little_of_a_charuco_board_is_not_a_sighting():
+    image, _ = charuco_picture(TURNED - [430, 0])
+    assert sight_charuco("a", image, CHARUCO) is None
+
+
+def test_an_unknown_marker_set_is_named():
+    image, _ = charuco_picture(TURNED)
+    with pytest.raises(InputError, match="dictionary is unknown"):
+        sight_charuco("a", image, Board("charuco", (8, 5), 0.04, 0.03, "DICT_4X4_5000"))
+
+
+@pytest.fixture(scope="module")
+def two_pictures() -> list[tuple[str, np.ndarray]]:
+    pattern = chessboard_pattern(9, 6, 40)
+    return [
+        (name, picture(pattern, pattern_to_image(pattern, scaled(TURNED, scale)), SIZE))
+        for name, scale in (("a", 1.0), ("b", 0.8))
+    ]
+
+
+def test_wrong_corner_counts_are_told_with_the_right_ones(two_pictures):
+    assert fitting_corner_counts(two_pictures) == (9, 6)
+    with pytest.raises(InputError, match="10 × 7 inner corners") as error:
+        find_boards(two_pictures, Board("chessboard", (10, 7), 0.04), 1)
+    assert "9 × 6 inner corners" in error.value.remedy
+
+
+def test_pictures_without_the_board_are_named(two_pictures):
+    blank = np.full(SIZE[::-1], 128, np.uint8)
+    observations, unseen = find_boards([*two_pictures, ("empty", blank)], CHESSBOARD, 2)
+    assert [s.name for s in observations] == ["a", "b"]
+    assert unseen == {"empty": "no whole board found"}

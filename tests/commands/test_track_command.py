@@ -1,0 +1,118 @@
+"""The command ``track`` where the clicks are missing or the video is damaged."""
+
+import itertools
+
+import numpy as np
+import pytest
+import yaml
+
+from marker_pictures import picture_with
+from studies.worlds.film import cut_off, write_video
+from studies.worlds.scenes import ceiling
+from towval.commands.calibrate import run as calibrate
+from towval.commands.track import run as track
+from towval.io.records import read_tracks, write_calibration
+from towval.io.video import Video
+from towval.model import Calibration
+from towval.model.errors import InputError
+from towval.model.geometry import inside_polygon, wrapped
+from towval.tracking.markers import Tag
+
+
+@pytest.fixture(scope="module")
+def camera(lab_small, tmp_path_factory):
+    path = tmp_path_factory.mktemp("camera") / "camera.mcap"
+    calibrate(lab_small, path)
+    return path
+
+
+@pytest.fixture
+def campaign(tmp_path, lab_small):
+    """A function that writes a changed copy of the sample campaign, whose run ``a`` is another video."""
+    document = yaml.safe_load((lab_small / "campaign.yaml").read_text())
+    (tmp_path / "calibration").symlink_to(lab_small / "calibration")
+
+    def changed(change, video=None):
+        document["runs"] = {"a": document["runs"]["a"] | {"video": str(video or lab_small / "a.mp4")}}
+        change(document)
+        (tmp_path / "campaign.yaml").write_text(yaml.safe_dump(document))
+        return tmp_path
+
+    return changed
+
+
+def test_without_clicks_what_moves_is_proposed_and_shown(campaign, camera, lab_small, tmp_path):
+    folder = campaign(lambda d: d["runs"]["a"].pop("first_frame_clicks_px"))
+    with pytest.raises(InputError, match=r"runs\.a\.first_frame_clicks_px\.rover is missing") as caught:
+        track(folder, "a", camera, tmp_path / "out" / "track.mcap")
+    assert (tmp_path / "out" / "proposals.png").is_file()
+    assert str(tmp_path / "out" / "proposals.png") in str(caught.value)
+    assert not (tmp_path / "out" / "track.mcap").exists()
+    proposals = [np.array(yaml.safe_load(part.split(": ", 1)[1])) for part in caught.value.got.split("; ")]
+    clicked = yaml.safe_load((lab_small / "campaign.yaml").read_text())["runs"]["a"]["first_frame_clicks_px"]
+    for corners in clicked.values():
+        middle = np.mean(corners, axis=0)
+        assert sum(bool(inside_polygon(proposal, middle)) for proposal in proposals) == 1
+
+
+def test_tags_are_as_good_as_clicks(campaign, tmp_path):
+    lens, floor = ceiling((960, 540), 780.0, distortion=(-0.05,))
+    write_calibration(tmp_path / "camera.mcap", Calibration(lens, floor, np.zeros((18, 18)), 0.1), {})
+    poses = {"rover": np.array([0.5, 0.3, 0.4]), "object": np.array([-0.6, -0.3, -0.2])}
+    heights = {"rover": 0.42, "object": 0.25}
+    tags = {
+        "rover": [Tag("4X4_50", 3, 0.3, np.array([0.15, 0.05, 0.3]))],
+        "object": [Tag("APRILTAG_36h11", 5, 0.2, np.array([-0.1, -0.05, 0.0]))],
+    }
+    luma = picture_with(tags["rover"], poses["rover"], heights["rover"], lens, floor)
+    other = picture_with(tags["object"], poses["object"], heights["object"], lens, floor)
+    luma[:, :480] = other[:, :480]
+    noise = np.random.default_rng(3)
+    noisy = (np.clip(luma + noise.normal(0, 2, luma.shape), 0, 255).astype(np.uint8) for _ in range(12))
+    write_video(tmp_path / "tags.mp4", ((i / 25, picture) for i, picture in enumerate(noisy)), crf="12")
+
+    def change(document):
+        del document["runs"]["a"]["first_frame_clicks_px"]
+        for body, own in tags.items():
+            document[body]["tags"] = [
+                {
+                    "dictionary": tag.dictionary,
+                    "number": tag.number,
+                    "size_m": tag.size_m,
+                    "at_m": tag.pose[:2].tolist(),
+                    "heading_rad": float(tag.pose[2]),
+                }
+                for tag in own
+            ]
+        del document["object"]["load"]
+
+    track(campaign(change, tmp_path / "tags.mp4"), "a", tmp_path / "camera.mcap", tmp_path / "track.mcap")
+    for body, found in read_tracks(tmp_path / "track.mcap").items():
+        assert found.seen.all()
+        # The tops have no edges here: the pose is that of the tags alone, half a pixel of 4.7 mm.
+        assert np.linalg.norm(found.pose[:, :2] - poses[body][:2], axis=1).max() < 2.5e-3
+        assert np.abs(wrapped(found.pose[:, 2] - poses[body][2])).max() < np.deg2rad(1.0)
+
+
+def test_a_cut_off_video_is_used_only_where_that_is_allowed(campaign, camera, lab_small, tmp_path):
+    cut_off(lab_small / "a.mp4", tmp_path / "cut.mp4", 0.33)
+    frames = Video(lab_small / "a.mp4").header.frames
+    with pytest.raises(
+        InputError, match=rf"damaged or truncated(.|\n)*of {frames} frames are good(.|\n)*damaged_video"
+    ):
+        track(campaign(lambda d: None, tmp_path / "cut.mp4"), "a", camera, tmp_path / "track.mcap")
+    assert not (tmp_path / "track.mcap").exists()
+    allowed = campaign(lambda d: d["runs"]["a"].update(damaged_video=True), tmp_path / "cut.mp4")
+    track(allowed, "a", camera, tmp_path / "track.mcap")
+    for found in read_tracks(tmp_path / "track.mcap").values():
+        assert 10 < len(found.time_s) < frames
+        assert found.seen.all()
+        assert "video_damaged" in {finding.code for finding in found.findings}
+
+
+def test_the_papers_points_leave_nothing_to_choose(campaign, camera, lab_small, tmp_path):
+    video = tmp_path / "short.mp4"
+    write_video(video, itertools.islice(Video(lab_small / "a.mp4"), 20), crf="20")
+    track(campaign(lambda d: None, video), "a", camera, tmp_path / "t.mcap", {"method": "klt", "samples": "auto"})
+    for found in read_tracks(tmp_path / "t.mcap").values():
+        assert [(choice.chosen, choice.next) for choice in found.choices] == [("KLT points", "plane, 1024 points")]

@@ -1,0 +1,88 @@
+"""Compiled code is kept, and never outlives an edit of the sources it came from."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numba.core.errors import TypingError
+
+from towval.model.compiling import compiled
+
+CALLER = """
+from towval.model.compiling import compiled
+from helper import scale
+
+
+@compiled()
+def twice(x):
+    return 2.0 * scale(x)
+"""
+
+HELPER = """
+from towval.model.compiling import compiled
+
+
+@compiled()
+def scale(x):
+    return {factor} * x
+"""
+
+
+@pytest.fixture
+def sources(tmp_path: Path) -> Path:
+    folder = tmp_path / "kernels"
+    folder.mkdir()
+    (folder / "caller.py").write_text(CALLER)
+    (folder / "helper.py").write_text(HELPER.format(factor=1.0))
+    return folder
+
+
+def call(sources: Path, **environment: str) -> tuple[float, bool]:
+    """What ``twice(3)`` gives in a process of its own, and whether the machine code came from the disk."""
+    program = "from caller import twice; print(twice(3.0), sum(twice.stats.cache_hits.values()))"
+    kept = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        cwd=sources,
+        env={**kept, **environment},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    value, hits = done.stdout.split()
+    return float(value), hits == "1"
+
+
+def test_an_edit_of_a_called_function_reaches_its_caller(sources: Path) -> None:
+    assert call(sources) == (6.0, False)
+    assert call(sources) == (6.0, True)
+    (sources / "helper.py").write_text(HELPER.format(factor=5.0))
+    assert call(sources) == (30.0, False)
+
+
+def test_old_caches_do_not_pile_up(sources: Path) -> None:
+    for factor in range(1, 7):
+        (sources / "helper.py").write_text(HELPER.format(factor=float(factor)))
+        assert call(sources)[0] == pytest.approx(6.0 * factor)
+    assert len(list((sources / "__pycache__").glob("compiled-*"))) == 3
+
+
+def test_the_users_choice_of_place_is_kept(sources: Path, tmp_path: Path) -> None:
+    place = tmp_path / "elsewhere"
+    call(sources, NUMBA_CACHE_DIR=str(place))
+    assert list(place.glob("compiled-kernels-*"))
+    assert not list((sources / "__pycache__").glob("compiled-*"))
+
+
+def test_functions_said_to_make_no_arrays_cannot():
+    @compiled(allocates=False, cache=False)
+    def makes_one(n):
+        return np.zeros(n)
+
+    with pytest.raises(TypingError, match="zeros"):
+        makes_one(3)

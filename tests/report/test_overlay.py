@@ -1,0 +1,154 @@
+import dataclasses
+import struct
+
+import av
+import cv2
+import numpy as np
+import pytest
+
+from report_scenes import LOST, SMALL_SIZE_PX, grey_film, small_calibration, towed_run
+from towval.model.errors import InputError
+from towval.model.geometry import transform
+from towval.optics.projection import project
+from towval.report.overlay import overlay_frames, write_overlay
+
+FRAMES = 80
+SIZE = SMALL_SIZE_PX
+
+
+@pytest.fixture(scope="module")
+def calibration():
+    return small_calibration()
+
+
+@pytest.fixture(scope="module")
+def run():
+    return towed_run(n=FRAMES)
+
+
+@pytest.fixture(scope="module")
+def footage(tmp_path_factory):
+    return grey_film(tmp_path_factory.mktemp("footage") / "grey.mp4", frames=FRAMES)
+
+
+@pytest.fixture(scope="module")
+def overlay(footage, calibration, run, tmp_path_factory):
+    return write_overlay(footage, tmp_path_factory.mktemp("overlay") / "overlay.mp4", calibration, run, crf=12)
+
+
+def decoded(path):
+    with av.open(path) as film:
+        return [(float(f.pts * f.time_base), f.to_ndarray(format="rgb24")) for f in film.decode(video=0)]
+
+
+def reddest(picture, at):
+    """How much red stands out within two pixels of a place."""
+    u, v = np.round(at).astype(int)
+    patch = picture[v - 2 : v + 3, u - 2 : u + 3].astype(int)
+    return (patch[..., 0] - patch[..., 1:].max(axis=-1)).max()
+
+
+def test_format_is_what_phones_play(overlay):
+    with av.open(overlay) as film:
+        context = film.streams.video[0].codec_context
+        assert (context.name, context.profile, context.pix_fmt) == ("h264", "High", "yuv420p")
+        assert (context.width, context.height) == SIZE
+    content = overlay.read_bytes()
+    assert 0 < content.index(b"moov") < content.index(b"mdat"), "the index does not come first"
+
+
+def test_frames_and_times_are_those_of_the_footage(overlay, footage):
+    assert [t for t, _ in decoded(overlay)] == pytest.approx([t for t, _ in decoded(footage)], abs=1e-9)
+
+
+def test_measured_outline_is_drawn_at_the_height_of_the_top(overlay, calibration, run):
+    frames = decoded(overlay)
+    height = run.towed.tracked_plane_height_m
+    for i in (5, 40):
+        # In the first dash of the outline, from the first corner towards the second.
+        start, end = transform(run.object_track.pose[i], run.towed.top_corners_m[:2])
+        at = start + 0.04 * (end - start)
+        top = project(calibration.camera, calibration.floor, [*at, height])
+        on_the_floor = project(calibration.camera, calibration.floor, [*at, 0.0])
+        assert np.linalg.norm(top - on_the_floor) > 3, "the place says nothing about the height"
+        assert reddest(frames[i][1], top) > 60
+
+
+def test_lost_frames_show_no_measured_outline(overlay, calibration, run):
+    _, picture = decoded(overlay)[LOST.start + 5]
+    corner = transform(run.simulated.pose[LOST.start + 5], run.towed.top_corners_m[0])
+    at = project(calibration.camera, calibration.floor, [*corner, run.towed.tracked_plane_height_m])
+    assert reddest(picture, at) < 40
+
+
+def test_colours_survive_where_nothing_is_drawn(overlay):
+    _, picture = decoded(overlay)[20]
+    # A corner without text or outline; coding at this quality moves a flat grey by a level or two.
+    assert np.abs(picture[5:40, -60:].astype(int) - 128).max() <= 3
+
+
+def test_wide_footage_is_scaled_down_to_even_sizes(calibration, run, footage, tmp_path):
+    small = write_overlay(footage, tmp_path / "small.mp4", calibration, run, width_px=321)
+    with av.open(small) as film:
+        context = film.streams.video[0].codec_context
+        assert (context.width, context.height) == (320, 180)
+
+
+def test_same_data_give_the_same_bytes(calibration, run, footage, overlay, tmp_path):
+    again = write_overlay(footage, tmp_path / "again.mp4", calibration, run, crf=12)
+    assert again.read_bytes() == overlay.read_bytes()
+
+
+def test_an_offset_of_the_footage_is_taken_off(calibration, run, tmp_path):
+    late = grey_film(tmp_path / "late.mp4", frames=5, first_pts=50)
+    assert decoded(late)[0][0] == pytest.approx(2.0)
+    film = decoded(write_overlay(late, tmp_path / "overlay.mp4", calibration, run))
+    assert [t for t, _ in film] == pytest.approx([0, 0.04, 0.08, 0.12, 0.16], abs=1e-9)
+
+
+def test_stills_are_jpeg_from_first_to_last(overlay):
+    stills = overlay_frames(overlay, 3)
+    assert [still.time_s for still in stills] == pytest.approx([0, 40 / 25, (FRAMES - 1) / 25], abs=0.03)
+    picture = cv2.imdecode(np.frombuffer(stills[0].jpeg, np.uint8), cv2.IMREAD_COLOR)
+    assert picture.shape == (SIZE[1], SIZE[0], 3)
+
+
+def test_footage_of_another_size_is_refused(calibration, run, tmp_path):
+    film = grey_film(tmp_path / "other.mp4", frames=3, size_px=(320, 180))
+    with pytest.raises(InputError, match="another size") as caught:
+        write_overlay(film, tmp_path / "overlay.mp4", calibration, run)
+    assert caught.value.got == "320 × 180"
+
+
+def test_what_is_no_video_is_refused_and_nothing_is_left(calibration, run, tmp_path):
+    (tmp_path / "notes.mp4").write_text("not a film")
+    with pytest.raises(InputError, match=r"notes\.mp4"):
+        write_overlay(tmp_path / "notes.mp4", tmp_path / "out" / "overlay.mp4", calibration, run)
+    assert not list((tmp_path / "out").iterdir())
+
+
+def test_a_damaged_film_is_refused(calibration, run, footage, tmp_path):
+    whole = footage.read_bytes()
+    (tmp_path / "cut.mp4").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(InputError, match=r"cut\.mp4"):
+        write_overlay(tmp_path / "cut.mp4", tmp_path / "overlay.mp4", calibration, run)
+
+
+def test_footage_of_a_turned_phone_comes_out_upright(calibration, run, footage, tmp_path):
+    turned = tmp_path / "turned.mp4"
+    turned.write_bytes(quarter_turned(footage.read_bytes()))
+    upright_camera = dataclasses.replace(calibration.camera, resolution_px=SIZE[::-1])
+    upright = dataclasses.replace(calibration, camera=upright_camera)
+    with av.open(write_overlay(turned, tmp_path / "overlay.mp4", upright, run)) as film:
+        context = film.streams.video[0].codec_context
+        assert (context.width, context.height) == SIZE[::-1]
+
+
+def quarter_turned(mp4: bytes) -> bytes:
+    """The film with a display matrix of a quarter turn, as phones write it: 3 × 3 fixed-point numbers in ``tkhd``."""
+    one = 0x00010000
+    straight = struct.pack(">9i", one, 0, 0, 0, one, 0, 0, 0, 0x40000000)
+    quarter = struct.pack(">9i", 0, one, 0, -one, 0, 0, 0, 0, 0x40000000)
+    header = mp4.index(b"tkhd")
+    at = mp4.index(straight, header)
+    return mp4[:at] + quarter + mp4[at + len(quarter) :]

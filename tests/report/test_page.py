@@ -1,0 +1,225 @@
+import base64
+import dataclasses
+import json
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from report_scenes import LOST, ceiling_calibration, towed_run, uncertainty_of
+from towval.io.summary import summary_csv, summary_latex
+from towval.model import Finding, Severity, Verdict
+from towval.model.errors import InputError
+from towval.report.facts import calibration_facts, headline, plane_table, side_by_side, verdict_reason
+from towval.report.page import InputRow, Provenance, ReportData, RunReport, StageFinding, report_figures, write_report
+from towval.report.view import collect_findings
+
+PROVENANCE = Provenance(
+    command="snakemake --cores 2 --config campaign=lab",
+    versions={"towval": "0.1.0"},
+    input_hashes={"a.mp4": "9f86d081"},
+    configuration="track: {method: planes}",
+    settings={"track, run a": '{"samples": 1024}'},
+)
+
+
+def data(**changes):
+    fields = {
+        "campaign": "lab <test>",
+        "runs": (RunReport(towed_run("a")), RunReport(towed_run("b", seed=3))),
+        "provenance": PROVENANCE,
+        "calibration": ceiling_calibration(),
+        "inputs": (
+            InputRow("Kinetic friction", "0.35", std="0.005", source="campaign.yaml"),
+            InputRow("Mass", "4.0", "kg"),
+        ),
+        "findings": (StageFinding("decimate", Finding(Severity.NOTE, "pauses", "Two pauses were kept."), "a"),),
+    }
+    return ReportData(**(fields | changes))
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("report")
+    return write_report(folder / "report.html", data())
+
+
+@pytest.fixture(scope="module")
+def page(written):
+    return written.read_text(encoding="utf-8")
+
+
+class Parsed(HTMLParser):
+    """Ids, addresses and open elements of a page."""
+
+    VOID = frozenset({"meta", "link", "img", "br"})
+
+    def __init__(self, text):
+        super().__init__()
+        self.ids, self.addresses, self.headings, self.open = [], [], [], []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        attributes = dict(attrs)
+        self.ids += [attributes["id"]] if "id" in attributes else []
+        self.addresses += [attributes[k] for k in ("src", "href", "xlink:href", "poster") if k in attributes]
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.handle_starttag(tag, attrs)
+        if tag not in self.VOID:
+            self.open.pop()
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+def test_page_is_well_formed_and_its_ids_are_its_own(page):
+    parsed = Parsed(page)
+    assert parsed.open == []
+    assert len(parsed.ids) == len(set(parsed.ids))
+
+
+def test_page_asks_for_nothing_from_outside(page):
+    parsed = Parsed(page)
+    assert [a for a in parsed.addresses if not a.startswith(("#", "data:"))] == []
+    within = {a[1:] for a in parsed.addresses if a.startswith("#")}
+    assert within <= set(parsed.ids)
+    assert not re.search(r"@import|url\((?!#)", page)
+
+
+def test_uncertainties_are_symbols_and_settings_stand_with_their_stage(page):
+    assert "<i>u</i><sub>val</sub>, mm</th>" in page
+    assert '<th scope="row">track, run a</th><td><code>{&#34;samples&#34;: 1024}</code></td>' in page
+
+
+def test_notes_are_rows_of_stage_run_and_text(page):
+    assert '<th scope="row">decimate</th><td>a</td><td>Two pauses were kept. <code>pauses</code></td>' in page
+
+
+def test_what_the_calibration_says_of_planes_is_a_table_by_height():
+    base = ceiling_calibration()
+    said = {
+        "position_std_mm at 0.000 m": 0.2,
+        "position_std_mm at 0.250 m": 0.19,
+        "halves_difference_mm at 0.250 m": 0.31,
+        "focal_length_std_px": 0.59,
+    }
+    calibration = dataclasses.replace(base, quality=base.quality | said)
+    columns, rows = plane_table(calibration)
+    assert len(columns) == 2
+    assert rows == (("0.000 m", "0.20", "not computed"), ("0.250 m", "0.19", "0.31"))
+    facts = dict(calibration_facts(calibration))
+    assert facts["Focal length"].endswith("px ± 0.59 px")
+    assert not any("0.250" in name for name in facts)
+    assert plane_table(base) == ((), ())
+
+
+def test_names_are_escaped(page):
+    assert "lab &lt;test&gt;" in page
+    assert "lab <test>" not in page
+
+
+def test_missing_uncertainties_are_named_and_not_filled(page):
+    assert page.count("not computed") >= 6
+    assert not re.search(r">\s*nan", page, re.IGNORECASE)
+
+
+def test_figure_names_cover_every_run():
+    drawn = list(report_figures(data(runs=(RunReport(towed_run("a")),), calibration=None)))
+    assert drawn == ["fig10", "fig10_a", "errors_a", "tracking_rover_a", "tracking_object_a", "decimate_a"]
+
+
+def test_series_under_the_cursor_is_the_error(page):
+    run = towed_run("a")
+    series = json.loads(re.search(r'class="series">(.*?)</script>', page).group(1))
+    seen = np.isfinite(run.comparison.error[:, 0])
+    assert series["x_mm"][LOST.start] is None
+    np.testing.assert_allclose(
+        np.array(series["x_mm"])[seen].astype(float), 1e3 * run.comparison.error[seen, 0], atol=5e-3
+    )
+    np.testing.assert_allclose(series["time_s"], run.comparison.time_s, atol=5e-7)
+
+
+def test_same_data_give_the_same_bytes_with_and_without_figures_beside(tmp_path):
+    small = data(runs=(RunReport(towed_run("a", n=100, decimated=None)),), calibration=None)
+    alone = write_report(tmp_path / "alone.html", small)
+    beside = write_report(tmp_path / "beside.html", small, tmp_path / "figures")
+    assert alone.read_bytes() == beside.read_bytes()
+    names = {path.name for path in (tmp_path / "figures").iterdir()}
+    assert names == {f"{name}.{ending}" for name in report_figures(small) for ending in ("pdf", "svg", "png")}
+
+
+def test_gravest_findings_come_first_and_shared_ones_once():
+    refusal = StageFinding("campaign", Finding(Severity.REFUSAL, "tether_short", "The tether is shorter than nothing."))
+    found = collect_findings(data(findings=(*data().findings, refusal)))
+    assert [f.severity for f in found] == ["refusal", "warning", "note", "note"]
+    assert found[1].runs == ("a", "b")
+    assert found[0].runs == ()
+
+
+def test_reason_of_a_verdict_is_what_the_comparison_says():
+    finding = Finding(Severity.WARNING, "verdict", "Model-form error: it begins between 1.00 m and 1.20 m of the path.")
+    comparison = dataclasses.replace(towed_run().comparison, verdict=Verdict.MODEL_ERROR, findings=(finding,))
+    assert verdict_reason(comparison) == finding.text
+    errors_reported = data(runs=(RunReport(towed_run(comparison=comparison)),))
+    assert finding.code not in {f.code for f in collect_findings(errors_reported)}
+
+
+def test_reason_of_a_missing_verdict_names_the_missing_uncertainty():
+    assert verdict_reason(towed_run().comparison) == "No verdict without the uncertainty of: inputs, measurement."
+
+
+def test_uncertainty_has_its_figures_on_the_page(tmp_path):
+    run = towed_run("a", n=100)
+    run = dataclasses.replace(run, uncertainty=uncertainty_of(run))
+    known = data(runs=(RunReport(run),), calibration=None)
+    assert {"agreement_a", "shares"} <= report_figures(known).keys()
+    assert 'id="uncertainty"' in write_report(tmp_path / "report.html", known).read_text(encoding="utf-8")
+
+
+def test_headline_counts_verdicts_and_spans_errors():
+    base = towed_run().comparison
+    runs = [
+        dataclasses.replace(base, verdict=Verdict.AGREES, path_rms_m=0.002),
+        dataclasses.replace(base, verdict=Verdict.AGREES, path_rms_m=0.0042),
+        dataclasses.replace(base, verdict=Verdict.MODEL_ERROR, path_rms_m=0.03),
+    ]
+    assert headline(runs).startswith("3 runs: 2 agree within their uncertainty, 1 shows an error of the model.")
+    assert "2.00 to 30.0 mm" in headline(runs)
+    assert headline(runs[:1]).startswith(
+        "1 run: 1 agrees within its uncertainty. The simulated path of the object is 2.00 mm"
+    )
+
+
+@pytest.mark.parametrize("runs", [(), (RunReport(towed_run("a")), RunReport(towed_run("a")))])
+def test_runs_need_names_of_their_own(runs, tmp_path):
+    with pytest.raises(InputError, match="names of their own"):
+        write_report(tmp_path / "report.html", data(runs=runs))
+
+
+def test_a_missing_overlay_is_named(tmp_path):
+    runs = (RunReport(towed_run("a"), tmp_path / "overlay.mp4"),)
+    with pytest.raises(InputError, match=r"overlay\.mp4"):
+        write_report(tmp_path / "report.html", data(runs=runs))
+
+
+def test_summary_as_latex_has_a_row_a_run_and_dashes_for_what_is_missing():
+    lines = summary_latex([towed_run("run_a").comparison]).splitlines()
+    row = next(line for line in lines if line.startswith("run"))
+    assert row.startswith(r"run\_a & 2.")
+    assert row.endswith(r"& 0.01 & -- & -- & -- & not judged & 188 / 12 & -- & -- & -- & -- & -- \\")
+    columns = re.search(r"tabular}{(\w+)}", "\n".join(lines)).group(1)
+    assert all(line.count("&") == len(columns) - 1 for line in lines if "&" in line)
+
+
+def test_summary_to_download_is_the_summary(page):
+    address = re.search(r'download="summary.csv" href="data:text/csv;base64,([^"]+)"', page).group(1)
+    assert base64.b64decode(address).decode() == summary_csv([run.record.comparison for run in data().runs])
+
+
+def test_facts_of_runs_stand_side_by_side():
+    runs = [(("steps", "12"), ("slack", "8 %")), (("steps", "14"), ("pauses", "2"))]
+    assert side_by_side(runs) == (("steps", ("12", "14")), ("slack", ("8 %", "")), ("pauses", ("", "2")))

@@ -1,0 +1,118 @@
+"""The paper's studies in small: parts and rows, figures drawn from them, the ledger decided on them."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.axes import Axes
+
+from paper_plan import paper_plan, quick_plan
+from studies.paper import claim_checks as checks
+from studies.paper.claims import CLAIMS
+from studies.paper.claims_command import markdown, write_ledger
+from studies.paper.figures_command import draw, figure_of
+from studies.paper.ledger import ClaimOutcome, decided
+from studies.paper.scene import paper_scene, towed_object
+from studies.paper.sensitivity import surface_grid
+from studies.paper.studies import paper_parts, paper_rows
+from studies.tables_command import gather
+from towval.io.plan_files import write_table
+from towval.model.errors import InputError
+
+
+@pytest.fixture(scope="module")
+def plan():
+    return quick_plan()
+
+
+@pytest.fixture(scope="module")
+def tables(plan, tmp_path_factory):
+    """Tables of all studies, by the way that the workflow takes."""
+    folder = tmp_path_factory.mktemp("tables")
+    files = {}
+    for study, parts in paper_parts(plan).items():
+        written = []
+        for name, part in parts.items():
+            written.append(folder / f"{study}_{name}.csv")
+            write_table(written[-1], pd.DataFrame(paper_rows(plan, study, part)))
+        files[study] = folder / f"{study}.csv"
+        gather(written, files[study])
+    return files
+
+
+def read(tables):
+    return {name: pd.read_csv(file) for name, file in tables.items()}
+
+
+def test_parts_are_plain_data_and_blocks_cover_the_response_surface():
+    plan = paper_plan()
+    parts = paper_parts(plan)
+    assert json.loads(json.dumps(parts)) == parts
+    blocks = [part for part in parts["surface"].values() if part["curve"] == "lemniscate"]
+    assert len(blocks) == plan["sensitivity"]["surface_blocks"]
+    covered = np.concatenate([block["thresholds"] for block in blocks])
+    np.testing.assert_allclose(covered, np.linspace(0.02, 1.5, 40))
+
+
+def test_the_general_footprint_holds_the_three_centres_of_mass():
+    scene = paper_scene(paper_plan())
+    for towed in scene.general.values():
+        assert np.isfinite(towed.inertia)
+        assert (towed.patch.outline.max(axis=0) >= towed.centre_of_mass).all()
+
+
+def test_inertia_is_that_of_the_plate_with_steiners_term():
+    square = 0.2 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    towed = towed_object(square, 5.0, [0.03, 0.04], [0.2, 0.0])
+    assert towed.inertia == pytest.approx(5.0 * (0.4**2 / 6 + 0.05**2))
+
+
+@pytest.mark.parametrize("name", [*(f"figure_{number}" for number in range(2, 9)), "table_1"])
+def test_every_figure_has_content_and_labels_within_its_page(name, plan, tables):
+    figure = figure_of(name, plan, read(tables))
+    figure.draw_without_rendering()
+    page = figure.bbox
+    for axes in figure.findobj(Axes):
+        assert axes.has_data() or axes.patches or axes.texts
+        for text in (axes.xaxis.label, axes.yaxis.label, axes.title):
+            box = text.get_window_extent()
+            assert not text.get_text() or (box.x0 >= page.x0 - 1 and box.x1 <= page.x1 + 1), text.get_text()
+
+
+def test_a_figure_is_saved_in_three_formats(plan, tables, tmp_path):
+    draw("table_1", plan, tables, tmp_path)
+    assert {file.suffix for file in tmp_path.iterdir()} == {".pdf", ".svg", ".png"}
+
+
+def test_the_ledger_decides_every_claim_and_has_a_twin(plan, tables, tmp_path):
+    outputs = [tmp_path / "claims.md", tmp_path / "claims.json"]
+    write_ledger(plan, tables, outputs)
+    rows = json.loads(outputs[1].read_text())["claims"]
+    text = outputs[0].read_text()
+    assert len({row["name"] for row in rows}) == len(CLAIMS) == len(rows)
+    for row in rows:
+        assert row["outcome"] in set(ClaimOutcome)
+        assert row["numbers"] in text
+    assert markdown(rows) == text
+
+
+def test_what_the_stretch_of_the_tether_explains_is_decided_both_ways(tables):
+    rows = {row["name"]: row["outcome"] for row in decided(CLAIMS, read(tables))}
+    assert rows["stiffer is closer, hinge at rest length"] == "reproduced"
+    assert rows["stiffer is closer, hinge at stretched length"] == "not reproduced"
+    assert rows["time step does not matter"] == "reproduced"
+    assert rows["feedforward falls with speed"] == "reproduced"
+    assert rows["experiments agree with simulation"] == "cannot be decided"
+
+
+def test_a_check_says_no_where_the_numbers_say_no(tables):
+    reversed_speeds = read(tables)
+    speeds = reversed_speeds["speeds"]
+    speeds["feedforward_rms_m"] = speeds["feedforward_rms_m"].to_numpy()[::-1]
+    assert checks.feedforward_falls(reversed_speeds)[0] is ClaimOutcome.NOT_REPRODUCED
+
+
+def test_an_empty_axis_of_the_surface_is_refused():
+    with pytest.raises(InputError, match="axis"):
+        surface_grid(1.0, 0.5, 10)

@@ -1,0 +1,165 @@
+"""The two products of the studies in small: blocks, tables, charts, page; and what the charts must show."""
+
+import json
+import time
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.text import Annotation
+
+from studies.block_command import run_block
+from studies.charts import map_chart, medians, scatter_chart, unbeaten
+from studies.commands import draw_chart, write_product
+from studies.costs import take_turns
+from studies.frame import STABILITY, TRADEOFF, Judgement, Maps, judged, study
+from studies.tradeoff.friction import CENTRE, FRICTION, MASS, SIDE, true_wrench
+
+CHEAP = {"decimation": None, "planner": ["steering"], "open_loop": ["creep"]}
+"""Charts, and their parts where not all, that are computed here in seconds."""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """The cheap charts by the way that the workflow takes, and the page."""
+    folder = tmp_path_factory.mktemp("study")
+    for chart, parts in CHEAP.items():
+        blocks = []
+        for name, part in study(chart).parts(True).items():
+            if parts is None or name in parts:
+                blocks.append(folder / "blocks" / chart / f"{name}.csv")
+                run_block(chart, part, blocks[-1])
+        draw_chart(chart, blocks, folder / f"{chart}.csv")
+    return folder
+
+
+@pytest.mark.parametrize("quick", [True, False])
+@pytest.mark.parametrize("chart", [*TRADEOFF, *STABILITY])
+def test_parts_are_plain_data_with_names_of_files(chart, quick):
+    parts = study(chart).parts(quick)
+    assert json.loads(json.dumps(parts)) == parts
+    assert all(name.replace("_", "").replace("-", "").isalnum() for name in parts)
+
+
+def test_a_cell_is_right_flagged_or_silently_wrong():
+    right, flagged, wrong = Judgement
+    cases = ((0.5, [], right), (2.0, [], wrong), (2.0, ["a"], flagged), (0.5, ["a"], flagged), (np.nan, [], wrong))
+    for error, flags, expected in cases:
+        assert judged(error, 1.0, flags)["judgement"] == expected
+
+
+def test_times_are_cpu_times_taken_in_turns():
+    order = []
+
+    def spin(name, seconds):
+        order.append(name)
+        end = time.process_time() + seconds
+        while time.process_time() < end:
+            pass
+        return name
+
+    timed = take_turns({"short": lambda: spin("short", 0.01), "long": lambda: spin("long", 0.03)}, 3)
+    assert order == ["short", "long", "long", "short", "short", "long"]
+    assert timed["short"].result == "short"
+    assert 0.01 <= timed["short"].cpu_s < timed["long"].cpu_s <= timed["long"].cpu_most_s
+
+
+def test_the_front_holds_what_nothing_beats():
+    rows = pd.DataFrame({"cost": [1, 2, 3, 3, 4], "error": [5, 3, 4, 3, 1]})
+    assert unbeaten(rows).index.tolist() == [0, 1, 4]
+
+
+def test_the_true_wrench_is_that_of_a_sliding_block():
+    """Without turning, every node slides alike: the force is μ N against the motion, the moment none."""
+    force = true_wrench(0.3, 0.4, 1e-9)
+    np.testing.assert_allclose(force, [-0.6 * FRICTION * MASS * 9.81, -0.8 * FRICTION * MASS * 9.81, 0], atol=1e-7)
+    assert abs(CENTRE[0]) + abs(CENTRE[1]) < SIDE / 6
+
+
+def test_the_boundary_integral_beats_cells_in_cost_and_error():
+    keys = {"element_sizes_m": [0.01], "parts": [16], "rounds": 2}
+    rows = pd.DataFrame(study("friction").rows(**keys))
+    exact = rows[rows["default"].astype(bool)].iloc[0]
+    mesh = rows[rows["series"] == "mesh (Table 1)"].iloc[0]
+    assert exact["error"] < 1e-9
+    assert mesh["error"] > 1e-5
+    assert exact["cost"] < mesh["cost"]
+
+
+def test_the_rule_of_the_stage_needs_the_fewest_points_for_its_error(folder):
+    rows = pd.read_csv(folder / "decimation.csv")
+    default = rows[rows["default"].astype(bool)].iloc[0]
+    plainer = rows[rows["series"] != "stage decimate"]
+    assert default["cost"] < 30
+    assert (plainer["error"] > default["error"]).all()
+
+
+def test_no_cell_of_ours_is_silently_wrong(folder):
+    for chart in ("planner", "open_loop"):
+        rows = pd.read_csv(folder / f"{chart}.csv")
+        assert not (rows["judgement"] == Judgement.SILENTLY_WRONG).any()
+        assert (rows["judgement"] == Judgement.RIGHT).any()
+        assert (rows["judgement"] == Judgement.FLAGGED).any()
+
+
+def test_charts_tables_and_page_are_there(folder, monkeypatch):
+    there = {"tradeoff": ["decimation"], "stability": ["planner", "open_loop"]}
+    monkeypatch.setattr("studies.commands.PRODUCTS", there)
+    write_product("tradeoff", folder, folder / "tradeoff.md")
+    write_product("stability", folder, folder / "stability.md")
+    assert "0 silently wrong" in (folder / "stability.md").read_text(encoding="utf-8")
+    page = (folder / "study.html").read_text(encoding="utf-8")
+    for chart in CHEAP:
+        assert study(chart).chart.title in page
+        for ending in ("csv", "pdf", "svg", "png"):
+            assert (folder / f"{chart}.{ending}").stat().st_size > 0
+    assert "http-equiv" in page
+    assert "src=" not in page.replace("default-src", "")
+    rows = pd.read_csv(folder / "decimation.csv")
+    assert rows["machine"].str.contains("cores").all()
+    assert rows["versions"].str.contains("towval").all()
+
+
+@pytest.mark.parametrize("chart", list(CHEAP))
+def test_labels_lie_beside_each_other(folder, chart):
+    """No shown label covers another, and none leaves the figure."""
+    rows, kind = pd.read_csv(folder / f"{chart}.csv"), study(chart).chart
+    if isinstance(kind, Maps):
+        figure = map_chart(rows, kind.title, kind.axes, kind.note)
+    else:
+        figure = scatter_chart(rows, kind.title, (kind.cost, kind.error), kind.note, front=kind.front)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    whole = figure.get_window_extent()
+    for axes in figure.axes:
+        shown = [text for text in axes.texts if isinstance(text, Annotation) and text.get_visible()]
+        named = [axes.title, axes.xaxis.label, axes.yaxis.label]
+        boxes = [text.get_window_extent() for text in (*shown, *(text for text in named if text.get_text()))]
+        assert all(whole.x0 <= box.x0 and box.x1 <= whole.x1 for box in boxes)
+        assert not any(a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i])
+
+
+def test_labels_make_room_for_marks_and_for_each_other():
+    """Three points side by side, nearer than a label is wide, and one at the right edge."""
+    rows = pd.DataFrame(
+        {"panel": "", "series": list("abcd"), "setting": ["one", "two", "three", "last"], "default": False}
+        | {"cost": [1.0, 1.02, 1.04, 2.0], "error": [1.0, 1.01, 1.0, 0.5]}
+    )
+    figure = scatter_chart(rows, "Title", ("cost", "error"), "Note.")
+    FigureCanvasAgg(figure).draw()
+    (axes,) = figure.axes
+    labels = [text for text in axes.texts if text.get_visible()]
+    assert {text.get_text() for text in labels} == {"one", "two", "three", "last"}
+    marks = [point for line in axes.lines for point in axes.transData.transform(np.column_stack(line.get_data()))]
+    for label in labels:
+        box = label.get_window_extent()
+        assert not any(box.contains(*mark) for mark in marks)
+        assert axes.get_window_extent().contains(box.x0, box.y0)
+        assert axes.get_window_extent().contains(box.x1, box.y1)
+
+
+def test_repeated_points_are_drawn_as_their_median():
+    repeated = {"panel": "", "series": "a", "setting": "x", "default": False}
+    rows = pd.DataFrame(repeated | {"cost": [1.0, 2.0, 9.0], "error": [3.0, 5.0, 4.0]})
+    assert medians(rows)[["cost", "error"]].to_numpy().tolist() == [[2.0, 4.0]]

@@ -1,0 +1,46 @@
+import numpy as np
+import pytest
+
+from studies.worlds.scenes import CeilingCamera, small_camera, standard_scene
+from towval.model.geometry import compose, wrapped
+from towval.tracking.klt import KltTracker
+
+
+@pytest.fixture(scope="module")
+def filmed():
+    scene = standard_scene(32, **small_camera())
+    film = CeilingCamera(scene)
+    return scene, film, film.picture(0.0)
+
+
+def tracker(filmed):
+    scene, _, first = filmed
+    return KltTracker(scene.target(0), first, scene.motions[0](0.0))
+
+
+def test_points_give_the_pose_from_a_prediction_some_pixels_off(filmed):
+    scene, film, _ = filmed
+    true = scene.motions[0](1.0)
+    found = tracker(filmed).measure(film.picture(1.0), compose(true, np.array([0.01, -0.01, 0.01])))
+    assert np.linalg.norm(found.pose[:2] - true[:2]) < 1e-3
+    assert abs(wrapped(found.pose[2] - true[2])) < np.deg2rad(0.3)
+    assert found.inlier_fraction > 0.6
+    assert len(found.points_m) == len(found.weights) <= 60
+
+
+def test_a_new_heading_gets_a_keyframe_and_an_old_one_does_not(filmed):
+    scene, film, _ = filmed
+    klt = tracker(filmed)
+    for time_s in np.arange(0, 8, 0.25):
+        assert klt.measure(film.picture(time_s), scene.motions[0](time_s)) is not None
+    turned = abs(scene.motions[0](8.0)[2] - scene.motions[0](0.0)[2])
+    assert len(klt.keyframes) <= 2 + turned / np.deg2rad(10)
+    count = len(klt.keyframes)
+    klt.measure(film.picture(0.5), scene.motions[0](0.5))
+    assert len(klt.keyframes) == count
+
+
+def test_a_picture_of_something_else_gives_none(filmed):
+    scene, _, _ = filmed
+    other = np.random.default_rng(0).integers(0, 255, (540, 960), dtype=np.uint8)
+    assert tracker(filmed).measure(other, scene.motions[0](0.0)) is None

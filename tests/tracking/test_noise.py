@@ -1,0 +1,52 @@
+import numpy as np
+import pytest
+
+from towval.model.geometry import path_length
+from towval.tracking.noise import hold_rest, scatter_factor
+
+MOST = np.array([2e-4, 2e-4, 1e-3])
+
+
+def arc(rng, n=400, std=5e-5):
+    time_s = np.arange(n) / 25
+    pose = np.column_stack([np.sin(0.3 * time_s), 0.2 * time_s, 0.3 * time_s])
+    return time_s, pose + std * rng.standard_normal((n, 3)), np.tile(np.eye(3) * (5e-5) ** 2, (n, 1, 1))
+
+
+@pytest.mark.parametrize("larger", [1.0, 3.0])
+def test_scatter_in_time_shows_noise_that_was_not_predicted(larger):
+    time_s, pose, covariance = arc(np.random.default_rng(0), std=5e-5 * larger)
+    factor = scatter_factor(time_s, pose, covariance, np.ones(len(pose), dtype=bool))
+    assert factor == pytest.approx(larger, rel=0.15)
+
+
+def test_a_gap_is_no_scatter():
+    time_s, pose, covariance = arc(np.random.default_rng(1))
+    pose[100:140] = np.nan
+    assert scatter_factor(time_s, pose, covariance, np.ones(len(pose), dtype=bool)) < 1.2
+
+
+def test_a_still_body_adds_no_path():
+    rng = np.random.default_rng(2)
+    time_s = np.arange(140) / 25
+    pose = np.array([0.3, 0.2, 0.1]) + 3e-5 * rng.standard_normal((140, 3))
+    covariance = np.tile(np.eye(3) * (3e-5) ** 2, (140, 1, 1))
+    assert path_length(pose[:, :2]) > 5e-3
+    held = hold_rest(time_s, pose, covariance, np.ones(140, dtype=bool), MOST)
+    assert path_length(held[:, :2]) < 0.1e-3
+    assert np.allclose(held.mean(axis=0), pose.mean(axis=0), atol=1e-5)
+
+
+def test_a_creeping_body_goes_on_creeping():
+    rng = np.random.default_rng(3)
+    time_s = np.arange(500) / 25
+    true = np.column_stack([3e-4 * time_s, 0 * time_s, 0 * time_s])
+    pose = true + 3e-5 * rng.standard_normal((500, 3))
+    held = hold_rest(time_s, pose, np.tile(np.eye(3) * (3e-5) ** 2, (500, 1, 1)), np.ones(500, dtype=bool), MOST)
+    assert np.abs(held - true).max() < 1.6e-4
+    assert held[-1, 0] - held[0, 0] == pytest.approx(true[-1, 0], abs=1e-4)
+
+
+def test_a_moving_body_is_left_alone():
+    time_s, pose, covariance = arc(np.random.default_rng(4))
+    assert np.array_equal(hold_rest(time_s, pose, covariance, np.ones(len(pose), dtype=bool), MOST), pose)

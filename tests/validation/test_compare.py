@@ -1,0 +1,112 @@
+"""Comparison: known errors, known verdicts, the place of a fault, missing frames."""
+
+import numpy as np
+import pytest
+
+from towval.model import RunUncertainty, SimulatedMotion, Verdict
+from towval.model.errors import InputError, RefusedError
+from towval.model.geometry import error_signature
+from towval.validation.compare import CompareSettings, compare
+
+N = 240
+LENGTH_M = 2.4
+
+
+def straight(time_s):
+    """2.4 m along the floor's y axis in 9.6 s."""
+    return np.stack([0 * time_s, 0.25 * time_s, np.full_like(time_s, np.pi / 2)], axis=1)
+
+
+@pytest.fixture
+def measured(make_track):
+    return make_track(straight, body="object", duration_s=9.6, std=(1e-9, 1e-9, 1e-9))
+
+
+def simulated(measured, error):
+    time_s = measured.time_s
+    zero = np.zeros((N, 3))
+    return SimulatedMotion(
+        time_s,
+        straight(time_s) + error,
+        zero,
+        zero[:, :2],
+        zero[:, 0],
+        "converged",
+        "",
+        "dynamics",
+        statistics={"u_num_m": 1e-6},
+    )
+
+
+def known(level=1e-3, seed=0):
+    """A model whose error is one unknown shift and turn, and a little wandering."""
+    rng = np.random.default_rng(seed)
+    draws = rng.normal(size=(500, 1, 3)) * level + rng.normal(size=(500, N, 3)).cumsum(axis=1) * level / 50
+    covariance = np.einsum("kni,knj->nij", draws, draws) / 500
+    signature = error_signature(draws)
+    spread = np.einsum("kmi,kmj->mij", signature, signature) / 500
+    return RunUncertainty(np.arange(N) / 25, covariance / 4, covariance, covariance, spread, 4.5, 0.99, {}, 500, 0)
+
+
+def test_a_constant_shift_is_measured_exactly(measured):
+    result = compare("a", simulated(measured, np.array([0.003, 0.004, 0.01])), measured, known(level=0.01))
+    assert result.path_rms_m == pytest.approx(5e-3, rel=1e-5)
+    assert result.path_max_m == pytest.approx(5e-3, rel=1e-5)
+    assert result.heading_rms_rad == pytest.approx(0.01, rel=1e-5)
+    assert result.path_length_m == pytest.approx(LENGTH_M, abs=0.02)
+    # The path runs along y: the shift along it is y, across it (to the left) is −x.
+    np.testing.assert_allclose(result.along_across[10], [0.004, -0.003], atol=1e-8)
+
+
+def test_a_small_error_agrees(measured):
+    result = compare("a", simulated(measured, np.array([0.001, 0.0005, 0.0])), measured, known())
+    assert result.verdict == Verdict.AGREES
+    assert result.u_val_m == pytest.approx(np.hypot(result.u_input_m, 1e-6), rel=1e-6)
+
+
+def test_an_error_that_begins_under_way_is_found_there(measured):
+    """From 1.2 m on, 8 mm to the side: under the run's own uncertainty of its constant part, but not of its changes."""
+    error = np.zeros((N, 3))
+    error[N // 2 :, 0] = 0.008
+    result = compare("a", simulated(measured, error), measured, known(level=4e-3))
+    assert result.verdict == Verdict.MODEL_ERROR
+    text = next(finding.text for finding in result.findings if finding.code == "verdict")
+    begin, end = (float(word.rstrip("m")) for word in text.split("between ")[1].split(" m of")[0].split(" m and "))
+    assert begin <= 1.25
+    assert end >= 1.15
+    assert end - begin < 0.5
+    assert "-8.0 mm across" in text
+
+
+def test_no_fault_under_a_huge_uncertainty_is_no_agreement(measured):
+    result = compare(
+        "a", simulated(measured, np.zeros(3)), measured, known(level=0.05), CompareSettings(resolution_m=0.02)
+    )
+    assert result.verdict == Verdict.TOO_UNCERTAIN
+
+
+def test_a_fault_beyond_a_huge_uncertainty_is_still_a_fault(measured):
+    error = np.zeros((N, 3))
+    error[N // 2 :, 0] = 0.5
+    assert compare("a", simulated(measured, error), measured, known(level=0.05)).verdict == Verdict.MODEL_ERROR
+
+
+def test_lost_frames_take_no_part_and_are_told(make_track):
+    track = make_track(straight, body="object", duration_s=9.6, std=(1e-9,) * 3, lost=range(50, 60))
+    error = np.zeros((N, 3))
+    error[50:60] = 1.0
+    result = compare("a", simulated(track, error), track, known())
+    assert result.path_max_m < 1e-6
+    assert result.lost_frames == 10
+    assert "compare_lost" in {finding.code for finding in result.findings}
+
+
+def test_nothing_seen_is_refused(make_track):
+    track = make_track(straight, body="object", duration_s=9.6, lost=range(N))
+    with pytest.raises(RefusedError, match="cannot be compared"):
+        compare("a", simulated(track, np.zeros(3)), track, known())
+
+
+def test_settings_out_of_range_are_refused():
+    with pytest.raises(InputError, match=r"compare\.resolution_m"):
+        CompareSettings(resolution_m=0)

@@ -1,0 +1,130 @@
+"""Thinning: the bound holds, pauses stay pauses, times stay times, and the noise comes from the track."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from towval.model.errors import InputError, RefusedError
+from towval.validation.decimate import DecimateSettings, decimate, find_pauses, noise_of
+
+STD = np.array([1e-4, 1e-4, 2e-4])
+
+
+def stop_and_go(time_s):
+    """Along x at 0.1 m/s, from 2 to 5 s and from 8 s on, with smooth starts and stops of half a second."""
+
+    def ramp(t, start):
+        s = np.clip((t - start) / 0.5, 0, 1)
+        return np.where(t > start + 0.5, t - start - 0.25, 0.5 * (s**3 - 0.5 * s**4))
+
+    x = 0.1 * (ramp(time_s, 2.0) - ramp(time_s, 4.5) + ramp(time_s, 8.0))
+    return np.stack([x, 0.2 * x, 0.5 * x], axis=1)
+
+
+def arc(time_s):
+    angle = 0.1 * time_s
+    return np.stack([np.sin(angle), 1 - np.cos(angle), angle], axis=1)
+
+
+def test_noise_is_read_off_the_track(make_track):
+    estimates = np.array([noise_of(t.time_s, t.pose, t.std) for t in (make_track(arc, seed=s) for s in range(20))])
+    # 300 poses: one estimate scatters by about 6 %, the mean of 20 by 1.5 %; third differences of the arc add nothing.
+    np.testing.assert_allclose(estimates.mean(axis=0), STD, rtol=0.05)
+
+
+def test_noise_does_not_come_from_a_constant(make_track):
+    loud = make_track(arc, std=10 * STD)
+    np.testing.assert_allclose(noise_of(loud.time_s, loud.pose, loud.std), 10 * STD, rtol=0.3)
+
+
+@pytest.mark.parametrize("motion", [arc, stop_and_go])
+@pytest.mark.parametrize("level", [0.3, 1.0, 10.0])
+def test_the_stated_bound_holds_between_all_kept_times(make_track, motion, level):
+    track = make_track(motion, std=level * STD, seed=3)
+    thin = decimate(track)
+    misfit = (track.pose - thin.spline()(track.time_s)) / thin.noise
+    edges = np.searchsorted(track.time_s, thin.time_s)
+    for i, j in pairwise(edges):
+        inside = misfit[i : j + 1]
+        if j - i >= 3:
+            assert np.mean(inside**2) <= 1 + 3 * np.sqrt(2 / inside.size) + 1e-9
+
+
+@pytest.mark.parametrize("motion", [arc, stop_and_go])
+def test_smoothing_brings_the_track_closer_to_the_truth(make_track, motion):
+    track = make_track(motion, seed=5)
+    error = decimate(track).spline()(track.time_s) - motion(track.time_s)
+    assert (np.sqrt(np.mean(error**2, axis=0)) < 0.7 * STD).all()
+    assert len(decimate(track).time_s) < len(track.time_s) / 8
+
+
+def test_pauses_stay_pauses(make_track):
+    thin = decimate(make_track(stop_and_go, seed=1))
+    assert len(thin.pauses) == 2
+    # The ramps start and end without a jerk that 0.1 mm of noise would show at once: 0.25 s is what they hide.
+    np.testing.assert_allclose(thin.pauses, [[0, 2], [5, 8]], atol=0.25)
+    inside = np.linspace(thin.pauses[1, 0], thin.pauses[1, 1], 50)
+    assert np.ptp(thin.spline()(inside), axis=0).max() < 1e-12
+    assert np.abs(thin.spline().derivative()(inside)).max() < 1e-12
+
+
+def test_creep_is_no_pause(make_track):
+    """1 mm/s with 0.1 mm of noise: slow, but it moves."""
+    track = make_track(lambda t: np.stack([1e-3 * t, 0 * t, 0 * t], axis=1), seed=2)
+    thin = decimate(track)
+    assert np.sum(np.diff(thin.pauses, axis=1)) < 2.0
+    error = thin.spline()(track.time_s)[:, 0] - 1e-3 * track.time_s
+    assert np.abs(error).max() < 3 * STD[0]
+
+
+def test_times_are_times_of_frames(make_track):
+    track = make_track(arc)
+    assert np.isin(decimate(track).time_s, track.time_s).all()
+    assert decimate(track).time_s[[0, -1]] == pytest.approx(track.time_s[[0, -1]])
+
+
+def test_a_still_body_becomes_one_pose(make_track):
+    thin = decimate(make_track(lambda t: np.tile([0.3, -0.2, 0.1], (len(t), 1)), seed=4))
+    assert len(thin.time_s) == 2
+    np.testing.assert_allclose(thin.pose[0], [0.3, -0.2, 0.1], atol=4e-5)
+    # The mean of 300 poses is known sqrt(300) times better than one.
+    np.testing.assert_allclose(np.sqrt(np.diag(thin.covariance[0])), STD / np.sqrt(300), rtol=0.15)
+
+
+def test_predicted_deviation_of_kept_poses_matches_their_scatter(make_track):
+    """Reduced to one knot pattern by a still body: the error over 60 seeds against the prediction."""
+    thin = [decimate(make_track(lambda t: np.zeros((len(t), 3)), seed=s, duration_s=4)) for s in range(60)]
+    error = np.array([t.pose[0] / np.sqrt(np.diag(t.covariance[0])) for t in thin])
+    assert 0.8 < np.sqrt(np.mean(error**2)) < 1.25
+
+
+def test_lost_frames_are_bridged_and_told(make_track):
+    track = make_track(arc, lost=range(100, 120))
+    thin = decimate(track)
+    assert "decimate_bridged" in {finding.code for finding in thin.findings}
+    assert np.abs(thin.spline()(track.time_s) - arc(track.time_s)).max() < 1e-3
+
+
+def test_the_result_moves_and_turns_with_the_track(make_track):
+    """Shifting a track shifts what is kept: no origin is special."""
+    track = make_track(arc, seed=7)
+    shifted = make_track(lambda t: arc(t) + np.array([10.0, -20.0, 3.0]), seed=7)
+    np.testing.assert_allclose(
+        decimate(shifted).pose - decimate(track).pose, np.tile([10, -20, 3], (len(decimate(track).pose), 1)), atol=1e-9
+    )
+
+
+def test_too_short_a_track_is_refused(make_track):
+    with pytest.raises(RefusedError, match="tracked frames"):
+        decimate(make_track(arc, duration_s=0.2))
+
+
+def test_settings_out_of_range_are_refused():
+    with pytest.raises(InputError, match=r"decimate\.excess"):
+        DecimateSettings(excess=0)
+
+
+def test_find_pauses_finds_none_in_motion(make_track):
+    track = make_track(arc)
+    assert find_pauses(track.time_s, track.pose, np.tile(STD, (len(track.pose), 1)), 0.3) == []

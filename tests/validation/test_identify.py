@@ -1,0 +1,142 @@
+"""Identification: planted values come back within their deviations, predictions improve, what is not known is said."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from studies.worlds.campaign import ANCHOR, HINGE, OBJECT
+from studies.worlds.scenes import drive
+from towval.model import FrictionSpecification, InputDeviations, Load, Patch, Tether, TowingScene
+from towval.model.errors import InputError
+from towval.validation.decimate import decimate
+from towval.validation.identify import IdentifySettings, MeasuredRun, _identifiability, identify
+from towval.validation.simulate import SimulateSettings, simulate
+
+DEVIATIONS = InputDeviations(0.005, 0.04, 0.015, 0.001, 0.001, 0.001, 0.001, 16.0)
+STARTS = ((0.1, 0.5, 0.15), (-0.2, -0.6, -0.2), (0.0, 0.2, 0.5))
+"""Heading and turn of the rover's drive, and heading of the object, a run each."""
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return TowingScene(
+        Patch(OBJECT.top_corners_m),
+        4.0,
+        Load(1.5, np.array([-0.15, 0.08]), np.array([0.1, 0.1, 0.0])),
+        ANCHOR,
+        HINGE,
+        Tether(0.6, 800.0),
+        FrictionSpecification(0.35, 0.35, 0.005, 0.05),
+    )
+
+
+@pytest.fixture(scope="module")
+def measure(make_track):
+    """A function that measures runs of a scene: simulated with full dynamics, seen with noise."""
+
+    def runs_of(true, count=3):
+        times, runs = np.arange(150) / 25, []
+        for k, (heading, turn, start) in enumerate(STARTS[:count]):
+            path = drive((-0.15, 0.05, heading), speed=0.25, turn=turn, rest_s=0.3)
+            rover = make_track(lambda t, path=path: np.array([path(x) for x in t]), duration_s=6.0, seed=k)
+            resting = make_track(
+                lambda t, start=start: np.tile([-1.2, 0.0, start], (len(t), 1)), body="object", duration_s=6.0
+            )
+            thin, settings = decimate(rover), SimulateSettings(rung="dynamics")
+            motion = simulate(true, thin, decimate(resting), times, settings)
+            track = make_track(lambda _, m=motion: m.pose, body="object", duration_s=6.0, seed=10 + k)
+            covariance = np.tile(np.diag([1e-3, 1e-3, 1e-3]) ** 2, (len(times), 1, 1))
+            runs.append(MeasuredRun(f"r{k}", thin, decimate(track), track, times, covariance, "dynamics"))
+        return runs
+
+    return runs_of
+
+
+def test_planted_values_come_back_and_predict_the_run_left_out(scene, measure):
+    true = replace(
+        scene,
+        tether=Tether(0.63, 800.0),
+        load=Load(1.5, np.array([-0.12, 0.05]), scene.load.size),
+    )
+    names = ("rest_length", "load_x", "load_y")
+    found = identify(scene, DEVIATIONS, measure(true), IdentifySettings(names))
+    std = np.sqrt(np.diag(found.covariance))
+    np.testing.assert_array_less(np.abs(found.values - [0.63, -0.12, 0.05]), 3 * std)
+    # The measurement is a millimetre: the length is known that well, the load's place through a fourth of the mass.
+    assert std[0] < 2e-3
+    assert (std[1:] < 0.02).all()
+    assert found.identifiable == (True, True, True)
+    assert [p.run for p in found.predictions] == ["r0", "r1", "r2"]
+    for prediction in found.predictions:
+        assert prediction.given_rms_m > 0.02
+        assert prediction.predicted_rms_m < 0.1 * prediction.given_rms_m
+
+
+def test_a_wrong_input_that_is_not_fitted_moves_a_value_within_its_deviation(scene, measure):
+    """A load told too heavy is found nearer to the middle, by what its mass's deviation says."""
+    runs, settings = measure(scene, 2), IdentifySettings(("load_x",))
+    nothing = InputDeviations(*np.zeros(8))
+    at = replace(nothing, load_mass=0.3)
+    sure, unsure = (identify(scene, known, runs, settings) for known in (nothing, at))
+    assert unsure.covariance[0, 0] > 4 * sure.covariance[0, 0]
+    heavier = replace(scene, load=replace(scene.load, mass=scene.load.mass + 0.3))
+    moved = identify(heavier, nothing, runs, settings).values[0] - sure.values[0]
+    expected = np.sqrt(unsure.covariance[0, 0] - sure.covariance[0, 0])
+    assert abs(moved) == pytest.approx(expected, rel=0.3)
+
+
+def test_a_start_far_off_does_not_end_in_another_valley(scene, measure):
+    """Between the stiffness told here and the true one the sum of squares has another minimum, near 1080 N/m."""
+    errors_reported = replace(scene, tether=replace(scene.tether, stiffness=1160.0))
+    found = identify(errors_reported, DEVIATIONS, measure(scene, 2), IdentifySettings(("stiffness",)))
+    assert found.values[0] == pytest.approx(800.0, abs=3 * np.sqrt(found.covariance[0, 0]))
+    assert found.identifiable == (True,)
+
+
+def test_a_value_beyond_the_searched_range_is_not_called_identified(scene, measure):
+    errors_reported = replace(scene, load=replace(scene.load, at=np.array([-0.15, -0.05])))
+    found = identify(errors_reported, DEVIATIONS, measure(scene, 2), IdentifySettings(("load_y",)))
+    assert found.identifiable == (False,)
+    assert {finding.code for finding in found.findings} == {"not_identifiable", "identify_misfit"}
+    assert any("end of the searched range" in finding.text for finding in found.findings)
+
+
+def test_a_length_that_never_pulled_is_not_identifiable(scene, measure):
+    slack = replace(scene, tether=Tether(4.0, 800.0))
+    found = identify(slack, DEVIATIONS, measure(slack, 2), IdentifySettings(("rest_length",)))
+    assert found.identifiable == (False,)
+    assert found.values[0] == 4.0
+    assert "not_identifiable" in {finding.code for finding in found.findings}
+
+
+def test_values_known_together_only_are_told_to_be():
+    covariance = np.array([[4e-6, 0.99 * 2e-3 * 8], [0.99 * 2e-3 * 8, 64.0]])
+    identifiable, findings = _identifiability(("friction", "stiffness"), covariance, np.array([0.2, 400.0]))
+    assert identifiable == (False, False)
+    assert "friction and stiffness [N/m] are not identifiable apart" in findings[0].text
+
+
+def test_a_vague_value_is_told_to_be():
+    identifiable, findings = _identifiability(("friction", "stiffness"), np.diag([4e-6, 2e4]), np.array([0.2, 400.0]))
+    assert identifiable == (True, False)
+    assert "stiffness [N/m] is not identifiable" in findings[0].text
+
+
+def test_one_run_predicts_nothing(scene, measure):
+    found = identify(scene, DEVIATIONS, measure(scene, 1), IdentifySettings(("rest_length",)))
+    assert found.predictions == ()
+    assert "identify_one_run" in {finding.code for finding in found.findings}
+    assert found.values[0] == pytest.approx(0.6, abs=3 * np.sqrt(found.covariance[0, 0]))
+
+
+@pytest.mark.parametrize("names", [("mass",), ("friction", "friction")])
+def test_unknown_parameters_are_refused(names):
+    with pytest.raises(InputError, match=r"identify\.parameters"):
+        IdentifySettings(names)
+
+
+def test_a_load_that_is_not_there_has_no_place(scene, measure):
+    empty = replace(scene, load=Load(0.0, np.zeros(2), np.zeros(3)))
+    with pytest.raises(InputError, match="no load"):
+        identify(empty, DEVIATIONS, measure(empty, 1), IdentifySettings(("load_x",)))

@@ -1,0 +1,174 @@
+"""Sampling: closed forms of the shares, sensitivities against finite differences, coverage, reproducibility."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from studies.worlds.campaign import ANCHOR, HINGE, OBJECT, ROVER, towed_motion
+from studies.worlds.scenes import ceiling, drive
+from towval.model import (
+    Calibration,
+    Camera,
+    Floor,
+    FrictionSpecification,
+    InputDeviations,
+    Load,
+    Patch,
+    Tether,
+    TowingScene,
+    Verdict,
+)
+from towval.model.errors import InputError
+from towval.model.geometry import rigid_fit, transform
+from towval.optics.projection import project, to_plane
+from towval.physics.friction_law import fit_makkar
+from towval.validation.compare import compare
+from towval.validation.decimate import decimate
+from towval.validation.simulate import simulate
+from towval.validation.uncertainty import (
+    Case,
+    UncertaintySampling,
+    UncertaintySettings,
+    _motions,
+    sample_uncertainty,
+    variance_shares,
+)
+
+DEVIATIONS = InputDeviations(0.005, 0.04, 0.015, 0.001, 0.001, 0.001, 0.001, 40.0)
+PARAMETER_STD = np.array([0.4, 0.4, 0.3, 0.3, 4e-4, 4e-4, *np.zeros(6), *[2e-4] * 3, *[4e-4] * 3])
+
+
+@pytest.fixture(scope="module")
+def calibration():
+    camera, floor = ceiling((960, 540), focal_px=780.0)
+    return Calibration(camera, floor, np.diag(PARAMETER_STD**2), 0.05)
+
+
+@pytest.fixture(scope="module")
+def case(calibration, make_track):
+    """A run of four seconds: truth by the cell sum, measured with noise."""
+    rover = drive((-0.15, 0.05, 0.1), speed=0.25, turn=0.5, rest_s=0.3)
+    times = np.arange(100) / 25
+    towed = towed_motion(rover, (-1.2, 0.0, 0.15), times)
+    rover_track = make_track(lambda t: np.array([rover(x) for x in t]), duration_s=4.0, seed=1)
+    object_track = make_track(lambda t: towed, body="object", duration_s=4.0, seed=2)
+    scene = TowingScene(
+        Patch(OBJECT.top_corners_m),
+        4.0,
+        Load(1.5, np.array([-0.15, 0.08]), np.array([0.1, 0.1, 0.0])),
+        ANCHOR,
+        HINGE,
+        Tether(0.6, 800.0),
+        FrictionSpecification(0.35, 0.35, 0.005, 0.05),
+    )
+    thin, thin_object = decimate(rover_track), decimate(object_track)
+    simulated = simulate(scene, thin, thin_object, times)
+    law = fit_makkar(0.35, 0.35, 0.005, 0.05).law
+    return Case(
+        scene, DEVIATIONS, law, calibration, ROVER, OBJECT, rover_track, thin, object_track, thin_object, simulated
+    )
+
+
+def test_shares_of_a_polynomial_are_those_of_its_coefficients():
+    draws = np.random.default_rng(0).standard_normal((4000, 4))
+    outputs = np.column_stack([3 * draws[:, 0] + draws[:, 1], (draws[:, 2] ** 2 - 1) / np.sqrt(2)])
+    shares = variance_shares(draws, outputs, {"first": 1, "pair": 2, "idle": 1})
+    # Variances 9, 1 and 1 of eleven; 4,000 draws leave a scatter of about 1/60.
+    assert shares["first"] == pytest.approx(9 / 11, abs=0.03)
+    assert shares["pair"] == pytest.approx(2 / 11, abs=0.03)
+    assert shares["idle"] == pytest.approx(0, abs=0.01)
+    assert sum(shares.values()) == pytest.approx(1, abs=1e-9)
+
+
+def test_an_interaction_is_named_as_such():
+    draws = np.random.default_rng(1).standard_normal((4000, 2))
+    shares = variance_shares(draws, (draws[:, 0] * draws[:, 1])[:, None], {"a": 1, "b": 1})
+    assert shares["noise and interactions"] > 0.95
+
+
+def test_pose_sensitivities_are_those_of_a_changed_camera(calibration):
+    """The tops seen at the same pixels, placed by a camera with each parameter changed in turn."""
+    pose = np.array([[0.4, -0.3, 0.7], [-1.0, 0.5, -2.0]])
+    motions = _motions(calibration, OBJECT, pose)
+    corners = transform(pose[:, None, :], OBJECT.top_corners_m)
+    height = OBJECT.tracked_plane_height_m
+    points = np.concatenate([corners, np.full((*corners.shape[:2], 1), height)], axis=-1)
+    pixels = project(calibration.camera, calibration.floor, points)
+    T = calibration.floor.T_camera_floor
+    for k, step in enumerate(PARAMETER_STD):
+        if step == 0:
+            continue
+        change = np.zeros(18)
+        change[k] = step
+        matrix = calibration.camera.matrix + np.array([[change[0], 0, change[2]], [0, change[1], change[3]], [0, 0, 0]])
+        moved = np.array(T)
+        moved[:3, :3] = Rotation.from_rotvec(Rotation.from_matrix(T[:3, :3]).as_rotvec() + change[12:15]).as_matrix()
+        moved[:3, 3] += change[15:]
+        camera = Camera(calibration.camera.resolution_px, matrix, calibration.camera.distortion + change[4:12], "test")
+        seen = to_plane(camera, Floor(moved), pixels, height)
+        expected = np.array([rigid_fit(OBJECT.top_corners_m, s) for s in seen]) - pose
+        np.testing.assert_allclose(motions.by_camera @ change, expected, atol=2e-6)
+
+
+def test_a_right_model_agrees_and_the_same_seed_gives_the_same(case):
+    settings = UncertaintySettings(samples=64)
+    uncertainty = sample_uncertainty(case, settings)
+    comparison = compare("a", case.simulated, case.object_track, uncertainty)
+    assert comparison.verdict == Verdict.AGREES
+    assert 0 < comparison.u_measurement_m < comparison.u_val_m < 0.01
+    again = sample_uncertainty(case, replace(settings, processes=2))
+    np.testing.assert_array_equal(again.validation, uncertainty.validation)
+    assert again.signature_limit == uncertainty.signature_limit
+
+
+def test_more_draws_keep_those_that_were_made(case):
+    sampling = UncertaintySampling(case, UncertaintySettings(samples=64), (counts := []).append)
+    first = sampling.describe(64)
+    twice = sampling.describe(128)
+    assert counts == list(range(1, 129))
+    whole = sample_uncertainty(case, UncertaintySettings(samples=128))
+    np.testing.assert_array_equal(twice.validation, whole.validation)
+    np.testing.assert_array_equal(sampling.describe(64).validation, first.validation)
+
+
+def test_without_deviations_nothing_is_uncertain(case):
+    exact = replace(
+        case,
+        deviations=InputDeviations(*np.zeros(8)),
+        calibration=replace(case.calibration, covariance=np.zeros((18, 18))),
+        rover=replace(ROVER, height_std_m=0.0),
+        towed=replace(OBJECT, height_std_m=0.0),
+        rover_track=replace(case.rover_track, start_covariance=np.zeros((3, 3))),
+        object_track=replace(case.object_track, start_covariance=np.zeros((3, 3)), covariance=np.zeros((100, 3, 3))),
+        rover_decimated=replace(case.rover_decimated, covariance=np.zeros_like(case.rover_decimated.covariance)),
+    )
+    uncertainty = sample_uncertainty(exact, UncertaintySettings(samples=64))
+    # What is left is the integration, with a tolerance of 1e-6 m a step for the draws and 1e-7 m for the nominal run.
+    assert np.sqrt(np.trace(uncertainty.validation[:, :2, :2], axis1=1, axis2=2)).max() < 1e-5
+    assert np.sqrt(uncertainty.validation[:, 2, 2].max()) < 1e-4
+    assert set(uncertainty.shares.values()) == {0.0}
+
+
+def test_a_longer_tether_is_found(case):
+    """The tether is 10 % longer than campaign.yaml says: 60 mm, sixty deviations."""
+    wrong = replace(case, scene=replace(case.scene, tether=Tether(0.66, 800.0)))
+    simulated = simulate(wrong.scene, case.rover_decimated, case.object_decimated, case.object_track.time_s)
+    wrong = replace(wrong, simulated=simulated)
+    comparison = compare("a", simulated, case.object_track, sample_uncertainty(wrong, UncertaintySettings(samples=64)))
+    assert comparison.verdict == Verdict.MODEL_ERROR
+
+
+def test_a_huge_uncertainty_is_no_agreement(case):
+    vague = replace(case, deviations=replace(DEVIATIONS, hinge=0.05, anchor=0.05))
+    comparison = compare(
+        "a", case.simulated, case.object_track, sample_uncertainty(vague, UncertaintySettings(samples=64))
+    )
+    assert comparison.verdict == Verdict.TOO_UNCERTAIN
+
+
+@pytest.mark.parametrize("bad", [{"samples": 100}, {"confidence": 1.0}, {"tolerance_m": 1.0}, {"processes": 0}])
+def test_settings_out_of_range_are_refused(bad):
+    with pytest.raises(InputError, match=f"uncertainty.{next(iter(bad))}"):
+        UncertaintySettings(**bad)

@@ -1,0 +1,32 @@
+"""Every rule: one call of the function that ``params.call`` names, with the arguments of ``params.arguments``."""
+
+import importlib
+import typing
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from towval.commands.shared import errors_reported
+
+
+def call(name: str, arguments: Mapping[str, Any]) -> None:
+    """Call ``module:function``; texts become paths where the function's annotations ask for them."""
+    module, _, function_name = name.partition(":")
+    function: Callable[..., None] = getattr(importlib.import_module(module), function_name)
+    wanted = typing.get_type_hints(function)
+    function(**{key: _converted(value, wanted[key]) for key, value in arguments.items()})
+
+
+def _converted(value: Any, wanted: Any) -> Any:
+    if wanted in (Path, Path | None) and value is not None:
+        return Path(value)
+    if wanted == Sequence[Path]:
+        return [Path(item) for item in value]
+    if wanted == Mapping[str, Path]:
+        return {key: Path(item) for key, item in value.items()}
+    return value
+
+
+if __name__ == "__main__":
+    with errors_reported(Path(snakemake.log[0])):
+        call(snakemake.params.call, snakemake.params.arguments)
