@@ -1,7 +1,7 @@
 # make demo    install, then run the workflow on data_samples
 # make test    install, then check the code and run the tests
 # make studies [QUICK=true]   speed against accuracy, and where methods fail
-# make check   linters and the import contracts alone
+# make check   linters, types and the import contracts alone
 # make accuracy CAMPAIGN=...   run a campaign that has truth files, and print the errors against the truth
 # make tables  the must-reach tables of calibration and tracking on synthetic scenes, with their seeds
 # make bench [CAMPAIGN=...]    what costs what, side by side
@@ -43,6 +43,7 @@ demo: $(VENV)/installed
 check: $(VENV)/installed-dev
 	$(BIN)/ruff check $(SOURCES)
 	$(BIN)/ruff format --check $(SOURCES)
+	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/snakefmt --check Snakefile workflow/rules
 	$(BIN)/snakemake --lint
