@@ -6,13 +6,12 @@ import pytest
 import yaml
 
 from towval.calibration.calibrate import CalibrateSettings
-from towval.calibration.lens import LENS_MODELS
 from towval.commands.shared import settings_from
 from towval.io.schema import check, read_value, with_plain_values
 from towval.model.errors import InputError
 from towval.physics.ladder import RUNGS
 from towval.report.data import ReportSettings
-from towval.tracking.track import METHODS, TrackSettings
+from towval.tracking.track import TrackSettings
 from towval.validation.compare import CompareSettings
 from towval.validation.decimate import DecimateSettings
 from towval.validation.identify import PARAMETERS, IdentifySettings
@@ -51,10 +50,8 @@ def test_the_schema_has_every_setting_and_no_other(schema, section):
 
 def test_the_choices_of_the_schema_are_those_of_the_code(schema):
     sections = schema["properties"]
-    assert sections["track"]["properties"]["method"]["enum"] == sorted(METHODS, reverse=True)
     assert sections["simulate"]["properties"]["rung"]["enum"] == ["auto", *RUNGS]
     assert sections["identify"]["properties"]["parameters"]["items"]["enum"] == list(PARAMETERS)
-    assert sections["calibrate"]["properties"]["lens_models"]["items"]["enum"] == list(LENS_MODELS)
 
 
 def test_the_configuration_is_valid_and_gives_the_defaults(schema, config):

@@ -2,28 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from towval.model import Array
-from towval.tracking.follow import TrackerMaker
 from towval.tracking.klt import KltTracker
 from towval.tracking.planar_target import PlanarTarget
-from towval.tracking.pose import Measurement
-from towval.tracking.track import TrackSettings
+from towval.tracking.pose import Measurement, Tracker
+from towval.tracking.track import TRACKERS, TrackSettings
 
 Luma = NDArray[np.uint8]
 
 
-class FrameToFrameKlt:
+class FrameToFrameKlt(Tracker):
     """Follows one body by points that are new in every picture; its errors add up.
 
     The arguments are those of :class:`towval.tracking.klt.KltTracker`, of which it makes one a picture.
     """
-
-    exposure_s = 0.0
 
     def __init__(self, target: PlanarTarget, luma: Luma, pose: Array):
         self.target = target
@@ -37,12 +32,7 @@ class FrameToFrameKlt:
         return found
 
 
-@dataclass(frozen=True)
-class FrameToFrameSettings(TrackSettings):
-    """Settings of the stage ``track`` with this tracker in place of its own."""
+TRACKERS.register("klt, frame to frame", lambda settings: FrameToFrameKlt)
 
-    method: str = "klt"
-
-    def tracker_maker(self) -> TrackerMaker:
-        """The function that builds a tracker."""
-        return FrameToFrameKlt
+FRAME_TO_FRAME = TrackSettings(method="klt, frame to frame")
+"""Settings of the stage ``track`` with this tracker."""

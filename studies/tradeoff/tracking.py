@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from studies.comparators.frame_to_frame import FrameToFrameSettings
+from studies.comparators.frame_to_frame import FRAME_TO_FRAME
 from studies.costs import take_turns
 from studies.frame import Part, Row, Scatter, Study
 from studies.worlds.challenges import metre
@@ -16,7 +16,7 @@ from towval.model import Track
 from towval.tracking.track import TrackSettings, track
 
 METHODS: dict[str, TrackSettings] = {
-    "KLT, frame to frame": FrameToFrameSettings(),
+    "KLT, frame to frame": FRAME_TO_FRAME,
     "KLT, anchored": TrackSettings(method="klt"),
     "plane, 256 points": TrackSettings(samples=256),
     "plane, 1024 points": TrackSettings(),

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from studies.comparators.frame_to_frame import FrameToFrameSettings
+from studies.comparators.frame_to_frame import FRAME_TO_FRAME
 from studies.worlds import challenges
 from studies.worlds.scenes import CeilingCamera, small_camera
 from towval.tracking.track import TrackSettings, track
@@ -23,4 +23,4 @@ def test_it_follows_a_body_but_drifts_more_than_keyframes_do():
         error = found.pose[:, :2] - scene.truth(times)["rover"][:, :2]
         return float(np.linalg.norm(error[-5:].mean(axis=0) - error[:5].mean(axis=0)))
 
-    assert drift(TrackSettings(method="klt")) < drift(FrameToFrameSettings()) < 5e-3
+    assert drift(TrackSettings(method="klt")) < drift(FRAME_TO_FRAME) < 5e-3

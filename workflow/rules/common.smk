@@ -3,8 +3,9 @@ import sys
 from pathlib import Path
 
 from towval.model.errors import TowvalError
+from towval.model.plugins import load_plugins
 from towval.io.campaign import load_campaign
-from towval.io.provenance import module_hash
+from towval.io.provenance import file_hash, module_hash
 from towval.io.schema import check, packaged_schema, read_yaml, with_plain_values
 from towval.model.presets import STANDARD, settings_of
 from studies.frame import module_of, study
@@ -18,6 +19,9 @@ def or_exit(function, *arguments):
         return function(*arguments)
     except TowvalError as error:
         sys.exit(f"towval: {error}")
+
+
+PLUGINS = or_exit(load_plugins)
 
 
 def load_campaigns():
@@ -72,8 +76,8 @@ def tables_by_name(files):
 
 
 def code(module):
-    """Fingerprint of a module and of all that it imports: an edit there, and only there, runs its rule again."""
-    return module_hash(module)
+    """Fingerprint of a module, of all that it imports and of the plugins: only an edit there runs its rule again."""
+    return module_hash(module) + "".join(file_hash(path)[:16] for path in PLUGINS)
 
 
 def given(*sections):

@@ -21,7 +21,7 @@ from towval.calibration.board_search import NamedImage, find_boards
 from towval.calibration.bundle_adjustment import Estimate, adjust, marginal_covariance, residuals
 from towval.calibration.corners import BoardObservation
 from towval.calibration.floor import in_floor_axes
-from towval.calibration.lens import LENS_MODELS, LensTrial, active_parameters, choose_lens, try_lenses
+from towval.calibration.lens import LENS_MODELS, NESTED, LensTrial, active_parameters, choose_lens, try_lenses
 from towval.calibration.observations import CalibrationObservations, first_guess, unflipped
 from towval.model import Board, Calibration, Camera, Finding, Floor, FloorReference, Severity, View
 from towval.model.errors import InputError, RefusedError
@@ -46,7 +46,7 @@ class CalibrateSettings:
     return a calibration from a degenerate set instead of refusing it; ``threads`` that look for boards.
     """
 
-    lens_models: tuple[str, ...] = tuple(LENS_MODELS)
+    lens_models: tuple[str, ...] = NESTED
     folds: int = 6
     misfit_ratio: float = 4.0
     position_limit_m: float = 0.003
@@ -54,9 +54,10 @@ class CalibrateSettings:
     threads: int = 2
 
     def __post_init__(self) -> None:
-        unknown = [name for name in self.lens_models if name not in LENS_MODELS]
-        if unknown or not self.lens_models:
-            raise InputError("calibrate.lens_models", got=list(self.lens_models), allowed=", ".join(LENS_MODELS))
+        if not self.lens_models:
+            raise InputError("calibrate.lens_models is empty", allowed=", ".join(LENS_MODELS))
+        for name in self.lens_models:
+            LENS_MODELS.require(name, "calibrate.lens_models")
 
 
 def calibrate(

@@ -10,17 +10,21 @@ from numpy.typing import NDArray
 
 from towval.calibration.bundle_adjustment import Block, Estimate, Placement, adjust, marginal_covariance, residuals
 from towval.model import Array
+from towval.model.plugins import Registry
 
-LENS_MODELS = {
-    "none": (),
-    "k1": (4,),
-    "k1 k2": (4, 5),
-    "k1 k2 p1 p2": (4, 5, 6, 7),
-    "k1 k2 p1 p2 k3": (4, 5, 6, 7, 8),
-    "rational": (4, 5, 6, 7, 8, 9, 10, 11),
-}
-"""Nested lens models, smallest first: the shared parameters each of them adds to fx, fy, cx, cy."""
+LENS_MODELS: Registry[tuple[int, ...]] = Registry("lens model")
+"""Lens models by name: the coefficients that each fits besides fx, fy, cx, cy, as indices of
+:data:`towval.model.CALIBRATION_PARAMETERS` (4 to 11: k1, k2, p1, p2, k3, k4, k5, k6); the others are zero."""
 
+LENS_MODELS.register("none", ())
+LENS_MODELS.register("k1", (4,))
+LENS_MODELS.register("k1 k2", (4, 5))
+LENS_MODELS.register("k1 k2 p1 p2", (4, 5, 6, 7))
+LENS_MODELS.register("k1 k2 p1 p2 k3", (4, 5, 6, 7, 8))
+LENS_MODELS.register("rational", (4, 5, 6, 7, 8, 9, 10, 11))
+
+NESTED = tuple(LENS_MODELS)
+"""Nested models to choose from by default, smallest first."""
 
 _LARGEST_CONDITION = 1e8
 """Beyond it coefficients cancel: the fit is good where there are corners and anything between and beyond them."""

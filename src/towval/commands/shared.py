@@ -16,6 +16,7 @@ from tqdm import tqdm
 from towval.io.provenance import file_hash, versions
 from towval.model import Finding, Severity
 from towval.model.errors import InputError, TowvalError
+from towval.model.plugins import load_plugins
 
 Settings = TypeVar("Settings")
 
@@ -52,9 +53,10 @@ def without_auto(keys: Mapping[str, Any] | None, *choosable: str) -> tuple[dict[
 
 
 def provenance(settings: Any, inputs: Mapping[str, Path]) -> dict[str, str]:
-    """What a result was made of: versions, settings, and the SHA-256 of each input file by name."""
+    """What a result was made of: versions, settings, and the SHA-256 of each input file and plugin."""
     configuration = dataclasses.asdict(settings) if dataclasses.is_dataclass(settings) else dict(settings or {})
-    hashes = {name: file_hash(path) for name, path in sorted(inputs.items())}
+    plugins = {path.name: path for path in load_plugins()}
+    hashes = {name: file_hash(path) for name, path in sorted({**plugins, **inputs}.items())}
     return {
         "versions": json.dumps(versions(), sort_keys=True),
         "settings": json.dumps(configuration, sort_keys=True),
@@ -71,7 +73,7 @@ def print_findings(findings: tuple[Finding, ...], stage: str) -> None:
 
 @contextmanager
 def errors_reported(log: Path | None = None) -> Iterator[None]:
-    """Turn an error of the input into one message and exit code 1; anything else stays a traceback.
+    """Load the plugins, and turn an error of the input into one message and exit code 1.
 
     Parameters
     ----------
@@ -79,6 +81,7 @@ def errors_reported(log: Path | None = None) -> Iterator[None]:
         A file that gets the message, too.
     """
     try:
+        load_plugins()
         yield
     except TowvalError as error:
         message = f"towval: {error}"

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import difflib
+import importlib
 import re
+from collections.abc import Iterator
 from functools import lru_cache
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import yaml
-from jsonschema import Draft202012Validator
+from jsonschema import Draft202012Validator, validators
 from jsonschema.exceptions import ValidationError
 
 from towval.model.errors import InputError
+from towval.model.plugins import Registry
 
 
 class _StrictLoader(yaml.SafeLoader):
@@ -91,6 +94,21 @@ def packaged_schema(name: str) -> dict[str, Any]:
     return yaml.safe_load(text)
 
 
+def _registry(reference: str) -> Registry[Any]:
+    module, _, name = reference.partition(":")
+    registry: Registry[Any] = getattr(importlib.import_module(module), name)
+    return registry
+
+
+def _registered(_validator: Any, reference: str, instance: Any, _schema: Any) -> Iterator[ValidationError]:
+    """The keyword ``registered: module:REGISTRY``: the value must be a name of that registry, plugins included."""
+    if isinstance(instance, str) and instance not in _registry(reference):
+        yield ValidationError(f"{instance!r} is not registered in {reference}")
+
+
+_Validator = validators.extend(Draft202012Validator, {"registered": _registered})
+
+
 def check(document: Any, schema: dict[str, Any], where: str) -> None:
     """Check a document against a schema.
 
@@ -108,7 +126,7 @@ def check(document: Any, schema: dict[str, Any], where: str) -> None:
     InputError
         One error that lists every fault: key, value, what is allowed, what the key means.
     """
-    validator = Draft202012Validator(schema)
+    validator = _Validator(schema)
     errors = sorted(validator.iter_errors(document), key=lambda error: [str(part) for part in error.absolute_path])
     faults = [fault for error in errors for fault in _faults(error)]
     if not faults:
@@ -177,6 +195,8 @@ def _allowed(error: ValidationError) -> str:
             "boolean": "true or false",
         }
         return names.get(str(error.validator_value), str(error.validator_value))
+    if rule == "registered":
+        return "one of " + ", ".join(_registry(error.validator_value))
     if rule == "enum":
         return "one of " + ", ".join(map(str, error.validator_value))
     if rule in ("minItems", "maxItems") and schema.get("minItems") == schema.get("maxItems"):

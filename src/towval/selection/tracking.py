@@ -115,7 +115,9 @@ def _neighbour(settings: TrackSettings) -> TrackSettings:
 
 
 def _tracking_name(settings: TrackSettings) -> str:
-    return f"plane, {settings.samples} points" if settings.method == "plane" else "KLT points"
+    if settings.method == "plane":
+        return f"plane, {settings.samples} points"
+    return "KLT points" if settings.method == "klt" else settings.method
 
 
 def _apart(one: Track, other: Track) -> float:

@@ -121,6 +121,12 @@ class Follower:
         self.outline_fits: list[OutlineFit] = []
         self.next_outline_s, self.looks = time_s, 0
         self.tracker = make_tracker(target, luma, self.first_pose)
+        if not isinstance(self.tracker, Tracker):
+            raise InputError(
+                f"{type(self.tracker).__name__} is no tracker",
+                allowed="a class with measure and exposure_s",
+                remedy="derive it from towval.tracking.pose.Tracker",
+            )
         self.finder = Relocaliser(target, luma, self.first_pose)
         self.lookalikes = Lookalikes(target, luma, self.first_pose)
         self.mistakable = 0

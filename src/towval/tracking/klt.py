@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from towval.model import Array
 from towval.model.geometry import inverse_transform, wrapped
 from towval.tracking.planar_target import PlanarTarget
-from towval.tracking.pose import Measurement, robust_rigid_fit
+from towval.tracking.pose import Measurement, Tracker, robust_rigid_fit
 
 Luma = NDArray[np.uint8]
 
@@ -38,13 +38,11 @@ class _Keyframe:
     heading: float
 
 
-class KltTracker:
+class KltTracker(Tracker):
     """Follows a ``top``, seen at ``pose`` (3,) in ``luma``, by KLT points.
 
     A point counts if it comes back to within ``forward_backward_px`` of where it started [px].
     """
-
-    exposure_s = 0.0
 
     def __init__(self, target: PlanarTarget, luma: Luma, pose: Array, forward_backward_px: float = 0.5):
         self.target, self.forward_backward_px = target, forward_backward_px

@@ -13,7 +13,7 @@ from towval.model.errors import InputError
 from towval.tracking.alignment import Alignment, Template, align, by_motion, make_template, slopes_at
 from towval.tracking.blur import Shutter
 from towval.tracking.planar_target import PlanarTarget
-from towval.tracking.pose import Measurement
+from towval.tracking.pose import Measurement, Tracker
 
 Luma = NDArray[np.uint8]
 
@@ -33,7 +33,7 @@ _MOST_SCALE = 0.5  # Of the template's own deviation.
 _TABLE_POINTS = 60
 
 
-class PlaneTracker:
+class PlaneTracker(Tracker):
     """Follows a ``top``, seen at ``pose`` (3,) in ``luma``, as a whole: by some ``samples`` points of it.
 
     Raises

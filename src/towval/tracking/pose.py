@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from towval.model import Array
+from towval.model.errors import InputError
 from towval.model.geometry import rigid_fit, rotation, transform
 
 _TUKEY = 4.685  # SOURCE: Tukey's biweight at 95 % efficiency for Gaussian noise.
@@ -18,27 +19,45 @@ _FITS = 10
 
 @dataclass(frozen=True)
 class Measurement:
-    """A body's pose seen in one picture.
+    """A body's pose measured in one picture.
 
-    ``pose`` (3,) [m, m, rad]; ``covariance`` (3, 3); ``inlier_fraction`` share of points or samples that agree;
-    ``residual`` root mean square misfit (pixels for KLT, grey levels for plane alignment); ``points_m`` (k, 2) in the
-    body frame with ``weights`` (k,) in [0, 1], some of what the pose rests on.
+    ``pose`` (3,) [m, m, rad]; ``covariance`` (3, 3). What a tracker can add: ``inlier_fraction``, share of points or
+    samples that agree; ``residual``, root mean square misfit (pixels for KLT, grey levels for plane alignment); and
+    ``points_m`` (k, 2) in the body frame with ``weights`` (k,) in [0, 1], some of what the pose rests on.
+
+    Raises
+    ------
+    InputError
+        When an array has another shape.
     """
 
     pose: Array
     covariance: Array
-    inlier_fraction: float
-    residual: float
-    points_m: Array
-    weights: Array
+    inlier_fraction: float = 1.0
+    residual: float = math.nan
+    points_m: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    weights: Array = field(default_factory=lambda: np.zeros(0))
+
+    def __post_init__(self) -> None:
+        count = len(self.weights)
+        for name, shape in (("pose", (3,)), ("covariance", (3, 3)), ("points_m", (count, 2)), ("weights", (count,))):
+            if np.shape(getattr(self, name)) != shape:
+                got = np.shape(getattr(self, name))
+                raise InputError(f"Measurement.{name} of a tracker has the wrong shape", got=got, allowed=str(shape))
 
 
+@runtime_checkable
 class Tracker(Protocol):
-    """Measures one body's pose in pictures."""
+    """Measures one body's pose in pictures.
+
+    Built from the :class:`~towval.tracking.planar_target.PlanarTarget`, the first picture and the pose (3,) in it. A
+    class that derives from this one has to add :meth:`measure` alone.
+    """
 
     @property
     def exposure_s(self) -> float:
-        """How long the shutter seems to be open [s]; zero where that is not measured."""
+        """Measured exposure time [s]; zero where the tracker does not measure it."""
+        return 0.0
 
     def measure(self, luma: NDArray[np.uint8], predicted: Array, velocity: Array | None = None) -> Measurement | None:
         """Pose near ``predicted``, or None where the picture does not vouch for one.

@@ -11,13 +11,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from towval.model import Body, Calibration, Finding, Severity, Track
 from towval.model.errors import InputError
+from towval.model.plugins import Registry
 from towval.tracking.camera_motion import CameraMotion
 from towval.tracking.follow import Follower, TrackerMaker
 from towval.tracking.klt import KltTracker
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.plane_tracker import PlaneTracker
-
-METHODS = ("plane", "klt")
 
 _ENOUGH_SAMPLES = 1024  # Measured: docs/limits.md.
 
@@ -29,7 +28,8 @@ class TrackSettings:
     Parameters
     ----------
     method : str
-        ``plane``, alignment of the whole top with a template; or ``klt``, the paper's points.
+        Name in :data:`TRACKERS`: ``plane``, alignment of the whole planar target with a template; ``klt``, the
+        paper's points; or one that a plugin registers.
     samples : int
         Points of the template; with fewer than 1024 the tracks carry a warning.
     coast_s : float
@@ -44,14 +44,14 @@ class TrackSettings:
     forward_backward_px: float = 0.5
 
     def __post_init__(self) -> None:
-        if self.method not in METHODS:
-            raise InputError("track.method is unknown", got=self.method, allowed=", ".join(METHODS))
+        TRACKERS.require(self.method, "track.method")
 
-    def tracker_maker(self) -> TrackerMaker:
-        """The function that builds a tracker of this method."""
-        if self.method == "plane":
-            return partial(PlaneTracker, samples=self.samples)
-        return partial(KltTracker, forward_backward_px=self.forward_backward_px)
+
+TRACKERS: Registry[Callable[[TrackSettings], TrackerMaker]] = Registry("tracker")
+"""Trackers by the name that ``track.method`` gives: functions from the settings to what builds a :class:`Tracker`."""
+
+TRACKERS.register("plane", lambda settings: partial(PlaneTracker, samples=settings.samples))
+TRACKERS.register("klt", lambda settings: partial(KltTracker, forward_backward_px=settings.forward_backward_px))
 
 
 Frames = Iterable[tuple[float, NDArray[np.uint8]]]
@@ -150,7 +150,7 @@ class _Group:
                 time_s,
                 luma,
                 np.asarray(clicks_px[body.name], dtype=np.float64),
-                settings.tracker_maker(),
+                TRACKERS[settings.method](settings),
                 settings.coast_s,
             )
             for body in bodies

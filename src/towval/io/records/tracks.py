@@ -44,7 +44,7 @@ def track_messages(name: str, track: Track) -> Iterator[Message]:
         t = track.time_s[i]
         value = ros.pose_with_covariance(t, FLOOR_FRAME, track.pose[i], track.covariance[i])
         yield Message(f"/{name}/pose", ros.nanoseconds(t), value)
-    if track.features is not None:
+    if track.features is not None and len(track.features.frame):
         order = np.argsort(track.features.frame, kind="stable")
         frames, starts = np.unique(track.features.frame[order], return_index=True)
         for frame, rows in zip(frames, np.split(order, starts[1:]), strict=True):

@@ -1,0 +1,53 @@
+"""Registries, and modules of users that add to them."""
+
+import pytest
+
+from towval.model import plugins
+from towval.model.errors import InputError
+from towval.model.plugins import Registry
+
+
+@pytest.fixture
+def load(monkeypatch):
+    """A function that loads the plugins which the variable lists, in a fresh state."""
+
+    def load(listed):
+        monkeypatch.setenv(plugins.VARIABLE, listed)
+        plugins.load_plugins.cache_clear()
+        return plugins.load_plugins()
+
+    yield load
+    plugins.load_plugins.cache_clear()
+
+
+def test_a_registry_keeps_order_and_refuses_a_name_twice():
+    registry = Registry("law")
+    registry.register("b", 1)
+    registry.register("a", 2)
+    assert list(registry.items()) == [("b", 1), ("a", 2)]
+    with pytest.raises(InputError, match="law 'a' is registered twice"):
+        registry.register("a", 3)
+    with pytest.raises(InputError, match=r"friction\.law names an unknown law(.|\n)*allowed: b, a"):
+        registry.require("c", "friction.law")
+
+
+def test_plugins_are_files_or_modules_and_are_imported_once(load, tmp_path, monkeypatch):
+    (tmp_path / "one_plugin.py").write_text("import builtins\nbuiltins.towval_loads = 1\n")
+    (tmp_path / "other_plugin.py").write_text("import one_plugin\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    assert load("") == ()
+    found = load(f"{tmp_path}/one_plugin.py, other_plugin")
+    assert [path.name for path in found] == ["one_plugin.py", "other_plugin.py"]
+    assert plugins.load_plugins() is found
+
+
+@pytest.mark.parametrize("listed", ["no_such_module_here", "no_such_file.py"])
+def test_a_plugin_that_cannot_be_imported_is_named(load, listed):
+    with pytest.raises(InputError, match=f"the plugin {listed} cannot be imported(.|\n)*TOWVAL_PLUGINS"):
+        load(listed)
+
+
+def test_a_plugin_that_fails_says_how(load, tmp_path):
+    (tmp_path / "broken.py").write_text("1 / 0\n")
+    with pytest.raises(InputError, match="ZeroDivisionError"):
+        load(f"{tmp_path}/broken.py")
