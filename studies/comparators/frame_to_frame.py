@@ -32,7 +32,7 @@ class FrameToFrameKlt(Tracker):
         return found
 
 
-TRACKERS.register("klt, frame to frame", lambda settings: FrameToFrameKlt)
+TRACKERS.register("klt frame to frame", lambda settings: FrameToFrameKlt)
 
-FRAME_TO_FRAME = TrackSettings(method="klt, frame to frame")
+FRAME_TO_FRAME = TrackSettings(method="klt frame to frame")
 """Settings of the stage ``track`` with this tracker."""
