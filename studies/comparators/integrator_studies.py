@@ -22,7 +22,7 @@ from towval.model.compiling import compiled
 from towval.model.errors import InputError
 from towval.physics.contact import resting_pressure
 from towval.physics.dynamics import Accuracy, centre_state, feedback, motion_scene
-from towval.physics.friction_law import coulomb_law
+from towval.physics.friction_laws import Coulomb, Makkar
 from towval.physics.motion import MotionProblem, acceleration_slopes, accelerations, natural_mode
 from towval.physics.splines import piece_at, spline_covering
 from towval.physics.wrench import SlidingPatch, sliding_patch
@@ -54,7 +54,7 @@ class TowScene:
 
 def lap_scene(duration: float = 400.0) -> TowScene:
     """A cube towed slowly along Bernoulli's lemniscate, 2 m wide, from rest; the tether goes slack on the way."""
-    return _cube_scene(coulomb_law(0.35, 1e-3), 1000.0, lemniscate(duration), (1.0, -0.8, np.pi / 2), 201)
+    return _cube_scene(Coulomb(0.35, 1e-3), 1000.0, lemniscate(duration), (1.0, -0.8, np.pi / 2), 201)
 
 
 def lemniscate(duration: float, points: int = 4001) -> TimedPath:
@@ -68,9 +68,7 @@ def stick_slip_scene(duration: float = 20.0) -> TowScene:
     """A cube that sticks and slips behind a soft tether whose end creeps, under a law that falls by a third."""
     t = np.linspace(0, duration, 201)
     path = np.column_stack([0.8 + 0.01 * t, 0.02 * (1 - np.cos(0.3 * t))])
-    return _cube_scene(
-        FrictionLaw([0.15, 800.0, 50.0, 0.3, 1600.0, 0.0]), 200.0, TimedPath(t, path), (0.0, 0.0, 0.0), 401
-    )
+    return _cube_scene(Makkar(0.15, 800.0, 50.0, 0.3, 1600.0, 0.0), 200.0, TimedPath(t, path), (0.0, 0.0, 0.0), 401)
 
 
 SCENES: dict[str, Callable[[], TowScene]] = {"lap": lap_scene, "stick-slip": stick_slip_scene}

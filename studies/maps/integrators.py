@@ -23,7 +23,7 @@ from studies.frame import Maps, Part, Row, Study, judged
 from studies.worlds.reference import Box, towed_box
 from towval.model import Array, FrictionLaw, Patch, Tether, TimedPath, TowedObject
 from towval.physics.dynamics import Accuracy, Outcome, feedback
-from towval.physics.friction_law import coulomb_law
+from towval.physics.friction_laws import Coulomb
 
 SIDE, MASS, CENTRE, INERTIA, FRICTION, REST_LENGTH = 0.4, 5.0, (0.03, 0.02), 0.15, 0.35, 0.6
 CUBE = TowedObject(
@@ -59,7 +59,7 @@ def integrator_rows(start: str, stiffness: float, stiction: float, over: str, me
     """
     times, stretch = np.linspace(0, DURATION_S, 51), STARTS[start]
     fine = np.linspace(0, DURATION_S, 2501)
-    tether, law = Tether(REST_LENGTH, stiffness), coulomb_law(FRICTION, stiction)
+    tether, law = Tether(REST_LENGTH, stiffness), Coulomb(FRICTION, stiction)
     # The spline through so many points is the hinge's way to 1e-9 m.
     hinge = TimedPath(fine, hinge_place(fine, stretch))
     box = Box((SIDE, SIDE), MASS, CENTRE, INERTIA, (SIDE / 2, 0.0), FRICTION, stiction)

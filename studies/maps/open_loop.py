@@ -13,7 +13,7 @@ from towval.model import Array, FrictionLaw, SimulatedMotion, Tether, TimedPath
 from towval.physics.contact import resting_pressure
 from towval.physics.creep import creep_length
 from towval.physics.dynamics import Outcome, feedback, feedforward
-from towval.physics.friction_law import coulomb_law, fit_makkar
+from towval.physics.friction_laws import Coulomb, fit_makkar
 from towval.physics.quasistatic import quasistatic_plan
 from towval.physics.wrench import sliding_patch
 from towval.planning.paths import lemniscate, timed
@@ -30,7 +30,7 @@ _STEPS = 4000
 
 def laws() -> dict[str, FrictionLaw]:
     """Friction that rises to a plateau, and friction with a peak at rest."""
-    return {"flat law": coulomb_law(FRICTION, 1e-3), "peaked law": fit_makkar(0.36, 0.35, 1e-3, 1e-2).law}
+    return {"flat law": Coulomb(FRICTION, 1e-3), "peaked law": fit_makkar(0.36, 0.35, 1e-3, 1e-2).law}
 
 
 def feedforward_rows(law: str, speeds: list[float]) -> list[Row]:
@@ -67,7 +67,7 @@ def creep_rows(stictions: list[float], durations_s: list[float]) -> list[Row]:
     rows = []
     tether = Tether(0.6, 1000.0)
     for stiction in stictions:
-        law = coulomb_law(FRICTION, stiction)
+        law = Coulomb(FRICTION, stiction)
         reach = float(CUBE.anchor[0]) + tether.rest_length + PULL * FRICTION * CUBE.mass * 9.81 / tether.stiffness
         for duration in durations_s:
             # The hinge backs off with the creep that the law predicts, so that the pull stays.

@@ -11,7 +11,7 @@ from studies.frame import Maps, Part, Row, Study, judged
 from studies.maps.integrators import CUBE, FRICTION, STICTION
 from towval.model import Tether, TimedPath
 from towval.physics.contact import resting_pressure
-from towval.physics.friction_law import coulomb_law
+from towval.physics.friction_laws import Coulomb
 from towval.physics.quasistatic import quasistatic_plan
 from towval.physics.wrench import sliding_patch
 from towval.planning.kinematics import Rover, symmetric_rover
@@ -41,7 +41,7 @@ def rover(outward_deg: float = 33.7) -> Rover:
 def planner_rows(curve: str, thresholds_m: list[float], look_aheads: list[int]) -> list[Row]:
     """Cells over d_t and ϑ_lh on the way of the hinge that draws the cube along a curve."""
     wanted = {"lemniscate": lemniscate(2.0), "rounded square": rounded_square(4.0, 1.0)}[curve]
-    patch = sliding_patch(resting_pressure(CUBE), coulomb_law(FRICTION, STICTION))
+    patch = sliding_patch(resting_pressure(CUBE), Coulomb(FRICTION, STICTION))
     path = quasistatic_plan(CUBE, patch, timed(wanted, STEP_S, duration=DURATION_S), Tether(0.6, 1e5)).hinge
     return [
         {"map": f"d_t and ϑ_lh, {curve}", "x": threshold, "y": steps} | _judged(path, rover(), threshold, steps)

@@ -11,11 +11,11 @@ from studies.paper.sensitivity import Row
 from towval.model import Array, TimedPath
 from towval.model.conventions import GRAVITY_M_PER_S2
 from towval.physics.contact import pressure_plane, resting_pressure
+from towval.physics.friction_laws import fitted_law
 from towval.physics.mesh import MeshPressure, mesh_pressure, meshed_patch
 from towval.physics.quasistatic import quasistatic_plan
 from towval.physics.wrench import SlidingPatch, sliding_patch
 from towval.planning.paths import timed
-from towval.planning.scene import friction_law
 
 PAPER_TABLE_1 = {
     0.0010: (132_900, 47.556),
@@ -80,7 +80,8 @@ def mesh_rows(scene: PaperScene, element_size: float | None) -> list[Row]:
     """
     specification = timed(scene.curves["lemniscate"], scene.time_step, duration=scene.duration)
     steps = len(specification.time_s) - 1
-    exact, law = sliding_patch(resting_pressure(scene.cube), friction_law(scene.friction)), friction_law(scene.friction)
+    law = fitted_law(scene.friction).law
+    exact = sliding_patch(resting_pressure(scene.cube), law)
     cells, patch = 0, exact
     if element_size is not None:
         loads = [(scene.cube.mass * GRAVITY_M_PER_S2, scene.cube.centre_of_mass)]

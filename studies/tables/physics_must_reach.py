@@ -24,15 +24,16 @@ from studies.comparators.mujoco_lap import mujoco_places
 from studies.tables.physics_opponent import many_mesh_wrenches, plan_on_mesh
 from studies.tables.physics_scenes import CENTRES, centre_of_rotation, random_load, random_star, reference_wrench
 from studies.tables.physics_timing import least_cpu
-from towval.model import Array, FrictionLaw, Patch, Tether, TowedObject
+from towval.model import Array, Patch, Tether, TowedObject
 from towval.model.conventions import GRAVITY_M_PER_S2
 from towval.model.errors import TowvalError
 from towval.physics.contact import pressure_plane, resting_pressure
+from towval.physics.friction_laws import Makkar
 from towval.physics.mesh import mesh_pressure, meshed_patch
 from towval.physics.quasistatic import quasistatic_plan
 from towval.physics.wrench import SlidingPatch, sliding_patch, wrench_at_origin
 
-MAKKAR = FrictionLaw([0.06, 400, 40, 0.35, 800, 0])
+MAKKAR = Makkar(0.06, 400, 40, 0.35, 800, 0)
 CUBE = TowedObject(Patch([[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]]), 5.0, [0, 0], 0.4 / 3, [0.2, 0])
 LOADS = [(49.05, (0.03, 0.02))]
 TWISTS = np.array([(0.1, 0.02, 0.4), (0.0, 0.05, 0.2), (0.1, 0.0, 0.0), (0.03, -0.02, 0.1), (0.1, 0.01, 0.05)])
@@ -90,7 +91,7 @@ def accuracy_rows(count: int) -> Iterator[Row]:
             outline = random_star(rng, corners=(3, 9))
             size = np.linalg.norm(np.ptp(outline, axis=0))
             contact = pressure_plane(Patch(outline), [(10.0, random_load(rng, outline))])
-            law = FrictionLaw([rng.uniform(0, 0.2), 400, 40, 0.35, 10 ** rng.uniform(1.5, 3.5), rng.choice([0.0, 0.3])])
+            law = Makkar(rng.uniform(0, 0.2), 400, 40, 0.35, 10 ** rng.uniform(1.5, 3.5), rng.choice([0.0, 0.3]))
             omega = rng.choice([-1, 1]) * 10 ** rng.uniform(-6, 0.5) / size
             cx, cy = centre_of_rotation(rng, contact, size, kind) - contact.centre
             twist = np.array([cy * omega, -cx * omega, omega])

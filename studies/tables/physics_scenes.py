@@ -10,7 +10,6 @@ import shapely
 
 from towval.model import Array, FrictionLaw
 from towval.physics.contact import PressurePlane
-from towval.physics.friction_law import friction_coefficient
 
 
 def random_star(rng: np.random.Generator, corners: tuple[int, int] = (3, 16)) -> Array:
@@ -101,7 +100,7 @@ def _force_and_moment(
     """Sum over nodes at ``s`` from C."""
     rho, place = np.hypot(s[..., 0], s[..., 1]), s + centre
     pressure = (place - contact.centre) @ contact.coefficients[:2] + contact.coefficients @ (*contact.centre, 1.0)
-    force = -np.sign(omega) * weight * pressure * friction_coefficient(law, abs(omega) * rho)
+    force = -np.sign(omega) * weight * pressure * law.coefficient(abs(omega) * rho)
     force /= np.where(rho > 0, rho, 1.0)
     fx, fy = -s[..., 1] * force, s[..., 0] * force
     x, y = np.moveaxis(place - contact.centre, -1, 0)

@@ -16,7 +16,7 @@ import numpy as np
 
 from towval.model import Patch, SimulatedMotion, Tether, TimedPath, TowedObject
 from towval.physics.dynamics import DEFAULT_TOLERANCE_M, Accuracy, Outcome, feedback
-from towval.physics.friction_law import coulomb_law
+from towval.physics.friction_laws import Coulomb
 
 CUBE = TowedObject(Patch([[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]]), 5.0, [0.03, 0.02], 0.15, [0.2, 0])
 STARTS = {"slack": -0.05, "straight": 0.0, "stretched": 0.01}
@@ -31,7 +31,7 @@ def hinge_path(stretch: float) -> TimedPath:
 
 
 def solve(stiffness: float, stiction: float, stretch: float, tolerance: float) -> SimulatedMotion:
-    tether, law = Tether(0.6, stiffness), coulomb_law(0.35, stiction)
+    tether, law = Tether(0.6, stiffness), Coulomb(0.35, stiction)
     times = np.linspace(0, 5, 51)
     accuracy = Accuracy(tolerance)
     return feedback(CUBE, law, tether, hinge_path(stretch), (0, 0, 0), times, accuracy=accuracy)

@@ -35,9 +35,10 @@ from studies.tables.validation_truth import (
 from towval.io.records import read_comparison
 from towval.model import Array, Comparison, Verdict
 from towval.model.geometry import wrapped
+from towval.physics.friction_laws import fitted_law
 from towval.validation.compare import compare
 from towval.validation.decimate import decimate
-from towval.validation.simulate import friction_law, simulate
+from towval.validation.simulate import simulate
 from towval.validation.uncertainty import Case, UncertaintySettings, sample_uncertainty
 
 FAULTS = ("stripe", "centre of mass", "tether")
@@ -57,7 +58,7 @@ def judged_run(seed: int, samples: int) -> dict[str, object]:
         track = camera.measured(TOWED, run.time_s, motion)
         thin_track = decimate(track)
         simulated = simulate(run.scene, thin, thin_track, run.time_s)
-        law = friction_law(run.scene).law
+        law = fitted_law(run.scene.friction).law
         given = (run.scene, run.deviations, law, camera.nominal, ROVER, TOWED)
         return Case(*given, rover, thin, track, thin_track, simulated)
 

@@ -32,7 +32,7 @@ from towval.model import (
 )
 from towval.model.geometry import compose, rigid_fit, transform
 from towval.optics.projection import project, to_plane
-from towval.physics.friction_law import fit_makkar
+from towval.physics.friction_laws import fit_makkar
 
 GRAVITY = 9.81
 RATE_HZ = 25

@@ -28,7 +28,7 @@ from studies.frame import Part, Row, Scatter, Study
 from studies.worlds.reference import Box, towed_box
 from towval.model import Array
 from towval.physics.dynamics import DEFAULT_TOLERANCE_M, Accuracy, feedback
-from towval.physics.friction_law import coulomb_law
+from towval.physics.friction_laws import Coulomb
 from towval.physics.trailing import TRAILING_RUNGS, trail
 
 SIDE, MASS, INERTIA, FRICTION, STICTION = 0.4, 5.0, 0.4 / 3, 0.35, 1e-3
@@ -88,7 +88,7 @@ def mujoco_is_there() -> bool:
 
 
 def _methods(scene: TowScene, mujoco_steps_s: list[float]) -> Iterator[tuple[str, str, _Call]]:
-    cube, law, times = scene.towed, coulomb_law(FRICTION, STICTION), scene.times
+    cube, law, times = scene.towed, Coulomb(FRICTION, STICTION), scene.times
     given = (cube, law, scene.tether, scene.hinge, scene.start_pose, times)
     compiled_scene, state = tethered_scene(*given[:4]), state_at_rest(cube, scene.start_pose)
 

@@ -18,7 +18,7 @@ from towval.model import Array, Patch, TowedObject
 from towval.model.compiling import compiled
 from towval.model.conventions import GRAVITY_M_PER_S2
 from towval.physics.contact import resting_pressure
-from towval.physics.friction_law import coulomb_law
+from towval.physics.friction_laws import Coulomb
 from towval.physics.limit_surface import limit_surface, surface_wrench_at_centre
 from towval.physics.mesh import mesh_pressure, meshed_patch
 from towval.physics.wrench import SlidingPatch, sliding_patch, wrench_at_origin
@@ -116,7 +116,7 @@ def _on_patch(series: str, setting: str, patch: SlidingPatch, *, calls: int = _C
 
 
 def _boundary(towed: TowedObject) -> list[_Method]:
-    exact = sliding_patch(resting_pressure(towed), coulomb_law(FRICTION, STICTION))
+    exact = sliding_patch(resting_pressure(towed), Coulomb(FRICTION, STICTION))
     methods = [_on_patch("boundary integral", "edges whole", exact, default=True)]
     for pieces in (2, 4):
         start, tangent = exact.edges[:, :2], exact.edges[:, 2:4]
@@ -129,7 +129,7 @@ def _boundary(towed: TowedObject) -> list[_Method]:
 
 def _area(towed: TowedObject) -> list[_Method]:
     box = Box((SIDE, SIDE), MASS, CENTRE, 1.0, (0.0, 0.0), FRICTION, STICTION)
-    law, loads = coulomb_law(FRICTION, STICTION), [(MASS * GRAVITY_M_PER_S2, CENTRE)]
+    law, loads = Coulomb(FRICTION, STICTION), [(MASS * GRAVITY_M_PER_S2, CENTRE)]
     coarse = mesh_pressure(towed.patch, loads, SIDE / 4)
     methods = []
     for panels, order in ((1, 4), (1, 8), (2, 8), (4, 8), (8, 8)):
@@ -145,7 +145,7 @@ def _area(towed: TowedObject) -> list[_Method]:
 
 
 def _meshes(towed: TowedObject, element_sizes_m: list[float]) -> list[_Method]:
-    law, loads = coulomb_law(FRICTION, STICTION), [(MASS * GRAVITY_M_PER_S2, CENTRE)]
+    law, loads = Coulomb(FRICTION, STICTION), [(MASS * GRAVITY_M_PER_S2, CENTRE)]
     methods = []
     for size in element_sizes_m:
         # ASSUME: as study.mesh_studies, the paper's element size is 1/2.8 of the longest side of a cell.
@@ -156,7 +156,7 @@ def _meshes(towed: TowedObject, element_sizes_m: list[float]) -> list[_Method]:
 
 
 def _cheap(towed: TowedObject, parts: list[int]) -> list[_Method]:
-    contact, law = resting_pressure(towed), coulomb_law(FRICTION, STICTION)
+    contact, law = resting_pressure(towed), Coulomb(FRICTION, STICTION)
     exact, surface = sliding_patch(contact, law), limit_surface(contact, law)
     numbers, friction = np.array([surface.normal_force, surface.radius**2]), exact.table
     methods = [

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from footprints import rectangle
-from towval.model import FrictionLaw, Tether, TimedPath, TowedObject
-from towval.physics.friction_law import coulomb_law
+from towval.model import Tether, TimedPath, TowedObject
+from towval.physics.friction_laws import Coulomb, Makkar
 
 
 @pytest.fixture(scope="session")
@@ -15,7 +15,7 @@ def square():
 
 @pytest.fixture(scope="session")
 def makkar():
-    return FrictionLaw([0.06, 400, 40, 0.35, 800, 0])
+    return Makkar(0.06, 400, 40, 0.35, 800, 0)
 
 
 @pytest.fixture(scope="session")
@@ -30,4 +30,4 @@ def lap():
     tau = 2 * np.pi * t / 400.0
     scale = 1 + np.sin(tau) ** 2
     hinge = TimedPath(t, np.column_stack([np.cos(tau), np.sin(tau) * np.cos(tau)]) / scale[:, None])
-    return coulomb_law(0.35, 1e-3), Tether(0.6, 1000.0), hinge, (1.0, -0.8, np.pi / 2)
+    return Coulomb(0.35, 1e-3), Tether(0.6, 1000.0), hinge, (1.0, -0.8, np.pi / 2)

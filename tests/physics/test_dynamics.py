@@ -12,11 +12,11 @@ from oracles import (
     LAP_FINAL_POSE,
     coast_speed,
 )
-from towval.model import FrictionLaw, Patch, Tether, TimedPath, TowedObject
+from towval.model import Patch, Tether, TimedPath, TowedObject
 from towval.model.errors import InputError
 from towval.model.geometry import transform
 from towval.physics.dynamics import Accuracy, Outcome, feedback, feedforward
-from towval.physics.friction_law import coulomb_law
+from towval.physics.friction_laws import Coulomb, Makkar
 from towval.physics.mesh import mesh_pressure, meshed_patch
 from towval.physics.quasistatic import quasistatic_plan
 from towval.physics.tether import tether_force
@@ -29,7 +29,7 @@ def coast(towed, law, twist, times, **options):
 
 
 def test_coasting_down_has_the_closed_form(cube):
-    law = coulomb_law(COAST["mu"], COAST["v_s"])
+    law = Coulomb(COAST["mu"], COAST["v_s"])
     motion = coast(cube, law, (COAST["v0"], 0, 0), [0.0, COAST["t"], 2.0], accuracy=Accuracy(1e-12))
     assert coast_speed(**COAST) == pytest.approx(COAST_SPEED, abs=1e-12)
     assert motion.outcome == Outcome.CONVERGED
@@ -40,7 +40,7 @@ def test_coasting_down_has_the_closed_form(cube):
 def test_steady_pull_against_viscous_friction_has_the_closed_form(cube):
     """Once Coulomb's part has saturated, m dv/dt = T − μ N − γ6 N v."""
     mu, viscous, pull = 0.3, 0.5, 20.0
-    law = FrictionLaw([0.0, 0.0, 0.0, mu, 1e6, viscous])
+    law = Makkar(0.0, 0.0, 0.0, mu, 1e6, viscous)
     times = np.linspace(0, 1.5, 16)
     force = TimedPath([0.0, 1.5], [[pull, 0.0]] * 2)
     motion = feedforward(cube, law, force, (0, 0, 0), times, accuracy=Accuracy(1e-11))
@@ -66,7 +66,7 @@ def test_force_does_the_work_that_becomes_motion_and_heat(cube, makkar):
     work = (transform(motion.pose, cube.anchor) - transform(frame, cube.anchor)) @ force
     assert kinetic[-1] > 1.0
     assert (np.diff(work - kinetic) > 0).all()
-    frictionless = coulomb_law(1e-12, 1.0)
+    frictionless = Coulomb(1e-12, 1.0)
     free = feedforward(
         cube, frictionless, TimedPath([0.0, 1.0], [force, force]), frame, times, accuracy=Accuracy(1e-12)
     )
@@ -77,7 +77,7 @@ def test_force_does_the_work_that_becomes_motion_and_heat(cube, makkar):
 
 def test_planned_force_applied_blindly_follows_the_plan_only_if_started_as_planned(cube):
     """Friction that rises with speed keeps a feedforward motion close; the first swing from rest is never made up."""
-    law = FrictionLaw([0.0, 0.0, 0.0, 0.35, 1e3, 0.5])
+    law = Makkar(0.0, 0.0, 0.0, 0.35, 1e3, 0.5)
     time = np.linspace(0, 20, 2001)
     path = np.column_stack([np.cos(0.1 * time), np.sin(0.1 * time)])
     plan = quasistatic_plan(cube, law, TimedPath(time, path), Tether(0.6, 1000.0))
@@ -109,7 +109,7 @@ def test_integrator_has_the_order_of_its_method(cube):
     """Error over steps, on a smooth motion: Rodas5P is of order five."""
     time = np.linspace(0, 4, 401)
     force = CubicSpline(time, np.column_stack([20 + 3 * np.sin(2 * time), 4 * np.cos(time)]))
-    scene = (cube, coulomb_law(0.35, 0.05), force, (0, 0, 0), [0, 4.0])
+    scene = (cube, Coulomb(0.35, 0.05), force, (0, 0, 0), [0, 4.0])
 
     def solved(tolerance):
         return feedforward(*scene, start_twist=(0.1, 0.02, 0.1), accuracy=Accuracy(tolerance))
@@ -123,7 +123,7 @@ def test_integrator_has_the_order_of_its_method(cube):
 
 def test_sliding_and_spinning_disk_stops_both_at_once():
     angle = 2 * np.pi * np.arange(64) / 64
-    mass, radius, law = 2.0, 0.3, coulomb_law(0.3, 1e-6)
+    mass, radius, law = 2.0, 0.3, Coulomb(0.3, 1e-6)
     patch = Patch(radius * np.column_stack([np.cos(angle), np.sin(angle)]))
     disk = TowedObject(patch, mass, [0, 0], mass * radius**2 / 2, [0, 0])
     motion = coast(disk, law, (0.3, 0, 0.8), np.linspace(0, 0.2, 200_001), accuracy=Accuracy(1e-10))
@@ -148,7 +148,7 @@ def test_stiction_velocity_matters_more_than_the_mesh(cube, lap):
     law, tether, hinge, start = lap
     times = np.linspace(0, 400, 101)
     exact = feedback(cube, law, tether, hinge, start, times).pose[:, :2]
-    sharper = feedback(cube, coulomb_law(0.35, 1e-4), tether, hinge, start, times).pose[:, :2]
+    sharper = feedback(cube, Coulomb(0.35, 1e-4), tether, hinge, start, times).pose[:, :2]
     assert np.linalg.norm(sharper - exact, axis=1).max() == pytest.approx(5.5e-3, abs=1e-3)
     mesh = meshed_patch(mesh_pressure(cube.patch, [(cube.mass * 9.81, (0, 0))], 0.028), law)
     assert len(mesh.area_nodes) == pytest.approx(1352, rel=0.1)
@@ -240,7 +240,7 @@ def test_extreme_stiffness_and_stiction_are_right_or_named(cube, stiffness, stic
     time = np.linspace(0, 2, 101)
     advance = 0.1 * time - 0.06 * np.sin(np.pi * time)
     hinge = TimedPath(time, np.column_stack([0.8 + start + advance, 0.05 * advance]))
-    scene = (cube, coulomb_law(0.35, stiction), Tether(0.6, stiffness), hinge, (0, 0, 0), time[::10])
+    scene = (cube, Coulomb(0.35, stiction), Tether(0.6, stiffness), hinge, (0, 0, 0), time[::10])
     motion, reference = feedback(*scene), feedback(*scene, accuracy=Accuracy(1e-10))
     assert reference.outcome == Outcome.CONVERGED
     if motion.outcome == Outcome.CONVERGED:

@@ -6,7 +6,7 @@ from oracles import SQUARE_SPIN_M, TRACTRIX, disk_wrench
 from towval.model import Tether, TimedPath, TowedObject
 from towval.model.errors import InputError
 from towval.physics.contact import pressure_plane, resting_pressure
-from towval.physics.friction_law import coulomb_law
+from towval.physics.friction_laws import Coulomb
 from towval.physics.ladder import RUNGS, choose_rung, simulate_rung
 from towval.physics.limit_surface import limit_surface, limit_surface_wrench
 from towval.physics.wrench import friction_wrench, sliding_patch
@@ -42,7 +42,7 @@ def test_limit_surface_is_a_tenth_off_in_between():
 def test_tractrix_has_the_closed_form():
     towed = TowedObject(rectangle(1e-3, 1e-3), 1.0, [0, 0], 1e-3, [0, 0])
     start = (0, -TRACTRIX["length"], np.pi / 2)
-    motion = simulate_rung("tractrix", towed, coulomb_law(0.35, 1e-3), STIFF, STRAIGHT, start, TIMES)
+    motion = simulate_rung("tractrix", towed, Coulomb(0.35, 1e-3), STIFF, STRAIGHT, start, TIMES)
     assert motion.pose[-1, :2] == pytest.approx(TRACTRIX["object_m"], abs=1e-9)
     assert motion.pose[-1, 2] == pytest.approx(TRACTRIX["theta"], abs=1e-9)
 
@@ -53,7 +53,7 @@ def test_every_rung_tows_a_small_object_along_the_tractrix(rung):
     towed = TowedObject(rectangle(0.01, 0.01), 1.0, [0, 0], 1e-4, [0, 0])
     slow = TimedPath(400 * STRAIGHT.time_s, STRAIGHT.position)
     tether, start = Tether(TRACTRIX["length"], 1e5), (0, -TRACTRIX["length"], np.pi / 2)
-    motion = simulate_rung(rung, towed, coulomb_law(0.35, 1e-5), tether, slow, start, 400 * TIMES)
+    motion = simulate_rung(rung, towed, Coulomb(0.35, 1e-5), tether, slow, start, 400 * TIMES)
     assert motion.outcome == "converged"
     assert motion.pose[-1, :2] == pytest.approx(TRACTRIX["object_m"], abs=1e-3)
     assert motion.rung == rung

@@ -6,7 +6,7 @@ from oracles import SQUARE_LOAD_N, rectangle_pressure
 from towval.model import Patch
 from towval.model.errors import InputError, RefusedError
 from towval.physics.contact import pressure_plane
-from towval.physics.friction_law import coulomb_law
+from towval.physics.friction_laws import Coulomb
 from towval.physics.mesh import mesh_pressure, meshed_patch, triangulate
 from towval.physics.wrench import friction_wrench, sliding_patch, wrench_and_slopes, wrench_at_origin
 
@@ -74,7 +74,7 @@ def test_mesh_and_boundary_converge_to_each_other(square, makkar, twist):
 
 def test_friction_factor_of_one_half_on_one_side_halves_that_sides_share(square):
     pressure = mesh_pressure(square, [(10.0, (0, 0))], 0.02)
-    law = coulomb_law(0.4, 1e-6)
+    law = Coulomb(0.4, 1e-6)
     patch = meshed_patch(pressure, law, factor=lambda place: np.where(place[:, 0] > 0, 0.5, 1.0))
     force_x, force_y, moment = friction_wrench(patch, (0.0, 0.1, 0.0))
     assert (force_x, force_y) == pytest.approx((0, -0.4 * 10 * 0.75), rel=1e-2, abs=1e-9)
@@ -82,7 +82,7 @@ def test_friction_factor_of_one_half_on_one_side_halves_that_sides_share(square)
 
 
 def test_anisotropic_friction_is_that_of_the_direction_of_sliding(square):
-    pressure, law = mesh_pressure(square, [(10.0, (0, 0))], 0.04), coulomb_law(0.4, 1e-6)
+    pressure, law = mesh_pressure(square, [(10.0, (0, 0))], 0.04), Coulomb(0.4, 1e-6)
     patch = meshed_patch(pressure, law, anisotropy=((4.0, 0.0), (0.0, 1.0)))
     assert friction_wrench(patch, (0.1, 0, 0))[:2] == pytest.approx((-8.0, 0.0), abs=1e-9)
     assert friction_wrench(patch, (0, 0.1, 0))[:2] == pytest.approx((0.0, -4.0), abs=1e-9)

@@ -8,7 +8,7 @@ from towval.model.errors import InputError
 from towval.model.geometry import rotation, transform
 from towval.physics.contact import resting_pressure
 from towval.physics.dynamics import feedback
-from towval.physics.friction_law import coulomb_law
+from towval.physics.friction_laws import Coulomb
 from towval.physics.quasistatic import quasistatic_plan
 from towval.physics.wrench import friction_wrench, sliding_patch
 
@@ -46,7 +46,7 @@ def test_tracked_point_stays_on_the_path(cube, makkar):
 def test_straight_path_needs_the_friction_force_and_no_turning(cube):
     time = np.linspace(0, 140, 1401)
     path = TimedPath(time, np.outer(0.01 * time, [np.sqrt(0.5), np.sqrt(0.5)]))
-    plan = quasistatic_plan(cube, coulomb_law(0.35, 1e-6), path, TETHER)
+    plan = quasistatic_plan(cube, Coulomb(0.35, 1e-6), path, TETHER)
     assert plan.pose[:, 2] == pytest.approx(np.pi / 4, abs=1e-12)
     assert np.linalg.norm(plan.tether_force, axis=1) == pytest.approx(0.35 * 5 * 9.81, rel=1e-9)
 
@@ -64,7 +64,7 @@ def test_heading_converges_with_third_order(cube, makkar):
 
 
 def test_feedback_along_the_planned_hinge_follows_the_plan(cube):
-    law = coulomb_law(0.35, 1e-3)
+    law = Coulomb(0.35, 1e-3)
     plan = quasistatic_plan(cube, law, lemniscate(600, 6000), TETHER)
     motion = feedback(cube, law, TETHER, plan.hinge, plan.pose[0], plan.time_s[::100], start_twist=plan.twist[0])
     assert motion.outcome == "converged"
@@ -78,7 +78,7 @@ def test_small_patch_towed_far_off_is_a_tractrix():
     path = TimedPath([0.0, 1.0], [[0.0, 0.0], [TRACTRIX["s"], 0.0]])
     plan = quasistatic_plan(
         towed,
-        coulomb_law(0.3, 1e-6),
+        Coulomb(0.3, 1e-6),
         path,
         TETHER,
         point=towed.anchor,

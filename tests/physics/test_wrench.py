@@ -1,4 +1,3 @@
-import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -15,12 +14,13 @@ from oracles import (
     disk_wrench,
     rectangle_spin,
 )
-from towval.model import FrictionLaw, Patch
+from quadrature import reference_wrench
+from towval.model import Patch
 from towval.physics.contact import pressure_plane
-from towval.physics.friction_law import coulomb_law, friction_coefficient
+from towval.physics.friction_laws import Coulomb, Makkar
 from towval.physics.wrench import friction_wrench, sliding_patch, wrench_and_slopes, wrench_at_origin
 
-COULOMB = coulomb_law(1.0, 1e-12)
+COULOMB = Coulomb(1.0, 1e-12)
 
 
 def regular_polygon(n, radius=1.0):
@@ -67,45 +67,6 @@ def test_four_points_are_not_a_patch():
     assert np.hypot(0.2, 0.2) / SQUARE_SPIN_M == pytest.approx(FOUR_CORNERS_OVER_PATCH, abs=5e-4)
 
 
-def reference_wrench(contact, law, twist, order=40, levels=12):
-    """High-order quadrature that shares nothing with the module: polar panels about the centre of rotation.
-
-    Each triangle of a triangulation is cut into the signed triangles that C spans with its sides; on those the radius
-    is integrated from C by Gauss panels graded towards C, the side by Gauss panels graded towards the foot of C.
-    """
-    x, w = np.polynomial.legendre.leggauss(order)
-    x, w = (x + 1) / 2, w / 2
-    grade = np.concatenate([[0.0], 4.0 ** np.arange(-levels, 1)])
-    radial = np.concatenate([a + (b - a) * x for a, b in itertools.pairwise(grade)])
-    radial_weight = np.concatenate([(b - a) * w for a, b in itertools.pairwise(grade)])
-    vx, vy, omega = twist
-    centre = np.array([-vy, vx]) / omega
-    total = np.zeros(3)
-    for x0, y0, x1, y1 in contact.edges:
-        a, b = np.array([x0, y0]) - centre, np.array([x1, y1]) - centre
-        side, length = b - a, np.hypot(*(b - a))
-        foot = np.clip(-(a @ side) / length**2, 0, 1)
-        cuts = [0.0, 1.0, foot]
-        for g in grade[1:]:
-            cuts += [foot - g * foot, foot + g * (1 - foot)]
-        cuts = np.unique(cuts)
-        for u0, u1 in itertools.pairwise(cuts):
-            u, wu = u0 + (u1 - u0) * x, (u1 - u0) * w
-            rays = a + u[:, None] * side
-            s = rays[:, None, :] * radial[None, :, None]
-            jacobian = (rays[:, 0] * side[1] - rays[:, 1] * side[0])[:, None] * radial[None, :]
-            weight = wu[:, None] * radial_weight[None, :] * jacobian
-            rho = np.hypot(s[..., 0], s[..., 1])
-            place = s + centre
-            pressure = place @ contact.coefficients[:2] + contact.coefficients[2]
-            force = -np.sign(omega) * weight * pressure * friction_coefficient(law, abs(omega) * rho)
-            with np.errstate(invalid="ignore", divide="ignore"):
-                direction = np.where(rho[..., None] > 0, np.stack([-s[..., 1], s[..., 0]], -1) / rho[..., None], 0.0)
-            fx, fy = force * direction[..., 0], force * direction[..., 1]
-            total += [fx.sum(), fy.sum(), (place[..., 0] * fy - place[..., 1] * fx).sum()]
-    return total
-
-
 def random_scene(rng):
     outline = random_star(rng, corners=(3, 8))
     polygon = shapely.Polygon(outline)
@@ -114,7 +75,7 @@ def random_scene(rng):
     middle = shapely.get_coordinates(polygon.convex_hull.centroid)[0]
     place = middle + rng.uniform(0, 0.8) * (inside - middle)
     contact = pressure_plane(Patch(outline), [(10.0, place)])
-    law = FrictionLaw([*(rng.uniform(0, 0.2, 1)), 400, 40, 0.35, 10 ** rng.uniform(1.5, 3.5), rng.choice([0.0, 0.3])])
+    law = Makkar(*(rng.uniform(0, 0.2, 1)), 400, 40, 0.35, 10 ** rng.uniform(1.5, 3.5), rng.choice([0.0, 0.3]))
     return contact, law, size
 
 
@@ -195,7 +156,7 @@ def wrench_over_triangles(contact, law, twist, order=24):
         px, py = a[:, None] + np.outer(b - a, u) + np.outer(c - b, u * v)
         ux, uy = twist[0] - twist[2] * py, twist[1] + twist[2] * px
         speed, area = np.hypot(ux, uy), abs((b - a)[0] * (c - b)[1] - (b - a)[1] * (c - b)[0])
-        force = area * weight * contact.pressure(np.column_stack([px, py])) * friction_coefficient(law, speed) / speed
+        force = area * weight * contact.pressure(np.column_stack([px, py])) * law.coefficient(speed) / speed
         total -= [(force * ux).sum(), (force * uy).sum(), (force * (px * uy - py * ux)).sum()]
     return total
 

@@ -23,7 +23,7 @@ from towval.model import (
 from towval.model.errors import InputError
 from towval.model.geometry import rigid_fit, transform
 from towval.optics.projection import project, to_plane
-from towval.physics.friction_law import fit_makkar
+from towval.physics.friction_laws import fit_makkar
 from towval.validation.compare import compare
 from towval.validation.decimate import decimate
 from towval.validation.simulate import simulate

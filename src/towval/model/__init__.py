@@ -17,10 +17,10 @@ from towval.model.camera import (
 from towval.model.checks import Array, locked
 from towval.model.choices import Choice
 from towval.model.findings import Finding, Severity
+from towval.model.friction import FrictionLaw, check_friction_law
 from towval.model.identification import Identification, Prediction
 from towval.model.results import Comparison, RunUncertainty, SimulatedMotion, TimedPath, Verdict
 from towval.model.towing import (
-    FrictionLaw,
     FrictionSpecification,
     InputDeviations,
     Load,
@@ -65,5 +65,6 @@ __all__ = [
     "UncertaintyMap",
     "Verdict",
     "View",
+    "check_friction_law",
     "locked",
 ]

@@ -29,22 +29,6 @@ class Patch:
 
 
 @dataclass(frozen=True)
-class FrictionLaw:
-    """Makkar's friction coefficient of the sliding speed, μ(v).
-
-    SOURCE: eq. (3), ``μ(v) = γ1 (tanh γ2 v − tanh γ3 v) + γ4 tanh γ5 v + γ6 v``. ``gamma`` (6,): γ1, γ4 [1], γ2, γ3,
-    γ5, γ6 [s/m], all zero or more.
-    """
-
-    gamma: Array
-
-    def __post_init__(self) -> None:
-        lock(self, gamma=(6,))
-        if (self.gamma < 0).any():
-            raise InputError("FrictionLaw.gamma is out of range", got=self.gamma.tolist(), allowed="zero or more")
-
-
-@dataclass(frozen=True)
 class Tether:
     """An elastic tether that can only pull, eq. (12) of the paper.
 
@@ -103,10 +87,11 @@ class Load:
 
 @dataclass(frozen=True)
 class FrictionSpecification:
-    """What a lab knows of the friction: the numbers to which Makkar's law is fitted.
+    """What a lab knows of the friction: the numbers to which a friction law is fitted, and which law.
 
     ``static`` and ``kinetic`` coefficients [1], ``kinetic_std`` [1]; ``stiction_velocity`` v_s, where the law peaks,
-    and ``friction_velocity`` v_k, where it has come down to the kinetic coefficient [m/s].
+    and ``friction_velocity`` v_k, where it has come down to the kinetic coefficient [m/s]; ``law`` its name in
+    :data:`towval.physics.friction_laws.LAWS`.
     """
 
     static: float
@@ -114,6 +99,7 @@ class FrictionSpecification:
     stiction_velocity: float
     friction_velocity: float
     kinetic_std: float = 0.005
+    law: str = "makkar"
 
     def __post_init__(self) -> None:
         positive(self, "static", "kinetic", "stiction_velocity", "friction_velocity")

@@ -6,25 +6,26 @@ The wrench of a turning patch needs, beside μ itself, the means of μ along a r
 
 They are bounded and analytic for u > 0, with the nearest singularities at a distance of u or more. So equal parts of a
 binade serve every u alike: each of 64 parts holds polynomials of degree four (interpolated in Chebyshev's
-points) for μ, m_1, m_2 and m_3, good to some 1e-13. Below the table the law is linear to rounding, above it tanh
-has saturated and closed forms hold. The viscous term is linear in u and added in closed form.
+points) for μ, m_1, m_2 and m_3, good to some 1e-13 for laws made of tanh. Below the table the law is linear to
+rounding, above it has reached its plateau and closed forms hold; the viscous term is linear and added there.
 """
 
 from __future__ import annotations
 
 import functools
+import math
 
 import numpy as np
 
-from towval.model import Array, FrictionLaw
+from towval.model import Array, FrictionLaw, check_friction_law
 from towval.model.compiling import compiled
-from towval.physics.friction_law import friction_coefficient
+from towval.model.errors import InputError
+from towval.model.friction import ScaledLaw
 from towval.physics.lanes import Lanes, lanes, load_lanes, multiply_add
 
 _PARTS_LOG2 = 6  # parts of a binade: 2⁶
 _DEGREE = 4
-_SATURATION = 20.0  # tanh 20 is 1 to rounding
-_LINEAR = 1e-4  # tanh x is x to 4e-13 below
+_MISFIT_LIMIT = 1e-8  # relative, of a tabulated law; a smooth one stays below 1e-11
 
 # The table is one flat array, so that compiled code passes it on for nothing: a head, then the polynomials.
 LOWEST, HIGHEST, SLOPE, VISCOUS, FIRST_PART, PLATEAU = 0, 1, 2, 3, 4, 5  # then c_1, c_2, c_3
@@ -43,35 +44,49 @@ def friction_table(law: FrictionLaw) -> Array:
     Returns
     -------
     ndarray
-        Head: lowest and highest speed covered [m/s], dμ/dv at rest [s/m], γ6 [s/m], number of
-        the first part, the asymptote μ_∞ and c_n in ``m_n → μ_∞/(n+1) + c_n/u^(n+1)``. Then, for each part, each power
+        Head: lowest and highest speed covered [m/s], dμ/dv at rest [s/m], viscous slope [s/m], number of
+        the first part, the plateau μ_∞ and c_n in ``m_n → μ_∞/(n+1) + c_n/u^(n+1)``. Then, for each part, each power
         of the local variable in [−1, 1] and each of μ, m_1, m_2, m_3, a coefficient.
     """
-    return _tabulated(tuple(law.gamma.tolist()))
+    if isinstance(law, ScaledLaw):  # Uncertainty draws hundreds of them: the table is linear in the law.
+        base = friction_table(law.law)
+        table = base * law.factor
+        table[[LOWEST, HIGHEST, FIRST_PART]] = base[[LOWEST, HIGHEST, FIRST_PART]]
+        return table
+    return _tabulated(law)
 
 
 @functools.lru_cache(maxsize=32)
-def _tabulated(gamma: tuple[float, ...]) -> Array:
-    g1, g2, g3, g4, g5, viscous = gamma
-    law = FrictionLaw(np.array(gamma))
-    rates = [rate for share, rate in ((g1, g2), (g1, g3), (g4, g5)) if share > 0 and rate > 0]
-    slope = g1 * (g2 - g3) + g4 * g5 + viscous
-    if not rates:
-        rates = [1.0]
-    binades = np.floor(np.log2(_LINEAR / max(rates))), np.ceil(np.log2(_SATURATION / min(rates)))
+def _tabulated(law: FrictionLaw) -> Array:
+    check_friction_law(law)
+    lowest, highest = law.speed_range
+    slope, plateau, viscous = float(law.slope(0.0)), law.plateau, law.viscous
+    binades = math.floor(math.log2(lowest)), math.ceil(math.log2(highest))
     parts = 2**_PARTS_LOG2
-    exponents = np.arange(binades[0], binades[1])
+    exponents = np.arange(*binades)
     starts = (2.0 ** exponents[:, None] * (1 + np.arange(parts) / parts)).ravel()
     widths = (2.0 ** exponents[:, None] * np.full(parts, 1 / parts)).ravel()
     integrals = _cumulative_integrals(law, slope, starts, widths)
-    coefficients = _local_polynomials(law, starts, widths, integrals).ravel()
+    coefficients = _local_polynomials(law, starts, widths, integrals)
+    _check_smoothness(law, starts + widths, coefficients[..., 0].sum(axis=1))
     highest = 2.0 ** binades[1]
-    plateau = float(friction_coefficient(law, highest)) - viscous * highest
     powers = np.arange(2, 5)
     constants = integrals[-1] - plateau * highest**powers / powers - viscous * highest ** (powers + 1) / (powers + 1)
     first_part = np.float64(starts[0]).view(np.int64) >> _SHIFT
     head = [starts[0], highest, slope, viscous, first_part, plateau, *constants]
-    return np.concatenate([head, coefficients])
+    return np.concatenate([head, coefficients.ravel()])
+
+
+def _check_smoothness(law: FrictionLaw, speed: Array, tabulated: Array) -> None:
+    """Refuse a law that the polynomials do not follow: ``tabulated`` values at the ends of their parts."""
+    misfit = np.abs(tabulated - law.coefficient(speed)) / law.coefficient(speed)
+    if misfit.max() > _MISFIT_LIMIT:
+        raise InputError(
+            f"the friction law '{law.name}' is not smooth enough to be tabulated",
+            got=f"relative misfit {misfit.max():.1e} at {speed[misfit.argmax()]:.3g} m/s",
+            allowed=f"up to {_MISFIT_LIMIT:.0e}",
+            remedy="round off kinks and jumps, as with tanh",
+        )
 
 
 def _cumulative_integrals(law: FrictionLaw, slope: float, starts: Array, widths: Array) -> Array:
@@ -86,7 +101,7 @@ def _integrals_over(law: FrictionLaw, starts: Array, widths: Array) -> Array:
     """∫ μ vⁿ dv from each start over each width, by Gauss-Legendre (..., 3)."""
     nodes, weights = np.polynomial.legendre.leggauss(6)
     speed = starts[..., None] + widths[..., None] * (nodes + 1) / 2
-    values = friction_coefficient(law, speed) * weights / 2 * widths[..., None]
+    values = law.coefficient(speed) * weights / 2 * widths[..., None]
     return np.stack([(values * speed**n).sum(axis=-1) for n in (1, 2, 3)], axis=-1)
 
 
@@ -97,7 +112,7 @@ def _local_polynomials(law: FrictionLaw, starts: Array, widths: Array, integrals
     speed = starts[:, None] + offsets
     to_node = _integrals_over(law, np.broadcast_to(starts[:, None], speed.shape), offsets)
     means = (integrals[:-1, None, :] + to_node) / speed[..., None] ** np.arange(2, 5)
-    values = np.concatenate([friction_coefficient(law, speed)[..., None], means], axis=-1)
+    values = np.concatenate([law.coefficient(speed)[..., None], means], axis=-1)
     return np.linalg.inv(np.vander(local, increasing=True)) @ values
 
 

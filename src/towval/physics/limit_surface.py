@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from towval.model import Array, FrictionLaw, locked
 from towval.model.compiling import compiled
 from towval.physics.contact import PressurePlane
-from towval.physics.friction_law import coulomb_law
+from towval.physics.friction_laws import Coulomb
 from towval.physics.friction_table import coefficient_over_speed, friction_table
 from towval.physics.wrench import friction_wrench, sliding_patch
 
@@ -40,7 +40,7 @@ def limit_surface(contact: PressurePlane, law: FrictionLaw) -> LimitSurface:
     """The limit surface that has the patch's own force in translation and its own moment in rotation."""
     x, y = contact.centre
     # Unit Coulomb friction turning about the centre of pressure: its moment is N times the mean distance.
-    spin = friction_wrench(sliding_patch(contact, coulomb_law(1.0, 1e-9)), (y, -x, 1.0))
+    spin = friction_wrench(sliding_patch(contact, Coulomb(1.0, 1e-9)), (y, -x, 1.0))
     moment = spin[2] - (x * spin[1] - y * spin[0])
     return LimitSurface(contact.centre, contact.normal_force, float(-moment / contact.normal_force), law)
 

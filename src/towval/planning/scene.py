@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from towval.model import Array, FrictionLaw, FrictionSpecification, Patch, Tether, TowedObject
+from towval.model import Array, FrictionSpecification, Patch, Tether, TowedObject
 from towval.model.geometry import polygon_area, polygon_centroid
 from towval.physics.contact import resting_pressure
-from towval.physics.friction_law import fit_makkar
+from towval.physics.friction_laws import fitted_law
 from towval.physics.wrench import SlidingPatch, sliding_patch
 from towval.planning import paths
 from towval.planning.kinematics import Rover, symmetric_rover
@@ -75,13 +75,6 @@ def friction_of(keys: Mapping[str, float]) -> FrictionSpecification:
     )
 
 
-def friction_law(specification: FrictionSpecification) -> FrictionLaw:
-    """Makkar's law for the four numbers."""
-    return fit_makkar(
-        specification.static, specification.kinetic, specification.stiction_velocity, specification.friction_velocity
-    ).law
-
-
 def _curves(sizes: Mapping[str, float]) -> dict[str, paths.Curve]:
     curves = (
         paths.line(sizes["line_length_m"]),
@@ -125,4 +118,4 @@ def _polar_radius_squared(outline: Array) -> float:
 
 def resting_patch(scene: PlanScene) -> SlidingPatch:
     """The object's footprint under its load, with its friction law."""
-    return sliding_patch(resting_pressure(scene.cube), friction_law(scene.friction))
+    return sliding_patch(resting_pressure(scene.cube), fitted_law(scene.friction).law)

@@ -18,8 +18,8 @@ from towval.model import (
     TowingScene,
     Track,
 )
+from towval.physics.friction_laws import fitted_law
 from towval.selection.margin import SHARE
-from towval.validation.simulate import friction_law
 from towval.validation.uncertainty import Case, UncertaintySampling, UncertaintySettings, sample_uncertainty
 
 DRAWS = (128, 256, 512, 1024, 2048)
@@ -45,7 +45,7 @@ def gather(
     return Case(
         scene=scene,
         deviations=deviations,
-        law=friction_law(scene).law,
+        law=fitted_law(scene.friction).law,
         calibration=calibration,
         rover=rover,
         towed=towed,

@@ -66,9 +66,7 @@ def _with(point: Any, axis: int, value: float) -> Any:
 
 
 def _friction(scene: TowingScene, law: FrictionLaw, value: float) -> Changed:
-    # γ1, γ4 and γ6 are the amplitudes of Makkar's law: scaling them scales static and kinetic friction alike.
-    factor = value / scene.friction.kinetic
-    return scene, FrictionLaw(law.gamma * np.array([factor, 1, 1, factor, 1, factor]))
+    return scene, law.scaled(value / scene.friction.kinetic)
 
 
 def _tether(name: Literal["rest_length", "stiffness"], unit: str, scale: float, reach: float) -> Parameter:

@@ -27,10 +27,11 @@ from towval.model import (
 from towval.model.errors import InputError, RefusedError, TowvalError
 from towval.model.geometry import block_means, wrapped
 from towval.physics.dynamics import Accuracy
+from towval.physics.friction_laws import fitted_law
 from towval.physics.ladder import simulate_rung
 from towval.physics.mass import towed_object
 from towval.validation.identifiable import PARAMETERS, has_a_load, titled
-from towval.validation.simulate import friction_law, hinge_path
+from towval.validation.simulate import hinge_path
 
 _STEP = 0.1
 """Step of the difference quotients, in units of a parameter's scale: below it the phase of stick and slip is noise."""
@@ -137,7 +138,7 @@ def identify(
             "the object has no load whose place or mass could be identified",
             remedy="leave load_x, load_y and load_mass out",
         )
-    fit = _Fit(scene, friction_law(scene).law, deviations, settings)
+    fit = _Fit(scene, fitted_law(scene.friction).law, deviations, settings)
     found = fit.values(runs, fit.starts(runs)[:_STARTS])
     covariance = fit.covariance(found, runs)
     identifiable, findings = _identifiability(settings.parameters, covariance, fit.reach)

@@ -12,7 +12,7 @@ from towval.model.errors import InputError, RefusedError
 from towval.model.geometry import transform
 from towval.physics.creep import creep_length
 from towval.physics.dynamics import Accuracy, Outcome
-from towval.physics.friction_law import FitResult, fit_makkar
+from towval.physics.friction_laws import FittedLaw, fitted_law
 from towval.physics.ladder import RUNGS, LadderChoice, choose_rung, simulate_rung
 from towval.physics.mass import towed_object
 
@@ -43,14 +43,6 @@ class SimulateSettings:
             raise InputError(
                 "simulate.rung_tolerance_m is out of range", got=self.rung_tolerance_m, allowed="1e-9 to 1 m"
             )
-
-
-def friction_law(scene: TowingScene) -> FitResult:
-    """Makkar's law fitted to the scene's four friction numbers."""
-    specification = scene.friction
-    return fit_makkar(
-        specification.static, specification.kinetic, specification.stiction_velocity, specification.friction_velocity
-    )
 
 
 def hinge_path(rover: DecimatedTrack, hinge: Array, times: Array) -> TimedPath:
@@ -101,7 +93,7 @@ def simulate(
             got=f"{begin} s to {end} s",
             remedy="look at the findings of the stage track",
         )
-    target, law = towed_object(scene), friction_law(scene)
+    target, law = towed_object(scene), fitted_law(scene.friction)
     hinge = hinge_path(rover, scene.hinge, inside)
     given = (target, law.law, scene.tether, hinge, towed.spline()(inside[0]), inside)
     choice = choose_rung(*given, settings.rung_tolerance_m, accuracy=Accuracy(settings.tolerance_m))
@@ -166,7 +158,7 @@ def _error_findings(u_num: float, crept: float, settings: SimulateSettings) -> l
 
 
 def _findings(
-    scene: TowingScene, law: FitResult, motion: SimulatedMotion, hinge: TimedPath, asked: Array, used: Array
+    scene: TowingScene, law: FittedLaw, motion: SimulatedMotion, hinge: TimedPath, asked: Array, used: Array
 ) -> list[Finding]:
     findings = []
     if motion.outcome != Outcome.CONVERGED:

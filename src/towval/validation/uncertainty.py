@@ -329,13 +329,11 @@ class _Sampler:
 
     def _simulate(self, scene: TowingScene, part: dict[str, Array], rover: Array, start: Array) -> Array:
         factor = 1 + self.case.deviations.friction / self.case.scene.friction.kinetic * part["friction"][0]
-        # γ1, γ4 and γ6 are the amplitudes of Makkar's law: scaling them scales static and kinetic friction alike.
-        law = FrictionLaw(self.case.law.gamma * np.array([factor, 1, 1, factor, 1, factor]))
         target = towed_object(scene)
         motion = simulate_rung(
             self.case.simulated.rung,
             target,
-            law,
+            self.case.law.scaled(factor),
             scene.tether,
             TimedPath(self.hinge_times, transform(rover, scene.hinge)),
             start,

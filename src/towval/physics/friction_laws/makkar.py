@@ -1,66 +1,102 @@
-"""Makkar's friction law from the four numbers that a lab measures.
-
-SOURCE: eq. (3), ``μ(v) = γ1 (tanh γ2 v − tanh γ3 v) + γ4 tanh γ5 v + γ6 v``.
+"""Makkar's friction law, and its fit to the four numbers that a lab measures.
 
 ASSUME: μ peaks with the value μ_s at v_s, has come down to μ_k at v_k and stays there. That is three conditions and an
-asymptote for five coefficients. What they leave open is settled so:
+asymptote for five coefficients. The rest is settled as follows:
 
 - "has come down at v_k" means that a hundredth of the rise μ_s − μ_k is left there (:data:`SETTLED_FRACTION`);
 - Coulomb's part rises twice as steeply as Stribeck's, γ5 = 2 γ2 (:data:`RISE_RATIO`), so that it is saturated at
-  v_s and the peak is that of Stribeck's part alone. This touches μ only below v_s, where it sets the creep at rest.
+  v_s and the peak is that of Stribeck's part alone. This affects μ only below v_s, where it sets the creep at rest.
 """
 
 from __future__ import annotations
 
 import functools
 import math
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass, fields
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from towval.model import Array, FrictionLaw
+from towval.model import Array, FrictionLaw, FrictionSpecification, check_friction_law
+from towval.model.checks import positive
 from towval.model.errors import InputError, RefusedError
+from towval.physics.friction_laws.fitted import SATURATED, TANH_LINEAR, TANH_SATURATED, FittedLaw
 
 SETTLED_FRACTION = 0.01
 RISE_RATIO = 2.0
 
 _RESIDUAL_LIMIT = 1e-3
-_SATURATED = math.atanh(0.999)  # ASSUME: without a peak, μ has risen to 99.9 % at the stiction velocity
 _LOG_BOUNDS = ((-1.0, 3.0), (-2.0, 3.0), (-2.0, 3.0))  # of γ1 / (μ_s − μ_k), γ2 v_s, γ3 v_k
 
 
 @dataclass(frozen=True)
-class FitResult:
-    """A fitted friction law and what it makes of the wish.
+class Makkar(FrictionLaw):
+    """Makkar's law, ``μ(v) = γ1 (tanh γ2 v − tanh γ3 v) + γ4 tanh γ5 v + γ6 v``.
 
-    ``law`` the law; ``residual`` the largest relative misfit of the conditions; ``peak_speed`` [m/s] and
-    ``peak_value`` [1] of the fitted curve; ``settled_value`` [1] its value at the friction velocity.
+    SOURCE: eq. (3). ``gamma1`` and ``gamma4`` [1] are the amplitudes of Stribeck's and Coulomb's part; ``gamma2``,
+    ``gamma3``, ``gamma5`` their rates and ``gamma6`` the viscous term [s/m]. All are zero or more.
+
+    Examples
+    --------
+    >>> law = Makkar(0.06, 400, 40, 0.35, 800, 0)
+    >>> law.coefficient([0.0, 0.0052, 0.5]).round(4)
+    array([0.    , 0.3957, 0.35  ])
     """
 
-    law: FrictionLaw
-    residual: float
-    peak_speed: float
-    peak_value: float
-    settled_value: float
+    name: ClassVar[str] = "makkar"
+    gamma1: float
+    gamma2: float
+    gamma3: float
+    gamma4: float
+    gamma5: float
+    gamma6: float
+
+    def __post_init__(self) -> None:
+        positive(self, *(field.name for field in fields(self)), zero=True)
+        check_friction_law(self)
+
+    @property
+    def gamma(self) -> Array:
+        """The six coefficients (6,)."""
+        return np.array(astuple(self), dtype=np.float64)
+
+    def coefficient(self, speed: ArrayLike) -> Array:
+        """μ(v) [1]."""
+        v = np.asarray(speed, dtype=np.float64)
+        stribeck = self.gamma1 * (np.tanh(self.gamma2 * v) - np.tanh(self.gamma3 * v))
+        return stribeck + self.gamma4 * np.tanh(self.gamma5 * v) + self.gamma6 * v
+
+    def slope(self, speed: ArrayLike) -> Array:
+        """dμ/dv [s/m]."""
+        v = np.asarray(speed, dtype=np.float64)
+        t2, t3, t5 = np.tanh(self.gamma2 * v), np.tanh(self.gamma3 * v), np.tanh(self.gamma5 * v)
+        stribeck = self.gamma1 * (self.gamma2 * (1 - t2 * t2) - self.gamma3 * (1 - t3 * t3))
+        return stribeck + self.gamma4 * self.gamma5 * (1 - t5 * t5) + self.gamma6
+
+    @property
+    def speed_range(self) -> tuple[float, float]:
+        """From where every tanh is linear to where every tanh has saturated [m/s]."""
+        terms = (self.gamma1, self.gamma2), (self.gamma1, self.gamma3), (self.gamma4, self.gamma5)
+        rates = [rate for amplitude, rate in terms if amplitude > 0 and rate > 0] or [1.0]
+        return TANH_LINEAR / max(rates), TANH_SATURATED / min(rates)
+
+    @property
+    def plateau(self) -> float:
+        """γ4, and γ1 where its tanh terms do not cancel [1]."""
+        return self.gamma1 * ((self.gamma2 > 0) - (self.gamma3 > 0)) + self.gamma4 * (self.gamma5 > 0)
+
+    @property
+    def viscous(self) -> float:
+        """γ6 [s/m]."""
+        return self.gamma6
 
 
-def friction_coefficient(law: FrictionLaw, speed: ArrayLike) -> Array:
-    """μ(v) of eq. (3), one [1], for sliding speeds (...) [m/s], zero or more."""
-    g1, g2, g3, g4, g5, g6 = law.gamma
-    v = np.asarray(speed, dtype=np.float64)
-    return g1 * (np.tanh(g2 * v) - np.tanh(g3 * v)) + g4 * np.tanh(g5 * v) + g6 * v
-
-
-def coulomb_law(coefficient: float, stiction_velocity: float) -> FrictionLaw:
-    """Coulomb friction regularised as ``μ tanh(v / v_s)``, without a peak: μ [1], v_s [m/s], both above zero."""
-    if not (coefficient > 0 and stiction_velocity > 0):
-        raise InputError(
-            "a Coulomb law cannot be built",
-            got=f"μ = {coefficient}, v_s = {stiction_velocity} m/s",
-            allowed="above zero",
-        )
-    return FrictionLaw(np.array([0.0, 0.0, 0.0, coefficient, 1 / stiction_velocity, 0.0]))
+def fit_specification(specification: FrictionSpecification) -> FittedLaw:
+    """Makkar's law for the numbers of a specification; see :func:`fit_makkar`."""
+    return fit_makkar(
+        specification.static, specification.kinetic, specification.stiction_velocity, specification.friction_velocity
+    )
 
 
 def fit_makkar(
@@ -70,11 +106,11 @@ def fit_makkar(
     friction_velocity: float,
     viscous: float = 0.0,
     seed: int = 0,
-) -> FitResult:
+) -> FittedLaw:
     """Makkar's law for a static and a kinetic coefficient and the speeds that go with them.
 
-    Dual annealing finds the basin (SOURCE: section 2.1), a least-squares step polishes it. The same wish gives the same
-    law: the search is seeded, and results are kept for the life of the process.
+    Dual annealing finds the basin (SOURCE: section 2.1), a least-squares step polishes it. The same numbers give the
+    same law: the search is seeded, and results are kept for the life of the process.
 
     Parameters
     ----------
@@ -89,7 +125,7 @@ def fit_makkar(
 
     Returns
     -------
-    FitResult
+    FittedLaw
 
     Raises
     ------
@@ -131,14 +167,13 @@ def _check_specification(static: float, kinetic: float, v_s: float, v_k: float, 
 
 
 @functools.lru_cache(maxsize=64)
-def _fit(static: float, kinetic: float, v_s: float, v_k: float, viscous: float, seed: int) -> FitResult:
+def _fit(static: float, kinetic: float, v_s: float, v_k: float, viscous: float, seed: int) -> FittedLaw:
     # Here, because scipy.optimize takes as long to import as all the rest of the physics.
     from scipy.optimize import dual_annealing, least_squares  # noqa: PLC0415
 
     coulomb = kinetic - viscous * v_k
     if static == kinetic:
-        gamma = np.array([0.0, 0.0, 0.0, coulomb, _SATURATED / v_s, viscous])
-        return _result(gamma, static, v_s, v_k, residual=0.0)
+        return FittedLaw(Makkar(0.0, 0.0, 0.0, coulomb, SATURATED / v_s, viscous), 0.0)
     rise = static - kinetic
 
     def gamma_of(log_unknowns: Array) -> Array:
@@ -163,7 +198,7 @@ def _fit(static: float, kinetic: float, v_s: float, v_k: float, viscous: float, 
             allowed=f"a misfit up to {_RESIDUAL_LIMIT:.0e}",
             remedy="move the friction velocity further above the stiction velocity",
         )
-    return _result(gamma, static, v_s, v_k, residual)
+    return FittedLaw(Makkar(*gamma.tolist()), residual)
 
 
 def _value_and_slope(gamma: Array, v: float) -> tuple[float, float]:
@@ -171,13 +206,3 @@ def _value_and_slope(gamma: Array, v: float) -> tuple[float, float]:
     t2, t3, t5 = math.tanh(g2 * v), math.tanh(g3 * v), math.tanh(g5 * v)
     slope = g1 * (g2 * (1 - t2 * t2) - g3 * (1 - t3 * t3)) + g4 * g5 * (1 - t5 * t5) + g6
     return g1 * (t2 - t3) + g4 * t5 + g6 * v, slope
-
-
-def _result(gamma: Array, static: float, v_s: float, v_k: float, residual: float) -> FitResult:
-    law = FrictionLaw(gamma)
-    if gamma[0] == 0:
-        return FitResult(law, residual, v_s, static, float(friction_coefficient(law, v_k)))
-    speeds = v_s * np.linspace(0.5, 2.0, 3001)
-    values = friction_coefficient(law, speeds)
-    peak = int(values.argmax())
-    return FitResult(law, residual, float(speeds[peak]), float(values[peak]), float(friction_coefficient(law, v_k)))

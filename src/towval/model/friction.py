@@ -1,0 +1,129 @@
+"""What every friction law tells the physics: μ and its slope over the sliding speed, and where μ stops varying."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, fields
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from towval.model.checks import Array
+from towval.model.errors import InputError
+
+_TO_ROUNDING = 1e-6  # of the largest μ: how well a law keeps to its own limits
+
+
+class FrictionLaw(ABC):
+    """Friction coefficient as a function of the sliding speed, μ(v), the same at every point of a patch.
+
+    A law is a frozen dataclass that derives from this class and is registered under its ``name`` in
+    :data:`towval.physics.friction_laws.LAWS`. It is tabulated once (``physics.friction_table``), so its methods need
+    not be fast. μ is zero at rest, positive for v > 0 and smooth: a law with a jump at rest has to be regularised.
+    """
+
+    name: ClassVar[str]
+
+    @abstractmethod
+    def coefficient(self, speed: ArrayLike) -> Array:
+        """μ(v) [1] for sliding speeds (...) [m/s], zero or more."""
+
+    @abstractmethod
+    def slope(self, speed: ArrayLike) -> Array:
+        """dμ/dv [s/m] for sliding speeds (...) [m/s], zero or more."""
+
+    @property
+    @abstractmethod
+    def speed_range(self) -> tuple[float, float]:
+        """Speeds [m/s] below which μ is linear and above which it is ``plateau + viscous v``, both to rounding."""
+
+    @property
+    @abstractmethod
+    def plateau(self) -> float:
+        """μ at high speed [1], without the viscous term."""
+
+    @property
+    def viscous(self) -> float:
+        """Slope at high speed [s/m]; zero unless a law has a viscous term."""
+        return 0.0
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """Parameters by name, for records."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}  # type: ignore[arg-type]
+
+    def scaled(self, factor: float) -> FrictionLaw:
+        """The law with μ multiplied by a factor [1] at every speed: static and kinetic friction alike."""
+        return ScaledLaw(self, float(factor))
+
+
+@dataclass(frozen=True)
+class ScaledLaw(FrictionLaw):
+    """A law multiplied by a factor [1] at every speed."""
+
+    name: ClassVar[str] = "scaled"
+    law: FrictionLaw
+    factor: float
+
+    def __post_init__(self) -> None:
+        check_friction_law(self)
+
+    def coefficient(self, speed: ArrayLike) -> Array:
+        """μ(v) [1]."""
+        return self.factor * self.law.coefficient(speed)
+
+    def slope(self, speed: ArrayLike) -> Array:
+        """dμ/dv [s/m]."""
+        return self.factor * self.law.slope(speed)
+
+    @property
+    def speed_range(self) -> tuple[float, float]:
+        """That of the law itself [m/s]."""
+        return self.law.speed_range
+
+    @property
+    def plateau(self) -> float:
+        """μ at high speed [1]."""
+        return self.factor * self.law.plateau
+
+    @property
+    def viscous(self) -> float:
+        """Slope at high speed [s/m]."""
+        return self.factor * self.law.viscous
+
+
+def check_friction_law(law: FrictionLaw) -> None:
+    """Refuse what cannot be computed with.
+
+    Raises
+    ------
+    InputError
+        When ``law`` is no friction law; when μ is not finite and positive at a speed above zero or its slope at rest
+        not finite and positive; or when μ does not keep to its own limits at low and high speed.
+    """
+    if not isinstance(law, FrictionLaw):
+        raise InputError("not a friction law", got=type(law).__name__, allowed="an instance of FrictionLaw")
+    title = f"the friction law '{law.name}'"
+    low, high = law.speed_range
+    if not 0 < low < high < math.inf:
+        raise InputError(f"{title} has an unusable speed range", got=f"{low} to {high} m/s", allowed="0 < low < high")
+    speeds = np.geomspace(1e-3 * low, 1e3 * high, 1001)
+    values = law.coefficient(speeds)
+    unusable = ~(np.isfinite(values) & (values > 0))
+    if unusable.any():
+        raise InputError(
+            f"{title} gives a friction coefficient that is out of range",
+            got=f"μ = {values[unusable][0]} at {speeds[unusable][0]:.3g} m/s",
+            allowed="finite and above zero at every speed above zero",
+        )
+    at_rest = float(law.slope(0.0))
+    ends = np.abs(law.coefficient([low, high]) - [at_rest * low, law.plateau + law.viscous * high])
+    if not (at_rest > 0 and (ends <= _TO_ROUNDING * law.coefficient([low, high])).all()):
+        raise InputError(
+            f"{title} does not reach its limits within its speed range",
+            got=f"slope at rest {at_rest} s/m, plateau {law.plateau}, misfits {ends[0]:.2g} and {ends[1]:.2g}",
+            allowed="linear at the lower speed, plateau plus viscous term at the higher",
+            remedy="widen speed_range",
+        )
