@@ -144,10 +144,10 @@ def test_shares_are_sorted_and_in_per_cent(run):
     np.testing.assert_allclose([bar.get_width() for bar in axes.patches], [60, 25, 10])
 
 
-def test_uncertainty_figures_without_uncertainty_are_refused(run):
-    for draw in (figures.agreement_figure, lambda it: figures.shares_figure([it])):
-        with pytest.raises(InputError, match="uncertainty"):
-            draw(run)
+def test_figures_without_their_data_are_left_out(run):
+    assert figures.agreement_figure(run) is None
+    assert figures.shares_figure([run]) is None
+    assert figures.decimate_figure(dataclasses.replace(run, decimated=None)) is None
 
 
 def test_slack_is_shaded_from_start_to_tension(run):
@@ -192,14 +192,14 @@ def test_reprojection_figure_names_every_view_and_why_it_was_dropped(calibration
     assert "corners not found" in errors.texts[0].get_text()
 
 
-def test_calibration_figures_leave_out_what_is_missing(calibration):
-    assert set(figures.calibration_figures(calibration)) == {"coverage", "reprojection"}
+def test_uncertainty_figure_spans_the_deviations_of_the_map(calibration):
     pixels = np.stack(np.meshgrid([0.0, 960, 1919], [0.0, 1079]), axis=-1)
     std_m = np.array([[1e-3, 5e-4, 1e-3], [1e-3, np.nan, 1e-3]])
     covariance_m2 = 0.5 * std_m[..., None, None] ** 2 * np.eye(2)
     grid = UncertaintyMap(0.25, pixels, np.zeros((2, 3, 2)), covariance_m2)
     np.testing.assert_allclose(grid.std_m, std_m)
-    assert set(figures.calibration_figures(calibration, grid)) == {"coverage", "reprojection", "uncertainty"}
+    filled = figures.uncertainty_figure(calibration, grid).axes[0].collections[0]
+    assert filled.get_clim() == (pytest.approx(0.5), pytest.approx(1.0))
 
 
 def test_uncertainty_map_checks_its_shape():
@@ -210,11 +210,6 @@ def test_uncertainty_map_checks_its_shape():
 def test_tracking_figure_counts_frames_by_status(run):
     legend = figures.tracking_figure(run.object_track).legends[0]
     assert [text.get_text() for text in legend.get_texts()] == ["tracked (188)", "lost (12)"]
-
-
-def test_decimate_figure_without_decimation_is_refused(run):
-    with pytest.raises(InputError, match="decimate"):
-        figures.decimate_figure(dataclasses.replace(run, decimated=None))
 
 
 def test_decimate_figure_counts_points_and_shows_the_distance_from_the_spline(run):

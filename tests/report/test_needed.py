@@ -41,5 +41,5 @@ def test_the_report_shows_the_table_and_leaves_it_out_without_choices(record, tm
     for run, shown in ((record, True), (towed_run("a"), False)):
         data = ReportData("synthetic", (RunReport(run),), Provenance("none"))
         page = write_report(tmp_path / "report.html", data).read_text(encoding="utf-8")
-        assert ("What this scene needed" in page) == shown
+        assert ("Model selection" in page) == shown
         assert ("plane, 4096 points" in page) == shown

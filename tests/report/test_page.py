@@ -187,16 +187,16 @@ def test_headline_counts_verdicts_and_spans_errors():
         dataclasses.replace(base, verdict=Verdict.AGREES, path_rms_m=0.0042),
         dataclasses.replace(base, verdict=Verdict.MODEL_ERROR, path_rms_m=0.03),
     ]
-    assert headline(runs).startswith("3 runs: 2 agree within their uncertainty, 1 shows an error of the model.")
+    assert headline(runs).startswith("3 runs: 2 agree within their uncertainty, 1 shows a model error.")
     assert "2.00 to 30.0 mm" in headline(runs)
     assert headline(runs[:1]).startswith(
-        "1 run: 1 agrees within its uncertainty. The simulated path of the object is 2.00 mm"
+        "1 run: 1 agrees within its uncertainty. The simulated path of the object differs from the measured one by 2.00"
     )
 
 
 @pytest.mark.parametrize("runs", [(), (RunReport(towed_run("a")), RunReport(towed_run("a")))])
-def test_runs_need_names_of_their_own(runs, tmp_path):
-    with pytest.raises(InputError, match="names of their own"):
+def test_runs_need_distinct_names(runs, tmp_path):
+    with pytest.raises(InputError, match="distinct names"):
         write_report(tmp_path / "report.html", data(runs=runs))
 
 

@@ -1,4 +1,4 @@
-"""What a report is made of: the data that :func:`towval.report.page.write_report` takes."""
+"""Data of a report, the argument of :func:`towval.report.page.write_report`."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ class ReportSettings:
 
 @dataclass(frozen=True)
 class InputRow:
-    """A quantity that the simulation was given: what it is, its value in words, its deviation and where it is from.
+    """An input of the simulation: name, value and standard deviation as text without unit, unit, and source.
 
-    ``value`` and ``std`` carry no unit; an ``std`` that nobody gave is empty.
+    ``std`` is empty where the input is taken as exact.
     """
 
     name: str
@@ -40,10 +40,7 @@ class InputRow:
 
 @dataclass(frozen=True)
 class StageFinding:
-    """A finding of a stage whose result holds none itself, such as ``campaign``.
-
-    ``run`` is empty where it concerns all runs.
-    """
+    """A finding of a stage whose result holds none itself, such as ``campaign``; ``run`` is empty for all runs."""
 
     stage: str
     finding: Finding
@@ -52,10 +49,10 @@ class StageFinding:
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where the results come from: enough to get them again.
+    """Origin of the results.
 
-    ``command`` the line that made them; ``versions`` of programs by name; ``input_hashes`` SHA-256 by file;
-    ``configuration`` the campaign's description as text; ``settings`` what each stage was set to, by stage and runs.
+    ``command`` reproduces them; ``versions`` of programs by name; ``input_hashes`` SHA-256 by file; ``configuration``
+    is the campaign's description as text; ``settings`` those of each stage, by stage and runs.
     """
 
     command: str
@@ -67,7 +64,7 @@ class Provenance:
 
 @dataclass(frozen=True)
 class RunReport:
-    """One run of the report: what is known of it and its overlay video, if there is one."""
+    """A run of the report and, if there is one, its overlay video."""
 
     record: RunRecord
     overlay: FilePath | None = None
@@ -75,10 +72,10 @@ class RunReport:
 
 @dataclass(frozen=True)
 class ReportData:
-    """What a report is made of; parts that are left out are left out of the page, too.
+    """All data of a report; the page leaves out the sections of parts that are missing.
 
-    ``calibration`` and ``uncertainty`` are those of the campaign; ``findings`` those that no typed result carries.
-    Findings of the calibration, the tracks, the simulation and the comparison are collected from them.
+    ``calibration`` and ``uncertainty`` are those of the campaign. ``findings`` are those that no result carries; the
+    others are collected from the results.
     """
 
     campaign: str
@@ -89,3 +86,8 @@ class ReportData:
     inputs: tuple[InputRow, ...] = ()
     findings: tuple[StageFinding, ...] = ()
     identification: Identification | None = None
+
+    @property
+    def records(self) -> tuple[RunRecord, ...]:
+        """The runs without their videos."""
+        return tuple(run.record for run in self.runs)

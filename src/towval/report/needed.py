@@ -1,4 +1,4 @@
-"""The report's table "what this scene needed": what each stage chose, and what its next choice would have changed."""
+"""Table "Model selection" of the report: what each stage chose, and the effect of its next choice."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ import numpy as np
 
 from towval.model import Calibration, Choice
 from towval.model.run_record import RunRecord
+from towval.report.wording import NOT_COMPUTED
 
 
 @dataclass(frozen=True)
 class NeededRow:
-    """A choice in words: where, what, chosen, next, its change [mm], what is measured, and the share of u_D."""
+    """A choice as text: where, what, chosen, next, its effect [mm], how that was measured, and its share of u_D."""
 
     where: str
     what: str
@@ -24,10 +25,9 @@ class NeededRow:
 
 
 def needed_rows(calibration: Calibration | None, records: tuple[RunRecord, ...]) -> tuple[NeededRow, ...]:
-    """The choices of a campaign: the calibration's, then run by run those of tracking, simulation and uncertainty.
+    """The choices of a campaign: those of the calibration, then by run those of tracking, simulation and uncertainty.
 
-    ``share`` is the change over the measurement uncertainty of the run, or of the run that has the least for the
-    calibration's.
+    ``share`` is the change over the measurement uncertainty of the run; for the calibration, over the least of all.
     """
     measured = {record.name: record.comparison.u_measurement_m for record in records}
     least = np.nanmin(list(measured.values())) if any(np.isfinite(list(measured.values()))) else np.nan
@@ -48,14 +48,14 @@ def _row(where: str, choice: Choice, measured_m: float) -> NeededRow:
         what=choice.what,
         chosen=choice.chosen,
         next=choice.next,
-        change_mm=_significant(1e3 * choice.change_m) if known else "not computed",
+        change_mm=_significant(1e3 * choice.change_m) if known else NOT_COMPUTED,
         measure=choice.measure,
-        share=f"{_significant(100 * share)} %" if np.isfinite(share) else "not computed",
+        share=f"{_significant(100 * share)} %" if np.isfinite(share) else NOT_COMPUTED,
     )
 
 
 def _significant(value: float) -> str:
-    """Two digits, no exponent; what is too small to show is said so."""
+    """Two significant digits without exponent."""
     if value < 0.001:
         return "below 0.001"
     return np.format_float_positional(value, precision=2, fractional=False, trim="-", min_digits=2)

@@ -1,4 +1,4 @@
-"""The report: one HTML file that holds figures, videos, numbers and provenance, and opens offline."""
+"""The report: one HTML file with figures, videos, numbers and provenance that opens offline."""
 
 from __future__ import annotations
 
@@ -12,27 +12,14 @@ from matplotlib.figure import Figure
 
 from towval.io.atomic import write_text
 from towval.model.errors import InputError
-from towval.model.run_record import RunRecord
-from towval.report import figures, view
+from towval.report import view
+from towval.report.contents import draw_figures
 from towval.report.data import InputRow, Provenance, ReportData, RunReport, StageFinding
-from towval.report.style import frame_of, save_figure, svg_text
+from towval.report.style import save_figure, svg_text
 
-__all__ = [
-    "InputRow",
-    "Provenance",
-    "ReportData",
-    "RunReport",
-    "StageFinding",
-    "report_figures",
-    "run_figures",
-    "write_report",
-]
-
+__all__ = ["InputRow", "Provenance", "ReportData", "RunReport", "StageFinding", "report_figures", "write_report"]
 
 _UNCERTAINTY = re.compile(r"\bu_(num|input|D|val)\b")
-
-_TIMED = ("errors_", "agreement_", "fig10_")
-"""Figures over which the time cursor moves."""
 
 
 def write_report(path: FilePath, data: ReportData, figures_folder: FilePath | None = None) -> FilePath:
@@ -41,16 +28,16 @@ def write_report(path: FilePath, data: ReportData, figures_folder: FilePath | No
     Parameters
     ----------
     path : path
-        The HTML file to write; its folder is made if it is not there.
+        The HTML file to write; its folder is created if missing.
     data : ReportData
-        What to show.
+        Content of the report.
     figures_folder : path, optional
-        Where to save the figures as PDF, SVG and PNG as well; by default they are only in the page.
+        Folder for the figures as PDF, SVG and PNG; by default they are in the page only.
 
     Returns
     -------
     path
-        ``path``: one file that asks for nothing from outside. The same data give the same bytes.
+        ``path``: one file that loads nothing else. The same data give the same bytes.
 
     Raises
     ------
@@ -58,65 +45,28 @@ def write_report(path: FilePath, data: ReportData, figures_folder: FilePath | No
         When there is no run, two runs share a name, or a video cannot be read.
     """
     _check(data)
-    drawn = report_figures(data)
-    svgs = {name: svg_text(figure) for name, figure in drawn.items()}
+    drawn = [(figure, svg_text(figure.figure)) for figure in draw_figures(data)]
     if figures_folder is not None:
-        for name, figure in drawn.items():
-            save_figure(figure, figures_folder, name, svg=svgs[name])
-    frames = {name: frame_of(figure) for name, figure in drawn.items() if name.startswith(_TIMED)}
-    shown = view.build(data, svgs, frames)
+        for figure, svg in drawn:
+            save_figure(figure.figure, figures_folder, figure.name, svg=svg)
     template = _environment().get_template("report.html.j2")
-    write_text(path, template.render(view=shown, css=_asset("report.css"), script=_asset("report.js")))
+    text = template.render(view=view.build(data, drawn), css=_asset("report.css"), script=_asset("report.js"))
+    write_text(path, text)
     return path
 
 
 def _check(data: ReportData) -> None:
     names = [run.record.name for run in data.runs]
     if not names or len(set(names)) < len(names):
-        raise InputError("the runs of a report need names of their own", got=names, allowed="one run or more")
+        raise InputError("the runs of a report need distinct names", got=names, allowed="one run or more")
     for run in data.runs:
         if run.overlay is not None and not run.overlay.is_file():
             raise InputError(f"the overlay {run.overlay.name} of run {run.record.name} is missing", got=run.overlay)
 
 
-def run_figures(run: RunRecord) -> dict[str, Figure]:
-    """The figures of one run by name.
-
-    ``fig10_<run>``, ``errors_<run>``, ``agreement_<run>`` where its uncertainty is known, ``tracking_<body>_<run>``,
-    and ``decimate_<run>`` where it was decimated.
-    """
-    drawn = {f"fig10_{run.name}": figures.run_figure(run), f"errors_{run.name}": figures.error_figure(run)}
-    if run.uncertainty is not None:
-        drawn[f"agreement_{run.name}"] = figures.agreement_figure(run)
-    for track in (run.rover_track, run.object_track):
-        drawn[f"tracking_{track.body}_{run.name}"] = figures.tracking_figure(track, run.name)
-    if run.decimated is not None:
-        drawn[f"decimate_{run.name}"] = figures.decimate_figure(run)
-    return drawn
-
-
 def report_figures(data: ReportData) -> dict[str, Figure]:
-    """All figures of a report by name: ``fig10``, those of each run, ``shares``, ``calibration_<what>``.
-
-    Parameters
-    ----------
-    data : ReportData
-        What to show.
-
-    Returns
-    -------
-    dict of str to Figure
-        In the order of the page; figures whose data are missing are left out.
-    """
-    drawn = {"fig10": figures.campaign_figure([run.record for run in data.runs])}
-    for run in data.runs:
-        drawn |= run_figures(run.record)
-    if any(run.record.uncertainty is not None for run in data.runs):
-        drawn["shares"] = figures.shares_figure([run.record for run in data.runs])
-    if data.calibration is not None:
-        for name, figure in figures.calibration_figures(data.calibration, data.uncertainty).items():
-            drawn[f"calibration_{name}"] = figure
-    return drawn
+    """The figures of a report by file name, without those whose data are missing."""
+    return {drawn.name: drawn.figure for drawn in draw_figures(data)}
 
 
 def _environment() -> Environment:
@@ -132,10 +82,10 @@ def _environment() -> Environment:
 
 
 def _symbols(text: str) -> Markup:
-    """A text with its uncertainties, ``u_val`` and the like, as symbols with an index."""
+    """A text with ``u_val`` and the like as symbols with a subscript."""
     return Markup(_UNCERTAINTY.sub(r"<i>u</i><sub>\1</sub>", str(escape(text))))
 
 
 def _asset(name: str) -> Markup:
-    # The package's own style sheet and script, never data: they go into the page as they are.
+    # The package's own style sheet and script, never data: inserted without escaping.
     return Markup((files("towval.report") / "templates" / name).read_text(encoding="utf-8"))

@@ -1,4 +1,4 @@
-"""The look of the figures: colours, widths, and saving them so that the same data give the same bytes."""
+"""Style of the figures: colours, widths, layout, and saving with reproducible bytes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.resources import as_file, files
 from pathlib import Path as FilePath
-from typing import ParamSpec
+from typing import ParamSpec, TypeVar
 
 import matplotlib
 from matplotlib.artist import Artist
@@ -28,30 +28,31 @@ PAGE_WIDTH_IN = 175 / 25.4
 ROVER = "#1f63b4"
 SIMULATED = "#000000"
 MEASURED = "#e8412a"
-"""The paper's blue, black and red; the red is light enough to stand off black for readers who do not see red."""
+"""The paper's blue, black and red; the red is light enough to differ from black without colour vision."""
 MUTED = "#8a8a8a"
 SHADE = "#ececec"
 BAND = "#c9d8ea"
 
 FORMATS = ("pdf", "svg", "png")
-# What a format would otherwise write into the file: the time of day, and with it new bytes at every run.
+# Dates and program names that would give new bytes at every run.
 _METADATA = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": {"Software": None}}
 
 _Arguments = ParamSpec("_Arguments")
+_Drawn = TypeVar("_Drawn", bound=Figure | None)
 
 
 @contextmanager
 def house_style() -> Iterator[None]:
-    """Matplotlib's settings as ``towval.mplstyle`` gives them, for the length of a ``with`` block."""
+    """Apply the settings of ``towval.mplstyle`` within a ``with`` block."""
     with as_file(files("towval.report") / "towval.mplstyle") as path, matplotlib.rc_context(fname=path):
         yield
 
 
-def figure_function(draw: Callable[_Arguments, Figure]) -> Callable[_Arguments, Figure]:
-    """Let a function draw in the house style."""
+def figure_function(draw: Callable[_Arguments, _Drawn]) -> Callable[_Arguments, _Drawn]:
+    """Run a drawing function under the house style."""
 
     @functools.wraps(draw)
-    def drawn(*args: _Arguments.args, **kwargs: _Arguments.kwargs) -> Figure:
+    def drawn(*args: _Arguments.args, **kwargs: _Arguments.kwargs) -> _Drawn:
         with house_style():
             return draw(*args, **kwargs)
 
@@ -60,10 +61,10 @@ def figure_function(draw: Callable[_Arguments, Figure]) -> Callable[_Arguments, 
 
 @dataclass(frozen=True)
 class Margins:
-    """Room around and between the panels of a figure [in].
+    """Margins around and between the panels of a figure [in].
 
-    Fixed room, not fitted to the labels: the panels of all figures line up on a page, their places are known without
-    drawing, and they are the same in every format.
+    They are fixed, not fitted to the labels: panels of all figures line up on a page, and their positions are known
+    without drawing and the same in every format.
     """
 
     left: float = 0.55
@@ -77,18 +78,18 @@ class Margins:
 def column_of_panels(
     heights_in: Sequence[float], margins: Margins, title: str = "", apart: int = 0
 ) -> tuple[Figure, list[Axes]]:
-    """A figure one column wide with panels above each other over one x axis, which only the lowest one labels.
+    """A figure one column wide with stacked panels that share an x axis, labelled at the lowest.
 
     Parameters
     ----------
     heights_in : sequence of float
-        Heights of the panels from above [in].
+        Heights of the panels from the top [in].
     margins : Margins
-        Room around and between them.
+        Margins around and between them.
     title : str, optional
         Title at the top left.
     apart : int, optional
-        How many of the upper panels keep an x axis of their own, with room for its labels.
+        Number of upper panels with an x axis of their own and space for its labels.
     """
     gaps = [Margins.bottom + margins.down if i < apart else margins.down for i in range(len(heights_in) - 1)]
     height = margins.top + sum(heights_in) + sum(gaps) + margins.bottom
@@ -109,9 +110,9 @@ def column_of_panels(
 
 
 def place_maps(figure: Figure, panels: Sequence[Axes], ratio: float, margins: Margins, columns: int = 1) -> None:
-    """Place panels of one shape in rows, each ``ratio`` times as high as wide, and give the figure the height for it.
+    """Arrange panels in rows, each ``ratio`` times as high as wide, and set the height of the figure to match.
 
-    Meant for maps: with the height right, equal scales on both axes leave no margins, and the width stays the column's.
+    Maps with equal scales on both axes then fill their panels, at the column's width.
     """
     width = figure.get_size_inches()[0]
     panel_width = (width - margins.left - margins.right - margins.across * (columns - 1)) / columns
@@ -127,25 +128,25 @@ def place_maps(figure: Figure, panels: Sequence[Axes], ratio: float, margins: Ma
 
 
 def head_legend(figure: Figure, handles: Sequence[Artist], columns: int) -> None:
-    """A legend in the margin at the very top, centred."""
+    """Add a centred legend in the top margin."""
     height = figure.get_size_inches()[1]
     figure.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, 1 - 0.03 / height), ncols=columns)
 
 
 def foot_legend(figure: Figure, handles: Sequence[Artist], columns: int) -> None:
-    """A legend in the margin at the very bottom, centred."""
+    """Add a centred legend in the bottom margin."""
     height = figure.get_size_inches()[1]
     figure.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 0.03 / height), ncols=columns)
 
 
 def foot_note(figure: Figure, text: str, left_in: float = Margins.left) -> None:
-    """A line in the margin at the very bottom, from where the panels begin [in]."""
+    """Add a line of text in the bottom margin, starting at the left edge of the panels [in]."""
     width, height = figure.get_size_inches()
     figure.text(left_in / width, 0.04 / height, text, fontsize=7, color="#555555")
 
 
 def symmetric(axes: Axes) -> None:
-    """Limits of y as far below zero as above."""
+    """Make the y limits symmetric about zero."""
     largest = max(abs(limit) for limit in axes.get_ylim())
     axes.set_ylim(-largest, largest)
 
@@ -159,10 +160,10 @@ def _share(rectangle: tuple[float, float, float, float], figure: Figure) -> tupl
 
 @dataclass(frozen=True)
 class Frame:
-    """Where the axes of a figure lie on it, and what they span, so that a page can mark places on a drawn figure.
+    """Position and limits of the axes of a figure, with which a page marks points on it.
 
     ``left``, ``right``, ``top`` and ``bottom`` are shares of the figure's width and height from its upper left corner,
-    around all panels; ``x_low`` and ``x_high`` the x axis that they share, ``y_low`` and ``y_high`` that of the first.
+    around all panels; ``x_low`` and ``x_high`` limit the shared x axis, ``y_low`` and ``y_high`` the first y axis.
     """
 
     left: float
@@ -183,18 +184,18 @@ def frame_of(figure: Figure) -> Frame:
 
 
 def save_figure(figure: Figure, folder: FilePath, name: str, svg: str | None = None) -> tuple[FilePath, ...]:
-    """Save a figure as ``name.pdf``, ``name.svg`` and ``name.png`` at its own width; each appears whole or not at all.
+    """Save a figure as ``name.pdf``, ``name.svg`` and ``name.png`` at its own width, each file atomically.
 
     Parameters
     ----------
     figure : Figure
-        What a function of :mod:`towval.report.figures` returned.
+        A figure of :mod:`towval.report.figures`.
     folder : path
-        Where to; made if it is not there.
+        Folder to write to; created if missing.
     name : str
-        Name of the files, without ending.
+        Stem of the file names.
     svg : str, optional
-        What :func:`svg_text` returned for the figure, where it is at hand; saves drawing it again.
+        The figure's :func:`svg_text`, if it has been made already.
 
     Returns
     -------
@@ -225,7 +226,7 @@ def _save(figure: Figure, path: FilePath) -> None:
 
 
 def svg_text(figure: Figure) -> str:
-    """The figure as an ``<svg>`` element, without the XML prologue, to be put into an HTML page."""
+    """The figure as an ``<svg>`` element without XML prologue, for an HTML page."""
     buffer = io.StringIO()
     with house_style():
         figure.savefig(buffer, format="svg", metadata=_METADATA["svg"])

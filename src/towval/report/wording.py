@@ -1,4 +1,4 @@
-"""Numbers in words, for figures and report: units, sensible digits, and "not computed" for what does not exist."""
+"""Numbers as text for figures and report: units, digits, and "not computed" for missing values."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _UNITS = {"px": "px", "px2": "px²", "mm": "mm", "m": "m", "deg": "°", "rad": "
 
 
 def decimal(value: float) -> str:
-    """A number with one decimal from 10 on, two from 0.1 on, below that two digits that count."""
+    """A number with one decimal from 10 on, two from 0.1 on, two significant digits below."""
     if not math.isfinite(value):
         return NOT_COMPUTED
     if abs(value) >= 0.1 or value == 0:
@@ -30,26 +30,26 @@ def degrees(value_rad: float) -> str:
 
 
 def _plain_number(value: float) -> str:
-    """A count as it is; any other number with decimals, or from a thousand on with two digits that count."""
+    """A count unchanged; other numbers with decimals, or from 1000 on to two significant digits."""
     if float(value).is_integer():
         return f"{value:.0f}"
     return f"{float(f'{value:.1e}'):.0f}" if abs(value) >= 1000 else decimal(value)
 
 
 def named_scalar(name: str, value: float) -> tuple[str, str]:
-    """A scalar whose unit is at the end of its name (``focal_length_std_px``, ``rms_mm at 0.25 m``) in words.
+    """Label and value of a scalar whose key ends with its unit (``focal_length_std_px``, ``rms_mm at 0.25 m``).
 
     Parameters
     ----------
     name : str
-        Words joined by underscores, the last one a unit, ``share`` or neither, then perhaps `` at`` and a place.
+        Words joined by underscores, the last one a unit, ``share`` or neither; `` at`` and a place may follow.
     value : float
         The scalar in that unit.
 
     Returns
     -------
     tuple of str
-        Name without unit, and value with unit; a share becomes per cent, a count has no decimals.
+        Label without unit, and value with unit; shares in per cent, counts without decimals.
     """
     stem, at, place = name.partition(" at ")
     words = stem.split("_")

@@ -1,10 +1,9 @@
-"""Figures at column width, drawn from typed data: each function returns a matplotlib ``Figure`` and writes no file.
+"""Figures at column width from typed data: each function returns a matplotlib ``Figure`` and writes no file.
 
-:func:`towval.report.style.save_figure` writes a figure as PDF, SVG and PNG.
+:mod:`towval.report.contents` places them on the page; :func:`towval.report.style.save_figure` writes a figure.
 """
 
 from towval.report.figures.calibration import (
-    calibration_figures,
     coverage_figure,
     reprojection_figure,
     uncertainty_figure,
@@ -17,7 +16,6 @@ from towval.report.figures.uncertainty import agreement_figure, shares_figure
 
 __all__ = [
     "agreement_figure",
-    "calibration_figures",
     "campaign_figure",
     "coverage_figure",
     "decimate_figure",

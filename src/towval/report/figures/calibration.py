@@ -1,4 +1,4 @@
-"""What the calibration rests on and what it is worth: coverage, reprojection error, uncertainty on a plane."""
+"""Data and quality of the calibration: coverage, reprojection error, uncertainty on a plane."""
 
 from __future__ import annotations
 
@@ -29,17 +29,9 @@ _FLOOR = "#2c8a4b"
 _CLEAR = {"facecolor": "white", "edgecolor": "none", "pad": 0.3}
 
 
-def calibration_figures(calibration: Calibration, uncertainty: UncertaintyMap | None = None) -> dict[str, Figure]:
-    """All figures of a calibration by name: ``coverage``, ``uncertainty`` where given, and ``reprojection``."""
-    figures = {"coverage": coverage_figure(calibration)}
-    if uncertainty is not None:
-        figures["uncertainty"] = uncertainty_figure(calibration, uncertainty)
-    return figures | {"reprojection": reprojection_figure(calibration)}
-
-
 @figure_function
 def coverage_figure(calibration: Calibration) -> Figure:
-    """Detected corners over the image with their residuals, exaggerated by a factor that the figure states.
+    """Detected corners over the image with their residuals, magnified by a factor that the title states.
 
     Parameters
     ----------
@@ -83,8 +75,8 @@ def reprojection_figure(calibration: Calibration) -> Figure:
     Returns
     -------
     Figure
-        One row a view, one column wide: errors [px] on the left beside the corner noise of all views, tilts between
-        board and image plane [°] on the right. Boards seen without tilt say nothing about the focal length.
+        One row per view, one column wide: errors [px] on the left with the corner noise of all views, tilts between
+        board and image plane [°] on the right. Views without tilt do not determine the focal length.
     """
     views = calibration.views
     margins = Margins(left=0.2 + 0.052 * max((len(view.name) for view in views), default=0), bottom=0.53)
@@ -125,7 +117,7 @@ def reprojection_figure(calibration: Calibration) -> Figure:
 
 @figure_function
 def uncertainty_figure(calibration: Calibration, uncertainty: UncertaintyMap) -> Figure:
-    """Standard deviation of a place on a plane over the image, from the covariance of the calibration.
+    """Standard deviation of a position on a plane over the image, from the covariance of the calibration.
 
     Parameters
     ----------
@@ -143,7 +135,7 @@ def uncertainty_figure(calibration: Calibration, uncertainty: UncertaintyMap) ->
     axes = figure.add_subplot()
     std_mm = np.ma.masked_invalid(1e3 * uncertainty.std_m)
     u, v = np.moveaxis(uncertainty.pixels, -1, 0)
-    # Its dark end is left out, so that the labels can be read everywhere.
+    # Without its dark end, so that the labels stay readable.
     colours = ListedColormap(colormaps["YlGnBu"](np.linspace(0.05, 0.65, 64)))
     filled = axes.contourf(u, v, std_mm, levels=9, cmap=colours)
     lines = axes.contour(u, v, std_mm, levels=filled.levels, colors="#333333", linewidths=0.4)
@@ -154,7 +146,7 @@ def uncertainty_figure(calibration: Calibration, uncertainty: UncertaintyMap) ->
     bar = figure.colorbar(filled, cax=figure.add_axes((box.x1 + 0.025, box.y0, 0.025, box.height)))
     bar.set_label("standard deviation (mm)")
     bar.outline.set_linewidth(0.4)
-    axes.set_title(f"Uncertainty of a place {uncertainty.height_m:g} m above the floor")
+    axes.set_title(f"Uncertainty of a position {uncertainty.height_m:g} m above the floor")
     return figure
 
 
@@ -163,7 +155,7 @@ def _stacked(views: list[View], name: str) -> Array:
 
 
 def _draw_residuals(axes: Axes, calibration: Calibration, used: list[View]) -> float:
-    """Draw the residuals as lines from the corners; the factor they are exaggerated by, zero where there are none."""
+    """Draw the residuals as lines from the corners; return the magnification, zero where there are none."""
     corners, residuals = _stacked(used, "corners_px"), _stacked(used, "residuals_px")
     known = np.isfinite(residuals).all(axis=1)
     corners, residuals = corners[known], residuals[known]
@@ -185,7 +177,7 @@ def _round_number(value: float) -> float:
 
 
 def _frame_image(axes: Axes, calibration: Calibration) -> tuple[int, int]:
-    """Give the axes the frame of the image: v downward, edges half a pixel outside the outer pixel centres."""
+    """Set the axes to the image: v downward, edges half a pixel outside the outer pixel centres."""
     width, height = calibration.camera.resolution_px
     axes.set_xlim(-0.5, width - 0.5)
     axes.set_ylim(height - 0.5, -0.5)

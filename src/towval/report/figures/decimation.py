@@ -1,4 +1,4 @@
-"""Which points of the rover's track the simulation was driven with."""
+"""Points of the rover's track that drive the simulation."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from towval.model import DecimatedTrack, Track
-from towval.model.errors import InputError
 from towval.model.geometry import transform
 from towval.model.run_record import RunRecord
 from towval.report.style import (
@@ -31,8 +30,8 @@ _BAND = 2.0
 
 
 @figure_function
-def decimate_figure(run: RunRecord) -> Figure:
-    """Measured and kept points of the hinge's way, and how far the measured poses are from the curve through the kept.
+def decimate_figure(run: RunRecord) -> Figure | None:
+    """Measured and kept positions of the hinge, and the distance of the measured poses from the smoothing curve.
 
     Parameters
     ----------
@@ -41,18 +40,14 @@ def decimate_figure(run: RunRecord) -> Figure:
 
     Returns
     -------
-    Figure
-        One column wide. Above, the way of the hinge on the floor [m]; below, over time [s], measured minus smoothed in
-        x and y [mm] with a band of ± two deviations of one pose, pauses shaded, kept times ticked at the foot.
-
-    Raises
-    ------
-    InputError
-        When the run was not decimated.
+    Figure or None
+        One column wide. Top: path of the hinge on the floor [m]; below, over time [s]: measured minus smoothed in x and
+        y [mm] with a band of ± two standard deviations of one pose, pauses shaded, kept times ticked at the bottom.
+        None where the run was not decimated.
     """
     if run.decimated is None:
-        raise InputError(f"run {run.name} has no decimated track to draw", remedy="decimate it first")
-    title = f"Run {run.name}: way of the hinge; Δ: measured minus smoothed"
+        return None
+    title = f"Run {run.name}: path of the hinge; Δ: measured minus smoothed"
     figure, (plan, *over_time) = column_of_panels([1.5, 0.62, 0.62], Margins(top=0.4, bottom=0.53), title, apart=1)
     _draw_plan(plan, run, run.decimated)
     for axes, column, name in zip(over_time, (0, 1), "xy", strict=True):

@@ -36,14 +36,14 @@ def error_figure(run: RunRecord) -> Figure:
     Parameters
     ----------
     run : RunRecord
-        The run. Where its uncertainty is known, bands of ± two standard validation uncertainties lie around zero; an
-        error that leaves them for long is more than the uncertainties explain (95 % for a normal error).
+        The run. Where its uncertainty is known, bands of ± two standard validation uncertainties are drawn around zero
+        (95 % for a normal error); the uncertainties do not explain an error that stays outside.
 
     Returns
     -------
     Figure
         Four panels over one time axis [s]: errors in mm and degrees, tension in N. Shaded where the tether is slack;
-        a red line at the foot of a panel marks frames in which the object was not seen.
+        a red line at the bottom of a panel marks frames in which the object was not tracked.
     """
     title = f"Run {run.name}: simulated minus measured"
     figure, panels = column_of_panels([0.76] * 4, Margins(bottom=0.5), title)
@@ -62,7 +62,7 @@ def error_figure(run: RunRecord) -> Figure:
 
 
 def intervals(time_s: Array, mask: Array) -> list[tuple[float, float]]:
-    """Start and end [s] of each stretch of samples in which ``mask`` (n,) holds, half an interval wider each side."""
+    """Start and end [s] of each group of samples with ``mask`` (n,) set, half an interval wider on each side."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
     bounds = np.concatenate([time_s[:1], (time_s[1:] + time_s[:-1]) / 2, time_s[-1:]])
     return [(float(bounds[i]), float(bounds[j])) for i, j in edges.reshape(-1, 2)]
@@ -96,10 +96,10 @@ def _shade_slack(panels: list[Axes], simulated: SimulatedMotion) -> bool:
 def _explain(figure: Figure, *, banded: bool, shaded: bool, gaps: bool) -> None:
     parts = []
     if banded:
-        parts.append("band: ± 2 standard uncertainties of validation")
+        parts.append("band: ± 2 standard validation uncertainties")
     if shaded:
         parts.append("shaded: tether slack")
     if gaps:
-        parts.append("red foot: object not seen")
+        parts.append("red: object not tracked")
     if parts:
         foot_note(figure, "; ".join(parts))

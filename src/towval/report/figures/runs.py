@@ -29,7 +29,7 @@ from towval.report.style import (
 )
 from towval.report.wording import millimetres
 
-# Line styles as well as colours: the curves stay apart in grey and without colour vision.
+# Line styles as well as colours: the curves can be told apart in grey and without colour vision.
 ROVER_LINE = {"color": ROVER, "linewidth": 0.9, "linestyle": "-"}
 SIMULATED_LINE = {"color": SIMULATED, "linewidth": 1.5, "linestyle": "-"}
 MEASURED_LINE = {"color": MEASURED, "linewidth": 1.1, "linestyle": (0, (3.2, 1.8))}
@@ -48,13 +48,13 @@ def run_figure(run: RunRecord, spacing_m: float | None = None) -> Figure:
         The run.
     spacing_m : float, optional
         Arc length along the simulated path between two outlines of the object [m]; by default about seven outlines
-        that do not crowd each other.
+        that do not overlap.
 
     Returns
     -------
     Figure
         Rover path (blue), simulated (black) and measured (red, dashed) object path in floor coordinates [m], equal
-        scales. Frames that were not seen leave gaps.
+        scales. Frames without a pose leave gaps.
 
     Raises
     ------
@@ -102,7 +102,7 @@ def campaign_figure(runs: Sequence[RunRecord]) -> Figure:
     for index, (axes, run, (low, high)) in enumerate(zip(panels, runs, extents, strict=True)):
         centre = (low + high) / 2
         _frame(axes, centre - half, centre + half)
-        # Limits differ from panel to panel, so each keeps its numbers; the names of the axes stand once.
+        # Limits differ between panels, so each keeps its tick labels; axis labels are on the outer panels only.
         if index % columns:
             axes.set_ylabel("")
         if index + columns < len(panels):
@@ -116,7 +116,7 @@ def campaign_figure(runs: Sequence[RunRecord]) -> Figure:
 
 
 def draw_run(axes: Axes, run: RunRecord, spacing_m: float | None) -> Array:
-    """Draw one run into ``axes``; the corners (2, 2) of the box around all that was drawn [m]."""
+    """Draw one run into ``axes``; return the corners (2, 2) of the bounding box of all that was drawn [m]."""
     rover, measured, simulated = measured_poses(run.rover_track), measured_poses(run.object_track), run.simulated.pose
     drawn = _draw_bodies(axes, run, _outline_times(run, spacing_m))
     axes.plot(*rover[:, :2].T, **ROVER_LINE, zorder=4)
@@ -151,7 +151,7 @@ def _draw_bodies(axes: Axes, run: RunRecord, times_s: Array) -> list[Array]:
 
 
 def _outline_times(run: RunRecord, spacing_m: float | None) -> Array:
-    """Times at which the object has gone multiples of the spacing [s], simulated: tracks are noisy, also at rest."""
+    """Times [s] at which the simulated object has covered multiples of the spacing; a track is noisy even at rest."""
     arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(run.simulated.pose[:, :2], axis=0), axis=1))])
     if spacing_m is None:
         size = float(np.ptp(run.towed.top_corners_m, axis=0).max())
@@ -173,7 +173,7 @@ def _mark_ends(axes: Axes, poses: Array, colour: str, order: int) -> None:
 
 
 def _padded(extent: Array) -> tuple[Array, Array]:
-    """The box with a margin, brought to a shape that a column can hold."""
+    """The box with a margin, its aspect ratio limited to what fits a column."""
     low, high = extent[0] - _MARGIN_M, extent[1] + _MARGIN_M
     width, height = high - low
     centre, size = (low + high) / 2, np.array([max(width, height / _LARGEST_RATIO), max(height, width * _LEAST_RATIO)])

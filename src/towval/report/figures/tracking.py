@@ -1,4 +1,4 @@
-"""How well a body was tracked, frame by frame."""
+"""Quality of a track, frame by frame."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ def tracking_figure(track: Track, run: str = "") -> Figure:
     Returns
     -------
     Figure
-        Five panels over one time axis [s], one column wide: residual [px or grey levels, as the method counts],
-        inliers [%], standard deviation of the place [mm] and of the heading [°] from the frame's own noise, status.
+        Five panels over one time axis [s], one column wide: residual [px or grey levels, depending on the method],
+        inliers [%], standard deviation of position [mm] and heading [°] from the noise of the frame alone, status.
     """
     title = f"Run {run}: tracking of the {track.body}" if run else f"Tracking of the {track.body}"
     heights = [0.7, 0.7, 0.7, 0.7, 0.15]
@@ -57,7 +57,7 @@ def tracking_figure(track: Track, run: str = "") -> Figure:
     panels[2].plot(track.time_s, 1e3 * track.std[:, 1], color=ROVER, linewidth=1.4, label="$y$")
     panels[2].plot(track.time_s, 1e3 * track.std[:, 0], color=SIMULATED, linewidth=0.6, label="$x$")
     panels[2].legend(loc="upper right", ncols=2)
-    panels[2].set_ylabel(r"$\sigma$ place (mm)")
+    panels[2].set_ylabel(r"$\sigma$ position (mm)")
     panels[3].plot(track.time_s, np.rad2deg(track.std[:, 2]), color=SIMULATED, linewidth=0.8)
     panels[3].set_ylabel(r"$\sigma$ heading (°)")
     for axes in (panels[0], *panels[2:4]):

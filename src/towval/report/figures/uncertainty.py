@@ -1,4 +1,4 @@
-"""How large errors may be: along and across the path, in units of their uncertainty, and where that comes from."""
+"""Error beside its validation uncertainty, and the inputs that this uncertainty comes from."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from towval.model import Array, Comparison, RunUncertainty
-from towval.model.errors import InputError
 from towval.model.geometry import rotation
 from towval.model.run_record import RunRecord
 from towval.report.style import (
@@ -32,8 +31,8 @@ _MARKERS = "osD^vPX*"
 
 
 @figure_function
-def agreement_figure(run: RunRecord) -> Figure:
-    """Errors along and across the path beside what the uncertainties allow, and their ratio, one column wide.
+def agreement_figure(run: RunRecord) -> Figure | None:
+    """Error along and across the path with its validation uncertainty, and their ratio, one column wide.
 
     Parameters
     ----------
@@ -42,18 +41,13 @@ def agreement_figure(run: RunRecord) -> Figure:
 
     Returns
     -------
-    Figure
+    Figure or None
         Three panels over one time axis [s]: the error along and across the measured path [mm] with bands of ± two
-        standard validation uncertainties, and ``|E| / u_val`` of the place with a line at two, left out where ``u_val``
-        is below a hundredth of its usual size.
-
-    Raises
-    ------
-    InputError
-        When the uncertainty of the run was not computed.
+        standard validation uncertainties, and ``|E| / u_val`` of the position with a line at two, left out where
+        ``u_val`` is below a hundredth of its usual size. None where the uncertainty was not computed.
     """
     if run.uncertainty is None:
-        raise InputError(f"run {run.name} has no uncertainty to draw", remedy="compute its uncertainty first")
+        return None
     comparison, uncertainty = run.comparison, run.uncertainty
     title = f"Run {run.name}: error and validation uncertainty"
     figure, panels = column_of_panels([0.76] * 3, Margins(bottom=0.5), title)
@@ -68,13 +62,13 @@ def agreement_figure(run: RunRecord) -> Figure:
     _draw_ratio(panels[2], comparison)
     panels[2].set_xlabel("time (s)")
     panels[0].set_xlim(comparison.time_s[0], comparison.time_s[-1])
-    foot_note(figure, "band: ± 2 standard uncertainties of validation; dashed: two of them")
+    foot_note(figure, "band: ± 2 standard validation uncertainties; dashed: ratio 2")
     return figure
 
 
 @figure_function
-def shares_figure(runs: Sequence[RunRecord]) -> Figure:
-    """Which input the variance of the error comes from, first-order shares, one column wide.
+def shares_figure(runs: Sequence[RunRecord]) -> Figure | None:
+    """Shares of the error's variance by input, first order, one column wide.
 
     Parameters
     ----------
@@ -83,17 +77,13 @@ def shares_figure(runs: Sequence[RunRecord]) -> Figure:
 
     Returns
     -------
-    Figure
-        A row an input, the largest mean share on top: a bar for the mean of the runs, a mark a run [%].
-
-    Raises
-    ------
-    InputError
-        When no run has an uncertainty.
+    Figure or None
+        A row for each input, the largest mean share on top: a bar for the mean of the runs, a mark for each run [%].
+        None where no run has an uncertainty.
     """
     shares = {run.name: run.uncertainty.shares for run in runs if run.uncertainty is not None}
     if not shares:
-        raise InputError("no run has shares of variance to draw", remedy="compute the uncertainty of a run first")
+        return None
     names = dict.fromkeys(name for of_run in shares.values() for name in of_run)
     table = 100 * np.array([[of_run.get(name, np.nan) for name in names] for of_run in shares.values()])
     order = np.argsort(-np.nanmean(table, axis=0), kind="stable")
@@ -123,9 +113,9 @@ def _draw_ratio(axes: Axes, comparison: Comparison) -> None:
 
 
 def _along_across_std(comparison: Comparison, uncertainty: RunUncertainty) -> Array:
-    """Deviations (n, 2) along and across the path [m], the path's direction being that of the comparison.
+    """Standard deviations (n, 2) of the error along and across the path [m].
 
-    The comparison says an error twice, on the floor's axes and along the path: the angle between is the direction.
+    The comparison holds the error on floor axes and along the path; the angle between the two is the path's direction.
     """
     on_floor = comparison.error[:, 0] + 1j * comparison.error[:, 1]
     on_path = comparison.along_across[:, 0] + 1j * comparison.along_across[:, 1]

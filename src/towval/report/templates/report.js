@@ -1,12 +1,12 @@
 "use strict";
-// Some browsers, those of iPhones among them, do not play a film from a data URI but do from a blob.
+// Some browsers (iOS) do not play a video from a data URI but do from a blob.
 const asBlob = (address) => {
   const bytes = Uint8Array.from(atob(address.slice(address.indexOf(",") + 1)), (letter) => letter.charCodeAt(0));
   return URL.createObjectURL(new Blob([bytes], { type: "video/mp4" }));
 };
-// One time cursor for each run: it moves with the film, and the film moves with it.
+// One time cursor per run, synchronised with the video.
 for (const pair of document.querySelectorAll(".pair[data-run]")) {
-  // One is the slider that keys move; all show the cursor and can be clicked.
+  // The keyboard moves the slider; every plot shows the cursor and can be clicked.
   const plots = pair.querySelectorAll(".timeplot");
   const plot = pair.querySelector(".timeplot[role=slider]");
   const readout = pair.querySelector(".readout");
@@ -14,12 +14,11 @@ for (const pair of document.querySelectorAll(".pair[data-run]")) {
   const series = JSON.parse(pair.querySelector(".series").textContent);
   const ends = (one) => [Number(one.dataset.left), Number(one.dataset.right)];
   const first = Number(plot.getAttribute("aria-valuemin")), last = Number(plot.getAttribute("aria-valuemax"));
-  // The film starts at its first frame, the run's clock where the camera's stood.
+  // The video starts at its first frame, the time axis at the camera's clock.
   const filmStart = film ? Number(film.dataset.start) : 0;
-  const plan = pair.querySelector(".plan");
-  const dots = ["rover", "measured"].map((body) => [plan.querySelector(`.dot.${body}`), series[body]]);
+  const dots = [...pair.querySelectorAll(".plan")].flatMap((plan) =>
+    ["rover", "measured"].map((body) => [plan, plan.querySelector(`.dot.${body}`), series[body]]));
   const share = (value, [low, high]) => (value - low) / (high - low);
-  const [across, up] = [plan.dataset.x, plan.dataset.y].map((text) => text.split(" ").map(Number));
   let now = first;
 
   const nearest = (time) => {
@@ -35,12 +34,13 @@ for (const pair of document.querySelectorAll(".pair[data-run]")) {
     const seen = series.x_mm[i] !== null;
     const error = seen
       ? `x ${signed(series.x_mm[i], 2, " mm")}, y ${signed(series.y_mm[i], 2, " mm")}, heading ${signed(series.heading_deg[i], 3, "°")}`
-      : "object not seen";
+      : "object not tracked";
     return `${series.time_s[i].toFixed(2)} s: ${error}, tension ${series.tension_N[i].toFixed(1)} N`;
   };
-  const place = (dot, at) => {
+  const place = (plan, dot, at) => {
     dot.style.visibility = at ? "visible" : "hidden";
     if (!at) { return; }
+    const [across, up] = [plan.dataset.x, plan.dataset.y].map((text) => text.split(" ").map(Number));
     const [west, east, north, south] = ["left", "right", "top", "bottom"].map((side) => Number(plan.dataset[side]));
     dot.style.left = `${100 * (west + (east - west) * share(at[0], across))}%`;
     dot.style.top = `${100 * (south + (north - south) * share(at[1], up))}%`;
@@ -54,13 +54,13 @@ for (const pair of document.querySelectorAll(".pair[data-run]")) {
     }
     const sample = nearest(now);
     readout.textContent = words(sample);
-    for (const [dot, places] of dots) { place(dot, places[sample]); }
+    for (const [plan, dot, places] of dots) { place(plan, dot, places[sample]); }
     plot.setAttribute("aria-valuenow", now.toFixed(2));
     plot.setAttribute("aria-valuetext", readout.textContent);
   };
   const go = (time) => {
     show(time);
-    // Half a millisecond inside the frame: rounding must not show the one before.
+    // Half a millisecond into the frame, so that rounding does not show the previous one.
     if (film) { film.currentTime = Math.max(0, now - filmStart + 5e-4); }
   };
 
@@ -91,7 +91,7 @@ for (const pair of document.querySelectorAll(".pair[data-run]")) {
   });
   show(first);
 }
-// On paper nothing can be unfolded.
+// Print what is folded on screen.
 window.addEventListener("beforeprint", () => {
   for (const folded of document.querySelectorAll("details:not(.reference)")) { folded.open = true; }
 });

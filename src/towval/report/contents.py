@@ -1,0 +1,244 @@
+"""Figures of the report: one entry states what a figure shows, where it stands and how it is drawn.
+
+A new figure is a function of typed data and one line, ``RUN_FIGURES.register(id, RunFigure(...))`` or the same for the
+campaign, here or in a plugin. The page, the files in ``figures`` and the texts for readers who do not see the figure
+follow from the entry.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from towval.model import Calibration
+from towval.model.errors import InputError
+from towval.model.plugins import Registry
+from towval.model.run_record import RunRecord
+from towval.report import figures
+from towval.report.data import ReportData
+from towval.report.wording import millimetres
+
+Section = Literal["run", "campaign", "uncertainty", "calibration", "tracking", "simulation"]
+SECTIONS: tuple[Section, ...] = get_args(Section)
+"""Sections of the page that hold figures; ``run`` is that of each run, ``campaign`` all runs on the floor."""
+
+
+@dataclass(frozen=True)
+class ReportFigure:
+    """Place and texts of a figure of the report.
+
+    Parameters
+    ----------
+    section : str
+        One of :data:`SECTIONS`; ``run`` holds figures of one run only.
+    title : str
+        What the figure shows, for readers who do not see it.
+    caption : str
+        Text below the figure.
+
+    Raises
+    ------
+    InputError
+        When there is no such section.
+    """
+
+    section: Section
+    title: str
+    caption: str = ""
+
+    def __post_init__(self) -> None:
+        allowed = SECTIONS if isinstance(self, RunFigure) else SECTIONS[1:]
+        if self.section not in allowed:
+            raise InputError(f"the figure {self.title!r} has no place", got=self.section, allowed=", ".join(allowed))
+
+
+@dataclass(frozen=True, kw_only=True)
+class CampaignFigure(ReportFigure):
+    """A figure of the whole campaign, in the files ``<id>.pdf``, ``.svg`` and ``.png``.
+
+    ``draw`` makes a figure of the report's data, or None where what it shows is missing.
+    """
+
+    draw: Callable[[ReportData], Figure | None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunFigure(ReportFigure):
+    """A figure of one run, in the files ``<id>_<run>.pdf``, ``.svg`` and ``.png``.
+
+    Parameters
+    ----------
+    draw : callable
+        Makes a figure of the run, or None where what it shows is missing.
+    cursor : str
+        In the section ``run``: ``time`` marks the video's time over a column of panels with time [s] as x axis,
+        ``plan`` the positions of both bodies on axes in floor coordinates [m].
+    describe : callable, optional
+        Numbers of the run for readers who do not see the figure.
+    """
+
+    draw: Callable[[RunRecord], Figure | None]
+    cursor: Literal["", "time", "plan"] = ""
+    describe: Callable[[RunRecord], str] = lambda _: ""
+
+
+CAMPAIGN_FIGURES: Registry[CampaignFigure] = Registry("figure of the campaign")
+RUN_FIGURES: Registry[RunFigure] = Registry("figure of a run")
+"""Figures by id, the stem of their file names; within a section in the order of the page."""
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A drawn figure: stem of its file names, entry, figure, title; ``run`` is empty for the campaign's."""
+
+    name: str
+    entry: ReportFigure
+    figure: Figure
+    title: str
+    run: str = ""
+
+
+def draw_figures(data: ReportData) -> Iterator[Drawn]:
+    """Draw the figures of a report: the campaign's, then those of each run, without those whose data are missing."""
+    for name, entry in CAMPAIGN_FIGURES.items():
+        figure = entry.draw(data)
+        if figure is not None:
+            yield Drawn(name, entry, figure, f"{entry.title[:1].upper()}{entry.title[1:]}.")
+    for run in data.records:
+        for name, run_entry in RUN_FIGURES.items():
+            figure = run_entry.draw(run)
+            if figure is not None:
+                title = f"Run {run.name}: {run_entry.title}. {run_entry.describe(run)}".rstrip()
+                yield Drawn(f"{name}_{run.name}", run_entry, figure, title, run.name)
+
+
+def _of_calibration(draw: Callable[[Calibration], Figure]) -> Callable[[ReportData], Figure | None]:
+    return lambda data: None if data.calibration is None else draw(data.calibration)
+
+
+def _uncertainty_map(data: ReportData) -> Figure | None:
+    if data.calibration is None or data.uncertainty is None:
+        return None
+    return figures.uncertainty_figure(data.calibration, data.uncertainty)
+
+
+def _path_errors(run: RunRecord) -> str:
+    c = run.comparison
+    return f"RMS distance {millimetres(c.path_rms_m)}, maximum {millimetres(c.path_max_m)}."
+
+
+def _last_error(run: RunRecord) -> str:
+    return f"Duration {np.ptp(run.comparison.time_s):.1f} s, last error {millimetres(run.comparison.final_error_m)}."
+
+
+CAMPAIGN_FIGURES.register(
+    "fig10",
+    CampaignFigure(
+        "campaign",
+        "all runs on the floor at one scale",
+        "Path of the rover (blue), simulated (black) and measured (red, dashed) path of the object, all panels at one "
+        "scale. Outlines: object at equal arc length, rover at its start and end. Gaps: frames without a pose.",
+        draw=lambda data: figures.campaign_figure(data.records),
+    ),
+)
+CAMPAIGN_FIGURES.register(
+    "shares",
+    CampaignFigure(
+        "uncertainty",
+        "shares of the error's variance by input",
+        "First-order shares of the variance of simulated minus measured position by uncertain input; bars: mean of the "
+        "runs, marks: single runs. The inputs with the largest shares are worth measuring better.",
+        draw=lambda data: figures.shares_figure(data.records),
+    ),
+)
+CAMPAIGN_FIGURES.register(
+    "calibration_coverage",
+    CampaignFigure(
+        "calibration",
+        "detected board corners over the image",
+        "Detected corners over the image with their residuals, magnified as stated. The lens model extrapolates where "
+        "there are no corners.",
+        draw=_of_calibration(figures.coverage_figure),
+    ),
+)
+CAMPAIGN_FIGURES.register(
+    "calibration_uncertainty",
+    CampaignFigure(
+        "calibration",
+        "standard deviation of a position over the image",
+        "Standard deviation of a position on the plane of the planar target, from the covariance of the calibration, "
+        "without the error of the lens model.",
+        draw=_uncertainty_map,
+    ),
+)
+CAMPAIGN_FIGURES.register(
+    "calibration_reprojection",
+    CampaignFigure(
+        "calibration",
+        "reprojection error and tilt of each view",
+        "Reprojection error and tilt of each view: held boards as blue circles, boards on the floor as green squares. "
+        "Views without tilt do not determine the focal length.",
+        draw=_of_calibration(figures.reprojection_figure),
+    ),
+)
+RUN_FIGURES.register(
+    "fig10",
+    RunFigure(
+        "run",
+        "path of the rover, simulated and measured path of the object, with outlines",
+        draw=figures.run_figure,
+        cursor="plan",
+        describe=_path_errors,
+    ),
+)
+RUN_FIGURES.register(
+    "errors",
+    RunFigure(
+        "run",
+        "errors in x, y and heading and tension of the tether over time",
+        "Simulated minus measured in the floor frame, and the tension of the tether. Bands, where uncertainties were "
+        "computed: ± two standard validation uncertainties.",
+        draw=figures.error_figure,
+        cursor="time",
+        describe=_last_error,
+    ),
+)
+RUN_FIGURES.register(
+    "agreement",
+    RunFigure(
+        "run",
+        "error along and across the path and its ratio to the validation uncertainty over time",
+        "Error along and across the path with the same bands. Bottom: distance between simulated and measured position "
+        "over its standard uncertainty; what stays below two is explained by the uncertainties.",
+        draw=figures.agreement_figure,
+        cursor="time",
+    ),
+)
+RUN_FIGURES.register(
+    "tracking_rover",
+    RunFigure(
+        "tracking",
+        "residual, inliers and standard deviations of the rover's track over time",
+        draw=lambda run: figures.tracking_figure(run.rover_track, run.name),
+    ),
+)
+RUN_FIGURES.register(
+    "tracking_object",
+    RunFigure(
+        "tracking",
+        "residual, inliers and standard deviations of the object's track over time",
+        draw=lambda run: figures.tracking_figure(run.object_track, run.name),
+    ),
+)
+RUN_FIGURES.register(
+    "decimate",
+    RunFigure(
+        "tracking",
+        "measured and kept positions of the hinge; measured minus smoothed over time",
+        draw=figures.decimate_figure,
+    ),
+)
