@@ -110,17 +110,17 @@ def test_a_length_that_never_pulled_is_not_identifiable(scene, measure):
     assert "not_identifiable" in {finding.code for finding in found.findings}
 
 
-def test_values_known_together_only_are_told_to_be():
+def test_values_known_together_only_are_reported_so():
     covariance = np.array([[4e-6, 0.99 * 2e-3 * 8], [0.99 * 2e-3 * 8, 64.0]])
     identifiable, findings = _identifiability(("friction", "stiffness"), covariance, np.array([0.2, 400.0]))
     assert identifiable == (False, False)
-    assert "friction and stiffness [N/m] are not identifiable apart" in findings[0].text
+    assert "friction and stiffness [N/m]; only a combination" in findings[0].text
 
 
-def test_a_vague_value_is_told_to_be():
+def test_a_vague_value_is_reported_so():
     identifiable, findings = _identifiability(("friction", "stiffness"), np.diag([4e-6, 2e4]), np.array([0.2, 400.0]))
     assert identifiable == (True, False)
-    assert "stiffness [N/m] is not identifiable" in findings[0].text
+    assert "Not identifiable: stiffness [N/m]" in findings[0].text
 
 
 def test_one_run_predicts_nothing(scene, measure):

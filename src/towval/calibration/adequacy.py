@@ -13,6 +13,7 @@ from towval.calibration.bundle_adjustment import Estimate, adjust, marginal_cova
 from towval.calibration.lens import LensTrial, active_parameters
 from towval.calibration.observations import CalibrationObservations
 from towval.model import Array, Calibration, Camera, Finding, Floor, Severity
+from towval.model.findings import finding
 from towval.optics.plane_uncertainty import pixel_grid, position_sensitivity, uncertainty_map
 from towval.optics.projection import to_plane
 
@@ -67,32 +68,20 @@ def view_statistics(seen: CalibrationObservations, estimate: Estimate, covarianc
 def view_findings(statistics: ViewStatistics) -> list[Finding]:
     """Degenerate sets of views, in words, each with what to film instead."""
     findings = []
-    uncertain = f"the focal length is uncertain by {100 * statistics.focal_std_share:.1f} %"
+    focal = {"focal_percent": 100 * statistics.focal_std_share, "remedy": _FILM_TILT}
     useless = statistics.focal_std_share > _USELESS_FOCAL_STD_SHARE
+    severity = Severity.REFUSAL if useless else Severity.WARNING
     if statistics.median_tilt_deg < _ENOUGH_TILT_DEG:
-        text = (
-            f"The boards are hardly tilted: half of the {statistics.held} held views are within "
-            f"{statistics.median_tilt_deg:.1f}° of the image plane. Focal length and distance cannot be told apart; "
-            f"{uncertain}, though the boards fit well. Instead, {_FILM_TILT}."
+        findings.append(
+            finding("no-tilt", severity, held=statistics.held, tilt_deg=statistics.median_tilt_deg, **focal)
         )
-        findings.append(Finding(Severity.REFUSAL if useless else Severity.WARNING, "no-tilt", text))
     elif statistics.focal_std_share > _FOCAL_STD_SHARE:
-        text = (
-            f"The views leave the camera uncertain: {uncertain}. Film more views: {_FILM_TILT}, nearer to the camera."
-        )
-        findings.append(Finding(Severity.REFUSAL if useless else Severity.WARNING, "focal-length-uncertain", text))
+        findings.append(finding("focal-length-uncertain", severity, **focal))
     if statistics.covered < _ENOUGH_COVERAGE:
-        text = (
-            f"The boards were held only in a part of the picture, {100 * statistics.covered:.0f} % of it: the lens is "
-            f"extrapolated to the rest, and the predicted deviations do not see that error. Instead, {_FILM_ALL_OVER}."
-        )
-        findings.append(Finding(Severity.WARNING, "centre-only", text))
+        findings.append(finding("centre-only", covered_percent=100 * statistics.covered, remedy=_FILM_ALL_OVER))
     if statistics.held < _ENOUGH_VIEWS:
-        text = (
-            f"Too few views: {statistics.held} held boards are used, {_ENOUGH_VIEWS} are the least and 12 are good. "
-            f"For the others, {_FILM_TILT}, and {_FILM_ALL_OVER}."
-        )
-        findings.append(Finding(Severity.WARNING, "few-views", text))
+        remedy = f"{_FILM_TILT}, and {_FILM_ALL_OVER}"
+        findings.append(finding("few-views", held=statistics.held, least=_ENOUGH_VIEWS, remedy=remedy))
     return findings
 
 
@@ -151,16 +140,16 @@ def _rms(values: Array) -> float:
 
 def halves_findings(comparisons: Sequence[HalvesComparison]) -> list[Finding]:
     """A warning where the halves differ by much more than the corner noise explains."""
-    findings = []
-    for plane in comparisons:
-        if plane.found_m > max(3 * plane.expected_m, 1e-3):
-            text = (
-                f"Two halves of the views, calibrated apart, differ by {1e3 * plane.found_m:.1f} mm on the plane at "
-                f"{plane.height_m:.2f} m where the corner noise explains {1e3 * plane.expected_m:.1f} mm. Something "
-                "is not as assumed: a bent board, a focus or zoom that changed, a board moved during the exposure."
-            )
-            findings.append(Finding(Severity.WARNING, "halves-disagree", text))
-    return findings
+    return [
+        finding(
+            "halves-disagree",
+            found_mm=1e3 * plane.found_m,
+            height_m=plane.height_m,
+            expected_mm=1e3 * plane.expected_m,
+        )
+        for plane in comparisons
+        if plane.found_m > max(3 * plane.expected_m, 1e-3)
+    ]
 
 
 def floor_findings(
@@ -178,13 +167,17 @@ def floor_findings(
             continue
         row, column = np.unravel_index(np.argmax(std), std.shape)
         u, v = plane.pixels[row, column]
-        text = (
-            f"The floor is known from {100 * covered:.0f} % of the picture and extrapolated to the rest: positions on "
-            f"the plane at {height:.2f} m are uncertain by {1e3 * plane.rms_m:.1f} mm over the picture, and by "
-            f"{1e3 * std[row, column]:.1f} mm at pixel ({u:.0f}, {v:.0f}). Lay the board down at more places, far "
-            "apart and towards the picture's corners, or survey marks there."
-        )
-        return [Finding(Severity.WARNING, "floor-extrapolated", text)]
+        return [
+            finding(
+                "floor-extrapolated",
+                covered_percent=100 * covered,
+                height_m=height,
+                rms_mm=1e3 * plane.rms_m,
+                worst_mm=1e3 * std[row, column],
+                u=u,
+                v=v,
+            )
+        ]
     return []
 
 
@@ -214,16 +207,9 @@ def marks_findings(seen: CalibrationObservations, estimate: Estimate, stated_std
         return []
     reference, findings = seen.reference, []
     if reference.mark_std_px > stated_std_px:
-        text = (
-            f"The surveyed marks scatter by {reference.mark_std_px:.1f} px where {stated_std_px:.1f} px are stated; "
-            "the larger figure is used. Measure them again, or state what they are good for."
-        )
-        findings.append(Finding(Severity.WARNING, "marks-noisy", text))
+        findings.append(finding("marks-noisy", found_px=reference.mark_std_px, stated_px=stated_std_px))
     distance = np.linalg.norm(residuals(seen.blocks, estimate)[-1], axis=1)
     for i in np.flatnonzero(distance > 4 * stated_std_px):
-        text = (
-            f"The surveyed mark at {reference.marks_m[i].tolist()} m is {distance[i]:.1f} px from where the others put "
-            f"it (stated deviation of a mark: {stated_std_px:.1f} px). Check its pixel and its coordinates."
-        )
-        findings.append(Finding(Severity.WARNING, "mark-misfit", text))
+        at_m = reference.marks_m[i].tolist()
+        findings.append(finding("mark-misfit", at_m=at_m, distance_px=distance[i], stated_px=stated_std_px))
     return findings

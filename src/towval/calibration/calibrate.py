@@ -25,6 +25,7 @@ from towval.calibration.lens import LENS_MODELS, NESTED, LensTrial, active_param
 from towval.calibration.observations import CalibrationObservations, first_guess, unflipped
 from towval.model import Board, Calibration, Camera, Finding, Floor, FloorReference, Severity, View
 from towval.model.errors import InputError, RefusedError
+from towval.model.findings import finding
 from towval.optics.plane_uncertainty import camera_position_covariance, uncertainty_map
 
 _JUDGING_MODELS = ("none", "k1", "k1 k2", "k1 k2 p1 p2 k3", "rational")
@@ -353,10 +354,11 @@ def _reprojection_rms_px(calibration: Calibration) -> float:
 
 def _dropped_findings(calibration: Calibration) -> list[Finding]:
     return [
-        Finding(
-            Severity.WARNING if len(view.corners_px) else Severity.NOTE,
+        finding(
             "view-dropped",
-            f"{view.name} was left out: {view.dropped}.",
+            Severity.WARNING if len(view.corners_px) else Severity.NOTE,
+            name=view.name,
+            reason=view.dropped,
         )
         for view in calibration.views
         if view.dropped
@@ -367,12 +369,13 @@ def _lens_findings(trials: Sequence[LensTrial], chosen: LensTrial) -> list[Findi
     """A note where a larger lens model predicts better but its coefficients are not determined."""
     better = [t for t in trials if not t.determined and t.score_px2 < chosen.score_px2]
     return [
-        Finding(
-            Severity.NOTE,
+        finding(
             "lens-undetermined",
-            f'The lens model "{trial.model}" predicts held-out views better ({np.sqrt(trial.score_px2):.2f} px against '
-            f'{np.sqrt(chosen.score_px2):.2f} px of "{chosen.model}"), but the views do not determine its coefficients '
-            f"(condition number {trial.condition:.0e}): they cancel, and beyond the corners anything can happen.",
+            model=trial.model,
+            score_px=np.sqrt(trial.score_px2),
+            chosen_px=np.sqrt(chosen.score_px2),
+            chosen=chosen.model,
+            condition=trial.condition,
         )
         for trial in better
     ]

@@ -12,8 +12,9 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
-from towval.model import Finding, Severity
+from towval.model import Finding
 from towval.model.errors import InputError
+from towval.model.findings import finding
 
 Luma = NDArray[np.uint8]
 
@@ -159,8 +160,7 @@ class Video:
                 got=good,
                 remedy="copy the file again, or set damaged_video: true for this run to go on with the good part",
             )
-        text = f"{self.path.name} is damaged or truncated ({reason}): {good}; the rest was left out."
-        self.findings = (*self.findings, Finding(Severity.WARNING, "video_damaged", text))
+        self.findings = (*self.findings, finding("video_damaged", name=self.path.name, reason=reason, good=good))
 
 
 def _header(stream: av.VideoStream) -> VideoHeader:

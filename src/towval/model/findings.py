@@ -1,9 +1,15 @@
-"""What a stage says about itself in words."""
+"""What a stage can remark on: one table, a row a code, from which every :class:`Finding` is made.
+
+A new finding is a :class:`FindingType` handed to :func:`register`, and a call of :func:`finding` where it arises.
+docs/findings.md is this table in print.
+"""
 
 from __future__ import annotations
 
 import enum
 from dataclasses import dataclass
+
+from towval.model.errors import InputError
 
 
 class Severity(enum.StrEnum):
@@ -16,11 +22,320 @@ class Severity(enum.StrEnum):
 
 @dataclass(frozen=True)
 class Finding:
-    """Something a stage noticed about its input or its result, in words.
+    """A remark of a stage on its input or result; make one with :func:`finding`.
 
-    ``code`` is a short stable name for tests and tables, ``text`` a full sentence with numbers and what to do.
+    ``code`` is a row of the table, ``text`` a full sentence with numbers and what to do.
     """
 
     severity: Severity
     code: str
     text: str
+
+
+@dataclass(frozen=True)
+class Consequence:
+    """What a finding means for the verdict of a run.
+
+    ``judged`` is false where the comparison cannot say anything about the model; ``widens`` names the inputs (keys of
+    :data:`towval.validation.inputs.INPUTS`) whose stated deviations are too small once the finding is there.
+    """
+
+    judged: bool = True
+    widens: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        if not self.judged:
+            return "not judged"
+        return f"widens {', '.join(self.widens)}" if self.widens else "none"
+
+
+@dataclass(frozen=True)
+class FindingType:
+    """A row of the table.
+
+    ``stage`` that reports it; ``severities`` it can have, the usual one first; ``text`` a template for ``str.format``.
+    """
+
+    code: str
+    stage: str
+    severities: tuple[Severity, ...]
+    consequence: Consequence
+    text: str
+
+
+NOTE, WARNING = (Severity.NOTE,), (Severity.WARNING,)
+_WARNING_OR_REFUSAL = (Severity.WARNING, Severity.REFUSAL)
+_NOTE_OR_WARNING = (Severity.NOTE, Severity.WARNING)
+NONE, NOT_JUDGED = Consequence(), Consequence(judged=False)
+_CAMERA, _TRACKING = Consequence(widens=("camera",)), Consequence(widens=("tracking",))
+_REGISTRATION = Consequence(widens=("rover_registration", "object_registration"))
+_FRICTION = Consequence(widens=("friction",))
+
+FINDINGS: dict[str, FindingType] = {}
+"""The table, by code."""
+
+
+def register(*rows: FindingType) -> None:
+    """Add rows to the table; :class:`InputError` where a code is taken."""
+    for row in rows:
+        if row.code in FINDINGS:
+            raise InputError("a finding has the code of another", got=row.code, allowed="a code of its own")
+        FINDINGS[row.code] = row
+
+
+def finding(code: str, severity: Severity | None = None, /, **values: object) -> Finding:
+    """A finding from the table.
+
+    Parameters
+    ----------
+    code : str
+        A row of :data:`FINDINGS`.
+    severity : Severity, optional
+        One of the row's; the first by default.
+    **values
+        What the row's text names.
+
+    Raises
+    ------
+    InputError
+        For an unknown code, or a severity that the row does not have.
+
+    Examples
+    --------
+    >>> finding("draws_left_out", count=3).text
+    '3 draws could not be simulated and were left out.'
+    """
+    if code not in FINDINGS:
+        raise InputError("unknown finding", got=code, allowed=", ".join(FINDINGS), remedy="register its row first")
+    row = FINDINGS[code]
+    severity = severity or row.severities[0]
+    if severity not in row.severities:
+        raise InputError(f"finding {code}: unknown severity", got=severity, allowed=", ".join(row.severities))
+    return Finding(severity, code, row.text.format(**values))
+
+
+_ENDED = "The simulation ended with: {outcome}, at {time_s:.3f} s. {advice}"
+
+register(  # calibrate
+    FindingType("view-dropped", "calibrate", (Severity.WARNING, Severity.NOTE), NONE, "{name} was left out: {reason}."),
+    FindingType(
+        "lens-undetermined", "calibrate", NOTE, NONE,
+        'The lens model "{model}" predicts held-out views better ({score_px:.2f} px against {chosen_px:.2f} px of '
+        '"{chosen}"), but the views do not determine its coefficients (condition number {condition:.0e}): they cancel, '
+        "and beyond the corners anything can happen.",
+    ),
+    FindingType(
+        "no-tilt", "calibrate", _WARNING_OR_REFUSAL, NONE,
+        "The boards are hardly tilted: half of the {held} held views are within {tilt_deg:.1f}° of the image plane. "
+        "Focal length and distance cannot be separated; the focal length is uncertain by {focal_percent:.1f} %, "
+        "though the boards fit well. Instead, {remedy}.",
+    ),
+    FindingType(
+        "focal-length-uncertain", "calibrate", _WARNING_OR_REFUSAL, NONE,
+        "The views leave the camera uncertain: the focal length is uncertain by {focal_percent:.1f} %. Film more "
+        "views: {remedy}, nearer to the camera.",
+    ),
+    FindingType(
+        "centre-only", "calibrate", WARNING, _CAMERA,
+        "The boards were held only in a part of the picture, {covered_percent:.0f} % of it: the lens is extrapolated "
+        "to the rest, and the predicted deviations do not include that error. Instead, {remedy}.",
+    ),
+    FindingType(
+        "few-views", "calibrate", WARNING, NONE,
+        "Too few views: {held} held boards are used, at least {least} are needed and 12 are good. For the others, "
+        "{remedy}.",
+    ),
+    FindingType(
+        "halves-disagree", "calibrate", WARNING, _CAMERA,
+        "Two halves of the views, calibrated separately, differ by {found_mm:.1f} mm on the plane at {height_m:.2f} "
+        "m where the corner noise explains {expected_mm:.1f} mm. An assumption is violated: a bent board, a focus or "
+        "zoom that changed, a board moved during the exposure.",
+    ),
+    FindingType(
+        "floor-extrapolated", "calibrate", WARNING, NONE,
+        "The floor is known from {covered_percent:.0f} % of the picture and extrapolated to the rest: positions on "
+        "the plane at {height_m:.2f} m are uncertain by {rms_mm:.1f} mm over the picture, and by {worst_mm:.1f} mm "
+        "at pixel ({u:.0f}, {v:.0f}). Lay the board down at more places, far apart and towards the picture's "
+        "corners, or survey marks there.",
+    ),
+    FindingType(
+        "marks-noisy", "calibrate", WARNING, NONE,
+        "The surveyed marks scatter by {found_px:.1f} px where {stated_px:.1f} px are stated; the larger figure is "
+        "used. Measure them again, or state their real deviation.",
+    ),
+    FindingType(
+        "mark-misfit", "calibrate", WARNING, _CAMERA,
+        "The surveyed mark at {at_m} m is {distance_px:.1f} px from where the others put it (stated deviation of a "
+        "mark: {stated_px:.1f} px). Check its pixel and its coordinates.",
+    ),
+)  # fmt: skip
+register(  # track
+    FindingType(
+        "video_damaged", "track", WARNING, NONE,
+        "{name} is damaged or truncated ({reason}): {good}; the rest was left out.",
+    ),
+    FindingType(
+        "few_points", "track", WARNING, _TRACKING,
+        "Tracked with {samples} points: so few let a pose drift by more than its stated deviation, and a correct "
+        "model can be judged wrong. Set track.samples to {enough} or more.",
+    ),
+    FindingType(
+        "edges_not_found", "track", WARNING, NOT_JUDGED,
+        "The edges of {name} could not be found around the clicks; its frame rests on the clicks ({std_mm:.1f} mm). "
+        "Check the clicks and top_corners_m.",
+    ),
+    FindingType(
+        "edges_unsure", "track", WARNING, NONE,
+        "The edges of {name} do not fix its place in one direction: its frame is known to {std_mm:.1f} mm at best "
+        "there. Begin the run at rest or use a shorter exposure: its edges must be sharp in some pictures, and stand "
+        "out from the floor.",
+    ),
+    FindingType(
+        "clicks_misfit", "track", WARNING, _REGISTRATION,
+        "The clicks of {name} miss its corners by up to {misfit_px:.1f} px. Check them, its top_corners_m and "
+        "tracked_plane_height_m.",
+    ),
+    FindingType(
+        "not_seen", "track", WARNING, NONE,
+        "{name} was not observed in {count} of {frames} pictures ({lost} lost, {bridged} bridged), between "
+        "{first_s:.2f} s and {last_s:.2f} s. Look at the video there: something hid it, it left the picture, or its "
+        "top is too plain.",
+    ),
+    FindingType(
+        "lookalike", "track", WARNING, NONE,
+        "{name} cannot be distinguished from something that looks like it, or from itself turned round: a match was "
+        "rejected {count} times for that reason. Put a different pattern on each body.",
+    ),
+    FindingType(
+        "low_texture", "track", WARNING, NONE,
+        "The top of {name} shows too little texture for the noise of the video (deviation {std_mm:.2f} mm where "
+        "observed). Put a pattern on it: print, stickers, tape.",
+    ),
+    FindingType(
+        "camera_moved", "track", WARNING, NOT_JUDGED,
+        "The floor appears to move by up to {shift_mm:.1f} mm from {time_s:.2f} s on: the camera moved against the "
+        "floor. Poses from then on are off by as much; fix the camera and film or calibrate again.",
+    ),
+    FindingType(
+        "camera_not_watched", "track", NOTE, NONE,
+        "The floor shows too little texture to detect a motion of the camera.",
+    ),
+)  # fmt: skip
+register(  # decimate
+    FindingType("decimated", "decimate", NOTE, NONE, "{body}: {kept} of {frames} tracked poses kept."),
+    FindingType(
+        "decimate_outlier", "decimate", WARNING, _TRACKING,
+        "{body}: at {time_s:.2f} s the measured pose is {deviations:.1f} deviations off the smoothed track; look at "
+        "that frame of the overlay.",
+    ),
+    FindingType(
+        "decimate_bridged", "decimate", WARNING, _TRACKING,
+        "{body}: {count} frames were not observed; the smoothed track bridges them (longest gap {gap_s:.2f} s).",
+    ),
+)  # fmt: skip
+register(  # simulate; the last six are those of towval.physics
+    FindingType("rung", "simulate", _NOTE_OR_WARNING, NONE, "Model: {rung}; {changes} (allowed: {allowed_mm:.2f} mm)."),
+    FindingType(
+        "numerical_error", "simulate", WARNING, NONE,
+        "A hundred times tighter tolerance moves the path by {u_num_mm:.2f} mm (allowed: {allowed_mm:.2f} mm). Set a "
+        "smaller simulate.tolerance_m.",
+    ),
+    FindingType(
+        "creep", "simulate", NOTE, NONE,
+        "The object creeps {crept_mm:.1f} mm in total at speeds below the stiction velocity, where a real one would "
+        "stick now and then: that much of its path depends on friction.stiction_velocity_m_per_s.",
+    ),
+    FindingType("simulate_outcome", "simulate", WARNING, NOT_JUDGED, "{outcome}: {advice}"),
+    FindingType(
+        "friction_law", "simulate", WARNING, _FRICTION,
+        "The friction law misses the specified coefficients by up to {residual:.4f}.",
+    ),
+    FindingType(
+        "simulate_cut", "simulate", WARNING, NONE,
+        "{count} frames lie outside the rover's track and are not simulated.",
+    ),
+    FindingType(
+        "taut_start", "simulate", WARNING, NOT_JUDGED,
+        "At the start the tether is {stretch_mm:.0f} mm longer than its rest length: check tether.rest_length_m, "
+        "hinge and anchor.",
+    ),
+    FindingType("slack_all_along", "simulate", WARNING, NOT_JUDGED, _ENDED),
+    FindingType("step_limit", "simulate", WARNING, NOT_JUDGED, _ENDED),
+    FindingType("step_too_small", "simulate", WARNING, NOT_JUDGED, _ENDED),
+    FindingType("not_finite", "simulate", WARNING, NOT_JUDGED, _ENDED),
+    FindingType(
+        "not_balanced", "simulate", WARNING, NOT_JUDGED,
+        "At {count} steps of the rung '{rung}' no balance was found; the previous twist was kept.",
+    ),
+    FindingType(
+        "open_loop", "simulate", WARNING, NONE,
+        "{percent:.1f} % more force moves the object by up to {apart_mm:.3g} mm: a force given over time does not "
+        "determine its path. Tow it by a tether behind a given path of the hinge instead.",
+    ),
+)  # fmt: skip
+register(  # uncertainty, compare, identify
+    FindingType(
+        "main_input", "uncertainty", NOTE, NONE,
+        "{percent:.0f} % of the path error's expected variance comes from: {label}.",
+    ),
+    FindingType(
+        "draws_left_out", "uncertainty", WARNING, NONE, "{count} draws could not be simulated and were left out."
+    ),
+    FindingType("verdict", "compare", _NOTE_OR_WARNING, NONE, "{statement}; {signature}."),
+    FindingType(
+        "compare_lost", "compare", WARNING, NONE,
+        "{count} frames in which the object was not observed are left out of the comparison.",
+    ),
+    FindingType(
+        "compare_cut", "compare", WARNING, NONE, "{count} measured frames have no simulated counterpart."
+    ),
+    FindingType(
+        "identify_one_run", "identify", WARNING, NONE,
+        "One run only: no other run is left for the identified values to predict.",
+    ),
+    FindingType("not_identifiable", "identify", WARNING, NONE, "Not identifiable: {names}; {reason}."),
+    FindingType(
+        "identify_misfit", "identify", WARNING, NONE,
+        "The fitted inputs do not explain the runs: the residual is {misfit:.1f} deviations of the measurement "
+        "(RMS). The values belong to a model that is not that of the runs.",
+    ),
+)  # fmt: skip
+register(  # plan and tow
+    FindingType(
+        "root_lost", "plan", WARNING, NONE,
+        "No heading rate balances the moment about the anchor at {count} of {total} times, first at {time_s:.3f} s; "
+        "up to {moment_Nm:.3g} N m are left over. The tracked point cannot be drawn along this path from this "
+        "anchor; move the point towards the anchor.",
+    ),
+    FindingType(
+        "root_jumped", "plan", WARNING, NONE,
+        "The heading rate jumped at {count} times, first at {time_s:.3f} s: the root nearest to the previous one was "
+        "taken.",
+    ),
+    FindingType(
+        "cable_would_push", "plan", WARNING, NONE,
+        "At {count} of {total} times, first at {time_s:.3f} s, the force at the anchor points into the object: the "
+        "cable would have to push, or lie across the object. Smooth the path or move the anchor.",
+    ),
+    FindingType(
+        "path_not_followed", "plan", WARNING, NONE,
+        "The hinge arrives but is {rms_mm:.0f} mm RMS off its path, more than {factor:g} times the arrival distance "
+        "of {arrival_mm:.0f} mm: it cuts corners or swings. Use a smaller threshold, a shorter look-ahead or a path "
+        "that bends less.",
+    ),
+    FindingType(
+        "threshold_exceeds_path", "plan", WARNING, NONE,
+        "The threshold d_t, {threshold_m:g} m, is longer than the path, {length_m:.3g} m: the rover drives straight "
+        "for the end and does not follow what lies between. Use a smaller threshold.",
+    ),
+    FindingType(
+        "look_ahead_exceeds_path", "plan", WARNING, NONE,
+        "The orientation look-ahead, {look_ahead:g} steps, is longer than the path, {steps} steps: the planned "
+        "heading is an average over the whole path. Use a shorter look-ahead.",
+    ),
+    FindingType(
+        "path_too_tight", "plan", NOTE, NONE,
+        "The path bends with a radius of {radius_m:.3g} m, tighter than the rover's tightest turn of "
+        "{tightest_m:.3g} m: the rover follows only by turning its body less than the path turns.",
+    ),
+)  # fmt: skip

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from towval.model import Array, Finding, FrictionLaw, Severity, SimulatedMotion, Tether, TimedPath, TowedObject, locked
+from towval.model import Array, Finding, FrictionLaw, SimulatedMotion, Tether, TimedPath, TowedObject, locked
 from towval.model.errors import InputError
+from towval.model.findings import finding
 from towval.model.geometry import transform
 from towval.physics.contact import resting_pressure
 from towval.physics.friction_table import SLOPE
@@ -180,11 +181,7 @@ def feedforward(
 def _open_loop_findings(apart_m: float) -> tuple[Finding, ...]:
     if apart_m <= _FORCE_SHIFT_M:
         return ()
-    text = (
-        f"{100 * _FORCE_ERROR:.1f} % more force moves the object by up to {1000 * apart_m:.3g} mm: a force given over "
-        "time does not fix its path. Tow it by a tether behind a given way of the hinge instead."
-    )
-    return (Finding(Severity.WARNING, "open_loop", text),)
+    return (finding("open_loop", percent=100 * _FORCE_ERROR, apart_mm=1000 * apart_m),)
 
 
 def checked_times(times: ArrayLike) -> Array:
@@ -249,8 +246,8 @@ def _motion(
     twists = np.column_stack([states[:, 3:5] + turning, rates])
     findings = ()
     if outcome != Outcome.CONVERGED:
-        text = f"The simulation ended with: {outcome}, at {times[len(states) - 1]:.3f} s. {ADVICE[outcome]}"
-        findings = (Finding(Severity.WARNING, str(outcome).replace(" ", "_"), text),)
+        code, end_s = str(outcome).replace(" ", "_"), times[len(states) - 1]
+        findings = (finding(code, outcome=outcome, time_s=end_s, advice=ADVICE[outcome]),)
     return SimulatedMotion(
         time_s=times[: len(states)],
         pose=poses,

@@ -17,9 +17,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from towval.model import Array, Finding, FrictionLaw, Severity, Tether, TimedPath, TowedObject, locked
+from towval.model import Array, Finding, FrictionLaw, Tether, TimedPath, TowedObject, locked
 from towval.model.compiling import compiled
 from towval.model.errors import InputError
+from towval.model.findings import finding
 from towval.model.geometry import inside_polygon
 from towval.physics.contact import resting_pressure
 from towval.physics.splines import Spline, piece_at, spline_at, spline_covering, spline_values
@@ -180,19 +181,18 @@ def _root_findings(times: Array, status: Array, moment: Array) -> tuple[Finding,
     findings = []
     lost = status == ROOT_LOST
     if lost.any():
-        text = (
-            f"No heading rate balances the moment about the anchor at {int(lost.sum())} of {len(times)} times, first "
-            f"at {times[lost][0]:.3f} s; up to {np.abs(moment[lost]).max():.3g} N m are left over. The tracked point "
-            "cannot be drawn along this path from this anchor; move the point towards the anchor."
+        findings.append(
+            finding(
+                "root_lost",
+                count=int(lost.sum()),
+                total=len(times),
+                time_s=times[lost][0],
+                moment_Nm=np.abs(moment[lost]).max(),
+            )
         )
-        findings.append(Finding(Severity.WARNING, "root_lost", text))
     chosen = status == ROOT_CHOSEN
     if chosen.any():
-        text = (
-            f"The heading rate jumped at {int(chosen.sum())} times, first at {times[chosen][0]:.3f} s: the "
-            "root nearest to the one before was taken."
-        )
-        findings.append(Finding(Severity.WARNING, "root_jumped", text))
+        findings.append(finding("root_jumped", count=int(chosen.sum()), time_s=times[chosen][0]))
     return tuple(findings)
 
 
@@ -205,12 +205,7 @@ def _cable_findings(towed: TowedObject, times: Array, direction: Array) -> tuple
     across = inside_polygon(towed.patch.outline, towed.anchor + 0.05 * size * direction)
     if not across.any():
         return ()
-    text = (
-        f"At {int(across.sum())} of {len(times)} times, first at {times[across][0]:.3f} s, the force at the anchor "
-        "points into the object: the cable would have to push, or lie across the object. Smooth the path or move "
-        "the anchor."
-    )
-    return (Finding(Severity.WARNING, "cable_would_push", text),)
+    return (finding("cable_would_push", count=int(across.sum()), total=len(times), time_s=times[across][0]),)
 
 
 @compiled(allocates=False)

@@ -19,8 +19,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from towval.model import Array, Finding, FrictionLaw, Severity, SimulatedMotion, Tether, TimedPath, TowedObject, locked
+from towval.model import Array, FrictionLaw, SimulatedMotion, Tether, TimedPath, TowedObject, locked
 from towval.model.compiling import compiled
+from towval.model.findings import finding
 from towval.model.geometry import rotation, transform
 from towval.physics.contact import resting_pressure
 from towval.physics.dynamics import ADVICE, Outcome, checked_times
@@ -92,8 +93,7 @@ def _motion(rung: str, times: Array, out: Array, centre: Array, moved: bool, unb
     turning = out[:, 5:6] * np.column_stack([-offset[:, 1], offset[:, 0]])
     outcome, findings = Outcome.CONVERGED if moved else Outcome.SLACK_ALL_ALONG, ()
     if unbalanced:
-        text = f"At {unbalanced} steps of the rung '{rung}' no balance was found; the twist before was kept."
-        findings = (Finding(Severity.WARNING, "not_balanced", text),)
+        findings = (finding("not_balanced", count=unbalanced, rung=rung),)
     motion = SimulatedMotion(
         time_s=times,
         pose=np.column_stack([out[:, :2] + offset, out[:, 2]]),
@@ -105,11 +105,10 @@ def _motion(rung: str, times: Array, out: Array, centre: Array, moved: bool, unb
         rung=rung,
         findings=findings,
     )
-    return motion if moved else replace(motion, findings=(*findings, _slack_finding()))
-
-
-def _slack_finding() -> Finding:
-    return Finding(Severity.WARNING, "slack_all_along", f"The tether never pulled. {ADVICE[Outcome.SLACK_ALL_ALONG]}")
+    if moved:
+        return motion
+    slack = finding("slack_all_along", outcome=outcome, time_s=times[-1], advice=ADVICE[outcome])
+    return replace(motion, findings=(*findings, slack))
 
 
 @compiled()

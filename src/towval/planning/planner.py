@@ -14,9 +14,10 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from towval.model import Array, Finding, Severity, TimedPath, locked
+from towval.model import Array, Finding, TimedPath, locked
 from towval.model.compiling import compiled
 from towval.model.errors import InputError
+from towval.model.findings import finding
 from towval.model.geometry import inverse_transform, path_length, transform
 from towval.planning.feasible_region import Flanks, flanks, nearest_centre, nearest_in_polygon
 from towval.planning.kinematics import Rover, steering_of_twist, wheel_rates
@@ -193,12 +194,14 @@ def _deviation_findings(plan: RoverPlan, settings: PlannerSettings) -> list[Find
     """A plan may arrive by cutting every corner; then it says so."""
     if plan.outcome is not PlanOutcome.ARRIVED or plan.rms <= FOLLOWED * settings.arrival_distance:
         return []
-    text = (
-        f"The hinge arrives but is {1000 * plan.rms:.0f} mm RMS off its path, more than {FOLLOWED:g} times the arrival "
-        f"distance of {1000 * settings.arrival_distance:.0f} mm: it cuts corners or swings. Take a smaller threshold, "
-        "a shorter look-ahead or a path that bends less."
-    )
-    return [Finding(Severity.WARNING, "path_not_followed", text)]
+    return [
+        finding(
+            "path_not_followed",
+            rms_mm=1000 * plan.rms,
+            factor=FOLLOWED,
+            arrival_mm=1000 * settings.arrival_distance,
+        )
+    ]
 
 
 def _findings(path: TimedPath, settings: PlannerSettings, length: float, region: Flanks) -> tuple[Finding, ...]:
@@ -206,21 +209,11 @@ def _findings(path: TimedPath, settings: PlannerSettings, length: float, region:
     findings = []
     steps, tightest = len(path.time_s) - 1, tightest_radius(path.position)
     if settings.threshold >= length:
-        text = (
-            f"The threshold d_t, {settings.threshold:g} m, is longer than the path, {length:.3g} m: the rover drives "
-        )
-        text += "straight for the end and does not follow what lies between. Take a smaller threshold."
-        findings.append(Finding(Severity.WARNING, "threshold_exceeds_path", text))
+        findings.append(finding("threshold_exceeds_path", threshold_m=settings.threshold, length_m=length))
     if settings.look_ahead_steps >= steps:
-        text = (
-            f"The orientation look-ahead, {settings.look_ahead_steps:g} steps, is longer than the path, {steps} steps: "
-        )
-        text += "the planned heading is an average over the whole path. Take a shorter look-ahead."
-        findings.append(Finding(Severity.WARNING, "look_ahead_exceeds_path", text))
+        findings.append(finding("look_ahead_exceeds_path", look_ahead=settings.look_ahead_steps, steps=steps))
     if tightest < region.tightest_radius:
-        text = f"The path bends with a radius of {tightest:.3g} m, tighter than the rover's tightest turn of "
-        text += f"{region.tightest_radius:.3g} m: the rover follows only by turning its body less than the path turns."
-        findings.append(Finding(Severity.NOTE, "path_too_tight", text))
+        findings.append(finding("path_too_tight", radius_m=tightest, tightest_m=region.tightest_radius))
     return tuple(findings)
 
 

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from towval.model import Array, Body, Camera, Finding, Floor, Severity
+from towval.model import Array, Body, Camera, Finding, Floor
+from towval.model.findings import finding
 from towval.model.geometry import transform
 from towval.optics.projection import to_plane
 from towval.tracking.alignment import align, make_template
@@ -73,14 +74,9 @@ class CameraMotion:
         """What the watch has to say."""
         if self.moved:
             worst = 1000 * max(shift for _, shift in self.moved)
-            text = (
-                f"The floor seems to move by up to {worst:.1f} mm from {self.moved[0][0]:.2f} s on: the camera moved "
-                "against the floor. Poses from then on are off by as much; fix the camera and film or calibrate again."
-            )
-            return (Finding(Severity.WARNING, "camera_moved", text),)
+            return (finding("camera_moved", shift_mm=worst, time_s=self.moved[0][0]),)
         if self.known < max(1, self.looks // 2):
-            text = "The floor shows too little texture to tell whether the camera moved."
-            return (Finding(Severity.NOTE, "camera_not_watched", text),)
+            return (finding("camera_not_watched"),)
         return ()
 
 

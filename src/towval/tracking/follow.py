@@ -8,8 +8,9 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from towval.model import Array, Body, Features, Finding, Severity, Track, TrackStatus
+from towval.model import Array, Body, Features, Finding, Track, TrackStatus
 from towval.model.errors import InputError
+from towval.model.findings import finding
 from towval.model.geometry import compose, transform
 from towval.tracking.blur import ahead_of_middle
 from towval.tracking.lookalikes import Lookalikes
@@ -283,22 +284,14 @@ class Follower:
             if np.linalg.norm(fit.correction[:2]) < _FARTHEST_CORRECTION_PX * self.pixel_m:
                 self._judge_registration(fit)
                 return fit
-        text = (
-            f"The edges of {self.target.body.name} could not be found around the clicks; its frame rests on the clicks "
-            f"({1000 * np.sqrt(self.start_covariance[0, 0]):.1f} mm). Check the clicks and top_corners_m."
-        )
-        self.findings.append(Finding(Severity.WARNING, "edges_not_found", text))
+        std_mm = 1000 * np.sqrt(self.start_covariance[0, 0])
+        self.findings.append(finding("edges_not_found", name=self.target.body.name, std_mm=std_mm))
         return None
 
     def _judge_registration(self, fit: OutlineFit) -> None:
         deviation = float(np.sqrt(np.linalg.eigvalsh(fit.covariance[:2, :2])[-1]))
         if deviation > _UNSURE_EDGES_PX * self.pixel_m:
-            text = (
-                f"The edges of {self.target.body.name} do not tell its place in one direction: its frame is known to "
-                f"{1000 * deviation:.1f} mm at best there. Begin the run at rest or expose for a shorter time: its "
-                "edges must be sharp in some pictures, and stand out from the floor."
-            )
-            self.findings.append(Finding(Severity.WARNING, "edges_unsure", text))
+            self.findings.append(finding("edges_unsure", name=self.target.body.name, std_mm=1000 * deviation))
 
     def _judge_sight(self, time_s: Array, covariance: Array, status: NDArray[np.uint8]) -> list[Finding]:
         """Findings about pictures in which the body was not seen, and about a top too plain to be seen well."""
@@ -306,26 +299,24 @@ class Follower:
         unseen = np.flatnonzero(status != TrackStatus.TRACKED)
         if len(unseen):
             lost = int((status == TrackStatus.LOST).sum())
-            text = (
-                f"{name} was not seen in {len(unseen)} of {len(status)} pictures ({lost} lost, {len(unseen) - lost} "
-                f"bridged), between {time_s[unseen[0]]:.2f} s and {time_s[unseen[-1]]:.2f} s. Look at the video there: "
-                "something hid it, it left the picture, or its top is too plain."
+            findings.append(
+                finding(
+                    "not_seen",
+                    name=name,
+                    count=len(unseen),
+                    frames=len(status),
+                    lost=lost,
+                    bridged=len(unseen) - lost,
+                    first_s=time_s[unseen[0]],
+                    last_s=time_s[unseen[-1]],
+                )
             )
-            findings.append(Finding(Severity.WARNING, "not_seen", text))
         if self.mistakable:
-            text = (
-                f"{name} cannot be told from something else that looks like it, or from itself turned round: "
-                f"{self.mistakable} times it was not taken for found. Put a pattern of its own on each body."
-            )
-            findings.append(Finding(Severity.WARNING, "lookalike", text))
+            findings.append(finding("lookalike", name=name, count=self.mistakable))
         seen = status == TrackStatus.TRACKED
         deviation = float(np.sqrt(np.median(covariance[seen][:, 0, 0]))) if seen.any() else np.inf
         if deviation > _LOW_TEXTURE_PX * self.pixel_m or seen.sum() < len(status) / 4:
-            text = (
-                f"The top of {name} shows too little texture for the noise of the video (deviation "
-                f"{1000 * deviation:.2f} mm where seen). Put a pattern on it: print, stickers, tape."
-            )
-            findings.append(Finding(Severity.WARNING, "low_texture", text))
+            findings.append(finding("low_texture", name=name, std_mm=1000 * deviation))
         return findings
 
     def _features(self, pose: Array) -> Features | None:
@@ -350,8 +341,4 @@ def _judge_clicks(body: Body, misfit_px: float, pixel_m: float) -> list[Finding]
         )
     if misfit_px <= _MISFIT_OF_CLICKS_PX:
         return []
-    text = (
-        f"The clicks of {body.name} miss its corners by up to {misfit_px:.1f} px. Check them, its top_corners_m and "
-        "tracked_plane_height_m."
-    )
-    return [Finding(Severity.WARNING, "clicks_misfit", text)]
+    return [finding("clicks_misfit", name=body.name, misfit_px=misfit_px)]

@@ -9,8 +9,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from towval.model import Body, Calibration, Finding, Severity, Track
+from towval.model import Body, Calibration, Finding, Track
 from towval.model.errors import InputError
+from towval.model.findings import finding
 from towval.model.plugins import Registry
 from towval.tracking.camera_motion import CameraMotion
 from towval.tracking.follow import Follower, TrackerMaker
@@ -169,11 +170,7 @@ class _Group:
 def _judge_samples(settings: TrackSettings) -> tuple[Finding, ...]:
     if settings.method != "plane" or settings.samples >= _ENOUGH_SAMPLES:
         return ()
-    text = (
-        f"Tracked with {settings.samples} points: what so few leave out moves a pose slowly on its way by more than "
-        f"its stated deviation, and a right model can be judged wrong. Take track.samples of {_ENOUGH_SAMPLES} or more."
-    )
-    return (Finding(Severity.WARNING, "few_points", text),)
+    return (finding("few_points", samples=settings.samples, enough=_ENOUGH_SAMPLES),)
 
 
 def _check_size(luma: NDArray[np.uint8], calibration: Calibration) -> None:

@@ -19,6 +19,7 @@ from towval.model import (
     Verdict,
 )
 from towval.model.errors import InputError, RefusedError
+from towval.model.findings import finding
 from towval.model.geometry import (
     error_signature,
     normalised_signature,
@@ -147,18 +148,18 @@ def _verdict(
     """
     normalised = normalised_signature(error_signature(error), uncertainty.signature).max(axis=1)
     peak, limit = float(np.nanmax(normalised)), uncertainty.signature_limit
-    ratio = f"the error's signature reaches {peak:.1f} of its deviations, a right model's {limit:.1f}"
+    signature = f"the error's signature reaches {peak:.1f} of its deviations, a correct model's {limit:.1f}"
     if peak > limit:
-        text = f"Model-form error: {_where(error, along_across, pose, normalised, limit)}; {ratio}."
-        return Verdict.MODEL_ERROR, Finding(Severity.WARNING, "verdict", text)
+        where = f"Model-form error: {_where(error, along_across, pose, normalised, limit)}"
+        return Verdict.MODEL_ERROR, finding("verdict", Severity.WARNING, statement=where, signature=signature)
     if 2 * u_val > settings.resolution_m:
-        text = (
+        hidden = (
             f"Too uncertain to tell: an error up to {2000 * u_val:.0f} mm could hide in the uncertainty, and errors "
-            f"from {1000 * settings.resolution_m:.0f} mm on matter; {ratio}."
+            f"from {1000 * settings.resolution_m:.0f} mm on matter"
         )
-        return Verdict.TOO_UNCERTAIN, Finding(Severity.WARNING, "verdict", text)
-    text = f"Agrees within the validation uncertainty of {1000 * u_val:.1f} mm (one deviation): {ratio}."
-    return Verdict.AGREES, Finding(Severity.NOTE, "verdict", text)
+        return Verdict.TOO_UNCERTAIN, finding("verdict", Severity.WARNING, statement=hidden, signature=signature)
+    agrees = f"Agrees within the validation uncertainty of {1000 * u_val:.1f} mm (one deviation)"
+    return Verdict.AGREES, finding("verdict", statement=agrees, signature=signature)
 
 
 def _where(error: Array, along_across: Array, pose: Array, normalised: Array, limit: float) -> str:
@@ -218,10 +219,6 @@ def _arc_length(pose: Array) -> Array:
 def _findings(measured: Track, simulated: SimulatedMotion) -> Iterable[Finding]:
     lost = int(np.count_nonzero(measured.status != TrackStatus.TRACKED))
     if lost:
-        yield Finding(Severity.WARNING, "compare_lost", f"{lost} frames in which the object was not seen take no part.")
+        yield finding("compare_lost", count=lost)
     if len(simulated.time_s) < len(measured.time_s):
-        yield Finding(
-            Severity.WARNING,
-            "compare_cut",
-            f"{len(measured.time_s) - len(simulated.time_s)} measured frames have no simulated counterpart.",
-        )
+        yield finding("compare_cut", count=len(measured.time_s) - len(simulated.time_s))

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from towval.model import Array, DecimatedTrack, Finding, Severity, Track, TrackStatus
+from towval.model import Array, DecimatedTrack, Finding, Track, TrackStatus
 from towval.model.errors import InputError, RefusedError
+from towval.model.findings import finding
 
 _MAD_TO_STD = 1.4826
 _THIRD_DIFFERENCE_GAIN = np.sqrt(20.0)
@@ -344,27 +345,13 @@ def _findings(
     residual: Array,
     settings: DecimateSettings,
 ) -> tuple[Finding, ...]:
-    findings = [Finding(Severity.NOTE, "decimated", f"{track.body}: {len(kept)} of {len(seen)} tracked poses kept.")]
+    findings = [finding("decimated", body=track.body, kept=len(kept), frames=len(seen))]
     worst = float(np.abs(residual).max())
     if worst > 6:
         t = track.time_s[seen][np.abs(residual).max(axis=1).argmax()]
-        findings.append(
-            Finding(
-                Severity.WARNING,
-                "decimate_outlier",
-                f"{track.body}: at {t:.2f} s the measured pose is {worst:.1f} deviations off the smoothed track; "
-                "look at that frame of the overlay.",
-            )
-        )
+        findings.append(finding("decimate_outlier", body=track.body, time_s=t, deviations=worst))
     missing = np.count_nonzero(track.status != TrackStatus.TRACKED)
     if missing:
         longest = float(np.diff(track.time_s[seen]).max()) if len(seen) > 1 else 0.0
-        findings.append(
-            Finding(
-                Severity.WARNING,
-                "decimate_bridged",
-                f"{track.body}: {missing} frames were not seen; the smoothed track bridges them "
-                f"(longest gap {longest:.2f} s).",
-            )
-        )
+        findings.append(finding("decimate_bridged", body=track.body, count=missing, gap_s=longest))
     return tuple(findings)

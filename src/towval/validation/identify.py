@@ -20,11 +20,11 @@ from towval.model import (
     Identification,
     InputDeviations,
     Prediction,
-    Severity,
     TowingScene,
     Track,
 )
 from towval.model.errors import InputError, RefusedError, TowvalError
+from towval.model.findings import finding
 from towval.model.geometry import block_means, wrapped
 from towval.physics.dynamics import Accuracy
 from towval.physics.friction_laws import fitted_law
@@ -160,8 +160,7 @@ def identify(
             )
         )
     if len(runs) == 1:
-        text = "One run only: nothing is left that the identified values could predict."
-        findings.append(Finding(Severity.WARNING, "identify_one_run", text))
+        findings.append(finding("identify_one_run"))
     return Identification(
         parameters=tuple(titled(name) for name in settings.parameters),
         runs=tuple(run.name for run in runs),
@@ -323,15 +322,15 @@ def _whitening(run: MeasuredRun) -> Array:
 def _identifiability(names: Sequence[str], covariance: Array, reach: Array) -> tuple[tuple[bool, ...], list[Finding]]:
     """Which values the runs fix, and a finding for each that they do not."""
     if not np.isfinite(covariance).all():
-        text = f"The runs do not tell {', '.join(names)} apart: the simulated paths do not change with all of them."
-        return (False,) * len(names), [Finding(Severity.WARNING, "not_identifiable", text)]
+        reason = "the simulated paths do not change with all of them"
+        return (False,) * len(names), [finding("not_identifiable", names=", ".join(names), reason=reason)]
     std = np.sqrt(np.diag(covariance))
     identifiable = std <= _VAGUE_SHARE * reach
     findings = [
-        Finding(
-            Severity.WARNING,
+        finding(
             "not_identifiable",
-            f"{titled(name)} is not identifiable: its deviation is {deviation:.3g}, the searched range ± {half:.3g}.",
+            names=titled(name),
+            reason=f"its deviation is {deviation:.3g}, the searched range ± {half:.3g}",
         )
         for name, deviation, half, good in zip(names, std, reach, identifiable, strict=True)
         if not good
@@ -341,11 +340,9 @@ def _identifiability(names: Sequence[str], covariance: Array, reach: Array) -> t
         for j in range(i):
             if abs(correlation[i, j]) > _TIED:
                 identifiable[[i, j]] = False
-                text = (
-                    f"{titled(names[j])} and {titled(names[i])} are not identifiable apart, only a combination of "
-                    f"them (correlation {correlation[i, j]:+.3f}). Identify one of them."
-                )
-                findings.append(Finding(Severity.WARNING, "not_identifiable", text))
+                pair = f"{titled(names[j])} and {titled(names[i])}"
+                reason = f"only a combination of them is (correlation {correlation[i, j]:+.3f}); identify one of them"
+                findings.append(finding("not_identifiable", names=pair, reason=reason))
     return tuple(map(bool, identifiable)), findings
 
 
@@ -355,15 +352,11 @@ def _trust(found: _Found, fit: _Fit, identifiable: tuple[bool, ...]) -> tuple[tu
     inside = np.abs(found.values - fit.given) < fit.bound - _AT_THE_END * fit.reach
     for name, value, within in zip(names, found.values, inside, strict=True):
         if not within:
-            text = (
-                f"{titled(name)} is not identifiable: {value:.4g} is the end of the searched range, the runs ask for "
-                "more. Look at what campaign.yaml says of it, or at what else may be wrong."
+            reason = (
+                f"the fit ends at {value:.4g}, the end of the searched range; check its value in campaign.yaml, or "
+                "what else may be wrong"
             )
-            findings.append(Finding(Severity.WARNING, "not_identifiable", text))
+            findings.append(finding("not_identifiable", names=titled(name), reason=reason))
     if found.misfit > _MISFIT:
-        text = (
-            f"The fitted inputs do not explain the runs: what is left is {found.misfit:.1f} deviations of the "
-            "measurement, root mean square. The values stand for a model that is not that of the runs."
-        )
-        findings.append(Finding(Severity.WARNING, "identify_misfit", text))
+        findings.append(finding("identify_misfit", misfit=found.misfit))
     return tuple(bool(i and w) for i, w in zip(identifiable, inside, strict=True)), findings

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from towval.model import Array, DecimatedTrack, Finding, Severity, SimulatedMotion, TimedPath, TowingScene
 from towval.model.errors import InputError, RefusedError
+from towval.model.findings import finding
 from towval.model.geometry import transform
 from towval.physics.creep import creep_length
 from towval.physics.dynamics import Accuracy, Outcome
@@ -134,26 +135,17 @@ def _rung_finding(choice: LadderChoice, rung: str) -> Finding:
     ]
     if rung in choice.to_dynamics_m:
         changes.append(f"the full dynamics would move it by up to {1000 * choice.to_dynamics_m[rung]:.2f} mm")
-    text = f"Model: {rung}; {', '.join(changes)} (allowed: {1000 * choice.tolerance_m:.2f} mm)."
-    enough = RUNGS.index(choice.rung) <= place
-    return Finding(Severity.NOTE if enough else Severity.WARNING, "rung", text)
+    severity = Severity.NOTE if RUNGS.index(choice.rung) <= place else Severity.WARNING
+    return finding("rung", severity, rung=rung, changes=", ".join(changes), allowed_mm=1000 * choice.tolerance_m)
 
 
 def _error_findings(u_num: float, crept: float, settings: SimulateSettings) -> list[Finding]:
     """Where the integrator's tolerance or the regularised law moves the path by more than a simpler model may."""
     findings = []
     if u_num > settings.rung_tolerance_m:
-        text = (
-            f"A hundred times tighter tolerance moves the path by {1000 * u_num:.2f} mm (allowed: "
-            f"{1000 * settings.rung_tolerance_m:.2f} mm). Take a smaller simulate.tolerance_m."
-        )
-        findings.append(Finding(Severity.WARNING, "numerical_error", text))
+        findings.append(finding("numerical_error", u_num_mm=1000 * u_num, allowed_mm=1000 * settings.rung_tolerance_m))
     if crept > settings.rung_tolerance_m:
-        text = (
-            f"The object creeps {1000 * crept:.1f} mm in all at speeds below the stiction velocity, where a real one "
-            "would stick now and then: that much of its path hangs on friction.stiction_velocity_m_per_s."
-        )
-        findings.append(Finding(Severity.NOTE, "creep", text))
+        findings.append(finding("creep", crept_mm=1000 * crept))
     return findings
 
 
@@ -162,32 +154,13 @@ def _findings(
 ) -> list[Finding]:
     findings = []
     if motion.outcome != Outcome.CONVERGED:
-        findings.append(Finding(Severity.WARNING, "simulate_outcome", f"{motion.outcome}: {motion.advice}"))
+        findings.append(finding("simulate_outcome", outcome=motion.outcome, advice=motion.advice))
     if law.residual > _LAW_RESIDUAL:
-        findings.append(
-            Finding(
-                Severity.WARNING,
-                "friction_law",
-                f"The friction law misses the wished coefficients by up to {law.residual:.4f}.",
-            )
-        )
+        findings.append(finding("friction_law", residual=law.residual))
     if len(used) < len(asked):
-        findings.append(
-            Finding(
-                Severity.WARNING,
-                "simulate_cut",
-                f"{len(asked) - len(used)} frames lie outside the rover's track and are not simulated.",
-            )
-        )
+        findings.append(finding("simulate_cut", count=len(asked) - len(used)))
     anchor = transform(motion.pose[0], scene.anchor)
     stretch = float(np.linalg.norm(hinge.position[0] - anchor)) - scene.tether.rest_length
     if stretch > 0.05 * scene.tether.rest_length:
-        findings.append(
-            Finding(
-                Severity.WARNING,
-                "taut_start",
-                f"At the start the tether is {1000 * stretch:.0f} mm longer than its rest length: check "
-                "tether.rest_length_m, hinge and anchor.",
-            )
-        )
+        findings.append(finding("taut_start", stretch_mm=1000 * stretch))
     return findings

@@ -26,7 +26,6 @@ from towval.model import (
     FrictionLaw,
     InputDeviations,
     RunUncertainty,
-    Severity,
     SimulatedMotion,
     Tether,
     TimedPath,
@@ -34,6 +33,7 @@ from towval.model import (
     Track,
 )
 from towval.model.errors import InputError, RefusedError, TowvalError
+from towval.model.findings import finding
 from towval.model.geometry import compose, error_signature, normalised_signature, transform, wrapped
 from towval.optics.plane_uncertainty import position_sensitivity
 from towval.optics.projection import project
@@ -390,9 +390,7 @@ def _findings(dropped: int, shares: dict[str, float]) -> tuple[Finding, ...]:
     named = {name: share for name, share in shares.items() if name != _REST}
     if any(named.values()):
         first = max(named, key=lambda name: named[name])
-        text = f"{100 * named[first]:.0f} % of the path error's expected variance comes from: {first}."
-        findings.append(Finding(Severity.NOTE, "main_input", text))
+        findings.append(finding("main_input", percent=100 * named[first], label=first))
     if dropped:
-        text = f"{dropped} draws could not be simulated and were left out."
-        findings.append(Finding(Severity.WARNING, "draws_left_out", text))
+        findings.append(finding("draws_left_out", count=dropped))
     return tuple(findings)
