@@ -17,6 +17,9 @@ localrules:
     simulate,
     compare,
     report,
+    paper_table,
+    study_table,
+    paper_chart,
     study_chart,
     tradeoff,
     stability,
@@ -35,6 +38,4 @@ include: "workflow/rules/run.smk"
 include: "workflow/rules/identify.smk"
 include: "workflow/rules/report.smk"
 include: "workflow/rules/exchange.smk"
-include: "workflow/rules/plan.smk"
-include: "workflow/rules/figures.smk"
-include: "workflow/rules/study.smk"
+include: "workflow/rules/studies.smk"

@@ -1,7 +1,8 @@
-"""What a method costs, beside others, in one run: CPU time, taken in turns."""
+"""CPU and wall times: of methods side by side, taken in turns in one run, and of single calls."""
 
 from __future__ import annotations
 
+import resource
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -40,3 +41,29 @@ def take_turns(calls: Mapping[str, Callable[[], Result]], rounds: int) -> dict[s
             results[name] = calls[name]()
             spent[name].append(time.process_time() - start)
     return {name: Timed(results[name], min(spent[name]), max(spent[name])) for name in calls}
+
+
+def cpu_seconds(run: Callable[[], object]) -> float:
+    """CPU time of a call, all threads [s]."""
+    start = time.process_time()
+    run()
+    return time.process_time() - start
+
+
+def least_cpu_seconds(run: Callable[[], object], repeats: int = 5) -> float:
+    """Least CPU time of several calls [s], after one that is not counted because it may compile."""
+    run()
+    return min(cpu_seconds(run) for _ in range(repeats))
+
+
+def wall_and_cpu_seconds(run: Callable[[], object]) -> tuple[float, float]:
+    """Wall time and CPU time of a call, its child processes included [s]."""
+    wall, own, children = time.perf_counter(), time.process_time(), children_cpu_seconds()
+    run()
+    return time.perf_counter() - wall, time.process_time() - own + children_cpu_seconds() - children
+
+
+def children_cpu_seconds() -> float:
+    """CPU time of all child processes that have ended [s]."""
+    spent = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return spent.ru_utime + spent.ru_stime

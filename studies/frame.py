@@ -1,55 +1,43 @@
-"""The two products of the studies, speed against accuracy and stability: what a chart is, and where each is computed.
+"""The frame of all studies: parts → rows → table → chart.
 
-A chart's module has ``STUDY``. Its parts are plain mappings, so that a workflow can make a job of each and see when it
-has changed; its rows are one tidy table. Modules are imported by name when they are needed, so that an edit in one of
-them runs that one again.
+A study is cut into *parts*, plain mappings, so that a workflow can make a job of each and see when it has changed. A
+part gives *rows*; the rows of all parts are one tidy table; charts are drawn from tables. :mod:`studies.registry` names
+the studies and charts. Nothing here imports a study: modules are loaded by reference when they are needed, so that an
+edit in one reruns that one only.
 """
 
 from __future__ import annotations
 
 import enum
 import importlib
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
 
 Row = dict[str, Any]
 Part = dict[str, Any]
 
-TRADEOFF = {
-    "friction": "tradeoff.friction",
-    "dynamics": "tradeoff.dynamics",
-    "calibration": "tradeoff.calibration",
-    "tracking": "tradeoff.tracking",
-    "decimation": "tradeoff.decimation",
-    "presets": "tradeoff.presets",
-}
-"""Charts of error against cost, and the module of this package that computes each."""
-
-STABILITY = {
-    "integrators": "maps.integrators",
-    "open_loop": "maps.open_loop",
-    "planner": "maps.planner",
-    "tracker": "maps.tracker",
-    "views": "maps.views",
-    "carry_over": "maps.carry_over",
-}
-"""Maps of where methods are right, flagged or silently wrong, and the module that computes each."""
+SWEEPS = ("sensitivity", "closed_loop", "table_1")
+"""Sections of the plan that say what the paper's studies vary; the others describe the scene."""
 
 
 class Judgement(enum.StrEnum):
-    """What became of a method somewhere on a map."""
+    """Outcome of a method in one cell of a map."""
 
     RIGHT = "right"
     """Within the error allowed, and nothing flagged."""
     FLAGGED = "flagged"
-    """The method said by itself that something is wrong, or refused; whether it was is another matter."""
+    """The method reported a problem or refused, whether or not its result is off."""
     SILENTLY_WRONG = "silently wrong"
-    """Beyond the error allowed, without a word."""
+    """Beyond the error allowed, and nothing reported."""
 
 
 def judged(error: float, allowed: float, flags: list[str]) -> Row:
-    """Columns of a cell of a map: judgement, error, what was allowed, and the codes of what was flagged."""
+    """Columns of a cell of a map: judgement, error, error allowed, and the codes of what was flagged."""
     unflagged = Judgement.RIGHT if error <= allowed else Judgement.SILENTLY_WRONG
     judgement = Judgement.FLAGGED if flags else unflagged
     return {"judgement": str(judgement), "error": error, "allowed": allowed, "flags": " ".join(sorted(set(flags)))}
@@ -59,7 +47,7 @@ def judged(error: float, allowed: float, flags: list[str]) -> Row:
 class Scatter:
     """A chart of error against cost: rows have ``panel``, ``series``, ``setting``, ``cost``, ``error``, ``default``.
 
-    Without ``front`` the points of a series are joined instead of drawing what no other point beats.
+    Without ``front`` the points of a series are joined, and no Pareto front is drawn.
     """
 
     title: str
@@ -82,20 +70,48 @@ class Maps:
 
 
 @dataclass(frozen=True)
+class Drawing:
+    """A figure drawn by a function of its own from the tables of one or more studies.
+
+    ``draw`` takes the plan (``workflow/plan.yaml``) and the tables by the name of the study.
+    """
+
+    tables: tuple[str, ...]
+    draw: Callable[[Mapping[str, Any], Mapping[str, pd.DataFrame]], Figure]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What the parts of studies depend on: ``quick`` for a short version; ``plan``, the scene of the paper."""
+
+    quick: bool = False
+    plan: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def scene(self) -> dict[str, Any]:
+        """The plan without the sections that say what the studies vary: a longer sweep runs its new parts only."""
+        return {name: section for name, section in self.plan.items() if name not in SWEEPS}
+
+
+@dataclass(frozen=True)
 class Study:
-    """A chart with the parts that it is computed in, quick or full, and the function that computes one of them."""
+    """One study.
 
-    chart: Scatter | Maps
-    parts: Callable[[bool], dict[str, Part]]
+    ``parts`` by name, from the settings; ``rows`` computes one part, whose entries are its keyword arguments; ``chart``
+    is drawn from the table, where the table has a chart of its own.
+    """
+
+    parts: Callable[[Settings], dict[str, Part]]
     rows: Callable[..., list[Row]]
+    chart: Scatter | Maps | None = None
 
 
-def study(chart: str) -> Study:
-    """The study of that name."""
-    module: Study = importlib.import_module(f"studies.{module_of(chart)}").STUDY
-    return module
+def loaded(reference: str) -> Any:
+    """The object behind ``module:name``."""
+    module, _, name = reference.partition(":")
+    return getattr(importlib.import_module(module), name)
 
 
-def module_of(chart: str) -> str:
-    """Name of the module in this package that computes a chart."""
-    return (TRADEOFF | STABILITY)[chart]
+def module_of(reference: str) -> str:
+    """The module of a reference ``module:name``."""
+    return reference.partition(":")[0]

@@ -1,8 +1,8 @@
-"""The page of the studies: one HTML file with all charts that there are, which opens offline."""
+"""The page of the studies: one HTML file with all charts that exist, which opens offline, and summaries as Markdown."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -12,7 +12,9 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from studies.charts import FLAGGED, RIGHT, SILENT, medians, unbeaten
+from studies.frame import Scatter, loaded
 from towval.io.atomic import write_text
+from towval.io.plan_files import read_table
 from towval.report.view import inline_svg
 
 _MOST_ROWS = 60
@@ -41,17 +43,20 @@ class ProductView:
 
 
 def front_view(name: str, title: str, table: pd.DataFrame, svg: str, *, front: bool) -> ChartView:
-    """A chart of error against cost, with the methods that no other beats as a table."""
+    """A chart of error against cost, with its Pareto front as a table: the methods that no other beats in both."""
     rows = medians(table)
     default = rows[rows["default"].astype(float) > 0]
-    said = "; ".join(f"{row.series}, {row.setting}" for row in default.drop_duplicates("setting").itertuples())
-    summary = f"{len(rows)} points" + (f", default: {said}." if said else ".")
+    named = "; ".join(f"{row.series}, {row.setting}" for row in default.drop_duplicates("setting").itertuples())
+    summary = f"{len(rows)} points" + (f", default: {named}." if named else ".")
     best = pd.concat([unbeaten(part) for _, part in rows.groupby("panel", sort=False)]) if front else rows.iloc[:0]
     cells = tuple(
-        (row.panel, row.series, row.setting, f"{row.cost:.3g}", f"{row.error:.3g}") for row in best.itertuples()
+        (row["panel"], row["series"], row["setting"], f"{row['cost']:.3g}", f"{row['error']:.3g}")
+        for row in best.to_dict("records")
     )
     columns = ("panel", "method", "setting", "cost", "error")
-    return ChartView(name, title, summary, inline_svg(svg, name), f"{name}.csv", "Not beaten in both", columns, cells)
+    return ChartView(
+        name, title, summary, inline_svg(svg, name), f"{name}.csv", "Not beaten in both cost and error", columns, cells
+    )
 
 
 def map_view(name: str, title: str, table: pd.DataFrame, svg: str) -> ChartView:
@@ -61,7 +66,10 @@ def map_view(name: str, title: str, table: pd.DataFrame, svg: str) -> ChartView:
         ", ".join(f"{counts.get(kind, 0)} {kind}" for kind in (RIGHT, FLAGGED, SILENT)) + f" of {len(table)} cells."
     )
     wrong = table[table["judgement"] == SILENT]
-    cells = tuple((row.map, f"{row.x}", f"{row.y}", f"{row.error:.3g}") for row in wrong.head(_MOST_ROWS).itertuples())
+    cells = tuple(
+        (row["map"], f"{row['x']}", f"{row['y']}", f"{row['error']:.3g}")
+        for row in wrong.head(_MOST_ROWS).to_dict("records")
+    )
     title_of_rows = f"Silently wrong: {len(wrong)} cells" + (
         f", the first {_MOST_ROWS}" if len(wrong) > _MOST_ROWS else ""
     )
@@ -87,3 +95,56 @@ def read_svg(path: Path) -> str:
     """A saved figure as an ``<svg>`` element, without the XML prologue."""
     text = path.read_text(encoding="utf-8")
     return text[text.index("<svg") :]
+
+
+def write_page(product: str, products: Mapping[str, Mapping[str, str]], folder: Path, summary: Path) -> None:
+    """Write the summary of a product and the page ``study.html`` of all charts in a folder.
+
+    The page holds whatever charts there are, so that either product alone gives one, and the second completes it. Two
+    products may be made at the same time: whichever ends last checks again after writing, so that no chart is left out.
+
+    Parameters
+    ----------
+    product : str
+        Name of the product.
+    products : mapping
+        References ``module:name`` of the studies by name, for each product.
+    folder : Path
+        With the tables and figures.
+    summary : Path
+        Markdown file to write: each chart with its numbers.
+    """
+    charts = products[product]
+    write_text(summary, _markdown([_view(name, charts[name], folder) for name in charts]))
+    shown: list[str] = []
+    while shown != (found := _finished(products, folder)):
+        views = [
+            ProductView(each, tuple(_view(name, charts[name], folder) for name in charts if name in found))
+            for each, charts in products.items()
+        ]
+        write_study_page(folder / "study.html", views)
+        shown = found
+
+
+def _finished(products: Mapping[str, Mapping[str, str]], folder: Path) -> list[str]:
+    """Names of the charts whose table and picture are in a folder."""
+    names = [name for charts in products.values() for name in charts]
+    return [name for name in names if all((folder / f"{name}.{ending}").is_file() for ending in ("csv", "svg"))]
+
+
+def _view(name: str, reference: str, folder: Path) -> ChartView:
+    chart, table = loaded(reference).chart, read_table(folder / f"{name}.csv")
+    svg = read_svg(folder / f"{name}.svg")
+    if isinstance(chart, Scatter):
+        return front_view(name, chart.title, table, svg, front=chart.front)
+    return map_view(name, chart.title, table, svg)
+
+
+def _markdown(views: Sequence[ChartView]) -> str:
+    lines: list[str] = []
+    for view in views:
+        lines += [f"## {view.title}", "", view.summary, ""]
+        if view.rows:
+            lines += [f"{view.rows_title}:", "", f"| {' | '.join(view.columns)} |", "|---" * len(view.columns) + "|"]
+            lines += [f"| {' | '.join(row)} |" for row in view.rows] + [""]
+    return "\n".join(lines)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from studies.frame import Part, Row, Scatter, Study
+from studies.frame import Part, Row, Scatter, Settings, Study
 from studies.worlds import campaign
 from studies.worlds.measured import measured_track
 from studies.worlds.scenes import drive
@@ -122,9 +122,9 @@ def carry_over_rows(fault: str, sizes: list[float], seed: int) -> list[Row]:
     return rows
 
 
-def _parts(quick: bool) -> dict[str, Part]:
+def _parts(settings: Settings) -> dict[str, Part]:
     sizes = {"frame rate [Hz]": [25.0, 12.5, 5.0, 2.5, 1.0], "masses too large by [%]": [1, 3, 10, 30]}
-    chosen = list(FAULTS)[:2] if quick else list(FAULTS)
+    chosen = list(FAULTS)[:2] if settings.quick else list(FAULTS)
     keys = {fault: [float(v) for v in sizes.get(fault, [1, 3, 10, 30])] for fault in chosen}
     return {
         f"fault_{k}": {"fault": fault, "sizes": values, "seed": 5} for k, (fault, values) in enumerate(keys.items())
@@ -132,7 +132,9 @@ def _parts(quick: bool) -> dict[str, Part]:
 
 
 STUDY = Study(
-    Scatter(
+    parts=_parts,
+    rows=carry_over_rows,
+    chart=Scatter(
         title="What a fault of the input does to the paths",
         cost="",
         error="RMS distance [mm]",
@@ -140,6 +142,4 @@ STUDY = Study(
         "camera at 4 m. No stage can see these faults in the data.",
         front=False,
     ),
-    _parts,
-    carry_over_rows,
 )

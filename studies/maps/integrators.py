@@ -19,7 +19,7 @@ from studies.comparators.other_integrators import (
     state_at_rest,
     tethered_scene,
 )
-from studies.frame import Maps, Part, Row, Study, judged
+from studies.frame import Maps, Part, Row, Settings, Study, judged
 from studies.worlds.reference import Box, towed_box
 from towval.model import Array, FrictionLaw, Patch, Tether, TimedPath, TowedObject
 from towval.physics.dynamics import Accuracy, Outcome, feedback
@@ -116,10 +116,10 @@ def _own(tether: Tether, law: FrictionLaw, hinge: TimedPath, times: Array, toler
     return (["numerical_error"] if u_num > ALLOWED_M else []), motion.pose
 
 
-def _parts(quick: bool) -> dict[str, Part]:
+def _parts(settings: Settings) -> dict[str, Part]:
     methods = ["towval", "LSODA", "Runge-Kutta 4", "semi-implicit Euler"]
-    stiffnesses = [1e2, 1e4] if quick else [1e2, 1e3, 1e4, 1e5, 1e6]
-    stictions = [1e-3] if quick else [1e-2, 1e-3, 1e-4, 1e-5]
+    stiffnesses = [1e2, 1e4] if settings.quick else [1e2, 1e3, 1e4, 1e5, 1e6]
+    stictions = [1e-3] if settings.quick else [1e-2, 1e-3, 1e-4, 1e-5]
     parts: dict[str, Part] = {}
     for start in STARTS:
         for kappa in stiffnesses:
@@ -136,13 +136,13 @@ _TOLERANCE, _STEP = "tolerance", "time step [s]"
 _SETTING = {"towval": "tolerance [m]", "LSODA": _TOLERANCE, "Runge-Kutta 4": _STEP, "semi-implicit Euler": _STEP}
 
 STUDY = Study(
-    Maps(
+    parts=_parts,
+    rows=integrator_rows,
+    chart=Maps(
         title="Integrators of the towed object",
         axes={f"{method}, {start}": (_STIFFNESS, setting) for start in STARTS for method, setting in _SETTING.items()}
         | {f"{method}, over v_s": (_STICTION, setting) for method, setting in _SETTING.items()},
         note="Right: within 1 mm of the truth all along. Flagged: a named outcome other than converged, or the stage's "
         "own estimate of its error above 1 mm; for SciPy, no success; for fixed steps, no number any more.",
     ),
-    _parts,
-    integrator_rows,
 )

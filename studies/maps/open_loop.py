@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from studies.frame import Maps, Part, Row, Study, judged
+from studies.frame import Maps, Part, Row, Settings, Study, judged
 from studies.maps.integrators import CUBE, FRICTION
 from towval.model import Array, FrictionLaw, SimulatedMotion, Tether, TimedPath
 from towval.physics.contact import resting_pressure
@@ -88,18 +88,20 @@ def open_loop_rows(what: str, **keys: Any) -> list[Row]:
     return {"feedforward": feedforward_rows, "creep": creep_rows}[what](**keys)
 
 
-def _parts(quick: bool) -> dict[str, Part]:
-    speeds = [0.01, 0.1] if quick else [0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2]
+def _parts(settings: Settings) -> dict[str, Part]:
+    speeds = [0.01, 0.1] if settings.quick else [0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2]
     parts: dict[str, Part] = {
         name.replace(" ", "_"): {"what": "feedforward", "law": name, "speeds": speeds} for name in laws()
     }
-    stictions = [1e-4, 1e-2] if quick else [1e-6, 1e-5, 1e-4, 1e-3, 1e-2]
-    durations = [1.0, 100.0] if quick else [1.0, 10.0, 100.0, 1000.0]
+    stictions = [1e-4, 1e-2] if settings.quick else [1e-6, 1e-5, 1e-4, 1e-3, 1e-2]
+    durations = [1.0, 100.0] if settings.quick else [1.0, 10.0, 100.0, 1000.0]
     return parts | {"creep": {"what": "creep", "stictions": stictions, "durations_s": durations}}
 
 
 STUDY = Study(
-    Maps(
+    parts=_parts,
+    rows=open_loop_rows,
+    chart=Maps(
         title="Open loops: feedforward, and creep at rest",
         axes={
             "feedforward, flat law": ("mean speed [m/s]", "start"),
@@ -110,6 +112,4 @@ STUDY = Study(
         "friction bears. Flagged: a named outcome; 0.1 % more force that moves the object by over 10 mm; the check for "
         "creep.",
     ),
-    _parts,
-    open_loop_rows,
 )

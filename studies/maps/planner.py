@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from studies.frame import Maps, Part, Row, Study, judged
+from studies.frame import Maps, Part, Row, Settings, Study, judged
 from studies.maps.integrators import CUBE, FRICTION, STICTION
 from towval.model import Tether, TimedPath
 from towval.physics.contact import resting_pressure
@@ -75,9 +75,9 @@ def rows_of(what: str, **keys: Any) -> list[Row]:
     return {"threshold": planner_rows, "steering": steering_rows}[what](**keys)
 
 
-def _parts(quick: bool) -> dict[str, Part]:
-    thresholds = [0.05, 0.2, 1.0] if quick else [0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0, 1.5]
-    look_aheads = [0, 350] if quick else [0, 50, 100, 200, 300, 400, 500, 600]
+def _parts(settings: Settings) -> dict[str, Part]:
+    thresholds = [0.05, 0.2, 1.0] if settings.quick else [0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0, 1.5]
+    look_aheads = [0, 350] if settings.quick else [0, 50, 100, 200, 300, 400, 500, 600]
     parts: dict[str, Part] = {
         curve.replace(" ", "_"): {
             "what": "threshold",
@@ -87,13 +87,15 @@ def _parts(quick: bool) -> dict[str, Part]:
         }
         for curve in ("lemniscate", "rounded square")
     }
-    radii = [0.3, 1.0] if quick else [0.15, 0.2, 0.3, 0.5, 0.8, 1.2, 2.0]
-    ranges = [15.0, 45.0] if quick else [10.0, 20.0, 33.7, 45.0, 60.0, 75.0]
+    radii = [0.3, 1.0] if settings.quick else [0.15, 0.2, 0.3, 0.5, 0.8, 1.2, 2.0]
+    ranges = [15.0, 45.0] if settings.quick else [10.0, 20.0, 33.7, 45.0, 60.0, 75.0]
     return parts | {"steering": {"what": "steering", "radii_m": radii, "outward_deg": ranges}}
 
 
 STUDY = Study(
-    Maps(
+    parts=_parts,
+    rows=rows_of,
+    chart=Maps(
         title="Planner of the rover",
         axes={
             "d_t and ϑ_lh, lemniscate": ("threshold d_t [m]", "look-ahead ϑ_lh [steps]"),
@@ -102,6 +104,4 @@ STUDY = Study(
         },
         note="Right: arrived, 50 mm RMS or less from the path. Flagged: strayed, stuck, or a warning of the planner.",
     ),
-    _parts,
-    rows_of,
 )

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from studies.frame import Maps, Part, Row, Study, judged
+from studies.frame import Maps, Part, Row, Settings, Study, judged
 from studies.worlds.challenges import RATE_HZ
 from studies.worlds.filming import filmed, thinned, track_errors
 from studies.worlds.scenes import CeilingCamera, FilmedScene, drive, rectangle, small_camera, standard_scene
@@ -111,7 +111,7 @@ def _cell(scene: FilmedScene, reading: dict[str, float], seed: int) -> Row:
     return judged(most, ALLOWED_M, flags)
 
 
-def _parts(quick: bool) -> dict[str, Part]:
+def _parts(settings: Settings) -> dict[str, Part]:
     grids: dict[str, tuple[list[float], list[float]]] = {
         "blur and stride": ([0, 3, 8, 15], [1, 2, 5]),
         "noise and texture": ([1, 4, 12, 24], [1, 3, 10, 35]),
@@ -119,7 +119,7 @@ def _parts(quick: bool) -> dict[str, Part]:
         "change of light": ([0.3, 0.6, 1.3, 1.6], [0.0, 0.2, 1.0]),
         "compression": ([18, 30, 40, 50], [1, 10]),
     }
-    if quick:
+    if settings.quick:
         grids = {"noise and texture": ([3, 12], [3, 35]), "occlusion": ([0.4, 1.0], [0.3])}
     return {
         name.replace(" ", "_"): {"name": name, "x": [float(v) for v in x], "y": [float(v) for v in y], "seed": 11}
@@ -128,7 +128,9 @@ def _parts(quick: bool) -> dict[str, Part]:
 
 
 STUDY = Study(
-    Maps(
+    parts=_parts,
+    rows=tracker_rows,
+    chart=Maps(
         title="Tracker",
         axes={
             "blur and stride": ("blur [px]", "every n-th frame"),
@@ -140,6 +142,4 @@ STUDY = Study(
         note="Right: no frame called tracked is off by more than half a pixel (2.4 mm), rover and object. Flagged: a "
         "warning, a frame not tracked, a refusal, or within four of the track's own deviations.",
     ),
-    _parts,
-    tracker_rows,
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from studies.frame import Maps, Part, Row, Study, judged
+from studies.frame import Maps, Part, Row, Settings, Study, judged
 from studies.tradeoff.calibration import HEIGHTS_M, position_error_m
 from studies.worlds.boards import calibration_set
 from towval.calibration.calibrate import CalibrateSettings, calibrate_observations
@@ -46,28 +46,28 @@ def _worst(cells: list[Row]) -> Row:
     return max(cells, key=lambda cell: (order[cell["judgement"]], np.nan_to_num(cell["error"])))
 
 
-def _parts(quick: bool) -> dict[str, Part]:
-    tilts = [0.0, 30.0] if quick else [0.0, 2.0, 5.0, 10.0, 20.0, 35.0]
-    views = [4, 12] if quick else [3, 4, 6, 8, 12, 16]
-    shares = [1.0] if quick else [1.0, 0.3]
+def _parts(settings: Settings) -> dict[str, Part]:
+    tilts = [0.0, 30.0] if settings.quick else [0.0, 2.0, 5.0, 10.0, 20.0, 35.0]
+    views = [4, 12] if settings.quick else [3, 4, 6, 8, 12, 16]
+    shares = [1.0] if settings.quick else [1.0, 0.3]
     return {
         f"share_{100 * share:.0f}": {
             "share": share,
             "tilts_deg": tilts,
             "views": views,
-            "seeds": [21] if quick else [21, 22],
+            "seeds": [21] if settings.quick else [21, 22],
         }
         for share in shares
     }
 
 
 STUDY = Study(
-    Maps(
+    parts=_parts,
+    rows=view_rows,
+    chart=Maps(
         title="Calibration",
         axes={_name(share): ("tilt of the boards [deg]", "number of views") for share in (1.0, 0.3)},
         note="Right: 5 mm RMS or less on the floor and on a top at 0.35 m, seen from 4 m. Flagged: a warning or a "
         "refusal. The worst of two cameras made at random; corner noise 0.15 px, seven boards on the floor.",
     ),
-    _parts,
-    view_rows,
 )

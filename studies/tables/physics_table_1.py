@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from studies.comparators.integrator_studies import lemniscate
-from studies.paper.mesh_studies import PAPER_TABLE_1, SIDES_PER_ELEMENT_SIZE
+from studies.paper.meshes import PAPER_TABLE_1, SIDES_PER_ELEMENT_SIZE
 from studies.tables.physics_must_reach import CUBE, GAMMA, LOADS, MAKKAR, seconds_a_mesh_wrench, seconds_a_wrench
 from studies.tables.physics_opponent import plan_on_mesh
 from studies.tables.physics_timing import least_cpu

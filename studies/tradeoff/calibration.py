@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from studies.costs import take_turns
-from studies.frame import Part, Row, Scatter, Study
+from studies.frame import Part, Row, Scatter, Settings, Study
 from studies.worlds.boards import CornerScene, calibration_set
 from towval.calibration.calibrate import CalibrateSettings, calibrate_observations
 from towval.calibration.lens import LENS_MODELS
@@ -65,21 +65,21 @@ def _calibrated(scene: CornerScene, model: str) -> Calibration | None:
         return None
 
 
-def _parts(quick: bool) -> dict[str, Part]:
+def _parts(settings: Settings) -> dict[str, Part]:
     models = ["none", "k1", "k1 k2", "rational", CHOSEN]
-    if quick:
+    if settings.quick:
         return {"seed_1": {"seed": 1, "views": [6, 12], "models": ["k1 k2", CHOSEN]}}
     return {f"seed_{seed}": {"seed": seed, "views": [4, 6, 12, 20], "models": models} for seed in (1, 2, 3)}
 
 
 STUDY = Study(
-    Scatter(
+    parts=_parts,
+    rows=calibration_rows,
+    chart=Scatter(
         title="Calibration",
         cost="CPU time without the search for corners [s]",
         error="RMS error of a place [mm]",
         note="Medians over cameras made at random. Labels: views, tilted 20° to 40°, corner noise 0.15 px; the floor "
         "frame from seven boards. The true lens has k1 and k2.",
     ),
-    _parts,
-    calibration_rows,
 )

@@ -86,12 +86,12 @@ def _apart(place: Array, distance_m: float) -> Array:
 
 
 STUDY = Study(
-    Scatter(
+    parts=lambda settings: {"bends": {"seeds": [1] if settings.quick else [1, 2, 3, 4, 5]}},
+    rows=decimation_rows,
+    chart=Scatter(
         title="Decimation of a track with bends and a pause",
         cost="Points kept of 601",
         error="RMS error of the path [mm]",
         note="Noise of a pose: 0.3 mm and 0.5 mrad. Labels: excess, n, or distance. Medians over seeds.",
     ),
-    lambda quick: {"bends": {"seeds": [1] if quick else [1, 2, 3, 4, 5]}},
-    decimation_rows,
 )

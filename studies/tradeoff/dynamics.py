@@ -24,7 +24,7 @@ from studies.comparators.other_integrators import (
     tethered_scene,
 )
 from studies.costs import take_turns
-from studies.frame import Part, Row, Scatter, Study
+from studies.frame import Part, Row, Scatter, Settings, Study
 from studies.worlds.reference import Box, towed_box
 from towval.model import Array
 from towval.physics.dynamics import DEFAULT_TOLERANCE_M, Accuracy, feedback
@@ -121,19 +121,19 @@ def _power(tolerance: float) -> str:
     return f"1e{round(np.log10(tolerance))}"
 
 
-def _parts(quick: bool) -> dict[str, Part]:
-    if quick:
+def _parts(settings: Settings) -> dict[str, Part]:
+    if settings.quick:
         return {"lap": {"period_s": 20.0, "panels": 6, "mujoco_steps_s": [1e-2], "rounds": 2}}
     return {"lap": {"period_s": 40.0, "panels": 12, "mujoco_steps_s": [1e-2, 5e-3, 2e-3], "rounds": 3}}
 
 
 STUDY = Study(
-    Scatter(
+    parts=_parts,
+    rows=dynamics_rows,
+    chart=Scatter(
         title="A lap of a towed cube",
         cost="CPU time [s]",
         error="RMS error of the path [mm]",
         note="Labels: tolerance, time step, model. The truth, Gauss sums and SciPy's Radau, is good to 1e-3 mm.",
     ),
-    _parts,
-    dynamics_rows,
 )

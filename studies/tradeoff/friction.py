@@ -12,7 +12,7 @@ import numpy as np
 
 from studies.comparators.tabulated_wrench import read_wrench, wrench_table
 from studies.costs import take_turns
-from studies.frame import Part, Row, Scatter, Study
+from studies.frame import Part, Row, Scatter, Settings, Study
 from studies.worlds.reference import Box
 from towval.model import Array, Patch, TowedObject
 from towval.model.compiling import compiled
@@ -148,7 +148,7 @@ def _meshes(towed: TowedObject, element_sizes_m: list[float]) -> list[_Method]:
     law, loads = Coulomb(FRICTION, STICTION), [(MASS * GRAVITY_M_PER_S2, CENTRE)]
     methods = []
     for size in element_sizes_m:
-        # ASSUME: as study.mesh_studies, the paper's element size is 1/2.8 of the longest side of a cell.
+        # ASSUME: as in studies.paper.meshes, the paper's element size is 1/2.8 of the longest side of a cell.
         patch = meshed_patch(mesh_pressure(towed.patch, loads, 2.8 * size), law)
         calls = max(2, int(_CALLS * 30 / len(patch.area_nodes)))
         methods.append(_on_patch("mesh (Table 1)", f"{1e3 * size:g} mm", patch, calls=calls))
@@ -207,19 +207,19 @@ def _repeat_table(table: Array, radius: float, twists: Array, count: int) -> flo
     return total
 
 
-def _parts(quick: bool) -> dict[str, Part]:
+def _parts(settings: Settings) -> dict[str, Part]:
     # SOURCE: Table 1's element sizes [m].
-    sizes = [0.0100, 0.0075, 0.0050] if quick else [0.0100, 0.0075, 0.0050, 0.0025, 0.0010]
-    return {"all": {"element_sizes_m": sizes, "parts": [16, 64], "rounds": 2 if quick else 5}}
+    sizes = [0.0100, 0.0075, 0.0050] if settings.quick else [0.0100, 0.0075, 0.0050, 0.0025, 0.0010]
+    return {"all": {"element_sizes_m": sizes, "parts": [16, 64], "rounds": 2 if settings.quick else 5}}
 
 
 STUDY = Study(
-    Scatter(
+    parts=_parts,
+    rows=friction_rows,
+    chart=Scatter(
         title="Friction wrench of a pressed square",
         cost="CPU time a wrench [s]",
         error="RMS error of force and moment [μN, μN·a/2]",
         note="24 twists with centres of rotation inside, near and far from the patch; truth by graded Gauss sums.",
     ),
-    _parts,
-    friction_rows,
 )

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from studies.costs import take_turns
-from studies.frame import Part, Row, Scatter, Study
+from studies.frame import Part, Row, Scatter, Settings, Study
 from studies.worlds.folder import write_campaign
 from towval.calibration.calibrate import CalibrateSettings, calibrate
 from towval.io.campaign import Campaign, load_campaign
@@ -135,19 +135,19 @@ def calibrated(given: Campaign, keys: dict[str, Any]) -> Calibration:
     return with_lens_choice(calibration, given.floor_reference, settings, given.object.tracked_plane_height_m)
 
 
-def _parts(quick: bool) -> dict[str, Part]:
-    if quick:
+def _parts(settings: Settings) -> dict[str, Part]:
+    if settings.quick:
         return {"all": {"presets": ["draft", "auto"], "frames": 50, "rounds": 1}}
     return {"all": {"presets": list(PRESETS), "frames": 80, "rounds": 2}}
 
 
 STUDY = Study(
-    Scatter(
+    parts=_parts,
+    rows=preset_rows,
+    chart=Scatter(
         title="The whole pipeline, preset by preset",
         cost="CPU time of all stages, without figures and overlay [s]",
         error="RMS [mm]",
         note="A synthetic campaign, 800 × 450 pixels of 6 mm. Labels: presets of config.yaml; wall times: table.",
     ),
-    _parts,
-    preset_rows,
 )

@@ -9,7 +9,7 @@ import numpy as np
 
 from studies.comparators.frame_to_frame import FRAME_TO_FRAME
 from studies.costs import take_turns
-from studies.frame import Part, Row, Scatter, Study
+from studies.frame import Part, Row, Scatter, Settings, Study
 from studies.worlds.challenges import metre
 from studies.worlds.filming import filmed, shrunk, shrunk_calibration, thinned, track_errors
 from towval.model import Track
@@ -83,20 +83,20 @@ def _label(scale: float, stride: int) -> str:
     return ", ".join(parts) or "all"
 
 
-def _parts(quick: bool) -> dict[str, Part]:
-    if quick:
+def _parts(settings: Settings) -> dict[str, Part]:
+    if settings.quick:
         return {"metre": {"seed": 3, "seconds": 1.2, "variants": [[1.0, 1], [0.5, 1]], "rounds": 2}}
     variants = [[1.0, 1], [0.5, 1], [0.25, 1], [1.0, 2], [1.0, 5]]
     return {"metre": {"seed": 3, "seconds": 3.0, "variants": variants, "rounds": 2}}
 
 
 STUDY = Study(
-    Scatter(
+    parts=_parts,
+    rows=tracking_rows,
+    chart=Scatter(
         title="Tracking two bodies over a metre, 1080p",
         cost="CPU time of the pass over that of decoding",
         error="RMS error of the position [mm]",
         note="The calibration is exact here. Labels: size of the pictures and stride of the frames, where not all.",
     ),
-    _parts,
-    tracking_rows,
 )

@@ -8,7 +8,6 @@ import pytest
 
 from paper_plan import WORKFLOW, paper_plan, quick_plan
 from studies.paper.scene import paper_scene
-from studies.paper.sensitivity import resting_patch
 from towval.cli import main
 from towval.commands.plan import run, run_tow
 from towval.io.mcap_file import Message, read_mcap, write_mcap
@@ -29,6 +28,7 @@ from towval.physics.quasistatic import quasistatic_plan
 from towval.planning import paths
 from towval.planning.plan import close_loop, hinge_of_poses, tow
 from towval.planning.planner import PlanOutcome
+from towval.planning.scene import resting_patch
 
 STEP_S = 0.2
 

@@ -8,17 +8,18 @@ import pytest
 from matplotlib.axes import Axes
 
 from paper_plan import paper_plan, quick_plan
+from studies.compute import gather, run_part
+from studies.draw import draw_chart, figure_of
+from studies.frame import Settings, loaded
 from studies.paper import claim_checks as checks
 from studies.paper.claims import CLAIMS
-from studies.paper.claims_command import markdown, write_ledger
-from studies.paper.figures_command import draw, figure_of
+from studies.paper.claims_page import markdown, write_ledger
+from studies.paper.closed_loop import surface_grid
 from studies.paper.ledger import ClaimOutcome, decided
-from studies.paper.scene import paper_scene, towed_object
-from studies.paper.sensitivity import surface_grid
-from studies.paper.studies import paper_parts, paper_rows
-from studies.tables_command import gather
-from towval.io.plan_files import write_table
+from studies.paper.scene import paper_scene
+from studies.registry import FIGURES, PAPER
 from towval.model.errors import InputError
+from towval.planning.scene import towed_object
 
 
 @pytest.fixture(scope="module")
@@ -28,14 +29,14 @@ def plan():
 
 @pytest.fixture(scope="module")
 def tables(plan, tmp_path_factory):
-    """Tables of all studies, by the way that the workflow takes."""
+    """Tables of all studies, made as the workflow makes them."""
     folder = tmp_path_factory.mktemp("tables")
     files = {}
-    for study, parts in paper_parts(plan).items():
+    for study, reference in PAPER.items():
         written = []
-        for name, part in parts.items():
+        for name, part in loaded(reference).parts(Settings(plan=plan)).items():
             written.append(folder / f"{study}_{name}.csv")
-            write_table(written[-1], pd.DataFrame(paper_rows(plan, study, part)))
+            run_part(reference, part, written[-1])
         files[study] = folder / f"{study}.csv"
         gather(written, files[study])
     return files
@@ -47,12 +48,22 @@ def read(tables):
 
 def test_parts_are_plain_data_and_blocks_cover_the_response_surface():
     plan = paper_plan()
-    parts = paper_parts(plan)
+    parts = {study: loaded(reference).parts(Settings(plan=plan)) for study, reference in PAPER.items()}
     assert json.loads(json.dumps(parts)) == parts
     blocks = [part for part in parts["surface"].values() if part["curve"] == "lemniscate"]
     assert len(blocks) == plan["sensitivity"]["surface_blocks"]
     covered = np.concatenate([block["thresholds"] for block in blocks])
     np.testing.assert_allclose(covered, np.linspace(0.02, 1.5, 40))
+
+
+def test_a_longer_sweep_leaves_the_parts_of_a_shorter_one_as_they_are():
+    """Else the workflow would compute them again."""
+    plan = paper_plan()
+    before = loaded(PAPER["time_steps"]).parts(Settings(plan=plan))
+    plan["sensitivity"]["time_steps_s"] = [*plan["sensitivity"]["time_steps_s"], 1.0]
+    after = loaded(PAPER["time_steps"]).parts(Settings(plan=plan))
+    assert len(after) == len(before) + 1
+    assert before.items() <= after.items()
 
 
 def test_the_general_footprint_holds_the_three_centres_of_mass():
@@ -68,9 +79,14 @@ def test_inertia_is_that_of_the_plate_with_steiners_term():
     assert towed.inertia == pytest.approx(5.0 * (0.4**2 / 6 + 0.05**2))
 
 
-@pytest.mark.parametrize("name", [*(f"figure_{number}" for number in range(2, 9)), "table_1"])
+def test_every_figure_of_the_paper_is_registered():
+    assert set(FIGURES) == {*(f"figure_{number}" for number in range(2, 9)), "table_1"}
+
+
+@pytest.mark.parametrize("name", FIGURES)
 def test_every_figure_has_content_and_labels_within_its_page(name, plan, tables):
-    figure = figure_of(name, plan, read(tables))
+    drawing = loaded(FIGURES[name])
+    figure = figure_of(drawing, plan, {study: pd.read_csv(tables[study]) for study in drawing.tables})
     figure.draw_without_rendering()
     page = figure.bbox
     for axes in figure.findobj(Axes):
@@ -81,11 +97,11 @@ def test_every_figure_has_content_and_labels_within_its_page(name, plan, tables)
 
 
 def test_a_figure_is_saved_in_three_formats(plan, tables, tmp_path):
-    draw("table_1", plan, tables, tmp_path)
+    draw_chart("table_1", FIGURES["table_1"], plan, {"meshes": tables["meshes"]}, tmp_path)
     assert {file.suffix for file in tmp_path.iterdir()} == {".pdf", ".svg", ".png"}
 
 
-def test_the_ledger_decides_every_claim_and_has_a_twin(plan, tables, tmp_path):
+def test_the_ledger_decides_every_claim_as_text_and_as_data(plan, tables, tmp_path):
     outputs = [tmp_path / "claims.md", tmp_path / "claims.json"]
     write_ledger(plan, tables, outputs)
     rows = json.loads(outputs[1].read_text())["claims"]
@@ -97,7 +113,7 @@ def test_the_ledger_decides_every_claim_and_has_a_twin(plan, tables, tmp_path):
     assert markdown(rows) == text
 
 
-def test_what_the_stretch_of_the_tether_explains_is_decided_both_ways(tables):
+def test_claims_that_depend_on_the_stretch_of_the_tether_are_decided_for_both_readings(tables):
     rows = {row["name"]: row["outcome"] for row in decided(CLAIMS, read(tables))}
     assert rows["stiffer is closer, hinge at rest length"] == "reproduced"
     assert rows["stiffer is closer, hinge at stretched length"] == "not reproduced"
@@ -106,7 +122,7 @@ def test_what_the_stretch_of_the_tether_explains_is_decided_both_ways(tables):
     assert rows["experiments agree with simulation"] == "cannot be decided"
 
 
-def test_a_check_says_no_where_the_numbers_say_no(tables):
+def test_a_check_fails_where_the_numbers_contradict_the_claim(tables):
     reversed_speeds = read(tables)
     speeds = reversed_speeds["speeds"]
     speeds["feedforward_rms_m"] = speeds["feedforward_rms_m"].to_numpy()[::-1]

@@ -1,4 +1,4 @@
-"""The two products of the studies in small: blocks, tables, charts, page; and what the charts must show."""
+"""The products tradeoff and stability in small: parts, tables, charts, page; and what the charts must show."""
 
 import json
 import time
@@ -9,37 +9,48 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Annotation
 
-from studies.block_command import run_block
-from studies.charts import map_chart, medians, scatter_chart, unbeaten
-from studies.commands import draw_chart, write_product
-from studies.costs import take_turns
-from studies.frame import STABILITY, TRADEOFF, Judgement, Maps, judged, study
+from studies.charts import medians, scatter_chart, unbeaten
+from studies.compute import gather, run_part
+from studies.costs import least_cpu_seconds, take_turns, wall_and_cpu_seconds
+from studies.draw import draw_chart, figure_of
+from studies.frame import Judgement, Settings, judged, loaded
+from studies.page import write_page
+from studies.registry import FIGURES, PAPER, STABILITY, TRADEOFF
 from studies.tradeoff.friction import CENTRE, FRICTION, MASS, SIDE, true_wrench
 
+CHARTED = {**TRADEOFF, **STABILITY}
 CHEAP = {"decimation": None, "planner": ["steering"], "open_loop": ["creep"]}
 """Charts, and their parts where not all, that are computed here in seconds."""
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """The cheap charts by the way that the workflow takes, and the page."""
+    """The cheap charts, made as the workflow makes them."""
     folder = tmp_path_factory.mktemp("study")
     for chart, parts in CHEAP.items():
-        blocks = []
-        for name, part in study(chart).parts(True).items():
+        written = []
+        for name, part in loaded(CHARTED[chart]).parts(Settings(quick=True)).items():
             if parts is None or name in parts:
-                blocks.append(folder / "blocks" / chart / f"{name}.csv")
-                run_block(chart, part, blocks[-1])
-        draw_chart(chart, blocks, folder / f"{chart}.csv")
+                written.append(folder / "blocks" / chart / f"{name}.csv")
+                run_part(CHARTED[chart], part, written[-1])
+        table = folder / f"{chart}.csv"
+        gather(written, table)
+        draw_chart(chart, CHARTED[chart], {}, {chart: table}, folder)
     return folder
 
 
 @pytest.mark.parametrize("quick", [True, False])
-@pytest.mark.parametrize("chart", [*TRADEOFF, *STABILITY])
+@pytest.mark.parametrize("chart", CHARTED)
 def test_parts_are_plain_data_with_names_of_files(chart, quick):
-    parts = study(chart).parts(quick)
+    parts = loaded(CHARTED[chart]).parts(Settings(quick=quick))
     assert json.loads(json.dumps(parts)) == parts
     assert all(name.replace("_", "").replace("-", "").isalnum() for name in parts)
+
+
+def test_names_of_studies_and_figures_are_unique():
+    """They share rules of the workflow, which tell them apart by name."""
+    names = [*PAPER, *TRADEOFF, *STABILITY, *FIGURES]
+    assert len(set(names)) == len(names)
 
 
 def test_a_cell_is_right_flagged_or_silently_wrong():
@@ -65,6 +76,12 @@ def test_times_are_cpu_times_taken_in_turns():
     assert 0.01 <= timed["short"].cpu_s < timed["long"].cpu_s <= timed["long"].cpu_most_s
 
 
+def test_cpu_time_leaves_waiting_out():
+    wall, cpu = wall_and_cpu_seconds(lambda: time.sleep(0.05))
+    assert wall >= 0.05 > 5 * cpu
+    assert least_cpu_seconds(lambda: time.sleep(0.01), 2) < 0.005
+
+
 def test_the_front_holds_what_nothing_beats():
     rows = pd.DataFrame({"cost": [1, 2, 3, 3, 4], "error": [5, 3, 4, 3, 1]})
     assert unbeaten(rows).index.tolist() == [0, 1, 4]
@@ -79,7 +96,7 @@ def test_the_true_wrench_is_that_of_a_sliding_block():
 
 def test_the_boundary_integral_beats_cells_in_cost_and_error():
     keys = {"element_sizes_m": [0.01], "parts": [16], "rounds": 2}
-    rows = pd.DataFrame(study("friction").rows(**keys))
+    rows = pd.DataFrame(loaded(TRADEOFF["friction"]).rows(**keys))
     exact = rows[rows["default"].astype(bool)].iloc[0]
     mesh = rows[rows["series"] == "mesh (Table 1)"].iloc[0]
     assert exact["error"] < 1e-9
@@ -103,15 +120,15 @@ def test_no_cell_of_ours_is_silently_wrong(folder):
         assert (rows["judgement"] == Judgement.FLAGGED).any()
 
 
-def test_charts_tables_and_page_are_there(folder, monkeypatch):
-    there = {"tradeoff": ["decimation"], "stability": ["planner", "open_loop"]}
-    monkeypatch.setattr("studies.commands.PRODUCTS", there)
-    write_product("tradeoff", folder, folder / "tradeoff.md")
-    write_product("stability", folder, folder / "stability.md")
+def test_charts_tables_and_page_are_there(folder):
+    names = {"tradeoff": ["decimation"], "stability": ["planner", "open_loop"]}
+    products = {product: {chart: CHARTED[chart] for chart in charts} for product, charts in names.items()}
+    for product in products:
+        write_page(product, products, folder, folder / f"{product}.md")
     assert "0 silently wrong" in (folder / "stability.md").read_text(encoding="utf-8")
     page = (folder / "study.html").read_text(encoding="utf-8")
     for chart in CHEAP:
-        assert study(chart).chart.title in page
+        assert loaded(CHARTED[chart]).chart.title in page
         for ending in ("csv", "pdf", "svg", "png"):
             assert (folder / f"{chart}.{ending}").stat().st_size > 0
     assert "http-equiv" in page
@@ -124,11 +141,7 @@ def test_charts_tables_and_page_are_there(folder, monkeypatch):
 @pytest.mark.parametrize("chart", list(CHEAP))
 def test_labels_lie_beside_each_other(folder, chart):
     """No shown label covers another, and none leaves the figure."""
-    rows, kind = pd.read_csv(folder / f"{chart}.csv"), study(chart).chart
-    if isinstance(kind, Maps):
-        figure = map_chart(rows, kind.title, kind.axes, kind.note)
-    else:
-        figure = scatter_chart(rows, kind.title, (kind.cost, kind.error), kind.note, front=kind.front)
+    figure = figure_of(loaded(CHARTED[chart]), {}, {chart: pd.read_csv(folder / f"{chart}.csv")})
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     whole = figure.get_window_extent()

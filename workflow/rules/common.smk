@@ -8,7 +8,8 @@ from towval.io.campaign import load_campaign
 from towval.io.provenance import file_hash, module_hash
 from towval.io.schema import check, packaged_schema, read_yaml, with_plain_values
 from towval.model.presets import STANDARD, settings_of
-from studies.frame import module_of, study
+from studies import registry
+from studies.frame import Settings, loaded, module_of
 
 HERE = Path(workflow.basedir)
 
@@ -70,11 +71,6 @@ def run_folder(wildcards):
     return results(wildcards.campaign, wildcards.run)
 
 
-def tables_by_name(files):
-    """Tables of the studies by the study's name."""
-    return {Path(file).stem: file for file in files}
-
-
 def code(module):
     """Fingerprint of a module, of all that it imports and of the plugins: only an edit there runs its rule again."""
     return module_hash(module) + "".join(file_hash(path)[:16] for path in PLUGINS)
@@ -102,36 +98,3 @@ def section(stage):
 def identified(wildcards):
     """The identification of a campaign, where config["identify"]["parameters"] asks for one."""
     return [results(wildcards.campaign, "identify.mcap")] if section("identify").get("parameters") else []
-
-
-def paper(*parts):
-    return str(RESULTS.joinpath("figures", *parts))
-
-
-def table(study):
-    return paper("tables", f"{study}.csv")
-
-
-QUICK = bool(config.get("quick", False))
-# Whoever asks for neither product does not wait for the modules that compute them.
-STUDY_BLOCKS = {}
-
-
-def studies(*parts):
-    return str(RESULTS.joinpath("study", *parts))
-
-
-def blocks_of(chart):
-    """The parts of a chart by name."""
-    if chart not in STUDY_BLOCKS:
-        STUDY_BLOCKS[chart] = study(chart).parts(QUICK)
-    return STUDY_BLOCKS[chart]
-
-
-def code_of_chart(wildcards):
-    """Fingerprint of the module that computes a chart and of all that it imports, and of the script's."""
-    return code("study_block") + module_hash(f"studies.{module_of(wildcards.chart)}")
-
-
-def product_charts(charts):
-    return [studies(f"{chart}.{ending}") for chart in charts for ending in ("csv", "svg", "png", "pdf")]

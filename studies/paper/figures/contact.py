@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -9,6 +12,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
+from studies.frame import Drawing
 from studies.paper.figures.drawing import SPECIFICATION, letter, limits_around
 from towval.model import Array
 from towval.report.style import PAGE_WIDTH_IN, figure_function
@@ -79,3 +83,11 @@ def _convergence(axes: Axes, iterations: pd.DataFrame) -> None:
     right.set_ylabel("coefficient / last value")
     right.grid(False)
     axes.legend(handles=handles, loc="lower left", bbox_to_anchor=(0.3, 0.0))
+
+
+def _figure_2(plan: Mapping[str, Any], tables: Mapping[str, pd.DataFrame]) -> Figure:
+    shape = plan["general_object"]
+    return contact_figure(tables["contact"], np.array(shape["outline_m"]), np.array(shape["extreme_centre_of_mass_m"]))
+
+
+FIGURE_2 = Drawing(("contact",), _figure_2)

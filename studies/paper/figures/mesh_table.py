@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from studies.frame import Drawing
 from towval.report.style import PAGE_WIDTH_IN, figure_function
 
 HEADINGS = (
@@ -62,3 +63,6 @@ def _row(row: pd.Series) -> tuple[str, ...]:
         paper_cells, paper_seconds = f"{row['paper_cells']:,.0f}", f"{row['paper_seconds']:.2f}"
         error = f"{row['rate_error']:.1e}"
     return size, paper_cells, cells, paper_seconds, f"{row['seconds']:.2f}", f"{row['timed_steps']:,.0f}", error
+
+
+TABLE_1 = Drawing(("meshes",), lambda _, tables: mesh_table_figure(tables["meshes"]))

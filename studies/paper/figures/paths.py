@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -9,6 +12,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from studies.frame import Drawing
 from studies.paper.figures.drawing import (
     CASE_COLOURS,
     CENTRE_COLOURS,
@@ -151,3 +155,12 @@ def _coloured_by_case(axes: Axes, points: Array, case: np.ndarray) -> None:
     colours = [CASE_COLOURS[name] for name in case[:-1]]
     axes.add_collection(LineCollection(segments, colors=colours, linewidths=1.1, capstyle="butt"))
     axes.autoscale_view()
+
+
+def _figure_4(plan: Mapping[str, Any], tables: Mapping[str, pd.DataFrame]) -> Figure:
+    shape = plan["general_object"]
+    return nominal_figure(tables["nominal"], np.array(shape["outline_m"]), np.array(shape["anchor_m"]))
+
+
+FIGURE_4 = Drawing(("nominal",), _figure_4)
+FIGURE_5 = Drawing(("loop",), lambda _, tables: loop_figure(tables["loop"]))

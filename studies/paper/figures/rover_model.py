@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Arc, Polygon
 
+from studies.frame import Drawing
 from studies.paper.figures.drawing import (
     CASE_COLOURS,
     OBJECT_PATH,
@@ -21,6 +26,7 @@ from studies.paper.figures.drawing import (
     draw_wheel,
     letter,
 )
+from studies.paper.scene import paper_scene
 from towval.model import Array
 from towval.model.geometry import transform
 from towval.planning.feasible_region import feasible_piece, feasible_pieces, flanks, nearest_centre
@@ -225,3 +231,11 @@ def _cases(axes: Axes, rover: Rover) -> None:
     draw_rover(axes, rover, FACING_UP, np.zeros(4))
     axes.set_xlim(-0.75 * radius, 2.55 * radius)
     axes.set_ylim(-1.55 * radius, 1.35 * radius)
+
+
+def _figure_3(plan: Mapping[str, Any], _: Mapping[str, pd.DataFrame]) -> Figure:
+    scene = paper_scene(plan)
+    return rover_figure(scene.rover, scene.cube.patch.outline, scene.cube.anchor, scene.tether.rest_length)
+
+
+FIGURE_3 = Drawing((), _figure_3)

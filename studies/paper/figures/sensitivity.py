@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -10,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch as LegendPatch
 
+from studies.frame import Drawing
 from studies.paper.figures.drawing import (
     CURVE_TITLES,
     OBJECT_PATH,
@@ -205,3 +209,13 @@ def _edges(centres: Array) -> Array:
     """Edges (n + 1,) of cells around equally spaced centres (n,)."""
     half = (centres[-1] - centres[0]) / (len(centres) - 1) / 2
     return np.append(centres - half, centres[-1] + half)
+
+
+def _figure_6(plan: Mapping[str, Any], tables: Mapping[str, pd.DataFrame]) -> Figure:
+    names = ("speeds", "time_steps", "stiffnesses", "feedforward_paths")
+    return dynamics_figure(*(tables[name] for name in names), side=plan["cube"]["side_m"])
+
+
+FIGURE_6 = Drawing(("speeds", "time_steps", "stiffnesses", "feedforward_paths"), _figure_6)
+FIGURE_7 = Drawing(("thresholds",), lambda _, tables: threshold_figure(tables["thresholds"]))
+FIGURE_8 = Drawing(("surface",), lambda _, tables: surface_figure(tables["surface"]))

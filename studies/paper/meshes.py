@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
-from studies.paper.scene import PaperScene
-from studies.paper.sensitivity import Row
+from studies.frame import Part, Row
+from studies.paper.scene import PaperScene, paper_study
 from towval.model import Array, TimedPath
 from towval.model.conventions import GRAVITY_M_PER_S2
 from towval.physics.contact import pressure_plane, resting_pressure
@@ -112,3 +114,17 @@ def _timed_plan(scene: PaperScene, patch: SlidingPatch, specification: TimedPath
     start = time.process_time()
     plan = quasistatic_plan(scene.cube, patch, specification, scene.tether, times=times)
     return time.process_time() - start, float(plan.heading_rate[0])
+
+
+def _contact_parts(plan: Mapping[str, Any]) -> dict[str, Part]:
+    shape = plan["general_object"]
+    return {"extreme": {"centre": shape["extreme_centre_of_mass_m"], "element_size": shape["element_size_m"]}}
+
+
+def _mesh_parts(plan: Mapping[str, Any]) -> dict[str, Part]:
+    sizes = plan["table_1"]["element_sizes_m"]
+    return {"boundary": {"element_size": None}} | {f"{1e4 * size:03.0f}": {"element_size": size} for size in sizes}
+
+
+CONTACT = paper_study(_contact_parts, contact_rows)
+MESHES = paper_study(_mesh_parts, mesh_rows)

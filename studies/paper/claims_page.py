@@ -1,4 +1,4 @@
-"""Command of the ledger: tables of the studies → the paper's claims as Markdown and JSON."""
+"""Command of the ledger: tables of the paper's studies → the paper's claims as Markdown and JSON."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from towval.io.plan_files import read_table
 
 _HEAD = """# Claims of the paper, one by one
 
-Made by the rule `claims` from the tables in `results/figures/tables/`; do not edit. Its twin for machines is
+Made by the rule `claims` from the tables in `results/figures/tables/`; do not edit. The same as data is
 `claims.json`. Every outcome is decided by the check beside it on our own numbers, with the scene of
-`workflow/plan.yaml`, where the paper's values and our assumptions are told apart.
+`workflow/plan.yaml`, which marks the paper's values and our assumptions.
 """
 
 
@@ -27,16 +27,16 @@ def write_ledger(plan: Mapping[str, Any], tables: Mapping[str, Path], outputs: S
     Parameters
     ----------
     plan : mapping
-        The configuration's section ``plan``, kept in the twin.
+        The scene, ``workflow/plan.yaml``, kept in the JSON.
     tables : mapping
         CSV files of the studies by name.
     outputs : sequence of Path
-        Files to write: ``.md`` gets the ledger, ``.json`` its twin.
+        Files to write: the ledger as ``.md``, the same as data as ``.json``.
     """
     rows = decided(CLAIMS, {name: read_table(path) for name, path in tables.items()})
-    twin = json.dumps({"claims": rows, "plan": plan}, indent=2, ensure_ascii=False) + "\n"
+    data = json.dumps({"claims": rows, "plan": plan}, indent=2, ensure_ascii=False) + "\n"
     for output in outputs:
-        write_text(output, twin if output.suffix == ".json" else markdown(rows))
+        write_text(output, data if output.suffix == ".json" else markdown(rows))
 
 
 def markdown(rows: Sequence[Mapping[str, str]]) -> str:

@@ -1,49 +1,37 @@
-"""Sensitivity studies of the paper's section 3: each function makes one row or block, a job of its own.
+"""Error of feedforward and feedback dynamics over speed, time step, stiffness and start, Fig. 6.
 
-Errors of the dynamics (Fig. 6) are taken at equal times, for the nominal motion is a motion in time; those of the
-planned rover (Figs. 7 and 8) between curves, for a rover at constant speed keeps its own schedule.
+Errors are taken at equal times, for the nominal motion is a motion in time.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from studies.paper.scene import PaperScene
+from studies.frame import Part, Row
+from studies.paper.nominal import cube_nominal, path_rows
+from studies.paper.scene import PaperScene, paper_study
 from towval.model import Array, SimulatedMotion, Tether, TimedPath
-from towval.model.errors import InputError
-from towval.model.geometry import inverse_transform, transform
+from towval.model.geometry import transform
 from towval.physics.dynamics import feedback, feedforward
 from towval.physics.quasistatic import QuasistaticMotion, quasistatic_plan
 from towval.physics.wrench import SlidingPatch
 from towval.planning.paths import timed
-from towval.planning.plan import ClosedLoop, close_loop
-from towval.planning.planner import PlanCase, RoverPlan
 from towval.planning.scene import resting_patch
 
 COMPARED_TIMES = 2000
 """At how many times a motion is compared with the nominal one."""
 
-REPORT_STRIDE = 10
-"""The towed object is computed and compared at every so many steps of the planner."""
+STEPS_AT_ANY_SPEED = 10_000
+"""Time steps of the motions of Fig. 6(a): the same at each speed, so that they resolve the path alike."""
 
 TIMED_RUNS = 9
 """How often a motion is timed."""
-
-Row = dict[str, Any]
-
-
-def cube_nominal(
-    scene: PaperScene, patch: SlidingPatch, curve: str, time_step: float, *, speed: float | None = None
-) -> QuasistaticMotion:
-    """Quasi-static motion of the cube along a curve, at a mean speed [m/s] or, without, in the paper's 600 s."""
-    duration = scene.duration if speed is None else None
-    specification = timed(scene.curves[curve], time_step, mean_speed=speed, duration=duration)
-    return quasistatic_plan(scene.cube, patch, specification, scene.tether)
 
 
 def feedforward_motion(
@@ -85,7 +73,7 @@ def feedback_motion(
     )
 
 
-def _compared_rows(nominal: QuasistaticMotion) -> Array:
+def _compared_rows(nominal: QuasistaticMotion) -> NDArray[np.int_]:
     count = len(nominal.time_s)
     return np.unique(np.linspace(0, count - 1, min(count, COMPARED_TIMES + 1)).round().astype(int))
 
@@ -103,18 +91,19 @@ def rms_in_time(motion: SimulatedMotion, nominal: QuasistaticMotion) -> float:
     return float(np.sqrt(np.mean(np.sum(gap**2, axis=1))))
 
 
-def speed_row(scene: PaperScene, curve: str, speed: float, steps: int) -> Row:
-    """RMS of feedforward and feedback at a mean speed [m/s], Fig. 6(a), in a number of equal time steps."""
+def _speed_rows(scene: PaperScene, curve: str, speed: float) -> list[Row]:
+    """RMS of feedforward and feedback at a mean speed [m/s], Fig. 6(a)."""
     patch = resting_patch(scene)
-    nominal = cube_nominal(scene, patch, curve, scene.curves[curve].length / speed / steps, speed=speed)
-    return {"curve": curve, "mean_speed_m_s": speed} | _dynamics(scene, patch, nominal)
+    step = scene.curves[curve].length / speed / STEPS_AT_ANY_SPEED
+    nominal = cube_nominal(scene, patch, curve, step, speed=speed)
+    return [{"curve": curve, "mean_speed_m_s": speed} | _dynamics(scene, patch, nominal)]
 
 
-def time_step_row(scene: PaperScene, curve: str, speed: float, time_step: float) -> Row:
+def _time_step_rows(scene: PaperScene, curve: str, speed: float, time_step: float) -> list[Row]:
     """RMS of feedforward and feedback with a time step of model and splines [s], Fig. 6(b)."""
     patch = resting_patch(scene)
     nominal = cube_nominal(scene, patch, curve, time_step, speed=speed)
-    return {"curve": curve, "mean_speed_m_s": speed, "time_step_s": time_step} | _dynamics(scene, patch, nominal)
+    return [{"curve": curve, "mean_speed_m_s": speed, "time_step_s": time_step} | _dynamics(scene, patch, nominal)]
 
 
 def _dynamics(scene: PaperScene, patch: SlidingPatch, nominal: QuasistaticMotion) -> Row:
@@ -159,58 +148,57 @@ def stiffness_rows(
     return rows
 
 
-def loop_row(scene: PaperScene, patch: SlidingPatch, nominal: QuasistaticMotion, **settings: Any) -> Row:
-    """Outcome and RMS of rover and object with planner settings that differ from the scene's, Figs. 7 and 8."""
-    return settings | loop_numbers(planned_loop(scene, patch, nominal, **settings), nominal)
+def _feedforward_path_rows(scene: PaperScene, curve: str, speeds: list[float]) -> list[Row]:
+    patch, rows = resting_patch(scene), []
+    for speed in speeds:
+        step = scene.curves[curve].length / speed / STEPS_AT_ANY_SPEED
+        nominal = cube_nominal(scene, patch, curve, step, speed=speed)
+        motion = feedforward_motion(scene, patch, nominal)
+        rows += path_rows({"curve": curve, "path": "feedforward", "mean_speed_m_s": speed}, motion.pose[:, :2])
+    return rows + path_rows({"curve": curve, "path": "nominal", "mean_speed_m_s": 0.0}, nominal.pose[:, :2])
 
 
-def planned_loop(scene: PaperScene, patch: SlidingPatch, nominal: QuasistaticMotion, **settings: Any) -> ClosedLoop:
-    """The cube behind the rover planned along its nominal way, with planner settings that differ from the scene's."""
-    planner = replace(scene.planner, **settings)
-    return close_loop(nominal, scene.cube, patch, scene.tether, scene.rover, planner, report_stride=REPORT_STRIDE)
+def _start_rows(scene: PaperScene, law: str, curve: str, speed: float) -> list[Row]:
+    """Feedforward dynamics from rest and from the nominal velocity, with and without a peak of friction."""
+    scene = scene if law == "friction" else replace(scene, friction=scene.peaked_friction)
+    patch, rows = resting_patch(scene), []
+    nominal = cube_nominal(scene, patch, curve, 0.1, speed=speed)
+    for from_rest in (True, False):
+        motion = feedforward_motion(scene, patch, nominal, from_rest=from_rest)
+        numbers = {"rms_m": rms_in_time(motion, nominal), "outcome": motion.outcome}
+        rows.append({"law": law, "start": "rest" if from_rest else "nominal velocity"} | numbers)
+    return rows
 
 
-def loop_numbers(loop: ClosedLoop, nominal: QuasistaticMotion) -> Row:
-    """The numbers of a closed loop that tables and ledger want."""
-    shares = {f"case_{case.name.lower()}_share": loop.rover.share_of(case) for case in PlanCase}
-    return {
-        "rover_rms_m": loop.rover.rms,
-        "object_rms_m": loop.object_rms,
-        "outcome": str(loop.rover.outcome),
-        "object_outcome": loop.towed.outcome,
-        "first_tip_turns_away": _first_tip_turns_away(loop.rover, nominal),
-        "advice": loop.rover.advice,
-    } | shares
+def _speed_parts(plan: Mapping[str, Any]) -> dict[str, Part]:
+    speeds = plan["sensitivity"]["mean_speeds_m_s"]
+    return {f"{k:02d}": {"curve": "lemniscate", "speed": speed} for k, speed in enumerate(speeds)}
 
 
-def _first_tip_turns_away(plan: RoverPlan, nominal: QuasistaticMotion) -> float:
-    """1 where the first step in case C turns away from the point aimed at, 0 where towards it, NaN without case C."""
-    steps = np.flatnonzero(plan.case == PlanCase.C)
-    if not len(steps):
-        return float("nan")
-    first = steps[0]
-    aim = inverse_transform(plan.pose[first], nominal.hinge.position[plan.target[first]])
-    return float(np.sign(plan.twist[first, 2]) != np.sign(aim[1]))
+def _time_step_parts(plan: Mapping[str, Any]) -> dict[str, Part]:
+    vary = plan["sensitivity"]
+    common = {"curve": "lemniscate", "speed": vary["fixed_speed_m_s"]}
+    return {f"{k:02d}": {**common, "time_step": step} for k, step in enumerate(vary["time_steps_s"])}
 
 
-def surface_grid(first: float, last: float, count: int) -> Array:
-    """The values of one axis of the response surface (count,), equally spaced."""
-    if count < 2 or last <= first:
-        raise InputError(
-            "an axis of the response surface is empty",
-            got=f"{count} values from {first} to {last}",
-            allowed="two values or more, the last above the first",
-        )
-    return np.linspace(first, last, int(count))
+def _stiffness_parts(plan: Mapping[str, Any]) -> dict[str, Part]:
+    vary = plan["sensitivity"]
+    common = {"curve": "lemniscate", "speed": vary["fixed_speed_m_s"], "time_step": 0.1}
+    return {"all": {**common, "stiffnesses": vary["stiffnesses_n_m"]}}
 
 
-def surface_rows(scene: PaperScene, curve: str, thresholds: Iterable[float], look_aheads: Iterable[float]) -> list[Row]:
-    """One block of the response surface of RMS over d_t [m] and ϑ_lh [steps], Fig. 8."""
-    patch = resting_patch(scene)
-    nominal = cube_nominal(scene, patch, curve, scene.planner_step)
-    look_aheads = [round(value) for value in look_aheads]
-    return [
-        {"curve": curve} | loop_row(scene, patch, nominal, threshold=threshold, look_ahead_steps=steps)
-        for threshold in thresholds
-        for steps in look_aheads
-    ]
+def _feedforward_path_parts(plan: Mapping[str, Any]) -> dict[str, Part]:
+    speeds = plan["sensitivity"]["shown_speeds_m_s"]
+    return {curve: {"curve": curve, "speeds": speeds} for curve in ("rounded_square", "lemniscate")}
+
+
+def _start_parts(plan: Mapping[str, Any]) -> dict[str, Part]:
+    speed = plan["sensitivity"]["fixed_speed_m_s"]
+    return {law: {"law": law, "curve": "lemniscate", "speed": speed} for law in ("friction", "peaked_friction")}
+
+
+SPEEDS = paper_study(_speed_parts, _speed_rows)
+TIME_STEPS = paper_study(_time_step_parts, _time_step_rows)
+STIFFNESSES = paper_study(_stiffness_parts, stiffness_rows)
+FEEDFORWARD_PATHS = paper_study(_feedforward_path_parts, _feedforward_path_rows)
+STARTS = paper_study(_start_parts, _start_rows)

@@ -1,0 +1,172 @@
+"""Closed loops of planner, rover and cube: paths (Fig. 5), thresholds (Fig. 7), response surface (Fig. 8), wheelbases.
+
+Errors are distances between curves, for a rover at constant speed keeps its own schedule.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from studies.costs import cpu_seconds
+from studies.frame import Part, Row
+from studies.paper.nominal import cube_nominal, path_rows
+from studies.paper.scene import CURVES, PaperScene, paper_study
+from towval.model import Array
+from towval.model.errors import InputError
+from towval.model.geometry import inverse_transform
+from towval.physics.quasistatic import QuasistaticMotion
+from towval.physics.wrench import SlidingPatch
+from towval.planning.plan import ClosedLoop, close_loop
+from towval.planning.planner import PlanCase, RoverPlan
+from towval.planning.scene import resting_patch
+
+REPORT_STRIDE = 10
+"""The towed object is computed and compared at every so many steps of the planner."""
+
+
+def planned_loop(scene: PaperScene, patch: SlidingPatch, nominal: QuasistaticMotion, **settings: Any) -> ClosedLoop:
+    """The cube behind the rover planned along its nominal way, with planner settings that differ from the scene's."""
+    planner = replace(scene.planner, **settings)
+    return close_loop(nominal, scene.cube, patch, scene.tether, scene.rover, planner, report_stride=REPORT_STRIDE)
+
+
+def loop_row(scene: PaperScene, patch: SlidingPatch, nominal: QuasistaticMotion, **settings: Any) -> Row:
+    """Outcome and RMS of rover and object with planner settings that differ from the scene's, Figs. 7 and 8."""
+    return settings | loop_numbers(planned_loop(scene, patch, nominal, **settings), nominal)
+
+
+def loop_numbers(loop: ClosedLoop, nominal: QuasistaticMotion) -> Row:
+    """The numbers of a closed loop that tables and ledger want."""
+    shares = {f"case_{case.name.lower()}_share": loop.rover.share_of(case) for case in PlanCase}
+    return {
+        "rover_rms_m": loop.rover.rms,
+        "object_rms_m": loop.object_rms,
+        "outcome": str(loop.rover.outcome),
+        "object_outcome": loop.towed.outcome,
+        "first_tip_turns_away": _first_tip_turns_away(loop.rover, nominal),
+        "advice": loop.rover.advice,
+    } | shares
+
+
+def _first_tip_turns_away(plan: RoverPlan, nominal: QuasistaticMotion) -> float:
+    """1 where the first step in case C turns away from the point aimed at, 0 where towards it, NaN without case C."""
+    steps = np.flatnonzero(plan.case == PlanCase.C)
+    if not len(steps):
+        return float("nan")
+    first = steps[0]
+    aim = inverse_transform(plan.pose[first], nominal.hinge.position[plan.target[first]])
+    return float(np.sign(plan.twist[first, 2]) != np.sign(aim[1]))
+
+
+def _loop_rows(scene: PaperScene, curve: str, **settings: Any) -> list[Row]:
+    """Ways of rover and object step by step, with the planner's cases, Fig. 5; the first row holds the numbers."""
+    patch = resting_patch(scene)
+    nominal = cube_nominal(scene, patch, curve, scene.planner_step)
+    loop = planned_loop(scene, patch, nominal, **settings)
+    seconds = cpu_seconds(lambda: planned_loop(scene, patch, nominal, **settings))
+    rows = [{"row": "numbers", "curve": curve, "compute_time_s": seconds} | settings | loop_numbers(loop, nominal)]
+    rows += path_rows({"row": "nominal object"}, nominal.pose[:, :2])
+    rows += path_rows({"row": "nominal rover"}, nominal.hinge.position)
+    case_at = np.array([case.name for case in PlanCase])[loop.rover.case]
+    at = np.searchsorted(loop.rover.time_s, loop.towed.time_s).clip(max=len(case_at) - 1)
+    for name, position, case in (("rover", loop.rover.hinge, case_at), ("object", loop.towed.pose, case_at[at])):
+        rows += [
+            {"row": name, "x_m": x, "y_m": y, "case": letter}
+            for (x, y), letter in zip(position[:, :2], case, strict=True)
+        ]
+    return rows
+
+
+def _threshold_rows(scene: PaperScene, curve: str, thresholds: list[float], shown: list[float]) -> list[Row]:
+    """A row of numbers a threshold, and the paths of rover and object for those that are shown, Fig. 7."""
+    patch = resting_patch(scene)
+    nominal = cube_nominal(scene, patch, curve, scene.planner_step)
+    rows = path_rows({"curve": curve, "row": "nominal object"}, nominal.pose[:, :2])
+    rows += path_rows({"curve": curve, "row": "nominal rover"}, nominal.hinge.position)
+    for threshold in sorted({*thresholds, *shown}):
+        loop = planned_loop(scene, patch, nominal, threshold=threshold)
+        common = {"curve": curve, "threshold_m": threshold}
+        rows.append(common | {"row": "numbers"} | loop_numbers(loop, nominal))
+        if threshold in shown:
+            rows += path_rows(common | {"row": "object"}, loop.towed.pose[:, :2])
+            rows += path_rows(common | {"row": "rover"}, loop.rover.hinge)
+    return rows
+
+
+def _wheelbase_rows(scene: PaperScene, curve: str, wheelbase: float, thresholds: list[float]) -> list[Row]:
+    """Which thresholds arrive with a rover of another wheelbase: the paper does not give its own."""
+    positions = scene.rover.wheel_positions * [wheelbase / np.ptp(scene.rover.wheel_positions[:, 0]), 1.0]
+    scene = replace(scene, rover=replace(scene.rover, wheel_positions=positions))
+    patch = resting_patch(scene)
+    nominal = cube_nominal(scene, patch, curve, scene.planner_step)
+    common = {"curve": curve, "wheelbase_m": wheelbase}
+    return [common | loop_row(scene, patch, nominal, threshold=threshold) for threshold in thresholds]
+
+
+def surface_grid(first: float, last: float, count: int) -> Array:
+    """The values of one axis of the response surface (count,), equally spaced."""
+    if count < 2 or last <= first:
+        raise InputError(
+            "an axis of the response surface is empty",
+            got=f"{count} values from {first} to {last}",
+            allowed="two values or more, the last above the first",
+        )
+    return np.linspace(first, last, int(count))
+
+
+def surface_rows(scene: PaperScene, curve: str, thresholds: Iterable[float], look_aheads: Iterable[float]) -> list[Row]:
+    """One block of the response surface of RMS over d_t [m] and ϑ_lh [steps], Fig. 8."""
+    patch = resting_patch(scene)
+    nominal = cube_nominal(scene, patch, curve, scene.planner_step)
+    look_aheads = [round(value) for value in look_aheads]
+    return [
+        {"curve": curve} | loop_row(scene, patch, nominal, threshold=threshold, look_ahead_steps=steps)
+        for threshold in thresholds
+        for steps in look_aheads
+    ]
+
+
+def _loop_parts(plan: Mapping[str, Any]) -> dict[str, Part]:
+    keys = plan["closed_loop"]
+    settings = {"threshold": keys["threshold_m"], "look_ahead_steps": keys["look_ahead_steps"]}
+    return {"lemniscate": {"curve": "lemniscate", **settings}}
+
+
+def _threshold_parts(plan: Mapping[str, Any]) -> dict[str, Part]:
+    vary = plan["sensitivity"]
+    values = {"thresholds": vary["thresholds_m"], "shown": vary["shown_thresholds_m"]}
+    return {curve: {"curve": curve, **values} for curve in CURVES}
+
+
+def _wheelbase_parts(plan: Mapping[str, Any]) -> dict[str, Part]:
+    vary = plan["sensitivity"]
+    return {
+        f"{1000 * length:.0f}": {"curve": "lemniscate", "wheelbase": length, "thresholds": vary["thresholds_m"]}
+        for length in vary["wheelbases_m"]
+    }
+
+
+def _surface_parts(plan: Mapping[str, Any]) -> dict[str, Part]:
+    vary = plan["sensitivity"]
+    thresholds = surface_grid(*vary["surface_thresholds_m"]).tolist()
+    look_aheads = surface_grid(*vary["surface_look_aheads_steps"]).tolist()
+    blocks = np.array_split(np.arange(len(thresholds)), min(vary["surface_blocks"], len(thresholds)))
+    return {
+        f"{curve}_{index:02d}": {
+            "curve": curve,
+            "thresholds": [thresholds[row] for row in block],
+            "look_aheads": look_aheads,
+        }
+        for curve in ("lemniscate", "rounded_square")
+        for index, block in enumerate(blocks)
+    }
+
+
+LOOP = paper_study(_loop_parts, _loop_rows)
+THRESHOLDS = paper_study(_threshold_parts, _threshold_rows)
+WHEELBASES = paper_study(_wheelbase_parts, _wheelbase_rows)
+SURFACE = paper_study(_surface_parts, surface_rows)
