@@ -1,6 +1,7 @@
 # make demo    install, then run the workflow on data_samples
 # make test    install, then check the code and run the tests
-# make studies [QUICK=true]   speed against accuracy, and where methods fail
+# make studies [QUICK=true]   error against cost, and where methods fail
+# make docs-ledger   compute the claims of the paper and copy their ledger to docs/
 # make check   linters, types and the import contracts alone
 # make accuracy CAMPAIGN=...   run a campaign that has truth files, and print the errors against the truth
 # make tables  the must-reach tables of calibration and tracking on synthetic scenes, with their seeds
@@ -13,7 +14,7 @@ BIN := $(VENV)/bin
 VIEWERS := $(VENV)/viewers
 SOURCES := src studies tests workflow/scripts
 
-.PHONY: demo test check studies accuracy tables bench clean
+.PHONY: demo test check studies docs-ledger accuracy tables bench clean
 
 $(VENV)/installed: pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "towval needs Python 3.11 or newer: make PYTHON=/path/to/python3.11")'
@@ -70,6 +71,10 @@ QUICK ?= false
 studies: $(VENV)/installed
 	$(BIN)/snakemake tradeoff stability --cores $(CORES) --quiet rules --config quick=$(QUICK)
 	@echo "The charts: $(CURDIR)/results/study/study.html"
+
+docs-ledger: $(VENV)/installed
+	$(BIN)/snakemake claims --cores $(CORES) --quiet rules
+	cp results/figures/claims.md results/figures/claims.json docs/
 
 clean:
 	rm -rf $(VENV) results .snakemake

@@ -102,7 +102,7 @@ def _module_files(name: str) -> list[Path]:
     top, *parts = name.split(".")
     folder = _source_folder(top)
     if folder is None:
-        return []
+        return [] if parts else _single_file(top)
     found = [folder / "__init__.py"]
     for part in parts:
         if (folder / f"{part}.py").is_file():
@@ -115,6 +115,16 @@ def _module_files(name: str) -> list[Path]:
 
 
 @cache
+def _single_file(module: str) -> list[Path]:
+    """The source of a module that is one file beside the package, such as a plugin; none for an installed one."""
+    spec = importlib.util.find_spec(module)
+    if spec is None or spec.submodule_search_locations or not spec.origin or not spec.has_location:
+        return []
+    path = Path(spec.origin).resolve()
+    return [path] if path.suffix == ".py" and not _is_installed(path) else []
+
+
+@cache
 def _source_folder(package: str) -> Path | None:
     """Where a package's source is; none for an installed library, whose version says what it is."""
     if package == "towval":
@@ -123,8 +133,13 @@ def _source_folder(package: str) -> Path | None:
     if spec is None or not spec.submodule_search_locations:
         return None
     folder = Path(spec.submodule_search_locations[0]).resolve()
+    return None if _is_installed(folder) or not (folder / "__init__.py").is_file() else folder
+
+
+def _is_installed(path: Path) -> bool:
+    """Whether a file or folder belongs to Python or to an installed library."""
     installed = {Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "purelib", "platlib")}
-    return None if installed & {*folder.parents} or not (folder / "__init__.py").is_file() else folder
+    return bool(installed & {*path.parents})
 
 
 def _data_file(folder: Path, text: str) -> list[Path]:
