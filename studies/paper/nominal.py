@@ -14,10 +14,10 @@ from studies.paper.scene import CURVES, PaperScene, paper_study
 from towval.model import Array, TowedObject
 from towval.model.geometry import polygon_centroid
 from towval.physics.contact import resting_pressure
+from towval.physics.friction_laws import fitted_law
 from towval.physics.quasistatic import QuasistaticMotion, quasistatic_plan
 from towval.physics.wrench import SlidingPatch, sliding_patch
 from towval.planning.paths import path_heading, timed
-from towval.planning.scene import friction_law
 
 SHOWN_ROWS = 800
 """Rows kept of a path that is drawn."""
@@ -39,7 +39,7 @@ def general_nominal(scene: PaperScene, curve: str, centre: str) -> QuasistaticMo
     so what an eccentric load does shows from the start.
     """
     towed = scene.general[centre]
-    patch = sliding_patch(resting_pressure(towed), friction_law(scene.friction))
+    patch = sliding_patch(resting_pressure(towed), fitted_law(scene.friction).law)
     specification = timed(scene.curves[curve], scene.time_step, duration=scene.duration)
     heading = settled_heading(towed, path_heading(specification.position[:3])[0])
     return quasistatic_plan(towed, patch, specification, scene.tether, start_heading=heading)
