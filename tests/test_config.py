@@ -6,7 +6,7 @@ import pytest
 import yaml
 
 from towval.calibration.calibrate import CalibrateSettings
-from towval.commands.shared import settings_from
+from towval.commands.settings import settings_from
 from towval.io.schema import check, read_value, with_plain_values
 from towval.model.errors import InputError
 from towval.physics.ladder import RUNGS

@@ -4,7 +4,7 @@ import pytest
 import yaml
 
 from test_config import SECTIONS
-from towval.commands.shared import settings_from, without_auto
+from towval.commands.settings import settings_from, without_auto
 from towval.io.schema import check
 from towval.model.presets import PRESETS, settings_of
 from towval.validation.simulate import SimulateSettings

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from towval.commands.shared import errors_reported
+from towval.commands.console import errors_reported
 
 
 def call(name: str, arguments: Mapping[str, Any]) -> None:

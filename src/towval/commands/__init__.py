@@ -1,1 +1,1 @@
-"""One module a stage: read files, call the stage, write its file. The workflow's scripts and the CLI both run these."""
+"""One module per stage: read files, call the stage, write its file. Both the workflow and the command line use them."""

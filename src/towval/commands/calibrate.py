@@ -1,4 +1,4 @@
-"""Command calibrate: pictures of the board → camera.mcap."""
+"""Command calibrate: board pictures → camera.mcap."""
 
 from __future__ import annotations
 
@@ -7,9 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from towval.calibration.calibrate import CalibrateSettings, calibrate
-from towval.commands.shared import print_findings, provenance, settings_from
+from towval.commands.console import print_findings
+from towval.commands.settings import settings_from
 from towval.io.campaign import load_campaign
 from towval.io.images import GrayPictures
+from towval.io.provenance import provenance
 from towval.io.records import write_calibration
 from towval.selection.lens import with_lens_choice
 

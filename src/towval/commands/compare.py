@@ -6,7 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from towval.commands.shared import print_findings, provenance, settings_from
+from towval.commands.console import print_findings
+from towval.commands.settings import settings_from
+from towval.io.provenance import provenance
 from towval.io.records import read_simulated, read_tracks, read_uncertainty, write_comparison
 from towval.validation.compare import CompareSettings, compare
 

@@ -6,13 +6,15 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from towval.commands.shared import print_findings, provenance, settings_from
+from towval.commands.console import print_findings
+from towval.commands.settings import settings_from
+from towval.io.provenance import provenance
 from towval.io.records import read_tracks, write_decimated
 from towval.validation.decimate import DecimateSettings, decimate
 
 
 def run(track: Path, output: Path, keys: Mapping[str, Any] | None = None) -> None:
-    """Thin the tracks of a run.
+    """Decimate the tracks of a run.
 
     Parameters
     ----------

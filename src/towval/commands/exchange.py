@@ -1,18 +1,18 @@
-"""Command exchange: all of a run → exchange.mcap and layouts with which viewers open it."""
+"""Command exchange: results of a run → exchange.mcap and layouts for viewers."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from towval.commands.run_folder import files, read_run
-from towval.commands.shared import provenance
 from towval.io.campaign import load_campaign
 from towval.io.exchange import write_layouts, write_run_file
+from towval.io.provenance import provenance
 from towval.io.records import read_calibration
 
 
 def run(campaign: Path, name: str, camera: Path, folder: Path, overlay: Path, output: Path) -> None:
-    """Put film, bodies, tether and errors of a run into one file for viewers.
+    """Write video, bodies, tether and errors of a run into one file for viewers.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ def run(campaign: Path, name: str, camera: Path, folder: Path, overlay: Path, ou
     overlay : Path
         ``overlay.mp4`` of the run.
     output : Path
-        ``exchange.mcap`` to write; the layouts come beside it.
+        ``exchange.mcap`` to write; the layouts are written beside it.
     """
     record = read_run(load_campaign(campaign), name, folder)
     inputs = {path.name: path for path in (camera, overlay, *files(folder).values())}

@@ -1,4 +1,4 @@
-"""Command identify: all runs of a campaign → identify.mcap, identify.csv: inputs fitted to them."""
+"""Command identify: all runs of a campaign → identify.mcap, identify.csv: inputs fitted to the runs."""
 
 from __future__ import annotations
 
@@ -6,9 +6,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from towval.commands.console import print_findings
 from towval.commands.run_folder import files
-from towval.commands.shared import print_findings, provenance, settings_from
+from towval.commands.settings import settings_from
 from towval.io.campaign import load_campaign
+from towval.io.provenance import provenance
 from towval.io.records import read_decimated, read_simulated, read_tracks, read_uncertainty
 from towval.io.records.identification import write_identification, write_identified_table
 from towval.validation.identify import IdentifySettings, MeasuredRun, identify
@@ -22,15 +24,16 @@ def run(campaign: Path, results: Path, output: Path, keys: Mapping[str, Any] | N
     campaign : Path
         The campaign folder.
     results : Path
-        Folder with a folder a run, whose stages up to ``uncertainty`` have been run.
+        Folder with one folder per run, each with the results up to ``uncertainty``.
     output : Path
-        ``identify.mcap`` to write; the table ``identify.csv`` comes beside it.
+        ``identify.mcap`` to write; the table ``identify.csv`` is written beside it.
     keys : mapping, optional
         ``config["identify"]``.
     """
     settings = settings_from(IdentifySettings, keys, "identify")
     given = load_campaign(campaign)
-    runs, inputs = [], {}
+    runs: list[MeasuredRun] = []
+    inputs: dict[str, Path] = {}
     for name in given.runs:
         paths = files(results / name)
         inputs |= {f"{name}/{paths[s].name}": paths[s] for s in ("track", "decimate", "simulate", "uncertainty")}

@@ -1,4 +1,4 @@
-"""Command overlay: a run's footage with measured and simulated outlines drawn on it → overlay.mp4."""
+"""Command overlay: footage of a run with measured and simulated outlines → overlay.mp4."""
 
 from __future__ import annotations
 

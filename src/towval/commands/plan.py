@@ -1,4 +1,4 @@
-"""Commands plan and tow: a path for the object → a plan for the rover; the rover's poses → the object's motion."""
+"""Commands plan and tow: desired path of the object → motion of the rover; recorded rover → motion of the object."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from towval.commands.shared import print_findings, provenance
+from towval.commands.console import print_findings
 from towval.io.campaign import load_campaign
 from towval.io.plan_files import read_object_start, read_path, read_rover_poses, write_plan_csv, write_plan_mcap
+from towval.io.provenance import provenance
 from towval.io.records import write_simulated
 from towval.io.schema import check, packaged_schema, read_yaml
 from towval.model import Array, TimedPath
@@ -24,27 +25,27 @@ from towval.planning.planner import PlanOutcome
 from towval.planning.scene import PlanScene, plan_scene, resting_patch
 
 _REPORT_STRIDE = 10
-"""The towed object is reported at every so many steps of the planner."""
+"""Steps of the planner per reported pose of the object."""
 
 
 def run(scene: Mapping[str, Any], wanted: str, mcap: Path, csv: Path, campaign: Path | None = None) -> None:
-    """Plan the rover so that the object follows a path, tow the object behind it, and write both.
+    """Plan a rover motion that makes the object follow a path, simulate the object behind it, and write both.
 
     Parameters
     ----------
     scene : mapping
         The scene, as ``workflow/plan.yaml`` describes it.
-    wish : str
-        Name of a curve of the scene, or a CSV file with columns ``x_m``, ``y_m`` and perhaps ``time_s``.
+    wanted : str
+        Name of a curve of the scene, or a CSV file with columns ``x_m``, ``y_m`` and optionally ``time_s``.
     mcap, csv : Path
         Files to write.
     campaign : Path, optional
-        A campaign whose object, friction, tether and hinge take the place of the scene's cube.
+        A campaign whose object, friction, tether and hinge replace those of the scene.
 
     Raises
     ------
     RefusedError
-        When the rover does not arrive: a plan that fails is not written.
+        When the rover does not arrive; no plan is written then.
     """
     given = _scene(scene, campaign)
     patch, path = resting_patch(given), _wanted(given, wanted)
@@ -63,12 +64,12 @@ def run(scene: Mapping[str, Any], wanted: str, mcap: Path, csv: Path, campaign: 
 
 
 def run_file(scene: Path, wanted: str, output: Path, csv: Path, campaign: Path | None = None) -> None:
-    """Do the same with the scene in a file."""
+    """The same with the scene in a file."""
     run(_read_scene(scene), wanted, output, csv, campaign)
 
 
 def run_tow(scene: Mapping[str, Any], recording: Path, output: Path, campaign: Path | None = None) -> None:
-    """Tow the object behind the rover of a recording, from the object's first pose in it.
+    """Simulate the object behind a recorded rover, from the first pose of the object in the recording.
 
     Parameters
     ----------
@@ -77,9 +78,9 @@ def run_tow(scene: Mapping[str, Any], recording: Path, output: Path, campaign: P
     recording : Path
         Any MCAP with ``/rover/pose`` and ``/object/pose`` or ``/object/pose_simulated``: a plan, a measured track.
     output : Path
-        MCAP to write, as the stage simulate does.
+        MCAP file to write, as by the stage simulate.
     campaign : Path, optional
-        A campaign whose object, friction, tether and hinge take the place of the scene's cube.
+        A campaign whose object, friction, tether and hinge replace those of the scene.
     """
     given = _scene(scene, campaign)
     times, poses = read_rover_poses(recording)
@@ -91,12 +92,12 @@ def run_tow(scene: Mapping[str, Any], recording: Path, output: Path, campaign: P
 
 
 def run_tow_file(scene: Path, recording: Path, output: Path, campaign: Path | None = None) -> None:
-    """Do the same with the scene in a file."""
+    """The same with the scene in a file."""
     run_tow(_read_scene(scene), recording, output, campaign)
 
 
 def _read_scene(file: Path) -> Mapping[str, Any]:
-    document = read_yaml(file)
+    document: Mapping[str, Any] = read_yaml(file)
     check(document, packaged_schema("plan.schema.yaml"), file.name)
     return document
 
@@ -114,9 +115,7 @@ def _wanted(scene: PlanScene, wanted: str) -> TimedPath:
     if wanted in scene.curves:
         return _timed(scene, scene.curves[wanted])
     if Path(wanted).suffix != ".csv":
-        raise InputError(
-            f"the path {wanted} is not known", allowed=f"{', '.join(scene.curves)}, or a CSV file with x_m and y_m"
-        )
+        raise InputError(f"unknown path {wanted}", allowed=f"{', '.join(scene.curves)}, or a CSV file with x_m and y_m")
     read = read_path(Path(wanted))
     return read if isinstance(read, TimedPath) else _timed(scene, through_points(read, name=Path(wanted).stem))
 
@@ -126,7 +125,7 @@ def _timed(scene: PlanScene, curve: Curve) -> TimedPath:
 
 
 def _planner_times(scene: PlanScene, path: TimedPath) -> Array:
-    """Times in the planner's steps over the duration of a path that may have its own."""
-    return path.time_s[0] + scene.planner_step * np.arange(
-        int((path.time_s[-1] - path.time_s[0]) / scene.planner_step + 1e-9) + 1
-    )
+    """Times [s] at the planner's step over the duration of a path."""
+    steps = int(np.ptp(path.time_s) / scene.planner_step + 1e-9)
+    times: Array = path.time_s[0] + scene.planner_step * np.arange(steps + 1)
+    return times

@@ -11,7 +11,7 @@ import yaml
 
 from towval.commands.overlay import run as write_run_overlay
 from towval.commands.run_folder import files, read_run
-from towval.commands.shared import settings_from
+from towval.commands.settings import settings_from
 from towval.io.campaign import Campaign, load_campaign
 from towval.io.mcap_file import read_provenance
 from towval.io.provenance import file_hash, versions
@@ -31,11 +31,11 @@ def run(campaign: Path, results: Path, keys: Mapping[str, Any] | None = None, id
     campaign : Path
         The campaign folder.
     results : Path
-        Folder with ``camera.mcap`` and a folder a run; overlay videos that are missing there are made.
+        Folder with ``camera.mcap`` and one folder per run; missing overlay videos are made.
     keys : mapping, optional
         ``config["report"]``.
     identified : Path, optional
-        ``identify.mcap`` to show in a section of its own.
+        ``identify.mcap``, shown in a section of its own.
     """
     settings = settings_from(ReportSettings, keys, "report")
     given = load_campaign(campaign)
@@ -79,7 +79,7 @@ def _provenance(given: Campaign, results: Path) -> Provenance:
 
 
 def _settings(made: Sequence[Path]) -> dict[str, str]:
-    """What each stage was set to, as its files say; runs that were set alike stand together."""
+    """Settings of each stage from its files; runs with the same settings together."""
     folders: dict[tuple[str, str], list[str]] = {}
     for path in made:
         settings = read_provenance(path).get("settings", "{}")
@@ -93,7 +93,7 @@ def _settings(made: Sequence[Path]) -> dict[str, str]:
 
 
 def _inputs(given: Campaign) -> Iterator[InputRow]:
-    """The quantities that the simulation was given, and the deviations that were sampled."""
+    """The inputs of the simulation with the standard deviations that were drawn from."""
     scene, std, document = given.scene, given.deviations, given.document
 
     def row(name: str, value: str, unit: str, deviation: float | None, *key: str) -> InputRow:

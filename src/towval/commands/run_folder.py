@@ -1,4 +1,4 @@
-"""The files of one run, read together."""
+"""Result files of a run."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def files(folder: Path) -> dict[str, Path]:
 
 
 def read_run(campaign: Campaign, name: str, folder: Path) -> RunRecord:
-    """All that is known of a run whose stages have written their files into ``folder``.
+    """The record of a run from its result files in ``folder``.
 
     Raises
     ------

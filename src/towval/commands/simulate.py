@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from towval.commands.shared import print_findings, provenance, settings_from, without_auto
+from towval.commands.console import print_findings
+from towval.commands.settings import settings_from, without_auto
 from towval.io.campaign import load_campaign
+from towval.io.provenance import provenance
 from towval.io.records import read_calibration, read_decimated, read_tracks, write_simulated
 from towval.model.errors import InputError
 from towval.selection.margin import measurement_std_m, seen_places
@@ -33,15 +35,15 @@ def run(
     campaign : Path
         The campaign folder.
     track : Path
-        ``track.mcap`` of the run: gives the times of the output.
+        ``track.mcap`` of the run, for the times of the output.
     decimated : Path
-        ``decimate.mcap`` of the run: gives the rover's way and the object's first pose.
+        ``decimate.mcap`` of the run, for the path of the rover and the first pose of the object.
     output : Path
         ``simulate.mcap`` to write.
     keys : mapping, optional
         ``config["simulate"]``.
     camera : Path, optional
-        ``camera.mcap`` of the campaign: what "auto" is chosen against.
+        ``camera.mcap`` of the campaign, needed by settings that are "auto".
 
     Raises
     ------
@@ -52,7 +54,9 @@ def run(
     settings = settings_from(SimulateSettings, keys, "simulate")
     if auto and camera is None:
         raise InputError(
-            f"simulate.{auto[0]} cannot be chosen", got="auto without a camera", remedy="give camera.mcap, or a number"
+            f"simulate.{auto[0]} cannot be selected",
+            got="auto without a camera",
+            remedy="give camera.mcap, or a number",
         )
     given = load_campaign(campaign)
     bodies = read_decimated(decimated)

@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from towval.commands.shared import print_findings, progress, provenance, settings_from, without_auto
+from towval.commands.console import print_findings, progress
+from towval.commands.settings import settings_from, without_auto
 from towval.io.campaign import Campaign, Run, load_campaign
 from towval.io.images import write_picture
+from towval.io.provenance import provenance
 from towval.io.records import read_calibration, write_tracks
 from towval.io.video import Video
 from towval.model import Calibration
@@ -23,7 +25,7 @@ from towval.tracking.markers import clicks_from_tags
 from towval.tracking.proposals import propose_bodies
 from towval.tracking.track import TrackSettings, track
 
-_MOST_PICTURES = 16  # Of which the background is made.
+_MOST_PICTURES = 16  # for the background
 
 
 def run(campaign: Path, name: str, camera: Path, output: Path, keys: Mapping[str, Any] | None = None) -> None:
@@ -58,7 +60,7 @@ def run(campaign: Path, name: str, camera: Path, output: Path, keys: Mapping[str
     clicks = _clicks(given, entry, video, calibration, output.with_name("proposals.png"))
     scene = (calibration, given.bodies, clicks)
     with progress(f"track {name}", video.header.frames) as done:
-        # The paper's points are no samples of a template: there is nothing to choose.
+        # The paper's method has no sample points to select.
         if "samples" in auto and settings.method == "plane":
             settings, tracks = track_selecting(video, *scene, settings, given.scene, progress=done)
         else:
@@ -76,7 +78,7 @@ def run(campaign: Path, name: str, camera: Path, output: Path, keys: Mapping[str
 def _clicks(
     given: Campaign, entry: Run, video: Video, calibration: Calibration, proposals: Path
 ) -> dict[str, ArrayLike]:
-    """The corners of both tops in the first picture: clicked, or where a body's tags say they are."""
+    """Corners of both planar targets in the first frame: clicked, or from the tags of a body."""
     clicks: dict[str, ArrayLike] = dict(entry.clicks_px)
     unclicked = [body for body in given.bodies if body.name not in clicks]
     if not unclicked:
@@ -90,20 +92,20 @@ def _clicks(
 
 
 def _ask_for_clicks(name: str, entry: Run, video: Video, proposals: Path) -> InputError:
-    """An error that shows what moves in the video, as a picture and as clicks to correct and paste."""
+    """An error with what moves in the video, as a picture and as clicks to correct and paste."""
     found, picture = propose_bodies(_spread_pictures(video))
     write_picture(proposals, picture)
     rows = [f"{i + 1}: {np.round(proposal.corners_px, 1).tolist()}" for i, proposal in enumerate(found)]
     return InputError(
         f"runs.{entry.name}.first_frame_clicks_px.{name} is missing, and {name} has no tags",
-        got="; ".join(f"a moving body at {row}" for row in rows) or "nothing that moves is seen",
-        allowed=f"the corners of the tops in the first frame, in the order of top_corners_m; {proposals} shows it",
-        remedy="tell which proposal is which body, move its corners onto the top, and paste them there",
+        got="; ".join(f"a moving body at {row}" for row in rows) or "nothing moves in the video",
+        allowed=f"the corners of the planar target in the first frame, in the order of top_corners_m; see {proposals}",
+        remedy="assign the proposals to the bodies, move their corners onto the targets, and paste them there",
     )
 
 
 def _spread_pictures(video: Video) -> list[NDArray[np.uint8]]:
-    """The first picture and some more, spread evenly over the video."""
+    """The first frame and others at equal steps over the video."""
     pictures, every = [], 1
     for i, (_, luma) in enumerate(video):
         if i % every == 0:

@@ -1,4 +1,4 @@
-"""Command uncertainty: what the error of a run may be if the model is right → uncertainty.mcap."""
+"""Command uncertainty: covariance of the error of a run if the model is correct → uncertainty.mcap."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from towval.commands.shared import print_findings, progress, provenance, settings_from, without_auto
+from towval.commands.console import print_findings, progress
+from towval.commands.settings import settings_from, without_auto
 from towval.io.campaign import load_campaign
+from towval.io.provenance import provenance
 from towval.io.records import read_calibration, read_decimated, read_simulated, read_tracks, write_uncertainty
 from towval.selection.draws import gather, sample_selecting
 from towval.selection.margin import measurement_std_m, seen_places

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import ast
+import dataclasses
 import hashlib
 import importlib.util
+import json
 import platform
 import sysconfig
+from collections.abc import Mapping
 from functools import cache
 from importlib import metadata
 from pathlib import Path
+from typing import Any
 
 import towval
+from towval.model.plugins import load_plugins
 
 _PACKAGE = Path(towval.__file__).resolve().parent
 _LIBRARIES = (
@@ -44,6 +49,22 @@ def file_hash(path: Path) -> str:
     """SHA-256 of a file's bytes, as hexadecimal digits."""
     with Path(path).open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def provenance(settings: Any, inputs: Mapping[str, Path]) -> dict[str, str]:
+    """Provenance of a result as JSON texts: versions, settings, and the SHA-256 of each input file and plugin."""
+    configuration = (
+        dataclasses.asdict(settings)
+        if dataclasses.is_dataclass(settings) and not isinstance(settings, type)
+        else dict(settings or {})
+    )
+    plugins = {path.name: path for path in load_plugins()}
+    hashes = {name: file_hash(path) for name, path in sorted({**plugins, **inputs}.items())}
+    return {
+        "versions": json.dumps(versions(), sort_keys=True),
+        "settings": json.dumps(configuration, sort_keys=True),
+        "inputs_sha256": json.dumps(hashes, sort_keys=True),
+    }
 
 
 def module_hash(name: str) -> str:

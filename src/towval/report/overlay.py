@@ -1,7 +1,7 @@
-"""The overlay video: what was simulated and what was measured, drawn onto the footage itself.
+"""Overlay video: simulated and measured outlines drawn onto the footage.
 
-The outlines are those of the tops, at the height at which the camera sees them. The film comes out as H.264 that
-phones and browsers play, scaled down, with the presentation times of the source.
+The outlines are those of the planar targets at their height. The video is H.264 that phones and browsers play, scaled
+down, with the presentation times of the source.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ Picture = NDArray[np.uint8]
 
 @dataclass(frozen=True)
 class Still:
-    """One picture of an overlay video: its time in the video [s] and the picture as JPEG."""
+    """A frame of an overlay video: its time in the video [s] and the picture as JPEG."""
 
     time_s: float
     jpeg: bytes
@@ -51,22 +51,22 @@ def write_overlay(
     Parameters
     ----------
     source, target : path
-        The run's video, and the MP4 to write; its folder is made if it is not there.
+        The run's video, and the MP4 to write; its folder is created if missing.
     calibration : Calibration
         Camera and floor.
     run : RunRecord
         The run.
     width_px : int, optional
-        Largest width of the film [px]; smaller footage keeps its size.
+        Largest width of the video [px]; smaller footage keeps its size.
     crf : int, optional
-        Constant rate factor of x264, 0 to 51; less is better and larger.
+        Constant rate factor of x264, 0 to 51; lower values are better and larger.
     damaged : bool, optional
-        Draw on the good part of a damaged source instead of refusing it.
+        Use the part before the damage of a damaged source instead of refusing it.
 
     Returns
     -------
     path
-        ``target``: H.264, high profile, yuv420p, index in front. Its time 0 is the first frame of the source.
+        ``target``: H.264, high profile, yuv420p, index first. Time 0 is the first frame of the source.
 
     Raises
     ------
@@ -85,19 +85,7 @@ def write_overlay(
 
 
 def overlay_frames(overlay: FilePath, count: int = 3) -> tuple[Still, ...]:
-    """Stills of an overlay video at equal steps, its first and last frame among them.
-
-    Parameters
-    ----------
-    overlay : path
-        What :func:`write_overlay` wrote.
-    count : int, optional
-        How many, one or more.
-
-    Returns
-    -------
-    tuple of Still
-        In the order of time; fewer than ``count`` where the video is shorter.
+    """``count`` frames of an overlay video at equal steps, first and last included; fewer where it is shorter.
 
     Raises
     ------
@@ -112,7 +100,7 @@ def overlay_frames(overlay: FilePath, count: int = 3) -> tuple[Still, ...]:
             if index in wanted:
                 picture = cv2.cvtColor(frame.to_ndarray(format="rgb24"), cv2.COLOR_RGB2BGR)
                 encoded = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 82])[1]
-                stills.append(Still(float(frame.pts * stream.time_base), encoded.tobytes()))
+                stills.append(Still(float(_ticks(frame) * _time_base(stream)), encoded.tobytes()))
     return tuple(stills)
 
 
@@ -149,8 +137,8 @@ def _add_encoder(
     encoder.width, encoder.height = size_px
     encoder.pix_fmt = "yuv420p"
     context = encoder.codec_context
-    context.time_base = stream.time_base
-    # A key frame a second, so that the report's time cursor can seek without delay.
+    context.time_base = _time_base(stream)
+    # A key frame per second, so that the report's time cursor seeks without delay.
     context.gop_size = max(1, round(float(rate)))
     context.colorspace, context.color_range = Colorspace.ITU709, ColorRange.MPEG
     context.color_primaries = context.color_trc = 1  # ITU-R BT.709, as the matrix
@@ -158,7 +146,7 @@ def _add_encoder(
 
 
 def _decoded(film: av.container.InputContainer, damaged: bool) -> Iterator[av.VideoFrame]:
-    """The frames of the footage; of a damaged one those before the damage, where that is allowed."""
+    """Frames of the footage; of a damaged one, where allowed, those before the damage."""
     try:
         for frame in film.decode(film.streams.video[0]):
             if frame.is_corrupt and damaged:
@@ -172,18 +160,31 @@ def _decoded(film: av.container.InputContainer, damaged: bool) -> Iterator[av.Vi
 def _drawn_frames(
     source: FilePath, frames: Iterator[av.VideoFrame], stream: av.VideoStream, painter: Painter
 ) -> Iterator[av.VideoFrame]:
-    """The frames of the footage with the run drawn in, ready to be coded; their times start at zero."""
+    """Frames with the run drawn in, ready to encode; times start at zero."""
     first = None
     for frame in frames:
         if first is None:
             _check_size(source, frame, painter.calibration)
-            first = frame.pts
+            first = _ticks(frame)
         picture = _as_rgb(frame, painter.size_px)
-        painter.draw(picture, float(frame.pts * stream.time_base))
+        painter.draw(picture, float(_ticks(frame) * _time_base(stream)))
         drawn = av.VideoFrame.from_ndarray(picture, format="rgb24")
         drawn = drawn.reformat(format="yuv420p", dst_colorspace=Colorspace.ITU709, dst_color_range=ColorRange.MPEG)
-        drawn.pts, drawn.time_base = frame.pts - first, stream.time_base
+        drawn.pts, drawn.time_base = _ticks(frame) - first, _time_base(stream)
         yield drawn
+
+
+def _ticks(frame: av.VideoFrame) -> int:
+    """Presentation time in units of the stream's time base."""
+    if frame.pts is None:
+        raise InputError("the video has a frame without a presentation time", remedy="remux the video")
+    return frame.pts
+
+
+def _time_base(stream: av.VideoStream) -> Fraction:
+    if stream.time_base is None:
+        raise InputError("the video has no time base", remedy="remux the video")
+    return stream.time_base
 
 
 def _quarter_turns(frame: av.VideoFrame) -> int:
@@ -191,12 +192,12 @@ def _quarter_turns(frame: av.VideoFrame) -> int:
 
 
 def _as_rgb(frame: av.VideoFrame, size_px: tuple[int, int]) -> Picture:
-    # Footage that does not say which matrix it was coded with follows the custom: BT.709 for HD, BT.601 below.
+    # Without a stated colour matrix: BT.709 for HD, BT.601 below, as is customary.
     unspecified = frame.colorspace not in (Colorspace.ITU709, Colorspace.ITU601)
     matrix = (Colorspace.ITU709 if frame.height >= 720 else Colorspace.ITU601) if unspecified else frame.colorspace
     size = size_px if _quarter_turns(frame) % 2 == 0 else size_px[::-1]
-    # First smaller, then to RGB: a third of the time of both at once.
+    # Scaling first, then converting to RGB, takes a third of the time of both at once.
     scaled = frame.reformat(*size, interpolation="AREA")
-    picture = scaled.reformat(format="rgb24", src_colorspace=matrix).to_ndarray()
-    # Phones store the sensor's picture and a turn; the camera was calibrated on upright pictures.
+    picture = scaled.reformat(format="rgb24", src_colorspace=matrix).to_ndarray().astype(np.uint8, copy=False)
+    # Phones store the sensor's picture and a rotation; the camera was calibrated on upright pictures.
     return np.ascontiguousarray(upright(picture, frame.rotation))

@@ -25,7 +25,7 @@ _PIECE_M = 0.025
 
 
 class Painter:
-    """Draws the state of a run at a time onto a picture of the film's size.
+    """Draws the state of a run at a time onto a frame of the video.
 
     Parameters
     ----------
@@ -34,26 +34,26 @@ class Painter:
     run : RunRecord
         The run.
     width_px : int
-        Largest width of the film [px]; the footage is scaled down to it, never up.
+        Largest width of the video [px]; the footage is never scaled up.
 
     Attributes
     ----------
     size_px : tuple of int
-        Width and height of the film, both even [px].
+        Width and height of the video, both even [px].
     """
 
     def __init__(self, calibration: Calibration, run: RunRecord, width_px: int):
         width, height = calibration.camera.resolution_px
         self._scale = min(1.0, width_px / width)
-        # H.264 with half-size colour planes wants even sizes.
+        # H.264 with subsampled colour needs even sizes.
         self.size_px = (2 * round(width * self._scale / 2), 2 * round(height * self._scale / 2))
         self.calibration, self._run = calibration, run
         self._line = max(1, round(self.size_px[0] / 480))
         self._rover, self._measured = measured_poses(run.rover_track), measured_poses(run.object_track)
-        height = run.towed.tracked_plane_height_m
+        height_m = run.towed.tracked_plane_height_m
         self._trails = (
-            (run.simulated.time_s, self._pixels(run.simulated.pose[:, :2], height), _SIMULATED, self._line),
-            (run.object_track.time_s, self._pixels(self._measured[:, :2], height), _MEASURED, 1),
+            (run.simulated.time_s, self._pixels(run.simulated.pose[:, :2], height_m), _SIMULATED, self._line),
+            (run.object_track.time_s, self._pixels(self._measured[:, :2], height_m), _MEASURED, 1),
         )
         self._tension = np.linalg.norm(run.simulated.tether_force, axis=1)
         self._text = TextPainter(max(11, round(self.size_px[1] / 34)))
@@ -75,7 +75,7 @@ class Painter:
         self._write(picture, time_s)
 
     def _draw_tether(self, picture: Picture, rover: Array, towed: Array, time_s: float) -> None:
-        # On the floor: the campaign gives the tether no height; the paper and its model keep it in the ground plane.
+        # On the floor: the model has the tether in the ground plane, and the campaign gives it no height.
         run = self._run
         ends = np.array([transform(towed, run.anchor), transform(rover, run.hinge)])
         taut = self._tension[int(np.argmin(np.abs(run.simulated.time_s - time_s)))] > 0
@@ -87,15 +87,15 @@ class Painter:
         """Draw floor points (n, 2) [m] at a height; missing points leave gaps."""
         dense = _dense(points)
         if dashed:
-            # A point less in four, the points being equally far apart: dashes as long as their gaps.
+            # Every fourth of the equidistant points missing: dashes as long as their gaps.
             dense[2::4] = np.nan
         _stroke(picture, self._pixels(dense, height_m), colour, line)
 
     def _pixels(self, points: Array, height_m: float) -> Array:
-        """Pixels of the film (n, 2) of floor points (n, 2) [m] lifted to a height."""
+        """Pixels of the video (n, 2) of floor points (n, 2) [m] lifted to a height."""
         lifted = np.column_stack([points, np.full(len(points), height_m)])
         pixels = project(self.calibration.camera, self.calibration.floor, lifted)
-        # The centre of pixel (0, 0) is at 0.5 pixel from the edge, before and after scaling.
+        # The centre of pixel (0, 0) is half a pixel from the edge, before and after scaling.
         return (pixels + 0.5) * self._scale - 0.5
 
     def _write(self, picture: Picture, time_s: float) -> None:
@@ -109,15 +109,15 @@ class Painter:
         comparison = self._run.comparison
         error = pose_at(comparison.time_s, comparison.error, time_s)
         if not np.isfinite(error).all():
-            return "object not seen"
-        # Adding zero takes the sign from what rounds to nothing.
+            return "object not tracked"
+        # Adding zero removes the sign of -0.
         turn = f"{round(float(np.rad2deg(error[2])), 2) + 0.0:+5.2f}".replace("-", "−")
         return f"error {1e3 * np.hypot(error[0], error[1]):5.2f} mm   {turn}°"
 
 
 def _stroke(picture: Picture, pixels: Array, colour: Colour, line: int) -> None:
     """Draw a polyline (n, 2) [px] in place; missing points leave gaps."""
-    known = np.isfinite(pixels).all(axis=1)
+    known = np.asarray(np.isfinite(pixels).all(axis=1))
     for piece in np.split(np.arange(len(pixels)), np.flatnonzero(np.diff(known)) + 1):
         if len(piece) > 1 and known[piece[0]]:
             fixed = np.round(pixels[piece] * 2**_FRACTION_BITS).astype(np.int32)
@@ -125,7 +125,7 @@ def _stroke(picture: Picture, pixels: Array, colour: Colour, line: int) -> None:
 
 
 def _dense(points: Array) -> Array:
-    """Points (m, 2) along a polyline, close enough for the bend that the lens gives a straight edge."""
+    """Points (m, 2) along a polyline, dense enough for the curvature that the lens gives a straight edge."""
     pieces = [points[:1]]
     for start, end in itertools.pairwise(points):
         length = np.linalg.norm(end - start)

@@ -1,4 +1,4 @@
-"""Small text on video frames, in the font that matplotlib brings along."""
+"""Small text on video frames, in the font that ships with matplotlib."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from PIL import Image, ImageDraw, ImageFont
 Colour = tuple[int, int, int]
 
 _SHADE = 0.35
-"""What is left of the footage's brightness under the text."""
+"""Brightness of the footage under the text, relative."""
 
 
 class TextPainter:
-    """Writes single lines on darkened strips; digits are of one width, so that running numbers stand still.
+    """Writes single lines on darkened strips; digits have equal widths, so that changing numbers do not jump.
 
     Parameters
     ----------
     size_px : int
-        Height of the letters [px].
+        Font size [px].
     """
 
     def __init__(self, size_px: int):
@@ -41,7 +41,7 @@ class TextPainter:
         picture : ndarray (height, width, 3)
             RGB.
         corner_px : tuple of int
-            Top left corner of the strip; what does not fit is cut off.
+            Top left corner of the strip; text that does not fit is cut off.
         parts : sequence of (str, (int, int, int))
             Text and its colour.
         """

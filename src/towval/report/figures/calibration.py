@@ -59,7 +59,7 @@ def coverage_figure(calibration: Calibration) -> Figure:
     width, height = _frame_image(axes, calibration)
     axes.set_title("Detected corners and their residuals" + (f", × {factor:.0f}" if factor else ""))
     place_maps(figure, [axes], height / width, Margins(left=0.46, bottom=0.55))
-    foot_legend(figure, [line for line in axes.lines if not line.get_label().startswith("_")], columns=4)
+    foot_legend(figure, [line for line in axes.lines if not str(line.get_label()).startswith("_")], columns=4)
     return figure
 
 
@@ -139,7 +139,7 @@ def uncertainty_figure(calibration: Calibration, uncertainty: UncertaintyMap) ->
     colours = ListedColormap(colormaps["YlGnBu"](np.linspace(0.05, 0.65, 64)))
     filled = axes.contourf(u, v, std_mm, levels=9, cmap=colours)
     lines = axes.contour(u, v, std_mm, levels=filled.levels, colors="#333333", linewidths=0.4)
-    axes.clabel(lines, levels=lines.levels[2::2], fontsize=6.5, fmt="%g")
+    axes.clabel(lines, levels=list(lines.levels)[2::2], fontsize=6.5, fmt="%g")
     width, height = _frame_image(axes, calibration)
     place_maps(figure, [axes], height / width, Margins(left=0.46, right=0.68))
     box = axes.get_position()

@@ -50,6 +50,8 @@ def decimate_figure(run: RunRecord) -> Figure | None:
     title = f"Run {run.name}: path of the hinge; Δ: measured minus smoothed"
     figure, (plan, *over_time) = column_of_panels([1.5, 0.62, 0.62], Margins(top=0.4, bottom=0.53), title, apart=1)
     _draw_plan(plan, run, run.decimated)
+    head_legend(figure, plan.lines, columns=2)
+    figure.legends[0].get_lines()[0].set_markersize(5)
     for axes, column, name in zip(over_time, (0, 1), "xy", strict=True):
         _draw_misfit(axes, run.rover_track, run.decimated, column)
         axes.set_ylabel(rf"$\Delta {name}$ (mm)")
@@ -67,8 +69,6 @@ def _draw_plan(axes: Axes, run: RunRecord, decimated: DecimatedTrack) -> None:
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel("$x$ on the floor (m)")
     axes.set_ylabel("$y$ on the floor (m)")
-    head_legend(axes.figure, axes.lines, columns=2)
-    axes.figure.legends[0].get_lines()[0].set_markersize(5)
 
 
 def _marks(*, paused: bool) -> list[Line2D | Patch]:

@@ -57,7 +57,7 @@ def error_figure(run: RunRecord) -> Figure:
     shaded = _shade_slack(panels, simulated)
     panels[3].set_xlabel("time (s)")
     panels[0].set_xlim(comparison.time_s[0], comparison.time_s[-1])
-    _explain(figure, banded=run.uncertainty is not None, shaded=shaded, gaps=np.isnan(comparison.error).any())
+    _explain(figure, banded=run.uncertainty is not None, shaded=shaded, gaps=bool(np.isnan(comparison.error).any()))
     return figure
 
 

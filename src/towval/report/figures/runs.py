@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from string import ascii_lowercase
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -30,9 +31,9 @@ from towval.report.style import (
 from towval.report.wording import millimetres
 
 # Line styles as well as colours: the curves can be told apart in grey and without colour vision.
-ROVER_LINE = {"color": ROVER, "linewidth": 0.9, "linestyle": "-"}
-SIMULATED_LINE = {"color": SIMULATED, "linewidth": 1.5, "linestyle": "-"}
-MEASURED_LINE = {"color": MEASURED, "linewidth": 1.1, "linestyle": (0, (3.2, 1.8))}
+ROVER_LINE: dict[str, Any] = {"color": ROVER, "linewidth": 0.9, "linestyle": "-"}
+SIMULATED_LINE: dict[str, Any] = {"color": SIMULATED, "linewidth": 1.5, "linestyle": "-"}
+MEASURED_LINE: dict[str, Any] = {"color": MEASURED, "linewidth": 1.1, "linestyle": (0, (3.2, 1.8))}
 
 _MARGIN_M = 0.12
 _LEAST_RATIO, _LARGEST_RATIO = 0.45, 1.25
@@ -159,7 +160,8 @@ def _outline_times(run: RunRecord, spacing_m: float | None) -> Array:
     if not spacing_m > 0:
         raise InputError("the spacing of the outlines is out of range", got=spacing_m, allowed="above zero")
     steps = np.arange(0.0, arc[-1] - 0.8 * spacing_m, spacing_m)
-    return run.simulated.time_s[np.append(np.searchsorted(arc, steps), len(arc) - 1)]
+    times_s: Array = run.simulated.time_s[np.append(np.searchsorted(arc, steps), len(arc) - 1)]
+    return times_s
 
 
 def _ends(poses: Array) -> list[int]:
@@ -197,7 +199,12 @@ def _error_text(comparison: Comparison) -> str:
 
 
 def _legend_handles() -> list[Line2D]:
-    mark = {"linestyle": "none", "markeredgecolor": "#444444", "markersize": 3.5, "markeredgewidth": 0.8}
+    mark: dict[str, Any] = {
+        "linestyle": "none",
+        "markeredgecolor": "#444444",
+        "markersize": 3.5,
+        "markeredgewidth": 0.8,
+    }
     return [
         Line2D([], [], label="rover", **ROVER_LINE),
         Line2D([], [], label="object, simulated", **SIMULATED_LINE),

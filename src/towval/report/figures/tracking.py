@@ -62,20 +62,20 @@ def tracking_figure(track: Track, run: str = "") -> Figure:
     panels[3].set_ylabel(r"$\sigma$ heading (°)")
     for axes in (panels[0], *panels[2:4]):
         axes.set_ylim(bottom=0, top=1.35 * axes.get_ylim()[1])
-    _draw_status(panels[4], track)
+    foot_legend(figure, _draw_status(panels[4], track), columns=3)
     panels[4].set_xlabel("time (s)")
     panels[0].set_xlim(track.time_s[0], track.time_s[-1])
     return figure
 
 
-def _draw_status(axes: Axes, track: Track) -> None:
+def _draw_status(axes: Axes, track: Track) -> list[Swatch]:
+    """Draw the strip of the status; return its legend."""
     for status, colour in _STATUS_COLOURS.items():
         for start_s, end_s in intervals(track.time_s, track.status == status):
             axes.axvspan(start_s, end_s, color=colour, linewidth=0)
     present = [status for status in _STATUS_COLOURS if (track.status == status).any()]
-    swatches = [
-        Swatch(color=_STATUS_COLOURS[s], label=f"{s.name.lower()} ({int((track.status == s).sum())})") for s in present
-    ]
-    foot_legend(axes.figure, swatches, columns=3)
     axes.set_yticks([])
     axes.grid(visible=False)
+    return [
+        Swatch(color=_STATUS_COLOURS[s], label=f"{s.name.lower()} ({int((track.status == s).sum())})") for s in present
+    ]

@@ -1,0 +1,37 @@
+"""Settings of a stage from the keys of its section of the configuration."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+from collections.abc import Mapping
+from typing import Any, TypeVar
+
+from towval.model.errors import InputError
+
+Settings = TypeVar("Settings")
+
+
+def settings_from(kind: type[Settings], keys: Mapping[str, Any] | None, section: str) -> Settings:
+    """Settings of a stage from the keys of its section; raises `InputError` for unknown keys and bad values."""
+    keys = dict(keys or {})
+    known = [field.name for field in dataclasses.fields(kind)]  # type: ignore[arg-type]  # any settings dataclass
+    for name in keys:
+        if name not in known:
+            close = difflib.get_close_matches(name, known, n=1)
+            raise InputError(
+                f"unknown key {section}.{name}",
+                allowed=", ".join(known) or "none",
+                remedy=f"did you mean {section}.{close[0]}?" if close else "remove it",
+            )
+    try:
+        return kind(**keys)
+    except TypeError as error:
+        raise InputError(f"a value of {section} has the wrong type", got=error) from None
+
+
+def without_auto(keys: Mapping[str, Any] | None, *choosable: str) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """The keys of a section without those of ``choosable`` that are "auto", and the names of the latter."""
+    keys = dict(keys or {})
+    chosen = tuple(name for name in choosable if keys.get(name) == "auto")
+    return {name: value for name, value in keys.items() if name not in chosen}, chosen
