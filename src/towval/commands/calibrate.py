@@ -17,17 +17,7 @@ from towval.selection.lens import with_lens_choice
 
 
 def run(campaign: Path, output: Path, keys: Mapping[str, Any] | None = None) -> None:
-    """Calibrate the camera and the floor of a campaign.
-
-    Parameters
-    ----------
-    campaign : Path
-        The campaign folder.
-    output : Path
-        ``camera.mcap`` to write.
-    keys : mapping, optional
-        ``config["calibrate"]``.
-    """
+    """Calibrate the camera and the floor of a campaign."""
     settings = settings_from(CalibrateSettings, keys, "calibrate")
     given = load_campaign(campaign)
     calibration = calibrate(

@@ -25,14 +25,8 @@ def run(
 
     Parameters
     ----------
-    name : str
-        The run.
     track, simulated, uncertainty : Path
         ``track.mcap``, ``simulate.mcap`` and ``uncertainty.mcap`` of the run.
-    output : Path
-        ``compare.mcap`` to write.
-    keys : mapping, optional
-        ``config["compare"]``.
     """
     settings = settings_from(CompareSettings, keys, "compare")
     measured, motion = read_tracks(track)["object"], read_simulated(simulated)

@@ -20,10 +20,6 @@ def run(track: Path, output: Path, keys: Mapping[str, Any] | None = None) -> Non
     ----------
     track : Path
         ``track.mcap`` of the run.
-    output : Path
-        ``decimate.mcap`` to write.
-    keys : mapping, optional
-        ``config["decimate"]``.
     """
     settings = settings_from(DecimateSettings, keys, "decimate")
     decimated = {name: decimate(body, settings) for name, body in read_tracks(track).items()}

@@ -16,18 +16,8 @@ def run(campaign: Path, name: str, camera: Path, folder: Path, overlay: Path, ou
 
     Parameters
     ----------
-    campaign : Path
-        The campaign folder.
-    name : str
-        The run.
-    camera : Path
-        ``camera.mcap`` of the campaign.
-    folder : Path
-        Folder of the run's MCAP files.
     overlay : Path
         ``overlay.mp4`` of the run.
-    output : Path
-        ``exchange.mcap`` to write; the layouts are written beside it.
     """
     record = read_run(load_campaign(campaign), name, folder)
     inputs = {path.name: path for path in (camera, overlay, *files(folder).values())}

@@ -21,14 +21,8 @@ def run(campaign: Path, results: Path, output: Path, keys: Mapping[str, Any] | N
 
     Parameters
     ----------
-    campaign : Path
-        The campaign folder.
     results : Path
         Folder with one folder per run, each with the results up to ``uncertainty``.
-    output : Path
-        ``identify.mcap`` to write; the table ``identify.csv`` is written beside it.
-    keys : mapping, optional
-        ``config["identify"]``.
     """
     settings = settings_from(IdentifySettings, keys, "identify")
     given = load_campaign(campaign)

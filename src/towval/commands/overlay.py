@@ -15,16 +15,6 @@ def run(campaign: Path, name: str, camera: Path, folder: Path, output: Path, wid
 
     Parameters
     ----------
-    campaign : Path
-        The campaign folder.
-    name : str
-        The run.
-    camera : Path
-        ``camera.mcap`` of the campaign.
-    folder : Path
-        Folder of the run's MCAP files.
-    output : Path
-        The video to write.
     width_px : int, optional
         Largest width of the video [px].
     """

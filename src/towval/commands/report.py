@@ -28,12 +28,8 @@ def run(campaign: Path, results: Path, keys: Mapping[str, Any] | None = None, id
 
     Parameters
     ----------
-    campaign : Path
-        The campaign folder.
     results : Path
         Folder with ``camera.mcap`` and one folder per run; missing overlay videos are made.
-    keys : mapping, optional
-        ``config["report"]``.
     identified : Path, optional
         ``identify.mcap``, shown in a section of its own.
     """

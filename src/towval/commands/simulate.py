@@ -32,16 +32,10 @@ def run(
 
     Parameters
     ----------
-    campaign : Path
-        The campaign folder.
     track : Path
         ``track.mcap`` of the run, for the times of the output.
     decimated : Path
         ``decimate.mcap`` of the run, for the path of the rover and the first pose of the object.
-    output : Path
-        ``simulate.mcap`` to write.
-    keys : mapping, optional
-        ``config["simulate"]``.
     camera : Path, optional
         ``camera.mcap`` of the campaign, needed by settings that are "auto".
 

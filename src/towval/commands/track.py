@@ -29,21 +29,7 @@ _MOST_PICTURES = 16  # for the background
 
 
 def run(campaign: Path, name: str, camera: Path, output: Path, keys: Mapping[str, Any] | None = None) -> None:
-    """Track rover and object through the video of a run.
-
-    Parameters
-    ----------
-    campaign : Path
-        The campaign folder.
-    name : str
-        The run.
-    camera : Path
-        ``camera.mcap`` of the campaign.
-    output : Path
-        ``track.mcap`` to write.
-    keys : mapping, optional
-        ``config["track"]``.
-    """
+    """Track rover and object through the video of a run."""
     keys, auto = without_auto(keys, "samples")
     settings = settings_from(TrackSettings, keys, "track")
     given = load_campaign(campaign)

@@ -24,23 +24,7 @@ def run(
     output: Path,
     keys: Mapping[str, Any] | None = None,
 ) -> None:
-    """Sample the uncertainty of a run.
-
-    Parameters
-    ----------
-    campaign : Path
-        The campaign folder.
-    name : str
-        The run.
-    camera : Path
-        ``camera.mcap`` of the campaign.
-    folder : Path
-        Folder with ``track.mcap``, ``decimate.mcap`` and ``simulate.mcap`` of the run.
-    output : Path
-        ``uncertainty.mcap`` to write.
-    keys : mapping, optional
-        ``config["uncertainty"]``.
-    """
+    """Sample the uncertainty of a run."""
     keys, auto = without_auto(keys, "samples")
     settings = settings_from(UncertaintySettings, keys, "uncertainty")
     given = load_campaign(campaign)

@@ -135,69 +135,52 @@ def _last_error(run: RunRecord) -> str:
     return f"Duration {np.ptp(run.comparison.time_s):.1f} s, last error {millimetres(run.comparison.final_error_m)}."
 
 
-CAMPAIGN_FIGURES.register(
-    "fig10",
-    CampaignFigure(
+_CAMPAIGN = {
+    "fig10": CampaignFigure(
         "campaign",
         "all runs on the floor at one scale",
         "Path of the rover (blue), simulated (black) and measured (red, dashed) path of the object, all panels at one "
         "scale. Outlines: object at equal arc length, rover at its start and end. Gaps: frames without a pose.",
         draw=lambda data: figures.campaign_figure(data.records),
     ),
-)
-CAMPAIGN_FIGURES.register(
-    "shares",
-    CampaignFigure(
+    "shares": CampaignFigure(
         "uncertainty",
         "shares of the error's variance by input",
         "First-order shares of the variance of simulated minus measured position by uncertain input; bars: mean of the "
         "runs, marks: single runs. The inputs with the largest shares are worth measuring better.",
         draw=lambda data: figures.shares_figure(data.records),
     ),
-)
-CAMPAIGN_FIGURES.register(
-    "calibration_coverage",
-    CampaignFigure(
+    "calibration_coverage": CampaignFigure(
         "calibration",
         "detected board corners over the image",
         "Detected corners over the image with their residuals, magnified as stated. The lens model extrapolates where "
         "there are no corners.",
         draw=_of_calibration(figures.coverage_figure),
     ),
-)
-CAMPAIGN_FIGURES.register(
-    "calibration_uncertainty",
-    CampaignFigure(
+    "calibration_uncertainty": CampaignFigure(
         "calibration",
         "standard deviation of a position over the image",
         "Standard deviation of a position on the plane of the planar target, from the covariance of the calibration, "
         "without the error of the lens model.",
         draw=_uncertainty_map,
     ),
-)
-CAMPAIGN_FIGURES.register(
-    "calibration_reprojection",
-    CampaignFigure(
+    "calibration_reprojection": CampaignFigure(
         "calibration",
         "reprojection error and tilt of each view",
         "Reprojection error and tilt of each view: held boards as blue circles, boards on the floor as green squares. "
         "Views without tilt do not determine the focal length.",
         draw=_of_calibration(figures.reprojection_figure),
     ),
-)
-RUN_FIGURES.register(
-    "fig10",
-    RunFigure(
+}
+_RUN = {
+    "fig10": RunFigure(
         "run",
         "path of the rover, simulated and measured path of the object, with outlines",
         draw=figures.run_figure,
         cursor="plan",
         describe=_path_errors,
     ),
-)
-RUN_FIGURES.register(
-    "errors",
-    RunFigure(
+    "errors": RunFigure(
         "run",
         "errors in x, y and heading and tension of the tether over time",
         "Simulated minus measured in the floor frame, and the tension of the tether. Bands, where uncertainties were "
@@ -206,10 +189,7 @@ RUN_FIGURES.register(
         cursor="time",
         describe=_last_error,
     ),
-)
-RUN_FIGURES.register(
-    "agreement",
-    RunFigure(
+    "agreement": RunFigure(
         "run",
         "error along and across the path and its ratio to the validation uncertainty over time",
         "Error along and across the path with the same bands. Bottom: distance between simulated and measured position "
@@ -217,28 +197,23 @@ RUN_FIGURES.register(
         draw=figures.agreement_figure,
         cursor="time",
     ),
-)
-RUN_FIGURES.register(
-    "tracking_rover",
-    RunFigure(
+    "tracking_rover": RunFigure(
         "tracking",
         "residual, inliers and standard deviations of the rover's track over time",
         draw=lambda run: figures.tracking_figure(run.rover_track, run.name),
     ),
-)
-RUN_FIGURES.register(
-    "tracking_object",
-    RunFigure(
+    "tracking_object": RunFigure(
         "tracking",
         "residual, inliers and standard deviations of the object's track over time",
         draw=lambda run: figures.tracking_figure(run.object_track, run.name),
     ),
-)
-RUN_FIGURES.register(
-    "decimate",
-    RunFigure(
+    "decimate": RunFigure(
         "tracking",
         "measured and kept positions of the hinge; measured minus smoothed over time",
         draw=figures.decimate_figure,
     ),
-)
+}
+for _id, _figure in _CAMPAIGN.items():
+    CAMPAIGN_FIGURES.register(_id, _figure)
+for _id, _run_figure in _RUN.items():
+    RUN_FIGURES.register(_id, _run_figure)
