@@ -1,0 +1,63 @@
+"""The documents agree with the code: links, the index, the drawing of imports, quoted code."""
+
+import ast
+import re
+
+import pytest
+
+
+def documents(repository):
+    return [repository / "README.md", *sorted((repository / "docs").glob("*.md"))]
+
+
+def imports_of(room):
+    """Rooms that the modules of a room import."""
+    files = room.rglob("*.py") if room.is_dir() else [room]
+    for file in files:
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            yield from (name.split(".")[1] for name in names if name.startswith("towval."))
+
+
+def test_links_lead_to_files(repository):
+    missing = [
+        f"{document.name}: {target}"
+        for document in documents(repository)
+        for target in re.findall(r"\]\(([^)#\s]+)", document.read_text(encoding="utf-8"))
+        if "://" not in target and not (document.parent / target).exists()
+    ]
+    assert missing == []
+
+
+def test_the_index_leads_to_the_definitions(repository):
+    text = (repository / "docs" / "architecture.md").read_text(encoding="utf-8")
+    rows = re.findall(r"\| `(\w+)` \| \[[^\]]+\]\(([^)]+)\)", text)
+    assert len(rows) > 10
+    for name, target in rows:
+        source = (repository / "docs" / target).read_text(encoding="utf-8")
+        assert re.search(rf"^(def|class) {name}\b", source, re.MULTILINE), f"{target} does not define {name}"
+
+
+def test_the_drawing_of_imports_is_that_of_the_code(repository):
+    text = (repository / "docs" / "architecture.md").read_text(encoding="utf-8")
+    drawn = set(re.findall(r"^  (\w+) --> (\w+)$", text, re.MULTILINE))
+    package = repository / "src" / "towval"
+    rooms = [path for path in package.iterdir() if path.is_dir() and (path / "__init__.py").exists()]
+    rooms.append(package / "cli.py")
+    found = {(room.stem, other) for room in rooms for other in imports_of(room) if other != room.stem}
+    # Arrows to the lowest room are left out, but for those of the two rooms right above it.
+    assert drawn == {(a, b) for a, b in found if b != "model" or a in ("optics", "physics")}
+
+
+@pytest.mark.parametrize("package", ["towval", "studies"])
+def test_documents_name_modules_that_exist(repository, package):
+    root = repository / "src" / "towval" if package == "towval" else repository / "studies"
+    for document in documents(repository):
+        for name in re.findall(rf"`{package}((?:\.\w+)+)`", document.read_text(encoding="utf-8")):
+            parts = name.strip(".").split(".")
+            # The last one or two parts may be names within a module.
+            heads = [root.joinpath(*parts[:end]) for end in range(len(parts), max(0, len(parts) - 2), -1)]
+            assert any(
+                p.is_dir() or p.with_suffix(".py").exists() for p in [*heads, *([root] if len(parts) < 2 else [])]
+            ), f"{document.name} names {package}{name}"
