@@ -9,7 +9,6 @@ from towval.calibration.calibrate import CalibrateSettings
 from towval.commands.settings import settings_from
 from towval.io.schema import check, read_value, with_plain_values
 from towval.model.errors import InputError
-from towval.physics.ladder import RUNGS
 from towval.report.data import ReportSettings
 from towval.tracking.track import TrackSettings
 from towval.validation.compare import CompareSettings
@@ -50,7 +49,7 @@ def test_the_schema_has_every_setting_and_no_other(schema, section):
 
 def test_the_choices_of_the_schema_are_those_of_the_code(schema):
     sections = schema["properties"]
-    assert sections["simulate"]["properties"]["rung"]["enum"] == ["auto", *RUNGS]
+    assert sections["simulate"]["properties"]["rung"]["registered"] == "towval.physics.ladder:RUNGS"
     assert sections["identify"]["properties"]["parameters"]["items"]["enum"] == list(PARAMETERS)
 
 

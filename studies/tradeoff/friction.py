@@ -157,7 +157,8 @@ def _meshes(towed: TowedObject, element_sizes_m: list[float]) -> list[_Method]:
 
 def _cheap(towed: TowedObject, parts: list[int]) -> list[_Method]:
     contact, law = resting_pressure(towed), Coulomb(FRICTION, STICTION)
-    exact, surface = sliding_patch(contact, law), limit_surface(contact, law)
+    exact = sliding_patch(contact, law)
+    surface = limit_surface(exact)
     numbers, friction = np.array([surface.normal_force, surface.radius**2]), exact.table
     methods = [
         _Method(

@@ -16,7 +16,7 @@ from towval.io.campaign import load_campaign
 from towval.io.video import Video
 from towval.optics.plane_uncertainty import pixel_grid
 from towval.optics.projection import to_plane
-from towval.physics.ladder import RUNGS
+from towval.physics.ladder import rung_names
 from towval.selection.lens import with_lens_choice
 from towval.selection.margin import measurement_std_m
 from towval.selection.simulation import TOLERANCES_M, simulate_selecting
@@ -58,7 +58,7 @@ def test_simulation_takes_a_simpler_model_where_the_measurement_is_rough(run):
 def test_the_next_model_changes_the_path_by_what_the_choice_says(run):
     _, motion = simulate_selecting(*run, SimulateSettings(rung="limit surface"), auto=(), measurement_m=np.inf)
     choice = next(choice for choice in motion.choices if choice.what == "model of the object")
-    assert (choice.chosen, choice.next) == ("limit surface", RUNGS[-1])
+    assert (choice.chosen, choice.next) == ("limit surface", rung_names()[-1])
     full = simulate(*run, SimulateSettings(rung="dynamics"))
     apart = np.linalg.norm(motion.pose[:, :2] - full.pose[:, :2], axis=1).max()
     # The choice counts corners of the footprint, so its turn as well.

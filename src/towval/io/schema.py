@@ -100,9 +100,12 @@ def _registry(reference: str) -> Registry[Any]:
     return registry
 
 
-def _registered(_validator: Any, reference: str, instance: Any, _schema: Any) -> Iterator[ValidationError]:
-    """The keyword ``registered: module:REGISTRY``: the value must be a name of that registry, plugins included."""
-    if isinstance(instance, str) and instance not in _registry(reference):
+def _registered(_validator: Any, reference: str, instance: Any, schema: Any) -> Iterator[ValidationError]:
+    """The keyword ``registered: module:REGISTRY``: the value must be a name of that registry, plugins included.
+
+    The keyword ``besides`` lists further values that are allowed.
+    """
+    if isinstance(instance, str) and instance not in (*schema.get("besides", ()), *_registry(reference)):
         yield ValidationError(f"{instance!r} is not registered in {reference}")
 
 
@@ -196,7 +199,7 @@ def _allowed(error: ValidationError) -> str:
         }
         return names.get(str(error.validator_value), str(error.validator_value))
     if rule == "registered":
-        return "one of " + ", ".join(_registry(error.validator_value))
+        return "one of " + ", ".join((*schema.get("besides", ()), *_registry(error.validator_value)))
     if rule == "enum":
         return "one of " + ", ".join(map(str, error.validator_value))
     if rule in ("minItems", "maxItems") and schema.get("minItems") == schema.get("maxItems"):

@@ -1,44 +1,71 @@
 """The ladder of models: model no more than a scene needs.
 
 From the bottom: point friction (a tractrix), the limit surface without inertia, the pressed patch without inertia, full
-dynamics. Which rung is enough is not known from the scene's numbers; it is found by running the rungs on the scene and
-comparing them. All of them together cost milliseconds.
+dynamics. The numbers of a scene do not say which rung is enough; it is found by comparing the rungs on the scene,
+from the top down and no further than the comparison leaves open.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from towval.model import FrictionLaw, SimulatedMotion, Tether, TimedPath, TowedObject
 from towval.model.errors import InputError
+from towval.model.plugins import Registry
+from towval.physics.contact import resting_pressure
 from towval.physics.dynamics import STANDARD, Accuracy, Outcome, feedback
-from towval.physics.trailing import TRAILING_RUNGS, trail
+from towval.physics.trailing import LIMIT_SURFACE, PATCH, TRACTRIX, trail
+from towval.physics.wrench import SlidingPatch, sliding_patch
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
 DYNAMICS = "dynamics"
-RUNGS = (*TRAILING_RUNGS, DYNAMICS)
-"""Names of the rungs from the simplest to the fullest."""
+"""The reference: no rung stands above it."""
+
+RUNGS: Registry[Callable[..., SimulatedMotion]] = Registry("rung")
+"""Functions with the arguments of :func:`towval.physics.dynamics.feedback` but ``start_twist``, simplest first."""
+
+
+def _trailing(rung: str, *scene: Any, accuracy: Accuracy) -> SimulatedMotion:
+    return trail(rung, *scene)
+
+
+RUNGS.register(TRACTRIX, partial(_trailing, TRACTRIX))
+RUNGS.register(LIMIT_SURFACE, partial(_trailing, LIMIT_SURFACE))
+RUNGS.register(PATCH, partial(_trailing, PATCH))
+RUNGS.register(DYNAMICS, feedback)
+
+
+def rung_names() -> tuple[str, ...]:
+    """Names of the rungs from the simplest to the fullest; one that a plugin registers stands just below dynamics.
+
+    Examples
+    --------
+    >>> rung_names()
+    ('tractrix', 'limit surface', 'quasi-static patch', 'dynamics')
+    """
+    return (*(name for name in RUNGS if name != DYNAMICS), DYNAMICS)
 
 
 @dataclass(frozen=True)
 class LadderChoice:
     """The rung that is enough for a scene, and by how much.
 
-    ``rung`` its name; ``motion`` what it computed; ``margin_m`` the tolerance less the largest difference to any
-    rung above [m], zero for the top; ``differences_m`` of each rung to the one above [m], by the lower's name;
-    ``to_dynamics_m`` of each rung to the top [m]; ``tolerance_m`` what was asked.
+    ``rung`` its name; ``motion`` what it computed; ``margin_m`` the tolerance less the largest difference from any rung
+    above [m], zero for the top; ``to_dynamics_m`` the difference of each rung that was run from the top [m];
+    ``tolerance_m`` what was asked.
     """
 
     rung: str
     motion: SimulatedMotion
     margin_m: float
-    differences_m: dict[str, float]
     to_dynamics_m: dict[str, float]
     tolerance_m: float
 
@@ -46,7 +73,7 @@ class LadderChoice:
 def simulate_rung(
     rung: str,
     towed: TowedObject,
-    law: FrictionLaw,
+    law: FrictionLaw | SlidingPatch,
     tether: Tether,
     hinge: TimedPath | CubicSpline,
     start_pose: ArrayLike,
@@ -60,17 +87,24 @@ def simulate_rung(
     ------
     InputError
         When there is no such rung.
+
+    Examples
+    --------
+    >>> from towval.model import Patch
+    >>> from towval.physics.friction_laws import Coulomb
+    >>> square = Patch([[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]])
+    >>> towed = TowedObject(square, 5.0, (0, 0), 0.13, (0.2, 0))
+    >>> hinge = TimedPath([0.0, 10.0], [[0.8, 0.0], [1.8, 0.0]])
+    >>> scene = towed, Coulomb(0.35, 1e-3), Tether(0.6, 1000.0), hinge, (0.0, 0.0, 0.0), [0.0, 10.0]
+    >>> simulate_rung("tractrix", *scene).pose[-1].round(4)
+    array([0.9828, 0.    , 0.    ])
     """
-    if rung == DYNAMICS:
-        return feedback(towed, law, tether, hinge, start_pose, times, accuracy=accuracy)
-    if rung not in TRAILING_RUNGS:
-        raise InputError("there is no such rung", got=rung, allowed=", ".join(RUNGS))
-    return trail(rung, towed, law, tether, hinge, start_pose, times)
+    return RUNGS.require(rung, "simulate.rung")(towed, law, tether, hinge, start_pose, times, accuracy=accuracy)
 
 
 def choose_rung(
     towed: TowedObject,
-    law: FrictionLaw,
+    law: FrictionLaw | SlidingPatch,
     tether: Tether,
     hinge: TimedPath | CubicSpline,
     start_pose: ArrayLike,
@@ -80,6 +114,9 @@ def choose_rung(
     accuracy: Accuracy = STANDARD,
 ) -> LadderChoice:
     """The simplest rung that stays within a tolerance of every rung above it, on this very scene.
+
+    Rungs are run from the top down. Once two of them are apart by more than twice the tolerance, none below can be
+    within the tolerance of both (triangle inequality), and they are not run.
 
     Parameters
     ----------
@@ -92,26 +129,33 @@ def choose_rung(
     -------
     LadderChoice
     """
+    patch = law if isinstance(law, SlidingPatch) else sliding_patch(resting_pressure(towed), law)
+    scene = (towed, patch, tether, hinge, start_pose, times)
+    return lowest_rung(towed, tolerance_m, lambda rung: simulate_rung(rung, *scene, accuracy=accuracy))
+
+
+def lowest_rung(towed: TowedObject, tolerance_m: float, run: Callable[[str], SimulatedMotion]) -> LadderChoice:
+    """As :func:`choose_rung`, with a function that simulates the scene by the rung of a name."""
     if not tolerance_m > 0:
         raise InputError(
             "the tolerance of the ladder is out of range", got=tolerance_m, allowed="above zero, in metres"
         )
-    scene = (towed, law, tether, hinge, start_pose, times)
-    motions = [simulate_rung(rung, *scene, accuracy=accuracy) for rung in RUNGS]
-    apart = np.array([[_apart(towed, lower, upper) for upper in motions] for lower in motions])
-    largest = [apart[k, k + 1 :].max(initial=0.0) for k in range(len(RUNGS))]
-    chosen = next(k for k, distance in enumerate(largest) if distance <= tolerance_m)
-    return LadderChoice(
-        rung=RUNGS[chosen],
-        motion=motions[chosen],
-        margin_m=float(tolerance_m - largest[chosen]) if chosen < len(RUNGS) - 1 else 0.0,
-        differences_m={RUNGS[k]: float(apart[k, k + 1]) for k in range(len(RUNGS) - 1)},
-        to_dynamics_m={RUNGS[k]: float(apart[k, -1]) for k in range(len(RUNGS) - 1)},
-        tolerance_m=tolerance_m,
-    )
+    *simpler, top = rung_names()
+    reference = run(top)
+    motions, to_dynamics, chosen, margin = {top: reference}, {}, top, 0.0
+    for rung in reversed(simpler):
+        motion = run(rung)
+        differences = {name: path_difference(towed, motion, above) for name, above in motions.items()}
+        motions[rung], to_dynamics[rung] = motion, differences[top]
+        largest = max(differences.values())
+        if largest <= tolerance_m:
+            chosen, margin = rung, tolerance_m - largest
+        if largest > 2 * tolerance_m:
+            break
+    return LadderChoice(chosen, motions[chosen], margin, to_dynamics, tolerance_m)
 
 
-def _apart(towed: TowedObject, one: SimulatedMotion, other: SimulatedMotion) -> float:
+def path_difference(towed: TowedObject, one: SimulatedMotion, other: SimulatedMotion) -> float:
     """Largest distance between the same corner of the footprint in two motions [m]; infinite where one ended early."""
     ended = {Outcome.CONVERGED, Outcome.SLACK_ALL_ALONG}
     if one.outcome not in ended or other.outcome not in ended:

@@ -19,30 +19,41 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from towval.model import Array, FrictionLaw, locked
+from towval.model import Array, locked
 from towval.model.compiling import compiled
-from towval.physics.contact import PressurePlane
-from towval.physics.friction_laws import Coulomb
+from towval.physics.friction_laws.coulomb import Coulomb
 from towval.physics.friction_table import coefficient_over_speed, friction_table
-from towval.physics.wrench import friction_wrench, sliding_patch
+from towval.physics.wrench import SlidingPatch, wrench_at_origin
+
+_UNIT_FRICTION = Coulomb(1.0, 1e-9)
 
 
 class LimitSurface(NamedTuple):
-    """``centre`` (2,) of pressure, body frame [m]; ``normal_force`` [N]; ``radius`` r [m]; ``law`` of friction."""
+    """``centre`` (2,) of pressure, body frame [m]; ``normal_force`` [N]; ``radius`` r [m]; ``table`` of the law."""
 
     centre: Array
     normal_force: float
     radius: float
-    law: FrictionLaw
+    table: Array
 
 
-def limit_surface(contact: PressurePlane, law: FrictionLaw) -> LimitSurface:
-    """The limit surface that has the patch's own force in translation and its own moment in rotation."""
-    x, y = contact.centre
-    # Unit Coulomb friction turning about the centre of pressure: its moment is N times the mean distance.
-    spin = friction_wrench(sliding_patch(contact, Coulomb(1.0, 1e-9)), (y, -x, 1.0))
-    moment = spin[2] - (x * spin[1] - y * spin[0])
-    return LimitSurface(contact.centre, contact.normal_force, float(-moment / contact.normal_force), law)
+def limit_surface(patch: SlidingPatch) -> LimitSurface:
+    """The limit surface that has the patch's own force in translation and its own moment in rotation.
+
+    Examples
+    --------
+    >>> from towval.model import Patch
+    >>> from towval.physics.contact import pressure_plane
+    >>> from towval.physics.friction_laws.coulomb import Coulomb
+    >>> from towval.physics.wrench import sliding_patch
+    >>> square = Patch([[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]])
+    >>> patch = sliding_patch(pressure_plane(square, [(50.0, (0.0, 0.0))]), Coulomb(0.35, 1e-3))
+    >>> round(limit_surface(patch).radius, 4)  # mean distance from the middle of a square of 0.4 m
+    0.153
+    """
+    # Unit Coulomb friction, turning about the centre of pressure: its moment is N times the mean distance.
+    _, _, moment = wrench_at_origin(patch._replace(table=friction_table(_UNIT_FRICTION)), 0.0, 0.0, 1.0)
+    return LimitSurface(patch.origin, 1 / patch.per_force, -moment * patch.per_force, patch.table)
 
 
 def limit_surface_wrench(surface: LimitSurface, twist: ArrayLike) -> Array:
@@ -57,9 +68,7 @@ def limit_surface_wrench(surface: LimitSurface, twist: ArrayLike) -> Array:
     vx, vy, omega = locked(twist, "twist", (3,))
     x, y = surface.centre
     numbers = np.array([surface.normal_force, surface.radius**2])
-    fx, fy, moment = surface_wrench_at_centre(
-        friction_table(surface.law), numbers, vx - omega * y, vy + omega * x, omega
-    )
+    fx, fy, moment = surface_wrench_at_centre(surface.table, numbers, vx - omega * y, vy + omega * x, omega)
     return np.array([fx, fy, moment + x * fy - y * fx])
 
 

@@ -54,7 +54,7 @@ class _Trail(NamedTuple):
 def trail(
     rung: str,
     towed: TowedObject,
-    law: FrictionLaw,
+    law: FrictionLaw | SlidingPatch,
     tether: Tether,
     hinge: TimedPath | CubicSpline,
     start_pose: ArrayLike,
@@ -76,8 +76,8 @@ def trail(
     """
     times = checked_times(times)
     drive = spline_covering(hinge, times, "the way of the hinge")
-    contact = resting_pressure(towed)
-    patch, surface = sliding_patch(contact, law), limit_surface(contact, law)
+    patch = law if isinstance(law, SlidingPatch) else sliding_patch(resting_pressure(towed), law)
+    surface = limit_surface(patch)
     mean_speed = float(np.abs(drive.coefficients[:, :, 1]).mean()) * math.sqrt(2)
     numbers = [tether.stiffness, tether.rest_length, surface.normal_force, surface.radius**2, _SLOWEST * mean_speed]
     model = _Trail(patch, drive, towed.anchor - patch.origin, np.array([*numbers, patch.radius * _STRIDE]))

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from towval.model import Choice, DecimatedTrack, SimulatedMotion, TowingScene
-from towval.physics.ladder import DYNAMICS, RUNGS
+from towval.physics.ladder import DYNAMICS, rung_names
 from towval.selection.margin import SHARE
-from towval.validation.simulate import SimulateSettings, simulate
+from towval.validation.simulate import RunSimulation, SimulateSettings
 
 TOLERANCES_M = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 """What "auto" chooses from, cheapest first."""
@@ -36,14 +36,12 @@ def simulate_selecting(
     if "rung_tolerance_m" in auto:
         settings = replace(settings, rung_tolerance_m=float(np.clip(limit, 1e-9, 1.0)))
     tolerances = TOLERANCES_M if "tolerance_m" in auto else (settings.tolerance_m,)
-    motion, change, finer = None, np.inf, 0.0
+    run = RunSimulation(scene, rover, towed, times)
     for tolerance in tolerances:
         settings = replace(settings, tolerance_m=tolerance)
-        motion = simulate(scene, rover, towed, times, settings)
+        motion = run.simulate(settings)
         finer = max(tolerance / 10, 1e-12)
-        # The same rung again: what is asked is the tolerance alone.
-        again = simulate(scene, rover, towed, times, replace(settings, tolerance_m=finer, rung=motion.rung))
-        change = float(np.linalg.norm(motion.pose[:, :2] - again.pose[:, :2], axis=1).max())
+        change = run.path_shift_m(motion.rung, tolerance, finer)
         if change <= limit:
             break
     names = (f"{value:.0e} m" for value in (settings.tolerance_m, finer))
@@ -53,7 +51,7 @@ def simulate_selecting(
 
 def _rung_choice(motion: SimulatedMotion) -> Choice:
     """Against the full dynamics or, for these, the quasi-static patch."""
-    simpler = RUNGS[RUNGS.index(DYNAMICS) - 1]
+    simpler = rung_names()[-2]
     following, lower = (simpler, simpler) if motion.rung == DYNAMICS else (DYNAMICS, motion.rung)
     change = motion.statistics[f"{lower} to dynamics, m"]
     return Choice("model of the object", motion.rung, following, change, "at most over the path")

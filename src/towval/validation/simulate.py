@@ -1,4 +1,4 @@
-"""Stage simulate: the towed object as the model says it moves behind the measured rover (FBD, the paper's 2.3)."""
+"""Stage simulate: the motion that the model predicts behind the measured rover (FBD, the paper's 2.3)."""
 
 from __future__ import annotations
 
@@ -11,15 +11,26 @@ from towval.model import Array, DecimatedTrack, Finding, Severity, SimulatedMoti
 from towval.model.errors import InputError, RefusedError
 from towval.model.findings import finding
 from towval.model.geometry import transform
+from towval.physics.contact import resting_pressure
 from towval.physics.creep import creep_length
 from towval.physics.dynamics import Accuracy, Outcome
-from towval.physics.friction_laws import FittedLaw, fitted_law
-from towval.physics.ladder import RUNGS, LadderChoice, choose_rung, simulate_rung
+from towval.physics.friction_laws import fitted_law
+from towval.physics.ladder import (
+    DYNAMICS,
+    RUNGS,
+    LadderChoice,
+    lowest_rung,
+    path_difference,
+    rung_names,
+    simulate_rung,
+)
 from towval.physics.mass import towed_object
+from towval.physics.trailing import TRAILING_RUNGS
+from towval.physics.wrench import sliding_patch
 
 _HINGE_SAMPLES_PER_FRAME = 2
 _LAW_RESIDUAL = 1e-3
-"""Largest misfit of the friction law to the wished coefficients that needs no word."""
+"""Relative misfit of the friction law to the stated coefficients above which a finding is raised."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +58,7 @@ class SimulateSettings:
 
 
 def hinge_path(rover: DecimatedTrack, hinge: Array, times: Array) -> TimedPath:
-    """Way of the tether's hinge along the rover's smoothed track, at and between ``times`` (n,) [s]."""
+    """Path of the tether's hinge along the rover's smoothed track, at and between ``times`` (n,) [s]."""
     fine = np.linspace(0, len(times) - 1, _HINGE_SAMPLES_PER_FRAME * (len(times) - 1) + 1)
     dense = np.interp(fine, np.arange(len(times)), times)
     return TimedPath(dense, transform(rover.spline()(dense), hinge))
@@ -60,18 +71,18 @@ def simulate(
     times: ArrayLike,
     settings: SimulateSettings | None = None,
 ) -> SimulatedMotion:
-    """Simulate the towed object on the measured way of the rover.
+    """Simulate the towed object behind the measured rover.
 
     Parameters
     ----------
     scene : TowingScene
-        What the model is told.
+        The inputs of the model.
     rover, towed : DecimatedTrack
-        Thinned tracks; of the object only the first pose is used.
+        Decimated tracks; of the object only the first pose is used.
     times : array_like (n,)
         Times of the output [s]; those outside the rover's track are left out.
     settings : SimulateSettings, optional
-        Tolerance of the integration.
+        Model and tolerance of the integration.
 
     Returns
     -------
@@ -84,36 +95,95 @@ def simulate(
     RefusedError
         When the load's weight is outside the footprint, the tracks do not overlap, or the integration ends early.
     """
-    settings = settings or SimulateSettings()
-    begin, end = max(rover.time_s[0], towed.time_s[0]), rover.time_s[-1]
-    times = np.asarray(times, dtype=np.float64)
-    inside = times[(times >= begin) & (times <= end)]
-    if len(inside) < 2:
-        raise RefusedError(
-            "the tracks of rover and object do not overlap",
-            got=f"{begin} s to {end} s",
-            remedy="look at the findings of the stage track",
+    return RunSimulation(scene, rover, towed, times).simulate(settings or SimulateSettings())
+
+
+class RunSimulation:
+    """One run, prepared once; each model is integrated once a tolerance, however often it is asked for.
+
+    Parameters and errors are those of :func:`simulate`.
+    """
+
+    def __init__(self, scene: TowingScene, rover: DecimatedTrack, towed: DecimatedTrack, times: ArrayLike):
+        begin, end = max(rover.time_s[0], towed.time_s[0]), rover.time_s[-1]
+        self.asked = np.asarray(times, dtype=np.float64)
+        self.times = self.asked[(self.asked >= begin) & (self.asked <= end)]
+        if len(self.times) < 2:
+            raise RefusedError(
+                "the tracks of rover and object do not overlap",
+                got=f"{begin} s to {end} s",
+                remedy="look at the findings of the stage track",
+            )
+        self.scene, self.towed, self.law = scene, towed_object(scene), fitted_law(scene.friction)
+        self.hinge = hinge_path(rover, scene.hinge, self.times)
+        self.start_pose = towed.spline()(self.times[0])
+        self._patch = sliding_patch(resting_pressure(self.towed), self.law.law)
+        self._motions: dict[tuple[str, float], SimulatedMotion] = {}
+
+    def motion(self, rung: str, tolerance_m: float) -> SimulatedMotion:
+        """The motion by one rung of the ladder, as far as it goes."""
+        key = rung, 0.0 if rung in TRAILING_RUNGS else tolerance_m  # These have no tolerance.
+        if key not in self._motions:
+            given = (self.towed, self._patch, self.scene.tether, self.hinge, self.start_pose, self.times)
+            self._motions[key] = simulate_rung(rung, *given, accuracy=Accuracy(tolerance_m))
+        return self._motions[key]
+
+    def path_shift_m(self, rung: str, tolerance_m: float, finer_m: float) -> float:
+        """How far a finer tolerance moves the path, at most [m]."""
+        both = (_whole(self.motion(rung, tolerance), self.times) for tolerance in (tolerance_m, finer_m))
+        path, finer = (motion.pose[:, :2] for motion in both)
+        return float(np.linalg.norm(path - finer, axis=1).max())
+
+    def simulate(self, settings: SimulateSettings) -> SimulatedMotion:
+        """The motion with settings, its numerical uncertainty and what is to be said of it."""
+        tolerance = settings.tolerance_m
+        choice = lowest_rung(self.towed, settings.rung_tolerance_m, lambda rung: self.motion(rung, tolerance))
+        rung = choice.rung if settings.rung == "auto" else settings.rung
+        motion, to_dynamics = _whole(self.motion(rung, tolerance), self.times), dict(choice.to_dynamics_m)
+        if rung not in (DYNAMICS, *to_dynamics):
+            to_dynamics[rung] = path_difference(self.towed, motion, self.motion(DYNAMICS, tolerance))
+        u_num = self.path_shift_m(rung, tolerance, tolerance / 100)
+        statistics = {
+            **motion.statistics,
+            "u_num_m": float(np.hypot(u_num, to_dynamics.get(rung, 0.0))),
+            **{f"{lower} to dynamics, m": to_dynamics[lower] for lower in rung_names() if lower in to_dynamics},
+        }
+        findings = (
+            *motion.findings,
+            self._rung_finding(choice, rung, to_dynamics),
+            *_error_findings(u_num, creep_length(motion, self.towed, self.scene.friction.stiction_velocity), settings),
+            *self._findings(motion),
         )
-    target, law = towed_object(scene), fitted_law(scene.friction)
-    hinge = hinge_path(rover, scene.hinge, inside)
-    given = (target, law.law, scene.tether, hinge, towed.spline()(inside[0]), inside)
-    choice = choose_rung(*given, settings.rung_tolerance_m, accuracy=Accuracy(settings.tolerance_m))
-    rung = choice.rung if settings.rung == "auto" else settings.rung
-    motion = _whole(simulate_rung(rung, *given, accuracy=Accuracy(settings.tolerance_m)), inside)
-    finer = _whole(simulate_rung(rung, *given, accuracy=Accuracy(settings.tolerance_m / 100)), inside)
-    u_num = float(np.linalg.norm(motion.pose[:, :2] - finer.pose[:, :2], axis=1).max())
-    statistics = {
-        **motion.statistics,
-        "u_num_m": float(np.hypot(u_num, choice.to_dynamics_m.get(rung, 0.0))),
-        **{f"{lower} to dynamics, m": distance for lower, distance in choice.to_dynamics_m.items()},
-    }
-    findings = (
-        *motion.findings,
-        _rung_finding(choice, rung),
-        *_error_findings(u_num, creep_length(motion, target, scene.friction.stiction_velocity), settings),
-        *_findings(scene, law, motion, hinge, times, inside),
-    )
-    return replace(motion, findings=findings, statistics=statistics)
+        return replace(motion, findings=findings, statistics=statistics)
+
+    def _rung_finding(self, choice: LadderChoice, rung: str, to_dynamics: dict[str, float]) -> Finding:
+        """What this scene needed: the rung taken, and what the next simpler and the fullest would have changed."""
+        names = rung_names()
+        place = names.index(rung)
+        changes = [
+            f"{lower} would move the path by up to {1000 * to_dynamics[lower]:.2f} mm"
+            for lower in names[:place][-1:]
+            if lower in to_dynamics
+        ]
+        if rung in to_dynamics:
+            changes.append(f"the full dynamics would move it by up to {1000 * to_dynamics[rung]:.2f} mm")
+        severity = Severity.NOTE if names.index(choice.rung) <= place else Severity.WARNING
+        return finding("rung", severity, rung=rung, changes=", ".join(changes), allowed_mm=1000 * choice.tolerance_m)
+
+    def _findings(self, motion: SimulatedMotion) -> list[Finding]:
+        findings = []
+        if motion.outcome != Outcome.CONVERGED:
+            findings.append(finding("simulate_outcome", outcome=motion.outcome, advice=motion.advice))
+        if self.law.residual > _LAW_RESIDUAL:
+            findings.append(finding("friction_law", residual=self.law.residual))
+        if len(self.times) < len(self.asked):
+            findings.append(finding("simulate_cut", count=len(self.asked) - len(self.times)))
+        rest_length = self.scene.tether.rest_length
+        anchor = transform(motion.pose[0], self.scene.anchor)
+        stretch = float(np.linalg.norm(self.hinge.position[0] - anchor)) - rest_length
+        if stretch > 0.05 * rest_length:
+            findings.append(finding("taut_start", stretch_mm=1000 * stretch))
+        return findings
 
 
 def _whole(motion: SimulatedMotion, times: Array) -> SimulatedMotion:
@@ -126,19 +196,6 @@ def _whole(motion: SimulatedMotion, times: Array) -> SimulatedMotion:
     return motion
 
 
-def _rung_finding(choice: LadderChoice, rung: str) -> Finding:
-    """What this scene needed: the rung taken, and what the next simpler and the fullest would have changed."""
-    place = RUNGS.index(rung)
-    changes = [
-        f"{lower} would move the path by up to {1000 * choice.to_dynamics_m[lower]:.2f} mm"
-        for lower in RUNGS[:place][-1:]
-    ]
-    if rung in choice.to_dynamics_m:
-        changes.append(f"the full dynamics would move it by up to {1000 * choice.to_dynamics_m[rung]:.2f} mm")
-    severity = Severity.NOTE if RUNGS.index(choice.rung) <= place else Severity.WARNING
-    return finding("rung", severity, rung=rung, changes=", ".join(changes), allowed_mm=1000 * choice.tolerance_m)
-
-
 def _error_findings(u_num: float, crept: float, settings: SimulateSettings) -> list[Finding]:
     """Where the integrator's tolerance or the regularised law moves the path by more than a simpler model may."""
     findings = []
@@ -146,21 +203,4 @@ def _error_findings(u_num: float, crept: float, settings: SimulateSettings) -> l
         findings.append(finding("numerical_error", u_num_mm=1000 * u_num, allowed_mm=1000 * settings.rung_tolerance_m))
     if crept > settings.rung_tolerance_m:
         findings.append(finding("creep", crept_mm=1000 * crept))
-    return findings
-
-
-def _findings(
-    scene: TowingScene, law: FittedLaw, motion: SimulatedMotion, hinge: TimedPath, asked: Array, used: Array
-) -> list[Finding]:
-    findings = []
-    if motion.outcome != Outcome.CONVERGED:
-        findings.append(finding("simulate_outcome", outcome=motion.outcome, advice=motion.advice))
-    if law.residual > _LAW_RESIDUAL:
-        findings.append(finding("friction_law", residual=law.residual))
-    if len(used) < len(asked):
-        findings.append(finding("simulate_cut", count=len(asked) - len(used)))
-    anchor = transform(motion.pose[0], scene.anchor)
-    stretch = float(np.linalg.norm(hinge.position[0] - anchor)) - scene.tether.rest_length
-    if stretch > 0.05 * scene.tether.rest_length:
-        findings.append(finding("taut_start", stretch_mm=1000 * stretch))
     return findings
