@@ -1,6 +1,8 @@
 """The command ``track`` where the clicks are missing or the video is damaged."""
 
+import dataclasses
 import itertools
+import json
 
 import numpy as np
 import pytest
@@ -11,11 +13,13 @@ from studies.worlds.film import cut_off, write_video
 from studies.worlds.scenes import ceiling
 from towval.commands.calibrate import run as calibrate
 from towval.commands.track import run as track
+from towval.io.mcap_file import read_provenance
 from towval.io.records import read_tracks, write_calibration
 from towval.io.video import Video
 from towval.model import Calibration
 from towval.model.errors import InputError
 from towval.model.geometry import inside_polygon, wrapped
+from towval.tracking import klt
 from towval.tracking.markers import Tag
 
 
@@ -114,5 +118,8 @@ def test_the_papers_points_leave_nothing_to_choose(campaign, camera, lab_small, 
     video = tmp_path / "short.mp4"
     write_video(video, itertools.islice(Video(lab_small / "a.mp4"), 20), crf="20")
     track(campaign(lambda d: None, video), "a", camera, tmp_path / "t.mcap", {"method": "klt", "samples": "auto"})
+    constants = json.loads(read_provenance(tmp_path / "t.mcap")["constants"])
+    assert constants["klt"] == dataclasses.asdict(klt.CONSTANTS)
+    assert len(constants) > 10
     for found in read_tracks(tmp_path / "t.mcap").values():
         assert [(choice.chosen, choice.next) for choice in found.choices] == [("KLT points", "plane, 1024 points")]

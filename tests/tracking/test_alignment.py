@@ -4,9 +4,10 @@ import pytest
 from studies.worlds.scenes import CeilingCamera, small_camera, standard_scene
 from towval.model import Body
 from towval.model.geometry import compose, inverse, wrapped
-from towval.tracking.alignment import align, make_template
+from towval.tracking.alignment import align
 from towval.tracking.interpolation import plane_pixels, sample_plane
 from towval.tracking.planar_target import usable_points
+from towval.tracking.template import make_template
 
 HEIGHT = 0.42
 

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from studies.worlds.scenes import CeilingCamera, small_camera, standard_scene
-from towval.tracking.alignment import align, make_template
+from towval.tracking.alignment import align
 from towval.tracking.blur import SharpTarget, Shutter, ahead_of_middle
 from towval.tracking.interpolation import sample_plane
 from towval.tracking.plane_tracker import PlaneTracker
+from towval.tracking.template import make_template
 
 TWIST = np.array([0.8, 0.1, 0.3])
 EXPOSURE_S = 0.05  # 8 px of 4.7 mm

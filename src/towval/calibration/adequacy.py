@@ -17,11 +17,20 @@ from towval.model.findings import finding
 from towval.optics.plane_uncertainty import pixel_grid, position_sensitivity, uncertainty_map
 from towval.optics.projection import to_plane
 
-_ENOUGH_TILT_DEG = 8.0
-_ENOUGH_COVERAGE = 0.4
-_ENOUGH_VIEWS = 6
-_FOCAL_STD_SHARE = 0.006
-_USELESS_FOCAL_STD_SHARE = 0.02
+
+@dataclass(frozen=True)
+class AdequacyConstants:
+    """Tuned constants of the findings about a set of views."""
+
+    enough_tilt_deg: float = 8.0  # [°] Median tilt of the held boards: below it focal length and distance trade off.
+    enough_coverage: float = 0.4  # Of the picture, in the hull of all corners: outside it the lens is extrapolated.
+    enough_views: int = 6  # Held boards.
+    focal_std_share: float = 0.006  # Deviation over focal length that is warned about: 24 mm of camera height at 4 m.
+    useless_focal_std_share: float = 0.02  # The same, refused.
+
+
+CONSTANTS = AdequacyConstants()
+
 _FILM_TILT = "film the board tilted by 20° to 40°, to all four sides in turn"
 _FILM_ALL_OVER = "film the board all over the picture, also with its edge at the picture's edges and corners"
 
@@ -69,19 +78,19 @@ def view_findings(statistics: ViewStatistics) -> list[Finding]:
     """Degenerate sets of views, in words, each with what to film instead."""
     findings = []
     focal = {"focal_percent": 100 * statistics.focal_std_share, "remedy": _FILM_TILT}
-    useless = statistics.focal_std_share > _USELESS_FOCAL_STD_SHARE
+    useless = statistics.focal_std_share > CONSTANTS.useless_focal_std_share
     severity = Severity.REFUSAL if useless else Severity.WARNING
-    if statistics.median_tilt_deg < _ENOUGH_TILT_DEG:
+    if statistics.median_tilt_deg < CONSTANTS.enough_tilt_deg:
         findings.append(
             finding("no-tilt", severity, held=statistics.held, tilt_deg=statistics.median_tilt_deg, **focal)
         )
-    elif statistics.focal_std_share > _FOCAL_STD_SHARE:
+    elif statistics.focal_std_share > CONSTANTS.focal_std_share:
         findings.append(finding("focal-length-uncertain", severity, **focal))
-    if statistics.covered < _ENOUGH_COVERAGE:
+    if statistics.covered < CONSTANTS.enough_coverage:
         findings.append(finding("centre-only", covered_percent=100 * statistics.covered, remedy=_FILM_ALL_OVER))
-    if statistics.held < _ENOUGH_VIEWS:
+    if statistics.held < CONSTANTS.enough_views:
         remedy = f"{_FILM_TILT}, and {_FILM_ALL_OVER}"
-        findings.append(finding("few-views", held=statistics.held, least=_ENOUGH_VIEWS, remedy=remedy))
+        findings.append(finding("few-views", held=statistics.held, least=CONSTANTS.enough_views, remedy=remedy))
     return findings
 
 

@@ -22,12 +22,19 @@ _MAX_STEPS = 30
 _NOISE_ROUNDS = 5
 _NEGLIGIBLE_DECREASE = 1e-4
 """In units of the whitened cost, where 1 is one standard deviation of one parameter combination."""
-_ROBUST_WIDTH = 5.0
-"""Residuals beyond this many times the spread of their own picture count linearly, not squared (Huber).
 
-Of their own picture, not of all: a corner is wild among its neighbours, whereas a whole picture that fits badly may be
-the only one that reaches the edge of the image and must not be silenced by the ones that do not.
-"""
+
+@dataclass(frozen=True)
+class AdjustmentConstants:
+    """Tuned constant of the adjustment."""
+
+    robust_width: float = 5.0  # Residuals beyond so many times the spread of their own picture count linearly (Huber).
+    # Of their own picture, not of all: a corner is wild among its neighbours, whereas a whole picture that fits badly
+    # may be the only one that reaches the edge of the image and must not be silenced by those that do not.
+
+
+CONSTANTS = AdjustmentConstants()
+
 _RAYLEIGH_MEDIAN = np.sqrt(2 * np.log(2))
 """Median length of a two-dimensional Gaussian vector, in standard deviations of one coordinate."""
 
@@ -177,7 +184,7 @@ def _std(block: Block, estimate: Estimate) -> float:
 
 
 def _huber_weight(length: Array, spread_px: float) -> Array:
-    return np.minimum(1.0, _ROBUST_WIDTH * spread_px / np.maximum(length, 1e-12))
+    return np.minimum(1.0, CONSTANTS.robust_width * spread_px / np.maximum(length, 1e-12))
 
 
 def _spread(blocks: Sequence[Block], estimate: Estimate) -> list[float]:

@@ -32,8 +32,18 @@ _JUDGING_MODELS = ("none", "k1", "k1 k2", "k1 k2 p1 p2 k3", "rational")
 """Lens models fitted in turn before any view is judged: what even the largest cannot explain is the view's fault."""
 _GOOD_ENOUGH_TO_CLEAR = _JUDGING_MODELS[2:]
 """With these a set in which all views fit alike needs no larger model; smaller ones fit all views alike, badly."""
-_SMALLEST_MISFIT_PX = 0.1
-_FEWEST_VIEWS = 3
+
+
+@dataclass(frozen=True)
+class CalibrateConstants:
+    """Tuned constants of the choice of views."""
+
+    smallest_misfit_px: float = 0.1  # [px] RMS of a view that is never a reason to drop it.
+    fewest_views: int = 3  # With two, nothing checks the fit.
+
+
+CONSTANTS = CalibrateConstants()
+
 _MARKS_VIEW = "surveyed marks"
 
 
@@ -228,11 +238,11 @@ def _without_misfits(
     """Drop the views that do not fit, worst first, until all others do; return what is left and its fit."""
     dropped: dict[str, str] = {}
     while True:
-        if len(seen.observations) < _FEWEST_VIEWS:
+        if len(seen.observations) < CONSTANTS.fewest_views:
             raise RefusedError(
                 "too few views of the board",
                 got=f"{len(seen.observations)} usable",
-                allowed=f"{_FEWEST_VIEWS} at the very least, 12 to do well",
+                allowed=f"{CONSTANTS.fewest_views} at the very least, 12 to do well",
                 remedy="film the board tilted by 20° to 40° to all sides, all over the picture",
             )
         estimate, misfit = _fit_to_judge(seen, settings.misfit_ratio)
@@ -252,7 +262,7 @@ def _fit_to_judge(seen: CalibrationObservations, misfit_ratio: float) -> tuple[E
         found = residuals(seen.blocks, estimate)[: len(seen.observations)]
         rms_px = [float(np.sqrt(np.mean(r**2))) for r in found]
         usual, worst = float(np.median(rms_px)), int(np.argmax(rms_px))
-        if model in _GOOD_ENOUGH_TO_CLEAR and rms_px[worst] <= max(misfit_ratio * usual, _SMALLEST_MISFIT_PX):
+        if model in _GOOD_ENOUGH_TO_CLEAR and rms_px[worst] <= max(misfit_ratio * usual, CONSTANTS.smallest_misfit_px):
             return estimate, None
     reason = f"does not fit: {rms_px[worst]:.2f} px RMS where half of the views have {usual:.2f} px or less"
     return estimate, (seen.observations[worst].name, reason)

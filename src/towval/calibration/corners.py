@@ -14,15 +14,20 @@ from towval.model.errors import InputError
 _CLASSIC = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
 _SECTORS = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE
 _SUBPIXEL_STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 60, 1e-4)
-_WINDOW_SHARE = 0.3
-"""Half-width of the refinement window as a share of the distance to the nearest corner.
 
-The diagonal of a window turned against the board must not reach the edges that meet in the next corner.
-"""
-_WIDEST_WINDOW = 15
-_FEWEST_CORNERS = 8
-_LARGEST_MOVE = 0.3
-"""A corner that refinement moves by more than this share of a square has left its place."""
+
+@dataclass(frozen=True)
+class CornerConstants:
+    """Tuned constants of the corner refinement."""
+
+    window_share: float = 0.3  # Half-width of the window over the distance to the nearest corner: the diagonal of a
+    # window turned against the board must not reach the edges that meet there.
+    widest_window: int = 15  # [px] Half-width: beyond it a bent edge is averaged.
+    fewest_corners: int = 8  # Of a ChArUco board in view, for a homography with redundancy.
+    largest_move: float = 0.3  # Of a square, by which a corner that refinement moves has left its place.
+
+
+CONSTANTS = CornerConstants()
 
 
 @dataclass(frozen=True)
@@ -81,7 +86,7 @@ def sight_charuco(name: str, image: NDArray[np.uint8], board: Board) -> BoardObs
     """
     pattern = _charuco_pattern(board)
     corners, ids, _, _ = cv2.aruco.CharucoDetector(pattern).detectBoard(image)
-    if ids is None or len(ids) < _FEWEST_CORNERS:
+    if ids is None or len(ids) < CONSTANTS.fewest_corners:
         return None
     grid = np.asarray(pattern.getChessboardCorners(), dtype=np.float64)[ids.ravel(), :2]
     if np.linalg.matrix_rank(grid - grid.mean(axis=0), tol=0.5 * board.square_m) < 2:
@@ -90,7 +95,7 @@ def sight_charuco(name: str, image: NDArray[np.uint8], board: Board) -> BoardObs
     # The window must end before the markers, which stand inside the white squares.
     inset = 0.5 * (1 - board.marker_m / board.square_m)
     spacing = _predicted_spacing(grid, corners, board.square_m)
-    refined = refine(image, corners, spacing, min(_WINDOW_SHARE, inset))
+    refined = refine(image, corners, spacing, min(CONSTANTS.window_share, inset))
     return BoardObservation(name, refined, facing_camera(grid, refined))
 
 
@@ -128,19 +133,20 @@ def _distance_to_neighbour(grid: Array) -> Array:
     return spacing
 
 
-def refine(image: NDArray[np.uint8], corners: Array, spacing: Array, share: float = _WINDOW_SHARE) -> Array:
+def refine(image: NDArray[np.uint8], corners: Array, spacing: Array, share: float | None = None) -> Array:
     """Corners (n, 2) to a fraction of a pixel, each in a window that fits its distance (n,) to the next corner [px].
 
     The window reaches ``share`` of that distance to either side. One of a fixed size reaches into the neighbouring
     corners of a small board and pulls them together.
     """
     refined = corners.astype(np.float32).reshape(-1, 1, 2)
-    half_widths = np.clip((share * spacing).astype(int), 2, _WIDEST_WINDOW)
+    share = CONSTANTS.window_share if share is None else share
+    half_widths = np.clip((share * spacing).astype(int), 2, CONSTANTS.widest_window)
     for half_width in np.unique(half_widths):
         chosen = np.flatnonzero(half_widths == half_width)
         part = np.ascontiguousarray(refined[chosen])
         cv2.cornerSubPix(image, part, (int(half_width),) * 2, (-1, -1), _SUBPIXEL_STOP)
         refined[chosen] = part
     moved = refined.reshape(-1, 2).astype(np.float64)
-    astray = np.linalg.norm(moved - corners, axis=1) > _LARGEST_MOVE * spacing
+    astray = np.linalg.norm(moved - corners, axis=1) > CONSTANTS.largest_move * spacing
     return np.where(astray[:, None], corners, moved)

@@ -26,8 +26,16 @@ LENS_MODELS.register("rational", (4, 5, 6, 7, 8, 9, 10, 11))
 NESTED = tuple(LENS_MODELS)
 """Nested models to choose from by default, smallest first."""
 
-_LARGEST_CONDITION = 1e8
-"""Beyond it coefficients cancel: the fit is good where there are corners and anything between and beyond them."""
+
+@dataclass(frozen=True)
+class LensConstants:
+    """Tuned constant of model selection."""
+
+    largest_condition: float = 1e8
+    # Beyond it coefficients cancel: the fit is good at the corners, and anything between and beyond them.
+
+
+CONSTANTS = LensConstants()
 
 
 @dataclass(frozen=True)
@@ -51,7 +59,7 @@ class LensTrial:
     @property
     def determined(self) -> bool:
         """Whether the views determine the coefficients, or leave some that cancel."""
-        return self.condition < _LARGEST_CONDITION
+        return self.condition < CONSTANTS.largest_condition
 
 
 def active_parameters(model: str, with_floor: bool) -> NDArray[np.intp]:

@@ -31,4 +31,4 @@ def run(campaign: Path, output: Path, keys: Mapping[str, Any] | None = None) -> 
     calibration = with_lens_choice(calibration, given.floor_reference, settings, given.object.tracked_plane_height_m)
     print_findings(calibration.findings, "calibrate")
     inputs = {path.name: path for path in (*given.calibration_images, *given.floor_images)}
-    write_calibration(output, calibration, provenance(settings, inputs))
+    write_calibration(output, calibration, provenance(settings, inputs, "towval.calibration"))

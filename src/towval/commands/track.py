@@ -58,7 +58,9 @@ def run(campaign: Path, name: str, camera: Path, output: Path, keys: Mapping[str
     tracks = {body: replace(found, findings=(*found.findings, *video.findings)) for body, found in tracks.items()}
     for body in tracks.values():
         print_findings(body.findings, f"track {name}")
-    write_tracks(output, tracks, provenance(settings, {entry.video.name: entry.video, camera.name: camera}))
+    write_tracks(
+        output, tracks, provenance(settings, {entry.video.name: entry.video, camera.name: camera}, "towval.tracking")
+    )
 
 
 def _clicks(

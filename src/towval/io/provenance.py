@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import towval
+from towval.model.constants import constants_record
 from towval.model.plugins import load_plugins
 
 _PACKAGE = Path(towval.__file__).resolve().parent
@@ -51,8 +52,11 @@ def file_hash(path: Path) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
-def provenance(settings: Any, inputs: Mapping[str, Path]) -> dict[str, str]:
-    """Provenance of a result as JSON texts: versions, settings, and the SHA-256 of each input file and plugin."""
+def provenance(settings: Any, inputs: Mapping[str, Path], room: str | None = None) -> dict[str, str]:
+    """Provenance of a result as JSON texts: versions, settings, and the SHA-256 of each input file and plugin.
+
+    With a ``room``, as ``towval.tracking``, the values of its tuned constants as well.
+    """
     configuration = (
         dataclasses.asdict(settings)
         if dataclasses.is_dataclass(settings) and not isinstance(settings, type)
@@ -64,6 +68,7 @@ def provenance(settings: Any, inputs: Mapping[str, Path]) -> dict[str, str]:
         "versions": json.dumps(versions(), sort_keys=True),
         "settings": json.dumps(configuration, sort_keys=True),
         "inputs_sha256": json.dumps(hashes, sort_keys=True),
+        **({"constants": json.dumps(constants_record(room))} if room else {}),
     }
 
 

@@ -19,50 +19,40 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from towval.model import Array, Body
+from towval.model import Array
 from towval.model.compiling import compiled
-from towval.tracking.interpolation import RELAXED, sample_plane, sample_plane_kernel
-from towval.tracking.light import GAIN_SPREAD, LEAST_GAIN, OUTSIDE, fit_light, misfits
-from towval.tracking.planar_target import PlanarTarget, usable_points
+from towval.tracking.interpolation import RELAXED, sample_plane_kernel
+from towval.tracking.light import CONSTANTS as LIGHT
+from towval.tracking.light import OUTSIDE, fit_light, misfits
+from towval.tracking.planar_target import PlanarTarget
+from towval.tracking.pose import TUKEY
+from towval.tracking.template import Template
 
 Luma = NDArray[np.uint8]
 
-_TUKEY = 4.685
-_LEAST_SCALE = 0.5  # Grey levels: rounding alone gives 0.3.
-_ROUNDS = 12
-_QUANTILE, _QUANTILE_OF_GAUSSIAN = 0.35, 0.45376  # The share of |r| below that many deviations.
-_MARGIN_PX = 3.0  # Kept from the outline, where the smoothed picture mixes in what lies behind.
-_MOST_MARGIN = 0.12  # Of the smaller side: a body of a few pixels keeps some of them.
-_LEAST_POINTS = 40
-_TILES_ACROSS = 5
-_LEAST_TILE_PX = 12.0  # Smaller ones hold too few independent pixels: they correlate with anything smooth.
-_TOLERANCE_PX = 0.06  # Steps shrink to a tenth from round to round: what is left is a tenth of this.
-_FIRST_PART, _FIRST_ROUNDS = 4, 6
-_LEAST_DETERMINANT = 1e-4  # Of the normalised information: below, a direction is open.
-_INLIER_WEIGHT = 0.3
-_DAMPING = 1 + 1e-6
-_BIN, _BINS = 0.02, 5000  # Grey levels; larger residuals share the last bin.
-_LEAST_OF_TILE = 8  # Points, for a correlation to mean something.
-_VISIBLE_TILES = 0.7
-_ROUNDING = 1 / 12  # Variance of a grey value that is a whole number: a picture repeated by the encoder fits no better.
-
 
 @dataclass(frozen=True)
-class Template:
-    """What the top of a body looks like.
+class AlignmentConstants:
+    """Tuned constants of the alignment; lengths in pixels are measured on the planar target."""
 
-    ``points`` (n, 2) in the body frame [m]; ``values`` (n,) grey levels; ``slopes`` (n, 3) change of the grey value
-    with a motion (x, y, heading) of the body frame [1/m, 1/m, 1/rad]; ``tile`` (n,) number of the tile a point
-    belongs to, ``tiles`` how many there are; ``pixel_m`` the width of a pixel on the top [m]. The points are shuffled,
-    so that the first of them are an even choice.
-    """
+    least_scale: float = 0.5  # [grey levels] Smallest scale of the residuals: rounding alone gives 0.3.
+    rounds: int = 12  # Most rounds with all points; one that needs more has not converged.
+    first_part: int = 4  # One point in so many brings the pose near at a quarter of the cost,
+    first_rounds: int = 6  # in at most so many rounds.
+    tolerance_px: float = 0.06  # [px] Steps shrink to a tenth from round to round: what is left is a tenth of this.
+    least_determinant: float = 1e-4  # Of the normalised information: below it, a direction is open.
+    inlier_weight: float = 0.3  # Tukey's weight of an inlier: residuals up to 3.2 times the scale.
+    least_of_tile: int = 8  # Points of a tile, for its correlation to mean something.
+    visible_tiles: float = 0.7  # Quantile of the tiles' correlations: up to 70 % of them may be hidden or shaded.
 
-    points: Array
-    values: Array
-    slopes: Array
-    tile: NDArray[np.int64]
-    tiles: int
-    pixel_m: float
+
+CONSTANTS = AlignmentConstants()
+
+
+_QUANTILE, _QUANTILE_OF_GAUSSIAN = 0.35, 0.45376  # That share of Gaussian |r| is below so many deviations.
+_BIN, _BINS = 0.02, 5000  # [grey levels] Resolution of the scale; larger residuals share the last bin.
+_DAMPING = 1 + 1e-6  # Numerical: keeps the equations solvable.
+_ROUNDING = 1 / 12  # Variance of a grey value that is a whole number: a picture repeated by the encoder fits no better.
 
 
 @dataclass(frozen=True)
@@ -82,79 +72,6 @@ class Alignment:
     correlation: float
     inlier_fraction: float
     converged: bool
-
-
-def clearance_m(body: Body, pixel_m: float) -> float:
-    """What points of a template keep from the outline of a body [m], in pictures whose pixels are ``pixel_m`` wide."""
-    return min(_MARGIN_PX * pixel_m, _MOST_MARGIN * float(np.ptp(body.top_corners_m, axis=0).min()))
-
-
-def make_template(luma: Luma, target: PlanarTarget, pose: Array, samples: int = 1024) -> Template | None:
-    """Template of a body's top, seen at ``pose`` (3,) in one picture.
-
-    The top is divided into ``samples`` square cells; from each the point with the steepest grey value is taken, since
-    that is where a displacement shows. None where fewer than :data:`_LEAST_POINTS` are left.
-    """
-    low, high = target.body.top_corners_m.min(axis=0), target.body.top_corners_m.max(axis=0)
-    pixel = target.metres_per_pixel(pose)
-    cell = max(np.sqrt(np.prod(high - low) / samples), pixel)
-    per_cell = int(np.clip(cell / pixel / 1.5, 1, 6))
-    counts = np.maximum(1, np.floor((high - low) / cell)).astype(int) * per_cell
-    axes = [lo + (hi - lo) * (np.arange(n) + 0.5) / n for lo, hi, n in zip(low, high, counts, strict=True)]
-    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
-    cells = np.add.outer(np.arange(counts[0]) // per_cell * counts[1], np.arange(counts[1]) // per_cell).ravel()
-    usable = usable_points(target.body, points, clearance_m(target.body, pixel))
-    points, cells = points[usable], cells[usable]
-
-    slope = slopes_at(luma, target, pose, points, pixel)
-    values = sample_plane(luma, points, pose, target.height, target.camera, target.floor)
-    chosen = _steepest(cells, np.where(np.isfinite(values), np.hypot(*slope.T), -1.0))
-    chosen = chosen[np.isfinite(slope[chosen]).all(axis=1) & np.isfinite(values[chosen])]
-    if len(chosen) < _LEAST_POINTS:
-        return None
-    chosen = np.random.default_rng(0).permutation(chosen)
-    points, slope = points[chosen], slope[chosen]
-    tile, tiles = _tiles(points, low, high, _LEAST_TILE_PX * pixel)
-    return Template(points, values[chosen], by_motion(points, slope), tile, tiles, pixel)
-
-
-def slopes_at(luma: Luma, target: PlanarTarget, pose: Array, points: Array, pixel_m: float) -> Array:
-    """Change (n, 2) of the grey value along x and y [1/m] at points (n, 2) of a body at ``pose`` (3,), over a pixel."""
-    half = 0.5 * pixel_m
-    ends = [
-        sample_plane(luma, points + sign * shift, pose, target.height, target.camera, target.floor)
-        for shift in half * np.eye(2)
-        for sign in (1, -1)
-    ]
-    return np.column_stack([ends[0] - ends[1], ends[2] - ends[3]]) / pixel_m
-
-
-def by_motion(points: Array, slope: Array) -> Array:
-    """Change (n, 3) of the grey value at points (n, 2) with a motion of the body frame, from its slopes (n, 2)."""
-    return np.column_stack([slope, points[:, 0] * slope[:, 1] - points[:, 1] * slope[:, 0]])
-
-
-def _steepest(cells: NDArray[np.int64], steepness: Array) -> NDArray[np.int64]:
-    """Index of the steepest point of each cell that has any, in the order of the cells."""
-    best = np.full(int(cells.max(initial=-1)) + 1, -1)
-    _keep_steepest(cells, steepness, best)
-    return best[best >= 0]
-
-
-@compiled()
-def _keep_steepest(cells, steepness, best):  # type: ignore[no-untyped-def]
-    for i in range(cells.shape[0]):
-        if best[cells[i]] < 0 or steepness[i] > steepness[best[cells[i]]]:
-            best[cells[i]] = i
-
-
-def _tiles(points: Array, low: Array, high: Array, least: float) -> tuple[NDArray[np.int64], int]:
-    """Tiles about square, :data:`_TILES_ACROSS` along the longer side but not smaller than ``least`` [m]."""
-    size = max((high - low).max() / _TILES_ACROSS, least)
-    counts = np.maximum(1, np.round((high - low) / size)).astype(int)
-    place = np.minimum(((points - low) / (high - low) * counts).astype(int), counts - 1)
-    _, tile = np.unique(place[:, 0] * counts[1] + place[:, 1], return_inverse=True)
-    return tile.astype(np.int64), int(tile.max()) + 1
 
 
 @compiled()
@@ -179,7 +96,7 @@ def _scale(residual):  # type: ignore[no-untyped-def]
 def _reweigh(residual, precision, scale, weight):  # type: ignore[no-untyped-def]
     """Tukey's weights of the residuals times the known precision of each point."""
     for i in range(residual.shape[0]):
-        q2 = residual[i] * residual[i] * precision[i] / (_TUKEY * scale) ** 2
+        q2 = residual[i] * residual[i] * precision[i] / (TUKEY * scale) ** 2
         weight[i] = precision[i] * (1 - q2) ** 2 if q2 < 1 else 0.0
 
 
@@ -242,7 +159,7 @@ def _solve(information, scores):  # type: ignore[no-untyped-def]
 
 
 @compiled()
-def _correlation(values, template, tile, tiles):  # type: ignore[no-untyped-def]
+def _correlation(values, template, tile, tiles, least_of_tile, visible_tiles):  # type: ignore[no-untyped-def]
     """Correlation of picture and template in the tiles that are seen: the 70th percentile over the tiles.
 
     No weights: weights choose the points that agree, and a few agree anywhere. What hides part of the top costs the
@@ -262,18 +179,35 @@ def _correlation(values, template, tile, tiles):  # type: ignore[no-untyped-def]
     count = 0
     for row in range(tiles):
         n = sums[row, 0]
-        if n >= _LEAST_OF_TILE:
+        if n >= least_of_tile:
             power = (sums[row, 3] - sums[row, 1] ** 2 / n) * (sums[row, 4] - sums[row, 2] ** 2 / n)
             known[count] = (sums[row, 5] - sums[row, 1] * sums[row, 2] / n) / np.sqrt(power) if power > 0 else 0.0
             count += 1
-    return np.sort(known[:count])[int(_VISIBLE_TILES * count)] if count else 0.0
+    return np.sort(known[:count])[int(visible_tiles * count)] if count else 0.0
 
 
 @compiled()
 def _align_kernel(  # type: ignore[no-untyped-def]
-    luma, points, template, slopes, tile, tiles, precision, pose, height, T, matrix, k, most_scale, tolerance_m
+    luma,
+    points,
+    template,
+    slopes,
+    tile,
+    tiles,
+    precision,
+    pose,
+    height,
+    T,
+    matrix,
+    k,
+    most_scale,
+    tolerance_m,
+    rule,
+    gains,
 ):
     """Rounds of the alignment: pose, information, scores, residuals, weights, scale, correlation, converged."""
+    least_scale, first_part, first_rounds, most_rounds, least_of_tile, visible_tiles = rule
+    gain_spread, least_gain, most_gain = gains
     reach = 0.0
     for i in range(len(points)):
         reach = max(reach, np.hypot(points[i, 0], points[i, 1]))
@@ -282,8 +216,8 @@ def _align_kernel(  # type: ignore[no-untyped-def]
     information, scores = np.zeros((3, 3)), np.zeros((tiles, 3))
     # The first part of the points, an even choice of them, brings the pose near; then all of them settle it.
     for n, rounds, tolerance in (
-        (len(points) // _FIRST_PART, _FIRST_ROUNDS, 3 * tolerance_m),
-        (len(points), _ROUNDS, tolerance_m),
+        (len(points) // first_part, first_rounds, 3 * tolerance_m),
+        (len(points), most_rounds, tolerance_m),
     ):
         residual, weight, converged = np.empty(n), precision[:n].copy(), False
         t, own_tile = template[:n], tile[:n]
@@ -292,12 +226,12 @@ def _align_kernel(  # type: ignore[no-untyped-def]
             if n < len(points) and round_ == 0:
                 for i in range(n):
                     weight[i] = precision[i] if values[i] >= 0 else 0.0
-                light = fit_light(values, t, own_tile, tiles, weight, (scale / GAIN_SPREAD) ** 2)
+                light = fit_light(values, t, own_tile, tiles, weight, (scale / gain_spread) ** 2, least_gain, most_gain)
             misfits(values, t, own_tile, light, residual)
-            scale = min(max(_scale(residual), _LEAST_SCALE), most_scale)
+            scale = min(max(_scale(residual), least_scale), most_scale)
             _reweigh(residual, precision[:n], scale, weight)
-            ridge = (scale / GAIN_SPREAD) ** 2
-            light = fit_light(values, t, own_tile, tiles, weight, ridge)
+            ridge = (scale / gain_spread) ** 2
+            light = fit_light(values, t, own_tile, tiles, weight, ridge, least_gain, most_gain)
             misfits(values, t, own_tile, light, residual)
             information, scores = _normal_equations(t, slopes[:n], own_tile, tiles, light, weight, residual, ridge)
             step = _solve(information, scores)
@@ -317,7 +251,7 @@ def _align_kernel(  # type: ignore[no-untyped-def]
         weight,
         scale,
         light,
-        _correlation(values, t, own_tile, tiles),
+        _correlation(values, t, own_tile, tiles, least_of_tile, visible_tiles),
         converged,
     )
 
@@ -361,18 +295,27 @@ def align(
         target.camera.matrix,
         target.camera.distortion,
         most_scale,
-        _TOLERANCE_PX * template.pixel_m,
+        CONSTANTS.tolerance_px * template.pixel_m,
+        (
+            CONSTANTS.least_scale,
+            CONSTANTS.first_part,
+            CONSTANTS.first_rounds,
+            CONSTANTS.rounds,
+            CONSTANTS.least_of_tile,
+            CONSTANTS.visible_tiles,
+        ),
+        (LIGHT.gain_spread, LIGHT.least_gain, LIGHT.most_gain),
     )
     size = np.sqrt(np.diag(information))
     if not np.isfinite(pose).all() or not size.all():
         return None
-    if np.linalg.det(information / np.outer(size, size)) < _LEAST_DETERMINANT:
+    if np.linalg.det(information / np.outer(size, size)) < CONSTANTS.least_determinant:
         return None
     inverse = np.linalg.inv(information)
     # Residuals of neighbouring points go together (compression, blur): the tiles' scores hold that.
     meat = scores.T @ scores * (template.tiles / max(1, template.tiles - 3))
     # A tile that follows the template at the least gain does not show it: something plain hides it.
-    shown = (light[:, 0] > LEAST_GAIN)[template.tile]
+    shown = (light[:, 0] > LIGHT.least_gain)[template.tile]
     return Alignment(
         pose=pose,
         covariance=inverse * max(np.sum(inverse * meat) / 3, _ROUNDING),
@@ -380,6 +323,6 @@ def align(
         weight=weight,
         scale=float(scale),
         correlation=float(correlation),
-        inlier_fraction=float((shown & (weight > _INLIER_WEIGHT * precision)).mean()),
+        inlier_fraction=float((shown & (weight > CONSTANTS.inlier_weight * precision)).mean()),
         converged=bool(converged),
     )

@@ -17,23 +17,34 @@ import numpy as np
 from numpy.typing import NDArray
 
 from towval.model import Array, Camera
-from towval.tracking.alignment import Alignment, Template, by_motion, clearance_m, slopes_at
+from towval.tracking.alignment import Alignment
 from towval.tracking.interpolation import sample_plane
 from towval.tracking.light import light_misfit
 from towval.tracking.planar_target import PlanarTarget, usable_points
+from towval.tracking.template import Template, by_motion, clearance_m, slopes_at
 
 Luma = NDArray[np.uint8]
 
 _CANDIDATES_S = np.arange(17) / 240.0
 """Exposures that are considered [s]. ASSUME: none is longer than a fifteenth of a second."""
 _READINGS = 2  # Of the sharp top between one candidate and the next.
-_LEARNED_FROM = 400  # Points, the first of the template: an even choice.
-_LEAST_PATH_PX = 3.0  # During the longest candidate, for a picture to tell them apart.
-_FIRST_LESSONS, _LESSON_EVERY = 10, 10  # Pictures that the exposure is learned from.
-_BLURRED_PX = 0.5  # Less is as sharp as the smoothing of the readings.
-_READING_PX = 1.5  # Between readings of the sharp top.
-_CHANGED_PX = 0.5  # Of the way, for the blurred template to be made anew.
-_LEAST_KEPT = 0.6  # Of the points: with fewer the blur is a large part of the body.
+
+
+@dataclass(frozen=True)
+class BlurConstants:
+    """Tuned constants of motion blur, set on seeds 100 to 109 of studies/tables/tracking_accuracy.py."""
+
+    learned_from: int = 400  # Points, the first of the template: an even choice.
+    least_path_px: float = 3.0  # [px] During the longest candidate, for a picture to tell the candidates apart.
+    first_lessons: int = 10  # Pictures in a row that the exposure is learned from,
+    lesson_every: int = 10  # then one in so many.
+    blurred_px: float = 0.5  # [px] Less motion is as sharp as the smoothing of the readings.
+    reading_px: float = 1.5  # [px] Between readings of the sharp target; each is smoothed over 1.4 px.
+    changed_px: float = 0.5  # [px] Change of the motion for which the blurred template is made anew.
+    least_kept: float = 0.6  # Of the points: with fewer the blur is a large part of the body.
+
+
+CONSTANTS = BlurConstants()
 
 
 def paths(points: Array, sweep: Array) -> Array:
@@ -79,9 +90,9 @@ class SharpTarget:
         sharp = self.template
         path = paths(sharp.points, sweep)
         most = np.hypot(*path.T).max() / sharp.pixel_m
-        if most < _BLURRED_PX:
+        if most < CONSTANTS.blurred_px:
             return None
-        count = int(np.ceil(most / _READING_PX)) + 1
+        count = int(np.ceil(most / CONSTANTS.reading_px)) + 1
         kept = self.clear(sharp.points, path)
         points, path = sharp.points[kept], path[kept]
         values, slope = np.zeros(len(points)), np.zeros((len(points), 2))
@@ -90,7 +101,7 @@ class SharpTarget:
             values += self.read(places) / count
             slope += slopes_at(self.luma, self.target, self.pose, places, sharp.pixel_m) / count
         known = np.isfinite(values) & np.isfinite(slope).all(axis=1)
-        if known.sum() < _LEAST_KEPT * len(sharp.points):
+        if known.sum() < CONSTANTS.least_kept * len(sharp.points):
             return None
         points, slope = points[known], slope[known]
         return replace(
@@ -165,7 +176,7 @@ class Shutter:
         """:meth:`SharpTop.blurred` at a velocity (3,) and the exposure known so far, kept while that hardly changes."""
         sweep = velocity * self.exposure_s
         change = np.abs(sweep - self.swept)
-        if change[:2].sum() + self.target.reach_m * change[2] > _CHANGED_PX * self.sharp.template.pixel_m:
+        if change[:2].sum() + self.target.reach_m * change[2] > CONSTANTS.changed_px * self.sharp.template.pixel_m:
             self.blurred, self.swept = self.sharp.blurred(sweep), sweep
         return self.blurred
 
@@ -173,12 +184,12 @@ class Shutter:
         """Compare all exposures with a picture in which ``template`` was found, the body at a velocity (3,)."""
         speed = math.hypot(velocity[0], velocity[1]) + 0.5 * self.target.reach_m * abs(velocity[2])
         length_px = speed * _CANDIDATES_S / template.pixel_m
-        if length_px[-1] < _LEAST_PATH_PX:
+        if length_px[-1] < CONSTANTS.least_path_px:
             return
         self.lessons += 1
-        if self.lessons > _FIRST_LESSONS and self.lessons % _LESSON_EVERY:
+        if self.lessons > CONSTANTS.first_lessons and self.lessons % CONSTANTS.lesson_every:
             return
-        points = template.points[:_LEARNED_FROM]
+        points = template.points[: CONSTANTS.learned_from]
         longest = paths(points, velocity * _CANDIDATES_S[-1])
         steps = _READINGS * (len(_CANDIDATES_S) - 1)
         kept = np.flatnonzero(self.sharp.clear(points, longest))
@@ -186,7 +197,7 @@ class Shutter:
         readings = np.array([self.sharp.read(points + s * path) for s in np.arange(steps + 1) / steps - 0.5])
         seen = sample_plane(luma, points, found.pose, self.target.height, self.target.camera, self.target.floor)
         known = np.isfinite(readings).all(axis=0) & np.isfinite(seen)
-        if known.sum() < _LEAST_KEPT * min(_LEARNED_FROM, len(self.sharp.template.points)):
+        if known.sum() < CONSTANTS.least_kept * min(CONSTANTS.learned_from, len(self.sharp.template.points)):
             return
         tile, weight = template.tile[kept[known]], found.weight[kept[known]]
         self.weight += weight.sum()

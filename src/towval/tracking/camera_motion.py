@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,19 +12,29 @@ from towval.model import Array, Body, Camera, Finding, Floor
 from towval.model.findings import finding
 from towval.model.geometry import transform
 from towval.optics.projection import to_plane
-from towval.tracking.alignment import align, make_template
+from towval.tracking.alignment import align
 from towval.tracking.planar_target import PlanarTarget
+from towval.tracking.template import make_template
 
 Luma = NDArray[np.uint8]
 
-_EVERY_S = 0.5
-_SAMPLES = 600
-_INSET = 0.04  # Of the picture, left out at its border.
-_MOVED_PX = 0.3
-_DEVIATIONS = 6.0
-_WORST_STD_PX = 0.15
-_LEAST_INLIERS = 0.35
-_MOST_SCALE = 40.0
+
+@dataclass(frozen=True)
+class CameraMotionConstants:
+    """Tuned constants of the check on the camera's motion."""
+
+    every_s: float = 0.5  # [s] Between checks: a move is dated to half a second.
+    samples: int = 600  # Points of the floor's template.
+    inset: float = 0.04  # Of the picture, left out at its border, where lens models extrapolate.
+    hidden_scale: float = 1.3  # Of a body's outline: its sides and shadow hide the floor, too.
+    moved_px: float = 0.3  # [px] Mean shift of the floor that is reported: 1 mm at 3.3 mm a pixel,
+    deviations: float = 6.0  # or so many of its own deviations, where these are larger.
+    worst_std_px: float = 0.15  # [px] Deviation of the shift beyond which the floor says nothing.
+    least_inliers: float = 0.35  # Of the points: bodies and people may hide the rest.
+    most_scale: float = 40.0  # [grey levels] Of the residuals of inliers.
+
+
+CONSTANTS = CameraMotionConstants()
 
 
 class CameraMotion:
@@ -40,12 +51,14 @@ class CameraMotion:
     """
 
     def __init__(self, camera: Camera, floor: Floor, luma: Luma, bodies: Sequence[Body], poses: Sequence[Array]):
-        hidden = tuple(transform(p, 1.3 * b.top_corners_m) for b, p in zip(bodies, poses, strict=True))
+        hidden = tuple(
+            transform(p, CONSTANTS.hidden_scale * b.top_corners_m) for b, p in zip(bodies, poses, strict=True)
+        )
         outline = _visible_floor(camera, floor)
         self.template = None
         if outline is not None:
             self.target = PlanarTarget(Body("floor", 0.0, outline, hidden), camera, floor)
-            self.template = make_template(luma, self.target, np.zeros(3), _SAMPLES)
+            self.template = make_template(luma, self.target, np.zeros(3), CONSTANTS.samples)
         self.next_s = -np.inf
         self.moved: list[tuple[float, float]] = []
         self.looks = self.known = 0
@@ -54,20 +67,20 @@ class CameraMotion:
         """Take in a picture; only some are looked at."""
         if self.template is None or time_s < self.next_s:
             return
-        self.next_s = time_s + _EVERY_S
+        self.next_s = time_s + CONSTANTS.every_s
         self.looks += 1
         template = self.template
         flat = np.ones(len(template.points))
-        found = align(luma, template, flat, np.zeros(3), self.target, _MOST_SCALE)
-        if found is None or not found.converged or found.inlier_fraction < _LEAST_INLIERS:
+        found = align(luma, template, flat, np.zeros(3), self.target, CONSTANTS.most_scale)
+        if found is None or not found.converged or found.inlier_fraction < CONSTANTS.least_inliers:
             return
         std_px = np.sqrt(np.diag(found.covariance)[:2].max()) / template.pixel_m
-        if std_px > _WORST_STD_PX:
+        if std_px > CONSTANTS.worst_std_px:
             return
         self.known += 1
         # The mean over the floor's points: a turn of the picture shifts them, too.
         shift = np.linalg.norm(transform(found.pose, template.points) - template.points, axis=1).mean()
-        if shift / template.pixel_m > max(_MOVED_PX, _DEVIATIONS * std_px):
+        if shift / template.pixel_m > max(CONSTANTS.moved_px, CONSTANTS.deviations * std_px):
             self.moved.append((time_s, float(shift)))
 
     def findings(self) -> tuple[Finding, ...]:
@@ -83,7 +96,12 @@ class CameraMotion:
 def _visible_floor(camera: Camera, floor: Floor) -> Array | None:
     """Outline (8, 2) of the floor in the picture [m], a little inside its border; None where the horizon is in it."""
     width, height = camera.resolution_px
-    left, right, target, bottom = _INSET * width, (1 - _INSET) * width, _INSET * height, (1 - _INSET) * height
+    left, right, target, bottom = (
+        CONSTANTS.inset * width,
+        (1 - CONSTANTS.inset) * width,
+        CONSTANTS.inset * height,
+        (1 - CONSTANTS.inset) * height,
+    )
     u, v = (left + right) / 2, (target + bottom) / 2
     border = [
         (left, target),

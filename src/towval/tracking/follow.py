@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,24 +29,33 @@ from towval.tracking.relocalisation import Relocaliser
 Luma = NDArray[np.uint8]
 TrackerMaker = Callable[[PlanarTarget, Luma, Array], Tracker]
 
-_OUTLINE_EVERY_S = 0.5  # Between pictures whose edges are looked at, at first;
-_OUTLINE_DOUBLED_AFTER = 12  # after each dozen twice as long.
-_FARTHEST_CORRECTION_PX = 3.0  # Of the registration by all edges: clicks are that good.
-_UNSURE_EDGES_PX = 0.15  # Deviation of the registration: sharp edges give up to 0.1, blurred ones 0.2 and more.
-_MISFIT_OF_CLICKS_PX = 6.0  # More than 0.7 px of noise can explain.
-_WRONG_CLICKS = 0.08  # Of the body's size: the clicks belong to another body or are in another order.
-_MOST_ACCELERATION = 5.0  # ASSUME: half of gravity, more than wheels or a tether give [m/s²].
-_SURPRISE_PX = 3.0  # Beyond what acceleration explains.
-_SEARCH_EVERY_S = 0.2  # Once a body has been unseen for as long; before that, in each picture.
-_AGREE_PX = 2.0
-_HOME = 0.5  # Of a body's reach from its place: nothing else can be so near.
-_MUCH_FARTHER = 4.0
-_REMEMBERED_S = 3.0  # How long a place means something for a body that may move unseen.
-_MOST_COVERED = 0.3  # Of a top over another body: bodies stand beside each other.
-_LOW_TEXTURE_PX = 0.12  # Deviation of a pose from which on the top counts as too plain.
-_MOVING_PX = 0.1  # A picture.
-_MOST_SCATTER_PX = 0.06
-_MOST_REST_PX = 0.1
+
+@dataclass(frozen=True)
+class FollowConstants:
+    """Tuned constants of following; lengths in pixels are measured on the planar target."""
+
+    outline_every_s: float = 0.5  # [s] Between pictures whose edges are fitted, at first;
+    outline_doubled_after: int = 12  # doubled after each dozen, so that a long video costs little more.
+    farthest_correction_px: float = 3.0  # [px] Of the registration by all edges: clicks are that good.
+    unsure_edges_px: float = 0.15  # [px] Deviation: sharp edges give up to 0.1, blurred ones 0.2 and more.
+    misfit_of_clicks_px: float = 6.0  # [px] More than 0.7 px of noise can explain.
+    wrong_clicks: float = 0.08  # Of the body's size: the clicks belong to another body or are in another order.
+    most_acceleration: float = 5.0  # [m/s²] ASSUME: half of gravity, more than wheels or a tether give.
+    surprise_px: float = 3.0  # [px] From the prediction, beyond what acceleration explains.
+    search_every_s: float = 0.2  # [s] Between searches once a body was not observed for as long.
+    agree_px: float = 2.0  # [px] Within which a search confirms a doubtful pose.
+    home: float = 0.5  # Of a body's reach from its place: nothing else can be so near.
+    much_farther: float = 4.0  # Distance of a rival over that of the find for which the find counts.
+    remembered_s: float = 3.0  # [s] How long a place means something for a body that may move unobserved.
+    most_covered: float = 0.3  # Of a target over another body: bodies stand beside each other.
+    low_texture_px: float = 0.12  # [px] Deviation of a pose from which on a target counts as too plain.
+    moving_px: float = 0.1  # [px] A picture: a body that moves less shows compression's repeated error.
+    most_scatter_px: float = 0.06  # [px] More is a motion that five pictures do not follow, not noise.
+    most_rest_px: float = 0.1  # [px] Poses of a body at rest lie within this.
+
+
+CONSTANTS = FollowConstants()
+
 _NOWHERE, _UNKNOWN = np.full(3, np.nan), np.full((3, 3), np.nan)
 
 
@@ -153,7 +163,9 @@ class Follower:
             seen = self._search(time_s, luma, seen)
         elif self._returns_elsewhere(time_s, luma, seen.pose):
             seen = None
-        if seen is not None and any(self.target.covered_by(seen.pose, other) > _MOST_COVERED for other in occupied):
+        if seen is not None and any(
+            self.target.covered_by(seen.pose, other) > CONSTANTS.most_covered for other in occupied
+        ):
             seen = None
         if seen is not None:
             self._keep_observation(time_s, luma, seen)
@@ -170,20 +182,23 @@ class Follower:
 
     def _surprising(self, time_s: float, pose: Array) -> bool:
         """Whether a pose is farther from where the motion leads than a body can have got."""
-        gone = 0.5 * _MOST_ACCELERATION * (time_s - self.motion.time_s) ** 2
-        return self.target.apart_m(self.motion.predict(time_s), pose) > _SURPRISE_PX * self.pixel_m + 2 * gone
+        gone = 0.5 * CONSTANTS.most_acceleration * (time_s - self.motion.time_s) ** 2
+        return self.target.apart_m(self.motion.predict(time_s), pose) > CONSTANTS.surprise_px * self.pixel_m + 2 * gone
 
     def _search(self, time_s: float, luma: Luma, doubtful: Measurement | None) -> Measurement | None:
         """Look for the body in the whole picture; a doubtful sighting counts if that leads to the same place."""
         if time_s < self.next_search_s:
             return None
-        if time_s - self.motion.time_s > _SEARCH_EVERY_S:
-            self.next_search_s = time_s + _SEARCH_EVERY_S
+        if time_s - self.motion.time_s > CONSTANTS.search_every_s:
+            self.next_search_s = time_s + CONSTANTS.search_every_s
         for place in self._places(luma):
             found = self.tracker.measure(luma, place)
             if found is None:
                 continue
-            if doubtful is not None and self.target.apart_m(found.pose, doubtful.pose) > _AGREE_PX * self.pixel_m:
+            if (
+                doubtful is not None
+                and self.target.apart_m(found.pose, doubtful.pose) > CONSTANTS.agree_px * self.pixel_m
+            ):
                 continue
             if self._unmistakable(time_s, luma, found.pose):
                 return found
@@ -207,11 +222,13 @@ class Follower:
         if rivals is None:
             return False
         stray = self._stray_m(time_s, pose)
-        at_home = stray <= _HOME * self.target.reach_m and time_s - self.motion.time_s <= _REMEMBERED_S
+        at_home = (
+            stray <= CONSTANTS.home * self.target.reach_m and time_s - self.motion.time_s <= CONSTANTS.remembered_s
+        )
         nearest = min((self._stray_m(time_s, rival) for rival in rivals), default=np.inf)
         within_reach = [rival for rival in rivals if not self._surprising(time_s, rival)]
         alone = not within_reach if not self._surprising(time_s, pose) else not rivals
-        alone |= at_home and nearest > _MUCH_FARTHER * stray
+        alone |= at_home and nearest > CONSTANTS.much_farther * stray
         if alone and (at_home or not self.lookalikes.has_twin):
             return True
         self.mistakable += 1
@@ -230,7 +247,9 @@ class Follower:
             if fit is not None:
                 self.outline_fits.append(fit)
             self.looks += 1
-            self.next_outline_s = time_s + _OUTLINE_EVERY_S * 2 ** (self.looks // _OUTLINE_DOUBLED_AFTER)
+            self.next_outline_s = time_s + CONSTANTS.outline_every_s * 2 ** (
+                self.looks // CONSTANTS.outline_doubled_after
+            )
 
     def _coasting_covariance(self, time_s: float) -> Array:
         # ASSUME: while unseen the body may have stopped, or gone on twice as fast.
@@ -245,7 +264,7 @@ class Follower:
         seen = status == TrackStatus.TRACKED
         raw = raw - ahead_of_middle(time_s, np.where(seen[:, None], raw, np.nan), self.tracker.exposure_s)
         covariance = self._honest_covariance(time_s, raw, covariance, seen)
-        most = _MOST_REST_PX * self.pixel_m * np.array([1, 1, 1 / self.target.reach_m])
+        most = CONSTANTS.most_rest_px * self.pixel_m * np.array([1, 1, 1 / self.target.reach_m])
         pose = hold_rest(time_s, raw, covariance, seen, most)
         if fit is not None:
             pose = compose(pose, fit.correction)
@@ -272,16 +291,20 @@ class Follower:
             covariance[0] = typical
         masked = np.where(seen[:, None], pose, np.nan)
         step = np.linalg.norm(np.diff(masked[:, :2], axis=0, append=np.nan), axis=1)
-        factor = scatter_factor(time_s, masked, covariance, step > _MOVING_PX * self.pixel_m)
+        factor = scatter_factor(time_s, masked, covariance, step > CONSTANTS.moving_px * self.pixel_m)
         # More than that is a motion that five pictures do not follow, not noise of the video.
-        most = _MOST_SCATTER_PX * self.pixel_m / np.sqrt(np.median(covariance[seen][:, 0, 0])) if seen.any() else 1.0
+        most = (
+            CONSTANTS.most_scatter_px * self.pixel_m / np.sqrt(np.median(covariance[seen][:, 0, 0]))
+            if seen.any()
+            else 1.0
+        )
         covariance[seen] *= min(factor, max(1.0, most)) ** 2
         return covariance
 
     def _registration(self) -> OutlineFit | None:
         if self.outline_fits:
             fit = combine_fits(self.outline_fits)
-            if np.linalg.norm(fit.correction[:2]) < _FARTHEST_CORRECTION_PX * self.pixel_m:
+            if np.linalg.norm(fit.correction[:2]) < CONSTANTS.farthest_correction_px * self.pixel_m:
                 self._judge_registration(fit)
                 return fit
         std_mm = 1000 * np.sqrt(self.start_covariance[0, 0])
@@ -290,7 +313,7 @@ class Follower:
 
     def _judge_registration(self, fit: OutlineFit) -> None:
         deviation = float(np.sqrt(np.linalg.eigvalsh(fit.covariance[:2, :2])[-1]))
-        if deviation > _UNSURE_EDGES_PX * self.pixel_m:
+        if deviation > CONSTANTS.unsure_edges_px * self.pixel_m:
             self.findings.append(finding("edges_unsure", name=self.target.body.name, std_mm=1000 * deviation))
 
     def _judge_sight(self, time_s: Array, covariance: Array, status: NDArray[np.uint8]) -> list[Finding]:
@@ -315,7 +338,7 @@ class Follower:
             findings.append(finding("lookalike", name=name, count=self.mistakable))
         seen = status == TrackStatus.TRACKED
         deviation = float(np.sqrt(np.median(covariance[seen][:, 0, 0]))) if seen.any() else np.inf
-        if deviation > _LOW_TEXTURE_PX * self.pixel_m or seen.sum() < len(status) / 4:
+        if deviation > CONSTANTS.low_texture_px * self.pixel_m or seen.sum() < len(status) / 4:
             findings.append(finding("low_texture", name=name, std_mm=1000 * deviation))
         return findings
 
@@ -332,13 +355,13 @@ class Follower:
 
 def _judge_clicks(body: Body, misfit_px: float, pixel_m: float) -> list[Finding]:
     size_px = float(np.linalg.norm(np.ptp(body.top_corners_m, axis=0))) / pixel_m
-    if misfit_px > max(_MISFIT_OF_CLICKS_PX, _WRONG_CLICKS * size_px):
+    if misfit_px > max(CONSTANTS.misfit_of_clicks_px, CONSTANTS.wrong_clicks * size_px):
         raise InputError(
             f"first_frame_clicks_px of {body.name} do not fit its outline",
             got=f"a corner {misfit_px:.0f} px off at the best pose",
-            allowed=f"{_MISFIT_OF_CLICKS_PX:.0f} px",
+            allowed=f"{CONSTANTS.misfit_of_clicks_px:.0f} px",
             remedy="click its corners in the order of top_corners_m (not another body's); check its height and size",
         )
-    if misfit_px <= _MISFIT_OF_CLICKS_PX:
+    if misfit_px <= CONSTANTS.misfit_of_clicks_px:
         return []
     return [finding("clicks_misfit", name=body.name, misfit_px=misfit_px)]

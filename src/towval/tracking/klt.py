@@ -20,13 +20,22 @@ from towval.tracking.pose import Measurement, Tracker, robust_rigid_fit
 
 Luma = NDArray[np.uint8]
 
-_WINDOW_PX = 21
-_LEVELS = 2
-_MARGIN_PX = 8  # Points keep this far from the edges, behind which the background moves differently.
-_POINTS = 120
-_KEYFRAME_TURN = np.deg2rad(10.0)  # A 21 px patch turned by 10° moves 1.8 px at its rim.
-_LEAST_POINTS = 8
-_NOISE_FLOOR_PX = 0.05
+
+@dataclass(frozen=True)
+class KltConstants:
+    """Tuned constants of the KLT tracker."""
+
+    window_px: int = 21  # [px] OpenCV's default window.
+    levels: int = 2  # Halvings of the picture: with them a point 40 px off is reached.
+    margin_px: int = 8  # [px] Kept from the edges, behind which the background moves differently.
+    points: int = 120  # Of a keyframe: twice what the feature table holds.
+    keyframe_turn: float = np.deg2rad(10.0)  # [rad] A 21 px patch turned by 10° moves 1.8 px at its rim.
+    least_points: int = 8  # Fewer points leave a robust fit too little to compare.
+    noise_floor_px: float = 0.05  # [px] Of a point, where all agree better by chance.
+
+
+CONSTANTS = KltConstants()
+
 _TABLE_POINTS = 60
 
 
@@ -49,7 +58,7 @@ class KltTracker(Tracker):
         pixels = target.pixels(target.body.top_corners_m, pose)
         reach = np.linalg.norm(pixels - target.pixels(np.zeros((1, 2)), pose), axis=1).max()
         # The crop holds the body at any heading, elsewhere in the picture a little larger, and the search around it.
-        side = int(2 * (1.2 * reach + 2 * _WINDOW_PX))
+        side = int(2 * (1.2 * reach + 2 * CONSTANTS.window_px))
         self.crop_px = np.minimum(side, [luma.shape[1], luma.shape[0]])
         self.keyframes: list[_Keyframe] = []
         self._add_keyframe(luma, pose)
@@ -76,13 +85,13 @@ class KltTracker(Tracker):
         # The frame of zeros makes the picture's border an edge, too.
         return cv2.erode(
             cv2.copyMakeBorder(mask, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0),
-            np.ones((2 * _MARGIN_PX + 1, 2 * _MARGIN_PX + 1), np.uint8),
+            np.ones((2 * CONSTANTS.margin_px + 1, 2 * CONSTANTS.margin_px + 1), np.uint8),
         )[1:-1, 1:-1]
 
     def _add_keyframe(self, luma: Luma, pose: Array) -> None:
         crop, corner = self._crop(luma, pose)
-        corners = cv2.goodFeaturesToTrack(crop, _POINTS, 0.01, 6, mask=self._mask(corner, pose), blockSize=5)
-        if corners is None or len(corners) < _LEAST_POINTS:
+        corners = cv2.goodFeaturesToTrack(crop, CONSTANTS.points, 0.01, 6, mask=self._mask(corner, pose), blockSize=5)
+        if corners is None or len(corners) < CONSTANTS.least_points:
             return
         corners = cv2.cornerSubPix(
             crop, corners, (3, 3), (-1, -1), (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.01)
@@ -100,7 +109,7 @@ class KltTracker(Tracker):
             return None
         turns = [abs(wrapped(k.heading - predicted[2])) for k in self.keyframes]
         found = self._match(self.keyframes[int(np.argmin(turns))], luma, predicted)
-        if found is not None and min(turns) > _KEYFRAME_TURN:
+        if found is not None and min(turns) > CONSTANTS.keyframe_turn:
             self._add_keyframe(luma, found.pose)
         return found
 
@@ -109,8 +118,8 @@ class KltTracker(Tracker):
         guess = self.target.pixels(key.points_m, predicted) - corner
         start, first = key.pixels.astype(np.float32)[:, None], guess.astype(np.float32)[:, None]
         options = {
-            "winSize": (_WINDOW_PX, _WINDOW_PX),
-            "maxLevel": _LEVELS,
+            "winSize": (CONSTANTS.window_px, CONSTANTS.window_px),
+            "maxLevel": CONSTANTS.levels,
             "flags": cv2.OPTFLOW_USE_INITIAL_FLOW,
             "criteria": (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 0.005),
         }
@@ -118,11 +127,11 @@ class KltTracker(Tracker):
         back, here, _ = cv2.calcOpticalFlowPyrLK(crop, key.crop, forth, start.copy(), **options)
         astray = np.linalg.norm((back - start).reshape(-1, 2), axis=1)
         good = (there.ravel() == 1) & (here.ravel() == 1) & (astray < self.forward_backward_px)
-        if good.sum() < _LEAST_POINTS:
+        if good.sum() < CONSTANTS.least_points:
             return None
         pixel = self.target.metres_per_pixel(predicted)
         seen = self.target.floor_xy(forth.reshape(-1, 2)[good] + corner)
-        fit = robust_rigid_fit(key.points_m[good], seen, _NOISE_FLOOR_PX * pixel)
+        fit = robust_rigid_fit(key.points_m[good], seen, CONSTANTS.noise_floor_px * pixel)
         weights = np.zeros(len(good))
         weights[good] = fit.weights
         return Measurement(

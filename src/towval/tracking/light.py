@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,20 +11,24 @@ from towval.model import Array
 from towval.model.compiling import compiled
 from towval.tracking.interpolation import RELAXED
 
-GAIN_SPREAD = 0.5
-"""ASSUME: the light on a tile changes by half, give or take."""
 
-LEAST_GAIN = 0.2
-"""A tile that follows the template at no more than that does not show it."""
+@dataclass(frozen=True)
+class LightConstants:
+    """Tuned constants of the light; gains are picture over template."""
+
+    gain_spread: float = 0.5  # ASSUME: prior deviation of a gain from one; lamps and shade change it by half.
+    least_gain: float = 0.2  # A tile that follows the template at no more than this does not show it.
+    most_gain: float = 5.0  # The inverse of the least.
+
+
+CONSTANTS = LightConstants()
 
 OUTSIDE = 1e12
 """Residual of a point outside the picture: finite, so that compiled sums stay finite."""
 
-_MOST_GAIN = 5.0
-
 
 @compiled(fastmath=RELAXED)
-def fit_light(values, template, tile, tiles, weight, ridge):  # type: ignore[no-untyped-def]
+def fit_light(values, template, tile, tiles, weight, ridge, least_gain, most_gain):  # type: ignore[no-untyped-def]
     """Gain, mean of the template, mean of the picture, weight and weighted variance of each tile: (tiles, 5)."""
     sums = np.zeros((tiles, 5))
     light = np.empty((tiles, 5))
@@ -37,9 +43,9 @@ def fit_light(values, template, tile, tiles, weight, ridge):  # type: ignore[no-
         total = max(sums[row, 0], 1e-9)
         mean_t, mean_a = sums[row, 1] / total, sums[row, 2] / total
         variance = max(sums[row, 3] - total * mean_t * mean_t, 0.0)
-        # The ridge is a prior: gain 1, give or take GAIN_SPREAD, against residuals of the present scale.
+        # The ridge is a prior: gain 1, give or take ``gain_spread``, against residuals of the present scale.
         gain = (sums[row, 4] - total * mean_t * mean_a + ridge) / (variance + ridge)
-        light[row, 0] = min(max(gain, LEAST_GAIN), _MOST_GAIN)
+        light[row, 0] = min(max(gain, least_gain), most_gain)
         light[row, 1], light[row, 2], light[row, 3], light[row, 4] = mean_t, mean_a, total, variance
     return light
 
@@ -74,7 +80,16 @@ def light_misfit(
     float
         The sum [squared grey levels of the picture].
     """
-    light = fit_light(values, template, tile, tiles, weight, (scale / GAIN_SPREAD) ** 2)
+    light = fit_light(
+        values,
+        template,
+        tile,
+        tiles,
+        weight,
+        (scale / CONSTANTS.gain_spread) ** 2,
+        CONSTANTS.least_gain,
+        CONSTANTS.most_gain,
+    )
     residual = np.empty(len(values))
     misfits(values, template, tile, light, residual)
     return float(np.sum(weight * (light[tile, 0] * residual) ** 2))

@@ -21,14 +21,22 @@ from towval.tracking.relocalisation import grid, look, visible_part
 
 Luma = NDArray[np.uint8]
 
-_CELLS_OF_BODY = 24
-_MOST_CELLS = 400  # Along the longer side of the view from above.
-_LEAST_CELL_PX = 0.7
-_TURN = np.deg2rad(7.5)  # Between headings tried: a cell and a half at the rim,
-_BLUR_CELLS = 0.8  # so that what lies between two headings or cells still correlates.
-_NEAR_AS_GOOD = 0.85  # Of the correlation at the place found.
-_MOST_CANDIDATES = 12
-_LIGHT_RANGE = 1.6  # Brightness and contrast of bodies that look alike differ by less.
+
+@dataclass(frozen=True)
+class LookalikeConstants:
+    """Tuned constants of the search by the whole look."""
+
+    cells_of_body: int = 24  # Cells along the longer side of the target.
+    most_cells: int = 400  # Along the longer side of the view from above: bounds the time.
+    least_cell_px: float = 0.7  # [px] Finer cells show nothing more.
+    turn: float = np.deg2rad(7.5)  # [rad] Between headings: a cell and a half at the rim,
+    blur_cells: float = 0.8  # so that what lies between two headings or cells still correlates.
+    near_as_good: float = 0.85  # Of the correlation at the place found.
+    most_candidates: int = 12  # Of one heading, and rivals of one place.
+    light_range: float = 1.6  # Brightness and contrast of bodies that look alike differ by less.
+
+
+CONSTANTS = LookalikeConstants()
 
 
 @dataclass(frozen=True)
@@ -49,7 +57,7 @@ class Lookalikes:
     def __init__(self, target: PlanarTarget, luma: Luma, pose: Array):
         corners = target.body.top_corners_m
         pixel_m = target.metres_per_pixel(pose)
-        self.cell_m = max(np.ptp(corners, axis=0).max() / _CELLS_OF_BODY, _LEAST_CELL_PX * pixel_m)
+        self.cell_m = max(np.ptp(corners, axis=0).max() / CONSTANTS.cells_of_body, CONSTANTS.least_cell_px * pixel_m)
         self.factor = max(1, int(self.cell_m / pixel_m))
         self.target = replace(target, camera=_shrunk_camera(target, self.factor))
         reach = target.reach_m * np.ones(2)
@@ -66,7 +74,7 @@ class Lookalikes:
     def _templates(self) -> list[tuple[float, NDArray[np.float32], NDArray[np.float32]]]:
         """The top as seen at first, turned to each heading: heading [rad], grey values, where it is (1 or 0)."""
         templates = []
-        for heading in np.arange(0, 2 * np.pi, _TURN):
+        for heading in np.arange(0, 2 * np.pi, CONSTANTS.turn):
             own = transform([0.0, 0.0, -heading], self.own.reshape(-1, 2))
             usable = usable_points(self.target.body, own, 0.5 * self.cell_m).reshape(self.own.shape[:2])
             pixels = self.target.picture_of(transform(self.pose, own)).reshape(self.own.shape)
@@ -75,7 +83,7 @@ class Lookalikes:
 
     @cached_property
     def _view_from_above(self) -> tuple[Array, NDArray[np.float32]]:
-        low, high = visible_part(self.target, _MOST_CELLS * self.cell_m)
+        low, high = visible_part(self.target, CONSTANTS.most_cells * self.cell_m)
         return low, self.target.picture_of(grid(low - self.target.reach_m, high + self.target.reach_m, self.cell_m))
 
     @cached_property
@@ -104,9 +112,12 @@ class Lookalikes:
             return None
         others: list[Array] = []
         for other in candidates:
-            if other.correlation < _NEAR_AS_GOOD * here[0].correlation or len(others) == _MOST_CANDIDATES:
+            if (
+                other.correlation < CONSTANTS.near_as_good * here[0].correlation
+                or len(others) == CONSTANTS.most_candidates
+            ):
                 break
-            alike = np.abs(np.log(other.light / here[0].light)).max() < np.log(_LIGHT_RANGE)
+            alike = np.abs(np.log(other.light / here[0].light)).max() < np.log(CONSTANTS.light_range)
             if alike and all(self._elsewhere(known, other.pose) for known in (place, *others)):
                 others.append(other.pose)
         return others
@@ -119,7 +130,7 @@ class Lookalikes:
         fit = np.nan_to_num(cv2.matchTemplate(view, grey, cv2.TM_CCOEFF_NORMED, mask=usable), posinf=0.0, neginf=0.0)
         half = max(1, grey.shape[0] // 4)
         best = []
-        for _ in range(_MOST_CANDIDATES):
+        for _ in range(CONSTANTS.most_candidates):
             row, column = np.unravel_index(np.argmax(fit), fit.shape)
             score = float(fit[row, column])
             if score <= 0:
@@ -138,7 +149,7 @@ class Lookalikes:
 
 
 def _blurred(grey: Luma) -> NDArray[np.float32]:
-    return cv2.GaussianBlur(grey.astype(np.float32), (0, 0), _BLUR_CELLS)
+    return cv2.GaussianBlur(grey.astype(np.float32), (0, 0), CONSTANTS.blur_cells)
 
 
 def _shrunk_camera(target: PlanarTarget, factor: int) -> Camera:

@@ -14,7 +14,15 @@ from towval.model.errors import InputError
 from towval.model.geometry import rigid_fit, transform
 from towval.optics.projection import project, to_plane
 
-_WORST_MISFIT = 0.1  # Of a tag's side: more, and its size, place or number is not what was said.
+
+@dataclass(frozen=True)
+class MarkerConstants:
+    """Tuned constant of tags."""
+
+    worst_misfit: float = 0.1  # Of a tag's side: more, and its size, place or number is not as stated.
+
+
+CONSTANTS = MarkerConstants()
 
 
 @dataclass(frozen=True)
@@ -77,11 +85,11 @@ def clicks_from_tags(luma: NDArray[np.uint8], body: Body, tags: Sequence[Tag], c
     pose = rigid_fit(source, target)
     misfit = float(np.linalg.norm(transform(pose, source) - target, axis=1).max())
     smallest = min(tag.size_m for tag in tags)
-    if not misfit <= _WORST_MISFIT * smallest:
+    if not misfit <= CONSTANTS.worst_misfit * smallest:
         raise InputError(
             f"the tags of {body.name} do not fit their places",
             got=f"{1000 * misfit:.1f} mm off",
-            allowed=f"{1000 * _WORST_MISFIT * smallest:.1f} mm",
+            allowed=f"{1000 * CONSTANTS.worst_misfit * smallest:.1f} mm",
             remedy="check size, place and heading of each tag, and the height of the top",
         )
     corners = transform(pose, body.top_corners_m)

@@ -6,6 +6,8 @@ time: real bodies move smoothly over five pictures, noise does not.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,11 +15,21 @@ from towval.model import Array
 
 _WINDOWS = (5, 9)
 _MEDIAN_CHI_SQUARED_3 = 2.366
-_LEAST_WINDOWS = 20
-_GROWTH_OF_NOISE = 2.5  # Between the windows; the scatter of real motion grows by (9/5)³ = 5.8 and more.
-_REST_DEVIATIONS = 4.0
-_SHORTEST_REST_S = 0.4
-_LEAST_REST_PICTURES = 6
+
+
+@dataclass(frozen=True)
+class NoiseConstants:
+    """Tuned constants of a track's noise and rests."""
+
+    least_windows: int = 20  # For a median of squares to be known to a third.
+    growth_of_noise: float = 2.5  # From 5 to 9 pictures; the scatter of real motion grows by (9/5)³ = 5.8 and more.
+    rest_deviations: float = 4.0  # A pose at rest strays farther once in 16,000 pictures.
+    shortest_rest_s: float = 0.4  # [s] Shorter stops add no path worth removing.
+    least_rest_pictures: int = 6  # For a trend to show.
+    trend_deviations: float = 3.5  # Of a slope, beyond which a body creeps: by chance once in 2,000 rests.
+
+
+CONSTANTS = NoiseConstants()
 
 
 def scatter_factor(time_s: Array, pose: Array, covariance: Array, moving: NDArray[np.bool_]) -> float:
@@ -35,7 +47,7 @@ def scatter_factor(time_s: Array, pose: Array, covariance: Array, moving: NDArra
         Pictures that count: a body at rest in compressed video repeats its error and hides it.
     """
     short, long = (_scatter(time_s, pose, covariance, moving, window) for window in _WINDOWS)
-    return max(1.0, short, long if long < _GROWTH_OF_NOISE * max(short, 1.0) else 0.0)
+    return max(1.0, short, long if long < CONSTANTS.growth_of_noise * max(short, 1.0) else 0.0)
 
 
 def _scatter(time_s: Array, pose: Array, covariance: Array, moving: NDArray[np.bool_], window: int) -> float:
@@ -48,7 +60,7 @@ def _scatter(time_s: Array, pose: Array, covariance: Array, moving: NDArray[np.b
     index = rows[:, None] + np.arange(-half, half + 1)
     known = np.isfinite(pose[index, 0]).all(axis=1)
     rows, index = rows[known], index[known]
-    if len(rows) < _LEAST_WINDOWS:
+    if len(rows) < CONSTANTS.least_windows:
         return 0.0
     t = (time_s[index] - time_s[rows][:, None]) / (time_s[index[:, -1]] - time_s[index[:, 0]])[:, None]
     basis = np.stack([np.ones_like(t), t, t * t], axis=-1)
@@ -68,7 +80,7 @@ def hold_rest(time_s: Array, pose: Array, covariance: Array, seen: NDArray[np.bo
     before it. It is held only where it shows no trend: a body that creeps goes on creeping.
     """
     held = pose.copy()
-    deviation = np.minimum(np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)), most / _REST_DEVIATIONS)
+    deviation = np.minimum(np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)), most / CONSTANTS.rest_deviations)
     start = 0
     while start < len(time_s):
         if not seen[start]:
@@ -76,11 +88,15 @@ def hold_rest(time_s: Array, pose: Array, covariance: Array, seen: NDArray[np.bo
             continue
         mean, count = pose[start].copy(), 1
         end = start + 1
-        while end < len(time_s) and seen[end] and (np.abs(pose[end] - mean) <= _REST_DEVIATIONS * deviation[end]).all():
+        while (
+            end < len(time_s)
+            and seen[end]
+            and (np.abs(pose[end] - mean) <= CONSTANTS.rest_deviations * deviation[end]).all()
+        ):
             count += 1
             mean += (pose[end] - mean) / count
             end += 1
-        if count >= _LEAST_REST_PICTURES and time_s[end - 1] - time_s[start] >= _SHORTEST_REST_S:
+        if count >= CONSTANTS.least_rest_pictures and time_s[end - 1] - time_s[start] >= CONSTANTS.shortest_rest_s:
             part = slice(start, end)
             if not _has_trend(time_s[part], pose[part], deviation[part].mean(axis=0)):
                 held[part] = mean
@@ -95,4 +111,4 @@ def _has_trend(time_s: Array, pose: Array, deviation: Array) -> bool:
     t = time_s - time_s.mean()
     slope = t @ (pose - pose.mean(axis=0)) / (t @ t)
     scatter = np.maximum((pose - pose.mean(axis=0) - np.outer(t, slope)).std(axis=0), 0.3 * deviation)
-    return bool((np.abs(slope) * np.sqrt(t @ t) > 3.5 * scatter).any())
+    return bool((np.abs(slope) * np.sqrt(t @ t) > CONSTANTS.trend_deviations * scatter).any())

@@ -21,26 +21,35 @@ from towval.model.errors import InputError
 from towval.model.geometry import polygon_area, rigid_fit, transform
 from towval.optics.projection import project, to_plane
 from towval.tracking.interpolation import RELAXED, metres_per_pixel, plane_pixels_kernel, plane_to_camera, spline_value
+from towval.tracking.pose import TUKEY
 
-CLICK_NOISE_PX = 0.7
-"""Standard deviation of one coordinate of a click [px]."""
 
-_REACH_PX = 4.0  # How far from the outline an edge is looked for; clicks are within 3 px.
-_STEP_PX = 1 / 3  # Between readings along a profile.
-_SPACING_PX = 1.5  # Between profiles that are averaged to one.
-_STRETCHES = 10  # Averaged profiles an edge of the outline, at least three pixels each.
-_FITS = 8  # Rounds of the robust fit.
-_TUKEY = 4.685
-_ASTRAY = 3.0  # Times the usual distance from the other fits,
-_MOST_APART = 0.75  # Of a fit's variance: that much is believed to average out.
-_MEDIAN_CHI_3 = 1.538  # which is at least that of three normal deviates.
-_SHARP = np.deg2rad(35.0)
-_THIN_PX = 3.5  # Side strips thinner than this blur into the top's edge.
-_THIN_SHIFT_PX = 0.25  # How far they shift the steepest place: 0.11 px measured at a blur of 0.6 px, more when softer.
-_TRUST_IN_THIN = 0.1
-# Scatter of a stretch of that length, measured: 0.06 px on a clear edge, 0.2 px on a faint one.
-_EDGE_NOISE_PX, _FAINT_NOISE_PX, _NOISE_LENGTH_PX = 0.05, 0.07, 12.0
-_PRIOR_PX = 3.0  # What is known without the edges, so that the turn of a disc stays where it is.
+@dataclass(frozen=True)
+class OutlineConstants:
+    """Tuned constants of the edge fit; lengths in pixels are measured on the planar target."""
+
+    click_noise_px: float = 0.7  # [px] Standard deviation of one coordinate of a click.
+    reach_px: float = 4.0  # [px] From the outline in which an edge is searched; clicks are within 3 px.
+    step_px: float = 1 / 3  # [px] Between readings along a profile.
+    spacing_px: float = 1.5  # [px] Between profiles that are averaged to one.
+    stretches: int = 10  # Averaged profiles an edge of the outline, at least three pixels each.
+    astray: float = 3.0  # Times the usual distance of a fit from the others, beyond which it does not count.
+    most_apart: float = 0.75  # Of a fit's variance: no more is believed to average out.
+    sharp: float = np.deg2rad(35.0)  # [rad] Turn of a corner at which a profile meets two edges.
+    thin_px: float = 3.5  # [px] Strips of side thinner than this blur into the target's edge,
+    thin_shift_px: float = 0.25  # [px] and shift it: 0.11 measured at a blur of 0.6, more when softer.
+    trust_in_thin: float = 0.1  # Weight of such a stretch.
+    edge_noise_px: float = 0.05  # [px] Of a stretch of the length below: 0.06 measured on a clear edge,
+    faint_noise_px: float = 0.07  # [px] over its contrast, added to that: 0.2 measured on a faint one.
+    noise_length_px: float = 12.0  # [px] Length of the stretches on which these were measured.
+    prior_px: float = 3.0  # [px] What is known without edges, so that the turn of a disc stays where it is.
+
+
+CONSTANTS = OutlineConstants()
+
+
+_FITS = 8  # Rounds of the robust fit, in which the net is drawn in from 2 px to 0.5 px.
+_MEDIAN_CHI_3 = 1.538  # Median distance of three normal deviates from their mean.
 
 
 @dataclass(frozen=True)
@@ -61,7 +70,7 @@ class Stretches:
     @property
     def offsets(self) -> Array:
         """Distances along the normal where the slope is known (k,) [m], outward positive."""
-        half = round(_REACH_PX / _STEP_PX)
+        half = round(CONSTANTS.reach_px / CONSTANTS.step_px)
         return self.step * np.arange(-half, half + 1)
 
 
@@ -97,7 +106,7 @@ def pose_from_clicks(body: Body, clicks_px: ArrayLike, camera: Camera, floor: Fl
     pose : ndarray (3,)
         Least-squares pose [m, m, rad].
     covariance : ndarray (3, 3)
-        Of the registration in the body frame, from :data:`CLICK_NOISE_PX` [m², m rad, rad²].
+        Of the registration in the body frame, from the noise of a click [m², m rad, rad²].
     misfit_px : float
         Largest distance between a click and its corner at that pose [px].
 
@@ -121,7 +130,7 @@ def pose_from_clicks(body: Body, clicks_px: ArrayLike, camera: Camera, floor: Fl
     misfit = np.linalg.norm(transform(pose, body.top_corners_m) - seen, axis=1).max() / pixel
     x, y = body.top_corners_m.T
     rows = np.concatenate([np.stack([np.ones_like(x), 0 * x, -y], 1), np.stack([0 * x, np.ones_like(x), x], 1)])
-    return pose, np.linalg.inv(rows.T @ rows) * (CLICK_NOISE_PX * pixel) ** 2, float(misfit)
+    return pose, np.linalg.inv(rows.T @ rows) * (CONSTANTS.click_noise_px * pixel) ** 2, float(misfit)
 
 
 def stretches_of(body: Body, pixel_m: float) -> Stretches:
@@ -134,11 +143,11 @@ def stretches_of(body: Body, pixel_m: float) -> Stretches:
     directions = edges / sizes[:, None]
     turns = np.arccos(np.clip((directions * np.roll(directions, 1, axis=0)).sum(axis=1), -1, 1))
     # Two pixels at a sharp corner are left out: there a profile sees two edges. A round outline has none.
-    cut = np.where(turns > _SHARP, 2 * pixel_m, 0.0)
+    cut = np.where(turns > CONSTANTS.sharp, 2 * pixel_m, 0.0)
     middle, along, length = [], [], []
     for i in range(len(corners)):
         first, last = cut[i], sizes[i] - cut[(i + 1) % len(corners)]
-        count = int(min(_STRETCHES, max((last - first) // (3 * pixel_m), last - first > pixel_m)))
+        count = int(min(CONSTANTS.stretches, max((last - first) // (3 * pixel_m), last - first > pixel_m)))
         for j in range(count):
             middle.append(corners[i] + directions[i] * (first + (last - first) * (j + 0.5) / count))
             along.append(directions[i])
@@ -151,7 +160,14 @@ def stretches_of(body: Body, pixel_m: float) -> Stretches:
         )
     along_array = np.array(along)
     normal = np.stack([along_array[:, 1], -along_array[:, 0]], axis=1)
-    return Stretches(np.array(middle), along_array, normal, np.array(length), _STEP_PX * pixel_m, _SPACING_PX * pixel_m)
+    return Stretches(
+        np.array(middle),
+        along_array,
+        normal,
+        np.array(length),
+        CONSTANTS.step_px * pixel_m,
+        CONSTANTS.spacing_px * pixel_m,
+    )
 
 
 @compiled(fastmath=RELAXED)
@@ -263,8 +279,8 @@ def fit_outline(slopes: Array, stretches: Stretches, pixel_m: float, side_px: Ar
     ordinary = np.median(slopes, axis=1)
     reach = np.linalg.norm(middle, axis=1).max()
     correction = np.zeros(3)
-    thin = np.zeros(len(rows), dtype=bool) if side_px is None else (side_px > 0) & (side_px < _THIN_PX)
-    trust = np.where(thin, _TRUST_IN_THIN, 1.0)
+    thin = np.zeros(len(rows), dtype=bool) if side_px is None else (side_px > 0) & (side_px < CONSTANTS.thin_px)
+    trust = np.where(thin, CONSTANTS.trust_in_thin, 1.0)
     for round_ in range(_FITS):
         # The net is drawn in: wide enough for a click at first, then for the blur of an edge.
         spread = pixel_m * max(0.5, 2.0 * 0.7**round_)
@@ -273,23 +289,23 @@ def fit_outline(slopes: Array, stretches: Stretches, pixel_m: float, side_px: Ar
         if (contrast > 0).sum() < 4:
             return None
         scale = max(1.4826 * np.median(np.abs(misfit[contrast > 0])), 0.05 * pixel_m)
-        inner = np.maximum(1 - (misfit / (_TUKEY * scale)) ** 2, 0.0)
+        inner = np.maximum(1 - (misfit / (TUKEY * scale)) ** 2, 0.0)
         weight = trust * contrast * inner**2
         if (weight > 0).mean() < 1 / 3:
             return None
-        prior = scale**2 / (_PRIOR_PX * pixel_m / np.array([1, 1, reach])) ** 2
+        prior = scale**2 / (CONSTANTS.prior_px * pixel_m / np.array([1, 1, reach])) ** 2
         information = rows.T @ (weight[:, None] * rows) + np.diag(prior)
         correction = np.linalg.solve(information, rows.T @ (weight * place))
     misfit = place - rows @ correction
     # The slope of Tukey's influence function: less than its weight, so that what is far from the fit holds it less.
     steadiness = trust * contrast * inner * np.maximum(5 * inner - 4, 0.0)
     inverse = np.linalg.inv(rows.T @ (steadiness[:, None] * rows) + np.diag(prior))
-    averaged = np.sqrt(_NOISE_LENGTH_PX * pixel_m / stretches.length)
-    noise = pixel_m * averaged * (_EDGE_NOISE_PX + _FAINT_NOISE_PX / np.maximum(contrast, 0.1))
+    averaged = np.sqrt(CONSTANTS.noise_length_px * pixel_m / stretches.length)
+    noise = pixel_m * averaged * (CONSTANTS.edge_noise_px + CONSTANTS.faint_noise_px / np.maximum(contrast, 0.1))
     scores = rows * (weight * np.maximum(np.abs(misfit), noise))[:, None]
     used = weight > 0
     freedom = len(rows) / max(1, used.sum() - 3)
-    shifted = inverse @ rows.T @ (weight * thin * _THIN_SHIFT_PX * pixel_m)
+    shifted = inverse @ rows.T @ (weight * thin * CONSTANTS.thin_shift_px * pixel_m)
     return OutlineFit(
         correction=correction,
         covariance=inverse @ (scores.T @ scores * freedom + np.diag(prior) * scale**2) @ inverse
@@ -325,7 +341,7 @@ def combine_fits(fits: Sequence[OutlineFit]) -> OutlineFit:
     mean = spread @ np.einsum("nij,nj->i", information, corrections)
     off = corrections - mean
     apart = np.einsum("ni,nij,nj->", off, information, off) / (3 * max(1, len(off) - 1))
-    share = min(apart, _MOST_APART)
+    share = min(apart, CONSTANTS.most_apart)
     together = spread @ _roots(information, spread).sum(axis=0)
     return OutlineFit(
         correction=mean,
@@ -341,7 +357,7 @@ def _agreeing(corrections: Array, covariances: Array, information: Array) -> NDA
     middle = np.array([_weighted_median(corrections[:, j], weight[:, j]) for j in range(3)])
     off = corrections - middle
     distance = np.sqrt(np.einsum("ni,nij,nj->n", off, information, off))
-    return distance <= _ASTRAY * max(_MEDIAN_CHI_3, float(np.median(distance)))
+    return distance <= CONSTANTS.astray * max(_MEDIAN_CHI_3, float(np.median(distance)))
 
 
 def _weighted_median(values: Array, weights: Array) -> float:

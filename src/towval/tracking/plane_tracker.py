@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -10,26 +10,38 @@ from numpy.typing import NDArray
 
 from towval.model import Array, Camera
 from towval.model.errors import InputError
-from towval.tracking.alignment import Alignment, Template, align, by_motion, make_template, slopes_at
+from towval.tracking.alignment import Alignment, align
 from towval.tracking.blur import Shutter
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.pose import Measurement, Tracker
+from towval.tracking.template import Template, by_motion, make_template, slopes_at
 
 Luma = NDArray[np.uint8]
 
-_LEAST_INLIERS = 0.3
-_LEAST_CORRELATION = 0.35  # Where the top is not, its better tiles reach 0.3 by chance.
-_CORRELATION_KEPT = 0.6  # Of what it usually is.
-_WORST_STD_PX = 0.35
-_JUMP_PX = 3.0  # A pose farther than this from the prediction is looked at from afar as well.
-_COARSE_BODY_PX = 90
-_COARSE_SAMPLES = 400
-_REFRESH_INLIERS = 0.8
-_REFRESH_EVERY = 5  # Pictures, after the first ten.
-_SLOWEST_REFRESH = 0.05
-_FIRST_LESSONS, _LESSON_EVERY = 10, 25  # Pictures that the response is learned from.
-_LEAST_SHARE = 0.1**3  # Of a determinant: a tenth of each motion.
-_MOST_SCALE = 0.5  # Of the template's own deviation.
+
+@dataclass(frozen=True)
+class PlaneTrackerConstants:
+    """Tuned constants of the plane tracker; lengths in pixels are measured on the planar target."""
+
+    least_inliers: float = 0.3  # Of the points: fewer can be matched by accident.
+    least_correlation: float = 0.35  # Where the target is not, its better tiles reach 0.3 by chance.
+    correlation_kept: float = 0.6  # Of what it usually is.
+    worst_std_px: float = 0.35  # [px] Deviation of a corner: a plain or mostly hidden target.
+    jump_px: float = 3.0  # [px] From the prediction: a pose that ends farther is tried from the coarse scale, too.
+    coarse_body_px: int = 90  # [px] Length of the body at the coarse scale.
+    coarse_samples: int = 400  # Points of the coarse template: more than one in 15 px² of the shrunk body.
+    refresh_inliers: float = 0.8  # Of the points: only a body in full view teaches its looks.
+    refresh_every: int = 5  # Pictures, after the first ten.
+    slowest_refresh: float = 0.05  # Rate of the running means, once they are long: forgets over 20 lessons.
+    first_lessons: int = 10  # Pictures in a row that the response is learned from,
+    lesson_every: int = 25  # then one in so many.
+    least_share: float = 0.1**3  # Of a determinant: a tenth of each motion.
+    most_scale: float = 0.5  # Of the template's own deviation: residuals of an inlier.
+    enough_samples: int = 1024  # Points below which a track is flagged: docs/limits.md.
+
+
+CONSTANTS = PlaneTrackerConstants()
+
 _TABLE_POINTS = 60
 
 
@@ -52,15 +64,15 @@ class PlaneTracker(Tracker):
                 remedy="check its clicks and obstructions, or start where the body is in full view",
             )
         self.template = template
-        self.factor = max(1, round(2 * target.reach_m / self.pixel_m / _COARSE_BODY_PX))
+        self.factor = max(1, round(2 * target.reach_m / self.pixel_m / CONSTANTS.coarse_body_px))
         small, small_camera = self._shrunk(luma, pose)
-        self.coarse = make_template(small, replace(target, camera=small_camera), pose, _COARSE_SAMPLES)
+        self.coarse = make_template(small, replace(target, camera=small_camera), pose, CONSTANTS.coarse_samples)
         self.shutter = Shutter(target, luma, pose, template)
         self.free_slopes = _without_light(template)
         self.motion_like = np.linalg.pinv(self.free_slopes)
         self.response, self.blurred_response = _Response(), _Response()
         self.usual_correlation, self.seen, self.refreshed = 1.0, 0, 0
-        self.most_scale = max(2.0, _MOST_SCALE * float(np.std(template.values)))
+        self.most_scale = max(2.0, CONSTANTS.most_scale * float(np.std(template.values)))
 
     @property
     def exposure_s(self) -> float:
@@ -73,7 +85,7 @@ class PlaneTracker(Tracker):
         template = self.template if blurred is None else blurred
         response = self.response if blurred is None else self.blurred_response
         found = self._align(luma, predicted, template, response)
-        if found is None or self.target.apart_m(predicted, found.pose) > _JUMP_PX * self.pixel_m:
+        if found is None or self.target.apart_m(predicted, found.pose) > CONSTANTS.jump_px * self.pixel_m:
             from_afar = self._align_coarsely(luma, predicted, template, response)
             if from_afar is not None and (found is None or from_afar.correlation > found.correlation):
                 found = from_afar
@@ -81,7 +93,7 @@ class PlaneTracker(Tracker):
             return None
         if blurred is None:
             self._learn(found)
-        if found.inlier_fraction >= _REFRESH_INLIERS and response.is_due():
+        if found.inlier_fraction >= CONSTANTS.refresh_inliers and response.is_due():
             slopes = slopes_at(luma, self.target, found.pose, template.points, self.pixel_m)
             free = self.free_slopes if blurred is None else _without_light(template)
             response.learn(free, by_motion(template.points, slopes), found.weight)
@@ -132,22 +144,25 @@ class PlaneTracker(Tracker):
         return small, replace(self.target.camera, matrix=matrix, resolution_px=(int(size[0]), int(size[1])))
 
     def _trusted(self, found: Alignment) -> bool:
-        worst = _WORST_STD_PX * self.pixel_m
+        worst = CONSTANTS.worst_std_px * self.pixel_m
         std = np.sqrt(np.diag(found.covariance))
         return (
             found.converged
-            and found.inlier_fraction >= _LEAST_INLIERS
-            and found.correlation >= max(_LEAST_CORRELATION, _CORRELATION_KEPT * self.usual_correlation)
+            and found.inlier_fraction >= CONSTANTS.least_inliers
+            and found.correlation
+            >= max(CONSTANTS.least_correlation, CONSTANTS.correlation_kept * self.usual_correlation)
             and max(std[0], std[1], std[2] * self.target.reach_m) <= worst
         )
 
     def _learn(self, found: Alignment) -> None:
         """Take in what a good alignment says about noise and looks; the template's place stays."""
         self.seen += 1
-        if found.inlier_fraction < _REFRESH_INLIERS or (self.refreshed > 10 and self.seen % _REFRESH_EVERY):
+        if found.inlier_fraction < CONSTANTS.refresh_inliers or (
+            self.refreshed > 10 and self.seen % CONSTANTS.refresh_every
+        ):
             return
         self.refreshed += 1
-        rate = max(1 / (self.refreshed + 1), _SLOWEST_REFRESH)
+        rate = max(1 / (self.refreshed + 1), CONSTANTS.slowest_refresh)
         self.usual_correlation += rate * (found.correlation - self.usual_correlation)
         change = rate * np.where(found.weight > 0, found.residual, 0.0)
         # Only what does not look like a motion is taken over: the aligned pose cannot creep.
@@ -171,15 +186,15 @@ class _Response:
     def is_due(self) -> bool:
         """Whether the picture at hand should be learned from: each of the first, later one now and then."""
         self.asked += 1
-        return self.learned < _FIRST_LESSONS or self.asked % _LESSON_EVERY == 0
+        return self.learned < CONSTANTS.first_lessons or self.asked % CONSTANTS.lesson_every == 0
 
     def learn(self, slopes: Array, seen: Array, weight: Array) -> None:
         """Compare slopes (n, 3) of the template, freed of the light's, with those of a picture; ``weight`` (n,)."""
         known = np.isfinite(seen).all(axis=1) & (weight > 0)
         share = np.linalg.lstsq(slopes[known], seen[known], rcond=None)[0]
         self.learned += 1
-        self.share += max(1 / self.learned, _SLOWEST_REFRESH) * (share - self.share)
-        self.whole = np.linalg.inv(self.share) if np.linalg.det(self.share) > _LEAST_SHARE else None
+        self.share += max(1 / self.learned, CONSTANTS.slowest_refresh) * (share - self.share)
+        self.whole = np.linalg.inv(self.share) if np.linalg.det(self.share) > CONSTANTS.least_share else None
 
 
 def _without_light(template: Template) -> Array:

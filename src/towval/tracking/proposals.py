@@ -12,10 +12,19 @@ from numpy.typing import NDArray
 from towval.model import Array
 from towval.model.errors import InputError
 
-_LEAST_PICTURES = 5
-_DEVIATIONS = 6.0
-_LEAST_DIFFERENCE = 10.0  # Grey levels.
-_LEAST_AREA = 2e-4  # Of the picture.
+
+@dataclass(frozen=True)
+class ProposalConstants:
+    """Tuned constants of the proposals."""
+
+    least_pictures: int = 5  # For the median to be the background where a body passes.
+    deviations: float = 6.0  # Of the noise: a difference that means motion.
+    least_difference: float = 10.0  # [grey levels] As much, where a video holds no noise.
+    least_area: float = 2e-4  # Of the picture: a body 20 px wide at 1080p.
+
+
+CONSTANTS = ProposalConstants()
+
 _COLOURS = ((60, 60, 230), (230, 160, 40), (60, 200, 60), (200, 60, 200))
 
 
@@ -49,18 +58,18 @@ def propose_bodies(pictures: Sequence[NDArray[np.uint8]], most: int = 2) -> tupl
         The first picture (blue, green, red) with the proposals drawn and numbered and their corners lettered, to be
         confirmed.
     """
-    if len(pictures) < _LEAST_PICTURES:
+    if len(pictures) < CONSTANTS.least_pictures:
         raise InputError("too few pictures to tell bodies from the background", got=len(pictures), allowed="5 or more")
     stack = np.stack(pictures)
     difference = cv2.absdiff(stack[0], np.median(stack, axis=0).astype(np.uint8))
     difference = cv2.GaussianBlur(difference, (0, 0), 1.5).astype(np.float32)
     noise = 1.4826 * float(np.median(difference))
-    mask = (difference > max(_DEVIATIONS * noise, _LEAST_DIFFERENCE)).astype(np.uint8)
+    mask = (difference > max(CONSTANTS.deviations * noise, CONSTANTS.least_difference)).astype(np.uint8)
     size = max(3, round(0.008 * stack.shape[2]) | 1)
     mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((2 * size + 1, 2 * size + 1), np.uint8))
     mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((size, size), np.uint8))
     outlines, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
-    large = [outline for outline in outlines if cv2.contourArea(outline) > _LEAST_AREA * mask.size]
+    large = [outline for outline in outlines if cv2.contourArea(outline) > CONSTANTS.least_area * mask.size]
     large = sorted(large, key=cv2.contourArea, reverse=True)[:most]
     proposals = [
         Proposal(cv2.boxPoints(cv2.minAreaRect(outline)).astype(np.float64), float(cv2.contourArea(outline)))

@@ -6,6 +6,7 @@ keeps its size, so a match is a shift and a turn, and a similarity whose scale i
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 
 import cv2
@@ -18,14 +19,23 @@ from towval.tracking.planar_target import PlanarTarget, usable_points
 
 Luma = NDArray[np.uint8]
 
-_CELLS_OF_BODY = 160  # Cells along the longer side of the top.
-_LEAST_CELL_PX = 0.7
-_MOST_CELLS = 1600  # Along the longer side of the view from above.
+
+@dataclass(frozen=True)
+class FeatureConstants:
+    """Tuned constants of the search by features."""
+
+    cells_of_body: int = 160  # Cells along the longer side of the target.
+    least_cell_px: float = 0.7  # [px] Finer cells show nothing more.
+    most_cells: int = 1600  # Along the longer side of the view from above: bounds time and memory.
+    tolerance_cells: float = 3.0  # Distance of a match from the similarity that it supports.
+    least_matches: int = 6  # Three times what a similarity needs.
+    scale_tolerance: float = 0.06  # A body keeps its size on its plane: any other scale is a false match.
+    features: int = 3000  # The strongest of a picture.
+
+
+CONSTANTS = FeatureConstants()
+
 _RATIO = 0.8  # SOURCE: D. Lowe, IJCV 60 (2004): nearest over second nearest neighbour.
-_TOLERANCE_CELLS = 3.0
-_LEAST_MATCHES = 6
-_SCALE_TOLERANCE = 0.06
-_FEATURES = 3000
 
 
 class Relocaliser:
@@ -36,9 +46,10 @@ class Relocaliser:
         corners = target.body.top_corners_m
         # Cells much finer than pixels show nothing more.
         self.cell_m = max(
-            np.ptp(corners, axis=0).max() / _CELLS_OF_BODY, _LEAST_CELL_PX * target.metres_per_pixel(pose)
+            np.ptp(corners, axis=0).max() / CONSTANTS.cells_of_body,
+            CONSTANTS.least_cell_px * target.metres_per_pixel(pose),
         )
-        self.detector = cv2.SIFT_create(nfeatures=_FEATURES, contrastThreshold=0.02)
+        self.detector = cv2.SIFT_create(nfeatures=CONSTANTS.features, contrastThreshold=0.02)
         self.corner_m = corners.min(axis=0)
         self.own = grid(self.corner_m, corners.max(axis=0), self.cell_m)
         self.looks = look(luma, target.picture_of(transform(pose, self.own)))
@@ -53,31 +64,31 @@ class Relocaliser:
     @cached_property
     def _view_from_above(self) -> tuple[Array, NDArray[np.float32]]:
         """Corner of the seen part of the plane [m], and the pixel of each of its cells; made when first needed."""
-        low, high = visible_part(self.target, _MOST_CELLS * self.cell_m)
+        low, high = visible_part(self.target, CONSTANTS.most_cells * self.cell_m)
         return low, self.target.picture_of(grid(low, high, self.cell_m)).astype(np.float32)
 
     def find(self, luma: Luma) -> Array | None:
         """Pose (3,) of the body anywhere in a picture, to a few pixels; None where too few features agree."""
         points_m, own_descriptors = self._keyframe
-        if own_descriptors is None or len(points_m) < _LEAST_MATCHES:
+        if own_descriptors is None or len(points_m) < CONSTANTS.least_matches:
             return None
         corner, pixels = self._view_from_above
         points, descriptors = self.detector.detectAndCompute(look(luma, pixels), None)
-        if descriptors is None or len(points) < _LEAST_MATCHES:
+        if descriptors is None or len(points) < CONSTANTS.least_matches:
             return None
         pairs = cv2.BFMatcher().knnMatch(own_descriptors, descriptors, k=2)
         good = [p[0] for p in pairs if len(p) == 2 and p[0].distance < _RATIO * p[1].distance]
-        if len(good) < _LEAST_MATCHES:
+        if len(good) < CONSTANTS.least_matches:
             return None
         source = points_m[[match.queryIdx for match in good]]
         target = corner + self.cell_m * np.array([points[match.trainIdx].pt for match in good])
         similarity, inliers = cv2.estimateAffinePartial2D(
-            source, target, method=cv2.RANSAC, ransacReprojThreshold=_TOLERANCE_CELLS * self.cell_m
+            source, target, method=cv2.RANSAC, ransacReprojThreshold=CONSTANTS.tolerance_cells * self.cell_m
         )
-        if similarity is None or int(inliers.sum()) < _LEAST_MATCHES:
+        if similarity is None or int(inliers.sum()) < CONSTANTS.least_matches:
             return None
         cosine, sine = similarity[0, 0], similarity[1, 0]
-        if abs(np.hypot(cosine, sine) - 1) > _SCALE_TOLERANCE:
+        if abs(np.hypot(cosine, sine) - 1) > CONSTANTS.scale_tolerance:
             return None
         return np.array([similarity[0, 2], similarity[1, 2], np.arctan2(sine, cosine)])
 

@@ -17,9 +17,8 @@ from towval.tracking.camera_motion import CameraMotion
 from towval.tracking.follow import Follower, TrackerMaker
 from towval.tracking.klt import KltTracker
 from towval.tracking.planar_target import PlanarTarget
+from towval.tracking.plane_tracker import CONSTANTS as PLANE
 from towval.tracking.plane_tracker import PlaneTracker
-
-_ENOUGH_SAMPLES = 1024  # Measured: docs/limits.md.
 
 
 @dataclass(frozen=True)
@@ -168,9 +167,9 @@ class _Group:
 
 
 def _judge_samples(settings: TrackSettings) -> tuple[Finding, ...]:
-    if settings.method != "plane" or settings.samples >= _ENOUGH_SAMPLES:
+    if settings.method != "plane" or settings.samples >= PLANE.enough_samples:
         return ()
-    return (finding("few_points", samples=settings.samples, enough=_ENOUGH_SAMPLES),)
+    return (finding("few_points", samples=settings.samples, enough=PLANE.enough_samples),)
 
 
 def _check_size(luma: NDArray[np.uint8], calibration: Calibration) -> None:

@@ -1,0 +1,31 @@
+"""The tuned constants of a room, by module: what a result is recorded with and what their sensitivity is tested on."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import pkgutil
+from typing import Any
+
+
+def constants_of(room: str) -> dict[str, Any]:
+    """The instances of settings classes that the modules of a room hold as ``CONSTANTS``.
+
+    Parameters
+    ----------
+    room : str
+        A package, as ``towval.tracking``.
+
+    Returns
+    -------
+    dict
+        Frozen dataclass instances by the module's name within the room.
+    """
+    folders = importlib.import_module(room).__path__
+    modules = {info.name: importlib.import_module(f"{room}.{info.name}") for info in pkgutil.iter_modules(folders)}
+    return {name: module.CONSTANTS for name, module in modules.items() if hasattr(module, "CONSTANTS")}
+
+
+def constants_record(room: str) -> dict[str, dict[str, float]]:
+    """Values of the tuned constants of a room, by module and name."""
+    return {module: dataclasses.asdict(constants) for module, constants in constants_of(room).items()}

@@ -1,0 +1,120 @@
+"""The metric template of a planar target: grey values and slopes at its points, in the body frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from towval.model import Array, Body
+from towval.model.compiling import compiled
+from towval.tracking.interpolation import sample_plane
+from towval.tracking.planar_target import PlanarTarget, usable_points
+
+Luma = NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class TemplateConstants:
+    """Tuned constants of templates; lengths in pixels are measured on the planar target."""
+
+    margin_px: float = 3.0  # [px] Kept from the outline, where the smoothed picture mixes in what lies behind.
+    most_margin: float = 0.12  # Of the smaller side: a body of a few pixels keeps some of its points.
+    least_points: int = 40  # Fewer do not fill the tiles that light and covariance are estimated from.
+    tiles_across: int = 5  # Along the longer side: a shadow's edge then costs a fifth of the target.
+    least_tile_px: float = 12.0  # [px] Smaller tiles hold too few independent pixels: they correlate with anything.
+
+
+CONSTANTS = TemplateConstants()
+
+
+@dataclass(frozen=True)
+class Template:
+    """What the top of a body looks like.
+
+    ``points`` (n, 2) in the body frame [m]; ``values`` (n,) grey levels; ``slopes`` (n, 3) change of the grey value
+    with a motion (x, y, heading) of the body frame [1/m, 1/m, 1/rad]; ``tile`` (n,) number of the tile a point
+    belongs to, ``tiles`` how many there are; ``pixel_m`` the width of a pixel on the top [m]. The points are shuffled,
+    so that the first of them are an even choice.
+    """
+
+    points: Array
+    values: Array
+    slopes: Array
+    tile: NDArray[np.int64]
+    tiles: int
+    pixel_m: float
+
+
+def clearance_m(body: Body, pixel_m: float) -> float:
+    """What points of a template keep from the outline of a body [m], in pictures whose pixels are ``pixel_m`` wide."""
+    return min(CONSTANTS.margin_px * pixel_m, CONSTANTS.most_margin * float(np.ptp(body.top_corners_m, axis=0).min()))
+
+
+def make_template(luma: Luma, target: PlanarTarget, pose: Array, samples: int = 1024) -> Template | None:
+    """Template of a body's top, seen at ``pose`` (3,) in one picture.
+
+    The top is divided into ``samples`` square cells; from each the point with the steepest grey value is taken, since
+    that is where a displacement shows. None where fewer than ``least_points`` are left.
+    """
+    low, high = target.body.top_corners_m.min(axis=0), target.body.top_corners_m.max(axis=0)
+    pixel = target.metres_per_pixel(pose)
+    cell = max(np.sqrt(np.prod(high - low) / samples), pixel)
+    per_cell = int(np.clip(cell / pixel / 1.5, 1, 6))
+    counts = np.maximum(1, np.floor((high - low) / cell)).astype(int) * per_cell
+    axes = [lo + (hi - lo) * (np.arange(n) + 0.5) / n for lo, hi, n in zip(low, high, counts, strict=True)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+    cells = np.add.outer(np.arange(counts[0]) // per_cell * counts[1], np.arange(counts[1]) // per_cell).ravel()
+    usable = usable_points(target.body, points, clearance_m(target.body, pixel))
+    points, cells = points[usable], cells[usable]
+
+    slope = slopes_at(luma, target, pose, points, pixel)
+    values = sample_plane(luma, points, pose, target.height, target.camera, target.floor)
+    chosen = _steepest(cells, np.where(np.isfinite(values), np.hypot(*slope.T), -1.0))
+    chosen = chosen[np.isfinite(slope[chosen]).all(axis=1) & np.isfinite(values[chosen])]
+    if len(chosen) < CONSTANTS.least_points:
+        return None
+    chosen = np.random.default_rng(0).permutation(chosen)
+    points, slope = points[chosen], slope[chosen]
+    tile, tiles = _tiles(points, low, high, CONSTANTS.least_tile_px * pixel)
+    return Template(points, values[chosen], by_motion(points, slope), tile, tiles, pixel)
+
+
+def slopes_at(luma: Luma, target: PlanarTarget, pose: Array, points: Array, pixel_m: float) -> Array:
+    """Change (n, 2) of the grey value along x and y [1/m] at points (n, 2) of a body at ``pose`` (3,), over a pixel."""
+    half = 0.5 * pixel_m
+    ends = [
+        sample_plane(luma, points + sign * shift, pose, target.height, target.camera, target.floor)
+        for shift in half * np.eye(2)
+        for sign in (1, -1)
+    ]
+    return np.column_stack([ends[0] - ends[1], ends[2] - ends[3]]) / pixel_m
+
+
+def by_motion(points: Array, slope: Array) -> Array:
+    """Change (n, 3) of the grey value at points (n, 2) with a motion of the body frame, from its slopes (n, 2)."""
+    return np.column_stack([slope, points[:, 0] * slope[:, 1] - points[:, 1] * slope[:, 0]])
+
+
+def _steepest(cells: NDArray[np.int64], steepness: Array) -> NDArray[np.int64]:
+    """Index of the steepest point of each cell that has any, in the order of the cells."""
+    best = np.full(int(cells.max(initial=-1)) + 1, -1)
+    _keep_steepest(cells, steepness, best)
+    return best[best >= 0]
+
+
+@compiled()
+def _keep_steepest(cells, steepness, best):  # type: ignore[no-untyped-def]
+    for i in range(cells.shape[0]):
+        if best[cells[i]] < 0 or steepness[i] > steepness[best[cells[i]]]:
+            best[cells[i]] = i
+
+
+def _tiles(points: Array, low: Array, high: Array, least: float) -> tuple[NDArray[np.int64], int]:
+    """Tiles about square, ``tiles_across`` along the longer side but not smaller than ``least`` [m]."""
+    size = max((high - low).max() / CONSTANTS.tiles_across, least)
+    counts = np.maximum(1, np.round((high - low) / size)).astype(int)
+    place = np.minimum(((points - low) / (high - low) * counts).astype(int), counts - 1)
+    _, tile = np.unique(place[:, 0] * counts[1] + place[:, 1], return_inverse=True)
+    return tile.astype(np.int64), int(tile.max()) + 1
