@@ -38,7 +38,7 @@ def test_a_text_without_its_values_is_a_defect():
 
 
 def test_two_rows_cannot_share_a_code():
-    with pytest.raises(InputError, match="code of another"):
+    with pytest.raises(InputError, match="registered twice"):
         register(replace(FINDINGS["compare_cut"], text="Something else."))
 
 

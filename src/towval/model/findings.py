@@ -10,6 +10,7 @@ import enum
 from dataclasses import dataclass
 
 from towval.model.errors import InputError
+from towval.model.plugins import Registry
 
 
 class Severity(enum.StrEnum):
@@ -71,16 +72,14 @@ _CAMERA, _TRACKING = Consequence(widens=("camera",)), Consequence(widens=("track
 _REGISTRATION = Consequence(widens=("rover_registration", "object_registration"))
 _FRICTION = Consequence(widens=("friction",))
 
-FINDINGS: dict[str, FindingType] = {}
+FINDINGS: Registry[FindingType] = Registry("finding")
 """The table, by code."""
 
 
 def register(*rows: FindingType) -> None:
     """Add rows to the table; :class:`InputError` where a code is taken."""
     for row in rows:
-        if row.code in FINDINGS:
-            raise InputError("a finding has the code of another", got=row.code, allowed="a code of its own")
-        FINDINGS[row.code] = row
+        FINDINGS.register(row.code, row)
 
 
 def finding(code: str, severity: Severity | None = None, /, **values: object) -> Finding:
@@ -105,9 +104,7 @@ def finding(code: str, severity: Severity | None = None, /, **values: object) ->
     >>> finding("draws_left_out", count=3).text
     '3 draws could not be simulated and were left out.'
     """
-    if code not in FINDINGS:
-        raise InputError("unknown finding", got=code, allowed=", ".join(FINDINGS), remedy="register its row first")
-    row = FINDINGS[code]
+    row = FINDINGS.require(code, "finding()")
     severity = severity or row.severities[0]
     if severity not in row.severities:
         raise InputError(f"finding {code}: unknown severity", got=severity, allowed=", ".join(row.severities))
