@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from towval.model.findings import FINDINGS
+from towval.model.inputs import INPUTS
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -30,7 +31,31 @@ def findings_page() -> str:
     return _FINDINGS + "\n".join(rows) + "\n"
 
 
-PAGES = {"findings.md": findings_page}
+_INPUTS = """# Uncertain inputs
+
+What is drawn for the validation uncertainty: the table of `towval/model/inputs.py` in print (`python -m
+studies.tables.reference_pages`). *Stated by* is the key of campaign.yaml for the standard deviation of each component,
+or the stage that gives the covariance. Inputs with the same unknown error in all runs of a campaign are shared by the
+*campaign*, the others are those of a *run*. Inputs with a search range can be identified (`identify.parameters`).
+
+| input | unit | stated by | default | because | shared by | identified as |
+|---|---|---|---|---|---|---|
+"""
+
+
+def inputs_page() -> str:
+    """docs/inputs.md, a row an input."""
+    rows = []
+    for row in INPUTS.values():
+        stated = row.stated
+        source = f"`{stated.key}`" if stated else "calibrate" if row.name == "camera" else "track"
+        default, why = (stated.default_text, stated.why) if stated else ("", "")
+        fitted = ", ".join(f"`{name}`" for name in row.components) if row.search else ""
+        rows.append(f"| {row.label} | {row.unit} | {source} | {default} | {why} | {row.shared} | {fitted} |")
+    return _INPUTS + "\n".join(rows) + "\n"
+
+
+PAGES = {"findings.md": findings_page, "inputs.md": inputs_page}
 """Text of each page, by its name."""
 
 

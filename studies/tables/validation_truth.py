@@ -23,7 +23,6 @@ from towval.model import (
     Camera,
     Floor,
     FrictionSpecification,
-    InputDeviations,
     Load,
     Patch,
     Tether,
@@ -31,6 +30,7 @@ from towval.model import (
     Track,
 )
 from towval.model.geometry import compose, rigid_fit, transform
+from towval.model.inputs import deviations
 from towval.optics.projection import project, to_plane
 from towval.physics.friction_laws import fit_makkar
 
@@ -65,25 +65,11 @@ class SyntheticRun:
     """A campaign's scene with its deviations, the truth drawn from them, and the way of the rover."""
 
     scene: TowingScene
-    deviations: InputDeviations
+    deviations: dict[str, float]
     truth: Truth
     drive: Callable[[float], Array]
     start: Array
     time_s: Array
-
-
-def deviations_of(scene: TowingScene) -> InputDeviations:
-    """The documented defaults of campaign.yaml."""
-    return InputDeviations(
-        friction=0.005,
-        body_mass=0.01 * scene.body_mass,
-        load_mass=0.01 * scene.load.mass,
-        load_at=1e-3,
-        anchor=1e-3,
-        hinge=1e-3,
-        rest_length=1e-3,
-        stiffness=0.02 * scene.tether.stiffness,
-    )
 
 
 def synthetic_run(seed: int) -> SyntheticRun:
@@ -104,7 +90,7 @@ def synthetic_run(seed: int) -> SyntheticRun:
         Tether(rng.uniform(0.4, 0.8), float(np.exp(rng.uniform(np.log(400), np.log(3000))))),
         FrictionSpecification(kinetic * rng.uniform(1.0, 1.15), kinetic, 0.0052, 0.07),
     )
-    deviations = deviations_of(scene)
+    known = deviations(scene)
     speed, turn = rng.uniform(0.2, 0.35), rng.uniform(-0.7, 0.7)
     path = drive((-0.4, rng.uniform(-0.3, 0.3), rng.uniform(-0.3, 0.3)), speed, turn, rest_s=0.5)
     times = np.arange(round((0.5 + 0.5 + PATH_M / speed) * RATE_HZ)) / RATE_HZ
@@ -114,27 +100,27 @@ def synthetic_run(seed: int) -> SyntheticRun:
     anchor = hinge - taut * np.array([np.cos(bearing), np.sin(bearing)])
     origin = anchor - (transform([0, 0, heading], scene.anchor))
     start = np.array([*origin, heading])
-    return SyntheticRun(scene, deviations, _drawn_truth(scene, deviations, rng), path, start, times)
+    return SyntheticRun(scene, known, _drawn_truth(scene, known, rng), path, start, times)
 
 
-def _drawn_truth(scene: TowingScene, std: InputDeviations, rng: np.random.Generator) -> Truth:
+def _drawn_truth(scene: TowingScene, std: dict[str, float], rng: np.random.Generator) -> Truth:
     def about(value: object, deviation: float) -> object:
         return value + deviation * rng.standard_normal(np.shape(value))
 
     true = replace(
         scene,
-        body_mass=float(about(scene.body_mass, std.body_mass)),
+        body_mass=float(about(scene.body_mass, std["body_mass"])),
         load=replace(
-            scene.load, mass=float(about(scene.load.mass, std.load_mass)), at=about(scene.load.at, std.load_at)
+            scene.load, mass=float(about(scene.load.mass, std["load_mass"])), at=about(scene.load.at, std["load_at"])
         ),
-        anchor=about(scene.anchor, std.anchor),
-        hinge=about(scene.hinge, std.hinge),
+        anchor=about(scene.anchor, std["anchor"]),
+        hinge=about(scene.hinge, std["hinge"]),
         tether=Tether(
-            float(about(scene.tether.rest_length, std.rest_length)),
-            float(about(scene.tether.stiffness, std.stiffness)),
+            float(about(scene.tether.rest_length, std["rest_length"])),
+            float(about(scene.tether.stiffness, std["stiffness"])),
         ),
     )
-    return Truth(true, float(about(1.0, std.friction / scene.friction.kinetic)))
+    return Truth(true, float(about(1.0, std["friction"] / scene.friction.kinetic)))
 
 
 def planted(run: SyntheticRun, right: Array, fault: str, seed: int) -> tuple[Truth, float]:

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 import yaml
 
-from towval.io.campaign import load_campaign
-from towval.io.schema import packaged_schema
+from towval.io.campaign import campaign_schema, load_campaign
 from towval.model.errors import InputError
 
 
@@ -148,7 +147,7 @@ def _leaves(schema, path=""):
 
 
 def test_every_key_of_the_schema_has_a_meaning_and_lengths_have_a_unit():
-    for path, schema in _leaves(packaged_schema("campaign.schema.yaml")):
+    for path, schema in _leaves(campaign_schema()):
         if "[]" not in path.rsplit(".", 1)[-1]:
             assert "description" in schema, path
         if "properties" not in schema and path.endswith(("_m", "_px", "_kg", "_N_per_m", "_m_per_s")):

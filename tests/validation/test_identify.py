@@ -7,13 +7,22 @@ import pytest
 
 from studies.worlds.campaign import ANCHOR, HINGE, OBJECT
 from studies.worlds.scenes import drive
-from towval.model import FrictionSpecification, InputDeviations, Load, Patch, Tether, TowingScene
+from towval.model import FrictionSpecification, Load, Patch, Tether, TowingScene
 from towval.model.errors import InputError
 from towval.validation.decimate import decimate
 from towval.validation.identify import IdentifySettings, MeasuredRun, _identifiability, identify
 from towval.validation.simulate import SimulateSettings, simulate
 
-DEVIATIONS = InputDeviations(0.005, 0.04, 0.015, 0.001, 0.001, 0.001, 0.001, 16.0)
+DEVIATIONS = {
+    "friction": 0.005,
+    "body_mass": 0.04,
+    "load_mass": 0.015,
+    "load_at": 0.001,
+    "anchor": 0.001,
+    "hinge": 0.001,
+    "rest_length": 0.001,
+    "stiffness": 16.0,
+}
 STARTS = ((0.1, 0.5, 0.15), (-0.2, -0.6, -0.2), (0.0, 0.2, 0.5))
 """Heading and turn of the rover's drive, and heading of the object, a run each."""
 
@@ -76,8 +85,8 @@ def test_planted_values_come_back_and_predict_the_run_left_out(scene, measure):
 def test_a_wrong_input_that_is_not_fitted_moves_a_value_within_its_deviation(scene, measure):
     """A load told too heavy is found nearer to the middle, by what its mass's deviation says."""
     runs, settings = measure(scene, 2), IdentifySettings(("load_x",))
-    nothing = InputDeviations(*np.zeros(8))
-    at = replace(nothing, load_mass=0.3)
+    nothing = dict.fromkeys(DEVIATIONS, 0.0)
+    at = nothing | {"load_mass": 0.3}
     sure, unsure = (identify(scene, known, runs, settings) for known in (nothing, at))
     assert unsure.covariance[0, 0] > 4 * sure.covariance[0, 0]
     heavier = replace(scene, load=replace(scene.load, mass=scene.load.mass + 0.3))
@@ -138,5 +147,5 @@ def test_unknown_parameters_are_refused(names):
 
 def test_a_load_that_is_not_there_has_no_place(scene, measure):
     empty = replace(scene, load=Load(0.0, np.zeros(2), np.zeros(3)))
-    with pytest.raises(InputError, match="no load"):
+    with pytest.raises(InputError, match="does not have"):
         identify(empty, DEVIATIONS, measure(empty, 1), IdentifySettings(("load_x",)))

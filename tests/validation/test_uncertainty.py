@@ -13,7 +13,6 @@ from towval.model import (
     Camera,
     Floor,
     FrictionSpecification,
-    InputDeviations,
     Load,
     Patch,
     Tether,
@@ -36,7 +35,16 @@ from towval.validation.uncertainty import (
     variance_shares,
 )
 
-DEVIATIONS = InputDeviations(0.005, 0.04, 0.015, 0.001, 0.001, 0.001, 0.001, 40.0)
+DEVIATIONS = {
+    "friction": 0.005,
+    "body_mass": 0.04,
+    "load_mass": 0.015,
+    "load_at": 0.001,
+    "anchor": 0.001,
+    "hinge": 0.001,
+    "rest_length": 0.001,
+    "stiffness": 40.0,
+}
 PARAMETER_STD = np.array([0.4, 0.4, 0.3, 0.3, 4e-4, 4e-4, *np.zeros(6), *[2e-4] * 3, *[4e-4] * 3])
 
 
@@ -136,7 +144,7 @@ def test_more_draws_keep_those_that_were_made(case):
 def test_without_deviations_nothing_is_uncertain(case):
     exact = replace(
         case,
-        deviations=InputDeviations(*np.zeros(8)),
+        deviations=dict.fromkeys(DEVIATIONS, 0.0),
         calibration=replace(case.calibration, covariance=np.zeros((18, 18))),
         rover=replace(ROVER, height_std_m=0.0),
         towed=replace(OBJECT, height_std_m=0.0),
@@ -161,7 +169,7 @@ def test_a_longer_tether_is_found(case):
 
 
 def test_a_huge_uncertainty_is_no_agreement(case):
-    vague = replace(case, deviations=replace(DEVIATIONS, hinge=0.05, anchor=0.05))
+    vague = replace(case, deviations=DEVIATIONS | {"hinge": 0.05, "anchor": 0.05})
     comparison = compare(
         "a", case.simulated, case.object_track, sample_uncertainty(vague, UncertaintySettings(samples=64))
     )

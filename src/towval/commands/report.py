@@ -7,7 +7,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
+from numpy.typing import ArrayLike
 
 from towval.commands.overlay import run as write_run_overlay
 from towval.commands.run_folder import files, read_run
@@ -18,6 +20,7 @@ from towval.io.provenance import file_hash, versions
 from towval.io.records import read_calibration
 from towval.io.records.identification import read_identification
 from towval.io.summary import write_summary
+from towval.model.inputs import INPUTS, stated_in
 from towval.optics.plane_uncertainty import uncertainty_map
 from towval.report.data import InputRow, Provenance, ReportData, ReportSettings, RunReport
 from towval.report.page import write_report
@@ -89,40 +92,25 @@ def _settings(made: Sequence[Path]) -> dict[str, str]:
 
 
 def _inputs(given: Campaign) -> Iterator[InputRow]:
-    """The inputs of the simulation with the standard deviations that were drawn from."""
-    scene, std, document = given.scene, given.deviations, given.document
-
-    def row(name: str, value: str, unit: str, deviation: float | None, *key: str) -> InputRow:
-        source, section = "campaign.yaml", document
-        for part in key:
-            section = section.get(part, {})
-        if deviation is not None and section == {}:
-            source += "; deviation: default"
-        return InputRow(name, value, unit, "" if deviation is None else f"{float(f'{deviation:.1e}'):g}", source)
-
-    load = ("object", "load")
-    yield row("mass of the object without load", f"{scene.body_mass:g}", "kg", std.body_mass, "object", "mass_std_kg")
-    yield row("mass of the load", f"{scene.load.mass:g}", "kg", std.load_mass, *load, "mass_std_kg")
-    yield row("place of the load", _point(scene.load.at), "m", std.load_at, *load, "at_std_m")
-    yield row("anchor on the object", _point(scene.anchor), "m", std.anchor, "object", "tether_anchor_std_m")
-    yield row("hinge on the rover", _point(scene.hinge), "m", std.hinge, "rover", "tether_hinge_std_m")
-    tether, friction = scene.tether, scene.friction
-    yield row(
-        "rest length of the tether", f"{tether.rest_length:g}", "m", std.rest_length, "tether", "rest_length_std_m"
-    )
-    yield row(
-        "stiffness of the tether", f"{tether.stiffness:g}", "N/m", std.stiffness, "tether", "stiffness_std_N_per_m"
-    )
-    yield row("damping of the tether", f"{tether.damping:g}", "N s/m", None)
-    yield row("kinetic friction coefficient", f"{friction.kinetic:g}", "", std.friction, "friction", "kinetic_std")
-    static_std = std.friction * friction.static / friction.kinetic
-    yield row("static friction coefficient", f"{friction.static:g}", "", static_std, "friction", "kinetic_std")
-    yield row("stiction velocity", f"{friction.stiction_velocity:g}", "m/s", None)
-    yield row("friction velocity", f"{friction.friction_velocity:g}", "m/s", None)
-    for body in given.bodies:
-        height, key = f"{body.tracked_plane_height_m:g}", "tracked_plane_height_std_m"
-        yield row(f"height of the {body.name}'s top", height, "m", body.height_std_m, body.name, key)
+    """The inputs of the simulation with their sampled deviations, then those that are taken as exact."""
+    heights = {f"{body.name}_height": body.tracked_plane_height_m for body in given.bodies}
+    for row in INPUTS.values():
+        if row.stated:
+            source = "" if stated_in(given.document, row.stated.key) is not None else "; deviation: default"
+            value = _number(heights.get(row.name, row.values(given.scene)))
+            std = float(f"{given.deviations[row.name]:.1e}")
+            yield InputRow(row.label, value, row.unit, f"{std:g}", f"campaign.yaml{source}")
+    tether, friction = given.scene.tether, given.scene.friction
+    static_std = float(f"{given.deviations['friction'] * friction.static / friction.kinetic:.1e}")
+    yield InputRow("static friction", f"{friction.static:g}", "", f"{static_std:g}", "campaign.yaml; with friction")
+    for label, exact, unit in (
+        ("damping of the tether", tether.damping, "N s/m"),
+        ("stiction velocity", friction.stiction_velocity, "m/s"),
+        ("friction velocity", friction.friction_velocity, "m/s"),
+    ):
+        yield InputRow(label, f"{exact:g}", unit, "", "campaign.yaml")
 
 
-def _point(xy: Any) -> str:
-    return f"({xy[0]:g}, {xy[1]:g})".replace("-", "−")
+def _number(value: ArrayLike) -> str:
+    parts = [f"{part:g}" for part in np.atleast_1d(value)]
+    return (parts[0] if len(parts) == 1 else f"({', '.join(parts)})").replace("-", "−")

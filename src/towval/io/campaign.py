@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,6 @@ from towval.model import (
     Body,
     FloorReference,
     FrictionSpecification,
-    InputDeviations,
     Load,
     Patch,
     Tether,
@@ -25,6 +25,7 @@ from towval.model import (
 )
 from towval.model.errors import InputError
 from towval.model.geometry import inside_polygon, polygon_area
+from towval.model.inputs import INPUTS, deviations
 from towval.physics.mass import towed_object
 from towval.tracking.markers import Tag
 
@@ -49,8 +50,8 @@ class Campaign:
     """A campaign as handed in.
 
     ``calibration_images`` and ``floor_images`` are files that exist; the first floor image defines the floor frame.
-    ``tags`` are the markers on each body's top, by its name; ``scene`` is what the simulation is told, ``deviations``
-    how well it is known; ``document`` is the file as read.
+    ``tags`` are the markers on each body's top, by its name; ``scene`` is the input of the simulation, ``deviations``
+    the standard deviations of the uncertain inputs by name; ``document`` is the file as read.
     """
 
     folder: Path
@@ -64,7 +65,7 @@ class Campaign:
     object: Body
     tags: dict[str, tuple[Tag, ...]]
     scene: TowingScene
-    deviations: InputDeviations
+    deviations: dict[str, float]
     runs: dict[str, Run]
     document: dict[str, Any]
 
@@ -112,7 +113,7 @@ def load_campaign(folder: Path) -> Campaign:
             remedy="check the path after campaign=",
         )
     document = read_yaml(folder / "campaign.yaml")
-    check(document, packaged_schema("campaign.schema.yaml"), "campaign.yaml")
+    check(document, campaign_schema(), "campaign.yaml")
     camera, floor = document["camera"], document["floor"]
     rover, towed = document["rover"], document["object"]
     load = _load(towed)
@@ -120,6 +121,7 @@ def load_campaign(folder: Path) -> Campaign:
     _check_friction(document["friction"])
     scene = _scene(document, load)
     _check_weight(scene)
+    known = deviations(scene, document)
     return Campaign(
         folder=folder,
         name=folder.resolve().name,
@@ -128,14 +130,34 @@ def load_campaign(folder: Path) -> Campaign:
         board=_board(camera["board"]),
         floor_images=_floor_images(folder, floor),
         floor_reference=_floor_reference(floor),
-        rover=_body("rover", rover, ()),
-        object=_body("object", towed, (load.outline,) if load.size[:2].all() else ()),
+        rover=_body("rover", rover, known["rover_height"], ()),
+        object=_body("object", towed, known["object_height"], (load.outline,) if load.size[:2].all() else ()),
         tags={"rover": _tags(rover), "object": _tags(towed)},
         scene=scene,
-        deviations=_deviations(document, load),
+        deviations=known,
         runs={str(name): _run(folder, str(name), entry, document) for name, entry in document["runs"].items()},
         document=document,
     )
+
+
+def campaign_schema() -> dict[str, Any]:
+    """The packaged schema of campaign.yaml with the deviations of :data:`towval.model.inputs.INPUTS`."""
+    schema = deepcopy(packaged_schema("campaign.schema.yaml"))
+    for row in INPUTS.values():
+        if row.stated is None:
+            continue
+        *sections, key = row.stated.key.split(".")
+        section = schema
+        for name in sections:
+            section = section["properties"][name]
+        section["properties"][key] = {
+            "description": f"Standard deviation of {row.stated.of}; by default {row.stated.default_text}.",
+            "unit": row.unit or "1",
+            "type": "number",
+            "minimum": 0,
+            "maximum": row.stated.maximum,
+        }
+    return schema
 
 
 def _board(keys: dict[str, Any]) -> Board:
@@ -203,7 +225,7 @@ def _floor_images(folder: Path, floor: dict[str, Any]) -> tuple[Path, ...]:
     return (*first, *(path for path in more if path not in first))
 
 
-def _body(name: str, keys: dict[str, Any], obstructions: tuple[Array, ...]) -> Body:
+def _body(name: str, keys: dict[str, Any], height_std_m: float, obstructions: tuple[Array, ...]) -> Body:
     corners = np.array(keys["top_corners_m"], dtype=float)
     if abs(polygon_area(corners)) < 1e-4:
         raise InputError(
@@ -216,7 +238,7 @@ def _body(name: str, keys: dict[str, Any], obstructions: tuple[Array, ...]) -> B
         tracked_plane_height_m=keys["tracked_plane_height_m"],
         top_corners_m=corners,
         obstructions=obstructions,
-        height_std_m=keys.get("tracked_plane_height_std_m", 0.001),
+        height_std_m=height_std_m,
     )
 
 
@@ -297,28 +319,7 @@ def _scene(document: dict[str, Any], load: Load) -> TowingScene:
             kinetic=friction["kinetic"],
             stiction_velocity=friction["stiction_velocity_m_per_s"],
             friction_velocity=friction["friction_velocity_m_per_s"],
-            kinetic_std=friction.get("kinetic_std", 0.005),
         ),
-    )
-
-
-_MASS_STD, _STIFFNESS_STD = 0.01, 0.02
-_PLACE_STD_M, _LENGTH_STD_M = 0.001, 0.001
-"""Deviations where campaign.yaml gives none, as the schema says: a scale, a spring balance, a tape measure."""
-
-
-def _deviations(document: dict[str, Any], load: Load) -> InputDeviations:
-    towed, rover, tether = document["object"], document["rover"], document["tether"]
-    loaded = towed.get("load", {})
-    return InputDeviations(
-        friction=document["friction"].get("kinetic_std", 0.005),
-        body_mass=towed.get("mass_std_kg", _MASS_STD * towed["mass_kg"]),
-        load_mass=loaded.get("mass_std_kg", _MASS_STD * load.mass),
-        load_at=loaded.get("at_std_m", _PLACE_STD_M) if loaded else 0.0,
-        anchor=towed.get("tether_anchor_std_m", _PLACE_STD_M),
-        hinge=rover.get("tether_hinge_std_m", _PLACE_STD_M),
-        rest_length=tether.get("rest_length_std_m", _LENGTH_STD_M),
-        stiffness=tether.get("stiffness_std_N_per_m", _STIFFNESS_STD * tether["stiffness_N_per_m"]),
     )
 
 

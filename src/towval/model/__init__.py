@@ -22,7 +22,6 @@ from towval.model.identification import Identification, Prediction
 from towval.model.results import Comparison, RunUncertainty, SimulatedMotion, TimedPath, Verdict
 from towval.model.towing import (
     FrictionSpecification,
-    InputDeviations,
     Load,
     Patch,
     Tether,
@@ -49,7 +48,6 @@ __all__ = [
     "FrictionLaw",
     "FrictionSpecification",
     "Identification",
-    "InputDeviations",
     "Load",
     "Patch",
     "Prediction",

@@ -1,8 +1,8 @@
-"""What the simulation is told: footprint, load, friction, tether, and how well each is known."""
+"""Input of the simulation: footprint, load, friction and tether."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -89,7 +89,7 @@ class Load:
 class FrictionSpecification:
     """What a lab knows of the friction: the numbers to which a friction law is fitted, and which law.
 
-    ``static`` and ``kinetic`` coefficients [1], ``kinetic_std`` [1]; ``stiction_velocity`` v_s, where the law peaks,
+    ``static`` and ``kinetic`` coefficients [1]; ``stiction_velocity`` v_s, where the law peaks,
     and ``friction_velocity`` v_k, where it has come down to the kinetic coefficient [m/s]; ``law`` its name in
     :data:`towval.physics.friction_laws.LAWS`.
     """
@@ -98,12 +98,10 @@ class FrictionSpecification:
     kinetic: float
     stiction_velocity: float
     friction_velocity: float
-    kinetic_std: float = 0.005
     law: str = "makkar"
 
     def __post_init__(self) -> None:
         positive(self, "static", "kinetic", "stiction_velocity", "friction_velocity")
-        positive(self, "kinetic_std", zero=True)
 
 
 @dataclass(frozen=True)
@@ -125,25 +123,3 @@ class TowingScene:
     def __post_init__(self) -> None:
         lock(self, anchor=(2,), hinge=(2,))
         positive(self, "body_mass")
-
-
-@dataclass(frozen=True)
-class InputDeviations:
-    """Standard deviations of what the simulation is told.
-
-    ``friction`` of the kinetic coefficient, the static one going with it in proportion [1]; ``body_mass`` and
-    ``load_mass`` [kg]; ``load_at``, ``anchor``, ``hinge`` of each coordinate [m]; ``rest_length`` [m];
-    ``stiffness`` [N/m].
-    """
-
-    friction: float
-    body_mass: float
-    load_mass: float
-    load_at: float
-    anchor: float
-    hinge: float
-    rest_length: float
-    stiffness: float
-
-    def __post_init__(self) -> None:
-        positive(self, *(f.name for f in fields(self)), zero=True)

@@ -12,7 +12,6 @@ from towval.model import (
     Calibration,
     Choice,
     DecimatedTrack,
-    InputDeviations,
     RunUncertainty,
     SimulatedMotion,
     TowingScene,
@@ -30,7 +29,7 @@ _SETTLED = 0.1  # Limits of the verdict may change by this share when the draws 
 
 def gather(
     scene: TowingScene,
-    deviations: InputDeviations,
+    deviations: Mapping[str, float],
     calibration: Calibration,
     bodies: tuple[Body, Body],
     tracks: Mapping[str, Track],

@@ -5,10 +5,11 @@ Kept apart from the validation: the blind comparison uses what campaign.yaml say
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 from scipy.stats import qmc
 
@@ -16,9 +17,7 @@ from towval.model import (
     Array,
     DecimatedTrack,
     Finding,
-    FrictionLaw,
     Identification,
-    InputDeviations,
     Prediction,
     TowingScene,
     Track,
@@ -26,11 +25,11 @@ from towval.model import (
 from towval.model.errors import InputError, RefusedError, TowvalError
 from towval.model.findings import finding
 from towval.model.geometry import block_means, wrapped
+from towval.model.inputs import IDENTIFIABLE, Realisation, UncertainInput, titled
 from towval.physics.dynamics import Accuracy
 from towval.physics.friction_laws import fitted_law
 from towval.physics.ladder import simulate_rung
 from towval.physics.mass import towed_object
-from towval.validation.identifiable import PARAMETERS, has_a_load, titled
 from towval.validation.simulate import hinge_path
 
 _STEP = 0.1
@@ -59,7 +58,7 @@ _TIED = 0.98
 class IdentifySettings:
     """Keys of ``config["identify"]``.
 
-    ``parameters`` to fit, names of :data:`towval.validation.identifiable.PARAMETERS`; none: nothing is identified.
+    ``parameters`` to fit, names of the components in :data:`towval.model.inputs.INPUTS`; none: nothing is identified.
     ``tolerance_m`` of integration [m].
     """
 
@@ -68,10 +67,10 @@ class IdentifySettings:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "parameters", tuple(self.parameters))
-        unknown = [name for name in self.parameters if name not in PARAMETERS]
+        unknown = [name for name in self.parameters if name not in IDENTIFIABLE]
         if unknown or len(set(self.parameters)) < len(self.parameters):
             raise InputError(
-                "identify.parameters is out of range", got=list(self.parameters), allowed=", ".join(PARAMETERS)
+                "identify.parameters is out of range", got=list(self.parameters), allowed=", ".join(IDENTIFIABLE)
             )
         if not 1e-12 <= self.tolerance_m <= 1e-3:
             raise InputError("identify.tolerance_m is out of range", got=self.tolerance_m, allowed="1e-12 to 1e-3 m")
@@ -95,7 +94,7 @@ class MeasuredRun:
 
 
 def identify(
-    scene: TowingScene, deviations: InputDeviations, runs: Sequence[MeasuredRun], settings: IdentifySettings
+    scene: TowingScene, deviations: Mapping[str, float], runs: Sequence[MeasuredRun], settings: IdentifySettings
 ) -> Identification:
     """Fit inputs to runs by least squares over the simulation, and predict each run from all others.
 
@@ -113,8 +112,8 @@ def identify(
     ----------
     scene : TowingScene
         What campaign.yaml says.
-    deviations : InputDeviations
-        How well that was known. Of the fitted inputs for comparison only: the fit does not lean on it.
+    deviations : mapping
+        Standard deviations of the inputs by name. Those of fitted inputs are for comparison only.
     runs : sequence of MeasuredRun
         One run or more.
     settings : IdentifySettings
@@ -132,13 +131,15 @@ def identify(
         When a simulation ends early within the searched range.
     """
     if not settings.parameters or not runs:
-        raise InputError("there is nothing to identify", allowed=f"one or more of {', '.join(PARAMETERS)}, and a run")
-    if not has_a_load(scene) and any(name.startswith("load") for name in settings.parameters):
+        raise InputError("there is nothing to identify", allowed=f"one or more of {', '.join(IDENTIFIABLE)}, and a run")
+    missing = [name for name in settings.parameters if not IDENTIFIABLE[name][0].present(scene)]
+    if missing:
         raise InputError(
-            "the object has no load whose place or mass could be identified",
-            remedy="leave load_x, load_y and load_mass out",
+            "identify.parameters names what the campaign does not have (a load)",
+            got=", ".join(missing),
+            remedy="leave them out",
         )
-    fit = _Fit(scene, fitted_law(scene.friction).law, deviations, settings)
+    fit = _Fit(Realisation.nominal(scene, fitted_law(scene.friction).law), deviations, settings)
     found = fit.values(runs, fit.starts(runs)[:_STARTS])
     covariance = fit.covariance(found, runs)
     identifiable, findings = _identifiability(settings.parameters, covariance, fit.reach)
@@ -165,7 +166,7 @@ def identify(
         parameters=tuple(titled(name) for name in settings.parameters),
         runs=tuple(run.name for run in runs),
         given=fit.given,
-        given_std=np.array([PARAMETERS[name].given_std(deviations) for name in settings.parameters]),
+        given_std=np.array([deviations[IDENTIFIABLE[name][0].name] for name in settings.parameters]),
         values=found.values,
         covariance=covariance,
         identifiable=identifiable,
@@ -191,12 +192,13 @@ class _Found:
 class _Fit:
     """Least squares over the simulation, with parameters in units of their scales."""
 
-    def __init__(self, scene: TowingScene, law: FrictionLaw, deviations: InputDeviations, settings: IdentifySettings):
-        self.scene, self.law, self.deviations, self.settings = scene, law, deviations, settings
-        self.parameters = [PARAMETERS[name] for name in settings.parameters]
-        self.given = np.array([p.value(scene) for p in self.parameters])
-        self.scale = np.array([p.scale(scene) for p in self.parameters])
-        self.reach = np.array([p.reach(scene) for p in self.parameters])
+    def __init__(self, nominal: Realisation, deviations: Mapping[str, float], settings: IdentifySettings):
+        self.nominal, self.deviations, self.settings = nominal, deviations, settings
+        scene = nominal.scene
+        self.parameters = [IDENTIFIABLE[name] for name in settings.parameters]
+        self.given = np.array([row.values(scene)[i] for row, i in self.parameters])
+        self.scale = np.array([_component(row, row.search.step(scene), i) for row, i in self.parameters])
+        self.reach = np.array([_component(row, row.search.reach(scene), i) for row, i in self.parameters])
         # The difference quotients look a step beyond a value: the bounds stay that far from the range's ends.
         self.bound = self.reach - _STEP * self.scale
         sequence = qmc.Sobol(len(self.given), scramble=True, rng=np.random.default_rng(_SEED)).random(_PLACES)
@@ -215,7 +217,7 @@ class _Fit:
         """The best of the fits to these runs that begin at ``starts``, each (p,)."""
 
         def residual(u: Array) -> Array:
-            return self._residuals(runs, self.scene, self.law, self.given + u * self.scale)
+            return self._residuals(runs, self.nominal, self.given + u * self.scale)
 
         def jacobian(u: Array) -> Array:
             steps = _STEP * np.eye(len(u))
@@ -234,7 +236,7 @@ class _Fit:
 
     def _squares(self, run: MeasuredRun, values: Array) -> float:
         try:
-            return float(np.sum(self._residuals([run], self.scene, self.law, values) ** 2))
+            return float(np.sum(self._residuals([run], self.nominal, values) ** 2))
         except TowvalError:
             # No place to start from. Where all are like this, the fit meets the same error and tells it.
             return float("inf")
@@ -242,14 +244,13 @@ class _Fit:
     def _by_others(self, runs: Sequence[MeasuredRun], values: Array) -> list[Array]:
         """What one deviation of each input that is not fitted changes the residuals (m,) by."""
         columns = []
-        for name, other in PARAMETERS.items():
-            std = other.given_std(self.deviations)
-            if name in self.settings.parameters or std == 0 or (name.startswith("load") and not has_a_load(self.scene)):
+        for name, (row, i) in IDENTIFIABLE.items():
+            std = self.deviations[row.name]
+            if name in self.settings.parameters or std == 0 or not row.present(self.nominal.scene):
                 continue
-            given = other.value(self.scene)
+            given = row.values(self.nominal.scene)[i]
             above, below = (
-                self._residuals(runs, *other.changed(self.scene, self.law, given + sign * std), values)
-                for sign in (1, -1)
+                self._residuals(runs, _changed(self.nominal, row, i, given + sign * std), values) for sign in (1, -1)
             )
             columns.append((above - below) / 2)
         return columns
@@ -268,28 +269,30 @@ class _Fit:
             covariance += np.outer(solver @ change, solver @ change)
         return covariance * np.outer(self.scale, self.scale)
 
-    def _residuals(self, runs: Sequence[MeasuredRun], scene: TowingScene, law: FrictionLaw, values: Array) -> Array:
+    def _residuals(self, runs: Sequence[MeasuredRun], base: Realisation, values: Array) -> Array:
         """Block means of simulated − measured in deviations of the measurement, all runs one after another."""
         parts = []
         for run in runs:
             if run.name not in self._whitening:
                 self._whitening[run.name] = _whitening(run)
-            means = block_means(_error(run, self._poses(run, scene, law, values)))
+            means = block_means(_error(run, self._poses(run, base, values)))
             # A block in which the object was never seen says nothing.
             parts.append(np.einsum("kij,kj->ki", self._whitening[run.name], np.nan_to_num(means)).ravel())
         return np.concatenate(parts)
 
     def simulated(self, run: MeasuredRun, values: Array) -> Array:
         """Poses (n, 3) of the object with the values (p,)."""
-        return self._poses(run, self.scene, self.law, values)
+        return self._poses(run, self.nominal, values)
 
-    def _poses(self, run: MeasuredRun, scene: TowingScene, law: FrictionLaw, values: Array) -> Array:
-        for parameter, value in zip(self.parameters, values, strict=True):
-            scene, law = parameter.changed(scene, law, float(value))
+    def _poses(self, run: MeasuredRun, base: Realisation, values: Array) -> Array:
+        real = base
+        for (row, i), value in zip(self.parameters, values, strict=True):
+            real = _changed(real, row, i, float(value))
+        scene = real.scene
         motion = simulate_rung(
             run.rung,
             towed_object(scene),
-            law,
+            real.law,
             scene.tether,
             hinge_path(run.rover, scene.hinge, run.time_s),
             run.towed.spline()(run.time_s[0]),
@@ -299,6 +302,17 @@ class _Fit:
         if len(motion.time_s) < len(run.time_s):
             raise RefusedError(f"run {run.name} cannot be simulated while inputs are searched: {motion.outcome}")
         return motion.pose
+
+
+def _changed(real: Realisation, row: UncertainInput, component: int, value: float) -> Realisation:
+    """A realisation with one component of an input at another value."""
+    values = np.array(row.values(real.scene))
+    values[component] = value
+    return row.acts(real, values)
+
+
+def _component(row: UncertainInput, values: ArrayLike, component: int) -> float:
+    return float(np.broadcast_to(np.asarray(values, dtype=np.float64), len(row.components))[component])
 
 
 def _error(run: MeasuredRun, pose: Array) -> Array:

@@ -8,26 +8,23 @@ counted once).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.stats import norm, qmc
 
 from towval.model import (
-    CALIBRATION_PARAMETERS,
     Array,
     Body,
     Calibration,
     DecimatedTrack,
     Finding,
     FrictionLaw,
-    InputDeviations,
     RunUncertainty,
     SimulatedMotion,
-    Tether,
     TimedPath,
     TowingScene,
     Track,
@@ -35,6 +32,8 @@ from towval.model import (
 from towval.model.errors import InputError, RefusedError, TowvalError
 from towval.model.findings import finding
 from towval.model.geometry import compose, error_signature, normalised_signature, transform, wrapped
+from towval.model.inputs import INPUTS, Realisation
+from towval.model.plugins import load_plugins
 from towval.optics.plane_uncertainty import position_sensitivity
 from towval.optics.projection import project
 from towval.physics.dynamics import Accuracy
@@ -45,23 +44,6 @@ _HINGE_STEP_S = 0.02
 _DROPPED_SHARE = 0.02
 _REST = "noise and interactions"
 _SMALLEST = 2.0**-31  # Half a step of the Sobol sequence, which may hold 0, whose normal quantile is infinite.
-
-INPUTS = {
-    "friction": 1,
-    "mass of the object": 1,
-    "mass of the load": 1,
-    "place of the load": 2,
-    "anchor": 2,
-    "hinge": 2,
-    "rest length": 1,
-    "stiffness": 1,
-    "camera": len(CALIBRATION_PARAMETERS),
-    "height of the rover": 1,
-    "height of the object": 1,
-    "rover's first frame": 3,
-    "object's first frame": 3,
-}
-"""What is drawn, and from how many independent standard normal numbers."""
 
 
 @dataclass(frozen=True)
@@ -93,10 +75,13 @@ class UncertaintySettings:
 
 @dataclass(frozen=True)
 class Case:
-    """One run as the sampling sees it: what was given, what was measured, and the friction law of the nominal input."""
+    """One run: what was stated, what was measured, and the friction law of the stated scene.
+
+    ``deviations`` are those of :func:`towval.model.inputs.deviations`; those of the heights are the bodies' own.
+    """
 
     scene: TowingScene
-    deviations: InputDeviations
+    deviations: Mapping[str, float]
     law: FrictionLaw
     calibration: Calibration
     rover: Body
@@ -162,7 +147,9 @@ class UncertaintySampling:
     def __init__(self, case: Case, settings: UncertaintySettings, progress: Callable[[int], None] | None = None):
         self.case, self.settings, self.progress = case, settings, progress
         self._sampler = _Sampler(case, settings)
-        self._sequence = qmc.Sobol(sum(INPUTS.values()), scramble=True, rng=np.random.default_rng(settings.seed))
+        self._sequence = qmc.Sobol(
+            sum(self._sampler.widths.values()), scramble=True, rng=np.random.default_rng(settings.seed)
+        )
         self._draws = np.empty((0, self._sequence.d))
         self._outcomes: list[tuple[Array, Array]] = []
 
@@ -189,7 +176,7 @@ class UncertaintySampling:
         signature = error_signature(error)
         covariance = _mean_square(signature)
         largest = normalised_signature(signature, covariance).max(axis=(1, 2))
-        shares = variance_shares(draws, error[..., :2].reshape(len(error), -1), INPUTS)
+        shares = variance_shares(draws, error[..., :2].reshape(len(error), -1), self._sampler.widths)
         return RunUncertainty(
             time_s=self._sampler.times,
             measurement=_mean_square(_difference(measured, nominal)),
@@ -214,7 +201,7 @@ class UncertaintySampling:
         if self.settings.processes == 1:
             self._collect(self._sampler.outcome(made + i, draw) for i, draw in enumerate(draws))
         else:
-            with ProcessPoolExecutor(self.settings.processes) as pool:
+            with ProcessPoolExecutor(self.settings.processes, initializer=load_plugins) as pool:
                 self._collect(pool.map(self._sampler.outcome, range(made, samples), draws, chunksize=8))
 
     def _collect(self, outcomes: Iterable[tuple[Array, Array]]) -> None:
@@ -274,66 +261,46 @@ class _Sampler:
         self.noise_std = np.nan_to_num(case.object_track.std[rows])
         self.object = _motions(case.calibration, case.towed, case.simulated.pose)
         self.start = _motions(case.calibration, case.towed, case.object_decimated.spline()(self.times[:1]))
-        self.camera_root = _root(case.calibration.covariance)
-        self.rover_root = _root(case.rover_track.start_covariance)
-        self.object_root = _root(case.object_track.start_covariance)
+        self.nominal = Realisation.nominal(case.scene, case.law)
         self.knot_std = np.sqrt(np.diagonal(case.rover_decimated.covariance, axis1=1, axis2=2))
+        self.roots = _roots(case)
+        self.widths = {row.label: len(row.components) for row in INPUTS.values()}
 
     def outcome(self, index: int, draw: Array) -> tuple[Array, Array]:
         """Simulated and measured poses (n, 3) of one draw; NaN where it cannot be simulated."""
-        part = dict(zip(INPUTS, np.split(draw, np.cumsum(list(INPUTS.values()))[:-1]), strict=True))
         # One generator a draw, so that the result does not depend on how draws are shared among processes.
         rng = np.random.default_rng([self.settings.seed, index])
-        camera = self.camera_root @ part["camera"]
-        case, scene = self.case, self._scene(part)
-        height = case.towed.height_std_m * part["height of the object"][0]
-        first = self.object_root @ part["object's first frame"]
-        measured = self.object.shifted(camera, height, first) + self.noise_std * rng.standard_normal(
-            self.noise_std.shape
-        )
+        towed, rover = self.case.towed.name, self.case.rover.name
         try:
-            simulated = self._simulate(
-                scene, part, self._rover_poses(part, camera, rng), self.start.shifted(camera, height, first)[0]
-            )
+            real = self._realisation(draw)
+            moved = real.camera, real.height[towed], real.registration[towed]
+            measured = self.object.shifted(*moved) + self.noise_std * rng.standard_normal(self.noise_std.shape)
+            poses = self.rover.shifted(real.camera, real.height[rover], real.registration[rover])
+            return self._simulate(real, poses + self._knot_noise(rng), self.start.shifted(*moved)[0]), measured
         except TowvalError:
-            simulated = np.full_like(measured, np.nan)
-        return simulated, measured
+            missing = np.full_like(self.noise_std, np.nan)
+            return missing, missing
 
-    def _rover_poses(self, part: dict[str, Array], camera: Array, rng: np.random.Generator) -> Array:
-        height = self.case.rover.height_std_m * part["height of the rover"][0]
-        poses = self.rover.shifted(camera, height, self.rover_root @ part["rover's first frame"])
+    def _realisation(self, draw: Array) -> Realisation:
+        """All inputs at the values of a draw of standard normal numbers."""
+        real = self.nominal
+        parts = np.split(draw, np.cumsum(list(self.widths.values()))[:-1])
+        for row, part in zip(INPUTS.values(), parts, strict=True):
+            real = row.acts(real, row.values(self.case.scene) + self.roots[row.name] @ part)
+        return real
+
+    def _knot_noise(self, rng: np.random.Generator) -> Array:
+        """Noise of the decimated track of the rover, between its knots linear."""
         knots = self.case.rover_decimated.time_s
         noise = self.knot_std * rng.standard_normal(self.knot_std.shape)
-        return poses + np.stack([np.interp(self.hinge_times, knots, noise[:, c]) for c in range(3)], axis=1)
+        return np.stack([np.interp(self.hinge_times, knots, noise[:, c]) for c in range(3)], axis=1)
 
-    def _scene(self, part: dict[str, Array]) -> TowingScene:
-        scene, std = self.case.scene, self.case.deviations
-        load = replace(
-            scene.load,
-            mass=max(0.0, scene.load.mass + std.load_mass * part["mass of the load"][0]),
-            at=scene.load.at + std.load_at * part["place of the load"],
-        )
-        tether = Tether(
-            rest_length=scene.tether.rest_length + std.rest_length * part["rest length"][0],
-            stiffness=scene.tether.stiffness + std.stiffness * part["stiffness"][0],
-            damping=scene.tether.damping,
-        )
-        return replace(
-            scene,
-            body_mass=scene.body_mass + std.body_mass * part["mass of the object"][0],
-            load=load,
-            tether=tether,
-            anchor=scene.anchor + std.anchor * part["anchor"],
-            hinge=scene.hinge + std.hinge * part["hinge"],
-        )
-
-    def _simulate(self, scene: TowingScene, part: dict[str, Array], rover: Array, start: Array) -> Array:
-        factor = 1 + self.case.deviations.friction / self.case.scene.friction.kinetic * part["friction"][0]
-        target = towed_object(scene)
+    def _simulate(self, real: Realisation, rover: Array, start: Array) -> Array:
+        scene = real.scene
         motion = simulate_rung(
             self.case.simulated.rung,
-            target,
-            self.case.law.scaled(factor),
+            towed_object(scene),
+            real.law,
             scene.tether,
             TimedPath(self.hinge_times, transform(rover, scene.hinge)),
             start,
@@ -365,6 +332,17 @@ def _motions(calibration: Calibration, body: Body, pose: Array) -> _Motions:
     shift_y = mean_move[:, 1] + lever[:, 0, None] * turn
     by_pose = np.stack([shift_x, shift_y, turn], axis=1)
     return _Motions(pose, by_pose[..., :-1], by_pose[..., -1])
+
+
+def _roots(case: Case) -> dict[str, Array]:
+    """Square roots (k, k) of the covariances of the inputs, by name."""
+    stated = dict(case.deviations)
+    covariances = {"camera": case.calibration.covariance}
+    for body, track in ((case.rover, case.rover_track), (case.towed, case.object_track)):
+        stated[f"{body.name}_height"] = body.height_std_m
+        covariances[f"{body.name}_registration"] = track.start_covariance
+    roots = {name: _root(covariance) for name, covariance in covariances.items()}
+    return {row.name: stated[row.name] * np.eye(len(row.components)) for row in INPUTS.values() if row.stated} | roots
 
 
 def _root(covariance: ArrayLike) -> Array:
