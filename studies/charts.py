@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -148,7 +149,7 @@ def _draw_panel(axes: Axes, rows: pd.DataFrame, series: Sequence[str], *, front:
 
 
 def _handles(series: Sequence[str], *, front: bool) -> list[Line2D]:
-    style = {"ms": 4.5, "mec": "white", "mew": 0.4}
+    style: dict[str, Any] = {"ms": 4.5, "mec": "white", "mew": 0.4}
     shapes = zip(itertools.cycle(MARKERS), itertools.cycle(COLOURS))
     handles = [
         Line2D([], [], ls="" if front else "-", marker=marker, color=colour, label=name, **style)

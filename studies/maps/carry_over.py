@@ -61,16 +61,21 @@ def _slower(run: _Run, rate_hz: float) -> _Run:
     return replace(run, time_s=run.time_s[rows], rover=run.rover[rows], towed=run.towed[rows])
 
 
+def _with_poses(run: _Run, body: str, pose: Array) -> _Run:
+    """The run with other poses of one body, "rover" or "towed"."""
+    return replace(run, rover=pose) if body == "rover" else replace(run, towed=pose)
+
+
 def _higher(run: _Run, mm: float, body: str) -> _Run:
     """A top taken for higher than it is: every pose moves towards the nadir."""
     height = {"rover": campaign.ROVER, "towed": campaign.OBJECT}[body].tracked_plane_height_m
     shrink = (CAMERA_HEIGHT_M - height - 1e-3 * mm) / (CAMERA_HEIGHT_M - height)
-    return replace(run, **{body: getattr(run, body) * [shrink, shrink, 1]})
+    return _with_poses(run, body, getattr(run, body) * [shrink, shrink, 1])
 
 
 def _clicked(run: _Run, mm: float, body: str) -> _Run:
     """A body frame that lies so far off on its body, across it, and turned by as much over half a metre."""
-    return replace(run, **{body: compose(getattr(run, body), np.array([0.0, 1e-3 * mm, 1e-3 * mm / 0.5]))})
+    return _with_poses(run, body, compose(getattr(run, body), np.array([0.0, 1e-3 * mm, 1e-3 * mm / 0.5])))
 
 
 def _heavier(run: _Run, percent: float) -> _Run:
@@ -123,7 +128,10 @@ def carry_over_rows(fault: str, sizes: list[float], seed: int) -> list[Row]:
 
 
 def _parts(settings: Settings) -> dict[str, Part]:
-    sizes = {"frame rate [Hz]": [25.0, 12.5, 5.0, 2.5, 1.0], "masses too large by [%]": [1, 3, 10, 30]}
+    sizes: dict[str, list[float]] = {
+        "frame rate [Hz]": [25.0, 12.5, 5.0, 2.5, 1.0],
+        "masses too large by [%]": [1, 3, 10, 30],
+    }
     chosen = list(FAULTS)[:2] if settings.quick else list(FAULTS)
     keys = {fault: [float(v) for v in sizes.get(fault, [1, 3, 10, 30])] for fault in chosen}
     return {

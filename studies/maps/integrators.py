@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from studies.comparators.other_integrators import (
+from studies.comparators.integrators import (
     RUNGE_KUTTA_4,
     SEMI_IMPLICIT_EULER,
     fixed_steps,
@@ -27,7 +27,11 @@ from towval.physics.friction_laws import Coulomb
 
 SIDE, MASS, CENTRE, INERTIA, FRICTION, REST_LENGTH = 0.4, 5.0, (0.03, 0.02), 0.15, 0.35, 0.6
 CUBE = TowedObject(
-    Patch(SIDE / 2 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])), MASS, CENTRE, INERTIA, [SIDE / 2, 0]
+    Patch(SIDE / 2 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])),
+    MASS,
+    np.array(CENTRE),
+    INERTIA,
+    np.array([SIDE / 2, 0.0]),
 )
 STARTS = {"slack": -0.05, "taut": 0.01}
 """Stretch of the tether at the start [m]."""

@@ -72,7 +72,7 @@ def creep_rows(stictions: list[float], durations_s: list[float]) -> list[Row]:
         for duration in durations_s:
             # The hinge backs off with the creep that the law predicts, so that the pull stays.
             creep = stiction * np.arctanh(PULL)
-            hinge = TimedPath([0.0, duration], [[reach, 0.0], [reach + creep * duration, 0.0]])
+            hinge = TimedPath(np.array([0.0, duration]), np.array([[reach, 0.0], [reach + creep * duration, 0.0]]))
             centred = replace(CUBE, centre_of_mass=np.zeros(2))
             motion = feedback(centred, law, tether, hinge, (0, 0, 0), np.linspace(0, duration, 51))
             crept = creep_length(motion, centred, stiction)
@@ -85,7 +85,7 @@ def creep_rows(stictions: list[float], durations_s: list[float]) -> list[Row]:
 
 def open_loop_rows(what: str, **keys: Any) -> list[Row]:
     """Cells of one part: "feedforward" or "creep"."""
-    return {"feedforward": feedforward_rows, "creep": creep_rows}[what](**keys)
+    return feedforward_rows(**keys) if what == "feedforward" else creep_rows(**keys)
 
 
 def _parts(settings: Settings) -> dict[str, Part]:

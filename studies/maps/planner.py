@@ -72,7 +72,7 @@ def _judged(path: TimedPath, machine: Rover, threshold: float, look_ahead: int) 
 
 def rows_of(what: str, **keys: Any) -> list[Row]:
     """Cells of one part: "threshold" or "steering"."""
-    return {"threshold": planner_rows, "steering": steering_rows}[what](**keys)
+    return planner_rows(**keys) if what == "threshold" else steering_rows(**keys)
 
 
 def _parts(settings: Settings) -> dict[str, Part]:

@@ -14,7 +14,7 @@ import numpy as np
 
 from studies.frame import Maps, Part, Row, Settings, Study, judged
 from studies.worlds.challenges import RATE_HZ
-from studies.worlds.filming import filmed, thinned, track_errors
+from studies.worlds.filming import Frames, filmed, thinned, track_errors
 from studies.worlds.scenes import CeilingCamera, FilmedScene, drive, rectangle, small_camera, standard_scene
 from towval.model import Array, TrackStatus
 from towval.model.errors import TowvalError
@@ -91,7 +91,7 @@ def _cell(scene: FilmedScene, reading: dict[str, float], seed: int) -> Row:
     with ExitStack() as files:
         if "crf" in reading:
             film = files.enter_context(filmed(scene, times, crf=f"{reading['crf']:g}"))
-            frames = film()
+            frames: Frames = film()
         else:
             frames = thinned(CeilingCamera(scene).frames(times), int(reading.get("stride", 1)))
         try:

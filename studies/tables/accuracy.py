@@ -1,21 +1,24 @@
-"""Measured and simulated paths against the truth of a synthetic campaign, as a table.
+"""Measured and simulated paths against the ground truth of a synthetic campaign, as a table.
 
     python -m studies.tables.accuracy results/lab_a path/to/lab_a
 
-The campaign folder holds `<run>_truth.csv` for the runs whose truth is known; the others are left out.
+The campaign folder holds `<run>_truth.csv` for the runs whose ground truth is known; the others are left out.
 """
 
-import sys
+from __future__ import annotations
+
+import argparse
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from towval.io.records import read_comparison, read_tracks
+from towval.model import Array, Track
 from towval.model.geometry import wrapped
 
 
-def errors(track, truth):
+def errors(track: Track, truth: pd.DataFrame) -> tuple[float, float, float, int, int]:
     """Position RMS [mm], heading RMS [deg], the same position RMS without its mean, frames lost, frames."""
     names = [f"{track.body}_x_m", f"{track.body}_y_m", f"{track.body}_heading_rad"]
     true = np.column_stack([np.interp(track.time_s, truth.t_s, truth[name]) for name in names])
@@ -23,15 +26,24 @@ def errors(track, truth):
     error[:, 2] = wrapped(error[:, 2])
     shape = error[:, :2] - error[:, :2].mean(axis=0)
 
-    def rms(values):
-        return np.sqrt(np.mean(np.sum(np.square(values), axis=-1)))
+    def rms(values: Array) -> float:
+        return float(np.sqrt(np.mean(np.sum(np.square(values), axis=-1))))
 
-    lost = np.count_nonzero(~track.seen)
-    return 1e3 * rms(error[:, :2]), np.degrees(rms(error[:, 2:])), 1e3 * rms(shape), lost, len(track.time_s)
+    lost = int(np.count_nonzero(~track.seen))
+    return 1e3 * rms(error[:, :2]), float(np.degrees(rms(error[:, 2:]))), 1e3 * rms(shape), lost, len(track.time_s)
 
 
-def main(results, campaign):
+def main() -> None:
     """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("results", type=Path, help="results of the campaign")
+    parser.add_argument("campaign", type=Path, help="folder of the campaign")
+    given = parser.parse_args()
+    print_errors(given.results, given.campaign)
+
+
+def print_errors(results: Path, campaign: Path) -> None:
+    """Print a line for each run and body."""
     columns = ("run", "body", "position mm", "heading deg", "offset removed mm", "lost", "simulated - measured mm")
     print("{:4}{:8}{:>12}{:>12}{:>19}{:>10}{:>25}".format(*columns))
     for path in sorted(campaign.glob("*_truth.csv")):
@@ -44,4 +56,4 @@ def main(results, campaign):
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), Path(sys.argv[2]))
+    main()

@@ -1,9 +1,9 @@
-"""The calibration rows of the must-reach table, on synthetic sets that tuned nothing.
+"""The calibration rows of the must-reach table, on synthetic sets that were not used for tuning.
 
-Run ``python -m studies.tables.calibration_table``.
+    python -m studies.tables.calibration_table [--seeds 10] [--first-seed 5000]
 
-Each set is a made-up ceiling camera (focal length, lens, height and tilt random) and a board of 9 × 6 corners, 40 mm
-squares, held at 0.8 to 1.8 m; see ``towval/synthetic/boards.py``. Errors are root mean squares over the whole picture.
+Each set has a random ceiling camera (focal length, lens, height and tilt) and a board of 9 × 6 corners, 40 mm squares,
+held at 0.8 to 1.8 m; see ``studies.worlds.boards``. Errors are root mean squares over the whole picture.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import argparse
 import sys
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from tqdm import tqdm
@@ -28,7 +29,7 @@ from towval.optics.projection import to_plane
 
 HEIGHTS_M = (0.0, 0.35)
 NOISE_PX = 0.15
-DEGENERATE = {
+DEGENERATE: dict[str, dict[str, Any]] = {
     "tilt 0°": {"tilt_deg": (0.0, 0.0)},
     "tilt 2°": {"tilt_deg": (2.0, 2.0)},
     "tilt 4°": {"tilt_deg": (4.0, 4.0)},
@@ -36,7 +37,11 @@ DEGENERATE = {
     "boards in the middle 30 %": {"share": 0.3},
     "3 views": {"views": 3},
 }
-GOOD = {"12 views": {}, "10 views": {"views": 10}, "20 views, 0.3 px": {"views": 20, "noise_px": 0.3}}
+GOOD: dict[str, dict[str, Any]] = {
+    "12 views": {},
+    "10 views": {"views": 10},
+    "20 views, 0.3 px": {"views": 20, "noise_px": 0.3},
+}
 
 
 FLOORS = {
@@ -52,12 +57,12 @@ def bound_m(scene: CornerScene, noise_px: float) -> list[float]:
     The inverse of the Fisher information of all corners at the true camera, floor and places: no unbiased fit of this
     lens model to these pictures can do better.
     """
-    seen, shared = scene.seen, shared_parameters(scene.camera, scene.floor)
-    truth = placed(seen, Estimate(shared, ()))
+    observed, shared = scene.seen, shared_parameters(scene.camera, scene.floor)
+    truth = placed(observed, Estimate(shared, ()))
     # The places are those that fit best under the true camera; the camera and the floor are put back to the truth.
-    truth = adjust(seen.blocks, replace(truth, shared=shared), np.zeros(0, dtype=np.intp))
+    truth = adjust(observed.blocks, replace(truth, shared=shared), np.zeros(0, dtype=np.intp))
     active = active_parameters(scene.camera.lens_model, with_floor=True)
-    covariance, _ = marginal_covariance(seen.blocks, replace(truth, noise_px=noise_px), active)
+    covariance, _ = marginal_covariance(observed.blocks, replace(truth, noise_px=noise_px), active)
     calibration = Calibration(scene.camera, scene.floor, covariance, noise_px)
     return [uncertainty_map(calibration, height, columns=24).rms_m for height in HEIGHTS_M]
 
@@ -75,14 +80,17 @@ def position_errors_m(calibration: Calibration, scene: CornerScene, height_m: fl
 
 
 def progress(seeds: range, name: str) -> Iterable[int]:
+    """Seeds with a progress bar on stderr."""
     return tqdm(seeds, desc=name, unit="set", leave=False, file=sys.stderr)
 
 
 def rms(shift: Array) -> float:
+    """Root mean square length of shifts (..., 2)."""
     return float(np.sqrt(np.mean(np.sum(shift**2, axis=-1))))
 
 
 def accuracy(seeds: Iterable[int], floor: str) -> None:
+    """Print the accuracy on floor and plane over random sets, with one kind of floor reference."""
     errors, predicted, bound = [], [], []
     for seed in seeds:
         scene = calibration_set(seed, floor=floor)
@@ -94,16 +102,17 @@ def accuracy(seeds: Iterable[int], floor: str) -> None:
     median, least = 1e3 * np.median(found, axis=0), 1e3 * np.median(bound, axis=0)
     ratio = np.sqrt(np.mean(np.square(predicted), axis=0) / np.mean(found[:, :, 0] ** 2, axis=0))
     print(f"  {FLOORS[floor]}")
-    for j, (plane, asked) in enumerate((("floor", 0.6), ("plane at 0.35 m", 0.8))):
-        verdict = "reached" if median[j, 0] <= asked else "MISSED"
+    for j, (plane, required) in enumerate((("floor", 0.6), ("plane at 0.35 m", 0.8))):
+        verdict = "reached" if median[j, 0] <= required else "MISSED"
         print(
-            f"    {plane:16s}{median[j, 0]:.2f} mm RMS (asked {asked}: {verdict}; Cramér-Rao bound {least[j]:.2f}), "
+            f"    {plane:16s}{median[j, 0]:.2f} mm RMS (required {required}: {verdict}; "
+            f"Cramér-Rao bound {least[j]:.2f}), "
             f"{median[j, 1]:.2f} mm but for the frame's shift and turn; predicted / actual {ratio[j]:.2f}",
             flush=True,
         )
 
 
-def flagged(seed: int, keys: dict[str, object]) -> list[str]:
+def flagged(seed: int, keys: dict[str, Any]) -> list[str]:
     """Codes of the warnings and refusals of one set."""
     floor = "marks" if seed % 2 else "boards"
     scene = calibration_set(seed, floor=floor, **keys)
@@ -111,7 +120,8 @@ def flagged(seed: int, keys: dict[str, object]) -> list[str]:
     return [finding.code for finding in calibration.findings if finding.severity != "note"]
 
 
-def flags(seeds: range, sets: dict[str, dict[str, object]]) -> None:
+def flags(seeds: range, sets: dict[str, dict[str, Any]]) -> None:
+    """Print how many sets of each kind carry a warning or are refused."""
     for name, keys in sets.items():
         codes = [flagged(seed, keys) for seed in progress(seeds, name)]
         count = sum(bool(c) for c in codes)
@@ -122,6 +132,7 @@ def flags(seeds: range, sets: dict[str, dict[str, object]]) -> None:
 
 
 def main() -> None:
+    """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--first-seed", type=int, default=5000)
     parser.add_argument("--seeds", type=int, default=10)

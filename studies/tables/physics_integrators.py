@@ -2,8 +2,8 @@
 
     python -m studies.tables.physics_integrators [--out results/benchmarks]
 
-Prints the table and writes it as CSV, with a chart beside it, computed by
-``studies.comparators.integrator_studies``.
+Prints the table and writes it as CSV, with a chart beside it. Rows come from
+``studies.comparators.work_precision``.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from studies.comparators.integrator_studies import CVODE, LSODA, RADAU, ROSENBROCK, SCENES, work_precision_rows
+from studies.comparators.tow_scenes import SCENES
+from studies.comparators.work_precision import CVODE, LSODA, RADAU, ROSENBROCK, work_precision_rows
 from towval.report.style import MEASURED, MUTED, PAGE_WIDTH_IN, ROVER, SIMULATED, figure_function, save_figure
 
 TOLERANCES_M = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
@@ -47,6 +48,7 @@ def work_precision_figure(table: pd.DataFrame) -> Figure:
 
 
 def main() -> None:
+    """Print the table, write it as CSV, and draw it."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("results/benchmarks"), help="folder for CSV and chart")
     folder = parser.parse_args().out

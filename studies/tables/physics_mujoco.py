@@ -2,8 +2,8 @@
 
     python -m studies.tables.physics_mujoco [--period 400]
 
-The cube, the tether (a tendon that only pulls) and the way of the hinge are the same; MuJoCo has Coulomb friction at
-points, see ``studies.comparators.mujoco_lap``. Error is that of the cube's centre against our own solution at a
+The cube, the tether (a tendon that only pulls) and the path of the hinge are the same; MuJoCo has Coulomb friction at
+points, see ``studies.comparators.mujoco_engine``. Error is that of the cube's centre against our own solution at a
 tight tolerance, which tests/physics/test_dynamics.py holds to the oracle. Times are CPU times, for this package the
 least of several runs; MuJoCo's include setting the hinge from Python, some 5 % of it.
 """
@@ -11,15 +11,18 @@ least of several runs; MuJoCo's include setting the hinge from Python, some 5 % 
 from __future__ import annotations
 
 import argparse
+from functools import partial
 
 import numpy as np
 
-from studies.comparators.integrator_studies import REFERENCE_TOLERANCE_M, lap_scene, reference_places
-from studies.comparators.mujoco_lap import mujoco_rows
-from studies.tables.physics_timing import least_cpu
+from studies.comparators.mujoco_engine import mujoco_rows
+from studies.comparators.tow_scenes import lap_scene
+from studies.comparators.work_precision import REFERENCE_TOLERANCE_M, reference_places
+from studies.costs import least_cpu_seconds
 
 
 def main() -> None:
+    """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--period", type=float, default=400.0, help="duration of the lap [s]")
     scene = lap_scene(parser.parse_args().period)
@@ -28,7 +31,7 @@ def main() -> None:
     reference = theirs[0]["cpu_s"]
     print(f"{'':32s} {'CPU [ms]':>10s} {'faster':>8s} {'RMS [mm]':>10s} {'max [mm]':>10s}")
     for tolerance in (1e-5, 1e-6, 1e-7, 1e-8):
-        cpu = least_cpu(lambda t=tolerance: reference_places(scene, t))
+        cpu = least_cpu_seconds(partial(reference_places, scene, tolerance))
         error = np.linalg.norm(reference_places(scene, tolerance) - exact, axis=1)
         _print(f"towval, {tolerance:.0e} m a step", cpu, reference, np.sqrt(np.mean(error**2)), error.max())
     for row in theirs:

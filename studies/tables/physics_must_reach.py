@@ -17,14 +17,16 @@ import time
 from collections.abc import Iterator
 
 import numpy as np
-from numba import njit
 
-from studies.comparators.integrator_studies import lap_scene, lemniscate, reference_places
-from studies.comparators.mujoco_lap import mujoco_places
-from studies.tables.physics_opponent import many_mesh_wrenches, plan_on_mesh
-from studies.tables.physics_scenes import CENTRES, centre_of_rotation, random_load, random_star, reference_wrench
-from studies.tables.physics_timing import least_cpu
-from towval.model import Array, Patch, Tether, TowedObject
+from studies.comparators.compiled_mesh import many_mesh_wrenches, plan_on_mesh
+from studies.comparators.mujoco_engine import mujoco_places
+from studies.comparators.quadrature import CENTRES, centre_of_rotation, reference_wrench
+from studies.comparators.tow_scenes import lap_scene, lemniscate
+from studies.comparators.work_precision import reference_places
+from studies.costs import children_cpu_seconds, cpu_seconds, least_cpu_seconds
+from studies.worlds.footprints import random_load, random_star
+from towval.model import Array, Patch, Tether
+from towval.model.compiling import compiled
 from towval.model.conventions import GRAVITY_M_PER_S2
 from towval.model.errors import TowvalError
 from towval.physics.contact import pressure_plane, resting_pressure
@@ -34,21 +36,23 @@ from towval.physics.quasistatic import quasistatic_plan
 from towval.physics.wrench import SlidingPatch, sliding_patch, wrench_at_origin
 
 MAKKAR = Makkar(0.06, 400, 40, 0.35, 800, 0)
-CUBE = TowedObject(Patch([[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]]), 5.0, [0, 0], 0.4 / 3, [0.2, 0])
+CUBE = lap_scene().towed
 LOADS = [(49.05, (0.03, 0.02))]
 TWISTS = np.array([(0.1, 0.02, 0.4), (0.0, 0.05, 0.2), (0.1, 0.0, 0.0), (0.03, -0.02, 0.1), (0.1, 0.01, 0.05)])
-GAMMA = tuple(MAKKAR.gamma.tolist())
+GAMMA: tuple[float, ...] = tuple(MAKKAR.gamma.tolist())
 LAP_END = (0.24350136, -0.30703927)
 COLD = (
-    "from studies.comparators.integrator_studies import lap_scene, reference_places; "
+    "from studies.comparators.tow_scenes import lap_scene; "
+    "from studies.comparators.work_precision import reference_places; "
     "reference_places(lap_scene(), 1e-7)"
 )
 
 Row = tuple[str, str, str, bool]
 
 
-@njit(_nrt=False)
+@compiled(allocates=False)
 def many_wrenches(patch: SlidingPatch, twists: Array, repeats: int) -> float:
+    """Sum over many evaluations of the wrench, for timing."""
     total = 0.0
     for k in range(repeats):
         for i in range(len(twists)):
@@ -58,7 +62,8 @@ def many_wrenches(patch: SlidingPatch, twists: Array, repeats: int) -> float:
 
 
 def seconds_a_wrench(patch: SlidingPatch, repeats: int) -> float:
-    return least_cpu(lambda: many_wrenches(patch, TWISTS, repeats)) / (repeats * len(TWISTS))
+    """CPU time of a wrench by the package [s]."""
+    return least_cpu_seconds(lambda: many_wrenches(patch, TWISTS, repeats)) / (repeats * len(TWISTS))
 
 
 def cube_mesh(cells: int, resting: bool = False) -> SlidingPatch:
@@ -68,6 +73,7 @@ def cube_mesh(cells: int, resting: bool = False) -> SlidingPatch:
 
 
 def pressure_rows(count: int) -> Iterator[Row]:
+    """The pressure plane on random polygons."""
     rng, worst, failed = np.random.default_rng(2026), 0.0, 0
     for _ in range(count):
         outline = random_star(rng)
@@ -84,12 +90,13 @@ def pressure_rows(count: int) -> Iterator[Row]:
 
 
 def accuracy_rows(count: int) -> Iterator[Row]:
+    """The boundary wrench against quadrature of high order, by place of the centre of rotation."""
     rng = np.random.default_rng(7)
     for kind in CENTRES:
         worst = 0.0
         for _ in range(count):
             outline = random_star(rng, corners=(3, 9))
-            size = np.linalg.norm(np.ptp(outline, axis=0))
+            size = float(np.linalg.norm(np.ptp(outline, axis=0)))
             contact = pressure_plane(Patch(outline), [(10.0, random_load(rng, outline))])
             law = Makkar(rng.uniform(0, 0.2), 400, 40, 0.35, 10 ** rng.uniform(1.5, 3.5), rng.choice([0.0, 0.3]))
             omega = rng.choice([-1, 1]) * 10 ** rng.uniform(-6, 0.5) / size
@@ -105,11 +112,13 @@ def accuracy_rows(count: int) -> Iterator[Row]:
 
 
 def seconds_a_mesh_wrench(patch: SlidingPatch, repeats: int) -> float:
+    """CPU time of a wrench by the compiled mesh [s]."""
     cells = patch.area_nodes
-    return least_cpu(lambda: many_mesh_wrenches(cells, GAMMA, TWISTS, repeats)) / (repeats * len(TWISTS))
+    return least_cpu_seconds(lambda: many_mesh_wrenches(cells, GAMMA, TWISTS, repeats)) / (repeats * len(TWISTS))
 
 
 def wrench_rows() -> Iterator[Row]:
+    """Speed of the boundary wrench against meshes."""
     boundary = sliding_patch(pressure_plane(CUBE.patch, LOADS), MAKKAR)
     coarse, fine = cube_mesh(1322), cube_mesh(132_900)
     cells = [len(coarse.area_nodes), len(fine.area_nodes)]
@@ -125,6 +134,7 @@ def wrench_rows() -> Iterator[Row]:
 
 
 def quasistatic_rows() -> Iterator[Row]:
+    """Speed of the quasi-static model against a mesh."""
     path = lemniscate(600.0, 60_001)
     tether = Tether(0.6, 1000.0)
     exact, coarse = sliding_patch(resting_pressure(CUBE), MAKKAR), cube_mesh(1322, resting=True)
@@ -132,22 +142,21 @@ def quasistatic_rows() -> Iterator[Row]:
     start = plan.pose[0, 2], plan.heading_rate[0]
     apart = np.abs(plan_on_mesh(CUBE, coarse, GAMMA, path, start)[:, 0] - plan.pose[:, 2]).max()
     yield "QSM by the mesh finds the same headings", "1e-3 rad", f"{apart:.1e} rad", apart <= 1e-3
-    spent = least_cpu(lambda: quasistatic_plan(CUBE, exact, path, tether))
-    mesh = least_cpu(lambda: plan_on_mesh(CUBE, coarse, GAMMA, path, start), 2)
+    spent = least_cpu_seconds(lambda: quasistatic_plan(CUBE, exact, path, tether))
+    mesh = least_cpu_seconds(lambda: plan_on_mesh(CUBE, coarse, GAMMA, path, start), 2)
     what = f"QSM, 60,000 steps, against {len(coarse.area_nodes)} cells"
     yield what, "50 ×", f"{mesh / spent:.0f} × ({mesh:.2f} s)", mesh >= 50 * spent
     yield "QSM, 60,000 steps", "goal 0.1 s", f"{spent:.3f} s", spent <= 0.1
 
 
 def lap_rows() -> Iterator[Row]:
+    """Accuracy of the lap against the oracle, and its speed against MuJoCo."""
     scene = lap_scene()
     error = float(np.abs(reference_places(scene, 1e-7)[-1] - LAP_END).max())
     yield "FBD lap of 400 s, final position", "1e-6 m", f"{error:.1e} m", error <= 1e-6
     reached = np.abs(reference_places(scene, 1e-6) - reference_places(scene, 1e-11)).max()
-    spent = least_cpu(lambda: reference_places(scene, 1e-6))
-    start = time.process_time()
-    mujoco_places(scene, 0.002, spheres=False)
-    ratio = (time.process_time() - start) / spent
+    spent = least_cpu_seconds(lambda: reference_places(scene, 1e-6))
+    ratio = cpu_seconds(lambda: mujoco_places(scene, 0.002, spheres=False)) / spent
     yield (
         "FBD lap against MuJoCo at 2 ms",
         "100 × at 10 µm",
@@ -157,24 +166,21 @@ def lap_rows() -> Iterator[Row]:
 
 
 def cold_rows() -> Iterator[Row]:
+    """CPU and wall time of the first and of later processes."""
     with tempfile.TemporaryDirectory() as cache:
         environment = {**os.environ, "NUMBA_CACHE_DIR": cache, "PYTHONPATH": os.pathsep.join(sys.path)}
         spent = []
         for _ in range(4):
-            start, wall = _children_cpu(), time.perf_counter()
+            start, wall = children_cpu_seconds(), time.perf_counter()
             subprocess.run([sys.executable, "-c", COLD], check=True, env=environment)
-            spent.append((_children_cpu() - start, time.perf_counter() - wall))
+            spent.append((children_cpu_seconds() - start, time.perf_counter() - wall))
     first, later = spent[0], min(spent[1:])
     yield "first call after installing", "30 s", f"{first[0]:.1f} s CPU, {first[1]:.1f} s wall", first[0] <= 30
     yield "later processes, start to result", "1.5 s", f"{later[0]:.2f} s CPU, {later[1]:.2f} s wall", later[0] <= 1.5
 
 
-def _children_cpu() -> float:
-    times = os.times()
-    return times.children_user + times.children_system
-
-
 def main() -> int:
+    """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="1,000 random polygons instead of 100,000")
     count = 1000 if parser.parse_args().quick else 100_000

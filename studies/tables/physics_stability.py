@@ -10,15 +10,16 @@ and gives exit code 1.
 
 from __future__ import annotations
 
+import argparse
 import sys
 
 import numpy as np
 
-from towval.model import Patch, SimulatedMotion, Tether, TimedPath, TowedObject
+from studies.maps.integrators import CUBE
+from towval.model import SimulatedMotion, Tether, TimedPath
 from towval.physics.dynamics import DEFAULT_TOLERANCE_M, Accuracy, Outcome, feedback
 from towval.physics.friction_laws import Coulomb
 
-CUBE = TowedObject(Patch([[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]]), 5.0, [0.03, 0.02], 0.15, [0.2, 0])
 STARTS = {"slack": -0.05, "straight": 0.0, "stretched": 0.01}
 ALLOWED_M = 1e-4
 
@@ -31,6 +32,7 @@ def hinge_path(stretch: float) -> TimedPath:
 
 
 def solve(stiffness: float, stiction: float, stretch: float, tolerance: float) -> SimulatedMotion:
+    """The motion with a tolerance [m]."""
     tether, law = Tether(0.6, stiffness), Coulomb(0.35, stiction)
     times = np.linspace(0, 5, 51)
     accuracy = Accuracy(tolerance)
@@ -38,6 +40,7 @@ def solve(stiffness: float, stiction: float, stretch: float, tolerance: float) -
 
 
 def judge(stiffness: float, stiction: float, stretch: float) -> tuple[str, float, float]:
+    """Verdict, largest error [m or rad] and steps of one scene."""
     motion = solve(stiffness, stiction, stretch, DEFAULT_TOLERANCE_M)
     steps = motion.statistics["steps"] + motion.statistics["rejections"]
     if motion.outcome != Outcome.CONVERGED:
@@ -50,6 +53,8 @@ def judge(stiffness: float, stiction: float, stretch: float) -> tuple[str, float
 
 
 def main() -> int:
+    """Print the table."""
+    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
     wrong = 0
     print(f"{'start':10s} {'κ [N/m]':>9s} {'v_s [m/s]':>10s} {'verdict':>16s} {'error [m]':>10s} {'steps':>8s}")
     for start, stretch in STARTS.items():

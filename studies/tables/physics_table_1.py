@@ -2,20 +2,25 @@
 
     python -m studies.tables.physics_table_1
 
-The meshes evaluate Makkar's law in every cell (``physics_opponent``). A mesh whose 60,000 steps would take minutes is
-timed over fewer, said in the column "timed steps", and its seconds are those of a step times 60,000. CPU times, all of
-this run; the paper's seconds are from its own machine.
+The meshes evaluate Makkar's law in every cell (``studies.comparators.compiled_mesh``). A mesh whose 60,000 steps would
+take minutes is timed over fewer, see the column "timed steps", and its seconds are those of a step times 60,000. All
+are CPU times of this run; the paper's seconds are from its own machine.
 """
 
 from __future__ import annotations
 
-import numpy as np
+import argparse
+from collections.abc import Sequence
+from functools import partial
 
-from studies.comparators.integrator_studies import lemniscate
+import numpy as np
+from numpy.typing import ArrayLike
+
+from studies.comparators.compiled_mesh import plan_on_mesh
+from studies.comparators.tow_scenes import lemniscate
+from studies.costs import least_cpu_seconds
 from studies.paper.meshes import PAPER_TABLE_1, SIDES_PER_ELEMENT_SIZE
 from studies.tables.physics_must_reach import CUBE, GAMMA, LOADS, MAKKAR, seconds_a_mesh_wrench, seconds_a_wrench
-from studies.tables.physics_opponent import plan_on_mesh
-from studies.tables.physics_timing import least_cpu
 from towval.model import Tether, TimedPath
 from towval.model.conventions import GRAVITY_M_PER_S2
 from towval.physics.contact import pressure_plane, resting_pressure
@@ -27,18 +32,21 @@ STEPS = 60_000
 CELL_BUDGET = 4e8  # cells times steps that are timed
 
 
-def mesh_of(element_size: float, loads: list[tuple[float, tuple[float, float]]]) -> SlidingPatch:
+def mesh_of(element_size: float, loads: Sequence[tuple[float, ArrayLike]]) -> SlidingPatch:
+    """The cube's footprint on a mesh of the paper's element size [m]."""
     return meshed_patch(mesh_pressure(CUBE.patch, loads, SIDES_PER_ELEMENT_SIZE * element_size), MAKKAR)
 
 
 def main() -> None:
+    """Print the table."""
+    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
     path, tether = lemniscate(600.0, STEPS + 1), Tether(0.6, 1000.0)
     resting = [(CUBE.mass * GRAVITY_M_PER_S2, CUBE.centre_of_mass)]
     exact = sliding_patch(resting_pressure(CUBE), MAKKAR)
     plan = quasistatic_plan(CUBE, exact, path, tether)
     start = plan.pose[0, 2], plan.heading_rate[0]
     wrench = seconds_a_wrench(sliding_patch(pressure_plane(CUBE.patch, LOADS), MAKKAR), 4000)
-    motion = least_cpu(lambda: quasistatic_plan(CUBE, exact, path, tether))
+    motion = least_cpu_seconds(lambda: quasistatic_plan(CUBE, exact, path, tether))
     head = ("element [m]", "cells", "paper's", "wrench [µs]", "ratio", "QSM [s]", "timed steps", "ratio", "paper [s]")
     print(" ".join(f"{title:>12s}" for title in head))
     print(f"{'boundary':>12s} {'':>12s} {'':>12s} {1e6 * wrench:12.2f} {1:12d} {motion:12.3f} {STEPS:12d} {1:12d}")
@@ -49,7 +57,7 @@ def main() -> None:
         steps = int(np.clip(CELL_BUDGET / cells, 100, STEPS))
         part = TimedPath(path.time_s[: steps + 1], path.position[: steps + 1])
         resting_mesh = mesh_of(size, resting)
-        seconds = least_cpu(lambda m=resting_mesh, p=part: plan_on_mesh(CUBE, m, GAMMA, p, start), 1) * STEPS / steps
+        seconds = least_cpu_seconds(partial(plan_on_mesh, CUBE, resting_mesh, GAMMA, part, start), 1) * STEPS / steps
         print(
             f"{size:12.4f} {cells:12d} {paper_cells:12d} {1e6 * a_wrench:12.1f} {a_wrench / wrench:12.0f} "
             f"{seconds:12.2f} {steps:12d} {seconds / motion:12.0f} {paper_seconds:12.2f}",

@@ -8,16 +8,20 @@ by a third of the measurement uncertainty, root mean square over the run.
 
 from __future__ import annotations
 
+import argparse
 import subprocess
 import sys
 import tempfile
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from studies.tables.workflow_time import spent
+from studies.costs import wall_and_cpu_seconds
+from studies.tables.workflow_time import SAMPLE
 from towval.io.campaign import Campaign, load_campaign
 from towval.io.records import read_calibration, read_comparison, read_simulated, read_tracks
+from towval.model import SimulatedMotion, Track
 from towval.selection.margin import SHARE, measurement_std_m, seen_places
 
 PRESETS = ("auto", "fine")
@@ -33,7 +37,7 @@ def run_workflow(campaign: Campaign, preset: str, results: Path) -> None:
     subprocess.run(line, check=True, stdout=subprocess.DEVNULL, cwd=repository)
 
 
-def moved_mm(one: object, other: object) -> float:
+def moved_mm(one: Track | SimulatedMotion, other: Track | SimulatedMotion) -> float:
     """RMS distance of two motions with ``time_s`` and ``pose`` at their common times [mm]."""
     _, rows, others = np.intersect1d(one.time_s, other.time_s, return_indices=True)
     gap = (one.pose[rows] - other.pose[others])[:, :2]
@@ -56,12 +60,15 @@ def row(campaign: Campaign, run: str, folders: list[Path]) -> str:
     )
 
 
-def main(folder: Path) -> None:
-    campaign = load_campaign(folder.resolve())
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("campaign", type=Path, nargs="?", default=SAMPLE)
+    campaign = load_campaign(parser.parse_args().campaign.resolve())
     with tempfile.TemporaryDirectory() as place:
         results = [Path(place) / preset for preset in PRESETS]
         cost = [
-            spent(lambda preset=preset, into=into: run_workflow(campaign, preset, into))
+            wall_and_cpu_seconds(partial(run_workflow, campaign, preset, into))
             for preset, into in zip(PRESETS, results, strict=True)
         ]
         print(f"{campaign.name}, {len(campaign.runs)} runs, calibration to verdict")
@@ -74,4 +81,4 @@ def main(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).resolve().parents[2] / "data_samples" / "lab_small")
+    main()

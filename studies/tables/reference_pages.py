@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 from pathlib import Path
 
 from towval.model.findings import FINDINGS
@@ -59,6 +60,12 @@ PAGES = {"findings.md": findings_page, "inputs.md": inputs_page}
 """Text of each page, by its name."""
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Write the pages."""
+    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
     for name, page in PAGES.items():
-        (DOCS / name).write_text(page())
+        (DOCS / name).write_text(page(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -13,22 +13,15 @@ import argparse
 import itertools
 import resource
 import tempfile
-import time
 from pathlib import Path
 
 import numpy as np
 
+from studies.costs import cpu_seconds
 from studies.worlds.film import write_video
 from studies.worlds.scenes import CeilingCamera, FilmedScene, standard_scene
 from towval.io.video import Video
 from towval.tracking.track import track
-
-
-def cpu_of(work: object) -> float:
-    """CPU seconds that a callable takes, all threads."""
-    start = time.process_time()
-    work()
-    return time.process_time() - start
 
 
 def measure(path: Path, scene: FilmedScene, rounds: int) -> list[tuple[float, float]]:
@@ -43,10 +36,11 @@ def measure(path: Path, scene: FilmedScene, rounds: int) -> list[tuple[float, fl
         track(Video(path), scene.calibration, scene.bodies, clicks)
 
     track(itertools.islice(Video(path), 30), scene.calibration, scene.bodies, clicks)
-    return [(cpu_of(decode), cpu_of(follow)) for _ in range(rounds)]
+    return [(cpu_seconds(decode), cpu_seconds(follow)) for _ in range(rounds)]
 
 
 def main() -> None:
+    """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--frames", type=int, default=300)
     parser.add_argument("--rounds", type=int, default=3)

@@ -3,10 +3,10 @@
     python -m studies.tables.validation_must_reach [--runs 200] [--rendered 5] [--output results/validation]
                                                [--right results/lab_a/a results/lab_a/b]
 
-Each run has a scene, a way, inputs and a camera of its own (``validation_truth``); it is measured, simulated, sampled
-and judged, once as the model says and once with each planted fault. A fault counts where it moves the object by more
-than 3 u_val at some time. Rows are kept in the output folder, and a second call goes on there. ``--right`` are folders
-of filmed runs in which nothing was planted.
+Each run has its own scene, path, inputs and camera (``studies.worlds.towed_runs``); it is measured, simulated, sampled
+and judged, once without a fault of the model and once with each planted fault. A fault counts where it moves the object
+by more than 3 u_val at some time. Rows are kept in the output folder, and a second call continues there. ``--right``
+are folders of filmed runs in which nothing was planted.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from studies.tables.validation_rendered import rendered_rows
-from studies.tables.validation_truth import (
+from studies.tables.validation_rendered import drawn_run, rendered_rows
+from studies.worlds.towed_runs import (
     ROVER,
     TOWED,
     TrueCamera,
     nominal_calibration,
     planted,
-    synthetic_run,
     true_motion,
 )
 from towval.io.records import read_comparison
@@ -48,9 +48,9 @@ PARTS = ("measurement", "simulation", "validation")
 Row = tuple[str, str, str, bool]
 
 
-def judged_run(seed: int, samples: int) -> dict[str, object]:
+def judged_run(seed: int, samples: int) -> dict[str, Any]:
     """One synthetic run: coverage of its bands, its verdict, and the verdicts with each fault planted."""
-    run, camera = synthetic_run(seed), TrueCamera(nominal_calibration(), seed)
+    run, camera = drawn_run(seed), TrueCamera(nominal_calibration(), seed)
     rover = camera.measured(ROVER, run.time_s, np.array([run.drive(t) for t in run.time_s]))
     thin, true = decimate(rover), true_motion(run, run.truth)
 
@@ -71,14 +71,14 @@ def judged_run(seed: int, samples: int) -> dict[str, object]:
         "simulation": case.simulated.pose - true,
         "validation": result.error,
     }
-    row: dict[str, object] = {
+    row: dict[str, Any] = {
         "seed": seed,
         "coverage": {part: coverage(errors[part], getattr(uncertainty, part)) for part in PARTS},
         "verdict": result.verdict.value,
         "u_val_m": result.u_val_m,
         "path_rms_m": result.path_rms_m,
         "cpu_s": spent,
-        "told": reason(result),
+        "reported": reason(result),
     }
     for fault in FAULTS:
         truth, begins = planted(run, true, fault, seed)
@@ -87,12 +87,12 @@ def judged_run(seed: int, samples: int) -> dict[str, object]:
         faulty = case_of(wrong)
         result = compare(str(seed), faulty.simulated, faulty.object_track, uncertainty)
         size = float(np.linalg.norm(wrong[:, :2] - true[:, :2], axis=1).max())
-        place = place_told(result)
+        place = place_reported(result)
         row[fault] = {
             "size_in_u_val": size / result.u_val_m,
             "verdict": result.verdict.value,
             "begins_m": begins,
-            "told_m": place,
+            "reported_m": place,
         }
     return row
 
@@ -105,16 +105,17 @@ def coverage(error: Array, covariance: Array) -> list[float]:
 
 
 def reason(result: Comparison) -> str:
+    """Text of the verdict."""
     return next(finding.text for finding in result.findings if finding.code == "verdict")
 
 
-def place_told(result: Comparison) -> list[float] | None:
-    """Between which lengths of the path the verdict says that the fault begins [m]."""
+def place_reported(result: Comparison) -> list[float] | None:
+    """Lengths of the path between which the verdict reports that the fault begins [m]."""
     found = re.search(r"between ([\d.]+) m and ([\d.]+) m of the path", reason(result))
     return [float(found[1]), float(found[2])] if found else None
 
 
-def all_rows(runs: int, samples: int, file: Path) -> list[dict]:
+def all_rows(runs: int, samples: int, file: Path) -> list[dict[str, Any]]:
     """Rows of the first ``runs`` seeds, those in the file read, the others computed and added to it."""
     rows = [json.loads(line) for line in file.read_text().splitlines()] if file.exists() else []
     done = {row["seed"] for row in rows}
@@ -128,7 +129,8 @@ def all_rows(runs: int, samples: int, file: Path) -> list[dict]:
     return [row for row in rows if row["seed"] < runs]
 
 
-def coverage_rows(rows: list[dict]) -> Iterator[Row]:
+def coverage_rows(rows: list[dict[str, Any]]) -> Iterator[Row]:
+    """Coverage of the 95 % bands."""
     for part in PARTS:
         shares = np.mean([row["coverage"][part] for row in rows], axis=0)
         text = ", ".join(f"{100 * share:.1f} %" for share in shares)
@@ -137,10 +139,11 @@ def coverage_rows(rows: list[dict]) -> Iterator[Row]:
         yield f"95 % band of {name}: x, y, heading, {len(rows)} runs", text, "90 to 98 %", good
 
 
-def verdict_rows(rows: list[dict]) -> Iterator[Row]:
+def verdict_rows(rows: list[dict[str, Any]]) -> Iterator[Row]:
+    """Verdicts without a fault, and with each of them."""
     agreeing = sum(row["verdict"] == Verdict.AGREES for row in rows)
     text = f"{agreeing} of {len(rows)}"
-    yield "truth as the model says: agrees", text, "95 %", agreeing >= 0.95 * len(rows)
+    yield "no fault planted: agrees", text, "95 %", agreeing >= 0.95 * len(rows)
     for fault in FAULTS:
         large = [row[fault] for row in rows if row[fault]["size_in_u_val"] > 3]
         found = [entry for entry in large if entry["verdict"] == Verdict.MODEL_ERROR]
@@ -151,9 +154,9 @@ def verdict_rows(rows: list[dict]) -> Iterator[Row]:
             yield "stripe's place named", f"{named} of {len(found)}", "95 %", named >= 0.95 * len(found)
 
 
-def names_the_stripe(entry: dict) -> bool:
-    """Whether the place told touches the way on which the footprint is over the stripe: its 0.4 m and the body's."""
-    low, high = entry["told_m"]
+def names_the_stripe(entry: dict[str, Any]) -> bool:
+    """Whether the place reported overlaps the path on which the footprint is over the stripe: 0.4 m and the body."""
+    low, high = entry["reported_m"]
     return low <= entry["begins_m"] + 0.4 + 0.5 and high >= entry["begins_m"]
 
 
@@ -174,6 +177,7 @@ def right_rows(folders: list[Path]) -> Iterator[Row]:
 
 
 def main() -> int:
+    """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=200)
     parser.add_argument("--samples", type=int, default=512)
@@ -186,7 +190,7 @@ def main() -> int:
     table = [*coverage_rows(rows), *verdict_rows(rows), time_row(2), *right_rows(given.right)]
     with tempfile.TemporaryDirectory() as folder:
         table += rendered_rows(given.rendered, Path(folder))
-    print(f"| {'what':56} | {'measured':38} | {'asked':16} | |\n|---|---|---|---|")
+    print(f"| {'what':56} | {'measured':38} | {'required':16} | |\n|---|---|---|---|")
     for what, measured, asked, good in table:
         print(f"| {what:56} | {measured:38} | {asked:16} | {'' if good else 'MISSED'} |")
     return 0 if all(row[-1] for row in table) else 1

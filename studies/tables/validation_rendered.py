@@ -1,22 +1,30 @@
-"""Synthetic runs that are filmed and go through the whole pipeline, from pictures of the board to the verdict."""
+"""Verdicts on synthetic runs that are filmed and go through the whole pipeline, from pictures of the board on.
+
+    python -m studies.tables.validation_rendered [--runs 5]
+
+``validation_must_reach`` has these rows, too.
+"""
 
 from __future__ import annotations
 
+import argparse
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
-from studies.tables.validation_truth import SyntheticRun, planted, synthetic_run, true_motion
 from studies.worlds.campaign import OBJECT, RESOLUTION_PX, ROVER, view
 from studies.worlds.folder import film_campaign
+from studies.worlds.towed_runs import SyntheticRun, planted, synthetic_run, true_motion
 from towval.commands import calibrate, decimate, simulate, track, uncertainty
 from towval.commands import compare as compare_command
 from towval.io.records import read_comparison
-from towval.model import Array, Comparison, Verdict
+from towval.model import Array, Body, Comparison, FrictionSpecification, Verdict
 from towval.model.errors import TowvalError
 from towval.model.geometry import transform
 from towval.optics.projection import project
+from towval.physics.friction_laws.makkar import Makkar, fit_specification
 
 CASES = ("", "stripe", "centre of mass", "tether", "")
 MARGIN_PX = 12
@@ -25,6 +33,19 @@ LARGE_M = 0.02
 """A fault that is filmed moves the object by so much: about 3 u_val of these runs."""
 
 Row = tuple[str, str, str, bool]
+
+
+def drawn_run(seed: int) -> SyntheticRun:
+    """A random run; its object slides under the law of Makkar that fits the specification."""
+    return synthetic_run(seed, makkar_coefficients)
+
+
+def makkar_coefficients(specification: FrictionSpecification) -> Array:
+    """Coefficients (6,) of the law of Makkar that fits a specification."""
+    law = fit_specification(specification).law
+    if not isinstance(law, Makkar):
+        raise TypeError("the fit of Makkar's law gave another law")
+    return law.gamma
 
 
 def rendered_rows(count: int, folder: Path) -> Iterator[Row]:
@@ -50,7 +71,7 @@ def rendered_rows(count: int, folder: Path) -> Iterator[Row]:
 def filmable(seed: int, fault: str) -> int:
     """The next seed whose bodies stay in the picture and whose fault, if it has one, is large."""
     while True:
-        run = synthetic_run(seed)
+        run = drawn_run(seed)
         # The rover first: its way costs nothing, the object's a second.
         if in_view(ROVER, np.array([run.drive(t) for t in run.time_s])):
             _, right, motion = motions(seed, fault)
@@ -61,7 +82,7 @@ def filmable(seed: int, fault: str) -> int:
 
 def motions(seed: int, fault: str) -> tuple[SyntheticRun, Array, Array]:
     """A run, its object's poses (n, 3) as the model says, and with the fault."""
-    run = synthetic_run(seed)
+    run = drawn_run(seed)
     right = true_motion(run, run.truth)
     return run, right, true_motion(run, planted(run, right, fault, seed)[0]) if fault else right
 
@@ -71,7 +92,8 @@ def shift(motion: Array, right: Array) -> float:
     return float(np.linalg.norm(motion[:, :2] - right[:, :2], axis=1).max())
 
 
-def in_view(body, pose: Array) -> bool:
+def in_view(body: Body, pose: Array) -> bool:
+    """Whether a body with poses (n, 3) stays in the picture."""
     corners = transform(pose[:, None, :], body.top_corners_m)
     points = np.concatenate([corners, np.full((*corners.shape[:2], 1), body.tracked_plane_height_m)], axis=-1)
     pixels = project(*view(), points.reshape(-1, 3))
@@ -83,8 +105,8 @@ def filmed_run(seed: int, fault: str, folder: Path) -> tuple[float, Comparison]:
     run, right, motion = motions(seed, fault)
     campaign, results = folder / "campaign", folder / "results"
     campaign.mkdir(parents=True)
-    heights = 1e-3 * np.random.default_rng([seed, 4]).standard_normal(2)
-    film_campaign(campaign, run.drive, motion, given_of(run), seed, heights)
+    rover, towed = 1e-3 * np.random.default_rng([seed, 4]).standard_normal(2)
+    film_campaign(campaign, run.drive, motion, given_of(run), seed, (rover, towed))
     return shift(motion, right), judged(campaign, results)
 
 
@@ -116,3 +138,16 @@ def judged(campaign: Path, results: Path) -> Comparison:
     uncertainty.run(campaign, "a", camera, folder, files["uncertainty"])
     compare_command.run("a", files["track"], files["simulate"], files["uncertainty"], files["compare"])
     return read_comparison(files["compare"])
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--runs", type=int, default=len(CASES), help=f"{len(CASES)} at most")
+    with tempfile.TemporaryDirectory() as folder:
+        for what, measured, wanted, good in rendered_rows(parser.parse_args().runs, Path(folder)):
+            print(f"{what:60} {measured:44} {wanted:16} {'' if good else 'MISSED'}", flush=True)
+
+
+if __name__ == "__main__":
+    main()

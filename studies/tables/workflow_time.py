@@ -3,46 +3,46 @@
 python -m studies.tables.workflow_time [path/to/campaign]
 """
 
+from __future__ import annotations
+
+import argparse
 import os
-import resource
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
-from towval.io.campaign import load_campaign
+from studies.costs import wall_and_cpu_seconds
+from towval.io.campaign import Campaign, load_campaign
 from towval.io.video import Video
 
-
-def spent(action):
-    """Wall and CPU seconds of an action, its child processes included."""
-    wall, own, children = time.perf_counter(), time.process_time(), resource.getrusage(resource.RUSAGE_CHILDREN)
-    action()
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    cpu = time.process_time() - own + after.ru_utime + after.ru_stime - children.ru_utime - children.ru_stime
-    return time.perf_counter() - wall, cpu
+SAMPLE = Path(__file__).resolve().parents[2] / "data_samples" / "lab_small"
 
 
-def decode(campaign):
+def decode(campaign: Campaign) -> None:
     """Decode every frame of every video."""
     for run in campaign.runs.values():
         for _ in Video(run.video):
             pass
 
 
-def workflow(campaign, results):
+def workflow(campaign: Campaign, results: str) -> None:
     """Run the workflow into a new folder."""
     line = [sys.executable, "-m", "snakemake", "--cores", "2", "--quiet", "all", "--nolock"]
     line += ["--config", f"campaign={campaign.folder}", f"results={results}"]
     subprocess.run(line, check=True, env=os.environ, stdout=subprocess.DEVNULL)
 
 
-def main(folder):
+def main() -> None:
     """Print both, and the stages' own shares."""
-    campaign = load_campaign(folder)
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("campaign", type=Path, nargs="?", default=SAMPLE)
+    campaign = load_campaign(parser.parse_args().campaign)
     with tempfile.TemporaryDirectory() as results:
-        rows = {"decoding": spent(lambda: decode(campaign)), "workflow": spent(lambda: workflow(campaign, results))}
+        rows = {
+            "decoding": wall_and_cpu_seconds(lambda: decode(campaign)),
+            "workflow": wall_and_cpu_seconds(lambda: workflow(campaign, results)),
+        }
         stages: dict[str, list[float]] = {}
         for path in Path(results).rglob("benchmarks/*.tsv"):
             lines = [line.split("\t") for line in path.read_text().splitlines()]
@@ -57,4 +57,4 @@ def main(folder):
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).resolve().parents[2] / "data_samples" / "lab_small")
+    main()

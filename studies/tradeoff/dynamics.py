@@ -7,14 +7,13 @@ The scene is the cube of tests/oracles.py on its lap, driven in 40 s. The truth 
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Callable, Iterator
+from functools import partial
 
 import numpy as np
 
-from studies.comparators.integrator_studies import TowScene, lap_scene
-from studies.comparators.mujoco_lap import mujoco_places
-from studies.comparators.other_integrators import (
+from studies.comparators import mujoco_engine
+from studies.comparators.integrators import (
     RUNGE_KUTTA_4,
     SEMI_IMPLICIT_EULER,
     fixed_steps,
@@ -23,6 +22,7 @@ from studies.comparators.other_integrators import (
     state_at_rest,
     tethered_scene,
 )
+from studies.comparators.tow_scenes import TowScene, lap_scene
 from studies.costs import take_turns
 from studies.frame import Part, Row, Scatter, Settings, Study
 from studies.worlds.reference import Box, towed_box
@@ -77,14 +77,9 @@ def dynamics_rows(period_s: float, panels: int, mujoco_steps_s: list[float], rou
                 "default": series == "towval, dynamics" and setting == _power(DEFAULT_TOLERANCE_M),
             }
         )
-    if not mujoco_is_there():
+    if not mujoco_engine.is_installed():
         rows.append({"panel": "", "series": "MuJoCo", "setting": "left out: the extra bench is not installed"})
     return rows
-
-
-def mujoco_is_there() -> bool:
-    """Whether MuJoCo, which comes with the extra ``bench``, is installed."""
-    return importlib.util.find_spec("mujoco") is not None
 
 
 def _methods(scene: TowScene, mujoco_steps_s: list[float]) -> Iterator[tuple[str, str, _Call]]:
@@ -95,6 +90,9 @@ def _methods(scene: TowScene, mujoco_steps_s: list[float]) -> Iterator[tuple[str
     def own(tolerance: float) -> Array:
         return feedback(*given, accuracy=Accuracy(tolerance)).pose
 
+    def trailing(rung: str) -> Array:
+        return trail(rung, *given).pose
+
     def by_scipy(method: str, tolerance: float) -> Array:
         return poses_of(cube, scipy_steps(method, compiled_scene, state, times, tolerance)[1])
 
@@ -102,19 +100,20 @@ def _methods(scene: TowScene, mujoco_steps_s: list[float]) -> Iterator[tuple[str
         return poses_of(cube, fixed_steps(scheme, compiled_scene, state, times, step_s)[1])
 
     for tolerance in (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9):
-        yield "towval, dynamics", _power(tolerance), lambda t=tolerance: own(t)
+        yield "towval, dynamics", _power(tolerance), partial(own, tolerance)
     for rung in TRAILING_RUNGS:
-        yield "towval, no inertia", rung, lambda r=rung: trail(r, *given).pose
+        yield "towval, no inertia", rung, partial(trailing, rung)
     for method in ("Radau", "BDF", "LSODA"):
         for tolerance in (1e-4, 1e-6, 1e-8):
-            yield f"SciPy {method}", _power(tolerance), lambda m=method, t=tolerance: by_scipy(m, t)
+            yield f"SciPy {method}", _power(tolerance), partial(by_scipy, method, tolerance)
     for step in (5e-4, 2.5e-4):
-        yield "Runge-Kutta 4", f"{1e3 * step:g} ms", lambda s=step: by_steps(RUNGE_KUTTA_4, s)
-        yield "semi-implicit Euler", f"{1e3 * step:g} ms", lambda s=step: by_steps(SEMI_IMPLICIT_EULER, s)
-    if mujoco_is_there():
+        yield "Runge-Kutta 4", f"{1e3 * step:g} ms", partial(by_steps, RUNGE_KUTTA_4, step)
+        yield "semi-implicit Euler", f"{1e3 * step:g} ms", partial(by_steps, SEMI_IMPLICIT_EULER, step)
+    if mujoco_engine.is_installed():
         for step in mujoco_steps_s:
-            for layout, spheres in (("box", False), ("4 × 4 spheres", True)):
-                yield "MuJoCo", f"{layout}, {1e3 * step:g} ms", lambda s=step, y=spheres: mujoco_places(scene, s, y)
+            for layout, spheres in mujoco_engine.LAYOUTS.items():
+                places = partial(mujoco_engine.mujoco_places, scene, step, spheres)
+                yield "MuJoCo", f"{layout}, {1e3 * step:g} ms", places
 
 
 def _power(tolerance: float) -> str:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -43,7 +44,7 @@ def friction_rows(element_sizes_m: list[float], parts: list[int], rounds: int) -
     """A row a method: seconds a wrench, and the RMS error over random twists relative to μ N and μ N r."""
     half = SIDE / 2
     outline = np.array([[-half, -half], [half, -half], [half, half], [-half, half]])
-    towed = TowedObject(Patch(outline), MASS, CENTRE, MASS * SIDE**2 / 6, [half, 0])
+    towed = TowedObject(Patch(outline), MASS, np.array(CENTRE), MASS * SIDE**2 / 6, np.array([half, 0.0]))
     twists = _twists()
     truth = np.array([true_wrench(*twist) for twist in twists])
     unit = FRICTION * MASS * GRAVITY_M_PER_S2 * np.array([1, 1, half])
@@ -174,8 +175,8 @@ def _cheap(towed: TowedObject, parts: list[int]) -> list[_Method]:
             _Method(
                 "table of wrenches",
                 f"{2 * count} × {count}",
-                lambda vx, vy, omega, t=table: read_wrench(t, exact.radius, vx, vy, omega),
-                lambda twists, n, t=table: _repeat_table(t, exact.radius, twists, n),
+                partial(read_wrench, table, exact.radius),
+                partial(_repeat_table, table, exact.radius),
             )
         )
     return methods

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import time
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -56,7 +57,7 @@ def preset_rows(presets: list[str], frames: int, rounds: int) -> list[Row]:
         place.mkdir()
         truth = write_campaign(place, frames=frames)
         given = load_campaign(place)
-        timed = take_turns({name: lambda n=name: run_pipeline(given, n) for name in presets}, rounds)
+        timed = take_turns({name: partial(run_pipeline, given, name) for name in presets}, rounds)
     rows = []
     for name, one in timed.items():
         result = one.result

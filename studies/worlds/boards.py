@@ -38,7 +38,7 @@ def ceiling_camera(rng: np.random.Generator) -> tuple[Camera, Floor]:
 
 def axis_rotation(angle: float, about: float) -> Array:
     """Rotation (3, 3) by an angle about an axis in the image plane, itself at the angle ``about`` [rad]."""
-    return cv2.Rodrigues(angle * np.array([np.cos(about), np.sin(about), 0.0]))[0]
+    return np.asarray(cv2.Rodrigues(angle * np.array([np.cos(about), np.sin(about), 0.0]))[0], dtype=np.float64)
 
 
 def board_corners(columns: int = 9, rows: int = 6, square_m: float = 0.04) -> Array:

@@ -43,7 +43,9 @@ def towed_motion(rover: Motion, start: Array, times: Array) -> Array:
     centre = LOAD * LOAD_AT / mass
     own = MASS * (OBJECT_SIZE_M[0] ** 2 + OBJECT_SIZE_M[1] ** 2) / 12 + MASS * centre @ centre
     load = LOAD * (LOAD_SIZE[0] ** 2 + LOAD_SIZE[1] ** 2) / 12 + LOAD * (LOAD_AT - centre) @ (LOAD_AT - centre)
-    box = Box(OBJECT_SIZE_M, mass, tuple(centre), own + load, tuple(ANCHOR), FRICTION, STICTION_VELOCITY)
+    box = Box(
+        OBJECT_SIZE_M, mass, (centre[0], centre[1]), float(own + load), tuple(ANCHOR), FRICTION, STICTION_VELOCITY
+    )
 
     def hinge(time_s: float) -> Array:
         pose = rover(time_s)

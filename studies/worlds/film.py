@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from fractions import Fraction
 from pathlib import Path
+from typing import cast
 
 import av
 import numpy as np
+from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
 
@@ -21,10 +23,10 @@ def write_video(path: Path, frames: Iterable[tuple[float, NDArray[np.uint8]]], r
     # AVI counts in frames; MPEG-4 allows no finer clock than 1/65535 s.
     base = Fraction(1, rate) if path.suffix == ".avi" else Fraction(1, 51200)
     with av.open(str(path), "w", format=options.pop("container", None)) as file:
-        stream = None
+        stream: VideoStream | None = None
         for time_s, luma in frames:
             if stream is None:
-                stream = file.add_stream(codec, rate=rate, options=options)
+                stream = cast(VideoStream, file.add_stream(codec, rate=rate, options=options))
                 stream.width, stream.height, stream.pix_fmt = luma.shape[1], luma.shape[0], pixel_format
                 stream.time_base = stream.codec_context.time_base = base
             frame = av.VideoFrame.from_ndarray(luma, format="gray").reformat(

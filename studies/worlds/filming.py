@@ -31,7 +31,7 @@ def filmed(scene: FilmedScene, times: Array, **options: str) -> Iterator[Callabl
     settings = {"crf": "18", "preset": "veryfast"} | options
     with TemporaryDirectory() as folder:
         path = Path(folder) / "film.mp4"
-        write_video(path, CeilingCamera(scene).frames(times), **settings)
+        write_video(path, CeilingCamera(scene).frames(times), rate=25, **settings)
         yield lambda: Video(path)
 
 
@@ -45,7 +45,8 @@ def shrunk(frames: Frames, scale: float) -> Frames:
     if scale == 1:
         return frames
     return (
-        (time_s, cv2.resize(luma, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)) for time_s, luma in frames
+        (time_s, np.asarray(cv2.resize(luma, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), dtype=np.uint8))
+        for time_s, luma in frames
     )
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -113,7 +114,7 @@ class CeilingCamera:
     def render(self, time_s: float) -> np.ndarray:
         """The picture without noise (height, width) float32, light and shade included."""
         scene = self.scene
-        image = self._blurred_ground.copy()
+        image: np.ndarray = self._blurred_ground.copy()
         for i, (body, motion) in enumerate(zip(scene.bodies, scene.motions, strict=True)):
             if body.name not in scene.hidden(time_s):
                 self._draw_body(image, i, motion(time_s))
@@ -228,7 +229,7 @@ def ceiling(
 ) -> tuple[Camera, Floor]:
     """A camera at the ceiling that looks down, tilted a little, x of the floor to the right of the picture."""
     width, height = resolution_px
-    matrix = [[focal_px, 0, width / 2 + 3.3], [0, focal_px * 1.001, height / 2 - 4.7], [0, 0, 1]]
+    matrix = np.array([[focal_px, 0, width / 2 + 3.3], [0, focal_px * 1.001, height / 2 - 4.7], [0, 0, 1]])
     camera = Camera(resolution_px, matrix, np.pad(distortion, (0, 8 - len(distortion))), "test")
     c, s = np.cos(tilt_rad), np.sin(tilt_rad)
     down = np.array([[1.0, 0, 0], [0, -1.0, 0], [0, 0, -1.0]])
@@ -238,7 +239,7 @@ def ceiling(
     return camera, Floor(T)
 
 
-def small_camera() -> dict[str, object]:
+def small_camera() -> dict[str, Any]:
     """Changes to a scene that film it with a quarter of the pixels: four times as fast, pixels of 4.7 mm."""
     camera, floor = ceiling((960, 540), 780.0)
     return {"camera": camera, "floor": floor, "grain_m": 0.024}
@@ -263,7 +264,7 @@ def drive(start: tuple[float, float, float], speed: float, turn: float = 0.0, re
     return pose
 
 
-def standard_scene(seed: int = 0, **changes: object) -> FilmedScene:
+def standard_scene(seed: int = 0, **changes: Any) -> FilmedScene:
     """Rover and object at 1080p from 4 m, each going about a metre in eight seconds."""
     rng = np.random.default_rng(1000 + seed)
     camera, floor = ceiling()

@@ -4,7 +4,7 @@ import importlib
 import typing
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from towval.commands.console import errors_reported
 
@@ -26,6 +26,11 @@ def _converted(value: Any, wanted: Any) -> Any:
         return {key: Path(item) for key, item in value.items()}
     return value
 
+
+if TYPE_CHECKING:
+    from snakemake.script import Snakemake
+
+    snakemake: Snakemake
 
 if __name__ == "__main__":
     with errors_reported(Path(snakemake.log[0])):

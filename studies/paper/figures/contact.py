@@ -58,13 +58,13 @@ def contact_figure(table: pd.DataFrame, outline: Array, load: Array) -> Figure:
 
 
 def _mesh(axes: Axes, outline: Array, corners: Array) -> None:
-    axes.add_collection(PolyCollection(corners, facecolors=CELL, edgecolors=CELL_EDGE, linewidths=0.25))
+    axes.add_collection(PolyCollection(list(corners), facecolors=CELL, edgecolors=CELL_EDGE, linewidths=0.25))
     axes.add_patch(Polygon(outline, closed=True, facecolor="none", edgecolor="#222222", linewidth=0.8))
 
 
 def _reduced(axes: Axes, table: pd.DataFrame, outline: Array, corners: Array) -> None:
     axes.add_patch(Polygon(outline, closed=True, facecolor="#f4f4f4", edgecolor=CUT, linewidth=0.5, ls="--"))
-    axes.add_collection(PolyCollection(corners, facecolors=CELL, edgecolors=CELL_EDGE, linewidths=0.25))
+    axes.add_collection(PolyCollection(list(corners), facecolors=CELL, edgecolors=CELL_EDGE, linewidths=0.25))
     for _, ring in table[table["row"] == "exact"].groupby("number"):
         axes.add_patch(Polygon(ring[["x0", "y0"]].to_numpy(), closed=True, fill=False, edgecolor="#222222", lw=1.0))
 

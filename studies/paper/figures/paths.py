@@ -103,7 +103,7 @@ def _rover_ways(axes: Axes, rows: pd.DataFrame, curve: str) -> None:
     _magnified(axes, lines, INSETS[curve])
 
 
-def _magnified(axes: Axes, lines: list[tuple[str, Array]], place: tuple[float, ...]) -> None:
+def _magnified(axes: Axes, lines: list[tuple[str, Array]], place: tuple[float, float, float, float]) -> None:
     """A box with the ways of the rover shortly after their start, where they differ."""
     inset = axes.inset_axes(place)
     for colour, line in lines:
@@ -153,7 +153,7 @@ def loop_figure(table: pd.DataFrame) -> Figure:
 def _coloured_by_case(axes: Axes, points: Array, case: np.ndarray) -> None:
     segments = np.stack([points[:-1], points[1:]], axis=1)
     colours = [CASE_COLOURS[name] for name in case[:-1]]
-    axes.add_collection(LineCollection(segments, colors=colours, linewidths=1.1, capstyle="butt"))
+    axes.add_collection(LineCollection(list(segments), colors=colours, linewidths=1.1, capstyle="butt"))
     axes.autoscale_view()
 
 

@@ -72,9 +72,18 @@ def _draw_region(axes: Axes, rover: Rover, pose: Array, extent: float, *, flanks
         axes.add_patch(Polygon(transform(pose, piece.polygon(extent)), closed=True, **style))
 
 
-def _label(axes: Axes, place: Array, text: str, shift: tuple[float, float] = (4, 4), **style: object) -> None:
+def _label(axes: Axes, place: Array, text: str, shift: tuple[float, float] = (4, 4), **style: Any) -> None:
     backing = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.6}
-    axes.annotate(text, place, xytext=shift, textcoords="offset points", fontsize=8, bbox=backing, zorder=6, **style)
+    axes.annotate(
+        text,
+        (place[0], place[1]),
+        xytext=shift,
+        textcoords="offset points",
+        fontsize=8,
+        bbox=backing,
+        zorder=6,
+        **style,
+    )
 
 
 def _dot(axes: Axes, place: Array, colour: str = "#222222", size: float = 3.0) -> None:
@@ -164,7 +173,9 @@ def _steering_range(axes: Axes, rover: Rover, pose: Array) -> None:
     place = transform(pose, rover.wheel_positions[0])
     least, greatest = np.degrees(rover.steering_ranges[0] + pose[2])
     radius = 2.6 * rover.wheel_radius
-    axes.add_patch(Arc(place, 2 * radius, 2 * radius, theta1=least, theta2=greatest, color="#333333", lw=0.7))
+    axes.add_patch(
+        Arc((place[0], place[1]), 2 * radius, 2 * radius, theta1=least, theta2=greatest, color="#333333", lw=0.7)
+    )
     for limit in (least, greatest):
         end = place + radius * np.array([np.cos(np.radians(limit)), np.sin(np.radians(limit))])
         axes.plot(*np.transpose([place, end]), color="#333333", lw=0.5)
@@ -197,7 +208,9 @@ def _step(axes: Axes, rover: Rover) -> None:
     _label(axes, centre, r"$\Omega_r$", (5, 0))
     size = 0.9
     first = np.degrees(np.arctan2(*(start[:2] - centre)[::-1]))
-    axes.add_patch(Arc(centre, size, size, theta1=first, theta2=first + np.degrees(turn), color="#333333", lw=0.7))
+    axes.add_patch(
+        Arc((centre[0], centre[1]), size, size, theta1=first, theta2=first + np.degrees(turn), color="#333333", lw=0.7)
+    )
     middle = np.radians(first) + turn / 2
     _label(axes, centre + 0.5 * size * np.array([np.cos(middle), np.sin(middle)]), r"$\varphi$", (-2, -10))
     axes.autoscale_view()

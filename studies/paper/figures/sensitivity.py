@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -51,13 +52,13 @@ def dynamics_figure(
 
     Parameters
     ----------
-    speeds, time_steps, stiffnesses, ways : DataFrame
+    speeds, time_steps, stiffnesses, paths : DataFrame
         The studies ``speeds``, ``time_steps``, ``stiffnesses`` and ``feedforward_paths``.
     side : float
         Side of the cube [m].
     """
     figure = Figure(figsize=(PAGE_WIDTH_IN, 4.9), layout="constrained")
-    upper, lower = figure.subfigures(2, 1, height_ratios=[1, 1.15])
+    upper, lower = np.asarray(figure.subfigures(2, 1, height_ratios=[1, 1.15])).tolist()
     above, below = upper.subplots(1, 3), lower.subplots(1, 2, width_ratios=[1, 1.35])
     _errors(above[0], speeds, "mean_speed_m_s", r"mean speed $\bar{v}$ [m/s]")
     _errors(above[1], time_steps, "time_step_s", r"time step $t_s$ [s]")
@@ -187,7 +188,7 @@ def surface_figure(table: pd.DataFrame) -> Figure:
     return figure
 
 
-def _surface(axes: Axes, rows: pd.DataFrame, scale: LogNorm) -> object:
+def _surface(axes: Axes, rows: pd.DataFrame, scale: LogNorm) -> QuadMesh:
     grid = rows.pivot_table(index="look_ahead_steps", columns="threshold", values="object_rms_m")
     arrived = rows.assign(ok=rows["outcome"] == "arrived").pivot_table(
         index="look_ahead_steps", columns="threshold", values="ok"
@@ -212,8 +213,8 @@ def _edges(centres: Array) -> Array:
 
 
 def _figure_6(plan: Mapping[str, Any], tables: Mapping[str, pd.DataFrame]) -> Figure:
-    names = ("speeds", "time_steps", "stiffnesses", "feedforward_paths")
-    return dynamics_figure(*(tables[name] for name in names), side=plan["cube"]["side_m"])
+    speeds, time_steps, stiffnesses, paths = (tables[name] for name in FIGURE_6.tables)
+    return dynamics_figure(speeds, time_steps, stiffnesses, paths, plan["cube"]["side_m"])
 
 
 FIGURE_6 = Drawing(("speeds", "time_steps", "stiffnesses", "feedforward_paths"), _figure_6)

@@ -1,4 +1,4 @@
-"""Synthetic runs with known truth for the benchmark of the verdict: drawn, moved and measured, but never rendered.
+"""Synthetic runs with known ground truth for the tables of the verdict: drawn, moved and measured, but not rendered.
 
 The object moves by friction summed over cells of its footprint and a Runge-Kutta rule of fixed step; it is measured by
 projecting the corners of its top with a camera drawn from the calibration's covariance, and placing them with the
@@ -32,7 +32,6 @@ from towval.model import (
 from towval.model.geometry import compose, rigid_fit, transform
 from towval.model.inputs import deviations
 from towval.optics.projection import project, to_plane
-from towval.physics.friction_laws import fit_makkar
 
 GRAVITY = 9.81
 RATE_HZ = 25
@@ -49,7 +48,7 @@ ROVER, TOWED = two_bodies()
 
 @dataclass(frozen=True)
 class Truth:
-    """What is really there: scene, factor on the friction law, shift of the centre of mass, and a stripe of the floor.
+    """The ground truth: scene, factor on the friction law, shift of the centre of mass, and a stripe of the floor.
 
     ``stripe`` is (x, y, direction x, direction y, length [m], factor): floor of another friction from a point on.
     """
@@ -62,9 +61,13 @@ class Truth:
 
 @dataclass(frozen=True)
 class SyntheticRun:
-    """A campaign's scene with its deviations, the truth drawn from them, and the way of the rover."""
+    """A campaign's scene with its deviations, the ground truth drawn from them, and the rover's trajectory.
+
+    ``gamma`` (6,) are the coefficients of Makkar's law for the scene's specification of friction.
+    """
 
     scene: TowingScene
+    gamma: Array
     deviations: dict[str, float]
     truth: Truth
     drive: Callable[[float], Array]
@@ -72,8 +75,11 @@ class SyntheticRun:
     time_s: Array
 
 
-def synthetic_run(seed: int) -> SyntheticRun:
-    """A scene of its own for each seed: masses, load, friction, tether, way and speed of the rover; and its truth."""
+def synthetic_run(seed: int, coefficients: Callable[[FrictionSpecification], Array]) -> SyntheticRun:
+    """A random scene: masses, load, friction, tether, path and speed of the rover; and its ground truth.
+
+    ``coefficients`` gives those of Makkar's law (6,) for a specification.
+    """
     rng = np.random.default_rng([seed, 1])
     kinetic = rng.uniform(0.25, 0.5)
     body_mass, load_mass = rng.uniform(3.0, 6.0), rng.uniform(0.5, 2.5)
@@ -100,31 +106,35 @@ def synthetic_run(seed: int) -> SyntheticRun:
     anchor = hinge - taut * np.array([np.cos(bearing), np.sin(bearing)])
     origin = anchor - (transform([0, 0, heading], scene.anchor))
     start = np.array([*origin, heading])
-    return SyntheticRun(scene, known, _drawn_truth(scene, known, rng), path, start, times)
+    gamma = coefficients(scene.friction)
+    return SyntheticRun(scene, gamma, known, _drawn_truth(scene, known, rng), path, start, times)
 
 
 def _drawn_truth(scene: TowingScene, std: dict[str, float], rng: np.random.Generator) -> Truth:
-    def about(value: object, deviation: float) -> object:
-        return value + deviation * rng.standard_normal(np.shape(value))
+    def about(value: float, deviation: float) -> float:
+        return value + deviation * float(rng.standard_normal())
+
+    def point_about(value: Array, deviation: float) -> Array:
+        return value + deviation * rng.standard_normal(value.shape)
 
     true = replace(
         scene,
-        body_mass=float(about(scene.body_mass, std["body_mass"])),
+        body_mass=about(scene.body_mass, std["body_mass"]),
         load=replace(
-            scene.load, mass=float(about(scene.load.mass, std["load_mass"])), at=about(scene.load.at, std["load_at"])
+            scene.load, mass=about(scene.load.mass, std["load_mass"]), at=point_about(scene.load.at, std["load_at"])
         ),
-        anchor=about(scene.anchor, std["anchor"]),
-        hinge=about(scene.hinge, std["hinge"]),
+        anchor=point_about(scene.anchor, std["anchor"]),
+        hinge=point_about(scene.hinge, std["hinge"]),
         tether=Tether(
-            float(about(scene.tether.rest_length, std["rest_length"])),
-            float(about(scene.tether.stiffness, std["stiffness"])),
+            about(scene.tether.rest_length, std["rest_length"]),
+            about(scene.tether.stiffness, std["stiffness"]),
         ),
     )
-    return Truth(true, float(about(1.0, std["friction"] / scene.friction.kinetic)))
+    return Truth(true, about(1.0, std["friction"] / scene.friction.kinetic))
 
 
 def planted(run: SyntheticRun, right: Array, fault: str, seed: int) -> tuple[Truth, float]:
-    """The truth with a fault in it, and where on the object's way ``right`` (n, 3) the fault begins [m].
+    """The truth with a fault in it, and where on the object's trajectory ``right`` (n, 3) the fault begins [m].
 
     "stripe": friction × 1.6 over 0.4 m of the floor; "centre of mass" 20 mm off; "tether" 10 % longer.
     """
@@ -166,7 +176,7 @@ def true_motion(run: SyntheticRun, truth: Truth) -> Array:
     inertia += scene.load.mass * (np.sum(scene.load.size[:2] ** 2) / 12 + np.sum((scene.load.at - own_centre) ** 2))
     steps = round((run.time_s[-1] - run.time_s[0]) / STEP_S)
     halves = np.array([run.drive(t) for t in run.time_s[0] + np.arange(2 * steps + 1) * STEP_S / 2])
-    gamma = fit_makkar(*(getattr(scene.friction, name) for name in _SPECIFICATION)).law.gamma.copy()
+    gamma = run.gamma.copy()
     gamma[[0, 3, 5]] *= truth.friction_factor
     every = round(1 / (RATE_HZ * STEP_S))
     state = np.array([*transform(run.start, centre), run.start[2], 0.0, 0.0, 0.0])
@@ -182,9 +192,6 @@ def true_motion(run: SyntheticRun, truth: Truth) -> Array:
     )
     turned = np.column_stack([np.zeros((len(states), 2)), states[:, 2]])
     return np.column_stack([states[:, :2] + transform(turned, -centre), states[:, 2]])
-
-
-_SPECIFICATION = ("static", "kinetic", "stiction_velocity", "friction_velocity")
 
 
 @njit

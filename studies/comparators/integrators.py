@@ -1,7 +1,7 @@
-"""Other ways to step the towed object through time, for comparison: SciPy's methods, and two explicit ones.
+"""Other integrators of the towed object, for comparison: SciPy's methods, and two explicit ones of fixed step.
 
-They share the forces with :mod:`towval.physics` and nothing of its integrator: no modes apart, no events, no cap on a
-slack step.
+They share the forces with :mod:`towval.physics` and nothing of its integrator: no separate modes of the tether, no
+events, no limit on a step while it is slack.
 """
 
 from __future__ import annotations
@@ -14,8 +14,9 @@ from towval.model import Array, FrictionLaw, Tether, TimedPath, TowedObject
 from towval.model.compiling import compiled
 from towval.model.geometry import transform
 from towval.physics.dynamics import centre_state, motion_scene
-from towval.physics.motion import MotionProblem, accelerations, natural_mode
+from towval.physics.motion import MotionProblem, acceleration_slopes, accelerations, natural_mode
 from towval.physics.splines import piece_at, spline_covering
+from towval.physics.wrench import SlidingPatch
 
 SEMI_IMPLICIT_EULER, RUNGE_KUTTA_4 = 1, 4
 """Schemes of :func:`fixed_steps`, named by their order."""
@@ -23,9 +24,11 @@ SEMI_IMPLICIT_EULER, RUNGE_KUTTA_4 = 1, 4
 _BLOWN_UP = 1e3  # m
 
 
-def tethered_scene(towed: TowedObject, law: FrictionLaw, tether: Tether, hinge: TimedPath) -> MotionProblem:
+def tethered_scene(
+    towed: TowedObject, friction: FrictionLaw | SlidingPatch, tether: Tether, hinge: TimedPath
+) -> MotionProblem:
     """The compiled scene of an object behind a hinge."""
-    return motion_scene(towed, law, tether, spline_covering(hinge, hinge.time_s, "the way of the hinge"))
+    return motion_scene(towed, friction, tether, spline_covering(hinge, hinge.time_s, "the path of the hinge"))
 
 
 def state_at_rest(towed: TowedObject, pose: ArrayLike) -> Array:
@@ -44,7 +47,7 @@ def scipy_steps(method: str, scene: MotionProblem, start: Array, times: Array, t
 
     def rate(t: float, state: Array) -> Array:
         rates = np.empty(6)
-        _rates(scene, t, state, rates)
+        natural_rates(scene, t, state, rates)
         return rates
 
     solution = solve_ivp(rate, (times[0], times[-1]), start, method, times, rtol=tolerance, atol=tolerance * 0.1)
@@ -58,10 +61,23 @@ def fixed_steps(scheme: int, scene: MotionProblem, start: Array, times: Array, s
     return reached == len(times), states
 
 
+@compiled(allocates=False)
+def natural_rates(scene: MotionProblem, time: float, y: Array, out: Array) -> None:
+    """Time derivative of the state (6,), slack or taut as the state says."""
+    accelerations(scene, natural_mode(scene, time, y), time, piece_at(scene.drive.knots, time, 0), y, out)
+
+
 @compiled()
-def _rates(scene: MotionProblem, time: float, y: Array, rates: Array) -> None:
-    """Rates of the state, with the tether's mode as it is at that moment."""
-    accelerations(scene, natural_mode(scene, time, y), time, piece_at(scene.drive.knots, time, 0), y, rates)
+def natural_jacobian(scene: MotionProblem, time: float, y: Array, out: Array) -> None:
+    """Derivative of the rates by the state (6, 6)."""
+    rates, slopes, time_slope = np.empty(6), np.empty((3, 6)), np.empty(3)
+    piece = piece_at(scene.drive.knots, time, 0)
+    acceleration_slopes(scene, natural_mode(scene, time, y), time, piece, y, rates, slopes, time_slope)
+    out[:] = 0.0
+    for i in range(3):
+        out[i, 3 + i] = 1.0
+        for j in range(6):
+            out[3 + i, j] = slopes[i, j]
 
 
 @compiled()
@@ -73,14 +89,14 @@ def _march(scheme: int, scene: MotionProblem, start: Array, times: Array, step_s
         h = (times[i] - times[i - 1]) / count
         for k in range(count):
             t = times[i - 1] + k * h
-            _rates(scene, t, y, rates[0])
+            natural_rates(scene, t, y, rates[0])
             if scheme == SEMI_IMPLICIT_EULER:
                 y[3:] += h * rates[0, 3:]
                 y[:3] += h * y[3:]
             else:
-                _rates(scene, t + h / 2, y + h / 2 * rates[0], rates[1])
-                _rates(scene, t + h / 2, y + h / 2 * rates[1], rates[2])
-                _rates(scene, t + h, y + h * rates[2], rates[3])
+                natural_rates(scene, t + h / 2, y + h / 2 * rates[0], rates[1])
+                natural_rates(scene, t + h / 2, y + h / 2 * rates[1], rates[2])
+                natural_rates(scene, t + h, y + h * rates[2], rates[3])
                 y += h / 6 * (rates[0] + 2 * rates[1] + 2 * rates[2] + rates[3])
             if not np.abs(y).max() < _BLOWN_UP:
                 return i

@@ -1,10 +1,9 @@
 """Work-precision curves: what accuracy costs with our integrator and with others, on the same right-hand side.
 
-Two scenes: the lap of a cube along a lemniscate, its tether slack for a while, and stick-slip behind a soft tether. All
-solvers integrate the same compiled rates; those with a Jacobian are given ours. Others than ours know nothing of slack
-and taut: they see a right-hand side with a kink, and take no step longer than a share of the time, or they would step
-over the tightening (and some report success). Their calls come from Python: ``call_s`` is the time of one such call
-of the right-hand side, most of it the passage, ``rate_calls`` how many there were.
+All solvers integrate the same compiled rates; those that take a Jacobian are given ours. The others do not distinguish
+slack and taut: they see a right-hand side with a kink, and their steps are limited to a share of the time, or they
+would step over the tightening (and some report success). They call the right-hand side from Python: ``call_s`` is the
+time of one such call, most of it the passage into compiled code, ``rate_calls`` the number of calls.
 """
 
 from __future__ import annotations
@@ -13,19 +12,15 @@ import importlib.util
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from towval.model import Array, FrictionLaw, Patch, Tether, TimedPath, TowedObject
-from towval.model.compiling import compiled
+from studies.comparators.integrators import natural_jacobian, natural_rates, state_at_rest, tethered_scene
+from studies.comparators.tow_scenes import TowScene
+from studies.frame import Row
+from towval.model import Array
 from towval.model.errors import InputError
-from towval.physics.contact import resting_pressure
-from towval.physics.dynamics import Accuracy, centre_state, feedback, motion_scene
-from towval.physics.friction_laws import Coulomb, Makkar
-from towval.physics.motion import MotionProblem, acceleration_slopes, accelerations, natural_mode
-from towval.physics.splines import piece_at, spline_covering
-from towval.physics.wrench import SlidingPatch, sliding_patch
+from towval.physics.dynamics import Accuracy, feedback
 
 ROSENBROCK, CVODE, RADAU, LSODA = "Rodas5P", "CVODE BDF", "Radau", "LSODA"
 METHODS = (ROSENBROCK, CVODE, RADAU, LSODA)
@@ -35,52 +30,7 @@ REFERENCE_TOLERANCE_M = 1e-12
 _LONGEST_STEP = 1 / 400  # of the time, for solvers without events
 _STEP_LIMIT = 1_000_000
 _VELOCITY_RATE = 10.0  # 1/s; a velocity may be wrong by the tolerance times this, as with our integrator
-_QUICK_S, _REPEATS = 1.0, 3  # what takes less is timed so often, and the least counts
-
-Row = dict[str, Any]
-
-
-@dataclass(frozen=True)
-class TowScene:
-    """A motion to be integrated: who is towed, on what, by what, from where, reported when."""
-
-    towed: TowedObject
-    patch: SlidingPatch
-    tether: Tether
-    hinge: TimedPath
-    start_pose: tuple[float, float, float]
-    times: Array
-
-
-def lap_scene(duration: float = 400.0) -> TowScene:
-    """A cube towed slowly along Bernoulli's lemniscate, 2 m wide, from rest; the tether goes slack on the way."""
-    return _cube_scene(Coulomb(0.35, 1e-3), 1000.0, lemniscate(duration), (1.0, -0.8, np.pi / 2), 201)
-
-
-def lemniscate(duration: float, points: int = 4001) -> TimedPath:
-    """Once around Bernoulli's lemniscate, 2 m wide, in a time [s]."""
-    t = np.linspace(0, duration, points)
-    tau = 2 * np.pi * t / duration
-    return TimedPath(t, np.column_stack([np.cos(tau), np.sin(tau) * np.cos(tau)]) / (1 + np.sin(tau) ** 2)[:, None])
-
-
-def stick_slip_scene(duration: float = 20.0) -> TowScene:
-    """A cube that sticks and slips behind a soft tether whose end creeps, under a law that falls by a third."""
-    t = np.linspace(0, duration, 201)
-    path = np.column_stack([0.8 + 0.01 * t, 0.02 * (1 - np.cos(0.3 * t))])
-    return _cube_scene(Makkar(0.15, 800.0, 50.0, 0.3, 1600.0, 0.0), 200.0, TimedPath(t, path), (0.0, 0.0, 0.0), 401)
-
-
-SCENES: dict[str, Callable[[], TowScene]] = {"lap": lap_scene, "stick-slip": stick_slip_scene}
-
-
-def _cube_scene(
-    law: FrictionLaw, stiffness: float, hinge: TimedPath, start: tuple[float, float, float], reports: int
-) -> TowScene:
-    square = Patch([[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]])
-    cube = TowedObject(square, 5.0, [0, 0], 0.4 / 3, [0.2, 0])
-    times = np.linspace(hinge.time_s[0], hinge.time_s[-1], reports)
-    return TowScene(cube, sliding_patch(resting_pressure(cube), law), Tether(0.6, stiffness), hinge, start, times)
+_QUICK_S, _REPEATS = 1.0, 3  # what takes less time than this is timed several times; the least counts
 
 
 def work_precision_rows(
@@ -164,34 +114,33 @@ def _ours(scene: TowScene, tolerance: float) -> _Solution:
 
 
 class _Problem:
-    """The right-hand side and its Jacobian as the other solvers call them; the centre of mass is the body's origin."""
+    """The right-hand side and its Jacobian for the other solvers; the centre of mass is the body's origin."""
 
     def __init__(self, scene: TowScene) -> None:
-        drive = spline_covering(scene.hinge, scene.times, "the way of the hinge")
-        self.compiled: MotionProblem = motion_scene(scene.towed, scene.patch, scene.tether, drive)
-        self.start = centre_state(scene.towed, scene.start_pose, (0.0, 0.0, 0.0))
+        self.compiled = tethered_scene(scene.towed, scene.patch, scene.tether, scene.hinge)
+        self.start = state_at_rest(scene.towed, scene.start_pose)
         self.span = float(scene.times[-1] - scene.times[0])
         self.calls = 0
 
     def rates(self, t: float, y: Array, out: Array) -> Array:
         self.calls += 1
-        _natural_rates(self.compiled, t, y, out)
+        natural_rates(self.compiled, t, y, out)
         return out
 
     def jacobian(self, t: float, y: Array, out: Array) -> Array:
-        _natural_jacobian(self.compiled, t, y, out)
+        natural_jacobian(self.compiled, t, y, out)
         return out
 
     def seconds_a_call(self, times: int = 2000) -> float:
         """CPU time of a call of the right-hand side from Python [s]."""
         out, start = np.empty(6), time.process_time()
         for _ in range(times):
-            _natural_rates(self.compiled, 0.0, self.start, out)
+            natural_rates(self.compiled, 0.0, self.start, out)
         return (time.process_time() - start) / times
 
     @staticmethod
     def allowed(tolerance: float) -> Array:
-        """Absolute tolerances of the state (6,), weighed as our integrator does."""
+        """Absolute tolerances of the state (6,), weighted as in our integrator."""
         return tolerance * np.array([1.0, 1.0, 1.0, *(_VELOCITY_RATE,) * 3])
 
 
@@ -244,22 +193,3 @@ _SOLVERS: dict[str, Callable[[TowScene, float], _Solution]] = {
     RADAU: lambda scene, tolerance: _scipy("Radau", scene, tolerance),
     LSODA: lambda scene, tolerance: _scipy("LSODA", scene, tolerance),
 }
-
-
-@compiled(allocates=False)
-def _natural_rates(scene: MotionProblem, time: float, y: Array, out: Array) -> None:
-    """Time derivative of the state (6,), slack or taut as the state says."""
-    accelerations(scene, natural_mode(scene, time, y), time, piece_at(scene.drive.knots, time, 0), y, out)
-
-
-@compiled()
-def _natural_jacobian(scene: MotionProblem, time: float, y: Array, out: Array) -> None:
-    """Derivative of the rates by the state (6, 6)."""
-    rates, slopes, time_slope = np.empty(6), np.empty((3, 6)), np.empty(3)
-    piece = piece_at(scene.drive.knots, time, 0)
-    acceleration_slopes(scene, natural_mode(scene, time, y), time, piece, y, rates, slopes, time_slope)
-    out[:] = 0.0
-    for i in range(3):
-        out[i, 3 + i] = 1.0
-        for j in range(6):
-            out[3 + i, j] = slopes[i, j]

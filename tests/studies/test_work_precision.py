@@ -3,10 +3,11 @@ import importlib.util
 import numpy as np
 import pytest
 
-from studies.comparators import integrator_studies as study
+from studies.comparators import work_precision as study
+from studies.comparators.tow_scenes import lap_scene, stick_slip_scene
 from towval.model.errors import InputError
 
-JERKS = study.stick_slip_scene(duration=14.0)
+JERKS = stick_slip_scene(duration=14.0)
 
 
 def rows_of(method, tolerances):
@@ -50,7 +51,7 @@ def test_unknown_integrator_is_an_input_error():
         rows_of("Euler", (1e-6,))
 
 
-@pytest.mark.parametrize("scene", [study.lap_scene(), JERKS])
+@pytest.mark.parametrize("scene", [lap_scene(), JERKS])
 def test_jacobian_is_the_derivative_of_the_rates(scene):
     problem = study._Problem(scene)
     state = problem.start + np.array([-0.01, 0.003, 0.05, 0.02, -0.01, 0.1])

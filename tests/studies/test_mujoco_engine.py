@@ -3,8 +3,8 @@ import importlib.util
 import numpy as np
 import pytest
 
-from studies.comparators.integrator_studies import lap_scene
-from studies.comparators.mujoco_lap import mujoco_rows
+from studies.comparators.mujoco_engine import mujoco_rows
+from studies.comparators.tow_scenes import lap_scene
 
 
 def test_four_points_are_off_and_spheres_less_so():

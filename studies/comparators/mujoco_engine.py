@@ -1,7 +1,7 @@
-"""The lap in another engine: what MuJoCo gives for the same cube, tether and way of the hinge, and what it costs.
+"""MuJoCo on the same scenes: what it gives for the same cube, tether and path of the hinge, and what it costs.
 
 MuJoCo has Coulomb friction at points: the four corners of a box, or a grid of small spheres. A patch is neither, so the
-difference to the continuous patch does not go away with the time step.
+difference to the continuous patch does not vanish with the time step.
 """
 
 from __future__ import annotations
@@ -13,7 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from studies.comparators.integrator_studies import REFERENCE_TOLERANCE_M, Row, TowScene, reference_places
+from studies.comparators.tow_scenes import TowScene
+from studies.comparators.work_precision import REFERENCE_TOLERANCE_M, reference_places
+from studies.frame import Row
 from towval.model import Array
 from towval.physics.friction_table import PLATEAU
 
@@ -23,6 +25,15 @@ if TYPE_CHECKING:
 _GRID = 4  # spheres along a side
 _THIN = 0.02  # half the height of the body [m]; its anchor is on the floor, so that the tow does not tilt it
 _SPHERE_M = 0.005
+
+
+LAYOUTS = {"box": False, f"{_GRID} × {_GRID} spheres": True}
+"""Contacts of the object by name: whether they are spheres instead of the corners of a box."""
+
+
+def is_installed() -> bool:
+    """Whether MuJoCo, which comes with the extra ``bench``, is installed."""
+    return importlib.util.find_spec("mujoco") is not None
 
 
 def mujoco_rows(scene: TowScene, steps: Iterable[float] = (0.002, 0.01)) -> list[Row]:
@@ -41,12 +52,12 @@ def mujoco_rows(scene: TowScene, steps: Iterable[float] = (0.002, 0.01)) -> list
         ``contact`` "box" or "4 × 4 spheres", ``step_s``, ``cpu_s``, ``error_m`` and ``rms_m`` of the centre over the
         scene's times, against our integrator at 1e-12 m; ``outcome`` "computed", or why it was skipped.
     """
-    if importlib.util.find_spec("mujoco") is None:
+    if not is_installed():
         nothing = dict.fromkeys(("step_s", "cpu_s", "error_m", "rms_m"), np.nan)
         return [{"contact": "box"} | nothing | {"outcome": "skipped: mujoco is not installed"}]
     exact = reference_places(scene, REFERENCE_TOLERANCE_M)
     rows: list[Row] = []
-    for contact, spheres in (("box", False), (f"{_GRID} × {_GRID} spheres", True)):
+    for contact, spheres in LAYOUTS.items():
         for step in steps:
             start = time.process_time()
             places = mujoco_places(scene, step, spheres)

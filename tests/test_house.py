@@ -1,0 +1,68 @@
+"""Rules of size and documentation that hold for all code: what is installed, files, functions, docstrings."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+INSTALLED_LINES = 18_500
+FILE_LINES = 450
+UNDOCUMENTED_LINES = 60
+"""A longer function needs a docstring even where it is private."""
+
+INSTALLED = sorted((REPOSITORY / "src" / "towval").rglob("*.py"))
+FILES = [*INSTALLED, *sorted((REPOSITORY / "studies").rglob("*.py"))]
+
+
+def name(path):
+    return str(path.relative_to(REPOSITORY))
+
+
+def lines(path):
+    return len(path.read_text(encoding="utf-8").splitlines())
+
+
+def functions(path):
+    """Functions of a file with their names; methods as ``Class.method``; not those within functions."""
+    waiting = [("", ast.parse(path.read_text(encoding="utf-8")))]
+    while waiting:
+        prefix, parent = waiting.pop()
+        for node in parent.body:
+            if isinstance(node, ast.ClassDef):
+                waiting.append((f"{prefix}{node.name}.", node))
+            elif isinstance(node, ast.FunctionDef):
+                yield f"{prefix}{node.name}", node
+
+
+@pytest.mark.xfail(reason="not yet brought down to this number of lines")
+def test_the_installed_package_stays_small():
+    assert sum(map(lines, INSTALLED)) <= INSTALLED_LINES
+
+
+@pytest.mark.parametrize("path", FILES, ids=name)
+def test_a_file_is_read_at_one_sitting(path):
+    assert lines(path) <= FILE_LINES
+
+
+@pytest.mark.parametrize("path", FILES, ids=name)
+def test_public_and_long_functions_have_docstrings(path):
+    missing = [
+        each
+        for each, node in functions(path)
+        if ast.get_docstring(node) is None
+        and (not any(part.startswith("_") for part in each.split(".")) or _length(node) > UNDOCUMENTED_LINES)
+        and each != "main"
+    ]
+    assert not missing
+
+
+def _length(node):
+    return node.end_lineno - node.lineno + 1
+
+
+def test_a_missing_docstring_is_found(tmp_path):
+    file = tmp_path / "module.py"
+    file.write_text('def plain():\n    return 1\n\n\nclass Kind:\n    def method(self):\n        """Says it."""\n')
+    found = {each: ast.get_docstring(node) is None for each, node in functions(file)}
+    assert found == {"plain": True, "Kind.method": False}
