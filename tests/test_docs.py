@@ -61,3 +61,13 @@ def test_documents_name_modules_that_exist(repository, package):
             assert any(
                 p.is_dir() or p.with_suffix(".py").exists() for p in [*heads, *([root] if len(parts) < 2 else [])]
             ), f"{document.name} names {package}{name}"
+
+
+def test_recipes_quote_the_tested_code(repository):
+    text = (repository / "docs" / "extending.md").read_text(encoding="utf-8")
+    quoted = re.findall(r"`(tests/extending/\w+\.py)`:\n\n```python\n(.*?)\n```", text, re.DOTALL)
+    assert len(quoted) == text.count("```python") > 0
+    for file, code in quoted:
+        assert code in (repository / file).read_text(encoding="utf-8"), f"docs/extending.md quotes {file} as it was"
+    named = set(re.findall(r"`(test_\w+\.py)`", text)) - {"test_docs.py", "test_config.py"}
+    assert named == {path.name for path in (repository / "tests" / "extending").glob("test_*.py")}

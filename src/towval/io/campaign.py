@@ -319,6 +319,7 @@ def _scene(document: dict[str, Any], load: Load) -> TowingScene:
             kinetic=friction["kinetic"],
             stiction_velocity=friction["stiction_velocity_m_per_s"],
             friction_velocity=friction["friction_velocity_m_per_s"],
+            law=friction.get("law", "makkar"),
         ),
     )
 

@@ -18,7 +18,7 @@ from towval.validation.simulate import simulate
 TRACK_SAMPLES = (1024, 4096)
 """What "auto" chooses from, cheapest first.
 
-Fewer than 1024 points are left out: 256 save 2 % of the time of decoding (docs/selection.md), and what they add is small
+Fewer than 1024 points are left out: 256 save 2 % of the time of decoding (docs/selection.md); their effect is small
 against the measurement uncertainty but not against the frame's own noise, which the verdict is sensitive to.
 """
 

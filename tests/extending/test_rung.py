@@ -1,0 +1,30 @@
+"""A rung from outside the package: one file, one registration line, named in ``TOWVAL_PLUGINS``."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from towval.io.records import read_simulated
+
+PLUGIN = Path(__file__).with_name("damped_rung.py")
+
+
+def simulate(campaign, tracked, output, plugins=str(PLUGIN)):
+    """Run the command ``simulate`` with the rung ``damped``."""
+    files = ["--track", tracked / "track.mcap", "--decimated", tracked / "decimate.mcap", "-o", output]
+    command = [sys.executable, "-m", "towval.cli", "simulate", campaign, *files, "--set", "rung=damped"]
+    environment = os.environ | {"TOWVAL_PLUGINS": plugins}
+    return subprocess.run(list(map(str, command)), env=environment, capture_output=True, text=True, check=False)
+
+
+def test_a_registered_rung_is_named_in_the_settings(lab_small, tracked, tmp_path):
+    done = simulate(lab_small, tracked, tmp_path / "simulate.mcap")
+    assert done.returncode == 0, done.stderr
+    assert read_simulated(tmp_path / "simulate.mcap").rung == "damped"
+
+
+def test_a_rung_that_nobody_registered_is_refused(lab_small, tracked, tmp_path):
+    done = simulate(lab_small, tracked, tmp_path / "simulate.mcap", plugins="")
+    assert done.returncode == 1
+    assert "damped" in done.stderr
