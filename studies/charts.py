@@ -28,7 +28,7 @@ COLOURS = ("#1f63b4", "#c8322b", "#2b8a3e", "#7b3fb5", "#e08a00", "#0b7285", "#4
 RIGHT, FLAGGED, SILENT = "right", "flagged", "silently wrong"
 FACES = {RIGHT: "#f1f3f5", FLAGGED: "#9fb6d0", SILENT: "#1d1d1b"}
 SIGNS = {RIGHT: ("", "#1d1d1b"), FLAGGED: ("!", "#1d1d1b"), SILENT: ("×", "#ffffff")}
-"""Cells by judgement: face, and sign in its colour; light, middle and dark, so that grey will do."""
+"""Cells by judgement: face, and sign in its colour; light, middle and dark, so that they can be told apart in grey."""
 
 _LINE_IN = 0.16
 _LINE_STEP_PX = 3.0
@@ -46,7 +46,7 @@ _AROUND = (
 )
 """Places of a label around its point, the best first: steps right and up in its distance, and its alignment."""
 _DECADE = 10.0
-_ROOM = 1.15  # Factor of room below and above all points.
+_ROOM = 1.15  # Factor of space below and above all points.
 _FEW_DECADES = 60.0  # A range below this has numbers at 1, 2 and 5.
 
 
@@ -66,7 +66,7 @@ def scatter_chart(table: pd.DataFrame, title: str, labels: tuple[str, str], note
     note : str
         A sentence or two below.
     front : bool, optional
-        Draw the points that no other beats in both, and label them; else join the points of a series.
+        Draw the Pareto front and label the points; else join the points of a series.
     """
     rows = medians(table)
     panels, series = list(dict.fromkeys(rows["panel"])), list(dict.fromkeys(rows["series"]))
@@ -113,7 +113,7 @@ def medians(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def unbeaten(rows: pd.DataFrame) -> pd.DataFrame:
-    """The rows that no other beats in both cost and error, cheapest first (the Pareto front)."""
+    """The Pareto front: rows that no other beats in both cost and error, cheapest first."""
     ordered = rows.sort_values(["cost", "error"])
     return ordered[ordered["error"] < ordered["error"].astype(float).cummin().shift(fill_value=np.inf)]
 
@@ -156,7 +156,7 @@ def _handles(series: Sequence[str], *, front: bool) -> list[Line2D]:
         for name, (marker, colour) in zip(series, shapes, strict=False)
     ]
     if front:
-        handles.append(Line2D([], [], color="#777777", lw=0.8, ls="--", label="not beaten in both"))
+        handles.append(Line2D([], [], color="#777777", lw=0.8, ls="--", label="Pareto front"))
         handles.append(Line2D([], [], ls="", marker="o", mfc="none", mec="#000000", ms=8, label="default"))
     return handles
 

@@ -23,7 +23,7 @@ def version_line() -> str:
 
 
 def _processor() -> str:
-    """The model's name where the system tells it, else its architecture."""
+    """The model's name where the system reports it, else its architecture."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:

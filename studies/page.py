@@ -54,9 +54,7 @@ def front_view(name: str, title: str, table: pd.DataFrame, svg: str, *, front: b
         for row in best.to_dict("records")
     )
     columns = ("panel", "method", "setting", "cost", "error")
-    return ChartView(
-        name, title, summary, inline_svg(svg, name), f"{name}.csv", "Not beaten in both cost and error", columns, cells
-    )
+    return ChartView(name, title, summary, inline_svg(svg, name), f"{name}.csv", "Pareto front", columns, cells)
 
 
 def map_view(name: str, title: str, table: pd.DataFrame, svg: str) -> ChartView:

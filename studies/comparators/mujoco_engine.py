@@ -77,7 +77,7 @@ def mujoco_rows(scene: TowScene, steps: Iterable[float] = (0.002, 0.01)) -> list
 
 
 def mujoco_places(scene: TowScene, step: float, spheres: bool) -> Array:
-    """The object's centre (n, 2) [m] at the scene's times, which are taken to the nearest time step [s]."""
+    """The object's centre (n, 2) [m] at the scene's times, rounded to the nearest time step [s]."""
     import mujoco  # noqa: PLC0415 — an extra: not everybody has it
 
     model = mujoco_model(scene, step, spheres)

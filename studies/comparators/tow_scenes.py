@@ -26,7 +26,7 @@ class TowScene:
 
 
 def lap_scene(duration: float = 400.0) -> TowScene:
-    """A cube towed slowly along Bernoulli's lemniscate, 2 m wide, from rest; the tether goes slack on the way."""
+    """A cube towed slowly along Bernoulli's lemniscate, 2 m wide, from rest; the tether goes slack for a while."""
     return _cube_scene(Coulomb(0.35, 1e-3), 1000.0, lemniscate(duration), (1.0, -0.8, np.pi / 2), 201)
 
 

@@ -1,8 +1,8 @@
-"""How far a fault of the input carries into the paths: frame rate, height, clicks, mass, centre of mass.
+"""Effect of input faults on the paths: frame rate, height, clicks, mass, centre of mass.
 
-The run is the synthetic campaign's, filmed for ten seconds by a camera without error; what a fault does to the measured
-poses is computed on them, not in pictures. Nothing of this can be seen in the data alone: it is what the deviations in
-campaign.yaml have to cover.
+The run is the synthetic campaign's, filmed for ten seconds by a camera without error; the effect of a fault on the
+measured poses is computed on the poses, not in pictures. None of these faults can be detected in the data alone: the
+standard deviations in campaign.yaml have to cover them.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ START = np.array([-1.2, 0.0, 0.15])
 
 @dataclass(frozen=True)
 class _Run:
-    """What the stages are given: the scene and both bodies' poses (n, 3) at times (n,)."""
+    """Input of the stages: the scene and both bodies' poses (n, 3) at times (n,)."""
 
     scene: TowingScene
     time_s: Array
@@ -67,14 +67,14 @@ def _with_poses(run: _Run, body: str, pose: Array) -> _Run:
 
 
 def _higher(run: _Run, mm: float, body: str) -> _Run:
-    """A top taken for higher than it is: every pose moves towards the nadir."""
+    """A planar target assumed too high: every pose moves towards the nadir."""
     height = {"rover": campaign.ROVER, "towed": campaign.OBJECT}[body].tracked_plane_height_m
     shrink = (CAMERA_HEIGHT_M - height - 1e-3 * mm) / (CAMERA_HEIGHT_M - height)
     return _with_poses(run, body, getattr(run, body) * [shrink, shrink, 1])
 
 
 def _clicked(run: _Run, mm: float, body: str) -> _Run:
-    """A body frame that lies so far off on its body, across it, and turned by as much over half a metre."""
+    """A body frame displaced on its body, across it, and turned by as much over half a metre."""
     return _with_poses(run, body, compose(getattr(run, body), np.array([0.0, 1e-3 * mm, 1e-3 * mm / 0.5])))
 
 
@@ -104,7 +104,7 @@ FAULTS: dict[str, Callable[[_Run, float], _Run]] = {
 
 
 def carry_over_rows(fault: str, sizes: list[float], seed: int) -> list[Row]:
-    """A row a size and quantity: RMS in mm of measured and simulated path from the truth, and from each other."""
+    """A row a size and quantity: RMS in mm of measured and simulated path from ground truth, and from each other."""
     run, truth = true_run(seed)
     true_times = run.time_s
     rows = []
@@ -143,11 +143,11 @@ STUDY = Study(
     parts=_parts,
     rows=carry_over_rows,
     chart=Scatter(
-        title="What a fault of the input does to the paths",
+        title="Effect of input faults on the paths",
         cost="",
         error="RMS distance [mm]",
-        note="Distance of measured and simulated path from the truth, and from each other: ten seconds, 0.8 m of path, "
-        "camera at 4 m. No stage can see these faults in the data.",
+        note="Distance of measured and simulated path from ground truth, and from each other: ten seconds, 0.8 m of "
+        "path, camera at 4 m. No stage can detect these faults in the data.",
         front=False,
     ),
 )

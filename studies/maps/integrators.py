@@ -1,6 +1,6 @@
 """Where integrators of the towed object are right: over stiffness, tolerance or time step, stiction velocity and start.
 
-Each scene is a curved tow that stops half way and backs up, so that the tether slackens and tightens. The truth is
+Each scene is a curved tow that stops halfway and backs up, so that the tether slackens and tightens. The reference is
 :func:`studies.worlds.reference.towed_box`.
 """
 
@@ -64,7 +64,7 @@ def integrator_rows(start: str, stiffness: float, stiction: float, over: str, me
     times, stretch = np.linspace(0, DURATION_S, 51), STARTS[start]
     fine = np.linspace(0, DURATION_S, 2501)
     tether, law = Tether(REST_LENGTH, stiffness), Coulomb(FRICTION, stiction)
-    # The spline through so many points is the hinge's way to 1e-9 m.
+    # The spline through so many points is the hinge's path to 1e-9 m.
     hinge = TimedPath(fine, hinge_place(fine, stretch))
     box = Box((SIDE, SIDE), MASS, CENTRE, INERTIA, (SIDE / 2, 0.0), FRICTION, stiction)
     truth = towed_box(
@@ -146,7 +146,8 @@ STUDY = Study(
         title="Integrators of the towed object",
         axes={f"{method}, {start}": (_STIFFNESS, setting) for start in STARTS for method, setting in _SETTING.items()}
         | {f"{method}, over v_s": (_STICTION, setting) for method, setting in _SETTING.items()},
-        note="Right: within 1 mm of the truth all along. Flagged: a named outcome other than converged, or the stage's "
-        "own estimate of its error above 1 mm; for SciPy, no success; for fixed steps, no number any more.",
+        note="Right: within 1 mm of the reference at all times. Flagged: a named outcome other than converged, or the "
+        "stage's own estimate of its error above 1 mm; for SciPy, no success; for fixed steps, values that are not "
+        "finite.",
     ),
 )

@@ -1,4 +1,4 @@
-"""Feedforward from rest and from matched speed, and creep at rest: what the equations themselves do, solved rightly."""
+"""Feedforward from rest and from matched speed, and creep at rest: properties of the equations, solved accurately."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ STARTS = {"rest": 0.0, "matched": 1.0}
 
 FOLLOWED_M, CREPT_M = 0.01, 1e-3
 PULL = 0.5
-"""Pull on the resting object, as a share of what friction can bear."""
+"""Pull on the resting object, as a share of the limit of friction."""
 
 _STEPS = 4000
 
@@ -63,7 +63,7 @@ def _drifted(motion: SimulatedMotion, nominal: Array) -> Row:
 
 
 def creep_rows(stictions: list[float], durations_s: list[float]) -> list[Row]:
-    """Cells of the map over v_s and duration: how far an object creeps that half of its friction would hold."""
+    """Cells of the map over v_s and duration: how far an object creeps under half of the limit of friction."""
     rows = []
     tether = Tether(0.6, 1000.0)
     for stiction in stictions:
@@ -108,8 +108,8 @@ STUDY = Study(
             "feedforward, peaked law": ("mean speed [m/s]", "start"),
             "creep at rest": ("stiction velocity v_s [m/s]", "duration [s]"),
         },
-        note="Right: feedforward within 10 mm RMS of the nominal path; creep below 1 mm under half of the pull that "
-        "friction bears. Flagged: a named outcome; 0.1 % more force that moves the object by over 10 mm; the check for "
+        note="Right: feedforward within 10 mm RMS of the nominal path; creep below 1 mm under half of the limit of "
+        "friction. Flagged: a named outcome; 0.1 % more force that moves the object by over 10 mm; the check for "
         "creep.",
     ),
 )

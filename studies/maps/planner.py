@@ -39,10 +39,10 @@ def rover(outward_deg: float = 33.7) -> Rover:
 
 
 def planner_rows(curve: str, thresholds_m: list[float], look_aheads: list[int]) -> list[Row]:
-    """Cells over d_t and ϑ_lh on the way of the hinge that draws the cube along a curve."""
-    wanted = {"lemniscate": lemniscate(2.0), "rounded square": rounded_square(4.0, 1.0)}[curve]
+    """Cells over d_t and ϑ_lh on the path of the hinge that draws the cube along a curve."""
+    desired = {"lemniscate": lemniscate(2.0), "rounded square": rounded_square(4.0, 1.0)}[curve]
     patch = sliding_patch(resting_pressure(CUBE), Coulomb(FRICTION, STICTION))
-    path = quasistatic_plan(CUBE, patch, timed(wanted, STEP_S, duration=DURATION_S), Tether(0.6, 1e5)).hinge
+    path = quasistatic_plan(CUBE, patch, timed(desired, STEP_S, duration=DURATION_S), Tether(0.6, 1e5)).hinge
     return [
         {"map": f"d_t and ϑ_lh, {curve}", "x": threshold, "y": steps} | _judged(path, rover(), threshold, steps)
         for threshold in thresholds_m

@@ -24,7 +24,7 @@ from towval.tracking.track import track
 SECONDS, SPEED, REST_S = 1.6, 0.35, 0.2
 PIXEL_M = 0.0047
 ALLOWED_M = 0.5 * PIXEL_M
-"""Greatest error of a frame called tracked: half a pixel."""
+"""Greatest error of a frame with status tracked: half a pixel."""
 
 
 def base(seed: int) -> FilmedScene:
@@ -97,7 +97,7 @@ def _cell(scene: FilmedScene, reading: dict[str, float], seed: int) -> Row:
         try:
             tracks = track(frames, scene.calibration, scene.bodies, clicks)
         except (TowvalError, np.linalg.LinAlgError) as error:
-            # Whatever ends the run is no silent error; docs/limits.md has a line for what is not a refusal.
+            # Whatever ends the run is no silent error; docs/limits.md lists what is not a refusal.
             return judged(np.nan, ALLOWED_M, [type(error).__name__])
     flags, errors = [], []
     for body, motion in zip(scene.bodies, scene.motions, strict=True):
@@ -139,7 +139,7 @@ STUDY = Study(
             "change of light": ("factor of the light", "within [s]"),
             "compression": ("rate factor (crf)", "noise [grey levels]"),
         },
-        note="Right: no frame called tracked is off by more than half a pixel (2.4 mm), rover and object. Flagged: a "
-        "warning, a frame not tracked, a refusal, or within four of the track's own deviations.",
+        note="Right: no tracked frame of rover or object is off by more than half a pixel (2.4 mm). Flagged: a "
+        "warning, a frame not tracked, a refusal, or an error within four stated standard deviations.",
     ),
 )

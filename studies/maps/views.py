@@ -1,4 +1,4 @@
-"""Where a calibration is right: over the boards' tilt, their number, and how much of the picture they cover."""
+"""Where a calibration is right: over tilt and number of the boards, and the share of the picture that they cover."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from towval.calibration.calibrate import CalibrateSettings, calibrate_observatio
 from towval.model.errors import TowvalError
 
 ALLOWED_M = 5e-3
-"""Greatest RMS error of a place on the floor or on a top at 0.35 m."""
+"""Greatest RMS position error on the floor or on a plane at 0.35 m."""
 
 _PREFIX = "boards over "
 
 
 def view_rows(share: float, tilts_deg: list[float], views: list[int], seeds: list[int]) -> list[Row]:
-    """Cells over tilt and number of views: the worst of several cameras made at random."""
+    """Cells over tilt and number of views: the worst of several random cameras."""
     return [
         {"map": _name(share), "x": tilt, "y": float(count)}
         | _worst([_cell(seed, share, tilt, count) for seed in seeds])
@@ -67,7 +67,7 @@ STUDY = Study(
     chart=Maps(
         title="Calibration",
         axes={_name(share): ("tilt of the boards [deg]", "number of views") for share in (1.0, 0.3)},
-        note="Right: 5 mm RMS or less on the floor and on a top at 0.35 m, seen from 4 m. Flagged: a warning or a "
-        "refusal. The worst of two cameras made at random; corner noise 0.15 px, seven boards on the floor.",
+        note="Right: 5 mm RMS or less on the floor and on a plane at 0.35 m, camera at 4 m. Flagged: a warning or a "
+        "refusal. The worst of two random cameras; corner noise 0.15 px, seven boards on the floor.",
     ),
 )

@@ -40,7 +40,7 @@ def contact_converges(tables: Tables) -> Decision:
 
 
 def centre_matters(tables: Tables) -> Decision:
-    """Whether the rover's ways differ with the centre of mass."""
+    """Whether the rover's paths differ with the centre of mass."""
     spans, settled = {}, {}
     for curve, rows in tables["nominal"].groupby("curve"):
         paths = [part[["hinge_x_m", "hinge_y_m"]].to_numpy() for _, part in rows.groupby("centre")]
@@ -48,7 +48,7 @@ def centre_matters(tables: Tables) -> Decision:
         spans[curve], settled[curve] = gaps.max(), gaps[-len(gaps) // 4 :].max()
     text = ", ".join(f"{curve} {1e3 * spans[curve]:.0f} ({1e3 * settled[curve]:.1f}) mm" for curve in CURVES)
     return outcome(min(spans.values()) > 0.01), (
-        f"greatest distance between the rover's ways at equal times, in brackets over the last quarter: {text}"
+        f"greatest distance between the rover's paths at equal times, in brackets over the last quarter: {text}"
     )
 
 

@@ -24,10 +24,10 @@ CLAIMS = (
         "centre of mass matters",
         "3.1, Fig. 4",
         "A nonbarycentric place of gravity influences the path that the rover takes.",
-        "The rover's ways for G1, G2 and G3 differ by more than 1 cm on every curve.",
+        "The rover's paths for G1, G2 and G3 differ by more than 1 cm on every curve.",
         checks.centre_matters,
         "The start, as the bare footprint would settle, is assumed, and the greatest distances are there. On the line "
-        "they fade, for the tracked point is the anchor; on the curves the load keeps the ways apart.",
+        "they fade, for the tracked point is the anchor; on the curves the load keeps the paths apart.",
     ),
     Claim(
         "no rule for the centre of mass",
@@ -190,7 +190,7 @@ CLAIMS = (
         "The rover does not arrive with these two values.",
         checks.breaking_values,
         "Which values break it depends on wheelbase, track, footprint, load and speed, none of which the paper gives. "
-        "The way in which it breaks is the paper's: the tip is taken on the side of the wanted centre, which the "
+        "The way in which it breaks is the paper's: the tip is chosen on the side of the desired centre, which the "
         "planned change of heading decides, and not on the side of the point aimed at.",
     ),
     Claim(

@@ -29,7 +29,7 @@ REPORT_STRIDE = 10
 
 
 def planned_loop(scene: PaperScene, patch: SlidingPatch, nominal: QuasistaticMotion, **settings: Any) -> ClosedLoop:
-    """The cube behind the rover planned along its nominal way, with planner settings that differ from the scene's."""
+    """The cube behind the rover planned along its nominal path, with planner settings that differ from the scene's."""
     planner = replace(scene.planner, **settings)
     return close_loop(nominal, scene.cube, patch, scene.tether, scene.rover, planner, report_stride=REPORT_STRIDE)
 
@@ -40,7 +40,7 @@ def loop_row(scene: PaperScene, patch: SlidingPatch, nominal: QuasistaticMotion,
 
 
 def loop_numbers(loop: ClosedLoop, nominal: QuasistaticMotion) -> Row:
-    """The numbers of a closed loop that tables and ledger want."""
+    """The numbers of a closed loop for tables and ledger."""
     shares = {f"case_{case.name.lower()}_share": loop.rover.share_of(case) for case in PlanCase}
     return {
         "rover_rms_m": loop.rover.rms,
@@ -63,7 +63,7 @@ def _first_tip_turns_away(plan: RoverPlan, nominal: QuasistaticMotion) -> float:
 
 
 def _loop_rows(scene: PaperScene, curve: str, **settings: Any) -> list[Row]:
-    """Ways of rover and object step by step, with the planner's cases, Fig. 5; the first row holds the numbers."""
+    """Paths of rover and object step by step, with the planner's cases, Fig. 5; the first row holds the numbers."""
     patch = resting_patch(scene)
     nominal = cube_nominal(scene, patch, curve, scene.planner_step)
     loop = planned_loop(scene, patch, nominal, **settings)

@@ -37,7 +37,7 @@ TIMED_RUNS = 9
 def feedforward_motion(
     scene: PaperScene, patch: SlidingPatch, nominal: QuasistaticMotion, *, from_rest: bool = False
 ) -> SimulatedMotion:
-    """The cube under the nominal tow force, blindly. SOURCE: section 2.3, case 1."""
+    """The cube under the nominal tow force alone. SOURCE: section 2.3, case 1."""
     force = TimedPath(nominal.time_s, nominal.tether_force)
     twist = np.zeros(3) if from_rest else nominal.twist[0]
     return feedforward(scene.cube, patch, force, nominal.pose[0], _compared_times(nominal), start_twist=twist)
@@ -52,7 +52,7 @@ def feedback_motion(
     at_rest_length: bool = False,
     times: Array | None = None,
 ) -> SimulatedMotion:
-    """The cube behind a hinge on its nominal way, at the compared times or others. SOURCE: section 2.3, case 2.
+    """The cube behind a hinge on its nominal path, at the compared times or others. SOURCE: section 2.3, case 2.
 
     With ``at_rest_length`` the hinge stays at the rest length from the nominal anchor, as if the tether did not
     stretch: the paper does not say whether its rover path contains the stretch |T|/κ.

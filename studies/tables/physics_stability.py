@@ -25,7 +25,7 @@ ALLOWED_M = 1e-4
 
 
 def hinge_path(stretch: float) -> TimedPath:
-    """Five seconds of a curved tow that stops half way and backs up a little, so that the tether slackens."""
+    """Five seconds of a curved tow that stops halfway and backs up a little, so that the tether slackens."""
     time = np.linspace(0, 5, 251)
     advance = 0.08 * time - 0.11 * np.sin(np.pi * time / 2.5) * (time > 1.25) * (time < 3.75)
     return TimedPath(time, np.column_stack([0.8 + stretch + advance, 0.3 * advance**2 + 0.05 * advance]))

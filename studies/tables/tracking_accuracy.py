@@ -31,7 +31,7 @@ SILENT_MM = 1.0
 
 
 @dataclass(frozen=True)
-class Asked:
+class Required:
     """What a row must reach: RMS position [mm] and heading [deg], drift [mm/m], and a warning on these bodies."""
 
     position_mm: float = np.inf
@@ -40,12 +40,12 @@ class Asked:
     flagged: tuple[str, ...] = ()
 
 
-ASKED = {
-    **dict.fromkeys(ACCURATE, Asked(position_mm=0.10, heading_deg=0.02, drift_mm_per_m=0.1)),
-    **dict.fromkeys(HARD, Asked(position_mm=0.3)),
-    **dict.fromkeys(FLAGGED, Asked(flagged=("object",))),
-    "low texture": Asked(flagged=("rover", "object")),
-    "leaving the image": Asked(flagged=("rover",)),
+REQUIRED = {
+    **dict.fromkeys(ACCURATE, Required(position_mm=0.10, heading_deg=0.02, drift_mm_per_m=0.1)),
+    **dict.fromkeys(HARD, Required(position_mm=0.3)),
+    **dict.fromkeys(FLAGGED, Required(flagged=("object",))),
+    "low texture": Required(flagged=("rover", "object")),
+    "leaving the image": Required(flagged=("rover",)),
 }
 
 
@@ -110,19 +110,19 @@ def row(name: str, body: str, results: list[dict[str, float]]) -> str:
         pairs = [(r[f"predicted_{kind}"], r[f"actual_{kind}"]) for r in results if f"actual_{kind}" in r]
         return float(np.sqrt(np.divide(*np.mean(pairs, axis=0)))) if pairs else np.nan
 
-    asked, warned = ASKED[name], int(sum(result["warned"] for result in results))
+    required, warned = REQUIRED[name], int(sum(result["warned"] for result in results))
     worst = max(result["worst_mm"] for result in results)
     misses = [
         f"{key} above {limit}"
         for key, limit in (
-            ("position_mm", asked.position_mm),
-            ("heading_deg", asked.heading_deg),
-            ("drift_mm_per_m", asked.drift_mm_per_m),
+            ("position_mm", required.position_mm),
+            ("heading_deg", required.heading_deg),
+            ("drift_mm_per_m", required.drift_mm_per_m),
         )
         if median(key) > limit
     ]
     misses += ["silent error"] if worst > SILENT_MM else []
-    misses += ["not always warned"] if body in asked.flagged and warned < len(results) else []
+    misses += ["not always warned"] if body in required.flagged and warned < len(results) else []
     return (
         f"{name:19}{body:8}{median('position_mm'):7.3f}{median('scatter_mm'):9.3f}{median('heading_deg'):8.4f}"
         f"{median('drift_mm_per_m'):7.3f}{median('tracked'):9.3f}{worst:10.3f}{warned:6d}/{len(results):2d}"

@@ -191,8 +191,8 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         table += rendered_rows(given.rendered, Path(folder))
     print(f"| {'what':56} | {'measured':38} | {'required':16} | |\n|---|---|---|---|")
-    for what, measured, asked, good in table:
-        print(f"| {what:56} | {measured:38} | {asked:16} | {'' if good else 'MISSED'} |")
+    for what, measured, required, good in table:
+        print(f"| {what:56} | {measured:38} | {required:16} | {'' if good else 'MISSED'} |")
     return 0 if all(row[-1] for row in table) else 1
 
 

@@ -72,7 +72,7 @@ def filmable(seed: int, fault: str) -> int:
     """The next seed whose bodies stay in the picture and whose fault, if it has one, is large."""
     while True:
         run = drawn_run(seed)
-        # The rover first: its way costs nothing, the object's a second.
+        # The rover first: its trajectory costs nothing to compute, the object's a second.
         if in_view(ROVER, np.array([run.drive(t) for t in run.time_s])):
             _, right, motion = motions(seed, fault)
             if in_view(OBJECT, motion) and (not fault or shift(motion, right) > LARGE_M):

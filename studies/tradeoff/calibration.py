@@ -1,6 +1,6 @@
-"""What a calibration costs and how wrong it is: number of views and lens model, in mm on the floor and on a top.
+"""Cost and error of a calibration: number of views and lens model, in mm on the floor and on a planar target.
 
-Boards are seen by a made-up camera (:mod:`studies.worlds.boards`) whose true positions are known everywhere.
+Boards are observed by a random camera (:mod:`studies.worlds.boards`), so that true positions are known everywhere.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ CHOSEN = "chosen by the stage"
 
 
 def position_error_m(calibration: Calibration, scene: CornerScene, height_m: float) -> float:
-    """RMS distance between estimated and true places of the picture's pixels on a plane [m]."""
+    """RMS distance between estimated and true positions of the image's pixels on a plane [m]."""
     pixels = pixel_grid(scene.camera.resolution_px, 24).reshape(-1, 2)
     estimated = to_plane(calibration.camera, calibration.floor, pixels, height_m)
     true = to_plane(scene.camera, scene.floor, pixels, height_m)
@@ -78,8 +78,8 @@ STUDY = Study(
     chart=Scatter(
         title="Calibration",
         cost="CPU time without the search for corners [s]",
-        error="RMS error of a place [mm]",
-        note="Medians over cameras made at random. Labels: views, tilted 20° to 40°, corner noise 0.15 px; the floor "
+        error="RMS position error [mm]",
+        note="Medians over random cameras. Labels: views, tilted 20° to 40°, corner noise 0.15 px; the floor "
         "frame from seven boards. The true lens has k1 and k2.",
     ),
 )

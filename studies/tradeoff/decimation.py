@@ -1,4 +1,4 @@
-"""How many poses a path needs: kept points against path error, for the stage's rule and for plainer ones."""
+"""How many poses a path needs: kept points against path error, for the stage's rule and for simpler ones."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ RATE_HZ, DURATION_S, STOP_S, GO_S = 25, 24.0, 10.0, 14.0
 NOISE = np.array([3e-4, 3e-4, 5e-4])
 """Deviation of a pose's x, y [m] and heading [rad]."""
 
-_FINE = 40  # Times between two frames at which the truth is integrated and the paths are compared.
+_FINE = 40  # Times between two frames at which the ground truth is integrated and the paths are compared.
 
 
 def true_motion() -> tuple[Array, Array]:

@@ -1,6 +1,6 @@
-"""What the motion of a towed object costs and how wrong it is: integrators, tolerances, models of the ladder, MuJoCo.
+"""Cost and error of the motion of a towed object: integrators, tolerances, rungs of the ladder, MuJoCo.
 
-The scene is the cube of tests/oracles.py on its lap, driven in 40 s. The truth is
+The scene is the cube of tests/oracles.py on its lap, driven in 40 s. The reference is
 :func:`studies.worlds.reference.towed_box`. Driven in 400 s it ends where the oracle says, to 1e-8 m and 2e-7 rad; in
 40 s, with 48 × 48 nodes, 96 × 96 move it by 1e-6 m.
 """
@@ -133,6 +133,7 @@ STUDY = Study(
         title="A lap of a towed cube",
         cost="CPU time [s]",
         error="RMS error of the path [mm]",
-        note="Labels: tolerance, time step, model. The truth, Gauss sums and SciPy's Radau, is good to 1e-3 mm.",
+        note="Labels: tolerance, time step or rung. The reference (Gauss quadrature, SciPy's Radau) is accurate to "
+        "1e-3 mm.",
     ),
 )

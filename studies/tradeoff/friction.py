@@ -1,6 +1,6 @@
-"""What a friction wrench costs and how wrong it is: boundary integral, nodes over the area, meshes, cheaper models.
+"""Cost and error of a friction wrench: boundary integral, nodes over the area, meshes, cheaper models.
 
-The truth is a sum over Gauss nodes on rectangles that shrink towards the centre of rotation, in NumPy.
+The reference is a sum over Gauss nodes on rectangles that shrink towards the centre of rotation, in NumPy.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ def _graded(pole: float) -> tuple[Array, Array]:
 
 
 def _on_patch(series: str, setting: str, patch: SlidingPatch, *, calls: int = _CALLS, default: bool = False) -> _Method:
-    """A method by nodes or boundary; its own origin is shifted to the centre of pressure, where twists are given."""
+    """A method by nodes or boundary; its own origin is shifted to the centre of pressure, where twists are stated."""
     sx, sy = patch.origin - np.array(CENTRE)
 
     def wrench(vx: float, vy: float, omega: float) -> tuple[float, float, float]:
@@ -222,6 +222,7 @@ STUDY = Study(
         title="Friction wrench of a pressed square",
         cost="CPU time a wrench [s]",
         error="RMS error of force and moment [μN, μN·a/2]",
-        note="24 twists with centres of rotation inside, near and far from the patch; truth by graded Gauss sums.",
+        note="24 twists with centres of rotation inside, near and far from the patch; reference by graded Gauss "
+        "quadrature.",
     ),
 )

@@ -1,4 +1,4 @@
-"""What the whole pipeline costs and how wrong it ends, preset by preset, on a synthetic campaign with known truth."""
+"""Cost and error of the whole pipeline by preset, on a synthetic campaign with ground truth."""
 
 from __future__ import annotations
 
@@ -49,8 +49,8 @@ class PipelineResult:
 def preset_rows(presets: list[str], frames: int, rounds: int) -> list[Row]:
     """A row a preset and path: CPU seconds of all stages but the pictures of the report, error in mm, u_val, wall time.
 
-    The error is the RMS distance from the truth of the measured and of the simulated path, and of their difference: the
-    model is right here, so whatever they differ by is the pipeline's own error.
+    The error is the RMS distance of the measured and of the simulated path from ground truth, and from each other: the
+    model is exact here, so their difference is the pipeline's own error.
     """
     with TemporaryDirectory() as folder:
         place = Path(folder) / "synthetic"

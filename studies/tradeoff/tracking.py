@@ -1,4 +1,4 @@
-"""What tracking costs over decoding and how wrong it is: method, points, image scale and stride of the frames.
+"""Cost of tracking over that of decoding, and its error: method, sample points, image scale, stride of the frames.
 
 A synthetic ceiling camera films two bodies whose motion is known; the film is encoded and read back as footage is.
 """
@@ -22,7 +22,7 @@ METHODS: dict[str, TrackSettings] = {
     "plane, 1024 points": TrackSettings(),
     "plane, 4096 points": TrackSettings(samples=4096),
 }
-"""By the name of the series: the naive tracker, the paper's, and ours with few, the default and many points."""
+"""By the name of the series: the naive tracker, the paper's, and ours with few, default and many sample points."""
 
 DEFAULT = "plane, 1024 points"
 

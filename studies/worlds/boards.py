@@ -1,4 +1,4 @@
-"""Synthetic calibration sets with known truth: corners of boards seen by a made-up ceiling camera."""
+"""Synthetic calibration sets with ground truth: corners of boards observed by a random ceiling camera."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from towval.optics.projection import project, project_kernel, to_plane
 
 @dataclass(frozen=True)
 class CornerScene:
-    """What a ceiling camera saw of some boards, and the truth about it."""
+    """Observations of boards by a ceiling camera, and the ground truth: camera and floor."""
 
     camera: Camera
     floor: Floor
@@ -57,7 +57,7 @@ def held_board(
     noise_px: float,
     distance_m: tuple[float, float] = (0.8, 1.8),
 ) -> BoardObservation:
-    """A board held with its centre near a pixel, moved towards the image centre until all of it is seen."""
+    """A board held with its centre near a pixel, moved towards the image centre until all of it is in view."""
     corners = board_corners()
     turn = cv2.Rodrigues(np.array([0, 0, rng.uniform(0, 2 * np.pi)]))[0]
     tilt = axis_rotation(np.radians(rng.uniform(*tilt_deg)), rng.uniform(0, 2 * np.pi))

@@ -1,4 +1,4 @@
-"""A synthetic campaign: pictures of a board, a filmed run and its campaign.yaml, with the truth beside.
+"""A synthetic campaign: pictures of a board, a filmed run and its campaign.yaml, with the ground truth.
 
 The object's motion comes from :mod:`studies.worlds.reference`, the pictures from
 :mod:`studies.worlds.scenes`: neither shares code with the physics that is measured against them.
@@ -96,7 +96,7 @@ def _held(rng: np.random.Generator, k: int) -> Array:
 
 @dataclass(frozen=True)
 class SyntheticCampaign:
-    """All that a campaign folder holds, and the truth.
+    """All that a campaign folder holds, and the ground truth.
 
     ``document`` is ``campaign.yaml``; ``film`` yields times and pictures of the run ``a`` anew at each call;
     ``pictures`` of the board by file name; ``time_s`` (n,), ``rover`` and ``towed`` (n, 3) the true poses.

@@ -1,4 +1,4 @@
-"""What can go wrong in front of the camera: scenes by name, for tests and benchmarks."""
+"""Scenes that are hard for a tracker, by name."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ def leaving(seed: int) -> Challenge:
 
 
 def swapped(seed: int) -> Challenge:
-    """While the object is hidden, a body of the same size and other looks takes its place."""
+    """While the object is hidden, a body of the same size and another texture takes its place."""
     base = occlusion(seed)
     scene = base.scene
     other = replace(scene.bodies[1], name="stranger")

@@ -1,4 +1,4 @@
-"""Synthetic films for the studies: encoded as footage is, shrunk or thinned out, and tracks held against the truth."""
+"""Synthetic films, encoded as footage is, scaled down or thinned out; errors of tracks against ground truth."""
 
 from __future__ import annotations
 
@@ -63,12 +63,12 @@ def shrunk_calibration(calibration: Calibration, scale: float) -> Calibration:
 
 
 STATED_DEVIATIONS = 4.0
-"""An error of fewer deviations than this is one that the track states: of eighty frames the worst has three or so."""
+"""An error of fewer deviations than this counts as stated by the track: the worst of eighty frames has about three."""
 
 
 @dataclass(frozen=True)
 class TrackErrors:
-    """Position errors of a track over the frames called tracked, and the share of these.
+    """Position errors of a track over the frames with status tracked, and the share of these.
 
     ``rms_m`` and ``most_m`` root mean square and greatest [m]; ``most_unstated_m`` the greatest of those that exceed
     :data:`STATED_DEVIATIONS` of the pose's own deviation, registration in the first frame included [m].

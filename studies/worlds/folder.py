@@ -21,7 +21,7 @@ def write_campaign(folder: Path, seed: int = 0, frames: int = FRAMES) -> dict[st
     Returns
     -------
     dict
-        The truth: ``time_s`` (n,), ``rover`` and ``object`` poses (n, 3) [m, m, rad].
+        The ground truth: ``time_s`` (n,), ``rover`` and ``object`` poses (n, 3) [m, m, rad].
     """
     return film_campaign(folder, *bending_tow(frames), seed=seed)
 
@@ -36,7 +36,7 @@ def film_campaign(
 ) -> dict[str, Array]:
     """Film a rover and an object and write all that a lab hands in: ``campaign.yaml``, ``calibration/``, ``a.mp4``.
 
-    The arguments are those of :func:`studies.worlds.campaign.synthetic_campaign`; returns the truth, as
+    The arguments are those of :func:`studies.worlds.campaign.synthetic_campaign`; returns the ground truth, as
     :func:`write_campaign`.
     """
     made = synthetic_campaign(rover, towed, given, seed, height_errors)

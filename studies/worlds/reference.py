@@ -1,4 +1,4 @@
-"""The motion of a towed box, computed without the package's physics: the truth that its methods are measured against.
+"""The motion of a towed box, computed without the package's physics: the reference for its methods.
 
 Friction is summed over Gauss-Legendre nodes of the box's base, time is stepped by SciPy's Radau. Nothing is compiled,
 tabulated or split into modes, so what this and :mod:`towval.physics` have in common is the model on paper alone.
@@ -79,7 +79,7 @@ def towed_box(
     tolerance: float = 1e-9,
     longest_step_s: float = 0.02,
 ) -> Array:
-    """Poses (n, 3) of a box's frame behind a tether whose hinge moves as given [m, m, rad].
+    """Poses (n, 3) of a box's frame behind a tether whose hinge moves along a known path [m, m, rad].
 
     Parameters
     ----------

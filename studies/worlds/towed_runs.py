@@ -134,7 +134,7 @@ def _drawn_truth(scene: TowingScene, std: dict[str, float], rng: np.random.Gener
 
 
 def planted(run: SyntheticRun, right: Array, fault: str, seed: int) -> tuple[Truth, float]:
-    """The truth with a fault in it, and where on the object's trajectory ``right`` (n, 3) the fault begins [m].
+    """The ground truth with a fault in it, and where on the object's trajectory ``right`` (n, 3) the fault begins [m].
 
     "stripe": friction × 1.6 over 0.4 m of the floor; "centre of mass" 20 mm off; "tether" 10 % longer.
     """

@@ -69,7 +69,7 @@ def draw_rover(axes: Axes, rover: Rover, pose: Array, steering: Array, **style: 
 
 
 def draw_wheel(axes: Axes, radius: float, position: Array, steering: float, pose: Array, **style: object) -> None:
-    """A wheel seen from above, at a place (2,) of a body with a pose (3,)."""
+    """A wheel from above, at a position (2,) of a body with a pose (3,)."""
     box = radius * np.array([[1, WHEEL_WIDTH], [-1, WHEEL_WIDTH], [-1, -WHEEL_WIDTH], [1, -WHEEL_WIDTH]])
     settings = {"facecolor": "#4d4d4d", "edgecolor": "#222222", "linewidth": 0.4, "zorder": 3} | style
     axes.add_patch(Polygon(transform(pose, transform([*position, steering], box)), closed=True, **settings))

@@ -41,12 +41,12 @@ INSETS = {
 """Place of the magnified box in each panel, as shares of the panel."""
 
 MAGNIFIED_SHARE = 1 / 16
-"""Share of the way, from its start, that the magnified box shows."""
+"""Share of the path, from its start, that the magnified box shows."""
 
 
 @figure_function
 def nominal_figure(table: pd.DataFrame, outline: Array, anchor: Array) -> Figure:
-    """Fig. 4: the object on its way, and the ways that its rover must take for each centre of mass.
+    """Fig. 4: the object on its path, and the rover's path for each centre of mass.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def nominal_figure(table: pd.DataFrame, outline: Array, anchor: Array) -> Figure
     for column, (curve, title) in enumerate(CURVE_TITLES.items()):
         rows = table[table["curve"] == curve]
         _object_poses(panels[0, column], rows, curve, outline, anchor)
-        _rover_ways(panels[1, column], rows, curve)
+        _rover_paths(panels[1, column], rows, curve)
         letter(panels[0, column], "abcd"[column], title)
         letter(panels[1, column], "efgh"[column], title)
     for axes in panels[:, 0]:
@@ -87,7 +87,7 @@ def _object_poses(axes: Axes, rows: pd.DataFrame, curve: str, outline: Array, an
     map_axes(axes, labels=False)
 
 
-def _rover_ways(axes: Axes, rows: pd.DataFrame, curve: str) -> None:
+def _rover_paths(axes: Axes, rows: pd.DataFrame, curve: str) -> None:
     lines = [(OBJECT_PATH, rows[rows["centre"] == rows["centre"].iloc[0]][["x_m", "y_m"]].to_numpy())]
     lines += [
         (CENTRE_COLOURS[name], part[["hinge_x_m", "hinge_y_m"]].to_numpy()) for name, part in rows.groupby("centre")
@@ -104,7 +104,7 @@ def _rover_ways(axes: Axes, rows: pd.DataFrame, curve: str) -> None:
 
 
 def _magnified(axes: Axes, lines: list[tuple[str, Array]], place: tuple[float, float, float, float]) -> None:
-    """A box with the ways of the rover shortly after their start, where they differ."""
+    """A box with the rover's paths shortly after their start, where they differ."""
     inset = axes.inset_axes(place)
     for colour, line in lines:
         inset.plot(*line.T, color=colour, lw=0.8)
@@ -122,7 +122,7 @@ def _magnified(axes: Axes, lines: list[tuple[str, Array]], place: tuple[float, f
 
 @figure_function
 def loop_figure(table: pd.DataFrame) -> Figure:
-    """Fig. 5: ways of rover and object on the lemniscate, coloured by the planner's case.
+    """Fig. 5: paths of rover and object on the lemniscate, coloured by the planner's case.
 
     Parameters
     ----------

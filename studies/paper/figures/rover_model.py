@@ -127,7 +127,7 @@ def _frame(axes: Axes, pose: Array, size: float) -> None:
 
 
 def _towing(axes: Axes, rover: Rover, outline: Array, anchor: Array, rest_length: float) -> None:
-    """(b) Object, tether and rover with the ways of both, and the range of one wheel."""
+    """(b) Object, tether and rover with the paths of both, and the range of one wheel."""
     bare_axes(axes)
     letter(axes, "b")
     pose = np.array([0.0, 0.0, np.radians(62)])
@@ -144,13 +144,13 @@ def _towing(axes: Axes, rover: Rover, outline: Array, anchor: Array, rest_length
     for place, name, shift in ((hinge, r"$P_r$", (6, -5)), (knot, r"$Q_T$", (6, -4))):
         _dot(axes, place)
         _label(axes, place, name, shift)
-    _way(axes, pose, twist, hinge, ROVER_PATH, r"$s_r(t)$", 0.75, (4, 0))
-    _way(axes, np.array([*body[:2], pose[2] + 0.15]), twist, body[:2], OBJECT_PATH, r"$s_o(t)$", 0.3, (-28, 2))
+    _path(axes, pose, twist, hinge, ROVER_PATH, r"$s_r(t)$", 0.75, (4, 0))
+    _path(axes, np.array([*body[:2], pose[2] + 0.15]), twist, body[:2], OBJECT_PATH, r"$s_o(t)$", 0.3, (-28, 2))
     _steering_range(axes, rover, pose)
     axes.autoscale_view()
 
 
-def _way(
+def _path(
     axes: Axes,
     pose: Array,
     twist: Array,
@@ -160,7 +160,7 @@ def _way(
     ahead: float,
     shift: tuple[float, float],
 ) -> None:
-    """A dashed way through a point, as if carried by a body with a constant twist, so far ahead [s]."""
+    """A dashed path through a point carried by a body with a constant twist, up to a time ahead [s]."""
     times = np.linspace(-0.55, ahead, 40)
     poses = np.array([moved_by([*start, pose[2]], twist, t) for t in times])
     axes.plot(poses[:, 0], poses[:, 1], color=colour, lw=1.0, ls=(0, (5, 2)), zorder=1)
@@ -185,7 +185,7 @@ def _steering_range(axes: Axes, rover: Rover, pose: Array) -> None:
 
 
 def _step(axes: Axes, rover: Rover) -> None:
-    """(c) The turn about Ω that brings the rover to the next point of its way with the planned heading."""
+    """(c) The turn about Ω that brings the rover to the next point of its path with the planned heading."""
     bare_axes(axes)
     letter(axes, "c")
     start, end = np.array([0.0, 0.0, 0.25]), np.array([1.75, 1.15, 0.95])
@@ -217,7 +217,7 @@ def _step(axes: Axes, rover: Rover) -> None:
 
 
 def _cases(axes: Axes, rover: Rover) -> None:
-    """(d) Centres inside, close to and far from the feasible region, and what is taken in their place."""
+    """(d) Centres inside, close to and far from the feasible region, and the centres used instead."""
     bare_axes(axes)
     letter(axes, "d")
     region, radius = flanks(rover), flanks(rover).tightest_radius

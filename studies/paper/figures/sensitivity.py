@@ -65,7 +65,7 @@ def dynamics_figure(
     above[1].sharey(above[0])
     _stiffness(above[2], stiffnesses)
     for axes, curve in zip(below, ("rounded_square", "lemniscate"), strict=True):
-        _feedforward_ways(axes, paths[paths["curve"] == curve], side)
+        _feedforward_paths(axes, paths[paths["curve"] == curve], side)
     for axes, name in zip([*above, *below], "abcde", strict=True):
         letter(axes, name)
     handles, _ = above[0].get_legend_handles_labels()
@@ -99,7 +99,7 @@ def _stiffness(axes: Axes, table: pd.DataFrame) -> None:
     times.grid(False)
 
 
-def _feedforward_ways(axes: Axes, table: pd.DataFrame, side: float) -> None:
+def _feedforward_paths(axes: Axes, table: pd.DataFrame, side: float) -> None:
     nominal = table[table["path"] == "nominal"][["x_m", "y_m"]].to_numpy()
     square = CUBE_SCALE * side / 2 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
     axes.plot(*nominal.T, color=OBJECT_PATH, lw=1.4, label="nominal")
@@ -126,7 +126,7 @@ def threshold_figure(table: pd.DataFrame) -> Figure:
     for column, (curve, title) in enumerate(CURVE_TITLES.items()):
         rows = table[table["curve"] == curve]
         _threshold_errors(panels[0, column], rows[rows["row"] == "numbers"])
-        _threshold_ways(panels[1, column], rows)
+        _threshold_paths(panels[1, column], rows)
         letter(panels[0, column], "abcd"[column], title)
         letter(panels[1, column], "efgh"[column], title)
         panels[0, column].set_xlabel(r"$d_t$ [m]")
@@ -156,7 +156,7 @@ def _threshold_errors(axes: Axes, numbers: pd.DataFrame) -> None:
     axes.set(yscale="log", ylim=(1e-4, 5.0))
 
 
-def _threshold_ways(axes: Axes, rows: pd.DataFrame) -> None:
+def _threshold_paths(axes: Axes, rows: pd.DataFrame) -> None:
     nominal = rows[rows["row"] == "nominal object"]
     axes.plot(nominal["x_m"], nominal["y_m"], color=OBJECT_PATH, lw=1.6)
     for (_, path), colour in zip(rows[rows["row"] == "object"].groupby("threshold_m"), THRESHOLD_COLOURS, strict=False):
