@@ -33,15 +33,7 @@ _CLEAR = {"facecolor": "white", "edgecolor": "none", "pad": 0.3}
 def coverage_figure(calibration: Calibration) -> Figure:
     """Detected corners over the image with their residuals, magnified by a factor that the title states.
 
-    Parameters
-    ----------
-    calibration : Calibration
-        With its views; residuals are detected minus predicted.
-
-    Returns
-    -------
-    Figure
-        The image [px], one column wide. Corners of views that were dropped are grey crosses.
+    The image [px], one column wide; residuals are detected minus predicted. Corners of dropped views are grey crosses.
     """
     figure = Figure(figsize=(COLUMN_WIDTH_IN, COLUMN_WIDTH_IN))
     axes = figure.add_subplot()
@@ -67,16 +59,8 @@ def coverage_figure(calibration: Calibration) -> Figure:
 def reprojection_figure(calibration: Calibration) -> Figure:
     """Root mean square reprojection error and tilt of each view; dropped views carry the reason.
 
-    Parameters
-    ----------
-    calibration : Calibration
-        With its views.
-
-    Returns
-    -------
-    Figure
-        One row per view, one column wide: errors [px] on the left with the corner noise of all views, tilts between
-        board and image plane [°] on the right. Views without tilt do not determine the focal length.
+    One row per view, one column wide: errors [px] on the left with the corner noise of all views, tilts between board
+    and image plane [°] on the right. Views without tilt do not determine the focal length.
     """
     views = calibration.views
     margins = Margins(left=0.2 + 0.052 * max((len(view.name) for view in views), default=0), bottom=0.53)
@@ -119,17 +103,7 @@ def reprojection_figure(calibration: Calibration) -> Figure:
 def uncertainty_figure(calibration: Calibration, uncertainty: UncertaintyMap) -> Figure:
     """Standard deviation of a position on a plane over the image, from the covariance of the calibration.
 
-    Parameters
-    ----------
-    calibration : Calibration
-        For the size of the image.
-    uncertainty : UncertaintyMap
-        The deviations on a grid of pixels.
-
-    Returns
-    -------
-    Figure
-        Filled contours [mm] with labels over the image [px], one column wide.
+    Filled contours [mm] with labels over the image [px], one column wide.
     """
     figure = Figure(figsize=(COLUMN_WIDTH_IN, COLUMN_WIDTH_IN))
     axes = figure.add_subplot()

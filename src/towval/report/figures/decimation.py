@@ -33,17 +33,9 @@ _BAND = 2.0
 def decimate_figure(run: RunRecord) -> Figure | None:
     """Measured and kept positions of the hinge, and the distance of the measured poses from the smoothing curve.
 
-    Parameters
-    ----------
-    run : RunRecord
-        A run with ``decimated``.
-
-    Returns
-    -------
-    Figure or None
-        One column wide. Top: path of the hinge on the floor [m]; below, over time [s]: measured minus smoothed in x and
-        y [mm] with a band of ± two standard deviations of one pose, pauses shaded, kept times ticked at the bottom.
-        None where the run was not decimated.
+    One column wide. Top: path of the hinge on the floor [m]; below, over time [s]: measured minus smoothed in x and y
+    [mm] with a band of ± two standard deviations of one pose, pauses shaded, kept times ticked at the bottom. None
+    where the run was not decimated.
     """
     if run.decimated is None:
         return None

@@ -33,17 +33,9 @@ _COVERAGE = 2.0
 def error_figure(run: RunRecord) -> Figure:
     """Simulated minus measured over time in x, y and heading, and the tension of the tether, one column wide.
 
-    Parameters
-    ----------
-    run : RunRecord
-        The run. Where its uncertainty is known, bands of ± two standard validation uncertainties are drawn around zero
-        (95 % for a normal error); the uncertainties do not explain an error that stays outside.
-
-    Returns
-    -------
-    Figure
-        Four panels over one time axis [s]: errors in mm and degrees, tension in N. Shaded where the tether is slack;
-        a red line at the bottom of a panel marks frames in which the object was not tracked.
+    Four panels over one time axis [s]: errors in mm and degrees, tension in N. Where the uncertainty is known, bands are
+    ± two standard validation uncertainties (95 % for a normal error); an error that stays outside is not explained.
+    Shaded where the tether is slack; a red line at the bottom of a panel marks frames without a pose of the object.
     """
     title = f"Run {run.name}: simulated minus measured"
     figure, panels = column_of_panels([0.76] * 4, Margins(bottom=0.5), title)

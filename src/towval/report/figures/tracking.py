@@ -33,18 +33,9 @@ _RESIDUAL_UNITS = {"klt": " (px)", "plane": " (grey)"}
 def tracking_figure(track: Track, run: str = "") -> Figure:
     """Residual, inliers and predicted standard deviations of a track over time, above a strip of its status.
 
-    Parameters
-    ----------
-    track : Track
-        The track of one body.
-    run : str, optional
-        Name of its run, for the title.
-
-    Returns
-    -------
-    Figure
-        Five panels over one time axis [s], one column wide: residual [px or grey levels, depending on the method],
-        inliers [%], standard deviation of position [mm] and heading [°] from the noise of the frame alone, status.
+    Five panels over one time axis [s], one column wide: residual [px or grey levels, depending on the method], inliers
+    [%], standard deviation of position [mm] and heading [°] from the noise of the frame alone, status. ``run`` is the
+    name of the run for the title.
     """
     title = f"Run {run}: tracking of the {track.body}" if run else f"Tracking of the {track.body}"
     heights = [0.7, 0.7, 0.7, 0.7, 0.15]

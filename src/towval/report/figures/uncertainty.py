@@ -34,17 +34,9 @@ _MARKERS = "osD^vPX*"
 def agreement_figure(run: RunRecord) -> Figure | None:
     """Error along and across the path with its validation uncertainty, and their ratio, one column wide.
 
-    Parameters
-    ----------
-    run : RunRecord
-        A run with its uncertainty.
-
-    Returns
-    -------
-    Figure or None
-        Three panels over one time axis [s]: the error along and across the measured path [mm] with bands of ± two
-        standard validation uncertainties, and ``|E| / u_val`` of the position with a line at two, left out where
-        ``u_val`` is below a hundredth of its usual size. None where the uncertainty was not computed.
+    Three panels over one time axis [s]: the error along and across the measured path [mm] with bands of ± two standard
+    validation uncertainties, and ``|E| / u_val`` of the position with a line at two, left out where ``u_val`` is below
+    a hundredth of its usual size. None where the uncertainty was not computed.
     """
     if run.uncertainty is None:
         return None
@@ -70,16 +62,8 @@ def agreement_figure(run: RunRecord) -> Figure | None:
 def shares_figure(runs: Sequence[RunRecord]) -> Figure | None:
     """Shares of the error's variance by input, first order, one column wide.
 
-    Parameters
-    ----------
-    runs : sequence of RunRecord
-        Runs with their uncertainty; those without are left out.
-
-    Returns
-    -------
-    Figure or None
-        A row for each input, the largest mean share on top: a bar for the mean of the runs, a mark for each run [%].
-        None where no run has an uncertainty.
+    A row for each input, the largest mean share on top: a bar for the mean of the runs, a mark for each run [%]. None
+    where no run has an uncertainty.
     """
     shares = {run.name: run.uncertainty.shares for run in runs if run.uncertainty is not None}
     if not shares:
