@@ -115,12 +115,15 @@ def test_more_points_are_taken_where_only_the_simulated_path_needs_them(filmed, 
     known = known_as(calibration, given.bodies, 10.0)
     paths = iter((0.0, 0.1))
 
-    def far_apart(scene, rover, towed, times):
-        motion = simulate(scene, rover, towed, times)
+    asked = SimulateSettings(tolerance_m=1e-6)
+
+    def far_apart(scene, rover, towed, times, settings):
+        assert settings is asked
+        motion = simulate(scene, rover, towed, times, settings)
         return replace(motion, pose=motion.pose + next(paths))
 
     monkeypatch.setattr("towval.selection.tracking.simulate", far_apart)
-    settings, _ = track_selecting(frames, *known, clicks, TrackSettings(), given.scene)
+    settings, _ = track_selecting(frames, *known, clicks, TrackSettings(), given.scene, simulation=asked)
     assert settings.samples == TRACK_SAMPLES[-1]
 
 

@@ -61,7 +61,7 @@ def test_a_constant_shift_is_measured_exactly(measured):
 def test_a_small_error_agrees(measured):
     result = compare("a", simulated(measured, np.array([0.001, 0.0005, 0.0])), measured, known())
     assert result.verdict == Verdict.AGREES
-    assert result.u_val_m == pytest.approx(np.hypot(result.u_input_m, 1e-6), rel=1e-6)
+    assert result.u_val_m == pytest.approx(result.u_input_m, rel=1e-12)
 
 
 def test_an_error_that_begins_under_way_is_found_there(measured):
@@ -99,6 +99,13 @@ def test_lost_frames_take_no_part_and_are_told(make_track):
     assert result.path_max_m < 1e-6
     assert result.lost_frames == 10
     assert "compare_lost" in {finding.code for finding in result.findings}
+
+
+def test_frames_without_a_simulation_are_counted(make_track):
+    track = make_track(straight, body="object", duration_s=10.0, std=(1e-9,) * 3)
+    motion = simulated(make_track(straight, body="object", duration_s=9.6, std=(1e-9,) * 3), np.zeros(3))
+    found = {finding.code: finding.text for finding in compare("a", motion, track, known()).findings}
+    assert found["compare_cut"].startswith("10 measured frames")
 
 
 def test_nothing_seen_is_refused(make_track):

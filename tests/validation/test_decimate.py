@@ -1,5 +1,6 @@
 """Thinning: the bound holds, pauses stay pauses, times stay times, and the noise comes from the track."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -128,3 +129,14 @@ def test_settings_out_of_range_are_refused():
 def test_find_pauses_finds_none_in_motion(make_track):
     track = make_track(arc)
     assert find_pauses(track.time_s, track.pose, np.tile(STD, (len(track.pose), 1)), 0.3) == []
+
+
+def test_a_pose_far_off_the_smoothed_track_is_reported(make_track):
+    track = make_track(arc, std=STD)
+    pose = np.array(track.pose)
+    pose[150, 0] = arc(track.time_s)[150, 0] + 7 * STD[0]
+    # With the usual bound the curve bends towards such a pose; with a loose one it is left out.
+    loose = DecimateSettings(excess=30)
+    codes = {finding.code for finding in decimate(replace(track, pose=pose), loose).findings}
+    assert "decimate_outlier" in codes
+    assert "decimate_outlier" not in {finding.code for finding in decimate(track, loose).findings}

@@ -27,9 +27,11 @@ from towval.validation.compare import compare
 from towval.validation.decimate import decimate
 from towval.validation.simulate import simulate
 from towval.validation.uncertainty import (
+    _REST,
     Case,
     UncertaintySampling,
     UncertaintySettings,
+    _findings,
     _motions,
     sample_uncertainty,
     variance_shares,
@@ -180,3 +182,26 @@ def test_a_huge_uncertainty_is_no_agreement(case):
 def test_settings_out_of_range_are_refused(bad):
     with pytest.raises(InputError, match=f"uncertainty.{next(iter(bad))}"):
         UncertaintySettings(**bad)
+
+
+def test_the_numerical_uncertainty_is_in_u_val_wherever_it_is_used(case):
+    """Ten millimetres of it move table, ratio and test of a run of three."""
+    coarse = replace(case, simulated=replace(case.simulated, statistics={**case.simulated.statistics, "u_num_m": 0.01}))
+    fine = replace(case, simulated=replace(case.simulated, statistics={**case.simulated.statistics, "u_num_m": 0.0}))
+    settings = UncertaintySettings(samples=64)
+    with_it, without = (sample_uncertainty(each, settings) for each in (coarse, fine))
+    results = [compare("a", case.simulated, case.object_track, each) for each in (with_it, without)]
+    assert results[0].u_val_m == pytest.approx(np.hypot(results[1].u_val_m, 0.01), rel=1e-9)
+    assert results[0].u_input_m == results[1].u_input_m
+    assert results[0].ratio_max < results[1].ratio_max
+    grown = with_it.signature - without.signature
+    np.testing.assert_allclose(grown, np.broadcast_to(np.diag([5e-5, 5e-5, 0]), grown.shape), atol=1e-12)
+    assert with_it.signature_limit == without.signature_limit
+
+
+def test_the_main_input_is_named_and_draws_that_fail_are_counted():
+    found = {one.code: one.text for one in _findings(2, {"friction": 0.6, "stiffness": 0.1, _REST: 0.3})}
+    assert found["main_input"].startswith("60 %")
+    assert found["main_input"].endswith("friction.")
+    assert found["draws_left_out"].startswith("2 draws")
+    assert _findings(0, {"friction": 0.0, _REST: 0.0}) == ()

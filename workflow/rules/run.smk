@@ -25,6 +25,11 @@ rule track:
             camera=input.camera,
             output=output[0],
             keys=section("track"),
+            later=(
+                {stage: section(stage) for stage in ("decimate", "simulate")}
+                if section("track").get("samples") == "auto"
+                else None
+            ),
         ),
     message:
         "{wildcards.campaign}, run {wildcards.run}: track rover and object"

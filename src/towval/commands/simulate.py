@@ -15,7 +15,7 @@ from towval.io.provenance import provenance
 from towval.io.records import read_calibration, read_decimated, read_tracks, write_simulated
 from towval.model.errors import InputError
 from towval.selection.margin import measurement_std_m, seen_places
-from towval.selection.simulation import simulate_selecting
+from towval.selection.simulation import SELECTED, simulate_selecting
 from towval.validation.simulate import SimulateSettings
 
 
@@ -44,7 +44,7 @@ def run(
     InputError
         When a setting is "auto" and no camera is given.
     """
-    keys, auto = without_auto(keys, "rung_tolerance_m", "tolerance_m")
+    keys, auto = without_auto(keys, *SELECTED)
     settings = settings_from(SimulateSettings, keys, "simulate")
     if auto and camera is None:
         raise InputError(

@@ -20,16 +20,30 @@ from towval.io.records import read_calibration, write_tracks
 from towval.io.video import Video
 from towval.model import Calibration
 from towval.model.errors import InputError
+from towval.selection.simulation import SELECTED
 from towval.selection.tracking import PROBE_FRAMES, PROBE_STRIDE, neighbour_of_tracking, track_selecting
 from towval.tracking.markers import clicks_from_tags
 from towval.tracking.proposals import propose_bodies
 from towval.tracking.track import TrackSettings, track
+from towval.validation.decimate import DecimateSettings
+from towval.validation.simulate import SimulateSettings
 
 _MOST_PICTURES = 16  # for the background
 
 
-def run(campaign: Path, name: str, camera: Path, output: Path, keys: Mapping[str, Any] | None = None) -> None:
-    """Track rover and object through the video of a run."""
+def run(
+    campaign: Path,
+    name: str,
+    camera: Path,
+    output: Path,
+    keys: Mapping[str, Any] | None = None,
+    *,
+    later: Mapping[str, Mapping[str, Any]] | None = None,
+) -> None:
+    """Track rover and object through the video of a run.
+
+    ``later`` holds the sections decimate and simulate of the configuration, with which the probe of "auto" goes on.
+    """
     keys, auto = without_auto(keys, "samples")
     settings = settings_from(TrackSettings, keys, "track")
     given = load_campaign(campaign)
@@ -48,7 +62,16 @@ def run(campaign: Path, name: str, camera: Path, output: Path, keys: Mapping[str
     with progress(f"track {name}", video.header.frames) as done:
         # The paper's method has no sample points to select.
         if "samples" in auto and settings.method == "plane":
-            settings, tracks = track_selecting(video, *scene, settings, given.scene, progress=done)
+            thinning, simulating = (dict((later or {}).get(stage, {})) for stage in ("decimate", "simulate"))
+            settings, tracks = track_selecting(
+                video,
+                *scene,
+                settings,
+                given.scene,
+                decimation=settings_from(DecimateSettings, thinning, "decimate"),
+                simulation=settings_from(SimulateSettings, without_auto(simulating, *SELECTED)[0], "simulate"),
+                progress=done,
+            )
         else:
             tracks = track(video, *scene, settings, progress=done)
             again = Video(entry.video, damaged=entry.damaged_video)

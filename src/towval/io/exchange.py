@@ -75,7 +75,7 @@ def _pictures(overlay: Path, camera: Camera, start_s: float) -> Iterator[Message
         stream = film.streams.video[0]
         scaled = _scaled(camera, (stream.width, stream.height))
         for frame in film.decode(stream):
-            time_s = float(frame.pts * stream.time_base)
+            time_s = float((frame.pts or 0) * (stream.time_base or 0))
             if time_s + 1e-6 < due_s:
                 continue
             due_s += _IMAGE_STEP_S

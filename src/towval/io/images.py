@@ -39,7 +39,7 @@ def read_gray(path: Path, resolution_px: tuple[int, int]) -> NDArray[np.uint8]:
             allowed=f"{resolution_px[0]} × {resolution_px[1]}",
             remedy="calibrate with pictures from the camera mode that filmed the runs",
         )
-    return image
+    return np.asarray(image, dtype=np.uint8)
 
 
 @dataclass(frozen=True)

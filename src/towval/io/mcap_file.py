@@ -102,7 +102,7 @@ def write_mcap(path: Path, messages: Iterable[Message], details: dict[str, Any],
             sequence[message.topic] += 1
         writer.add_attachment(start, start, _DETAILS, "application/json", json.dumps(details, sort_keys=True).encode())
         writer.add_metadata(_PROVENANCE, {key: provenance[key] for key in sorted(provenance)})
-        writer.finish()
+        writer.finish()  # type: ignore[no-untyped-call]  # mcap leaves it untyped
 
 
 def read_provenance(path: Path) -> dict[str, str]:
@@ -126,6 +126,8 @@ def read_mcap(path: Path) -> McapContent:
     with _readable(path) as stream:
         reader = make_reader(stream, validate_crcs=True)
         for schema, channel, message in reader.iter_messages():
+            if schema is None:
+                raise McapError(f"the channel {channel.topic} has no schema")
             value = TYPESTORE.deserialize_cdr(message.data, schema.name)
             topics[channel.topic].append(Message(channel.topic, message.log_time, value))
         for attachment in reader.iter_attachments():

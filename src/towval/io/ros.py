@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from rosbags.typesys import Stores, get_typestore
 
 from towval.model import Array, Camera
@@ -192,7 +192,9 @@ def stamped_vector(time_s: float, frame: str, xyz: Array) -> Any:
     return make("geometry_msgs/msg/Vector3Stamped", header=header(time_s, frame), vector=vector(*xyz))
 
 
-def joint_state(time_s: float, names: Sequence[str], position: Array, velocity: Array, effort: Array) -> Any:
+def joint_state(
+    time_s: float, names: Sequence[str], position: ArrayLike, velocity: ArrayLike, effort: ArrayLike
+) -> Any:
     """A stamped JointState; an empty array leaves a quantity out."""
     return make(
         "sensor_msgs/msg/JointState",

@@ -91,7 +91,8 @@ def with_plain_values(value: Any) -> Any:
 def packaged_schema(name: str) -> dict[str, Any]:
     """The schema ``name`` that comes with the package."""
     text = resources.files("towval.io").joinpath(name).read_text(encoding="utf-8")
-    return yaml.safe_load(text)
+    schema: dict[str, Any] = yaml.safe_load(text)
+    return schema
 
 
 def _registry(reference: str) -> Registry[Any]:
@@ -109,7 +110,9 @@ def _registered(_validator: Any, reference: str, instance: Any, schema: Any) -> 
         yield ValidationError(f"{instance!r} is not registered in {reference}")
 
 
-_Validator = validators.extend(Draft202012Validator, {"registered": _registered})
+_Validator: Any = validators.extend(  # type: ignore[no-untyped-call]  # the stubs leave it untyped
+    Draft202012Validator, {"registered": _registered}
+)
 
 
 def check(document: Any, schema: dict[str, Any], where: str) -> None:
@@ -149,26 +152,32 @@ def _name(parts: Any) -> str:
 def _faults(error: ValidationError) -> list[str]:
     path = list(error.absolute_path)
     key = _name(path) or "the document"
-    rule = error.validator
+    rule, wanted, schema = _rule(error)
+    instance: Any = error.instance
     if rule == "additionalProperties":
-        known = list(error.schema.get("properties", {}))
-        unknown = [name for name in error.instance if name not in known]
+        known = list(schema.get("properties", {}))
+        unknown = [name for name in instance if name not in known]
         return [f"unknown key {_name([*path, name])}{_suggestion(str(name), known)}" for name in unknown]
     if rule == "required":
-        missing = [name for name in error.validator_value if name not in error.instance]
-        return [
-            f"the key {_name([*path, name])} is missing{_meaning(error.schema['properties'][name])}" for name in missing
-        ]
+        missing = [name for name in wanted if name not in instance]
+        return [f"the key {_name([*path, name])} is missing{_meaning(schema['properties'][name])}" for name in missing]
     got = _short(error.instance)
     return [f"{key} is {got}; allowed: {_allowed(error)}{_meaning(_described(error))}"]
 
 
+def _rule(error: ValidationError) -> tuple[str, Any, dict[str, Any]]:
+    """The rule that is broken, its value, and the schema that states it, which is never a plain true or false."""
+    schema: Any = error.schema
+    return str(error.validator), error.validator_value, schema
+
+
 def _described(error: ValidationError) -> dict[str, Any]:
     """The innermost schema on the way to the fault that says what it is about."""
-    current: ValidationError | None = error
+    current: Any = error
     while current is not None:
         if isinstance(current.schema, dict) and "description" in current.schema:
-            return current.schema
+            schema: dict[str, Any] = current.schema
+            return schema
         current = current.parent
     return {}
 
@@ -187,7 +196,7 @@ _COMPARISONS = {
 
 
 def _allowed(error: ValidationError) -> str:
-    schema, rule = error.schema, error.validator
+    rule, wanted, schema = _rule(error)
     if rule == "type":
         names = {
             "number": "a number",
@@ -197,11 +206,11 @@ def _allowed(error: ValidationError) -> str:
             "string": "a text",
             "boolean": "true or false",
         }
-        return names.get(str(error.validator_value), str(error.validator_value))
+        return names.get(str(wanted), str(wanted))
     if rule == "registered":
-        return "one of " + ", ".join((*schema.get("besides", ()), *_registry(error.validator_value)))
+        return "one of " + ", ".join((*schema.get("besides", ()), *_registry(wanted)))
     if rule == "enum":
-        return "one of " + ", ".join(map(str, error.validator_value))
+        return "one of " + ", ".join(map(str, wanted))
     if rule in ("minItems", "maxItems") and schema.get("minItems") == schema.get("maxItems"):
         return f"exactly {schema['minItems']} entries"
     bounds = [
@@ -211,7 +220,7 @@ def _allowed(error: ValidationError) -> str:
     ]
     if rule in ("minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum"):
         return " and ".join(bounds)
-    return _COMPARISONS.get(str(rule), str(error.message)).format(error.validator_value)
+    return _COMPARISONS.get(rule, str(error.message)).format(wanted)
 
 
 def _meaning(schema: dict[str, Any]) -> str:

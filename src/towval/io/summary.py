@@ -40,7 +40,7 @@ def summary_table(comparisons: Sequence[Comparison]) -> pd.DataFrame:
 
 def summary_csv(comparisons: Sequence[Comparison]) -> str:
     """The summary as CSV; an uncertainty that was not computed is left empty."""
-    return summary_table(comparisons).to_csv(index=False, float_format="%.9g", lineterminator="\n")
+    return str(summary_table(comparisons).to_csv(index=False, float_format="%.9g", lineterminator="\n"))
 
 
 def summary_latex(comparisons: Sequence[Comparison]) -> str:

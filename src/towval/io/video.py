@@ -6,6 +6,7 @@ import itertools
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
+from fractions import Fraction
 from pathlib import Path
 
 import av
@@ -104,7 +105,7 @@ class Video:
                     yield time_s, upright(luma_plane(frame), frame.rotation)
                     self.decoded_frames, self.last_time_s = self.decoded_frames + 1, time_s
             except av.error.FFmpegError as error:
-                self._damage(error.strerror)
+                self._damage(str(error.strerror))
                 return
         if self.header.frames is not None and self.decoded_frames < self.header.frames and not self._reached_the_end():
             self._damage("the file ends early")
@@ -140,7 +141,8 @@ class Video:
                 remedy="put the stream into a container that holds times, for example `ffmpeg -i IN -c copy OUT.mp4`",
             )
         # One rounding: numerator and denominator are exact.
-        time_s = pts * frame.time_base.numerator / frame.time_base.denominator
+        base = Fraction(frame.time_base or 0)
+        time_s = pts * base.numerator / base.denominator
         if time_s <= self.last_time_s:
             raise InputError(
                 f"the presentation times of {self.path.name} do not increase at frame {self.decoded_frames}",
@@ -164,11 +166,11 @@ class Video:
 
 
 def _header(stream: av.VideoStream) -> VideoHeader:
-    context, nan = stream.codec_context, float("nan")
+    context, base, nan = stream.codec_context, Fraction(stream.time_base or 0), float("nan")
     return VideoHeader(
         resolution_px=(context.width, context.height),
         frames=stream.frames or None,
-        end_s=float(((stream.start_time or 0) + stream.duration) * stream.time_base) if stream.duration else nan,
+        end_s=float(((stream.start_time or 0) + stream.duration) * base) if stream.duration else nan,
         rate_hz=float(stream.average_rate) if stream.average_rate else nan,
         codec=context.name,
         pixel_format=context.pix_fmt or "",
@@ -182,15 +184,16 @@ def luma_plane(frame: av.VideoFrame) -> Luma:
     """
     name, depth = frame.format.name, frame.format.components[0].bits
     if not name.startswith(("yuv", "yuvj", "nv", "p0", "gray")) or name.startswith(("yuyv", "yuv422v")):
-        return frame.to_ndarray(format="gray")
+        return np.asarray(frame.to_ndarray(format="gray"), dtype=np.uint8)
     plane = frame.planes[0]
+    memory = memoryview(plane)
     if depth == 8:
-        rows = np.frombuffer(plane, dtype=np.uint8).reshape(-1, plane.line_size)
-        return rows[: frame.height, : frame.width]
-    rows = np.frombuffer(plane, dtype=">u2" if name.endswith("be") else "<u2").reshape(-1, plane.line_size // 2)
+        bright: Luma = np.frombuffer(memory, dtype=np.uint8).reshape(-1, plane.line_size)
+        return bright[: frame.height, : frame.width]
+    rows = np.frombuffer(memory, dtype=">u2" if name.endswith("be") else "<u2").reshape(-1, plane.line_size // 2)
     # The p0xx formats keep their bits at the top of the word, all others at the bottom.
     shift = 8 if name.startswith("p0") else depth - 8
-    return (rows[: frame.height, : frame.width] >> shift).astype(np.uint8)
+    return np.asarray(rows[: frame.height, : frame.width] >> shift, dtype=np.uint8)
 
 
 def upright(luma: Luma, rotation_deg: float) -> Luma:

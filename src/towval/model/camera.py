@@ -189,7 +189,7 @@ class UncertaintyMap:
     @property
     def std_m(self) -> Array:
         """Root mean square position error to expect (rows, columns) [m]: the root of the covariance's trace."""
-        return np.sqrt(np.trace(self.covariance_m2, axis1=-2, axis2=-1))
+        return np.asarray(np.sqrt(np.trace(self.covariance_m2, axis1=-2, axis2=-1)))
 
     @property
     def rms_m(self) -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TypeGuard
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -29,7 +31,7 @@ def locked(values: ArrayLike, name: str, shape: tuple[int | None, ...], *, finit
     InputError
         When the shape or a value is not as asked.
     """
-    array = values if _is_locked(values) else np.array(values, dtype=np.float64)
+    array: Array = values if _is_locked(values) else np.array(values, dtype=np.float64)
     if array.ndim != len(shape) or any(want not in (None, have) for want, have in zip(shape, array.shape, strict=True)):
         wanted = " × ".join("any" if n is None else str(n) for n in shape)
         raise InputError(f"{name} has the wrong shape", got=array.shape, allowed=wanted)
@@ -39,7 +41,7 @@ def locked(values: ArrayLike, name: str, shape: tuple[int | None, ...], *, finit
     return array
 
 
-def _is_locked(values: ArrayLike) -> bool:
+def _is_locked(values: ArrayLike) -> TypeGuard[Array]:
     """Whether values are a float64 array that owns its memory and that its maker has made read-only."""
     return (
         type(values) is np.ndarray

@@ -111,9 +111,8 @@ def polygon_centroid(polygon: ArrayLike) -> Array:
     origin = polygon[0]
     x, y = (polygon - origin).T
     cross = x * np.roll(y, -1) - np.roll(x, -1) * y
-    return origin + np.array([np.sum((x + np.roll(x, -1)) * cross), np.sum((y + np.roll(y, -1)) * cross)]) / (
-        3 * np.sum(cross)
-    )
+    moments = np.array([np.sum((x + np.roll(x, -1)) * cross), np.sum((y + np.roll(y, -1)) * cross)])
+    return np.asarray(origin + moments / (3 * np.sum(cross)))
 
 
 def polygon_second_moment(polygon: ArrayLike, about: ArrayLike) -> float:
@@ -231,5 +230,5 @@ def _normalised(error: Array, covariance: Array) -> Array:
     floor = _FLOOR_SHARE**2 * np.mean(np.trace(position, axis1=1, axis2=2)) / 2
     inverse_position = np.linalg.inv(position + max(floor, 1e-18) * np.eye(2))
     square = np.einsum("...ni,nij,...nj->...n", error[..., :2], inverse_position, error[..., :2])
-    turn = np.sqrt(np.maximum(heading, max(_FLOOR_SHARE**2 * np.mean(heading), 1e-18)))
+    turn = np.sqrt(np.maximum(heading, max(_FLOOR_SHARE**2 * float(np.mean(heading)), 1e-18)))
     return np.stack([np.sqrt(square), np.abs(error[..., 2]) / turn], axis=-1)

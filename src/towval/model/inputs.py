@@ -120,6 +120,11 @@ class UncertainInput:
         """The stated value of a scene (k,)."""
         return np.broadcast_to(np.asarray(self.value(scene), dtype=np.float64), len(self.components))
 
+    def searched(self, scene: TowingScene, which: Literal["step", "reach"]) -> Array:
+        """Step or reach of the search (k,)."""
+        found = getattr(self.search, which)(scene)
+        return np.broadcast_to(np.asarray(found, dtype=np.float64), len(self.components))
+
 
 INPUTS: Registry[UncertainInput] = Registry("uncertain input")
 """The table, by name; its order is that of the draws."""
@@ -160,13 +165,13 @@ def stated_in(document: Mapping[str, Any], key: str) -> float | None:
     section: Any = document
     for part in key.split("."):
         section = section.get(part) if isinstance(section, Mapping) else None
-    return section
+    return None if section is None else float(section)
 
 
 def _deviation(row: UncertainInput, stated: StatedDeviation, scene: TowingScene, document: Mapping[str, Any]) -> float:
     given = stated_in(document, stated.key)
     if given is not None:
-        return float(given)
+        return given
     if not row.present(scene):
         return 0.0
     return stated.default * (float(row.values(scene)[0]) if stated.relative else 1.0)
@@ -176,7 +181,8 @@ def _in_scene(field: str) -> Callable[[Realisation, Array], Realisation]:
     """Sets a field of the scene, a number or a point."""
 
     def acts(real: Realisation, value: Array) -> Realisation:
-        return replace(real, scene=replace(real.scene, **{field: value if len(value) > 1 else float(value[0])}))
+        changed: dict[str, Any] = {field: value if len(value) > 1 else float(value[0])}
+        return replace(real, scene=replace(real.scene, **changed))
 
     return acts
 
@@ -185,8 +191,9 @@ def _in_part(part: str, field: str) -> Callable[[Realisation, Array], Realisatio
     """Sets a field of the scene's load or tether."""
 
     def acts(real: Realisation, value: Array) -> Realisation:
-        changed = replace(getattr(real.scene, part), **{field: value if len(value) > 1 else float(value[0])})
-        return replace(real, scene=replace(real.scene, **{part: changed}))
+        changed: Any = replace(getattr(real.scene, part), **{field: value if len(value) > 1 else float(value[0])})
+        scene: dict[str, Any] = {part: changed}
+        return replace(real, scene=replace(real.scene, **scene))
 
     return acts
 

@@ -53,6 +53,7 @@ def measured_poses(track: Track) -> Array:
 
 def nearest_samples(time_s: Array, wanted_s: ArrayLike) -> NDArray[np.intp]:
     """Indices of the samples nearest to given times; ``time_s`` increases."""
+    wanted_s = np.asarray(wanted_s, dtype=np.float64)
     after = np.clip(np.searchsorted(time_s, wanted_s), 1, max(len(time_s) - 1, 1))
     nearest = np.where(wanted_s - time_s[after - 1] <= time_s[after % len(time_s)] - wanted_s, after - 1, after)
     return np.minimum(nearest, len(time_s) - 1)

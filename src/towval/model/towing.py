@@ -82,7 +82,8 @@ class Load:
     def outline(self) -> Array:
         """Corners of its bottom (4, 2) in the object's frame [m]."""
         half = 0.5 * self.size[:2]
-        return self.at + half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+        signs = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+        return np.asarray(self.at + half * signs)
 
 
 @dataclass(frozen=True)

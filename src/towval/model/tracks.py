@@ -124,7 +124,7 @@ class Track:
     @property
     def seen(self) -> NDArray[np.bool_]:
         """Frames that were seen, neither lost nor coasting (n,)."""
-        return self.status == TrackStatus.TRACKED
+        return np.asarray(self.status == TrackStatus.TRACKED)
 
     @property
     def std(self) -> Array:

@@ -19,6 +19,7 @@ from towval.model import (
 )
 from towval.physics.friction_laws import fitted_law
 from towval.selection.margin import SHARE
+from towval.validation.metrics import position_rms
 from towval.validation.uncertainty import Case, UncertaintySampling, UncertaintySettings, sample_uncertainty
 
 DRAWS = (128, 256, 512, 1024, 2048)
@@ -72,14 +73,14 @@ def sample_selecting(
     if not auto:
         found = sample_uncertainty(case, settings, progress)
         # The standard deviation of a root mean square over n normal draws.
-        change = _validation_m(found) / np.sqrt(2 * found.samples)
+        change = position_rms(found.validation) / np.sqrt(2 * found.samples)
         choice = Choice("draws", f"{settings.samples}", f"{2 * settings.samples}", change, "of u_val, as expected")
         return replace(found, choices=(choice,))
     sampling = UncertaintySampling(case, settings, progress)
     found = sampling.describe(DRAWS[0])
     for count in DRAWS[1:]:
         more = sampling.describe(count)
-        change = abs(_validation_m(more) - _validation_m(found))
+        change = abs(position_rms(more.validation) - position_rms(found.validation))
         limits = more.signature_limit, found.signature_limit
         settled = change <= SHARE * measurement_m and abs(limits[0] / limits[1] - 1) <= _SETTLED
         choice = Choice("draws", f"{count}", f"{count // 2}", change, "of u_val")
@@ -87,8 +88,3 @@ def sample_selecting(
         if settled:
             break
     return found
-
-
-def _validation_m(uncertainty: RunUncertainty) -> float:
-    """Root mean square over time of the validation uncertainty of the position [m]."""
-    return float(np.sqrt(np.mean(np.trace(uncertainty.validation[:, :2, :2], axis1=1, axis2=2))))

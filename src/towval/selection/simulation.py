@@ -13,6 +13,9 @@ from towval.physics.ladder import DYNAMICS, rung_names
 from towval.selection.margin import SHARE
 from towval.validation.simulate import RunSimulation, SimulateSettings
 
+SELECTED = ("rung_tolerance_m", "tolerance_m")
+"""Settings of the stage that may be "auto"."""
+
 TOLERANCES_M = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 """What "auto" chooses from, cheapest first."""
 
@@ -44,8 +47,9 @@ def simulate_selecting(
         change = run.path_shift_m(motion.rung, tolerance, finer)
         if change <= limit:
             break
-    names = (f"{value:.0e} m" for value in (settings.tolerance_m, finer))
-    choices = (_rung_choice(motion), Choice("tolerance of a step", *names, change, "at most over the path"))
+    taken, next_finer = f"{settings.tolerance_m:.0e} m", f"{finer:.0e} m"
+    tolerance_choice = Choice("tolerance of a step", taken, next_finer, change, "at most over the path")
+    choices = (_rung_choice(motion), tolerance_choice)
     return settings, replace(motion, choices=choices)
 
 

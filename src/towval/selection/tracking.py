@@ -12,8 +12,8 @@ from towval.model import Array, Body, Calibration, Choice, SimulatedMotion, Towi
 from towval.model.errors import TowvalError
 from towval.selection.margin import SHARE, measurement_std_m, seen_places
 from towval.tracking.track import Frames, TrackSettings, track_beside
-from towval.validation.decimate import decimate
-from towval.validation.simulate import simulate
+from towval.validation.decimate import DecimateSettings, decimate
+from towval.validation.simulate import SimulateSettings, simulate
 
 TRACK_SAMPLES = (1024, 4096)
 """What "auto" chooses from, cheapest first.
@@ -56,6 +56,8 @@ def track_selecting(
     settings: TrackSettings,
     scene: TowingScene,
     *,
+    decimation: DecimateSettings | None = None,
+    simulation: SimulateSettings | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> tuple[TrackSettings, dict[str, Track]]:
     """Track with as many points as the run needs; the tracks say what the other number would have changed.
@@ -63,7 +65,8 @@ def track_selecting(
     All of :data:`TRACK_SAMPLES` follow the bodies through the whole video, in one pass, and both tracks drive the
     simulation of ``scene``: stick and slip may multiply what a track adds, and no part of a run shows that. The smaller
     number is taken where neither a measured path nor the simulated one moves by more than a third of the measurement
-    uncertainty. The other parameters are those of :func:`towval.tracking.track.track`.
+    uncertainty. ``decimation`` and ``simulation`` are the settings of these stages, by default their own; the other
+    parameters are those of :func:`towval.tracking.track.track`.
 
     Returns
     -------
@@ -79,7 +82,12 @@ def track_selecting(
         for body in bodies
     }
     moved = {name: _apart(tracks[name], finer[name]) for name in tracks}
-    carried = _carried(scene, tracks, finer)
+
+    def simulated(found: Mapping[str, Track]) -> SimulatedMotion:
+        thin = {name: decimate(found[name], decimation) for name in ("rover", "object")}
+        return simulate(scene, thin["rover"], thin["object"], found["object"].time_s, simulation)
+
+    carried = _carried(simulated, tracks, finer)
     enough = all(moved[name] <= limit for name, limit in limits.items()) and not carried > limits["object"]
     taken, other = (cheap, fine) if enough else (fine, cheap)
     names = _tracking_name(taken), _tracking_name(other)
@@ -90,20 +98,17 @@ def track_selecting(
     }
 
 
-def _carried(scene: TowingScene, one: Mapping[str, Track], other: Mapping[str, Track]) -> float:
+def _carried(
+    simulated: Callable[[Mapping[str, Track]], SimulatedMotion], one: Mapping[str, Track], other: Mapping[str, Track]
+) -> float:
     """RMS distance of the paths that two sets of tracks are simulated to [m]; NaN where one cannot be simulated."""
     try:
-        first, second = (_simulated(scene, tracks) for tracks in (one, other))
+        first, second = simulated(one), simulated(other)
     except TowvalError:
-        # The stages decimate and simulate meet the same error and tell it with its remedy.
+        # The stages decimate and simulate meet the same error and report it with its remedy.
         return float("nan")
     _, rows, others = np.intersect1d(first.time_s, second.time_s, return_indices=True)
     return _rms(first.pose[rows] - second.pose[others])
-
-
-def _simulated(scene: TowingScene, tracks: Mapping[str, Track]) -> SimulatedMotion:
-    thin = {name: decimate(tracks[name]) for name in ("rover", "object")}
-    return simulate(scene, thin["rover"], thin["object"], tracks["object"].time_s)
 
 
 def _neighbour(settings: TrackSettings) -> TrackSettings:

@@ -28,7 +28,7 @@ from towval.model.geometry import (
     signature_entries,
     wrapped,
 )
-from towval.validation.metrics import aligned_rms, area_metric, error_ratio, frechet_distance
+from towval.validation.metrics import aligned_rms, area_metric, error_ratio, frechet_distance, position_rms
 
 _STEP_M = 0.01
 """Way after which direction and length of the path are read again [m]: long against noise, short against bends."""
@@ -74,8 +74,8 @@ def compare(
     Returns
     -------
     Comparison
-        Errors over time, their summary, and the verdict in the terms of ASME V&V 20: E against u_val, where
-        u_val² = u_num² + u_input² + u_D², with errors that simulation and measurement share counted once.
+        Errors over time, their summary, and the verdict in the terms of ASME V&V 20: E against u_val (see
+        :func:`towval.validation.uncertainty.with_numerical`).
 
     Raises
     ------
@@ -95,8 +95,7 @@ def compare(
     error = simulated.pose - pose
     error[:, 2] = wrapped(error[:, 2])
     distance = np.linalg.norm(error[:, :2], axis=1)
-    u_num = simulated.statistics["u_num_m"]
-    u_val = float(np.hypot(position_rms(uncertainty.validation), u_num))
+    u_val = position_rms(uncertainty.validation)
     turn = rotation(_directions(pose))
     along_across = np.einsum("nji,nj->ni", turn, error[:, :2])
     path_covariance = turn.transpose(0, 2, 1) @ uncertainty.validation[:, :2, :2] @ turn
@@ -113,7 +112,7 @@ def compare(
         final_error_m=float(distance[seen][-1]),
         heading_rms_rad=_rms(error[:, 2]),
         path_length_m=float(_arc_length(pose)[-1]),
-        u_num_m=u_num,
+        u_num_m=simulated.statistics["u_num_m"],
         u_input_m=position_rms(uncertainty.simulation),
         u_measurement_m=position_rms(uncertainty.measurement),
         u_val_m=u_val,
@@ -126,11 +125,6 @@ def compare(
         aligned_rms_m=aligned_rms(simulated.pose[seen, :2], pose[seen, :2]),
         findings=(reason, *_findings(measured, simulated)),
     )
-
-
-def position_rms(covariance: Array) -> float:
-    """Root mean square over time of the position deviation √(σ_x² + σ_y²) of covariances (n, 3, 3) [m]."""
-    return float(np.sqrt(np.mean(np.trace(covariance[:, :2, :2], axis1=1, axis2=2))))
 
 
 def _verdict(

@@ -127,7 +127,7 @@ def noise_of(time: Array, pose: Array, reported: Array) -> Array:
     third = np.diff(pose, n=3, axis=0)[usable if usable.any() else slice(None)]
     white = _MAD_TO_STD * np.median(np.abs(third), axis=0) / _THIRD_DIFFERENCE_GAIN
     floor = np.maximum(np.nanmin(reported, axis=0), 1e-9)
-    return np.where(white > 0, white, floor)
+    return np.asarray(np.where(white > 0, white, floor))
 
 
 def _frame_sigma(reported: Array, noise: Array) -> Array:
@@ -212,7 +212,7 @@ class _Fit:
 
     def values(self, time: Array) -> Array:
         basis = _hermite_basis(self.knots, time)
-        return np.einsum("nk,kc->nc", basis, self.nodes.reshape(-1, 3))
+        return np.asarray(np.einsum("nk,kc->nc", basis, self.nodes.reshape(-1, 3)))
 
 
 def _hermite_basis(knots: Array, time: Array) -> Array:

@@ -9,7 +9,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 from scipy.stats import qmc
 
@@ -140,7 +139,7 @@ def identify(
             remedy="leave them out",
         )
     fit = _Fit(Realisation.nominal(scene, fitted_law(scene.friction).law), deviations, settings)
-    found = fit.values(runs, fit.starts(runs)[:_STARTS])
+    found = fit.values(runs, list(fit.starts(runs)[:_STARTS]))
     covariance = fit.covariance(found, runs)
     identifiable, findings = _identifiability(settings.parameters, covariance, fit.reach)
     identifiable, further = _trust(found, fit, identifiable)
@@ -197,8 +196,8 @@ class _Fit:
         scene = nominal.scene
         self.parameters = [IDENTIFIABLE[name] for name in settings.parameters]
         self.given = np.array([row.values(scene)[i] for row, i in self.parameters])
-        self.scale = np.array([_component(row, row.search.step(scene), i) for row, i in self.parameters])
-        self.reach = np.array([_component(row, row.search.reach(scene), i) for row, i in self.parameters])
+        self.scale = np.array([row.searched(scene, "step")[i] for row, i in self.parameters])
+        self.reach = np.array([row.searched(scene, "reach")[i] for row, i in self.parameters])
         # The difference quotients look a step beyond a value: the bounds stay that far from the range's ends.
         self.bound = self.reach - _STEP * self.scale
         sequence = qmc.Sobol(len(self.given), scramble=True, rng=np.random.default_rng(_SEED)).random(_PLACES)
@@ -267,7 +266,7 @@ class _Fit:
         covariance = (solver @ solver.T + per_run @ per_run.T) * max(1.0, chi2)
         for change in self._by_others(runs, found.values):
             covariance += np.outer(solver @ change, solver @ change)
-        return covariance * np.outer(self.scale, self.scale)
+        return np.asarray(covariance * np.outer(self.scale, self.scale))
 
     def _residuals(self, runs: Sequence[MeasuredRun], base: Realisation, values: Array) -> Array:
         """Block means of simulated − measured in deviations of the measurement, all runs one after another."""
@@ -309,10 +308,6 @@ def _changed(real: Realisation, row: UncertainInput, component: int, value: floa
     values = np.array(row.values(real.scene))
     values[component] = value
     return row.acts(real, values)
-
-
-def _component(row: UncertainInput, values: ArrayLike, component: int) -> float:
-    return float(np.broadcast_to(np.asarray(values, dtype=np.float64), len(row.components))[component])
 
 
 def _error(run: MeasuredRun, pose: Array) -> Array:

@@ -42,7 +42,7 @@ def frechet_distance(path: ArrayLike, other: ArrayLike) -> float:
 
 
 @compiled()
-def _leash(path, other):
+def _leash(path: Array, other: Array) -> float:
     row = np.empty(len(other))
     for i in range(len(path)):
         before = 0.0  # of row i − 1 in column j − 1
@@ -58,7 +58,7 @@ def _leash(path, other):
             else:
                 reach = max(min(above, before, row[j - 1]), distance)
             before, row[j] = above, reach
-    return row[-1]
+    return row[-1]  # type: ignore[no-any-return]  # a float once compiled
 
 
 def area_metric(error: ArrayLike, std: ArrayLike) -> float:
@@ -84,17 +84,17 @@ def area_metric(error: ArrayLike, std: ArrayLike) -> float:
     """
     error, std = np.asarray(error, dtype=np.float64), np.asarray(std, dtype=np.float64)
     known = np.isfinite(error) & np.isfinite(std)
-    error, std = np.sort(error[known]), std[known]
-    if not len(error):
+    errors, stds = np.sort(error[known]), std[known]
+    if not len(errors):
         return float("nan")
-    reach = max(float(np.abs(error).max()), _AREA_REACH * float(std.max()))
+    reach = max(float(np.abs(errors).max()), _AREA_REACH * float(stds.max()))
     if reach == 0:
         return 0.0
     edges = np.linspace(-reach, reach, _AREA_STEPS + 1)
     middle = 0.5 * (edges[1:] + edges[:-1])
-    empirical = np.searchsorted(error, middle, side="right") / len(error)
+    empirical = np.searchsorted(errors, middle, side="right") / len(errors)
     # A deviation of nought is a step at zero, which a tiny one draws just as well.
-    predicted = ndtr(middle[:, None] / np.maximum(std, 1e-12 * reach)).mean(axis=1)
+    predicted = ndtr(middle[:, None] / np.maximum(stds, 1e-12 * reach)).mean(axis=1)
     return float(np.abs(predicted - empirical).sum() * (edges[1] - edges[0]))
 
 
@@ -134,4 +134,10 @@ def error_ratio(error: ArrayLike, covariance: ArrayLike) -> Array:
     distance = np.linalg.norm(error[:, :2], axis=1)
     allowed = np.sqrt(np.trace(covariance[:, :2, :2], axis1=1, axis2=2))
     errors_reported = allowed > 0.01 * np.sqrt(np.mean(allowed**2))
-    return np.divide(distance, allowed, out=np.full(len(distance), np.nan), where=errors_reported)
+    ratio: Array = np.divide(distance, allowed, out=np.full(len(distance), np.nan), where=errors_reported)
+    return ratio
+
+
+def position_rms(covariance: Array) -> float:
+    """Root mean square over time of the position deviation √(σ_x² + σ_y²) of covariances (n, 3, 3) [m]."""
+    return float(np.sqrt(np.mean(np.trace(covariance[:, :2, :2], axis1=1, axis2=2))))

@@ -166,12 +166,12 @@ class UncertaintySampling:
                 allowed=f"at most {100 * _DROPPED_SHARE:.0f} %",
                 remedy="check the deviations in campaign.yaml: a load may leave its footprint, a length be negative",
             )
-        return self._described(draws[done], simulated[done], measured[done], np.count_nonzero(~done))
+        return self._described(draws[done], simulated[done], measured[done], int(np.count_nonzero(~done)))
 
     def _described(self, draws: Array, simulated: Array, measured: Array, dropped: int) -> RunUncertainty:
         # Deviations are taken from the nominal solution, which stands where the truth stands in the campaign, not from
         # the mean of the draws: where phases wander, both sides of S − D oscillate, and the mean of the draws does not.
-        nominal = self.case.simulated.pose
+        nominal, u_num_m = self.case.simulated.pose, self.case.simulated.statistics["u_num_m"]
         error = _difference(simulated, measured)
         signature = error_signature(error)
         covariance = _mean_square(signature)
@@ -181,8 +181,8 @@ class UncertaintySampling:
             time_s=self._sampler.times,
             measurement=_mean_square(_difference(measured, nominal)),
             simulation=_mean_square(_difference(simulated, nominal)),
-            validation=_mean_square(error),
-            signature=covariance,
+            validation=with_numerical(_mean_square(error), u_num_m),
+            signature=with_numerical(covariance, u_num_m),
             signature_limit=float(np.quantile(largest, self.settings.confidence, method="higher")),
             confidence=self.settings.confidence,
             shares=shares,
@@ -209,6 +209,16 @@ class UncertaintySampling:
             self._outcomes.append(outcome)
             if self.progress is not None:
                 self.progress(len(self._outcomes))
+
+
+def with_numerical(covariance: Array, u_num_m: float) -> Array:
+    """Covariances (..., 3, 3) of the error over the draws with the numerical uncertainty of the simulation added.
+
+    This is where u_val² = u_num² + u_input² + u_D² is formed, for the table, the test and the plots alike; errors that
+    simulation and measurement share are counted once, since the draws are of their difference. ``u_num_m`` [m] counts
+    at every time, half its square in each direction.
+    """
+    return covariance + 0.5 * u_num_m**2 * np.diag([1.0, 1.0, 0.0])
 
 
 def variance_shares(draws: Array, outputs: Array, inputs: dict[str, int]) -> dict[str, float]:
@@ -348,7 +358,7 @@ def _roots(case: Case) -> dict[str, Array]:
 def _root(covariance: ArrayLike) -> Array:
     """A square root of a covariance that may be singular."""
     values, vectors = np.linalg.eigh(np.asarray(covariance, dtype=np.float64))
-    return vectors * np.sqrt(np.maximum(values, 0.0))
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 def _difference(pose: Array, other: Array) -> Array:
@@ -360,7 +370,7 @@ def _difference(pose: Array, other: Array) -> Array:
 
 def _mean_square(error: Array) -> Array:
     """Second moments (n, 3, 3) about nought over the first axis of errors (k, n, 3)."""
-    return np.einsum("kni,knj->nij", error, error) / len(error)
+    return np.asarray(np.einsum("kni,knj->nij", error, error) / len(error))
 
 
 def _findings(dropped: int, shares: dict[str, float]) -> tuple[Finding, ...]:

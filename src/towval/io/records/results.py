@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -108,7 +109,7 @@ def read_uncertainty(path: Path) -> RunUncertainty:
     details = dict(details_with(content, path, "signature_limit", "shares"))
     details["findings"], details["choices"] = findings_in(details["findings"]), choices_in(details)
     topics = {name: f"/object/{name}_uncertainty" for name in _UNCERTAINTY_ARRAYS}
-    arrays = {
+    arrays: dict[str, Any] = {
         name: np.array([ros.planar_covariance(value) for value in content.values(topic)])
         for name, topic in topics.items()
     }
@@ -173,8 +174,8 @@ def read_comparison(path: Path) -> Comparison:
         error[index[message.time_ns]] = vector.x, vector.y, vector.z
     for message in content.topics.get("/object/error_along_across", []):
         shift[index[message.time_ns]] = message.value.vector.x, message.value.vector.y
-    scalars = {name: np.nan if details[name] is None else details[name] for name in _COMPARISON_SCALARS}
+    scalars: dict[str, Any] = {name: np.nan if details[name] is None else details[name] for name in _COMPARISON_SCALARS}
     scalars["verdict"] = Verdict(scalars["verdict"])
     findings = findings_in(details["findings"])
-    arrays = {"time_s": time_ns / 1e9, "error": error, "along_across": shift, "ratio": ratio}
+    arrays: dict[str, Any] = {"time_s": time_ns / 1e9, "error": error, "along_across": shift, "ratio": ratio}
     return Comparison(**arrays, findings=findings, **scalars)
