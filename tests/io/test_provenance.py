@@ -51,6 +51,19 @@ def test_a_study_changes_with_what_it_imports_from_the_package(package):
     assert provenance.module_hash("studies.maps.integrators") != before
 
 
+def test_a_plugin_of_one_file_counts_with_what_it_imports(tmp_path, monkeypatch):
+    """Its own text and that of a neighbour, which is one file, too."""
+    monkeypatch.syspath_prepend(tmp_path)
+    plugin, neighbour = tmp_path / "lone_plugin.py", tmp_path / "lone_neighbour.py"
+    plugin.write_text("import lone_neighbour\n")
+    neighbour.write_text("")
+    hashes = [provenance.module_hash("lone_plugin")]
+    for path in (plugin, neighbour):
+        edit(path)
+        hashes.append(provenance.module_hash("lone_plugin"))
+    assert len(set(hashes)) == 3
+
+
 def test_versions_name_the_libraries():
     found = provenance.versions()
     assert found["towval"] == towval.__version__
