@@ -33,8 +33,8 @@ _COVERAGE = 2.0
 def error_figure(run: RunRecord) -> Figure:
     """Simulated minus measured over time in x, y and heading, and the tension of the tether, one column wide.
 
-    Four panels over one time axis [s]: errors in mm and degrees, tension in N. Where the uncertainty is known, bands are
-    ± two standard validation uncertainties (95 % for a normal error); an error that stays outside is not explained.
+    Four panels over one time axis [s]: errors in mm and degrees, tension in N. Where the uncertainty is known, bands
+    are ± two standard validation uncertainties (95 % for a normal error); an error that stays outside is not explained.
     Shaded where the tether is slack; a red line at the bottom of a panel marks frames without a pose of the object.
     """
     title = f"Run {run.name}: simulated minus measured"
