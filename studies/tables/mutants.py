@@ -3,7 +3,7 @@
     python -m studies.tables.mutants [MODULE ...] [--jobs 2]
 
 Integers stay integers. A constant counts as noticed when one test fails. The tests of a module are those of the file
-that bears its name and of ``test_constants.py`` of its room; :data:`FURTHER` names others. Each mutant runs in a
+that bears its name and of ``test_limits.py`` of its room; :data:`FURTHER` names others. Each mutant runs in a
 process forked from one that has imported and compiled everything.
 """
 
@@ -25,12 +25,10 @@ from towval.model.constants import constants_of
 ROOMS = ("towval.tracking", "towval.calibration")
 TESTS = Path(__file__).resolve().parents[2] / "tests"
 FURTHER = {
-    "blur": ["tracking/test_track.py::test_edges_that_are_blurred_in_all_pictures_are_flagged"],
     "camera_motion": ["tracking/test_track.py::test_a_camera_that_moved_is_noticed"],
-    "follow": ["tracking/test_track.py"],
     "light": ["tracking/test_alignment.py"],
     "markers": ["tracking/test_start.py"],
-    "plane_tracker": ["tracking/test_alignment.py", "tracking/test_track.py"],
+    "plane_tracker": ["tracking/test_track.py::test_few_points_are_flagged"],
     "proposals": ["tracking/test_start.py"],
     "template": ["tracking/test_alignment.py"],
 }
@@ -50,7 +48,7 @@ class Mutant:
     def tests(self) -> list[str]:
         """The tests that should notice it."""
         folder = self.room.rpartition(".")[2]
-        own = [f"{folder}/test_constants.py", f"{folder}/test_{self.module}.py"]
+        own = [f"{folder}/test_limits.py", f"{folder}/test_{self.module}.py"]
         return [
             str(TESTS / name)
             for name in (*own, *FURTHER.get(self.module, []))

@@ -1,0 +1,38 @@
+"""A planar target painted into a small picture: a known texture without noise, quick to make."""
+
+import numpy as np
+
+from studies.worlds.scenes import ceiling, rectangle
+from towval.model import Body
+from towval.model.geometry import inverse_transform
+from towval.tracking.planar_target import PlanarTarget
+
+CAMERA, FLOOR = ceiling((320, 240), 300.0)
+POSE = np.array([0.05, -0.1, 0.3])
+
+
+def target(length=1.2, width=0.9, **changes):
+    """A rectangle under a camera whose pixels are 12 mm wide on it."""
+    return PlanarTarget(Body("box", 0.3, rectangle(length, width), **changes), CAMERA, FLOOR)
+
+
+def texture(seed=0, contrast=30.0, mean=120.0, finest_m=0.06):
+    """A sum of forty waves between ``finest_m`` and four times that, of a given deviation [grey levels]."""
+    rng = np.random.default_rng(seed)
+    waves = 2 * np.pi / rng.uniform(finest_m, 4 * finest_m, 40)
+    heading, phase = rng.uniform(0, 2 * np.pi, (2, 40))
+    vector = np.stack([waves * np.cos(heading), waves * np.sin(heading)])
+    return lambda xy: mean + contrast * np.sqrt(2 / 40) * np.cos(xy @ vector + phase).sum(axis=-1)
+
+
+def picture(own, pose=POSE, grey=None, around=90.0, noise=0.0, seed=0):
+    """The target at a pose on a plain floor, painted by ``grey`` of body coordinates."""
+    width, height = CAMERA.resolution_px
+    pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).astype(float)
+    xy = inverse_transform(pose, own.floor_xy(pixels).reshape(-1, 2))
+    low, high = own.body.top_corners_m.min(axis=0), own.body.top_corners_m.max(axis=0)
+    inside = ((xy >= low) & (xy <= high)).all(axis=1)
+    luma = np.full(len(xy), around)
+    luma[inside] = (grey or texture())(xy[inside])
+    luma += noise * np.random.default_rng(seed).standard_normal(len(luma))
+    return np.clip(np.round(luma), 0, 255).astype(np.uint8).reshape(height, width)

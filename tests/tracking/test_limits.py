@@ -1,0 +1,619 @@
+"""Limits of the tracker, each from both sides: what is still accepted, and what no longer is."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import cv2
+import numpy as np
+import pytest
+from painted import FLOOR, POSE, picture, target, texture
+
+from studies.worlds.scenes import ceiling, rectangle
+from towval.model import Body, TrackStatus
+from towval.model.errors import InputError
+from towval.model.geometry import compose, transform
+from towval.tracking import camera_motion, follow
+from towval.tracking import noise as noise_module
+from towval.tracking.alignment import Alignment, align
+from towval.tracking.camera_motion import CameraMotion
+from towval.tracking.follow import Follower
+from towval.tracking.klt import KltTracker
+from towval.tracking.light import light_misfit
+from towval.tracking.lookalikes import Candidate, Lookalikes
+from towval.tracking.noise import hold_rest, scatter_factor
+from towval.tracking.outline import OutlineFit, combine_fits, see_outline, stretches_of
+from towval.tracking.planar_target import PlanarTarget
+from towval.tracking.plane_tracker import PlaneTracker, _Response
+from towval.tracking.pose import Measurement, Tracker
+from towval.tracking.proposals import propose_bodies
+from towval.tracking.relocalisation import Relocaliser
+from towval.tracking.template import clearance_m, make_template
+
+BOX = target()
+PIXEL_M = BOX.metres_per_pixel(POSE)
+OUTLINE = BOX.pixels(BOX.body.top_corners_m, POSE)
+
+
+def aligned(luma, start=POSE, most_scale=20.0):
+    template = make_template(picture(BOX), BOX, POSE)
+    return align(luma, template, np.ones(len(template.points)), start, BOX, most_scale)
+
+
+class Scripted(Tracker):
+    """Reports the poses that a test gives it, by a function of the start."""
+
+    def __init__(self, answer):
+        self.answer, self.std_m = answer, 1e-4
+
+    def measure(self, luma, predicted, velocity=None):
+        pose = self.answer(predicted)
+        return None if pose is None else Measurement(np.asarray(pose, dtype=float), self.std_m**2 * np.eye(3))
+
+
+@pytest.fixture
+def follower():
+    """A follower of the painted box whose tracker, search and rivals a test scripts."""
+    own = Follower(BOX, 0.0, picture(BOX), OUTLINE, lambda *_: Scripted(lambda start: start), 0.1)
+    own.finder = SimpleNamespace(find=lambda _: None)
+    own.lookalikes = SimpleNamespace(candidates=lambda _: [], rivals=lambda *_: [], has_twin=False)
+    return own
+
+
+# Light
+
+
+@pytest.mark.parametrize(("contrast", "shown"), [(0.3, True), (0.15, False)])
+def test_a_target_that_fades_to_a_fifth_is_not_shown(contrast, shown):
+    found = aligned(picture(BOX, grey=texture(contrast=30 * contrast)))
+    assert (found.inlier_fraction > 0.5) == shown
+
+
+@pytest.mark.parametrize(("gain", "followed"), [(4.0, True), (8.0, False)])
+def test_light_is_followed_up_to_five_times_the_contrast(gain, followed):
+    dark = texture(contrast=6.0)
+    template = make_template(picture(BOX, grey=dark), BOX, POSE)
+    bright = picture(BOX, grey=lambda xy: 120 + gain * (dark(xy) - 120))
+    found = align(bright, template, np.ones(len(template.points)), POSE, BOX, 20.0)
+    assert (found.scale < 1.0) == followed
+
+
+def test_a_tile_as_faint_as_the_noise_keeps_a_gain_near_one():
+    template = np.tile([-2.0, 2.0], 10)
+    values, tile, weight = 50 + 0.5 * template, np.zeros(20, dtype=int), np.ones(20)
+    # The least-squares gain is 0.5; a prior of one, give or take a half, at residuals of 4 draws it to about 0.7.
+    gain = 0.5 + np.sqrt(light_misfit(values, template, tile, 1, weight, 4.0) / 80)
+    assert 0.65 < gain < 0.8
+
+
+# Template and alignment
+
+
+def depths(template, own):
+    x, y = np.abs(template.points).T
+    length, width = np.ptp(own.body.top_corners_m, axis=0) / 2
+    return np.minimum(length - x, width - y)
+
+
+def test_template_points_keep_three_pixels_from_the_outline_or_an_eighth_of_a_small_body():
+    template = make_template(picture(BOX), BOX, POSE)
+    assert 2.9 < depths(template, BOX).min() / PIXEL_M < 5.0
+    small = Body("small", 0.3, rectangle(12 * PIXEL_M, 10 * PIXEL_M))
+    assert 0.8 < clearance_m(small, PIXEL_M) / PIXEL_M < 1.8
+
+
+@pytest.mark.parametrize(("samples", "enough"), [(30, False), (70, True)])
+def test_a_template_needs_forty_points(samples, enough):
+    assert (make_template(picture(BOX), BOX, POSE, samples) is not None) == enough
+
+
+def test_tiles_are_a_fifth_of_the_target_but_never_few_pixels():
+    square = target(1.0, 1.0)
+    assert 16 <= make_template(picture(square), square, POSE).tiles <= 36
+    small = target(0.4, 0.4)
+    assert 2 <= make_template(picture(small), small, POSE).tiles <= 9
+
+
+def test_an_exact_picture_has_the_scale_of_rounding():
+    assert 0.3 < aligned(picture(BOX)).scale < 0.8
+
+
+@pytest.mark.parametrize(("hidden", "correlated"), [(0.55, True), (0.9, False)])
+def test_the_better_tiles_decide_the_correlation(hidden, correlated):
+    luma = picture(BOX)
+    columns = np.sort(OUTLINE[:, 0])
+    edge = int(columns[0] + hidden * (columns[-1] - columns[0]))
+    luma[:, :edge] = np.random.default_rng(1).integers(60, 180, luma[:, :edge].shape)
+    found = aligned(luma)
+    assert (found is not None and found.correlation > 0.6) == correlated
+
+
+def test_a_direction_without_texture_is_open():
+    own = target()
+    stripes = picture(own, pose=np.zeros(3), grey=lambda xy: 120 + 40 * np.sin(40 * xy.sum(axis=1)))
+    template = make_template(stripes, own, np.zeros(3))
+    assert align(stripes, template, np.ones(len(template.points)), np.zeros(3), own, 20.0) is None
+
+
+# Plane tracker
+
+
+@pytest.fixture(scope="module")
+def plane():
+    return PlaneTracker(BOX, picture(BOX), POSE)
+
+
+@pytest.fixture(scope="module")
+def good():
+    return aligned(picture(BOX))
+
+
+@pytest.mark.parametrize(
+    ("change", "usual", "trusted"),
+    [
+        ({}, 1.0, True),
+        ({"inlier_fraction": 0.4}, 1.0, True),
+        ({"inlier_fraction": 0.25}, 1.0, False),
+        ({"correlation": 0.5}, 0.1, True),
+        ({"correlation": 0.3}, 0.1, False),
+        ({"correlation": 0.7}, 1.0, True),
+        ({"correlation": 0.5}, 1.0, False),
+        ({"covariance": np.diag([0.3, 0.1, 0.1]) ** 2 * PIXEL_M**2}, 1.0, True),
+        ({"covariance": np.diag([0.45, 0.1, 0.1]) ** 2 * PIXEL_M**2}, 1.0, False),
+        ({"converged": False}, 1.0, False),
+    ],
+)
+def test_an_alignment_is_trusted_within_its_gates(good, change, usual, trusted):
+    tracker = PlaneTracker(BOX, picture(BOX), POSE)
+    tracker.usual_correlation = usual
+    assert tracker._trusted(replace(good, **change)) == trusted
+
+
+@pytest.mark.parametrize(("off_px", "coarse"), [(2.0, False), (4.5, True)])
+def test_a_pose_far_from_the_prediction_is_tried_from_the_coarse_scale(plane, monkeypatch, off_px, coarse):
+    tried = []
+    monkeypatch.setattr(plane, "_align_coarsely", lambda *_: tried.append(1))
+    plane.measure(picture(BOX), compose(POSE, np.array([off_px * PIXEL_M, 0.0, 0.0])))
+    assert bool(tried) == coarse
+
+
+def test_the_coarse_scale_shows_a_body_of_a_hundred_pixels_with_a_few_hundred_points():
+    camera, floor = ceiling((1280, 960), 1200.0)
+    large = PlanarTarget(BOX.body, camera, floor)
+    grey = np.random.default_rng(0).integers(0, 255, (960, 1280)).astype(np.uint8)
+    tracker = PlaneTracker(large, cv2.GaussianBlur(grey, (0, 0), 2), np.zeros(3))
+    length_px = 2 * large.reach_m / tracker.pixel_m / tracker.factor
+    assert 65 < length_px < 130
+    assert 200 < len(tracker.coarse.points) < 500
+
+
+@pytest.mark.parametrize(("share", "learns"), [(0.7, False), (0.9, True)])
+def test_only_a_body_in_full_view_refreshes_the_template(good, share, learns):
+    tracker = PlaneTracker(BOX, picture(BOX), POSE)
+    before = tracker.template.values
+    tracker._learn(replace(good, inlier_fraction=share, residual=good.residual + 5.0 * (tracker.template.tile == 0)))
+    assert (not np.array_equal(tracker.template.values, before)) == learns
+
+
+def test_the_template_is_refreshed_often_at_first_and_seldom_later(good):
+    tracker = PlaneTracker(BOX, picture(BOX), POSE)
+    for _ in range(61):
+        tracker._learn(replace(good, inlier_fraction=0.9))
+    assert 19 <= tracker.refreshed <= 23
+
+
+def test_residuals_of_an_inlier_are_within_half_the_contrast(plane):
+    assert 0.35 < plane.most_scale / np.std(plane.template.values) < 0.7
+
+
+def test_the_response_is_learned_often_at_first_and_forgets_over_twenty_lessons():
+    response, due = _Response(), 0
+    slopes = np.random.default_rng(0).standard_normal((50, 3))
+    for _ in range(100):
+        if response.is_due():
+            due += 1
+            response.learn(slopes, slopes, np.ones(50))
+    assert 13 <= due <= 16
+    for _ in range(46):
+        response.learn(slopes, slopes, np.ones(50))
+    for _ in range(20):
+        response.learn(slopes, 0.5 * slopes, np.ones(50))
+    assert 0.62 < response.share[0, 0] < 0.74
+
+
+@pytest.mark.parametrize(("share", "known"), [(0.12, True), (0.085, False)])
+def test_a_template_that_shows_less_than_a_tenth_of_a_motion_is_not_used(share, known):
+    response, slopes = _Response(), np.random.default_rng(0).standard_normal((50, 3))
+    response.learn(slopes, share * slopes, np.ones(50))
+    assert (response.whole is not None) == known
+
+
+# Following
+
+
+def test_edges_are_fitted_twice_a_second_and_less_often_later(follower, monkeypatch):
+    times = []
+    monkeypatch.setattr(follow, "see_outline", lambda *_: times.append(now))
+    for now in np.arange(1, 121) / 10:
+        follower.follow(float(now), None)
+    early = [t for t in times if t <= 5]
+    assert 9 <= len(early) <= 11
+    assert 16 <= len(times) <= 19
+
+
+@pytest.mark.parametrize(("correction_px", "found"), [(2.5, True), (4.0, False)])
+def test_a_registration_is_near_the_clicks(follower, correction_px, found):
+    fit = OutlineFit(np.array([correction_px * PIXEL_M, 0, 0]), 1e-8 * np.eye(3), 0.1, 1.0)
+    follower.outline_fits = [fit]
+    assert (follower._registration() is not None) == found
+    assert ("edges_not_found" in {finding.code for finding in follower.findings}) != found
+
+
+@pytest.mark.parametrize(("std_px", "unsure"), [(0.12, False), (0.2, True)])
+def test_a_registration_that_edges_leave_open_is_flagged(follower, std_px, unsure):
+    follower._judge_registration(OutlineFit(np.zeros(3), (std_px * PIXEL_M) ** 2 * np.eye(3), 0.1, 1.0))
+    assert ("edges_unsure" in {finding.code for finding in follower.findings}) == unsure
+
+
+def test_clicks_that_miss_their_corners_are_flagged_and_of_another_body_refused():
+    pixel_m = 1.5 / 200  # The box is 200 px long from corner to corner.
+    assert follow._judge_clicks(BOX.body, 5.0, pixel_m) == []
+    assert [finding.code for finding in follow._judge_clicks(BOX.body, 7.0, pixel_m)] == ["clicks_misfit"]
+    assert follow._judge_clicks(BOX.body, 14.0, pixel_m)
+    with pytest.raises(InputError, match="do not fit its outline"):
+        follow._judge_clicks(BOX.body, 18.0, pixel_m)
+
+
+@pytest.mark.parametrize(
+    ("after_s", "off_m", "surprising"), [(0.01, 0.030, False), (0.01, 0.045, True), (0.5, 1.0, False), (0.5, 1.6, True)]
+)
+def test_a_pose_is_surprising_beyond_three_pixels_and_what_acceleration_explains(follower, after_s, off_m, surprising):
+    there = compose(follower.motion.pose, np.array([off_m, 0.0, 0.0]))
+    assert follower._surprising(after_s, there) == surprising
+
+
+def test_a_lost_body_is_searched_in_each_frame_at_first_then_five_times_a_second(follower):
+    times = []
+    follower.tracker.answer = lambda start: None
+    follower.finder.find = lambda _: times.append(now)
+    for now in np.arange(1, 60) / 30:
+        follower.follow(float(now), None)
+    assert times[1] - times[0] < 0.05
+    assert 0.19 < times[-1] - times[-2] < 0.25
+
+
+@pytest.mark.parametrize(("apart_px", "confirmed"), [(1.5, True), (3.0, False)])
+def test_a_search_confirms_a_doubtful_pose_only_at_the_same_place(follower, apart_px, confirmed):
+    follower.finder.find = lambda _: POSE
+    follower.tracker.answer = lambda start: compose(POSE, np.array([apart_px * PIXEL_M, 0, 0]))
+    doubtful = Measurement(POSE, np.eye(3))
+    assert (follower._search(0.1, None, doubtful) is not None) == confirmed
+
+
+@pytest.mark.parametrize(
+    ("after_s", "stray", "known"), [(1.0, 0.4, True), (1.0, 0.7, False), (2.5, 0.1, True), (4.0, 0.1, False)]
+)
+def test_a_body_with_a_twin_is_known_again_near_its_place_and_soon(follower, after_s, stray, known):
+    follower.lookalikes.has_twin = True
+    there = compose(follower.motion.pose, np.array([stray * BOX.reach_m, 0, 0]))
+    assert follower._unmistakable(after_s, None, there) == known
+
+
+@pytest.mark.parametrize(("farther", "known"), [(5.0, True), (3.0, False)])
+def test_a_rival_must_be_much_farther_than_the_find(follower, farther, known):
+    here = follower.motion.pose
+    follower.lookalikes.rivals = lambda *_: [compose(here, np.array([farther * 0.1 * BOX.reach_m, 0, 0]))]
+    assert follower._unmistakable(1.0, None, compose(here, np.array([0.1 * BOX.reach_m, 0, 0]))) == known
+
+
+@pytest.mark.parametrize(("covered", "tracked"), [(0.22, True), (0.4, False)])
+def test_two_bodies_are_not_in_one_place(follower, covered, tracked):
+    edge = -0.6 + covered * 1.2
+    other = transform(follower.motion.pose, np.array([[-2, -2], [edge, -2], [edge, 2], [-2, 2]], dtype=float))
+    follower.follow(0.1, None, [other])
+    assert (follower.place is not None) == tracked
+
+
+@pytest.mark.parametrize(("std_px", "plain"), [(0.1, False), (0.15, True)])
+def test_a_plain_target_is_flagged(follower, std_px, plain):
+    covariance = np.tile((std_px * PIXEL_M) ** 2 * np.eye(3), (4, 1, 1))
+    findings = follower._judge_sight(np.arange(4.0), covariance, np.full(4, TrackStatus.TRACKED, dtype=np.uint8))
+    assert ("low_texture" in {finding.code for finding in findings}) == plain
+
+
+def test_the_scatter_is_that_of_frames_in_which_the_body_moves_and_is_bounded(follower, monkeypatch):
+    moving = []
+    monkeypatch.setattr(follow, "scatter_factor", lambda *given: moving.extend(given[-1]) or 100.0)
+    steps = np.array([0.08, 0.08, 0.15, 0.15]) * PIXEL_M
+    pose = np.zeros((5, 3))
+    pose[1:, 0] = np.cumsum(steps)
+    covariance = np.tile((0.01 * PIXEL_M) ** 2 * np.eye(3), (5, 1, 1))
+    honest = follower._honest_covariance(np.arange(5.0), pose, covariance, np.ones(5, dtype=bool))
+    assert moving[:4] == [False, False, True, True]
+    assert 0.04 < np.sqrt(honest[2, 0, 0]) / PIXEL_M < 0.1
+
+
+@pytest.mark.parametrize(("shift_px", "held"), [(0.07, True), (0.15, False)])
+def test_a_rest_is_within_a_tenth_of_a_pixel(follower, monkeypatch, shift_px, held):
+    monkeypatch.setattr(follow, "see_outline", lambda *_: None)
+    follower.tracker.std_m = 0.05 * PIXEL_M
+    there = follower.motion.pose
+    for k in range(1, 21):
+        pose = compose(there, np.array([shift_px * PIXEL_M * (k % 2), 0, 0]))
+        follower.tracker.answer = lambda start, pose=pose: pose
+        follower.follow(0.1 * k, None)
+    follower.outline_fits = []
+    assert (np.ptp(follower.track("scripted").pose[2:, 0]) < 1e-9) == held
+
+
+# Camera motion
+
+
+def floor_picture(shift_px=0.0):
+    own = PlanarTarget(Body("floor", 0.0, rectangle(9.0, 9.0)), BOX.camera, FLOOR)
+    return picture(own, np.array([shift_px * own.metres_per_pixel(np.zeros(3)), 0, 0]), texture(3, finest_m=0.12))
+
+
+@pytest.fixture(scope="module")
+def floor_seen():
+    return floor_picture()
+
+
+def watch(luma):
+    return CameraMotion(BOX.camera, FLOOR, luma, [BOX.body], [POSE])
+
+
+@pytest.mark.parametrize(("shift_px", "moved"), [(0.2, False), (0.45, True)])
+def test_a_shift_of_the_floor_by_a_third_of_a_pixel_is_reported(floor_seen, shift_px, moved):
+    camera = watch(floor_seen)
+    camera.look(1.0, floor_picture(shift_px))
+    assert bool(camera.moved) == moved
+
+
+def test_the_floor_is_checked_twice_a_second_on_some_hundred_points_off_bodies_and_border(floor_seen):
+    camera = watch(floor_seen)
+    for time_s in np.arange(20) / 10:
+        camera.look(float(time_s), floor_seen)
+    assert 4 <= camera.looks <= 5
+    assert 350 < len(camera.template.points) < 900
+    own = np.abs(
+        (camera.template.points - POSE[:2]) @ np.array([[np.cos(0.3), -np.sin(0.3)], [np.sin(0.3), np.cos(0.3)]])
+    )
+    scale = np.max(own / [0.6, 0.45], axis=1)
+    assert not (scale < 1.2).any()
+    assert (scale < 1.6).any()
+    pixels = camera.target.pixels(camera.target.body.top_corners_m, np.zeros(3))
+    assert 8 < pixels[:, 0].min() < 20
+
+
+@pytest.mark.parametrize(
+    ("std_px", "shift_px", "inliers", "known", "moved"),
+    [
+        (0.1, 0.5, 1.0, 1, False),
+        (0.1, 0.7, 1.0, 1, True),
+        (0.12, 0.0, 1.0, 1, False),
+        (0.2, 0.0, 1.0, 0, False),
+        (0.01, 0.0, 0.4, 1, False),
+        (0.01, 0.0, 0.3, 0, False),
+    ],
+)
+def test_a_floor_that_is_not_sure_says_nothing(floor_seen, monkeypatch, std_px, shift_px, inliers, known, moved):
+    camera = watch(floor_seen)
+    unit = camera.template.pixel_m
+    found = Alignment(
+        np.array([shift_px * unit, 0, 0]), (std_px * unit) ** 2 * np.eye(3), None, None, 1.0, 1.0, inliers, True
+    )
+    monkeypatch.setattr(camera_motion, "align", lambda *_: found)
+    camera.look(1.0, floor_seen)
+    assert camera.known == known
+    assert bool(camera.moved) == moved
+
+
+# Noise and rest
+
+
+def test_few_windows_say_nothing_about_noise():
+    rng = np.random.default_rng(0)
+    for count, known in ((16, False), (32, True)):
+        pose = 3e-4 * rng.standard_normal((count, 3))
+        covariance = np.tile(1e-8 * np.eye(3), (count, 1, 1))
+        factor = scatter_factor(np.arange(count) / 25, pose, covariance, np.ones(count, dtype=bool))
+        assert (factor > 1.5) == known
+
+
+@pytest.mark.parametrize(("growth", "noise"), [(1.8, True), (3.6, False)])
+def test_what_grows_with_the_window_as_motion_does_is_no_noise(monkeypatch, growth, noise):
+    monkeypatch.setattr(noise_module, "_scatter", lambda *given: 1.5 * (growth if given[-1] == 9 else 1.0))
+    factor = scatter_factor(np.arange(9.0), np.zeros((9, 3)), np.zeros((9, 3, 3)), np.ones(9, dtype=bool))
+    assert factor == pytest.approx(1.5 * growth if noise else 1.5)
+
+
+def rests(pose, rate_hz=25.0, std=3e-5):
+    pose = np.asarray(pose, dtype=float)
+    full = np.column_stack([pose, 0 * pose, 0 * pose])
+    covariance = np.tile(std**2 * np.eye(3), (len(pose), 1, 1))
+    return hold_rest(np.arange(len(pose)) / rate_hz, full, covariance, np.ones(len(pose), dtype=bool), np.ones(3))[:, 0]
+
+
+def test_a_rest_is_what_stays_within_four_deviations():
+    wobble = 3e-5 * np.tile([1.4, -1.4], 20)
+    assert np.ptp(rests(wobble)) < 1e-12
+    jump = np.concatenate([np.zeros(20), 18e-5 * np.ones(20)])
+    held = rests(jump)
+    assert held[-1] - held[0] == pytest.approx(18e-5)
+
+
+@pytest.mark.parametrize(
+    ("count", "rate_hz", "held"), [(15, 50.0, False), (30, 50.0, True), (5, 8.0, False), (9, 8.0, True)]
+)
+def test_a_rest_lasts_four_tenths_of_a_second_and_six_pictures(count, rate_hz, held):
+    assert (np.ptp(rests(1e-5 * np.tile([1.0, -1.0], count)[:count], rate_hz)) < 1e-12) == held
+
+
+@pytest.mark.parametrize(("t_value", "held"), [(2.6, True), (5.0, False)])
+def test_a_body_that_creeps_is_not_held(t_value, held):
+    time = np.linspace(-1, 1, 40)
+    scatter = 1e-5 * np.tile([1.0, -1.0, -1.0, 1.0], 10)
+    slope = t_value * 1e-5 / np.sqrt(time @ time)
+    assert (np.ptp(rests(slope * time + scatter)) < 1e-12) == held
+
+
+# Edges
+
+
+def test_an_edge_is_cut_into_ten_stretches_away_from_sharp_corners():
+    assert 30 <= len(stretches_of(BOX.body, PIXEL_M).middle) <= 44
+
+    def cut_px(sides):
+        angle = 2 * np.pi * np.arange(sides) / sides
+        body = Body("round", 0.3, np.column_stack([np.cos(angle), np.sin(angle)]))
+        side = 2 * np.sin(np.pi / sides)
+        return (side - stretches_of(body, PIXEL_M).length.reshape(sides, -1)[0].sum()) / PIXEL_M
+
+    assert cut_px(8) == pytest.approx(4.0, rel=1e-6)
+    assert cut_px(16) == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(("off_px", "found"), [(2.6, True), (5.5, False)])
+def test_edges_are_found_within_four_pixels(off_px, found):
+    start = compose(POSE, off_px * PIXEL_M * np.array([0.8, 0.6, 0.3]))
+    fit = see_outline(picture(BOX, grey=lambda xy: np.full(len(xy), 200.0)), BOX.body, start, BOX.camera, FLOOR)
+    near = fit is not None and np.linalg.norm(compose(start, fit.correction)[:2] - POSE[:2]) < 0.3 * PIXEL_M
+    assert near == found
+
+
+def test_the_turn_of_a_disc_is_known_to_three_pixels():
+    angle = 2 * np.pi * np.arange(60) / 60
+    disc = PlanarTarget(Body("disc", 0.3, 0.5 * np.column_stack([np.cos(angle), np.sin(angle)])), BOX.camera, FLOOR)
+    bright = picture(disc, grey=lambda xy: np.where(np.hypot(*xy.T) < 0.5, 200.0, 90.0))
+    fit = see_outline(bright, disc.body, POSE, BOX.camera, FLOOR)
+    assert 2.0 < np.sqrt(fit.covariance[2, 2]) * 0.5 / PIXEL_M < 4.0
+
+
+@pytest.mark.parametrize(("distance", "counts"), [(2.2, True), (5.0, False)])
+def test_a_fit_far_from_the_others_does_not_count(distance, counts):
+    rng = np.random.default_rng(1)
+    fits = [OutlineFit(1e-4 * rng.standard_normal(3), 1e-8 * np.eye(3), 0.1, 1.0) for _ in range(30)]
+    lone = OutlineFit(np.array([distance * 1.538e-4, 0, 0]), 1e-8 * np.eye(3), 0.1, 1.0)
+    without = combine_fits(fits).correction
+    expected = (30 * without + lone.correction) / 31
+    moved = combine_fits([*fits, lone]).correction
+    assert (np.abs(moved - expected).max() < 1e-6) == counts
+
+
+def test_a_quarter_of_the_variance_never_averages_out():
+    rng = np.random.default_rng(2)
+    fits = [OutlineFit(1e-4 * rng.standard_normal(3), 1e-8 * np.eye(3), 0.1, 1.0) for _ in range(400)]
+    assert 0.4 < np.sqrt(combine_fits(fits).covariance[0, 0]) / 1e-4 < 0.6
+
+
+# KLT
+
+
+@pytest.fixture(scope="module")
+def klt():
+    return KltTracker(BOX, picture(BOX), POSE)
+
+
+def test_klt_points_keep_off_the_edges_and_are_up_to_120(klt):
+    depth = depths(SimpleNamespace(points=klt.keyframes[0].points_m), BOX) / PIXEL_M
+    assert 7.0 < depth.min() < 13.0
+    assert 60 < len(klt.keyframes[0].points_m) <= 120
+
+
+@pytest.mark.parametrize(("turn_deg", "keyframes"), [(7.0, 1), (14.0, 2)])
+def test_klt_makes_a_keyframe_each_ten_degrees(turn_deg, keyframes):
+    tracker = KltTracker(BOX, picture(BOX), POSE)
+    turned = POSE + np.array([0.0, 0.0, np.deg2rad(turn_deg)])
+    assert tracker.measure(picture(BOX, turned), turned) is not None
+    assert len(tracker.keyframes) == keyframes
+
+
+@pytest.mark.parametrize(("count", "enough"), [(6, False), (12, True)])
+def test_klt_needs_eight_points(count, enough):
+    places = np.array([[-0.36, -0.2], [-0.12, -0.2], [0.12, -0.2], [0.36, -0.2]])
+    spots = np.concatenate([places + np.array([0.0, row]) for row in (0.0, 0.2, 0.4)])[:count]
+
+    def dots(xy):
+        return 120 + 100 * np.exp(-((xy[:, None] - spots) ** 2).sum(axis=2) / (2 * 0.02**2)).sum(axis=1)
+
+    luma = picture(BOX, grey=dots)
+    tracker = KltTracker(BOX, luma, POSE)
+    assert (tracker.measure(luma, POSE) is not None) == enough
+
+
+def test_klt_states_no_less_than_a_twentieth_of_a_pixel_a_point(klt):
+    found = klt.measure(picture(BOX), POSE)
+    points = len(klt.keyframes[0].points_m)
+    assert 0.035 < np.sqrt(found.covariance[0, 0] * points) / PIXEL_M < 0.08
+
+
+# Relocalisation
+
+
+@pytest.mark.parametrize(("scale", "found"), [(1.04, True), (1.09, False)])
+def test_a_body_keeps_its_size(scale, found):
+    grey = texture(finest_m=0.1)
+    finder = Relocaliser(BOX, picture(BOX, grey=grey), POSE)
+    larger = target(1.2 * scale, 0.9 * scale)
+    assert (finder.find(picture(larger, grey=lambda xy: grey(xy / scale))) is not None) == found
+
+
+@pytest.fixture(scope="module")
+def lookalikes():
+    return Lookalikes(BOX, picture(BOX), POSE)
+
+
+def candidate(correlation, x, light=(100.0, 20.0)):
+    return Candidate(correlation, np.array([x, 0.0, 0.0]), np.array(light))
+
+
+@pytest.mark.parametrize(
+    ("other", "rival"),
+    [
+        (candidate(0.8, 3.0), False),
+        (candidate(0.9, 3.0), True),
+        (candidate(0.9, 3.0, (140.0, 20.0)), True),
+        (candidate(0.9, 3.0, (100.0, 40.0)), False),
+        (candidate(0.9, 0.2), False),
+    ],
+)
+def test_a_rival_correlates_nearly_as_well_in_much_the_same_light(lookalikes, other, rival):
+    assert len(lookalikes.rivals([candidate(1.0, 0.0), other], np.zeros(3))) == rival
+
+
+def test_some_dozen_rivals_are_enough(lookalikes):
+    others = [candidate(0.95, 2.0 * k) for k in range(1, 40)]
+    assert 8 <= len(lookalikes.rivals([candidate(1.0, 0.0), *others], np.zeros(3))) <= 16
+
+
+def test_headings_are_tried_finely_enough(lookalikes):
+    turned = POSE + np.array([0.3, 0.1, np.deg2rad(37.5)])
+    best = lookalikes.candidates(picture(BOX, turned))[0]
+    turn = np.rad2deg(best.pose[2] - turned[2] + np.pi) % 360 - 180
+    assert abs(turn) < 5
+    assert best.correlation > 0.8
+
+
+# Proposals
+
+
+@pytest.mark.parametrize(("count", "enough"), [(4, False), (6, True)])
+def test_proposals_need_five_pictures(count, enough):
+    pictures = [np.full((60, 80), 100, np.uint8)] * count
+    if enough:
+        assert propose_bodies(pictures)[0] == []
+    else:
+        with pytest.raises(InputError, match="too few pictures"):
+            propose_bodies(pictures)
+
+
+@pytest.mark.parametrize(
+    ("side_px", "brighter", "noise", "proposed"),
+    [(40, 8, 0, False), (40, 14, 0, True), (9, 60, 0, False), (17, 60, 0, True), (40, 16, 8, False), (40, 60, 8, True)],
+)
+def test_what_is_large_and_differs_clearly_is_proposed(side_px, brighter, noise, proposed):
+    rng = np.random.default_rng(0)
+    pictures = [100 + noise * rng.standard_normal((540, 960)) for _ in range(7)]
+    pictures[0][200 : 200 + side_px, 300 : 300 + side_px] += brighter
+    found, _ = propose_bodies([np.clip(np.round(p), 0, 255).astype(np.uint8) for p in pictures])
+    assert bool(found) == proposed
