@@ -3,7 +3,7 @@
     python -m studies.tables.mutants [MODULE ...] [--jobs 2]
 
 Integers stay integers. A constant counts as noticed when one test fails. The tests of a module are those of the file
-that bears its name and of ``test_limits.py`` of its room; :data:`FURTHER` names others. Each mutant runs in a
+that bears its name and of ``test_ROOM_limits.py`` of its room; :data:`FURTHER` names others. Each mutant runs in a
 process forked from one that has imported and compiled everything.
 """
 
@@ -48,7 +48,7 @@ class Mutant:
     def tests(self) -> list[str]:
         """The tests that should notice it."""
         folder = self.room.rpartition(".")[2]
-        own = [f"{folder}/test_limits.py", f"{folder}/test_{self.module}.py"]
+        own = [f"{folder}/test_{folder}_limits.py", f"{folder}/test_{self.module}.py"]
         return [
             str(TESTS / name)
             for name in (*own, *FURTHER.get(self.module, []))
@@ -66,6 +66,15 @@ class _FirstFailure:
             self.name = report.nodeid.rpartition("::")[2]
 
 
+def first_failure(tests: list[str]) -> str:
+    """Name of the first of some tests that fails, empty where none does."""
+    first = _FirstFailure()
+    options = ["-q", "-x", "-p", "no:cacheprovider", "-p", "no:xdist", "--rootdir", str(TESTS.parent)]
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+        code = pytest.main([*options, *tests], plugins=[first])
+    return first.name or ("" if code == pytest.ExitCode.OK else f"exit code {int(code)}")
+
+
 def mutants(modules: list[str]) -> Iterator[Mutant]:
     """Every constant of the named modules, or of all, halved and doubled."""
     for room in ROOMS:
@@ -81,11 +90,7 @@ def noticed_by(mutant: Mutant) -> tuple[Mutant, str]:
     value = getattr(constants, mutant.name)
     changed = value * mutant.factor
     object.__setattr__(constants, mutant.name, round(changed) if isinstance(value, int) else changed)
-    first = _FirstFailure()
-    options = ["-q", "-x", "-p", "no:cacheprovider", "-p", "no:xdist", "--rootdir", str(TESTS.parent)]
-    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-        code = pytest.main([*options, *mutant.tests], plugins=[first])
-    return mutant, first.name or ("" if code == pytest.ExitCode.OK else f"exit code {int(code)}")
+    return mutant, first_failure(mutant.tests)
 
 
 def main() -> None:
@@ -96,6 +101,10 @@ def main() -> None:
     given = parser.parse_args()
     os.chdir(TESTS.parent)
     everything = list(mutants(given.modules))
+    # Also compiles what the forked processes then share.
+    broken = first_failure(sorted({test for mutant in everything for test in mutant.tests}))
+    if broken:
+        parser.error(f"{broken} fails without any mutant")
     with multiprocessing.get_context("fork").Pool(given.jobs, maxtasksperchild=1) as pool:
         survived = 0
         for mutant, test in pool.imap(noticed_by, everything, chunksize=1):
