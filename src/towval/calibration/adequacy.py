@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from towval.calibration.bundle_adjustment import Estimate, adjust, marginal_covariance, residuals
@@ -131,7 +132,9 @@ def compare_halves(
     return comparisons
 
 
-def _half(seen: CalibrationObservations, estimate: Estimate, active: Array, start: int) -> tuple[Camera, Floor, Array]:
+def _half(
+    seen: CalibrationObservations, estimate: Estimate, active: NDArray[np.intp], start: int
+) -> tuple[Camera, Floor, Array]:
     boards = range(start, len(seen.boards), 2)
     flat = range(len(seen.boards), len(seen.observations))
     first = [] if seen.marks else [flat[0]]
@@ -167,7 +170,7 @@ def floor_findings(
     """Where the floor is extrapolated and positions are more uncertain than ``limit_m``, in millimetres."""
     references = [s.corners_px for s in seen.floor_boards]
     if seen.marks:
-        references.append(seen.reference.marks_px)
+        references.append(seen.floor_reference.marks_px)
     covered = covered_share(references, seen.resolution_px)
     for height in heights_m:
         plane = uncertainty_map(calibration, height)
@@ -199,7 +202,7 @@ def marks_std_px(seen: CalibrationObservations, estimate: Estimate) -> tuple[flo
     residual = residuals(seen.blocks, estimate)[-1]
     freedom = max(residual.size - 6, 1)
     squares = float(np.sum(residual**2))
-    return np.sqrt(squares / freedom), bool(squares > seen.reference.mark_std_px**2 * chi2.ppf(0.999, freedom))
+    return np.sqrt(squares / freedom), bool(squares > seen.floor_reference.mark_std_px**2 * chi2.ppf(0.999, freedom))
 
 
 def marks_findings(seen: CalibrationObservations, estimate: Estimate, stated_std_px: float) -> list[Finding]:
@@ -214,7 +217,7 @@ def marks_findings(seen: CalibrationObservations, estimate: Estimate, stated_std
     """
     if not seen.marks:
         return []
-    reference, findings = seen.reference, []
+    reference, findings = seen.floor_reference, []
     if reference.mark_std_px > stated_std_px:
         findings.append(finding("marks-noisy", found_px=reference.mark_std_px, stated_px=stated_std_px))
     distance = np.linalg.norm(residuals(seen.blocks, estimate)[-1], axis=1)

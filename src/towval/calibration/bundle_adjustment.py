@@ -119,17 +119,16 @@ def linearise(block: Block, shared: Array, place: Array) -> tuple[Array, Array, 
     """
     free = block.placement is Placement.FREE
     pose = place if free else shared[_FLOOR_START:]
-    points, moved_by_place = (block.points_m, None) if free else _on_floor(block, place)
-    pixels, jacobian = cv2.projectPoints(
-        points, pose[:3], pose[3:], camera_matrix(shared), shared[_LENS_START:_FLOOR_START]
-    )
+    points, moved_by_place = (block.points_m, np.zeros(0)) if free else _on_floor(block, place)
+    found = cv2.projectPoints(points, pose[:3], pose[3:], camera_matrix(shared), shared[_LENS_START:_FLOOR_START])
+    pixels, jacobian = (np.asarray(each, dtype=np.float64) for each in found)
     J_shared = np.zeros((len(jacobian), len(CALIBRATION_PARAMETERS)))
     J_shared[:, :_FLOOR_START] = jacobian[:, 6:18]
     if free:
         J_place = jacobian[:, :6]
     else:
         J_shared[:, _FLOOR_START:] = jacobian[:, :6]
-        by_point = (jacobian[:, 3:6] @ cv2.Rodrigues(pose[:3])[0]).reshape(-1, 2, 3)
+        by_point: Array = (jacobian[:, 3:6] @ cv2.Rodrigues(pose[:3])[0]).reshape(-1, 2, 3)
         J_place = np.einsum("nij,njk->nik", by_point, moved_by_place).reshape(len(jacobian), -1)
     return (block.pixels - pixels.reshape(-1, 2)).ravel(), J_shared, J_place
 
@@ -163,10 +162,13 @@ class _Normal:
 
         ``damping`` is relative to each diagonal element (Marquardt).
         """
-        schur, right, gains = _damped(self.AA, damping), self.Ar.copy(), []
+        schur, right = _damped(self.AA, damping), self.Ar.copy()
+        gains: list[Array] = []
         for AB, BB, Br in zip(self.AB, self.BB, self.Br, strict=True):
-            gain = np.linalg.solve(_damped(BB, damping), np.column_stack([AB.T, Br])) if len(Br) else np.zeros((0, 1))
+            gain: Array = np.zeros((0, 1))
             if len(Br):
+                block = np.linalg.solve(_damped(BB, damping), np.column_stack([AB.T, Br]))
+                gain = np.asarray(block, dtype=np.float64)
                 schur -= AB @ gain[:, :-1]
                 right -= AB @ gain[:, -1]
             gains.append(gain)

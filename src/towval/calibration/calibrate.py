@@ -275,7 +275,7 @@ def _with_honest_marks(seen: CalibrationObservations, estimate: Estimate) -> tup
     shown, worse = marks_std_px(seen, estimate)
     if not worse:
         return seen, estimate
-    seen = replace(seen, reference=replace(seen.reference, mark_std_px=shown))
+    seen = replace(seen, reference=replace(seen.floor_reference, mark_std_px=shown))
     return seen, adjust(seen.blocks, estimate, active_parameters("k1 k2", with_floor=True))
 
 
@@ -313,7 +313,7 @@ def _views(
         for s in seen.observations
     ]
     if kept.marks:
-        marks, residual = kept.reference, residuals(kept.blocks, estimate)[-1]
+        marks, residual = kept.floor_reference, residuals(kept.blocks, estimate)[-1]
         views.append(View(_MARKS_VIEW, marks.marks_px, marks.marks_m, residual, np.nan, on_floor=True))
     empty = np.zeros((0, 2))
     return (*views, *(View(name, empty, empty, empty, np.nan, dropped=reason) for name, reason in unseen.items()))

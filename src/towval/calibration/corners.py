@@ -91,17 +91,17 @@ def sight_charuco(name: str, image: NDArray[np.uint8], board: Board) -> BoardObs
     grid = np.asarray(pattern.getChessboardCorners(), dtype=np.float64)[ids.ravel(), :2]
     if np.linalg.matrix_rank(grid - grid.mean(axis=0), tol=0.5 * board.square_m) < 2:
         return None
-    corners = corners.reshape(-1, 2).astype(np.float64)
+    found: Array = np.asarray(corners, dtype=np.float64).reshape(-1, 2)
     # The window must end before the markers, which stand inside the white squares.
-    inset = 0.5 * (1 - board.marker_m / board.square_m)
-    spacing = _predicted_spacing(grid, corners, board.square_m)
-    refined = refine(image, corners, spacing, min(CONSTANTS.window_share, inset))
+    inset = 0.5 * (1 - (board.marker_m or 0.0) / board.square_m)
+    spacing = _predicted_spacing(grid, found, board.square_m)
+    refined = refine(image, found, spacing, min(CONSTANTS.window_share, inset))
     return BoardObservation(name, refined, facing_camera(grid, refined))
 
 
 def _charuco_pattern(board: Board) -> cv2.aruco.CharucoBoard:
-    number = getattr(cv2.aruco, board.dictionary, None)
-    if number is None:
+    number = getattr(cv2.aruco, board.dictionary or "", None)
+    if number is None or board.marker_m is None:
         known = sorted(name for name in dir(cv2.aruco) if name.startswith("DICT_"))
         raise InputError("board.dictionary is unknown", got=board.dictionary, allowed=", ".join(known))
     squares = (board.inner_corners[0] + 1, board.inner_corners[1] + 1)
@@ -114,7 +114,8 @@ def _predicted_spacing(grid: Array, corners: Array, square_m: float) -> Array:
     homography = cv2.findHomography(grid, corners)[0]
     steps = square_m * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]], dtype=float)
     seen = cv2.perspectiveTransform((grid[:, None] + steps).reshape(-1, 1, 2), homography).reshape(-1, 5, 2)
-    return np.linalg.norm(seen[:, 1:] - seen[:, :1], axis=2).min(axis=1)
+    spacing: Array = np.linalg.norm(seen[:, 1:] - seen[:, :1], axis=2).min(axis=1)
+    return spacing
 
 
 def facing_camera(board_m: Array, corners_px: Array) -> Array:

@@ -37,7 +37,9 @@ def in_floor_axes(observation: BoardObservation, reference: FloorReference) -> B
     return BoardObservation(observation.name, observation.corners_px, turned)
 
 
-def _nearest(observation: BoardObservation, pixel: Array, key: str) -> int:
+def _nearest(observation: BoardObservation, pixel: Array | None, key: str) -> int:
+    if pixel is None:
+        raise InputError(f"{key} is missing", allowed="a pixel of the first floor image")
     distance = np.linalg.norm(observation.corners_px - pixel, axis=1)
     nearest = int(np.argmin(distance))
     between = np.linalg.norm(observation.corners_px - observation.corners_px[nearest], axis=1)

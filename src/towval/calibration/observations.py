@@ -36,6 +36,13 @@ class CalibrationObservations:
         return self.boards + self.floor_boards
 
     @property
+    def floor_reference(self) -> FloorReference:
+        """What fixes the floor frame; raises `InputError` where there is no floor."""
+        if self.reference is None:
+            raise InputError("the observations have no floor", allowed="a floor reference")
+        return self.reference
+
+    @property
     def marks(self) -> int:
         """Number of surveyed marks."""
         return 0 if self.reference is None else len(self.reference.marks_px)
@@ -46,7 +53,7 @@ class CalibrationObservations:
         free = [Block(lifted(s.board_m, 0.0), s.corners_px, Placement.FREE) for s in self.boards]
         flat = [self._floor_block(i) for i in range(len(self.floor_boards))]
         if self.marks:
-            reference = self.reference
+            reference = self.floor_reference
             flat.append(
                 Block(lifted(reference.marks_m, 0.0), reference.marks_px, Placement.FIXED, reference.mark_std_px)
             )
@@ -55,7 +62,9 @@ class CalibrationObservations:
     def _floor_block(self, index: int) -> Block:
         observation = self.floor_boards[index]
         placement = Placement.FIXED if index == 0 and not self.marks else Placement.ON_FLOOR
-        return Block(lifted(observation.board_m, self.reference.board_thickness_m), observation.corners_px, placement)
+        return Block(
+            lifted(observation.board_m, self.floor_reference.board_thickness_m), observation.corners_px, placement
+        )
 
     def without(self, names: set[str]) -> CalibrationObservations:
         """The seen less some boards."""
@@ -97,15 +106,15 @@ def placed(seen: CalibrationObservations, estimate: Estimate) -> Estimate:
         return replace(estimate, places=tuple(free))
     estimate = _with_floor(seen, estimate, flat)
     thickness = seen.reference.board_thickness_m
-    places = [np.zeros(0) if b.placement is Placement.FIXED else None for b in seen.blocks[len(seen.boards) :]]
+    places = [np.zeros(0) for _ in seen.blocks[len(seen.boards) :]]
     for i, observation in enumerate(seen.floor_boards):
-        if places[i] is None:
+        if seen.blocks[len(seen.boards) + i].placement is not Placement.FIXED:
             places[i] = place_on_floor(observation, estimate, thickness)
     return replace(estimate, places=(*free, *places))
 
 
 def _with_floor(seen: CalibrationObservations, estimate: Estimate, flat: Sequence[Array]) -> Estimate:
-    reference, shared = seen.reference, estimate.shared.copy()
+    reference, shared = seen.floor_reference, estimate.shared.copy()
     if seen.marks >= 4:
         _check_spread(reference.marks_m)
         marks = lifted(reference.marks_m, 0.0)

@@ -113,4 +113,5 @@ def camera_position_covariance(calibration: Calibration) -> Array:
     # The place is −Rᵀt; OpenCV gives the derivative (3, 9) of the elements of R, row by row.
     by_rotation = -np.einsum("kij,i->jk", derivative.reshape(3, 3, 3), shift)
     jacobian = np.hstack([by_rotation, -rotation.T])
-    return jacobian @ calibration.covariance[12:, 12:] @ jacobian.T
+    covariance: Array = jacobian @ calibration.covariance[12:, 12:] @ jacobian.T
+    return covariance

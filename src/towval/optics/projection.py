@@ -112,7 +112,7 @@ def project(camera: Camera, floor: Floor, points: ArrayLike) -> Array:
     """
     points = np.asarray(points, dtype=np.float64)
     flat = np.ascontiguousarray(points.reshape(-1, 3))
-    pixels = project_kernel(flat, floor.T_camera_floor, camera.matrix, camera.distortion)
+    pixels: Array = project_kernel(flat, floor.T_camera_floor, camera.matrix, camera.distortion)
     return pixels.reshape(*points.shape[:-1], 2)
 
 
@@ -135,5 +135,5 @@ def to_plane(camera: Camera, floor: Floor, pixels: ArrayLike, height: float) -> 
     """
     pixels = np.asarray(pixels, dtype=np.float64)
     flat = np.ascontiguousarray(pixels.reshape(-1, 2))
-    xy = to_plane_kernel(flat, height, floor.T_camera_floor, camera.matrix, camera.distortion)
+    xy: Array = to_plane_kernel(flat, height, floor.T_camera_floor, camera.matrix, camera.distortion)
     return xy.reshape(pixels.shape)

@@ -49,7 +49,8 @@ CONSTANTS = BlurConstants()
 
 def paths(points: Array, sweep: Array) -> Array:
     """Way (n, 2) of points (n, 2) of a body [m] that moves by ``sweep`` (3,) in its own frame [m, m, rad]."""
-    return sweep[:2] + sweep[2] * np.column_stack([-points[:, 1], points[:, 0]])
+    moved: Array = sweep[:2] + sweep[2] * np.column_stack([-points[:, 1], points[:, 0]])
+    return moved
 
 
 @dataclass(frozen=True)
@@ -131,7 +132,8 @@ def _noise_left(length_px: Array) -> Array:
     variance is 8/12 px²; here the Gaussian of that variance.
     """
     u = (np.arange(64) + 0.5) / 64
-    return 2 * np.mean((1 - u) * np.exp(-(np.outer(length_px, u) ** 2) / (2 * 8 / 12)), axis=1)
+    left: Array = 2 * np.mean((1 - u) * np.exp(-(np.outer(length_px, u) ** 2) / (2 * 8 / 12)), axis=1)
+    return left
 
 
 def _shifted(camera: Camera, low: NDArray[np.int_], part: Luma) -> Camera:

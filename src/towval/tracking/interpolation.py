@@ -35,12 +35,13 @@ def spline_value(luma: NDArray[np.uint8], u: float, v: float) -> float:
     a0, a1, a2, a3 = _spline_weights(u - iu)
     b0, b1, b2, b3 = _spline_weights(v - iv)
     above, upper, lower, below = luma[iv - 1], luma[iv], luma[iv + 1], luma[iv + 2]
-    return (
+    value: float = (
         b0 * (a0 * above[iu - 1] + a1 * above[iu] + a2 * above[iu + 1] + a3 * above[iu + 2])
         + b1 * (a0 * upper[iu - 1] + a1 * upper[iu] + a2 * upper[iu + 1] + a3 * upper[iu + 2])
         + b2 * (a0 * lower[iu - 1] + a1 * lower[iu] + a2 * lower[iu + 1] + a3 * lower[iu + 2])
         + b3 * (a0 * below[iu - 1] + a1 * below[iu] + a2 * below[iu + 1] + a3 * below[iu + 2])
     )
+    return value
 
 
 @compiled()
@@ -118,7 +119,9 @@ def sample_plane(
     ndarray (n,)
         Grey values, NaN outside the picture.
     """
-    values = sample_plane_kernel(luma, points, pose, height, floor.T_camera_floor, camera.matrix, camera.distortion)
+    values: Array = sample_plane_kernel(
+        luma, points, pose, height, floor.T_camera_floor, camera.matrix, camera.distortion
+    )
     values[values < 0] = np.nan
     return values
 
@@ -126,7 +129,8 @@ def sample_plane(
 def plane_pixels(points: Array, pose: Array, height: float, camera: Camera, floor: Floor) -> Array:
     """Pixels (n, 2) of points (n, 2) [m] of a body's plane at ``height`` [m]."""
     columns = plane_to_camera(np.asarray(pose, dtype=np.float64), height, floor.T_camera_floor)
-    return plane_pixels_kernel(np.ascontiguousarray(points), columns, camera.matrix, camera.distortion)
+    pixels: Array = plane_pixels_kernel(np.ascontiguousarray(points), columns, camera.matrix, camera.distortion)
+    return pixels
 
 
 def metres_per_pixel(pose: Array, height: float, camera: Camera, floor: Floor) -> float:

@@ -19,6 +19,7 @@ from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.pose import Measurement, Tracker, robust_rigid_fit
 
 Luma = NDArray[np.uint8]
+Floats = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -83,10 +84,11 @@ class KltTracker(Tracker):
         for obstruction in self.target.body.obstructions:
             draw(obstruction, 0)
         # The frame of zeros makes the picture's border an edge, too.
-        return cv2.erode(
+        eroded = cv2.erode(
             cv2.copyMakeBorder(mask, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0),
             np.ones((2 * CONSTANTS.margin_px + 1, 2 * CONSTANTS.margin_px + 1), np.uint8),
-        )[1:-1, 1:-1]
+        )
+        return np.asarray(eroded[1:-1, 1:-1], dtype=np.uint8)
 
     def _add_keyframe(self, luma: Luma, pose: Array) -> None:
         crop, corner = self._crop(luma, pose)
@@ -117,14 +119,8 @@ class KltTracker(Tracker):
         crop, corner = self._crop(luma, predicted)
         guess = self.target.pixels(key.points_m, predicted) - corner
         start, first = key.pixels.astype(np.float32)[:, None], guess.astype(np.float32)[:, None]
-        options = {
-            "winSize": (CONSTANTS.window_px, CONSTANTS.window_px),
-            "maxLevel": CONSTANTS.levels,
-            "flags": cv2.OPTFLOW_USE_INITIAL_FLOW,
-            "criteria": (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 0.005),
-        }
-        forth, there, _ = cv2.calcOpticalFlowPyrLK(key.crop, crop, start, first.copy(), **options)
-        back, here, _ = cv2.calcOpticalFlowPyrLK(crop, key.crop, forth, start.copy(), **options)
+        forth, there = _flow(key.crop, crop, start, first)
+        back, here = _flow(crop, key.crop, forth, start)
         astray = np.linalg.norm((back - start).reshape(-1, 2), axis=1)
         good = (there.ravel() == 1) & (here.ravel() == 1) & (astray < self.forward_backward_px)
         if good.sum() < CONSTANTS.least_points:
@@ -142,3 +138,18 @@ class KltTracker(Tracker):
             points_m=key.points_m[:_TABLE_POINTS],
             weights=weights[:_TABLE_POINTS],
         )
+
+
+def _flow(source: Luma, target: Luma, points: Floats, guess: Floats) -> tuple[Floats, NDArray[np.uint8]]:
+    """Where points (n, 1, 2) of one picture are in another, near a guess [px], and whether they were found."""
+    found, status, _ = cv2.calcOpticalFlowPyrLK(
+        source,
+        target,
+        points,
+        guess.copy(),
+        winSize=(CONSTANTS.window_px, CONSTANTS.window_px),
+        maxLevel=CONSTANTS.levels,
+        flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
+        criteria=(cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 0.005),
+    )
+    return np.asarray(found, dtype=np.float32), np.asarray(status, dtype=np.uint8)

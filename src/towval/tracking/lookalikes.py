@@ -68,7 +68,7 @@ class Lookalikes:
         height, width = luma.shape
         size = width // self.factor, height // self.factor
         whole = luma[: size[1] * self.factor, : size[0] * self.factor]
-        return cv2.resize(whole, size, interpolation=cv2.INTER_AREA)
+        return np.asarray(cv2.resize(whole, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
     @cached_property
     def _templates(self) -> list[tuple[float, NDArray[np.float32], NDArray[np.float32]]]:
@@ -82,15 +82,15 @@ class Lookalikes:
         return templates
 
     @cached_property
-    def _view_from_above(self) -> tuple[Array, NDArray[np.float32]]:
+    def _view_from_above(self) -> tuple[Array, Array]:
         low, high = visible_part(self.target, CONSTANTS.most_cells * self.cell_m)
         return low, self.target.picture_of(grid(low - self.target.reach_m, high + self.target.reach_m, self.cell_m))
 
     @cached_property
     def has_twin(self) -> bool:
         """Whether the first picture shows something else that looks like the body."""
-        rivals = self.rivals(self._candidates(self.first), self.pose)
-        return bool(rivals) and any(np.linalg.norm(r[:2] - self.pose[:2]) > self.target.reach_m / 2 for r in rivals)
+        rivals = self.rivals(self._candidates(self.first), self.pose) or []
+        return any(np.linalg.norm(r[:2] - self.pose[:2]) > self.target.reach_m / 2 for r in rivals)
 
     def candidates(self, luma: Luma) -> list[Candidate]:
         """Where in a picture something looks like the body, best first, good to a cell and some degrees."""
@@ -149,7 +149,7 @@ class Lookalikes:
 
 
 def _blurred(grey: Luma) -> NDArray[np.float32]:
-    return cv2.GaussianBlur(grey.astype(np.float32), (0, 0), CONSTANTS.blur_cells)
+    return np.asarray(cv2.GaussianBlur(grey.astype(np.float32), (0, 0), CONSTANTS.blur_cells), dtype=np.float32)
 
 
 def _shrunk_camera(target: PlanarTarget, factor: int) -> Camera:

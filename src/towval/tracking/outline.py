@@ -71,7 +71,7 @@ class Stretches:
     def offsets(self) -> Array:
         """Distances along the normal where the slope is known (k,) [m], outward positive."""
         half = round(CONSTANTS.reach_px / CONSTANTS.step_px)
-        return self.step * np.arange(-half, half + 1)
+        return self.step * np.arange(-half, half + 1, dtype=np.float64)
 
 
 @dataclass(frozen=True)
@@ -202,7 +202,7 @@ def edge_slopes(
     offsets = stretches.offsets
     around = np.concatenate([[offsets[0] - stretches.step], offsets, [offsets[-1] + stretches.step]])
     columns = plane_to_camera(np.asarray(pose, dtype=np.float64), body.tracked_plane_height_m, floor.T_camera_floor)
-    profiles = _profiles_kernel(
+    profiles: Array = _profiles_kernel(
         luma,
         stretches.middle,
         stretches.along,
@@ -214,7 +214,8 @@ def edge_slopes(
         camera.matrix,
         camera.distortion,
     )
-    return np.nan_to_num(np.abs(profiles[:, 2:] - profiles[:, :-2]) / 2)
+    slopes: Array = np.nan_to_num(np.abs(profiles[:, 2:] - profiles[:, :-2]) / 2)
+    return slopes
 
 
 @compiled()
@@ -250,7 +251,8 @@ def side_widths(body: Body, stretches: Stretches, pose: Array, camera: Camera, f
     target, out = (project(camera, floor, np.column_stack([xy, np.full(len(xy), height)])) for xy in places)
     foot = project(camera, floor, np.column_stack([places[0], np.zeros(len(target))]))
     outward = (out - target) / np.linalg.norm(out - target, axis=1, keepdims=True)
-    return ((foot - target) * outward).sum(axis=1)
+    widths: Array = ((foot - target) * outward).sum(axis=1)
+    return widths
 
 
 def fit_outline(slopes: Array, stretches: Stretches, pixel_m: float, side_px: Array | None = None) -> OutlineFit | None:
@@ -357,7 +359,8 @@ def _agreeing(corrections: Array, covariances: Array, information: Array) -> NDA
     middle = np.array([_weighted_median(corrections[:, j], weight[:, j]) for j in range(3)])
     off = corrections - middle
     distance = np.sqrt(np.einsum("ni,nij,nj->n", off, information, off))
-    return distance <= CONSTANTS.astray * max(_MEDIAN_CHI_3, float(np.median(distance)))
+    agreeing: NDArray[np.bool_] = distance <= CONSTANTS.astray * max(_MEDIAN_CHI_3, float(np.median(distance)))
+    return agreeing
 
 
 def _weighted_median(values: Array, weights: Array) -> float:
@@ -371,4 +374,5 @@ def _roots(information: Array, unit: Array) -> Array:
     scale = np.sqrt(np.diag(unit))
     size, axes = np.linalg.eigh(information * np.outer(scale, scale))
     root = (axes * np.sqrt(size)[:, None, :]) @ axes.transpose(0, 2, 1)
-    return root / scale[:, None]
+    roots: Array = root / scale[:, None]
+    return roots

@@ -57,7 +57,7 @@ class PlanarTarget:
     def apart_m(self, pose: Array, other: Array) -> float:
         """How far a corner of the body may be from its place at another pose [m]: shift and turn together."""
         step = step_between(pose, other)
-        return math.hypot(step[0], step[1]) + self.reach_m * abs(step[2])
+        return math.hypot(step[0], step[1]) + self.reach_m * abs(float(step[2]))
 
     @cached_property
     def _inner_points(self) -> Array:
@@ -65,8 +65,9 @@ class PlanarTarget:
         corners = self.body.top_corners_m
         low, size = corners.min(axis=0), np.ptp(corners, axis=0)
         steps = (np.arange(_POINTS_ACROSS) + 0.5) / _POINTS_ACROSS
-        grid = low + size * np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
-        return grid[inside_polygon(corners, grid)]
+        grid: Array = low + size * np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+        inner: Array = grid[inside_polygon(corners, grid)]
+        return inner
 
     def covered_by(self, pose: Array, outline: Array) -> float:
         """Share of the top at a ``pose`` that lies over an ``outline`` (n, 2) on the floor [m]."""
@@ -101,7 +102,7 @@ def _depth(points: Array, polygon: Array) -> Array:
 def usable_points(body: Body, points: Array, margin_m: float) -> NDArray[np.bool_]:
     """Which of points (n, 2) [m] lie on the top, ``margin_m`` away from its outline and from what stands on it."""
     points = np.ascontiguousarray(points)
-    usable = _depth(points, body.top_corners_m) >= margin_m
+    usable: NDArray[np.bool_] = _depth(points, body.top_corners_m) >= margin_m
     for obstruction in body.obstructions:
         usable &= _depth(points, obstruction) <= -margin_m
     return usable

@@ -134,7 +134,7 @@ class PlaneTracker(Tracker):
         crop = luma[low[1] : low[1] + size[1] * self.factor, low[0] : low[0] + size[0] * self.factor]
         if min(crop.shape) < 8 * self.factor:
             crop, low, size = luma, np.zeros(2, dtype=int), np.array(luma.shape[::-1]) // self.factor
-        small = cv2.resize(crop, (int(size[0]), int(size[1])), interpolation=cv2.INTER_AREA)
+        small = np.asarray(cv2.resize(crop, (int(size[0]), int(size[1])), interpolation=cv2.INTER_AREA), dtype=np.uint8)
         scale = np.array([size[0] / crop.shape[1], size[1] / crop.shape[0]])
         matrix = self.target.camera.matrix.copy()
         matrix[0, 0] *= scale[0]
@@ -179,7 +179,7 @@ class _Response:
     """
 
     def __init__(self) -> None:
-        self.share = np.eye(3)
+        self.share: Array = np.eye(3)
         self.whole: Array | None = np.eye(3)  # Inverse of the share; None where next to nothing of a motion is seen.
         self.asked, self.learned = 0, 0
 
@@ -191,10 +191,11 @@ class _Response:
     def learn(self, slopes: Array, seen: Array, weight: Array) -> None:
         """Compare slopes (n, 3) of the template, freed of the light's, with those of a picture; ``weight`` (n,)."""
         known = np.isfinite(seen).all(axis=1) & (weight > 0)
-        share = np.linalg.lstsq(slopes[known], seen[known], rcond=None)[0]
+        share: Array = np.asarray(np.linalg.lstsq(slopes[known], seen[known], rcond=None)[0], dtype=np.float64)
         self.learned += 1
         self.share += max(1 / self.learned, CONSTANTS.slowest_refresh) * (share - self.share)
-        self.whole = np.linalg.inv(self.share) if np.linalg.det(self.share) > CONSTANTS.least_share else None
+        determined = np.linalg.det(self.share) > CONSTANTS.least_share
+        self.whole = np.asarray(np.linalg.inv(self.share), dtype=np.float64) if determined else None
 
 
 def _without_light(template: Template) -> Array:

@@ -79,7 +79,7 @@ def propose_bodies(pictures: Sequence[NDArray[np.uint8]], most: int = 2) -> tupl
 
 
 def _drawn(luma: NDArray[np.uint8], proposals: Sequence[Proposal]) -> NDArray[np.uint8]:
-    picture = cv2.cvtColor(luma, cv2.COLOR_GRAY2BGR)
+    picture = np.asarray(cv2.cvtColor(luma, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
     for i, proposal in enumerate(proposals):
         colour = _COLOURS[i % len(_COLOURS)]
         cv2.polylines(picture, [np.round(proposal.corners_px).astype(np.int32)], True, colour, 2, cv2.LINE_AA)

@@ -49,7 +49,7 @@ class Relocaliser:
             np.ptp(corners, axis=0).max() / CONSTANTS.cells_of_body,
             CONSTANTS.least_cell_px * target.metres_per_pixel(pose),
         )
-        self.detector = cv2.SIFT_create(nfeatures=CONSTANTS.features, contrastThreshold=0.02)
+        self.detector = cv2.SIFT.create(nfeatures=CONSTANTS.features, contrastThreshold=0.02)
         self.corner_m = corners.min(axis=0)
         self.own = grid(self.corner_m, corners.max(axis=0), self.cell_m)
         self.looks = look(luma, target.picture_of(transform(pose, self.own)))
@@ -59,7 +59,8 @@ class Relocaliser:
         """Features of the top: places in the body frame (m, 2) [m] and descriptors; made when first needed."""
         mask = usable_points(self.target.body, self.own.reshape(-1, 2), 2 * self.cell_m).reshape(self.own.shape[:2])
         points, descriptors = self.detector.detectAndCompute(self.looks, mask.astype(np.uint8) * 255)
-        return self.corner_m + self.cell_m * np.array([p.pt for p in points]).reshape(-1, 2), descriptors
+        places_m: Array = self.corner_m + self.cell_m * np.array([p.pt for p in points]).reshape(-1, 2)
+        return places_m, None if descriptors is None else np.asarray(descriptors, dtype=np.float32)
 
     @cached_property
     def _view_from_above(self) -> tuple[Array, NDArray[np.float32]]:
@@ -113,7 +114,8 @@ def grid(low: Array, high: Array, cell_m: float) -> Array:
     return np.stack(np.meshgrid(*axes), axis=-1)
 
 
-def look(luma: Luma, pixels: Array) -> Luma:
+def look(luma: Luma, pixels: NDArray[np.floating]) -> Luma:
     """Grey values of a picture at pixels (rows, columns, 2), zero outside it."""
     u, v = np.moveaxis(np.asarray(pixels, dtype=np.float32), -1, 0)
-    return cv2.remap(luma, np.ascontiguousarray(u), np.ascontiguousarray(v), cv2.INTER_LINEAR)
+    grey = cv2.remap(luma, np.ascontiguousarray(u), np.ascontiguousarray(v), cv2.INTER_LINEAR)
+    return np.asarray(grey, dtype=np.uint8)
