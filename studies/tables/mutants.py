@@ -1,10 +1,10 @@
-"""Which tuned constants the tests notice: each is halved and doubled, and the tests of its module run.
+"""Which tuned constants the tests notice: each is halved and doubled, and the tests that read it run.
 
-    python -m studies.tables.mutants [MODULE ...] [--jobs 2]
+    python -m studies.tables.mutants [MODULE ...] [--jobs 2] [--seconds 4]
 
-Integers stay integers. A constant counts as noticed when one test fails. The tests of a module are those of the file
-that bears its name and of ``test_ROOM_limits.py`` of its room; :data:`FURTHER` names others. Each mutant runs in a
-process forked from one that has imported and compiled everything.
+A first pass runs the tests of both rooms without a change and keeps which test reads which constant, and how long it
+takes. Then each mutant runs in a forked process, its quickest test first, up to the first that fails. Integers stay
+integers.
 """
 
 from __future__ import annotations
@@ -15,24 +15,18 @@ import dataclasses
 import io
 import multiprocessing
 import os
-from collections.abc import Iterator
+from collections import defaultdict
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from towval.model.constants import constants_of
 
 ROOMS = ("towval.tracking", "towval.calibration")
-TESTS = Path(__file__).resolve().parents[2] / "tests"
-FURTHER = {
-    "camera_motion": ["tracking/test_track.py::test_a_camera_that_moved_is_noticed"],
-    "light": ["tracking/test_alignment.py"],
-    "markers": ["tracking/test_start.py"],
-    "plane_tracker": ["tracking/test_track.py::test_few_points_are_flagged"],
-    "proposals": ["tracking/test_start.py"],
-    "template": ["tracking/test_alignment.py"],
-}
-"""Tests by module, slowest last: they stop at the first that fails."""
+REPOSITORY = Path(__file__).resolve().parents[2]
+SLOW = ("test_real_clips.py",)
+"""Files of tests that are left out: footage that is not everybody's."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,53 +38,68 @@ class Mutant:
     name: str
     factor: float
 
-    @property
-    def tests(self) -> list[str]:
-        """The tests that should notice it."""
-        folder = self.room.rpartition(".")[2]
-        own = [f"{folder}/test_{folder}_limits.py", f"{folder}/test_{self.module}.py"]
-        return [
-            str(TESTS / name)
-            for name in (*own, *FURTHER.get(self.module, []))
-            if (TESTS / name.split("::")[0]).exists()
-        ]
 
+class Watch:
+    """A plugin of pytest: the first failure, the time of each test, and the constants that each reads."""
 
-class _FirstFailure:
-    """A plugin of pytest that keeps the name of the first test that fails."""
+    def __init__(self) -> None:
+        self.failed = ""
+        self.now = ""
+        self.seconds: dict[str, float] = defaultdict(float)
+        self.readers: dict[tuple[str, str], set[str]] = defaultdict(set)
 
-    name = ""
+    def pytest_runtest_logstart(self, nodeid: str) -> None:
+        """A test begins."""
+        self.now = nodeid
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        if report.failed and not self.name:
-            self.name = report.nodeid.rpartition("::")[2]
+        """A phase of a test has ended."""
+        self.seconds[report.nodeid] += report.duration
+        if report.failed and not self.failed:
+            self.failed = report.nodeid
+
+    def observe(self, module: str, constants: Any) -> None:
+        """Keep from now on which test reads which field of a module's constants."""
+
+        def read(instance: Any, name: str) -> Any:
+            self.readers[module, name].add(self.now)
+            return object.__getattribute__(instance, name)
+
+        type(constants).__getattribute__ = read
 
 
-def first_failure(tests: list[str]) -> str:
-    """Name of the first of some tests that fails, empty where none does."""
-    first = _FirstFailure()
-    options = ["-q", "-x", "-p", "no:cacheprovider", "-p", "no:xdist", "--rootdir", str(TESTS.parent)]
+def run(tests: list[str], watch: Watch, *options: str) -> None:
+    """Run tests in this process, silently."""
+    fixed = ["-q", "-p", "no:cacheprovider", "-p", "no:xdist", "--rootdir", str(REPOSITORY)]
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-        code = pytest.main([*options, *tests], plugins=[first])
-    return first.name or ("" if code == pytest.ExitCode.OK else f"exit code {int(code)}")
+        pytest.main([*fixed, *options, *tests], plugins=[watch])
 
 
-def mutants(modules: list[str]) -> Iterator[Mutant]:
-    """Every constant of the named modules, or of all, halved and doubled."""
-    for room in ROOMS:
-        for module, constants in constants_of(room).items():
-            if not modules or module in modules:
-                for field in dataclasses.fields(constants):
-                    yield from (Mutant(room, module, field.name, factor) for factor in (0.5, 2.0))
-
-
-def noticed_by(mutant: Mutant) -> tuple[Mutant, str]:
+def noticed_by(work: tuple[Mutant, list[str]]) -> tuple[Mutant, str]:
     """The first test that fails with a mutant, empty where it survives; to be run in a process of its own."""
+    mutant, tests = work
     constants = constants_of(mutant.room)[mutant.module]
     value = getattr(constants, mutant.name)
     changed = value * mutant.factor
     object.__setattr__(constants, mutant.name, round(changed) if isinstance(value, int) else changed)
-    return mutant, first_failure(mutant.tests)
+    watch = Watch()
+    if tests:
+        run(tests, watch, "-x")
+    return mutant, watch.failed.rpartition("::")[2]
+
+
+def first_pass(modules: list[str]) -> tuple[list[Mutant], Watch]:
+    """All mutants of some modules, or of all, and what the tests of both rooms read; compiles what is compiled."""
+    watch, mutants = Watch(), []
+    for room in ROOMS:
+        for module, constants in constants_of(room).items():
+            if not modules or module in modules:
+                names = [field.name for field in dataclasses.fields(constants)]
+                mutants += [Mutant(room, module, name, factor) for name in names for factor in (0.5, 2.0)]
+                watch.observe(module, constants)
+    folders = [REPOSITORY / "tests" / room.rpartition(".")[2] for room in ROOMS]
+    run([str(f) for folder in folders for f in sorted(folder.glob("test_*.py")) if f.name not in SLOW], watch)
+    return mutants, watch
 
 
 def main() -> None:
@@ -98,20 +107,23 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("modules", nargs="*")
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--seconds", type=float, default=4.0, help="tests that take longer are left out")
     given = parser.parse_args()
-    os.chdir(TESTS.parent)
-    everything = list(mutants(given.modules))
-    # Also compiles what the forked processes then share.
-    broken = first_failure(sorted({test for mutant in everything for test in mutant.tests}))
-    if broken:
-        parser.error(f"{broken} fails without any mutant")
+    os.chdir(REPOSITORY)
+    mutants, watch = first_pass(given.modules)
+    if watch.failed:
+        parser.error(f"{watch.failed} fails without any mutant")
+    work = []
+    for mutant in mutants:
+        readers = sorted(watch.readers[mutant.module, mutant.name], key=lambda test: watch.seconds[test])
+        work.append((mutant, [test for test in readers if test and watch.seconds[test] <= given.seconds]))
+    survived = 0
     with multiprocessing.get_context("fork").Pool(given.jobs, maxtasksperchild=1) as pool:
-        survived = 0
-        for mutant, test in pool.imap(noticed_by, everything, chunksize=1):
+        for mutant, test in pool.imap(noticed_by, work, chunksize=1):
             survived += not test
             verdict = f"noticed by {test}" if test else "survived"
             print(f"{mutant.module}.{mutant.name} x {mutant.factor:g}: {verdict}", flush=True)
-    print(f"{len(everything) - survived} of {len(everything)} noticed")
+    print(f"{len(mutants) - survived} of {len(mutants)} noticed")
 
 
 if __name__ == "__main__":
