@@ -5,6 +5,7 @@
 # make check   linters, types and the import contracts alone
 # make accuracy CAMPAIGN=...   run a campaign that has truth files, and print the errors against the truth
 # make tables  the must-reach tables of calibration and tracking on synthetic scenes, with their seeds
+# make mutants   which tuned constants of tracking and calibration the tests notice, each halved and doubled
 # make bench [CAMPAIGN=...]    what costs what, side by side
 
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
@@ -14,7 +15,7 @@ BIN := $(VENV)/bin
 VIEWERS := $(VENV)/viewers
 SOURCES := src studies tests workflow/scripts
 
-.PHONY: demo test check studies docs-ledger accuracy tables bench clean
+.PHONY: demo test check studies docs-ledger accuracy tables mutants bench clean
 
 $(VENV)/installed: pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "towval needs Python 3.11 or newer: make PYTHON=/path/to/python3.11")'
@@ -62,6 +63,9 @@ accuracy: $(VENV)/installed
 tables: $(VENV)/installed
 	OMP_NUM_THREADS=1 $(BIN)/python -m studies.tables.calibration_table
 	OMP_NUM_THREADS=1 $(BIN)/python -m studies.tables.tracking_accuracy
+
+mutants: $(VENV)/installed-dev
+	OMP_NUM_THREADS=1 $(BIN)/python -m studies.tables.mutants --jobs $(CORES)
 
 bench: $(VENV)/installed-bench
 	$(BIN)/python -m studies.tables.workflow_time $(CAMPAIGN)

@@ -11,7 +11,7 @@ from studies.worlds.boards import calibration_set
 from towval.calibration.adequacy import ViewStatistics, view_findings
 from towval.calibration.bundle_adjustment import adjust
 from towval.calibration.calibrate import CalibrateSettings, calibrate_observations
-from towval.calibration.corners import refine, sight_charuco
+from towval.calibration.corners import observe_charuco, refine
 from towval.calibration.lens import LensTrial, active_parameters
 from towval.calibration.observations import first_guess
 from towval.model import Board
@@ -121,4 +121,4 @@ def test_a_charuco_board_needs_eight_corners_in_view(rows, enough):
     image = cv2.copyMakeBorder(pattern.generateImage((320, 480)), 40, 40, 40, 40, cv2.BORDER_CONSTANT, value=255)
     # Rows of squares from the top, 80 px each: so many rows of three inner corners are in view.
     image[40 + 80 * (rows + 1) :] = 255
-    assert (sight_charuco("a", image, board) is not None) == enough
+    assert (observe_charuco("a", image, board) is not None) == enough

@@ -6,7 +6,7 @@ import pytest
 
 from board_pictures import chessboard_pattern, pattern_to_image, picture, true_corners
 from towval.calibration.board_search import find_boards, fitting_corner_counts
-from towval.calibration.corners import facing_camera, refine, sight_charuco, sight_chessboard
+from towval.calibration.corners import facing_camera, observe_charuco, observe_chessboard, refine
 from towval.model import Board
 from towval.model.errors import InputError
 
@@ -33,7 +33,7 @@ def sorted_pairs(found: np.ndarray, true: np.ndarray) -> np.ndarray:
 def test_chessboard_corners_are_subpixel_down_to_small_boards(scale, thorough, tolerance_px):
     pattern = chessboard_pattern(9, 6, 40)
     homography = pattern_to_image(pattern, scaled(TURNED, scale))
-    observation = sight_chessboard("a", picture(pattern, homography, SIZE), CHESSBOARD, thorough=thorough)
+    observation = observe_chessboard("a", picture(pattern, homography, SIZE), CHESSBOARD, thorough=thorough)
     # The tolerance is for the worst of 54 corners; at the smallest scale a square is 7 px wide and its window 5 px.
     assert sorted_pairs(observation.corners_px, true_corners(9, 6, 40, homography)).max() < tolerance_px
 
@@ -52,7 +52,7 @@ def test_a_window_wider_than_a_square_pulls_corners_away():
 def test_board_coordinates_explain_the_corners():
     pattern = chessboard_pattern(9, 6, 40)
     homography = pattern_to_image(pattern, TURNED)
-    observation = sight_chessboard("a", picture(pattern, homography, SIZE), CHESSBOARD, thorough=True)
+    observation = observe_chessboard("a", picture(pattern, homography, SIZE), CHESSBOARD, thorough=True)
     fit = cv2.findHomography(observation.board_m, observation.corners_px)[0]
     again = cv2.perspectiveTransform(observation.board_m.reshape(-1, 1, 2), fit).reshape(-1, 2)
     np.testing.assert_allclose(again, observation.corners_px, atol=0.15)
@@ -76,7 +76,7 @@ def charuco_picture(quad: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def test_charuco_corners_are_subpixel_and_in_place():
     image, true = charuco_picture(TURNED)
-    observation = sight_charuco("a", image, CHARUCO)
+    observation = observe_charuco("a", image, CHARUCO)
     assert len(observation.corners_px) == 40
     assert sorted_pairs(observation.corners_px, true).max() < 0.15
     homography = cv2.findHomography(observation.board_m, observation.corners_px)[0]
@@ -86,19 +86,19 @@ def test_charuco_corners_are_subpixel_and_in_place():
 
 def test_charuco_board_may_leave_the_picture():
     image, _ = charuco_picture(TURNED - [260, 0])
-    observation = sight_charuco("a", image, CHARUCO)
+    observation = observe_charuco("a", image, CHARUCO)
     assert 8 <= len(observation.corners_px) < 40
 
 
-def test_too_little_of_a_charuco_board_is_not_a_sighting():
+def test_too_little_of_a_charuco_board_is_no_observation():
     image, _ = charuco_picture(TURNED - [430, 0])
-    assert sight_charuco("a", image, CHARUCO) is None
+    assert observe_charuco("a", image, CHARUCO) is None
 
 
 def test_an_unknown_marker_set_is_named():
     image, _ = charuco_picture(TURNED)
     with pytest.raises(InputError, match="dictionary is unknown"):
-        sight_charuco("a", image, Board("charuco", (8, 5), 0.04, 0.03, "DICT_4X4_5000"))
+        observe_charuco("a", image, Board("charuco", (8, 5), 0.04, 0.03, "DICT_4X4_5000"))
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ from towval.model import Body
 from towval.model.errors import InputError
 from towval.model.geometry import compose, inverse, transform
 from towval.optics.projection import project
-from towval.tracking.outline import OutlineFit, combine_fits, pose_from_clicks, see_outline
+from towval.tracking.outline import OutlineFit, combine_fits, observe_outline, pose_from_clicks
 
 L_SHAPE = np.array([[-0.3, -0.2], [0.3, -0.2], [0.3, 0.05], [0.05, 0.05], [0.05, 0.2], [-0.3, 0.2]])
 
@@ -49,7 +49,7 @@ def test_edges_bring_clicks_to_a_tenth_of_a_pixel(seed):
     for body, motion in zip(scene.bodies, scene.motions, strict=True):
         true = motion(0.0)
         start = compose(true, np.array([0.003, -0.002, 0.004]))
-        fit = see_outline(luma, body, start, scene.camera, scene.floor)
+        fit = observe_outline(luma, body, start, scene.camera, scene.floor)
         error = compose(inverse(true), compose(start, fit.correction))
         assert np.linalg.norm(error[:2]) < 0.5e-3
         assert abs(error[2]) < np.deg2rad(0.1)
@@ -65,7 +65,7 @@ def test_errors_of_the_registration_are_what_it_says_also_where_a_thin_strip_of_
         for body, place in zip(scene.bodies, map(np.array, places), strict=True):
             # From clicks, as in use: a fit that starts at the true place finds the true edges too easily.
             start, _, _ = pose_from_clicks(body, clicks[body.name], scene.camera, scene.floor)
-            fit = see_outline(luma, body, start, scene.camera, scene.floor)
+            fit = observe_outline(luma, body, start, scene.camera, scene.floor)
             error = compose(inverse(place), compose(start, fit.correction))
             offsets.append(error[:2])
             shares.append(error / np.sqrt(np.diag(fit.covariance)))
@@ -79,13 +79,13 @@ def test_errors_of_the_registration_are_what_it_says_also_where_a_thin_strip_of_
 def test_a_picture_without_edges_gives_none():
     camera, floor = ceiling()
     flat = np.full((1080, 1920), 128, np.uint8)
-    assert see_outline(flat, Body("rover", 0.42, L_SHAPE), np.zeros(3), camera, floor) is None
+    assert observe_outline(flat, Body("rover", 0.42, L_SHAPE), np.zeros(3), camera, floor) is None
 
 
 def test_a_body_too_small_to_see_is_refused():
     camera, floor = ceiling()
     with pytest.raises(InputError, match="too small in the picture"):
-        see_outline(
+        observe_outline(
             np.zeros((1080, 1920), np.uint8), Body("rover", 0.1, rectangle(0.01, 0.01)), np.zeros(3), camera, floor
         )
 

@@ -46,5 +46,5 @@ def test_a_constant_twist_is_predicted_exactly_and_headings_unwrap():
             assert np.allclose(motion.predict(0.1 * i), pose, atol=1e-9)
         seen = pose.copy()
         seen[2] = np.arctan2(np.sin(seen[2]), np.cos(seen[2]))
-        motion.see(0.1 * i, seen)
+        motion.observe(0.1 * i, seen)
     assert motion.pose[2] == pytest.approx(59 * 0.2)

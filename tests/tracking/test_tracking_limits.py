@@ -21,7 +21,7 @@ from towval.tracking.klt import KltTracker
 from towval.tracking.light import light_misfit
 from towval.tracking.lookalikes import Candidate, Lookalikes
 from towval.tracking.noise import hold_rest, scatter_factor
-from towval.tracking.outline import OutlineFit, combine_fits, see_outline, stretches_of
+from towval.tracking.outline import OutlineFit, combine_fits, observe_outline, stretches_of
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.plane_tracker import PlaneTracker, _Response
 from towval.tracking.pose import Measurement, Tracker
@@ -54,7 +54,7 @@ class Scripted(Tracker):
 def follower():
     """A follower of the painted box whose tracker, search and rivals a test scripts."""
     own = Follower(BOX, 0.0, picture(BOX), OUTLINE, lambda *_: Scripted(lambda start: start), 0.1)
-    own.finder = SimpleNamespace(find=lambda _: None)
+    own.relocaliser = SimpleNamespace(find=lambda _: None)
     own.lookalikes = SimpleNamespace(candidates=lambda _: [], rivals=lambda *_: [], has_twin=False)
     return own
 
@@ -232,7 +232,7 @@ def test_a_template_that_shows_less_than_a_tenth_of_a_motion_is_not_used(share, 
 
 def test_edges_are_fitted_twice_a_second_and_less_often_later(follower, monkeypatch):
     times = []
-    monkeypatch.setattr(follow, "see_outline", lambda *_: times.append(now))
+    monkeypatch.setattr(follow, "observe_outline", lambda *_: times.append(now))
     for now in np.arange(1, 121) / 10:
         follower.follow(float(now), None)
     early = [t for t in times if t <= 5]
@@ -274,7 +274,7 @@ def test_a_pose_is_surprising_beyond_three_pixels_and_what_acceleration_explains
 def test_a_lost_body_is_searched_in_each_frame_at_first_then_five_times_a_second(follower):
     times = []
     follower.tracker.answer = lambda start: None
-    follower.finder.find = lambda _: times.append(now)
+    follower.relocaliser.find = lambda _: times.append(now)
     for now in np.arange(1, 60) / 30:
         follower.follow(float(now), None)
     assert times[1] - times[0] < 0.05
@@ -283,7 +283,7 @@ def test_a_lost_body_is_searched_in_each_frame_at_first_then_five_times_a_second
 
 @pytest.mark.parametrize(("apart_px", "confirmed"), [(1.5, True), (3.0, False)])
 def test_a_search_confirms_a_doubtful_pose_only_at_the_same_place(follower, apart_px, confirmed):
-    follower.finder.find = lambda _: POSE
+    follower.relocaliser.find = lambda _: POSE
     follower.tracker.answer = lambda start: compose(POSE, np.array([apart_px * PIXEL_M, 0, 0]))
     doubtful = Measurement(POSE, np.eye(3))
     assert (follower._search(0.1, None, doubtful) is not None) == confirmed
@@ -334,7 +334,7 @@ def test_the_scatter_is_that_of_frames_in_which_the_body_moves_and_is_bounded(fo
 
 @pytest.mark.parametrize(("shift_px", "held"), [(0.07, True), (0.15, False)])
 def test_a_rest_is_within_a_tenth_of_a_pixel(follower, monkeypatch, shift_px, held):
-    monkeypatch.setattr(follow, "see_outline", lambda *_: None)
+    monkeypatch.setattr(follow, "observe_outline", lambda *_: None)
     follower.tracker.std_m = 0.05 * PIXEL_M
     there = follower.motion.pose
     for k in range(1, 21):
@@ -365,15 +365,15 @@ def watch(luma):
 @pytest.mark.parametrize(("shift_px", "moved"), [(0.2, False), (0.45, True)])
 def test_a_shift_of_the_floor_by_a_third_of_a_pixel_is_reported(floor_seen, shift_px, moved):
     camera = watch(floor_seen)
-    camera.look(1.0, floor_picture(shift_px))
+    camera.check(1.0, floor_picture(shift_px))
     assert bool(camera.moved) == moved
 
 
 def test_the_floor_is_checked_twice_a_second_on_some_hundred_points_off_bodies_and_border(floor_seen):
     camera = watch(floor_seen)
     for time_s in np.arange(20) / 10:
-        camera.look(float(time_s), floor_seen)
-    assert 4 <= camera.looks <= 5
+        camera.check(float(time_s), floor_seen)
+    assert 4 <= camera.checked <= 5
     assert 350 < len(camera.template.points) < 900
     own = np.abs(
         (camera.template.points - POSE[:2]) @ np.array([[np.cos(0.3), -np.sin(0.3)], [np.sin(0.3), np.cos(0.3)]])
@@ -403,7 +403,7 @@ def test_a_floor_that_is_not_sure_says_nothing(floor_seen, monkeypatch, std_px, 
         np.array([shift_px * unit, 0, 0]), (std_px * unit) ** 2 * np.eye(3), None, None, 1.0, 1.0, inliers, True
     )
     monkeypatch.setattr(camera_motion, "align", lambda *_: found)
-    camera.look(1.0, floor_seen)
+    camera.check(1.0, floor_seen)
     assert camera.known == known
     assert bool(camera.moved) == moved
 
@@ -476,7 +476,7 @@ def test_an_edge_is_cut_into_ten_stretches_away_from_sharp_corners():
 @pytest.mark.parametrize(("off_px", "found"), [(2.6, True), (5.5, False)])
 def test_edges_are_found_within_four_pixels(off_px, found):
     start = compose(POSE, off_px * PIXEL_M * np.array([0.8, 0.6, 0.3]))
-    fit = see_outline(picture(BOX, grey=lambda xy: np.full(len(xy), 200.0)), BOX.body, start, BOX.camera, FLOOR)
+    fit = observe_outline(picture(BOX, grey=lambda xy: np.full(len(xy), 200.0)), BOX.body, start, BOX.camera, FLOOR)
     near = fit is not None and np.linalg.norm(compose(start, fit.correction)[:2] - POSE[:2]) < 0.3 * PIXEL_M
     assert near == found
 
@@ -485,7 +485,7 @@ def test_the_turn_of_a_disc_is_known_to_three_pixels():
     angle = 2 * np.pi * np.arange(60) / 60
     disc = PlanarTarget(Body("disc", 0.3, 0.5 * np.column_stack([np.cos(angle), np.sin(angle)])), BOX.camera, FLOOR)
     bright = picture(disc, grey=lambda xy: np.where(np.hypot(*xy.T) < 0.5, 200.0, 90.0))
-    fit = see_outline(bright, disc.body, POSE, BOX.camera, FLOOR)
+    fit = observe_outline(bright, disc.body, POSE, BOX.camera, FLOOR)
     assert 2.0 < np.sqrt(fit.covariance[2, 2]) * 0.5 / PIXEL_M < 4.0
 
 

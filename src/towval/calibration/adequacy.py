@@ -37,7 +37,7 @@ _FILM_ALL_OVER = "film the board all over the picture, also with its edge at the
 
 
 def tilts_deg(seen: CalibrationObservations, estimate: Estimate) -> list[float]:
-    """Angle between each board and the image plane [°], in the order of the sightings."""
+    """Angle between each board and the image plane [°], in the order of the observations."""
     floor_normal = estimate.T_camera_floor[:3, 2]
     normals = [cv2.Rodrigues(place[:3])[0][:, 2] for place in estimate.places[: len(seen.boards)]]
     normals += [floor_normal] * len(seen.floor_boards)

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from towval.calibration.corners import BoardObservation, sight_charuco, sight_chessboard
+from towval.calibration.corners import BoardObservation, observe_charuco, observe_chessboard
 from towval.model import Board
 from towval.model.errors import InputError
 
@@ -36,7 +36,7 @@ def find_boards(
 
     Returns
     -------
-    sightings : list of Sighting
+    observations : list of BoardObservation
         The boards found, in the order of the pictures.
     unseen : dict
         Name of each other picture and the reason.
@@ -56,7 +56,7 @@ def find_boards(
         if board.kind == "chessboard":
             missing = [i for i in range(len(images)) if known[i] is None]
             missing = missing if len(missing) < len(images) else _spread(missing)
-            thorough = pool.map(lambda i: sight_chessboard(*images[i], board, thorough=True), missing)
+            thorough = pool.map(lambda i: observe_chessboard(*images[i], board, thorough=True), missing)
             known |= zip(missing, thorough, strict=True)
     found = [known[i] for i in range(len(images))]
     if not any(found):
@@ -75,7 +75,9 @@ def _spread(indices: Sequence[int]) -> list[int]:
 
 
 def _quick(image: NamedImage, board: Board) -> BoardObservation | None:
-    return sight_charuco(*image, board) if board.kind == "charuco" else sight_chessboard(*image, board, thorough=False)
+    return (
+        observe_charuco(*image, board) if board.kind == "charuco" else observe_chessboard(*image, board, thorough=False)
+    )
 
 
 def _check_corner_counts(sample: Sequence[NamedImage], board: Board) -> None:

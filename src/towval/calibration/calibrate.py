@@ -193,7 +193,7 @@ def calibrate_observations(
 
     Parameters
     ----------
-    seen : Sightings
+    seen : CalibrationObservations
         The boards and marks. Without a floor (``seen.reference`` None) the camera alone is calibrated and the floor of
         the result is the camera frame itself.
     settings : CalibrateSettings

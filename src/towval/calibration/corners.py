@@ -42,7 +42,7 @@ class BoardObservation:
     board_m: Array
 
 
-def sight_chessboard(name: str, image: NDArray[np.uint8], board: Board, *, thorough: bool) -> BoardObservation | None:
+def observe_chessboard(name: str, image: NDArray[np.uint8], board: Board, *, thorough: bool) -> BoardObservation | None:
     """Find a chessboard in a picture.
 
     Parameters
@@ -58,7 +58,7 @@ def sight_chessboard(name: str, image: NDArray[np.uint8], board: Board, *, thoro
 
     Returns
     -------
-    Sighting or None
+    BoardObservation or None
         None where the board, or a part of it, is not seen.
     """
     if thorough:
@@ -76,7 +76,7 @@ def sight_chessboard(name: str, image: NDArray[np.uint8], board: Board, *, thoro
     return BoardObservation(name, refined, facing_camera(on_board, refined))
 
 
-def sight_charuco(name: str, image: NDArray[np.uint8], board: Board) -> BoardObservation | None:
+def observe_charuco(name: str, image: NDArray[np.uint8], board: Board) -> BoardObservation | None:
     """Find a ChArUco board, whole or in part, in a grey picture; None where too little of it is seen.
 
     Raises

@@ -1,13 +1,13 @@
-"""Planar pose by inverse-compositional Lucas-Kanade on a body's whole top against a metric template.
+"""Planar pose by inverse-compositional Lucas-Kanade on the whole planar target against a metric template.
 
-The template holds grey values T at points p of the top, in the body frame. At the true pose the picture shows
+The template holds grey values T at points p of the target, in the body frame. At the true pose the picture shows
 ``I(p) = g T(p) + b`` with a gain g and a bias b that change with the light. At a pose that is off by a small motion ε
 of the body frame, ``I(p) = g (T(p) + J(p) ε) + b`` with ``J = ∇T · [[1, 0, −y], [0, 1, x]]``: J belongs to the template
 and never changes. Each round reads the picture at the points through the exact camera model, solves for ε with robust
 weights and takes it off the pose.
 
-Gain and bias are those of small tiles of the top, eliminated from the equations: the edge of a shadow then costs only
-the tiles it crosses. What hides the top is told from it by its misfit (Tukey's biweight).
+Gain and bias are those of small tiles of the target, eliminated from the equations: the edge of a shadow then costs
+only the tiles it crosses. What hides the target is distinguished by its misfit (Tukey's biweight).
 
 SOURCE: S. Baker, I. Matthews, *Lucas-Kanade 20 Years On*, IJCV 56 (2004), for the inverse-compositional scheme.
 """
@@ -271,8 +271,8 @@ def align(
         Weight of each point known beforehand, in [0, 1].
     pose : ndarray (3,)
         Where to start [m, m, rad].
-    top : Top
-        The top under its camera.
+    target : PlanarTarget
+        The planar target under its camera.
     most_scale : float
         Largest deviation of the residuals that an inlier may have [grey levels].
 

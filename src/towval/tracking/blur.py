@@ -1,4 +1,4 @@
-"""Motion blur: what the top of a moving body looks like through an open shutter.
+"""Motion blur: what the planar target of a moving body looks like through an open shutter.
 
 While the shutter is open a point p of the picture, taken in the body frame at the middle of the exposure, sees the
 points ``p − s w(p)`` of the top, ``w = τ (v + ω × p)`` the way of the body during the exposure τ and s from −½ to ½.
@@ -57,7 +57,7 @@ def paths(points: Array, sweep: Array) -> Array:
 class SharpTarget:
     """The picture that a template was taken from, cut out around the body.
 
-    ``luma`` (height, width); ``top`` under the camera of that part; ``pose`` (3,) of the body; ``template`` from it.
+    ``luma`` (height, width); ``target`` under the camera of that part; ``pose`` (3,) of the body; ``template`` from it.
     """
 
     luma: Luma
@@ -175,7 +175,7 @@ class Shutter:
         return float(_CANDIDATES_S[best] + 0.5 * (before - after) / (before - 2 * at + after) * _CANDIDATES_S[1])
 
     def template(self, velocity: Array) -> Template | None:
-        """:meth:`SharpTop.blurred` at a velocity (3,) and the exposure known so far, kept while that hardly changes."""
+        """:meth:`SharpTarget.blurred` at a velocity (3,) and the estimated exposure, kept while that hardly changes."""
         sweep = velocity * self.exposure_s
         change = np.abs(sweep - self.swept)
         if change[:2].sum() + self.target.reach_m * change[2] > CONSTANTS.changed_px * self.sharp.template.pixel_m:

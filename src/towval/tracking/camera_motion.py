@@ -38,7 +38,7 @@ CONSTANTS = CameraMotionConstants()
 
 
 class CameraMotion:
-    """Watches the floor through a video and says afterwards whether it seemed to move.
+    """Checks the floor's texture through a video for motion of the camera.
 
     Parameters
     ----------
@@ -61,14 +61,14 @@ class CameraMotion:
             self.template = make_template(luma, self.target, np.zeros(3), CONSTANTS.samples)
         self.next_s = -np.inf
         self.moved: list[tuple[float, float]] = []
-        self.looks = self.known = 0
+        self.checked = self.known = 0
 
-    def look(self, time_s: float, luma: Luma) -> None:
-        """Take in a picture; only some are looked at."""
+    def check(self, time_s: float, luma: Luma) -> None:
+        """Take in a picture; one in ``every_s`` is checked."""
         if self.template is None or time_s < self.next_s:
             return
         self.next_s = time_s + CONSTANTS.every_s
-        self.looks += 1
+        self.checked += 1
         template = self.template
         flat = np.ones(len(template.points))
         found = align(luma, template, flat, np.zeros(3), self.target, CONSTANTS.most_scale)
@@ -84,11 +84,11 @@ class CameraMotion:
             self.moved.append((time_s, float(shift)))
 
     def findings(self) -> tuple[Finding, ...]:
-        """What the watch has to say."""
+        """Findings, after the last picture."""
         if self.moved:
             worst = 1000 * max(shift for _, shift in self.moved)
             return (finding("camera_moved", shift_mm=worst, time_s=self.moved[0][0]),)
-        if self.known < max(1, self.looks // 2):
+        if self.known < max(1, self.checked // 2):
             return (finding("camera_not_watched"),)
         return ()
 

@@ -19,8 +19,8 @@ from towval.tracking.noise import hold_rest, scatter_factor
 from towval.tracking.outline import (
     OutlineFit,
     combine_fits,
+    observe_outline,
     pose_from_clicks,
-    see_outline,
 )
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.pose import Measurement, Motion, Tracker
@@ -64,7 +64,7 @@ _MOST_TABLED = 8192  # Frames whose points are kept: every one, then every secon
 
 
 class _Record:
-    """What was seen, 128 bytes a frame, so that a video of any length fits in memory."""
+    """What was observed, 128 bytes a frame, so that a video of any length fits in memory."""
 
     def __init__(self) -> None:
         self.numbers = array("d")
@@ -97,20 +97,20 @@ class _Record:
 
 
 class Follower:
-    """Follows one body from clicks in the first picture and keeps what it saw.
+    """Follows one body from clicks in the first picture and keeps a record.
 
     Parameters
     ----------
-    top : Top
-        The body's top under its camera.
+    target : PlanarTarget
+        The body's planar target under its camera.
     time_s, luma : float, ndarray (height, width) uint8
         The first picture.
     clicks_px : ndarray (n, 2)
         Its corners [px].
     make_tracker : callable
-        Builds the tracker from top, picture and pose.
+        Builds the tracker from target, picture and pose.
     coast_s : float
-        How long a body that is not seen is predicted before it counts as lost [s].
+        How long a body that is not observed is predicted before it counts as lost [s].
     """
 
     def __init__(
@@ -127,10 +127,10 @@ class Follower:
         clicked, self.start_covariance, misfit_px = pose_from_clicks(body, clicks_px, camera, floor)
         self.pixel_m = target.metres_per_pixel(clicked)
         self.findings = _judge_clicks(body, misfit_px, self.pixel_m)
-        fit = see_outline(luma, body, clicked, camera, floor)
+        fit = observe_outline(luma, body, clicked, camera, floor)
         self.first_pose = clicked if fit is None else compose(clicked, fit.correction)
         self.outline_fits: list[OutlineFit] = []
-        self.next_outline_s, self.looks = time_s, 0
+        self.next_outline_s, self.outlines_fitted = time_s, 0
         self.tracker = make_tracker(target, luma, self.first_pose)
         if not isinstance(self.tracker, Tracker):
             raise InputError(
@@ -138,7 +138,7 @@ class Follower:
                 allowed="a class with measure and exposure_s",
                 remedy="derive it from towval.tracking.pose.Tracker",
             )
-        self.finder = Relocaliser(target, luma, self.first_pose)
+        self.relocaliser = Relocaliser(target, luma, self.first_pose)
         self.lookalikes = Lookalikes(target, luma, self.first_pose)
         self.mistakable = 0
         self.next_search_s = time_s
@@ -148,34 +148,45 @@ class Follower:
 
     @property
     def place(self) -> Array | None:
-        """Outline (n, 2) of the body on the floor where it was just seen [m]; None where it was not."""
+        """Outline (n, 2) of the body on the floor in the last picture [m]; None where it was not observed."""
         return self.target.outline(self.motion.pose) if self.record.last_status == TrackStatus.TRACKED else None
 
     def follow(self, time_s: float, luma: Luma, occupied: Sequence[Array] = ()) -> None:
-        """Take in the next picture; outlines that other bodies fill on the floor cannot be this one's place."""
-        hidden_s = time_s - self.motion.time_s
-        coasting = hidden_s <= self.coast_s
-        # The picture after a sighting is always predicted, however slow the video.
-        just_visible = self.record.last_status == TrackStatus.TRACKED
-        predicted = self.motion.predict(time_s) if coasting or just_visible else self.motion.pose
-        seen = self.tracker.measure(luma, predicted, self.motion.velocity)
-        if seen is None or self._surprising(time_s, seen.pose):
-            seen = self._search(time_s, luma, seen)
-        elif self._returns_elsewhere(time_s, luma, seen.pose):
-            seen = None
-        if seen is not None and any(
-            self.target.covered_by(seen.pose, other) > CONSTANTS.most_covered for other in occupied
-        ):
-            seen = None
-        if seen is not None:
-            self._keep_observation(time_s, luma, seen)
+        """Take in the next picture: predict, measure, decide, record.
+
+        ``occupied`` are the outlines (n, 2) on the floor [m] of other bodies, which cannot be this one's place.
+        """
+        coasting = time_s - self.motion.time_s <= self.coast_s
+        # The picture after an observation is always predicted, however slow the video.
+        after_observation = self.record.last_status == TrackStatus.TRACKED
+        predicted = self.motion.predict(time_s) if coasting or after_observation else self.motion.pose
+        accepted = self._accepted(time_s, luma, predicted, occupied)
+        if accepted is not None:
+            self._keep_observation(time_s, luma, accepted)
         elif coasting:
             self.record.keep(time_s, predicted, self._coasting_covariance(time_s), TrackStatus.COASTING, 0.0, np.nan)
         else:
             self.record.keep(time_s, _NOWHERE, _UNKNOWN, TrackStatus.LOST, 0.0, np.nan)
 
+    def _accepted(self, time_s: float, luma: Luma, predicted: Array, occupied: Sequence[Array]) -> Measurement | None:
+        """The measurement that counts as an observation, None where the frame coasts or is lost.
+
+        All that decides about a frame passes here: the tracker's own gates (None), the motion, relocalisation, what
+        else looks like the body, and the places of other bodies.
+        """
+        measured = self.tracker.measure(luma, predicted, self.motion.velocity)
+        if measured is None or self._surprising(time_s, measured.pose):
+            measured = self._search(time_s, luma, measured)
+        elif self._returns_elsewhere(time_s, luma, measured.pose):
+            return None
+        if measured is None or any(
+            self.target.covered_by(measured.pose, other) > CONSTANTS.most_covered for other in occupied
+        ):
+            return None
+        return measured
+
     def _returns_elsewhere(self, time_s: float, luma: Luma, pose: Array) -> bool:
-        """Whether what seems to be the body after a while unseen is something else."""
+        """Whether a pose measured after a gap may belong to something else."""
         if self.record.last_status in (None, TrackStatus.TRACKED):
             return False
         return not self._unmistakable(time_s, luma, pose)
@@ -186,7 +197,7 @@ class Follower:
         return self.target.apart_m(self.motion.predict(time_s), pose) > CONSTANTS.surprise_px * self.pixel_m + 2 * gone
 
     def _search(self, time_s: float, luma: Luma, doubtful: Measurement | None) -> Measurement | None:
-        """Look for the body in the whole picture; a doubtful sighting counts if that leads to the same place."""
+        """Search the whole picture; a doubtful measurement counts if the search leads to the same place."""
         if time_s < self.next_search_s:
             return None
         if time_s - self.motion.time_s > CONSTANTS.search_every_s:
@@ -205,14 +216,14 @@ class Follower:
         return None
 
     def _places(self, luma: Luma) -> Iterator[Array]:
-        """Where the body may be: by features, which part of it suffices for, then by its whole look."""
-        place = self.finder.find(luma)
+        """Candidate poses: by features, for which part of the body suffices, then by its whole appearance."""
+        place = self.relocaliser.find(luma)
         if place is not None:
             yield place
         yield from (candidate.pose for candidate in self.lookalikes.candidates(luma)[:1])
 
     def _unmistakable(self, time_s: float, luma: Luma, pose: Array) -> bool:
-        """Whether this looks like the body and nothing else that looks like it could be it.
+        """Whether a pose looks like the body, and nothing else that looks alike could be it.
 
         What else looks like it is out of the question where it is farther than a body can have got, or much farther
         from where this one was, or should be by now, than ``pose`` is. A body with a twin may be hidden while the twin
@@ -235,24 +246,24 @@ class Follower:
         return False
 
     def _stray_m(self, time_s: float, pose: Array) -> float:
-        """How far a pose is from where the body was seen last, or would be if it had gone on [m]."""
+        """Distance of a pose from the last observation, or from the prediction, whichever is less [m]."""
         return min(self.target.apart_m(known, pose) for known in (self.motion.pose, self.motion.predict(time_s)))
 
     def _keep_observation(self, time_s: float, luma: Luma, seen: Measurement) -> None:
-        pose = self.motion.see(time_s, seen.pose) if time_s > self.motion.time_s else seen.pose
+        pose = self.motion.observe(time_s, seen.pose) if time_s > self.motion.time_s else seen.pose
         self.record.keep_points(seen.points_m, seen.weights)
         self.record.keep(time_s, pose, seen.covariance, TrackStatus.TRACKED, seen.inlier_fraction, seen.residual)
         if time_s >= self.next_outline_s:
-            fit = see_outline(luma, self.target.body, pose, self.target.camera, self.target.floor)
+            fit = observe_outline(luma, self.target.body, pose, self.target.camera, self.target.floor)
             if fit is not None:
                 self.outline_fits.append(fit)
-            self.looks += 1
+            self.outlines_fitted += 1
             self.next_outline_s = time_s + CONSTANTS.outline_every_s * 2 ** (
-                self.looks // CONSTANTS.outline_doubled_after
+                self.outlines_fitted // CONSTANTS.outline_doubled_after
             )
 
     def _coasting_covariance(self, time_s: float) -> Array:
-        # ASSUME: while unseen the body may have stopped, or gone on twice as fast.
+        # ASSUME: while not observed the body may have stopped, or gone on twice as fast.
         gone = np.abs(self.motion.velocity) * (time_s - self.motion.time_s)
         path = float(np.hypot(gone[0], gone[1])) + self.pixel_m
         return np.diag(np.square([path, path, gone[2] + self.pixel_m / self.target.reach_m]))
@@ -317,7 +328,7 @@ class Follower:
             self.findings.append(finding("edges_unsure", name=self.target.body.name, std_mm=1000 * deviation))
 
     def _judge_sight(self, time_s: Array, covariance: Array, status: NDArray[np.uint8]) -> list[Finding]:
-        """Findings about pictures in which the body was not seen, and about a top too plain to be seen well."""
+        """Findings about frames without an observation, and about a target too plain to be tracked well."""
         findings, name = [], self.target.body.name
         unseen = np.flatnonzero(status != TrackStatus.TRACKED)
         if len(unseen):

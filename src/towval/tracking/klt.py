@@ -1,4 +1,4 @@
-"""The paper's tracker: KLT points on a body's top, matched to a keyframe, fitted with a planar pose.
+"""The paper's tracker: KLT points on the planar target, matched to a keyframe, fitted with a planar pose.
 
 Points are followed from a keyframe and not from the frame before, so their error does not add up over frames. A patch
 of pixels matches only while it has not turned much; so keyframes are kept by heading, and a new one is made only at a
@@ -49,7 +49,7 @@ class _Keyframe:
 
 
 class KltTracker(Tracker):
-    """Follows a ``top``, seen at ``pose`` (3,) in ``luma``, by KLT points.
+    """Follows a planar target, observed at ``pose`` (3,) in ``luma``, by KLT points.
 
     A point counts if it comes back to within ``forward_backward_px`` of where it started [px].
     """
@@ -73,7 +73,7 @@ class KltTracker(Tracker):
         return np.ascontiguousarray(luma[v : v + self.crop_px[1], u : u + self.crop_px[0]]), corner
 
     def _mask(self, corner: Array, pose: Array) -> Luma:
-        """Where points may lie in a crop: on the top, off its edges and obstructions."""
+        """Where points may lie in a crop: on the target, off its edges and obstructions."""
         mask = np.zeros((self.crop_px[1], self.crop_px[0]), np.uint8)
 
         def draw(outline: Array, value: int) -> None:

@@ -1,4 +1,4 @@
-"""The light on a top: gain and bias of each of its tiles between a template and a picture."""
+"""The light on a planar target: gain and bias of each of its tiles between a template and a picture."""
 
 from __future__ import annotations
 

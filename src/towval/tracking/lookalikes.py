@@ -1,7 +1,7 @@
 """Whether something else in a picture looks like a body: another body of its kind, or itself turned half round.
 
-A place found again is worth nothing if another place fits as well. The top is laid, coarsely and at headings all
-around, onto the whole picture seen from straight above; where else it correlates about as well as at the place found,
+A relocalised pose is worth nothing if another one fits as well. The target is correlated, coarsely and at headings all
+around, with the whole rectified picture; where else it correlates about as well as at the place found,
 a body cannot be told from what is there.
 """
 
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from towval.model import Array, Camera
 from towval.model.geometry import transform
 from towval.tracking.planar_target import PlanarTarget, usable_points
-from towval.tracking.relocalisation import grid, look, visible_part
+from towval.tracking.relocalisation import grid, resampled, visible_part
 
 Luma = NDArray[np.uint8]
 
@@ -43,7 +43,7 @@ CONSTANTS = LookalikeConstants()
 class Candidate:
     """A place that looks like a body.
 
-    ``correlation`` with its top; ``pose`` (3,) [m, m, rad]; ``light`` (2,) mean and deviation of the grey values.
+    ``correlation`` with its target; ``pose`` (3,) [m, m, rad]; ``light`` (2,) mean and deviation of the grey values.
     """
 
     correlation: float
@@ -52,7 +52,7 @@ class Candidate:
 
 
 class Lookalikes:
-    """Finds what looks like a ``top``, seen at ``pose`` (3,) in ``luma``."""
+    """Finds what looks like a planar target, observed at ``pose`` (3,) in ``luma``."""
 
     def __init__(self, target: PlanarTarget, luma: Luma, pose: Array):
         corners = target.body.top_corners_m
@@ -72,13 +72,13 @@ class Lookalikes:
 
     @cached_property
     def _templates(self) -> list[tuple[float, NDArray[np.float32], NDArray[np.float32]]]:
-        """The top as seen at first, turned to each heading: heading [rad], grey values, where it is (1 or 0)."""
+        """The first picture's target at each heading: heading [rad], grey values, where it is (1 or 0)."""
         templates = []
         for heading in np.arange(0, 2 * np.pi, CONSTANTS.turn):
             own = transform([0.0, 0.0, -heading], self.own.reshape(-1, 2))
             usable = usable_points(self.target.body, own, 0.5 * self.cell_m).reshape(self.own.shape[:2])
             pixels = self.target.picture_of(transform(self.pose, own)).reshape(self.own.shape)
-            templates.append((float(heading), _blurred(look(self.first, pixels)), usable.astype(np.float32)))
+            templates.append((float(heading), _blurred(resampled(self.first, pixels)), usable.astype(np.float32)))
         return templates
 
     @cached_property
@@ -98,7 +98,7 @@ class Lookalikes:
 
     def _candidates(self, small: Luma) -> list[Candidate]:
         low, pixels = self._view_from_above
-        view = _blurred(look(small, pixels))
+        view = _blurred(resampled(small, pixels))
         found = [candidate for template in self._templates for candidate in self._best(view, template, low)]
         return sorted(found, key=lambda candidate: -candidate.correlation)
 

@@ -317,7 +317,9 @@ def fit_outline(slopes: Array, stretches: Stretches, pixel_m: float, side_px: Ar
     )
 
 
-def see_outline(luma: NDArray[np.uint8], body: Body, pose: Array, camera: Camera, floor: Floor) -> OutlineFit | None:
+def observe_outline(
+    luma: NDArray[np.uint8], body: Body, pose: Array, camera: Camera, floor: Floor
+) -> OutlineFit | None:
     """How the outline at ``pose`` (3,) has to be moved to lie on the edges of a picture; None where they hide."""
     pixel = metres_per_pixel(pose, body.tracked_plane_height_m, camera, floor)
     stretches = stretches_of(body, pixel)

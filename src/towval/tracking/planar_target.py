@@ -1,4 +1,4 @@
-"""A body's flat top as a calibrated camera sees it: what every way of following it needs to know."""
+"""The planar target of a body under a calibrated camera: geometry that all trackers share."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _POINTS_ACROSS = 12
 
 @dataclass(frozen=True)
 class PlanarTarget:
-    """The top of a ``body`` under a calibrated ``camera`` over a ``floor``."""
+    """The tracked plane of a ``body`` under a calibrated ``camera`` over a ``floor``."""
 
     body: Body
     camera: Camera
@@ -29,7 +29,7 @@ class PlanarTarget:
 
     @property
     def height(self) -> float:
-        """Height of the top over the floor [m]."""
+        """Height of the plane over the floor [m]."""
         return self.body.tracked_plane_height_m
 
     @cached_property
@@ -42,16 +42,16 @@ class PlanarTarget:
         return plane_pixels(points, pose, self.height, self.camera, self.floor)
 
     def picture_of(self, floor_xy: Array) -> Array:
-        """Pixels (..., 2) of points at the top's height over the floor (..., 2) [m]."""
+        """Pixels (..., 2) of points at the plane's height over the floor (..., 2) [m]."""
         height = np.full((*floor_xy.shape[:-1], 1), self.height)
         return project(self.camera, self.floor, np.concatenate([floor_xy, height], axis=-1))
 
     def floor_xy(self, pixels: ArrayLike) -> Array:
-        """Where the rays of pixels (..., 2) meet the plane of the top (..., 2) [m]; NaN where they miss it."""
+        """Where the rays of pixels (..., 2) meet the tracked plane (..., 2) [m]; NaN where they miss it."""
         return to_plane(self.camera, self.floor, pixels, self.height)
 
     def metres_per_pixel(self, pose: Array) -> float:
-        """Width of a pixel on the top at a ``pose`` [m]."""
+        """Width of a pixel on the target at a ``pose`` [m]."""
         return metres_per_pixel(pose, self.height, self.camera, self.floor)
 
     def apart_m(self, pose: Array, other: Array) -> float:
@@ -61,7 +61,7 @@ class PlanarTarget:
 
     @cached_property
     def _inner_points(self) -> Array:
-        """Points spread evenly over the top (n, 2) [m]."""
+        """Points spread evenly over the target (n, 2) [m]."""
         corners = self.body.top_corners_m
         low, size = corners.min(axis=0), np.ptp(corners, axis=0)
         steps = (np.arange(_POINTS_ACROSS) + 0.5) / _POINTS_ACROSS
@@ -70,14 +70,14 @@ class PlanarTarget:
         return inner
 
     def covered_by(self, pose: Array, outline: Array) -> float:
-        """Share of the top at a ``pose`` that lies over an ``outline`` (n, 2) on the floor [m]."""
+        """Share of the target at a ``pose`` that lies over an ``outline`` (n, 2) on the floor [m]."""
         low, high = outline.min(axis=0) - self.reach_m, outline.max(axis=0) + self.reach_m
         if (pose[:2] < low).any() or (pose[:2] > high).any():
             return 0.0
         return float(inside_polygon(outline, transform(pose, self._inner_points)).mean())
 
     def outline(self, pose: Array) -> Array:
-        """The top's corners (n, 2) on the floor at a ``pose`` [m]."""
+        """The target's corners (n, 2) on the floor at a ``pose`` [m]."""
         return transform(pose, self.body.top_corners_m)
 
 
@@ -100,7 +100,7 @@ def _depth(points: Array, polygon: Array) -> Array:
 
 
 def usable_points(body: Body, points: Array, margin_m: float) -> NDArray[np.bool_]:
-    """Which of points (n, 2) [m] lie on the top, ``margin_m`` away from its outline and from what stands on it."""
+    """Which of points (n, 2) [m] lie on the target, ``margin_m`` away from its outline and from what stands on it."""
     points = np.ascontiguousarray(points)
     usable: NDArray[np.bool_] = _depth(points, body.top_corners_m) >= margin_m
     for obstruction in body.obstructions:

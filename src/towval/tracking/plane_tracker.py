@@ -1,4 +1,4 @@
-"""The default tracker: a body's whole top aligned with its template, gated, and refreshed without drift."""
+"""The default tracker: the whole planar target aligned with its template, gated, and refreshed without drift."""
 
 from __future__ import annotations
 
@@ -46,12 +46,12 @@ _TABLE_POINTS = 60
 
 
 class PlaneTracker(Tracker):
-    """Follows a ``top``, seen at ``pose`` (3,) in ``luma``, as a whole: by some ``samples`` points of it.
+    """Follows a planar target, observed at ``pose`` (3,) in ``luma``, by some ``samples`` points of it.
 
     Raises
     ------
     InputError
-        When too little of the top is in the picture.
+        When too little of the target is in the picture.
     """
 
     def __init__(self, target: PlanarTarget, luma: Luma, pose: Array, samples: int = 1024):
@@ -155,7 +155,7 @@ class PlaneTracker(Tracker):
         )
 
     def _learn(self, found: Alignment) -> None:
-        """Take in what a good alignment says about noise and looks; the template's place stays."""
+        """Refresh the template's grey values and the usual correlation; the template's place stays."""
         self.seen += 1
         if found.inlier_fraction < CONSTANTS.refresh_inliers or (
             self.refreshed > 10 and self.seen % CONSTANTS.refresh_every
@@ -171,7 +171,7 @@ class PlaneTracker(Tracker):
 
 
 class _Response:
-    """How much of a small motion alignments with a template see: ``share`` (3, 3), one where nothing is lost.
+    """Share of a small motion that alignments with a template observe: ``share`` (3, 3), one where nothing is lost.
 
     The template's slopes J hold noise, and the steepest places were chosen. A later picture's slopes J' at the same
     points hold noise of their own, so ``(JᵀJ)⁻¹JᵀJ'`` is free of what JᵀJ counts as texture and is none. The

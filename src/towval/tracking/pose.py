@@ -1,4 +1,4 @@
-"""What a tracker says about one picture, the robust rigid fit, and the motion it expects next."""
+"""The measurement of one picture, the robust rigid fit, and the prediction of the next pose."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def robust_rigid_fit(source: Array, target: Array, noise_floor_m: float) -> Rigi
 
 @dataclass
 class Motion:
-    """Where a body should be next: it goes on as it did between the last two sightings.
+    """Where a body should be next: it goes on as it did between the last two observations.
 
     The last velocity is used as it is; a body that was at rest is expected at rest.
     """
@@ -114,8 +114,8 @@ class Motion:
         """Pose (3,) expected at ``time_s``, a constant twist in the body frame carried on."""
         return moved(self.pose, self.velocity * (time_s - self.time_s))
 
-    def see(self, time_s: float, pose: Array) -> Array:
-        """Take in a sighting; returns its pose with the heading unwrapped to follow the last one."""
+    def observe(self, time_s: float, pose: Array) -> Array:
+        """Take in an observation; returns its pose with the heading unwrapped to follow the last one."""
         step = step_between(self.pose, pose)
         self.velocity = step / (time_s - self.time_s)
         self.pose, self.time_s = np.array([pose[0], pose[1], self.pose[2] + step[2]]), time_s

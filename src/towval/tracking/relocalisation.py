@@ -1,7 +1,7 @@
-"""Finding a body again anywhere in the picture, by the features of a keyframe.
+"""Relocalisation by features: a lost body is found anywhere in the picture.
 
-The picture is first seen from straight above: laid onto the plane of the body's top with square cells. There the body
-keeps its size, so a match is a shift and a turn, and a similarity whose scale is not one is a false match.
+The picture is first rectified: resampled on the tracked plane with square cells. There the body keeps its size, so a
+match is a shift and a turn, and a similarity whose scale is not one is a false match.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _RATIO = 0.8  # SOURCE: D. Lowe, IJCV 60 (2004): nearest over second nearest nei
 
 
 class Relocaliser:
-    """Finds a ``top``, seen at ``pose`` (3,) in ``luma``, by its features."""
+    """Finds a planar target, observed at ``pose`` (3,) in ``luma``, by its features."""
 
     def __init__(self, target: PlanarTarget, luma: Luma, pose: Array):
         self.target = target
@@ -52,19 +52,19 @@ class Relocaliser:
         self.detector = cv2.SIFT.create(nfeatures=CONSTANTS.features, contrastThreshold=0.02)
         self.corner_m = corners.min(axis=0)
         self.own = grid(self.corner_m, corners.max(axis=0), self.cell_m)
-        self.looks = look(luma, target.picture_of(transform(pose, self.own)))
+        self.view = resampled(luma, target.picture_of(transform(pose, self.own)))
 
     @cached_property
     def _keyframe(self) -> tuple[Array, NDArray[np.float32] | None]:
-        """Features of the top: places in the body frame (m, 2) [m] and descriptors; made when first needed."""
+        """Features of the target: places in the body frame (m, 2) [m] and descriptors; made when first needed."""
         mask = usable_points(self.target.body, self.own.reshape(-1, 2), 2 * self.cell_m).reshape(self.own.shape[:2])
-        points, descriptors = self.detector.detectAndCompute(self.looks, mask.astype(np.uint8) * 255)
+        points, descriptors = self.detector.detectAndCompute(self.view, mask.astype(np.uint8) * 255)
         places_m: Array = self.corner_m + self.cell_m * np.array([p.pt for p in points]).reshape(-1, 2)
         return places_m, None if descriptors is None else np.asarray(descriptors, dtype=np.float32)
 
     @cached_property
     def _view_from_above(self) -> tuple[Array, NDArray[np.float32]]:
-        """Corner of the seen part of the plane [m], and the pixel of each of its cells; made when first needed."""
+        """Corner of the visible part of the plane [m], and the pixel of each of its cells; made when first needed."""
         low, high = visible_part(self.target, CONSTANTS.most_cells * self.cell_m)
         return low, self.target.picture_of(grid(low, high, self.cell_m)).astype(np.float32)
 
@@ -74,7 +74,7 @@ class Relocaliser:
         if own_descriptors is None or len(points_m) < CONSTANTS.least_matches:
             return None
         corner, pixels = self._view_from_above
-        points, descriptors = self.detector.detectAndCompute(look(luma, pixels), None)
+        points, descriptors = self.detector.detectAndCompute(resampled(luma, pixels), None)
         if descriptors is None or len(points) < CONSTANTS.least_matches:
             return None
         pairs = cv2.BFMatcher().knnMatch(own_descriptors, descriptors, k=2)
@@ -95,7 +95,7 @@ class Relocaliser:
 
 
 def visible_part(target: PlanarTarget, most_m: float) -> tuple[Array, Array]:
-    """Lower and upper corner (2,) of the part of the top's plane that the camera sees [m].
+    """Lower and upper corner (2,) of the part of the tracked plane that the camera sees [m].
 
     A camera that sees the horizon sees no end of the plane: what is farther than half of ``most_m`` [m] from the
     middle is left out.
@@ -114,7 +114,7 @@ def grid(low: Array, high: Array, cell_m: float) -> Array:
     return np.stack(np.meshgrid(*axes), axis=-1)
 
 
-def look(luma: Luma, pixels: NDArray[np.floating]) -> Luma:
+def resampled(luma: Luma, pixels: NDArray[np.floating]) -> Luma:
     """Grey values of a picture at pixels (rows, columns, 2), zero outside it."""
     u, v = np.moveaxis(np.asarray(pixels, dtype=np.float32), -1, 0)
     grey = cv2.remap(luma, np.ascontiguousarray(u), np.ascontiguousarray(v), cv2.INTER_LINEAR)

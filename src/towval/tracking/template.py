@@ -31,12 +31,12 @@ CONSTANTS = TemplateConstants()
 
 @dataclass(frozen=True)
 class Template:
-    """What the top of a body looks like.
+    """What a planar target looks like.
 
     ``points`` (n, 2) in the body frame [m]; ``values`` (n,) grey levels; ``slopes`` (n, 3) change of the grey value
     with a motion (x, y, heading) of the body frame [1/m, 1/m, 1/rad]; ``tile`` (n,) number of the tile a point
-    belongs to, ``tiles`` how many there are; ``pixel_m`` the width of a pixel on the top [m]. The points are shuffled,
-    so that the first of them are an even choice.
+    belongs to, ``tiles`` how many there are; ``pixel_m`` the width of a pixel on the target [m]. The points are
+    shuffled, so that the first of them are an even choice.
     """
 
     points: Array
@@ -53,10 +53,10 @@ def clearance_m(body: Body, pixel_m: float) -> float:
 
 
 def make_template(luma: Luma, target: PlanarTarget, pose: Array, samples: int = 1024) -> Template | None:
-    """Template of a body's top, seen at ``pose`` (3,) in one picture.
+    """Template of a planar target, observed at ``pose`` (3,) in one picture.
 
-    The top is divided into ``samples`` square cells; from each the point with the steepest grey value is taken, since
-    that is where a displacement shows. None where fewer than ``least_points`` are left.
+    The target is divided into ``samples`` square cells; from each the point with the steepest grey value is taken,
+    since that is where a displacement shows. None where fewer than ``least_points`` are left.
     """
     low, high = target.body.top_corners_m.min(axis=0), target.body.top_corners_m.max(axis=0)
     pixel = target.metres_per_pixel(pose)

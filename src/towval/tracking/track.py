@@ -33,7 +33,7 @@ class TrackSettings:
     samples : int
         Points of the template; with fewer than 1024 the tracks carry a warning.
     coast_s : float
-        How long a body that is not seen is predicted, and marked so, before it counts as lost [s].
+        How long a body that is not observed is predicted, and marked so, before it counts as lost [s].
     forward_backward_px : float
         Largest distance between a KLT point and where it comes back to [px].
     """
@@ -122,7 +122,7 @@ def track_beside(
         else:
             for group in groups:
                 group.follow(time_s, luma)
-        camera_motion.look(time_s, luma)
+        camera_motion.check(time_s, luma)
         done += 1
         if progress is not None:
             progress(done)
@@ -161,8 +161,8 @@ class _Group:
             others = [other.place for other in self.followers if other is not follower]
             follower.follow(time_s, luma, [outline for outline in others if outline is not None])
 
-    def tracks(self, watched: tuple[Finding, ...]) -> dict[str, Track]:
-        findings = (*watched, *_judge_samples(self.settings))
+    def tracks(self, camera_findings: tuple[Finding, ...]) -> dict[str, Track]:
+        findings = (*camera_findings, *_judge_samples(self.settings))
         return {one.target.body.name: one.track(self.settings.method, findings) for one in self.followers}
 
 
