@@ -1,6 +1,6 @@
 """Which tuned constants the tests notice: each is halved and doubled, and the tests that read it run.
 
-    python -m studies.tables.mutants [MODULE ...] [--jobs 2] [--seconds 4]
+    python -m studies.tables.mutants [MODULE ...] [--jobs 2] [--seconds 4] [--tests 'test_*.py']
 
 A first pass runs the tests of both rooms without a change and keeps which test reads which constant, and how long it
 takes. Then each mutant runs in a forked process, its quickest test first, up to the first that fails. Integers stay
@@ -88,7 +88,7 @@ def noticed_by(work: tuple[Mutant, list[str]]) -> tuple[Mutant, str]:
     return mutant, watch.failed.rpartition("::")[2]
 
 
-def first_pass(modules: list[str]) -> tuple[list[Mutant], Watch]:
+def first_pass(modules: list[str], pattern: str) -> tuple[list[Mutant], Watch]:
     """All mutants of some modules, or of all, and what the tests of both rooms read; compiles what is compiled."""
     watch, mutants = Watch(), []
     for room in ROOMS:
@@ -98,7 +98,7 @@ def first_pass(modules: list[str]) -> tuple[list[Mutant], Watch]:
                 mutants += [Mutant(room, module, name, factor) for name in names for factor in (0.5, 2.0)]
                 watch.observe(module, constants)
     folders = [REPOSITORY / "tests" / room.rpartition(".")[2] for room in ROOMS]
-    run([str(f) for folder in folders for f in sorted(folder.glob("test_*.py")) if f.name not in SLOW], watch)
+    run([str(f) for folder in folders for f in sorted(folder.glob(pattern)) if f.name not in SLOW], watch)
     return mutants, watch
 
 
@@ -108,9 +108,10 @@ def main() -> None:
     parser.add_argument("modules", nargs="*")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--seconds", type=float, default=4.0, help="tests that take longer are left out")
+    parser.add_argument("--tests", default="test_*.py", help="files of tests, as test_*_limits.py for a quick look")
     given = parser.parse_args()
     os.chdir(REPOSITORY)
-    mutants, watch = first_pass(given.modules)
+    mutants, watch = first_pass(given.modules, given.tests)
     if watch.failed:
         parser.error(f"{watch.failed} fails without any mutant")
     work = []
