@@ -195,7 +195,7 @@ def test_slack_tether_is_named(cube, makkar):
     motion = feedback(cube, makkar, Tether(0.6, 1000), hinge, (0, 0, 0), [0, 1, 2])
     assert motion.outcome == Outcome.SLACK_ALL_ALONG
     assert (motion.pose == 0).all()
-    assert motion.findings
+    assert [found.code for found in motion.findings] == ["slack_all_along"]
 
 
 def test_tightening_is_not_stepped_over(cube, makkar):
@@ -222,6 +222,7 @@ def test_step_limit_is_named_and_the_motion_ends_early(cube, lap):
         cube, law, tether, hinge, start, np.linspace(0, 400, 401), accuracy=Accuracy(1e-8, step_limit=200)
     )
     assert motion.outcome == Outcome.STEP_LIMIT
+    assert [found.code for found in motion.findings] == ["step_limit"]
     assert 0 < len(motion.time_s) < 401
 
 

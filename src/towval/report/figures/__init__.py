@@ -3,6 +3,7 @@
 :mod:`towval.report.contents` places them on the page; :func:`towval.report.style.save_figure` writes a figure.
 """
 
+from towval.report.figures.agreement import agreement_figure, shares_figure
 from towval.report.figures.calibration import (
     coverage_figure,
     reprojection_figure,
@@ -12,7 +13,6 @@ from towval.report.figures.decimation import decimate_figure
 from towval.report.figures.errors import error_figure
 from towval.report.figures.runs import campaign_figure, run_figure
 from towval.report.figures.tracking import tracking_figure
-from towval.report.figures.uncertainty import agreement_figure, shares_figure
 
 __all__ = [
     "agreement_figure",
