@@ -9,6 +9,7 @@ import pytest
 from studies.tables.reference_pages import DOCS, PAGES
 from towval.model.errors import InputError
 from towval.model.findings import FINDINGS, Severity, finding, register
+from towval.model.inputs import INPUTS
 
 ROOT = Path(__file__).parents[2]
 
@@ -54,3 +55,9 @@ def test_the_package_makes_findings_through_the_table_alone():
 @pytest.mark.parametrize("name", PAGES)
 def test_the_printed_page_is_the_table(name):
     assert (DOCS / name).read_text() == PAGES[name](), "python -m studies.tables.reference_pages writes it"
+
+
+def test_a_consequence_widens_inputs_that_exist():
+    named = {name for row in FINDINGS.values() for name in row.consequence.widens}
+    # The noise of the tracks is drawn frame by frame and is no row of the table of inputs.
+    assert named <= {*INPUTS, "tracking"}

@@ -38,7 +38,7 @@ class Consequence:
     """What a finding means for the verdict of a run.
 
     ``judged`` is false where the comparison cannot say anything about the model; ``widens`` names the inputs (keys of
-    :data:`towval.validation.inputs.INPUTS`) whose stated deviations are too small once the finding is there.
+    :data:`towval.model.inputs.INPUTS`) whose stated deviations are too small once the finding is there.
     """
 
     judged: bool = True

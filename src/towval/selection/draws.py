@@ -1,4 +1,4 @@
-"""Goes with the stage uncertainty: how many draws a run needs."""
+"""Model selection for the stage uncertainty: how many draws a run needs."""
 
 from __future__ import annotations
 

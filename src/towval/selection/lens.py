@@ -1,4 +1,4 @@
-"""Goes with the stage calibrate: what the next larger lens model would have changed."""
+"""Model selection for the stage calibrate: what the next larger lens model would have changed."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from towval.optics.projection import to_plane
 def with_lens_choice(
     calibration: Calibration, reference: FloorReference, settings: CalibrateSettings, height_m: float
 ) -> Calibration:
-    """The calibration with what the next larger lens model would have changed on the plane of a top."""
+    """The calibration with what the next larger lens model would have changed on the plane of a target."""
     models, chosen = list(LENS_MODELS), calibration.camera.lens_model
     place = models.index(chosen)
     following = models[place + 1] if place + 1 < len(models) else models[place - 1]

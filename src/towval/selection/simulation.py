@@ -1,4 +1,4 @@
-"""Goes with the stage simulate: which model and tolerance a run needs."""
+"""Model selection for the stage simulate: which model and tolerance a run needs."""
 
 from __future__ import annotations
 

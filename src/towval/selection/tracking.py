@@ -1,4 +1,4 @@
-"""Goes with the stage track: how many points of the template the footage needs."""
+"""Model selection for the stage track: how many points of the template the footage needs."""
 
 from __future__ import annotations
 

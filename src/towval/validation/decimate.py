@@ -1,4 +1,4 @@
-"""Stage decimate: thin densely packed poses to those that the measured noise can tell apart.
+"""Stage decimate: thin densely packed poses to those that the measured noise can distinguish.
 
 Where a rover stands or creeps, its track piles up poses that differ by noise alone. A pause becomes one pose with two
 ends; elsewhere a C1 cubic through as few kept times as possible replaces the poses. The rule, its bound and its limits
@@ -80,7 +80,7 @@ def decimate(track: Track, settings: DecimateSettings | None = None) -> Decimate
     seen = np.flatnonzero(track.seen)
     if len(seen) < _MINIMUM_FRAMES:
         raise RefusedError(
-            f"the {track.body} track is too short to thin",
+            f"the {track.body} track is too short to decimate",
             got=f"{len(seen)} tracked frames",
             allowed=f"at least {_MINIMUM_FRAMES}",
             remedy="look at the stage track's findings for this run",

@@ -79,7 +79,7 @@ class IdentifySettings:
 class MeasuredRun:
     """What identification needs of a run.
 
-    ``name``; the thinned tracks of both bodies and the object's track; ``time_s`` (n,) at which it was simulated and
+    ``name``; the decimated tracks of both bodies and the object's track; ``time_s`` (n,) at which it was simulated and
     ``measurement`` (n, 3, 3) the covariance of the measured pose there; ``rung`` of the model that simulated it.
     """
 
@@ -98,7 +98,7 @@ def identify(
     """Fit inputs to runs by least squares over the simulation, and predict each run from all others.
 
     The residual is the error's mean over 24 blocks of time, in which stick and slip average out, in units of the
-    deviation u_D of the measurement there. How errors of the measurement hang together in time is not known here, so
+    deviation u_D of the measurement there. The correlation in time of measurement errors is not known here, so
     they are counted twice: once as independent from block to block, once as one unknown for all blocks of a run (a
     camera's, a start's). The covariance of the values is ``((JᵀJ)⁻¹ + A Σ Aᵀ) max(1, χ²) + A B Bᵀ Aᵀ`` with
     ``A = (JᵀJ)⁻¹Jᵀ``, Σ the covariance of the residuals in the second case, χ² reduced, and the columns of B what the

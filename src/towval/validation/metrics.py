@@ -66,7 +66,7 @@ def area_metric(error: ArrayLike, std: ArrayLike) -> float:
 
     SOURCE: Ferson, Oberkampf and Ginzburg, Model validation and predictive capability for the thermal challenge
     problem, 2008: ``d = ∫ |F(x) − S(x)| dx``. S is the empirical distribution function of the error, F the mean of the
-    normal ones with the deviations at the same times. Nought for an error that scatters as predicted; ``|b|`` for an
+    normal ones with the deviations at the same times. Zero for an error that scatters as predicted; ``|b|`` for an
     error that is b all along where nothing was uncertain. It grows where the error is too large and, more slowly, where
     it is smaller than predicted.
 
@@ -93,7 +93,7 @@ def area_metric(error: ArrayLike, std: ArrayLike) -> float:
     edges = np.linspace(-reach, reach, _AREA_STEPS + 1)
     middle = 0.5 * (edges[1:] + edges[:-1])
     empirical = np.searchsorted(errors, middle, side="right") / len(errors)
-    # A deviation of nought is a step at zero, which a tiny one draws just as well.
+    # A deviation of zero is a step, which a tiny one represents as well.
     predicted = ndtr(middle[:, None] / np.maximum(stds, 1e-12 * reach)).mean(axis=1)
     return float(np.abs(predicted - empirical).sum() * (edges[1] - edges[0]))
 

@@ -369,7 +369,7 @@ def _difference(pose: Array, other: Array) -> Array:
 
 
 def _mean_square(error: Array) -> Array:
-    """Second moments (n, 3, 3) about nought over the first axis of errors (k, n, 3)."""
+    """Second moments (n, 3, 3) about zero over the first axis of errors (k, n, 3)."""
     return np.asarray(np.einsum("kni,knj->nij", error, error) / len(error))
 
 
