@@ -54,7 +54,7 @@ def run(
         )
     given = load_campaign(campaign)
     bodies = read_decimated(decimated)
-    tracked = read_tracks(track)["object"]
+    tracked = read_tracks(track, features=False)["object"]
     inputs = {path.name: path for path in (track, decimated, camera) if path is not None}
     measured = np.inf
     if camera is not None:

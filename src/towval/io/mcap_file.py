@@ -112,8 +112,8 @@ def read_provenance(path: Path) -> dict[str, str]:
         return next((dict(record.metadata) for record in records if record.name == _PROVENANCE), {})
 
 
-def read_mcap(path: Path) -> McapContent:
-    """Read an MCAP file, verifying its checksums.
+def read_mcap(path: Path, without: tuple[str, ...] = ()) -> McapContent:
+    """Read an MCAP file, verifying its checksums; topics that end in one of ``without`` are not decoded.
 
     Raises
     ------
@@ -128,6 +128,8 @@ def read_mcap(path: Path) -> McapContent:
         for schema, channel, message in reader.iter_messages():
             if schema is None:
                 raise McapError(f"the channel {channel.topic} has no schema")
+            if channel.topic.endswith(without):
+                continue
             value = TYPESTORE.deserialize_cdr(message.data, schema.name)
             topics[channel.topic].append(Message(channel.topic, message.log_time, value))
         for attachment in reader.iter_attachments():

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from scipy.spatial.transform import Rotation
-
 from towval.io import ros
 from towval.io.mcap_file import Message, read_mcap, write_mcap
 from towval.io.records.details import arrays, choices_in, choices_out, details_with, findings_in, findings_out, plain
@@ -63,6 +61,9 @@ def read_calibration(path: Path) -> Calibration:
 
 def camera_place(floor: Floor, time_s: float) -> Message:
     """The camera in the floor frame, on ``/tf_static``."""
+    # Here, because only writing needs it and scipy.spatial takes longer to import than the rest of the records.
+    from scipy.spatial.transform import Rotation  # noqa: PLC0415
+
     quaternion = Rotation.from_matrix(floor.T_camera_floor[:3, :3].T).as_quat()
     static = ros.rigid_transform(time_s, FLOOR_FRAME, CAMERA_FRAME, floor.camera_position_m, quaternion)
     return Message("/tf_static", ros.nanoseconds(time_s), static)

@@ -72,15 +72,15 @@ def _frame_messages(tracks: dict[str, Track]) -> Iterator[Message]:
         yield Message("/diagnostics", ros.nanoseconds(t), ros.diagnostics(t, entries))
 
 
-def read_tracks(path: Path) -> dict[str, Track]:
-    """Read ``track.mcap``: the track of each body by name.
+def read_tracks(path: Path, *, features: bool = True) -> dict[str, Track]:
+    """Read ``track.mcap``: the track of each body by name, on request without its features, which take most time.
 
     Raises
     ------
     InputError
         When the file is missing, damaged or holds no tracks.
     """
-    content = read_mcap(path)
+    content = read_mcap(path, without=("/tf",) if features else ("/tf", "/features"))
     if not content.details or not content.values("/diagnostics"):
         raise InputError(f"{path} holds no tracks", allowed="a file that the stage track made")
     try:
