@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TypeGuard
+import numbers
+from dataclasses import fields
+from typing import Any, TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,7 +33,10 @@ def locked(values: ArrayLike, name: str, shape: tuple[int | None, ...], *, finit
     InputError
         When the shape or a value is not as asked.
     """
-    array: Array = values if _is_locked(values) else np.array(values, dtype=np.float64)
+    try:
+        array: Array = values if _is_locked(values) else np.array(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} is no array of numbers", got=_brief(values), allowed="numbers") from None
     if array.ndim != len(shape) or any(want not in (None, have) for want, have in zip(shape, array.shape, strict=True)):
         wanted = " × ".join("any" if n is None else str(n) for n in shape)
         raise InputError(f"{name} has the wrong shape", got=array.shape, allowed=wanted)
@@ -61,6 +66,34 @@ def positive(self: object, *names: str, zero: bool = False) -> None:
     """Refuse named fields that are not finite and above zero, or zero itself where ``zero`` allows it."""
     for name in names:
         value = getattr(self, name)
+        if isinstance(value, bool) or not isinstance(value, numbers.Real):
+            raise InputError(f"{type(self).__name__}.{name} is no number", got=_brief(value), allowed="a number")
         if not (np.isfinite(value) and (value > 0 or (zero and value == 0))):
             allowed = "a finite number, zero or more" if zero else "a finite number above zero"
             raise InputError(f"{type(self).__name__}.{name} is out of range", got=value, allowed=allowed)
+
+
+def instance_of(value: object, name: str, *kinds: type) -> None:
+    """Refuse an argument that is of none of the types."""
+    if not isinstance(value, kinds):
+        allowed = " or ".join(kind.__name__ for kind in kinds)
+        raise InputError(f"{name} is of the wrong type", got=_brief(value), allowed=allowed)
+
+
+def short_repr(self: Any) -> str:
+    """A ``__repr__`` for results: long arrays and tuples by their size, one field a line."""
+    named = [(name, getattr(self, name)) for name in getattr(self, "_fields", None) or (f.name for f in fields(self))]
+    return f"{type(self).__name__}(\n" + "".join(f"  {name}={_brief(value)},\n" for name, value in named) + ")"
+
+
+def _brief(value: Any) -> str:
+    if isinstance(value, np.ndarray) and value.size > 6:
+        return f"<array {' × '.join(map(str, value.shape))}>"
+    if isinstance(value, np.ndarray):
+        return str(value.tolist())
+    if (isinstance(value, tuple | list | dict) and len(value) > 3) or (isinstance(value, tuple) and value):
+        return f"<{len(value)} item{'s' * (len(value) > 1)}>"
+    if hasattr(value, "__dataclass_fields__") or hasattr(value, "_fields"):
+        return f"<{type(value).__name__}>"
+    text = repr(value)
+    return text if len(text) <= 80 else text[:77] + "..."

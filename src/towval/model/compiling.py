@@ -18,14 +18,17 @@ import shutil
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from numba import config, njit
 
 _KEPT = 3  # Caches of a folder: a branch and the one it came from, and one to spare.
 
 
-def compiled(allocates: bool = True, **options: Any) -> Callable[[Callable], Callable]:
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+def compiled(allocates: bool = True, **options: Any) -> Callable[[Function], Function]:
     """Decorator factory for a function in a numerical inner loop: use as ``@compiled()``.
 
     Parameters
@@ -40,11 +43,12 @@ def compiled(allocates: bool = True, **options: Any) -> Callable[[Callable], Cal
     # No way in from C either: nobody calls by one, and it takes a sixth of the time of compiling.
     settings |= {"_nrt": allocates, "no_cfunc_wrapper": True} | options
 
-    def compile_later(function: Callable) -> Callable:
+    def compile_later(function: Function) -> Function:
         users_choice = config.CACHE_DIR
         config.CACHE_DIR = str(_cache_folder(Path(inspect.getfile(function)).resolve().parent, users_choice))
         try:
-            return njit(**settings)(function)
+            dispatcher: Function = njit(**settings)(function)
+            return dispatcher
         finally:
             config.CACHE_DIR = users_choice
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from towval.model.checks import Array, lock, locked
+from towval.model.checks import Array, lock, locked, short_repr
 from towval.model.choices import Choice
 from towval.model.errors import InputError
 from towval.model.findings import Finding
@@ -19,6 +19,8 @@ class TimedPath:
 
     time_s: Array
     position: Array
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         lock(self, time_s=(None,), position=(len(self.time_s), 2))
@@ -48,6 +50,8 @@ class SimulatedMotion:
     findings: tuple[Finding, ...] = ()
     statistics: dict[str, float] = field(default_factory=dict)
     choices: tuple[Choice, ...] = ()
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         n = len(self.time_s)

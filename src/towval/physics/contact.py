@@ -21,6 +21,7 @@ import shapely
 from numpy.typing import ArrayLike
 
 from towval.model import Array, Patch, TowedObject, locked
+from towval.model.checks import instance_of, short_repr
 from towval.model.compiling import compiled
 from towval.model.conventions import GRAVITY_M_PER_S2
 from towval.model.errors import InputError, RefusedError
@@ -29,8 +30,8 @@ from towval.model.geometry import polygon_area
 RESIDUAL_LIMIT = 1e-10
 """Largest equilibrium residual that is vouched for, as a part of N and of N times the footprint's size."""
 
-_EDGE_DISTANCE_LIMIT = 1e-9  # of the size: closer to the hull's edge the contact is a line, and no pressure is finite
-_STEP_LIMIT = 200
+EDGE_DISTANCE_LIMIT = 1e-9  # of the size: closer to the hull's edge the contact is a line, and no pressure is finite
+STEP_LIMIT = 200
 
 
 @dataclass(frozen=True)
@@ -59,6 +60,8 @@ class PressurePlane:
     rings: tuple[Array, ...]
     residual: float
     iterations: int
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "coefficients", locked(self.coefficients, "PressurePlane.coefficients", (3,)))
@@ -99,11 +102,12 @@ def resultant(loads: Iterable[tuple[float, ArrayLike]]) -> tuple[float, Array]:
     RefusedError
         When the loads do not press the object to the floor.
     """
-    loads = [(float(force), locked(place, "place of a load", (2,))) for force, place in loads]
-    total = sum(force for force, _ in loads)
+    forces = [(float(force), locked(place, "place of a load", (2,))) for force, place in loads]
+    total = sum((force for force, _ in forces), start=0.0)
     if not total > 0 or not np.isfinite(total):
         raise RefusedError("the loads do not press the object to the floor", got=f"{total} N", allowed="above zero")
-    return total, sum(force * place for force, place in loads) / total
+    moment: Array = sum((force * place for force, place in forces), start=np.zeros(2))
+    return total, moment / total
 
 
 def pressure_plane(patch: Patch, loads: Sequence[tuple[float, ArrayLike]]) -> PressurePlane:
@@ -129,32 +133,64 @@ def pressure_plane(patch: Patch, loads: Sequence[tuple[float, ArrayLike]]) -> Pr
     RefusedError
         When the loads act outside the convex hull of the footprint, where the object tips over, or so close to its
         edge (1e-9 of the size) that the contact degenerates to a line.
+
+    Examples
+    --------
+    A load of 50 N on a square of 0.4 m presses it evenly; off the middle by a quarter of the side, on 3/4 of it.
+
+    >>> square = Patch([[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]])
+    >>> round(pressure_plane(square, [(50.0, (0.0, 0.0))]).pressure((0.1, 0.1)).item(), 6)
+    312.5
+    >>> round(pressure_plane(square, [(50.0, (0.1, 0.0))]).contact_area / 0.16, 6)
+    0.75
     """
+    instance_of(patch, "patch", Patch)
     polygon = footprint_polygon(patch)
     normal_force, centre = resultant(loads)
-    size = _size(patch)
-    _refuse_tipping(polygon, centre, size)
-    rings = _oriented_rings(polygon)
+    size = footprint_size(patch)
+    refuse_tipping(polygon, centre, size)
+    rings = oriented_rings(polygon)
     vertices = (np.concatenate(rings) - centre) / size
     ring_ends = np.cumsum([len(ring) for ring in rings])
     plane = np.empty(3)
-    iterations = _solve_plane(vertices, ring_ends, _STEP_LIMIT, plane)
+    iterations = solve_plane(vertices, ring_ends, STEP_LIMIT, plane)
     contact = _in_contact(rings, polygon, plane, centre, size)
     residual = _residual(contact, plane, centre, size)
     if not residual <= RESIDUAL_LIMIT:
-        raise RefusedError(
-            "the pressure under the footprint did not converge",
-            got=f"residual {residual:.2e} after {iterations} steps",
-            allowed=f"at most {RESIDUAL_LIMIT:.0e}",
-            remedy="check the footprint for slivers much thinner than its size",
-        )
-    gradient = plane[1:] * normal_force / size**3
-    coefficients = [*gradient, plane[0] * normal_force / size**2 - gradient @ centre]
+        raise not_converged(residual)
+    coefficients = in_body_frame(plane, normal_force, centre, size)
     return PressurePlane(coefficients, normal_force, centre, contact, residual, iterations)
 
 
+def not_converged(residual: float) -> RefusedError:
+    """The error of a pressure whose equilibrium is not met."""
+    return RefusedError(
+        "the pressure under the footprint did not converge",
+        got=f"residual {residual:.2e}",
+        allowed=f"at most {RESIDUAL_LIMIT:.0e}",
+        remedy="check the footprint for slivers much thinner than its size",
+    )
+
+
+def in_body_frame(plane: Array, force: ArrayLike, centre: Array, size: float) -> Array:
+    """Coefficients (..., 3) of planes (..., 3) for unit force and size about the centres of pressure (..., 2)."""
+    force = np.asarray(force)[..., None]
+    gradient = plane[..., 1:] * force / size**3
+    constant = plane[..., :1] * force / size**2 - np.sum(gradient * centre, axis=-1, keepdims=True)
+    return np.concatenate([gradient, constant], axis=-1)
+
+
 def resting_pressure(towed: TowedObject) -> PressurePlane:
-    """Pressure under an object at rest, its weight acting at its centre of mass; raises as :func:`pressure_plane`."""
+    """Pressure under an object at rest, its weight acting at its centre of mass; raises as :func:`pressure_plane`.
+
+    Examples
+    --------
+    >>> square = Patch([[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]])
+    >>> towed = TowedObject(square, 5.0, (0.0, 0.0), 0.13, (0.2, 0.0))
+    >>> round(resting_pressure(towed).normal_force, 2)
+    49.05
+    """
+    instance_of(towed, "towed", TowedObject)
     return pressure_plane(towed.patch, [(towed.mass * GRAVITY_M_PER_S2, towed.centre_of_mass)])
 
 
@@ -170,16 +206,17 @@ def footprint_polygon(patch: Patch) -> shapely.Polygon:
     return shapely.orient_polygons(polygon)
 
 
-def _size(patch: Patch) -> float:
+def footprint_size(patch: Patch) -> float:
     """Diagonal of the box around the footprint [m]."""
     return float(np.linalg.norm(np.ptp(patch.outline, axis=0)))
 
 
-def _refuse_tipping(polygon: shapely.Polygon, centre: Array, size: float) -> None:
+def refuse_tipping(polygon: shapely.Polygon, centre: Array, size: float) -> None:
+    """Raise RefusedError where the centre of the loads is outside the convex hull of the footprint, or on its edge."""
     hull, point = polygon.convex_hull, shapely.Point(centre)
     distance = hull.exterior.distance(point)
-    if not hull.contains(point) or distance < _EDGE_DISTANCE_LIMIT * size:
-        side = "on the edge of" if distance < _EDGE_DISTANCE_LIMIT * size else f"{distance:.4g} m outside"
+    if not hull.contains(point) or distance < EDGE_DISTANCE_LIMIT * size:
+        side = "on the edge of" if distance < EDGE_DISTANCE_LIMIT * size else f"{distance:.4g} m outside"
         raise RefusedError(
             "the object tips over: its loads act outside the footprint",
             got=f"{tuple(centre.tolist())} m, {side} the convex hull of the footprint",
@@ -188,7 +225,7 @@ def _refuse_tipping(polygon: shapely.Polygon, centre: Array, size: float) -> Non
         )
 
 
-def _oriented_rings(polygon: shapely.Polygon) -> list[Array]:
+def oriented_rings(polygon: shapely.Polygon) -> list[Array]:
     """Rings of an oriented polygon as open arrays of corners."""
     return [shapely.get_coordinates(ring)[:-1] for ring in (polygon.exterior, *polygon.interiors)]
 
@@ -208,14 +245,14 @@ def _in_contact(
     box = foot + 4 * np.array([-across, across, across + along, along - across])
     kept = shapely.orient_polygons(polygon.intersection(shapely.Polygon(centre + size * box)))
     parts = [part for part in getattr(kept, "geoms", [kept]) if isinstance(part, shapely.Polygon)]
-    return tuple(ring for part in parts for ring in _oriented_rings(part))
+    return tuple(ring for part in parts for ring in oriented_rings(part))
 
 
 def _residual(contact: tuple[Array, ...], plane: Array, centre: Array, size: float) -> float:
     vertices = (np.concatenate(contact) - centre) / size
     moments = np.empty(6)
-    _clipped_moments(vertices, np.cumsum([len(ring) for ring in contact]), 1.0, 0.0, 0.0, moments)
-    return max(map(abs, _imbalance(moments, *plane)))
+    clipped_moments(vertices, np.cumsum([len(ring) for ring in contact]), 1.0, 0.0, 0.0, moments)
+    return max(map(abs, imbalance(moments, *plane)))
 
 
 @compiled(allocates=False)
@@ -231,7 +268,7 @@ def _add_edge(m: Array, x0: float, y0: float, x1: float, y1: float) -> None:
 
 
 @compiled(allocates=False)
-def _clipped_moments(vertices: Array, ring_ends: Array, c: float, a: float, b: float, m: Array) -> None:
+def clipped_moments(vertices: Array, ring_ends: Array, c: float, a: float, b: float, m: Array) -> None:
     """Moments 1, x, y, xx, xy, yy of the rings where ``c + a x + b y > 0``, into ``m`` (6,).
 
     Clipping ring by ring leaves seams along the cut; they run there and back and cancel in Green's sums.
@@ -280,21 +317,21 @@ def _plane_on(m: Array) -> tuple[float, float, float]:
 
 
 @compiled(allocates=False)
-def _imbalance(m: Array, c: float, a: float, b: float) -> tuple[float, float, float]:
+def imbalance(m: Array, c: float, a: float, b: float) -> tuple[float, float, float]:
     """Force and moments ∫p, ∫xp, ∫yp of a plane over a region with moments ``m``, less the unit load at the origin."""
     return m[0] * c + m[1] * a + m[2] * b - 1.0, m[1] * c + m[3] * a + m[4] * b, m[2] * c + m[4] * a + m[5] * b
 
 
 @compiled()
-def _solve_plane(vertices: Array, ring_ends: Array, step_limit: int, best: Array) -> int:
+def solve_plane(vertices: Array, ring_ends: Array, step_limit: int, best: Array) -> int:
     """Minimise Φ for unit force at the origin; the plane (pressure there, slopes) into ``best``. Returns the steps."""
     m = np.empty(6)
-    _clipped_moments(vertices, ring_ends, 1.0, 0.0, 0.0, m)
+    clipped_moments(vertices, ring_ends, 1.0, 0.0, 0.0, m)
     c, a, b = _plane_on(m)
-    _clipped_moments(vertices, ring_ends, c, a, b, m)
+    clipped_moments(vertices, ring_ends, c, a, b, m)
     best_residual = np.inf
     for iteration in range(step_limit):
-        g0, g1, g2 = _imbalance(m, c, a, b)
+        g0, g1, g2 = imbalance(m, c, a, b)
         residual = max(abs(g0), abs(g1), abs(g2))
         # Newton doubles the digits; once it no longer halves a small residual, rounding is all that is left.
         settled = best_residual < RESIDUAL_LIMIT and residual > 0.5 * best_residual
@@ -308,8 +345,8 @@ def _solve_plane(vertices: Array, ring_ends: Array, step_limit: int, best: Array
         fraction = 1.0
         while True:
             trial_c, trial_a, trial_b = c + fraction * dc, a + fraction * da, b + fraction * db
-            _clipped_moments(vertices, ring_ends, trial_c, trial_a, trial_b, m)
-            t0, t1, t2 = _imbalance(m, trial_c, trial_a, trial_b)
+            clipped_moments(vertices, ring_ends, trial_c, trial_a, trial_b, m)
+            t0, t1, t2 = imbalance(m, trial_c, trial_a, trial_b)
             # Φ is convex: its slope along the step grows from −descent; where it has come to +descent / 2 we went
             # too far. Slopes, unlike values of Φ, keep their digits near the solution.
             if m[0] > 0 and t0 * dc + t1 * da + t2 * db <= 0.5 * descent + 1e-15:

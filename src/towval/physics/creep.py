@@ -20,6 +20,16 @@ def creep_length(motion: SimulatedMotion, towed: TowedObject, stiction_velocity:
     towed : TowedObject
     stiction_velocity : float
         Speed at which friction is fully there [m/s].
+
+    Examples
+    --------
+    >>> from towval.physics import *
+    >>> square = Patch([[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]])
+    >>> towed = TowedObject(square, 5.0, (0.0, 0.0), 0.13, (0.2, 0.0))
+    >>> hinge = TimedPath([0.0, 100.0], [[0.8, 0.0], [0.8, 0.01]])  # slower than the stiction velocity
+    >>> motion = feedback(towed, Coulomb(0.35, 1e-3), Tether(0.6, 1000.0), hinge, (0.0, 0.0, 0.0), [0.0, 50.0, 100.0])
+    >>> bool(creep_length(motion, towed, 1e-3) > 0)
+    True
     """
     reach = float(np.linalg.norm(towed.patch.outline, axis=1).max())
     speed = np.linalg.norm(motion.twist[:, :2], axis=1) + reach * np.abs(motion.twist[:, 2])

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from towval.model import Array, Finding, FrictionLaw, SimulatedMotion, Tether, TimedPath, TowedObject, locked
+from towval.model.checks import instance_of
 from towval.model.errors import InputError
 from towval.model.findings import finding
 from towval.model.geometry import transform
@@ -133,6 +134,16 @@ def feedback(
     ------
     InputError
         When the times are not covered by the hinge's way, or are no times.
+
+    Examples
+    --------
+    >>> from towval.physics import *
+    >>> square = Patch([[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]])
+    >>> towed = TowedObject(square, 5.0, (0.0, 0.0), 0.13, (0.2, 0.0))
+    >>> hinge = TimedPath([0.0, 10.0], [[0.8, 0.0], [1.8, 0.0]])  # 0.1 m/s along x
+    >>> motion = feedback(towed, Coulomb(0.35, 1e-3), Tether(0.6, 1000.0), hinge, (0.0, 0.0, 0.0), [0.0, 10.0])
+    >>> motion.outcome, motion.pose[-1].round(2) + 0.0  # it lags behind 1 m by the stretch under μ N = 17.2 N
+    ('converged', array([0.98, 0.  , 0.  ]))
     """
     times = checked_times(times)
     drive = spline_covering(hinge, times, "the way of the hinge")
@@ -163,6 +174,16 @@ def feedforward(
 
     A force does not fix a path: where friction no longer rises with speed, the least error of it adds up. So the motion
     is computed again under 0.1 % more force, and the finding "open_loop" says how far that leads away.
+
+    Examples
+    --------
+    >>> from towval.physics import *
+    >>> square = Patch([[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]])
+    >>> towed = TowedObject(square, 5.0, (0.0, 0.0), 0.13, (0.2, 0.0))
+    >>> force = TimedPath([0.0, 1.0], [[20.0, 0.0], [20.0, 0.0]])
+    >>> motion = feedforward(towed, Coulomb(0.35, 1e-3), force, (0.0, 0.0, 0.0), [0.0, 1.0])
+    >>> motion.twist[-1].round(2) + 0.0  # (20 N − μ N) / m · 1 s
+    array([0.57, 0.  , 0.  ])
     """
     times = checked_times(times)
     drive = spline_covering(force, times, "the force")
@@ -196,6 +217,8 @@ def checked_times(times: ArrayLike) -> Array:
 
 def motion_scene(towed: TowedObject, law: FrictionLaw | SlidingPatch, tether: Tether, drive: Spline) -> MotionProblem:
     """A towed object, what it slides on and what draws it, laid out for the compiled right-hand side."""
+    instance_of(towed, "towed", TowedObject)
+    instance_of(tether, "tether", Tether)
     patch = law if isinstance(law, SlidingPatch) else sliding_patch(resting_pressure(towed), law)
     body = [towed.mass, towed.inertia, *(patch.origin - towed.centre_of_mass), *(towed.anchor - towed.centre_of_mass)]
     return MotionProblem(patch, np.array(body), np.array([tether.stiffness, tether.rest_length, tether.damping]), drive)
@@ -244,7 +267,7 @@ def _motion(
     poses = np.column_stack([states[:, :2] + offset, headings])
     turning = rates[:, None] * np.column_stack([-offset[:, 1], offset[:, 0]])
     twists = np.column_stack([states[:, 3:5] + turning, rates])
-    findings = ()
+    findings: tuple[Finding, ...] = ()
     if outcome != Outcome.CONVERGED:
         code, end_s = str(outcome).replace(" ", "_"), times[len(states) - 1]
         findings = (finding(code, outcome=outcome, time_s=end_s, advice=ADVICE[outcome]),)

@@ -18,6 +18,7 @@ import math
 import numpy as np
 
 from towval.model import Array, FrictionLaw, check_friction_law
+from towval.model.checks import instance_of
 from towval.model.compiling import compiled
 from towval.model.errors import InputError
 from towval.model.friction import ScaledLaw
@@ -48,6 +49,7 @@ def friction_table(law: FrictionLaw) -> Array:
         the first part, the plateau μ_∞ and c_n in ``m_n → μ_∞/(n+1) + c_n/u^(n+1)``. Then, for each part, each power
         of the local variable in [−1, 1] and each of μ, m_1, m_2, m_3, a coefficient.
     """
+    instance_of(law, "friction law", FrictionLaw)
     if isinstance(law, ScaledLaw):  # Uncertainty draws hundreds of them: the table is linear in the law.
         base = friction_table(law.law)
         table = base * law.factor

@@ -128,6 +128,16 @@ def choose_rung(
     Returns
     -------
     LadderChoice
+
+    Examples
+    --------
+    >>> from towval.physics import *
+    >>> square = Patch([[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]])
+    >>> towed = TowedObject(square, 5.0, (0.0, 0.0), 0.13, (0.2, 0.0))
+    >>> hinge = TimedPath([0.0, 10.0], [[0.8, 0.0], [1.8, 0.0]])
+    >>> scene = towed, Coulomb(0.35, 1e-3), Tether(0.6, 1000.0), hinge, (0.0, 0.0, 0.0), [0.0, 10.0]
+    >>> choose_rung(*scene, 0.05).rung
+    'tractrix'
     """
     patch = law if isinstance(law, SlidingPatch) else sliding_patch(resting_pressure(towed), law)
     scene = (towed, patch, tether, hinge, start_pose, times)
@@ -136,7 +146,7 @@ def choose_rung(
 
 def lowest_rung(towed: TowedObject, tolerance_m: float, run: Callable[[str], SimulatedMotion]) -> LadderChoice:
     """As :func:`choose_rung`, with a function that simulates the scene by the rung of a name."""
-    if not tolerance_m > 0:
+    if isinstance(tolerance_m, str) or not tolerance_m > 0:
         raise InputError(
             "the tolerance of the ladder is out of range", got=tolerance_m, allowed="above zero, in metres"
         )

@@ -9,6 +9,7 @@ The functions here can be called in compiled code alone.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from llvmlite import ir
@@ -31,17 +32,23 @@ class Lanes(types.Type):
 _LANES = Lanes()
 
 
+def _intrinsic(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Numba's decorator; in compiled code the function takes neither context nor types but the values."""
+    made: Callable[..., Any] = intrinsic(function)
+    return made
+
+
 @register_model(Lanes)
 class _LanesModel(models.PrimitiveModel):
     def __init__(self, manager: Any, numba_type: types.Type) -> None:
         super().__init__(manager, numba_type, _VECTOR)
 
 
-@intrinsic
-def lanes(typing_context: Any, a: types.Type, b: types.Type, c: types.Type, d: types.Type) -> tuple:
+@_intrinsic
+def lanes(typing_context: Any, a: types.Type, b: types.Type, c: types.Type, d: types.Type) -> tuple[Any, Any]:
     """Four floats as lanes."""
 
-    def generate(context: Any, builder: ir.IRBuilder, signature: Any, arguments: tuple) -> ir.Value:
+    def generate(context: Any, builder: ir.IRBuilder, signature: Any, arguments: tuple[Any, ...]) -> ir.Value:
         vector = ir.Constant(_VECTOR, ir.Undefined)
         for i, value in enumerate(arguments):
             vector = builder.insert_element(vector, value, ir.Constant(_INDEX, i))
@@ -50,11 +57,11 @@ def lanes(typing_context: Any, a: types.Type, b: types.Type, c: types.Type, d: t
     return _LANES(*(types.float64,) * _WIDTH), generate
 
 
-@intrinsic
-def load_lanes(typing_context: Any, array: types.Array, index: types.Type) -> tuple:
+@_intrinsic
+def load_lanes(typing_context: Any, array: types.Array, index: types.Type) -> tuple[Any, Any]:
     """The four floats of a contiguous array from an index on, which is not checked."""
 
-    def generate(context: Any, builder: ir.IRBuilder, signature: Any, arguments: tuple) -> ir.Value:
+    def generate(context: Any, builder: ir.IRBuilder, signature: Any, arguments: tuple[Any, ...]) -> ir.Value:
         data = arrayobj.make_array(signature.args[0])(context, builder, arguments[0]).data
         first = builder.bitcast(builder.gep(data, [arguments[1]]), _VECTOR.as_pointer())
         return builder.load(first, align=8)
@@ -62,32 +69,32 @@ def load_lanes(typing_context: Any, array: types.Array, index: types.Type) -> tu
     return _LANES(array, types.uint64), generate
 
 
-@intrinsic
-def multiply_add(typing_context: Any, a: types.Type, b: types.Type, c: types.Type) -> tuple:
+@_intrinsic
+def multiply_add(typing_context: Any, a: types.Type, b: types.Type, c: types.Type) -> tuple[Any, Any]:
     """``a b + c`` of lanes, lane by lane, with one rounding where the machine can."""
 
-    def generate(context: Any, builder: ir.IRBuilder, signature: Any, arguments: tuple) -> ir.Value:
+    def generate(context: Any, builder: ir.IRBuilder, signature: Any, arguments: tuple[Any, ...]) -> ir.Value:
         a, b, c = arguments
         return builder.fadd(builder.fmul(a, b, flags=("contract",)), c, flags=("contract",))
 
     return _LANES(_LANES, _LANES, _LANES), generate
 
 
-@intrinsic
-def multiply(typing_context: Any, a: types.Type, b: types.Type) -> tuple:
+@_intrinsic
+def multiply(typing_context: Any, a: types.Type, b: types.Type) -> tuple[Any, Any]:
     """``a b`` of lanes, lane by lane."""
 
-    def generate(context: Any, builder: ir.IRBuilder, signature: Any, arguments: tuple) -> ir.Value:
+    def generate(context: Any, builder: ir.IRBuilder, signature: Any, arguments: tuple[Any, ...]) -> ir.Value:
         return builder.fmul(*arguments, flags=("contract",))
 
     return _LANES(_LANES, _LANES), generate
 
 
-@intrinsic
-def unpacked(typing_context: Any, vector: types.Type) -> tuple:
+@_intrinsic
+def unpacked(typing_context: Any, vector: types.Type) -> tuple[Any, Any]:
     """The four lanes as a tuple of floats."""
 
-    def generate(context: Any, builder: ir.IRBuilder, signature: Any, arguments: tuple) -> ir.Value:
+    def generate(context: Any, builder: ir.IRBuilder, signature: Any, arguments: tuple[Any, ...]) -> ir.Value:
         values = [builder.extract_element(arguments[0], ir.Constant(_INDEX, i)) for i in range(_WIDTH)]
         return context.make_tuple(builder, signature.return_type, values)
 

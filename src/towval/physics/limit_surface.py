@@ -64,6 +64,15 @@ def limit_surface_wrench(surface: LimitSurface, twist: ArrayLike) -> Array:
     surface : LimitSurface
     twist : array_like (3,)
         Velocity of the body frame's origin and heading rate, body axes [m/s, m/s, rad/s].
+
+    Examples
+    --------
+    >>> from towval.physics import Coulomb, Patch, TowedObject, resting_pressure, sliding_patch
+    >>> square = Patch([[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]])
+    >>> towed = TowedObject(square, 5.0, (0.0, 0.0), 0.13, (0.2, 0.0))
+    >>> patch = sliding_patch(resting_pressure(towed), Coulomb(0.35, 1e-3))
+    >>> limit_surface_wrench(limit_surface(patch), (0.1, 0.0, 0.0)).round(2) + 0.0
+    array([-17.17,   0.  ,   0.  ])
     """
     vx, vy, omega = locked(twist, "twist", (3,))
     x, y = surface.centre

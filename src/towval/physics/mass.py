@@ -22,6 +22,16 @@ def towed_object(scene: TowingScene) -> TowedObject:
     -------
     TowedObject
         All of it in the object's frame; the inertia is about the vertical through the common centre of mass.
+
+    Examples
+    --------
+    >>> from towval.model import FrictionSpecification, Load, Patch, Tether
+    >>> square = Patch([[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]])
+    >>> load = Load(5.0, (0.1, 0.0), (0.1, 0.1, 0.1))
+    >>> friction = FrictionSpecification(0.4, 0.35, 0.005, 0.07)
+    >>> towed = towed_object(TowingScene(square, 5.0, load, (0.2, 0.0), (0.0, 0.0), Tether(0.6, 1000.0), friction))
+    >>> towed.mass, towed.centre_of_mass.round(3).tolist()
+    (10.0, [0.05, 0.0])
     """
     rings = [scene.patch.outline, *scene.patch.holes]
     signs = np.array([1.0] + [-1.0] * len(scene.patch.holes))

@@ -92,6 +92,13 @@ def triangulate(patch: Patch, element_size: float) -> Mesh:
     ------
     InputError
         When the footprint is no simple polygon, or the size is not above zero or gives more than five million cells.
+
+    Examples
+    --------
+    >>> square = Patch([[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]])
+    >>> mesh = triangulate(square, 0.05)
+    >>> round(mesh.areas.sum(), 6), bool(mesh.longest_edge <= 0.05)
+    (np.float64(0.16), True)
     """
     polygon = footprint_polygon(patch)
     if not (element_size > 0 and polygon.area / element_size**2 < 2e6):
@@ -157,6 +164,12 @@ def mesh_pressure(patch: Patch, loads: Sequence[tuple[float, ArrayLike]], elemen
     InputError, RefusedError
         As :func:`triangulate`; also when fewer than three cells are left or the iteration does not settle, as with
         loads close to the edge of the footprint: take a smaller element size or the exact method.
+
+    Examples
+    --------
+    >>> square = Patch([[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]])
+    >>> round(mesh_pressure(square, [(50.0, (0.0, 0.0))], 0.05).force.sum(), 6)
+    np.float64(50.0)
     """
     mesh = triangulate(patch, element_size)
     normal_force, centre = resultant(loads)
@@ -216,6 +229,16 @@ def meshed_patch(
     -------
     SlidingPatch
         To be used wherever one made by :func:`towval.physics.wrench.sliding_patch` is.
+
+    Examples
+    --------
+    >>> from towval.physics import Coulomb, Patch, friction_wrench
+    >>> square = Patch([[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]])
+    >>> pressure = mesh_pressure(square, [(50.0, (0.0, 0.0))], 0.05)
+    >>> patch = meshed_patch(pressure, Coulomb(0.35, 1e-3), anisotropy=[[1.0, 0.0], [0.0, 1.21]])
+    >>> friction_wrench(patch, [[0.1, 0.0, 0.0], [0.0, 0.1, 0.0]])[:, :2].round(2) + 0.0
+    array([[-17.5 ,   0.  ],
+           [  0.  , -19.25]])
     """
     matrix = locked(anisotropy, "anisotropy", (2, 2))
     if matrix[0, 1] != matrix[1, 0] or matrix[0, 0] <= 0 or np.linalg.det(matrix) <= 0:

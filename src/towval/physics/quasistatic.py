@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from towval.model import Array, Finding, FrictionLaw, Tether, TimedPath, TowedObject, locked
+from towval.model.checks import instance_of, short_repr
 from towval.model.compiling import compiled
 from towval.model.errors import InputError
 from towval.model.findings import finding
@@ -60,6 +61,8 @@ class QuasistaticMotion:
     residual_moment: Array
     findings: tuple[Finding, ...] = ()
     statistics: dict[str, float] = field(default_factory=dict)
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         n = len(self.time_s)
@@ -112,7 +115,20 @@ def quasistatic_plan(
     ------
     InputError
         When the path never moves or does not cover the times.
+
+    Examples
+    --------
+    >>> from towval.physics import *
+    >>> square = Patch([[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]])
+    >>> towed = TowedObject(square, 5.0, (0.0, 0.0), 0.13, (0.2, 0.0))
+    >>> path = TimedPath([0.0, 10.0], [[0.0, 0.0], [1.0, 0.0]])
+    >>> plan = quasistatic_plan(towed, Coulomb(0.35, 1e-3), path, Tether(0.6, 1000.0))
+    >>> plan.hinge.position.round(4) + 0.0
+    array([[0.8172, 0.    ],
+           [1.8172, 0.    ]])
     """
+    instance_of(towed, "towed", TowedObject)
+    instance_of(tether, "tether", Tether)
     times = _times_of(path, times)
     spline = spline_covering(path, times, "the path")
     patch = law if isinstance(law, SlidingPatch) else sliding_patch(resting_pressure(towed), law)
@@ -155,6 +171,8 @@ class _Plan(NamedTuple):
 
 
 def _times_of(path: TimedPath | CubicSpline, times: ArrayLike | None) -> Array:
+    if times is None and not hasattr(path, "time_s") and not hasattr(path, "x"):
+        raise InputError("the path is of the wrong type", got=type(path).__name__, allowed="TimedPath or CubicSpline")
     given = (path.time_s if isinstance(path, TimedPath) else path.x) if times is None else times
     given = locked(given, "times", (None,)).copy()
     if len(given) < 2 or not (np.diff(given) > 0).all():

@@ -54,7 +54,9 @@ def spline_through(path: TimedPath) -> Spline:
 
 
 def spline_from(curve: CubicSpline) -> Spline:
-    """A scipy spline with two components, laid out for compiled code."""
+    """A scipy spline of third degree with two components, laid out for compiled code."""
+    if curve.c.shape[0] != 4 or curve.c.shape[2:] != (2,):
+        raise InputError("the spline has the wrong shape", got=curve.c.shape, allowed="cubic, with 2 columns: x and y")
     return _laid_out(np.array(curve.x, dtype=np.float64), np.moveaxis(curve.c[::-1], (0, 1, 2), (2, 0, 1)))
 
 
@@ -130,6 +132,8 @@ def spline_covering(path: TimedPath | CubicSpline, times: Array, name: str) -> S
     InputError
         When a time lies outside.
     """
+    if not isinstance(path, TimedPath) and not (hasattr(path, "c") and hasattr(path, "x")):
+        raise InputError(f"{name} is of the wrong type", got=type(path).__name__, allowed="TimedPath or CubicSpline")
     spline = spline_through(path) if isinstance(path, TimedPath) else spline_from(path)
     first, last = spline.knots[0], spline.knots[-1]
     slip = 1e-9 * (last - first)

@@ -30,6 +30,12 @@ def tether_force(tether: Tether, span: ArrayLike, span_rate: ArrayLike | None = 
     -------
     ndarray (..., 2)
         Force [N] along l, zero where the tether is slack.
+
+    Examples
+    --------
+    >>> tether_force(Tether(0.6, 1000.0), [[0.61, 0.0], [0.5, 0.0]]).round(6)
+    array([[10.,  0.],
+           [ 0.,  0.]])
     """
     span = np.asarray(span, dtype=np.float64)
     length = np.linalg.norm(span, axis=-1, keepdims=True)

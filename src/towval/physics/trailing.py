@@ -19,7 +19,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from towval.model import Array, FrictionLaw, SimulatedMotion, Tether, TimedPath, TowedObject, locked
+from towval.model import Array, Finding, FrictionLaw, SimulatedMotion, Tether, TimedPath, TowedObject, locked
+from towval.model.checks import instance_of
 from towval.model.compiling import compiled
 from towval.model.findings import finding
 from towval.model.geometry import rotation, transform
@@ -73,7 +74,19 @@ def trail(
     -------
     SimulatedMotion
         Outcome "converged", or "slack all along".
+
+    Examples
+    --------
+    >>> from towval.physics import *
+    >>> square = Patch([[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]])
+    >>> towed = TowedObject(square, 5.0, (0.0, 0.0), 0.13, (0.2, 0.0))
+    >>> hinge = TimedPath([0.0, 10.0], [[0.8, 0.0], [1.8, 0.0]])
+    >>> scene = towed, Coulomb(0.35, 1e-3), Tether(0.6, 1000.0), hinge, (0.0, 0.0, 0.0), [0.0, 10.0]
+    >>> trail("quasi-static patch", *scene).pose[-1].round(4) + 0.0
+    array([0.9828, 0.    , 0.    ])
     """
+    instance_of(towed, "towed", TowedObject)
+    instance_of(tether, "tether", Tether)
     times = checked_times(times)
     drive = spline_covering(hinge, times, "the way of the hinge")
     patch = law if isinstance(law, SlidingPatch) else sliding_patch(resting_pressure(towed), law)
@@ -91,7 +104,8 @@ def trail(
 def _motion(rung: str, times: Array, out: Array, centre: Array, moved: bool, unbalanced: int) -> SimulatedMotion:
     offset = rotation(out[:, 2]) @ -centre
     turning = out[:, 5:6] * np.column_stack([-offset[:, 1], offset[:, 0]])
-    outcome, findings = Outcome.CONVERGED if moved else Outcome.SLACK_ALL_ALONG, ()
+    outcome = Outcome.CONVERGED if moved else Outcome.SLACK_ALL_ALONG
+    findings: tuple[Finding, ...] = ()
     if unbalanced:
         findings = (finding("not_balanced", count=unbalanced, rung=rung),)
     motion = SimulatedMotion(

@@ -21,6 +21,7 @@ import shapely
 from numpy.typing import ArrayLike
 
 from towval.model import Array, FrictionLaw, locked
+from towval.model.checks import instance_of, short_repr
 from towval.model.compiling import compiled
 from towval.physics.area_rules import area_rules, polygons_of
 from towval.physics.contact import PressurePlane
@@ -59,6 +60,9 @@ class SlidingPatch(NamedTuple):
     table: Array
     anisotropy: Array
 
+    def __repr__(self) -> str:
+        return short_repr(self)
+
 
 def sliding_patch(contact: PressurePlane, law: FrictionLaw) -> SlidingPatch:
     """Prepare a pressed patch and a friction law for fast evaluation: some milliseconds, once a scene.
@@ -69,7 +73,17 @@ def sliding_patch(contact: PressurePlane, law: FrictionLaw) -> SlidingPatch:
         Pressure under the patch.
     law : FrictionLaw
         Friction coefficient, the same all over the patch and in all directions.
+
+    Examples
+    --------
+    See :func:`friction_wrench`.
+
+    >>> from towval.physics import Coulomb, Patch, pressure_plane
+    >>> square = Patch([[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]])
+    >>> round(sliding_patch(pressure_plane(square, [(50.0, (0.0, 0.0))]), Coulomb(0.35, 1e-3)).radius, 4)
+    0.2828
     """
+    instance_of(contact, "contact", PressurePlane)
     origin = contact.centre.copy()
     a, b, _ = contact.coefficients
     pressure = np.array([contact.coefficients @ (*origin, 1.0), a, b])
@@ -93,25 +107,54 @@ def sliding_patch(contact: PressurePlane, law: FrictionLaw) -> SlidingPatch:
 
 
 def friction_wrench(patch: SlidingPatch, twist: ArrayLike) -> Array:
-    """Friction force and moment on a sliding patch.
+    """Friction force and moment on a sliding patch, for one twist or many.
 
     SOURCE: eqs. (4), (5), by the boundary integral.
 
     Parameters
     ----------
     patch : SlidingPatch
-    twist : array_like (3,)
+    twist : array_like (..., 3)
         Velocity of the body frame's origin and heading rate, in body axes [m/s, m/s, rad/s].
 
     Returns
     -------
-    ndarray (3,)
+    ndarray (..., 3)
         Force in body axes and moment about the body frame's origin [N, N, N m].
+
+    Raises
+    ------
+    InputError
+        When ``patch`` is no sliding patch or ``twist`` no finite numbers of that shape.
+
+    Examples
+    --------
+    A square of 0.4 m under 50 N slides along, turns about its middle, and about a point beside it.
+
+    >>> from towval.physics import Coulomb, Patch, pressure_plane
+    >>> square = Patch([[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]])
+    >>> patch = sliding_patch(pressure_plane(square, [(50.0, (0.0, 0.0))]), Coulomb(0.35, 1e-3))
+    >>> friction_wrench(patch, [[0.1, 0.0, 0.0], [0.0, 0.0, 1.0], [0.1, 0.0, 1.0]]).round(3) + 0.0
+    array([[-17.5  ,   0.   ,   0.   ],
+           [  0.   ,   0.   ,  -2.678],
+           [ -7.571,   0.   ,  -2.303]])
     """
-    vx, vy, omega = locked(twist, "twist", (3,))
-    x, y = patch.origin
-    fx, fy, moment = wrench_at_origin(patch, vx - omega * y, vy + omega * x, omega)
-    return np.array([fx, fy, moment + x * fy - y * fx])
+    instance_of(patch, "patch", SlidingPatch)
+    shape = np.shape(twist)
+    twists = locked(np.reshape(twist, (-1, 3)) if shape and shape[-1] == 3 else twist, "twist", (None, 3))
+    wrenches = np.empty((len(twists), 3))
+    _friction_wrenches(patch, twists, wrenches)
+    return wrenches.reshape(shape)
+
+
+@compiled(allocates=False)
+def _friction_wrenches(patch: SlidingPatch, twists: Array, wrenches: Array) -> None:
+    """Wrenches (n, 3) about the body frame's origin."""
+    x, y = patch.origin[0], patch.origin[1]
+    for i in range(len(twists)):
+        vx, vy, omega = twists[i, 0], twists[i, 1], twists[i, 2]
+        fx, fy, moment = wrench_at_origin(patch, vx - omega * y, vy + omega * x, omega)
+        wrenches[i, 0], wrenches[i, 1], wrenches[i, 2] = fx, fy, moment + x * fy - y * fx
 
 
 def _circle(corners: Array) -> tuple[float, float, float]:

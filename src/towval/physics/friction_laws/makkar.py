@@ -133,6 +133,12 @@ def fit_makkar(
         When the four numbers contradict each other.
     RefusedError
         When no law of this form meets them, as with v_s and v_k too close together.
+
+    Examples
+    --------
+    >>> fit = fit_makkar(0.396, 0.35, stiction_velocity=0.0052, friction_velocity=0.07)
+    >>> fit.law.coefficient([0.0052, 0.07, 0.5]).round(4)
+    array([0.396 , 0.3505, 0.35  ])
     """
     _check_specification(static, kinetic, stiction_velocity, friction_velocity, viscous)
     return _fit(float(static), float(kinetic), float(stiction_velocity), float(friction_velocity), float(viscous), seed)
