@@ -20,8 +20,10 @@ from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
-from numba import config, njit
+import numba
+from numba import njit
 
+_CONFIG: Any = numba.config  # Its attributes are set at run time.
 _KEPT = 3  # Caches of a folder: a branch and the one it came from, and one to spare.
 
 
@@ -39,18 +41,18 @@ def compiled(allocates: bool = True, **options: Any) -> Callable[[Function], Fun
     **options
         What ``numba.njit`` takes, where a function needs something else than the defaults above.
     """
-    settings = {"cache": True, "error_model": "numpy", "fastmath": {"contract"}}
+    settings: dict[str, Any] = {"cache": True, "error_model": "numpy", "fastmath": {"contract"}}
     # No way in from C either: nobody calls by one, and it takes a sixth of the time of compiling.
     settings |= {"_nrt": allocates, "no_cfunc_wrapper": True} | options
 
     def compile_later(function: Function) -> Function:
-        users_choice = config.CACHE_DIR
-        config.CACHE_DIR = str(_cache_folder(Path(inspect.getfile(function)).resolve().parent, users_choice))
+        users_choice = _CONFIG.CACHE_DIR
+        _CONFIG.CACHE_DIR = str(_cache_folder(Path(inspect.getfile(function)).resolve().parent, users_choice))
         try:
             dispatcher: Function = njit(**settings)(function)
             return dispatcher
         finally:
-            config.CACHE_DIR = users_choice
+            _CONFIG.CACHE_DIR = users_choice
 
     return compile_later
 

@@ -64,7 +64,7 @@ def _pieces(triangles: Array) -> Array:
 
     Longest common sides go first, so that the pieces are hardly larger than the triangles were.
     """
-    opposite: dict[frozenset, list[tuple[int, int]]] = {}
+    opposite: dict[frozenset[tuple[float, float]], list[tuple[int, int]]] = {}
     for t, triangle in enumerate(triangles.tolist()):
         for k in range(3):
             side = frozenset([tuple(triangle[(k + 1) % 3]), tuple(triangle[(k + 2) % 3])])

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from towval.model import Array, Patch, TowedObject, locked
 from towval.model.checks import instance_of, short_repr
@@ -81,7 +81,8 @@ class PressurePlane:
     def pressure(self, points: ArrayLike) -> Array:
         """Pressure [Pa] at points (..., 2) of the footprint in the body frame [m]; zero where it has lifted."""
         points = np.asarray(points, dtype=np.float64)
-        return np.maximum(0.0, points @ self.coefficients[:2] + self.coefficients[2])
+        pressure: Array = np.maximum(0.0, points @ self.coefficients[:2] + self.coefficients[2])
+        return pressure
 
 
 def resultant(loads: Iterable[tuple[float, ArrayLike]]) -> tuple[float, Array]:
@@ -151,7 +152,7 @@ def pressure_plane(patch: Patch, loads: Sequence[tuple[float, ArrayLike]]) -> Pr
     refuse_tipping(polygon, centre, size)
     rings = oriented_rings(polygon)
     vertices = (np.concatenate(rings) - centre) / size
-    ring_ends = np.cumsum([len(ring) for ring in rings])
+    ring_ends = np.cumsum([len(ring) for ring in rings], dtype=np.int64)
     plane = np.empty(3)
     iterations = solve_plane(vertices, ring_ends, STEP_LIMIT, plane)
     contact = _in_contact(rings, polygon, plane, centre, size)
@@ -268,7 +269,7 @@ def _add_edge(m: Array, x0: float, y0: float, x1: float, y1: float) -> None:
 
 
 @compiled(allocates=False)
-def clipped_moments(vertices: Array, ring_ends: Array, c: float, a: float, b: float, m: Array) -> None:
+def clipped_moments(vertices: Array, ring_ends: NDArray[np.int64], c: float, a: float, b: float, m: Array) -> None:
     """Moments 1, x, y, xx, xy, yy of the rings where ``c + a x + b y > 0``, into ``m`` (6,).
 
     Clipping ring by ring leaves seams along the cut; they run there and back and cancel in Green's sums.
@@ -323,7 +324,7 @@ def imbalance(m: Array, c: float, a: float, b: float) -> tuple[float, float, flo
 
 
 @compiled()
-def solve_plane(vertices: Array, ring_ends: Array, step_limit: int, best: Array) -> int:
+def solve_plane(vertices: Array, ring_ends: NDArray[np.int64], step_limit: int, best: Array) -> int:
     """Minimise Φ for unit force at the origin; the plane (pressure there, slopes) into ``best``. Returns the steps."""
     m = np.empty(6)
     clipped_moments(vertices, ring_ends, 1.0, 0.0, 0.0, m)

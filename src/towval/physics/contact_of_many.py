@@ -66,7 +66,7 @@ def pressure_coefficients(patch: Patch, normal_force: ArrayLike, centre: ArrayLi
         refuse_tipping(polygon, centres[~inside][0], size)
     rings = oriented_rings(polygon)
     planes, residuals = np.empty((len(centres), 3)), np.empty(len(centres))
-    ring_ends = np.cumsum([len(ring) for ring in rings])
+    ring_ends = np.cumsum([len(ring) for ring in rings], dtype=np.int64)
     _solve_planes(np.concatenate(rings) / size, ring_ends, centres / size, STEP_LIMIT, planes, residuals)
     if not (residuals <= RESIDUAL_LIMIT).all():
         raise not_converged(residuals.max())

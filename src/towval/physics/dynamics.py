@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from towval.model import Array, Finding, FrictionLaw, SimulatedMotion, Tether, TimedPath, TowedObject, locked
 from towval.model.checks import instance_of
@@ -234,7 +234,7 @@ def centre_state(towed: TowedObject, pose: ArrayLike, twist: ArrayLike) -> Array
 
 def _run(
     scene: MotionProblem, mode: int, y: Array, times: Array, accuracy: Accuracy
-) -> tuple[Outcome, Array, Array, dict[str, float]]:
+) -> tuple[Outcome, Array, NDArray[np.int64], dict[str, float]]:
     weights = accuracy.tolerance * _error_scales(scene, mode)
     states, modes = np.empty((len(times), 6)), np.zeros(len(times), dtype=np.int64)
     code, filled, counts = integrate(scene, mode, y, times, weights, accuracy.step_limit, states, modes)

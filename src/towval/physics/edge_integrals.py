@@ -94,14 +94,16 @@ def prepared_edge(
     alpha = (quarter - 1) / (quarter + 1)
     far = d + max(abs(start), abs(end))
     reached = d * far * (bound[0] + bound[1] * far) * (1 + far * bound[2])
-    order = min(max((np.float64(reached).view(np.int64) >> 52) - (1023 + _LOWEST_ORDER), 0), _ORDERS - 1)
+    reached_order = (np.float64(reached).view(np.int64) >> 52) - np.int64(1023 + _LOWEST_ORDER)
+    order = min(max(reached_order, np.int64(0)), np.int64(_ORDERS - 1))
     panels = 1
     if alpha >= _LONGEST[order]:
         span = 8 * math.atanh(alpha)
         panels = math.ceil(span / (8 * math.atanh(0.999 * _LONGEST[order])))
         alpha = math.tanh(span / (8 * panels))
         middle = first * math.exp(span / (2 * panels))
-    return distance, middle, alpha, panels, _PAIRS[order, int(alpha * (_CELLS / _LONGEST_ALPHA))]
+    pairs: int = _PAIRS[order, int(alpha * (_CELLS / _LONGEST_ALPHA))]
+    return distance, middle, alpha, panels, pairs
 
 
 @compiled(allocates=False)

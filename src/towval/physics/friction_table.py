@@ -66,8 +66,9 @@ def _tabulated(law: FrictionLaw) -> Array:
     binades = math.floor(math.log2(lowest)), math.ceil(math.log2(highest))
     parts = 2**_PARTS_LOG2
     exponents = np.arange(*binades)
-    starts = (2.0 ** exponents[:, None] * (1 + np.arange(parts) / parts)).ravel()
-    widths = (2.0 ** exponents[:, None] * np.full(parts, 1 / parts)).ravel()
+    binade = np.asarray(2.0 ** exponents[:, None], dtype=np.float64)
+    starts: Array = (binade * (1 + np.arange(parts) / parts)).ravel()
+    widths: Array = (binade * np.full(parts, 1 / parts)).ravel()
     integrals = _cumulative_integrals(law, slope, starts, widths)
     coefficients = _local_polynomials(law, starts, widths, integrals)
     _check_smoothness(law, starts + widths, coefficients[..., 0].sum(axis=1))
@@ -115,7 +116,8 @@ def _local_polynomials(law: FrictionLaw, starts: Array, widths: Array, integrals
     to_node = _integrals_over(law, np.broadcast_to(starts[:, None], speed.shape), offsets)
     means = (integrals[:-1, None, :] + to_node) / speed[..., None] ** np.arange(2, 5)
     values = np.concatenate([law.coefficient(speed)[..., None], means], axis=-1)
-    return np.linalg.inv(np.vander(local, increasing=True)) @ values
+    coefficients: Array = np.linalg.inv(np.vander(local, increasing=True)) @ values
+    return coefficients
 
 
 @compiled(allocates=False, inline="always")
@@ -130,19 +132,22 @@ def _part(table: Array, speed: float) -> tuple[np.uint64, float]:
 @compiled(allocates=False)
 def radial_means(table: Array, speed: float) -> Lanes:
     """μ, m_1, m_2, m_3 at a speed u ≥ 0 [m/s], as lanes."""
+    means: Lanes
     if speed < table[LOWEST]:
         linear = table[SLOPE] * speed
-        return lanes(linear, linear / 3, linear / 4, linear / 5)
+        means = lanes(linear, linear / 3, linear / 4, linear / 5)
+        return means
     if speed >= table[HIGHEST]:
         inverse = 1 / speed
         square = inverse * inverse
         viscous = table[VISCOUS] * speed
-        return lanes(
+        means = lanes(
             table[PLATEAU] + viscous,
             table[PLATEAU] / 2 + table[PLATEAU + 1] * square + viscous / 3,
             table[PLATEAU] / 3 + table[PLATEAU + 2] * square * inverse + viscous / 4,
             table[PLATEAU] / 4 + table[PLATEAU + 3] * square * square + viscous / 5,
         )
+        return means
     begin, x = _part(table, speed)
     local = lanes(x, x, x, x)
     means = load_lanes(table, begin + np.uint64(4 * _DEGREE))
@@ -155,11 +160,13 @@ def radial_means(table: Array, speed: float) -> Lanes:
 def coefficient_over_speed(table: Array, speed: float) -> float:
     """μ / v [s/m] at a sliding speed [m/s]; the slope at rest where v is zero."""
     if speed < table[LOWEST]:
-        return table[SLOPE]
+        at_rest: float = table[SLOPE]
+        return at_rest
     if speed >= table[HIGHEST]:
-        return table[PLATEAU] / speed + table[VISCOUS]
+        above: float = table[PLATEAU] / speed + table[VISCOUS]
+        return above
     begin, x = _part(table, speed)
-    value = table[begin + np.uint64(4 * _DEGREE)]
+    value: float = table[begin + np.uint64(4 * _DEGREE)]
     for power in range(_DEGREE - 1, -1, -1):
         value = value * x + table[begin + np.uint64(4 * power)]
     return value / speed

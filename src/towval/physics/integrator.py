@@ -12,6 +12,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from towval.model import Array
 from towval.model.compiling import compiled
@@ -49,8 +50,8 @@ def integrate(
     weights: Array,
     step_limit: int,
     states: Array,
-    modes: Array,
-) -> tuple[int, int, Array]:
+    modes: NDArray[np.int64],
+) -> tuple[int, int, NDArray[np.int64]]:
     """Integrate from ``times[0]`` and fill ``states`` (n, 6) and ``modes`` (n,) at the times.
 
     ``weights`` (6,) are the errors of a step that are accepted. Returns the outcome, the number of times filled, and
@@ -122,7 +123,7 @@ def _report(
     times: Array,
     filled: int,
     states: Array,
-    modes: Array,
+    modes: NDArray[np.int64],
 ) -> int:
     """Fill states and modes at the times up to ``t1`` by dense output; at ``t`` itself with the state there."""
     while filled < len(times) and times[filled] <= t1:
@@ -176,7 +177,7 @@ def _finite(rates: Array, jacobian: Array) -> bool:
         total += rates[i]
         for j in range(3):
             total += jacobian[j, i]
-    return np.isfinite(total)
+    return math.isfinite(total)
 
 
 @compiled(allocates=False)
@@ -189,9 +190,11 @@ def _slack_step(scene: MotionProblem, t: float, piece: int, y: Array) -> float:
     safe, now = 0.0, t
     for k in range(piece, len(limits)):
         duration = knots[k + 1] - now if k < len(limits) - 1 else np.inf
-        closing = (limits[k] + anchor) * duration
+        speed: float = limits[k] + anchor
+        closing = speed * duration
         if closing >= gap:
-            return max(floor, safe + gap / (limits[k] + anchor))
+            longest: float = max(floor, safe + gap / speed)
+            return longest
         gap -= closing
         safe += duration
         now = knots[k + 1]

@@ -199,6 +199,7 @@ def margin(scene: MotionProblem, mode: int, time: float, piece: int, y: Array) -
     if mode == FORCED:
         return np.inf
     _, stretch, pull = tautness(scene, time, piece, y)
+    stretched_by: float = pull / scene.tether[0]
     if mode == TAUT:
-        return pull / scene.tether[0]
-    return -min(stretch, pull / scene.tether[0])
+        return stretched_by
+    return -min(stretch, stretched_by)
