@@ -62,6 +62,48 @@ def test_hole_carries_nothing():
     assert contact.pressure((0.15, 0.15)) == pytest.approx(100.0)
 
 
+def four_feet(side=0.04, reach=(0.215, 0.14)):
+    """Square feet about the corners of a rectangle; three carry less the further the load is from them."""
+    square = side / 2 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    return Patch.of([square + np.array(reach) * corner for corner in ([-1, -1], [1, -1], [1, 1], [-1, 1])])
+
+
+def test_four_feet_carry_their_shares():
+    """Loads on feet at (±a, ±b) under a plane: N/4 (1 ± x a/i_x² ± y b/i_y²), i² = a² + side²/12."""
+    side, (a, b), (x, y) = 0.04, (0.215, 0.14), (0.03, -0.02)
+    contact = pressure_plane(four_feet(side, (a, b)), [(60.0, (x, y))])
+    assert len(contact.rings) == 4
+    shares = {tuple(np.sign(r.mean(axis=0))): side**2 * contact.pressure(r.mean(axis=0)) for r in contact.rings}
+    for (sx, sy), load in shares.items():
+        assert load == pytest.approx(
+            15.0 * (1 + sx * x * a / (a**2 + side**2 / 12) + sy * y * b / (b**2 + side**2 / 12)), rel=1e-11
+        )
+
+
+def test_foot_that_lifts_carries_nothing():
+    """With the load close to the line between two feet the plane tips about it: the far foot is in the air."""
+    contact = pressure_plane(four_feet(), [(60.0, (0.1, 0.08))])
+    assert contact.pressure((-0.235, -0.16)) == 0
+    assert contact.contact_area < 4 * 0.04**2 * (1 - 1e-3)
+    assert contact.residual < 1e-12
+
+
+@pytest.mark.parametrize("shift", [0.02, 0.04])
+def test_parts_that_overlap_or_share_an_edge_are_refused(shift):
+    square = 0.02 * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    with pytest.raises(InputError, match="no simple polygon"):
+        pressure_plane(Patch.of([square, square + np.array([shift, 0.0])]), [(10.0, (0.0, 0.0))])
+
+
+def test_hole_belongs_to_the_part_around_it():
+    outer = 0.1 * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    aside = np.array([0.3, 0.0])
+    contact = pressure_plane(Patch.of([outer - aside, outer + aside], [0.5 * outer + aside]), [(1.0, (0, 0))])
+    assert contact.contact_area == pytest.approx(0.04 + 0.03, rel=1e-12)
+    with pytest.raises(InputError):
+        pressure_plane(Patch.of([outer - aside, outer + aside], [0.5 * outer]), [(1.0, (0, 0))])
+
+
 def test_moved_and_turned_footprint_has_the_moved_and_turned_plane(square):
     angle, shift = 0.7, np.array([3.0, -2.0])
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])

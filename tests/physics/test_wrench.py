@@ -122,6 +122,17 @@ def test_hole_is_the_footprint_less_what_is_cut_out(makkar, twist):
     assert friction_wrench(sliding_patch(left, makkar), twist) == pytest.approx(whole - cut_out, abs=1e-9)
 
 
+@pytest.mark.parametrize("centre", [(0.0, 0.0), (0.215, 0.14), (0.2, 0.13), (0.4, 0.1), (-3.0, 5.0)])
+def test_four_feet_agree_with_high_order_quadrature(makkar, centre):
+    foot = 0.02 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    feet = Patch.of([foot + np.array([0.215 * x, 0.14 * y]) for x, y in ([-1, -1], [1, -1], [1, 1], [-1, 1])])
+    contact = pressure_plane(feet, [(60.0, (0.02, -0.03))])
+    twist = np.array([0.3 * centre[1], -0.3 * centre[0], 0.3])
+    wrench = friction_wrench(sliding_patch(contact, makkar), twist)
+    scale = 60.0 * 0.35 * np.array([1, 1, 0.26])
+    assert np.abs((wrench - reference_wrench(contact, makkar, twist)) / scale).max() < 1e-8
+
+
 def test_wrench_is_continuous_as_turning_vanishes(square, makkar):
     patch = sliding_patch(pressure_plane(square, [(49.05, (0.05, 0.03))]), makkar)
     straight = friction_wrench(patch, (0.05, 0.02, 0.0))

@@ -272,7 +272,7 @@ def _check_load(towed: dict[str, Any], load: Load) -> None:
 
 def _check_weight(scene: TowingScene) -> None:
     """The weight of object and load must act within the hull of the footprint, or the object tips over."""
-    hull = shapely.MultiPoint(scene.patch.outline).convex_hull
+    hull = shapely.MultiPoint(scene.patch.corners).convex_hull
     centre = towed_object(scene).centre_of_mass
     point = shapely.Point(centre)
     if not hull.contains(point):

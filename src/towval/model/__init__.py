@@ -21,9 +21,12 @@ from towval.model.friction import FrictionLaw, check_friction_law
 from towval.model.identification import Identification, Prediction
 from towval.model.results import Comparison, RunUncertainty, SimulatedMotion, TimedPath, Verdict
 from towval.model.towing import (
+    FloorRegion,
     FrictionSpecification,
+    Ground,
     Load,
     Patch,
+    Sliding,
     Tether,
     TowedObject,
     TowingScene,
@@ -45,8 +48,10 @@ __all__ = [
     "Finding",
     "Floor",
     "FloorReference",
+    "FloorRegion",
     "FrictionLaw",
     "FrictionSpecification",
+    "Ground",
     "Identification",
     "Load",
     "Patch",
@@ -54,6 +59,7 @@ __all__ = [
     "RunUncertainty",
     "Severity",
     "SimulatedMotion",
+    "Sliding",
     "Tether",
     "TimedPath",
     "TowedObject",

@@ -238,7 +238,7 @@ register(
         "load_at", "place of the load", "m", "campaign", _in_part("load", "at"), lambda scene: scene.load.at,
         ("load_x", "load_y"),
         StatedDeviation("object.load.at_std_m", "each coordinate of that centre", 0.5, 0.001, _TAPE),
-        SearchRange(lambda _: 5e-3, lambda scene: 0.25 * np.ptp(scene.patch.outline, axis=0)), _has_load,
+        SearchRange(lambda _: 5e-3, lambda scene: 0.25 * np.ptp(scene.patch.corners, axis=0)), _has_load,
     ),
     UncertainInput(
         "anchor", "anchor", "m", "campaign", _in_scene("anchor"), lambda scene: scene.anchor,

@@ -16,9 +16,12 @@ from typing import Any
 
 _MODULES = {
     "towval.model": (
+        "FloorRegion",
         "FrictionLaw",
         "FrictionSpecification",
+        "Ground",
         "Patch",
+        "Sliding",
         "Tether",
         "TimedPath",
         "TowedObject",

@@ -119,7 +119,7 @@ def pressure_plane(patch: Patch, loads: Sequence[tuple[float, ArrayLike]]) -> Pr
     Parameters
     ----------
     patch : Patch
-        Footprint, a simple polygon, with holes or without [m].
+        Footprint: simple polygons, with holes or without [m].
     loads : sequence of (float, array_like (2,))
         Each a force on the floor [N] and where it acts in the body frame [m].
 
@@ -195,24 +195,36 @@ def resting_pressure(towed: TowedObject) -> PressurePlane:
     return pressure_plane(towed.patch, [(towed.mass * GRAVITY_M_PER_S2, towed.centre_of_mass)])
 
 
-def footprint_polygon(patch: Patch) -> shapely.Polygon:
-    """The footprint as an oriented polygon; :class:`InputError` where it is no simple polygon."""
-    polygon = shapely.Polygon(patch.outline, patch.holes)
+def footprint_polygon(patch: Patch) -> shapely.Polygon | shapely.MultiPolygon:
+    """The footprint as an oriented polygon, several where its parts are apart.
+
+    Raises
+    ------
+    InputError
+        When a part is no simple polygon, or parts overlap or share an edge.
+    """
+    outlines = [shapely.Polygon(ring) for ring in patch.outlines]
+    holes: list[list[Array]] = [[] for _ in outlines]
+    for hole in patch.holes:
+        around = [part for part, outline in enumerate(outlines) if outline.contains(shapely.Point(hole[0]))]
+        holes[around[0] if around else 0].append(hole)  # In the wrong place it makes the polygon invalid.
+    parts = [shapely.Polygon(outline.exterior, inner) for outline, inner in zip(outlines, holes, strict=True)]
+    polygon = parts[0] if len(parts) == 1 else shapely.MultiPolygon(parts)
     if not polygon.is_valid or polygon.area <= 0:
         raise InputError(
             "the footprint is no simple polygon",
             got=shapely.is_valid_reason(polygon),
-            allowed="edges that do not cross, holes inside the outline, an area above zero",
+            allowed="edges that do not cross, holes inside their outline, parts apart from each other, area above zero",
         )
     return shapely.orient_polygons(polygon)
 
 
 def footprint_size(patch: Patch) -> float:
     """Diagonal of the box around the footprint [m]."""
-    return float(np.linalg.norm(np.ptp(patch.outline, axis=0)))
+    return float(np.linalg.norm(np.ptp(patch.corners, axis=0)))
 
 
-def refuse_tipping(polygon: shapely.Polygon, centre: Array, size: float) -> None:
+def refuse_tipping(polygon: shapely.Polygon | shapely.MultiPolygon, centre: Array, size: float) -> None:
     """Raise RefusedError where the centre of the loads is outside the convex hull of the footprint, or on its edge."""
     hull, point = polygon.convex_hull, shapely.Point(centre)
     distance = hull.exterior.distance(point)
@@ -226,13 +238,14 @@ def refuse_tipping(polygon: shapely.Polygon, centre: Array, size: float) -> None
         )
 
 
-def oriented_rings(polygon: shapely.Polygon) -> list[Array]:
-    """Rings of an oriented polygon as open arrays of corners."""
-    return [shapely.get_coordinates(ring)[:-1] for ring in (polygon.exterior, *polygon.interiors)]
+def oriented_rings(polygon: shapely.Polygon | shapely.MultiPolygon) -> list[Array]:
+    """Rings of oriented polygons as open arrays of corners, each outline before its holes."""
+    parts = shapely.get_parts(polygon)
+    return [shapely.get_coordinates(ring)[:-1] for part in parts for ring in (part.exterior, *part.interiors)]
 
 
 def _in_contact(
-    rings: list[Array], polygon: shapely.Polygon, plane: Array, centre: Array, size: float
+    rings: list[Array], polygon: shapely.Polygon | shapely.MultiPolygon, plane: Array, centre: Array, size: float
 ) -> tuple[Array, ...]:
     """Rings of the part of the polygon where the plane is positive."""
     corners = (np.concatenate(rings) - centre) / size

@@ -31,7 +31,7 @@ def creep_length(motion: SimulatedMotion, towed: TowedObject, stiction_velocity:
     >>> bool(creep_length(motion, towed, 1e-3) > 0)
     True
     """
-    reach = float(np.linalg.norm(towed.patch.outline, axis=1).max())
+    reach = float(np.linalg.norm(towed.patch.corners, axis=1).max())
     speed = np.linalg.norm(motion.twist[:, :2], axis=1) + reach * np.abs(motion.twist[:, 2])
     slow = np.where(speed < stiction_velocity, speed, 0.0)
     return float(np.sum((slow[1:] + slow[:-1]) / 2 * np.diff(motion.time_s)))

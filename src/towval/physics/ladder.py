@@ -170,7 +170,7 @@ def path_difference(towed: TowedObject, one: SimulatedMotion, other: SimulatedMo
     ended = {Outcome.CONVERGED, Outcome.SLACK_ALL_ALONG}
     if one.outcome not in ended or other.outcome not in ended:
         return float("inf")
-    reach = np.linalg.norm(towed.patch.outline, axis=1).max()
+    reach = np.linalg.norm(towed.patch.corners, axis=1).max()
     shift = np.linalg.norm(one.pose[:, :2] - other.pose[:, :2], axis=1)
     turn = 2 * np.abs(np.sin((one.pose[:, 2] - other.pose[:, 2]) / 2)) * reach
     return float((shift + turn).max())

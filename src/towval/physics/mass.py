@@ -33,8 +33,8 @@ def towed_object(scene: TowingScene) -> TowedObject:
     >>> towed.mass, towed.centre_of_mass.round(3).tolist()
     (10.0, [0.05, 0.0])
     """
-    rings = [scene.patch.outline, *scene.patch.holes]
-    signs = np.array([1.0] + [-1.0] * len(scene.patch.holes))
+    rings = [*scene.patch.outlines, *scene.patch.holes]
+    signs = np.array([1.0] * len(scene.patch.outlines) + [-1.0] * len(scene.patch.holes))
     areas = signs * np.array([abs(polygon_area(ring)) for ring in rings])
     centre = areas @ np.array([polygon_centroid(ring) for ring in rings]) / areas.sum()
     second = signs @ np.array([abs(polygon_second_moment(ring, centre)) for ring in rings])

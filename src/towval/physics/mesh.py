@@ -118,9 +118,9 @@ def triangulate(patch: Patch, element_size: float) -> Mesh:
     )
 
 
-def _conforming(polygon: shapely.Polygon, spacing: float) -> Mesh | None:
+def _conforming(polygon: shapely.Polygon | shapely.MultiPolygon, spacing: float) -> Mesh | None:
     """A mesh whose triangles fill the polygon exactly, or None where they cross its boundary."""
-    rings = [polygon.exterior, *polygon.interiors]
+    rings = [ring for part in shapely.get_parts(polygon) for ring in (part.exterior, *part.interiors)]
     boundary = np.concatenate([_cut_evenly(shapely.get_coordinates(ring), spacing) for ring in rings])
     inner = _lattice(polygon, spacing)
     vertices = np.concatenate([boundary, inner])
@@ -141,7 +141,7 @@ def _cut_evenly(ring: Array, spacing: float) -> Array:
     return np.concatenate(pieces)
 
 
-def _lattice(polygon: shapely.Polygon, spacing: float) -> Array:
+def _lattice(polygon: shapely.Polygon | shapely.MultiPolygon, spacing: float) -> Array:
     """Points of a lattice of equilateral triangles inside, at least half a side from the boundary."""
     x0, y0, x1, y1 = polygon.bounds
     rows = np.arange(y0, y1, spacing * np.sqrt(3) / 2)
@@ -173,7 +173,7 @@ def mesh_pressure(patch: Patch, loads: Sequence[tuple[float, ArrayLike]], elemen
     """
     mesh = triangulate(patch, element_size)
     normal_force, centre = resultant(loads)
-    size = float(np.linalg.norm(np.ptp(patch.outline, axis=0)))
+    size = float(np.linalg.norm(np.ptp(patch.corners, axis=0)))
     basis = np.column_stack([(mesh.centroids - centre) / size, np.ones(len(mesh.triangles))])
     areas = mesh.areas / size**2
     in_contact, history = np.ones(len(areas), dtype=bool), []

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+import shapely
 from numpy.typing import ArrayLike
 
 from towval.model import Array, Finding, FrictionLaw, Tether, TimedPath, TowedObject, locked
@@ -23,7 +24,7 @@ from towval.model.compiling import compiled
 from towval.model.errors import InputError
 from towval.model.findings import finding
 from towval.model.geometry import inside_polygon
-from towval.physics.contact import resting_pressure
+from towval.physics.contact import footprint_size, resting_pressure
 from towval.physics.splines import Spline, piece_at, spline_at, spline_covering, spline_values
 from towval.physics.wrench import SlidingPatch, sliding_patch, wrench_and_slopes
 
@@ -216,11 +217,13 @@ def _root_findings(times: Array, status: Array, moment: Array) -> tuple[Finding,
 
 def _cable_findings(towed: TowedObject, times: Array, direction: Array) -> tuple[Finding, ...]:
     """Where the force at the anchor points into the object: a strut would push, a cable lies across the object."""
-    size = np.linalg.norm(np.ptp(towed.patch.outline, axis=0))
+    size, around = footprint_size(towed.patch), towed.patch.outline
+    if towed.patch.further:  # What stands on feet reaches at least from one to the other.
+        around = np.array(shapely.MultiPoint(towed.patch.corners).convex_hull.exterior.coords)[:-1]
     ring = 1e-3 * size * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
-    if inside_polygon(towed.patch.outline, towed.anchor + ring).all():
+    if inside_polygon(around, towed.anchor + ring).all():
         return ()  # The anchor sits within the outline, above the object: every direction crosses it.
-    across = inside_polygon(towed.patch.outline, towed.anchor + 0.05 * size * direction)
+    across = inside_polygon(around, towed.anchor + 0.05 * size * direction)
     if not across.any():
         return ()
     return (finding("cable_would_push", count=int(across.sum()), total=len(times), time_s=times[across][0]),)
