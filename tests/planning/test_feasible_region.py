@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
+from studies import rover_geometry
+from studies.rover_geometry import twist_about
 from towval.model.geometry import inside_polygon
 from towval.planning import feasible_region as region
-from towval.planning.kinematics import Rover, steering_of_twist, symmetric_rover, twist_about
+from towval.planning.kinematics import Rover, steering_of_twist, symmetric_rover
 
 EXTENT = 6.0
 OUTWARD = np.radians(33.7)
@@ -38,11 +40,11 @@ def asymmetric_rover():
 def test_agrees_with_brute_force_over_the_steering_angles_on_100000_points(rover, build):
     rover = build(rover)
     points = rng.uniform(-EXTENT, EXTENT, size=(100_000, 2))
-    polygons = [piece.polygon(EXTENT) for piece in region.feasible_pieces(rover, EXTENT)]
+    polygons = [piece.polygon(EXTENT) for piece in rover_geometry.feasible_pieces(rover, EXTENT)]
     inside = np.any([inside_polygon(polygon, points) for polygon in polygons], axis=0)
     brute = np.concatenate([swept_by_every_wheel(rover, chunk) for chunk in np.split(points, 20)])
     assert (inside == brute).all()
-    assert (region.is_feasible(rover, points) == brute).all()
+    assert (rover_geometry.is_feasible(rover, points) == brute).all()
     assert 0.05 < inside.mean() < 0.95
 
 
@@ -63,18 +65,18 @@ def test_flanks_are_wedges_as_wide_as_the_outward_limit(rover):
 
 
 def test_the_rover_can_turn_on_the_spot_under_its_belly(rover):
-    assert region.is_feasible(rover, [0.0, 0.0])
+    assert rover_geometry.is_feasible(rover, [0.0, 0.0])
 
 
 def test_pieces_do_not_overlap(rover):
     points = rng.uniform(-EXTENT, EXTENT, size=(20_000, 2))
-    assert sum(piece.contains(points).astype(int) for piece in region.feasible_pieces(rover, EXTENT)).max() == 1
+    assert sum(piece.contains(points).astype(int) for piece in rover_geometry.feasible_pieces(rover, EXTENT)).max() == 1
 
 
 def test_pieces_of_the_symmetric_rover_are_mirror_images(rover):
     points = rng.uniform(-EXTENT, EXTENT, size=(20_000, 2))
     for mirror in ([1, -1], [-1, 1]):
-        assert (region.is_feasible(rover, points) == region.is_feasible(rover, points * mirror)).all()
+        assert (rover_geometry.is_feasible(rover, points) == rover_geometry.is_feasible(rover, points * mirror)).all()
 
 
 def test_nearest_centre_beats_every_sampled_one(rover):

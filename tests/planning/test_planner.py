@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
+from studies.rover_geometry import constraint_residual, moved_by
 from towval.model import TimedPath
 from towval.model.errors import InputError
 from towval.model.geometry import compose, transform
 from towval.planning import paths
 from towval.planning.feasible_region import GUARD, flanks
-from towval.planning.kinematics import Rover, constraint_residual, moved_by, symmetric_rover
+from towval.planning.kinematics import Rover, symmetric_rover
 from towval.planning.planner import (
     PlanCase,
     PlannerSettings,

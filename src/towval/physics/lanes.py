@@ -41,7 +41,7 @@ def _intrinsic(function: Callable[..., Any]) -> Callable[..., Any]:
 @register_model(Lanes)
 class _LanesModel(models.PrimitiveModel):
     def __init__(self, manager: Any, numba_type: types.Type) -> None:
-        super().__init__(manager, numba_type, _VECTOR)
+        models.PrimitiveModel.__init__(self, manager, numba_type, _VECTOR)
 
 
 @_intrinsic

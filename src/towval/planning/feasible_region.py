@@ -1,29 +1,30 @@
 """Where the instantaneous centre of a rover can be, given the steering ranges of its wheels.
 
-The axle line of a wheel sweeps a double cone while the wheel steers through its range. A centre is feasible when it
-lies in the double cones of all wheels, so the region is a union of convex pieces, one for each way in which the wheels
-can have the centre on their left or on their right: at most 2⁴ intersections of eight half-planes, exact and possibly
-unbounded. The two pieces that all wheels have on the same side are the flanks, within which the centre moves without
-any wheel turning over; the paper uses only those. SOURCE: section 2.4.2.
+The axle line of a wheel sweeps a double cone while the wheel steers through its range. A centre is feasible if it lies
+in the double cones of all wheels, so the region is a union of convex pieces, one for each combination of sides (left or
+right) on which the wheels have the centre: at most 2⁴ intersections of eight half-planes, exact and possibly unbounded.
+The two pieces on the same side of all wheels are the flanks, within which the centre moves without reversing a wheel;
+the paper uses only those. SOURCE: section 2.4.2.
 """
 
 from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from towval.model import Array
 from towval.model.compiling import compiled
 from towval.planning.kinematics import Rover, wheel_velocities
 
 GUARD = 1e-9
-"""The planner keeps this far inside every steering range [rad], so that rounding never leaves it."""
+"""Margin of the planner inside every steering range [rad], so that rounding never leaves the range."""
 
 STEEPEST_TANGENT = 1e3
-"""Bound on the tangents of the bicycle's steering angles where the wheels' ranges set none."""
+"""Limit of the tangents of the bicycle's steering angles where the wheels' ranges impose none."""
 
 
 @dataclass(frozen=True)
@@ -37,18 +38,19 @@ class Piece:
     normals: Array
     offsets: Array
 
-    def contains(self, points: ArrayLike) -> np.ndarray:
-        """Whether points (..., 2) [m] lie in the piece, its boundary included, (...,) bool."""
-        points = np.asarray(points, dtype=np.float64)
-        return (points @ self.normals.T >= self.offsets).all(axis=-1)
+    def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Whether points (..., 2) [m] lie in the piece or on its boundary, (...,) bool."""
+        heights = np.asarray(points, dtype=np.float64) @ self.normals.T
+        inside: NDArray[np.bool_] = np.logical_and.reduce(heights >= self.offsets, axis=-1)
+        return inside
 
     def polygon(self, extent: float) -> Array:
-        """The piece within a square of half width ``extent`` [m] about the rover: corners (k, 2), maybe none."""
+        """Corners (k, 2) [m] of the piece within a square of half width ``extent`` [m] about the rover; may be none."""
         corners = extent * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
         return clipped(corners, self.normals, self.offsets)
 
     def vertices(self) -> Array:
-        """The true corners of the piece (k, 2) [m], without those a frame around it would add."""
+        """Corners of the unbounded piece (k, 2) [m]."""
         found = []
         for i, j in itertools.combinations(range(len(self.normals)), 2):
             pair = self.normals[[i, j]]
@@ -78,19 +80,11 @@ def clipped(polygon: Array, normals: Array, offsets: Array) -> Array:
 
 
 def feasible_piece(rover: Rover, sides: tuple[int, ...], guard: float = 0.0) -> Piece:
-    """The centres that the wheels can have on given sides.
+    """The feasible centres on given sides of the wheels.
 
     A wheel at p rolling forward with the centre on its left has ``Ω − p = r (−sin ρ, cos ρ)``, r > 0: the range
     ρ ∈ [ρ_min, ρ_max] is ``(Ω − p) · e(ρ_min) ≤ 0`` and ``(Ω − p) · e(ρ_max) ≥ 0``, e the unit vector of an angle.
-
-    Parameters
-    ----------
-    rover : Rover
-        The rover.
-    sides : tuple of int (4,)
-        +1 left, −1 right of each wheel.
-    guard : float, optional
-        Narrow each range by this at both ends [rad].
+    ``sides`` (4,) is +1 left, −1 right of each wheel; ``guard`` [rad] narrows each range at both ends.
     """
     least, greatest = rover.steering_ranges.T + np.array([[guard], [-guard]])
     side = np.asarray(sides, dtype=np.float64)[:, None]
@@ -101,31 +95,13 @@ def feasible_piece(rover: Rover, sides: tuple[int, ...], guard: float = 0.0) -> 
     return Piece(tuple(sides), normals, np.sum(normals * positions, axis=1))
 
 
-def feasible_pieces(rover: Rover, extent: float) -> tuple[Piece, ...]:
-    """All pieces of the feasible region that reach into a square of half width ``extent`` [m] about the rover."""
-    pieces = (feasible_piece(rover, sides) for sides in itertools.product((1, -1), repeat=4))
-    return tuple(piece for piece in pieces if len(piece.polygon(extent)) >= 3)
-
-
-def is_feasible(rover: Rover, centres: ArrayLike) -> np.ndarray:
-    """Whether every wheel can steer so that its axle passes through centres (..., 2) [m], (...,) bool."""
-    centres = np.asarray(centres, dtype=np.float64)
-    offset = centres[..., None, :] - rover.wheel_positions
-    least, greatest = rover.steering_ranges.T
-    above = offset[..., 0] * np.cos(least) + offset[..., 1] * np.sin(least)
-    below = offset[..., 0] * np.cos(greatest) + offset[..., 1] * np.sin(greatest)
-    left, right = (above <= 0) & (below >= 0), (above >= 0) & (below <= 0)
-    return (left | right).all(axis=-1)
-
-
-@dataclass(frozen=True)
-class Flanks:
-    """The feasible region as the planner uses it: the left and the right flank, and the bicycle's steering.
+class Flanks(NamedTuple):
+    """The part of the feasible region that the planner uses: left and right flank.
 
     ``normals`` (2, 8, 2), ``offsets`` (2, 8) half-planes of the left and right flank; ``corners`` (2, k, 2) [m] their
-    vertices, repeated where one flank has fewer; ``tips`` (2, 2) [m] the vertex of each flank nearest to the rover:
-    the tightest turns. ``steering_corners`` (m, 2) is the same region in the tangents of the bicycle's front and rear
-    steering angle, a convex polygon, counter-clockwise.
+    vertices, padded with repetitions; ``tips`` (2, 2) [m] the vertex of each flank nearest to the rover: the tightest
+    turns. ``steering_corners`` (m, 2) is the same region in the tangents of the bicycle's front and rear steering
+    angle, a convex polygon, counter-clockwise.
     """
 
     normals: Array
@@ -136,7 +112,7 @@ class Flanks:
 
     @property
     def tightest_radius(self) -> float:
-        """Radius of the tightest turn of the rover's reference point on either side [m]."""
+        """Radius of the tightest turn of the rover's reference point to either side [m]."""
         return float(np.linalg.norm(self.tips, axis=1).max())
 
 
@@ -182,11 +158,11 @@ def _steering_polygon(rover: Rover) -> Array:
 
 
 @compiled()
-def nearest_centre(normals, offsets, corners, x, y):
-    """Point of a convex flank nearest to (x, y) and its distance: the point itself when it lies inside.
+def nearest_centre(normals: Array, offsets: Array, corners: Array, x: float, y: float) -> tuple[float, float, float]:
+    """Point of a convex flank nearest to (x, y) [m], the point itself if it lies inside, and its distance [m].
 
-    ``normals`` (m, 2), ``offsets`` (m,), ``corners`` (k, 2) as in :class:`Flanks`; returns (x, y, distance) [m].
-    The nearest point is the foot on a boundary line, where that foot lies in the flank, or a corner.
+    ``normals`` (m, 2), ``offsets`` (m,), ``corners`` (k, 2) as in :class:`Flanks`. The nearest point is the
+    perpendicular foot on a boundary line, if that lies in the flank, or a corner.
     """
     m = len(offsets)
     inside = True
@@ -214,8 +190,8 @@ def nearest_centre(normals, offsets, corners, x, y):
 
 
 @compiled()
-def nearest_in_polygon(corners, x, y):
-    """Point of a convex polygon (m, 2), counter-clockwise, nearest to (x, y): the point itself when it lies inside."""
+def nearest_in_polygon(corners: Array, x: float, y: float) -> tuple[float, float]:
+    """Point nearest to (x, y) of a convex polygon (m, 2), counter-clockwise; the point itself if it lies inside."""
     inside = True
     best_x, best_y, best = 0.0, 0.0, np.inf
     m = len(corners)

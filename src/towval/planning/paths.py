@@ -1,7 +1,6 @@
-"""Curves over the floor by arc length, and the timed paths made of them.
+"""Curves on the floor by arc length, and trajectories along them.
 
-The four curves of the paper (section 3.1) have closed forms and so has their arc length; any other curve goes through
-given points.
+The four curves of the paper (section 3.1) and their arc lengths have closed forms; any other curve interpolates points.
 """
 
 from __future__ import annotations
@@ -19,16 +18,16 @@ from towval.model import Array, TimedPath, locked
 from towval.model.errors import InputError
 
 SPLINE_NODES_PER_SPAN = 12
-"""Gauss nodes for the length of one span of a spline: its speed is the root of a quartic, smooth where it moves."""
+"""Gauss nodes for the length of one span of a spline: the speed is the root of a quartic, smooth unless zero."""
 
 
 @dataclass(frozen=True)
 class Curve:
-    """A curve in the plane, parametrised by its arc length.
+    """A plane curve by arc length.
 
-    ``length`` [m]; ``closed`` True when it ends where it begins; ``position_at`` maps arc lengths (n,) [m] in
-    [0, length] to positions (n, 2) [m]; ``tightest_radius`` [m] the smallest radius of curvature, infinite for a line
-    and zero where there is a kink.
+    ``length`` [m]; ``closed`` if it ends where it begins; ``position_at`` maps arc lengths (n,) [m] in [0, length] to
+    positions (n, 2) [m]; ``tightest_radius`` [m] the smallest radius of curvature, infinite for a line and zero for a
+    curve with kinks.
     """
 
     name: str
@@ -43,14 +42,14 @@ class Curve:
 
 
 def line(length: float, direction: float = np.pi / 4) -> Curve:
-    """Straight line of a length [m] from the origin, along ``direction`` [rad]; the paper's is 1.4 m, diagonal."""
+    """Straight line of a length [m] from the origin along ``direction`` [rad]; in the paper 1.4 m, diagonal."""
     _require_positive(length, "line length")
     unit = np.array([np.cos(direction), np.sin(direction)])
     return Curve("line", float(length), False, lambda s: s[:, None] * unit, np.inf)
 
 
 def circle(radius: float) -> Curve:
-    """Circle about the origin, counter-clockwise from (radius, 0) [m]; the paper's has 1 m."""
+    """Circle about the origin, counter-clockwise from (radius, 0) [m]; in the paper of 1 m."""
     _require_positive(radius, "circle radius")
 
     def position_at(s: Array) -> Array:
@@ -60,7 +59,7 @@ def circle(radius: float) -> Curve:
 
 
 def lemniscate(width: float) -> Curve:
-    """Bernoulli's lemniscate of a width [m], from its right tip upwards; the paper's is 2 m wide.
+    """Bernoulli's lemniscate of a width [m], from its right tip upwards; in the paper 2 m wide.
 
     With half width a, ``x = a cos τ/(1 + sin²τ)``, ``y = x sin τ``. Its arc length is an elliptic integral,
     ``s = a F(τ | −1)``, inverted here by Newton's method; the tightest radius, a/3, is at the tips.
@@ -101,7 +100,7 @@ def rounded_square(side: float, corner_radius: float) -> Curve:
     quarter = straight + arc
 
     def position_at(s: Array) -> Array:
-        # Each quarter is the same piece, turned: half a side, a corner, half a side.
+        # The quarters differ by rotation: half a side, a corner, half a side.
         index = np.minimum(np.floor(s / quarter), 3)
         local = s - index * quarter
         angle = np.clip((local - straight / 2) / corner_radius, 0.0, np.pi / 2)
@@ -120,12 +119,12 @@ def through_points(points: ArrayLike, *, smooth: bool = True, name: str = "point
     Parameters
     ----------
     points : array_like (n, 2)
-        Points in their order [m], neighbours apart from each other. The curve is closed, with a smooth seam, when the
-        last point is the first.
+        Points in order [m], neighbours distinct. The curve is closed, with a smooth seam, if the last point equals the
+        first.
     smooth : bool, optional
-        Whether to lay a spline; three points at least. Without, straight lines join the points.
+        Whether to fit a spline, which needs three points; otherwise straight lines join the points.
     name : str, optional
-        What to call the curve.
+        Name of the curve.
 
     Raises
     ------
@@ -139,9 +138,7 @@ def through_points(points: ArrayLike, *, smooth: bool = True, name: str = "point
     chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
     if (chords == 0).any():
         where = int(np.argmin(chords))
-        raise InputError(
-            f"points {where} and {where + 1} of the curve {name} coincide", remedy="drop one of each pair of equals"
-        )
+        raise InputError(f"points {where} and {where + 1} of the curve {name} coincide", remedy="remove one of them")
     knots = np.concatenate([[0.0], np.cumsum(chords)])
     closed = bool(np.array_equal(points[0], points[-1]))
     if not smooth:
@@ -160,7 +157,8 @@ def _spline_curve(name: str, spline: CubicSpline, closed: bool) -> Curve:
     def length_between(start: Array, end: Array) -> Array:
         half = (end - start) / 2
         at = (start + half)[:, None] + half[:, None] * nodes
-        return half * (np.linalg.norm(velocity(at), axis=-1) @ weights)
+        length: Array = half * (np.linalg.norm(velocity(at), axis=-1) @ weights)
+        return length
 
     lengths = np.concatenate([[0.0], np.cumsum(length_between(spline.x[:-1], spline.x[1:]))])
 
@@ -171,7 +169,8 @@ def _spline_curve(name: str, spline: CubicSpline, closed: bool) -> Curve:
         for _ in range(8):
             excess = lengths[span] + length_between(start, parameter) - s
             parameter = parameter - excess / np.linalg.norm(velocity(parameter), axis=-1)
-        return spline(parameter)
+        position: Array = spline(parameter)
+        return position
 
     dense = np.linspace(spline.x[0], spline.x[-1], 32 * len(spline.x))
     (vx, vy), (ax, ay) = velocity(dense).T, acceleration(dense).T
@@ -183,60 +182,39 @@ def _spline_curve(name: str, spline: CubicSpline, closed: bool) -> Curve:
 def timed(
     curve: Curve, time_step: float, *, mean_speed: float | None = None, duration: float | None = None
 ) -> TimedPath:
-    """A point's way along a curve at constant speed.
+    """Trajectory along a curve at constant speed, from time zero, both ends included.
 
     Parameters
     ----------
     curve : Curve
-        Where it goes.
     time_step : float
-        Step of the path [s]; the last step is the same as the others, so the duration is rounded to full steps.
+        Time step [s]; all steps are equal, so the duration is rounded to full steps.
     mean_speed, duration : float, optional
         Speed [m/s] or time from end to end [s]: one of the two.
-
-    Returns
-    -------
-    TimedPath
-        From time zero, both ends included.
     """
-    if (mean_speed is None) == (duration is None):
-        raise InputError("a timed path needs its mean speed or its duration", allowed="one of the two")
-    if duration is None:
+    if mean_speed is not None and duration is None:
         _require_positive(mean_speed, "mean speed of the path")
         duration = curve.length / mean_speed
+    elif mean_speed is not None or duration is None:
+        raise InputError("a timed path needs its mean speed or its duration", allowed="one of the two")
     _require_positive(duration, "duration of the path")
     _require_positive(time_step, "time step of the path")
     steps = max(round(duration / time_step), 1)
     arc_length = np.linspace(0.0, curve.length, steps + 1)
-    return TimedPath(np.arange(steps + 1) * time_step, curve.position_at(arc_length))
+    return TimedPath(time_step * np.arange(steps + 1.0), curve.position_at(arc_length))
 
 
 def path_heading(position: ArrayLike) -> Array:
-    """Heading of a polyline at its points (n,) [rad], unwrapped, from its central differences.
-
-    ``position`` (n, 2) [m]; two points at least.
-    """
+    """Heading (n,) [rad] of a polyline (n, 2) [m] at its points, unwrapped, by central differences; n ≥ 2."""
     tangent = np.gradient(np.asarray(position, dtype=np.float64), axis=0)
     return np.unwrap(np.arctan2(tangent[:, 1], tangent[:, 0]))
 
 
 def moving_average(values: ArrayLike, half_window: int) -> Array:
-    """Moving average over a symmetric window of 2 × ``half_window`` steps.
+    """Moving average (n,) of values (n,) over a symmetric window of 2 × ``half_window`` steps; zero keeps the values.
 
-    SOURCE: eq. (21). ASSUME: toward both ends the window shrinks on both sides alike, so that it stays symmetric and
-    the first and the last value are kept; the paper does not say what it does there.
-
-    Parameters
-    ----------
-    values : array_like (n,)
-        What to average.
-    half_window : int
-        ϑ_lh in steps, zero or more; zero leaves the values as they are.
-
-    Returns
-    -------
-    ndarray (n,)
-        The averages.
+    SOURCE: eq. (21). ASSUME: the window shrinks symmetrically toward both ends, so that the first and last values are
+    kept; the paper does not say.
     """
     values = np.asarray(values, dtype=np.float64)
     n = len(values)
@@ -245,14 +223,15 @@ def moving_average(values: ArrayLike, half_window: int) -> Array:
     index = np.arange(n)
     half = np.minimum(half_window, np.minimum(index, n - 1 - index))
     total = np.concatenate([[0.0], np.cumsum(values - values[0])])
-    return values[0] + (total[index + half + 1] - total[index - half]) / (2 * half + 1)
+    average: Array = values[0] + (total[index + half + 1] - total[index - half]) / (2 * half + 1)
+    return average
 
 
 def distance_to_polyline(points: ArrayLike, polyline: ArrayLike) -> Array:
     """Distances (n,) [m] of points (n, 2) from a polyline (m, 2).
 
-    The nearest corner is looked up and the two segments that meet there are measured: exact as long as the segments
-    are short beside the bends of the polyline, as those of a sampled path are.
+    From the two segments that meet at the nearest vertex: exact if the segments are short compared to the radii of
+    the bends, as on a sampled path.
     """
     points, polyline = np.asarray(points, dtype=np.float64), np.asarray(polyline, dtype=np.float64)
     _, corner = cKDTree(polyline).query(points)
@@ -268,11 +247,11 @@ def distance_to_polyline(points: ArrayLike, polyline: ArrayLike) -> Array:
 
 
 def deviation_rms(actual: ArrayLike, nominal: ArrayLike) -> float:
-    """Root mean square distance between two paths (n, 2) and (m, 2) as curves, whatever their timing [m].
+    """Root mean square distance [m] between two paths (n, 2) and (m, 2) as curves, regardless of timing.
 
-    ASSUME: a rover at constant speed that cuts corners is ahead of its schedule, so positions are not compared at
-    equal times. Taken is the larger of two root mean squares: of the actual path from the nominal one (excursions)
-    and of the nominal path from the actual one (what was left out).
+    ASSUME: a rover at constant speed that cuts corners is ahead of schedule, so positions are not compared at equal
+    times. The larger of two root mean squares: of the actual path from the nominal one (excursions) and of the nominal
+    path from the actual one (omissions).
     """
     there = np.sqrt(np.mean(distance_to_polyline(actual, nominal) ** 2))
     back = np.sqrt(np.mean(distance_to_polyline(nominal, actual) ** 2))

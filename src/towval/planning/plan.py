@@ -1,8 +1,7 @@
-"""Stage plan: what the rover must do so that the object follows a path, and how well it then does.
+"""Stage plan: the rover motion that makes the object follow a path, and the resulting deviation.
 
-The quasi-static model turns the wish for the object into a nominal way of the hinge; the planner turns that into a
-motion of which the rover is capable; feedback dynamics tell where the object goes behind that rover. Types in, types
-out.
+The quasi-static model turns the desired path of the object into a nominal path of the hinge; the planner turns that
+into a feasible motion of the rover; feedback dynamics give the motion of the object behind that rover.
 """
 
 from __future__ import annotations
@@ -25,10 +24,10 @@ from towval.planning.planner import PlannerSettings, RoverPlan, plan_rover
 
 @dataclass(frozen=True)
 class ClosedLoop:
-    """The rover's plan for a nominal motion and what becomes of the object behind it.
+    """Planned motion of the rover and simulated motion of the object behind it.
 
-    ``rover`` the plan; ``towed`` the object behind the planned rover; ``object_rms`` [m] its deviation from its nominal
-    path as a curve (see :func:`towval.planning.paths.deviation_rms`); that of the hinge is ``rover.rms``.
+    ``object_rms`` [m] is the deviation of the object from its nominal path as a curve (see
+    :func:`towval.planning.paths.deviation_rms`); that of the hinge is ``rover.rms``.
     """
 
     rover: RoverPlan
@@ -46,30 +45,18 @@ def close_loop(
     *,
     report_stride: int = 1,
 ) -> ClosedLoop:
-    """Plan the rover along the nominal way of the hinge and tow the object behind it.
+    """Plan the rover along the nominal path of the hinge and tow the object behind it.
 
     SOURCE: sections 2.3 (case 2) and 2.4. The object starts with the nominal pose and velocity.
 
     Parameters
     ----------
     nominal : QuasistaticMotion
-        In equal time steps, which become those of the planner.
-    towed : TowedObject
-        The object.
-    law : FrictionLaw or SlidingPatch
-        Friction of its footprint, or the patch prepared with it.
-    tether : Tether
-        The tether.
-    rover : Rover
-        The rover.
-    settings : PlannerSettings
-        The planner's.
+        In equal time steps, which the planner adopts.
+    towed, law, tether, rover, settings
+        As in :func:`tow` and :func:`towval.planning.planner.plan_rover`.
     report_stride : int, optional
-        Tow with every so many rows of the plan as knots of the hinge's way, and report there.
-
-    Returns
-    -------
-    ClosedLoop
+        Use every so many rows of the plan as knots of the hinge's trajectory, and report there.
 
     Raises
     ------
@@ -101,22 +88,20 @@ def tow(
     start_twist: ArrayLike = (0.0, 0.0, 0.0),
     stride: int = 1,
 ) -> SimulatedMotion:
-    """Tow an object behind a hinge that goes through given points.
-
-    Whatever drives the hinge: a plan, a measured track, the poses of any recording (:func:`hinge_of_poses`).
+    """Tow an object behind a hinge that passes through given points: of a plan, a track or any recording of poses.
 
     Parameters
     ----------
-    times : array_like (n,)
-        Times of the points [s].
-    hinge : array_like (n, 2)
-        Points [m].
-    towed, law, tether
-        As in :func:`close_loop`.
+    times, hinge : array_like (n,), (n, 2)
+        Times [s] and points [m].
+    towed : TowedObject
+    law : FrictionLaw or SlidingPatch
+        Friction of its footprint, or the patch prepared with it.
+    tether : Tether
     start_pose, start_twist : array_like (3,)
-        First pose of the object [m, m, rad] and its velocity [m/s, m/s, rad/s], at rest if not given.
+        First pose of the object [m, m, rad] and its velocity [m/s, m/s, rad/s], at rest by default.
     stride : int, optional
-        Take every so many points, and the last, and report at their times.
+        Use every so many points, and the last, and report at their times.
 
     Raises
     ------
@@ -126,13 +111,11 @@ def tow(
     times, hinge = np.asarray(times, dtype=np.float64), np.asarray(hinge, dtype=np.float64)
     rows = np.unique(np.concatenate([np.arange(0, len(times), stride), [len(times) - 1]]))
     if len(rows) < 2:
-        raise InputError(
-            "the rover's plan ends before it moves", got="one pose", remedy="read its advice: it says what failed"
-        )
+        raise InputError("the rover's plan ends before it moves", got="one pose", remedy="see the advice of the plan")
     path = TimedPath(times[rows], hinge[rows])
     return feedback(towed, law, tether, path, start_pose, path.time_s, start_twist=start_twist)
 
 
 def hinge_of_poses(pose: ArrayLike, rover: Rover) -> Array:
-    """Places of the hinge (n, 2) [m] of a rover at poses (n, 3)."""
+    """Positions of the hinge (n, 2) [m] of a rover at poses (n, 3)."""
     return transform(pose, rover.hinge)

@@ -1,18 +1,19 @@
 """The planner: how a rover with limited steering drives along a path.
 
-At each step the rover aims at a point of the path farther than a threshold d_t ahead, with the heading planned for
-that point; one turn about a centre Ω would bring it there. Where Ω is not feasible, another centre is taken. The
-equivalent bicycle's steering follows under PD control, and the rover moves at constant speed about the centre that its
-steering really gives. SOURCE: sections 2.4.3 to 2.4.5, Fig. 3(c) and (d).
+At each step the rover aims at the first point of the path beyond a threshold d_t, with the heading planned for that
+point; rotation about one centre Ω would bring it there. Where Ω is not feasible, a feasible centre replaces it. The
+equivalent bicycle's steering follows under PD control, and the rover moves at constant speed about the centre that
+results from its steering. SOURCE: sections 2.4.3 to 2.4.5, Fig. 3(c) and (d).
 """
 
 from __future__ import annotations
 
 import enum
 from dataclasses import dataclass, fields, replace
+from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from towval.model import Array, Finding, TimedPath, locked
 from towval.model.compiling import compiled
@@ -23,11 +24,13 @@ from towval.planning.feasible_region import Flanks, flanks, nearest_centre, near
 from towval.planning.kinematics import Rover, steering_of_twist, wheel_rates
 from towval.planning.paths import deviation_rms, moving_average, path_heading
 
+Point: TypeAlias = tuple[float, float]
+
 FOLLOWED = 2.5
 """A plan whose hinge deviates from the path by an RMS of more than this many arrival distances does not follow it."""
 
 LEAST_TURN = 1e-9
-"""Turns below this [rad] count as this: the centre is then some 10⁹ path steps away, as good as infinitely far."""
+"""Smallest turn [rad]; the centre is then some 10⁹ path steps away, in effect at infinity."""
 
 
 class PlanOutcome(enum.StrEnum):
@@ -36,30 +39,30 @@ class PlanOutcome(enum.StrEnum):
     ARRIVED = "arrived"
     """The hinge reached the end of the path."""
     STRAYED = "strayed"
-    """The hinge went farther from the point it aimed at than the planner may."""
+    """The hinge moved farther from its target point than the settings allow."""
     STUCK = "stuck"
-    """The rover drove on without getting nearer to the end."""
+    """The rover kept moving without getting nearer to the end."""
 
 
 class PlanCase(enum.IntEnum):
-    """How the centre of a step was found."""
+    """How the centre of rotation of a step was obtained."""
 
     A = 0
-    """The wanted centre is feasible and taken."""
+    """The desired centre is feasible and used."""
     B = 1
-    """It is not, but close: the nearest feasible centre is taken."""
+    """It is infeasible but close: the nearest feasible centre is used."""
     C = 2
-    """It is not, and far: the tip of the nearest flank is taken, the tightest turn to that side."""
+    """It is infeasible and far: the tip of the nearest flank is used, the tightest turn to that side."""
 
 
 @dataclass(frozen=True)
 class PlannerSettings:
-    """What the planner may choose.
+    """Parameters of the planner.
 
     ``threshold`` d_t [m]; ``look_ahead_steps`` ϑ_lh, half the window of the moving average of the path's heading;
-    ``proportional_gain`` [1/s], ``derivative_gain`` [1] of the steering; ``close_distance`` [m] within which of the
-    feasible region a centre is case B; ``arrival_distance`` [m] from the end that counts as there;
-    ``stray_distance`` [m] beyond the threshold at which the plan is given up.
+    ``proportional_gain`` [1/s] and ``derivative_gain`` [1] of the steering; ``close_distance`` [m] from the feasible
+    region up to which a centre is case B; ``arrival_distance`` [m] from the end at which the hinge has arrived;
+    ``stray_distance`` [m] beyond the threshold at which the plan is abandoned.
     """
 
     threshold: float
@@ -81,12 +84,12 @@ class PlannerSettings:
 
 @dataclass(frozen=True)
 class RoverPlan:
-    """What the rover does, step by step; row k holds from ``time_s[k]`` on.
+    """Planned motion of the rover; row k holds from ``time_s[k]`` on.
 
     ``time_s`` (n,); ``pose`` (n, 3) of the rover frame [m, m, rad]; ``hinge`` (n, 2) [m]; ``twist`` (n, 3) in the rover
     frame [m/s, m/s, rad/s]; ``steering`` (n, 4) [rad] and ``wheel_rates`` (n, 4) [rad/s] of the wheels, in the order of
     ``WHEEL_NAMES``; ``bicycle_steering`` (n, 2) [rad]; ``case`` (n,) of :class:`PlanCase`; ``target`` (n,) index of the
-    path point aimed at; ``rms`` [m] of the hinge from the path; ``outcome`` with ``advice`` in words.
+    target point on the path; ``rms`` [m] of the hinge from the path; ``advice`` explains the ``outcome``.
     """
 
     time_s: Array
@@ -96,8 +99,8 @@ class RoverPlan:
     steering: Array
     wheel_rates: Array
     bicycle_steering: Array
-    case: np.ndarray
-    target: np.ndarray
+    case: NDArray[np.int64]
+    target: NDArray[np.int64]
     rms: float
     outcome: PlanOutcome
     advice: str
@@ -115,7 +118,7 @@ class RoverPlan:
             object.__setattr__(self, name, values)
 
     def share_of(self, case: PlanCase) -> float:
-        """Share of the steps that fell into a case."""
+        """Fraction of the steps in a case."""
         return float(np.mean(self.case == case))
 
 
@@ -127,19 +130,17 @@ def plan_rover(
     Parameters
     ----------
     path : TimedPath
-        Nominal way of the hinge, in steps of equal time; the rover moves at its mean speed, with its step.
+        Nominal path of the hinge, in equal time steps; the rover moves at its mean speed, with its time step.
     rover : Rover
-        The rover.
     settings : PlannerSettings
-        Threshold, look-ahead, gains and limits.
     start : array_like (3,), optional
-        First pose of the rover frame [m, m, rad]; by default the hinge stands on the first point with the heading
+        First pose of the rover frame [m, m, rad]; by default the hinge is on the first point, with the heading
         planned there. ASSUME: the wheels are already steered for the first step.
 
     Returns
     -------
     RoverPlan
-        With an outcome; a plan that failed ends where it failed.
+        A plan that fails ends where it failed.
 
     Raises
     ------
@@ -165,7 +166,7 @@ def plan_rover(
     count, code, pose, twist, bicycle, case, target = _drive(
         (path.position, heading),
         start,
-        (rover.hinge, rover.axles[:, 0].copy(), tuple(getattr(region, f.name) for f in fields(region))),
+        (rover.hinge, rover.axles[:, 0].copy(), region),
         (settings.threshold, settings.close_distance, settings.arrival_distance, settings.stray_distance, circling),
         (settings.proportional_gain, settings.derivative_gain, speed, step, 2 * length + circling),
     )
@@ -184,28 +185,21 @@ def plan_rover(
         rms=deviation_rms(hinge, path.position),
         outcome=tuple(PlanOutcome)[code],
         advice="",
-        findings=_findings(path, settings, length, region),
     )
-    findings = (*plan.findings, *_deviation_findings(plan, settings))
+    findings = (*_settings_findings(path, settings, length, region), *_deviation_findings(plan, settings))
     return replace(plan, advice=_advice(plan, path, region), findings=findings)
 
 
 def _deviation_findings(plan: RoverPlan, settings: PlannerSettings) -> list[Finding]:
-    """A plan may arrive by cutting every corner; then it says so."""
+    """A plan can arrive although it cut every corner."""
     if plan.outcome is not PlanOutcome.ARRIVED or plan.rms <= FOLLOWED * settings.arrival_distance:
         return []
-    return [
-        finding(
-            "path_not_followed",
-            rms_mm=1000 * plan.rms,
-            factor=FOLLOWED,
-            arrival_mm=1000 * settings.arrival_distance,
-        )
-    ]
+    rms_mm, arrival_mm = 1000 * plan.rms, 1000 * settings.arrival_distance
+    return [finding("path_not_followed", rms_mm=rms_mm, factor=FOLLOWED, arrival_mm=arrival_mm)]
 
 
-def _findings(path: TimedPath, settings: PlannerSettings, length: float, region: Flanks) -> tuple[Finding, ...]:
-    """Settings that cannot do what they are for on this path."""
+def _settings_findings(path: TimedPath, settings: PlannerSettings, length: float, region: Flanks) -> list[Finding]:
+    """Settings that have no useful effect on this path."""
     findings = []
     steps, tightest = len(path.time_s) - 1, tightest_radius(path.position)
     if settings.threshold >= length:
@@ -214,11 +208,11 @@ def _findings(path: TimedPath, settings: PlannerSettings, length: float, region:
         findings.append(finding("look_ahead_exceeds_path", look_ahead=settings.look_ahead_steps, steps=steps))
     if tightest < region.tightest_radius:
         findings.append(finding("path_too_tight", radius_m=tightest, tightest_m=region.tightest_radius))
-    return tuple(findings)
+    return findings
 
 
 def _advice(plan: RoverPlan, path: TimedPath, region: Flanks) -> str:
-    """The outcome in words, with the numbers that explain it."""
+    """The numbers that explain the outcome."""
     shares = ", ".join(f"{case.name} {100 * plan.share_of(case):.1f} %" for case in PlanCase)
     target = int(plan.target[-1])
     aim = path.position[target]
@@ -227,35 +221,30 @@ def _advice(plan: RoverPlan, path: TimedPath, region: Flanks) -> str:
         return f"The hinge reached the end of the path within {gap:.3g} m (cases: {shares})."
     place = "ahead of" if inverse_transform(plan.pose[-1], aim)[0] > 0 else "behind"
     why = (
-        f"It aimed at point {target} of {len(path.position) - 1}, {gap:.3g} m away and {place} the rover; "
+        f"Its target was point {target} of {len(path.position) - 1}, {gap:.3g} m away and {place} the rover; "
         f"the path's tightest radius is {tightest_radius(path.position):.3g} m, the rover's "
         f"{region.tightest_radius:.3g} m (cases: {shares})."
     )
     when = f"after {plan.time_s[-1] - plan.time_s[0]:.4g} s and {path_length(plan.hinge):.3g} m"
     if plan.outcome is PlanOutcome.STRAYED:
         return f"The rover strayed from the path {when}. {why} A smaller threshold or a longer look-ahead may help."
-    return f"The rover got stuck {when}: it drove without coming nearer to the end. {why} A larger threshold may help."
+    return f"The rover got stuck {when}: it moved without getting nearer to the end. {why} A larger threshold may help."
 
 
 def heading_over_hinge(position: ArrayLike, ahead: float) -> Array:
-    """Heading that the rover should have while its hinge is on each point of a path.
+    """Heading that the rover should have while its hinge is at each point of a path, (n,) [rad], unwrapped.
 
-    A hinge in the middle of the rover goes where the rover heads. One ahead of it or behind it moves sideways as well
-    when the rover turns; a rover that turns about centres abeam of its middle, where its steering reaches farthest, has
-    dϑ/ds = sin(φ − ϑ)/ξ with the path's heading φ and the hinge at ξ. A hinge ahead makes the rover trail like a cart;
-    for one behind, the same holds backwards from the end of the path, and the rover swings out before a bend.
+    A hinge at the rover's centre moves where the rover heads. One ahead or behind also moves sideways when the rover
+    turns; for rotation about centres abeam of the rover's centre, where the steering reaches farthest,
+    dϑ/ds = sin(φ − ϑ)/ξ with the path's heading φ and the hinge at ξ. With the hinge ahead, the rover trails like a
+    cart; with it behind, the same holds backwards from the end of the path, and the rover swings out before a bend.
 
     Parameters
     ----------
     position : array_like (n, 2)
         Points of the hinge's path [m].
     ahead : float
-        ξ, the hinge's place ahead of the rover's middle [m], negative behind it.
-
-    Returns
-    -------
-    Array
-        (n,) headings [rad], unwrapped.
+        ξ, position of the hinge ahead of the rover's centre [m], negative behind it.
     """
     position = np.asarray(position, dtype=np.float64)
     heading = path_heading(position)
@@ -268,8 +257,8 @@ def heading_over_hinge(position: ArrayLike, ahead: float) -> Array:
 
 
 @compiled()
-def _trailing_heading(heading, size, distance):
-    """Heading of a cart of a given length drawn along a path; exact for each straight step."""
+def _trailing_heading(heading: Array, size: Array, distance: float) -> Array:
+    """Heading of a cart of a given length towed along a path; exact for each straight step."""
     trailing = heading.copy()
     for k in range(1, len(heading)):
         swing = np.tan(0.5 * (trailing[k - 1] - heading[k])) * np.exp(-size[k - 1] / distance)
@@ -285,13 +274,13 @@ def tightest_radius(position: ArrayLike) -> float:
     chord, size = chord[size > 0], size[size > 0]
     cross = chord[:-1, 0] * chord[1:, 1] - chord[:-1, 1] * chord[1:, 0]
     turn = np.abs(np.arctan2(cross, np.sum(chord[:-1] * chord[1:], axis=1)))
-    bends = turn > 1e-9  # below is rounding of a straight line
+    bends = turn > 1e-9  # a straight line, up to rounding
     return float((0.5 * (size[:-1] + size[1:])[bends] / turn[bends]).min(initial=np.inf))
 
 
 @compiled()
-def _wanted_centre(pose, hinge, aim_x, aim_y, aim_heading):
-    """Eq. (19), (20) in the rover frame: the centre of the turn that brings the hinge to the aim with its heading."""
+def _desired_centre(pose: Array, hinge: Array, aim_x: float, aim_y: float, aim_heading: float) -> Point:
+    """Centre of the rotation that brings the hinge to the target and its heading; eqs. (19), (20), rover frame."""
     cosine, sine = np.cos(pose[2]), np.sin(pose[2])
     dx = aim_x - (pose[0] + cosine * hinge[0] - sine * hinge[1])
     dy = aim_y - (pose[1] + sine * hinge[0] + cosine * hinge[1])
@@ -305,41 +294,42 @@ def _wanted_centre(pose, hinge, aim_x, aim_y, aim_heading):
 
 
 @compiled()
-def _feasible_centre(region, close, x, y):
-    """The centre taken for a wanted one, and the case: A as it is, B the nearest feasible, C the tip of that flank."""
-    normals, offsets, corners, tips, _ = region
-    left = nearest_centre(normals[0], offsets[0], corners[0], x, y)
-    right = nearest_centre(normals[1], offsets[1], corners[1], x, y)
+def _feasible_centre(region: Flanks, close: float, x: float, y: float) -> tuple[float, float, int]:
+    """The centre used for a desired one, and the index of its :class:`PlanCase`."""
+    left = nearest_centre(region.normals[0], region.offsets[0], region.corners[0], x, y)
+    right = nearest_centre(region.normals[1], region.offsets[1], region.corners[1], x, y)
     side = 0 if left[2] <= right[2] else 1
     near_x, near_y, distance = left if side == 0 else right
     if distance == 0.0:
         return x, y, 0
     if distance <= close:
         return near_x, near_y, 1
-    return tips[side, 0], tips[side, 1], 2
+    return region.tips[side, 0], region.tips[side, 1], 2
 
 
 @compiled()
-def _steered(region, gains, delta, wanted, error):
-    """One step of the PD steering of both wheels, kept feasible; ``delta`` and ``error`` are updated in place.
+def _steered(
+    region: Flanks, gains: tuple[float, float, float, float, float], delta: Array, desired: Array, error: Array
+) -> Point:
+    """Tangents of both steering angles after one feasible PD step; updates ``delta`` and ``error`` in place.
 
     ASSUME: the controller sets the steering rate, ``δ̇ = K_p e + K_d ė``.
     """
     proportional, derivative, _, step, _ = gains
     for wheel in range(2):
-        new_error = wanted[wheel] - delta[wheel]
+        new_error = desired[wheel] - delta[wheel]
         delta[wheel] += step * proportional * new_error + derivative * (new_error - error[wheel])
         error[wheel] = new_error
     bound = np.arctan(1e6)
     tangents = (np.tan(min(max(delta[0], -bound), bound)), np.tan(min(max(delta[1], -bound), bound)))
-    front, rear = nearest_in_polygon(region[4], tangents[0], tangents[1])
+    front, rear = nearest_in_polygon(region.steering_corners, tangents[0], tangents[1])
     delta[0], delta[1] = np.arctan(front), np.arctan(rear)
     return front, rear
 
 
 @compiled()
-def _moved(pose, twist, step):
-    """Exact motion of a pose by a constant twist of the rover frame."""
+def _moved(pose: Array, twist: Array, step: float) -> tuple[float, float, float]:
+    """Pose after a step [s] with a constant twist of the rover frame: an arc, exactly."""
     turn = twist[2] * step
     half = turn / 2
     chord = step * (np.sin(half) / half if abs(half) > 1e-8 else 1.0)
@@ -350,8 +340,8 @@ def _moved(pose, twist, step):
 
 
 @compiled()
-def _twist_of_tangents(tangents, axles, hinge, speed):
-    """Twist of the bicycle whose wheels roll along given tangents, with a given speed of the hinge."""
+def _twist_of_tangents(tangents: Point, axles: Array, hinge: Array, speed: float) -> tuple[float, float, float]:
+    """Twist of the bicycle with given tangents of its steering angles and a given speed of the hinge."""
     rate = (tangents[0] - tangents[1]) / (axles[0] - axles[1])
     sideways = tangents[0] - rate * axles[0]
     scale = speed / np.hypot(1.0 - rate * hinge[1], sideways + rate * hinge[0])
@@ -359,15 +349,21 @@ def _twist_of_tangents(tangents, axles, hinge, speed):
 
 
 @compiled()
-def _drive(path, start, machine, limits, gains):
+def _drive(
+    path: tuple[Array, Array],
+    start: Array,
+    rover: tuple[Array, Array, Flanks],
+    limits: tuple[float, float, float, float, float],
+    gains: tuple[float, float, float, float, float],
+) -> tuple[int, int, Array, Array, Array, NDArray[np.int64], NDArray[np.int64]]:
     """The planner's loop. Returns the rows used, the index of the outcome, poses, twists, steering, cases, targets."""
-    (path, heading), (hinge, axles, region) = path, machine
+    (position, heading), (hinge, axles, region) = path, rover
     threshold, close, arrival, stray, circling = limits
     _, _, speed, step, most_travel = gains
-    last, most_steps = len(path) - 1, int(np.ceil(most_travel / (speed * step)))
+    last, most_steps = len(position) - 1, int(np.ceil(most_travel / (speed * step)))
     pose, twist, bicycle = np.zeros((most_steps, 3)), np.zeros((most_steps, 3)), np.zeros((most_steps, 2))
     case, target = np.zeros(most_steps, np.int64), np.zeros(most_steps, np.int64)
-    delta, error, wanted = np.zeros(2), np.zeros(2), np.zeros(2)
+    delta, error, desired = np.zeros(2), np.zeros(2), np.zeros(2)
     pose[0] = start
     aim, progressed, code, k = 0, 0, 2, 0
     for k in range(most_steps):
@@ -375,18 +371,18 @@ def _drive(path, start, machine, limits, gains):
             pose[k] = _moved(pose[k - 1], twist[k - 1], step)
         x = pose[k, 0] + np.cos(pose[k, 2]) * hinge[0] - np.sin(pose[k, 2]) * hinge[1]
         y = pose[k, 1] + np.sin(pose[k, 2]) * hinge[0] + np.cos(pose[k, 2]) * hinge[1]
-        gap = np.hypot(path[aim, 0] - x, path[aim, 1] - y)
+        gap = np.hypot(position[aim, 0] - x, position[aim, 1] - y)
         while aim < last and gap <= threshold:
             aim, progressed = aim + 1, k
-            gap = np.hypot(path[aim, 0] - x, path[aim, 1] - y)
+            gap = np.hypot(position[aim, 0] - x, position[aim, 1] - y)
         target[k] = aim
-        centre_x, centre_y = _wanted_centre(pose[k], hinge, path[aim, 0], path[aim, 1], heading[aim])
+        centre_x, centre_y = _desired_centre(pose[k], hinge, position[aim, 0], position[aim, 1], heading[aim])
         centre_x, centre_y, case[k] = _feasible_centre(region, close, centre_x, centre_y)
         for wheel in range(2):
-            wanted[wheel] = np.arctan((axles[wheel] - centre_x) / centre_y)
+            desired[wheel] = np.arctan((axles[wheel] - centre_x) / centre_y)
         if k == 0:
-            delta[:] = wanted
-        tangents = _steered(region, gains, delta, wanted, error)
+            delta[:] = desired
+        tangents = _steered(region, gains, delta, desired, error)
         bicycle[k] = delta
         twist[k] = _twist_of_tangents(tangents, axles, hinge, speed)
         arrived, strayed = aim == last and gap <= arrival, gap > threshold + stray

@@ -1,4 +1,4 @@
-"""The scene of a plan: object, tether, rover, planner and curves, as ``plan.yaml`` describes them."""
+"""The scene of a plan: object, tether, rover, planner and curves, from ``plan.yaml``."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from towval.planning.planner import PlannerSettings
 
 @dataclass(frozen=True)
 class PlanScene:
-    """What is towed, by what, and along which paths.
+    """Towed object, tether, rover and desired paths.
 
-    ``cube`` is the towed object; ``friction`` the four numbers of its law; ``planner_step`` the step of the rover's
-    control [s]; ``curves`` the paths by name; ``duration`` of a path that has no times of its own [s].
+    ``cube`` is the towed object; ``friction`` the four numbers of its law; ``planner_step`` the time step of the
+    rover's control [s]; ``curves`` the desired paths by name; ``duration`` [s] of a path without times.
     """
 
     cube: TowedObject
@@ -37,7 +37,7 @@ class PlanScene:
 
 
 def plan_scene(plan: Mapping[str, Any]) -> PlanScene:
-    """Build the scene from a ``plan.yaml`` that its schema has checked."""
+    """The scene of a ``plan.yaml`` that its schema has checked."""
     load, tether, rover, planner = plan["cube"], plan["tether"], plan["rover"], plan["planner"]
     half = load["side_m"] / 2
     square = half * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
@@ -86,19 +86,11 @@ def _curves(sizes: Mapping[str, float]) -> dict[str, paths.Curve]:
 
 
 def towed_object(outline: Array, mass: float, centre_of_mass: Array, anchor: Array) -> TowedObject:
-    """An object of uniform thickness on which a load has moved the centre of mass.
+    """An object of uniform thickness with a load that displaces the centre of mass.
 
-    ASSUME: the moment of inertia is that of the uniform footprint about its centroid, with the mass moved by Steiner's
-    term to the centre of mass: the paper gives neither the load nor its place.
-
-    Parameters
-    ----------
-    outline : array_like (n, 2)
-        Footprint in the object's frame [m].
-    mass : float
-        With the load [kg].
-    centre_of_mass, anchor : array_like (2,)
-        In the object's frame [m].
+    ``outline`` (n, 2), ``centre_of_mass`` (2,) and ``anchor`` (2,) in the object's frame [m]; ``mass`` with the load
+    [kg]. ASSUME: the moment of inertia is that of the uniform footprint about its centroid plus Steiner's term, since
+    the paper gives neither the load nor its position.
     """
     patch = Patch(outline)
     centroid = polygon_centroid(patch.outline)
@@ -117,5 +109,5 @@ def _polar_radius_squared(outline: Array) -> float:
 
 
 def resting_patch(scene: PlanScene) -> SlidingPatch:
-    """The object's footprint under its load, with its friction law."""
+    """The object's footprint under its weight, with its friction law."""
     return sliding_patch(resting_pressure(scene.cube), fitted_law(scene.friction).law)

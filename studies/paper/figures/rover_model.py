@@ -27,10 +27,11 @@ from studies.paper.figures.drawing import (
     letter,
 )
 from studies.paper.scene import paper_scene
+from studies.rover_geometry import centre_between, feasible_pieces, moved_by, twist_about
 from towval.model import Array
 from towval.model.geometry import transform
-from towval.planning.feasible_region import feasible_piece, feasible_pieces, flanks, nearest_centre
-from towval.planning.kinematics import Rover, centre_between, moved_by, steering_of_twist, twist_about
+from towval.planning.feasible_region import feasible_piece, flanks, nearest_centre
+from towval.planning.kinematics import Rover, steering_of_twist
 from towval.report.style import PAGE_WIDTH_IN, figure_function
 
 FACING_UP = np.array([0.0, 0.0, np.pi / 2])
