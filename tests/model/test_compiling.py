@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numba.core.errors import TypingError
 
-from towval.model.compiling import compiled
+from towval.model.compiling import _compiling_files, compiled
 
 CALLER = """
 from towval.model.compiling import compiled
@@ -63,6 +63,64 @@ def test_an_edit_of_a_called_function_reaches_its_caller(sources: Path) -> None:
     assert call(sources) == (6.0, True)
     (sources / "helper.py").write_text(HELPER.format(factor=5.0))
     assert call(sources) == (30.0, False)
+
+
+def test_an_edit_in_a_subfolder_reaches_what_calls_it(sources: Path) -> None:
+    (sources / "deeper").mkdir()
+    (sources / "deeper" / "inner.py").write_text(HELPER.format(factor=2.0))
+    (sources / "helper.py").write_text("from deeper.inner import scale as scale\n")
+    assert call(sources) == (12.0, False)
+    assert call(sources) == (12.0, True)
+    (sources / "deeper" / "inner.py").write_text(HELPER.format(factor=7.0))
+    assert call(sources) == (42.0, False)
+
+
+def test_an_edit_of_compiled_code_elsewhere_in_the_package_is_noticed() -> None:
+    files = {path.name for path in _compiling_files()}
+    assert {"wrench.py", "projection.py", "light.py"} <= files
+    assert "campaign.py" not in files
+
+
+PRODUCT = """
+from towval.model.compiling import compiled
+
+
+@compiled()
+def product(x):
+    return x * x
+"""
+
+SUM = """
+import numpy as np
+from factors import product
+from towval.model.compiling import compiled
+
+
+@compiled()
+def sums(x, out):
+    for i in range(len(x)):
+        out[i] = product(x[i]) - x[i] * 0.3
+
+
+x = np.random.default_rng(0).normal(size=2000)
+out = np.empty_like(x)
+sums(x, out)
+print(out.view(np.int64).sum(), np.array_equal(out, x * x - x * 0.3))
+"""
+
+
+def test_products_and_sums_are_rounded_one_by_one(sources: Path) -> None:
+    """Else the digits would depend on what is inlined; and so on whether code was compiled just now or kept."""
+    (sources / "factors.py").write_text(PRODUCT)
+    (sources / "summing.py").write_text(SUM)
+    kept = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+    command = [sys.executable, "-c", "import summing"]
+    runs = [
+        subprocess.run(command, cwd=sources, env=kept, capture_output=True, text=True, check=True).stdout
+        for _ in range(2)
+    ]
+    assert runs[0] == runs[1]
+    assert runs[0].split()[1] == "True"
 
 
 def test_old_caches_do_not_pile_up(sources: Path) -> None:

@@ -2,11 +2,13 @@
 
 Compiled code is kept on disk, so that only the first call after installing compiles. Numba knows a function's machine
 code by the file the function stands in; but that code holds what other files contributed as well, and would outlive an
-edit there. So each folder of sources has a cache named after the content of all its files: after an edit the folder
-compiles anew, and what other folders compiled stays.
+edit there. So each folder of sources has a cache named after the content of all files that may contribute: its own,
+those of its subfolders, and all files of this package that compile anything. After an edit of other files what is
+compiled stays.
 
-Divisions follow IEEE 754 instead of raising, for a check at each would cost more than the division; products and sums
-may be contracted to one rounding. A function that takes more liberties with arithmetic says so.
+Divisions follow IEEE 754 instead of raising, for a check at each would cost more than the division. Products and sums
+are rounded one by one: where the compiler may contract them, the digits depend on what it inlines, and that on whether
+a function was compiled just now or read from the disk. A function that takes liberties with arithmetic says so.
 """
 
 from __future__ import annotations
@@ -41,7 +43,7 @@ def compiled(allocates: bool = True, **options: Any) -> Callable[[Function], Fun
     **options
         What ``numba.njit`` takes, where a function needs something else than the defaults above.
     """
-    settings: dict[str, Any] = {"cache": True, "error_model": "numpy", "fastmath": {"contract"}}
+    settings: dict[str, Any] = {"cache": True, "error_model": "numpy", "fastmath": False}
     # No way in from C either: nobody calls by one, and it takes a sixth of the time of compiling.
     settings |= {"_nrt": allocates, "no_cfunc_wrapper": True} | options
 
@@ -58,9 +60,16 @@ def compiled(allocates: bool = True, **options: Any) -> Callable[[Function], Fun
 
 
 @cache
+def _compiling_files() -> tuple[Path, ...]:
+    """Files of this package that compile functions, which others may inline."""
+    files = sorted(Path(__file__).resolve().parents[1].rglob("*.py"))
+    return tuple(path for path in files if b"towval.model.compiling import" in path.read_bytes())
+
+
+@cache
 def _cache_folder(sources: Path, users_choice: str) -> Path:
     digest = hashlib.sha256()
-    for path in sorted(sources.glob("*.py")):
+    for path in (*sorted(sources.rglob("*.py")), *_compiling_files()):
         digest.update(path.read_bytes())
     if users_choice:
         base = Path(users_choice)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from towval.model import Array
 from towval.model.compiling import compiled
-from towval.physics.motion import SLACK, TAUT, MotionProblem, acceleration_slopes, accelerations, margin
+from towval.physics.motion import SLACK, TAUT, MotionProblem, acceleration_slopes, accelerations, margin, tautness
 from towval.physics.rosenbrock import NODES, ORDER, STAGES, A, dense_output, solve_stage, stage_matrix
 from towval.physics.splines import piece_at
 
@@ -184,7 +184,9 @@ def _finite(rates: Array, jacobian: Array) -> bool:
 def _slack_step(scene: MotionProblem, t: float, piece: int, y: Array) -> float:
     """Longest step [s] in which hinge and anchor cannot close the gap, at least a quarter of the spline's piece."""
     knots, limits = scene.drive.knots, scene.drive.speed_limits
-    gap = margin(scene, SLACK, t, piece, y)
+    # A distance: the margin of the mode is a pull over κ where the tether is damped, and may be far more.
+    _, stretch, _ = tautness(scene, t, piece, y)
+    gap = max(0.0, -stretch)
     anchor = math.hypot(y[3], y[4]) + abs(y[5]) * math.hypot(scene.body[4], scene.body[5])
     floor = (knots[piece + 1] - knots[piece]) / 4
     safe, now = 0.0, t

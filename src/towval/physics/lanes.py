@@ -13,7 +13,7 @@ from collections.abc import Callable
 from typing import Any
 
 from llvmlite import ir
-from numba.core import types
+from numba.core import cgutils, types
 from numba.extending import intrinsic, models, register_model
 from numba.np import arrayobj
 
@@ -71,11 +71,11 @@ def load_lanes(typing_context: Any, array: types.Array, index: types.Type) -> tu
 
 @_intrinsic
 def multiply_add(typing_context: Any, a: types.Type, b: types.Type, c: types.Type) -> tuple[Any, Any]:
-    """``a b + c`` of lanes, lane by lane, with one rounding where the machine can."""
+    """``a b + c`` of lanes, lane by lane, with one rounding."""
 
     def generate(context: Any, builder: ir.IRBuilder, signature: Any, arguments: tuple[Any, ...]) -> ir.Value:
-        a, b, c = arguments
-        return builder.fadd(builder.fmul(a, b, flags=("contract",)), c, flags=("contract",))
+        kind = ir.FunctionType(_VECTOR, [_VECTOR] * 3)
+        return builder.call(cgutils.get_or_insert_function(builder.module, kind, f"llvm.fma.v{_WIDTH}f64"), arguments)
 
     return _LANES(_LANES, _LANES, _LANES), generate
 
@@ -85,7 +85,7 @@ def multiply(typing_context: Any, a: types.Type, b: types.Type) -> tuple[Any, An
     """``a b`` of lanes, lane by lane."""
 
     def generate(context: Any, builder: ir.IRBuilder, signature: Any, arguments: tuple[Any, ...]) -> ir.Value:
-        return builder.fmul(*arguments, flags=("contract",))
+        return builder.fmul(*arguments)
 
     return _LANES(_LANES, _LANES), generate
 

@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from towval.model import Array, TimedPath
 from towval.model.compiling import compiled
@@ -14,6 +15,14 @@ from towval.model.errors import InputError
 if TYPE_CHECKING:
     # Not at run time: scipy.interpolate takes as long to import as all the rest of the physics.
     from scipy.interpolate import CubicSpline
+
+
+_COINCIDING = 1e-6  # of the longest distance of two points: closer ones are one place
+_LONGER = 1.5  # times its neighbours: a turning point takes no longer than an interval
+# How far a spline may swing out between two points, over the longest distance of these and their neighbours. On curves
+# that are sampled well it is some 0.01, at a turning point 1/8. A pause of three intervals swings by more than 0.5.
+_SWING_LIMIT = 0.5
+_SLOW = 0.1  # of a neighbour's speed: slow enough to be a pause
 
 
 class Spline(NamedTuple):
@@ -33,24 +42,98 @@ def spline_through(path: TimedPath) -> Spline:
     """The smooth cubic spline through the points of a path.
 
     Its third derivative is continuous at the second and the last but one point ("not a knot"); with three points the
-    ends are not curved, with two it is straight.
+    ends are not curved, with two it is straight. Where the path pauses, it is split: each part comes to rest at the
+    pause, and between the two ends of the pause nothing swings. A pause is an interval whose ends coincide, or one over
+    which a single spline would swing out.
 
     Raises
     ------
     InputError
-        When the path has fewer than two points.
+        When the path has fewer than two points, or when the spline would swing out further between two points than
+        these and their neighbours are apart.
+
+    Examples
+    --------
+    A stop of ten seconds, given by its two ends:
+
+    >>> path = TimedPath([0.0, 1.0, 11.0, 12.0], [[0.0, 0.0], [0.05, 0.0], [0.05, 0.0], [0.1, 0.0]])
+    >>> spline_values(spline_through(path), np.array([3.5, 6.0]))[0][:, 0]
+    array([0.05, 0.05])
     """
     n = len(path.time_s)
     if n < 2:
         raise InputError("a path of one point cannot be followed", got=f"{n} points", allowed="two points or more")
     length = np.diff(path.time_s)
     slope = np.diff(path.position, axis=0) / length[:, None]
-    curvature = np.zeros((n, 2))
-    if n > 2:
-        _solve_curvatures(length, slope, curvature)
-    coefficients = np.empty((n - 1, 2, 4))
-    _lay_out_pieces(path.position, length, slope, curvature, coefficients)
+    pauses = _coinciding_ends(length, slope)
+    coefficients = _split_at(pauses, path.position, length, slope)
+    swings = _swings(length, coefficients, slope)
+    found = pauses | ((swings > _SWING_LIMIT) & _slower_than_neighbours(slope))
+    if (found != pauses).any():
+        coefficients = _split_at(found, path.position, length, slope)
+        swings = _swings(length, coefficients, slope)
+    if swings.max() > _SWING_LIMIT:
+        worst = int(swings.argmax())
+        raise InputError(
+            "the path has too few points to be followed between them",
+            got=f"a swing of {swings[worst]:.1f} times the distance of the points near {path.time_s[worst]:.6g} s",
+            allowed=f"up to {_SWING_LIMIT}",
+            remedy="give more points where the speed changes",
+        )
     return _laid_out(path.time_s.copy(), coefficients)
+
+
+def _coinciding_ends(length: Array, slope: Array) -> NDArray[np.bool_]:
+    """Intervals (n,) whose ends coincide, but for the turning point of a path that goes back on itself.
+
+    The two samples beside a turning point may coincide by symmetry; there the path goes back after an interval like its
+    neighbours, while after a pause it goes on or the interval is longer.
+    """
+    chord = np.linalg.norm(slope, axis=1) * length
+    before, after = np.roll(slope, 1, axis=0), np.roll(slope, -1, axis=0)
+    before[0] = after[-1] = 0.0
+    usual = np.maximum(np.r_[0.0, length[:-1]], np.r_[length[1:], 0.0])
+    turning = (np.sum(before * after, axis=1) < 0) & (length < _LONGER * usual)
+    found: NDArray[np.bool_] = (chord <= _COINCIDING * chord.max()) & ~turning
+    return found
+
+
+def _slower_than_neighbours(slope: Array) -> NDArray[np.bool_]:
+    speed = np.linalg.norm(slope, axis=1)
+    slower: NDArray[np.bool_] = speed < _SLOW * np.maximum(np.r_[0.0, speed[:-1]], np.r_[speed[1:], 0.0])
+    return slower
+
+
+def _swings(length: Array, coefficients: Array, slope: Array) -> Array:
+    """How far each piece (n,) leaves its chord in the middle, over the longest of its own chord and its neighbours'."""
+    chord = np.linalg.norm(slope, axis=1) * length
+    longest = np.maximum(chord, np.maximum(np.r_[0.0, chord[:-1]], np.r_[chord[1:], 0.0]))
+    aside = np.zeros(len(length))
+    for share in (0.25, 0.5, 0.75):
+        s = share * length[:, None]
+        value = s * (coefficients[:, :, 1] + s * (coefficients[:, :, 2] + s * coefficients[:, :, 3]))
+        aside = np.maximum(aside, np.linalg.norm(value - s * slope, axis=1))
+    return aside / np.where(longest > 0, longest, np.inf)
+
+
+def _split_at(pauses: NDArray[np.bool_], position: Array, length: Array, slope: Array) -> Array:
+    """Coefficients (n, 2, 4) of splines between the pauses, at rest where these begin and end."""
+    n = len(length)
+    coefficients = np.zeros((n, 2, 4))
+    coefficients[:, :, 0] = position[:-1]
+    # The ends of a pause, where they do not quite coincide, are joined at rest.
+    coefficients[pauses, :, 2] = 3 * (slope / length[:, None])[pauses]
+    coefficients[pauses, :, 3] = -2 * (slope / length[:, None] ** 2)[pauses]
+    edges = np.flatnonzero(np.diff(np.r_[True, pauses, True].astype(np.int8)))
+    for first, end in zip(edges[::2], edges[1::2], strict=True):
+        part = slice(first, end)
+        curvature = np.zeros((end - first + 1, 2))
+        at_rest = (bool(first > 0), bool(end < n))
+        if end - first > 1 or any(at_rest):
+            for k in range(2):
+                _solve_curvatures(length[part], slope[part, k], at_rest, curvature[:, k])
+        _lay_out_pieces(position[first : end + 1], length[part], slope[part], curvature, coefficients[part])
+    return coefficients
 
 
 def spline_from(curve: CubicSpline) -> Spline:
@@ -91,37 +174,42 @@ def _bound_speeds(knots: Array, coefficients: Array, speed_limits: Array) -> Non
 
 
 @compiled()
-def _solve_curvatures(length: Array, slope: Array, curvature: Array) -> None:
-    """Second derivatives at the points (n, 2), from the lengths and slopes of the pieces; n is three or more.
+def _solve_curvatures(length: Array, slope: Array, at_rest: tuple[bool, bool], curvature: Array) -> None:
+    """Second derivatives of a coordinate at the points (n,), zero before, from the lengths and slopes of the pieces.
 
-    A tridiagonal system for the inner points, by elimination; it is diagonally dominant.
+    A tridiagonal system by elimination; it is diagonally dominant. An end ``at_rest`` has no velocity; another lies on
+    the line through its two neighbours ("not a knot"), or is not curved where there are no three pieces to tell.
     """
     n = len(curvature)
-    diagonal, above = np.empty(n), np.empty(n)
+    first, last = length[0] / length[min(1, n - 2)], length[n - 2] / length[max(n - 3, 0)]
+    knot_free = n > 3 and not at_rest[0], n > 3 and not at_rest[1]
+    diagonal, above = np.ones(n), np.zeros(n)
+    if at_rest[0]:
+        diagonal[0], above[0], curvature[0] = 2 * length[0], length[0], 6 * slope[0]
     for i in range(1, n - 1):
         left, right = length[i - 1], length[i]
         below, diagonal[i], above[i] = left, 2 * (left + right), right
-        # Not a knot: the end's value lies on the line through its two neighbours.
-        if i == 1 and n > 3:
-            diagonal[i] += left + left * left / right
-            above[i] -= left * left / right
-        if i == n - 2 and n > 3:
-            diagonal[i] += right + right * right / left
-            below -= right * right / left
-        factor = below / diagonal[i - 1] if i > 1 else 0.0
-        diagonal[i] -= factor * above[i - 1] if i > 1 else 0.0
-        for k in range(2):
-            curvature[i, k] = 6 * (slope[i, k] - slope[i - 1, k]) - factor * curvature[i - 1, k]
-    curvature[n - 1] = 0.0
-    for i in range(n - 2, 0, -1):
-        for k in range(2):
-            following = above[i] * curvature[i + 1, k] if i < n - 2 else 0.0
-            curvature[i, k] = (curvature[i, k] - following) / diagonal[i]
-    for k in range(2):
-        if n > 3:
-            first, last = length[0] / length[1], length[n - 2] / length[n - 3]
-            curvature[0, k] = curvature[1, k] + first * (curvature[1, k] - curvature[2, k])
-            curvature[n - 1, k] = curvature[n - 2, k] + last * (curvature[n - 2, k] - curvature[n - 3, k])
+        if i == 1 and knot_free[0]:
+            diagonal[i] += left + left * first
+            above[i] -= left * first
+            below = 0.0
+        if i == n - 2 and knot_free[1]:
+            diagonal[i] += right + right * last
+            below -= right * last
+            above[i] = 0.0
+        factor = below / diagonal[i - 1]
+        diagonal[i] -= factor * above[i - 1]
+        curvature[i] = 6 * (slope[i] - slope[i - 1]) - factor * curvature[i - 1]
+    if at_rest[1]:
+        factor = length[n - 2] / diagonal[n - 2]
+        diagonal[n - 1] = 2 * length[n - 2] - factor * above[n - 2]
+        curvature[n - 1] = (-6 * slope[n - 2] - factor * curvature[n - 2]) / diagonal[n - 1]
+    for i in range(n - 2, -1, -1):
+        curvature[i] = (curvature[i] - above[i] * curvature[i + 1]) / diagonal[i]
+    if knot_free[0]:
+        curvature[0] = curvature[1] + first * (curvature[1] - curvature[2])
+    if knot_free[1]:
+        curvature[n - 1] = curvature[n - 2] + last * (curvature[n - 2] - curvature[n - 3])
 
 
 def spline_covering(path: TimedPath | CubicSpline, times: Array, name: str) -> Spline:
