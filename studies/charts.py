@@ -257,9 +257,7 @@ def _draw_map(axes: Axes, rows: pd.DataFrame) -> None:
     across, up = _ordered(rows["x"]), _ordered(rows["y"])
     for row in rows.itertuples():
         x, y = across.index(row.x), up.index(row.y)
-        axes.add_patch(
-            _cell(x, y, FACES[row.judgement]),
-        )
+        axes.add_patch(_cell(x, y, FACES[row.judgement]))
         sign, colour = SIGNS[row.judgement]
         axes.text(x, y, sign, color=colour, ha="center", va="center_baseline", fontsize=7)
     axes.set(xlim=(-0.5, len(across) - 0.5), ylim=(-0.5, len(up) - 0.5))

@@ -1,7 +1,5 @@
 """The command ``towval``: the stages on single files, without Snakemake."""
 
-from __future__ import annotations
-
 import argparse
 import importlib
 from collections.abc import Callable

@@ -31,10 +31,7 @@ def base(seed: int) -> FilmedScene:
     """Rover and box that start after a rest and go half a metre."""
     return replace(
         standard_scene(seed, **small_camera()),
-        motions=(
-            drive((-0.3, 0.4, 0.2), SPEED, 0.5, REST_S),
-            drive((-1.0, -0.5, -0.1), SPEED, -0.4, REST_S),
-        ),
+        motions=(drive((-0.3, 0.4, 0.2), SPEED, 0.5, REST_S), drive((-1.0, -0.5, -0.1), SPEED, -0.4, REST_S)),
     )
 
 

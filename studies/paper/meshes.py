@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from studies.frame import Part, Row
+from studies.paper.finite_volumes import MeshPressure, mesh_pressure, meshed_patch
 from studies.paper.scene import PaperScene, paper_study
 from towval.model import Array, TimedPath
 from towval.model.conventions import GRAVITY_M_PER_S2
 from towval.physics.contact import pressure_plane, resting_pressure
 from towval.physics.friction_laws import fitted_law
-from towval.physics.mesh import MeshPressure, mesh_pressure, meshed_patch
 from towval.physics.quasistatic import quasistatic_plan
 from towval.physics.wrench import SlidingPatch, sliding_patch
 from towval.planning.paths import timed

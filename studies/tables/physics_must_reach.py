@@ -24,6 +24,7 @@ from studies.comparators.quadrature import CENTRES, centre_of_rotation, referenc
 from studies.comparators.tow_scenes import lap_scene, lemniscate
 from studies.comparators.work_precision import reference_places
 from studies.costs import children_cpu_seconds, cpu_seconds, least_cpu_seconds
+from studies.paper.finite_volumes import mesh_pressure, meshed_patch
 from studies.worlds.footprints import random_load, random_star
 from towval.model import Array, Patch, Tether
 from towval.model.compiling import compiled
@@ -31,7 +32,6 @@ from towval.model.conventions import GRAVITY_M_PER_S2
 from towval.model.errors import TowvalError
 from towval.physics.contact import pressure_plane, resting_pressure
 from towval.physics.friction_laws import Makkar
-from towval.physics.mesh import mesh_pressure, meshed_patch
 from towval.physics.quasistatic import quasistatic_plan
 from towval.physics.wrench import SlidingPatch, sliding_patch, wrench_at_origin
 

@@ -19,12 +19,12 @@ from numpy.typing import ArrayLike
 from studies.comparators.compiled_mesh import plan_on_mesh
 from studies.comparators.tow_scenes import lemniscate
 from studies.costs import least_cpu_seconds
+from studies.paper.finite_volumes import mesh_pressure, meshed_patch
 from studies.paper.meshes import PAPER_TABLE_1, SIDES_PER_ELEMENT_SIZE
 from studies.tables.physics_must_reach import CUBE, GAMMA, LOADS, MAKKAR, seconds_a_mesh_wrench, seconds_a_wrench
 from towval.model import Tether, TimedPath
 from towval.model.conventions import GRAVITY_M_PER_S2
 from towval.physics.contact import pressure_plane, resting_pressure
-from towval.physics.mesh import mesh_pressure, meshed_patch
 from towval.physics.quasistatic import quasistatic_plan
 from towval.physics.wrench import SlidingPatch, sliding_patch
 

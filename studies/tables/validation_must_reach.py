@@ -24,14 +24,7 @@ from typing import Any
 import numpy as np
 
 from studies.tables.validation_rendered import drawn_run, rendered_rows
-from studies.worlds.towed_runs import (
-    ROVER,
-    TOWED,
-    TrueCamera,
-    nominal_calibration,
-    planted,
-    true_motion,
-)
+from studies.worlds.towed_runs import ROVER, TOWED, TrueCamera, nominal_calibration, planted, true_motion
 from towval.io.records import read_comparison
 from towval.model import Array, Comparison, Verdict
 from towval.model.geometry import wrapped

@@ -126,8 +126,7 @@ def _drawn_truth(scene: TowingScene, std: dict[str, float], rng: np.random.Gener
         anchor=point_about(scene.anchor, std["anchor"]),
         hinge=point_about(scene.hinge, std["hinge"]),
         tether=Tether(
-            about(scene.tether.rest_length, std["rest_length"]),
-            about(scene.tether.stiffness, std["stiffness"]),
+            about(scene.tether.rest_length, std["rest_length"]), about(scene.tether.stiffness, std["stiffness"])
         ),
     )
     return Truth(true, about(1.0, std["friction"] / scene.friction.kinetic))

@@ -3,13 +3,7 @@ import pytest
 import shapely
 
 from footprints import random_star, rectangle
-from oracles import (
-    PRESSURE_MAX_PA,
-    SQUARE_LOAD_N,
-    TWO_AXES_CONTACT_M2,
-    TWO_AXES_PRESSURE_MAX_PA,
-    rectangle_pressure,
-)
+from oracles import PRESSURE_MAX_PA, SQUARE_LOAD_N, TWO_AXES_CONTACT_M2, TWO_AXES_PRESSURE_MAX_PA, rectangle_pressure
 from towval.model import Patch
 from towval.model.errors import InputError, RefusedError
 from towval.physics.contact import pressure_plane

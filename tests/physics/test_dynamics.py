@@ -12,12 +12,12 @@ from oracles import (
     LAP_FINAL_POSE,
     coast_speed,
 )
+from studies.paper.finite_volumes import mesh_pressure, meshed_patch
 from towval.model import Patch, Tether, TimedPath, TowedObject
 from towval.model.errors import InputError
 from towval.model.geometry import transform
 from towval.physics.dynamics import Accuracy, Outcome, feedback, feedforward
 from towval.physics.friction_laws import Coulomb, Makkar
-from towval.physics.mesh import mesh_pressure, meshed_patch
 from towval.physics.quasistatic import quasistatic_plan
 from towval.physics.tether import tether_force
 

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from quadrature import reference_wrench
+from studies.paper.finite_volumes import mesh_pressure, meshed_patch
 from towval.model import FrictionLaw, FrictionSpecification, TimedPath, check_friction_law
 from towval.model.errors import InputError
 from towval.physics.contact import pressure_plane
 from towval.physics.dynamics import Outcome, feedback
 from towval.physics.friction_laws import LAWS, Coulomb, FittedLaw, Makkar, fitted_law
 from towval.physics.friction_table import coefficient_over_speed, friction_table, ratio_and_slope
-from towval.physics.mesh import mesh_pressure, meshed_patch
 from towval.physics.quasistatic import quasistatic_plan
 from towval.physics.wrench import friction_wrench, sliding_patch
 

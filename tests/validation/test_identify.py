@@ -63,11 +63,7 @@ def measure(make_track):
 
 
 def test_planted_values_come_back_and_predict_the_run_left_out(scene, measure):
-    true = replace(
-        scene,
-        tether=Tether(0.63, 800.0),
-        load=Load(1.5, np.array([-0.12, 0.05]), scene.load.size),
-    )
+    true = replace(scene, tether=Tether(0.63, 800.0), load=Load(1.5, np.array([-0.12, 0.05]), scene.load.size))
     names = ("rest_length", "load_x", "load_y")
     found = identify(scene, DEVIATIONS, measure(true), IdentifySettings(names))
     std = np.sqrt(np.diag(found.covariance))

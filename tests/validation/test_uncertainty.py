@@ -8,17 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from studies.worlds.campaign import ANCHOR, HINGE, OBJECT, ROVER, towed_motion
 from studies.worlds.scenes import ceiling, drive
-from towval.model import (
-    Calibration,
-    Camera,
-    Floor,
-    FrictionSpecification,
-    Load,
-    Patch,
-    Tether,
-    TowingScene,
-    Verdict,
-)
+from towval.model import Calibration, Camera, Floor, FrictionSpecification, Load, Patch, Tether, TowingScene, Verdict
 from towval.model.errors import InputError
 from towval.model.geometry import rigid_fit, transform
 from towval.optics.projection import project, to_plane

@@ -1,7 +1,5 @@
 """Whether a set of views is adequate: tilt, coverage and number of views, two halves compared, in plain words."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -154,10 +152,7 @@ def halves_findings(comparisons: Sequence[HalvesComparison]) -> list[Finding]:
     """A warning where the halves differ by much more than the corner noise explains."""
     return [
         finding(
-            "halves-disagree",
-            found_mm=1e3 * plane.found_m,
-            height_m=plane.height_m,
-            expected_mm=1e3 * plane.expected_m,
+            "halves-disagree", found_mm=1e3 * plane.found_m, height_m=plane.height_m, expected_mm=1e3 * plane.expected_m
         )
         for plane in comparisons
         if plane.found_m > max(3 * plane.expected_m, 1e-3)

@@ -1,7 +1,5 @@
 """Looking for a board in many pictures: quickly first, and with a word on what is wrong where none is found."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -29,8 +27,6 @@ def find_boards(
     ----------
     images : sequence of (str, ndarray of uint8)
         Names and grey pictures, asked for when they are looked at.
-    board : Board
-        The board.
     threads : int
         How many pictures to look at at the same time.
 

@@ -5,8 +5,6 @@ normal equations are reduced to the shared parameters with the Schur complement,
 marginal covariance: what remains uncertain when the places of all boards are uncertain, too.
 """
 
-from __future__ import annotations
-
 import enum
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -228,8 +226,6 @@ def adjust(blocks: Sequence[Block], start: Estimate, active: NDArray[np.intp]) -
 
     Parameters
     ----------
-    blocks : sequence of Block
-        What was seen.
     start : Estimate
         Where to start; its ``noise_px`` may be NaN.
     active : ndarray of int

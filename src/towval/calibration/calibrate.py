@@ -1,7 +1,5 @@
 """The stage ``calibrate``: pictures of a board, held up and lying on the floor, to a camera over a floor."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -89,12 +87,6 @@ def calibrate(
         at and not kept, so a sequence that reads files needs memory for a few of them.
     floor_images : sequence of (str, ndarray of uint8)
         The board lying on the floor; the first of them fixes the floor frame unless ``floor`` has marks.
-    board : Board
-        The board.
-    floor : FloorReference
-        What fixes the floor frame.
-    settings : CalibrateSettings
-        How to go about it.
     heights_m : sequence of float, optional
         Heights of the bodies' tops, on which the quality is given besides the floor's [m].
 
@@ -196,8 +188,6 @@ def calibrate_observations(
     seen : CalibrationObservations
         The boards and marks. Without a floor (``seen.reference`` None) the camera alone is calibrated and the floor of
         the result is the camera frame itself.
-    settings : CalibrateSettings
-        How to go about it.
     unseen : dict
         Names of the pictures without a board and the reason, for the record.
     heights_m : sequence of float, optional

@@ -1,7 +1,5 @@
 """Corners of calibration boards in pictures: found, refined to a fraction of a pixel, and put in a fixed order."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2
@@ -47,10 +45,6 @@ def observe_chessboard(name: str, image: NDArray[np.uint8], board: Board, *, tho
 
     Parameters
     ----------
-    name : str
-        What to call the picture.
-    image : ndarray of uint8 (height, width)
-        The picture, grey.
     board : Board
         The board to look for; all its corners have to be in the picture.
     thorough : bool
@@ -79,10 +73,7 @@ def observe_chessboard(name: str, image: NDArray[np.uint8], board: Board, *, tho
 def observe_charuco(name: str, image: NDArray[np.uint8], board: Board) -> BoardObservation | None:
     """Find a ChArUco board, whole or in part, in a grey picture; None where too little of it is seen.
 
-    Raises
-    ------
-    InputError
-        When OpenCV has no marker set of the board's name.
+    Raises `InputError` when OpenCV has no marker set of the board's name.
     """
     pattern = _charuco_pattern(board)
     corners, ids, _, _ = cv2.aruco.CharucoDetector(pattern).detectBoard(image)

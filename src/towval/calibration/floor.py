@@ -1,7 +1,5 @@
 """The floor frame: which corner of which board is the origin, and a first guess that the adjustment can start from."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import cv2
@@ -18,10 +16,7 @@ from towval.optics.projection import to_plane_kernel
 def in_floor_axes(observation: BoardObservation, reference: FloorReference) -> BoardObservation:
     """The first floor board in floor coordinates: origin at the corner pointed at, x along the row pointed along.
 
-    Raises
-    ------
-    InputError
-        When a point is further than one square from the nearest corner, or both mean the same corner.
+    Raises `InputError` when a point is further than one square from the nearest corner, or both mean the same corner.
     """
     origin = _nearest(observation, reference.origin_corner_px, "floor.origin_corner_px")
     end = _nearest(observation, reference.x_axis_end_corner_px, "floor.x_axis_end_corner_px")

@@ -1,7 +1,5 @@
 """Which lens model: nested ones, the smallest that predicts held-out views as well as the best."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -117,10 +115,7 @@ def choose_lens(trials: Sequence[LensTrial]) -> LensTrial:
     The standard error is that of the paired difference: the same views, predicted by both models. Models whose
     coefficients the views do not determine are left out unless all are such.
 
-    Parameters
-    ----------
-    trials : sequence of LensTrial
-        Smallest model first.
+    ``trials``: smallest model first.
     """
     trials = [trial for trial in trials if trial.determined] or trials
     best = min(trials, key=lambda trial: trial.score_px2)

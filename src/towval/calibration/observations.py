@@ -1,7 +1,5 @@
 """All that a calibration saw, as blocks for the adjustment, and a first guess of camera, floor and places."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -66,7 +64,7 @@ class CalibrationObservations:
             lifted(observation.board_m, self.floor_reference.board_thickness_m), observation.corners_px, placement
         )
 
-    def without(self, names: set[str]) -> CalibrationObservations:
+    def without(self, names: set[str]) -> "CalibrationObservations":
         """The seen less some boards."""
         return replace(
             self,

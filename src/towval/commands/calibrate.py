@@ -1,7 +1,5 @@
 """Command calibrate: board pictures → camera.mcap."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

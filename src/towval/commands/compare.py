@@ -1,7 +1,5 @@
 """Command compare: track.mcap, simulate.mcap and uncertainty.mcap → compare.mcap."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -14,19 +12,11 @@ from towval.validation.compare import CompareSettings, compare
 
 
 def run(
-    name: str,
-    track: Path,
-    simulated: Path,
-    uncertainty: Path,
-    output: Path,
-    keys: Mapping[str, Any] | None = None,
+    name: str, track: Path, simulated: Path, uncertainty: Path, output: Path, keys: Mapping[str, Any] | None = None
 ) -> None:
     """Compare the simulated with the measured path of the object.
 
-    Parameters
-    ----------
-    track, simulated, uncertainty : Path
-        ``track.mcap``, ``simulate.mcap`` and ``uncertainty.mcap`` of the run.
+    ``track``, ``simulated``, ``uncertainty``: ``track.mcap``, ``simulate.mcap`` and ``uncertainty.mcap`` of the run.
     """
     settings = settings_from(CompareSettings, keys, "compare")
     measured, motion = read_tracks(track)["object"], read_simulated(simulated)

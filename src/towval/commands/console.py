@@ -1,7 +1,5 @@
 """Output of commands: findings, progress, and errors of the input as one message."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

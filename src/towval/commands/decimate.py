@@ -1,7 +1,5 @@
 """Command decimate: track.mcap → decimate.mcap."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -16,10 +14,7 @@ from towval.validation.decimate import DecimateSettings, decimate
 def run(track: Path, output: Path, keys: Mapping[str, Any] | None = None) -> None:
     """Decimate the tracks of a run.
 
-    Parameters
-    ----------
-    track : Path
-        ``track.mcap`` of the run.
+    ``track``: ``track.mcap`` of the run.
     """
     settings = settings_from(DecimateSettings, keys, "decimate")
     decimated = {name: decimate(body, settings) for name, body in read_tracks(track).items()}

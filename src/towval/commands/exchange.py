@@ -1,7 +1,5 @@
 """Command exchange: results of a run → exchange.mcap and layouts for viewers."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from towval.commands.run_folder import files, read_run
@@ -14,10 +12,7 @@ from towval.io.records import read_calibration
 def run(campaign: Path, name: str, camera: Path, folder: Path, overlay: Path, output: Path) -> None:
     """Write video, bodies, tether and errors of a run into one file for viewers.
 
-    Parameters
-    ----------
-    overlay : Path
-        ``overlay.mp4`` of the run.
+    ``overlay``: ``overlay.mp4`` of the run.
     """
     record = read_run(load_campaign(campaign), name, folder)
     inputs = {path.name: path for path in (camera, overlay, *files(folder).values())}

@@ -1,7 +1,5 @@
 """Command identify: all runs of a campaign → identify.mcap, identify.csv: inputs fitted to the runs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -19,10 +17,7 @@ from towval.validation.identify import IdentifySettings, MeasuredRun, identify
 def run(campaign: Path, results: Path, output: Path, keys: Mapping[str, Any] | None = None) -> None:
     """Fit inputs to the runs of a campaign and predict each run from the others.
 
-    Parameters
-    ----------
-    results : Path
-        Folder with one folder per run, each with the results up to ``uncertainty``.
+    ``results``: folder with one folder per run, each with the results up to ``uncertainty``.
     """
     settings = settings_from(IdentifySettings, keys, "identify")
     given = load_campaign(campaign)

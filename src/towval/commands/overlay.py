@@ -1,7 +1,5 @@
 """Command overlay: footage of a run with measured and simulated outlines → overlay.mp4."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from towval.commands.run_folder import read_run
@@ -13,10 +11,7 @@ from towval.report.overlay import write_overlay
 def run(campaign: Path, name: str, camera: Path, folder: Path, output: Path, width_px: int = 960) -> None:
     """Draw a run onto its footage.
 
-    Parameters
-    ----------
-    width_px : int, optional
-        Largest width of the video [px].
+    ``width_px``: largest width of the video [px].
     """
     given = load_campaign(campaign)
     record = read_run(given, name, folder)

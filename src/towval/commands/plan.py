@@ -1,7 +1,5 @@
 """Commands plan and tow: desired path of the object → motion of the rover; recorded rover → motion of the object."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -37,8 +35,6 @@ def run(scene: Mapping[str, Any], wanted: str, mcap: Path, csv: Path, campaign: 
         The scene, as ``workflow/plan.yaml`` describes it.
     wanted : str
         Name of a curve of the scene, or a CSV file with columns ``x_m``, ``y_m`` and optionally ``time_s``.
-    mcap, csv : Path
-        Files to write.
     campaign : Path, optional
         A campaign whose object, friction, tether and hinge replace those of the scene.
 

@@ -1,7 +1,5 @@
 """Command report: all results of a campaign → figures, summary.csv, report.html."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path

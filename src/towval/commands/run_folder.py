@@ -1,7 +1,5 @@
 """Result files of a run."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from towval.io.campaign import Campaign
@@ -19,10 +17,7 @@ def files(folder: Path) -> dict[str, Path]:
 def read_run(campaign: Campaign, name: str, folder: Path) -> RunRecord:
     """The record of a run from its result files in ``folder``.
 
-    Raises
-    ------
-    InputError
-        When a file is missing or damaged, or the campaign has no such run.
+    Raises `InputError` when a file is missing or damaged, or the campaign has no such run.
     """
     campaign.run(name)
     paths = files(folder)

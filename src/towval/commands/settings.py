@@ -1,7 +1,5 @@
 """Settings of a stage from the keys of its section of the configuration."""
 
-from __future__ import annotations
-
 import dataclasses
 import difflib
 from collections.abc import Mapping

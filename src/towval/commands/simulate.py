@@ -1,7 +1,5 @@
 """Command simulate: decimate.mcap → simulate.mcap."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

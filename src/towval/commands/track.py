@@ -1,7 +1,5 @@
 """Command track: a video → track.mcap."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Command uncertainty: covariance of the error of a run if the model is correct → uncertainty.mcap."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -17,12 +15,7 @@ from towval.validation.uncertainty import UncertaintySettings
 
 
 def run(
-    campaign: Path,
-    name: str,
-    camera: Path,
-    folder: Path,
-    output: Path,
-    keys: Mapping[str, Any] | None = None,
+    campaign: Path, name: str, camera: Path, folder: Path, output: Path, keys: Mapping[str, Any] | None = None
 ) -> None:
     """Sample the uncertainty of a run."""
     keys, auto = without_auto(keys, "samples")

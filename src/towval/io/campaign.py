@@ -1,7 +1,5 @@
 """The campaign folder: what a lab hands in, read from ``campaign.yaml`` and checked before anything is computed."""
 
-from __future__ import annotations
-
 from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
@@ -77,10 +75,7 @@ class Campaign:
     def run(self, name: str) -> Run:
         """The run of that name.
 
-        Raises
-        ------
-        InputError
-            When there is none.
+        Raises `InputError` when there is none.
         """
         try:
             return self.runs[name]

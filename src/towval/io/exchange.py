@@ -4,8 +4,6 @@ The stages' own files each hold what one stage found; a viewer wants them side b
 are in the folder ``layouts``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from importlib.resources import files
 from pathlib import Path
@@ -40,12 +38,6 @@ def write_run_file(
 
     Parameters
     ----------
-    path : Path
-        Where to.
-    run : RunRecord
-        The run.
-    calibration : Calibration
-        Camera and floor.
     overlay : Path
         The run's overlay video; its pictures go into the file, five a second.
     provenance : dict of str to str

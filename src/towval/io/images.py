@@ -1,7 +1,5 @@
 """Pictures read from files."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,10 +15,7 @@ from towval.model.errors import InputError
 def read_gray(path: Path, resolution_px: tuple[int, int]) -> NDArray[np.uint8]:
     """A picture as grey levels (height, width), as stored: an orientation tag does not turn it.
 
-    Raises
-    ------
-    InputError
-        When the file is no picture, or not of the resolution asked for.
+    Raises `InputError` when the file is no picture, or not of the resolution asked for.
     """
     data = np.fromfile(path, dtype=np.uint8)
     image = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION) if data.size else None

@@ -3,8 +3,6 @@
 Written whole or not at all, byte-identical for identical content; read with every checksum verified.
 """
 
-from __future__ import annotations
-
 import json
 import struct
 from collections import defaultdict
@@ -115,10 +113,7 @@ def read_provenance(path: Path) -> dict[str, str]:
 def read_mcap(path: Path, without: tuple[str, ...] = ()) -> McapContent:
     """Read an MCAP file, verifying its checksums; topics that end in one of ``without`` are not decoded.
 
-    Raises
-    ------
-    InputError
-        When the file is missing, damaged, or holds a message of a type that is not ROS 2's.
+    Raises `InputError` when the file is missing, damaged, or holds a message of a type that is not ROS 2's.
     """
     topics: dict[str, list[Message]] = defaultdict(list)
     details: dict[str, Any] = {}

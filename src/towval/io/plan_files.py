@@ -1,7 +1,5 @@
 """Plans as files: MCAP with the topics of a campaign, CSV for everybody, paths from CSV."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path as FilePath
 
@@ -32,10 +30,6 @@ def write_plan_mcap(path: FilePath, plan: RoverPlan, towed: SimulatedMotion, pro
 
     Parameters
     ----------
-    path : TimedPath
-        Where to.
-    plan : RoverPlan
-        What the rover does.
     towed : SimulatedMotion
         What the object does behind it.
     provenance : dict
@@ -77,10 +71,7 @@ def read_rover_poses(path: FilePath) -> tuple[Array, Array]:
 
     A plan, a measured track or a recording of somebody else's: what drives the tether is the same topic everywhere.
 
-    Raises
-    ------
-    InputError
-        When the file is missing, damaged or has no such topic.
+    Raises `InputError` when the file is missing, damaged or has no such topic.
     """
     content = read_mcap(path)
     messages = [value.pose for value in content.values("/rover/pose")]
@@ -99,10 +90,7 @@ def read_rover_poses(path: FilePath) -> tuple[Array, Array]:
 def read_object_start(path: FilePath) -> Array:
     """First pose of the object (3,) [m, m, rad] in an MCAP: ``/object/pose``, else ``/object/pose_simulated``.
 
-    Raises
-    ------
-    InputError
-        When the file is missing, damaged or has neither.
+    Raises `InputError` when the file is missing, damaged or has neither.
     """
     content = read_mcap(path)
     for topic in ("/object/pose", "/object/pose_simulated"):

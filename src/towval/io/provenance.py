@@ -1,7 +1,5 @@
 """What a result was made of: versions, configuration, and a fingerprint of the code and the input."""
 
-from __future__ import annotations
-
 import ast
 import dataclasses
 import hashlib
@@ -21,18 +19,9 @@ from towval.model.plugins import load_plugins
 
 _PACKAGE = Path(towval.__file__).resolve().parent
 _LIBRARIES = (
-    "av",
-    "matplotlib",
-    "mcap",
-    "numba",
-    "numpy",
-    "opencv-python-headless",
-    "pandas",
-    "rosbags",
-    "scipy",
-    "shapely",
+    "av", "matplotlib", "mcap", "numba", "numpy", "opencv-python-headless", "pandas", "rosbags", "scipy", "shapely",
     "snakemake",
-)
+)  # fmt: skip
 
 
 def versions() -> dict[str, str]:
@@ -78,10 +67,7 @@ def module_hash(name: str) -> str:
     Workflow rules carry it as a parameter: an edit in a module then reruns the rules that use it, and no others. Data
     files that lie beside a module (schemas, templates, styles) count where the module names them.
 
-    Parameters
-    ----------
-    name : str
-        A module as one imports it, of this package or of another that stands beside it as source.
+    ``name``: a module as one imports it, of this package or of another that stands beside it as source.
     """
     digest = hashlib.sha256()
     for path in sorted(_closure(_module_files(name)[-1])):

@@ -1,7 +1,5 @@
 """ROS 2 messages of the types that the package exchanges: how a pose, a wrench or a camera looks on a topic."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """YAML documents checked against a schema: every fault of a document is collected and told in its user's words."""
 
-from __future__ import annotations
-
 import difflib
 import importlib
 import re
@@ -45,10 +43,7 @@ _StrictLoader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _m
 def read_yaml(path: Path) -> Any:
     """The content of a YAML file.
 
-    Raises
-    ------
-    InputError
-        When the file is missing, not YAML, or holds a key twice.
+    Raises `InputError` when the file is missing, not YAML, or holds a key twice.
     """
     try:
         text = path.read_text(encoding="utf-8")
@@ -120,12 +115,8 @@ def check(document: Any, schema: dict[str, Any], where: str) -> None:
 
     Parameters
     ----------
-    document : object
-        What was read.
     schema : dict
         JSON schema; ``description`` and ``unit`` of a key are quoted in the error.
-    where : str
-        What to call the document.
 
     Raises
     ------

@@ -1,7 +1,5 @@
 """The summary of a campaign, a row a run: ``summary.csv`` and the same for LaTeX."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,25 +10,10 @@ from towval.io.atomic import write_text
 from towval.model import Comparison
 
 COLUMNS = (
-    "run",
-    "path_rms_m",
-    "path_max_m",
-    "heading_rms_rad",
-    "path_length_m",
-    "u_num_m",
-    "u_input_m",
-    "u_measurement_m",
-    "u_val_m",
-    "verdict",
-    "tracked_frames",
-    "lost_frames",
-    "final_error_m",
-    "frechet_m",
-    "area_along_m",
-    "area_across_m",
-    "ratio_max",
-    "aligned_rms_m",
-)
+    "run", "path_rms_m", "path_max_m", "heading_rms_rad", "path_length_m", "u_num_m", "u_input_m", "u_measurement_m",
+    "u_val_m", "verdict", "tracked_frames", "lost_frames", "final_error_m", "frechet_m", "area_along_m",
+    "area_across_m", "ratio_max", "aligned_rms_m",
+)  # fmt: skip
 
 
 def summary_table(comparisons: Sequence[Comparison]) -> pd.DataFrame:

@@ -1,7 +1,5 @@
 """Videos read frame by frame: the luma plane as it is stored, with the file's own presentation times."""
 
-from __future__ import annotations
-
 import itertools
 import os
 from collections.abc import Iterator

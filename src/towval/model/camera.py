@@ -1,7 +1,5 @@
 """The camera, the boards and the floor, and the calibration that ties them together."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Checks that the types share: locked arrays of a known shape, numbers in range."""
 
-from __future__ import annotations
-
 import numbers
 from dataclasses import fields
 from typing import Any, TypeGuard

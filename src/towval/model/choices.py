@@ -1,7 +1,5 @@
 """What a stage chose, and what it would have taken next."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

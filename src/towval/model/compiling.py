@@ -11,8 +11,6 @@ are rounded one by one: where the compiler may contract them, the digits depend 
 a function was compiled just now or read from the disk. A function that takes liberties with arithmetic says so.
 """
 
-from __future__ import annotations
-
 import hashlib
 import inspect
 import os

@@ -1,7 +1,5 @@
 """The tuned constants of a room, by module: what a result is recorded with and what their sensitivity is tested on."""
 
-from __future__ import annotations
-
 import dataclasses
 import importlib
 import pkgutil

@@ -1,7 +1,5 @@
 """The errors of the package: each names the thing, the value received, what is allowed and the way out."""
 
-from __future__ import annotations
-
 
 class TowvalError(Exception):
     """Base of every error that is the input's fault and not the program's.

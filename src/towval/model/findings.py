@@ -4,8 +4,6 @@ A new finding is a :class:`FindingType` handed to :func:`register`, and a call o
 docs/findings.md is this table in print.
 """
 
-from __future__ import annotations
-
 import enum
 from dataclasses import dataclass
 

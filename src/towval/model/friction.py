@@ -1,7 +1,5 @@
 """What every friction law tells the physics: μ and its slope over the sliding speed, and where μ stops varying."""
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields
@@ -54,7 +52,7 @@ class FrictionLaw(ABC):
         """Parameters by name, for records."""
         return {field.name: getattr(self, field.name) for field in fields(self)}  # type: ignore[arg-type]
 
-    def scaled(self, factor: float) -> FrictionLaw:
+    def scaled(self, factor: float) -> "FrictionLaw":
         """The law with μ multiplied by a factor [1] at every speed: static and kinetic friction alike."""
         return ScaledLaw(self, float(factor))
 
@@ -97,11 +95,8 @@ class ScaledLaw(FrictionLaw):
 def check_friction_law(law: FrictionLaw) -> None:
     """Refuse what cannot be computed with.
 
-    Raises
-    ------
-    InputError
-        When ``law`` is no friction law; when μ is not finite and positive at a speed above zero or its slope at rest
-        not finite and positive; or when μ does not keep to its own limits at low and high speed.
+    Raises `InputError` when ``law`` is no friction law; when μ is not finite and positive at a speed above zero or its
+    slope at rest not finite and positive; or when μ does not keep to its own limits at low and high speed.
     """
     if not isinstance(law, FrictionLaw):
         raise InputError("not a friction law", got=type(law).__name__, allowed="an instance of FrictionLaw")

@@ -4,8 +4,6 @@ A pose is ``(x, y, heading)``; arrays of poses carry them in the last axis. Poly
 closed, in either sense of rotation unless said otherwise.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

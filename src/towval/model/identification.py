@@ -1,7 +1,5 @@
 """Inputs fitted to measured runs, and what they predict for the run that was left out."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from towval.model.checks import Array, lock, locked

@@ -5,8 +5,6 @@ analysis what to draw and how it acts, the identification what can be fitted, an
 is an :class:`UncertainInput` handed to :func:`register`. docs/inputs.md is this table in print.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
@@ -37,7 +35,7 @@ class Realisation:
     registration: Mapping[str, Array]
 
     @classmethod
-    def nominal(cls, scene: TowingScene, law: FrictionLaw) -> Realisation:
+    def nominal(cls, scene: TowingScene, law: FrictionLaw) -> "Realisation":
         """All inputs as stated."""
         bodies = ("rover", "object")
         camera = np.zeros(len(CALIBRATION_PARAMETERS))

@@ -5,8 +5,6 @@ environment variable ``TOWVAL_PLUGINS`` lists it: import names or paths of ``.py
 command line and the workflow load them once, before any configuration is checked.
 """
 
-from __future__ import annotations
-
 import importlib
 import importlib.util
 import os
@@ -32,10 +30,7 @@ Value = TypeVar("Value")
 class Registry(Mapping[str, Value]):
     """Named implementations of one extension point, in the order in which they were registered.
 
-    Parameters
-    ----------
-    kind : str
-        What is registered, for messages ("tracker").
+    ``kind``: what is registered, for messages ("tracker").
 
     Examples
     --------

@@ -4,8 +4,6 @@
 below a third of the measurement uncertainty.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 STANDARD = "standard"
@@ -44,8 +42,6 @@ def settings_of(preset: str, stage: str, own: dict[str, Any] | None = None) -> d
     ----------
     preset : str
         A name in :data:`PRESETS`.
-    stage : str
-        The stage.
     own : dict, optional
         What config.yaml itself says in that section.
     """

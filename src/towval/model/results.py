@@ -1,7 +1,5 @@
 """What simulation, uncertainty analysis and comparison give."""
 
-from __future__ import annotations
-
 import enum
 from dataclasses import dataclass, field
 

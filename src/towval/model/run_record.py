@@ -1,7 +1,5 @@
 """All that is known of one run, as the figures, the overlay video and the report draw it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Input of the simulation: footprint, load, friction and tether."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -20,10 +18,7 @@ class Patch:
     ``outline`` (n, 2), each of ``holes`` (m, 2) and of ``further`` (k, 2), the other feet or runners, in metres, in
     either sense of rotation.
 
-    Raises
-    ------
-    InputError
-        When a ring is no array (n, 2) of three or more finite corners.
+    Raises `InputError` when a ring is no array (n, 2) of three or more finite corners.
 
     Examples
     --------
@@ -45,7 +40,7 @@ class Patch:
             raise InputError("a ring of the footprint is no polygon", allowed="three corners or more")
 
     @classmethod
-    def of(cls, outlines: Sequence[ArrayLike], holes: Sequence[ArrayLike] = ()) -> Patch:
+    def of(cls, outlines: Sequence[ArrayLike], holes: Sequence[ArrayLike] = ()) -> "Patch":
         """The footprint of these outlines (n, 2) each, one or more, and holes [m]."""
         if not len(outlines):
             raise InputError("the footprint has no outline", allowed="one ring or more")

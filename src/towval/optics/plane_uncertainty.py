@@ -1,7 +1,5 @@
 """What the uncertainty of a calibration means on the floor and over it, in metres."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike

@@ -3,8 +3,6 @@
 The compiled kernels take plain arrays, so that other compiled code can call them sample by sample.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -34,7 +34,6 @@ _MODULES = {
     "towval.physics.friction_laws": ("LAWS", "Coulomb", "Makkar", "fit_makkar", "fitted_law"),
     "towval.physics.ladder": ("RUNGS", "choose_rung", "rung_names", "simulate_rung"),
     "towval.physics.mass": ("towed_object",),
-    "towval.physics.mesh": ("mesh_pressure", "meshed_patch", "triangulate"),
     "towval.physics.quasistatic": ("QuasistaticMotion", "quasistatic_plan"),
     "towval.physics.tether": ("tether_force",),
     "towval.physics.trailing": ("trail",),

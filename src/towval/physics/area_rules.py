@@ -5,8 +5,6 @@ cut into convex quadrilaterals and the triangles that are left over; a product r
 being a quadrilateral with two corners in one place.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import shapely
 

@@ -11,8 +11,6 @@ solve again"; a line search makes it converge from anywhere. The part in contact
 line, and its moments have closed forms (Green), so no mesh is needed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -123,10 +121,6 @@ def pressure_plane(patch: Patch, loads: Sequence[tuple[float, ArrayLike]]) -> Pr
     loads : sequence of (float, array_like (2,))
         Each a force on the floor [N] and where it acts in the body frame [m].
 
-    Returns
-    -------
-    PressurePlane
-
     Raises
     ------
     InputError
@@ -198,10 +192,7 @@ def resting_pressure(towed: TowedObject) -> PressurePlane:
 def footprint_polygon(patch: Patch) -> shapely.Polygon | shapely.MultiPolygon:
     """The footprint as an oriented polygon, several where its parts are apart.
 
-    Raises
-    ------
-    InputError
-        When a part is no simple polygon, or parts overlap or share an edge.
+    Raises `InputError` when a part is no simple polygon, or parts overlap or share an edge.
     """
     outlines = [shapely.Polygon(ring) for ring in patch.outlines]
     holes: list[list[Array]] = [[] for _ in outlines]

@@ -1,7 +1,5 @@
 """Pressure under one footprint for many loads at once."""
 
-from __future__ import annotations
-
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
@@ -31,7 +29,6 @@ def pressure_coefficients(patch: Patch, normal_force: ArrayLike, centre: ArrayLi
 
     Parameters
     ----------
-    patch : Patch
     normal_force : array_like (n,)
         Sum of the loads N [N].
     centre : array_like (n, 2)

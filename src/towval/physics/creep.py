@@ -1,7 +1,5 @@
 """Creep at rest: how far a regularised friction law let an object slide where a real one would have stuck."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from towval.model import SimulatedMotion, TowedObject
@@ -14,12 +12,7 @@ def creep_length(motion: SimulatedMotion, towed: TowedObject, stiction_velocity:
     real one sticks. What adds up there is no motion of the real object. Read at the reported times, by the trapezium
     rule.
 
-    Parameters
-    ----------
-    motion : SimulatedMotion
-    towed : TowedObject
-    stiction_velocity : float
-        Speed at which friction is fully there [m/s].
+    ``stiction_velocity``: speed at which friction is fully there [m/s].
 
     Examples
     --------

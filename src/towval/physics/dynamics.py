@@ -109,10 +109,8 @@ def feedback(
 
     Parameters
     ----------
-    towed : TowedObject
     law : FrictionLaw or SlidingPatch
         Friction of the whole footprint, or a patch prepared with its own pressure, friction and method.
-    tether : Tether
     hinge : TimedPath or CubicSpline
         Way of the tether's end on the rover [m]; a path is splined. It must cover ``times``.
     start_pose : array_like (3,)
@@ -120,9 +118,8 @@ def feedback(
     times : array_like (n,)
         When to report [s], strictly increasing, two or more.
     start_twist : array_like (3,), optional
-        Velocity of the body frame's origin and heading rate at the start, floor axes [m/s, m/s, rad/s]; at rest if
-        not given.
-    accuracy : Accuracy, optional
+        Velocity of the body frame's origin and heading rate at the start, floor axes [m/s, m/s, rad/s]; at rest if not
+        given.
 
     Returns
     -------

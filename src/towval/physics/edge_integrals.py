@@ -6,8 +6,6 @@ length of the edge in q and from what its integrand may reach; both are looked u
 little is given few nodes.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -108,10 +106,7 @@ def prepared_edge(
 
 @compiled(allocates=False)
 def edge_integrals(
-    table: Array,
-    prepared: tuple[float, float, float, int, int],
-    plane: tuple[float, float, float],
-    rate: float,
+    table: Array, prepared: tuple[float, float, float, int, int], plane: tuple[float, float, float], rate: float
 ) -> tuple[float, float, float, float, float, float, float, float, float, float]:
     """Integrals along a prepared edge, for the heading rate ``rate`` > 0.
 
@@ -175,12 +170,7 @@ def _moments(
 
 @compiled(allocates=False)
 def _add_node(
-    table: Array,
-    nearest_speed: float,
-    weight: float,
-    e: float,
-    inverse: float,
-    sums: tuple[Lanes, Lanes, Lanes, Lanes],
+    table: Array, nearest_speed: float, weight: float, e: float, inverse: float, sums: tuple[Lanes, Lanes, Lanes, Lanes]
 ) -> tuple[Lanes, Lanes, Lanes, Lanes]:
     """Add the node with exp(±q) to the moments."""
     c, s = 0.5 * (e + inverse), 0.5 * (e - inverse)

@@ -10,8 +10,6 @@ points) for μ, m_1, m_2 and m_3, good to some 1e-13 for laws made of tanh. Belo
 rounding, above it has reached its plateau and closed forms hold; the viscous term is linear and added there.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 
@@ -21,7 +19,6 @@ from towval.model import Array, FrictionLaw, check_friction_law
 from towval.model.checks import instance_of
 from towval.model.compiling import compiled
 from towval.model.errors import InputError
-from towval.model.friction import ScaledLaw
 from towval.physics.lanes import Lanes, lanes, load_lanes, multiply_add
 
 _PARTS_LOG2 = 6  # parts of a binade: 2⁶
@@ -42,19 +39,11 @@ _TO_SLOPE = 2 * 1023 + _PARTS_LOG2 + 1
 def friction_table(law: FrictionLaw) -> Array:
     """Tabulate a friction law: some milliseconds, once a law in a process.
 
-    Returns
-    -------
-    ndarray
-        Head: lowest and highest speed covered [m/s], dμ/dv at rest [s/m], viscous slope [s/m], number of
-        the first part, the plateau μ_∞ and c_n in ``m_n → μ_∞/(n+1) + c_n/u^(n+1)``. Then, for each part, each power
-        of the local variable in [−1, 1] and each of μ, m_1, m_2, m_3, a coefficient.
+    Returns a flat array. Head: lowest and highest speed covered [m/s], dμ/dv at rest [s/m], viscous slope [s/m], number
+    of the first part, the plateau μ_∞ and c_n in ``m_n → μ_∞/(n+1) + c_n/u^(n+1)``. Then, for each part, each power of
+    the local variable in [−1, 1] and each of μ, m_1, m_2, m_3, a coefficient.
     """
     instance_of(law, "friction law", FrictionLaw)
-    if isinstance(law, ScaledLaw):  # Uncertainty draws hundreds of them: the table is linear in the law.
-        base = friction_table(law.law)
-        table = base * law.factor
-        table[[LOWEST, HIGHEST, FIRST_PART]] = base[[LOWEST, HIGHEST, FIRST_PART]]
-        return table
     return _tabulated(law)
 
 

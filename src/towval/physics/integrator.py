@@ -6,8 +6,6 @@ covers more than the hinge and the anchor need to close the gap (or a quarter of
 inside which the margin is looked at five times), so that the moment of tightening cannot be stepped over.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

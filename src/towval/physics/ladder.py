@@ -83,10 +83,7 @@ def simulate_rung(
 ) -> SimulatedMotion:
     """Motion of a towed object by the rung of that name; the arguments are those of ``dynamics.feedback``.
 
-    Raises
-    ------
-    InputError
-        When there is no such rung.
+    Raises `InputError` when there is no such rung.
 
     Examples
     --------
@@ -124,10 +121,6 @@ def choose_rung(
         As in :func:`towval.physics.dynamics.feedback`.
     tolerance_m : float
         Largest displacement allowed of any corner of the footprint at any of the times [m].
-
-    Returns
-    -------
-    LadderChoice
 
     Examples
     --------

@@ -7,8 +7,6 @@ doubles say so outright; where a machine has narrower registers it splits them.
 The functions here can be called in compiled code alone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -11,8 +11,6 @@ It is exact in pure translation and pure rotation; in between a uniform disk is 
 with the centre of rotation on its rim.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -59,11 +57,7 @@ def limit_surface(patch: SlidingPatch) -> LimitSurface:
 def limit_surface_wrench(surface: LimitSurface, twist: ArrayLike) -> Array:
     """Friction force and moment about the body frame's origin (3,) [N, N, N m], body axes.
 
-    Parameters
-    ----------
-    surface : LimitSurface
-    twist : array_like (3,)
-        Velocity of the body frame's origin and heading rate, body axes [m/s, m/s, rad/s].
+    ``twist`` (3,): velocity of the body frame's origin and heading rate, body axes [m/s, m/s, rad/s].
 
     Examples
     --------

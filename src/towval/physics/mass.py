@@ -1,7 +1,5 @@
 """Mass properties of the towed object: footprint, own mass and load to centre of mass and inertia."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from towval.model import TowedObject, TowingScene

@@ -4,8 +4,6 @@ SOURCE: eqs. (9) to (12), with the centre of mass G as the point Π. State ``y =
 floor frame.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

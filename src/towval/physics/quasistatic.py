@@ -94,12 +94,10 @@ def quasistatic_plan(
 
     Parameters
     ----------
-    towed : TowedObject
     law : FrictionLaw or SlidingPatch
         Friction of the whole footprint, or a patch prepared with its own pressure, friction and method.
     path : TimedPath or CubicSpline
         Way of the tracked point P over the floor in time [m]; a path is splined.
-    tether : Tether
     point : array_like (2,), optional
         P in the body frame [m]; its origin if not given.
     start_heading : float, optional
@@ -107,10 +105,6 @@ def quasistatic_plan(
         it starts as it will settle.
     times : array_like (n,), optional
         When to report [s]; those of the path if not given.
-
-    Returns
-    -------
-    QuasistaticMotion
 
     Raises
     ------

@@ -8,8 +8,6 @@ With ``y = (q, q̇)`` the stage equations ``(I/(hγ) − J) k = r`` halve: for J
 ``(I/(hγ) − D − hγ K) k_v = r_v + hγ K r_q`` and ``k_q = hγ (r_q + k_v)``.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from towval.model import Array

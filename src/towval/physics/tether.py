@@ -4,8 +4,6 @@ SOURCE: eq. (12), ``T = κ (|l| − l0) l/|l|`` when |l| ≥ l0, else 0, with l 
 damping, ``c d|l|/dt`` is added while the tether is stretched, and the sum never pushes.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -20,7 +18,6 @@ def tether_force(tether: Tether, span: ArrayLike, span_rate: ArrayLike | None = 
 
     Parameters
     ----------
-    tether : Tether
     span : array_like (..., 2)
         Vector l from anchor to hinge [m].
     span_rate : array_like (..., 2), optional

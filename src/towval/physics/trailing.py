@@ -202,15 +202,7 @@ def _rates(
 
 @compiled(allocates=False)
 def _balance(
-    patch: SlidingPatch,
-    cos: float,
-    sin: float,
-    bx: float,
-    by: float,
-    nx: float,
-    ny: float,
-    speed: float,
-    guess: Array,
+    patch: SlidingPatch, cos: float, sin: float, bx: float, by: float, nx: float, ny: float, speed: float, guess: Array
 ) -> tuple[bool, float, float, float, float]:
     """Twist (floor axes) of the patch whose anchor is drawn along n at a speed, and the pull.
 

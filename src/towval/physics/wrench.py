@@ -8,10 +8,8 @@ Where C is far away (pure translation in the limit) the differences would cancel
 patch and Gauss rules over its area, made once, take over (``area_rules``). The two agree to 1e-10 of μN where they
 meet.
 
-Valid for uniform, isotropic friction; ``physics.mesh`` has the paper's finite volumes for the rest.
+Valid for uniform, isotropic friction.
 """
-
-from __future__ import annotations
 
 import math
 from typing import NamedTuple
@@ -44,7 +42,8 @@ class SlidingPatch(NamedTuple):
     place (x, y) [m] and force p dS [N] of the nodes of several rules over the area, finest first, and ``area_rules``
     (r, 3): first node, number of nodes, and from how many radii on the rule serves; ``circles`` (n, 3): centre (x, y)
     and radius [m] of circles around the connected parts; ``radius`` [m] of the whole about the origin; ``per_force``
-    1/N [1/N]; ``table`` the friction law; ``anisotropy`` (3,) of the rules over the area, see ``physics.mesh``.
+    1/N [1/N]; ``table`` the friction law; ``anisotropy`` (3,) the entries xx, xy, yy of A in the friction on a node of
+    these rules, ``−p dS μ(w) A v / w`` with ``w = √(vᵀ A v)``.
 
     Without circles the nodes over the area serve wherever C lies: so a mesh takes the same interface.
     """
@@ -113,7 +112,6 @@ def friction_wrench(patch: SlidingPatch, twist: ArrayLike) -> Array:
 
     Parameters
     ----------
-    patch : SlidingPatch
     twist : array_like (..., 3)
         Velocity of the body frame's origin and heading rate, in body axes [m/s, m/s, rad/s].
 

@@ -8,8 +8,6 @@ A wheel is at ``λ (cos α, sin α)``; its steering angle ``ρ = α + β − π/
 to its rolling direction. SOURCE: section 2.4.1, equations (13) to (20).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

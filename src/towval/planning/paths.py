@@ -3,8 +3,6 @@
 The four curves of the paper (section 3.1) and their arc lengths have closed forms; any other curve interpolates points.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

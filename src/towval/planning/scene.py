@@ -1,7 +1,5 @@
 """The scene of a plan: object, tether, rover, planner and curves, from ``plan.yaml``."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -5,8 +5,6 @@ campaign, here or in a plugin. The page, the files in ``figures`` and the texts 
 follow from the entry.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal, get_args

@@ -1,7 +1,5 @@
 """Data of a report, the argument of :func:`towval.report.page.write_report`."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath

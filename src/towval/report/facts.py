@@ -1,7 +1,5 @@
 """Text and numbers of the report: headline, reasons for the verdicts, facts of each stage."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from towval.model import Calibration, Comparison, Identification, Verdict

@@ -1,7 +1,5 @@
 """Table "Model selection" of the report: what each stage chose, and the effect of its next choice."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

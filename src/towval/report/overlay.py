@@ -4,8 +4,6 @@ The outlines are those of the planar targets at their height. The video is H.264
 down, with the presentation times of the source.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -52,10 +50,6 @@ def write_overlay(
     ----------
     source, target : path
         The run's video, and the MP4 to write; its folder is created if missing.
-    calibration : Calibration
-        Camera and floor.
-    run : RunRecord
-        The run.
     width_px : int, optional
         Largest width of the video [px]; smaller footage keeps its size.
     crf : int, optional
@@ -87,10 +81,7 @@ def write_overlay(
 def overlay_frames(overlay: FilePath, count: int = 3) -> tuple[Still, ...]:
     """``count`` frames of an overlay video at equal steps, first and last included; fewer where it is shorter.
 
-    Raises
-    ------
-    InputError
-        When the file is no video.
+    Raises `InputError` when the file is no video.
     """
     with _opened(overlay) as film:
         stream = film.streams.video[0]

@@ -1,7 +1,5 @@
 """Outlines, trails, tether and text of a run, drawn onto one frame of its footage."""
 
-from __future__ import annotations
-
 import itertools
 
 import cv2
@@ -27,14 +25,7 @@ _PIECE_M = 0.025
 class Painter:
     """Draws the state of a run at a time onto a frame of the video.
 
-    Parameters
-    ----------
-    calibration : Calibration
-        Camera and floor.
-    run : RunRecord
-        The run.
-    width_px : int
-        Largest width of the video [px]; the footage is never scaled up.
+    ``width_px``: largest width of the video [px]; the footage is never scaled up.
 
     Attributes
     ----------

@@ -1,7 +1,5 @@
 """Small text on video frames, in the font that ships with matplotlib."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
@@ -18,10 +16,7 @@ _SHADE = 0.35
 class TextPainter:
     """Writes single lines on darkened strips; digits have equal widths, so that changing numbers do not jump.
 
-    Parameters
-    ----------
-    size_px : int
-        Font size [px].
+    ``size_px``: font size [px].
     """
 
     def __init__(self, size_px: int):

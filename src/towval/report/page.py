@@ -1,7 +1,5 @@
 """The report: one HTML file with figures, videos, numbers and provenance that opens offline."""
 
-from __future__ import annotations
-
 import re
 from importlib.resources import files
 from pathlib import Path as FilePath

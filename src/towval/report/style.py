@@ -1,7 +1,5 @@
 """Style of the figures: colours, widths, layout, and saving with reproducible bytes."""
 
-from __future__ import annotations
-
 import functools
 import io
 import math

@@ -1,7 +1,5 @@
 """Content of the page, ready for the template: figures and videos as text, findings in order of severity."""
 
-from __future__ import annotations
-
 import base64
 import json
 import re

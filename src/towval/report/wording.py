@@ -1,7 +1,5 @@
 """Numbers as text for figures and report: units, digits, and "not computed" for missing values."""
 
-from __future__ import annotations
-
 import math
 
 NOT_COMPUTED = "not computed"

@@ -1,22 +1,11 @@
 """Model selection for the stage uncertainty: how many draws a run needs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
 
-from towval.model import (
-    Body,
-    Calibration,
-    Choice,
-    DecimatedTrack,
-    RunUncertainty,
-    SimulatedMotion,
-    TowingScene,
-    Track,
-)
+from towval.model import Body, Calibration, Choice, DecimatedTrack, RunUncertainty, SimulatedMotion, TowingScene, Track
 from towval.physics.friction_laws import fitted_law
 from towval.selection.margin import SHARE
 from towval.validation.metrics import position_rms

@@ -1,7 +1,5 @@
 """Model selection for the stage calibrate: what the next larger lens model would have changed."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

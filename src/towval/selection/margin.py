@@ -1,7 +1,5 @@
 """The margin that choices are held against: a third of the measurement uncertainty."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -1,7 +1,5 @@
 """Model selection for the stage simulate: which model and tolerance a run needs."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Model selection for the stage track: how many points of the template the footage needs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
@@ -68,10 +66,7 @@ def track_selecting(
     uncertainty. ``decimation`` and ``simulation`` are the settings of these stages, by default their own; the other
     parameters are those of :func:`towval.tracking.track.track`.
 
-    Returns
-    -------
-    settings, tracks
-        The settings taken, and the tracks by body.
+    Returns the settings taken, and the tracks by body.
     """
     cheap, fine = (replace(settings, samples=count) for count in TRACK_SAMPLES)
     tracks, finer = track_beside(frames, calibration, bodies, clicks_px, (cheap, fine), progress)

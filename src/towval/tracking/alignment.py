@@ -12,8 +12,6 @@ only the tiles it crosses. What hides the target is distinguished by its misfit 
 SOURCE: S. Baker, I. Matthews, *Lucas-Kanade 20 Years On*, IJCV 56 (2004), for the inverse-compositional scheme.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

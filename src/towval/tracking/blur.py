@@ -8,8 +8,6 @@ sum of squares has a flat bottom as wide as the blur, and texture and noise deci
 The exposure is measured: of a row of candidates that which explains the moving pictures best.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 
@@ -66,7 +64,7 @@ class SharpTarget:
     template: Template
 
     @classmethod
-    def cut(cls, luma: Luma, target: PlanarTarget, pose: Array, template: Template) -> SharpTarget:
+    def cut(cls, luma: Luma, target: PlanarTarget, pose: Array, template: Template) -> "SharpTarget":
         """Keep what is needed of the picture ``luma``, where the body is at ``pose`` (3,)."""
         corners = target.pixels(target.body.top_corners_m, pose)
         low = np.clip(np.floor(corners.min(axis=0)).astype(int) - 4, 0, None)

@@ -1,7 +1,5 @@
 """Whether the camera itself moved: the floor's texture must stay where it was."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -40,14 +38,7 @@ CONSTANTS = CameraMotionConstants()
 class CameraMotion:
     """Checks the floor's texture through a video for motion of the camera.
 
-    Parameters
-    ----------
-    camera, floor : Camera, Floor
-        The calibrated camera.
-    luma : ndarray (height, width) uint8
-        The first picture.
-    bodies, poses : sequences of Body and ndarray (3,)
-        What hides the floor in it.
+    ``bodies``, ``poses`` (3,): what hides the floor in it.
     """
 
     def __init__(self, camera: Camera, floor: Floor, luma: Luma, bodies: Sequence[Body], poses: Sequence[Array]):

@@ -1,7 +1,5 @@
 """One body followed through a video: prediction, measurement, what is trusted, and the record of it."""
 
-from __future__ import annotations
-
 from array import array
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -16,12 +14,7 @@ from towval.model.geometry import compose, transform
 from towval.tracking.blur import ahead_of_middle
 from towval.tracking.lookalikes import Lookalikes
 from towval.tracking.noise import hold_rest, scatter_factor
-from towval.tracking.outline import (
-    OutlineFit,
-    combine_fits,
-    observe_outline,
-    pose_from_clicks,
-)
+from towval.tracking.outline import OutlineFit, combine_fits, observe_outline, pose_from_clicks
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.pose import Measurement, Motion, Tracker
 from towval.tracking.relocalisation import Relocaliser
@@ -103,8 +96,6 @@ class Follower:
     ----------
     target : PlanarTarget
         The body's planar target under its camera.
-    time_s, luma : float, ndarray (height, width) uint8
-        The first picture.
     clicks_px : ndarray (n, 2)
         Its corners [px].
     make_tracker : callable

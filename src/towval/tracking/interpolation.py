@@ -4,8 +4,6 @@ A cubic B-spline without prefilter weighs 4 × 4 pixels. It smooths a little (ab
 its slope is continuous, so that an alignment does not prefer whole pixels as it does with bilinear weights.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -111,8 +109,6 @@ def sample_plane(
         Pose of the body [m, m, rad].
     height : float
         Height of the plane over the floor [m].
-    camera, floor : Camera, Floor
-        The calibrated camera.
 
     Returns
     -------

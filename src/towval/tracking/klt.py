@@ -5,8 +5,6 @@ of pixels matches only while it has not turned much; so keyframes are kept by he
 heading that none covers yet. Each point is checked by following it back.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2

@@ -1,7 +1,5 @@
 """The light on a planar target: gain and bias of each of its tiles between a template and a picture."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ around, with the whole rectified picture; where else it correlates about as well
 a body cannot be told from what is there.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 

@@ -1,7 +1,5 @@
 """ArUco and AprilTag markers on a body in place of clicks on its corners."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -49,14 +47,10 @@ def clicks_from_tags(luma: NDArray[np.uint8], body: Body, tags: Sequence[Tag], c
 
     Parameters
     ----------
-    luma : ndarray (height, width) uint8
-        The first picture.
     body : Body
         The body; tags lie on its top.
     tags : sequence of Tag
         The tags on it; those that are seen are used together.
-    camera, floor : Camera, Floor
-        The calibrated camera.
 
     Returns
     -------

@@ -4,8 +4,6 @@ Compression moves a whole body by a fraction of a pixel and leaves no trace in t
 time: real bodies move smoothly over five pictures, noise does not.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

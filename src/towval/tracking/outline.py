@@ -7,8 +7,6 @@ border) lies elsewhere on the profile and moves against the top as the body move
 on the top's edge and scatter where something else was taken for it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -96,10 +94,6 @@ def pose_from_clicks(body: Body, clicks_px: ArrayLike, camera: Camera, floor: Fl
     ----------
     body : Body
         The body; its ``top_corners_m`` say in which order the corners were clicked.
-    clicks_px : array_like (n, 2)
-        The clicks [px].
-    camera, floor : Camera, Floor
-        The calibrated camera.
 
     Returns
     -------
@@ -194,10 +188,8 @@ def edge_slopes(
 ) -> Array:
     """Steepness of the picture across each stretch of the outline.
 
-    Returns
-    -------
-    ndarray (m, k)
-        Magnitude of the slope at :attr:`Stretches.offsets` [grey levels per step], zero outside the picture.
+    Returns (m, k): magnitude of the slope at :attr:`Stretches.offsets` [grey levels per step], zero outside the
+    picture.
     """
     offsets = stretches.offsets
     around = np.concatenate([[offsets[0] - stretches.step], offsets, [offsets[-1] + stretches.step]])

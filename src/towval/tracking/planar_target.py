@@ -1,7 +1,5 @@
 """The planar target of a body under a calibrated camera: geometry that all trackers share."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property

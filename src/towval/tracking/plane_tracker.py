@@ -1,7 +1,5 @@
 """The default tracker: the whole planar target aligned with its template, gated, and refreshed without drift."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import cv2
@@ -48,10 +46,7 @@ _TABLE_POINTS = 60
 class PlaneTracker(Tracker):
     """Follows a planar target, observed at ``pose`` (3,) in ``luma``, by some ``samples`` points of it.
 
-    Raises
-    ------
-    InputError
-        When too little of the target is in the picture.
+    Raises `InputError` when too little of the target is in the picture.
     """
 
     def __init__(self, target: PlanarTarget, luma: Luma, pose: Array, samples: int = 1024):
@@ -109,14 +104,14 @@ class PlaneTracker(Tracker):
             weights=np.clip(found.weight[::step][:_TABLE_POINTS], 0, 1),
         )
 
-    def _align(self, luma: Luma, start: Array, template: Template, response: _Response) -> Alignment | None:
+    def _align(self, luma: Luma, start: Array, template: Template, response: "_Response") -> Alignment | None:
         found = align(luma, template, np.ones(len(template.points)), start, self.target, self.most_scale)
         if found is None or response.whole is None:
             return None
         found = replace(found, covariance=response.whole @ found.covariance @ response.whole.T)
         return found if self._trusted(found) else None
 
-    def _align_coarsely(self, luma: Luma, start: Array, template: Template, response: _Response) -> Alignment | None:
+    def _align_coarsely(self, luma: Luma, start: Array, template: Template, response: "_Response") -> Alignment | None:
         if self.coarse is None:
             return None
         small, camera = self._shrunk(luma, start)

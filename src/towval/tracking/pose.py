@@ -1,7 +1,5 @@
 """The measurement of one picture, the robust rigid fit, and the prediction of the next pose."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
@@ -25,10 +23,7 @@ class Measurement:
     samples that agree; ``residual``, root mean square misfit (pixels for KLT, grey levels for plane alignment); and
     ``points_m`` (k, 2) in the body frame with ``weights`` (k,) in [0, 1], some of what the pose rests on.
 
-    Raises
-    ------
-    InputError
-        When an array has another shape.
+    Raises `InputError` when an array has another shape.
     """
 
     pose: Array

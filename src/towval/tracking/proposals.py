@@ -1,7 +1,5 @@
 """Bodies proposed from their motion, for the user to confirm where nothing was clicked."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

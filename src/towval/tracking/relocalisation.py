@@ -4,8 +4,6 @@ The picture is first rectified: resampled on the tracked plane with square cells
 match is a shift and a turn, and a similarity whose scale is not one is a false match.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

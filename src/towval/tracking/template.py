@@ -1,7 +1,5 @@
 """The metric template of a planar target: grey values and slopes at its points, in the body frame."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

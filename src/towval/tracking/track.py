@@ -1,7 +1,5 @@
 """Stage ``track``: from pictures to planar poses of the bodies, with their uncertainty."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -71,14 +69,8 @@ def track(
     ----------
     frames : iterable of (float, ndarray (height, width) uint8)
         Presentation time [s], strictly increasing, and luma of each picture.
-    calibration : Calibration
-        The calibrated camera and floor.
-    bodies : sequence of Body
-        What to track.
     clicks_px : mapping of str to array_like (n, 2)
         For each body the pixels of ``top_corners_m`` in the first picture.
-    settings : TrackSettings, optional
-        How to track.
     progress : callable, optional
         Called with the number of pictures done after each.
 

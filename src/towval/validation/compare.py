@@ -1,7 +1,5 @@
 """Stage compare: simulated against measured path of the object, unaligned."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -60,10 +58,6 @@ def compare(
 
     Parameters
     ----------
-    run : str
-        Name of the run.
-    simulated : SimulatedMotion
-        What the model says.
     measured : Track
         What the camera saw; only frames in which the object was seen count.
     uncertainty : RunUncertainty
@@ -128,12 +122,7 @@ def compare(
 
 
 def _verdict(
-    error: Array,
-    along_across: Array,
-    pose: Array,
-    uncertainty: RunUncertainty,
-    u_val: float,
-    settings: CompareSettings,
+    error: Array, along_across: Array, pose: Array, uncertainty: RunUncertainty, u_val: float, settings: CompareSettings
 ) -> tuple[Verdict, Finding]:
     """The verdict and the sentence that gives its reason.
 

@@ -5,8 +5,6 @@ ends; elsewhere a C1 cubic through as few kept times as possible replaces the po
 are in docs/decimation.md.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 

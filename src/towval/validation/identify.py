@@ -3,8 +3,6 @@
 Kept apart from the validation: the blind comparison uses what campaign.yaml says and nothing from here.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -12,15 +10,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import qmc
 
-from towval.model import (
-    Array,
-    DecimatedTrack,
-    Finding,
-    Identification,
-    Prediction,
-    TowingScene,
-    Track,
-)
+from towval.model import Array, DecimatedTrack, Finding, Identification, Prediction, TowingScene, Track
 from towval.model.errors import InputError, RefusedError, TowvalError
 from towval.model.findings import finding
 from towval.model.geometry import block_means, wrapped
@@ -113,14 +103,6 @@ def identify(
         What campaign.yaml says.
     deviations : mapping
         Standard deviations of the inputs by name. Those of fitted inputs are for comparison only.
-    runs : sequence of MeasuredRun
-        One run or more.
-    settings : IdentifySettings
-        What to fit.
-
-    Returns
-    -------
-    Identification
 
     Raises
     ------

@@ -1,7 +1,5 @@
 """How far two motions of a body are apart, as single numbers: discrete Fréchet distance, area metric, aligned error."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import ndtr
@@ -25,10 +23,6 @@ def frechet_distance(path: ArrayLike, other: ArrayLike) -> float:
     ----------
     path, other : array_like (n, 2), (m, 2)
         Points in the order of the walk [m], all finite.
-
-    Returns
-    -------
-    float
 
     Raises
     ------
@@ -104,10 +98,7 @@ def aligned_rms(simulated: ArrayLike, measured: ArrayLike) -> float:
     A generous number: it hides every error that a shift and a turn of the floor frame explain. To be shown beside the
     unaligned one, and marked as aligned.
 
-    Parameters
-    ----------
-    simulated, measured : array_like (n, 2)
-        Positions at the same times [m], all finite, two or more that do not coincide.
+    ``simulated``, ``measured`` (n, 2): positions at the same times [m], all finite, two or more that do not coincide.
     """
     simulated, measured = np.asarray(simulated, dtype=np.float64), np.asarray(measured, dtype=np.float64)
     moved = transform(rigid_fit(simulated, measured), simulated)

@@ -1,7 +1,5 @@
 """Stage simulate: the motion that the model predicts behind the measured rover (FBD, the paper's 2.3)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,15 +13,7 @@ from towval.physics.contact import resting_pressure
 from towval.physics.creep import creep_length
 from towval.physics.dynamics import Accuracy, Outcome
 from towval.physics.friction_laws import fitted_law
-from towval.physics.ladder import (
-    DYNAMICS,
-    RUNGS,
-    LadderChoice,
-    lowest_rung,
-    path_difference,
-    rung_names,
-    simulate_rung,
-)
+from towval.physics.ladder import DYNAMICS, RUNGS, LadderChoice, lowest_rung, path_difference, rung_names, simulate_rung
 from towval.physics.mass import towed_object
 from towval.physics.trailing import TRAILING_RUNGS
 from towval.physics.wrench import sliding_patch
@@ -75,8 +65,6 @@ def simulate(
 
     Parameters
     ----------
-    scene : TowingScene
-        The inputs of the model.
     rover, towed : DecimatedTrack
         Decimated tracks; of the object only the first pose is used.
     times : array_like (n,)

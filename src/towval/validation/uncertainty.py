@@ -6,8 +6,6 @@ each draw, and the spread of simulated − measured is the validation uncertaint
 counted once).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
@@ -114,8 +112,6 @@ def sample_uncertainty(
 
     Parameters
     ----------
-    case : Case
-        The run.
     settings : UncertaintySettings, optional
         How many draws, from which seed, and how exactly each is simulated.
     progress : callable, optional
@@ -138,10 +134,8 @@ def sample_uncertainty(
 class UncertaintySampling:
     """Draws of all that is uncertain in a run, and where each leads; asking for more keeps those that were made.
 
-    Parameters
-    ----------
-    case, settings, progress
-        As in :func:`sample_uncertainty`; the number of draws is that of :meth:`describe`.
+    ``case``, ``settings``, ``progress``: as in :func:`sample_uncertainty`; the number of draws is that of
+    :meth:`describe`.
     """
 
     def __init__(self, case: Case, settings: UncertaintySettings, progress: Callable[[int], None] | None = None):

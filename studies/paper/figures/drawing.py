@@ -24,12 +24,7 @@ CASE_COLOURS = {"A": "#2b8a3e", "B": "#e08a00", "C": "#7b3fb5"}
 CENTRE_COLOURS = {"G1": "#1f63b4", "G2": "#d9480f", "G3": "#2b8a3e"}
 """Places of the centre of mass, Fig. 4."""
 
-CURVE_TITLES = {
-    "line": "line",
-    "circle": "circle",
-    "lemniscate": "lemniscate",
-    "rounded_square": "rounded square",
-}
+CURVE_TITLES = {"line": "line", "circle": "circle", "lemniscate": "lemniscate", "rounded_square": "rounded square"}
 
 WHEEL_WIDTH = 0.45
 """Width of a drawn wheel in units of its diameter."""

@@ -17,18 +17,7 @@ from towval.io.records.results import (
 from towval.io.records.tracks import read_decimated, read_tracks, write_decimated, write_tracks
 
 __all__ = [
-    "camera_place",
-    "error_messages",
-    "read_calibration",
-    "read_comparison",
-    "read_decimated",
-    "read_simulated",
-    "read_tracks",
-    "read_uncertainty",
-    "write_calibration",
-    "write_comparison",
-    "write_decimated",
-    "write_simulated",
-    "write_tracks",
-    "write_uncertainty",
-]
+    "camera_place", "error_messages", "read_calibration", "read_comparison", "read_decimated", "read_simulated",
+    "read_tracks", "read_uncertainty", "write_calibration", "write_comparison", "write_decimated", "write_simulated",
+    "write_tracks", "write_uncertainty",
+]  # fmt: skip

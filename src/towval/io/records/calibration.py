@@ -1,7 +1,5 @@
 """``camera.mcap`` and back."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from towval.io import ros
@@ -39,10 +37,7 @@ def write_calibration(path: Path, calibration: Calibration, provenance: dict[str
 def read_calibration(path: Path) -> Calibration:
     """Read ``camera.mcap``.
 
-    Raises
-    ------
-    InputError
-        When the file is missing, damaged or no calibration.
+    Raises `InputError` when the file is missing, damaged or no calibration.
     """
     details = details_with(read_mcap(path), path, "camera", "T_camera_floor", "covariance")
     camera = dict(details["camera"])

@@ -1,7 +1,5 @@
 """What fits no ROS message, as plain JSON values and back: the attachment ``details.json`` of a file."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 from typing import Any
@@ -66,10 +64,7 @@ def choices_in(details: dict[str, Any]) -> tuple[Choice, ...]:
 def details_with(content: McapContent, path: Path, *names: str) -> dict[str, Any]:
     """Details of a file that must hold some names.
 
-    Raises
-    ------
-    InputError
-        When one is missing: the file is of another stage.
+    Raises `InputError` when one is missing: the file is of another stage.
     """
     missing = [name for name in names if name not in content.details]
     if missing:

@@ -1,7 +1,5 @@
 """``identify.mcap``: identified inputs as details, the predicted motion of each run as poses; and ``identify.csv``."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -47,10 +45,7 @@ def write_identification(path: Path, identified: Identification, provenance: dic
 def read_identification(path: Path) -> Identification:
     """Read ``identify.mcap``.
 
-    Raises
-    ------
-    InputError
-        When the file is missing, damaged or of another stage.
+    Raises `InputError` when the file is missing, damaged or of another stage.
     """
     content = read_mcap(path)
     details = details_with(content, path, "identifiable")

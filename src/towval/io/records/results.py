@@ -1,7 +1,5 @@
 """``simulate.mcap``, ``uncertainty.mcap`` and ``compare.mcap`` and back."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 from typing import Any
@@ -52,10 +50,7 @@ def write_simulated(path: Path, simulated: SimulatedMotion, provenance: dict[str
 def read_simulated(path: Path) -> SimulatedMotion:
     """Read ``simulate.mcap``.
 
-    Raises
-    ------
-    InputError
-        When the file is missing, damaged or no simulation.
+    Raises `InputError` when the file is missing, damaged or no simulation.
     """
     content = read_mcap(path)
     details = details_with(content, path, "outcome", "rung")
@@ -100,10 +95,7 @@ def write_uncertainty(
 def read_uncertainty(path: Path) -> RunUncertainty:
     """Read ``uncertainty.mcap``.
 
-    Raises
-    ------
-    InputError
-        When the file is missing, damaged or of another stage.
+    Raises `InputError` when the file is missing, damaged or of another stage.
     """
     content = read_mcap(path)
     details = dict(details_with(content, path, "signature_limit", "shares"))
@@ -156,10 +148,7 @@ def error_messages(comparison: Comparison) -> list[Message]:
 def read_comparison(path: Path) -> Comparison:
     """Read ``compare.mcap``.
 
-    Raises
-    ------
-    InputError
-        When the file is missing, damaged or no comparison.
+    Raises `InputError` when the file is missing, damaged or no comparison.
     """
     content = read_mcap(path)
     details = details_with(content, path, *_COMPARISON_SCALARS)

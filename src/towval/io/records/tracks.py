@@ -1,7 +1,5 @@
 """``track.mcap`` and ``decimate.mcap`` and back."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -75,10 +73,7 @@ def _frame_messages(tracks: dict[str, Track]) -> Iterator[Message]:
 def read_tracks(path: Path, *, features: bool = True) -> dict[str, Track]:
     """Read ``track.mcap``: the track of each body by name, on request without its features, which take most time.
 
-    Raises
-    ------
-    InputError
-        When the file is missing, damaged or holds no tracks.
+    Raises `InputError` when the file is missing, damaged or holds no tracks.
     """
     content = read_mcap(path, without=("/tf",) if features else ("/tf", "/features"))
     if not content.details or not content.values("/diagnostics"):
@@ -158,10 +153,7 @@ def write_decimated(path: Path, decimated: dict[str, DecimatedTrack], provenance
 def read_decimated(path: Path) -> dict[str, DecimatedTrack]:
     """Read ``decimate.mcap``: the thinned track of each body by name.
 
-    Raises
-    ------
-    InputError
-        When the file is missing, damaged or holds no thinned tracks.
+    Raises `InputError` when the file is missing, damaged or holds no thinned tracks.
     """
     content = read_mcap(path)
     if not content.details:

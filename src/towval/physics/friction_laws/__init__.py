@@ -5,8 +5,6 @@ A new law is a subclass of :class:`towval.model.FrictionLaw` with a function tha
 ``LAWS.register(name, function)``; from outside the package as well (:mod:`towval.model.plugins`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from towval.model import FrictionSpecification
@@ -27,10 +25,7 @@ __all__ = ["LAWS", "Coulomb", "FittedLaw", "Makkar", "fit_makkar", "fitted_law"]
 def fitted_law(specification: FrictionSpecification) -> FittedLaw:
     """The friction law that a specification names, fitted to its numbers.
 
-    Raises
-    ------
-    InputError
-        When no law of that name is registered.
+    Raises `InputError` when no law of that name is registered.
 
     Examples
     --------

@@ -1,7 +1,5 @@
 """Coulomb friction, regularised."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

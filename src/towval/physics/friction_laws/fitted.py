@@ -1,7 +1,5 @@
 """What the fit of every friction law returns, and constants of laws made of hyperbolic tangents."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -8,8 +8,6 @@ asymptote for five coefficients. The rest is settled as follows:
   v_s and the peak is that of Stribeck's part alone. This affects μ only below v_s, where it sets the creep at rest.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from dataclasses import astuple, dataclass, fields
@@ -91,6 +89,10 @@ class Makkar(FrictionLaw):
         """γ6 [s/m]."""
         return self.gamma6
 
+    def scaled(self, factor: float) -> "Makkar":
+        """The law with its amplitudes γ1, γ4 and γ6 multiplied by a factor [1]."""
+        return Makkar(*(self.gamma * [factor, 1, 1, factor, 1, factor]).tolist())
+
 
 def fit_specification(specification: FrictionSpecification) -> FittedLaw:
     """Makkar's law for the numbers of a specification; see :func:`fit_makkar`."""
@@ -122,10 +124,6 @@ def fit_makkar(
         γ6 [s/m]; μ_k then includes its share at v_k.
     seed : int, optional
         Seed of the annealing.
-
-    Returns
-    -------
-    FittedLaw
 
     Raises
     ------

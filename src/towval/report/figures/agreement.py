@@ -1,7 +1,5 @@
 """Error beside its validation uncertainty, and the inputs that this uncertainty comes from."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Data and quality of the calibration: coverage, reprojection error, uncertainty on a plane."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes

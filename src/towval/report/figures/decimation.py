@@ -1,7 +1,5 @@
 """Points of the rover's track that drive the simulation."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure

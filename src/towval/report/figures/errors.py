@@ -1,7 +1,5 @@
 """Errors of a run over time, with the tension of the tether below."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -20,11 +18,7 @@ from towval.report.style import (
     symmetric,
 )
 
-_PANELS = (
-    (0, "$x$ (mm)", 1e3),
-    (1, "$y$ (mm)", 1e3),
-    (2, "heading (°)", float(np.rad2deg(1.0))),
-)
+_PANELS = ((0, "$x$ (mm)", 1e3), (1, "$y$ (mm)", 1e3), (2, "heading (°)", float(np.rad2deg(1.0))))
 _COVERAGE = 2.0
 """Half width of the band in standard uncertainties: 95 % for a normal error."""
 

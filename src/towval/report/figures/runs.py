@@ -1,7 +1,5 @@
 """The paper's Fig. 10: rover path, simulated and measured object path on the floor, for one run or for all."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from string import ascii_lowercase
 from typing import Any
@@ -45,11 +43,9 @@ def run_figure(run: RunRecord, spacing_m: float | None = None) -> Figure:
 
     Parameters
     ----------
-    run : RunRecord
-        The run.
     spacing_m : float, optional
-        Arc length along the simulated path between two outlines of the object [m]; by default about seven outlines
-        that do not overlap.
+        Arc length along the simulated path between two outlines of the object [m]; by default about seven outlines that
+        do not overlap.
 
     Returns
     -------

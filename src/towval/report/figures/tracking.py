@@ -1,7 +1,5 @@
 """Quality of a track, frame by frame."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -20,11 +18,7 @@ from towval.report.style import (
     foot_legend,
 )
 
-_STATUS_COLOURS = {
-    TrackStatus.TRACKED: BAND,
-    TrackStatus.COASTING: "#f2b84b",
-    TrackStatus.LOST: MEASURED,
-}
+_STATUS_COLOURS = {TrackStatus.TRACKED: BAND, TrackStatus.COASTING: "#f2b84b", TrackStatus.LOST: MEASURED}
 
 _RESIDUAL_UNITS = {"klt": " (px)", "plane": " (grey)"}
 

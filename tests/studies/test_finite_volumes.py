@@ -3,14 +3,24 @@ import pytest
 
 from footprints import random_star, rectangle
 from oracles import SQUARE_LOAD_N, rectangle_pressure
+from studies.paper.finite_volumes import mesh_pressure, meshed_patch, triangulate
 from towval.model import Patch
 from towval.model.errors import InputError, RefusedError
 from towval.physics.contact import pressure_plane
-from towval.physics.friction_laws import Coulomb
-from towval.physics.mesh import mesh_pressure, meshed_patch, triangulate
+from towval.physics.friction_laws import Coulomb, Makkar
 from towval.physics.wrench import friction_wrench, sliding_patch, wrench_and_slopes, wrench_at_origin
 
 TWISTS = [(0.05, 0.01, 0.2), (0.1, 0.0, 0.05), (0.0, 0.0, 0.3)]
+
+
+@pytest.fixture(scope="module")
+def square():
+    return rectangle(0.4, 0.4)
+
+
+@pytest.fixture(scope="module")
+def makkar():
+    return Makkar(0.06, 400, 40, 0.35, 800, 0)
 
 
 def test_mesh_fills_any_footprint_with_small_enough_cells():

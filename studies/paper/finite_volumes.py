@@ -5,8 +5,6 @@ friction varies over the patch or with the direction of sliding, for which the b
 radial part.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
