@@ -21,14 +21,7 @@ from studies.real.point_friction import (
     slowest_path_m,
     wrench_spread_deg,
 )
-from studies.real.push_data import (
-    MASS_KG,
-    STATED_FRICTION,
-    PushLog,
-    angle_deg,
-    scaled_twist,
-    scaled_wrench,
-)
+from studies.real.push_data import MASS_KG, STATED_FRICTION, PushLog, angle_deg, scaled_twist, scaled_wrench
 from towval.model import Array
 from towval.model.conventions import GRAVITY_M_PER_S2
 

@@ -6,7 +6,7 @@
 
 In each the loads balance the same weight and the same push at a height (three unknowns, three equations). SOURCE of
 the planar pressure: eqs. (1), (2), which ``physics.contact.pressure_plane`` solves; the same here on cells of
-``physics.mesh.triangulate``, for a point load has no pressure plane.
+``studies.paper.finite_volumes.triangulate``, for a point load has no pressure plane.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from studies.paper.finite_volumes import triangulate
 from studies.real.point_friction import pushing_wrench, sliding_twist
 from studies.real.push_data import angle_deg, scaled_twist, scaled_wrench
 from towval.model import Array, Patch
 from towval.model.errors import RefusedError
-from towval.physics.mesh import triangulate
 
 
 @dataclass(frozen=True)

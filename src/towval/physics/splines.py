@@ -46,11 +46,8 @@ def spline_through(path: TimedPath) -> Spline:
     pause, and between the two ends of the pause nothing swings. A pause is an interval whose ends coincide, or one over
     which a single spline would swing out.
 
-    Raises
-    ------
-    InputError
-        When the path has fewer than two points, or when the spline would swing out further between two points than
-        these and their neighbours are apart.
+    Raises `InputError` when the path has fewer than two points, or when the spline would swing out further between two
+    points than these and their neighbours are apart.
 
     Examples
     --------
@@ -215,10 +212,7 @@ def _solve_curvatures(length: Array, slope: Array, at_rest: tuple[bool, bool], c
 def spline_covering(path: TimedPath | CubicSpline, times: Array, name: str) -> Spline:
     """The spline of a path, or a spline as it is, after a check that it covers the times.
 
-    Raises
-    ------
-    InputError
-        When a time lies outside.
+    Raises `InputError` when a time lies outside.
     """
     if not isinstance(path, TimedPath) and not (hasattr(path, "c") and hasattr(path, "x")):
         raise InputError(f"{name} is of the wrong type", got=type(path).__name__, allowed="TimedPath or CubicSpline")

@@ -7,8 +7,6 @@ The two pieces on the same side of all wheels are the flanks, within which the c
 the paper uses only those. SOURCE: section 2.4.2.
 """
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 from typing import NamedTuple

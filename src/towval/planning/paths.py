@@ -184,7 +184,6 @@ def timed(
 
     Parameters
     ----------
-    curve : Curve
     time_step : float
         Time step [s]; all steps are equal, so the duration is rounded to full steps.
     mean_speed, duration : float, optional

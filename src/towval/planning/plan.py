@@ -4,8 +4,6 @@ The quasi-static model turns the desired path of the object into a nominal path 
 into a feasible motion of the rover; feedback dynamics give the motion of the object behind that rover.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -94,10 +92,8 @@ def tow(
     ----------
     times, hinge : array_like (n,), (n, 2)
         Times [s] and points [m].
-    towed : TowedObject
     law : FrictionLaw or SlidingPatch
         Friction of its footprint, or the patch prepared with it.
-    tether : Tether
     start_pose, start_twist : array_like (3,)
         First pose of the object [m, m, rad] and its velocity [m/s, m/s, rad/s], at rest by default.
     stride : int, optional

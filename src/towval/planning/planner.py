@@ -6,8 +6,6 @@ equivalent bicycle's steering follows under PD control, and the rover moves at c
 results from its steering. SOURCE: sections 2.4.3 to 2.4.5, Fig. 3(c) and (d).
 """
 
-from __future__ import annotations
-
 import enum
 from dataclasses import dataclass, fields, replace
 from typing import TypeAlias
@@ -131,11 +129,9 @@ def plan_rover(
     ----------
     path : TimedPath
         Nominal path of the hinge, in equal time steps; the rover moves at its mean speed, with its time step.
-    rover : Rover
-    settings : PlannerSettings
     start : array_like (3,), optional
-        First pose of the rover frame [m, m, rad]; by default the hinge is on the first point, with the heading
-        planned there. ASSUME: the wheels are already steered for the first step.
+        First pose of the rover frame [m, m, rad]; by default the hinge is on the first point, with the heading planned
+        there. ASSUME: the wheels are already steered for the first step.
 
     Returns
     -------
