@@ -37,6 +37,75 @@ All stages at once, resumable and in parallel:
 """
 
 
+_Argument = tuple[str, dict[str, Any]]
+"""Name of an argument and its options for ``argparse``."""
+
+
+def _file(name: str, help_text: str, **options: Any) -> _Argument:
+    """A file or folder; as an option it is required unless ``options`` say otherwise."""
+    return name, {"type": Path, "help": help_text, **({"required": True} if name[0] == "-" else {}), **options}
+
+
+_CAMPAIGN = _file("campaign", "campaign folder, with campaign.yaml")
+_RUN = ("--run", {"dest": "name", "required": True, "help": "name of the run in campaign.yaml"})
+_CAMERA = _file("--camera", "camera.mcap of the campaign")
+_SCENE = _file("scene", "scene file, like workflow/plan.yaml")
+_REPLACING = "campaign folder whose object, friction, tether and hinge replace those of the scene"
+_WANTED = "a curve of the scene (lemniscate, ...) or a CSV file with x_m and y_m"
+
+_STAGES: dict[str, tuple[str, list[_Argument]]] = {
+    "calibrate": ("board pictures → camera.mcap: lens and floor with covariance", [_CAMPAIGN]),
+    "track": ("video of a run → track.mcap: poses of rover and object with standard deviations", [
+        _CAMPAIGN, _RUN, _CAMERA,
+    ]),
+    "decimate": ("track.mcap → decimate.mcap: the fewest poses that the measured noise allows", [
+        _file("track", "track.mcap of the run"),
+    ]),
+    "simulate": ("decimate.mcap → simulate.mcap: simulated motion of the object", [
+        _CAMPAIGN,
+        _file("--track", "track.mcap of the run: the times of the output"),
+        _file("--decimated", "decimate.mcap of the run: path of the rover, first pose of the object"),
+        _file("--camera", "camera.mcap of the campaign, needed by settings that are auto", required=False),
+    ]),
+    "uncertainty": ("results of a run → uncertainty.mcap: covariance of the error if the model is correct", [
+        _CAMPAIGN, _RUN, _CAMERA,
+        _file("--folder", "folder with track.mcap, decimate.mcap and simulate.mcap of the run"),
+    ]),
+    "compare": ("simulated and measured path → compare.mcap: errors and verdict", [
+        _RUN,
+        _file("--track", "track.mcap of the run"),
+        _file("--simulated", "simulate.mcap of the run"),
+        _file("--uncertainty", "uncertainty.mcap of the run"),
+    ]),
+    "identify": ("all runs of a campaign → identify.mcap, identify.csv: inputs fitted to the runs", [
+        _CAMPAIGN, _file("--results", "folder with one folder per run, each with the results up to uncertainty"),
+    ]),
+    "exchange": ("results of a run → exchange.mcap and layouts: one file for viewers", [
+        _CAMPAIGN, _RUN, _CAMERA,
+        _file("--folder", "folder with all MCAP files of the run"),
+        _file("--overlay", "overlay.mp4 of the run, made by the report"),
+    ]),
+    "report": ("results of a campaign → figures, overlays, summary.csv, report.html", [
+        _CAMPAIGN,
+        _file("--results", "folder with camera.mcap and one folder per run"),
+        _file("--identified", "identify.mcap, shown in a section of its own", required=False),
+    ]),
+    "plan": ("desired path of the object → plan.mcap and a CSV file: motion of the rover", [
+        _SCENE, _file("--campaign", _REPLACING, required=False),
+        ("--path", {"dest": "wanted", "required": True, "help": _WANTED}),
+        _file("--csv", "the plan as a table, one row per step"),
+    ]),
+    "tow": ("recorded rover → simulate.mcap: motion of the object behind it", [
+        _SCENE, _file("--campaign", _REPLACING, required=False),
+        _file("recording", "MCAP file with /rover/pose and at least one /object/pose"),
+    ]),
+}  # fmt: skip
+"""Help text and arguments of each stage, besides ``-o`` and ``--set``."""
+
+_FUNCTIONS = {"plan": ("plan", "run_file"), "tow": ("plan", "run_tow_file")}
+"""Module and function of a stage, where they are not ``run`` in the module of its name."""
+
+
 def _arguments() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="towval",
@@ -46,115 +115,20 @@ def _arguments() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"towval {towval.__version__}")
     stages = parser.add_subparsers(dest="stage", required=True, metavar="STAGE")
-
-    stage = _stage(stages, "calibrate", "board pictures → camera.mcap: lens and floor with covariance")
-    _campaign(stage)
-    stage = _stage(stages, "track", "video of a run → track.mcap: poses of rover and object with standard deviations")
-    _campaign(stage)
-    _run(stage)
-    _input(stage, "camera", "camera.mcap of the campaign")
-    stage = _stage(stages, "decimate", "track.mcap → decimate.mcap: the fewest poses that the measured noise allows")
-    stage.add_argument("track", type=Path, help="track.mcap of the run")
-    stage = _stage(stages, "simulate", "decimate.mcap → simulate.mcap: simulated motion of the object")
-    _campaign(stage)
-    _input(stage, "track", "track.mcap of the run: the times of the output")
-    _input(stage, "decimated", "decimate.mcap of the run: path of the rover, first pose of the object")
-    stage.add_argument("--camera", type=Path, help="camera.mcap of the campaign, needed by settings that are auto")
-    stage = _stage(
-        stages, "uncertainty", "results of a run → uncertainty.mcap: covariance of the error if the model is correct"
-    )
-    _campaign(stage)
-    _run(stage)
-    _input(stage, "camera", "camera.mcap of the campaign")
-    _input(stage, "folder", "folder with track.mcap, decimate.mcap and simulate.mcap of the run")
-    stage = _stage(stages, "compare", "simulated and measured path → compare.mcap: errors and verdict")
-    _run(stage)
-    _input(stage, "track", "track.mcap of the run")
-    _input(stage, "simulated", "simulate.mcap of the run")
-    _input(stage, "uncertainty", "uncertainty.mcap of the run")
-    stage = _stage(
-        stages, "identify", "all runs of a campaign → identify.mcap, identify.csv: inputs fitted to the runs"
-    )
-    _campaign(stage)
-    _input(stage, "results", "folder with one folder per run, each with the results up to uncertainty")
-    stage = _stage(
-        stages, "exchange", "results of a run → exchange.mcap and layouts: one file for viewers", settings=False
-    )
-    _campaign(stage)
-    _run(stage)
-    _input(stage, "camera", "camera.mcap of the campaign")
-    _input(stage, "folder", "folder with all MCAP files of the run")
-    _input(stage, "overlay", "overlay.mp4 of the run, made by the report")
-    stage = _stage(
-        stages, "report", "results of a campaign → figures, overlays, summary.csv, report.html", output=False
-    )
-    _campaign(stage)
-    stage.add_argument("--results", type=Path, required=True, help="folder with camera.mcap and one folder per run")
-    stage.add_argument("--identified", type=Path, help="identify.mcap, shown in a section of its own")
-    _planning(stages)
+    for name, (text, arguments) in _STAGES.items():
+        stage = stages.add_parser(name, help=text, description=f"{text[0].upper()}{text[1:]}.")
+        module, function = _FUNCTIONS.get(name, (name, "run"))
+        stage.set_defaults(module=f"towval.commands.{module}", function=function)
+        if name != "report":
+            output = "MCAP file to write, replaced atomically"
+            stage.add_argument("-o", "--output", type=Path, required=True, help=output)
+        if name not in ("exchange", "plan", "tow"):
+            setting = f"a key of section {name} of config.yaml; repeatable"
+            given: dict[str, Any] = {"dest": "keys", "action": "append", "default": []}
+            stage.add_argument("--set", **given, metavar="KEY=VALUE", help=setting)
+        for flag, options in arguments:
+            stage.add_argument(flag, **options)
     return parser
-
-
-def _planning(stages: Any) -> None:
-    stage = _stage(
-        stages, "plan", "desired path of the object → plan.mcap and a CSV file: motion of the rover", settings=False
-    )
-    stage.set_defaults(function="run_file")
-    _scene(stage)
-    stage.add_argument(
-        "--path",
-        dest="wanted",
-        required=True,
-        help="a curve of the scene (lemniscate, ...) or a CSV file with x_m and y_m",
-    )
-    stage.add_argument("--csv", type=Path, required=True, help="the plan as a table, one row per step")
-    stage = _stage(
-        stages, "tow", "recorded rover → simulate.mcap: motion of the object behind it", module="plan", settings=False
-    )
-    stage.set_defaults(function="run_tow_file")
-    _scene(stage)
-    stage.add_argument("recording", type=Path, help="MCAP file with /rover/pose and at least one /object/pose")
-
-
-def _scene(stage: argparse.ArgumentParser) -> None:
-    stage.add_argument("scene", type=Path, help="scene file, like workflow/plan.yaml")
-    stage.add_argument(
-        "--campaign",
-        type=Path,
-        help="campaign folder whose object, friction, tether and hinge replace those of the scene",
-    )
-
-
-def _stage(
-    stages: Any, name: str, help_text: str, *, module: str = "", settings: bool = True, output: bool = True
-) -> argparse.ArgumentParser:
-    description = help_text[0].upper() + help_text[1:] + "."
-    stage: argparse.ArgumentParser = stages.add_parser(name, help=help_text, description=description)
-    stage.set_defaults(module=f"towval.commands.{module or name}", function="run")
-    if output:
-        stage.add_argument("-o", "--output", type=Path, required=True, help="MCAP file to write, replaced atomically")
-    if settings:
-        stage.add_argument(
-            "--set",
-            dest="keys",
-            action="append",
-            default=[],
-            metavar="KEY=VALUE",
-            help=f"a key of section {name} of config.yaml; repeatable",
-        )
-    return stage
-
-
-def _campaign(stage: argparse.ArgumentParser) -> None:
-    stage.add_argument("campaign", type=Path, help="campaign folder, with campaign.yaml")
-
-
-def _run(stage: argparse.ArgumentParser) -> None:
-    stage.add_argument("--run", dest="name", required=True, help="name of the run in campaign.yaml")
-
-
-def _input(stage: argparse.ArgumentParser, name: str, help_text: str) -> None:
-    stage.add_argument(f"--{name}", type=Path, required=True, help=help_text)
 
 
 def _keys(pairs: list[str]) -> dict[str, Any]:

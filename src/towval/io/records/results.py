@@ -54,10 +54,9 @@ def read_simulated(path: Path) -> SimulatedMotion:
     """
     content = read_mcap(path)
     details = details_with(content, path, "outcome", "rung")
-    pose = planar_poses([value.pose for value in content.values("/object/pose_simulated")])
     return SimulatedMotion(
         time_s=content.times_s("/object/pose_simulated"),
-        pose=pose,
+        pose=planar_poses([value.pose for value in content.values("/object/pose_simulated")]),
         twist=planar_twists(content.values("/object/twist_simulated")),
         tether_force=np.array([[v.wrench.force.x, v.wrench.force.y] for v in content.values("/tether/wrench")]),
         tether_length=np.array([value.position[0] for value in content.values("/tether/state")]),

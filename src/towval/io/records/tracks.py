@@ -167,10 +167,6 @@ def read_decimated(path: Path) -> dict[str, DecimatedTrack]:
             pose=planar_poses([value.pose.pose for value in values]),
             rate=planar_twists(content.values(f"/{name}/twist")),
             covariance=np.array([ros.planar_covariance(value) for value in values]),
-            noise=details["noise"],
-            pauses=details["pauses"],
-            frames=details["frames"],
-            misfit=details["misfit"],
-            findings=findings_in(details["findings"]),
+            **{**details, "findings": findings_in(details["findings"])},
         )
     return tracks
