@@ -2,8 +2,9 @@
 
 Each cell of the footprint stands on a bristle that bends until its force reaches μ(v) p and then slides along: an
 object below the limit of friction bends its bristles by some micrometres and stays. Pressure, tether and inertia are
-those of a rigid body in three dimensions that does not tilt. Time is stepped by semi-implicit Euler, without events,
-tables, boundaries of patches or modes: what this and :mod:`towval.physics` have in common is the model on paper.
+those of a rigid body in three dimensions that does not tilt; a cell can only push. Time is stepped by semi-implicit
+Euler, without events, tables, boundaries of patches or modes: what this and :mod:`towval.physics` have in common is the
+model on paper.
 
 SOURCE of the bristles: Dahl 1976; Hayward and Armstrong 2000 (elasto-plastic, without drift).
 """
@@ -25,6 +26,7 @@ HingeMotion = Callable[[Array], tuple[Array, Array]]
 """Places and velocities (n, 2), (n, 2) [m, m/s] of the hinge over the floor at times (n,) [s]."""
 
 _DAMPING_S_PER_M = 20.0  # of a bristle that sticks, over its limit force; it dies out the ringing of 100 Hz
+_TIPPED = 1e-3
 _FALLEN = float(np.arctanh(0.99))  # at the friction velocity a hundredth of the peak remains
 
 
@@ -111,14 +113,12 @@ def bristle_tow(
     Raises
     ------
     RefusedError
-        Where a cell lifts: the pressure of this world is a plane on the whole footprint.
+        Where the object tips: where what still presses is less than a thousandth of the footprint's second moments.
     """
     every = round(report_s / step_s)
     reports = round(duration / report_s) + 1
     places, velocities = hinge(np.arange((reports - 1) * every + 1, dtype=np.float64) * step_s)
     arms = towed.places - np.array(towed.centre)
-    shapes = np.column_stack([np.ones(len(arms)), arms])
-    moments = np.linalg.inv(shapes.T @ (towed.areas[:, None] * shapes))
     x, y, heading = np.asarray(start_pose, dtype=np.float64)
     lever = np.array(towed.anchor) - np.array(towed.centre)
     start = np.array([*(np.array([x, y]) + _turned(heading, np.array(towed.centre))), heading, 0.0, 0.0, 0.0])
@@ -130,11 +130,10 @@ def bristle_tow(
     drop = tether.hinge_height - tether.anchor_height
     rope = np.array([tether.rest_length, tether.stiffness, tether.damping, tether.stiffening, tether.full_load, drop])
     states = np.full((reports, 7), np.nan)
-    lifted = _advance(
-        np.column_stack([arms, towed.areas]), moments, body, friction, rope, places, velocities, start, step_s, states
-    )
-    if lifted:
-        raise RefusedError("a cell of the footprint lifts", got=f"after {lifted * step_s:.3g} s")
+    cells = np.column_stack([arms, towed.areas])
+    tipped = _advance(cells, body, friction, rope, places, velocities, start, step_s, states)
+    if tipped:
+        raise RefusedError("the object tips", got=f"after {tipped * step_s:.3g} s")
     turned = np.array([_turned(row[2], np.array(towed.centre)) for row in states])
     poses = np.column_stack([states[:, :2] - turned, states[:, 2]])
     return np.arange(reports, dtype=np.float64) * report_s, poses, states[:, 6]
@@ -146,10 +145,13 @@ def _turned(heading: float, point: Array) -> Array:
 
 
 @compiled()
-def _advance(cells, moments, body, friction, rope, places, velocities, state, step, states):
-    """Steps in all; the number of the step in which a cell lifts, or 0."""
-    bent = np.zeros((len(cells), 2))
+def _advance(cells, body, friction, rope, places, velocities, state, step, states):
+    """Steps in all; the number of the step in which the object tips, or 0."""
+    bent, pressing = np.zeros((len(cells), 2)), np.zeros((3, 3))
     pull, drag = np.zeros(3), np.zeros(3)
+    for i in range(len(cells)):
+        _add(cells[i, 0], cells[i, 1], cells[i, 2], pressing)
+    whole = _determinant(pressing)
     count = len(places) - 1
     every = count // (len(states) - 1)
     for k in range(count + 1):
@@ -158,8 +160,9 @@ def _advance(cells, moments, body, friction, rope, places, velocities, state, st
         if k % every == 0:
             states[k // every, :6] = state
             states[k // every, 6] = np.sqrt(pull[0] ** 2 + pull[1] ** 2 + pull[2] ** 2)
-        if not _drag(cells, moments, body, friction, pull, state, c, s, step, bent, drag):
+        if not _determinant(pressing) > _TIPPED * whole:
             return max(k, 1)
+        _drag(cells, pressing, body, friction, pull, state, c, s, step, bent, drag)
         mass, inertia, lever_x, lever_y = body[0], body[1], body[4], body[5]
         along, across = (pull[0] + drag[0]) / mass, (pull[1] + drag[1]) / mass
         state[3] += step * (c * along - s * across + body[6])
@@ -187,26 +190,27 @@ def _pull(body, rope, place, velocity, state, c, s, pull):
 
 
 @compiled(allocates=False)
-def _drag(cells, moments, body, friction, pull, state, c, s, step, bent, drag):
-    """Friction on all cells, force and moment (3,) in body axes; bends the bristles. False where a cell lifts.
+def _drag(cells, pressing, body, friction, pull, state, c, s, step, bent, drag):
+    """Friction on all cells, force and moment (3,) in body axes; bends the bristles.
 
-    The pressure is that of the friction one step ago.
+    The pressure is that of the friction one step ago, a plane on the cells that pressed one step ago.
     """
     static, kinetic, fall, stretched, deflection = friction
     lift = body[0] * body[8] - pull[2]
     over = body[3] - body[2]  # anchor over centre of mass
     tip_x = over * pull[0] - pull[2] * body[4] - body[2] * drag[0]
     tip_y = over * pull[1] - pull[2] * body[5] - body[2] * drag[1]
-    p0 = moments[0, 0] * lift + moments[0, 1] * tip_x + moments[0, 2] * tip_y
-    px = moments[1, 0] * lift + moments[1, 1] * tip_x + moments[1, 2] * tip_y
-    py = moments[2, 0] * lift + moments[2, 1] * tip_x + moments[2, 2] * tip_y
+    p0, px, py = _plane(pressing, lift, tip_x, tip_y)
     ux, uy, spin = c * state[3] + s * state[4], -s * state[3] + c * state[4], state[5]
     drag[:] = 0.0
+    pressing[:] = 0.0
     for i in range(len(cells)):
         x, y = cells[i, 0], cells[i, 1]
         load = (p0 + px * x + py * y) * cells[i, 2]
-        if load < 0:
-            return False
+        if load <= 0:
+            bent[i, 0] = bent[i, 1] = 0.0
+            continue
+        _add(x, y, cells[i, 2], pressing)
         vx, vy = ux - spin * y, stretched * (uy + spin * x)
         speed = np.sqrt(vx * vx + vy * vy)
         share = 1 - (1 - kinetic / static) * np.tanh(_FALLEN * speed / fall)
@@ -220,4 +224,39 @@ def _drag(cells, moments, body, friction, pull, state, c, s, step, bent, drag):
         drag[0] += fx
         drag[1] += fy
         drag[2] += x * fy - y * fx
-    return True
+
+
+@compiled(allocates=False)
+def _add(x, y, area, pressing):
+    """Adds a cell to the moments (3, 3) of the pressed area."""
+    pressing[0, 0] += area
+    pressing[0, 1] += area * x
+    pressing[0, 2] += area * y
+    pressing[1, 1] += area * x * x
+    pressing[1, 2] += area * x * y
+    pressing[2, 2] += area * y * y
+
+
+@compiled(allocates=False)
+def _determinant(m):
+    """Of the symmetric matrix whose upper half is given."""
+    minor = m[0, 1] * m[2, 2] - m[1, 2] * m[0, 2]
+    return (
+        m[0, 0] * (m[1, 1] * m[2, 2] - m[1, 2] ** 2)
+        - m[0, 1] * minor
+        + m[0, 2] * (m[0, 1] * m[1, 2] - m[1, 1] * m[0, 2])
+    )
+
+
+@compiled(allocates=False)
+def _plane(m, lift, tip_x, tip_y):
+    """Pressure 1, x, y [Pa, Pa/m, Pa/m] with a resultant, by the adjugate."""
+    a00, a01 = m[1, 1] * m[2, 2] - m[1, 2] ** 2, m[0, 2] * m[1, 2] - m[0, 1] * m[2, 2]
+    a02, a12 = m[0, 1] * m[1, 2] - m[0, 2] * m[1, 1], m[0, 1] * m[0, 2] - m[0, 0] * m[1, 2]
+    a11, a22 = m[0, 0] * m[2, 2] - m[0, 2] ** 2, m[0, 0] * m[1, 1] - m[0, 1] ** 2
+    whole = m[0, 0] * a00 + m[0, 1] * a01 + m[0, 2] * a02
+    return (
+        (a00 * lift + a01 * tip_x + a02 * tip_y) / whole,
+        (a01 * lift + a11 * tip_x + a12 * tip_y) / whole,
+        (a02 * lift + a12 * tip_x + a22 * tip_y) / whole,
+    )

@@ -103,7 +103,17 @@ def test_halving_step_and_deflection_moves_it_little():
     assert np.linalg.norm(poses - finer, axis=1).max() < 2e-4
 
 
-def test_a_tow_that_lifts_is_refused():
+def test_a_lifted_edge_loads_the_rest_by_statics():
+    """An eccentric block that stands on part of its base turns about where it presses, not about its middle."""
+    # The centre of mass half-way to the edge: pressed on 3/4 of the side, the pull there is that of the whole weight.
+    towed = block(16, centre=(-0.1, 0.0), centre_height=0.0, static=0.35, kinetic=0.35)
+    tether = TetherAtHeight(0.6, 1000.0, 50.0)
+    _, poses, pull = bristle_tow(towed, tether, straight(0.05, 0.8), (0, 0, 0), 4.0)
+    assert pull[-1] == pytest.approx(0.35 * WEIGHT, rel=1e-4)
+    assert np.abs(poses[-1, 1:]).max() < 1e-9
+
+
+def test_a_tow_that_tips_is_refused():
     tether = TetherAtHeight(0.6, 1000.0, hinge_height=0.6, anchor_height=0.6)
-    with pytest.raises(RefusedError, match="lifts"):
+    with pytest.raises(RefusedError, match="tips"):
         bristle_tow(block(), tether, straight(0.05, 0.8), (0, 0, 0), 5.0)
