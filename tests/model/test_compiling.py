@@ -144,3 +144,16 @@ def test_functions_said_to_make_no_arrays_cannot():
 
     with pytest.raises(TypingError, match="zeros"):
         makes_one(3)
+
+
+def test_numba_is_there_without_scipy_and_scipy_works_after_it():
+    program = (
+        "import sys, numpy as np, towval.model.compiling\n"
+        "@towval.model.compiling.compiled(cache=False)\n"
+        "def solved(a, b): return np.linalg.solve(a, b)\n"
+        "print('scipy.linalg' in sys.modules)\n"
+        "print(solved(2 * np.eye(2), np.ones(2)))\n"
+        "print('scipy.linalg' in sys.modules)\n"
+    )
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert run.stdout.split("\n")[:3] == ["False", "[0.5 0.5]", "True"]

@@ -70,6 +70,14 @@ def test_pauses_stay_pauses(make_track):
     assert np.abs(thin.spline().derivative()(inside)).max() < 1e-12
 
 
+def test_poses_are_those_of_the_spline(make_track):
+    thin = decimate(make_track(stop_and_go, seed=1))
+    times = np.concatenate([np.linspace(thin.time_s[0] - 0.1, thin.time_s[-1] + 0.1, 999), thin.time_s])
+    np.testing.assert_allclose(thin.poses_at(times), thin.spline()(times), rtol=1e-14, atol=1e-16)
+    assert np.isnan(thin.poses_at(thin.time_s[-1] + 1e-9)).all()
+    assert thin.poses_at(thin.time_s[0]).shape == (3,)
+
+
 def test_creep_is_no_pause(make_track):
     """1 mm/s with 0.1 mm of noise: slow, but it moves."""
     track = make_track(lambda t: np.stack([1e-3 * t, 0 * t, 0 * t], axis=1), seed=2)

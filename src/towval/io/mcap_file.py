@@ -9,6 +9,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -120,7 +121,8 @@ def read_mcap(path: Path, without: tuple[str, ...] = ()) -> McapContent:
     provenance: dict[str, str] = {}
     with _readable(path) as stream:
         reader = make_reader(stream, validate_crcs=True)
-        for schema, channel, message in reader.iter_messages():
+        # Sorting below takes a fraction of the time of mcap's own queue.
+        for schema, channel, message in reader.iter_messages(log_time_order=False):
             if schema is None:
                 raise McapError(f"the channel {channel.topic} has no schema")
             if channel.topic.endswith(without):
@@ -133,7 +135,8 @@ def read_mcap(path: Path, without: tuple[str, ...] = ()) -> McapContent:
         for record in reader.iter_metadata():
             if record.name == _PROVENANCE:
                 provenance = dict(record.metadata)
-    return McapContent(dict(topics), details, provenance)
+    ordered = {topic: sorted(messages, key=attrgetter("time_ns")) for topic, messages in topics.items()}
+    return McapContent(ordered, details, provenance)
 
 
 @contextmanager

@@ -16,8 +16,10 @@ from jsonschema.exceptions import ValidationError
 from towval.model.errors import InputError
 from towval.model.plugins import Registry
 
+_SafeLoader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # in C, where PyYAML was built with it
 
-class _StrictLoader(yaml.SafeLoader):
+
+class _StrictLoader(_SafeLoader):  # type: ignore[misc]  # either of two classes
     """PyYAML's safe loader, but a key given twice is an error instead of a silent overwrite."""
 
 
@@ -28,7 +30,8 @@ def _mapping_without_duplicates(loader: _StrictLoader, node: yaml.MappingNode) -
         if key in seen:
             raise yaml.constructor.ConstructorError(None, None, f"the key {key!r} is given twice", key_node.start_mark)
         seen.add(key)
-    return loader.construct_mapping(node, deep=True)
+    mapping: dict[Any, Any] = loader.construct_mapping(node, deep=True)
+    return mapping
 
 
 # PyYAML follows YAML 1.1, in which 1e-7, without a point, is a text.
@@ -86,7 +89,7 @@ def with_plain_values(value: Any) -> Any:
 def packaged_schema(name: str) -> dict[str, Any]:
     """The schema ``name`` that comes with the package."""
     text = resources.files("towval.io").joinpath(name).read_text(encoding="utf-8")
-    schema: dict[str, Any] = yaml.safe_load(text)
+    schema: dict[str, Any] = yaml.load(text, Loader=_SafeLoader)
     return schema
 
 

@@ -12,9 +12,11 @@ a function was compiled just now or read from the disk. A function that takes li
 """
 
 import hashlib
+import importlib
 import inspect
 import os
 import shutil
+import sys
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -26,6 +28,22 @@ from numba import njit
 _CONFIG: Any = numba.config  # Its attributes are set at run time.
 _KEPT = 3  # Caches of a folder: a branch and the one it came from, and one to spare.
 
+
+def _import_numba_without_scipy() -> None:
+    """Import what numba imports at the first compiled call, without scipy.linalg.
+
+    Numba imports that only to see whether its np.correlate can use BLAS, and it takes as long as a whole simulation.
+    """
+    name = "scipy.linalg.cython_blas"
+    if name not in sys.modules:
+        sys.modules[name] = None  # type: ignore[assignment]  # Python documents None as "not to be found".
+        try:
+            importlib.import_module("numba.np.arraymath")
+        finally:
+            del sys.modules[name]
+
+
+_import_numba_without_scipy()
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from towval.model.checks import Array, lock, locked, positive
 from towval.model.choices import Choice
@@ -170,3 +170,17 @@ class DecimatedTrack:
         from scipy.interpolate import CubicHermiteSpline  # noqa: PLC0415
 
         return CubicHermiteSpline(self.time_s, self.pose, self.rate, axis=0, extrapolate=False)
+
+    def poses_at(self, time_s: ArrayLike) -> Array:
+        """Poses (..., 3) [m, m, rad] of :meth:`spline` at times (...,) [s], NaN outside; without importing scipy."""
+        asked = np.asarray(time_s, dtype=np.float64)
+        piece = np.clip(np.searchsorted(self.time_s, asked, side="right") - 1, 0, len(self.time_s) - 2)
+        length = np.diff(self.time_s)[:, None]
+        slope = np.diff(self.pose, axis=0) / length
+        cubic = (self.rate[:-1] + self.rate[1:] - 2 * slope) / length
+        quadratic = (slope - self.rate[:-1]) / length - cubic
+        s = (asked - self.time_s[piece])[..., None]
+        poses = self.pose[piece] + self.rate[piece] * s + quadratic[piece] * (s * s)
+        poses += (cubic / length)[piece] * (s * s * s)
+        outside = (asked < self.time_s[0]) | (asked > self.time_s[-1])
+        return np.where(outside[..., None], np.nan, poses)

@@ -276,7 +276,7 @@ class _Fit:
             real.law,
             scene.tether,
             hinge_path(run.rover, scene.hinge, run.time_s),
-            run.towed.spline()(run.time_s[0]),
+            run.towed.poses_at(run.time_s[0]),
             run.time_s,
             accuracy=Accuracy(self.settings.tolerance_m),
         )

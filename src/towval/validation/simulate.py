@@ -51,7 +51,7 @@ def hinge_path(rover: DecimatedTrack, hinge: Array, times: Array) -> TimedPath:
     """Path of the tether's hinge along the rover's smoothed track, at and between ``times`` (n,) [s]."""
     fine = np.linspace(0, len(times) - 1, _HINGE_SAMPLES_PER_FRAME * (len(times) - 1) + 1)
     dense = np.interp(fine, np.arange(len(times)), times)
-    return TimedPath(dense, transform(rover.spline()(dense), hinge))
+    return TimedPath(dense, transform(rover.poses_at(dense), hinge))
 
 
 def simulate(
@@ -104,7 +104,7 @@ class RunSimulation:
             )
         self.scene, self.towed, self.law = scene, towed_object(scene), fitted_law(scene.friction)
         self.hinge = hinge_path(rover, scene.hinge, self.times)
-        self.start_pose = towed.spline()(self.times[0])
+        self.start_pose = towed.poses_at(self.times[0])
         self._patch = sliding_patch(resting_pressure(self.towed), self.law.law)
         self._motions: dict[tuple[str, float], SimulatedMotion] = {}
 

@@ -260,11 +260,11 @@ class _Sampler:
         self.times = case.simulated.time_s
         begin, end = self.times[[0, -1]]
         self.hinge_times = np.linspace(begin, end, max(4, round((end - begin) / _HINGE_STEP_S)))
-        self.rover = _motions(case.calibration, case.rover, case.rover_decimated.spline()(self.hinge_times))
+        self.rover = _motions(case.calibration, case.rover, case.rover_decimated.poses_at(self.hinge_times))
         rows = np.searchsorted(case.object_track.time_s, self.times - 1e-9)
         self.noise_std = np.nan_to_num(case.object_track.std[rows])
         self.object = _motions(case.calibration, case.towed, case.simulated.pose)
-        self.start = _motions(case.calibration, case.towed, case.object_decimated.spline()(self.times[:1]))
+        self.start = _motions(case.calibration, case.towed, case.object_decimated.poses_at(self.times[:1]))
         self.nominal = Realisation.nominal(case.scene, case.law)
         self.knot_std = np.sqrt(np.diagonal(case.rover_decimated.covariance, axis1=1, axis2=2))
         self.roots = _roots(case)
