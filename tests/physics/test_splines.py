@@ -79,3 +79,16 @@ def test_a_path_that_would_swing_between_its_points_is_refused():
 def test_a_path_at_rest_stays():
     spline = spline_through(TimedPath([0.0, 1.0, 2.0], np.tile([0.3, -0.1], (3, 1))))
     assert spline_values(spline, np.linspace(0, 2, 9))[0] == pytest.approx(np.tile([0.3, -0.1], (9, 1)))
+
+
+def test_noise_about_one_place_is_a_pause_and_does_not_swing():
+    """Two measured points shortly after one another fix a velocity of noise, which a long rest must not carry on."""
+    rng = np.random.default_rng(3)
+    rest = np.array([0.0, 2.9, 3.0, 3.04])
+    moving = 3.04 + np.arange(1, 8) * 0.4
+    position = np.zeros((len(rest) + len(moving), 2))
+    position[len(rest) :, 0] = 0.03 * np.arange(1, 8)
+    position += rng.normal(size=position.shape) * 1e-4
+    path = TimedPath(np.concatenate([rest, moving]), position)
+    at_rest = spline_values(spline_through(path), np.linspace(0, 3.0, 200))[0]
+    assert np.abs(at_rest).max() < 1e-3

@@ -23,6 +23,9 @@ _LONGER = 1.5  # times its neighbours: a turning point takes no longer than an i
 # that are sampled well it is some 0.01, at a turning point 1/8. A pause of three intervals swings by more than 0.5.
 _SWING_LIMIT = 0.5
 _SLOW = 0.1  # of a neighbour's speed: slow enough to be a pause
+# Of the longest distance of two points: where a point and its neighbours are closer than this they are noise about one
+# place. Measured poses are some 0.1 mm of noise, kept 10 to 100 mm apart on the way.
+_NOISE = 0.02
 
 
 class Spline(NamedTuple):
@@ -43,8 +46,8 @@ def spline_through(path: TimedPath) -> Spline:
 
     Its third derivative is continuous at the second and the last but one point ("not a knot"); with three points the
     ends are not curved, with two it is straight. Where the path pauses, it is split: each part comes to rest at the
-    pause, and between the two ends of the pause nothing swings. A pause is an interval whose ends coincide, or one over
-    which a single spline would swing out.
+    pause, and between the two ends of the pause nothing swings. A pause is an interval whose ends coincide, or
+    one over which a single spline would swing out and which is slow, or short like the noise of measured points.
 
     Raises `InputError` when the path has fewer than two points, or when the spline would swing out further between two
     points than these and their neighbours are apart.
@@ -62,13 +65,16 @@ def spline_through(path: TimedPath) -> Spline:
         raise InputError("a path of one point cannot be followed", got=f"{n} points", allowed="two points or more")
     length = np.diff(path.time_s)
     slope = np.diff(path.position, axis=0) / length[:, None]
+    chord = np.linalg.norm(slope, axis=1) * length
     pauses = _coinciding_ends(length, slope)
-    coefficients = _split_at(pauses, path.position, length, slope)
-    swings = _swings(length, coefficients, slope)
-    found = pauses | ((swings > _SWING_LIMIT) & _slower_than_neighbours(slope))
-    if (found != pauses).any():
-        coefficients = _split_at(found, path.position, length, slope)
+    may_pause = _slower_than_neighbours(slope) | (_longest_nearby(chord) < _NOISE * chord.max())
+    while True:
+        coefficients = _split_at(pauses, path.position, length, slope)
         swings = _swings(length, coefficients, slope)
+        more = (swings > _SWING_LIMIT) & may_pause & ~pauses
+        if not more.any():
+            break
+        pauses |= more
     if swings.max() > _SWING_LIMIT:
         worst = int(swings.argmax())
         raise InputError(
@@ -101,10 +107,14 @@ def _slower_than_neighbours(slope: Array) -> NDArray[np.bool_]:
     return slower
 
 
+def _longest_nearby(chord: Array) -> Array:
+    """The longest of each chord (n,) and its two neighbours."""
+    return np.maximum(chord, np.maximum(np.r_[0.0, chord[:-1]], np.r_[chord[1:], 0.0]))
+
+
 def _swings(length: Array, coefficients: Array, slope: Array) -> Array:
     """How far each piece (n,) leaves its chord in the middle, over the longest of its own chord and its neighbours'."""
-    chord = np.linalg.norm(slope, axis=1) * length
-    longest = np.maximum(chord, np.maximum(np.r_[0.0, chord[:-1]], np.r_[chord[1:], 0.0]))
+    longest = _longest_nearby(np.linalg.norm(slope, axis=1) * length)
     aside = np.zeros(len(length))
     for share in (0.25, 0.5, 0.75):
         s = share * length[:, None]
