@@ -38,9 +38,11 @@ What is drawn for the validation uncertainty: the table of `towval/model/inputs.
 studies.tables.reference_pages`). *Stated by* is the key of campaign.yaml for the standard deviation of each component,
 or the stage that gives the covariance. Inputs with the same unknown error in all runs of a campaign are shared by the
 *campaign*, the others are those of a *run*. Inputs with a search range can be identified (`identify.parameters`).
+*Left out*: where campaign.yaml states neither the value nor its deviation, this value and deviation are taken, and the
+report names the input.
 
-| input | unit | stated by | default | because | shared by | identified as |
-|---|---|---|---|---|---|---|
+| input | unit | stated by | default | because | left out | because | shared by | identified as |
+|---|---|---|---|---|---|---|---|---|
 """
 
 
@@ -52,7 +54,10 @@ def inputs_page() -> str:
         source = f"`{stated.key}`" if stated else "calibrate" if row.name == "camera" else "track"
         default, why = (stated.default_text, stated.why) if stated else ("", "")
         fitted = ", ".join(f"`{name}`" for name in row.components) if row.search else ""
-        rows.append(f"| {row.label} | {row.unit} | {source} | {default} | {why} | {row.shared} | {fitted} |")
+        missing = stated.left_out if stated else None
+        left_out, reason = (f"{missing.value} ± {missing.std_text}", missing.why) if missing else ("", "")
+        cells = (row.label, row.unit, source, default, why, left_out, reason, row.shared, fitted)
+        rows.append(f"| {' | '.join(cells)} |")
     return _INPUTS + "\n".join(rows) + "\n"
 
 

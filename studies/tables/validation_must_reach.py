@@ -28,7 +28,6 @@ from studies.worlds.towed_runs import ROVER, TOWED, TrueCamera, nominal_calibrat
 from towval.io.records import read_comparison
 from towval.model import Array, Comparison, Verdict
 from towval.model.geometry import wrapped
-from towval.physics.friction_laws import fitted_law
 from towval.validation.compare import compare
 from towval.validation.decimate import decimate
 from towval.validation.simulate import simulate
@@ -51,8 +50,7 @@ def judged_run(seed: int, samples: int) -> dict[str, Any]:
         track = camera.measured(TOWED, run.time_s, motion)
         thin_track = decimate(track)
         simulated = simulate(run.scene, thin, thin_track, run.time_s)
-        law = fitted_law(run.scene.friction).law
-        given = (run.scene, run.deviations, law, camera.nominal, ROVER, TOWED)
+        given = (run.scene, run.deviations, camera.nominal, ROVER, TOWED)
         return Case(*given, rover, thin, track, thin_track, simulated)
 
     case, started = case_of(true), time.process_time()

@@ -18,13 +18,13 @@ from towval.model import Calibration
 from towval.validation.decimate import decimate
 from towval.validation.simulate import simulate
 
-PLUGIN = Path(__file__).with_name("damping_input.py")
+PLUGIN = Path(__file__).with_name("gravity_input.py")
 CHECK = """
 import sys, yaml
 from towval.io.schema import check
 from towval.model.plugins import load_plugins
 load_plugins()
-config = {"campaign": "lab", "results": "out", "identify": {"parameters": ["damping"]}}
+config = {"campaign": "lab", "results": "out", "identify": {"parameters": ["gravity"]}}
 check(config, yaml.safe_load(open(sys.argv[1])), "config")
 """
 
@@ -37,11 +37,11 @@ def python(*arguments, plugins=str(PLUGIN)):
 
 @pytest.fixture(scope="module")
 def campaign(lab_small, tmp_path_factory):
-    """The sample campaign with run a alone, whose tether's damping is known to 30 N s/m."""
+    """The sample campaign with run a alone, whose gravity is known to 1 m/s²."""
     folder = tmp_path_factory.mktemp("lab")
     document = yaml.safe_load((lab_small / "campaign.yaml").read_text())
     document["runs"] = {"a": document["runs"]["a"]}
-    document["tether"]["damping_std_Ns_per_m"] = 30.0
+    document["gravity_std_m_per_s2"] = 1.0
     (folder / "campaign.yaml").write_text(yaml.safe_dump(document))
     for name in ("calibration", "a.mp4"):
         (folder / name).symlink_to(lab_small / name)
@@ -75,7 +75,7 @@ def test_an_input_of_ones_own_goes_through_commands_and_report(campaign, results
     done = python("-m", "towval.cli", "uncertainty", *given, "-o", folder / "uncertainty.mcap")
     assert done.returncode == 0, done.stderr
     shares = read_uncertainty(folder / "uncertainty.mcap").shares
-    assert shares["damping of the cord"] > 0.02
+    assert shares["local gravity"] > 0.02
     stages = {"--track": "track", "--simulated": "simulate", "--uncertainty": "uncertainty"}
     files = [part for option, stage in stages.items() for part in (option, folder / f"{stage}.mcap")]
     done = python("-m", "towval.cli", "compare", *files, "--run", "a", "-o", folder / "compare.mcap")
@@ -83,7 +83,7 @@ def test_an_input_of_ones_own_goes_through_commands_and_report(campaign, results
     done = python("-m", "towval.cli", "report", campaign, "--results", results)
     assert done.returncode == 0, done.stderr
     page = (results / "report.html").read_text(encoding="utf-8")
-    assert "damping of the cord" in page.split('id="inputs"')[1]
+    assert "local gravity" in page.split('id="inputs"')[1]
 
 
 def test_the_workflow_knows_the_input_where_it_is_registered(repository):
@@ -91,10 +91,10 @@ def test_the_workflow_knows_the_input_where_it_is_registered(repository):
     assert python("-c", CHECK, schema).returncode == 0
     refused = python("-c", CHECK, schema, plugins="")
     assert refused.returncode != 0
-    assert "damping" in refused.stderr
+    assert "gravity" in refused.stderr
 
 
 def test_without_its_registration_the_key_is_unknown(campaign):
     code = "import sys, pathlib, towval.io.campaign as c; c.load_campaign(pathlib.Path(sys.argv[1]))"
     refused = python("-c", code, campaign, plugins="")
-    assert "unknown key tether.damping_std_Ns_per_m" in refused.stderr
+    assert "unknown key gravity_std_m_per_s2" in refused.stderr

@@ -2,13 +2,16 @@
 
 import copy
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import yaml
 
 from towval.io.campaign import campaign_schema, load_campaign
+from towval.model import Load
 from towval.model.errors import InputError
+from towval.physics.mass import towed_object
 
 
 @pytest.fixture
@@ -47,6 +50,63 @@ def test_the_floor_image_is_not_counted_twice(campaign):
     assert len(load_campaign(folder).floor_images) == 7
 
 
+def feet(side=0.04):
+    """Four feet of the sample's object, as rings."""
+    square = side / 2 * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]]
+    return [(square + np.array([0.215, 0.14]) * corner).round(6).tolist() for corner in corners]
+
+
+def test_feet_carry_a_mass_that_is_spread_over_the_top(campaign):
+    """Unless said otherwise; four feet are nearer to the rim than the mass."""
+    scene = load_campaign(campaign(lambda d: d["object"].update(footprint_m=feet()))).scene
+    assert len(scene.patch.outlines) == 4
+    assert scene.spread.gyration**2 == pytest.approx((0.5**2 + 0.35**2) / 12, rel=1e-12)
+    stated = load_campaign(campaign(lambda d: d["object"].update(footprint_m=feet(), mass_over="footprint"))).scene
+    about_a_foot = (0.04**2 + 0.04**2) / 12
+    inertia = towed_object(replace(stated, load=Load(0.0, (0.0, 0.0), (0.0, 0.0, 0.0)))).inertia
+    assert inertia == pytest.approx(4.0 * (0.215**2 + 0.14**2 + about_a_foot), rel=1e-12)
+
+
+def test_one_ring_is_the_same_as_a_list_of_it(campaign):
+    ring = [[-0.25, -0.175], [0.25, -0.175], [0.25, 0.175], [-0.25, 0.175]]
+    listed = load_campaign(campaign(lambda d: d["object"].update(footprint_m=[ring]))).scene
+    plain = load_campaign(campaign(lambda d: None)).scene
+    assert towed_object(listed).inertia == towed_object(plain).inertia
+    assert (listed.patch.outline == plain.patch.outline).all()
+
+
+def test_measured_mass_properties_are_those_of_the_object_without_its_load(campaign):
+    change = {"centre_of_mass_m": [0.01, -0.02], "moment_of_inertia_kg_m2": 0.2}
+    scene = load_campaign(campaign(lambda d: d["object"].update(change))).scene
+    towed = towed_object(replace(scene, load=Load(0.0, (0.0, 0.0), (0.0, 0.0, 0.0))))
+    assert towed.centre_of_mass == pytest.approx([0.01, -0.02])
+    assert towed.inertia == pytest.approx(0.2, rel=1e-12)
+
+
+def test_static_below_kinetic_within_their_deviations_means_no_peak(campaign):
+    friction = load_campaign(campaign(lambda d: d["friction"].update(static=0.345))).scene.friction
+    assert friction.static == friction.kinetic == 0.35
+
+
+def test_gravity_is_that_of_the_file(campaign):
+    assert load_campaign(campaign(lambda d: d.update(gravity_m_per_s2=1.62))).scene.ground.gravity == 1.62
+    assert load_campaign(campaign(lambda d: None)).scene.ground.gravity == 9.81
+
+
+def test_deviations_stand_for_what_is_left_out(campaign):
+    """Damping: by itself, with a value, with a deviation alone, with both."""
+    cases = {(): 0.05 * 2 * np.sqrt(800 * 5.8), (12.5,): 2.5, (None, 1.0): 1.0, (12.5, 2.4): 2.4}
+    for stated, expected in cases.items():
+
+        def change(document, stated=stated):
+            document["tether"].pop("damping_Ns_per_m", None)
+            keys = zip(("damping_Ns_per_m", "damping_std_Ns_per_m"), stated, strict=False)
+            document["tether"].update({key: value for key, value in keys if value is not None})
+
+        assert load_campaign(campaign(change)).deviations["damping"] == pytest.approx(expected), stated
+
+
 WRONG = {
     "mistyped key": (
         lambda d: d["tether"].update(rest_lenght_m=1),
@@ -76,8 +136,26 @@ WRONG = {
     ),
     "static below kinetic": (
         lambda d: d["friction"].update(static=0.2),
-        ["friction.static", "0.2", "static >= kinetic"],
+        ["friction.static", "0.2 ± 0.01", "kinetic 0.35 ± 0.005", "static >= kinetic"],
     ),
+    "footprint of two corners": (
+        lambda d: d["object"].update(footprint_m=[[0, 0], [1, 0]]),
+        ["object.footprint_m", "one ring of 3 to 200 corners", "list of such rings"],
+    ),
+    "feet in millimetres": (
+        lambda d: d["object"].update(footprint_m=[feet()[0], (10 * np.array(feet()[1])).tolist(), feet()[2]]),
+        ["object.footprint_m[1]", "not under the object", "(2.15, -1.4)"],
+    ),
+    "mass spread over something else": (lambda d: d["object"].update(mass_over="load"), ["top, footprint"]),
+    "centre of mass without inertia": (
+        lambda d: d["object"].update(centre_of_mass_m=[0, 0]),
+        ["object.centre_of_mass_m", "moment_of_inertia_kg_m2"],
+    ),
+    "mass spread in two ways": (
+        lambda d: d["object"].update(centre_of_mass_m=[0, 0], moment_of_inertia_kg_m2=0.1, mass_over="top"),
+        ["object.mass_over", "not clear"],
+    ),
+    "no gravity": (lambda d: d.update(gravity_m_per_s2=0), ["gravity_m_per_s2", "at least 0.1"]),
     "velocities swapped": (
         lambda d: d["friction"].update(stiction_velocity_m_per_s=0.1),
         ["stiction_velocity_m_per_s", "0.1"],

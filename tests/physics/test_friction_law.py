@@ -79,3 +79,23 @@ def test_coulomb_law_is_a_tanh():
     assert Coulomb(0.35, 1e-3).coefficient(speed) == pytest.approx(0.35 * np.tanh(speed / 1e-3))
     with pytest.raises(InputError):
         Coulomb(0.35, 0.0)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_newton_meets_the_numbers_wherever_laws_exist(seed):
+    """v_k from 6 v_s on, rises of 0.003 to 0.4: peak, flat top, and a hundredth of the rise left at v_k."""
+    rng = np.random.default_rng(seed)
+    for _ in range(30):
+        kinetic, rise, v_s = rng.uniform(0.1, 1.0), 10 ** rng.uniform(-2.5, -0.4), 10 ** rng.uniform(-5, -1)
+        v_k = v_s * 10 ** rng.uniform(np.log10(6), 2)
+        law = fit_makkar(kinetic + rise, kinetic, v_s, v_k).law
+        assert law.coefficient(v_s) == pytest.approx(kinetic + rise, rel=1e-10)
+        assert law.slope(v_s) * v_s == pytest.approx(0, abs=1e-9)
+        assert law.coefficient(v_k) == pytest.approx(kinetic + 0.01 * rise, rel=1e-10)
+        assert law.coefficient(np.linspace(0, 3 * v_k, 400)).max() <= (kinetic + rise) * (1 + 1e-9)
+
+
+def test_law_that_annealing_alone_missed():
+    """Its search ended in a valley 0.3 off: v_k = 310 v_s with a rise of 0.003."""
+    law = fit_makkar(0.3532, 0.35, 1e-4, 0.031).law
+    assert law.coefficient([1e-4, 0.031, 1.0]) == pytest.approx([0.3532, 0.350032, 0.35], rel=1e-9)

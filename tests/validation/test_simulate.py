@@ -64,7 +64,7 @@ def test_times_outside_the_rover_track_are_counted(tracks):
 def test_friction_numbers_that_the_law_does_not_meet_are_reported(tracks, monkeypatch):
     """Makkar's fit refuses such numbers itself; another law may come close only."""
     law = fitted_law(SCENE.friction).law
-    monkeypatch.setattr("towval.validation.simulate.fitted_law", lambda _: FittedLaw(law, 0.012))
+    monkeypatch.setattr("towval.validation.scene_model.fitted_law", lambda _: FittedLaw(law, 0.012))
     assert "by up to 0.0120" in codes(tracks)["friction_law"].text
 
 

@@ -12,7 +12,6 @@ from towval.model import Calibration, Camera, Floor, FrictionSpecification, Load
 from towval.model.errors import InputError
 from towval.model.geometry import rigid_fit, transform
 from towval.optics.projection import project, to_plane
-from towval.physics.friction_laws import fit_makkar
 from towval.validation.compare import compare
 from towval.validation.decimate import decimate
 from towval.validation.simulate import simulate
@@ -65,10 +64,7 @@ def case(calibration, make_track):
     )
     thin, thin_object = decimate(rover_track), decimate(object_track)
     simulated = simulate(scene, thin, thin_object, times)
-    law = fit_makkar(0.35, 0.35, 0.005, 0.05).law
-    return Case(
-        scene, DEVIATIONS, law, calibration, ROVER, OBJECT, rover_track, thin, object_track, thin_object, simulated
-    )
+    return Case(scene, DEVIATIONS, calibration, ROVER, OBJECT, rover_track, thin, object_track, thin_object, simulated)
 
 
 def test_shares_of_a_polynomial_are_those_of_its_coefficients():

@@ -104,7 +104,9 @@ def _scene(document: Mapping[str, Any], campaign: Path | None) -> PlanScene:
         return given
     lab = load_campaign(campaign).scene
     rover = replace(given.rover, hinge=lab.hinge)
-    return replace(given, cube=towed_object(lab), friction=lab.friction, tether=lab.tether, rover=rover)
+    return replace(
+        given, cube=towed_object(lab), friction=lab.friction, tether=lab.tether, rover=rover, ground=lab.ground
+    )
 
 
 def _wanted(scene: PlanScene, wanted: str) -> TimedPath:

@@ -18,7 +18,7 @@ from towval.io.provenance import file_hash, versions
 from towval.io.records import read_calibration
 from towval.io.records.identification import read_identification
 from towval.io.summary import write_summary
-from towval.model.inputs import INPUTS, stated_in
+from towval.model.inputs import INPUTS, UncertainInput, is_left_out, stated_in
 from towval.optics.plane_uncertainty import uncertainty_map
 from towval.report.data import InputRow, Provenance, ReportData, ReportSettings, RunReport
 from towval.report.page import write_report
@@ -90,23 +90,22 @@ def _settings(made: Sequence[Path]) -> dict[str, str]:
 
 
 def _inputs(given: Campaign) -> Iterator[InputRow]:
-    """The inputs of the simulation with their sampled deviations, then those that are taken as exact."""
+    """The inputs of the simulation with their sampled deviations, then gravity, which is taken as exact."""
     heights = {f"{body.name}_height": body.tracked_plane_height_m for body in given.bodies}
     for row in INPUTS.values():
         if row.stated:
-            source = "" if stated_in(given.document, row.stated.key) is not None else "; deviation: default"
+            source = (
+                "campaign.yaml" if stated_in(given.document, row.stated.key) is not None else _default_of(row, given)
+            )
             value = _number(heights.get(row.name, row.values(given.scene)))
             std = float(f"{given.deviations[row.name]:.1e}")
-            yield InputRow(row.label, value, row.unit, f"{std:g}", f"campaign.yaml{source}")
-    tether, friction = given.scene.tether, given.scene.friction
-    static_std = float(f"{given.deviations['friction'] * friction.static / friction.kinetic:.1e}")
-    yield InputRow("static friction", f"{friction.static:g}", "", f"{static_std:g}", "campaign.yaml; with friction")
-    for label, exact, unit in (
-        ("damping of the tether", tether.damping, "N s/m"),
-        ("stiction velocity", friction.stiction_velocity, "m/s"),
-        ("friction velocity", friction.friction_velocity, "m/s"),
-    ):
-        yield InputRow(label, f"{exact:g}", unit, "", "campaign.yaml")
+            yield InputRow(row.label, value, row.unit, f"{std:g}", source)
+    source = "campaign.yaml" if "gravity_m_per_s2" in given.document else "default"
+    yield InputRow("gravity", f"{given.scene.ground.gravity:g}", "m/s²", "", source)
+
+
+def _default_of(row: UncertainInput, given: Campaign) -> str:
+    return "left out: default" if is_left_out(row, given.document) else "campaign.yaml; deviation: default"
 
 
 def _number(value: ArrayLike) -> str:

@@ -6,25 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import shapely
 
+from towval.io.campaign_scene import towing_scene
 from towval.io.schema import check, packaged_schema, read_yaml
-from towval.model import (
-    Array,
-    Board,
-    Body,
-    FloorReference,
-    FrictionSpecification,
-    Load,
-    Patch,
-    Tether,
-    TowingScene,
-    locked,
-)
+from towval.model import Array, Board, Body, FloorReference, TowingScene, locked
 from towval.model.errors import InputError
-from towval.model.geometry import inside_polygon, polygon_area
-from towval.model.inputs import INPUTS, deviations
-from towval.physics.mass import towed_object
+from towval.model.geometry import polygon_area
+from towval.model.inputs import INPUTS, StatedDeviation, deviations
 from towval.tracking.markers import Tag
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp")
@@ -111,12 +99,8 @@ def load_campaign(folder: Path) -> Campaign:
     check(document, campaign_schema(), "campaign.yaml")
     camera, floor = document["camera"], document["floor"]
     rover, towed = document["rover"], document["object"]
-    load = _load(towed)
-    _check_load(towed, load)
-    _check_friction(document["friction"])
-    scene = _scene(document, load)
-    _check_weight(scene)
-    known = deviations(scene, document)
+    scene = towing_scene(document)
+    known, load = deviations(scene, document), scene.load
     return Campaign(
         folder=folder,
         name=folder.resolve().name,
@@ -146,13 +130,20 @@ def campaign_schema() -> dict[str, Any]:
         for name in sections:
             section = section["properties"][name]
         section["properties"][key] = {
-            "description": f"Standard deviation of {row.stated.of}; by default {row.stated.default_text}.",
-            "unit": row.unit or "1",
+            "description": f"Standard deviation of {row.stated.of}; by default {_default(row.stated)}.",
+            "unit": row.stated.unit or row.unit or "1",
             "type": "number",
             "minimum": 0,
             "maximum": row.stated.maximum,
         }
     return schema
+
+
+def _default(stated: StatedDeviation) -> str:
+    left_out = stated.left_out
+    if left_out is None:
+        return stated.default_text
+    return f"{stated.default_text}, or {left_out.std_text} where {left_out.key} is left out"
 
 
 def _board(keys: dict[str, Any]) -> Board:
@@ -241,81 +232,6 @@ def _tags(keys: dict[str, Any]) -> tuple[Tag, ...]:
     return tuple(
         Tag(tag["dictionary"], tag["number"], tag["size_m"], np.array([*tag["at_m"], tag.get("heading_rad", 0.0)]))
         for tag in keys.get("tags", ())
-    )
-
-
-def _load(towed: dict[str, Any]) -> Load:
-    keys = towed.get("load", {"mass_kg": 0.0, "at_m": [0.0, 0.0]})
-    return Load(
-        mass=keys["mass_kg"],
-        at=np.array(keys["at_m"], dtype=float),
-        size=np.array(keys.get("size_m", [0, 0, 0]), dtype=float),
-    )
-
-
-def _check_load(towed: dict[str, Any], load: Load) -> None:
-    """The load must stand on the top."""
-    top = np.array(towed["top_corners_m"], dtype=float)
-    if "load" in towed and not inside_polygon(top, load.at):
-        raise InputError(
-            "campaign.yaml: object.load.at_m is not on the object's top",
-            got=load.at.tolist(),
-            allowed=f"a point inside object.top_corners_m {top.tolist()}",
-            remedy="give the centre of the load in metres, in the object's frame",
-        )
-
-
-def _check_weight(scene: TowingScene) -> None:
-    """The weight of object and load must act within the hull of the footprint, or the object tips over."""
-    hull = shapely.MultiPoint(scene.patch.corners).convex_hull
-    centre = towed_object(scene).centre_of_mass
-    point = shapely.Point(centre)
-    if not hull.contains(point):
-        raise InputError(
-            "campaign.yaml: the weight of the object and its load is not on object.footprint_m",
-            got=f"centre of mass ({centre[0]:.3f}, {centre[1]:.3f}) m, {hull.distance(point):.3f} m outside",
-            allowed="a centre of mass inside the convex hull of the footprint",
-            remedy="check object.footprint_m, object.mass_kg and object.load",
-        )
-
-
-def _check_friction(friction: dict[str, Any]) -> None:
-    if friction["static"] < friction["kinetic"]:
-        raise InputError(
-            "campaign.yaml: friction.static is below friction.kinetic",
-            got=f"static {friction['static']}, kinetic {friction['kinetic']}",
-            allowed="static >= kinetic",
-            remedy="give the same number twice if there is no peak",
-        )
-    if friction["stiction_velocity_m_per_s"] >= friction["friction_velocity_m_per_s"]:
-        raise InputError(
-            "campaign.yaml: friction.stiction_velocity_m_per_s is not below friction_velocity_m_per_s",
-            got=f"{friction['stiction_velocity_m_per_s']} and {friction['friction_velocity_m_per_s']} m/s",
-            allowed="stiction velocity < friction velocity",
-        )
-
-
-def _scene(document: dict[str, Any], load: Load) -> TowingScene:
-    towed, tether, friction = document["object"], document["tether"], document["friction"]
-    holes = tuple(np.array(hole, dtype=float) for hole in towed.get("footprint_holes_m", ()))
-    return TowingScene(
-        patch=Patch(outline=np.array(towed["footprint_m"], dtype=float), holes=holes),
-        body_mass=towed["mass_kg"],
-        load=load,
-        anchor=np.array(towed["tether_anchor_m"], dtype=float),
-        hinge=np.array(document["rover"]["tether_hinge_m"], dtype=float),
-        tether=Tether(
-            rest_length=tether["rest_length_m"],
-            stiffness=tether["stiffness_N_per_m"],
-            damping=tether.get("damping_Ns_per_m", 0.0),
-        ),
-        friction=FrictionSpecification(
-            static=friction["static"],
-            kinetic=friction["kinetic"],
-            stiction_velocity=friction["stiction_velocity_m_per_s"],
-            friction_velocity=friction["friction_velocity_m_per_s"],
-            law=friction.get("law", "makkar"),
-        ),
     )
 
 

@@ -108,8 +108,29 @@ def _registered(_validator: Any, reference: str, instance: Any, schema: Any) -> 
         yield ValidationError(f"{instance!r} is not registered in {reference}")
 
 
+_RINGS = "one ring of 3 to 200 corners [x, y] within 50 m, or a list of such rings"
+
+
+def _rings(_validator: Any, _wanted: bool, instance: Any, _schema: Any) -> Iterator[ValidationError]:
+    """The keyword ``rings: true``: one polygon, a list of corners, or a list of polygons."""
+    if not (_is_ring(instance) or (isinstance(instance, list) and instance and all(map(_is_ring, instance)))):
+        yield ValidationError(_RINGS)
+
+
+def _is_ring(value: Any) -> bool:
+    return isinstance(value, list) and 3 <= len(value) <= 200 and all(map(_is_point, value))
+
+
+def _is_point(value: Any) -> bool:
+    return (
+        isinstance(value, list)
+        and len(value) == 2
+        and all(isinstance(x, int | float) and not isinstance(x, bool) and abs(x) <= 50 for x in value)
+    )
+
+
 _Validator: Any = validators.extend(  # type: ignore[no-untyped-call]  # the stubs leave it untyped
-    Draft202012Validator, {"registered": _registered}
+    Draft202012Validator, {"registered": _registered, "rings": _rings}
 )
 
 

@@ -25,6 +25,7 @@ from towval.model.towing import (
     FrictionSpecification,
     Ground,
     Load,
+    MassSpread,
     Patch,
     Sliding,
     Tether,
@@ -36,7 +37,7 @@ from towval.model.tracks import Body, DecimatedTrack, Features, Track, TrackStat
 __all__ = [
     "CALIBRATION_PARAMETERS", "DISTORTION_NAMES", "Array", "Board", "Body", "Calibration", "Camera", "Choice",
     "Comparison", "DecimatedTrack", "Features", "Finding", "Floor", "FloorReference", "FloorRegion", "FrictionLaw",
-    "FrictionSpecification", "Ground", "Identification", "Load", "Patch", "Prediction", "RunUncertainty", "Severity",
-    "SimulatedMotion", "Sliding", "Tether", "TimedPath", "TowedObject", "TowingScene", "Track", "TrackStatus",
-    "UncertaintyMap", "Verdict", "View", "check_friction_law", "locked",
+    "FrictionSpecification", "Ground", "Identification", "Load", "MassSpread", "Patch", "Prediction", "RunUncertainty",
+    "Severity", "SimulatedMotion", "Sliding", "Tether", "TimedPath", "TowedObject", "TowingScene", "Track",
+    "TrackStatus", "UncertaintyMap", "Verdict", "View", "check_friction_law", "locked",
 ]  # fmt: skip

@@ -5,174 +5,47 @@ analysis what to draw and how it acts, the identification what can be fitted, an
 is an :class:`UncertainInput` handed to :func:`register`. docs/inputs.md is this table in print.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from typing import Any, Literal
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from towval.model.camera import CALIBRATION_PARAMETERS
 from towval.model.checks import Array
-from towval.model.friction import FrictionLaw
-from towval.model.plugins import Registry
+from towval.model.input_types import (
+    IDENTIFIABLE,
+    INPUTS,
+    LeftOut,
+    Realisation,
+    SearchRange,
+    StatedDeviation,
+    UncertainInput,
+    deviations,
+    is_left_out,
+    register,
+    stated_in,
+    titled,
+)
 from towval.model.towing import TowingScene
 
+__all__ = [
+    "IDENTIFIABLE",
+    "INPUTS",
+    "LeftOut",
+    "Realisation",
+    "SearchRange",
+    "StatedDeviation",
+    "UncertainInput",
+    "deviations",
+    "is_left_out",
+    "register",
+    "stated_in",
+    "titled",
+]
 
-@dataclass(frozen=True)
-class Realisation:
-    """One set of values of all inputs, from which a run is simulated and measured.
-
-    ``scene`` and ``law`` go to the simulation; ``camera`` (18,) is a change of the calibration's parameters, ``height``
-    a change of the height of a body's planar target [m] and ``registration`` (3,) a pose of a body's frame in its
-    registered frame [m, m, rad], both by the body's name.
-    """
-
-    scene: TowingScene
-    law: FrictionLaw
-    camera: Array
-    height: Mapping[str, float]
-    registration: Mapping[str, Array]
-
-    @classmethod
-    def nominal(cls, scene: TowingScene, law: FrictionLaw) -> "Realisation":
-        """All inputs as stated."""
-        bodies = ("rover", "object")
-        camera = np.zeros(len(CALIBRATION_PARAMETERS))
-        return cls(scene, law, camera, dict.fromkeys(bodies, 0.0), {body: np.zeros(3) for body in bodies})
-
-
-@dataclass(frozen=True)
-class StatedDeviation:
-    """A standard deviation that campaign.yaml may state.
-
-    ``key`` there, with dots; ``of`` what it is the deviation of; ``maximum`` that is accepted; ``default`` where it is
-    missing, a share of the value where ``relative``, and ``why`` that much.
-    """
-
-    key: str
-    of: str
-    maximum: float
-    default: float
-    why: str
-    relative: bool = False
-
-    @property
-    def default_text(self) -> str:
-        """The default for people."""
-        return f"{100 * self.default:g} % of the value" if self.relative else f"{self.default:g}"
-
-
-@dataclass(frozen=True)
-class SearchRange:
-    """How identification searches an input: ``step`` of a noticeable change and ``reach`` to both sides, (k,) each."""
-
-    step: Callable[[TowingScene], ArrayLike]
-    reach: Callable[[TowingScene], ArrayLike]
-
-
-def _zero(_: TowingScene) -> float:
-    return 0.0
-
-
-@dataclass(frozen=True)
-class UncertainInput:
-    """A row of the table.
-
-    Parameters
-    ----------
-    name, label, unit : str
-        In code and files; for people; of the value.
-    shared : {"campaign", "run"}
-        Whether all runs of a campaign have the same unknown error, or each its own.
-    acts : callable
-        ``(realisation, value (k,)) -> realisation`` with the input set to the value.
-    value : callable
-        The stated value of a scene, (k,) or a number; zero for inputs whose values are changes.
-    components : tuple of str, optional
-        Names of the k components; identification knows inputs by them. By default one, the input's name.
-    stated : StatedDeviation, optional
-        Of each component; None where a stage gives the covariance of all k (camera, registration).
-    search : SearchRange, optional
-        None for what cannot be identified.
-    present : callable
-        Whether a scene has this input at all.
-    """
-
-    name: str
-    label: str
-    unit: str
-    shared: Literal["campaign", "run"]
-    acts: Callable[[Realisation, Array], Realisation]
-    value: Callable[[TowingScene], ArrayLike] = _zero
-    components: tuple[str, ...] = ()
-    stated: StatedDeviation | None = None
-    search: SearchRange | None = None
-    present: Callable[[TowingScene], bool] = lambda _: True
-
-    def __post_init__(self) -> None:
-        if not self.components:
-            object.__setattr__(self, "components", (self.name,))
-
-    def values(self, scene: TowingScene) -> Array:
-        """The stated value of a scene (k,)."""
-        return np.broadcast_to(np.asarray(self.value(scene), dtype=np.float64), len(self.components))
-
-    def searched(self, scene: TowingScene, which: Literal["step", "reach"]) -> Array:
-        """Step or reach of the search (k,)."""
-        found = getattr(self.search, which)(scene)
-        return np.broadcast_to(np.asarray(found, dtype=np.float64), len(self.components))
-
-
-INPUTS: Registry[UncertainInput] = Registry("uncertain input")
-"""The table, by name; its order is that of the draws."""
-
-IDENTIFIABLE: Registry[tuple[UncertainInput, int]] = Registry("identifiable input")
-"""What can be identified, by the name of the component: its row, and its place in the row's value."""
-
-
-def register(*rows: UncertainInput) -> None:
-    """Add rows to the table; `InputError` where a name is taken."""
-    for row in rows:
-        INPUTS.register(row.name, row)
-        for i, component in enumerate(row.components if row.search else ()):
-            IDENTIFIABLE.register(component, (row, i))
-
-
-def titled(component: str) -> str:
-    """An identifiable component with its unit, for people."""
-    unit = IDENTIFIABLE[component][0].unit
-    return component.replace("_", " ") + (f" [{unit}]" if unit else "")
-
-
-def deviations(scene: TowingScene, document: Mapping[str, Any] | None = None) -> dict[str, float]:
-    """Standard deviations of the inputs, in their units and by name.
-
-    Parameters
-    ----------
-    scene : TowingScene
-        The values that relative defaults refer to.
-    document : mapping, optional
-        campaign.yaml as read; what it does not state is at its default, and zero where the scene has no such input.
-    """
-    return {row.name: _deviation(row, row.stated, scene, document or {}) for row in INPUTS.values() if row.stated}
-
-
-def stated_in(document: Mapping[str, Any], key: str) -> float | None:
-    """The value of a dotted key of campaign.yaml, None where it is missing."""
-    section: Any = document
-    for part in key.split("."):
-        section = section.get(part) if isinstance(section, Mapping) else None
-    return None if section is None else float(section)
-
-
-def _deviation(row: UncertainInput, stated: StatedDeviation, scene: TowingScene, document: Mapping[str, Any]) -> float:
-    given = stated_in(document, stated.key)
-    if given is not None:
-        return given
-    if not row.present(scene):
-        return 0.0
-    return stated.default * (float(row.values(scene)[0]) if stated.relative else 1.0)
+_SLOWEST, _APART = 0.05, 6.0
+"""A speed of the friction law is drawn no lower than this share of it, and v_k not below this many times v_s."""
 
 
 def _in_scene(field: str) -> Callable[[Realisation, Array], Realisation]:
@@ -185,19 +58,52 @@ def _in_scene(field: str) -> Callable[[Realisation, Array], Realisation]:
     return acts
 
 
-def _in_part(part: str, field: str) -> Callable[[Realisation, Array], Realisation]:
-    """Sets a field of the scene's load or tether."""
+def _in_part(part: str, field: str, at_least: float = -np.inf) -> Callable[[Realisation, Array], Realisation]:
+    """Sets a field of the scene's load, tether, friction or spread, no lower than a bound."""
 
     def acts(real: Realisation, value: Array) -> Realisation:
-        changed: Any = replace(getattr(real.scene, part), **{field: value if len(value) > 1 else float(value[0])})
+        bounded = np.maximum(value, at_least)
+        changed: Any = replace(getattr(real.scene, part), **{field: bounded if len(bounded) > 1 else float(bounded[0])})
         scene: dict[str, Any] = {part: changed}
         return replace(real, scene=replace(real.scene, **scene))
 
     return acts
 
 
+def _size(acts: Callable[[Realisation, Array], Realisation]) -> Callable[[Realisation, Array], Realisation]:
+    """For what cannot be below zero: the size of the value, so that about zero draws scatter to one side."""
+    return lambda real, value: acts(real, np.abs(value))
+
+
 def _friction(real: Realisation, value: Array) -> Realisation:
-    return replace(real, law=real.law.scaled(value[0] / real.scene.friction.kinetic))
+    """Kinetic and static coefficient in proportion; the row of the static one follows and sets it by itself."""
+    friction, kinetic = real.scene.friction, float(value[0])
+    friction = replace(friction, kinetic=kinetic, static=friction.static * kinetic / friction.kinetic)
+    return replace(real, scene=replace(real.scene, friction=friction))
+
+
+def _static(real: Realisation, value: Array) -> Realisation:
+    """Below the kinetic one there is no peak."""
+    friction = real.scene.friction
+    friction = replace(friction, static=max(float(value[0]), friction.kinetic))
+    return replace(real, scene=replace(real.scene, friction=friction))
+
+
+def _stiction_velocity(real: Realisation, value: Array) -> Realisation:
+    friction = real.scene.friction
+    speed = max(float(value[0]), _SLOWEST * friction.stiction_velocity)
+    settled = max(
+        friction.friction_velocity, min(_APART, friction.friction_velocity / friction.stiction_velocity) * speed
+    )
+    friction = replace(friction, stiction_velocity=speed, friction_velocity=settled)
+    return replace(real, scene=replace(real.scene, friction=friction))
+
+
+def _friction_velocity(real: Realisation, value: Array) -> Realisation:
+    friction = real.scene.friction
+    least = min(_APART * friction.stiction_velocity, friction.friction_velocity)
+    friction = replace(friction, friction_velocity=max(float(value[0]), least))
+    return replace(real, scene=replace(real.scene, friction=friction))
 
 
 def _share(step: float, reach: float, value: Callable[[TowingScene], float]) -> SearchRange:
@@ -209,6 +115,11 @@ def _has_load(scene: TowingScene) -> bool:
     return scene.load.mass > 0
 
 
+def _critical_damping(scene: TowingScene) -> float:
+    """Of the object on its tether, 2 √(κ m) [N s/m]."""
+    return float(2 * np.sqrt(scene.tether.stiffness * scene.mass))
+
+
 _SCALE, _TAPE = "kitchen or parcel scale", "tape measure to a drawn mark"
 _END = SearchRange(lambda _: 2e-3, lambda _: 0.05)
 
@@ -216,10 +127,34 @@ register(
     UncertainInput(
         "friction", "friction", "", "campaign", _friction, lambda scene: scene.friction.kinetic,
         stated=StatedDeviation(
-            "friction.kinetic_std", "the kinetic friction coefficient, the static one going with it in proportion",
-            1, 0.005, "inclined plane or spring balance, ten pulls",
+            "friction.kinetic_std", "the kinetic friction coefficient", 1, 0.005,
+            "inclined plane or spring balance, ten pulls",
         ),
         search=_share(0.02, 0.5, lambda scene: scene.friction.kinetic),
+    ),
+    UncertainInput(
+        "static_friction", "static friction", "", "campaign", _static, lambda scene: scene.friction.static,
+        stated=StatedDeviation(
+            "friction.static_std", "the static friction coefficient", 1, 0.01,
+            "break-away of ten pulls, which scatters",
+        ),
+        search=_share(0.02, 0.5, lambda scene: scene.friction.static),
+    ),
+    UncertainInput(
+        "stiction_velocity", "stiction velocity", "m/s", "campaign", _stiction_velocity,
+        lambda scene: scene.friction.stiction_velocity,
+        stated=StatedDeviation(
+            "friction.stiction_velocity_std_m_per_s", "that speed", 1, 0.3, "seldom measured", relative=True
+        ),
+        search=_share(0.1, 0.9, lambda scene: scene.friction.stiction_velocity),
+    ),
+    UncertainInput(
+        "friction_velocity", "friction velocity", "m/s", "campaign", _friction_velocity,
+        lambda scene: scene.friction.friction_velocity,
+        stated=StatedDeviation(
+            "friction.friction_velocity_std_m_per_s", "that speed", 10, 0.3, "seldom measured", relative=True
+        ),
+        search=_share(0.1, 0.9, lambda scene: scene.friction.friction_velocity),
     ),
     UncertainInput(
         "body_mass", "mass of the object", "kg", "campaign", _in_scene("body_mass"), lambda scene: scene.body_mass,
@@ -228,7 +163,7 @@ register(
     ),
     UncertainInput(
         "load_mass", "mass of the load", "kg", "campaign",
-        lambda real, value: _in_part("load", "mass")(real, np.maximum(value, 0.0)), lambda scene: scene.load.mass,
+        _in_part("load", "mass", 0.0), lambda scene: scene.load.mass,
         stated=StatedDeviation("object.load.mass_std_kg", "that mass", 1000, 0.01, _SCALE, relative=True),
         search=_share(0.02, 0.5, lambda scene: scene.load.mass), present=_has_load,
     ),
@@ -260,6 +195,19 @@ register(
             "stretched by 30 mm or more under a mass known to 1 %, read to 0.5 mm", relative=True,
         ),
         search=_share(0.02, 0.5, lambda scene: scene.tether.stiffness),
+    ),
+    UncertainInput(
+        "damping", "damping of the tether", "N s/m", "campaign", _size(_in_part("tether", "damping")),
+        lambda scene: scene.tether.damping,
+        stated=StatedDeviation(
+            "tether.damping_std_Ns_per_m", "that damping", 1e5, 0.2, "from the decay of a mass hung on it",
+            relative=True,
+            left_out=LeftOut(
+                "tether.damping_Ns_per_m", "0", 0.05, "cords of rubber and plastics lose 3 to 10 %", _critical_damping,
+                "the critical damping of the object on the tether",
+            ),
+        ),
+        search=_share(0.01, 0.3, _critical_damping),
     ),
     UncertainInput(
         "camera", "camera", "", "campaign", lambda real, value: replace(real, camera=value),

@@ -195,7 +195,8 @@ class FrictionSpecification:
 
     ``static`` and ``kinetic`` coefficients [1]; ``stiction_velocity`` v_s, where the law peaks,
     and ``friction_velocity`` v_k, where it has come down to the kinetic coefficient [m/s]; ``law`` its name in
-    :data:`towval.physics.friction_laws.LAWS`.
+    :data:`towval.physics.friction_laws.LAWS`; ``across_over_along`` and ``radius_over_planar`` [1] as in
+    :class:`Sliding`.
     """
 
     static: float
@@ -203,9 +204,27 @@ class FrictionSpecification:
     stiction_velocity: float
     friction_velocity: float
     law: str = "makkar"
+    across_over_along: float = 1.0
+    radius_over_planar: float = 1.0
 
     def __post_init__(self) -> None:
         positive(self, "static", "kinetic", "stiction_velocity", "friction_velocity")
+        positive(self, "across_over_along", "radius_over_planar")
+
+
+@dataclass(frozen=True)
+class MassSpread:
+    """Where the mass of a body is: ``centre`` (2,) of mass [m], ``gyration`` radius about the vertical through it [m].
+
+    The moment of inertia is the mass times the square of ``gyration``.
+    """
+
+    centre: Array
+    gyration: float
+
+    def __post_init__(self) -> None:
+        lock(self, centre=(2,))
+        positive(self, "gyration")
 
 
 @dataclass(frozen=True)
@@ -213,7 +232,8 @@ class TowingScene:
     """All that the simulation is told besides the rover's track.
 
     ``patch``, ``load`` and ``anchor`` (2,) in the object's frame, ``hinge`` (2,) in the rover's [m]; ``body_mass`` [kg]
-    of the object without its load, spread evenly over the footprint.
+    of the object without its load, ``spread`` as said or, where None, evenly over the footprint; ``anchor_height``,
+    ``hinge_height`` and ``centre_of_mass_height`` (of the object with its load) above the floor [m]; ``ground``.
     """
 
     patch: Patch
@@ -223,7 +243,23 @@ class TowingScene:
     hinge: Array
     tether: Tether
     friction: FrictionSpecification
+    spread: MassSpread | None = None
+    anchor_height: float = 0.0
+    hinge_height: float = 0.0
+    centre_of_mass_height: float = 0.0
+    ground: Ground = field(default_factory=Ground)
 
     def __post_init__(self) -> None:
         lock(self, anchor=(2,), hinge=(2,))
         positive(self, "body_mass")
+        positive(self, "anchor_height", "hinge_height", "centre_of_mass_height", zero=True)
+
+    @property
+    def mass(self) -> float:
+        """Of the object with its load [kg]."""
+        return self.body_mass + self.load.mass
+
+    @property
+    def weight(self) -> float:
+        """Of the object with its load [N]."""
+        return self.mass * self.ground.gravity

@@ -2,19 +2,20 @@
 
 import numpy as np
 
-from towval.model import TowedObject, TowingScene
+from towval.model import Array, MassSpread, Patch, TowedObject, TowingScene
 from towval.model.geometry import polygon_area, polygon_centroid, polygon_second_moment
 
 
 def towed_object(scene: TowingScene) -> TowedObject:
     """Mass, centre of mass and inertia of the object with its load.
 
-    ASSUME: the object's own mass is spread evenly over its footprint; the load is a homogeneous box.
+    ASSUME: the object's own mass is spread evenly over its footprint unless the scene says otherwise; the load is a
+    homogeneous box.
 
     Parameters
     ----------
     scene : TowingScene
-        Footprint, masses and anchor.
+        Footprint, masses, their places and heights, and anchor.
 
     Returns
     -------
@@ -31,16 +32,49 @@ def towed_object(scene: TowingScene) -> TowedObject:
     >>> towed.mass, towed.centre_of_mass.round(3).tolist()
     (10.0, [0.05, 0.0])
     """
-    rings = [*scene.patch.outlines, *scene.patch.holes]
-    signs = np.array([1.0] * len(scene.patch.outlines) + [-1.0] * len(scene.patch.holes))
-    areas = signs * np.array([abs(polygon_area(ring)) for ring in rings])
-    centre = areas @ np.array([polygon_centroid(ring) for ring in rings]) / areas.sum()
-    second = signs @ np.array([abs(polygon_second_moment(ring, centre)) for ring in rings])
+    centre, second, area = _moments(scene)
     load = scene.load
     mass = scene.body_mass + load.mass
     centre_of_mass = (scene.body_mass * centre + load.mass * load.at) / mass
-    about_own_centres = scene.body_mass * second / areas.sum() + load.mass * np.sum(load.size[:2] ** 2) / 12
+    about_own_centres = scene.body_mass * second / area + load.mass * np.sum(load.size[:2] ** 2) / 12
     steiner = scene.body_mass * np.sum((centre - centre_of_mass) ** 2) + load.mass * np.sum(
         (load.at - centre_of_mass) ** 2
     )
-    return TowedObject(scene.patch, mass, centre_of_mass, float(about_own_centres + steiner), scene.anchor)
+    return TowedObject(
+        scene.patch,
+        mass,
+        centre_of_mass,
+        float(about_own_centres + steiner),
+        scene.anchor,
+        scene.anchor_height,
+        scene.centre_of_mass_height,
+    )
+
+
+def spread_over(patch: Patch) -> MassSpread:
+    """A mass spread evenly over a surface, of several parts or with holes as a footprint.
+
+    Examples
+    --------
+    >>> square = spread_over(Patch([[0.0, 0.0], [0.3, 0.0], [0.3, 0.3], [0.0, 0.3]]))
+    >>> square.centre.round(3).tolist(), round(square.gyration**2, 6)  # (a² + b²) / 12
+    ([0.15, 0.15], 0.015)
+    """
+    centre, second, area = _area_moments(patch)
+    return MassSpread(centre, float(np.sqrt(second / area)))
+
+
+def _moments(scene: TowingScene) -> tuple[Array, float, float]:
+    """Centre of the object's own mass [m]; and second moment and area, whose quotient is its gyration squared [m²]."""
+    if scene.spread is None:
+        return _area_moments(scene.patch)
+    return scene.spread.centre, scene.spread.gyration**2, 1.0
+
+
+def _area_moments(patch: Patch) -> tuple[Array, float, float]:
+    rings = [*patch.outlines, *patch.holes]
+    signs = np.array([1.0] * len(patch.outlines) + [-1.0] * len(patch.holes))
+    areas = signs * np.array([abs(polygon_area(ring)) for ring in rings])
+    centre = areas @ np.array([polygon_centroid(ring) for ring in rings]) / areas.sum()
+    second = signs @ np.array([abs(polygon_second_moment(ring, centre)) for ring in rings])
+    return centre, float(second), float(areas.sum())

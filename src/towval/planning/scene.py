@@ -1,14 +1,14 @@
 """The scene of a plan: object, tether, rover, planner and curves, from ``plan.yaml``."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from towval.model import Array, FrictionSpecification, Patch, Tether, TowedObject
+from towval.model import Array, FrictionSpecification, Ground, Patch, Tether, TowedObject
 from towval.model.geometry import polygon_area, polygon_centroid
-from towval.physics.contact import resting_pressure
+from towval.physics.contact import pressure_plane
 from towval.physics.friction_laws import fitted_law
 from towval.physics.wrench import SlidingPatch, sliding_patch
 from towval.planning import paths
@@ -21,7 +21,8 @@ class PlanScene:
     """Towed object, tether, rover and desired paths.
 
     ``cube`` is the towed object; ``friction`` the four numbers of its law; ``planner_step`` the time step of the
-    rover's control [s]; ``curves`` the desired paths by name; ``duration`` [s] of a path without times.
+    rover's control [s]; ``curves`` the desired paths by name; ``duration`` [s] of a path without times;
+    ``ground``.
     """
 
     cube: TowedObject
@@ -32,6 +33,7 @@ class PlanScene:
     planner_step: float
     curves: dict[str, paths.Curve]
     duration: float
+    ground: Ground = field(default_factory=Ground, kw_only=True)
 
 
 def plan_scene(plan: Mapping[str, Any]) -> PlanScene:
@@ -63,6 +65,7 @@ def plan_scene(plan: Mapping[str, Any]) -> PlanScene:
         planner_step=planner["time_step_s"],
         curves=_curves(plan["curves"]),
         duration=plan["quasi_static"]["duration_s"],
+        ground=Ground(gravity=plan.get("gravity_m_s2", 9.81)),
     )
 
 
@@ -108,4 +111,6 @@ def _polar_radius_squared(outline: Array) -> float:
 
 def resting_patch(scene: PlanScene) -> SlidingPatch:
     """The object's footprint under its weight, with its friction law."""
-    return sliding_patch(resting_pressure(scene.cube), fitted_law(scene.friction).law)
+    weight = scene.cube.mass * scene.ground.gravity
+    resting = pressure_plane(scene.cube.patch, [(weight, scene.cube.centre_of_mass)])
+    return sliding_patch(resting, fitted_law(scene.friction).law)

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 
 from towval.model import Body, Calibration, Choice, DecimatedTrack, RunUncertainty, SimulatedMotion, TowingScene, Track
-from towval.physics.friction_laws import fitted_law
 from towval.selection.margin import SHARE
 from towval.validation.metrics import position_rms
 from towval.validation.uncertainty import Case, UncertaintySampling, UncertaintySettings, sample_uncertainty
@@ -34,7 +33,6 @@ def gather(
     return Case(
         scene=scene,
         deviations=deviations,
-        law=fitted_law(scene.friction).law,
         calibration=calibration,
         rover=rover,
         towed=towed,

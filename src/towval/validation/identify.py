@@ -15,10 +15,7 @@ from towval.model.errors import InputError, RefusedError, TowvalError
 from towval.model.findings import finding
 from towval.model.geometry import block_means, wrapped
 from towval.model.inputs import IDENTIFIABLE, Realisation, UncertainInput, titled
-from towval.physics.dynamics import Accuracy
-from towval.physics.friction_laws import fitted_law
-from towval.physics.ladder import simulate_rung
-from towval.physics.mass import towed_object
+from towval.validation.scene_model import SceneModel
 from towval.validation.simulate import hinge_path
 
 _STEP = 0.1
@@ -120,7 +117,7 @@ def identify(
             got=", ".join(missing),
             remedy="leave them out",
         )
-    fit = _Fit(Realisation.nominal(scene, fitted_law(scene.friction).law), deviations, settings)
+    fit = _Fit(Realisation.nominal(scene), deviations, settings)
     found = fit.values(runs, list(fit.starts(runs)[:_STARTS]))
     covariance = fit.covariance(found, runs)
     identifiable, findings = _identifiability(settings.parameters, covariance, fit.reach)
@@ -147,7 +144,7 @@ def identify(
         parameters=tuple(titled(name) for name in settings.parameters),
         runs=tuple(run.name for run in runs),
         given=fit.given,
-        given_std=np.array([deviations[IDENTIFIABLE[name][0].name] for name in settings.parameters]),
+        given_std=np.array([deviations.get(IDENTIFIABLE[name][0].name, 0.0) for name in settings.parameters]),
         values=found.values,
         covariance=covariance,
         identifiable=identifiable,
@@ -226,7 +223,7 @@ class _Fit:
         """What one deviation of each input that is not fitted changes the residuals (m,) by."""
         columns = []
         for name, (row, i) in IDENTIFIABLE.items():
-            std = self.deviations[row.name]
+            std = self.deviations.get(row.name, 0.0)
             if name in self.settings.parameters or std == 0 or not row.present(self.nominal.scene):
                 continue
             given = row.values(self.nominal.scene)[i]
@@ -269,17 +266,8 @@ class _Fit:
         real = base
         for (row, i), value in zip(self.parameters, values, strict=True):
             real = _changed(real, row, i, float(value))
-        scene = real.scene
-        motion = simulate_rung(
-            run.rung,
-            towed_object(scene),
-            real.law,
-            scene.tether,
-            hinge_path(run.rover, scene.hinge, run.time_s),
-            run.towed.poses_at(run.time_s[0]),
-            run.time_s,
-            accuracy=Accuracy(self.settings.tolerance_m),
-        )
+        hinge, start = hinge_path(run.rover, real.scene.hinge, run.time_s), run.towed.poses_at(run.time_s[0])
+        motion = SceneModel(real.scene).motion(run.rung, hinge, start, run.time_s, self.settings.tolerance_m)
         if len(motion.time_s) < len(run.time_s):
             raise RefusedError(f"run {run.name} cannot be simulated while inputs are searched: {motion.outcome}")
         return motion.pose

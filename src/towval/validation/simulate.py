@@ -9,14 +9,11 @@ from towval.model import Array, DecimatedTrack, Finding, Severity, SimulatedMoti
 from towval.model.errors import InputError, RefusedError
 from towval.model.findings import finding
 from towval.model.geometry import transform
-from towval.physics.contact import resting_pressure
 from towval.physics.creep import creep_length
-from towval.physics.dynamics import Accuracy, Outcome
-from towval.physics.friction_laws import fitted_law
-from towval.physics.ladder import DYNAMICS, RUNGS, LadderChoice, lowest_rung, path_difference, rung_names, simulate_rung
-from towval.physics.mass import towed_object
+from towval.physics.dynamics import Outcome
+from towval.physics.ladder import DYNAMICS, RUNGS, LadderChoice, lowest_rung, path_difference, rung_names
 from towval.physics.trailing import TRAILING_RUNGS
-from towval.physics.wrench import sliding_patch
+from towval.validation.scene_model import SceneModel
 
 _HINGE_SAMPLES_PER_FRAME = 2
 _LAW_RESIDUAL = 1e-3
@@ -102,18 +99,17 @@ class RunSimulation:
                 got=f"{begin} s to {end} s",
                 remedy="look at the findings of the stage track",
             )
-        self.scene, self.towed, self.law = scene, towed_object(scene), fitted_law(scene.friction)
+        self.scene, self.model = scene, SceneModel(scene)
+        self.towed, self.law = self.model.towed, self.model.law
         self.hinge = hinge_path(rover, scene.hinge, self.times)
         self.start_pose = towed.poses_at(self.times[0])
-        self._patch = sliding_patch(resting_pressure(self.towed), self.law.law)
         self._motions: dict[tuple[str, float], SimulatedMotion] = {}
 
     def motion(self, rung: str, tolerance_m: float) -> SimulatedMotion:
         """The motion by one rung of the ladder, as far as it goes."""
         key = rung, 0.0 if rung in TRAILING_RUNGS else tolerance_m  # These have no tolerance.
         if key not in self._motions:
-            given = (self.towed, self._patch, self.scene.tether, self.hinge, self.start_pose, self.times)
-            self._motions[key] = simulate_rung(rung, *given, accuracy=Accuracy(tolerance_m))
+            self._motions[key] = self.model.motion(rung, self.hinge, self.start_pose, self.times, tolerance_m)
         return self._motions[key]
 
     def path_shift_m(self, rung: str, tolerance_m: float, finer_m: float) -> float:

@@ -20,7 +20,6 @@ from towval.model import (
     Calibration,
     DecimatedTrack,
     Finding,
-    FrictionLaw,
     RunUncertainty,
     SimulatedMotion,
     TimedPath,
@@ -34,9 +33,7 @@ from towval.model.inputs import INPUTS, Realisation
 from towval.model.plugins import load_plugins
 from towval.optics.plane_uncertainty import position_sensitivity
 from towval.optics.projection import project
-from towval.physics.dynamics import Accuracy
-from towval.physics.ladder import simulate_rung
-from towval.physics.mass import towed_object
+from towval.validation.scene_model import SceneModel
 
 _HINGE_STEP_S = 0.02
 _DROPPED_SHARE = 0.02
@@ -73,14 +70,14 @@ class UncertaintySettings:
 
 @dataclass(frozen=True)
 class Case:
-    """One run: what was stated, what was measured, and the friction law of the stated scene.
+    """One run: what was stated and what was measured.
 
-    ``deviations`` are those of :func:`towval.model.inputs.deviations`; those of the heights are the bodies' own.
+    ``deviations`` are those of :func:`towval.model.inputs.deviations`, what they do not name is exact; those of the
+    heights are the bodies' own.
     """
 
     scene: TowingScene
     deviations: Mapping[str, float]
-    law: FrictionLaw
     calibration: Calibration
     rover: Body
     towed: Body
@@ -265,10 +262,12 @@ class _Sampler:
         self.noise_std = np.nan_to_num(case.object_track.std[rows])
         self.object = _motions(case.calibration, case.towed, case.simulated.pose)
         self.start = _motions(case.calibration, case.towed, case.object_decimated.poses_at(self.times[:1]))
-        self.nominal = Realisation.nominal(case.scene, case.law)
+        self.nominal = Realisation.nominal(case.scene)
         self.knot_std = np.sqrt(np.diagonal(case.rover_decimated.covariance, axis1=1, axis2=2))
         self.roots = _roots(case)
-        self.widths = {row.label: len(row.components) for row in INPUTS.values()}
+        # Only what varies is drawn: each further column costs digits of the shares of all.
+        self.drawn = [name for name in INPUTS if self.roots[name].any()] or list(INPUTS)
+        self.widths = {INPUTS[name].label: len(INPUTS[name].components) for name in self.drawn}
 
     def outcome(self, index: int, draw: Array) -> tuple[Array, Array]:
         """Simulated and measured poses (n, 3) of one draw; NaN where it cannot be simulated."""
@@ -289,7 +288,7 @@ class _Sampler:
         """All inputs at the values of a draw of standard normal numbers."""
         real = self.nominal
         parts = np.split(draw, np.cumsum(list(self.widths.values()))[:-1])
-        for row, part in zip(INPUTS.values(), parts, strict=True):
+        for row, part in zip(map(INPUTS.__getitem__, self.drawn), parts, strict=True):
             real = row.acts(real, row.values(self.case.scene) + self.roots[row.name] @ part)
         return real
 
@@ -300,16 +299,9 @@ class _Sampler:
         return np.stack([np.interp(self.hinge_times, knots, noise[:, c]) for c in range(3)], axis=1)
 
     def _simulate(self, real: Realisation, rover: Array, start: Array) -> Array:
-        scene = real.scene
-        motion = simulate_rung(
-            self.case.simulated.rung,
-            towed_object(scene),
-            real.law,
-            scene.tether,
-            TimedPath(self.hinge_times, transform(rover, scene.hinge)),
-            start,
-            self.times,
-            accuracy=Accuracy(self.settings.tolerance_m),
+        hinge = TimedPath(self.hinge_times, transform(rover, real.scene.hinge))
+        motion = SceneModel(real.scene).motion(
+            self.case.simulated.rung, hinge, start, self.times, self.settings.tolerance_m
         )
         if len(motion.time_s) < len(self.times):
             raise RefusedError(f"the simulation of a draw ended early: {motion.outcome}")
@@ -346,7 +338,8 @@ def _roots(case: Case) -> dict[str, Array]:
         stated[f"{body.name}_height"] = body.height_std_m
         covariances[f"{body.name}_registration"] = track.start_covariance
     roots = {name: _root(covariance) for name, covariance in covariances.items()}
-    return {row.name: stated[row.name] * np.eye(len(row.components)) for row in INPUTS.values() if row.stated} | roots
+    rows = [row for row in INPUTS.values() if row.stated]
+    return {row.name: stated.get(row.name, 0.0) * np.eye(len(row.components)) for row in rows} | roots
 
 
 def _root(covariance: ArrayLike) -> Array:

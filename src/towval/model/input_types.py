@@ -1,0 +1,215 @@
+"""What a row of the table of uncertain inputs is, and how its deviation is found; the rows: ``towval.model.inputs``."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from towval.model.camera import CALIBRATION_PARAMETERS
+from towval.model.checks import Array
+from towval.model.plugins import Registry
+from towval.model.towing import TowingScene
+
+
+@dataclass(frozen=True)
+class Realisation:
+    """One set of values of all inputs, from which a run is simulated and measured.
+
+    ``scene`` goes to the simulation; ``camera`` (18,) is a change of the calibration's parameters, ``height``
+    a change of the height of a body's planar target [m] and ``registration`` (3,) a pose of a body's frame in its
+    registered frame [m, m, rad], both by the body's name.
+    """
+
+    scene: TowingScene
+    camera: Array
+    height: Mapping[str, float]
+    registration: Mapping[str, Array]
+
+    @classmethod
+    def nominal(cls, scene: TowingScene) -> "Realisation":
+        """All inputs as stated."""
+        bodies = ("rover", "object")
+        camera = np.zeros(len(CALIBRATION_PARAMETERS))
+        return cls(scene, camera, dict.fromkeys(bodies, 0.0), {body: np.zeros(3) for body in bodies})
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """What is taken for an input whose value campaign.yaml may leave out.
+
+    ``key`` of the value; ``value`` that is taken, as text; ``std`` its standard deviation, times ``scale`` of the scene
+    where there is one, which ``scale_text`` names; ``why`` that much.
+    """
+
+    key: str
+    value: str
+    std: float
+    why: str
+    scale: Callable[[TowingScene], float] | None = None
+    scale_text: str = ""
+
+    @property
+    def std_text(self) -> str:
+        """The deviation for people."""
+        return f"{100 * self.std:g} % of {self.scale_text}" if self.scale else f"{self.std:g}"
+
+
+@dataclass(frozen=True)
+class StatedDeviation:
+    """A standard deviation that campaign.yaml may state.
+
+    ``key`` there, with dots; ``of`` what it is the deviation of; ``maximum`` that is accepted; ``default`` where it is
+    missing, a share of the value where ``relative``, and ``why`` that much; ``unit`` and ``unit_in_si`` of the key
+    where they are not those of the input; ``left_out`` what holds where the value itself is missing.
+    """
+
+    key: str
+    of: str
+    maximum: float
+    default: float
+    why: str
+    relative: bool = False
+    unit: str = ""
+    unit_in_si: float = 1.0
+    left_out: LeftOut | None = None
+
+    @property
+    def default_text(self) -> str:
+        """The default for people."""
+        return f"{100 * self.default:g} % of the value" if self.relative else f"{self.default:g}"
+
+
+@dataclass(frozen=True)
+class SearchRange:
+    """How identification searches an input: ``step`` of a noticeable change and ``reach`` to both sides, (k,) each."""
+
+    step: Callable[[TowingScene], ArrayLike]
+    reach: Callable[[TowingScene], ArrayLike]
+
+
+def _zero(_: TowingScene) -> float:
+    return 0.0
+
+
+@dataclass(frozen=True)
+class UncertainInput:
+    """A row of the table.
+
+    Parameters
+    ----------
+    name, label, unit : str
+        In code and files; for people; of the value.
+    shared : {"campaign", "run"}
+        Whether all runs of a campaign have the same unknown error, or each its own.
+    acts : callable
+        ``(realisation, value (k,)) -> realisation`` with the input set to the value.
+    value : callable
+        The stated value of a scene, (k,) or a number; zero for inputs whose values are changes.
+    components : tuple of str, optional
+        Names of the k components; identification knows inputs by them. By default one, the input's name.
+    stated : StatedDeviation, optional
+        Of each component; None where a stage gives the covariance of all k (camera, registration).
+    search : SearchRange, optional
+        None for what cannot be identified.
+    present : callable
+        Whether a scene has this input at all.
+    """
+
+    name: str
+    label: str
+    unit: str
+    shared: Literal["campaign", "run"]
+    acts: Callable[[Realisation, Array], Realisation]
+    value: Callable[[TowingScene], ArrayLike] = _zero
+    components: tuple[str, ...] = ()
+    stated: StatedDeviation | None = None
+    search: SearchRange | None = None
+    present: Callable[[TowingScene], bool] = lambda _: True
+
+    def __post_init__(self) -> None:
+        if not self.components:
+            object.__setattr__(self, "components", (self.name,))
+
+    def values(self, scene: TowingScene) -> Array:
+        """The stated value of a scene (k,)."""
+        return np.broadcast_to(np.asarray(self.value(scene), dtype=np.float64), len(self.components))
+
+    def searched(self, scene: TowingScene, which: Literal["step", "reach"]) -> Array:
+        """Step or reach of the search (k,)."""
+        found = getattr(self.search, which)(scene)
+        return np.broadcast_to(np.asarray(found, dtype=np.float64), len(self.components))
+
+
+INPUTS: Registry[UncertainInput] = Registry("uncertain input")
+"""The table, by name; its order is that of the draws."""
+
+IDENTIFIABLE: Registry[tuple[UncertainInput, int]] = Registry("identifiable input")
+"""What can be identified, by the name of the component: its row, and its place in the row's value."""
+
+
+def register(*rows: UncertainInput) -> None:
+    """Add rows to the table; `InputError` where a name is taken."""
+    for row in rows:
+        INPUTS.register(row.name, row)
+        for i, component in enumerate(row.components if row.search else ()):
+            IDENTIFIABLE.register(component, (row, i))
+
+
+def titled(component: str) -> str:
+    """An identifiable component with its unit, for people."""
+    unit = IDENTIFIABLE[component][0].unit
+    return component.replace("_", " ") + (f" [{unit}]" if unit else "")
+
+
+def deviations(scene: TowingScene, document: Mapping[str, Any] | None = None) -> dict[str, float]:
+    """Standard deviations of the inputs, in their units and by name.
+
+    Parameters
+    ----------
+    scene : TowingScene
+        The values that relative defaults refer to.
+    document : mapping, optional
+        campaign.yaml as read; what it does not state is at its default, and zero where the scene has no such input.
+        Without it, all values count as stated and all deviations as not.
+    """
+    return {row.name: _deviation(row, row.stated, scene, document) for row in INPUTS.values() if row.stated}
+
+
+def stated_in(document: Mapping[str, Any], key: str) -> float | None:
+    """The value of a dotted key of campaign.yaml, None where it is missing or no number."""
+    section = _section(document, key)
+    return None if section is None or isinstance(section, list) else float(section)
+
+
+def _section(document: Mapping[str, Any], key: str) -> Any:
+    section: Any = document
+    for part in key.split("."):
+        section = section.get(part) if isinstance(section, Mapping) else None
+    return section
+
+
+def is_left_out(row: UncertainInput, document: Mapping[str, Any]) -> bool:
+    """Whether a document states neither the value of an input nor its deviation, and so takes both as they are here."""
+    stated = row.stated
+    return (
+        stated is not None
+        and stated.left_out is not None
+        and _section(document, stated.left_out.key) is None
+        and stated_in(document, stated.key) is None
+    )
+
+
+def _deviation(
+    row: UncertainInput, stated: StatedDeviation, scene: TowingScene, document: Mapping[str, Any] | None
+) -> float:
+    given = stated_in(document or {}, stated.key)
+    if given is not None:
+        return given * stated.unit_in_si
+    if not row.present(scene):
+        return 0.0
+    if document is not None and stated.left_out is not None and is_left_out(row, document):
+        scale = stated.left_out.scale
+        return stated.left_out.std * stated.unit_in_si * (scale(scene) if scale else 1.0)
+    return stated.default * (float(row.values(scene)[0]) if stated.relative else stated.unit_in_si)
