@@ -128,7 +128,7 @@ def test_a_body_that_looks_the_same_turned_half_round_is_found_again_where_it_mu
     def turned(_, candidates, place):
         return [place + np.array([0.0, 0.0, np.pi])]
 
-    monkeypatch.setattr("towval.tracking.lookalikes.Lookalikes.rivals", turned)
+    monkeypatch.setattr("towval.tracking.relocalisation.Lookalikes.rivals", turned)
     challenge = small(challenges.occlusion(7))
     challenge = replace(challenge, times=challenge.times[:60:2])
     found, (distance, turn) = follow(challenge)["object"]

@@ -19,14 +19,13 @@ from towval.tracking.camera_motion import CameraMotion
 from towval.tracking.follow import Follower
 from towval.tracking.klt import KltTracker
 from towval.tracking.light import light_misfit
-from towval.tracking.lookalikes import Candidate, Lookalikes
 from towval.tracking.noise import hold_rest, scatter_factor
 from towval.tracking.outline import OutlineFit, combine_fits, observe_outline, stretches_of
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.plane_tracker import PlaneTracker, _Response
 from towval.tracking.pose import Measurement, Tracker
 from towval.tracking.proposals import propose_bodies
-from towval.tracking.relocalisation import Relocaliser
+from towval.tracking.relocalisation import Candidate, Lookalikes, Relocaliser
 from towval.tracking.template import clearance_m, make_template
 
 BOX = target()

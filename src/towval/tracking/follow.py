@@ -12,12 +12,11 @@ from towval.model.errors import InputError
 from towval.model.findings import finding
 from towval.model.geometry import compose, transform
 from towval.tracking.blur import ahead_of_middle
-from towval.tracking.lookalikes import Lookalikes
 from towval.tracking.noise import hold_rest, scatter_factor
 from towval.tracking.outline import OutlineFit, combine_fits, observe_outline, pose_from_clicks
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.pose import Measurement, Motion, Tracker
-from towval.tracking.relocalisation import Relocaliser
+from towval.tracking.relocalisation import Lookalikes, Relocaliser
 
 Luma = NDArray[np.uint8]
 TrackerMaker = Callable[[PlanarTarget, Luma, Array], Tracker]

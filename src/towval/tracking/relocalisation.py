@@ -1,39 +1,57 @@
-"""Relocalisation by features: a lost body is found anywhere in the picture.
+"""Relocalisation: a lost body is found anywhere in the picture, and told from whatever looks like it.
 
-The picture is first rectified: resampled on the tracked plane with square cells. There the body keeps its size, so a
-match is a shift and a turn, and a similarity whose scale is not one is a false match.
+The picture is first rectified: resampled on the tracked plane with square cells. There the body keeps its size, so that
+a match of features is a shift and a turn, and a similarity whose scale is not one is a false match. A pose found is
+worth nothing if another fits as well (a body of the same kind, or this one turned half round): the target is
+correlated, coarsely and at headings all around, with the whole rectified picture.
 """
 
-from dataclasses import dataclass
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from towval.model import Array
-from towval.model.geometry import transform
+from towval.model import Array, Camera
+from towval.model.geometry import transform, wrapped
 from towval.tracking.planar_target import PlanarTarget, usable_points
 
 Luma = NDArray[np.uint8]
+Floats = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
-class FeatureConstants:
-    """Tuned constants of the search by features."""
+class RelocalisationConstants:
+    """Tuned constants of the search by features and by appearance."""
 
-    cells_of_body: int = 160  # Cells along the longer side of the target.
     least_cell_px: float = 0.7  # [px] Finer cells show nothing more.
-    most_cells: int = 1600  # Along the longer side of the view from above: bounds time and memory.
+    cells_of_body: int = 160  # Cells along the longer side of the target, for features.
+    most_cells: int = 1600  # Along the longer side of the rectified picture: bounds time and memory.
     tolerance_cells: float = 3.0  # Distance of a match from the similarity that it supports.
     least_matches: int = 6  # Three times what a similarity needs.
     scale_tolerance: float = 0.06  # A body keeps its size on its plane: any other scale is a false match.
     features: int = 3000  # The strongest of a picture.
+    coarse_cells_of_body: int = 24  # The same two, for the correlation.
+    most_coarse_cells: int = 400
+    turn: float = np.deg2rad(7.5)  # [rad] Between headings: a cell and a half at the rim,
+    blur_cells: float = 0.8  # so that what lies between two headings or cells still correlates.
+    near_as_good: float = 0.85  # Of the correlation at the place found.
+    most_candidates: int = 12  # Of one heading, and rivals of one place.
+    light_range: float = 1.6  # Brightness and contrast of bodies that look alike differ by less.
 
 
-CONSTANTS = FeatureConstants()
+CONSTANTS = RelocalisationConstants()
 
 _RATIO = 0.8  # SOURCE: D. Lowe, IJCV 60 (2004): nearest over second nearest neighbour.
+
+
+def _cell_m(target: PlanarTarget, pose: Array, cells_of_body: int) -> float:
+    """Side of a cell of the rectified picture [m]."""
+    length_m = float(np.ptp(target.body.top_corners_m, axis=0).max())
+    return max(length_m / cells_of_body, CONSTANTS.least_cell_px * target.metres_per_pixel(pose))
 
 
 class Relocaliser:
@@ -42,18 +60,14 @@ class Relocaliser:
     def __init__(self, target: PlanarTarget, luma: Luma, pose: Array):
         self.target = target
         corners = target.body.top_corners_m
-        # Cells much finer than pixels show nothing more.
-        self.cell_m = max(
-            np.ptp(corners, axis=0).max() / CONSTANTS.cells_of_body,
-            CONSTANTS.least_cell_px * target.metres_per_pixel(pose),
-        )
+        self.cell_m = _cell_m(target, pose, CONSTANTS.cells_of_body)
         self.detector = cv2.SIFT.create(nfeatures=CONSTANTS.features, contrastThreshold=0.02)
         self.corner_m = corners.min(axis=0)
-        self.own = grid(self.corner_m, corners.max(axis=0), self.cell_m)
-        self.view = resampled(luma, target.picture_of(transform(pose, self.own)))
+        self.own = _grid(self.corner_m, corners.max(axis=0), self.cell_m)
+        self.view = _resampled(luma, target.picture_of(transform(pose, self.own)))
 
     @cached_property
-    def _keyframe(self) -> tuple[Array, NDArray[np.float32] | None]:
+    def _keyframe(self) -> tuple[Array, Floats | None]:
         """Features of the target: places in the body frame (m, 2) [m] and descriptors; made when first needed."""
         mask = usable_points(self.target.body, self.own.reshape(-1, 2), 2 * self.cell_m).reshape(self.own.shape[:2])
         points, descriptors = self.detector.detectAndCompute(self.view, mask.astype(np.uint8) * 255)
@@ -61,18 +75,18 @@ class Relocaliser:
         return places_m, None if descriptors is None else np.asarray(descriptors, dtype=np.float32)
 
     @cached_property
-    def _view_from_above(self) -> tuple[Array, NDArray[np.float32]]:
+    def _rectified(self) -> tuple[Array, Floats]:
         """Corner of the visible part of the plane [m], and the pixel of each of its cells; made when first needed."""
-        low, high = visible_part(self.target, CONSTANTS.most_cells * self.cell_m)
-        return low, self.target.picture_of(grid(low, high, self.cell_m)).astype(np.float32)
+        low, high = _visible_part(self.target, CONSTANTS.most_cells * self.cell_m)
+        return low, self.target.picture_of(_grid(low, high, self.cell_m)).astype(np.float32)
 
     def find(self, luma: Luma) -> Array | None:
         """Pose (3,) of the body anywhere in a picture, to a few pixels; None where too few features agree."""
         points_m, own_descriptors = self._keyframe
         if own_descriptors is None or len(points_m) < CONSTANTS.least_matches:
             return None
-        corner, pixels = self._view_from_above
-        points, descriptors = self.detector.detectAndCompute(resampled(luma, pixels), None)
+        corner, pixels = self._rectified
+        points, descriptors = self.detector.detectAndCompute(_resampled(luma, pixels), None)
         if descriptors is None or len(points) < CONSTANTS.least_matches:
             return None
         pairs = cv2.BFMatcher().knnMatch(own_descriptors, descriptors, k=2)
@@ -92,28 +106,142 @@ class Relocaliser:
         return np.array([similarity[0, 2], similarity[1, 2], np.arctan2(sine, cosine)])
 
 
-def visible_part(target: PlanarTarget, most_m: float) -> tuple[Array, Array]:
-    """Lower and upper corner (2,) of the part of the tracked plane that the camera sees [m].
+@dataclass(frozen=True)
+class Candidate:
+    """A place that looks like a body.
 
-    A camera that sees the horizon sees no end of the plane: what is farther than half of ``most_m`` [m] from the
-    middle is left out.
+    ``correlation`` with its target; ``pose`` (3,) [m, m, rad]; ``light`` (2,) mean and deviation of the grey values.
     """
+
+    correlation: float
+    pose: Array
+    light: Array
+
+
+class Lookalikes:
+    """Finds what looks like a planar target, observed at ``pose`` (3,) in ``luma``."""
+
+    def __init__(self, target: PlanarTarget, luma: Luma, pose: Array):
+        self.cell_m = _cell_m(target, pose, CONSTANTS.coarse_cells_of_body)
+        self.factor = max(1, int(self.cell_m / target.metres_per_pixel(pose)))
+        self.target = replace(target, camera=_shrunk_camera(target, self.factor))
+        reach = target.reach_m * np.ones(2)
+        self.own = _grid(-reach, reach, self.cell_m)
+        self.pose, self.first = pose, self._shrunk(luma)
+
+    def _shrunk(self, luma: Luma) -> Luma:
+        height, width = luma.shape
+        size = width // self.factor, height // self.factor
+        whole = luma[: size[1] * self.factor, : size[0] * self.factor]
+        return np.asarray(cv2.resize(whole, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+
+    @cached_property
+    def _templates(self) -> list[tuple[float, Floats, Floats]]:
+        """The first picture's target at each heading: heading [rad], grey values, where it is (1 or 0)."""
+        templates = []
+        for heading in np.arange(0, 2 * np.pi, CONSTANTS.turn):
+            own = transform([0.0, 0.0, -heading], self.own.reshape(-1, 2))
+            usable = usable_points(self.target.body, own, 0.5 * self.cell_m).reshape(self.own.shape[:2])
+            pixels = self.target.picture_of(transform(self.pose, own)).reshape(self.own.shape)
+            templates.append((float(heading), _blurred(_resampled(self.first, pixels)), usable.astype(np.float32)))
+        return templates
+
+    @cached_property
+    def _rectified(self) -> tuple[Array, Array]:
+        low, high = _visible_part(self.target, CONSTANTS.most_coarse_cells * self.cell_m)
+        return low, self.target.picture_of(_grid(low - self.target.reach_m, high + self.target.reach_m, self.cell_m))
+
+    @cached_property
+    def has_twin(self) -> bool:
+        """Whether the first picture shows something else that looks like the body."""
+        rivals = self.rivals(self._candidates(self.first), self.pose) or []
+        return any(np.linalg.norm(r[:2] - self.pose[:2]) > self.target.reach_m / 2 for r in rivals)
+
+    def candidates(self, luma: Luma) -> list[Candidate]:
+        """Where in a picture something looks like the body, best first, to a cell and some degrees."""
+        return self._candidates(self._shrunk(luma))
+
+    def _candidates(self, small: Luma) -> list[Candidate]:
+        low, pixels = self._rectified
+        view = _blurred(_resampled(small, pixels))
+        found = [candidate for template in self._templates for candidate in self._best(view, template, low)]
+        return sorted(found, key=lambda candidate: -candidate.correlation)
+
+    def rivals(self, candidates: list[Candidate], place: Array) -> list[Array] | None:
+        """Poses (3,) among the ``candidates`` of a picture that look as much like the body as ``place`` (3,) does.
+
+        A rival lies half a body away or more, or is turned by 45° or more. None where ``place`` is no candidate itself.
+        """
+        here = [candidate for candidate in candidates if not self._elsewhere(place, candidate.pose)]
+        if not here:
+            return None
+        others: list[Array] = []
+        for other in candidates:
+            too_poor = other.correlation < CONSTANTS.near_as_good * here[0].correlation
+            if too_poor or len(others) == CONSTANTS.most_candidates:
+                break
+            alike = np.abs(np.log(other.light / here[0].light)).max() < np.log(CONSTANTS.light_range)
+            if alike and all(self._elsewhere(known, other.pose) for known in (place, *others)):
+                others.append(other.pose)
+        return others
+
+    def _best(self, view: Floats, template: tuple[float, Floats, Floats], low: Array) -> list[Candidate]:
+        """The best places of one heading."""
+        heading, grey, usable = template
+        fit = np.nan_to_num(cv2.matchTemplate(view, grey, cv2.TM_CCOEFF_NORMED, mask=usable), posinf=0.0, neginf=0.0)
+        half = max(1, grey.shape[0] // 4)
+        best = []
+        for _ in range(CONSTANTS.most_candidates):
+            row, column = np.unravel_index(np.argmax(fit), fit.shape)
+            score = float(fit[row, column])
+            if score <= 0:
+                break
+            fit[max(0, row - half) : row + half + 1, max(0, column - half) : column + half + 1] = 0.0
+            inside = view[row : row + grey.shape[0], column : column + grey.shape[1]][usable > 0]
+            light = np.array([inside.mean(), inside.std()]) + 1.0
+            # The view begins one reach before ``low``, the template one reach before its middle.
+            place = low + self.cell_m * np.array([column, row])
+            best.append(Candidate(score, np.array([*place, heading]), light))
+        return best
+
+    def _elsewhere(self, place: Array, other: Array) -> bool:
+        turn = abs(wrapped(other[2] - place[2]))
+        return bool(np.linalg.norm(other[:2] - place[:2]) > self.target.reach_m / 2 or turn > np.pi / 4)
+
+
+def _visible_part(target: PlanarTarget, most_m: float) -> tuple[Array, Array]:
+    """Lower and upper corner (2,) of the part of the tracked plane in the picture, at most ``most_m`` wide [m]."""
     width, height = target.camera.resolution_px
     border = np.stack(np.meshgrid(np.linspace(0, width - 1, 9), np.linspace(0, height - 1, 9)), axis=-1)
-    seen = target.floor_xy(border.reshape(-1, 2))
-    seen = seen[np.isfinite(seen).all(axis=1)]
-    middle = np.median(seen, axis=0)
-    return np.maximum(seen.min(axis=0), middle - most_m / 2), np.minimum(seen.max(axis=0), middle + most_m / 2)
+    visible = target.floor_xy(border.reshape(-1, 2))
+    # With the horizon in the picture the plane has no end: what is far from the middle is left out.
+    visible = visible[np.isfinite(visible).all(axis=1)]
+    middle = np.median(visible, axis=0)
+    return np.maximum(visible.min(axis=0), middle - most_m / 2), np.minimum(visible.max(axis=0), middle + most_m / 2)
 
 
-def grid(low: Array, high: Array, cell_m: float) -> Array:
+def _grid(low: Array, high: Array, cell_m: float) -> Array:
     """Points (rows, columns, 2) [m] from ``low`` to ``high``, ``cell_m`` apart, x along the columns."""
     axes = [lo + cell_m * np.arange(int(np.ceil((hi - lo) / cell_m)) + 1) for lo, hi in zip(low, high, strict=True)]
     return np.stack(np.meshgrid(*axes), axis=-1)
 
 
-def resampled(luma: Luma, pixels: NDArray[np.floating]) -> Luma:
+def _resampled(luma: Luma, pixels: Array | Floats) -> Luma:
     """Grey values of a picture at pixels (rows, columns, 2), zero outside it."""
     u, v = np.moveaxis(np.asarray(pixels, dtype=np.float32), -1, 0)
     grey = cv2.remap(luma, np.ascontiguousarray(u), np.ascontiguousarray(v), cv2.INTER_LINEAR)
     return np.asarray(grey, dtype=np.uint8)
+
+
+def _blurred(grey: Luma) -> Floats:
+    return np.asarray(cv2.GaussianBlur(grey.astype(np.float32), (0, 0), CONSTANTS.blur_cells), dtype=np.float32)
+
+
+def _shrunk_camera(target: PlanarTarget, factor: int) -> Camera:
+    """The camera that would have taken a picture ``factor`` times smaller; pixel centres are whole numbers in both."""
+    matrix = target.camera.matrix.copy()
+    matrix[:2, 2] += 0.5
+    matrix[:2] /= factor
+    matrix[:2, 2] -= 0.5
+    width, height = target.camera.resolution_px
+    return replace(target.camera, matrix=matrix, resolution_px=(width // factor, height // factor))
