@@ -5,11 +5,8 @@ from studies.worlds.scenes import CeilingCamera, small_camera, standard_scene
 from towval.model import Body
 from towval.model.geometry import compose, inverse, wrapped
 from towval.tracking.alignment import align
-from towval.tracking.interpolation import plane_pixels, sample_plane
 from towval.tracking.planar_target import usable_points
 from towval.tracking.template import make_template
-
-HEIGHT = 0.42
 
 
 @pytest.fixture(scope="module")
@@ -47,8 +44,8 @@ def test_the_slopes_are_the_derivative_of_the_picture(filmed):
     for axis, step in enumerate((2e-4, 2e-4, 1e-3)):
         shift = np.zeros(3)
         shift[axis] = step
-        ahead = sample_plane(luma, template.points, compose(pose, shift), HEIGHT, scene.camera, scene.floor)
-        back = sample_plane(luma, template.points, compose(pose, -shift), HEIGHT, scene.camera, scene.floor)
+        ahead = scene.target(0).grey_values(luma, template.points, compose(pose, shift))
+        back = scene.target(0).grey_values(luma, template.points, compose(pose, -shift))
         slope = (ahead - back) / (2 * step)
         assert np.corrcoef(slope, template.slopes[:, axis])[0, 1] > 0.97
         assert slope @ template.slopes[:, axis] / (slope @ slope) == pytest.approx(1.0, abs=0.1)
@@ -78,7 +75,7 @@ def test_half_of_it_hidden_does_not_move_it(filmed):
     scene, film, _ = filmed
     true = scene.motions[0](1.0)
     picture = film.picture(1.0)
-    middle = plane_pixels(np.zeros((1, 2)), true, HEIGHT, scene.camera, scene.floor)[0]
+    middle = scene.target(0).pixels(np.zeros((1, 2)), true)[0]
     picture[:, int(middle[0]) + 10 :] = 60
     found = aligned(filmed, picture, compose(true, np.array([0.001, 0, 0])))
     assert off(found.pose, true)[0] < 0.3e-3

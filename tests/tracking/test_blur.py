@@ -6,7 +6,6 @@ import pytest
 from studies.worlds.scenes import CeilingCamera, small_camera, standard_scene
 from towval.tracking.alignment import align
 from towval.tracking.blur import SharpTarget, Shutter, ahead_of_middle
-from towval.tracking.interpolation import sample_plane
 from towval.tracking.plane_tracker import PlaneTracker
 from towval.tracking.template import make_template
 
@@ -37,23 +36,21 @@ def filmed():
     return scene, first, template, list(zip(times, map(blurred.picture, times), strict=True))
 
 
-def read(luma, points, pose, target):
-    return sample_plane(luma, points, pose, target.height, target.camera, target.floor)
-
-
 def test_the_blurred_template_is_what_an_open_shutter_sees(filmed):
     scene, first, template, pictures = filmed
     target, (time_s, luma) = scene.target(0), pictures[0]
     pose = moving(time_s)
     seen = SharpTarget.cut(first, target, moving(0.0), template).blurred(own(TWIST, pose) * EXPOSURE_S)
-    sharp = read(first, seen.points, moving(0.0), target)
-    values = read(luma, seen.points, pose, target)
+    sharp = target.grey_values(first, seen.points, moving(0.0))
+    values = target.grey_values(luma, seen.points, pose)
     # Noise of 3 grey levels, less by the smoothing of the readings and by their mean.
     assert np.std(values - seen.values) < 2.5
     assert np.std(values - sharp) > 7.5
     for axis in range(2):
         step = 5e-4 * np.eye(2)[axis]
-        slope = (read(luma, seen.points + step, pose, target) - read(luma, seen.points - step, pose, target)) / 1e-3
+        slope = (
+            target.grey_values(luma, seen.points + step, pose) - target.grey_values(luma, seen.points - step, pose)
+        ) / 1e-3
         assert slope @ seen.slopes[:, axis] / (seen.slopes[:, axis] @ seen.slopes[:, axis]) == pytest.approx(1, abs=0.1)
 
 

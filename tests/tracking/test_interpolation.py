@@ -1,10 +1,16 @@
 import numpy as np
 import pytest
 
-from studies.worlds.scenes import ceiling
+from studies.worlds.scenes import ceiling, rectangle
+from towval.model import Body
 from towval.model.geometry import transform
 from towval.optics.projection import project
-from towval.tracking.interpolation import metres_per_pixel, plane_pixels, sample_plane, spline_value
+from towval.tracking.interpolation import spline_value
+from towval.tracking.planar_target import PlanarTarget
+
+
+def target(height, camera, floor):
+    return PlanarTarget(Body("rover", height, rectangle(0.6, 0.4)), camera, floor)
 
 
 def test_a_linear_ramp_is_read_exactly():
@@ -19,21 +25,22 @@ def test_a_place_without_neighbours_is_outside(u, v):
     assert spline_value(np.full((40, 60), 7, np.uint8), u, v) == -1.0
 
 
-def test_points_of_a_plane_are_seen_where_the_camera_model_puts_them():
+def test_points_of_a_plane_are_projected_where_the_camera_model_puts_them():
     camera, floor = ceiling(distortion=(-0.2, 0.05, 1e-3, -2e-3, -0.01, 0.01, -0.002, 0.001))
     points = np.random.default_rng(0).uniform(-0.3, 0.3, (50, 2))
     pose = np.array([0.4, -0.7, 2.1])
     on_floor = np.column_stack([transform(pose, points), np.full(50, 0.42)])
-    assert np.allclose(plane_pixels(points, pose, 0.42, camera, floor), project(camera, floor, on_floor), atol=1e-9)
+    assert np.allclose(target(0.42, camera, floor).pixels(points, pose), project(camera, floor, on_floor), atol=1e-9)
 
 
 def test_a_point_behind_the_camera_is_outside_the_picture():
     camera, floor = ceiling()
-    values = sample_plane(np.zeros((1080, 1920), np.uint8), np.zeros((1, 2)), np.zeros(3), 9.0, camera, floor)
+    luma = np.zeros((1080, 1920), np.uint8)
+    values = target(9.0, camera, floor).grey_values(luma, np.zeros((1, 2)), np.zeros(3))
     assert np.isnan(values).all()
 
 
 def test_a_pixel_is_as_wide_as_height_over_focal_length():
     camera, floor = ceiling(tilt_rad=0.0, distortion=())
-    width = metres_per_pixel(np.array([0.05, -0.03, 0.3]), 1.0, camera, floor)
+    width = target(1.0, camera, floor).metres_per_pixel(np.array([0.05, -0.03, 0.3]))
     assert width == pytest.approx(3.0 / 1560 / np.sqrt(1.001), rel=1e-6)

@@ -7,39 +7,37 @@ from towval.model.errors import InputError
 from towval.model.geometry import compose, inverse, transform
 from towval.optics.projection import project
 from towval.tracking.outline import OutlineFit, combine_fits, observe_outline, pose_from_clicks
+from towval.tracking.planar_target import PlanarTarget
 
 L_SHAPE = np.array([[-0.3, -0.2], [0.3, -0.2], [0.3, 0.05], [0.05, 0.05], [0.05, 0.2], [-0.3, 0.2]])
 
 
-def clicks_on(body, pose, camera, floor):
-    corners = transform(pose, body.top_corners_m)
-    return project(camera, floor, np.column_stack([corners, np.full(len(corners), body.tracked_plane_height_m)]))
+def clicks_on(target, pose):
+    corners = transform(pose, target.body.top_corners_m)
+    return project(target.camera, target.floor, np.column_stack([corners, np.full(len(corners), target.height)]))
 
 
 def test_exact_clicks_give_the_exact_pose():
-    camera, floor = ceiling()
-    body, pose = Body("rover", 0.42, L_SHAPE), np.array([0.3, -0.4, 2.5])
-    found, _, misfit_px = pose_from_clicks(body, clicks_on(body, pose, camera, floor), camera, floor)
+    target, pose = PlanarTarget(Body("rover", 0.42, L_SHAPE), *ceiling()), np.array([0.3, -0.4, 2.5])
+    found, _, misfit_px = pose_from_clicks(target, clicks_on(target, pose))
     assert np.allclose(found, pose, atol=1e-9)
     assert misfit_px < 1e-6
 
 
 def test_the_deviation_of_clicks_is_that_of_their_scatter():
-    camera, floor = ceiling()
-    body, pose = Body("rover", 0.42, rectangle(0.75, 0.5)), np.array([0.1, 0.2, 0.4])
-    clicks, rng = clicks_on(body, pose, camera, floor), np.random.default_rng(3)
+    target, pose = PlanarTarget(Body("rover", 0.42, rectangle(0.75, 0.5)), *ceiling()), np.array([0.1, 0.2, 0.4])
+    clicks, rng = clicks_on(target, pose), np.random.default_rng(3)
     errors = []
     for _ in range(400):
-        found, covariance, _ = pose_from_clicks(body, clicks + 0.7 * rng.standard_normal(clicks.shape), camera, floor)
+        found, covariance, _ = pose_from_clicks(target, clicks + 0.7 * rng.standard_normal(clicks.shape))
         errors.append(compose(inverse(pose), found))
     # 400 draws know a deviation to 3.5 %; perspective makes pixels up to 5 % wider than at the middle.
     assert np.std(errors, axis=0) == pytest.approx(np.sqrt(np.diag(covariance)), rel=0.15)
 
 
 def test_clicks_of_another_number_are_refused():
-    camera, floor = ceiling()
     with pytest.raises(InputError, match="do not match its corners"):
-        pose_from_clicks(Body("rover", 0.42, L_SHAPE), np.zeros((4, 2)), camera, floor)
+        pose_from_clicks(PlanarTarget(Body("rover", 0.42, L_SHAPE), *ceiling()), np.zeros((4, 2)))
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -49,13 +47,13 @@ def test_edges_bring_clicks_to_a_tenth_of_a_pixel(seed):
     for body, motion in zip(scene.bodies, scene.motions, strict=True):
         true = motion(0.0)
         start = compose(true, np.array([0.003, -0.002, 0.004]))
-        fit = observe_outline(luma, body, start, scene.camera, scene.floor)
+        fit = observe_outline(luma, PlanarTarget(body, scene.camera, scene.floor), start)
         error = compose(inverse(true), compose(start, fit.correction))
         assert np.linalg.norm(error[:2]) < 0.5e-3
         assert abs(error[2]) < np.deg2rad(0.1)
 
 
-def test_errors_of_the_registration_are_what_it_says_also_where_a_thin_strip_of_the_side_is_seen():
+def test_errors_of_the_registration_are_what_it_says_also_where_a_thin_strip_of_the_side_is_visible():
     rng, shares, offsets = np.random.default_rng(11), [], []
     for seed in range(16):
         places = [[rng.uniform(-1.3, 1.3), side * rng.uniform(0.4, 0.7), rng.uniform(-3, 3)] for side in (1, -1)]
@@ -64,8 +62,8 @@ def test_errors_of_the_registration_are_what_it_says_also_where_a_thin_strip_of_
         luma, clicks = CeilingCamera(scene).picture(0.0), scene.clicks(np.random.default_rng(seed))
         for body, place in zip(scene.bodies, map(np.array, places), strict=True):
             # From clicks, as in use: a fit that starts at the true place finds the true edges too easily.
-            start, _, _ = pose_from_clicks(body, clicks[body.name], scene.camera, scene.floor)
-            fit = observe_outline(luma, body, start, scene.camera, scene.floor)
+            start, _, _ = pose_from_clicks(PlanarTarget(body, scene.camera, scene.floor), clicks[body.name])
+            fit = observe_outline(luma, PlanarTarget(body, scene.camera, scene.floor), start)
             error = compose(inverse(place), compose(start, fit.correction))
             offsets.append(error[:2])
             shares.append(error / np.sqrt(np.diag(fit.covariance)))
@@ -77,32 +75,29 @@ def test_errors_of_the_registration_are_what_it_says_also_where_a_thin_strip_of_
 
 
 def test_a_picture_without_edges_gives_none():
-    camera, floor = ceiling()
     flat = np.full((1080, 1920), 128, np.uint8)
-    assert observe_outline(flat, Body("rover", 0.42, L_SHAPE), np.zeros(3), camera, floor) is None
+    assert observe_outline(flat, PlanarTarget(Body("rover", 0.42, L_SHAPE), *ceiling()), np.zeros(3)) is None
 
 
-def test_a_body_too_small_to_see_is_refused():
-    camera, floor = ceiling()
+def test_a_body_too_small_for_its_edges_is_refused():
+    small = PlanarTarget(Body("rover", 0.1, rectangle(0.01, 0.01)), *ceiling())
     with pytest.raises(InputError, match="too small in the picture"):
-        observe_outline(
-            np.zeros((1080, 1920), np.uint8), Body("rover", 0.1, rectangle(0.01, 0.01)), np.zeros(3), camera, floor
-        )
+        observe_outline(np.zeros((1080, 1920), np.uint8), small, np.zeros(3))
 
 
 def test_one_wrong_fit_among_many_does_not_count():
     rng = np.random.default_rng(0)
     corrections = 2e-5 * rng.standard_normal((12, 3))
     corrections[5] = (2e-3, -1e-3, 5e-3)
-    fits = [OutlineFit(correction, 1e-9 * np.eye(3), 0.05, 0.8) for correction in corrections]
+    fits = [OutlineFit(correction, 1e-9 * np.eye(3)) for correction in corrections]
     combined = combine_fits(fits)
     assert np.allclose(combined.correction, np.delete(corrections, 5, axis=0).mean(axis=0), atol=1e-5)
-    # What a single picture has wrong may be wrong in all of them, but for what is seen to differ: 0.4 of it here.
+    # What a single picture has wrong may be wrong in all of them, but for what differs: 0.4 of it here.
     assert np.sqrt(np.diag(combined.covariance)) == pytest.approx(np.full(3, np.sqrt(0.6e-9 + 0.4e-9 / 11)), rel=0.25)
 
 
 def test_fits_that_are_wrong_together_are_no_surer_than_one():
-    fits = [OutlineFit(np.array([1e-4, 0, 0]), np.diag([1e-8, 4e-8, 1e-6]), 0.05, 0.8)] * 9
+    fits = [OutlineFit(np.array([1e-4, 0, 0]), np.diag([1e-8, 4e-8, 1e-6]))] * 9
     assert combine_fits(fits).covariance == pytest.approx(fits[0].covariance, rel=1e-9)
 
 
@@ -110,9 +105,9 @@ def test_each_picture_counts_where_it_is_sure():
     """Motion blurs the edges across it; those along it tell as much as ever."""
     along, across = np.array([1.0, 1.0, 0.0]) / np.sqrt(2), np.array([1.0, -1.0, 0.0]) / np.sqrt(2)
     spin = np.diag([0.0, 0.0, 1e-8])
-    sharp = OutlineFit(2e-4 * across, 1e-8 * (np.outer(along, along) + np.outer(across, across)) + spin, 0.05, 0.8)
+    sharp = OutlineFit(2e-4 * across, 1e-8 * (np.outer(along, along) + np.outer(across, across)) + spin)
     blurred_covariance = 1e-4 * np.outer(along, along) + 1e-8 * np.outer(across, across) + spin
-    blurred = [OutlineFit(5e-3 * along - 1e-5 * across, blurred_covariance, 0.05, 0.5) for _ in range(7)]
+    blurred = [OutlineFit(5e-3 * along - 1e-5 * across, blurred_covariance) for _ in range(7)]
     combined = combine_fits([sharp, *blurred])
     assert combined.correction @ along == pytest.approx(0.0, abs=1e-5)
     assert combined.correction @ across == pytest.approx((2e-4 - 7e-5) / 8, abs=1e-6)
@@ -123,8 +118,8 @@ def test_each_picture_counts_where_it_is_sure():
 
 def test_blurred_pictures_do_not_move_the_registration():
     rng = np.random.default_rng(3)
-    sharp = [OutlineFit(c, 1e-9 * np.eye(3), 0.05, 0.8) for c in rng.normal(0, 3e-5, (3, 3))]
-    blurred = [OutlineFit(c, 1e-6 * np.eye(3), 0.9, 0.5) for c in rng.normal(1e-3, 3e-4, (9, 3))]
+    sharp = [OutlineFit(c, 1e-9 * np.eye(3)) for c in rng.normal(0, 3e-5, (3, 3))]
+    blurred = [OutlineFit(c, 1e-6 * np.eye(3)) for c in rng.normal(1e-3, 3e-4, (9, 3))]
     combined = combine_fits([*blurred[:4], *sharp, *blurred[4:]])
     assert np.linalg.norm(combined.correction[:2]) < 1e-4
     assert np.sqrt(np.diag(combined.covariance)[:2]).max() < 1e-4

@@ -36,7 +36,7 @@ def test_tags_that_are_not_there_or_elsewhere_are_named():
     pose, body = np.array([0.4, -0.3, 2.0]), Body("object", 0.25, TARGET)
     tags = [Tag("4X4_50", 3, 0.12, np.array([0.05, 0.02, 0.3])), Tag("4X4_50", 5, 0.1, np.array([-0.11, -0.05, 0.0]))]
     luma = picture_with(tags, pose, 0.25, camera, floor)
-    with pytest.raises(InputError, match="no tag of object is seen"):
+    with pytest.raises(InputError, match="no tag of object is found"):
         clicks_from_tags(np.full_like(luma, 128), body, tags, camera, floor)
     moved = [tags[0], Tag("4X4_50", 5, 0.1, np.array([0.11, -0.05, 0.0]))]
     with pytest.raises(InputError, match="do not fit their places"):

@@ -241,7 +241,7 @@ def test_edges_are_fitted_twice_a_second_and_less_often_later(follower, monkeypa
 
 @pytest.mark.parametrize(("correction_px", "found"), [(2.5, True), (4.0, False)])
 def test_a_registration_is_near_the_clicks(follower, correction_px, found):
-    fit = OutlineFit(np.array([correction_px * PIXEL_M, 0, 0]), 1e-8 * np.eye(3), 0.1, 1.0)
+    fit = OutlineFit(np.array([correction_px * PIXEL_M, 0, 0]), 1e-8 * np.eye(3))
     follower.outline_fits = [fit]
     assert (follower._registration() is not None) == found
     assert ("edges_not_found" in {finding.code for finding in follower.findings}) != found
@@ -249,7 +249,8 @@ def test_a_registration_is_near_the_clicks(follower, correction_px, found):
 
 @pytest.mark.parametrize(("std_px", "unsure"), [(0.12, False), (0.2, True)])
 def test_a_registration_that_edges_leave_open_is_flagged(follower, std_px, unsure):
-    follower._judge_registration(OutlineFit(np.zeros(3), (std_px * PIXEL_M) ** 2 * np.eye(3), 0.1, 1.0))
+    follower.outline_fits = [OutlineFit(np.zeros(3), (std_px * PIXEL_M) ** 2 * np.eye(3))]
+    follower._registration()
     assert ("edges_unsure" in {finding.code for finding in follower.findings}) == unsure
 
 
@@ -315,7 +316,7 @@ def test_two_bodies_are_not_in_one_place(follower, covered, tracked):
 @pytest.mark.parametrize(("std_px", "plain"), [(0.1, False), (0.15, True)])
 def test_a_plain_target_is_flagged(follower, std_px, plain):
     covariance = np.tile((std_px * PIXEL_M) ** 2 * np.eye(3), (4, 1, 1))
-    findings = follower._judge_sight(np.arange(4.0), covariance, np.full(4, TrackStatus.TRACKED, dtype=np.uint8))
+    findings = follower._judge_observations(np.arange(4.0), covariance, np.full(4, TrackStatus.TRACKED, dtype=np.uint8))
     assert ("low_texture" in {finding.code for finding in findings}) == plain
 
 
@@ -475,7 +476,7 @@ def test_an_edge_is_cut_into_ten_stretches_away_from_sharp_corners():
 @pytest.mark.parametrize(("off_px", "found"), [(2.6, True), (5.5, False)])
 def test_edges_are_found_within_four_pixels(off_px, found):
     start = compose(POSE, off_px * PIXEL_M * np.array([0.8, 0.6, 0.3]))
-    fit = observe_outline(picture(BOX, grey=lambda xy: np.full(len(xy), 200.0)), BOX.body, start, BOX.camera, FLOOR)
+    fit = observe_outline(picture(BOX, grey=lambda xy: np.full(len(xy), 200.0)), BOX, start)
     near = fit is not None and np.linalg.norm(compose(start, fit.correction)[:2] - POSE[:2]) < 0.3 * PIXEL_M
     assert near == found
 
@@ -484,15 +485,15 @@ def test_the_turn_of_a_disc_is_known_to_three_pixels():
     angle = 2 * np.pi * np.arange(60) / 60
     disc = PlanarTarget(Body("disc", 0.3, 0.5 * np.column_stack([np.cos(angle), np.sin(angle)])), BOX.camera, FLOOR)
     bright = picture(disc, grey=lambda xy: np.where(np.hypot(*xy.T) < 0.5, 200.0, 90.0))
-    fit = observe_outline(bright, disc.body, POSE, BOX.camera, FLOOR)
+    fit = observe_outline(bright, disc, POSE)
     assert 2.0 < np.sqrt(fit.covariance[2, 2]) * 0.5 / PIXEL_M < 4.0
 
 
 @pytest.mark.parametrize(("distance", "counts"), [(2.2, True), (5.0, False)])
 def test_a_fit_far_from_the_others_does_not_count(distance, counts):
     rng = np.random.default_rng(1)
-    fits = [OutlineFit(1e-4 * rng.standard_normal(3), 1e-8 * np.eye(3), 0.1, 1.0) for _ in range(30)]
-    lone = OutlineFit(np.array([distance * 1.538e-4, 0, 0]), 1e-8 * np.eye(3), 0.1, 1.0)
+    fits = [OutlineFit(1e-4 * rng.standard_normal(3), 1e-8 * np.eye(3)) for _ in range(30)]
+    lone = OutlineFit(np.array([distance * 1.538e-4, 0, 0]), 1e-8 * np.eye(3))
     without = combine_fits(fits).correction
     expected = (30 * without + lone.correction) / 31
     moved = combine_fits([*fits, lone]).correction
@@ -501,7 +502,7 @@ def test_a_fit_far_from_the_others_does_not_count(distance, counts):
 
 def test_a_quarter_of_the_variance_never_averages_out():
     rng = np.random.default_rng(2)
-    fits = [OutlineFit(1e-4 * rng.standard_normal(3), 1e-8 * np.eye(3), 0.1, 1.0) for _ in range(400)]
+    fits = [OutlineFit(1e-4 * rng.standard_normal(3), 1e-8 * np.eye(3)) for _ in range(400)]
     assert 0.4 < np.sqrt(combine_fits(fits).covariance[0, 0]) / 1e-4 < 0.6
 
 

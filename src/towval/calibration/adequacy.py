@@ -1,4 +1,4 @@
-"""Whether a set of views is adequate: tilt, coverage and number of views, two halves compared, in plain words."""
+"""Whether a set of views is adequate: tilt, coverage and number of views, two halves compared, surveyed marks."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -34,11 +34,11 @@ _FILM_TILT = "film the board tilted by 20° to 40°, to all four sides in turn"
 _FILM_ALL_OVER = "film the board all over the picture, also with its edge at the picture's edges and corners"
 
 
-def tilts_deg(seen: CalibrationObservations, estimate: Estimate) -> list[float]:
+def tilts_deg(observed: CalibrationObservations, estimate: Estimate) -> list[float]:
     """Angle between each board and the image plane [°], in the order of the observations."""
     floor_normal = estimate.T_camera_floor[:3, 2]
-    normals = [cv2.Rodrigues(place[:3])[0][:, 2] for place in estimate.places[: len(seen.boards)]]
-    normals += [floor_normal] * len(seen.floor_boards)
+    normals = [cv2.Rodrigues(place[:3])[0][:, 2] for place in estimate.places[: len(observed.boards)]]
+    normals += [floor_normal] * len(observed.floor_boards)
     return [float(np.degrees(np.arccos(min(1.0, abs(normal[2]))))) for normal in normals]
 
 
@@ -52,7 +52,7 @@ def covered_share(corners_px: Sequence[Array], resolution_px: tuple[int, int]) -
 
 @dataclass(frozen=True)
 class ViewStatistics:
-    """How the held boards were filmed: number, tilts [°], share of the image covered, focal length std over itself."""
+    """Held boards: number, tilts [°], share of the image covered, relative standard deviation of the focal length."""
 
     held: int
     tilt_deg: Array
@@ -61,28 +61,27 @@ class ViewStatistics:
 
     @property
     def median_tilt_deg(self) -> float:
-        """Half of the held boards are tilted by less [°]."""
+        """Median tilt of the held boards [°], zero without any."""
         return float(np.median(self.tilt_deg)) if self.held else 0.0
 
 
-def view_statistics(seen: CalibrationObservations, estimate: Estimate, covariance: Array) -> ViewStatistics:
-    """Number, tilt and coverage of the held boards and what they leave unknown of the focal length."""
-    held = len(seen.boards)
-    tilt = np.array(tilts_deg(seen, estimate)[:held])
-    covered = covered_share([s.corners_px for s in seen.boards], seen.resolution_px)
+def view_statistics(observed: CalibrationObservations, estimate: Estimate, covariance: Array) -> ViewStatistics:
+    """Statistics of the held boards, from a fit and the covariance (18, 18) of its shared parameters."""
+    held = len(observed.boards)
+    tilt = np.array(tilts_deg(observed, estimate)[:held])
+    covered = covered_share([s.corners_px for s in observed.boards], observed.resolution_px)
     return ViewStatistics(held, tilt, covered, float(np.sqrt(covariance[0, 0])) / estimate.shared[0])
 
 
 def view_findings(statistics: ViewStatistics) -> list[Finding]:
-    """Degenerate sets of views, in words, each with what to film instead."""
+    """Findings about degenerate sets of views, each with what to film instead."""
     findings = []
     focal = {"focal_percent": 100 * statistics.focal_std_share, "remedy": _FILM_TILT}
     useless = statistics.focal_std_share > CONSTANTS.useless_focal_std_share
     severity = Severity.REFUSAL if useless else Severity.WARNING
     if statistics.median_tilt_deg < CONSTANTS.enough_tilt_deg:
-        findings.append(
-            finding("no-tilt", severity, held=statistics.held, tilt_deg=statistics.median_tilt_deg, **focal)
-        )
+        tilt = {"held": statistics.held, "tilt_deg": statistics.median_tilt_deg}
+        findings.append(finding("no-tilt", severity, **tilt, **focal))
     elif statistics.focal_std_share > CONSTANTS.focal_std_share:
         findings.append(finding("focal-length-uncertain", severity, **focal))
     if statistics.covered < CONSTANTS.enough_coverage:
@@ -95,9 +94,9 @@ def view_findings(statistics: ViewStatistics) -> list[Finding]:
 
 @dataclass(frozen=True)
 class HalvesComparison:
-    """Two halves of the views calibrated apart: RMS distance of their positions on a plane, found and expected [m].
+    """RMS distance of positions on a plane from two halves of the views, found and expected from corner noise [m].
 
-    What is found beyond what the corner noise lets expect is the error of the model: of the lens, of the board.
+    A larger distance than expected is an error of the model: of the lens, of the board.
     """
 
     height_m: float
@@ -106,18 +105,18 @@ class HalvesComparison:
 
 
 def compare_halves(
-    seen: CalibrationObservations, trial: LensTrial, heights_m: Sequence[float]
+    observed: CalibrationObservations, trial: LensTrial, heights_m: Sequence[float]
 ) -> list[HalvesComparison]:
-    """Calibrate every other view and the rest apart and compare them over the image on planes over the floor.
+    """Calibrate two halves of the views separately and compare them over the image on planes parallel to the floor.
 
-    The first floor board and the marks are in both halves, so that both speak of the same floor frame. Empty where
-    the halves would have fewer than three held boards each, or where there is no floor.
+    The first floor board and the marks are in both halves, so that both have the same floor frame. Empty where the
+    halves would have fewer than three held boards each, or where there is no floor.
     """
-    if seen.reference is None or len(seen.boards) < 6:
+    if observed.reference is None or len(observed.boards) < 6:
         return []
     active = active_parameters(trial.model, with_floor=True)
-    fits = [_half(seen, trial.estimate, active, start) for start in (0, 1)]
-    pixels = pixel_grid(seen.resolution_px, 24).reshape(-1, 2)
+    fits = [_half(observed, trial.estimate, active, start) for start in (0, 1)]
+    pixels = pixel_grid(observed.resolution_px, 24).reshape(-1, 2)
     comparisons = []
     for height in heights_m:
         on_plane = [to_plane(camera, floor, pixels, height) for camera, floor, _ in fits]
@@ -131,15 +130,15 @@ def compare_halves(
 
 
 def _half(
-    seen: CalibrationObservations, estimate: Estimate, active: NDArray[np.intp], start: int
+    observed: CalibrationObservations, estimate: Estimate, active: NDArray[np.intp], start: int
 ) -> tuple[Camera, Floor, Array]:
-    boards = range(start, len(seen.boards), 2)
-    flat = range(len(seen.boards), len(seen.observations))
-    first = [] if seen.marks else [flat[0]]
-    chosen = [*boards, *first, *flat[len(first) + start :: 2], *range(len(seen.observations), len(seen.blocks))]
-    blocks = [seen.blocks[i] for i in chosen]
+    boards = range(start, len(observed.boards), 2)
+    flat = range(len(observed.boards), len(observed.observations))
+    first = [] if observed.marks else [flat[0]]
+    chosen = [*boards, *first, *flat[len(first) + start :: 2], *range(len(observed.observations), len(observed.blocks))]
+    blocks = [observed.blocks[i] for i in chosen]
     fitted = adjust(blocks, replace(estimate, places=tuple(estimate.places[i] for i in chosen)), active)
-    camera = Camera(seen.resolution_px, fitted.matrix, fitted.distortion, "")
+    camera = Camera(observed.resolution_px, fitted.matrix, fitted.distortion, "")
     return camera, Floor(fitted.T_camera_floor), marginal_covariance(blocks, fitted, active)[0]
 
 
@@ -150,72 +149,51 @@ def _rms(values: Array) -> float:
 
 def halves_findings(comparisons: Sequence[HalvesComparison]) -> list[Finding]:
     """A warning where the halves differ by much more than the corner noise explains."""
+    apart = [plane for plane in comparisons if plane.found_m > max(3 * plane.expected_m, 1e-3)]
     return [
-        finding(
-            "halves-disagree", found_mm=1e3 * plane.found_m, height_m=plane.height_m, expected_mm=1e3 * plane.expected_m
-        )
-        for plane in comparisons
-        if plane.found_m > max(3 * plane.expected_m, 1e-3)
+        finding("halves-disagree", found_mm=1e3 * p.found_m, height_m=p.height_m, expected_mm=1e3 * p.expected_m)
+        for p in apart
     ]
 
 
 def floor_findings(
-    seen: CalibrationObservations, calibration: Calibration, heights_m: Sequence[float], limit_m: float
+    observed: CalibrationObservations, calibration: Calibration, heights_m: Sequence[float], limit_m: float
 ) -> list[Finding]:
-    """Where the floor is extrapolated and positions are more uncertain than ``limit_m``, in millimetres."""
-    references = [s.corners_px for s in seen.floor_boards]
-    if seen.marks:
-        references.append(seen.floor_reference.marks_px)
-    covered = covered_share(references, seen.resolution_px)
+    """A warning on the first plane where positions are more uncertain than ``limit_m`` (RMS over the image)."""
+    references = [s.corners_px for s in observed.floor_boards]
+    if observed.marks:
+        references.append(observed.floor_reference.marks_px)
+    covered_percent = 100 * covered_share(references, observed.resolution_px)
     for height in heights_m:
         plane = uncertainty_map(calibration, height)
-        std = np.where(np.isfinite(plane.std_m), plane.std_m, np.inf)
-        if plane.rms_m <= limit_m:
-            continue
-        row, column = np.unravel_index(np.argmax(std), std.shape)
-        u, v = plane.pixels[row, column]
-        return [
-            finding(
-                "floor-extrapolated",
-                covered_percent=100 * covered,
-                height_m=height,
-                rms_mm=1e3 * plane.rms_m,
-                worst_mm=1e3 * std[row, column],
-                u=u,
-                v=v,
-            )
-        ]
+        if plane.rms_m > limit_m:
+            std = np.where(np.isfinite(plane.std_m), plane.std_m, np.inf)
+            worst = np.unravel_index(np.argmax(std), std.shape)
+            (u, v), size = plane.pixels[worst], {"rms_mm": 1e3 * plane.rms_m, "worst_mm": 1e3 * std[worst]}
+            return [finding("floor-extrapolated", covered_percent=covered_percent, height_m=height, **size, u=u, v=v)]
     return []
 
 
-def marks_std_px(seen: CalibrationObservations, estimate: Estimate) -> tuple[float, bool]:
+def marks_std_px(observed: CalibrationObservations, estimate: Estimate) -> tuple[float, bool]:
     """Standard deviation of one coordinate of a mark, from the marks' own residuals [px].
 
     The six unknowns of the floor's place are counted against the marks, which overstates it where boards help. The
-    second value tells whether chance would hardly (once in a thousand) make it so much larger than stated.
+    second value: whether it exceeds the stated deviation significantly (0.1 % level).
     """
-    residual = residuals(seen.blocks, estimate)[-1]
+    residual = residuals(observed.blocks, estimate)[-1]
     freedom = max(residual.size - 6, 1)
-    squares = float(np.sum(residual**2))
-    return np.sqrt(squares / freedom), bool(squares > seen.floor_reference.mark_std_px**2 * chi2.ppf(0.999, freedom))
+    squares, stated = float(np.sum(residual**2)), observed.floor_reference.mark_std_px
+    return np.sqrt(squares / freedom), bool(squares > stated**2 * chi2.ppf(0.999, freedom))
 
 
-def marks_findings(seen: CalibrationObservations, estimate: Estimate, stated_std_px: float) -> list[Finding]:
-    """Surveyed marks that are worse than stated, all of them or single ones.
-
-    Parameters
-    ----------
-    seen, estimate
-        The adjustment; the reference's ``mark_std_px`` may have been raised to what the residuals say.
-    stated_std_px : float
-        The deviation of a mark as the campaign states it [px].
-    """
-    if not seen.marks:
+def marks_findings(observed: CalibrationObservations, estimate: Estimate, stated_std_px: float) -> list[Finding]:
+    """Findings about surveyed marks that are worse than the campaign states [px], all of them or single ones."""
+    if not observed.marks:
         return []
-    reference, findings = seen.floor_reference, []
+    reference, findings = observed.floor_reference, []
     if reference.mark_std_px > stated_std_px:
         findings.append(finding("marks-noisy", found_px=reference.mark_std_px, stated_px=stated_std_px))
-    distance = np.linalg.norm(residuals(seen.blocks, estimate)[-1], axis=1)
+    distance = np.linalg.norm(residuals(observed.blocks, estimate)[-1], axis=1)
     for i in np.flatnonzero(distance > 4 * stated_std_px):
         at_m = reference.marks_m[i].tolist()
         findings.append(finding("mark-misfit", at_m=at_m, distance_px=distance[i], stated_px=stated_std_px))

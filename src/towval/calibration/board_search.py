@@ -1,4 +1,4 @@
-"""Looking for a board in many pictures: quickly first, and with a word on what is wrong where none is found."""
+"""Search for a board in many pictures: quickly first, and with a diagnosis where none is found."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -15,26 +15,19 @@ from towval.model.errors import InputError
 NamedImage = tuple[str, NDArray[np.uint8]]
 
 _SAMPLE = 6
-"""Pictures that are looked at thoroughly before a board is said to be nowhere."""
+"""Pictures that are searched before the number of corners is checked."""
 
 
 def find_boards(
     images: Sequence[NamedImage], board: Board, threads: int
 ) -> tuple[list[BoardObservation], dict[str, str]]:
-    """Look for a board in every picture.
-
-    Parameters
-    ----------
-    images : sequence of (str, ndarray of uint8)
-        Names and grey pictures, asked for when they are looked at.
-    threads : int
-        How many pictures to look at at the same time.
+    """Search every picture for a board, ``threads`` of them at the same time.
 
     Returns
     -------
     observations : list of BoardObservation
-        The boards found, in the order of the pictures.
-    unseen : dict
+        The boards found, in the order of the pictures, which are read when they are searched.
+    without_board : dict
         Name of each other picture and the reason.
 
     Raises
@@ -57,27 +50,24 @@ def find_boards(
     found = [known[i] for i in range(len(images))]
     if not any(found):
         raise _no_board(len(images), board, "check that the pictures are those of the board, whole and sharp")
-    unseen = {
-        images[i][0]: "no whole board found" if board.kind == "chessboard" else "too little of the board found"
-        for i, observation in enumerate(found)
-        if observation is None
-    }
-    return [observation for observation in found if observation is not None], unseen
+    reason = "no whole board found" if board.kind == "chessboard" else "too little of the board found"
+    without_board = {images[i][0]: reason for i, observation in enumerate(found) if observation is None}
+    return [observation for observation in found if observation is not None], without_board
 
 
 def _spread(indices: Sequence[int]) -> list[int]:
-    """A sample of the indices, from all along the sequence."""
+    """A few of the indices, spread over the sequence."""
     return [*indices[:: max(1, len(indices) // _SAMPLE)]][:_SAMPLE]
 
 
 def _quick(image: NamedImage, board: Board) -> BoardObservation | None:
-    return (
-        observe_charuco(*image, board) if board.kind == "charuco" else observe_chessboard(*image, board, thorough=False)
-    )
+    if board.kind == "charuco":
+        return observe_charuco(*image, board)
+    return observe_chessboard(*image, board, thorough=False)
 
 
 def _check_corner_counts(sample: Sequence[NamedImage], board: Board) -> None:
-    """Raise where the pictures show another chessboard than the one looked for."""
+    """Raise where the pictures show a chessboard with other numbers of corners."""
     if board.kind != "chessboard":
         return
     fitting = fitting_corner_counts(sample)
@@ -86,7 +76,7 @@ def _check_corner_counts(sample: Sequence[NamedImage], board: Board) -> None:
         raise _no_board(len(sample), board, remedy)
 
 
-def _no_board(looked_at: int, board: Board, remedy: str) -> InputError:
+def _no_board(searched: int, board: Board, remedy: str) -> InputError:
     columns, rows = board.inner_corners
     if board.kind == "charuco":
         remedy += "; check board.dictionary, and board.inner_corners, which are one less than the squares"
@@ -94,7 +84,7 @@ def _no_board(looked_at: int, board: Board, remedy: str) -> InputError:
         remedy += "; check board.inner_corners: the corners where four squares meet, one less than the squares"
     return InputError(
         f"no picture shows a {board.kind} of {columns} × {rows} inner corners",
-        got=f"{looked_at} pictures looked at",
+        got=f"{searched} pictures searched",
         allowed="pictures of the whole board, sharp and evenly lit, with its white margin",
         remedy=remedy,
     )

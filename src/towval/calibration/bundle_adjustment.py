@@ -1,8 +1,8 @@
-"""Bundle adjustment of one camera, its lens, the floor and every board it saw; and what that leaves unknown.
+"""Bundle adjustment of one camera, its lens, the floor and all boards, and the covariance of the result.
 
 All pictures share the parameters of :data:`towval.model.CALIBRATION_PARAMETERS`; each board adds its own place. The
-normal equations are reduced to the shared parameters with the Schur complement, both to solve them and to read their
-marginal covariance: what remains uncertain when the places of all boards are uncertain, too.
+normal equations are reduced to the shared parameters with the Schur complement, both to solve them and to get their
+marginal covariance, which includes the uncertainty of all places.
 """
 
 import enum
@@ -27,8 +27,8 @@ class AdjustmentConstants:
     """Tuned constant of the adjustment."""
 
     robust_width: float = 5.0  # Residuals beyond so many times the spread of their own picture count linearly (Huber).
-    # Of their own picture, not of all: a corner is wild among its neighbours, whereas a whole picture that fits badly
-    # may be the only one that reaches the edge of the image and must not be silenced by those that do not.
+    # Of their own picture, not of all: a corner is an outlier among its neighbours, whereas a whole picture that fits
+    # badly may be the only one that reaches the edge of the image and must keep its weight.
 
 
 CONSTANTS = AdjustmentConstants()
@@ -50,7 +50,7 @@ class Placement(enum.Enum):
 
 @dataclass(frozen=True)
 class Block:
-    """Points of one picture: ``points_m`` (n, 3) in the frame its placement moves, ``pixels`` (n, 2) where seen.
+    """Points of one picture: ``points_m`` (n, 3) in the frame its placement moves, and their ``pixels`` (n, 2).
 
     ``std_px`` is the standard deviation of one pixel coordinate, NaN where the adjustment is to estimate it.
     """
@@ -95,25 +95,10 @@ def camera_matrix(shared: Array) -> Array:
 
 
 def linearise(block: Block, shared: Array, place: Array) -> tuple[Array, Array, Array]:
-    """Residuals of a block and their derivatives.
+    """Residuals (2n,) of a block, observed minus predicted [px], u and v alternating, and the prediction's derivatives.
 
-    Parameters
-    ----------
-    block : Block
-        Points and where they were seen.
-    shared : ndarray (18,)
-        Values of :data:`towval.model.CALIBRATION_PARAMETERS`.
-    place : ndarray (6,), (3,) or (0,)
-        Place of the block, as its placement says.
-
-    Returns
-    -------
-    residual : ndarray (2n,)
-        Seen minus predicted [px], u and v alternating.
-    J_shared : ndarray (2n, 18)
-        Derivatives of the prediction by the shared parameters.
-    J_place : ndarray (2n, 6), (2n, 3) or (2n, 0)
-        Derivatives of the prediction by the place.
+    The derivatives are those by the ``shared`` parameters (2n, 18) and by the ``place`` of the block, which has as many
+    elements as its placement has unknowns: (2n, 6), (2n, 3) or (2n, 0).
     """
     free = block.placement is Placement.FREE
     pose = place if free else shared[_FLOOR_START:]
@@ -156,10 +141,7 @@ class _Normal:
     Br: tuple[Array, ...]
 
     def reduced(self, damping: float) -> tuple[Array, Array, list[Array]]:
-        """Schur complement, its right-hand side and the gains that give the places back.
-
-        ``damping`` is relative to each diagonal element (Marquardt).
-        """
+        """Schur complement, its right-hand side and the gains that give the places; Marquardt's relative damping."""
         schur, right = _damped(self.AA, damping), self.Ar.copy()
         gains: list[Array] = []
         for AB, BB, Br in zip(self.AB, self.BB, self.Br, strict=True):
@@ -221,15 +203,16 @@ def _normal(
 def adjust(blocks: Sequence[Block], start: Estimate, active: NDArray[np.intp]) -> Estimate:
     """Fit shared parameters and places to all blocks at once, robustly.
 
-    Levenberg-Marquardt on Huber's cost; the noise of the corners is re-estimated from the median residual until it
-    stays.
+    Levenberg-Marquardt on Huber's cost; the corner noise is re-estimated from the median residual until it converges.
 
     Parameters
     ----------
+    blocks : sequence of Block
+        The observations.
     start : Estimate
-        Where to start; its ``noise_px`` may be NaN.
+        Initial values; ``noise_px`` may be NaN.
     active : ndarray of int
-        Indices of the shared parameters to fit; the others stay as they are. None at all fits the places alone.
+        Indices of the shared parameters to fit; the others stay fixed. If empty, only the places are fitted.
 
     Returns
     -------
@@ -279,7 +262,7 @@ def _solve_scaled(matrix: Array, right: Array) -> Array:
 
 
 def residuals(blocks: Sequence[Block], estimate: Estimate) -> list[Array]:
-    """Seen minus predicted pixels (n, 2) of each block."""
+    """Observed minus predicted pixels (n, 2) of each block."""
     return [
         linearise(block, estimate.shared, place)[0].reshape(-1, 2)
         for block, place in zip(blocks, estimate.places, strict=True)
@@ -297,8 +280,7 @@ def _median_noise(blocks: Sequence[Block], estimate: Estimate) -> float:
 def _noise(blocks: Sequence[Block], estimate: Estimate, shared_unknowns: int) -> float:
     """Standard deviation of a corner coordinate: weighted residuals over their degrees of freedom."""
     total, count, unknowns = 0.0, 0.0, float(shared_unknowns)
-    found = zip(blocks, residuals(blocks, estimate), _spread(blocks, estimate), strict=True)
-    for block, residual, spread in found:
+    for block, residual, spread in zip(blocks, residuals(blocks, estimate), _spread(blocks, estimate), strict=True):
         if not np.isnan(block.std_px):
             continue
         length = np.linalg.norm(residual, axis=1)
@@ -310,12 +292,7 @@ def _noise(blocks: Sequence[Block], estimate: Estimate, shared_unknowns: int) ->
 
 
 def marginal_covariance(blocks: Sequence[Block], estimate: Estimate, active: NDArray[np.intp]) -> tuple[Array, float]:
-    """Covariance of the shared parameters, marginal over all places, and how well-posed the problem is.
-
-    Parameters
-    ----------
-    blocks, estimate, active
-        As returned by and given to :func:`adjust`.
+    """Covariance of the shared parameters of an :func:`adjust`, marginal over all places, and its condition number.
 
     Returns
     -------

@@ -27,9 +27,9 @@ from towval.model.findings import finding
 from towval.optics.plane_uncertainty import camera_position_covariance, uncertainty_map
 
 _JUDGING_MODELS = ("none", "k1", "k1 k2", "k1 k2 p1 p2 k3", "rational")
-"""Lens models fitted in turn before any view is judged: what even the largest cannot explain is the view's fault."""
+"""Lens models fitted in turn before any view is judged: a misfit that remains with the largest is the view's."""
 _GOOD_ENOUGH_TO_CLEAR = _JUDGING_MODELS[2:]
-"""With these a set in which all views fit alike needs no larger model; smaller ones fit all views alike, badly."""
+"""Models with which equal misfits of all views mean a good set; smaller ones fit all views equally badly."""
 
 
 @dataclass(frozen=True)
@@ -47,12 +47,12 @@ _MARKS_VIEW = "surveyed marks"
 
 @dataclass(frozen=True)
 class CalibrateSettings:
-    """What the stage can be told; the keys of ``config["calibrate"]``.
+    """How to calibrate: the keys of ``config["calibrate"]``.
 
-    ``lens_models`` to choose from, names of :data:`towval.calibration.lens.LENS_MODELS`, smallest first; ``folds`` the
-    views are divided into to be held out; ``misfit_ratio``: a view whose residuals are this many times those of the
-    median view is dropped; ``position_limit_m``: the position uncertainty that is warned about; ``accept_refused``:
-    return a calibration from a degenerate set instead of refusing it; ``threads`` that look for boards.
+    ``lens_models`` to choose from, names of :data:`towval.calibration.lens.LENS_MODELS`, smallest first; ``folds`` of
+    the cross-validation; ``misfit_ratio``: a view with residuals this many times those of the median view is dropped;
+    ``position_limit_m``: the position uncertainty that is warned about; ``accept_refused``: return a calibration from
+    a degenerate set instead of refusing it; ``threads`` that search for boards.
     """
 
     lens_models: tuple[str, ...] = NESTED
@@ -83,12 +83,14 @@ def calibrate(
     Parameters
     ----------
     images : sequence of (str, ndarray of uint8)
-        Name and grey picture (height, width) of the board held in many poses. They are asked for when they are looked
-        at and not kept, so a sequence that reads files needs memory for a few of them.
+        Name and grey picture (height, width) of the board held in many poses. They are read when they are searched
+        and not kept, so a sequence that reads files needs memory for a few of them.
     floor_images : sequence of (str, ndarray of uint8)
         The board lying on the floor; the first of them fixes the floor frame unless ``floor`` has marks.
+    board, floor, settings : Board, FloorReference, CalibrateSettings
+        The board, what fixes the floor frame, and the keys of the stage.
     heights_m : sequence of float, optional
-        Heights of the bodies' tops, on which the quality is given besides the floor's [m].
+        Heights of the planar targets, for which the quality is stated besides the floor's [m].
 
     Returns
     -------
@@ -104,12 +106,12 @@ def calibrate(
         When too few views are left, or when the set is degenerate and ``settings`` do not accept that.
     """
     everything, floor_names, resolution = _listed(images, floor_images)
-    observations, unseen = find_boards(everything, board, settings.threads)
+    observations, without_board = find_boards(everything, board, settings.threads)
     flat = _with_origin([s for s in observations if s.name in floor_names], floor_names, floor)
-    seen = CalibrationObservations(
+    observed = CalibrationObservations(
         resolution, tuple(s for s in observations if s.name not in floor_names), tuple(flat), floor
     )
-    calibration = calibrate_observations(seen, settings, unseen, heights_m=heights_m)
+    calibration = calibrate_observations(observed, settings, without_board, heights_m=heights_m)
     refusals = [finding.text for finding in calibration.findings if finding.severity is Severity.REFUSAL]
     if refusals and not settings.accept_refused:
         raise RefusedError("the calibration views are degenerate", got=" ".join(refusals))
@@ -118,7 +120,7 @@ def calibrate(
 
 @dataclass(frozen=True)
 class _Chosen(Sequence[NamedImage]):
-    """Some pictures of some sequences, each taken from its sequence when it is asked for and not kept."""
+    """Some pictures of some sequences, each read from its sequence when accessed and not kept."""
 
     places: tuple[tuple[Sequence[NamedImage], int], ...]
 
@@ -135,10 +137,8 @@ class _Chosen(Sequence[NamedImage]):
 def _listed(
     images: Sequence[NamedImage], floor_images: Sequence[NamedImage]
 ) -> tuple[_Chosen, list[str], tuple[int, int]]:
-    """All pictures once, held boards first, the names of the floor pictures, and the size that all of them have.
-
-    A pattern for held boards may well find the floor pictures, too.
-    """
+    """All pictures once, held boards first, the names of the floor pictures, and the common size."""
+    # A pattern for held boards often matches the floor pictures, too.
     sizes: dict[tuple[int, ...], str] = {}
     on_floor: dict[str, int] = {}
     for i, (name, image) in enumerate(floor_images):
@@ -150,9 +150,8 @@ def _listed(
         if name not in on_floor:
             held.append((images, i))
         elif not np.array_equal(image, floor_images[on_floor[name]][1]):
-            raise InputError(
-                "a held board and a floor board have pictures of the same name", got=name, remedy="rename one"
-            )
+            what = "a held board and a floor board have pictures of the same name"
+            raise InputError(what, got=name, remedy="rename one")
     if len(sizes) != 1:
         got = ", ".join(f"{name}: {shape[1]} × {shape[0]}" for shape, name in sizes.items()) or "no picture"
         raise InputError("the calibration pictures are not of one size", got=got, allowed="the size of the videos")
@@ -166,7 +165,7 @@ def _with_origin(flat: list[BoardObservation], names: Sequence[str], floor: Floo
         return flat
     if not names or not flat or flat[0].name != names[0]:
         raise InputError(
-            "the board is not seen in the first floor picture",
+            "the board is not found in the first floor picture",
             got=names[0] if names else "no floor picture",
             allowed="the whole board, lying flat on the floor",
             remedy="check floor.image, or give surveyed marks on the floor instead",
@@ -175,121 +174,109 @@ def _with_origin(flat: list[BoardObservation], names: Sequence[str], floor: Floo
 
 
 def calibrate_observations(
-    seen: CalibrationObservations,
+    observed: CalibrationObservations,
     settings: CalibrateSettings,
-    unseen: dict[str, str],
+    without_board: dict[str, str],
     *,
     heights_m: Sequence[float] = (),
 ) -> Calibration:
-    """Calibrate from corners that are already found.
+    """As :func:`calibrate`, from observed corners.
 
-    Parameters
-    ----------
-    seen : CalibrationObservations
-        The boards and marks. Without a floor (``seen.reference`` None) the camera alone is calibrated and the floor of
-        the result is the camera frame itself.
-    unseen : dict
-        Names of the pictures without a board and the reason, for the record.
-    heights_m : sequence of float, optional
-        Heights of the bodies' tops [m].
-
-    Returns
-    -------
-    Calibration
-        A degenerate set is in its findings, with the severity of a refusal where it is hopeless.
+    ``without_board`` are names of pictures without a board and the reason, for the record. Without a floor
+    (``observed.reference`` None) the camera alone is calibrated and the floor of the result is the camera frame itself.
+    A degenerate set is in the findings, with the severity of a refusal where it is hopeless.
 
     Raises
     ------
     RefusedError
         When too few views are left, or the board that fixes the floor frame does not fit.
     """
-    kept, start, dropped = _without_misfits(seen, settings)
+    kept, start, dropped = _without_misfits(observed, settings)
     kept, start = _with_honest_marks(kept, start)
     trials = try_lenses(kept.blocks, start, settings.lens_models, settings.folds)
     chosen = choose_lens(trials)
     estimate = chosen.estimate
-    active = active_parameters(chosen.model, with_floor=seen.reference is not None)
+    active = active_parameters(chosen.model, with_floor=observed.reference is not None)
     covariance, _ = marginal_covariance(kept.blocks, estimate, active)
     calibration = Calibration(
-        camera=Camera(seen.resolution_px, estimate.matrix, estimate.distortion, chosen.model),
+        camera=Camera(observed.resolution_px, estimate.matrix, estimate.distortion, chosen.model),
         floor=Floor(estimate.T_camera_floor),
         covariance=covariance,
         corner_noise_px=estimate.noise_px,
-        views=_views(seen, kept, estimate, dropped, unseen),
+        views=_views(observed, kept, estimate, dropped, without_board),
     )
     calibration = _judged(calibration, kept, trials, chosen, (0.0, *heights_m), settings.position_limit_m)
-    stated = seen.reference.mark_std_px if seen.reference is not None else np.nan
+    stated = observed.reference.mark_std_px if observed.reference is not None else np.nan
     return replace(calibration, findings=(*calibration.findings, *marks_findings(kept, estimate, stated)))
 
 
 def _without_misfits(
-    seen: CalibrationObservations, settings: CalibrateSettings
+    observed: CalibrationObservations, settings: CalibrateSettings
 ) -> tuple[CalibrationObservations, Estimate, dict[str, str]]:
-    """Drop the views that do not fit, worst first, until all others do; return what is left and its fit."""
+    """Drop the views that do not fit, worst first; the remaining observations, their fit, and the reasons by name."""
     dropped: dict[str, str] = {}
     while True:
-        if len(seen.observations) < CONSTANTS.fewest_views:
+        if len(observed.observations) < CONSTANTS.fewest_views:
             raise RefusedError(
                 "too few views of the board",
-                got=f"{len(seen.observations)} usable",
+                got=f"{len(observed.observations)} usable",
                 allowed=f"{CONSTANTS.fewest_views} at the very least, 12 to do well",
                 remedy="film the board tilted by 20° to 40° to all sides, all over the picture",
             )
-        estimate, misfit = _fit_to_judge(seen, settings.misfit_ratio)
+        estimate, misfit = _fit_to_judge(observed, settings.misfit_ratio)
         if misfit is None:
-            return seen, estimate, dropped
-        name, reason = misfit
-        dropped[name] = reason
-        seen = _less(seen, name, reason)
+            return observed, estimate, dropped
+        dropped[misfit[0]] = misfit[1]
+        observed = _less(observed, *misfit)
 
 
-def _fit_to_judge(seen: CalibrationObservations, misfit_ratio: float) -> tuple[Estimate, tuple[str, str] | None]:
-    """Fit ever larger lens models until all views fit; if none does, name the worst view and say why."""
-    estimate = first_guess(seen)
+def _fit_to_judge(observed: CalibrationObservations, misfit_ratio: float) -> tuple[Estimate, tuple[str, str] | None]:
+    """Fit larger and larger lens models until all views fit; if none does, the worst view and the reason."""
+    estimate = first_guess(observed)
     for model in _JUDGING_MODELS:
-        active = active_parameters(model, with_floor=seen.reference is not None)
-        estimate = unflipped(seen, adjust(seen.blocks, estimate, active))
-        found = residuals(seen.blocks, estimate)[: len(seen.observations)]
+        active = active_parameters(model, with_floor=observed.reference is not None)
+        estimate = unflipped(observed, adjust(observed.blocks, estimate, active))
+        found = residuals(observed.blocks, estimate)[: len(observed.observations)]
         rms_px = [float(np.sqrt(np.mean(r**2))) for r in found]
         usual, worst = float(np.median(rms_px)), int(np.argmax(rms_px))
         if model in _GOOD_ENOUGH_TO_CLEAR and rms_px[worst] <= max(misfit_ratio * usual, CONSTANTS.smallest_misfit_px):
             return estimate, None
     reason = f"does not fit: {rms_px[worst]:.2f} px RMS where half of the views have {usual:.2f} px or less"
-    return estimate, (seen.observations[worst].name, reason)
+    return estimate, (observed.observations[worst].name, reason)
 
 
-def _with_honest_marks(seen: CalibrationObservations, estimate: Estimate) -> tuple[CalibrationObservations, Estimate]:
-    """Surveyed marks with the deviation that their residuals show, where that is clearly more than stated."""
-    if not seen.marks:
-        return seen, estimate
-    shown, worse = marks_std_px(seen, estimate)
+def _with_honest_marks(
+    observed: CalibrationObservations, estimate: Estimate
+) -> tuple[CalibrationObservations, Estimate]:
+    """Surveyed marks with the standard deviation of their residuals, where that is clearly more than stated."""
+    std_px, worse = marks_std_px(observed, estimate) if observed.marks else (np.nan, False)
     if not worse:
-        return seen, estimate
-    seen = replace(seen, reference=replace(seen.floor_reference, mark_std_px=shown))
-    return seen, adjust(seen.blocks, estimate, active_parameters("k1 k2", with_floor=True))
+        return observed, estimate
+    observed = replace(observed, reference=replace(observed.floor_reference, mark_std_px=std_px))
+    return observed, adjust(observed.blocks, estimate, active_parameters("k1 k2", with_floor=True))
 
 
-def _less(seen: CalibrationObservations, name: str, reason: str) -> CalibrationObservations:
-    if seen.floor_boards and not seen.marks and seen.floor_boards[0].name == name:
+def _less(observed: CalibrationObservations, name: str, reason: str) -> CalibrationObservations:
+    if observed.floor_boards and not observed.marks and observed.floor_boards[0].name == name:
         raise RefusedError(
             "the board that fixes the floor frame does not fit",
             got=f"{name} {reason}",
             remedy="check that it lies flat, is sharp and is the same board; or take another picture as floor.image",
         )
-    return seen.without({name})
+    return observed.without({name})
 
 
 def _views(
-    seen: CalibrationObservations,
+    observed: CalibrationObservations,
     kept: CalibrationObservations,
     estimate: Estimate,
     dropped: dict[str, str],
-    unseen: dict[str, str],
+    without_board: dict[str, str],
 ) -> tuple[View, ...]:
     names = [s.name for s in kept.observations]
     fitted = dict(zip(names, residuals(kept.blocks, estimate), strict=False))
     tilts = dict(zip(names, tilts_deg(kept, estimate), strict=True))
-    on_floor = {s.name for s in seen.floor_boards}
+    on_floor = {s.name for s in observed.floor_boards}
     views = [
         View(
             name=s.name,
@@ -300,13 +287,16 @@ def _views(
             on_floor=s.name in on_floor,
             dropped=dropped.get(s.name, ""),
         )
-        for s in seen.observations
+        for s in observed.observations
     ]
     if kept.marks:
         marks, residual = kept.floor_reference, residuals(kept.blocks, estimate)[-1]
         views.append(View(_MARKS_VIEW, marks.marks_px, marks.marks_m, residual, np.nan, on_floor=True))
     empty = np.zeros((0, 2))
-    return (*views, *(View(name, empty, empty, empty, np.nan, dropped=reason) for name, reason in unseen.items()))
+    return (
+        *views,
+        *(View(name, empty, empty, empty, np.nan, dropped=reason) for name, reason in without_board.items()),
+    )
 
 
 def _judged(
@@ -317,7 +307,7 @@ def _judged(
     heights_m: Sequence[float],
     limit_m: float,
 ) -> Calibration:
-    """The calibration with its findings and its quality figures."""
+    """The calibration with its findings and quality figures."""
     statistics = view_statistics(kept, chosen.estimate, calibration.covariance)
     quality = {
         "views_used": float(len(kept.observations)),
@@ -353,29 +343,16 @@ def _reprojection_rms_px(calibration: Calibration) -> float:
 
 
 def _dropped_findings(calibration: Calibration) -> list[Finding]:
-    return [
-        finding(
-            "view-dropped",
-            Severity.WARNING if len(view.corners_px) else Severity.NOTE,
-            name=view.name,
-            reason=view.dropped,
-        )
-        for view in calibration.views
-        if view.dropped
-    ]
+    severity = {True: Severity.WARNING, False: Severity.NOTE}
+    dropped = [view for view in calibration.views if view.dropped]
+    return [finding("view-dropped", severity[len(v.corners_px) > 0], name=v.name, reason=v.dropped) for v in dropped]
 
 
 def _lens_findings(trials: Sequence[LensTrial], chosen: LensTrial) -> list[Finding]:
     """A note where a larger lens model predicts better but its coefficients are not determined."""
     better = [t for t in trials if not t.determined and t.score_px2 < chosen.score_px2]
+    own = {"chosen": chosen.model, "chosen_px": np.sqrt(chosen.score_px2)}
     return [
-        finding(
-            "lens-undetermined",
-            model=trial.model,
-            score_px=np.sqrt(trial.score_px2),
-            chosen_px=np.sqrt(chosen.score_px2),
-            chosen=chosen.model,
-            condition=trial.condition,
-        )
-        for trial in better
+        finding("lens-undetermined", model=t.model, score_px=np.sqrt(t.score_px2), condition=t.condition, **own)
+        for t in better
     ]

@@ -32,7 +32,7 @@ CONSTANTS = CornerConstants()
 class BoardObservation:
     """Corners of one board in one picture: ``corners_px`` (n, 2), and ``board_m`` (n, 2) the same on the board.
 
-    Board coordinates are right-handed seen from the printed side: x to y runs counter-clockwise to the camera.
+    Board coordinates are right-handed on the printed side: from x to y is counter-clockwise for the camera.
     """
 
     name: str
@@ -41,19 +41,9 @@ class BoardObservation:
 
 
 def observe_chessboard(name: str, image: NDArray[np.uint8], board: Board, *, thorough: bool) -> BoardObservation | None:
-    """Find a chessboard in a picture.
+    """Find a chessboard in a grey picture (height, width); None where not all of its corners are found.
 
-    Parameters
-    ----------
-    board : Board
-        The board to look for; all its corners have to be in the picture.
-    thorough : bool
-        Ask the sector-based finder, which sees more and takes ten to a hundred times as long.
-
-    Returns
-    -------
-    BoardObservation or None
-        None where the board, or a part of it, is not seen.
+    ``thorough`` uses the sector-based finder, which finds more and takes ten to a hundred times as long.
     """
     if thorough:
         found, corners = cv2.findChessboardCornersSB(image, board.inner_corners, flags=_SECTORS)
@@ -71,7 +61,7 @@ def observe_chessboard(name: str, image: NDArray[np.uint8], board: Board, *, tho
 
 
 def observe_charuco(name: str, image: NDArray[np.uint8], board: Board) -> BoardObservation | None:
-    """Find a ChArUco board, whole or in part, in a grey picture; None where too little of it is seen.
+    """Find a ChArUco board, whole or in part, in a grey picture; None where too little of it is found.
 
     Raises `InputError` when OpenCV has no marker set of the board's name.
     """
@@ -101,18 +91,18 @@ def _charuco_pattern(board: Board) -> cv2.aruco.CharucoBoard:
 
 
 def _predicted_spacing(grid: Array, corners: Array, square_m: float) -> Array:
-    """Distance (n,) from each corner to the nearest of its four neighbours, seen or not [px]."""
+    """Distance (n,) from each corner to the nearest of its four neighbours, found or not [px]."""
     homography = cv2.findHomography(grid, corners)[0]
     steps = square_m * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]], dtype=float)
-    seen = cv2.perspectiveTransform((grid[:, None] + steps).reshape(-1, 1, 2), homography).reshape(-1, 5, 2)
-    spacing: Array = np.linalg.norm(seen[:, 1:] - seen[:, :1], axis=2).min(axis=1)
+    around = cv2.perspectiveTransform((grid[:, None] + steps).reshape(-1, 1, 2), homography).reshape(-1, 5, 2)
+    spacing: Array = np.linalg.norm(around[:, 1:] - around[:, :1], axis=2).min(axis=1)
     return spacing
 
 
 def facing_camera(board_m: Array, corners_px: Array) -> Array:
-    """Board coordinates with y reversed where they would be those of the board seen from behind."""
+    """Board coordinates with y reversed where they would be those of the back of the board."""
     affine = np.linalg.lstsq(np.column_stack([board_m, np.ones(len(board_m))]), corners_px, rcond=None)[0][:2]
-    # Image v runs down: a board that faces the camera has a negative determinant there.
+    # Image v points down: a board that faces the camera has a negative determinant there.
     return board_m * [1.0, -1.0] if np.linalg.det(affine) > 0 else board_m
 
 
@@ -126,10 +116,9 @@ def _distance_to_neighbour(grid: Array) -> Array:
 
 
 def refine(image: NDArray[np.uint8], corners: Array, spacing: Array, share: float | None = None) -> Array:
-    """Corners (n, 2) to a fraction of a pixel, each in a window that fits its distance (n,) to the next corner [px].
+    """Corners (n, 2) refined to a fraction of a pixel, in windows of ``share`` of the spacing (n,) to either side [px].
 
-    The window reaches ``share`` of that distance to either side. One of a fixed size reaches into the neighbouring
-    corners of a small board and pulls them together.
+    A window of fixed size reaches into the neighbouring corners of a small board and pulls them together.
     """
     refined = corners.astype(np.float32).reshape(-1, 1, 2)
     share = CONSTANTS.window_share if share is None else share

@@ -52,17 +52,14 @@ def _nearest(observation: BoardObservation, pixel: Array | None, key: str) -> in
 def pose_of_plane(points_m: Array, pixels: Array, matrix: Array, distortion: Array) -> list[Array]:
     """Poses (6,) of a flat set of points in the camera frame, the likelier of the two solutions first.
 
-    A flat target seen from afar has two poses that look nearly alike, tilted to either side (Collins and Bartoli 2014).
+    A distant flat target has two nearly equivalent poses, tilted to either side (Collins and Bartoli 2014).
     """
     _, rotations, shifts, _ = cv2.solvePnPGeneric(points_m, pixels, matrix, distortion, flags=cv2.SOLVEPNP_IPPE)
     return [np.concatenate([r.ravel(), t.ravel()]) for r, t in zip(rotations, shifts, strict=True)]
 
 
 def floor_from_boards(origin_pose: Array, all_poses: Sequence[Array], thickness_m: float) -> Array:
-    """First guess (6,) of the floor in the camera frame.
-
-    The normal is the mean over all boards, place and x axis come from the board at the origin.
-    """
+    """First guess (6,) of the floor in the camera frame: mean normal of all boards, origin and x axis of one."""
     normal = np.mean([cv2.Rodrigues(pose[:3])[0][:, 2] for pose in all_poses], axis=0)
     normal /= np.linalg.norm(normal)
     x = cv2.Rodrigues(origin_pose[:3])[0][:, 0]
@@ -74,11 +71,6 @@ def floor_from_boards(origin_pose: Array, all_poses: Sequence[Array], thickness_
 
 def place_on_floor(observation: BoardObservation, estimate: Estimate, thickness_m: float) -> Array:
     """Where a board lies (3,): x, y [m] and heading [rad] in the floor frame."""
-    seen = to_plane_kernel(
-        np.ascontiguousarray(observation.corners_px),
-        thickness_m,
-        estimate.T_camera_floor,
-        estimate.matrix,
-        np.ascontiguousarray(estimate.distortion),
-    )
-    return rigid_fit(observation.board_m, seen)
+    camera = estimate.T_camera_floor, estimate.matrix, np.ascontiguousarray(estimate.distortion)
+    corners_m = to_plane_kernel(np.ascontiguousarray(observation.corners_px), thickness_m, *camera)
+    return rigid_fit(observation.board_m, corners_m)

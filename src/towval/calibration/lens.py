@@ -1,4 +1,4 @@
-"""Which lens model: nested ones, the smallest that predicts held-out views as well as the best."""
+"""Selection of the lens model: of nested ones, the smallest that predicts held-out views as well as the best."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -30,7 +30,7 @@ class LensConstants:
     """Tuned constant of model selection."""
 
     largest_condition: float = 1e8
-    # Beyond it coefficients cancel: the fit is good at the corners, and anything between and beyond them.
+    # Beyond it coefficients cancel: the fit is good at the corners, and arbitrary between and beyond them.
 
 
 CONSTANTS = LensConstants()
@@ -38,7 +38,7 @@ CONSTANTS = LensConstants()
 
 @dataclass(frozen=True)
 class LensTrial:
-    """How one lens model did.
+    """Result of one lens model.
 
     ``held_out_rms_px`` (views,) of every view as predicted by the others; ``estimate`` from all views; ``condition``
     the scaled condition number of its parameters.
@@ -69,8 +69,8 @@ def active_parameters(model: str, with_floor: bool) -> NDArray[np.intp]:
 def try_lens(blocks: Sequence[Block], start: Estimate, model: str, folds: int) -> LensTrial:
     """Fit a lens model to all views and, leaving out a fold at a time, predict each view from the others.
 
-    A view that is left out fits its own place and nothing else. Points given in floor coordinates stay in every fit:
-    they fix the frame.
+    For a view that is left out only its place is fitted. Points given in floor coordinates stay in every fit: they fix
+    the frame.
     """
     with_floor = any(block.placement is not Placement.FREE for block in blocks)
     active = active_parameters(model, with_floor)
@@ -112,10 +112,8 @@ def try_lenses(blocks: Sequence[Block], start: Estimate, models: Sequence[str], 
 def choose_lens(trials: Sequence[LensTrial]) -> LensTrial:
     """The smallest model whose held-out error is within one standard error of the best one's.
 
-    The standard error is that of the paired difference: the same views, predicted by both models. Models whose
-    coefficients the views do not determine are left out unless all are such.
-
-    ``trials``: smallest model first.
+    The standard error is that of the paired difference: the same views, predicted by both models. Models with
+    undetermined coefficients are excluded unless all are such. ``trials`` are ordered, smallest model first.
     """
     trials = [trial for trial in trials if trial.determined] or trials
     best = min(trials, key=lambda trial: trial.score_px2)

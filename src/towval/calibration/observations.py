@@ -1,4 +1,4 @@
-"""All that a calibration saw, as blocks for the adjustment, and a first guess of camera, floor and places."""
+"""The observations of a calibration, as blocks for the adjustment, and a first guess of camera, floor and places."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -52,20 +52,18 @@ class CalibrationObservations:
         flat = [self._floor_block(i) for i in range(len(self.floor_boards))]
         if self.marks:
             reference = self.floor_reference
-            flat.append(
-                Block(lifted(reference.marks_m, 0.0), reference.marks_px, Placement.FIXED, reference.mark_std_px)
-            )
+            marks_m = lifted(reference.marks_m, 0.0)
+            flat.append(Block(marks_m, reference.marks_px, Placement.FIXED, reference.mark_std_px))
         return (*free, *flat)
 
     def _floor_block(self, index: int) -> Block:
         observation = self.floor_boards[index]
         placement = Placement.FIXED if index == 0 and not self.marks else Placement.ON_FLOOR
-        return Block(
-            lifted(observation.board_m, self.floor_reference.board_thickness_m), observation.corners_px, placement
-        )
+        points_m = lifted(observation.board_m, self.floor_reference.board_thickness_m)
+        return Block(points_m, observation.corners_px, placement)
 
-    def without(self, names: set[str]) -> "CalibrationObservations":
-        """The seen less some boards."""
+    def without(self, names: set[str]) -> CalibrationObservations:
+        """The observations less some boards."""
         return replace(
             self,
             boards=tuple(s for s in self.boards if s.name not in names),
@@ -78,42 +76,41 @@ def lifted(points: Array, height: float) -> Array:
     return np.column_stack([points, np.full(len(points), height)])
 
 
-def first_guess(seen: CalibrationObservations) -> Estimate:
-    """Camera without a lens, floor and places, to start the adjustment from.
+def first_guess(observed: CalibrationObservations) -> Estimate:
+    """Camera without distortion, floor and places, to start the adjustment from.
 
-    The focal length comes from the vanishing points of the boards (Zhang 2000), the principal point is the image
-    centre.
+    The focal length is that of the boards' vanishing points (Zhang 2000), the principal point the image centre.
     """
-    width, height = seen.resolution_px
-    points = [lifted(s.board_m, 0.0).astype(np.float32) for s in seen.observations]
-    pixels = [s.corners_px.astype(np.float32) for s in seen.observations]
-    guess = cv2.initCameraMatrix2D(points, pixels, seen.resolution_px, 1.0)[0, 0]
+    width, height = observed.resolution_px
+    points = [lifted(s.board_m, 0.0).astype(np.float32) for s in observed.observations]
+    pixels = [s.corners_px.astype(np.float32) for s in observed.observations]
+    guess = cv2.initCameraMatrix2D(points, pixels, observed.resolution_px, 1.0)[0, 0]
     # Boards without tilt have no vanishing points: the guess may then be anything.
     focal = guess if np.isfinite(guess) and 0.2 * width < guess < 10 * width else float(width)
     shared = np.zeros(18)
     shared[:4] = focal, focal, (width - 1) / 2, (height - 1) / 2
-    return placed(seen, Estimate(shared, ()))
+    return placed(observed, Estimate(shared, ()))
 
 
-def placed(seen: CalibrationObservations, estimate: Estimate) -> Estimate:
-    """The same camera with the floor and all places found anew, each board by itself."""
+def placed(observed: CalibrationObservations, estimate: Estimate) -> Estimate:
+    """The same camera with the floor and all places estimated again, each board by itself."""
     matrix, distortion = camera_matrix(estimate.shared), estimate.distortion
-    poses = [pose_of_plane(lifted(s.board_m, 0.0), s.corners_px, matrix, distortion)[0] for s in seen.observations]
-    free, flat = poses[: len(seen.boards)], poses[len(seen.boards) :]
-    if seen.reference is None:
+    poses = [pose_of_plane(lifted(s.board_m, 0.0), s.corners_px, matrix, distortion)[0] for s in observed.observations]
+    free, flat = poses[: len(observed.boards)], poses[len(observed.boards) :]
+    if observed.reference is None:
         return replace(estimate, places=tuple(free))
-    estimate = _with_floor(seen, estimate, flat)
-    thickness = seen.reference.board_thickness_m
-    places = [np.zeros(0) for _ in seen.blocks[len(seen.boards) :]]
-    for i, observation in enumerate(seen.floor_boards):
-        if seen.blocks[len(seen.boards) + i].placement is not Placement.FIXED:
+    estimate = _with_floor(observed, estimate, flat)
+    thickness = observed.reference.board_thickness_m
+    places = [np.zeros(0) for _ in observed.blocks[len(observed.boards) :]]
+    for i, observation in enumerate(observed.floor_boards):
+        if observed.blocks[len(observed.boards) + i].placement is not Placement.FIXED:
             places[i] = place_on_floor(observation, estimate, thickness)
     return replace(estimate, places=(*free, *places))
 
 
-def _with_floor(seen: CalibrationObservations, estimate: Estimate, flat: Sequence[Array]) -> Estimate:
-    reference, shared = seen.floor_reference, estimate.shared.copy()
-    if seen.marks >= 4:
+def _with_floor(observed: CalibrationObservations, estimate: Estimate, flat: Sequence[Array]) -> Estimate:
+    reference, shared = observed.floor_reference, estimate.shared.copy()
+    if observed.marks >= 4:
         _check_spread(reference.marks_m)
         marks = lifted(reference.marks_m, 0.0)
         shared[12:] = pose_of_plane(marks, reference.marks_px, estimate.matrix, estimate.distortion)[0]
@@ -121,12 +118,12 @@ def _with_floor(seen: CalibrationObservations, estimate: Estimate, flat: Sequenc
     if not flat:
         raise InputError(
             "the floor cannot be found",
-            got=f"{seen.marks} surveyed marks and no board on the floor",
+            got=f"{observed.marks} surveyed marks and no board on the floor",
             allowed="four marks or more, or a board lying on the floor",
         )
     shared[12:] = floor_from_boards(flat[0], flat, reference.board_thickness_m)
     estimate = replace(estimate, shared=shared)
-    return _turned_to_marks(reference, estimate) if seen.marks else estimate
+    return _turned_to_marks(reference, estimate) if observed.marks else estimate
 
 
 def _check_spread(marks_m: Array) -> None:
@@ -140,12 +137,11 @@ def _check_spread(marks_m: Array) -> None:
 
 
 def _turned_to_marks(reference: FloorReference, estimate: Estimate) -> Estimate:
-    """The floor of the boards with its axes turned and shifted so that the marks have their surveyed coordinates."""
+    """The floor of the boards, rotated and shifted so that the marks have their surveyed coordinates."""
     T = estimate.T_camera_floor
-    seen = to_plane_kernel(
-        np.ascontiguousarray(reference.marks_px), 0.0, T, estimate.matrix, estimate.distortion.copy()
-    )
-    x, y, heading = rigid_fit(reference.marks_m, seen)
+    marks_px = np.ascontiguousarray(reference.marks_px)
+    on_floor = to_plane_kernel(marks_px, 0.0, T, estimate.matrix, estimate.distortion.copy())
+    x, y, heading = rigid_fit(reference.marks_m, on_floor)
     turn = np.eye(4)
     turn[:2, :2] = [[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]]
     turn[:2, 3] = x, y
@@ -155,10 +151,10 @@ def _turned_to_marks(reference: FloorReference, estimate: Estimate) -> Estimate:
     return replace(estimate, shared=shared)
 
 
-def unflipped(seen: CalibrationObservations, estimate: Estimate) -> Estimate:
-    """The estimate with each free board on that side of its tilt which fits better, now that the camera is known."""
+def unflipped(observed: CalibrationObservations, estimate: Estimate) -> Estimate:
+    """The estimate with the better of the two poses of each free board, now that the camera is known."""
     places = list(estimate.places)
-    for i, block in enumerate(seen.blocks):
+    for i, block in enumerate(observed.blocks):
         if block.placement is not Placement.FREE:
             continue
         for pose in pose_of_plane(block.points_m, block.pixels, estimate.matrix, estimate.distortion):

@@ -1,4 +1,4 @@
-"""What the uncertainty of a calibration means on the floor and over it, in metres."""
+"""Uncertainty of a calibration in metres on planes parallel to the floor."""
 
 import cv2
 import numpy as np
@@ -16,19 +16,9 @@ def shared_parameters(camera: Camera, floor: Floor) -> Array:
 
 
 def position_sensitivity(camera: Camera, floor: Floor, pixels: ArrayLike, height_m: float) -> tuple[Array, Array]:
-    """How positions on a plane move with the calibration and with the plane's height.
+    """Derivatives of the positions of pixels (n, 2) on a plane by the calibration and by the plane's height [m].
 
-    The pixel of a point X on the plane is π(X, θ). It stays where it was seen, so that
-    ``dX/dθ = −(∂π/∂X)⁻¹ ∂π/∂θ`` within the plane.
-
-    Parameters
-    ----------
-    camera, floor : Camera, Floor
-        The calibration.
-    pixels : array_like (n, 2)
-        Pixels [px].
-    height_m : float
-        Height of the plane [m].
+    The pixel of a point X on the plane is π(X, θ). At a fixed pixel ``dX/dθ = −(∂π/∂X)⁻¹ ∂π/∂θ`` within the plane.
 
     Returns
     -------
@@ -60,8 +50,8 @@ def position_covariance(
 ) -> Array:
     """Covariance of positions on a plane due to the calibration and the plane's height.
 
-    It holds the noise of the corners through the whole calibration. It does not hold an error of the lens model's
-    form, of the board or of the surveyed marks: two halves of the views calibrated apart show the first.
+    It includes the noise of the corners, propagated through the whole calibration, but no error of the lens model's
+    form, of the board or of the surveyed marks; two halves of the views calibrated separately show the first.
 
     Parameters
     ----------

@@ -26,10 +26,10 @@ def distort(x: float, y: float, k: Array) -> tuple[float, float]:
 def distort_jacobian(x: float, y: float, k: Array) -> tuple[float, float, float, float]:
     """Derivatives of :func:`distort`: ∂u/∂x, ∂u/∂y, ∂v/∂x, ∂v/∂y."""
     r2 = x * x + y * y
-    top = 1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))
-    bottom = 1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7]))
-    radial = top / bottom
-    slope = (k[0] + r2 * (2 * k[1] + 3 * r2 * k[4]) - radial * (k[5] + r2 * (2 * k[6] + 3 * r2 * k[7]))) / bottom
+    numerator = 1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))
+    denominator = 1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7]))
+    radial = numerator / denominator
+    slope = (k[0] + r2 * (2 * k[1] + 3 * r2 * k[4]) - radial * (k[5] + r2 * (2 * k[6] + 3 * r2 * k[7]))) / denominator
     mixed = 2 * x * y * slope + 2 * k[2] * x + 2 * k[3] * y
     return (
         radial + 2 * x * x * slope + 2 * k[2] * y + 6 * k[3] * x,
@@ -58,7 +58,7 @@ def undistort(u: float, v: float, k: Array) -> tuple[float, float]:
 
 @compiled()
 def project_kernel(points: Array, T: Array, matrix: Array, k: Array) -> Array:
-    """Pixels (n, 2) of points (n, 3) [m] seen through ``T`` = T_camera_floor; NaN behind the camera."""
+    """Pixels (n, 2) of points (n, 3) [m] for ``T`` = T_camera_floor; NaN behind the camera."""
     out = np.empty((points.shape[0], 2))
     for i in range(points.shape[0]):
         px, py, pz = points[i, 0], points[i, 1], points[i, 2]
@@ -94,20 +94,7 @@ def to_plane_kernel(pixels: Array, height: float, T: Array, matrix: Array, k: Ar
 
 
 def project(camera: Camera, floor: Floor, points: ArrayLike) -> Array:
-    """Pixels of floor points.
-
-    Parameters
-    ----------
-    camera, floor : Camera, Floor
-        The calibrated camera and the floor it sees.
-    points : array_like (..., 3)
-        Points in the floor frame [m].
-
-    Returns
-    -------
-    ndarray (..., 2)
-        Pixels [px]; NaN for points behind the camera.
-    """
+    """Pixels (..., 2) of points (..., 3) in the floor frame [m]; NaN for points behind the camera."""
     points = np.asarray(points, dtype=np.float64)
     flat = np.ascontiguousarray(points.reshape(-1, 3))
     pixels: Array = project_kernel(flat, floor.T_camera_floor, camera.matrix, camera.distortion)
@@ -115,21 +102,9 @@ def project(camera: Camera, floor: Floor, points: ArrayLike) -> Array:
 
 
 def to_plane(camera: Camera, floor: Floor, pixels: ArrayLike, height: float) -> Array:
-    """Where the rays of pixels meet the plane at ``height`` over the floor: the inverse of :func:`project` there.
+    """Points (..., 2) in which the rays of pixels (..., 2) meet the plane at ``height`` over the floor [m].
 
-    Parameters
-    ----------
-    camera, floor : Camera, Floor
-        The calibrated camera and the floor it sees.
-    pixels : array_like (..., 2)
-        Pixels [px].
-    height : float
-        Height of the plane over the floor [m].
-
-    Returns
-    -------
-    ndarray (..., 2)
-        x and y in the floor frame [m]; NaN where a ray misses the plane or the lens model has no inverse.
+    The inverse of :func:`project` there; NaN where a ray misses the plane or the lens model has no inverse.
     """
     pixels = np.asarray(pixels, dtype=np.float64)
     flat = np.ascontiguousarray(pixels.reshape(-1, 2))

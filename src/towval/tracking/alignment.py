@@ -1,10 +1,10 @@
-"""Planar pose by inverse-compositional Lucas-Kanade on the whole planar target against a metric template.
+"""Planar pose by inverse-compositional Lucas-Kanade on a whole planar target against a metric template.
 
 The template holds grey values T at points p of the target, in the body frame. At the true pose the picture shows
 ``I(p) = g T(p) + b`` with a gain g and a bias b that change with the light. At a pose that is off by a small motion ε
 of the body frame, ``I(p) = g (T(p) + J(p) ε) + b`` with ``J = ∇T · [[1, 0, −y], [0, 1, x]]``: J belongs to the template
 and never changes. Each round reads the picture at the points through the exact camera model, solves for ε with robust
-weights and takes it off the pose.
+weights and removes it from the pose.
 
 Gain and bias are those of small tiles of the target, eliminated from the equations: the edge of a shadow then costs
 only the tiles it crosses. What hides the target is distinguished by its misfit (Tukey's biweight).
@@ -15,18 +15,15 @@ SOURCE: S. Baker, I. Matthews, *Lucas-Kanade 20 Years On*, IJCV 56 (2004), for t
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from towval.model import Array
 from towval.model.compiling import compiled
 from towval.tracking.interpolation import RELAXED, sample_plane_kernel
 from towval.tracking.light import CONSTANTS as LIGHT
-from towval.tracking.light import OUTSIDE, fit_light, misfits
+from towval.tracking.light import OUTSIDE, Tiles, fit_light, misfits
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.pose import TUKEY
-from towval.tracking.template import Template
-
-Luma = NDArray[np.uint8]
+from towval.tracking.template import Luma, Template
 
 
 @dataclass(frozen=True)
@@ -46,7 +43,6 @@ class AlignmentConstants:
 
 CONSTANTS = AlignmentConstants()
 
-
 _QUANTILE, _QUANTILE_OF_GAUSSIAN = 0.35, 0.45376  # That share of Gaussian |r| is below so many deviations.
 _BIN, _BINS = 0.02, 5000  # [grey levels] Resolution of the scale; larger residuals share the last bin.
 _DAMPING = 1 + 1e-6  # Numerical: keeps the equations solvable.
@@ -58,8 +54,8 @@ class Alignment:
     """Outcome of an alignment.
 
     ``pose`` (3,); ``covariance`` (3, 3); ``residual`` (n,) of each point [grey levels of the template], large outside
-    the picture; ``weight`` (n,) in [0, 1]; ``scale`` deviation of the inliers' residuals; ``correlation`` of picture
-    and template in the better tiles; ``inlier_fraction`` of all points; ``converged`` whether the last step was small.
+    the picture; ``weight`` (n,) in [0, 1]; ``scale`` standard deviation of the inliers' residuals; ``correlation`` of
+    picture and template in the better tiles; ``inlier_fraction`` of all points; ``converged``: the last step was small.
     """
 
     pose: Array
@@ -73,7 +69,7 @@ class Alignment:
 
 
 @compiled()
-def _scale(residual):  # type: ignore[no-untyped-def]
+def _scale(residual: Array) -> float:
     """Deviation of the better part of the residuals, from a histogram; zero where all are outside."""
     bins = np.zeros(_BINS, dtype=np.int64)
     inside = 0
@@ -85,13 +81,13 @@ def _scale(residual):  # type: ignore[no-untyped-def]
     wanted, below = _QUANTILE * inside, 0
     for i in range(_BINS):
         if below + bins[i] > wanted:
-            return _BIN * (i + (wanted - below) / bins[i]) / _QUANTILE_OF_GAUSSIAN
+            return float(_BIN * (i + (wanted - below) / bins[i]) / _QUANTILE_OF_GAUSSIAN)
         below += bins[i]
     return 0.0
 
 
 @compiled(fastmath=RELAXED)
-def _reweigh(residual, precision, scale, weight):  # type: ignore[no-untyped-def]
+def _reweigh(residual: Array, precision: Array, scale: float, weight: Array) -> None:
     """Tukey's weights of the residuals times the known precision of each point."""
     for i in range(residual.shape[0]):
         q2 = residual[i] * residual[i] * precision[i] / (TUKEY * scale) ** 2
@@ -99,8 +95,11 @@ def _reweigh(residual, precision, scale, weight):  # type: ignore[no-untyped-def
 
 
 @compiled(fastmath=RELAXED)
-def _normal_equations(template, slopes, tile, tiles, light, weight, residual, ridge):  # type: ignore[no-untyped-def]
+def _normal_equations(
+    template: Array, slopes: Array, tile: Tiles, light: Array, weight: Array, residual: Array, ridge: float
+) -> tuple[Array, Array]:
     """Information (3, 3) and the scores of the tiles (tiles, 3), light eliminated."""
+    tiles = len(light)
     mean, cross = np.zeros((tiles, 3)), np.zeros((tiles, 3))
     for i in range(template.shape[0]):
         w, row = weight[i], tile[i]
@@ -140,7 +139,7 @@ def _normal_equations(template, slopes, tile, tiles, light, weight, residual, ri
 
 
 @compiled()
-def _solve(information, scores):  # type: ignore[no-untyped-def]
+def _solve(information: Array, scores: Array) -> tuple[float, float, float]:
     """Solve the 3 × 3 equations, slightly damped so that a direction without texture stays where it is.
 
     Cramer's rule: written out it compiles in a tenth of the time of a call to LAPACK.
@@ -157,12 +156,11 @@ def _solve(information, scores):  # type: ignore[no-untyped-def]
 
 
 @compiled()
-def _correlation(values, template, tile, tiles, least_of_tile, visible_tiles):  # type: ignore[no-untyped-def]
-    """Correlation of picture and template in the tiles that are seen: the 70th percentile over the tiles.
-
-    No weights: weights choose the points that agree, and a few agree anywhere. What hides part of the top costs the
-    tiles it hides and leaves the others as they are.
-    """
+def _correlation(
+    values: Array, template: Array, tile: Tiles, tiles: int, least_of_tile: int, visible_tiles: float
+) -> float:
+    """Correlation of picture and template: a quantile over the tiles, so that the hidden ones do not count."""
+    # No weights: weights choose the points that agree, and a few agree anywhere.
     sums = np.zeros((tiles, 6))
     for i in range(values.shape[0]):
         a, t, row = values[i], template[i], tile[i]
@@ -181,29 +179,24 @@ def _correlation(values, template, tile, tiles, least_of_tile, visible_tiles):  
             power = (sums[row, 3] - sums[row, 1] ** 2 / n) * (sums[row, 4] - sums[row, 2] ** 2 / n)
             known[count] = (sums[row, 5] - sums[row, 1] * sums[row, 2] / n) / np.sqrt(power) if power > 0 else 0.0
             count += 1
-    return np.sort(known[:count])[int(visible_tiles * count)] if count else 0.0
+    return float(np.sort(known[:count])[int(visible_tiles * count)]) if count else 0.0
 
 
 @compiled()
-def _align_kernel(  # type: ignore[no-untyped-def]
-    luma,
-    points,
-    template,
-    slopes,
-    tile,
-    tiles,
-    precision,
-    pose,
-    height,
-    T,
-    matrix,
-    k,
-    most_scale,
-    tolerance_m,
-    rule,
-    gains,
-):
-    """Rounds of the alignment: pose, information, scores, residuals, weights, scale, correlation, converged."""
+def _align_kernel(
+    luma: Luma,
+    shape: tuple[Array, Array, Array, Tiles, int],
+    precision: Array,
+    pose: Array,
+    view: tuple[float, Array, Array, Array],
+    limits: tuple[float, float],
+    rule: tuple[float, int, int, int, int, float],
+    gains: tuple[float, float, float],
+) -> tuple[Array, Array, Array, Array, Array, float, Array, float, bool]:
+    """Rounds of the alignment: pose, information, scores, residuals, weights, scale, light, correlation, converged."""
+    points, template, slopes, tile, tiles = shape
+    height, T, matrix, k = view
+    most_scale, tolerance_m = limits
     least_scale, first_part, first_rounds, most_rounds, least_of_tile, visible_tiles = rule
     gain_spread, least_gain, most_gain = gains
     reach = 0.0
@@ -231,7 +224,7 @@ def _align_kernel(  # type: ignore[no-untyped-def]
             ridge = (scale / gain_spread) ** 2
             light = fit_light(values, t, own_tile, tiles, weight, ridge, least_gain, most_gain)
             misfits(values, t, own_tile, light, residual)
-            information, scores = _normal_equations(t, slopes[:n], own_tile, tiles, light, weight, residual, ridge)
+            information, scores = _normal_equations(t, slopes[:n], own_tile, light, weight, residual, ridge)
             step = _solve(information, scores)
             # pose ∘ step⁻¹
             pose[2] -= step[2]
@@ -241,17 +234,8 @@ def _align_kernel(  # type: ignore[no-untyped-def]
             converged = abs(step[0]) + abs(step[1]) + reach * abs(step[2]) < tolerance
             if converged:
                 break
-    return (
-        pose,
-        information,
-        scores,
-        residual,
-        weight,
-        scale,
-        light,
-        _correlation(values, t, own_tile, tiles, least_of_tile, visible_tiles),
-        converged,
-    )
+    correlation = _correlation(values, t, own_tile, tiles, least_of_tile, visible_tiles)
+    return pose, information, scores, residual, weight, scale, light, correlation, converged
 
 
 def align(
@@ -272,36 +256,22 @@ def align(
     target : PlanarTarget
         The planar target under its camera.
     most_scale : float
-        Largest deviation of the residuals that an inlier may have [grey levels].
+        Largest standard deviation of the inliers' residuals [grey levels].
 
     Returns
     -------
     Alignment or None
         None where too little of the template is in the picture or it leaves a direction open.
     """
+    c = CONSTANTS
     pose, information, scores, residual, weight, scale, light, correlation, converged = _align_kernel(
         luma,
-        template.points,
-        template.values,
-        template.slopes,
-        template.tile,
-        template.tiles,
+        (template.points, template.values, template.slopes, template.tile, template.tiles),
         precision,
         np.asarray(pose, dtype=np.float64),
-        target.height,
-        target.floor.T_camera_floor,
-        target.camera.matrix,
-        target.camera.distortion,
-        most_scale,
-        CONSTANTS.tolerance_px * template.pixel_m,
-        (
-            CONSTANTS.least_scale,
-            CONSTANTS.first_part,
-            CONSTANTS.first_rounds,
-            CONSTANTS.rounds,
-            CONSTANTS.least_of_tile,
-            CONSTANTS.visible_tiles,
-        ),
+        (target.height, target.floor.T_camera_floor, target.camera.matrix, target.camera.distortion),
+        (most_scale, CONSTANTS.tolerance_px * template.pixel_m),
+        (c.least_scale, c.first_part, c.first_rounds, c.rounds, c.least_of_tile, c.visible_tiles),
         (LIGHT.gain_spread, LIGHT.least_gain, LIGHT.most_gain),
     )
     size = np.sqrt(np.diag(information))
@@ -309,7 +279,7 @@ def align(
         return None
     if np.linalg.det(information / np.outer(size, size)) < CONSTANTS.least_determinant:
         return None
-    inverse = np.linalg.inv(information)
+    inverse: Array = np.asarray(np.linalg.inv(information), dtype=np.float64)
     # Residuals of neighbouring points go together (compression, blur): the tiles' scores hold that.
     meat = scores.T @ scores * (template.tiles / max(1, template.tiles - 3))
     # A tile that follows the template at the least gain does not show it: something plain hides it.

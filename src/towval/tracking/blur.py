@@ -1,11 +1,11 @@
-"""Motion blur: what the planar target of a moving body looks like through an open shutter.
+"""Motion blur: the appearance of a moving planar target through an open shutter.
 
-While the shutter is open a point p of the picture, taken in the body frame at the middle of the exposure, sees the
-points ``p − s w(p)`` of the top, ``w = τ (v + ω × p)`` the way of the body during the exposure τ and s from −½ to ½.
-So a blurred picture is aligned with the mean of the sharp top over these points. Against the sharp top itself the
+While the shutter is open a point p of the picture, taken in the body frame at the middle of the exposure, shows the
+points ``p − s w(p)`` of the target, ``w = τ (v + ω × p)`` the motion of the point during the exposure τ and s from −½
+to ½. So a blurred picture is aligned with the mean of the sharp target over these points. Against the sharp target the
 sum of squares has a flat bottom as wide as the blur, and texture and noise decide where in it an alignment ends.
 
-The exposure is measured: of a row of candidates that which explains the moving pictures best.
+The exposure is measured: of several candidates the one that explains the moving pictures best.
 """
 
 import math
@@ -16,16 +16,13 @@ from numpy.typing import NDArray
 
 from towval.model import Array, Camera
 from towval.tracking.alignment import Alignment
-from towval.tracking.interpolation import sample_plane
 from towval.tracking.light import light_misfit
 from towval.tracking.planar_target import PlanarTarget, usable_points
-from towval.tracking.template import Template, by_motion, clearance_m, slopes_at
-
-Luma = NDArray[np.uint8]
+from towval.tracking.template import Luma, Template, by_motion, clearance_m, slopes_at
 
 _CANDIDATES_S = np.arange(17) / 240.0
 """Exposures that are considered [s]. ASSUME: none is longer than a fifteenth of a second."""
-_READINGS = 2  # Of the sharp top between one candidate and the next.
+_READINGS = 2  # Of the sharp target between one candidate and the next.
 
 
 @dataclass(frozen=True)
@@ -46,7 +43,7 @@ CONSTANTS = BlurConstants()
 
 
 def paths(points: Array, sweep: Array) -> Array:
-    """Way (n, 2) of points (n, 2) of a body [m] that moves by ``sweep`` (3,) in its own frame [m, m, rad]."""
+    """Displacement (n, 2) of points (n, 2) of a body [m] that moves by ``sweep`` (3,) in its own frame [m, m, rad]."""
     moved: Array = sweep[:2] + sweep[2] * np.column_stack([-points[:, 1], points[:, 0]])
     return moved
 
@@ -74,17 +71,17 @@ class SharpTarget:
 
     def read(self, points: Array) -> Array:
         """Grey values (n,) at points (n, 2) of the body frame [m]; NaN outside the picture."""
-        return sample_plane(self.luma, points, self.pose, self.target.height, self.target.camera, self.target.floor)
+        return self.target.grey_values(self.luma, points, self.pose)
 
     def clear(self, points: Array, path: Array) -> NDArray[np.bool_]:
-        """Which points (n, 2) see nothing but the top while the body moves by ``way`` (n, 2) [m]."""
+        """Which points (n, 2) show nothing but the target while they move by ``path`` (n, 2) [m]."""
         margin = clearance_m(self.target.body, self.template.pixel_m)
         return np.logical_and(*(usable_points(self.target.body, points + s * path, margin) for s in (-0.5, 0.5)))
 
     def blurred(self, sweep: Array) -> Template | None:
         """The template through a shutter that is open while the body moves by ``sweep`` (3,) [m, m, rad].
 
-        None where that is no blur to speak of, or so much that most of the top is mixed with its surroundings.
+        None where the blur is negligible, or so large that most of the target is mixed with its surroundings.
         """
         sharp = self.template
         path = paths(sharp.points, sweep)
@@ -103,16 +100,15 @@ class SharpTarget:
         if known.sum() < CONSTANTS.least_kept * len(sharp.points):
             return None
         points, slope = points[known], slope[known]
-        return replace(
-            sharp, points=points, values=values[known], slopes=by_motion(points, slope), tile=sharp.tile[kept][known]
-        )
+        slopes, tile = by_motion(points, slope), sharp.tile[kept][known]
+        return replace(sharp, points=points, values=values[known], slopes=slopes, tile=tile)
 
 
 def ahead_of_middle(time_s: Array, pose: Array, exposure_s: float) -> Array:
-    """How far the mean pose over an exposure is from the pose at its middle (n, 3) [m, m, rad].
+    """Difference of the mean pose over an exposure from the pose at its middle (n, 3) [m, m, rad].
 
-    An acceleration a during the exposure τ shifts the mean by ``a τ² / 24``. It is that of three poses in a row; zero
-    where one of them is not known (NaN) or missing.
+    An acceleration a during the exposure τ shifts the mean by ``a τ² / 24``. It is taken from three consecutive poses;
+    zero where one of them is missing (NaN).
     """
     shift = np.zeros_like(pose)
     if len(pose) < 3 or exposure_s == 0.0:
@@ -124,11 +120,9 @@ def ahead_of_middle(time_s: Array, pose: Array, exposure_s: float) -> Array:
 
 
 def _noise_left(length_px: Array) -> Array:
-    """Share (n,) of the variance of white noise that is left when readings are averaged over lengths (n,).
-
-    Readings are smoothed by the cubic B-spline, so their noise goes together as the B-spline of degree 7 does, whose
-    variance is 8/12 px²; here the Gaussian of that variance.
-    """
+    """Share (n,) of the variance of white noise that is left when readings are averaged over lengths (n,)."""
+    # Readings are smoothed by the cubic B-spline, so the autocorrelation of their noise is the B-spline of degree 7,
+    # whose variance is 8/12 px²; here the Gaussian of that variance.
     u = (np.arange(64) + 0.5) / 64
     left: Array = 2 * np.mean((1 - u) * np.exp(-(np.outer(length_px, u) ** 2) / (2 * 8 / 12)), axis=1)
     return left
@@ -142,10 +136,7 @@ def _shifted(camera: Camera, low: NDArray[np.int_], part: Luma) -> Camera:
 
 
 class Shutter:
-    """Learns how long the shutter is open, and shows a template as it then looks.
-
-    ASSUME: the exposure is the same in all pictures.
-    """
+    """Estimates the exposure, and blurs a template accordingly. ASSUME: one exposure for all pictures."""
 
     def __init__(self, target: PlanarTarget, luma: Luma, pose: Array, template: Template):
         self.target = target
@@ -161,8 +152,8 @@ class Shutter:
         """The exposure that explains the pictures so far best [s]; zero while none showed any motion."""
         if not self.weight:
             return 0.0
-        # A mean of readings holds less noise than one, and would win for that alone. The picture's noise is as large
-        # as the sharp top's was: the misfit of the best candidate tells it.
+        # A mean of readings holds less noise than one, and would win for that alone. The picture is as noisy as the
+        # sharp one: the misfit of the best candidate gives that noise.
         best = int(np.argmin(self.misfit))
         noise = self.misfit[best] / (self.weight + self.own_noise[best])
         misfit = self.misfit - noise * self.own_noise
@@ -195,8 +186,8 @@ class Shutter:
         kept = np.flatnonzero(self.sharp.clear(points, longest))
         points, path = points[kept], longest[kept]
         readings = np.array([self.sharp.read(points + s * path) for s in np.arange(steps + 1) / steps - 0.5])
-        seen = sample_plane(luma, points, found.pose, self.target.height, self.target.camera, self.target.floor)
-        known = np.isfinite(readings).all(axis=0) & np.isfinite(seen)
+        values = self.target.grey_values(luma, points, found.pose)
+        known = np.isfinite(readings).all(axis=0) & np.isfinite(values)
         if known.sum() < CONSTANTS.least_kept * min(CONSTANTS.learned_from, len(self.sharp.template.points)):
             return
         tile, weight = template.tile[kept[known]], found.weight[kept[known]]
@@ -204,5 +195,5 @@ class Shutter:
         self.own_noise += weight.sum() * _noise_left(length_px)
         for i in range(len(_CANDIDATES_S)):
             part = readings[(steps - _READINGS * i) // 2 : (steps + _READINGS * i) // 2 + 1, known]
-            look = part[0] if i == 0 else (part[1:] + part[:-1]).mean(axis=0) / 2
-            self.misfit[i] += light_misfit(seen[known], look, tile, template.tiles, weight, found.scale)
+            swept = part[0] if i == 0 else (part[1:] + part[:-1]).mean(axis=0) / 2
+            self.misfit[i] += light_misfit(values[known], swept, tile, template.tiles, weight, found.scale)

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from towval.model import Array, Body, Camera, Finding, Floor
 from towval.model.findings import finding
@@ -12,9 +11,7 @@ from towval.model.geometry import transform
 from towval.optics.projection import to_plane
 from towval.tracking.alignment import align
 from towval.tracking.planar_target import PlanarTarget
-from towval.tracking.template import make_template
-
-Luma = NDArray[np.uint8]
+from towval.tracking.template import Luma, make_template
 
 
 @dataclass(frozen=True)
@@ -26,8 +23,8 @@ class CameraMotionConstants:
     inset: float = 0.04  # Of the picture, left out at its border, where lens models extrapolate.
     hidden_scale: float = 1.3  # Of a body's outline: its sides and shadow hide the floor, too.
     moved_px: float = 0.3  # [px] Mean shift of the floor that is reported: 1 mm at 3.3 mm a pixel,
-    deviations: float = 6.0  # or so many of its own deviations, where these are larger.
-    worst_std_px: float = 0.15  # [px] Deviation of the shift beyond which the floor says nothing.
+    deviations: float = 6.0  # or so many of its standard deviations, where these are larger.
+    worst_std_px: float = 0.15  # [px] Deviation of the shift beyond which the check is inconclusive.
     least_inliers: float = 0.35  # Of the points: bodies and people may hide the rest.
     most_scale: float = 40.0  # [grey levels] Of the residuals of inliers.
 
@@ -38,7 +35,7 @@ CONSTANTS = CameraMotionConstants()
 class CameraMotion:
     """Checks the floor's texture through a video for motion of the camera.
 
-    ``bodies``, ``poses`` (3,): what hides the floor in it.
+    ``luma`` (height, width) is the first picture, in which ``bodies`` at their ``poses`` (3,) hide the floor.
     """
 
     def __init__(self, camera: Camera, floor: Floor, luma: Luma, bodies: Sequence[Body], poses: Sequence[Array]):
@@ -86,23 +83,8 @@ class CameraMotion:
 
 def _visible_floor(camera: Camera, floor: Floor) -> Array | None:
     """Outline (8, 2) of the floor in the picture [m], a little inside its border; None where the horizon is in it."""
-    width, height = camera.resolution_px
-    left, right, target, bottom = (
-        CONSTANTS.inset * width,
-        (1 - CONSTANTS.inset) * width,
-        CONSTANTS.inset * height,
-        (1 - CONSTANTS.inset) * height,
-    )
-    u, v = (left + right) / 2, (target + bottom) / 2
-    border = [
-        (left, target),
-        (u, target),
-        (right, target),
-        (right, v),
-        (right, bottom),
-        (u, bottom),
-        (left, bottom),
-        (left, v),
-    ]
-    outline = to_plane(camera, floor, np.array(border), 0.0)
+    (left, top), (right, bottom) = np.outer([CONSTANTS.inset, 1 - CONSTANTS.inset], camera.resolution_px)
+    u, v = (left + right) / 2, (top + bottom) / 2
+    border_u, border_v = [left, u, right, right, right, u, left, left], [top, top, top, v, bottom, bottom, bottom, v]
+    outline = to_plane(camera, floor, np.column_stack([border_u, border_v]), 0.0)
     return outline if np.isfinite(outline).all() else None

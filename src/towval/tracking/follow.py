@@ -1,4 +1,4 @@
-"""One body followed through a video: prediction, measurement, what is trusted, and the record of it."""
+"""One body followed through a video: prediction, measurement, acceptance, and the record."""
 
 from array import array
 from collections.abc import Callable, Iterator, Sequence
@@ -34,11 +34,11 @@ class FollowConstants:
     wrong_clicks: float = 0.08  # Of the body's size: the clicks belong to another body or are in another order.
     most_acceleration: float = 5.0  # [m/s²] ASSUME: half of gravity, more than wheels or a tether give.
     surprise_px: float = 3.0  # [px] From the prediction, beyond what acceleration explains.
-    search_every_s: float = 0.2  # [s] Between searches once a body was not observed for as long.
+    search_every_s: float = 0.2  # [s] Between searches, once a body has not been observed for as long.
     agree_px: float = 2.0  # [px] Within which a search confirms a doubtful pose.
     home: float = 0.5  # Of a body's reach from its place: nothing else can be so near.
     much_farther: float = 4.0  # Distance of a rival over that of the find for which the find counts.
-    remembered_s: float = 3.0  # [s] How long a place means something for a body that may move unobserved.
+    remembered_s: float = 3.0  # [s] How long the last place is of use for a body that may move unobserved.
     most_covered: float = 0.3  # Of a target over another body: bodies stand beside each other.
     low_texture_px: float = 0.12  # [px] Deviation of a pose from which on a target counts as too plain.
     moving_px: float = 0.1  # [px] A picture: a body that moves less shows compression's repeated error.
@@ -49,8 +49,6 @@ class FollowConstants:
 CONSTANTS = FollowConstants()
 
 _NOWHERE, _UNKNOWN = np.full(3, np.nan), np.full((3, 3), np.nan)
-
-
 _NUMBERS = 16  # A frame's row: time, pose, covariance, status, share of inliers, residual.
 _MOST_TABLED = 8192  # Frames whose points are kept: every one, then every second, fourth, ...
 
@@ -89,18 +87,10 @@ class _Record:
 
 
 class Follower:
-    """Follows one body from clicks in the first picture and keeps a record.
+    """Follows one body from clicks on its corners (n, 2) [px] in the first picture and keeps a record.
 
-    Parameters
-    ----------
-    target : PlanarTarget
-        The body's planar target under its camera.
-    clicks_px : ndarray (n, 2)
-        Its corners [px].
-    make_tracker : callable
-        Builds the tracker from target, picture and pose.
-    coast_s : float
-        How long a body that is not observed is predicted before it counts as lost [s].
+    ``make_tracker`` builds the tracker from target, picture and pose. A body that is not observed is predicted for
+    ``coast_s`` [s] before it counts as lost.
     """
 
     def __init__(
@@ -113,11 +103,10 @@ class Follower:
         coast_s: float,
     ):
         self.target, self.coast_s = target, coast_s
-        body, camera, floor = target.body, target.camera, target.floor
-        clicked, self.start_covariance, misfit_px = pose_from_clicks(body, clicks_px, camera, floor)
+        clicked, self.start_covariance, misfit_px = pose_from_clicks(target, clicks_px)
         self.pixel_m = target.metres_per_pixel(clicked)
-        self.findings = _judge_clicks(body, misfit_px, self.pixel_m)
-        fit = observe_outline(luma, body, clicked, camera, floor)
+        self.findings = _judge_clicks(target.body, misfit_px, self.pixel_m)
+        fit = observe_outline(luma, target, clicked)
         self.first_pose = clicked if fit is None else compose(clicked, fit.correction)
         self.outline_fits: list[OutlineFit] = []
         self.next_outline_s, self.outlines_fitted = time_s, 0
@@ -139,7 +128,8 @@ class Follower:
     @property
     def place(self) -> Array | None:
         """Outline (n, 2) of the body on the floor in the last picture [m]; None where it was not observed."""
-        return self.target.outline(self.motion.pose) if self.record.last_status == TrackStatus.TRACKED else None
+        tracked = self.record.last_status == TrackStatus.TRACKED
+        return transform(self.motion.pose, self.target.body.top_corners_m) if tracked else None
 
     def follow(self, time_s: float, luma: Luma, occupied: Sequence[Array] = ()) -> None:
         """Take in the next picture: predict, measure, decide, record.
@@ -161,25 +151,19 @@ class Follower:
     def _accepted(self, time_s: float, luma: Luma, predicted: Array, occupied: Sequence[Array]) -> Measurement | None:
         """The measurement that counts as an observation, None where the frame coasts or is lost.
 
-        All that decides about a frame passes here: the tracker's own gates (None), the motion, relocalisation, what
-        else looks like the body, and the places of other bodies.
+        Every decision about a frame is made here: the tracker's own gates (None), the motion, relocalisation,
+        lookalikes after a gap, and the places of other bodies.
         """
         measured = self.tracker.measure(luma, predicted, self.motion.velocity)
+        after_gap = self.record.last_status not in (None, TrackStatus.TRACKED)
         if measured is None or self._surprising(time_s, measured.pose):
             measured = self._search(time_s, luma, measured)
-        elif self._returns_elsewhere(time_s, luma, measured.pose):
+        elif after_gap and not self._unmistakable(time_s, luma, measured.pose):
             return None
-        if measured is None or any(
-            self.target.covered_by(measured.pose, other) > CONSTANTS.most_covered for other in occupied
-        ):
+        if measured is None:
             return None
-        return measured
-
-    def _returns_elsewhere(self, time_s: float, luma: Luma, pose: Array) -> bool:
-        """Whether a pose measured after a gap may belong to something else."""
-        if self.record.last_status in (None, TrackStatus.TRACKED):
-            return False
-        return not self._unmistakable(time_s, luma, pose)
+        covered = max((self.target.covered_by(measured.pose, other) for other in occupied), default=0.0)
+        return measured if covered <= CONSTANTS.most_covered else None
 
     def _surprising(self, time_s: float, pose: Array) -> bool:
         """Whether a pose is farther from where the motion leads than a body can have got."""
@@ -187,7 +171,7 @@ class Follower:
         return self.target.apart_m(self.motion.predict(time_s), pose) > CONSTANTS.surprise_px * self.pixel_m + 2 * gone
 
     def _search(self, time_s: float, luma: Luma, doubtful: Measurement | None) -> Measurement | None:
-        """Search the whole picture; a doubtful measurement counts if the search leads to the same place."""
+        """Search the whole picture; a doubtful measurement is confirmed if the search leads to the same place."""
         if time_s < self.next_search_s:
             return None
         if time_s - self.motion.time_s > CONSTANTS.search_every_s:
@@ -196,12 +180,8 @@ class Follower:
             found = self.tracker.measure(luma, place)
             if found is None:
                 continue
-            if (
-                doubtful is not None
-                and self.target.apart_m(found.pose, doubtful.pose) > CONSTANTS.agree_px * self.pixel_m
-            ):
-                continue
-            if self._unmistakable(time_s, luma, found.pose):
+            apart_m = 0.0 if doubtful is None else self.target.apart_m(found.pose, doubtful.pose)
+            if apart_m <= CONSTANTS.agree_px * self.pixel_m and self._unmistakable(time_s, luma, found.pose):
                 return found
         return None
 
@@ -213,19 +193,17 @@ class Follower:
         yield from (candidate.pose for candidate in self.lookalikes.candidates(luma)[:1])
 
     def _unmistakable(self, time_s: float, luma: Luma, pose: Array) -> bool:
-        """Whether a pose looks like the body, and nothing else that looks alike could be it.
+        """Whether the picture at a pose looks like the body, and nothing else that looks alike could be it.
 
-        What else looks like it is out of the question where it is farther than a body can have got, or much farther
-        from where this one was, or should be by now, than ``pose`` is. A body with a twin may be hidden while the twin
-        is in view: it is known again only near its place.
+        A rival is ruled out where it is farther than a body can have moved, or much farther than ``pose`` from the last
+        or predicted place. A body with a twin may be hidden while the twin is in view: it is accepted only near its
+        place.
         """
         rivals = self.lookalikes.rivals(self.lookalikes.candidates(luma), pose)
         if rivals is None:
             return False
-        stray = self._stray_m(time_s, pose)
-        at_home = (
-            stray <= CONSTANTS.home * self.target.reach_m and time_s - self.motion.time_s <= CONSTANTS.remembered_s
-        )
+        stray, gap_s = self._stray_m(time_s, pose), time_s - self.motion.time_s
+        at_home = stray <= CONSTANTS.home * self.target.reach_m and gap_s <= CONSTANTS.remembered_s
         nearest = min((self._stray_m(time_s, rival) for rival in rivals), default=np.inf)
         within_reach = [rival for rival in rivals if not self._surprising(time_s, rival)]
         alone = not within_reach if not self._surprising(time_s, pose) else not rivals
@@ -236,21 +214,20 @@ class Follower:
         return False
 
     def _stray_m(self, time_s: float, pose: Array) -> float:
-        """Distance of a pose from the last observation, or from the prediction, whichever is less [m]."""
+        """Distance of a pose from the last observation or from the prediction, the smaller [m]."""
         return min(self.target.apart_m(known, pose) for known in (self.motion.pose, self.motion.predict(time_s)))
 
-    def _keep_observation(self, time_s: float, luma: Luma, seen: Measurement) -> None:
-        pose = self.motion.observe(time_s, seen.pose) if time_s > self.motion.time_s else seen.pose
-        self.record.keep_points(seen.points_m, seen.weights)
-        self.record.keep(time_s, pose, seen.covariance, TrackStatus.TRACKED, seen.inlier_fraction, seen.residual)
+    def _keep_observation(self, time_s: float, luma: Luma, found: Measurement) -> None:
+        pose = self.motion.observe(time_s, found.pose) if time_s > self.motion.time_s else found.pose
+        self.record.keep_points(found.points_m, found.weights)
+        self.record.keep(time_s, pose, found.covariance, TrackStatus.TRACKED, found.inlier_fraction, found.residual)
         if time_s >= self.next_outline_s:
-            fit = observe_outline(luma, self.target.body, pose, self.target.camera, self.target.floor)
+            fit = observe_outline(luma, self.target, pose)
             if fit is not None:
                 self.outline_fits.append(fit)
             self.outlines_fitted += 1
-            self.next_outline_s = time_s + CONSTANTS.outline_every_s * 2 ** (
-                self.outlines_fitted // CONSTANTS.outline_doubled_after
-            )
+            doublings = self.outlines_fitted // CONSTANTS.outline_doubled_after
+            self.next_outline_s = time_s + CONSTANTS.outline_every_s * 2**doublings
 
     def _coasting_covariance(self, time_s: float) -> Array:
         # ASSUME: while not observed the body may have stopped, or gone on twice as fast.
@@ -259,14 +236,14 @@ class Follower:
         return np.diag(np.square([path, path, gone[2] + self.pixel_m / self.target.reach_m]))
 
     def track(self, method: str, further_findings: tuple[Finding, ...] = ()) -> Track:
-        """The whole record as a track: registered to the edges of all pictures, noise judged, rests held."""
+        """The whole record as a track: registered to the edges of all pictures, noise estimated, rests held."""
         fit = self._registration()
         time_s, raw, covariance, status, inliers, residual = self.record.columns()
-        seen = status == TrackStatus.TRACKED
-        raw = raw - ahead_of_middle(time_s, np.where(seen[:, None], raw, np.nan), self.tracker.exposure_s)
-        covariance = self._honest_covariance(time_s, raw, covariance, seen)
+        tracked = status == TrackStatus.TRACKED
+        raw = raw - ahead_of_middle(time_s, np.where(tracked[:, None], raw, np.nan), self.tracker.exposure_s)
+        covariance = self._honest_covariance(time_s, raw, covariance, tracked)
         most = CONSTANTS.most_rest_px * self.pixel_m * np.array([1, 1, 1 / self.target.reach_m])
-        pose = hold_rest(time_s, raw, covariance, seen, most)
+        pose = hold_rest(time_s, raw, covariance, tracked, most)
         if fit is not None:
             pose = compose(pose, fit.correction)
         return Track(
@@ -279,68 +256,49 @@ class Follower:
             residual=residual,
             start_covariance=self.start_covariance if fit is None else fit.covariance,
             features=self._features(raw),
-            findings=(*self.findings, *self._judge_sight(time_s, covariance, status), *further_findings),
+            findings=(*self.findings, *self._judge_observations(time_s, covariance, status), *further_findings),
             method=method,
         )
 
-    def _honest_covariance(self, time_s: Array, pose: Array, covariance: Array, seen: NDArray[np.bool_]) -> Array:
+    def _honest_covariance(self, time_s: Array, pose: Array, covariance: Array, tracked: NDArray[np.bool_]) -> Array:
         """Covariances of the pictures' residuals, widened to the scatter in time."""
-        later = np.flatnonzero(seen)[1:]
-        if seen[0]:
+        later = np.flatnonzero(tracked)[1:]
+        if tracked[0]:
             # The first picture made the template, so it fits itself: its noise is that of the others.
-            typical = np.median(covariance[later], axis=0) if len(later) else self.start_covariance
-            covariance[0] = typical
-        masked = np.where(seen[:, None], pose, np.nan)
+            covariance[0] = np.median(covariance[later], axis=0) if len(later) else self.start_covariance
+        masked = np.where(tracked[:, None], pose, np.nan)
         step = np.linalg.norm(np.diff(masked[:, :2], axis=0, append=np.nan), axis=1)
         factor = scatter_factor(time_s, masked, covariance, step > CONSTANTS.moving_px * self.pixel_m)
-        # More than that is a motion that five pictures do not follow, not noise of the video.
-        most = (
-            CONSTANTS.most_scatter_px * self.pixel_m / np.sqrt(np.median(covariance[seen][:, 0, 0]))
-            if seen.any()
-            else 1.0
-        )
-        covariance[seen] *= min(factor, max(1.0, most)) ** 2
+        if tracked.any():
+            # A larger factor is a motion that five pictures do not follow, not noise of the video.
+            most = CONSTANTS.most_scatter_px * self.pixel_m / np.sqrt(np.median(covariance[tracked][:, 0, 0]))
+            covariance[tracked] *= min(factor, max(1.0, most)) ** 2
         return covariance
 
     def _registration(self) -> OutlineFit | None:
-        if self.outline_fits:
-            fit = combine_fits(self.outline_fits)
-            if np.linalg.norm(fit.correction[:2]) < CONSTANTS.farthest_correction_px * self.pixel_m:
-                self._judge_registration(fit)
-                return fit
-        std_mm = 1000 * np.sqrt(self.start_covariance[0, 0])
-        self.findings.append(finding("edges_not_found", name=self.target.body.name, std_mm=std_mm))
-        return None
+        name = self.target.body.name
+        fit = combine_fits(self.outline_fits) if self.outline_fits else None
+        if fit is None or np.linalg.norm(fit.correction[:2]) >= CONSTANTS.farthest_correction_px * self.pixel_m:
+            std_mm = 1000 * np.sqrt(self.start_covariance[0, 0])
+            self.findings.append(finding("edges_not_found", name=name, std_mm=std_mm))
+            return None
+        std_m = float(np.sqrt(np.linalg.eigvalsh(fit.covariance[:2, :2])[-1]))
+        if std_m > CONSTANTS.unsure_edges_px * self.pixel_m:
+            self.findings.append(finding("edges_unsure", name=name, std_mm=1000 * std_m))
+        return fit
 
-    def _judge_registration(self, fit: OutlineFit) -> None:
-        deviation = float(np.sqrt(np.linalg.eigvalsh(fit.covariance[:2, :2])[-1]))
-        if deviation > CONSTANTS.unsure_edges_px * self.pixel_m:
-            self.findings.append(finding("edges_unsure", name=self.target.body.name, std_mm=1000 * deviation))
-
-    def _judge_sight(self, time_s: Array, covariance: Array, status: NDArray[np.uint8]) -> list[Finding]:
+    def _judge_observations(self, time_s: Array, covariance: Array, status: NDArray[np.uint8]) -> list[Finding]:
         """Findings about frames without an observation, and about a target too plain to be tracked well."""
-        findings, name = [], self.target.body.name
-        unseen = np.flatnonzero(status != TrackStatus.TRACKED)
-        if len(unseen):
-            lost = int((status == TrackStatus.LOST).sum())
-            findings.append(
-                finding(
-                    "not_seen",
-                    name=name,
-                    count=len(unseen),
-                    frames=len(status),
-                    lost=lost,
-                    bridged=len(unseen) - lost,
-                    first_s=time_s[unseen[0]],
-                    last_s=time_s[unseen[-1]],
-                )
-            )
+        findings, name, tracked = [], self.target.body.name, status == TrackStatus.TRACKED
+        missed, lost = time_s[~tracked], int((status == TrackStatus.LOST).sum())
+        if len(missed):
+            counts = {"count": len(missed), "frames": len(status), "lost": lost, "bridged": len(missed) - lost}
+            findings.append(finding("not_seen", name=name, **counts, first_s=missed[0], last_s=missed[-1]))
         if self.mistakable:
             findings.append(finding("lookalike", name=name, count=self.mistakable))
-        seen = status == TrackStatus.TRACKED
-        deviation = float(np.sqrt(np.median(covariance[seen][:, 0, 0]))) if seen.any() else np.inf
-        if deviation > CONSTANTS.low_texture_px * self.pixel_m or seen.sum() < len(status) / 4:
-            findings.append(finding("low_texture", name=name, std_mm=1000 * deviation))
+        std_m = float(np.sqrt(np.median(covariance[tracked][:, 0, 0]))) if tracked.any() else np.inf
+        if std_m > CONSTANTS.low_texture_px * self.pixel_m or tracked.sum() < len(status) / 4:
+            findings.append(finding("low_texture", name=name, std_mm=1000 * std_m))
         return findings
 
     def _features(self, pose: Array) -> Features | None:
@@ -359,7 +317,7 @@ def _judge_clicks(body: Body, misfit_px: float, pixel_m: float) -> list[Finding]
     if misfit_px > max(CONSTANTS.misfit_of_clicks_px, CONSTANTS.wrong_clicks * size_px):
         raise InputError(
             f"first_frame_clicks_px of {body.name} do not fit its outline",
-            got=f"a corner {misfit_px:.0f} px off at the best pose",
+            got=f"a corner {misfit_px:.0f} px off at the best fit",
             allowed=f"{CONSTANTS.misfit_of_clicks_px:.0f} px",
             remedy="click its corners in the order of top_corners_m (not another body's); check its height and size",
         )

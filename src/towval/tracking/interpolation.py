@@ -1,4 +1,4 @@
-"""Grey values of a picture between its pixels, and where points of a moving plane are seen: compiled, point by point.
+"""Grey values of a picture between its pixels, and the pixels of points of a moving plane: compiled, point by point.
 
 A cubic B-spline without prefilter weighs 4 × 4 pixels. It smooths a little (about 0.6 px), which halves the noise, and
 its slope is continuous, so that an alignment does not prefer whole pixels as it does with bilinear weights.
@@ -7,7 +7,7 @@ its slope is continuous, so that an alignment does not prefer whole pixels as it
 import numpy as np
 from numpy.typing import NDArray
 
-from towval.model import Array, Camera, Floor
+from towval.model import Array
 from towval.model.compiling import compiled
 
 # Without "no NaN" and "no infinity": the checks for points behind the camera need both.
@@ -44,10 +44,7 @@ def spline_value(luma: NDArray[np.uint8], u: float, v: float) -> float:
 
 @compiled()
 def plane_to_camera(pose: Array, height: float, T: Array) -> Array:
-    """Columns (3, 3) that take (x, y, 1) of a body's plane at ``height`` [m] to camera coordinates [m].
-
-    ``pose`` (3,) of the body on the floor; ``T`` (4, 4) is T_camera_floor.
-    """
+    """Matrix (3, 3) from (x, y, 1) of the body frame at ``height`` [m], at ``pose`` (3,), to camera coordinates [m]."""
     c, s = np.cos(pose[2]), np.sin(pose[2])
     columns = np.empty((3, 3))
     for i in range(3):
@@ -86,52 +83,9 @@ def plane_pixels_kernel(points: Array, columns: Array, matrix: Array, k: Array) 
 def sample_plane_kernel(
     luma: NDArray[np.uint8], points: Array, pose: Array, height: float, T: Array, matrix: Array, k: Array
 ) -> Array:
-    """Grey values (n,) seen at points (n, 2) [m] of a body's plane; −1 outside the picture."""
+    """Grey values (n,) at points (n, 2) [m] of a body's plane; −1 outside the picture."""
     pixels = plane_pixels_kernel(points, plane_to_camera(pose, height, T), matrix, k)
     values = np.empty(points.shape[0])
     for i in range(points.shape[0]):
         values[i] = spline_value(luma, pixels[i, 0], pixels[i, 1])
     return values
-
-
-def sample_plane(
-    luma: NDArray[np.uint8], points: Array, pose: Array, height: float, camera: Camera, floor: Floor
-) -> Array:
-    """Grey values seen at points of a body's plane.
-
-    Parameters
-    ----------
-    luma : ndarray (height, width) uint8
-        The picture, C-contiguous.
-    points : ndarray (n, 2)
-        Points in the body frame [m].
-    pose : ndarray (3,)
-        Pose of the body [m, m, rad].
-    height : float
-        Height of the plane over the floor [m].
-
-    Returns
-    -------
-    ndarray (n,)
-        Grey values, NaN outside the picture.
-    """
-    values: Array = sample_plane_kernel(
-        luma, points, pose, height, floor.T_camera_floor, camera.matrix, camera.distortion
-    )
-    values[values < 0] = np.nan
-    return values
-
-
-def plane_pixels(points: Array, pose: Array, height: float, camera: Camera, floor: Floor) -> Array:
-    """Pixels (n, 2) of points (n, 2) [m] of a body's plane at ``height`` [m]."""
-    columns = plane_to_camera(np.asarray(pose, dtype=np.float64), height, floor.T_camera_floor)
-    pixels: Array = plane_pixels_kernel(np.ascontiguousarray(points), columns, camera.matrix, camera.distortion)
-    return pixels
-
-
-def metres_per_pixel(pose: Array, height: float, camera: Camera, floor: Floor) -> float:
-    """Width of a pixel on a body's plane [m], the root of the area one pixel covers at the body's origin."""
-    step = 1e-3
-    corners = plane_pixels(np.array([[0.0, 0.0], [step, 0.0], [0.0, step]]), pose, height, camera, floor)
-    (a, b), (c, d) = corners[1] - corners[0], corners[2] - corners[0]
-    return step / float(np.sqrt(abs(a * d - b * c)))

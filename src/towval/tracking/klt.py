@@ -6,6 +6,7 @@ heading that none covers yet. Each point is checked by following it back.
 """
 
 from dataclasses import dataclass
+from functools import partial
 
 import cv2
 import numpy as np
@@ -15,8 +16,8 @@ from towval.model import Array
 from towval.model.geometry import inverse_transform, wrapped
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.pose import Measurement, Tracker, robust_rigid_fit
+from towval.tracking.template import Luma
 
-Luma = NDArray[np.uint8]
 Floats = NDArray[np.float32]
 
 
@@ -26,6 +27,14 @@ class KltConstants:
 
     window_px: int = 21  # [px] OpenCV's default window.
     levels: int = 2  # Halvings of the picture: with them a point 40 px off is reached.
+    iterations: int = 30  # Of one level: OpenCV's default.
+    step_px: float = 0.005  # [px] At which they end: a tenth of the noise floor below.
+    quality: float = 0.01  # Of the best corner's: OpenCV's samples' value.
+    spacing_px: float = 6.0  # [px] Between points: nearer ones share most of a window.
+    block_px: int = 5  # [px] Of the corner measure.
+    refined_px: int = 3  # [px] Half-width of the window of the subpixel refinement.
+    refine_iterations: int = 20  # Of that refinement, with
+    refine_step_px: float = 0.01  # [px] the step at which it ends.
     margin_px: int = 8  # [px] Kept from the edges, behind which the background moves differently.
     points: int = 120  # Of a keyframe: twice what the feature table holds.
     keyframe_turn: float = np.deg2rad(10.0)  # [rad] A 21 px patch turned by 10° moves 1.8 px at its rim.
@@ -35,6 +44,7 @@ class KltConstants:
 
 CONSTANTS = KltConstants()
 
+_STOP = cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT
 _TABLE_POINTS = 60
 
 
@@ -90,12 +100,12 @@ class KltTracker(Tracker):
 
     def _add_keyframe(self, luma: Luma, pose: Array) -> None:
         crop, corner = self._crop(luma, pose)
-        corners = cv2.goodFeaturesToTrack(crop, CONSTANTS.points, 0.01, 6, mask=self._mask(corner, pose), blockSize=5)
-        if corners is None or len(corners) < CONSTANTS.least_points:
+        c, mask = CONSTANTS, self._mask(corner, pose)
+        corners = cv2.goodFeaturesToTrack(crop, c.points, c.quality, c.spacing_px, mask=mask, blockSize=c.block_px)
+        if corners is None or len(corners) < c.least_points:
             return
-        corners = cv2.cornerSubPix(
-            crop, corners, (3, 3), (-1, -1), (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.01)
-        )
+        refine = (_STOP, c.refine_iterations, c.refine_step_px)
+        corners = cv2.cornerSubPix(crop, corners, (c.refined_px, c.refined_px), (-1, -1), refine)
         pixels = corners.reshape(-1, 2).astype(np.float64)
         on_plane = self.target.floor_xy(pixels + corner)
         self.keyframes.append(_Keyframe(crop, pixels, inverse_transform(pose, on_plane), float(pose[2])))
@@ -124,8 +134,8 @@ class KltTracker(Tracker):
         if good.sum() < CONSTANTS.least_points:
             return None
         pixel = self.target.metres_per_pixel(predicted)
-        seen = self.target.floor_xy(forth.reshape(-1, 2)[good] + corner)
-        fit = robust_rigid_fit(key.points_m[good], seen, CONSTANTS.noise_floor_px * pixel)
+        floor_xy = self.target.floor_xy(forth.reshape(-1, 2)[good] + corner)
+        fit = robust_rigid_fit(key.points_m[good], floor_xy, CONSTANTS.noise_floor_px * pixel)
         weights = np.zeros(len(good))
         weights[good] = fit.weights
         return Measurement(
@@ -140,14 +150,7 @@ class KltTracker(Tracker):
 
 def _flow(source: Luma, target: Luma, points: Floats, guess: Floats) -> tuple[Floats, NDArray[np.uint8]]:
     """Where points (n, 1, 2) of one picture are in another, near a guess [px], and whether they were found."""
-    found, status, _ = cv2.calcOpticalFlowPyrLK(
-        source,
-        target,
-        points,
-        guess.copy(),
-        winSize=(CONSTANTS.window_px, CONSTANTS.window_px),
-        maxLevel=CONSTANTS.levels,
-        flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
-        criteria=(cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 0.005),
-    )
+    window, stop = (CONSTANTS.window_px, CONSTANTS.window_px), (_STOP, CONSTANTS.iterations, CONSTANTS.step_px)
+    follow = partial(cv2.calcOpticalFlowPyrLK, winSize=window, maxLevel=CONSTANTS.levels, criteria=stop)
+    found, status, _ = follow(source, target, points, guess.copy(), flags=cv2.OPTFLOW_USE_INITIAL_FLOW)
     return np.asarray(found, dtype=np.float32), np.asarray(status, dtype=np.uint8)

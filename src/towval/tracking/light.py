@@ -21,12 +21,23 @@ class LightConstants:
 
 CONSTANTS = LightConstants()
 
+Tiles = NDArray[np.int64]
+
 OUTSIDE = 1e12
 """Residual of a point outside the picture: finite, so that compiled sums stay finite."""
 
 
 @compiled(fastmath=RELAXED)
-def fit_light(values, template, tile, tiles, weight, ridge, least_gain, most_gain):  # type: ignore[no-untyped-def]
+def fit_light(
+    values: Array,
+    template: Array,
+    tile: Tiles,
+    tiles: int,
+    weight: Array,
+    ridge: float,
+    least_gain: float,
+    most_gain: float,
+) -> Array:
     """Gain, mean of the template, mean of the picture, weight and weighted variance of each tile: (tiles, 5)."""
     sums = np.zeros((tiles, 5))
     light = np.empty((tiles, 5))
@@ -49,45 +60,22 @@ def fit_light(values, template, tile, tiles, weight, ridge, least_gain, most_gai
 
 
 @compiled(fastmath=RELAXED)
-def misfits(values, template, tile, light, residual):  # type: ignore[no-untyped-def]
-    """Residuals in grey levels of the template."""
+def misfits(values: Array, template: Array, tile: Tiles, light: Array, residual: Array) -> None:
+    """Write the residuals in grey levels of the template to ``residual`` (n,)."""
     for i in range(values.shape[0]):
         row = tile[i]
         misfit = (values[i] - light[row, 2]) / light[row, 0] - (template[i] - light[row, 1])
         residual[i] = misfit if values[i] >= 0 else OUTSIDE
 
 
-def light_misfit(
-    values: Array, template: Array, tile: NDArray[np.int64], tiles: int, weight: Array, scale: float
-) -> float:
-    """Weighted sum of the squared residuals of grey values once the light is fitted.
+def light_misfit(values: Array, template: Array, tile: Tiles, tiles: int, weight: Array, scale: float) -> float:
+    """Weighted sum of squared residuals once the light is fitted [squared grey levels of the picture].
 
-    Parameters
-    ----------
-    values, template : ndarray (n,)
-        Grey values read in the picture, none outside it, and those of the template.
-    tile : ndarray (n,) of int
-        Tile of each point, of ``tiles``.
-    weight : ndarray (n,)
-        Weight of each point.
-    scale : float
-        Deviation of the residuals [grey levels of the template].
-
-    Returns
-    -------
-    float
-        The sum [squared grey levels of the picture].
+    ``values`` (n,) are grey values in the picture, none outside it, ``template`` (n,) those of the template; ``tile``
+    and ``weight`` (n,) as in the alignment; ``scale`` the standard deviation of the residuals [template grey levels].
     """
-    light = fit_light(
-        values,
-        template,
-        tile,
-        tiles,
-        weight,
-        (scale / CONSTANTS.gain_spread) ** 2,
-        CONSTANTS.least_gain,
-        CONSTANTS.most_gain,
-    )
+    ridge = (scale / CONSTANTS.gain_spread) ** 2
+    light = fit_light(values, template, tile, tiles, weight, ridge, CONSTANTS.least_gain, CONSTANTS.most_gain)
     residual = np.empty(len(values))
     misfits(values, template, tile, light, residual)
     return float(np.sum(weight * (light[tile, 0] * residual) ** 2))

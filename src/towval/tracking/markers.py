@@ -24,7 +24,7 @@ CONSTANTS = MarkerConstants()
 
 @dataclass(frozen=True)
 class Tag:
-    """A marker on the top of a body.
+    """A marker on the planar target of a body.
 
     ``dictionary`` is OpenCV's name without its prefix (``4X4_50``, ``APRILTAG_36h11``); ``number`` the marker's;
     ``size_m`` the side of its black square; ``pose`` (3,) its middle and heading in the body frame [m, m, rad], the
@@ -43,38 +43,28 @@ class Tag:
 
 
 def clicks_from_tags(luma: NDArray[np.uint8], body: Body, tags: Sequence[Tag], camera: Camera, floor: Floor) -> Array:
-    """Pixels of a body's corners, found from the tags on its top: what clicks in the first picture would be.
+    """Pixels (n, 2) of a body's corners from the tags on its planar target, to be given to ``track`` as clicks.
 
-    Parameters
-    ----------
-    body : Body
-        The body; tags lie on its top.
-    tags : sequence of Tag
-        The tags on it; those that are seen are used together.
-
-    Returns
-    -------
-    ndarray (n, 2)
-        Pixels of ``top_corners_m``, to be given to :func:`towval.tracking.track.track` as clicks.
+    All tags found in the first picture ``luma`` (height, width) are used together.
 
     Raises
     ------
     InputError
-        When no tag is seen, a dictionary is unknown, or the tags do not fit their places.
+        When no tag is found, a dictionary is unknown, or the tags do not fit their places.
     """
-    own, seen = [], []
+    own, on_floor = [], []
     for tag in tags:
         corners = _detect(luma, tag)
         if corners is not None:
             own.append(tag.corners_m())
-            seen.append(to_plane(camera, floor, corners, body.tracked_plane_height_m))
+            on_floor.append(to_plane(camera, floor, corners, body.tracked_plane_height_m))
     if not own:
         raise InputError(
-            f"no tag of {body.name} is seen in the first picture",
+            f"no tag of {body.name} is found in the first picture",
             got=", ".join(f"{tag.dictionary} {tag.number}" for tag in tags) or "no tags",
             remedy="start with its tags in view, unhidden and with a white border, or click its corners",
         )
-    source, target = np.concatenate(own), np.concatenate(seen)
+    source, target = np.concatenate(own), np.concatenate(on_floor)
     pose = rigid_fit(source, target)
     misfit = float(np.linalg.norm(transform(pose, source) - target, axis=1).max())
     smallest = min(tag.size_m for tag in tags)
@@ -83,14 +73,14 @@ def clicks_from_tags(luma: NDArray[np.uint8], body: Body, tags: Sequence[Tag], c
             f"the tags of {body.name} do not fit their places",
             got=f"{1000 * misfit:.1f} mm off",
             allowed=f"{1000 * CONSTANTS.worst_misfit * smallest:.1f} mm",
-            remedy="check size, place and heading of each tag, and the height of the top",
+            remedy="check size, place and heading of each tag, and the height of the planar target",
         )
     corners = transform(pose, body.top_corners_m)
     return project(camera, floor, np.column_stack([corners, np.full(len(corners), body.tracked_plane_height_m)]))
 
 
 def _detect(luma: NDArray[np.uint8], tag: Tag) -> Array | None:
-    """Corners (4, 2) of a tag [px], None where it is not seen."""
+    """Corners (4, 2) of a tag [px], None where it is not found."""
     # Here, because reading a campaign takes Tag from this module and needs no OpenCV.
     import cv2  # noqa: PLC0415
 

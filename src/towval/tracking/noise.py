@@ -1,4 +1,4 @@
-"""What a finished track says about its own noise, and bodies that stand still.
+"""Noise of a finished track from its scatter in time, and bodies at rest.
 
 Compression moves a whole body by a fraction of a pixel and leaves no trace in the residuals of a picture. It shows in
 time: real bodies move smoothly over five pictures, noise does not.
@@ -31,18 +31,14 @@ CONSTANTS = NoiseConstants()
 
 
 def scatter_factor(time_s: Array, pose: Array, covariance: Array, moving: NDArray[np.bool_]) -> float:
-    """How much larger the scatter of a track in time is than its predicted deviation, at least 1.
+    """Ratio of the scatter of a track in time to its predicted standard deviation, at least 1.
 
-    A quadratic is fitted to each five, and each nine, pictures in a row; the distance of the middle one from it is
+    A quadratic is fitted to each five, and each nine, consecutive pictures; the distance of the middle one from it is
     compared with what the covariance predicts. The median over the track is robust against jerks. The longer window
-    also sees noise that goes on over several pictures; it counts unless it sees real motion.
+    also responds to noise that is correlated over several pictures; it counts unless it responds to real motion.
 
-    Parameters
-    ----------
-    time_s, pose, covariance : ndarray (n,), (n, 3), (n, 3, 3)
-        The track; NaN where not seen.
-    moving : ndarray (n,) bool
-        Pictures that count: a body at rest in compressed video repeats its error and hides it.
+    ``pose`` (n, 3) is NaN where not observed; ``moving`` (n,) are the pictures that count: a body at rest in compressed
+    video repeats its error and hides it.
     """
     short, long = (_scatter(time_s, pose, covariance, moving, window) for window in _WINDOWS)
     return max(1.0, short, long if long < CONSTANTS.growth_of_noise * max(short, 1.0) else 0.0)
@@ -71,7 +67,7 @@ def _scatter(time_s: Array, pose: Array, covariance: Array, moving: NDArray[np.b
     return float(np.sqrt(np.median(square) / _MEDIAN_CHI_SQUARED_3))
 
 
-def hold_rest(time_s: Array, pose: Array, covariance: Array, seen: NDArray[np.bool_], most: Array) -> Array:
+def hold_rest(time_s: Array, pose: Array, covariance: Array, tracked: NDArray[np.bool_], most: Array) -> Array:
     """Poses (n, 3) with each rest of a body reduced to its mean, so that noise adds no path.
 
     A rest lasts as long as each pose stays within four deviations, and within ``most`` (3,) [m, m, rad], of the mean
@@ -79,18 +75,14 @@ def hold_rest(time_s: Array, pose: Array, covariance: Array, seen: NDArray[np.bo
     """
     held = pose.copy()
     deviation = np.minimum(np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)), most / CONSTANTS.rest_deviations)
-    start = 0
+    limit, start = CONSTANTS.rest_deviations * deviation, 0
     while start < len(time_s):
-        if not seen[start]:
+        if not tracked[start]:
             start += 1
             continue
         mean, count = pose[start].copy(), 1
         end = start + 1
-        while (
-            end < len(time_s)
-            and seen[end]
-            and (np.abs(pose[end] - mean) <= CONSTANTS.rest_deviations * deviation[end]).all()
-        ):
+        while end < len(time_s) and tracked[end] and (np.abs(pose[end] - mean) <= limit[end]).all():
             count += 1
             mean += (pose[end] - mean) / count
             end += 1

@@ -1,10 +1,10 @@
-"""Where a body's frame is: its known outline found on the edges that the camera sees.
+"""Registration: the body frame, from the known outline of the planar target and the edges in the picture.
 
-The outline of the top is laid into the picture at an approximate pose. Across each stretch of each edge a profile of
-grey values is read along the normal, in the plane of the top; its slope peaks at the edge. The pose that brings the
-outline onto the peaks is a robust point-to-line fit. What else makes edges (a visible side, the shadow, a printed
-border) lies elsewhere on the profile and moves against the top as the body moves; so the fits of many pictures agree
-on the top's edge and scatter where something else was taken for it.
+The outline is projected at an approximate pose. Across each stretch of each edge a profile of grey values is read along
+the normal, in the plane of the target; its slope peaks at the edge. The pose that brings the outline onto the peaks is
+a robust point-to-line fit. Other edges (a visible side, the shadow, a printed border) lie elsewhere on the profile and
+move relative to the target as the body moves; so the fits of many pictures agree on the target's edge and scatter where
+something else was taken for it.
 """
 
 from collections.abc import Sequence
@@ -13,12 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from towval.model import Array, Body, Camera, Floor
+from towval.model import Array, Body
 from towval.model.compiling import compiled
 from towval.model.errors import InputError
 from towval.model.geometry import polygon_area, rigid_fit, transform
-from towval.optics.projection import project, to_plane
-from towval.tracking.interpolation import RELAXED, metres_per_pixel, plane_pixels_kernel, plane_to_camera, spline_value
+from towval.optics.projection import project
+from towval.tracking.interpolation import RELAXED, plane_pixels_kernel, plane_to_camera, spline_value
+from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.pose import TUKEY
 
 
@@ -45,8 +46,7 @@ class OutlineConstants:
 
 CONSTANTS = OutlineConstants()
 
-
-_FITS = 8  # Rounds of the robust fit, in which the net is drawn in from 2 px to 0.5 px.
+_FITS = 8  # Rounds of the robust fit, in which the search narrows from 2 px to 0.5 px.
 _MEDIAN_CHI_3 = 1.538  # Median distance of three normal deviates from their mean.
 
 
@@ -74,26 +74,18 @@ class Stretches:
 
 @dataclass(frozen=True)
 class OutlineFit:
-    """How the outline has to be moved to lie on the edges.
+    """Correction of a pose that moves the outline onto the edges.
 
-    ``correction`` (3,) is a pose in the body frame: the true body frame is ``compose(pose, correction)``.
-    ``covariance`` (3, 3) of it; ``residual_px`` root mean square distance of the edges used; ``support`` share of the
-    outline's stretches that were used.
+    ``correction`` (3,) is a pose in the body frame: the true body frame is ``compose(pose, correction)``;
+    ``covariance`` (3, 3) its covariance.
     """
 
     correction: Array
     covariance: Array
-    residual_px: float
-    support: float
 
 
-def pose_from_clicks(body: Body, clicks_px: ArrayLike, camera: Camera, floor: Floor) -> tuple[Array, Array, float]:
-    """Pose from clicks on the corners of the top.
-
-    Parameters
-    ----------
-    body : Body
-        The body; its ``top_corners_m`` say in which order the corners were clicked.
+def pose_from_clicks(target: PlanarTarget, clicks_px: ArrayLike) -> tuple[Array, Array, float]:
+    """Pose from clicks (n, 2) [px] on the corners of a target, in the order of ``top_corners_m``.
 
     Returns
     -------
@@ -109,26 +101,26 @@ def pose_from_clicks(body: Body, clicks_px: ArrayLike, camera: Camera, floor: Fl
     InputError
         When the number of clicks is not that of the corners, or a click's ray misses the plane.
     """
-    clicks_px = np.asarray(clicks_px, dtype=np.float64)
+    body, clicks_px = target.body, np.asarray(clicks_px, dtype=np.float64)
     if clicks_px.shape != body.top_corners_m.shape:
         raise InputError(
             f"the clicks of {body.name} do not match its corners",
             got=f"{len(clicks_px)} clicks",
             allowed=f"{len(body.top_corners_m)} clicks, in the order of top_corners_m",
         )
-    seen = to_plane(camera, floor, clicks_px, body.tracked_plane_height_m)
-    if not np.isfinite(seen).all():
+    clicked = target.floor_xy(clicks_px)
+    if not np.isfinite(clicked).all():
         raise InputError(f"a click of {body.name} is not on its plane", got=clicks_px.tolist())
-    pose = rigid_fit(body.top_corners_m, seen)
-    pixel = metres_per_pixel(pose, body.tracked_plane_height_m, camera, floor)
-    misfit = np.linalg.norm(transform(pose, body.top_corners_m) - seen, axis=1).max() / pixel
+    pose = rigid_fit(body.top_corners_m, clicked)
+    pixel = target.metres_per_pixel(pose)
+    misfit = np.linalg.norm(transform(pose, body.top_corners_m) - clicked, axis=1).max() / pixel
     x, y = body.top_corners_m.T
     rows = np.concatenate([np.stack([np.ones_like(x), 0 * x, -y], 1), np.stack([0 * x, np.ones_like(x), x], 1)])
     return pose, np.linalg.inv(rows.T @ rows) * (CONSTANTS.click_noise_px * pixel) ** 2, float(misfit)
 
 
 def stretches_of(body: Body, pixel_m: float) -> Stretches:
-    """Cut the outline of a body into stretches for a picture whose pixels are ``pixel_m`` wide on its top."""
+    """Cut the outline of a body into stretches for a picture whose pixels are ``pixel_m`` wide on the target."""
     corners = body.top_corners_m
     if polygon_area(corners) < 0:
         corners = corners[::-1]
@@ -148,25 +140,27 @@ def stretches_of(body: Body, pixel_m: float) -> Stretches:
             length.append((last - first) / count)
     if len(middle) < 4:
         raise InputError(
-            f"the top of {body.name} is too small in the picture to see its edges",
+            f"the planar target of {body.name} is too small in the picture to see its edges",
             got=f"{pixel_m * 1000:.1f} mm a pixel",
             remedy="film from nearer or with more pixels",
         )
-    along_array = np.array(along)
-    normal = np.stack([along_array[:, 1], -along_array[:, 0]], axis=1)
-    return Stretches(
-        np.array(middle),
-        along_array,
-        normal,
-        np.array(length),
-        CONSTANTS.step_px * pixel_m,
-        CONSTANTS.spacing_px * pixel_m,
-    )
+    tangent = np.array(along)
+    normal = np.stack([tangent[:, 1], -tangent[:, 0]], axis=1)
+    step_m, spacing_m = CONSTANTS.step_px * pixel_m, CONSTANTS.spacing_px * pixel_m
+    return Stretches(np.array(middle), tangent, normal, np.array(length), step_m, spacing_m)
 
 
 @compiled(fastmath=RELAXED)
-def _profiles_kernel(luma, middle, along, normal, length, offsets, spacing, columns, matrix, k):  # type: ignore[no-untyped-def]
+def _profiles_kernel(
+    luma: NDArray[np.uint8],
+    lines: tuple[Array, Array, Array, Array, float],
+    offsets: Array,
+    columns: Array,
+    matrix: Array,
+    k: Array,
+) -> Array:
     """Mean grey value of each stretch at each offset (m, k); NaN where it leaves the picture."""
+    middle, along, normal, length, spacing = lines
     profiles = np.zeros((middle.shape[0], offsets.shape[0]))
     for m in range(middle.shape[0]):
         count = max(1, int(length[m] / spacing))
@@ -183,29 +177,13 @@ def _profiles_kernel(luma, middle, along, normal, length, offsets, spacing, colu
     return profiles
 
 
-def edge_slopes(
-    luma: NDArray[np.uint8], body: Body, stretches: Stretches, pose: Array, camera: Camera, floor: Floor
-) -> Array:
-    """Steepness of the picture across each stretch of the outline.
-
-    Returns (m, k): magnitude of the slope at :attr:`Stretches.offsets` [grey levels per step], zero outside the
-    picture.
-    """
-    offsets = stretches.offsets
-    around = np.concatenate([[offsets[0] - stretches.step], offsets, [offsets[-1] + stretches.step]])
-    columns = plane_to_camera(np.asarray(pose, dtype=np.float64), body.tracked_plane_height_m, floor.T_camera_floor)
-    profiles: Array = _profiles_kernel(
-        luma,
-        stretches.middle,
-        stretches.along,
-        stretches.normal,
-        stretches.length,
-        around,
-        stretches.spacing,
-        columns,
-        camera.matrix,
-        camera.distortion,
-    )
+def _edge_slopes(luma: NDArray[np.uint8], target: PlanarTarget, s: Stretches, pose: Array) -> Array:
+    """Slope (m, k) of the picture at the offsets of each stretch [grey levels per step], zero outside the picture."""
+    offsets, camera = s.offsets, target.camera
+    around = np.concatenate([[offsets[0] - s.step], offsets, [offsets[-1] + s.step]])
+    columns = plane_to_camera(np.asarray(pose, dtype=np.float64), target.height, target.floor.T_camera_floor)
+    lines = s.middle, s.along, s.normal, s.length, s.spacing
+    profiles = _profiles_kernel(luma, lines, around, columns, camera.matrix, camera.distortion)
     slopes: Array = np.nan_to_num(np.abs(profiles[:, 2:] - profiles[:, :-2]) / 2)
     return slopes
 
@@ -224,59 +202,38 @@ def _peaks(slopes: Array, ordinary: Array, offsets: Array, expected: Array, spre
             score = slopes[m, j] * np.exp(-0.5 * ((offsets[j] - expected[m]) / spread) ** 2)
             if score > best:
                 best, at = score, j
-        left, target, right = slopes[m, at - 1], slopes[m, at], slopes[m, at + 1]
-        bend = left - 2 * target + right
-        if bend < 0 and target >= left and target >= right:
+        left, peak, right = slopes[m, at - 1], slopes[m, at], slopes[m, at + 1]
+        bend = left - 2 * peak + right
+        if bend < 0 and peak >= left and peak >= right:
             place[m] = offsets[at] + 0.5 * (left - right) / bend * (offsets[1] - offsets[0])
-            contrast[m] = min(max(target / (ordinary[m] + 0.5) - 1, 0.0), 5.0)
+            contrast[m] = min(max(peak / (ordinary[m] + 0.5) - 1, 0.0), 5.0)
     return place, contrast
 
 
-def side_widths(body: Body, stretches: Stretches, pose: Array, camera: Camera, floor: Floor) -> Array:
-    """How wide the body's side is seen outside each stretch (m,) [px] if it reaches down to the floor.
-
-    Zero or less where the top hides the side.
-    """
-    height = body.tracked_plane_height_m
+def _side_widths(target: PlanarTarget, stretches: Stretches, pose: Array) -> Array:
+    """Visible width of the body's side outside each stretch (m,) [px] if it reaches the floor; ≤ 0 where hidden."""
     beyond = stretches.middle + stretches.step * stretches.normal
-    places = [transform(pose, points) for points in (stretches.middle, beyond)]
-    target, out = (project(camera, floor, np.column_stack([xy, np.full(len(xy), height)])) for xy in places)
-    foot = project(camera, floor, np.column_stack([places[0], np.zeros(len(target))]))
-    outward = (out - target) / np.linalg.norm(out - target, axis=1, keepdims=True)
-    widths: Array = ((foot - target) * outward).sum(axis=1)
+    on_edge, outside = (transform(pose, points) for points in (stretches.middle, beyond))
+    edge, out = target.picture_of(on_edge), target.picture_of(outside)
+    foot = project(target.camera, target.floor, np.column_stack([on_edge, np.zeros(len(on_edge))]))
+    outward = (out - edge) / np.linalg.norm(out - edge, axis=1, keepdims=True)
+    widths: Array = ((foot - edge) * outward).sum(axis=1)
     return widths
 
 
-def fit_outline(slopes: Array, stretches: Stretches, pixel_m: float, side_px: Array | None = None) -> OutlineFit | None:
-    """Move the outline onto the edges.
-
-    Parameters
-    ----------
-    slopes : ndarray (m, k)
-        From :func:`edge_slopes`.
-    stretches : Stretches
-        The stretches the slopes belong to.
-    pixel_m : float
-        Width of a pixel on the top [m].
-    side_px : ndarray (m,), optional
-        From :func:`side_widths`. Where only a thin strip of the side is seen, its far edge blurs into the top's and
-        shifts the steepest place: such a stretch counts little, and what it may shift is in the deviation.
-
-    Returns
-    -------
-    OutlineFit or None
-        None where fewer than a third of the stretches agree. A direction that the edges leave open (the turn of a
-        disc) is not moved and has a deviation of three pixels.
-    """
+def _fit_outline(slopes: Array, stretches: Stretches, pixel_m: float, side_px: Array) -> OutlineFit | None:
+    """Move the outline onto the edges; see :func:`observe_outline`."""
+    # Where only a thin strip of the side is visible, its far edge blurs into the target's and shifts the steepest
+    # place: such a stretch counts little, and the possible shift is part of the deviation.
     middle, normal = stretches.middle, stretches.normal
     rows = np.column_stack([normal, middle[:, 0] * normal[:, 1] - middle[:, 1] * normal[:, 0]])
     ordinary = np.median(slopes, axis=1)
     reach = np.linalg.norm(middle, axis=1).max()
     correction = np.zeros(3)
-    thin = np.zeros(len(rows), dtype=bool) if side_px is None else (side_px > 0) & (side_px < CONSTANTS.thin_px)
+    thin = (side_px > 0) & (side_px < CONSTANTS.thin_px)
     trust = np.where(thin, CONSTANTS.trust_in_thin, 1.0)
     for round_ in range(_FITS):
-        # The net is drawn in: wide enough for a click at first, then for the blur of an edge.
+        # The search narrows: wide enough for a click at first, then for the blur of an edge.
         spread = pixel_m * max(0.5, 2.0 * 0.7**round_)
         place, contrast = _peaks(slopes, ordinary, stretches.offsets, rows @ correction, spread)
         misfit = place - rows @ correction
@@ -291,7 +248,7 @@ def fit_outline(slopes: Array, stretches: Stretches, pixel_m: float, side_px: Ar
         information = rows.T @ (weight[:, None] * rows) + np.diag(prior)
         correction = np.linalg.solve(information, rows.T @ (weight * place))
     misfit = place - rows @ correction
-    # The slope of Tukey's influence function: less than its weight, so that what is far from the fit holds it less.
+    # The slope of Tukey's influence function: less than its weight, so that outlying edges constrain the fit less.
     steadiness = trust * contrast * inner * np.maximum(5 * inner - 4, 0.0)
     inverse = np.linalg.inv(rows.T @ (steadiness[:, None] * rows) + np.diag(prior))
     averaged = np.sqrt(CONSTANTS.noise_length_px * pixel_m / stretches.length)
@@ -300,33 +257,28 @@ def fit_outline(slopes: Array, stretches: Stretches, pixel_m: float, side_px: Ar
     used = weight > 0
     freedom = len(rows) / max(1, used.sum() - 3)
     shifted = inverse @ rows.T @ (weight * thin * CONSTANTS.thin_shift_px * pixel_m)
-    return OutlineFit(
-        correction=correction,
-        covariance=inverse @ (scores.T @ scores * freedom + np.diag(prior) * scale**2) @ inverse
-        + np.outer(shifted, shifted),
-        residual_px=float(np.sqrt(np.sum(weight * misfit**2) / weight.sum()) / pixel_m),
-        support=float(used.mean()),
-    )
+    sampled = inverse @ (scores.T @ scores * freedom + np.diag(prior) * scale**2) @ inverse
+    return OutlineFit(correction, sampled + np.outer(shifted, shifted))
 
 
-def observe_outline(
-    luma: NDArray[np.uint8], body: Body, pose: Array, camera: Camera, floor: Floor
-) -> OutlineFit | None:
-    """How the outline at ``pose`` (3,) has to be moved to lie on the edges of a picture; None where they hide."""
-    pixel = metres_per_pixel(pose, body.tracked_plane_height_m, camera, floor)
-    stretches = stretches_of(body, pixel)
-    slopes = edge_slopes(luma, body, stretches, pose, camera, floor)
-    return fit_outline(slopes, stretches, pixel, side_widths(body, stretches, pose, camera, floor))
+def observe_outline(luma: NDArray[np.uint8], target: PlanarTarget, pose: Array) -> OutlineFit | None:
+    """Correction that moves the outline at ``pose`` (3,) onto the edges of a picture.
+
+    None where fewer than a third of the stretches agree. A direction that the edges leave open (the turn of a disc) is
+    not corrected and has a standard deviation of three pixels.
+    """
+    pixel = target.metres_per_pixel(pose)
+    stretches = stretches_of(target.body, pixel)
+    slopes = _edge_slopes(luma, target, stretches, pose)
+    return _fit_outline(slopes, stretches, pixel, _side_widths(target, stretches, pose))
 
 
 def combine_fits(fits: Sequence[OutlineFit]) -> OutlineFit:
-    """One registration from the fits of many pictures at poses that belong together: the mean of those that agree.
+    """One registration from the fits of many pictures: the mean of those that agree, weighted by information.
 
-    Each counts by its information, direction by direction: where motion blurs the edges across the motion it still
-    tells the place along them. What shifts the edges of one body (what is printed beside them, a bevel, a shadow line)
-    is the same in all pictures and does not average out. So of the variance of a fit the share that is seen to differ
-    between the pictures averages out, and the errors of the rest are taken to go together: there the mean of pictures
-    that are equally sure is no surer than one of them.
+    What shifts the edges of one body (what is printed beside them, a bevel, a shadow line) is the same in all pictures
+    and does not average out. So only the share of a fit's variance that differs between the pictures is averaged; the
+    errors of the rest count as fully correlated.
     """
     corrections = np.array([fit.correction for fit in fits])
     covariances = np.array([fit.covariance for fit in fits])
@@ -339,12 +291,8 @@ def combine_fits(fits: Sequence[OutlineFit]) -> OutlineFit:
     apart = np.einsum("ni,nij,nj->", off, information, off) / (3 * max(1, len(off) - 1))
     share = min(apart, CONSTANTS.most_apart)
     together = spread @ _roots(information, spread).sum(axis=0)
-    return OutlineFit(
-        correction=mean,
-        covariance=(1 - share) * together @ together.T + apart * spread,
-        residual_px=float(np.median([fit.residual_px for fit in fits])),
-        support=float(np.median([fit.support for fit in fits])),
-    )
+    covariance = (1 - share) * together @ together.T + apart * spread
+    return OutlineFit(mean, covariance)
 
 
 def _agreeing(corrections: Array, covariances: Array, information: Array) -> NDArray[np.bool_]:

@@ -11,7 +11,7 @@ from towval.model import Array, Body, Camera, Floor
 from towval.model.compiling import compiled
 from towval.model.geometry import inside_polygon, transform
 from towval.optics.projection import project, to_plane
-from towval.tracking.interpolation import metres_per_pixel, plane_pixels
+from towval.tracking.interpolation import plane_pixels_kernel, plane_to_camera, sample_plane_kernel
 from towval.tracking.pose import step_between
 
 _POINTS_ACROSS = 12
@@ -37,7 +37,15 @@ class PlanarTarget:
 
     def pixels(self, points: Array, pose: Array) -> Array:
         """Pixels (n, 2) of points (n, 2) [m] of the body frame at a ``pose`` (3,)."""
-        return plane_pixels(points, pose, self.height, self.camera, self.floor)
+        columns = plane_to_camera(np.asarray(pose, dtype=np.float64), self.height, self.floor.T_camera_floor)
+        return plane_pixels_kernel(np.ascontiguousarray(points), columns, self.camera.matrix, self.camera.distortion)
+
+    def grey_values(self, luma: NDArray[np.uint8], points: Array, pose: Array) -> Array:
+        """Grey values (n,) of a picture at points (n, 2) [m] of the body frame at a ``pose`` (3,); NaN outside it."""
+        T, camera = self.floor.T_camera_floor, self.camera
+        values = sample_plane_kernel(luma, points, pose, self.height, T, camera.matrix, camera.distortion)
+        values[values < 0] = np.nan
+        return values
 
     def picture_of(self, floor_xy: Array) -> Array:
         """Pixels (..., 2) of points at the plane's height over the floor (..., 2) [m]."""
@@ -49,11 +57,14 @@ class PlanarTarget:
         return to_plane(self.camera, self.floor, pixels, self.height)
 
     def metres_per_pixel(self, pose: Array) -> float:
-        """Width of a pixel on the target at a ``pose`` [m]."""
-        return metres_per_pixel(pose, self.height, self.camera, self.floor)
+        """Width of a pixel on the target at a ``pose`` [m]: the root of its area there, at the body's origin."""
+        step = 1e-3
+        corners = self.pixels(np.array([[0.0, 0.0], [step, 0.0], [0.0, step]]), pose)
+        (a, b), (c, d) = corners[1] - corners[0], corners[2] - corners[0]
+        return step / float(np.sqrt(abs(a * d - b * c)))
 
     def apart_m(self, pose: Array, other: Array) -> float:
-        """How far a corner of the body may be from its place at another pose [m]: shift and turn together."""
+        """Bound of the distance of any corner of the body from its place at another pose [m]."""
         step = step_between(pose, other)
         return math.hypot(step[0], step[1]) + self.reach_m * abs(float(step[2]))
 
@@ -73,10 +84,6 @@ class PlanarTarget:
         if (pose[:2] < low).any() or (pose[:2] > high).any():
             return 0.0
         return float(inside_polygon(outline, transform(pose, self._inner_points)).mean())
-
-    def outline(self, pose: Array) -> Array:
-        """The target's corners (n, 2) on the floor at a ``pose`` [m]."""
-        return transform(pose, self.body.top_corners_m)
 
 
 @compiled()

@@ -4,7 +4,6 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from towval.model import Array, Camera
 from towval.model.errors import InputError
@@ -12,9 +11,7 @@ from towval.tracking.alignment import Alignment, align
 from towval.tracking.blur import Shutter
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.pose import Measurement, Tracker
-from towval.tracking.template import Template, by_motion, make_template, slopes_at
-
-Luma = NDArray[np.uint8]
+from towval.tracking.template import Luma, Template, by_motion, make_template, slopes_at
 
 
 @dataclass(frozen=True)
@@ -28,10 +25,10 @@ class PlaneTrackerConstants:
     jump_px: float = 3.0  # [px] From the prediction: a pose that ends farther is tried from the coarse scale, too.
     coarse_body_px: int = 90  # [px] Length of the body at the coarse scale.
     coarse_samples: int = 400  # Points of the coarse template: more than one in 15 px² of the shrunk body.
-    refresh_inliers: float = 0.8  # Of the points: only a body in full view teaches its looks.
+    refresh_inliers: float = 0.8  # Of the points: only a body in full view refreshes its template.
     refresh_every: int = 5  # Pictures, after the first ten.
-    slowest_refresh: float = 0.05  # Rate of the running means, once they are long: forgets over 20 lessons.
-    first_lessons: int = 10  # Pictures in a row that the response is learned from,
+    slowest_refresh: float = 0.05  # Rate of the running means, once they are long: a memory of 20 updates.
+    first_lessons: int = 10  # Consecutive pictures from which the response is estimated,
     lesson_every: int = 25  # then one in so many.
     least_share: float = 0.1**3  # Of a determinant: a tenth of each motion.
     most_scale: float = 0.5  # Of the template's own deviation: residuals of an inlier.
@@ -55,7 +52,7 @@ class PlaneTracker(Tracker):
         template = make_template(luma, target, pose, samples)
         if template is None:
             raise InputError(
-                f"too little of the tracked plane of {target.body.name} can be seen in the first picture",
+                f"too little of the planar target of {target.body.name} is visible in the first picture",
                 remedy="check its clicks and obstructions, or start where the body is in full view",
             )
         self.template = template
@@ -66,24 +63,24 @@ class PlaneTracker(Tracker):
         self.free_slopes = _without_light(template)
         self.motion_like = np.linalg.pinv(self.free_slopes)
         self.response, self.blurred_response = _Response(), _Response()
-        self.usual_correlation, self.seen, self.refreshed = 1.0, 0, 0
+        self.usual_correlation, self.aligned, self.refreshed = 1.0, 0, 0
         self.most_scale = max(2.0, CONSTANTS.most_scale * float(np.std(template.values)))
 
     @property
     def exposure_s(self) -> float:
-        """How long the shutter seems to be open [s]."""
+        """Estimated exposure time [s]."""
         return self.shutter.exposure_s
 
     def measure(self, luma: Luma, predicted: Array, velocity: Array | None = None) -> Measurement | None:
-        """Pose near ``predicted`` (3,), or None where the picture does not vouch for one."""
+        """Pose near ``predicted`` (3,), or None where no alignment passes the gates."""
         blurred = None if velocity is None else self.shutter.template(velocity)
         template = self.template if blurred is None else blurred
         response = self.response if blurred is None else self.blurred_response
         found = self._align(luma, predicted, template, response)
         if found is None or self.target.apart_m(predicted, found.pose) > CONSTANTS.jump_px * self.pixel_m:
-            from_afar = self._align_coarsely(luma, predicted, template, response)
-            if from_afar is not None and (found is None or from_afar.correlation > found.correlation):
-                found = from_afar
+            coarse = self._align_coarsely(luma, predicted, template, response)
+            if coarse is not None and (found is None or coarse.correlation > found.correlation):
+                found = coarse
         if found is None:
             return None
         if blurred is None:
@@ -120,7 +117,7 @@ class PlaneTracker(Tracker):
         return None if found is None else self._align(luma, found.pose, template, response)
 
     def _shrunk(self, luma: Luma, pose: Array) -> tuple[Luma, Camera]:
-        """The surroundings of the body at the coarse scale, and the camera that would have taken them."""
+        """The surroundings of the body at the coarse scale, and the camera of that picture."""
         centre = self.target.pixels(np.zeros((1, 2)), pose)[0]
         reach = 2.0 * self.target.reach_m / self.pixel_m
         low = np.clip(np.nan_to_num(centre) - reach, 0, None).astype(int)
@@ -139,54 +136,49 @@ class PlaneTracker(Tracker):
         return small, replace(self.target.camera, matrix=matrix, resolution_px=(int(size[0]), int(size[1])))
 
     def _trusted(self, found: Alignment) -> bool:
-        worst = CONSTANTS.worst_std_px * self.pixel_m
         std = np.sqrt(np.diag(found.covariance))
-        return (
-            found.converged
-            and found.inlier_fraction >= CONSTANTS.least_inliers
-            and found.correlation
-            >= max(CONSTANTS.least_correlation, CONSTANTS.correlation_kept * self.usual_correlation)
-            and max(std[0], std[1], std[2] * self.target.reach_m) <= worst
-        )
+        worst_m = max(std[0], std[1], std[2] * self.target.reach_m)
+        least = max(CONSTANTS.least_correlation, CONSTANTS.correlation_kept * self.usual_correlation)
+        matched = found.inlier_fraction >= CONSTANTS.least_inliers and found.correlation >= least
+        return bool(found.converged and matched and worst_m <= CONSTANTS.worst_std_px * self.pixel_m)
 
     def _learn(self, found: Alignment) -> None:
         """Refresh the template's grey values and the usual correlation; the template's place stays."""
-        self.seen += 1
-        if found.inlier_fraction < CONSTANTS.refresh_inliers or (
-            self.refreshed > 10 and self.seen % CONSTANTS.refresh_every
-        ):
+        self.aligned += 1
+        skipped = self.refreshed > 10 and self.aligned % CONSTANTS.refresh_every
+        if found.inlier_fraction < CONSTANTS.refresh_inliers or skipped:
             return
         self.refreshed += 1
         rate = max(1 / (self.refreshed + 1), CONSTANTS.slowest_refresh)
         self.usual_correlation += rate * (found.correlation - self.usual_correlation)
         change = rate * np.where(found.weight > 0, found.residual, 0.0)
-        # Only what does not look like a motion is taken over: the aligned pose cannot creep.
+        # Only the part that no motion explains is kept: the aligned pose cannot creep.
         change -= self.free_slopes @ (self.motion_like @ change)
         self.template = replace(self.template, values=self.template.values + change)
 
 
 class _Response:
-    """Share of a small motion that alignments with a template observe: ``share`` (3, 3), one where nothing is lost.
+    """Share (3, 3) of a small motion that alignments with a template observe: one where nothing is lost.
 
     The template's slopes J hold noise, and the steepest places were chosen. A later picture's slopes J' at the same
-    points hold noise of their own, so ``(JᵀJ)⁻¹JᵀJ'`` is free of what JᵀJ counts as texture and is none. The
-    alignment solves ``JᵀJ' ε = Jᵀ(noise)``: its covariance is that of ``(JᵀJ)⁻¹Jᵀ(noise)`` over this share.
+    points hold independent noise, so ``(JᵀJ)⁻¹JᵀJ'`` is not biased by noise that JᵀJ counts as texture. The alignment
+    solves ``JᵀJ' ε = Jᵀ(noise)``: its covariance is that of ``(JᵀJ)⁻¹Jᵀ(noise)`` over this share.
     """
 
     def __init__(self) -> None:
         self.share: Array = np.eye(3)
-        self.whole: Array | None = np.eye(3)  # Inverse of the share; None where next to nothing of a motion is seen.
+        self.whole: Array | None = np.eye(3)  # Inverse of the share; None where hardly any of a motion is observed.
         self.asked, self.learned = 0, 0
 
     def is_due(self) -> bool:
-        """Whether the picture at hand should be learned from: each of the first, later one now and then."""
+        """Whether to learn from the present picture: from each of the first, then from one in ``lesson_every``."""
         self.asked += 1
         return self.learned < CONSTANTS.first_lessons or self.asked % CONSTANTS.lesson_every == 0
 
-    def learn(self, slopes: Array, seen: Array, weight: Array) -> None:
+    def learn(self, slopes: Array, in_picture: Array, weight: Array) -> None:
         """Compare slopes (n, 3) of the template, freed of the light's, with those of a picture; ``weight`` (n,)."""
-        known = np.isfinite(seen).all(axis=1) & (weight > 0)
-        share: Array = np.asarray(np.linalg.lstsq(slopes[known], seen[known], rcond=None)[0], dtype=np.float64)
+        known = np.isfinite(in_picture).all(axis=1) & (weight > 0)
+        share: Array = np.asarray(np.linalg.lstsq(slopes[known], in_picture[known], rcond=None)[0], dtype=np.float64)
         self.learned += 1
         self.share += max(1 / self.learned, CONSTANTS.slowest_refresh) * (share - self.share)
         determined = np.linalg.det(self.share) > CONSTANTS.least_share

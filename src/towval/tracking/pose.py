@@ -19,9 +19,9 @@ _FITS = 10
 class Measurement:
     """A body's pose measured in one picture.
 
-    ``pose`` (3,) [m, m, rad]; ``covariance`` (3, 3). What a tracker can add: ``inlier_fraction``, share of points or
-    samples that agree; ``residual``, root mean square misfit (pixels for KLT, grey levels for plane alignment); and
-    ``points_m`` (k, 2) in the body frame with ``weights`` (k,) in [0, 1], some of what the pose rests on.
+    ``pose`` (3,) [m, m, rad]; ``covariance`` (3, 3). Optional: ``inlier_fraction``, share of points that agree;
+    ``residual``, root mean square misfit (pixels for KLT, grey levels for plane alignment); ``points_m`` (k, 2) in the
+    body frame with ``weights`` (k,) in [0, 1], some of the points that were used.
 
     Raises `InputError` when an array has another shape.
     """
@@ -36,8 +36,8 @@ class Measurement:
     def __post_init__(self) -> None:
         count = len(self.weights)
         for name, shape in (("pose", (3,)), ("covariance", (3, 3)), ("points_m", (count, 2)), ("weights", (count,))):
-            if np.shape(getattr(self, name)) != shape:
-                got = np.shape(getattr(self, name))
+            got = np.shape(getattr(self, name))
+            if got != shape:
                 raise InputError(f"Measurement.{name} of a tracker has the wrong shape", got=got, allowed=str(shape))
 
 
@@ -55,9 +55,9 @@ class Tracker(Protocol):
         return 0.0
 
     def measure(self, luma: NDArray[np.uint8], predicted: Array, velocity: Array | None = None) -> Measurement | None:
-        """Pose near ``predicted``, or None where the picture does not vouch for one.
+        """Pose near ``predicted`` (3,), or None where it cannot be measured reliably.
 
-        ``velocity`` (3,) is the body's twist in its own frame [m/s, m/s, rad/s], where known: it blurs the picture.
+        ``velocity`` (3,), where known, is the body's twist in its own frame [m/s, m/s, rad/s], which blurs the picture.
         """
 
 
@@ -72,10 +72,9 @@ class RigidFit:
 
 
 def robust_rigid_fit(source: Array, target: Array, noise_floor_m: float) -> RigidFit:
-    """Pose that brings ``source`` (n, 2) onto ``target`` (n, 2) [m], outliers weighted down.
+    """Pose that maps ``source`` (n, 2) onto ``target`` (n, 2) [m], by least squares reweighted with Tukey's biweight.
 
-    Iterated reweighting with Tukey's biweight, started from the median shift; the scale is the median absolute
-    deviation, not less than ``noise_floor_m``.
+    The scale is the median distance, not less than ``noise_floor_m``.
     """
     weights = np.ones(len(source))
     for _ in range(_FITS):
@@ -96,10 +95,7 @@ def robust_rigid_fit(source: Array, target: Array, noise_floor_m: float) -> Rigi
 
 @dataclass
 class Motion:
-    """Where a body should be next: it goes on as it did between the last two observations.
-
-    The last velocity is used as it is; a body that was at rest is expected at rest.
-    """
+    """Prediction of a body's pose: its twist between the last two observations is carried on, undamped."""
 
     time_s: float
     pose: Array

@@ -35,29 +35,17 @@ class Proposal:
 
 
 def propose_bodies(pictures: Sequence[NDArray[np.uint8]], most: int = 2) -> tuple[list[Proposal], NDArray[np.uint8]]:
-    """Propose bodies from what moves against the background.
+    """Propose up to ``most`` bodies, largest first, from what moves against the background.
 
-    The background is the median of the pictures; what differs from it in the first picture stood there and left. The
-    rectangles hold sides and shadow, too: they show where bodies are, and the clicks on the corners of the tops
-    remain the user's.
-
-    Parameters
-    ----------
-    pictures : sequence of ndarray (height, width) uint8
-        Five pictures or more spread over the video, the first one first.
-    most : int
-        How many bodies to propose, the largest first.
-
-    Returns
-    -------
-    proposals : list of Proposal
-        Largest first; empty where nothing moved.
-    picture : ndarray (height, width, 3) uint8
-        The first picture (blue, green, red) with the proposals drawn and numbered and their corners lettered, to be
-        confirmed.
+    The background is the median of ``pictures`` (height, width), five or more spread over the video; what differs from
+    it in the first picture stood there and left. The rectangles include sides and shadow: they show where bodies are,
+    and the user still clicks the corners of the planar targets. The second value is the first picture (height, width,
+    3; blue, green, red) with the proposals drawn and their corners lettered, to be confirmed.
     """
     if len(pictures) < CONSTANTS.least_pictures:
-        raise InputError("too few pictures to tell bodies from the background", got=len(pictures), allowed="5 or more")
+        raise InputError(
+            "too few pictures to separate bodies from the background", got=len(pictures), allowed="5 or more"
+        )
     stack = np.stack(pictures)
     difference = cv2.absdiff(stack[0], np.median(stack, axis=0).astype(np.uint8))
     difference = cv2.GaussianBlur(difference, (0, 0), 1.5).astype(np.float32)

@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from towval.model import Array, Body
 from towval.model.compiling import compiled
-from towval.tracking.interpolation import sample_plane
 from towval.tracking.planar_target import PlanarTarget, usable_points
 
 Luma = NDArray[np.uint8]
@@ -29,12 +28,11 @@ CONSTANTS = TemplateConstants()
 
 @dataclass(frozen=True)
 class Template:
-    """What a planar target looks like.
+    """Appearance of a planar target.
 
-    ``points`` (n, 2) in the body frame [m]; ``values`` (n,) grey levels; ``slopes`` (n, 3) change of the grey value
-    with a motion (x, y, heading) of the body frame [1/m, 1/m, 1/rad]; ``tile`` (n,) number of the tile a point
-    belongs to, ``tiles`` how many there are; ``pixel_m`` the width of a pixel on the target [m]. The points are
-    shuffled, so that the first of them are an even choice.
+    ``points`` (n, 2) in the body frame [m], shuffled, so that the first of them are an even choice; ``values`` (n,)
+    grey levels; ``slopes`` (n, 3) change of the grey value with a motion (x, y, heading) of the body frame [1/m, 1/m,
+    1/rad]; ``tile`` (n,) the tile of each point, of ``tiles``; ``pixel_m`` the width of a pixel on the target [m].
     """
 
     points: Array
@@ -46,7 +44,7 @@ class Template:
 
 
 def clearance_m(body: Body, pixel_m: float) -> float:
-    """What points of a template keep from the outline of a body [m], in pictures whose pixels are ``pixel_m`` wide."""
+    """Distance of a template's points from the outline of a body [m], in pictures whose pixels are ``pixel_m`` wide."""
     return min(CONSTANTS.margin_px * pixel_m, CONSTANTS.most_margin * float(np.ptp(body.top_corners_m, axis=0).min()))
 
 
@@ -68,7 +66,7 @@ def make_template(luma: Luma, target: PlanarTarget, pose: Array, samples: int = 
     points, cells = points[usable], cells[usable]
 
     slope = slopes_at(luma, target, pose, points, pixel)
-    values = sample_plane(luma, points, pose, target.height, target.camera, target.floor)
+    values = target.grey_values(luma, points, pose)
     chosen = _steepest(cells, np.where(np.isfinite(values), np.hypot(*slope.T), -1.0))
     chosen = chosen[np.isfinite(slope[chosen]).all(axis=1) & np.isfinite(values[chosen])]
     if len(chosen) < CONSTANTS.least_points:
@@ -81,12 +79,8 @@ def make_template(luma: Luma, target: PlanarTarget, pose: Array, samples: int = 
 
 def slopes_at(luma: Luma, target: PlanarTarget, pose: Array, points: Array, pixel_m: float) -> Array:
     """Change (n, 2) of the grey value along x and y [1/m] at points (n, 2) of a body at ``pose`` (3,), over a pixel."""
-    half = 0.5 * pixel_m
-    ends = [
-        sample_plane(luma, points + sign * shift, pose, target.height, target.camera, target.floor)
-        for shift in half * np.eye(2)
-        for sign in (1, -1)
-    ]
+    shifts = 0.5 * pixel_m * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
+    ends = [target.grey_values(luma, points + shift, pose) for shift in shifts]
     return np.column_stack([ends[0] - ends[1], ends[2] - ends[3]]) / pixel_m
 
 
@@ -103,7 +97,7 @@ def _steepest(cells: NDArray[np.int64], steepness: Array) -> NDArray[np.int64]:
 
 
 @compiled()
-def _keep_steepest(cells, steepness, best):  # type: ignore[no-untyped-def]
+def _keep_steepest(cells: NDArray[np.int64], steepness: Array, best: NDArray[np.int64]) -> None:
     for i in range(cells.shape[0]):
         if best[cells[i]] < 0 or steepness[i] > steepness[best[cells[i]]]:
             best[cells[i]] = i

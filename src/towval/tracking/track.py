@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from towval.model import Body, Calibration, Finding, Track
 from towval.model.errors import InputError
@@ -17,23 +17,17 @@ from towval.tracking.klt import KltTracker
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.plane_tracker import CONSTANTS as PLANE
 from towval.tracking.plane_tracker import PlaneTracker
+from towval.tracking.template import Luma
 
 
 @dataclass(frozen=True)
 class TrackSettings:
     """How to track: the keys of ``config["track"]``.
 
-    Parameters
-    ----------
-    method : str
-        Name in :data:`TRACKERS`: ``plane``, alignment of the whole planar target with a template; ``klt``, the
-        paper's points; or one that a plugin registers.
-    samples : int
-        Points of the template; with fewer than 1024 the tracks carry a warning.
-    coast_s : float
-        How long a body that is not observed is predicted, and marked so, before it counts as lost [s].
-    forward_backward_px : float
-        Largest distance between a KLT point and where it comes back to [px].
+    ``method``: name in :data:`TRACKERS`, ``plane`` (alignment of the whole planar target with a template), ``klt`` (the
+    paper's points) or one that a plugin registers; ``samples``: points of the template, tracks with fewer than 1024
+    carry a warning; ``coast_s``: how long a body that is not observed is predicted, and marked so, before it counts as
+    lost [s]; ``forward_backward_px``: largest distance between a KLT point and where it comes back to [px].
     """
 
     method: str = "plane"
@@ -51,15 +45,15 @@ TRACKERS: Registry[Callable[[TrackSettings], TrackerMaker]] = Registry("tracker"
 TRACKERS.register("plane", lambda settings: partial(PlaneTracker, samples=settings.samples))
 TRACKERS.register("klt", lambda settings: partial(KltTracker, forward_backward_px=settings.forward_backward_px))
 
-
-Frames = Iterable[tuple[float, NDArray[np.uint8]]]
+Frames = Iterable[tuple[float, Luma]]
+Clicks = Mapping[str, ArrayLike]
 
 
 def track(
     frames: Frames,
     calibration: Calibration,
     bodies: Sequence[Body],
-    clicks_px: Mapping[str, ArrayLike],
+    clicks_px: Clicks,
     settings: TrackSettings | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> dict[str, Track]:
@@ -91,14 +85,11 @@ def track_beside(
     frames: Frames,
     calibration: Calibration,
     bodies: Sequence[Body],
-    clicks_px: Mapping[str, ArrayLike],
+    clicks_px: Clicks,
     several: Sequence[TrackSettings],
     progress: Callable[[int], None] | None = None,
 ) -> list[dict[str, Track]]:
-    """Track with several settings beside one another in the same pass, which decodes the video once.
-
-    The tracks come in the order of ``several``, each as :func:`track` would give it; the rest is as there.
-    """
+    """As :func:`track`, with ``several`` settings in the same pass, which decodes the video once."""
     missing = [body.name for body in bodies if body.name not in clicks_px]
     if missing:
         raise InputError(f"first_frame_clicks_px of {', '.join(missing)} is missing", got=sorted(clicks_px))
@@ -108,7 +99,8 @@ def track_beside(
         luma = np.ascontiguousarray(picture)
         if done == 0:
             _check_size(luma, calibration)
-            groups = [_Group(settings, calibration, bodies, time_s, luma, clicks_px) for settings in several]
+            targets = [PlanarTarget(body, calibration.camera, calibration.floor) for body in bodies]
+            groups = [_Group(settings, targets, time_s, luma, clicks_px) for settings in several]
             poses = [follower.first_pose for follower in groups[0].followers]
             camera_motion = CameraMotion(calibration.camera, calibration.floor, luma, bodies, poses)
         else:
@@ -127,49 +119,37 @@ class _Group:
     """All bodies of a scene, followed with the same settings; none may take another's place."""
 
     def __init__(
-        self,
-        settings: TrackSettings,
-        calibration: Calibration,
-        bodies: Sequence[Body],
-        time_s: float,
-        luma: NDArray[np.uint8],
-        clicks_px: Mapping[str, ArrayLike],
+        self, settings: TrackSettings, targets: Sequence[PlanarTarget], time_s: float, luma: Luma, clicks_px: Clicks
     ):
         self.settings = settings
-        self.followers = [
-            Follower(
-                PlanarTarget(body, calibration.camera, calibration.floor),
-                time_s,
-                luma,
-                np.asarray(clicks_px[body.name], dtype=np.float64),
-                TRACKERS[settings.method](settings),
-                settings.coast_s,
-            )
-            for body in bodies
-        ]
+        make_tracker = TRACKERS[settings.method](settings)
+        self.followers = []
+        for target in targets:
+            clicks = np.asarray(clicks_px[target.body.name], dtype=np.float64)
+            self.followers.append(Follower(target, time_s, luma, clicks, make_tracker, settings.coast_s))
 
-    def follow(self, time_s: float, luma: NDArray[np.uint8]) -> None:
+    def follow(self, time_s: float, luma: Luma) -> None:
         for follower in self.followers:
             others = [other.place for other in self.followers if other is not follower]
             follower.follow(time_s, luma, [outline for outline in others if outline is not None])
 
     def tracks(self, camera_findings: tuple[Finding, ...]) -> dict[str, Track]:
-        findings = (*camera_findings, *_judge_samples(self.settings))
+        findings = (*camera_findings, *_sample_findings(self.settings))
         return {one.target.body.name: one.track(self.settings.method, findings) for one in self.followers}
 
 
-def _judge_samples(settings: TrackSettings) -> tuple[Finding, ...]:
+def _sample_findings(settings: TrackSettings) -> tuple[Finding, ...]:
     if settings.method != "plane" or settings.samples >= PLANE.enough_samples:
         return ()
     return (finding("few_points", samples=settings.samples, enough=PLANE.enough_samples),)
 
 
-def _check_size(luma: NDArray[np.uint8], calibration: Calibration) -> None:
-    height, width = luma.shape
-    if (width, height) != tuple(calibration.camera.resolution_px):
+def _check_size(luma: Luma, calibration: Calibration) -> None:
+    (height, width), (allowed_width, allowed_height) = luma.shape, calibration.camera.resolution_px
+    if (width, height) != (allowed_width, allowed_height):
         raise InputError(
             "the video's pictures do not have the size of the calibration's",
             got=f"{width} × {height} px",
-            allowed=f"{calibration.camera.resolution_px[0]} × {calibration.camera.resolution_px[1]} px",
+            allowed=f"{allowed_width} × {allowed_height} px",
             remedy="calibrate with pictures of the same camera mode as the video",
         )
