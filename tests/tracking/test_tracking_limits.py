@@ -12,9 +12,10 @@ from studies.worlds.scenes import ceiling, rectangle
 from towval.model import Body, TrackStatus
 from towval.model.errors import InputError
 from towval.model.geometry import compose, transform
-from towval.tracking import camera_motion, follow
+from towval.tracking import blur, camera_motion, follow
 from towval.tracking import noise as noise_module
 from towval.tracking.alignment import Alignment, align
+from towval.tracking.blur import Shutter
 from towval.tracking.camera_motion import CameraMotion
 from towval.tracking.follow import Follower
 from towval.tracking.klt import KltTracker
@@ -131,6 +132,109 @@ def test_a_direction_without_texture_is_open():
     stripes = picture(own, pose=np.zeros(3), grey=lambda xy: 120 + 40 * np.sin(40 * xy.sum(axis=1)))
     template = make_template(stripes, own, np.zeros(3))
     assert align(stripes, template, np.ones(len(template.points)), np.zeros(3), own, 20.0) is None
+
+
+@pytest.mark.parametrize(("off_px", "converged"), [(5.0, True), (6.0, False)])
+def test_a_faint_noisy_target_converges_from_five_pixels_within_the_rounds(off_px, converged):
+    faint = texture(contrast=6.0)
+    template = make_template(picture(BOX, grey=faint, noise=8.0, seed=5), BOX, POSE)
+    start = compose(POSE, np.array([off_px * PIXEL_M, 0.0, 0.0]))
+    luma = picture(BOX, grey=faint, noise=8.0, seed=1)
+    assert align(luma, template, np.ones(len(template.points)), start, BOX, 20.0).converged == converged
+
+
+@pytest.mark.parametrize(("determinant", "determined"), [(1.4e-4, True), (0.7e-4, False)])
+def test_a_direction_is_open_below_a_determinant_of_1e_4(determinant, determined):
+    sharp = make_template(picture(BOX), BOX, POSE)
+
+    def skewed(share):
+        """The template with slopes along y that are those along x but for a share."""
+        slopes = sharp.slopes.copy()
+        slopes[:, 1] = slopes[:, 0] + share * slopes[:, 1]
+        return align(picture(BOX), replace(sharp, slopes=slopes), np.ones(len(slopes)), POSE, BOX, 20.0)
+
+    information = np.linalg.inv(skewed(0.2).covariance)
+    size = np.sqrt(np.diag(information))
+    of_share = np.linalg.det(information / np.outer(size, size)) / 0.2**2
+    assert (skewed(np.sqrt(determinant / of_share)) is not None) == determined
+
+
+def test_an_inlier_is_within_three_times_the_scale():
+    template = make_template(picture(BOX), BOX, POSE)
+    rng = np.random.default_rng(0)
+    residual = np.clip(rng.standard_normal(len(template.points)), -2, 2)
+    far = rng.uniform(size=len(residual)) < 0.3
+    residual[far] = 5.0 * rng.choice([-1, 1], far.sum())
+    disturbed = replace(template, values=template.values + residual)
+    found = align(picture(BOX), disturbed, np.ones(len(residual)), POSE, BOX, 20.0)
+    assert 2.7 < np.quantile(np.abs(found.residual) / found.scale, found.inlier_fraction) < 3.45
+
+
+@pytest.mark.parametrize(("points", "counts"), [(6, False), (12, True)])
+def test_a_tile_of_eight_points_has_a_correlation(points, counts):
+    template = make_template(picture(BOX), BOX, POSE)
+    template = replace(template, tile=np.arange(len(template.points)) // points)
+    template = replace(template, tiles=int(template.tile.max()) + 1)
+    found = align(picture(BOX), template, np.ones(len(template.points)), POSE, BOX, 20.0)
+    assert (found.correlation > 0.9) == counts
+
+
+# Motion blur
+
+
+@pytest.fixture
+def shutter(monkeypatch):
+    own = Shutter(BOX, picture(BOX), POSE, make_template(picture(BOX), BOX, POSE))
+    own.compared = []
+    monkeypatch.setattr(blur, "light_misfit", lambda values, *_: own.compared.append(len(values)) or 0.0)
+    return own
+
+
+LONGEST_S = blur._CANDIDATES_S[-1]
+CANDIDATES = len(blur._CANDIDATES_S)
+
+
+def learns(shutter, path_px):
+    """Let a shutter learn from a picture in which the body moves so far during the longest candidate."""
+    velocity = np.array([path_px * PIXEL_M / LONGEST_S, 0.0, 0.0])
+    shutter.learn(picture(BOX), aligned(picture(BOX)), shutter.sharp.template, velocity)
+
+
+@pytest.mark.parametrize(("path_px", "learned"), [(2.2, False), (4.5, True)])
+def test_the_exposure_is_learned_from_motion_of_three_pixels(shutter, path_px, learned):
+    learns(shutter, path_px)
+    assert bool(shutter.compared) == learned
+
+
+def test_the_exposure_is_learned_from_some_hundred_points_often_at_first_and_seldom_later(shutter):
+    for _ in range(60):
+        learns(shutter, 4.0)
+    assert 14 <= len(shutter.compared) / CANDIDATES <= 17
+    assert 250 < max(shutter.compared) <= 500
+
+
+@pytest.mark.parametrize(("path_px", "blurred"), [(0.4, False), (0.7, True)])
+def test_less_than_half_a_pixel_is_no_blur(shutter, path_px, blurred):
+    assert (shutter.sharp.blurred(np.array([path_px * PIXEL_M, 0, 0])) is not None) == blurred
+
+
+def test_a_blur_is_read_about_every_pixel_and_a_half(shutter, monkeypatch):
+    read, times = blur.SharpTarget.read, []
+    monkeypatch.setattr(blur.SharpTarget, "read", lambda *given: times.append(1) or read(*given))
+    shutter.sharp.blurred(np.array([6.0 * PIXEL_M, 0, 0]))
+    assert 4 <= len(times) <= 6
+
+
+@pytest.mark.parametrize(("change_px", "anew"), [(0.4, False), (0.7, True)])
+def test_a_blurred_template_is_kept_until_the_motion_changes_by_half_a_pixel(shutter, monkeypatch, change_px, anew):
+    monkeypatch.setattr(Shutter, "exposure_s", 1.0)
+    before = shutter.template(np.array([3.0 * PIXEL_M, 0, 0]))
+    assert (shutter.template(np.array([(3.0 + change_px) * PIXEL_M, 0, 0])) is not before) == anew
+
+
+@pytest.mark.parametrize(("path_m", "usable"), [(0.28, True), (0.62, False)])
+def test_a_blurred_template_keeps_more_than_half_of_the_points(shutter, path_m, usable):
+    assert (shutter.sharp.blurred(np.array([path_m, 0, 0])) is not None) == usable
 
 
 # Plane tracker
@@ -539,6 +643,25 @@ def test_klt_needs_eight_points(count, enough):
     luma = picture(BOX, grey=dots)
     tracker = KltTracker(BOX, luma, POSE)
     assert (tracker.measure(luma, POSE) is not None) == enough
+
+
+def test_klt_points_are_six_pixels_apart(klt):
+    pixels = klt.keyframes[0].pixels
+    apart = np.linalg.norm(pixels[:, None] - pixels, axis=2) + 1e9 * np.eye(len(pixels))
+    # The refinement moves points by up to three pixels.
+    assert 5.0 < np.median(apart.min(axis=1)) < 9.0
+
+
+@pytest.mark.parametrize(("contrast", "taken"), [(8.5, 0), (12.0, 6)])
+def test_klt_takes_corners_of_a_hundredth_of_the_best_one(contrast, taken):
+    spots = np.stack(np.meshgrid([-0.4, -0.24, -0.08, 0.08, 0.24, 0.4], [-0.2, 0.0, 0.2]), axis=-1).reshape(-1, 2)
+    height = np.where(spots[:, 1] == 0.2, contrast, 100.0)
+
+    def dots(xy):
+        return 120 + (height * np.exp(-((xy[:, None] - spots) ** 2).sum(axis=2) / (2 * 0.02**2))).sum(axis=1)
+
+    points = KltTracker(BOX, picture(BOX, grey=dots), POSE).keyframes[0].points_m
+    assert (points[:, 1] > 0.1).sum() == taken
 
 
 def test_klt_states_no_less_than_a_twentieth_of_a_pixel_a_point(klt):
