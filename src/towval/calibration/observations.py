@@ -62,7 +62,7 @@ class CalibrationObservations:
         points_m = lifted(observation.board_m, self.floor_reference.board_thickness_m)
         return Block(points_m, observation.corners_px, placement)
 
-    def without(self, names: set[str]) -> CalibrationObservations:
+    def without(self, names: set[str]) -> "CalibrationObservations":
         """The observations less some boards."""
         return replace(
             self,

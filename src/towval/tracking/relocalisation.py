@@ -6,8 +6,6 @@ worth nothing if another fits as well (a body of the same kind, or this one turn
 correlated, coarsely and at headings all around, with the whole rectified picture.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 
