@@ -12,7 +12,7 @@ from studies.worlds.scenes import ceiling, rectangle
 from towval.model import Body, TrackStatus
 from towval.model.errors import InputError
 from towval.model.geometry import compose, transform
-from towval.tracking import blur, camera_motion, follow
+from towval.tracking import blur, camera_motion, follow, outline
 from towval.tracking import noise as noise_module
 from towval.tracking.alignment import Alignment, align
 from towval.tracking.blur import Shutter
@@ -21,7 +21,7 @@ from towval.tracking.follow import Follower
 from towval.tracking.klt import KltTracker
 from towval.tracking.light import light_misfit
 from towval.tracking.noise import hold_rest, scatter_factor
-from towval.tracking.outline import OutlineFit, combine_fits, observe_outline, stretches_of
+from towval.tracking.outline import OutlineFit, combine_fits, observe_outline, pose_from_clicks, stretches_of
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.plane_tracker import PlaneTracker, _Response
 from towval.tracking.pose import Measurement, Tracker
@@ -593,6 +593,35 @@ def test_the_turn_of_a_disc_is_known_to_three_pixels():
     assert 2.0 < np.sqrt(fit.covariance[2, 2]) * 0.5 / PIXEL_M < 4.0
 
 
+def test_a_click_is_known_to_seven_tenths_of_a_pixel():
+    _, covariance, _ = pose_from_clicks(BOX, OUTLINE)
+    assert np.sqrt(covariance[0, 0] * len(OUTLINE)) / PIXEL_M == pytest.approx(0.7, rel=0.2)
+
+
+def edge_std_px(thin_px=9.0, blank=False, floor=0.0):
+    """Deviation along x of a fit to a bright box whose right side has a width, whose left edge may be missing."""
+    luma = picture(BOX, grey=lambda xy: np.full(len(xy), 200.0))
+    stretches = stretches_of(BOX.body, PIXEL_M)
+    slopes = outline._edge_slopes(luma, BOX, stretches, POSE)
+    slopes += floor * slopes.max(axis=1, keepdims=True)
+    slopes[blank & (stretches.normal[:, 0] < -0.9)] = 0.0
+    side_px = np.where(stretches.normal[:, 0] > 0.9, thin_px, 9.0)
+    return np.sqrt(outline._fit_outline(slopes, stretches, PIXEL_M, side_px).covariance[0, 0]) / PIXEL_M
+
+
+def test_the_deviation_of_edges_is_that_measured_on_clear_and_faint_ones():
+    # 0.064 px a stretch of 12 px, on twenty stretches of 9.3 px; 0.03 px more where the edge stands out by two thirds.
+    assert 0.023 < edge_std_px() < 0.033
+    assert 0.033 < edge_std_px(floor=0.6) < 0.047
+
+
+@pytest.mark.parametrize(
+    ("thin_px", "blank", "low", "high"), [(4.5, False, 0.023, 0.033), (2.5, False, 0.06, 0.075), (2.5, True, 0.2, 0.4)]
+)
+def test_a_thin_strip_of_side_shifts_its_edge_which_counts_little(thin_px, blank, low, high):
+    assert low < edge_std_px(thin_px, blank) < high
+
+
 @pytest.mark.parametrize(("distance", "counts"), [(2.2, True), (5.0, False)])
 def test_a_fit_far_from_the_others_does_not_count(distance, counts):
     rng = np.random.default_rng(1)
@@ -643,6 +672,11 @@ def test_klt_needs_eight_points(count, enough):
     luma = picture(BOX, grey=dots)
     tracker = KltTracker(BOX, luma, POSE)
     assert (tracker.measure(luma, POSE) is not None) == enough
+
+
+def test_klt_follows_most_points_over_ten_pixels(klt):
+    found = klt.measure(picture(BOX), POSE + np.array([10.0 * PIXEL_M, 0.0, 0.0]))
+    assert 0.6 < found.inlier_fraction < 0.9
 
 
 def test_klt_points_are_six_pixels_apart(klt):
