@@ -58,7 +58,7 @@ def test_board_coordinates_explain_the_corners():
     np.testing.assert_allclose(again, observation.corners_px, atol=0.15)
 
 
-def test_a_board_faces_the_camera_whichever_way_it_was_read():
+def test_a_board_faces_the_camera_in_whatever_order_it_was_read():
     board = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
     upright = 100 * board * [1, -1] + 300
     np.testing.assert_array_equal(facing_camera(board, upright), board)
@@ -110,7 +110,7 @@ def two_pictures() -> list[tuple[str, np.ndarray]]:
     ]
 
 
-def test_wrong_corner_counts_are_told_with_the_right_ones(two_pictures):
+def test_wrong_corner_counts_are_reported_with_the_right_ones(two_pictures):
     assert fitting_corner_counts(two_pictures) == (9, 6)
     with pytest.raises(InputError, match="10 × 7 inner corners") as error:
         find_boards(two_pictures, Board("chessboard", (10, 7), 0.04), 1)

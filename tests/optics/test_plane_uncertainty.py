@@ -48,7 +48,7 @@ def test_sensitivity_is_the_derivative_of_the_position(seen, height):
     np.testing.assert_allclose(by_height, (ahead - behind) / 2e-6, rtol=1e-5, atol=1e-8)
 
 
-def test_a_top_moves_towards_the_nadir_as_it_rises(seen):
+def test_a_target_moves_towards_the_nadir_as_it_rises(seen):
     _, by_height = position_sensitivity(*seen, PIXELS, 0.3)
     position = to_plane(*seen, PIXELS, 0.3)
     nadir, camera_height = seen[1].camera_position_m[:2], seen[1].camera_position_m[2]

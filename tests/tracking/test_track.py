@@ -166,7 +166,7 @@ def test_a_body_that_leaves_the_picture_is_lost():
     assert distance.max() < 1e-3
 
 
-def test_a_plain_top_is_flagged():
+def test_a_plain_target_is_flagged():
     challenge = small(challenges.low_texture(10))
     challenge = replace(challenge, times=challenge.times[:12])
     for found, (distance, _) in follow(challenge).values():

@@ -1,4 +1,4 @@
-"""Relocalisation: a lost body is found anywhere in the picture, and told from whatever looks like it.
+"""Relocalisation: a lost body is found anywhere in the picture, and distinguished from lookalikes.
 
 The picture is first rectified: resampled on the tracked plane with square cells. There the body keeps its size, so that
 a match of features is a shift and a turn, and a similarity whose scale is not one is a false match. A pose found is
