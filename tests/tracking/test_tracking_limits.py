@@ -500,7 +500,9 @@ def test_the_floor_is_checked_twice_a_second_on_some_hundred_points_off_bodies_a
         (0.01, 0.0, 0.3, 0, False),
     ],
 )
-def test_an_uncertain_alignment_of_the_floor_is_inconclusive(floor_seen, monkeypatch, std_px, shift_px, inliers, known, moved):
+def test_an_uncertain_alignment_of_the_floor_is_inconclusive(
+    floor_seen, monkeypatch, std_px, shift_px, inliers, known, moved
+):
     camera = watch(floor_seen)
     unit = camera.template.pixel_m
     found = Alignment(
