@@ -258,6 +258,8 @@ register(  # simulate; the last six are those of towval.physics
     FindingType("step_limit", "simulate", WARNING, NOT_JUDGED, _ENDED),
     FindingType("step_too_small", "simulate", WARNING, NOT_JUDGED, _ENDED),
     FindingType("not_finite", "simulate", WARNING, NOT_JUDGED, _ENDED),
+    FindingType("tips_over", "simulate", WARNING, NOT_JUDGED, _ENDED),
+    FindingType("lifted", "simulate", WARNING, NOT_JUDGED, _ENDED),
     FindingType(
         "not_balanced", "simulate", WARNING, NOT_JUDGED,
         "At {count} steps of the rung '{rung}' no balance was found; the previous twist was kept.",

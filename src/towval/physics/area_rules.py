@@ -39,6 +39,11 @@ def area_rules(rings: tuple[Array, ...], pressure: Array) -> tuple[Array, Array]
     return np.concatenate(nodes), rules
 
 
+def nodes_over(polygon: shapely.Polygon, along: int) -> Array:
+    """Nodes (k, 3) of a rule over a polygon [m]: place (x, y) [m] and area [m²]; ``along`` each side of a piece."""
+    return _gauss_nodes(_pieces(_triangles(polygon)), np.array([1.0, 0.0, 0.0]), along)
+
+
 def polygons_of(rings: tuple[Array, ...]) -> list[shapely.Polygon]:
     """Oriented rings as polygons: a clockwise ring is a hole of the counter-clockwise ring before it."""
     polygons: list[shapely.Polygon] = []

@@ -175,7 +175,7 @@ def in_body_frame(plane: Array, force: ArrayLike, centre: Array, size: float) ->
     return np.concatenate([gradient, constant], axis=-1)
 
 
-def resting_pressure(towed: TowedObject) -> PressurePlane:
+def resting_pressure(towed: TowedObject, gravity: float = GRAVITY_M_PER_S2) -> PressurePlane:
     """Pressure under an object at rest, its weight acting at its centre of mass; raises as :func:`pressure_plane`.
 
     Examples
@@ -186,7 +186,7 @@ def resting_pressure(towed: TowedObject) -> PressurePlane:
     49.05
     """
     instance_of(towed, "towed", TowedObject)
-    return pressure_plane(towed.patch, [(towed.mass * GRAVITY_M_PER_S2, towed.centre_of_mass)])
+    return pressure_plane(towed.patch, [(towed.mass * gravity, towed.centre_of_mass)])
 
 
 def footprint_polygon(patch: Patch) -> shapely.Polygon | shapely.MultiPolygon:
@@ -261,7 +261,7 @@ def _residual(contact: tuple[Array, ...], plane: Array, centre: Array, size: flo
 
 
 @compiled(allocates=False)
-def _add_edge(m: Array, x0: float, y0: float, x1: float, y1: float) -> None:
+def add_edge_moments(m: Array, x0: float, y0: float, x1: float, y1: float) -> None:
     """Add an edge's share to the moments 1, x, y, xx, xy, yy of the area (Green)."""
     cross = x0 * y1 - x1 * y0
     m[0] += cross / 2
@@ -300,13 +300,13 @@ def clipped_moments(vertices: Array, ring_ends: NDArray[np.int64], c: float, a: 
                 else:
                     x1, y1 = x, y
             if started:
-                _add_edge(m, last_x, last_y, x0, y0)
+                add_edge_moments(m, last_x, last_y, x0, y0)
             else:
                 started, first_x, first_y = True, x0, y0
-            _add_edge(m, x0, y0, x1, y1)
+            add_edge_moments(m, x0, y0, x1, y1)
             last_x, last_y = x1, y1
         if started:
-            _add_edge(m, last_x, last_y, first_x, first_y)
+            add_edge_moments(m, last_x, last_y, first_x, first_y)
         start = end
 
 

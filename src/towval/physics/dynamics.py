@@ -1,27 +1,43 @@
 """Dynamics of the towed object: feedback (FBD, a tether from a moving hinge), feedforward (FFD, a given force).
 
-SOURCE: section 2.3, eqs. (9) to (12). Rigid planar body, friction of its pressed patch, tow force in the ground
-plane, so the pressure does not change. ASSUME: the loads rest where the centre of mass is.
+SOURCE: section 2.3, eqs. (9) to (12). Rigid body flat on the floor, friction of its pressed patch. With the tow force
+in the ground plane on a level floor the pressure does not change; else ``towval.physics.spatial`` takes over.
 """
 
 from __future__ import annotations
 
 import enum
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from towval.model import Array, Finding, FrictionLaw, SimulatedMotion, Tether, TimedPath, TowedObject, locked
+from towval.model import (
+    Array,
+    Finding,
+    FrictionLaw,
+    Ground,
+    SimulatedMotion,
+    Sliding,
+    Tether,
+    TimedPath,
+    TowedObject,
+    locked,
+)
 from towval.model.checks import instance_of
+from towval.model.conventions import GRAVITY_M_PER_S2
 from towval.model.errors import InputError
 from towval.model.findings import finding
 from towval.model.geometry import transform
 from towval.physics.contact import resting_pressure
+from towval.physics.friction_laws import Coulomb
 from towval.physics.friction_table import SLOPE
 from towval.physics.integrator import NOT_FINITE, REACHED_END, STEP_LIMIT, STEP_TOO_SMALL, integrate
 from towval.physics.motion import FORCED, TAUT, MotionProblem, natural_mode, tensions
+from towval.physics.spatial.integrator import LIFTED_OFF, TIPPED_OVER
+from towval.physics.spatial.problem import as_sliding, tow_problem
+from towval.physics.spatial.tow import Sticking, is_planar, run_tow
 from towval.physics.splines import Spline, spline_covering, spline_values
 from towval.physics.wrench import SlidingPatch, sliding_patch
 
@@ -30,6 +46,9 @@ if TYPE_CHECKING:
 
 DEFAULT_TOLERANCE_M = 1e-7
 """Error of a single step that is accepted [m]; docs/physics.md shows what path error it buys."""
+
+LEVEL = Ground()
+_NO_TETHER = Tether(1.0, 1.0)
 
 _FORCE_ERROR, _FORCE_SHIFT_M = 1e-3, 0.01
 """An error of the force that nobody can exclude, and how far it may move the object before that is worth a word."""
@@ -54,6 +73,10 @@ class Outcome(enum.StrEnum):
     """No step, however small, met the tolerance; the motion ends early."""
     NOT_FINITE = "not finite"
     """The state left the range of numbers; the motion ends early."""
+    TIPS = "tips over"
+    """No pressure under the footprint balances the loads; the motion ends early."""
+    LIFTED = "lifted"
+    """The tether lifts the object off the floor; the motion ends early."""
 
 
 ADVICE = {
@@ -62,6 +85,8 @@ ADVICE = {
     Outcome.STEP_LIMIT: "Raise the tolerance or the step limit; the hinge's path may be noisy between its points.",
     Outcome.STEP_TOO_SMALL: "Check the drive for jumps, and stiffness, masses and friction law for extreme values.",
     Outcome.NOT_FINITE: "Check the drive and the initial state for extreme values.",
+    Outcome.TIPS: "Check the heights of anchor, hinge and centre of mass, the slope and the friction coefficients.",
+    Outcome.LIFTED: "Check the height of the hinge over the anchor, the rest length of the tether and the mass.",
 }
 """What each outcome means for its user."""
 
@@ -70,6 +95,8 @@ _OUTCOMES = {
     STEP_LIMIT: Outcome.STEP_LIMIT,
     STEP_TOO_SMALL: Outcome.STEP_TOO_SMALL,
     NOT_FINITE: Outcome.NOT_FINITE,
+    TIPPED_OVER: Outcome.TIPS,
+    LIFTED_OFF: Outcome.LIFTED,
 }
 
 
@@ -94,7 +121,7 @@ STANDARD = Accuracy()
 
 def feedback(
     towed: TowedObject,
-    law: FrictionLaw | SlidingPatch,
+    law: Sliding | FrictionLaw | SlidingPatch,
     tether: Tether,
     hinge: TimedPath | CubicSpline,
     start_pose: ArrayLike,
@@ -102,6 +129,9 @@ def feedback(
     *,
     start_twist: ArrayLike = (0.0, 0.0, 0.0),
     accuracy: Accuracy = STANDARD,
+    ground: Ground = LEVEL,
+    hinge_height: float = 0.0,
+    sticking: Sticking | None = None,
 ) -> SimulatedMotion:
     """Motion of an object towed by a tether whose hinge follows a given way (FBD).
 
@@ -109,8 +139,9 @@ def feedback(
 
     Parameters
     ----------
-    law : FrictionLaw or SlidingPatch
-        Friction of the whole footprint, or a patch prepared with its own pressure, friction and method.
+    law : Sliding, FrictionLaw or SlidingPatch
+        Friction of the whole footprint, or a patch prepared with its own pressure, friction and method, which serves
+        the planar model alone.
     hinge : TimedPath or CubicSpline
         Way of the tether's end on the rover [m]; a path is splined. It must cover ``times``.
     start_pose : array_like (3,)
@@ -118,8 +149,14 @@ def feedback(
     times : array_like (n,)
         When to report [s], strictly increasing, two or more.
     start_twist : array_like (3,), optional
-        Velocity of the body frame's origin and heading rate at the start, floor axes [m/s, m/s, rad/s]; at rest if not
-        given.
+        Velocity of the body frame's origin and heading rate at the start, floor axes [m/s, m/s, rad/s]; at rest if
+        not given.
+    ground : Ground, optional
+        Gravity, slope and regions of the floor; level and uniform if not given.
+    hinge_height : float, optional
+        Of the tether's end on the rover above the floor [m].
+    sticking : Sticking, optional
+        Friction at rest as a set. If not given, the law alone counts, and below the limit the object creeps.
 
     Returns
     -------
@@ -144,8 +181,10 @@ def feedback(
     """
     times = checked_times(times)
     drive = spline_covering(hinge, times, "the way of the hinge")
-    scene = motion_scene(towed, law, tether, drive)
     y = centre_state(towed, start_pose, start_twist)
+    if _in_space(towed, law, tether, ground, hinge_height, sticking):
+        return _spatial_motion(towed, (law, tether, ground, hinge_height, sticking), drive, False, y, times, accuracy)
+    scene = motion_scene(towed, law, tether, drive, ground.gravity)
     outcome, states, modes, statistics = _run(scene, natural_mode(scene, times[0], y), y, times, accuracy)
     if outcome == Outcome.CONVERGED and not (modes == TAUT).any() and not statistics["mode_changes"]:
         outcome = Outcome.SLACK_ALL_ALONG
@@ -156,13 +195,15 @@ def feedback(
 
 def feedforward(
     towed: TowedObject,
-    law: FrictionLaw | SlidingPatch,
+    law: Sliding | FrictionLaw | SlidingPatch,
     force: TimedPath | CubicSpline,
     start_pose: ArrayLike,
     times: ArrayLike,
     *,
     start_twist: ArrayLike = (0.0, 0.0, 0.0),
     accuracy: Accuracy = STANDARD,
+    ground: Ground = LEVEL,
+    sticking: Sticking | None = None,
 ) -> SimulatedMotion:
     """Motion of an object on whose anchor a force given over time acts (FFD).
 
@@ -184,22 +225,80 @@ def feedforward(
     """
     times = checked_times(times)
     drive = spline_covering(force, times, "the force")
-    scene = motion_scene(towed, law, Tether(1.0, 1.0), drive)
-    start = centre_state(towed, start_pose, start_twist)
+    start, stronger = centre_state(towed, start_pose, start_twist), _stronger(drive)
+    if _in_space(towed, law, _NO_TETHER, ground, towed.anchor_height, sticking):
+        given = law, _NO_TETHER, ground, towed.anchor_height, sticking
+        motion, moved = (_spatial_motion(towed, given, d, True, start, times, accuracy) for d in (drive, stronger))
+        return _with_open_loop_finding(motion, moved)
+    scene = motion_scene(towed, law, _NO_TETHER, drive, ground.gravity)
     outcome, states, _, statistics = _run(scene, FORCED, start.copy(), times, accuracy)
     forces, _ = spline_values(drive, times[: len(states)])
     motion = _motion(towed, times, states, forces, np.zeros(len(states)), outcome, statistics)
-    stronger = drive._replace(coefficients=(1 + _FORCE_ERROR) * drive.coefficients)
-    _, moved, _, _ = _run(scene._replace(drive=stronger), FORCED, start.copy(), times, accuracy)
-    both = min(len(states), len(moved))
-    apart = float(np.linalg.norm(states[:both, :2] - moved[:both, :2], axis=1).max())
-    return replace(motion, findings=(*motion.findings, *_open_loop_findings(apart)))
+    _, moved, _, statistics = _run(scene._replace(drive=stronger), FORCED, start.copy(), times, accuracy)
+    return _with_open_loop_finding(motion, _motion(towed, times, moved, forces, forces[:, 0], outcome, statistics))
 
 
-def _open_loop_findings(apart_m: float) -> tuple[Finding, ...]:
+def _stronger(force: Spline) -> Spline:
+    return force._replace(coefficients=(1 + _FORCE_ERROR) * force.coefficients)
+
+
+def _with_open_loop_finding(motion: SimulatedMotion, moved: SimulatedMotion) -> SimulatedMotion:
+    """A motion, with a finding where a little more force leads far away."""
+    both = min(len(motion.time_s), len(moved.time_s))
+    apart_m = float(np.linalg.norm(motion.pose[:both, :2] - moved.pose[:both, :2], axis=1).max())
     if apart_m <= _FORCE_SHIFT_M:
-        return ()
-    return (finding("open_loop", percent=100 * _FORCE_ERROR, apart_mm=1000 * apart_m),)
+        return motion
+    found = finding("open_loop", percent=100 * _FORCE_ERROR, apart_mm=1000 * apart_m)
+    return replace(motion, findings=(*motion.findings, found))
+
+
+def _in_space(
+    towed: TowedObject,
+    law: Sliding | FrictionLaw | SlidingPatch,
+    tether: Tether,
+    ground: Ground,
+    hinge_height: float,
+    sticking: Sticking | None,
+) -> bool:
+    """Whether the tow takes the model in three dimensions; raises where the friction is prepared for the planar one."""
+    instance_of(towed, "towed", TowedObject)
+    instance_of(tether, "tether", Tether)
+    instance_of(ground, "ground", Ground)
+    prepared = isinstance(law, SlidingPatch)
+    if not prepared and not isinstance(law, Sliding):
+        instance_of(law, "law", FrictionLaw)
+    planar = is_planar(
+        towed, as_sliding(Coulomb(1.0, 1.0) if prepared else law), tether, ground, hinge_height, sticking
+    )
+    if prepared and not planar:
+        raise InputError(
+            "friction prepared for a fixed pressure cannot serve a tow with heights, slope, regions or sticking",
+            got="a SlidingPatch",
+            allowed="a friction law or Sliding",
+        )
+    if hinge_height < 0:
+        raise InputError("the tether's hinge is below the floor", got=f"{hinge_height} m", allowed="zero or above")
+    return not planar
+
+
+def _spatial_motion(
+    towed: TowedObject,
+    given: tuple[Any, Tether, Ground, float, Sticking | None],
+    drive: Spline,
+    forced: bool,
+    start: Array,
+    times: Array,
+    accuracy: Accuracy,
+) -> SimulatedMotion:
+    law, tether, ground, hinge_height, sticking = given
+    hold = (sticking.static, sticking.speed) if sticking else (0.0, 0.0)
+    resting_pressure(towed, ground.gravity)  # Refuses what tips over by its own weight.
+    problem = tow_problem(towed, as_sliding(law), tether, ground, hinge_height, drive, hold)
+    run = run_tow(problem, forced, start, times, accuracy.tolerance, accuracy.step_limit)
+    outcome = _OUTCOMES[run.code]
+    if outcome == Outcome.CONVERGED and not run.towed:
+        outcome = Outcome.SLACK_ALL_ALONG
+    return _motion(towed, times, run.states, run.tension[:, 1:], run.tension[:, 0], outcome, run.statistics)
 
 
 def checked_times(times: ArrayLike) -> Array:
@@ -212,11 +311,19 @@ def checked_times(times: ArrayLike) -> Array:
     return times
 
 
-def motion_scene(towed: TowedObject, law: FrictionLaw | SlidingPatch, tether: Tether, drive: Spline) -> MotionProblem:
+def motion_scene(
+    towed: TowedObject,
+    law: Sliding | FrictionLaw | SlidingPatch,
+    tether: Tether,
+    drive: Spline,
+    gravity: float = GRAVITY_M_PER_S2,
+) -> MotionProblem:
     """A towed object, what it slides on and what draws it, laid out for the compiled right-hand side."""
     instance_of(towed, "towed", TowedObject)
     instance_of(tether, "tether", Tether)
-    patch = law if isinstance(law, SlidingPatch) else sliding_patch(resting_pressure(towed), law)
+    patch = (
+        law if isinstance(law, SlidingPatch) else sliding_patch(resting_pressure(towed, gravity), as_sliding(law).law)
+    )
     body = [towed.mass, towed.inertia, *(patch.origin - towed.centre_of_mass), *(towed.anchor - towed.centre_of_mass)]
     return MotionProblem(patch, np.array(body), np.array([tether.stiffness, tether.rest_length, tether.damping]), drive)
 

@@ -120,7 +120,7 @@ def edge_integrals(
     distance, pressure = prepared[0], plane[0]
     d = abs(distance)
     across, along = d * plane[2], d * plane[1]
-    by_1, by_s, by_s2, by_s3 = _moments(table, prepared, rate * d)
+    by_1, by_s, by_s2, by_s3 = edge_moments(table, prepared, rate * d)
     mu0, m1_d, m2_0, m3_0 = unpacked(by_1)
     mu1, m1_t, m2_1, m3_1 = unpacked(by_s)
     mu2, _, m2_2, m3_2 = unpacked(by_s2)
@@ -146,7 +146,7 @@ def edge_integrals(
 
 
 @compiled(allocates=False)
-def _moments(
+def edge_moments(
     table: Array, prepared: tuple[float, float, float, int, int], nearest_speed: float
 ) -> tuple[Lanes, Lanes, Lanes, Lanes]:
     """∫ m sinhʲ q dq along a prepared edge, j from 0 to 3, lanes μ, m_1, m_2, m_3; ``nearest_speed`` is |ω d|."""

@@ -67,7 +67,7 @@ def integrate(
         piece = piece_at(scene.drive.knots, t, piece)
         if fresh:
             acceleration_slopes(scene, mode, t, piece, y, work.rates0, work.jacobian, work.time_slope)
-            if not _finite(work.rates0, work.jacobian):
+            if not finite(work.rates0, work.jacobian):
                 return NOT_FINITE, filled, counts
         h = min(h, end - t, _slack_step(scene, t, piece, y) if mode == SLACK else np.inf)
         if h < _SMALLEST_STEP * span:
@@ -169,7 +169,8 @@ def _step(
 
 
 @compiled(allocates=False)
-def _finite(rates: Array, jacobian: Array) -> bool:
+def finite(rates: Array, jacobian: Array) -> bool:
+    """Whether all rates (6,) and slopes (3, 6) are finite."""
     total = 0.0
     for i in range(6):
         total += rates[i]

@@ -11,7 +11,7 @@ from towval.model import FrictionSpecification
 from towval.model.plugins import Registry
 from towval.physics.friction_laws.coulomb import Coulomb, fit_coulomb
 from towval.physics.friction_laws.fitted import FittedLaw
-from towval.physics.friction_laws.makkar import Makkar, fit_makkar, fit_specification
+from towval.physics.friction_laws.makkar import Makkar, fit_makkar, fit_specification, risen_law
 
 LAWS: Registry[Callable[[FrictionSpecification], FittedLaw]] = Registry("friction law")
 """How each friction law is made from the numbers that a lab states, by name."""
@@ -19,7 +19,7 @@ LAWS: Registry[Callable[[FrictionSpecification], FittedLaw]] = Registry("frictio
 LAWS.register(Makkar.name, fit_specification)
 LAWS.register(Coulomb.name, fit_coulomb)
 
-__all__ = ["LAWS", "Coulomb", "FittedLaw", "Makkar", "fit_makkar", "fitted_law"]
+__all__ = ["LAWS", "Coulomb", "FittedLaw", "Makkar", "fit_makkar", "fitted_law", "risen_law"]
 
 
 def fitted_law(specification: FrictionSpecification) -> FittedLaw:

@@ -85,7 +85,7 @@ class Makkar(FrictionLaw):
     @property
     def plateau(self) -> float:
         """γ4, and γ1 where its tanh terms do not cancel [1]."""
-        return self.gamma1 * ((self.gamma2 > 0) - (self.gamma3 > 0)) + self.gamma4 * (self.gamma5 > 0)
+        return self.gamma1 * (float(self.gamma2 > 0) - float(self.gamma3 > 0)) + self.gamma4 * (self.gamma5 > 0)
 
     @property
     def viscous(self) -> float:
@@ -102,6 +102,30 @@ def fit_specification(specification: FrictionSpecification) -> FittedLaw:
     return fit_makkar(
         specification.static, specification.kinetic, specification.stiction_velocity, specification.friction_velocity
     )
+
+
+def risen_law(static: float, kinetic: float, rise_velocity: float, friction_velocity: float) -> Makkar:
+    """Makkar's law for an object that sticks by itself: μ has risen to μ_s at once and falls to μ_k at v_k.
+
+    Both parts rise over ``rise_velocity`` [m/s], a number of the numerics: at rest the law plays no part. Of the
+    rise μ_s − μ_k a hundredth is left at ``friction_velocity`` v_k [m/s]; v_s, where a regularised law peaks, has no
+    place in it.
+
+    Examples
+    --------
+    >>> risen_law(0.4, 0.35, 1e-5, 0.01).coefficient([1e-4, 0.01, 0.1]).round(4)
+    array([0.3987, 0.3505, 0.35  ])
+    """
+    rise = static - kinetic
+    if rise < 0:
+        raise InputError(
+            "static friction is below kinetic friction",
+            got=f"static {static} < kinetic {kinetic}",
+            allowed="static equal to kinetic or above",
+        )
+    falling = math.atanh(1 - SETTLED_FRACTION) / friction_velocity if rise > 0 else 0.0
+    rising = 1 / rise_velocity
+    return Makkar(rise, rising if rise > 0 else 0.0, falling, kinetic, rising, 0.0)
 
 
 def fit_makkar(

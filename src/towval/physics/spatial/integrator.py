@@ -1,0 +1,364 @@
+"""Integration of a :class:`~towval.physics.spatial.problem.TowProblem`: slack, taut, at rest, and the events between.
+
+As :mod:`towval.physics.integrator`, with one more mode: at rest nothing is integrated. The object stays until what
+friction has to bear exceeds what it can (``holding``); that moment is found by regula falsi. It comes to rest where its
+speed is below that at which the law of sliding has risen, and friction can hold it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from towval.model import Array
+from towval.model.compiling import compiled
+from towval.physics.friction_table import PLATEAU
+from towval.physics.integrator import NOT_FINITE, REACHED_END, STEP_LIMIT, STEP_TOO_SMALL, finite
+from towval.physics.motion import FORCED, SLACK, TAUT
+from towval.physics.rosenbrock import NODES, ORDER, STAGES, A, dense_output, solve_stage, stage_matrix
+from towval.physics.spatial.holding import holding_margin
+from towval.physics.spatial.pressure import BALANCED, TIPS
+from towval.physics.spatial.problem import (
+    ANCHOR_X,
+    ANCHOR_Y,
+    DAMPING,
+    GRAVITY_N,
+    HOLD_SPEED,
+    KAPPA,
+    MASS,
+    STIFFENING,
+    TowProblem,
+)
+from towval.physics.spatial.rates import acceleration_slopes, accelerations, natural_mode, tautness
+from towval.physics.spatial.soles import RADIUS, Work
+from towval.physics.splines import piece_at
+
+STUCK = 3
+"""At rest, held by friction; beside SLACK, TAUT and FORCED."""
+TIPPED_OVER, LIFTED_OFF = 4, 5
+"""Further outcomes beside those of the planar integrator."""
+
+_SAFETY, _SHRINK, _GROW = 0.9, 0.2, 6.0
+_SMALLEST_STEP, _LOOKS = 1e-14, 4
+_HELD_AGAIN = 1e-4  # margin at which an object comes to rest: below, it would leave again at once
+# While at rest a step may use up this share of the margin: a pull at the anchor also turns the object, which some three
+# times as little pull may suffice for.
+_SAFE_SHARE = 0.3
+_MOMENT_OF_RELEASE = 1e-9  # margin at which an object is let go
+
+
+class March(NamedTuple):
+    """Where an integration is: state (6,) and clock (t, next step, its growth, piece, filled), counts (5,), arrays."""
+
+    y: Array
+    clock: Array
+    counts: NDArray[np.int64]
+    y1: Array
+    stage_y: Array
+    rates0: Array
+    rates: Array
+    k: Array
+    slopes: Array
+    matrices: Array
+    twist: Array
+
+
+_T, _H, _GROWTH, _FILLED, _BALANCE, _PIECE = range(6)  # of the clock
+
+
+@compiled()
+def march_from(start: Array) -> March:
+    """Arrays of an integration that starts from a state."""
+    return March(
+        y=start.copy(),
+        clock=np.zeros(6),
+        counts=np.zeros(5, dtype=np.int64),
+        y1=np.empty(6),
+        stage_y=np.empty(6),
+        rates0=np.empty(6),
+        rates=np.empty(6),
+        k=np.empty((STAGES, 6)),
+        slopes=np.empty((4, 6)),
+        matrices=np.empty((2, 3, 3)),
+        twist=np.zeros(3),
+    )
+
+
+@compiled()
+def integrate(
+    problem: TowProblem,
+    work: Work,
+    forced: bool,
+    start: Array,
+    times: Array,
+    weights: Array,
+    step_limit: int,
+    states: Array,
+    modes: NDArray[np.int64],
+) -> tuple[int, int, NDArray[np.int64]]:
+    """Integrate from ``times[0]`` and fill ``states`` (n, 6) and ``modes`` (n,) at the times.
+
+    Returns the outcome, the number of times filled, and counts: steps, rejections, changes between slack and taut,
+    moments at which friction let go, looks at whether it holds.
+    """
+    march = march_from(start)
+    y, clock, counts = march.y, march.clock, march.counts
+    span = times[-1] - times[0]
+    clock[_T], clock[_H], clock[_GROWTH] = times[0], 1e-6 * span, _GROW
+    mode = _natural(problem, forced, times[0], 0, y)
+    if y[3] == 0 and y[4] == 0 and y[5] == 0 and _holds(problem, work, forced, march, times[0], 0.0):
+        mode = STUCK
+    _report(march, mode, times[0], span, times, states, modes)
+    fresh = True
+    while clock[_FILLED] < len(times):
+        if counts[0] + counts[1] >= step_limit:
+            return STEP_LIMIT, int(clock[_FILLED]), counts
+        if mode == STUCK:
+            if _rest(problem, work, forced, march, times, states, modes):
+                mode, fresh = _natural(problem, forced, clock[_T], int(clock[_PIECE]), y), True
+                clock[_H], clock[_GROWTH] = 1e-7 * span, _GROW
+            continue
+        code, changed, fresh = _move(problem, work, mode, fresh, march, times, weights, states, modes)
+        if code != REACHED_END:
+            return code, int(clock[_FILLED]), counts
+        if changed:
+            mode = SLACK if mode == TAUT else TAUT
+        speed = math.sqrt(y[3] * y[3] + y[4] * y[4]) + abs(y[5]) * problem.soles.numbers[RADIUS]
+        slow = fresh and speed < problem.numbers[HOLD_SPEED]
+        if slow and _holds(problem, work, forced, march, clock[_T], _HELD_AGAIN):
+            y[3] = y[4] = y[5] = 0.0
+            mode = STUCK
+    return REACHED_END, int(clock[_FILLED]), counts
+
+
+@compiled(allocates=False)
+def _natural(problem: TowProblem, forced: bool, time: float, piece: int, y: Array) -> int:
+    return FORCED if forced else natural_mode(problem, time, piece_at(problem.drive.knots, time, piece), y)
+
+
+@compiled(allocates=False)
+def _holds(problem: TowProblem, work: Work, forced: bool, march: March, time: float, least: float) -> bool:
+    if not problem.numbers[HOLD_SPEED] > 0:
+        return False
+    march.counts[4] += 1
+    return holding_margin(problem, forced, time, int(march.clock[_PIECE]), march.y, work, march.twist) > least
+
+
+@compiled(allocates=False)
+def _report(
+    march: March, mode: int, t1: float, h: float, times: Array, states: Array, modes: NDArray[np.int64]
+) -> None:
+    """Fill states and modes at the times up to ``t1``: the state itself, or dense output while it moves."""
+    filled, t = int(march.clock[_FILLED]), march.clock[_T]
+    while filled < len(times) and times[filled] <= t1:
+        theta = (times[filled] - t) / h
+        if theta > 0 and mode != STUCK:
+            dense_output(theta, march.y, march.y1, march.k, states[filled])
+        else:
+            for i in range(6):
+                states[filled, i] = march.y[i]
+        modes[filled] = mode
+        filled += 1
+    march.clock[_FILLED] = filled
+
+
+@compiled(allocates=False)
+def _rest(
+    problem: TowProblem, work: Work, forced: bool, march: March, times: Array, states: Array, modes: NDArray[np.int64]
+) -> bool:
+    """Stay at rest for a step; True where friction lets go at its end."""
+    t, y, counts = march.clock[_T], march.y, march.counts
+    piece = piece_at(problem.drive.knots, t, int(march.clock[_PIECE]))
+    march.clock[_PIECE] = piece
+    margin = holding_margin(problem, forced, t, piece, y, work, march.twist)
+    h = min(_resting_step(problem, forced, t, piece, y, margin), times[-1] - t)
+    t1 = times[-1] if h >= times[-1] - t else t + h
+    after = holding_margin(problem, forced, t1, piece, y, work, march.twist)
+    counts[0] += 1
+    counts[4] += 2
+    let_go = after <= 0
+    if let_go:
+        low, high, at_low, at_high = t, t1, min(margin, 1.0), max(after, -1.0)
+        side = 0
+        for _ in range(60):
+            if abs(at_high) <= _MOMENT_OF_RELEASE or high - low <= 1e-15 * (1 + abs(t)):
+                break
+            share = at_low / (at_low - at_high)
+            middle = low + (high - low) * min(max(share, 0.01), 0.99)
+            value = min(max(holding_margin(problem, forced, middle, piece, y, work, march.twist), -1.0), 1.0)
+            counts[4] += 1
+            if value > 0:
+                low, at_low = middle, value
+                at_high *= 0.5 if side == 1 else 1.0  # Illinois: an end that stays counts for less.
+                side = 1
+            else:
+                high, at_high = middle, value
+                at_low *= 0.5 if side == -1 else 1.0
+                side = -1
+        t1 = high
+        counts[3] += 1
+    _report(march, STUCK, t1, 1.0, times, states, modes)
+    march.clock[_T] = t1
+    return let_go
+
+
+@compiled(allocates=False)
+def _resting_step(problem: TowProblem, forced: bool, t: float, piece: int, y: Array, margin: float) -> float:
+    """Longest step [s] in which the drive cannot use up the margin; at least a quarter of the spline's piece."""
+    n, knots = problem.numbers, problem.drive.knots
+    quarter = (knots[piece + 1] - knots[piece]) / 4
+    gap = _SAFE_SHARE * margin / (1 + margin) * problem.holding[PLATEAU] * n[MASS] * n[GRAVITY_N]
+    if margin == np.inf:
+        gap = _SAFE_SHARE * problem.holding[PLATEAU] * n[MASS] * n[GRAVITY_N]
+    if not forced:
+        _, stretch, _ = tautness(problem, t, piece, y)
+        if n[DAMPING] > 0 and stretch > 0:
+            return quarter  # The pull follows the hinge's velocity.
+        gap = gap / (n[KAPPA] * (1 + n[STIFFENING])) + max(0.0, -stretch)
+        if n[DAMPING] > 0:
+            gap = max(0.0, -stretch)
+    return max(quarter, safe_time(problem, t, piece, gap, 0.0))
+
+
+@compiled(allocates=False)
+def safe_time(problem: TowProblem, t: float, piece: int, gap: float, anchor_speed: float) -> float:
+    """Time [s] that the drive, at the speed limits of its spline, and the anchor need to close a gap."""
+    knots, limits = problem.drive.knots, problem.drive.speed_limits
+    safe, now = 0.0, t
+    for k in range(piece, len(limits)):
+        duration = knots[k + 1] - now if k < len(limits) - 1 else np.inf
+        closing = (limits[k] + anchor_speed) * duration
+        if closing >= gap:
+            return safe + gap / (limits[k] + anchor_speed)
+        gap -= closing
+        safe += duration
+        now = knots[k + 1]
+    return np.inf
+
+
+@compiled(allocates=False)
+def _move(
+    problem: TowProblem,
+    work: Work,
+    mode: int,
+    fresh: bool,
+    march: March,
+    times: Array,
+    weights: Array,
+    states: Array,
+    modes: NDArray[np.int64],
+) -> tuple[int, bool, bool]:
+    """Try a step; returns the outcome, whether the tether changed between slack and taut, and whether it advanced."""
+    clock, y, counts = march.clock, march.y, march.counts
+    t, end, span = clock[_T], times[-1], times[-1] - times[0]
+    piece = piece_at(problem.drive.knots, t, int(clock[_PIECE]))
+    clock[_PIECE] = piece
+    if fresh:
+        slopes, time_slope = march.slopes[:3], march.slopes[3, :3]
+        balance = acceleration_slopes(problem, mode, t, piece, y, work, march.rates0, slopes, time_slope)
+        if balance != BALANCED:
+            return TIPPED_OVER if balance == TIPS else LIFTED_OFF, False, False
+        if not finite(march.rates0, slopes):
+            return NOT_FINITE, False, False
+    h = min(clock[_H], end - t)
+    if mode == SLACK:
+        h = min(h, _slack_step(problem, t, piece, y))
+    if h < _SMALLEST_STEP * span:
+        failed = int(clock[_BALANCE])
+        return STEP_TOO_SMALL if failed == BALANCED else TIPPED_OVER if failed == TIPS else LIFTED_OFF, False, False
+    error = _step(problem, work, mode, t, h, piece, march, weights)
+    if not error <= 1:
+        counts[1] += 1
+        clock[_H] = h * (max(_SHRINK, _SAFETY * error ** (-1 / ORDER)) if np.isfinite(error) else 0.1)
+        clock[_GROWTH] = 1.0
+        return REACHED_END, False, False
+    clock[_H] = h * min(clock[_GROWTH], max(_SHRINK, _SAFETY * max(error, 1e-12) ** (-1 / ORDER)))
+    theta = _first_crossing(problem, mode, t, h, piece, march)
+    if theta < 1:
+        h *= theta
+        _step(problem, work, mode, t, h, piece, march, weights)
+        counts[2] += 1
+    t1 = t + h if t + h < end - _SMALLEST_STEP * span else end
+    _report(march, mode, t1, h, times, states, modes)
+    for i in range(6):
+        y[i] = march.y1[i]
+    counts[0] += 1
+    clock[_T], clock[_GROWTH] = t1, _GROW
+    return REACHED_END, theta < 1, True
+
+
+@compiled(allocates=False)
+def _step(
+    problem: TowProblem, work: Work, mode: int, t: float, h: float, piece: int, march: March, weights: Array
+) -> float:
+    """One step into ``march.y1``; returns the error over the weights (root mean square), infinite where it failed."""
+    slopes, time_slope = march.slopes[:3], march.slopes[3, :3]
+    if not stage_matrix(h, slopes, march.matrices[0], march.matrices[1]):
+        return np.inf
+    stage_y, rates, k, y = march.stage_y, march.rates, march.k, march.y
+    for i in range(6):
+        rates[i], stage_y[i] = march.rates0[i], y[i]
+    for stage in range(STAGES):
+        if stage > 0:
+            for i in range(6):
+                if stage < 6:
+                    total = y[i]
+                    for j in range(stage):
+                        total += A[stage, j] * k[j, i]
+                    stage_y[i] = total
+                else:
+                    stage_y[i] += k[stage - 1, i]
+            stage_time = t + NODES[stage] * h
+            piece = piece_at(problem.drive.knots, stage_time, piece)
+            balance = accelerations(problem, mode, stage_time, piece, stage_y, work, rates)
+            march.clock[_BALANCE] = balance
+            if balance != BALANCED:
+                return np.inf
+        solve_stage(stage, h, slopes, march.matrices[0], time_slope, rates, k)
+    error = 0.0
+    for i in range(6):
+        march.y1[i] = stage_y[i] + k[STAGES - 1, i]
+        ratio = k[STAGES - 1, i] / weights[i]
+        error += ratio * ratio
+    return math.sqrt(error / 6)
+
+
+@compiled(allocates=False)
+def _slack_step(problem: TowProblem, t: float, piece: int, y: Array) -> float:
+    """Longest step [s] in which hinge and anchor cannot close the gap, at least a quarter of the spline's piece."""
+    n, knots = problem.numbers, problem.drive.knots
+    _, stretch, _ = tautness(problem, t, piece, y)
+    anchor = math.hypot(y[3], y[4]) + abs(y[5]) * math.hypot(n[ANCHOR_X], n[ANCHOR_Y])
+    return max((knots[piece + 1] - knots[piece]) / 4, safe_time(problem, t, piece, max(0.0, -stretch), anchor))
+
+
+@compiled(allocates=False)
+def _first_crossing(problem: TowProblem, mode: int, t: float, h: float, piece: int, march: March) -> float:
+    """Fraction of the step at which the tether changes between slack and taut; 1 where it does not."""
+    if mode == FORCED:
+        return 1.0
+    low = 0.0
+    for look in range(1, _LOOKS + 1):
+        high = look / _LOOKS
+        if _stays(problem, mode, t, h, high, piece, march):
+            low = high
+            continue
+        while (high - low) * h > 1e-15 * (1 + abs(t)) and high - low > 1e-15:
+            middle = 0.5 * (low + high)
+            if _stays(problem, mode, t, h, middle, piece, march):
+                low = middle
+            else:
+                high = middle
+        return high
+    return 1.0
+
+
+@compiled(allocates=False)
+def _stays(problem: TowProblem, mode: int, t: float, h: float, theta: float, piece: int, march: March) -> bool:
+    dense_output(theta, march.y, march.y1, march.k, march.stage_y)
+    time = t + theta * h
+    _, stretch, tension = tautness(problem, time, piece_at(problem.drive.knots, time, piece), march.stage_y)
+    return tension >= 0 if mode == TAUT else not (stretch > 0 and tension > 0)

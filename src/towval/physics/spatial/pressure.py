@@ -1,0 +1,136 @@
+"""The pressure plane under moving soles, solved together with the friction that it causes.
+
+With basis pressures 1, X, Y about G, ``x`` the pressure at G and its slopes, A their moments over the region in contact
+and W their friction wrench, balance of force and moments at the height of the centre of mass h_G reads
+
+    (A + C W) x = b,   C = [[0, 0, 0], [h_G, 0, 0], [0, h_G, 0]],
+
+b the loads without friction. Linear while the region stays; a region that the plane itself cuts off is found by
+Newton's method, halved until the region is not empty and the residual falls.
+"""
+
+from __future__ import annotations
+
+import math
+
+from towval.model import Array
+from towval.model.compiling import compiled
+from towval.physics.rosenbrock import inverse_3
+from towval.physics.spatial.contact_parts import Frame, contact_parts
+from towval.physics.spatial.soles import MOMENTS, PER_AREA, PLAIN, RADIUS, STRETCH, Regions, Soles, Work, all_parts
+from towval.physics.spatial.unit_wrenches import EQUILIBRIUM, S, W, unit_wrenches
+
+BALANCED, TIPS, LIFTED = 0, 1, 2
+"""Whether there is a pressure; not, for the object tips over; nor, for nothing presses it to the floor."""
+
+LEAST_CONTACT = 1e-3
+"""Share of the footprint in contact below which an object is said to tip: Newton takes ever more steps towards zero."""
+
+_STEP_LIMIT, _RESIDUAL, _ACCEPTED = 200, 1e-13, 1e-10  # the latter two over the load
+Loads = tuple[float, float, float]
+Twist = tuple[float, float, float]
+
+
+@compiled(allocates=False)
+def area_matrix(moments: Array, matrix: Array) -> None:
+    """Fill A (3, 3) from the six moments of an area."""
+    matrix[0, 0], matrix[0, 1], matrix[0, 2] = moments[0], moments[1], moments[2]
+    matrix[1, 0], matrix[1, 1], matrix[1, 2] = moments[1], moments[3], moments[4]
+    matrix[2, 0], matrix[2, 1], matrix[2, 2] = moments[2], moments[4], moments[5]
+
+
+@compiled(allocates=False)
+def _equilibrium(soles: Soles, table: Array, twist: Twist, height: float, work: Work) -> bool:
+    """W, A + C W and its inverse for the active parts; False where it is singular."""
+    unit_wrenches(soles, table, twist[0], twist[1], twist[2], work)
+    matrix, wrench = work.matrices[EQUILIBRIUM], work.matrices[W]
+    area_matrix(work.moments, matrix)
+    for j in range(3):
+        matrix[1, j] += height * wrench[0, j]
+        matrix[2, j] += height * wrench[1, j]
+    return inverse_3(matrix, work.matrices[S])
+
+
+@compiled(allocates=False)
+def _solution(work: Work, b: Loads, row: int) -> float:
+    s = work.matrices[S]
+    return s[row, 0] * b[0] + s[row, 1] * b[1] + s[row, 2] * b[2]
+
+
+@compiled(allocates=False)
+def _residual(work: Work, b: Loads, radius: float) -> float:
+    m, x = work.matrices[EQUILIBRIUM], work.pressure
+    force = m[0, 0] * x[0] + m[0, 1] * x[1] + m[0, 2] * x[2] - b[0]
+    about_y = (m[1, 0] * x[0] + m[1, 1] * x[1] + m[1, 2] * x[2] - b[1]) / radius
+    about_x = (m[2, 0] * x[0] + m[2, 1] * x[1] + m[2, 2] * x[2] - b[2]) / radius
+    return math.sqrt(force * force + about_y * about_y + about_x * about_x)
+
+
+@compiled(allocates=False)
+def solve_pressure(
+    soles: Soles, regions: Regions, table: Array, frame: Frame, twist: Twist, height: float, b: Loads, work: Work
+) -> int:
+    """Pressure, W, S and active parts into ``work`` for a twist of G in body axes; BALANCED, TIPS or LIFTED.
+
+    ``b``: normal load [N] and its moments about G [N m] without friction, (∫p, ∫X p, ∫Y p); ``height`` of the centre of
+    mass [m]. The region in contact starts as the last one left it.
+    """
+    x = work.pressure
+    if not b[0] > 0:
+        return LIFTED
+    cut = work.counts[1] > 0
+    if not cut:
+        # Nothing was cut the last time: a step from the whole region usually is the answer.
+        if regions.pieces.shape[0] > 0:
+            x[0], x[1], x[2] = 1.0, 0.0, 0.0
+            contact_parts(soles, regions, frame, work)
+        if not _equilibrium(soles, table, twist, height, work):
+            return TIPS
+        for i in range(3):
+            x[i] = _solution(work, b, i)
+        if _is_whole(soles, x):
+            return BALANCED
+        x[0], x[1], x[2] = b[0] * soles.numbers[PER_AREA] * soles.numbers[STRETCH], 0.0, 0.0
+    if not contact_parts(soles, regions, frame, work):
+        x[0], x[1], x[2] = b[0] * soles.numbers[PER_AREA] * soles.numbers[STRETCH], 0.0, 0.0
+        contact_parts(soles, regions, frame, work)
+    if not _equilibrium(soles, table, twist, height, work):
+        return TIPS
+    return _newton(soles, regions, table, frame, twist, height, b, work)
+
+
+@compiled(allocates=False)
+def _is_whole(soles: Soles, x: Array) -> bool:
+    lowest = x[0]
+    for e in range(soles.edges.shape[0]):
+        lowest = min(lowest, x[0] + x[1] * soles.edges[e, PLAIN] + x[2] * soles.edges[e, PLAIN + 1])
+    return lowest >= 0
+
+
+@compiled(allocates=False)
+def _newton(
+    soles: Soles, regions: Regions, table: Array, frame: Frame, twist: Twist, height: float, b: Loads, work: Work
+) -> int:
+    """Newton's method on the region in contact, from the pressure, W and S in ``work``."""
+    x, radius = work.pressure, soles.numbers[RADIUS]
+    residual = _residual(work, b, radius)
+    for _ in range(_STEP_LIMIT):
+        if residual <= _RESIDUAL * b[0]:
+            break
+        o0, o1, o2 = x[0], x[1], x[2]
+        n0, n1, n2 = _solution(work, b, 0), _solution(work, b, 1), _solution(work, b, 2)
+        fraction, before = 1.0, residual
+        while fraction > 1e-9:
+            x[0], x[1], x[2] = o0 + fraction * (n0 - o0), o1 + fraction * (n1 - o1), o2 + fraction * (n2 - o2)
+            if contact_parts(soles, regions, frame, work) and _equilibrium(soles, table, twist, height, work):
+                residual = _residual(work, b, radius)
+                if residual <= (1 - 0.1 * fraction) * before or (fraction == 1.0 and residual <= _ACCEPTED * b[0]):
+                    break
+            fraction *= 0.5
+        if residual <= _ACCEPTED * b[0] and residual > 0.1 * before:
+            break  # Rounding is all that is left.
+    few = work.moments[0] < LEAST_CONTACT * soles.numbers[MOMENTS]
+    if few or not residual <= _ACCEPTED * b[0]:
+        all_parts(soles, work)
+        return TIPS
+    return BALANCED

@@ -1,0 +1,80 @@
+"""All that stays the same during a tow in three dimensions, laid out for compiled code."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from towval.model import Array, FrictionLaw, Ground, Sliding, Tether, TowedObject
+from towval.physics.friction_laws import Coulomb
+from towval.physics.friction_table import friction_table
+from towval.physics.spatial.soles import Regions, Soles, regions_of, soles
+from towval.physics.splines import Spline
+
+# Numbers of a problem: mass [kg], inertia [kg m²], height of the centre of mass, anchor above it, anchor from it [m];
+# gravity along the floor and towards it [m/s²]; stiffness, rest length, damping, hinge above the anchor, stiffening and
+# stretch at full load; speed below which friction may hold [m/s], zero: never.
+MASS, INERTIA, HEIGHT, ABOVE, ANCHOR_X, ANCHOR_Y, GRAVITY_X, GRAVITY_Y, GRAVITY_N = range(9)
+KAPPA, REST, DAMPING, RISE, STIFFENING, FULL_STRETCH, HOLD_SPEED = range(9, 16)
+
+_HOLD_RISE = 1e-9  # m/s; the law at rest is Coulomb's: only its plateau counts, and this is far below it
+
+
+class TowProblem(NamedTuple):
+    """Soles and floor, tables of friction sliding and at rest, the numbers above, and the drive as in ``motion``."""
+
+    soles: Soles
+    regions: Regions
+    sliding: Array
+    holding: Array
+    numbers: Array
+    drive: Spline
+
+
+def tow_problem(
+    towed: TowedObject,
+    sliding: Sliding,
+    tether: Tether,
+    ground: Ground,
+    hinge_height: float,
+    drive: Spline,
+    hold: tuple[float, float] = (0.0, 0.0),
+) -> TowProblem:
+    """Lay out a tow; ``hold``: static coefficient [1] and the speed [m/s] below which friction may hold, or zeros.
+
+    The floor rises by ``ground.slope``, so in its axes gravity is ``g (−s_x, −s_y, −1)/√(1 + s²)``.
+    """
+    steepness = math.sqrt(1 + float(ground.slope @ ground.slope))
+    level = ground.gravity / steepness
+    numbers = [
+        towed.mass,
+        towed.inertia,
+        towed.centre_of_mass_height,
+        towed.anchor_height - towed.centre_of_mass_height,
+        *(towed.anchor - towed.centre_of_mass),
+        *(-level * ground.slope),
+        level,
+        tether.stiffness,
+        tether.rest_length,
+        tether.damping,
+        hinge_height - towed.anchor_height,
+        tether.stiffening,
+        tether.full_load / tether.stiffness if tether.stiffening > 0 else 1.0,
+        hold[1],
+    ]
+    static = hold[0] if hold[0] > 0 else 1.0
+    return TowProblem(
+        soles=soles(towed.patch, towed.centre_of_mass, sliding.across_over_along, sliding.radius_over_planar),
+        regions=regions_of(ground),
+        sliding=friction_table(sliding.law),
+        holding=friction_table(Coulomb(static, _HOLD_RISE)),
+        numbers=np.array(numbers, dtype=np.float64),
+        drive=drive,
+    )
+
+
+def as_sliding(law: FrictionLaw | Sliding) -> Sliding:
+    """A friction law, or what is known beyond it, as the latter."""
+    return law if isinstance(law, Sliding) else Sliding(law)

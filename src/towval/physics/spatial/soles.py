@@ -1,0 +1,168 @@
+"""A footprint of one or more soles laid out about the centre of mass for compiled code, and the arrays it works in.
+
+Friction that depends on the direction of sliding, an ellipse with semi-axes 1 and ρ along the body's axes, is isotropic
+friction on the footprint stretched by ρ along x, at the twist stretched by ρ in v_y. So edges and nodes are kept
+stretched.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+
+from towval.model import Array, Ground, Patch
+from towval.model.compiling import compiled
+from towval.physics.area_rules import nodes_over
+from towval.physics.contact import clipped_moments, footprint_polygon, oriented_rings
+
+# Nodes along each side of a piece of a sole, and from how many radii of the sole on they err by some 1e-10 of μNR.
+_RULES = ((6, 0.0), (5, 7.0), (4, 20.0), (3, 100.0))
+RULE_REACHES = np.array([reach for _, reach in _RULES])
+
+# Columns of an edge: stretched start (x, y), unit tangent (x, y) and length; plain start (x, y) and end (x, y).
+START, PLAIN, EDGE_COLUMNS = 0, 5, 9
+# Columns of a part, one sole: first edge and the one after its last, circle (x, y, radius), first node of each rule.
+FIRST, END, CIRCLE, NODES = 0, 1, 2, 5
+# Numbers of the soles: stretch ρ, radius, one over the stretched area, share of the lever arm, six moments of the area.
+STRETCH, RADIUS, PER_AREA, LEVER, MOMENTS = 0, 1, 2, 3, 4
+
+
+class Soles(NamedTuple):
+    """A footprint about G in body axes [m].
+
+    ``edges`` (n, 9), ``parts`` (p, 10), ``nodes`` (k, 3) stretched place and area, ``numbers`` (10,): columns above;
+    ``rings`` (r, 2) the edge after the last of each ring, and its part.
+    """
+
+    edges: Array
+    parts: Array
+    rings: Array
+    nodes: Array
+    numbers: Array
+
+
+class Regions(NamedTuple):
+    """Convex pieces of regions of the floor.
+
+    ``pieces`` (k, 3): first half-plane, the one after the last, factor on μ less one; ``planes`` (m, 3): a piece is
+    where ``n_x X + n_y Y + c >= 0`` for all of its half-planes, floor axes [m].
+    """
+
+    pieces: Array
+    planes: Array
+
+
+class Work(NamedTuple):
+    """Arrays that compiled code writes to; one set serves one motion.
+
+    ``matrices`` (5, 3, 3): wrench of the basis pressures W, inverse of the equilibrium S, slopes by the twist J, the
+    equilibrium itself, scratch; ``pressure`` (3,): at G [Pa] and its slopes [Pa/m]; ``moments`` (6,) of the area in
+    contact; ``active`` (m, 8) and ``counts`` (3,): the parts that friction acts on, see ``contact_parts``; ``cut``
+    their edges where they are cut; ``sums`` (edges, 13) of the last pass over the boundary; ``accumulated`` (9,);
+    ``corners`` (2, c, 2) of rings being clipped.
+    """
+
+    matrices: Array
+    pressure: Array
+    moments: Array
+    active: Array
+    counts: Array
+    cut: Array
+    sums: Array
+    accumulated: Array
+    corners: Array
+
+
+def soles(patch: Patch, centre: Array, across_over_along: float = 1.0, radius_over_planar: float = 1.0) -> Soles:
+    """Lay out a footprint about ``centre`` (2,), the centre of mass in the body frame [m].
+
+    ``across_over_along`` and ``radius_over_planar`` as in :class:`towval.model.Sliding`.
+    """
+    edges, parts, rings, nodes = [], [], [], []
+    stretch = np.array([across_over_along, 1.0])
+    first = first_node = 0
+    for number, part in enumerate(shapely.get_parts(footprint_polygon(patch))):
+        outlines = [ring - centre for ring in oriented_rings(part)]
+        laid_out = np.concatenate([_edges(ring, stretch) for ring in outlines])
+        edges.append(laid_out)
+        ends = first + np.cumsum([len(ring) for ring in outlines])
+        rings += [(end, number) for end in ends]
+        corners = outlines[0] * stretch
+        middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
+        stretched = shapely.Polygon(corners, [hole * stretch for hole in outlines[1:]])
+        rules = [nodes_over(stretched, along) for along, _ in _RULES]
+        starts = first_node + np.concatenate([[0], np.cumsum([len(rule) for rule in rules])])
+        reach = np.linalg.norm(corners - middle, axis=1).max()
+        parts.append([first, ends[-1], *middle, reach, *starts])
+        nodes += rules
+        first, first_node = int(ends[-1]), int(starts[-1])
+    all_edges = np.concatenate(edges)
+    moments = np.empty(6)
+    clipped_moments(all_edges[:, PLAIN : PLAIN + 2].copy(), np.array([r[0] for r in rings]), 1.0, 0.0, 0.0, moments)
+    radius = float(np.linalg.norm(all_edges[:, :2], axis=1).max())
+    numbers = [across_over_along, radius, 1 / (moments[0] * across_over_along), radius_over_planar, *moments]
+    return Soles(all_edges, np.array(parts, float), np.array(rings, float), np.concatenate(nodes), np.array(numbers))
+
+
+def _edges(ring: Array, stretch: Array) -> Array:
+    ends = np.roll(ring, -1, axis=0)
+    vectors = (ends - ring) * stretch
+    lengths = np.linalg.norm(vectors, axis=1)
+    return np.column_stack([ring * stretch, vectors / lengths[:, None], lengths, ring, ends])
+
+
+def regions_of(ground: Ground) -> Regions:
+    """The regions of a floor as convex pieces; overlapping ones add up."""
+    pieces, planes = [], []
+    for region in ground.regions:
+        triangles = shapely.constrained_delaunay_triangles(shapely.Polygon(region.outline)).geoms
+        for piece in _convex_pieces(region.outline, triangles):
+            ends = np.roll(piece, -1, axis=0)
+            inward = np.column_stack([-(ends - piece)[:, 1], (ends - piece)[:, 0]])
+            inward /= np.linalg.norm(inward, axis=1)[:, None]
+            pieces.append([len(planes), len(planes) + len(piece), region.factor - 1])
+            planes += np.column_stack([inward, -np.sum(inward * piece, axis=1)]).tolist()
+    return Regions(np.array(pieces, float).reshape(-1, 3), np.array(planes, float).reshape(-1, 3))
+
+
+def _convex_pieces(outline: Array, triangles: list[shapely.Polygon]) -> list[Array]:
+    """The outline itself where it is convex, else its triangles; counter-clockwise."""
+    whole = shapely.orient_polygons(shapely.Polygon(outline))
+    hull = whole.convex_hull
+    parts = [whole] if hull.area - whole.area <= 1e-12 * hull.area else shapely.orient_polygons(list(triangles))
+    return [shapely.get_coordinates(part)[:-1] for part in parts]
+
+
+def work_for(soles: Soles, regions: Regions) -> Work:
+    """Arrays for motions of these soles over these regions."""
+    n, p, pieces = len(soles.edges), len(soles.parts), len(regions.pieces)
+    most = int(np.diff(regions.pieces[:, :2], axis=1).max()) if pieces else 0
+    kept = 3 * n + 4  # A cut adds an edge to an edge at most, and a ring's seam.
+    corners = kept * (1 + most)
+    work = Work(
+        matrices=np.zeros((5, 3, 3)),
+        pressure=np.zeros(3),
+        moments=soles.numbers[MOMENTS : MOMENTS + 6].copy(),
+        active=np.zeros((p * (1 + pieces), 8)),
+        counts=np.zeros(3),
+        cut=np.zeros((kept + pieces * corners, EDGE_COLUMNS)),
+        sums=np.zeros((n + kept + pieces * corners, 13)),
+        accumulated=np.zeros(9),
+        corners=np.zeros((2, corners, 2)),
+    )
+    all_parts(soles, work)
+    return work
+
+
+@compiled(allocates=False)
+def all_parts(soles: Soles, work: Work) -> None:
+    """Let friction act on all soles, nothing cut."""
+    for part in range(soles.parts.shape[0]):
+        active = work.active[part]
+        active[0], active[1], active[2], active[3] = soles.parts[part, FIRST], soles.parts[part, END], 0.0, 1.0
+        active[4] = part
+    work.counts[0], work.counts[1] = soles.parts.shape[0], 0.0
+    for i in range(6):
+        work.moments[i] = soles.numbers[MOMENTS + i]

@@ -1,0 +1,100 @@
+"""Runs a tow in three dimensions for :mod:`towval.physics.dynamics`: what it needs, and how it ended."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from towval.model import Array, Ground, Sliding, Tether, TowedObject
+from towval.model.checks import positive
+from towval.physics.friction_table import SLOPE
+from towval.physics.motion import TAUT
+from towval.physics.spatial.integrator import STUCK, integrate
+from towval.physics.spatial.problem import GRAVITY_N, HOLD_SPEED, KAPPA, MASS, TowProblem
+from towval.physics.spatial.rates import tensions
+from towval.physics.spatial.soles import RADIUS, work_for
+from towval.physics.splines import spline_values
+
+_COUNTS = ("steps", "rejections", "mode_changes", "break_aways", "looks")
+# Where friction rises within a speed, or the tether takes up friction within a stretch, below these, errors are kept
+# smaller in proportion. With sticking the rise is below 1e-4 m/s only where an object is let go or comes to rest.
+_FINE_SPEED, _FINE_STRETCH, _VELOCITY_RATE, _FINEST_SPEED = 1e-3, 1e-2, 10.0, 1e-4
+
+
+@dataclass(frozen=True)
+class Sticking:
+    """Friction at rest as a set: ``static`` coefficient μ_s [1] and ``speed`` [m/s] below which it may hold.
+
+    The law of sliding should have risen to μ_s at that speed, as :func:`towval.physics.friction_laws.risen_law` has.
+
+    Examples
+    --------
+    Half the limit for ten minutes: an object stays where the regularised law creeps.
+
+    >>> from towval.physics import *
+    >>> square = Patch([[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]])
+    >>> towed = TowedObject(square, 5.0, (0.0, 0.0), 0.13, (0.2, 0.0))
+    >>> half = TimedPath([0.0, 600.0], [[9.8, 0.0], [9.8, 0.0]])
+    >>> law, times = risen_law(0.4, 0.35, 1e-4, 0.01), [0.0, 600.0]
+    >>> feedforward(towed, law, half, (0.0, 0.0, 0.0), times, sticking=Sticking(0.4, 2e-4)).pose[-1]
+    array([0., 0., 0.])
+    """
+
+    static: float
+    speed: float
+
+    def __post_init__(self) -> None:
+        positive(self, "static", "speed")
+
+
+def is_planar(
+    towed: TowedObject, sliding: Sliding, tether: Tether, ground: Ground, hinge_height: float, sticking: Sticking | None
+) -> bool:
+    """Whether no effect is on that the planar model leaves out."""
+    heights = hinge_height, towed.anchor_height, towed.centre_of_mass_height
+    floor = float(np.abs(ground.slope).max()), len(ground.regions)
+    friction = sliding.across_over_along - 1, sliding.radius_over_planar - 1
+    return sticking is None and not any((*heights, *floor, *friction, tether.stiffening))
+
+
+class TowRun(NamedTuple):
+    """How a tow went: code of the integrator, states (n, 6) and modes (n,), tether (n, 3) or force, counts by name."""
+
+    code: int
+    states: Array
+    tension: Array
+    towed: bool
+    statistics: dict[str, float]
+
+
+def run_tow(problem: TowProblem, forced: bool, start: Array, times: Array, tolerance: float, step_limit: int) -> TowRun:
+    """Integrate from a state of the centre of mass (6,) at ``times[0]``."""
+    n = len(times)
+    states, modes = np.empty((n, 6)), np.zeros(n, dtype=np.int64)
+    work = work_for(problem.soles, problem.regions)
+    weights = tolerance * _error_scales(problem, forced)
+    code, filled, counts = integrate(problem, work, forced, start, times, weights, step_limit, states, modes)
+    states, tension = states[:filled], np.zeros((filled, 3))
+    if forced:
+        tension[:, 1:] = spline_values(problem.drive, times[:filled])[0]
+    else:
+        tensions(problem, times, states, tension)
+    towed = forced or bool(_ever_towed(modes[:filled], counts))
+    return TowRun(code, states, tension, towed, dict(zip(_COUNTS, map(float, counts), strict=True)))
+
+
+def _ever_towed(modes: NDArray[np.int64], counts: NDArray[np.int64]) -> bool:
+    return bool((modes == TAUT).any() or (modes == STUCK).any() or counts[2] or counts[3])
+
+
+def _error_scales(problem: TowProblem, forced: bool) -> Array:
+    """Errors of the state (6,) that weigh as much as a metre of position; as in ``dynamics``."""
+    numbers, soles = problem.numbers, problem.soles.numbers
+    rise = max(1 / problem.sliding[SLOPE], _FINEST_SPEED if numbers[HOLD_SPEED] > 0 else 0.0)
+    load = numbers[MASS] * numbers[GRAVITY_N]
+    stretch_share = 1.0 if forced else min(1.0, load / numbers[KAPPA] / _FINE_STRETCH)
+    position = stretch_share * np.array([1.0, 1.0, 1 / soles[RADIUS]])
+    return np.concatenate([position, position * min(1.0, rise / _FINE_SPEED) * _VELOCITY_RATE])

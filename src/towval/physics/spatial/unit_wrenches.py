@@ -1,0 +1,306 @@
+"""Friction wrench of three basis pressures, 1, X and Y about G, from one pass over the boundary of the soles.
+
+The wrench is linear in the pressure at a given twist, so its 3 × 3 matrix W serves every pressure plane; the sums of
+``edge_integrals`` that it needs are those of one plane. Per edge 11 moments are kept, from which the slopes by the
+twist at a pressure that is then known follow without another pass. Near and far from the centre of rotation is decided
+for each sole by itself; far from it Gauss nodes over the sole take over.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from towval.model import Array
+from towval.model.compiling import compiled
+from towval.physics.edge_integrals import edge_moments, prepared_edge
+from towval.physics.friction_table import LOWEST, coefficient_over_speed, ratio_and_slope
+from towval.physics.lanes import unpacked
+from towval.physics.spatial.soles import CIRCLE, LEVER, NODES, PER_AREA, RADIUS, RULE_REACHES, STRETCH, Soles, Work
+
+_NEAR = 4.0  # radii of a sole, as in ``wrench``
+W, S, J, EQUILIBRIUM, SCRATCH = 0, 1, 2, 3, 4  # of Work.matrices
+_LEFT_OUT, _BOUNDARY, _FAN = -1.0, -2.0, -3.0  # how an active part was integrated, where not by a rule's number
+
+_FAN_NODES, _FAN_WEIGHTS = np.polynomial.legendre.leggauss(5)
+_FAN_NODES, _FAN_WEIGHTS = (_FAN_NODES + 1) / 2, _FAN_WEIGHTS / 2
+
+
+@compiled(allocates=False)
+def unit_wrenches(soles: Soles, table: Array, vx: float, vy: float, omega: float, work: Work) -> None:
+    """Fill W: column j is force [N] and moment [N m] about G per unit of pressure coefficient j, for a twist of G."""
+    numbers, parts, active = soles.numbers, soles.parts, work.active
+    stretch, lever = numbers[STRETCH], numbers[LEVER]
+    vy, omega = stretch * vy, lever * omega
+    matrix, total = work.matrices[W], work.accumulated
+    for i in range(3):
+        for j in range(3):
+            matrix[i, j] = total[3 * i + j] = 0.0
+    rate = abs(omega)
+    slow = math.sqrt(vx * vx + vy * vy) + rate * numbers[RADIUS] <= table[LOWEST]
+    any_near = False
+    for k in range(int(work.counts[0])):
+        row = active[k]
+        part, is_cut = int(row[4]), row[2] > 0
+        row[5] = _LEFT_OUT
+        if row[1] <= row[0]:
+            continue
+        ux, uy = vx - omega * parts[part, CIRCLE + 1], vy + omega * parts[part, CIRCLE]
+        away, near_speed = math.sqrt(ux * ux + uy * uy), rate * parts[part, CIRCLE + 2]
+        if not slow and away < _NEAR * near_speed:
+            row[5], any_near = _BOUNDARY, True
+            _add_boundary(soles, table, row, vx, vy, omega, work)
+        elif is_cut:
+            row[5] = _FAN
+            _add_fan(table, work, row, stretch, vx, vy, omega, False)
+        else:
+            rule = 0
+            while not slow and rule + 1 < len(RULE_REACHES) and away > RULE_REACHES[rule + 1] * near_speed:
+                rule += 1
+            row[5] = rule
+            first, end = int(parts[part, NODES + rule]), int(parts[part, NODES + rule + 1])
+            _add_nodes(table, soles.nodes, first, end, row[3], vx, vy, omega, matrix)
+    if any_near:
+        _about_origin(total, -vy / omega, vx / omega, 1.0 if omega > 0 else -1.0, matrix)
+    if stretch != 1.0 or lever != 1.0:
+        for j in range(3):
+            share = 1 / stretch if j != 1 else 1 / (stretch * stretch)
+            matrix[0, j] *= share
+            matrix[1, j] *= share * stretch
+            matrix[2, j] *= share * lever
+
+
+@compiled(allocates=False)
+def _about_origin(total: Array, cx: float, cy: float, sign: float, matrix: Array) -> None:
+    """Turn sums about the centre of rotation C, of pressures relative to C, into wrenches about G and add them."""
+    for j in range(3):
+        total[6 + j] += cx * total[3 + j] - cy * total[j]
+    for i in range(3):
+        matrix[i, 0] += sign * total[3 * i]
+        matrix[i, 1] += sign * (total[3 * i + 1] + cx * total[3 * i])
+        matrix[i, 2] += sign * (total[3 * i + 2] + cy * total[3 * i])
+
+
+@compiled(allocates=False)
+def _add_boundary(soles: Soles, table: Array, row: Array, vx: float, vy: float, omega: float, work: Work) -> None:
+    """Add a part's edges to the sums about C (force x, y and moment, each of the three pressures), kept per edge."""
+    edges = work.cut if row[2] > 0 else soles.edges
+    offset = soles.edges.shape[0] if row[2] > 0 else 0
+    total, weight, rate = work.accumulated, row[3], abs(omega)
+    inverse = 1 / soles.numbers[RADIUS]
+    bound = (soles.numbers[PER_AREA], soles.numbers[PER_AREA] * inverse, inverse)
+    cx, cy = -vy / omega, vx / omega
+    for e in range(int(row[0]), int(row[1])):
+        prepared = prepared_edge(edges[e], cx, cy, bound)
+        kept = work.sums[offset + e]
+        kept[0], kept[1] = prepared[0], prepared[4]
+        if prepared[4] == 0:
+            continue
+        d = abs(prepared[0])
+        by_1, by_s, by_s2, by_s3 = edge_moments(table, prepared, rate * d)
+        mu0, m1_d, m2_0, m3_0 = unpacked(by_1)
+        mu1, m1_t, m2_1, m3_1 = unpacked(by_s)
+        mu2, _, m2_2, m3_2 = unpacked(by_s2)
+        mu3, _, _, m3_3 = unpacked(by_s3)
+        kept[2], kept[3], kept[4], kept[5], kept[6], kept[7] = mu0, mu1, mu2, mu3, m1_d, m1_t
+        kept[8], kept[9], kept[10], kept[11], kept[12] = m2_0, m2_1, m2_2, m3_0 + m3_2, m3_1 + m3_3
+        tx, ty, sign = edges[e, 2], edges[e, 3], 1.0 if prepared[0] > 0 else -1.0
+        square = weight * d * d
+        cube = square * d
+        _add_column(total, 0, tx, ty, sign * square * m1_t, square * m1_d, sign * cube * (m2_0 + m2_2))
+        # A pressure that rises by one along the edge, and by one away from C.
+        along_t, along_d, along_m = sign * cube * m2_2, cube * m2_1, sign * cube * d * kept[12]
+        across_t, across_d, across_m = sign * cube * m2_1, cube * m2_0, sign * cube * d * kept[11]
+        for j in range(2):
+            a, c = (tx, ty * sign) if j == 0 else (ty, -tx * sign)
+            f_t, f_d, f_m = a * along_t + c * across_t, a * along_d + c * across_d, a * along_m + c * across_m
+            _add_column(total, 1 + j, tx, ty, f_t, f_d, f_m)
+
+
+@compiled(allocates=False, inline="always")
+def _add_column(total: Array, j: int, tx: float, ty: float, f_t: float, f_d: float, f_m: float) -> None:
+    total[j] += ty * f_t - tx * f_d
+    total[3 + j] -= tx * f_t + ty * f_d
+    total[6 + j] -= f_m
+
+
+@compiled(allocates=False)
+def _add_nodes(
+    table: Array, nodes: Array, first: int, end: int, weight: float, vx: float, vy: float, omega: float, matrix: Array
+) -> None:
+    """Add a part by nodes over its area: W is linear in eight moments of μ/s."""
+    r_1 = r_x = r_y = r_xx = r_xy = r_yy = r_xr = r_yr = 0.0
+    for i in range(np.uint64(first), np.uint64(end)):
+        x, y = nodes[i, 0], nodes[i, 1]
+        ux, uy = vx - omega * y, vy + omega * x
+        ratio = weight * nodes[i, 2] * coefficient_over_speed(table, math.sqrt(ux * ux + uy * uy))
+        ratio_x, ratio_y = ratio * x, ratio * y
+        xx, yy = ratio_x * x, ratio_y * y
+        r_1 += ratio
+        r_x += ratio_x
+        r_y += ratio_y
+        r_xx += xx
+        r_xy += ratio_x * y
+        r_yy += yy
+        r_xr += (xx + yy) * x
+        r_yr += (xx + yy) * y
+    matrix[0, 0] -= vx * r_1 - omega * r_y
+    matrix[1, 0] -= vy * r_1 + omega * r_x
+    matrix[2, 0] -= vy * r_x - vx * r_y + omega * (r_xx + r_yy)
+    matrix[0, 1] -= vx * r_x - omega * r_xy
+    matrix[1, 1] -= vy * r_x + omega * r_xx
+    matrix[2, 1] -= vy * r_xx - vx * r_xy + omega * r_xr
+    matrix[0, 2] -= vx * r_y - omega * r_yy
+    matrix[1, 2] -= vy * r_y + omega * r_xy
+    matrix[2, 2] -= vy * r_xy - vx * r_yy + omega * r_yr
+
+
+@compiled(allocates=False)
+def _add_fan(
+    table: Array, work: Work, row: Array, stretch: float, vx: float, vy: float, omega: float, slopes: bool
+) -> None:
+    """Add a cut part by nodes over the signed triangles that its edges span with a corner; W, or its slopes."""
+    first = int(row[0])
+    ox, oy = work.cut[first, 0], work.cut[first, 1]
+    pressure = work.pressure
+    for e in range(first + 1, int(row[1])):
+        edge = work.cut[e]
+        ax, ay, bx, by = edge[0] - ox, edge[1] - oy, edge[2] * edge[4], edge[3] * edge[4]
+        area = row[3] * (ax * by - ay * bx)
+        if area == 0:
+            continue
+        for i in range(len(_FAN_NODES)):
+            u = _FAN_NODES[i]
+            for j in range(len(_FAN_NODES)):
+                x, y = ox + u * (ax + _FAN_NODES[j] * bx), oy + u * (ay + _FAN_NODES[j] * by)
+                force = _FAN_WEIGHTS[i] * _FAN_WEIGHTS[j] * u * area
+                if slopes:
+                    force *= pressure[0] + pressure[1] * x / stretch + pressure[2] * y
+                    _add_node_slopes(table, x, y, force, vx, vy, omega, work.matrices[J])
+                else:
+                    _add_node(table, x, y, force, vx, vy, omega, work.matrices[W])
+
+
+@compiled(allocates=False)
+def _add_node(table: Array, x: float, y: float, area: float, vx: float, vy: float, omega: float, matrix: Array) -> None:
+    ux, uy = vx - omega * y, vy + omega * x
+    friction = area * coefficient_over_speed(table, math.sqrt(ux * ux + uy * uy))
+    fx, fy = -friction * ux, -friction * uy
+    moment = x * fy - y * fx
+    for i, part in ((0, fx), (1, fy), (2, moment)):
+        matrix[i, 0] += part
+        matrix[i, 1] += x * part
+        matrix[i, 2] += y * part
+
+
+@compiled(allocates=False, inline="always")
+def _add_node_slopes(
+    table: Array, x: float, y: float, force: float, vx: float, vy: float, omega: float, slopes: Array
+) -> None:
+    ux, uy = vx - omega * y, vy + omega * x
+    speed = math.sqrt(ux * ux + uy * uy)
+    inverse = 1 / speed if speed > 0 else 0.0
+    ratio, slope = ratio_and_slope(table, speed, inverse)
+    nx, ny, steeper = ux * inverse, uy * inverse, force * (slope - ratio)
+    ratio *= force
+    lever = x * ny - y * nx
+    slopes[0, 0] -= ratio + steeper * nx * nx
+    slopes[0, 1] -= steeper * nx * ny
+    slopes[1, 1] -= ratio + steeper * ny * ny
+    slopes[0, 2] -= steeper * nx * lever - ratio * y
+    slopes[1, 2] -= steeper * ny * lever + ratio * x
+    slopes[2, 2] -= ratio * (x * x + y * y) + steeper * lever * lever
+
+
+@compiled(allocates=False)
+def wrench_slopes(soles: Soles, table: Array, vx: float, vy: float, omega: float, work: Work) -> None:
+    """Fill J, the slopes of the wrench of ``work.pressure`` by the twist of G, after :func:`unit_wrenches` with it."""
+    numbers, nodes, pressure = soles.numbers, soles.nodes, work.pressure
+    stretch, lever = numbers[STRETCH], numbers[LEVER]
+    vy, omega = stretch * vy, lever * omega
+    slopes, total = work.matrices[J], work.accumulated
+    for i in range(3):
+        for j in range(3):
+            slopes[i, j] = total[3 * i + j] = 0.0
+    gx, gy = pressure[1] / stretch, pressure[2]
+    any_near = False
+    for k in range(int(work.counts[0])):
+        row = work.active[k]
+        if row[5] == _BOUNDARY:
+            any_near = True
+            _add_boundary_slopes(soles, row, gx, gy, vx, vy, omega, work)
+        elif row[5] == _FAN:
+            _add_fan(table, work, row, stretch, vx, vy, omega, True)
+        elif row[5] >= 0:
+            part, rule = int(row[4]), int(row[5])
+            for i in range(int(soles.parts[part, NODES + rule]), int(soles.parts[part, NODES + rule + 1])):
+                x, y = nodes[i, 0], nodes[i, 1]
+                force = row[3] * nodes[i, 2] * (pressure[0] + gx * x + gy * y)
+                _add_node_slopes(table, x, y, force, vx, vy, omega, slopes)
+    if any_near:
+        _complete_slopes(total, vx, vy, omega, gx, gy, slopes)
+    slopes[0, 0] /= stretch
+    slopes[1, 1] *= stretch
+    slopes[0, 2] *= lever / stretch
+    slopes[1, 2] *= lever
+    slopes[2, 2] *= lever * lever / stretch
+    slopes[1, 0], slopes[2, 0], slopes[2, 1] = slopes[0, 1], slopes[0, 2], slopes[1, 2]
+
+
+@compiled(allocates=False)
+def _add_boundary_slopes(
+    soles: Soles, row: Array, gx: float, gy: float, vx: float, vy: float, omega: float, work: Work
+) -> None:
+    """Add to the sums s (3), b (xx, xy, yx, yy) and h (2) of ``wrench._boundary_sums``, from the moments kept."""
+    edges = work.cut if row[2] > 0 else soles.edges
+    offset = soles.edges.shape[0] if row[2] > 0 else 0
+    total = work.accumulated
+    pressure = work.pressure[0] + (vx * gy - vy * gx) / omega
+    for e in range(int(row[0]), int(row[1])):
+        kept = work.sums[offset + e]
+        if kept[1] == 0:
+            continue
+        distance, weight = kept[0], row[3]
+        d = abs(distance)
+        mu0, mu1, mu2, mu3, m1_d, m1_t = kept[2], kept[3], kept[4], kept[5], kept[6], kept[7]
+        tx, ty = edges[e, 2], edges[e, 3]
+        along, across = d * (gx * tx + gy * ty), distance * (gx * ty - gy * tx)
+        near = pressure + across
+        mu_d, mu_t, mu_m = near * mu0 + along * mu1, near * mu1 + along * mu2, near * (mu0 + mu2) + along * (mu1 + mu3)
+        m2_d, m2_t, m2_m = across * kept[8] + along * kept[9], across * kept[9] + along * kept[10], kept[8] + kept[10]
+        m3_m = across * kept[11] + along * kept[12]
+        plain, signed = weight * d * d, weight * d * distance
+        k_t, k_d = signed * (mu_t - 2 * pressure * m1_t - 3 * m2_t), plain * (mu_d - 2 * pressure * m1_d - 3 * m2_d)
+        b_t, b_d, h_t, h_d = weight * d * mu_t, weight * distance * mu_d, signed * m1_t, plain * m1_d
+        total[0] += ty * k_t - tx * k_d
+        total[1] -= tx * k_t + ty * k_d
+        total[2] -= signed * d * (mu_m - 3 * pressure * m2_m - 4 * m3_m)
+        bx, by = tx * b_d - ty * b_t, tx * b_t + ty * b_d
+        total[3] += bx * ty
+        total[4] -= bx * tx
+        total[5] += by * ty
+        total[6] -= by * tx
+        total[7] += tx * h_d - ty * h_t
+        total[8] += tx * h_t + ty * h_d
+
+
+@compiled(allocates=False)
+def _complete_slopes(total: Array, vx: float, vy: float, omega: float, gx: float, gy: float, slopes: Array) -> None:
+    """Slopes from the sums over the boundary; the column of ω from those along the twist, as in ``wrench``."""
+    cx, cy, rate, sign = -vy / omega, vx / omega, abs(omega), 1.0 if omega > 0 else -1.0
+    sx, sy = sign * total[0], sign * total[1]
+    s_moment = sign * total[2] + cx * sy - cy * sx
+    xx, xy, yy = (
+        (total[4] - gy * total[7]) / rate,
+        -(total[3] - gx * total[7]) / rate,
+        -(total[5] - gx * total[8]) / rate,
+    )
+    x_omega = (sx - xx * vx - xy * vy) / omega
+    y_omega = (sy - xy * vx - yy * vy) / omega
+    slopes[0, 0] += xx
+    slopes[0, 1] += xy
+    slopes[1, 1] += yy
+    slopes[0, 2] += x_omega
+    slopes[1, 2] += y_omega
+    slopes[2, 2] += (s_moment - x_omega * vx - y_omega * vy) / omega
