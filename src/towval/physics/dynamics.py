@@ -48,7 +48,7 @@ DEFAULT_TOLERANCE_M = 1e-7
 """Error of a single step that is accepted [m]; docs/physics.md shows what path error it buys."""
 
 LEVEL = Ground()
-_NO_TETHER = Tether(1.0, 1.0)
+_NO_TETHER, _ANY_SLIDING = Tether(1.0, 1.0), Sliding(Coulomb(1.0, 1.0))
 
 _FORCE_ERROR, _FORCE_SHIFT_M = 1e-3, 0.01
 """An error of the force that nobody can exclude, and how far it may move the object before that is worth a word."""
@@ -234,8 +234,9 @@ def feedforward(
     outcome, states, _, statistics = _run(scene, FORCED, start.copy(), times, accuracy)
     forces, _ = spline_values(drive, times[: len(states)])
     motion = _motion(towed, times, states, forces, np.zeros(len(states)), outcome, statistics)
-    _, moved, _, statistics = _run(scene._replace(drive=stronger), FORCED, start.copy(), times, accuracy)
-    return _with_open_loop_finding(motion, _motion(towed, times, moved, forces, forces[:, 0], outcome, statistics))
+    _, shifted, _, _ = _run(scene._replace(drive=stronger), FORCED, start.copy(), times, accuracy)
+    unknown = np.zeros((len(shifted), 2))
+    return _with_open_loop_finding(motion, _motion(towed, times, shifted, unknown, unknown[:, 0], outcome, {}))
 
 
 def _stronger(force: Spline) -> Spline:
@@ -267,9 +268,8 @@ def _in_space(
     prepared = isinstance(law, SlidingPatch)
     if not prepared and not isinstance(law, Sliding):
         instance_of(law, "law", FrictionLaw)
-    planar = is_planar(
-        towed, as_sliding(Coulomb(1.0, 1.0) if prepared else law), tether, ground, hinge_height, sticking
-    )
+    sliding = _ANY_SLIDING if isinstance(law, SlidingPatch) else as_sliding(law)
+    planar = is_planar(towed, sliding, tether, ground, hinge_height, sticking)
     if prepared and not planar:
         raise InputError(
             "friction prepared for a fixed pressure cannot serve a tow with heights, slope, regions or sticking",

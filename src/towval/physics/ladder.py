@@ -15,11 +15,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from towval.model import FrictionLaw, SimulatedMotion, Tether, TimedPath, TowedObject
+from towval.model import FrictionLaw, Ground, SimulatedMotion, Tether, TimedPath, TowedObject
 from towval.model.errors import InputError
 from towval.model.plugins import Registry
 from towval.physics.contact import resting_pressure
-from towval.physics.dynamics import STANDARD, Accuracy, Outcome, feedback
+from towval.physics.dynamics import LEVEL, STANDARD, Accuracy, Outcome, feedback
+from towval.physics.spatial.tow import Sticking
 from towval.physics.trailing import LIMIT_SURFACE, PATCH, TRACTRIX, trail
 from towval.physics.wrench import SlidingPatch, sliding_patch
 
@@ -80,8 +81,13 @@ def simulate_rung(
     times: ArrayLike,
     *,
     accuracy: Accuracy = STANDARD,
+    ground: Ground = LEVEL,
+    hinge_height: float = 0.0,
+    sticking: Sticking | None = None,
 ) -> SimulatedMotion:
     """Motion of a towed object by the rung of that name; the arguments are those of ``dynamics.feedback``.
+
+    Ground, heights and sticking act on the dynamics alone; the rungs below are planar and leave them out.
 
     Raises `InputError` when there is no such rung.
 
@@ -96,7 +102,10 @@ def simulate_rung(
     >>> simulate_rung("tractrix", *scene).pose[-1].round(4)
     array([0.9828, 0.    , 0.    ])
     """
-    return RUNGS.require(rung, "simulate.rung")(towed, law, tether, hinge, start_pose, times, accuracy=accuracy)
+    function = RUNGS.require(rung, "simulate.rung")
+    if rung == DYNAMICS:
+        function = partial(function, ground=ground, hinge_height=hinge_height, sticking=sticking)
+    return function(towed, law, tether, hinge, start_pose, times, accuracy=accuracy)
 
 
 def choose_rung(

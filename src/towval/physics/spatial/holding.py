@@ -150,7 +150,7 @@ def _newton_step(problem: TowProblem, work: Work, xi: Vector, g: Vector, w: Vect
     v0, v1, v2 = _times(s, w)
     multiplier = (u0 * w[0] + u1 * w[1] + u2 * w[2]) / (v0 * w[0] + v1 * w[1] + v2 * w[2])
     m[0, 0], m[0, 1], m[0, 2] = multiplier * v0 - u0, multiplier * v1 - u1, multiplier * v2 - u2
-    return np.isfinite(multiplier)
+    return bool(np.isfinite(multiplier))
 
 
 @compiled(allocates=False, inline="always")

@@ -209,7 +209,7 @@ def _rest(
 def _resting_step(problem: TowProblem, forced: bool, t: float, piece: int, y: Array, margin: float) -> float:
     """Longest step [s] in which the drive cannot use up the margin; at least a quarter of the spline's piece."""
     n, knots = problem.numbers, problem.drive.knots
-    quarter = (knots[piece + 1] - knots[piece]) / 4
+    quarter: float = (knots[piece + 1] - knots[piece]) / 4
     gap = _SAFE_SHARE * margin / (1 + margin) * problem.holding[PLATEAU] * n[MASS] * n[GRAVITY_N]
     if margin == np.inf:
         gap = _SAFE_SHARE * problem.holding[PLATEAU] * n[MASS] * n[GRAVITY_N]
@@ -227,12 +227,14 @@ def _resting_step(problem: TowProblem, forced: bool, t: float, piece: int, y: Ar
 def safe_time(problem: TowProblem, t: float, piece: int, gap: float, anchor_speed: float) -> float:
     """Time [s] that the drive, at the speed limits of its spline, and the anchor need to close a gap."""
     knots, limits = problem.drive.knots, problem.drive.speed_limits
-    safe, now = 0.0, t
+    safe: float = 0.0
+    now = t
     for k in range(piece, len(limits)):
         duration = knots[k + 1] - now if k < len(limits) - 1 else np.inf
         closing = (limits[k] + anchor_speed) * duration
         if closing >= gap:
-            return safe + gap / (limits[k] + anchor_speed)
+            safe += gap / (limits[k] + anchor_speed)
+            return safe
         gap -= closing
         safe += duration
         now = knots[k + 1]
@@ -332,7 +334,8 @@ def _slack_step(problem: TowProblem, t: float, piece: int, y: Array) -> float:
     n, knots = problem.numbers, problem.drive.knots
     _, stretch, _ = tautness(problem, t, piece, y)
     anchor = math.hypot(y[3], y[4]) + abs(y[5]) * math.hypot(n[ANCHOR_X], n[ANCHOR_Y])
-    return max((knots[piece + 1] - knots[piece]) / 4, safe_time(problem, t, piece, max(0.0, -stretch), anchor))
+    quarter: float = (knots[piece + 1] - knots[piece]) / 4
+    return max(quarter, safe_time(problem, t, piece, max(0.0, -stretch), anchor))
 
 
 @compiled(allocates=False)

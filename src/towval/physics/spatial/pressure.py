@@ -54,7 +54,8 @@ def _equilibrium(soles: Soles, table: Array, twist: Twist, height: float, work: 
 @compiled(allocates=False)
 def _solution(work: Work, b: Loads, row: int) -> float:
     s = work.matrices[S]
-    return s[row, 0] * b[0] + s[row, 1] * b[1] + s[row, 2] * b[2]
+    solved: float = s[row, 0] * b[0] + s[row, 1] * b[1] + s[row, 2] * b[2]
+    return solved
 
 
 @compiled(allocates=False)
@@ -101,10 +102,10 @@ def solve_pressure(
 
 @compiled(allocates=False)
 def _is_whole(soles: Soles, x: Array) -> bool:
-    lowest = x[0]
+    lowest: float = x[0]
     for e in range(soles.edges.shape[0]):
         lowest = min(lowest, x[0] + x[1] * soles.edges[e, PLAIN] + x[2] * soles.edges[e, PLAIN + 1])
-    return lowest >= 0
+    return bool(lowest >= 0)
 
 
 @compiled(allocates=False)

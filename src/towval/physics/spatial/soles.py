@@ -115,7 +115,8 @@ def _edges(ring: Array, stretch: Array) -> Array:
 
 def regions_of(ground: Ground) -> Regions:
     """The regions of a floor as convex pieces; overlapping ones add up."""
-    pieces, planes = [], []
+    pieces: list[list[float]] = []
+    planes: list[list[float]] = []
     for region in ground.regions:
         triangles = shapely.constrained_delaunay_triangles(shapely.Polygon(region.outline)).geoms
         for piece in _convex_pieces(region.outline, triangles):
