@@ -181,8 +181,9 @@ def feedback(
     """
     times = checked_times(times)
     drive = spline_covering(hinge, times, "the way of the hinge")
+    in_space = _in_space(towed, law, tether, ground, hinge_height, sticking)
     y = centre_state(towed, start_pose, start_twist)
-    if _in_space(towed, law, tether, ground, hinge_height, sticking):
+    if in_space:
         return _spatial_motion(towed, (law, tether, ground, hinge_height, sticking), drive, False, y, times, accuracy)
     scene = motion_scene(towed, law, tether, drive, ground.gravity)
     outcome, states, modes, statistics = _run(scene, natural_mode(scene, times[0], y), y, times, accuracy)
@@ -225,8 +226,10 @@ def feedforward(
     """
     times = checked_times(times)
     drive = spline_covering(force, times, "the force")
+    instance_of(towed, "towed", TowedObject)
+    in_space = _in_space(towed, law, _NO_TETHER, ground, towed.anchor_height, sticking)
     start, stronger = centre_state(towed, start_pose, start_twist), _stronger(drive)
-    if _in_space(towed, law, _NO_TETHER, ground, towed.anchor_height, sticking):
+    if in_space:
         given = law, _NO_TETHER, ground, towed.anchor_height, sticking
         motion, moved = (_spatial_motion(towed, given, d, True, start, times, accuracy) for d in (drive, stronger))
         return _with_open_loop_finding(motion, moved)
