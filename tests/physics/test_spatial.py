@@ -385,6 +385,8 @@ def test_what_the_model_cannot_take_is_refused(cube, lap, makkar):
     law, tether, hinge, start = lap
     with pytest.raises(InputError, match="below the floor"):
         feedback(cube, law, tether, hinge, start, [0.0, 1.0], hinge_height=-0.1)
+    with pytest.raises(InputError, match="tether with mass"):
+        feedback(cube, law, Tether(0.6, 1000.0, mass_per_length=0.1), hinge, start, [0.0, 1.0])
     with pytest.raises(RefusedError, match="tips over"):
         feedback(block(centre=(0.3, 0.0), height=0.1), law, tether, hinge, start, [0.0, 1.0])
     with pytest.raises(InputError, match="static friction is below"):

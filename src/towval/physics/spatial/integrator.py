@@ -66,7 +66,7 @@ class March(NamedTuple):
     twist: Array
 
 
-_T, _H, _GROWTH, _FILLED, _BALANCE, _PIECE = range(6)  # of the clock
+_T, _H, _GROWTH, _FILLED, _BALANCE, _PIECE, _MARGIN = range(7)  # of the clock
 
 
 @compiled()
@@ -74,7 +74,7 @@ def march_from(start: Array) -> March:
     """Arrays of an integration that starts from a state."""
     return March(
         y=start.copy(),
-        clock=np.zeros(6),
+        clock=np.zeros(7),
         counts=np.zeros(5, dtype=np.int64),
         y1=np.empty(6),
         stage_y=np.empty(6),
@@ -144,7 +144,9 @@ def _holds(problem: TowProblem, work: Work, forced: bool, march: March, time: fl
     if not problem.numbers[HOLD_SPEED] > 0:
         return False
     march.counts[4] += 1
-    return holding_margin(problem, forced, time, int(march.clock[_PIECE]), march.y, work, march.twist) > least
+    margin = holding_margin(problem, forced, time, int(march.clock[_PIECE]), march.y, work, march.twist)
+    march.clock[_MARGIN] = margin
+    return margin > least
 
 
 @compiled(allocates=False)
@@ -173,12 +175,12 @@ def _rest(
     t, y, counts = march.clock[_T], march.y, march.counts
     piece = piece_at(problem.drive.knots, t, int(march.clock[_PIECE]))
     march.clock[_PIECE] = piece
-    margin = holding_margin(problem, forced, t, piece, y, work, march.twist)
+    margin = march.clock[_MARGIN]
     h = min(_resting_step(problem, forced, t, piece, y, margin), times[-1] - t)
     t1 = times[-1] if h >= times[-1] - t else t + h
     after = holding_margin(problem, forced, t1, piece, y, work, march.twist)
     counts[0] += 1
-    counts[4] += 2
+    counts[4] += 1
     let_go = after <= 0
     if let_go:
         low, high, at_low, at_high = t, t1, min(margin, 1.0), max(after, -1.0)
@@ -201,7 +203,7 @@ def _rest(
         t1 = high
         counts[3] += 1
     _report(march, STUCK, t1, 1.0, times, states, modes)
-    march.clock[_T] = t1
+    march.clock[_T], march.clock[_MARGIN] = t1, after
     return let_go
 
 
@@ -216,7 +218,10 @@ def _resting_step(problem: TowProblem, forced: bool, t: float, piece: int, y: Ar
     if not forced:
         _, stretch, _ = tautness(problem, t, piece, y)
         if n[DAMPING] > 0 and stretch > 0:
-            return quarter  # The pull follows the hinge's velocity.
+            # The pull follows the hinge's velocity: within the piece, as much as that may change.
+            limit, left = problem.drive.speed_limits[piece], knots[piece + 1] - t
+            used = n[KAPPA] * (1 + n[STIFFENING]) * limit * left + 2 * n[DAMPING] * limit
+            return max(quarter, left) if used < gap else quarter
         gap = gap / (n[KAPPA] * (1 + n[STIFFENING])) + max(0.0, -stretch)
         if n[DAMPING] > 0:
             gap = max(0.0, -stretch)
