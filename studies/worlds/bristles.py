@@ -26,7 +26,7 @@ HingeMotion = Callable[[Array], tuple[Array, Array]]
 """Places and velocities (n, 2), (n, 2) [m, m/s] of the hinge over the floor at times (n,) [s]."""
 
 _DAMPING_S_PER_M = 20.0  # of a bristle that sticks, over its limit force; it dies out the ringing of 100 Hz
-_TIPPED = 1e-3
+_TIPPED, _TRIALS = 1e-6, 30
 _FALLEN = float(np.arctanh(0.99))  # at the friction velocity a hundredth of the peak remains
 
 
@@ -113,7 +113,8 @@ def bristle_tow(
     Raises
     ------
     RefusedError
-        Where the object tips: where what still presses is less than a thousandth of the footprint's second moments.
+        Where the object tips: where what still presses is less than a millionth of the footprint's moments, or
+        where no pressure balances the loads.
     """
     every = round(report_s / step_s)
     reports = round(duration / report_s) + 1
@@ -147,10 +148,9 @@ def _turned(heading: float, point: Array) -> Array:
 @compiled()
 def _advance(cells, body, friction, rope, places, velocities, state, step, states):
     """Steps in all; the number of the step in which the object tips, or 0."""
-    bent, pressing = np.zeros((len(cells), 2)), np.zeros((3, 3))
+    bent, pressing, plane = np.zeros((len(cells), 2)), np.zeros((3, 3)), np.array([1.0, 0.0, 0.0])
     pull, drag = np.zeros(3), np.zeros(3)
-    for i in range(len(cells)):
-        _add(cells[i, 0], cells[i, 1], cells[i, 2], pressing)
+    _press(cells, plane, pressing)
     whole = _determinant(pressing)
     count = len(places) - 1
     every = count // (len(states) - 1)
@@ -160,9 +160,9 @@ def _advance(cells, body, friction, rope, places, velocities, state, step, state
         if k % every == 0:
             states[k // every, :6] = state
             states[k // every, 6] = np.sqrt(pull[0] ** 2 + pull[1] ** 2 + pull[2] ** 2)
-        if not _determinant(pressing) > _TIPPED * whole:
+        if not _balance(cells, body, pull, drag, whole, plane, pressing):
             return max(k, 1)
-        _drag(cells, pressing, body, friction, pull, state, c, s, step, bent, drag)
+        _drag(cells, plane, friction, state, c, s, step, bent, drag)
         mass, inertia, lever_x, lever_y = body[0], body[1], body[4], body[5]
         along, across = (pull[0] + drag[0]) / mass, (pull[1] + drag[1]) / mass
         state[3] += step * (c * along - s * across + body[6])
@@ -190,27 +190,67 @@ def _pull(body, rope, place, velocity, state, c, s, pull):
 
 
 @compiled(allocates=False)
-def _drag(cells, pressing, body, friction, pull, state, c, s, step, bent, drag):
-    """Friction on all cells, force and moment (3,) in body axes; bends the bristles.
+def _balance(cells, body, pull, drag, whole, plane, pressing):
+    """Pressure (3,) of the pull and of the friction one step ago, and moments of what it presses. False: it tips.
 
-    The pressure is that of the friction one step ago, a plane on the cells that pressed one step ago.
+    A plane on the cells that press, anew until these stay the same; half-way back where next to none would be left.
     """
-    static, kinetic, fall, stretched, deflection = friction
     lift = body[0] * body[8] - pull[2]
     over = body[3] - body[2]  # anchor over centre of mass
     tip_x = over * pull[0] - pull[2] * body[4] - body[2] * drag[0]
     tip_y = over * pull[1] - pull[2] * body[5] - body[2] * drag[1]
-    p0, px, py = _plane(pressing, lift, tip_x, tip_y)
+    count = -1
+    for _ in range(_TRIALS):
+        p0, px, py = _plane(pressing, lift, tip_x, tip_y)
+        change_0, change_x, change_y = p0 - plane[0], px - plane[1], py - plane[2]
+        plane[0], plane[1], plane[2] = p0, px, py
+        pressed = _press(cells, plane, pressing)
+        for _ in range(_TRIALS):
+            if _determinant(pressing) > _TIPPED * whole:
+                break
+            change_0, change_x, change_y = change_0 / 2, change_x / 2, change_y / 2
+            plane[0] -= change_0
+            plane[1] -= change_x
+            plane[2] -= change_y
+            pressed = _press(cells, plane, pressing)
+        if not _determinant(pressing) > _TIPPED * whole:
+            return False
+        if pressed == count:
+            return True
+        count = pressed
+    return False
+
+
+@compiled(allocates=False)
+def _press(cells, plane, pressing):
+    """Number of the cells that a plane presses, and the moments (3, 3) of their area, upper half."""
+    pressing[:] = 0.0
+    count = 0
+    for i in range(len(cells)):
+        x, y, area = cells[i, 0], cells[i, 1], cells[i, 2]
+        if plane[0] + plane[1] * x + plane[2] * y > 0:
+            count += 1
+            pressing[0, 0] += area
+            pressing[0, 1] += area * x
+            pressing[0, 2] += area * y
+            pressing[1, 1] += area * x * x
+            pressing[1, 2] += area * x * y
+            pressing[2, 2] += area * y * y
+    return count
+
+
+@compiled(allocates=False)
+def _drag(cells, plane, friction, state, c, s, step, bent, drag):
+    """Friction on all cells, force and moment (3,) in body axes; bends the bristles, and lets go of lifted ones."""
+    static, kinetic, fall, stretched, deflection = friction
     ux, uy, spin = c * state[3] + s * state[4], -s * state[3] + c * state[4], state[5]
     drag[:] = 0.0
-    pressing[:] = 0.0
     for i in range(len(cells)):
         x, y = cells[i, 0], cells[i, 1]
-        load = (p0 + px * x + py * y) * cells[i, 2]
+        load = (plane[0] + plane[1] * x + plane[2] * y) * cells[i, 2]
         if load <= 0:
             bent[i, 0] = bent[i, 1] = 0.0
             continue
-        _add(x, y, cells[i, 2], pressing)
         vx, vy = ux - spin * y, stretched * (uy + spin * x)
         speed = np.sqrt(vx * vx + vy * vy)
         share = 1 - (1 - kinetic / static) * np.tanh(_FALLEN * speed / fall)
@@ -224,17 +264,6 @@ def _drag(cells, pressing, body, friction, pull, state, c, s, step, bent, drag):
         drag[0] += fx
         drag[1] += fy
         drag[2] += x * fy - y * fx
-
-
-@compiled(allocates=False)
-def _add(x, y, area, pressing):
-    """Adds a cell to the moments (3, 3) of the pressed area."""
-    pressing[0, 0] += area
-    pressing[0, 1] += area * x
-    pressing[0, 2] += area * y
-    pressing[1, 1] += area * x * x
-    pressing[1, 2] += area * x * y
-    pressing[2, 2] += area * y * y
 
 
 @compiled(allocates=False)

@@ -5,7 +5,7 @@ Numbers are about those of a campaign each; the hinge goes, rests and goes on, s
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -89,6 +89,11 @@ def _straight_ahead(anchor: tuple[float, float], tether: TetherAtHeight, slack: 
     """Where the hinge starts, ahead of the anchor, with the tether short of taut by ``slack`` [m]."""
     rise = tether.hinge_height - tether.anchor_height
     return anchor[0] + float(np.sqrt((tether.rest_length - slack) ** 2 - rise**2)), anchor[1]
+
+
+def started_anew(tow: LabTow, slack: float = 0.01) -> LabTow:
+    """A tow whose tether has changed, with the hinge where its tether is short of taut by ``slack`` [m]."""
+    return replace(tow, hinge=replace(tow.hinge, start=_straight_ahead(tow.towed.anchor, tow.tether, slack)))
 
 
 def paper_tow(cells: int = 12) -> LabTow:
