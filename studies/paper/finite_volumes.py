@@ -179,7 +179,7 @@ def mesh_pressure(patch: Patch, loads: Sequence[tuple[float, ArrayLike]], elemen
         if in_contact.sum() < 3:
             break
         weighted = basis[in_contact] * areas[in_contact, None]
-        plane = np.linalg.solve(basis[in_contact].T @ weighted, [0.0, 0.0, 1.0])
+        plane = np.asarray(np.linalg.solve(basis[in_contact].T @ weighted, [0.0, 0.0, 1.0]), dtype=np.float64)
         pressure = np.where(in_contact, basis @ plane, 0.0)
         pushing = basis @ plane > 0
         left = (basis[pushing] * areas[pushing, None]).T @ (basis @ plane)[pushing] - (0, 0, 1)
