@@ -1,5 +1,6 @@
 """Checks that the types share: locked arrays of a known shape, numbers in range."""
 
+import math
 import numbers
 from dataclasses import fields
 from typing import Any, TypeGuard
@@ -66,7 +67,8 @@ def positive(self: object, *names: str, zero: bool = False) -> None:
         value = getattr(self, name)
         if isinstance(value, bool) or not isinstance(value, numbers.Real):
             raise InputError(f"{type(self).__name__}.{name} is no number", got=_brief(value), allowed="a number")
-        if not (np.isfinite(value) and (value > 0 or (zero and value == 0))):
+        number = float(value)
+        if not (math.isfinite(number) and (number > 0 or (zero and number == 0))):
             allowed = "a finite number, zero or more" if zero else "a finite number above zero"
             raise InputError(f"{type(self).__name__}.{name} is out of range", got=value, allowed=allowed)
 
