@@ -28,6 +28,7 @@ from towval.tracking.pose import Measurement, Tracker
 from towval.tracking.proposals import propose_bodies
 from towval.tracking.relocalisation import Candidate, Lookalikes, Relocaliser
 from towval.tracking.template import clearance_m, make_template
+from towval.tracking.track import TrackSettings, _sample_findings
 
 BOX = target()
 PIXEL_M = BOX.metres_per_pixel(POSE)
@@ -304,8 +305,14 @@ def test_the_template_is_refreshed_often_at_first_and_seldom_later(good):
     assert 19 <= tracker.refreshed <= 23
 
 
-def test_residuals_of_an_inlier_are_within_half_the_contrast(plane):
-    assert 0.35 < plane.most_scale / np.std(plane.template.values) < 0.7
+def test_residuals_of_an_inlier_are_within_half_the_contrast():
+    tracker = PlaneTracker(BOX, picture(BOX), POSE)
+    assert 0.35 < tracker.most_scale / np.std(tracker.template.values) < 0.7
+
+
+@pytest.mark.parametrize(("samples", "flagged"), [(700, True), (1500, False)])
+def test_a_template_of_some_hundred_points_is_flagged(samples, flagged):
+    assert bool(_sample_findings(TrackSettings(samples=samples))) == flagged
 
 
 def test_the_response_is_learned_often_at_first_and_forgets_over_twenty_lessons():
@@ -543,6 +550,7 @@ def rests(pose, rate_hz=25.0, std=3e-5):
 def test_a_rest_is_what_stays_within_four_deviations():
     wobble = 3e-5 * np.tile([1.4, -1.4], 20)
     assert np.ptp(rests(wobble)) < 1e-12
+    assert np.ptp(rests(3e-5 * np.tile([0.0, 0.0, 6.0, 0.0, 0.0, -6.0], 8))) > 1e-4
     jump = np.concatenate([np.zeros(20), 18e-5 * np.ones(20)])
     held = rests(jump)
     assert held[-1] - held[0] == pytest.approx(18e-5)
@@ -715,6 +723,23 @@ def test_a_body_keeps_its_size(scale, found):
     finder = Relocaliser(BOX, picture(BOX, grey=grey), POSE)
     larger = target(1.2 * scale, 0.9 * scale)
     assert (finder.find(picture(larger, grey=lambda xy: grey(xy / scale))) is not None) == found
+
+
+def cells(finder):
+    """Cells along x of the whole rectified picture."""
+    return finder._rectified[1].shape[1]
+
+
+def test_the_rectified_picture_has_cells_of_a_fraction_of_the_body_but_not_of_a_pixel():
+    camera, floor = ceiling((1280, 960), 1200.0)
+    luma = np.zeros((960, 1280), np.uint8)
+    large, small = (PlanarTarget(Body("box", 0.3, rectangle(x, 0.8 * x)), camera, floor) for x in (1.2, 0.05))
+    assert 120 < 1.2 / Relocaliser(large, luma, POSE).cell_m < 220
+    assert 18 < 1.2 / Lookalikes(large, luma, POSE).cell_m < 33
+    for finder in (Relocaliser(small, luma, POSE), Lookalikes(small, luma, POSE)):
+        assert 0.5 < finder.cell_m / small.metres_per_pixel(POSE) < 1.0
+    assert 1200 < cells(Relocaliser(small, luma, POSE)) < 1700
+    assert 300 < cells(Lookalikes(small, luma, POSE)) < 550
 
 
 @pytest.fixture(scope="module")
