@@ -45,6 +45,19 @@ def test_tags_that_are_not_there_or_elsewhere_are_named():
         clicks_from_tags(luma, body, [Tag("9X9", 1, 0.1, np.zeros(3))], camera, floor)
 
 
+@pytest.mark.parametrize(("stated_m", "fits"), [(0.13, True), (0.15, False)])
+def test_corners_of_a_tag_are_within_a_tenth_of_its_side(stated_m, fits):
+    camera, floor = ceiling(distortion=(-0.05,))
+    body = Body("object", 0.25, TARGET)
+    luma = picture_with([Tag("4X4_50", 3, 0.12, np.zeros(3))], np.zeros(3), 0.25, camera, floor)
+    tags = [Tag("4X4_50", 3, stated_m, np.zeros(3))]
+    if fits:
+        assert clicks_from_tags(luma, body, tags, camera, floor).shape == (4, 2)
+    else:
+        with pytest.raises(InputError, match="do not fit their places"):
+            clicks_from_tags(luma, body, tags, camera, floor)
+
+
 def test_bodies_are_proposed_where_something_moved():
     scene = standard_scene(21, **small_camera(), motions=(drive((-0.3, 0.4, 0.1), 0.3), drive((-0.9, -0.5, 0.2), 0.3)))
     film = CeilingCamera(scene)
