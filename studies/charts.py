@@ -47,6 +47,7 @@ _AROUND = (
 """Places of a label around its point, the best first: steps right and up in its distance, and its alignment."""
 _DECADE = 10.0
 _ROOM = 1.15  # Factor of space below and above all points.
+_HALF_DECADE = math.sqrt(10)
 _FEW_DECADES = 60.0  # A range below this has numbers at 1, 2 and 5.
 
 
@@ -166,6 +167,9 @@ def _same_decades(axes: Sequence[Axes]) -> None:
     limits = np.array([own.get_ylim() for own in axes])
     for own in axes:
         own.set_ylim(limits[:, 0].min() / _ROOM, limits[:, 1].max() * _ROOM)
+        middle = math.sqrt(math.prod(own.get_xlim()))
+        # A decade of costs or more: within less there are no round numbers for ticks.
+        own.set_xlim(min(own.get_xlim()[0], middle / _HALF_DECADE), max(own.get_xlim()[1], middle * _HALF_DECADE))
         for axis, (low, high) in ((own.xaxis, own.get_xlim()), (own.yaxis, own.get_ylim())):
             axis.set_minor_formatter(NullFormatter())
             if high / low < _FEW_DECADES:
