@@ -35,7 +35,9 @@ def functions(path):
                 yield f"{prefix}{node.name}", node
 
 
-@pytest.mark.xfail(reason="not yet brought down to this number of lines")
+@pytest.mark.xfail(
+    strict=True, reason="the goal of the redesign, not reached; the test fails once it is, so that this mark goes"
+)
 def test_the_installed_package_stays_small():
     assert sum(map(lines, INSTALLED)) <= INSTALLED_LINES
 
