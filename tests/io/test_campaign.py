@@ -11,6 +11,7 @@ import yaml
 from towval.io.campaign import campaign_schema, load_campaign
 from towval.model import Load
 from towval.model.errors import InputError
+from towval.model.inputs import INPUTS, Realisation, is_left_out
 from towval.physics.mass import towed_object
 
 
@@ -94,6 +95,76 @@ def test_gravity_is_that_of_the_file(campaign):
     assert load_campaign(campaign(lambda d: None)).scene.ground.gravity == 9.81
 
 
+def test_a_real_labs_file_arrives_whole_in_the_scene(shared_dir):
+    """Every number of lab_c's campaign.yaml that is about the tow, found again where the simulation reads it."""
+    lab_c = shared_dir / "footage" / "lab_c"
+    document = yaml.safe_load((lab_c / "campaign.yaml").read_text())
+    campaign = load_campaign(lab_c)
+    scene, std = campaign.scene, campaign.deviations
+    rover, towed, tether, friction = (document[key] for key in ("rover", "object", "tether", "friction"))
+    assert scene.ground.gravity == document["gravity_m_per_s2"]
+    assert scene.ground.slope == pytest.approx(1e-3 * np.array(document["floor"]["slope_mm_per_m"]))
+    assert std["slope"] == pytest.approx(1e-3 * document["floor"]["slope_std_mm_per_m"])
+    assert scene.hinge_height == rover["tether_hinge_height_m"]
+    assert scene.anchor_height == towed["tether_anchor_height_m"]
+    assert scene.centre_of_mass_height == towed["centre_of_mass_height_m"]
+    assert [ring.tolist() for ring in scene.patch.outlines] == towed["footprint_m"]
+    assert (scene.tether.damping, std["damping"]) == (tether["damping_Ns_per_m"], tether["damping_std_Ns_per_m"])
+    for row, key in (
+        ("hinge_height", rover["tether_hinge_height_std_m"]),
+        ("stiffness", tether["stiffness_std_N_per_m"]),
+    ):
+        assert std[row] == key
+    for name, row in (("static", "static_friction"), ("stiction_velocity", ""), ("across_over_along", "")):
+        key = f"{name}_m_per_s" if "velocity" in name else name
+        std_key = f"{name}_std_m_per_s" if "velocity" in name else f"{name}_std"
+        assert (getattr(scene.friction, name), std[row or name]) == (friction[key], friction[std_key])
+
+
+@pytest.mark.parametrize(
+    ("change", "key", "value"),
+    [
+        (lambda d: d["floor"].update(slope_mm_per_m=[2.0, -1.0]), "ground.slope", [0.002, -0.001]),
+        (lambda d: d["rover"].update(tether_hinge_height_m=0.2), "hinge_height", 0.2),
+        (lambda d: d["object"].update(tether_anchor_height_m=0.05), "anchor_height", 0.05),
+        (lambda d: d["object"].update(tether_anchor_height_m=0.05), "centre_of_mass_height", 0.125),
+        (lambda d: d["object"].update(centre_of_mass_height_m=0.1), "centre_of_mass_height", 0.1),
+        (lambda d: d["friction"].update(across_over_along=1.04), "friction.across_over_along", 1.04),
+        (lambda d: d["friction"].update(radius_over_planar=0.9), "friction.radius_over_planar", 0.9),
+        (lambda d: d["tether"].update(stiffening=0.2), "tether.stiffening", 0.2),
+        (lambda d: d["tether"].update(stiffening=0.2), "tether.full_load", 0.396 * 5.8 * 9.81),
+        (lambda d: None, "centre_of_mass_height", 0.0),
+    ],
+)
+def test_each_key_of_a_lab_arrives(campaign, change, key, value):
+    found = load_campaign(campaign(change)).scene
+    for part in key.split("."):
+        found = getattr(found, part)
+    assert found == pytest.approx(value)
+
+
+def test_regions_arrive_and_their_factors_share_a_deviation(campaign):
+    regions = [
+        {"outline_m": [[0, 0], [1, 0], [1, 1]], "factor": 1.1},
+        {"outline_m": [[1, 0], [2, 0], [1, 1]], "factor": 0.9},
+    ]
+    given = load_campaign(campaign(lambda d: d["friction"].update(regions=regions)))
+    assert [region.factor for region in given.scene.ground.regions] == [1.1, 0.9]
+    assert given.deviations["regions"] == 0.02
+    real = INPUTS["regions"].acts(Realisation.nominal(given.scene), np.array([0.05]))
+    assert [region.factor for region in real.scene.ground.regions] == pytest.approx([1.15, 0.95])
+    assert load_campaign(campaign(lambda d: None)).deviations["regions"] == 0
+
+
+def test_what_is_left_out_has_a_deviation_and_a_name(campaign):
+    given = load_campaign(campaign(lambda d: d["rover"].update(tether_hinge_height_m=0.0)))
+    left_out = {name for name, row in INPUTS.items() if is_left_out(row, given.document)}
+    assert {"anchor_height", "slope", "across_over_along", "radius_over_planar"} <= left_out
+    assert "hinge_height" not in left_out
+    assert given.deviations["hinge_height"] == 0.002
+    assert given.deviations["anchor_height"] == 0.03
+
+
 def test_deviations_stand_for_what_is_left_out(campaign):
     """Damping: by itself, with a value, with a deviation alone, with both."""
     cases = {(): 0.05 * 2 * np.sqrt(800 * 5.8), (12.5,): 2.5, (None, 1.0): 1.0, (12.5, 2.4): 2.4}
@@ -154,6 +225,35 @@ WRONG = {
     "mass spread in two ways": (
         lambda d: d["object"].update(centre_of_mass_m=[0, 0], moment_of_inertia_kg_m2=0.1, mass_over="top"),
         ["object.mass_over", "not clear"],
+    ),
+    "hinge below the floor": (
+        lambda d: d["rover"].update(tether_hinge_height_m=-0.05),
+        ["rover.tether_hinge_height_m", "-0.05", "at least 0", "above the floor"],
+    ),
+    "slope of five degrees": (
+        lambda d: d["floor"].update(slope_mm_per_m=[87.5, 0.0]),
+        ["floor.slope_mm_per_m[0]", "87.5", "at most 50", "mm/m"],
+    ),
+    "floor steeper than friction": (
+        lambda d: (d["floor"].update(slope_mm_per_m=[45.0, 0.0]), d["friction"].update(static=0.04, kinetic=0.03)),
+        ["slides down the floor by itself", "45 mm per m", "0.04"],
+    ),
+    "anchor so high that it tips": (
+        lambda d: (d["object"].update(tether_anchor_height_m=1.2), d["rover"].update(tether_hinge_height_m=1.2)),
+        ["tips over when it is towed", "anchor 1.2 m", "object.tether_anchor_height_m"],
+    ),
+    "tether that does not reach": (
+        lambda d: d["rover"].update(tether_hinge_height_m=0.7),
+        ["tether.rest_length_m 0.6", "0.7 and 0 m"],
+    ),
+    "stiffening of the whole": (lambda d: d["tether"].update(stiffening=1.0), ["tether.stiffening", "below 1"]),
+    "regions that overlap": (
+        lambda d: d["friction"].update(regions=[{"outline_m": [[0, 0], [1, 0], [1, 1]], "factor": 1.1}] * 2),
+        ["friction.regions[1].outline_m", "overlaps"],
+    ),
+    "region that crosses itself": (
+        lambda d: d["friction"].update(regions=[{"outline_m": [[0, 0], [1, 1], [1, 0], [0, 1]], "factor": 1.1}]),
+        ["friction.regions[0].outline_m", "no simple polygon"],
     ),
     "no gravity": (lambda d: d.update(gravity_m_per_s2=0), ["gravity_m_per_s2", "at least 0.1"]),
     "velocities swapped": (

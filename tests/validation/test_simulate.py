@@ -7,11 +7,11 @@ import pytest
 
 from studies.worlds.campaign import ANCHOR, HINGE, OBJECT
 from studies.worlds.scenes import drive
-from towval.model import FrictionSpecification, Load, Patch, Tether, TowingScene
-from towval.model.errors import RefusedError
+from towval.model import FloorRegion, FrictionSpecification, Ground, Load, Patch, Tether, TowingScene
+from towval.model.errors import InputError, RefusedError
 from towval.physics.friction_laws import FittedLaw, fitted_law
 from towval.validation.decimate import decimate
-from towval.validation.simulate import SimulateSettings, simulate
+from towval.validation.simulate import STICKING, SimulateSettings, simulate
 
 TIMES = np.arange(100) / 25
 SCENE = TowingScene(
@@ -79,3 +79,49 @@ def test_creep_is_reported_where_it_moves_the_path(tracks):
 def test_tracks_that_do_not_overlap_are_refused(tracks):
     with pytest.raises(RefusedError, match="do not overlap"):
         simulate(SCENE, *tracks, TIMES + 10)
+
+
+def parked(make_track, seconds):
+    """The rover draws the tether to half the friction limit and stands."""
+    taut = 0.6 + 0.5 * 0.35 * 5.5 * 9.81 / 800
+    pose = np.array([-1.2 + 0.25 + taut + 0.42, 0.0, 0.0])
+    rover = make_track(lambda t: np.tile(pose, (len(t), 1)), duration_s=seconds, seed=1)
+    resting = make_track(lambda t: np.tile((-1.2, 0.0, 0.0), (len(t), 1)), body="object", duration_s=seconds, seed=2)
+    return decimate(rover), decimate(resting)
+
+
+def test_an_object_parked_under_tension_stays_where_the_law_alone_creeps(make_track):
+    tracks, times = parked(make_track, 40.0), np.arange(1000) / 25
+    moved = {}
+    for sticking in ("auto", True, False):
+        motion = simulate(SCENE, *tracks, times, SimulateSettings(rung="dynamics", sticking=sticking))
+        moved[sticking] = np.linalg.norm(motion.pose[-1, :2] - motion.pose[0, :2])
+        found = {one.code: one.severity for one in motion.findings}
+        assert found.get("creep") == (None if sticking else "warning")
+        assert motion.statistics[STICKING] == bool(sticking)
+    assert moved[True] == moved["auto"] < 1e-5
+    assert moved[False] > 5e-3
+
+
+def test_heights_slope_and_anisotropy_act(tracks):
+    plain = simulate(SCENE, *tracks, TIMES, SimulateSettings(rung="dynamics")).pose
+    for change in (
+        {"anchor_height": 0.1, "hinge_height": 0.2},
+        {"ground": Ground(slope=(0.003, 0.003))},
+        {"friction": replace(SCENE.friction, across_over_along=1.1)},
+        {"friction": replace(SCENE.friction, radius_over_planar=1.2)},
+        {"ground": Ground(regions=(FloorRegion([[-3, -3], [3, -3], [3, 0.05], [-3, 0.05]], 1.2),))},
+    ):
+        other = simulate(replace(SCENE, **change), *tracks, TIMES, SimulateSettings(rung="dynamics")).pose
+        assert 2e-4 < np.linalg.norm(other - plain, axis=1).max() < 0.1, change
+
+
+def test_a_tow_that_tips_is_refused_by_name(tracks):
+    high = replace(SCENE, anchor_height=0.8, hinge_height=0.8)
+    with pytest.raises(RefusedError, match="tips over"):
+        simulate(high, *tracks, TIMES)
+
+
+def test_sticking_is_auto_true_or_false():
+    with pytest.raises(InputError, match=r"simulate\.sticking"):
+        SimulateSettings(sticking="sometimes")

@@ -12,6 +12,7 @@ from towval.io.provenance import provenance
 from towval.io.records import read_decimated, read_simulated, read_tracks, read_uncertainty
 from towval.io.records.identification import write_identification, write_identified_table
 from towval.validation.identify import IdentifySettings, MeasuredRun, identify
+from towval.validation.simulate import STICKING
 
 
 def run(campaign: Path, results: Path, output: Path, keys: Mapping[str, Any] | None = None) -> None:
@@ -43,4 +44,5 @@ def _measured(name: str, paths: Mapping[str, Path]) -> MeasuredRun:
         time_s=simulated.time_s,
         measurement=read_uncertainty(paths["uncertainty"]).measurement,
         rung=simulated.rung,
+        sticking=bool(simulated.statistics.get(STICKING, 0.0)),
     )

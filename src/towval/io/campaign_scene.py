@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from towval.model import Array, FrictionSpecification, Ground, Load, MassSpread, Patch, Tether, TowingScene
+from towval.model import Array, FloorRegion, FrictionSpecification, Ground, Load, MassSpread, Patch, Tether, TowingScene
 from towval.model.errors import InputError
 from towval.model.geometry import inside_polygon
 from towval.model.inputs import deviations
@@ -39,10 +39,17 @@ def towing_scene(document: Keys) -> TowingScene:
         tether=_tether(document["tether"]),
         friction=_friction(document["friction"]),
         spread=_spread(towed, patch),
-        ground=Ground(gravity=document.get("gravity_m_per_s2", 9.81)),
+        anchor_height=towed.get("tether_anchor_height_m", 0.0),
+        hinge_height=document["rover"].get("tether_hinge_height_m", 0.0),
+        centre_of_mass_height=_centre_of_mass_height(document),
+        ground=_ground(document),
     )
+    stiffening, full_load = document["tether"].get("stiffening", 0.0), scene.friction.static * scene.weight
+    scene = replace(scene, tether=replace(scene.tether, stiffening=stiffening, full_load=full_load))
     _check_load(towed, load)
     _check_weight(scene)
+    _check_tether(scene)
+    _check_tipping(scene)
     return _with_ordered_friction(scene, deviations(scene, document))
 
 
@@ -68,7 +75,7 @@ def _footprint(towed: Keys) -> Patch:
     return Patch.of(outlines, towed.get("footprint_holes_m", ()))
 
 
-def _spread(towed: Keys, patch: Patch) -> MassSpread | None:
+def _spread(towed: Keys, patch: Patch) -> MassSpread:
     """Where the object's own mass is: as measured, or evenly over the top or the footprint."""
     measured = [key for key in ("centre_of_mass_m", "moment_of_inertia_kg_m2") if key in towed]
     if len(measured) == 1 or (measured and "mass_over" in towed):
@@ -81,7 +88,7 @@ def _spread(towed: Keys, patch: Patch) -> MassSpread | None:
         inertia = towed["moment_of_inertia_kg_m2"]
         return MassSpread(towed["centre_of_mass_m"], float(np.sqrt(inertia / towed["mass_kg"])))
     over = towed.get("mass_over", "top" if patch.further else "footprint")
-    return spread_over(Patch(towed["top_corners_m"])) if over == "top" else None
+    return spread_over(Patch(towed["top_corners_m"]) if over == "top" else patch)
 
 
 def _tether(tether: Keys) -> Tether:
@@ -105,6 +112,36 @@ def _friction(friction: Keys) -> FrictionSpecification:
         stiction_velocity=friction["stiction_velocity_m_per_s"],
         friction_velocity=friction["friction_velocity_m_per_s"],
         law=friction.get("law", "makkar"),
+        across_over_along=friction.get("across_over_along", 1.0),
+        radius_over_planar=friction.get("radius_over_planar", 1.0),
+    )
+
+
+def _centre_of_mass_height(document: Keys) -> float:
+    """As given; else half the height of the top, but on the floor where the tow is, too."""
+    towed, rover = document["object"], document["rover"]
+    heights = "tether_anchor_height_m" in towed or "tether_hinge_height_m" in rover
+    default = 0.5 * towed["tracked_plane_height_m"] if heights or "slope_mm_per_m" in document["floor"] else 0.0
+    return float(towed.get("centre_of_mass_height_m", default))
+
+
+def _ground(document: Keys) -> Ground:
+    slope = 1e-3 * np.array(document["floor"].get("slope_mm_per_m", [0.0, 0.0]))
+    regions = document["friction"].get("regions", ())
+    polygons = [shapely.Polygon(region["outline_m"]) for region in regions]
+    for i, polygon in enumerate(polygons):
+        where = f"campaign.yaml: friction.regions[{i}].outline_m"
+        if not polygon.is_valid:
+            raise InputError(f"{where} is no simple polygon", got=shapely.is_valid_reason(polygon))
+        others = [j for j in range(i) if polygon.intersection(polygons[j]).area > 0]
+        if others:
+            raise InputError(
+                f"{where} overlaps another region", got=f"regions {others[0]} and {i}", allowed="regions side by side"
+            )
+    return Ground(
+        gravity=document.get("gravity_m_per_s2", 9.81),
+        slope=slope,
+        regions=tuple(FloorRegion(region["outline_m"], region["factor"]) for region in regions),
     )
 
 
@@ -157,4 +194,47 @@ def _check_weight(scene: TowingScene) -> None:
             got=f"centre of mass ({centre[0]:.3f}, {centre[1]:.3f}) m, {hull.distance(point):.3f} m outside",
             allowed="a centre of mass inside the convex hull of the footprint",
             remedy="check object.footprint_m, object.mass_kg and object.load",
+        )
+
+
+def _check_tether(scene: TowingScene) -> None:
+    """It must reach from the height of the anchor to that of the hinge."""
+    tether, rise = scene.tether, abs(scene.hinge_height - scene.anchor_height)
+    if rise >= tether.rest_length:
+        raise InputError(
+            "campaign.yaml: the tether is shorter than its ends are apart in height",
+            got=f"tether.rest_length_m {tether.rest_length:g}, heights of hinge and anchor {scene.hinge_height:g} "
+            f"and {scene.anchor_height:g} m",
+            allowed=f"a rest length above {rise:g} m",
+            remedy="check rover.tether_hinge_height_m and object.tether_anchor_height_m",
+        )
+
+
+def _check_tipping(scene: TowingScene) -> None:
+    """Towed straight ahead the centre of pressure must stay within the footprint, and the object must not slide down.
+
+    Under a pull with the horizontal part ``T = μ N`` and the slope tan β, ``N = W / (1 + μ tan β)``, and the moment
+    about the centre of mass puts the centre of pressure ``μ (h_a − q tan β)`` ahead of it, q the lever of the anchor.
+    """
+    friction, slope = scene.friction, float(np.hypot(*scene.ground.slope))
+    if slope >= friction.static:
+        raise InputError(
+            "campaign.yaml: the object slides down the floor by itself",
+            got=f"a slope of {1e3 * slope:.0f} mm per m with friction.static {friction.static:g}",
+            allowed=f"below {1e3 * friction.static:.0f} mm per m",
+        )
+    towed = towed_object(scene)
+    lever = towed.anchor - towed.centre_of_mass
+    reach, rise = float(np.hypot(*lever)), scene.hinge_height - scene.anchor_height
+    incline = rise / np.sqrt(scene.tether.rest_length**2 - rise**2)
+    ahead = friction.kinetic * (scene.anchor_height - reach * incline)
+    hull = shapely.MultiPoint(scene.patch.corners).convex_hull
+    place = towed.centre_of_mass + (ahead / reach * lever if reach > 0 else 0.0)
+    if reach > 0 and not hull.contains(shapely.Point(place)):
+        raise InputError(
+            "campaign.yaml: the object tips over when it is towed",
+            got=f"anchor {scene.anchor_height:g} m and hinge {scene.hinge_height:g} m above the floor, which puts the "
+            f"centre of pressure {abs(ahead):.3f} m from the centre of mass, outside object.footprint_m",
+            allowed="a centre of pressure within the footprint",
+            remedy="check object.tether_anchor_height_m and rover.tether_hinge_height_m, in metres",
         )

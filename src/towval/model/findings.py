@@ -236,9 +236,10 @@ register(  # simulate; the last six are those of towval.physics
         "smaller simulate.tolerance_m.",
     ),
     FindingType(
-        "creep", "simulate", NOTE, NONE,
-        "The object creeps {crept_mm:.1f} mm in total at speeds below the stiction velocity, where a real one would "
-        "stick now and then: that much of its path depends on friction.stiction_velocity_m_per_s.",
+        "creep", "simulate", _NOTE_OR_WARNING, NONE,
+        "The object creeps {crept_mm:.1f} mm in total at speeds below the stiction velocity, {parked_mm:.1f} mm of it "
+        "while the rover stands, where a real one would stick now and then: that much of its path depends on "
+        "friction.stiction_velocity_m_per_s. With simulate.sticking: true it stays.",
     ),
     FindingType("simulate_outcome", "simulate", WARNING, NOT_JUDGED, "{outcome}: {advice}"),
     FindingType(

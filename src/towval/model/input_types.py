@@ -209,7 +209,9 @@ def _deviation(
         return given * stated.unit_in_si
     if not row.present(scene):
         return 0.0
-    if document is not None and stated.left_out is not None and is_left_out(row, document):
+    value = float(row.values(scene)[0])
+    # A share of nothing is nothing: a stated zero is known no better than one that is left out.
+    if document is not None and stated.left_out and (is_left_out(row, document) or (stated.relative and value == 0)):
         scale = stated.left_out.scale
         return stated.left_out.std * stated.unit_in_si * (scale(scene) if scale else 1.0)
-    return stated.default * (float(row.values(scene)[0]) if stated.relative else stated.unit_in_si)
+    return stated.default * (value if stated.relative else stated.unit_in_si)

@@ -27,7 +27,7 @@ from towval.model.input_types import (
     stated_in,
     titled,
 )
-from towval.model.towing import TowingScene
+from towval.model.towing import MassSpread, TowingScene
 
 __all__ = [
     "IDENTIFIABLE",
@@ -44,8 +44,11 @@ __all__ = [
     "titled",
 ]
 
-_SLOWEST, _APART = 0.05, 6.0
-"""A speed of the friction law is drawn no lower than this share of it, and v_k not below this many times v_s."""
+_LEAST, _MOST = 0.05, 0.9
+"""What must stay above zero is drawn no lower than this share of it; the stiffening, below one, no higher than this."""
+
+_APART = 6.0
+"""v_k is drawn no lower than this many times v_s: closer together, laws of Makkar's form come to an end."""
 
 
 def _in_scene(field: str) -> Callable[[Realisation, Array], Realisation]:
@@ -91,7 +94,7 @@ def _static(real: Realisation, value: Array) -> Realisation:
 
 def _stiction_velocity(real: Realisation, value: Array) -> Realisation:
     friction = real.scene.friction
-    speed = max(float(value[0]), _SLOWEST * friction.stiction_velocity)
+    speed = max(float(value[0]), _LEAST * friction.stiction_velocity)
     settled = max(
         friction.friction_velocity, min(_APART, friction.friction_velocity / friction.stiction_velocity) * speed
     )
@@ -104,6 +107,30 @@ def _friction_velocity(real: Realisation, value: Array) -> Realisation:
     least = min(_APART * friction.stiction_velocity, friction.friction_velocity)
     friction = replace(friction, friction_velocity=max(float(value[0]), least))
     return replace(real, scene=replace(real.scene, friction=friction))
+
+
+def _slope(real: Realisation, value: Array) -> Realisation:
+    return replace(real, scene=replace(real.scene, ground=replace(real.scene.ground, slope=value)))
+
+
+def _regions(real: Realisation, value: Array) -> Realisation:
+    """One change of all factors."""
+    ground = real.scene.ground
+    regions = tuple(replace(region, factor=max(0.01, region.factor + float(value[0]))) for region in ground.regions)
+    return replace(real, scene=replace(real.scene, ground=replace(ground, regions=regions)))
+
+
+def _inertia(real: Realisation, value: Array) -> Realisation:
+    gyration = np.sqrt(np.maximum(value, 0.0) / real.scene.body_mass)
+    return _in_part("spread", "gyration", _LEAST * _spread(real.scene).gyration)(real, gyration)
+
+
+def _spread(scene: TowingScene) -> MassSpread:
+    return scene.spread or MassSpread(np.zeros(2), 1.0)
+
+
+def _has_spread(scene: TowingScene) -> bool:
+    return scene.spread is not None
 
 
 def _share(step: float, reach: float, value: Callable[[TowingScene], float]) -> SearchRange:
@@ -120,6 +147,7 @@ def _critical_damping(scene: TowingScene) -> float:
     return float(2 * np.sqrt(scene.tether.stiffness * scene.mass))
 
 
+_TIED = "who states no heights tows near the floor, mostly below 0.06 m"
 _SCALE, _TAPE = "kitchen or parcel scale", "tape measure to a drawn mark"
 _END = SearchRange(lambda _: 2e-3, lambda _: 0.05)
 
@@ -208,6 +236,104 @@ register(
             ),
         ),
         search=_share(0.01, 0.3, _critical_damping),
+    ),
+    UncertainInput(
+        "hinge_height", "height of the hinge", "m", "campaign", _size(_in_scene("hinge_height")),
+        lambda scene: scene.hinge_height,
+        stated=StatedDeviation(
+            "rover.tether_hinge_height_std_m", "that height", 1, 0.002, "tape measure",
+            left_out=LeftOut("rover.tether_hinge_height_m", "0", 0.03, _TIED),
+        ),
+        search=SearchRange(lambda _: 0.01, lambda _: 0.3),
+    ),
+    UncertainInput(
+        "anchor_height", "height of the anchor", "m", "campaign", _size(_in_scene("anchor_height")),
+        lambda scene: scene.anchor_height,
+        stated=StatedDeviation(
+            "object.tether_anchor_height_std_m", "that height", 1, 0.002, "tape measure",
+            left_out=LeftOut("object.tether_anchor_height_m", "0", 0.03, _TIED),
+        ),
+        search=SearchRange(lambda _: 0.01, lambda _: 0.3),
+    ),
+    UncertainInput(
+        "centre_of_mass_height", "height of the centre of mass", "m", "campaign",
+        _size(_in_scene("centre_of_mass_height")), lambda scene: scene.centre_of_mass_height,
+        stated=StatedDeviation(
+            "object.centre_of_mass_height_std_m", "that height", 1, 0.01, "computed from the parts",
+            left_out=LeftOut(
+                "object.centre_of_mass_height_m", "0, or with another height or a slope half the top's", 0.05,
+                "somewhere in the lower half of the object and its load",
+            ),
+        ),
+        search=SearchRange(lambda _: 0.02, lambda _: 0.3),
+    ),
+    UncertainInput(
+        "slope", "slope of the floor", "m/m", "campaign", _slope, lambda scene: scene.ground.slope,
+        ("slope_x", "slope_y"),
+        StatedDeviation(
+            "floor.slope_std_mm_per_m", "each component of that slope", 20, 0.3, "spirit level of 1 m, turned round",
+            unit="mm/m", unit_in_si=1e-3,
+            left_out=LeftOut("floor.slope_mm_per_m", "0", 1.0, "good floors fall by up to 2 mm a metre"),
+        ),
+        SearchRange(lambda _: 5e-4, lambda _: 1e-2),
+    ),
+    UncertainInput(
+        "across_over_along", "friction across over along", "", "campaign",
+        _in_part("friction", "across_over_along", _LEAST), lambda scene: scene.friction.across_over_along,
+        stated=StatedDeviation(
+            "friction.across_over_along_std", "that ratio", 1, 0.02, "ten pulls each way",
+            left_out=LeftOut("friction.across_over_along", "1", 0.03, "boards, carpet, worn soles: up to 6 %"),
+        ),
+        search=SearchRange(lambda _: 0.01, lambda _: 0.3),
+    ),
+    UncertainInput(
+        "radius_over_planar", "friction radius over that of a planar pressure", "", "campaign",
+        _in_part("friction", "radius_over_planar", _LEAST), lambda scene: scene.friction.radius_over_planar,
+        stated=StatedDeviation(
+            "friction.radius_over_planar_std", "that ratio", 1, 0.05, "moment to turn the object on the spot",
+            left_out=LeftOut("friction.radius_over_planar", "1", 0.1, "no sole and no floor is flat"),
+        ),
+        search=SearchRange(lambda _: 0.02, lambda _: 0.5),
+    ),
+    UncertainInput(
+        "regions", "friction of the floor's regions", "", "campaign", _regions,
+        stated=StatedDeviation("friction.regions_std", "all their factors together", 1, 0.02, "ten pulls each"),
+        search=SearchRange(lambda _: 0.01, lambda _: 0.3), present=lambda scene: bool(scene.ground.regions),
+    ),
+    UncertainInput(
+        "stiffening", "stiffening of the tether", "", "campaign",
+        lambda real, value: _in_part("tether", "stiffening")(real, np.minimum(np.abs(value), _MOST)),
+        lambda scene: scene.tether.stiffening,
+        stated=StatedDeviation(
+            "tether.stiffening_std", "that share", 1, 0.05, "stretch read at half and at full load",
+            left_out=LeftOut("tether.stiffening", "0", 0.1, "cords and springs stiffen by 0 to 20 % of their chord"),
+        ),
+        search=SearchRange(lambda _: 0.05, lambda _: 0.8),
+    ),
+    UncertainInput(
+        "body_centre", "centre of mass of the object", "m", "campaign", _in_part("spread", "centre"),
+        lambda scene: _spread(scene).centre, ("body_centre_x", "body_centre_y"),
+        StatedDeviation(
+            "object.centre_of_mass_std_m", "each coordinate of the object's own centre of mass", 0.5, 0.002,
+            "balanced on an edge",
+            left_out=LeftOut(
+                "object.centre_of_mass_m", "that of mass_over", 0.002, "bodies are a little heavier on one side"
+            ),
+        ),
+        SearchRange(lambda _: 5e-3, lambda scene: 0.25 * np.ptp(scene.patch.corners, axis=0)), _has_spread,
+    ),
+    UncertainInput(
+        "inertia", "moment of inertia of the object", "kg m²", "campaign", _inertia,
+        lambda scene: scene.body_mass * _spread(scene).gyration**2,
+        stated=StatedDeviation(
+            "object.moment_of_inertia_std_kg_m2", "that moment, without load", 1e4, 0.05, "computed or swung",
+            relative=True,
+            left_out=LeftOut(
+                "object.moment_of_inertia_kg_m2", "that of mass_over", 0.1, "bodies are not even",
+                lambda scene: scene.body_mass * _spread(scene).gyration**2, "the value",
+            ),
+        ),
+        search=_share(0.1, 0.5, lambda scene: scene.body_mass * _spread(scene).gyration**2), present=_has_spread,
     ),
     UncertainInput(
         "camera", "camera", "", "campaign", lambda real, value: replace(real, camera=value),

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from towval.model import FrictionLaw, Ground, SimulatedMotion, Tether, TimedPath, TowedObject
+from towval.model import FrictionLaw, Ground, SimulatedMotion, Sliding, Tether, TimedPath, TowedObject
 from towval.model.errors import InputError
 from towval.model.plugins import Registry
 from towval.physics.contact import resting_pressure
@@ -74,7 +74,7 @@ class LadderChoice:
 def simulate_rung(
     rung: str,
     towed: TowedObject,
-    law: FrictionLaw | SlidingPatch,
+    law: Sliding | FrictionLaw | SlidingPatch,
     tether: Tether,
     hinge: TimedPath | CubicSpline,
     start_pose: ArrayLike,

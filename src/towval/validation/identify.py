@@ -15,6 +15,7 @@ from towval.model.errors import InputError, RefusedError, TowvalError
 from towval.model.findings import finding
 from towval.model.geometry import block_means, wrapped
 from towval.model.inputs import IDENTIFIABLE, Realisation, UncertainInput, titled
+from towval.physics.ladder import DYNAMICS
 from towval.validation.scene_model import SceneModel
 from towval.validation.simulate import hinge_path
 
@@ -67,7 +68,8 @@ class MeasuredRun:
     """What identification needs of a run.
 
     ``name``; the decimated tracks of both bodies and the object's track; ``time_s`` (n,) at which it was simulated and
-    ``measurement`` (n, 3, 3) the covariance of the measured pose there; ``rung`` of the model that simulated it.
+    ``measurement`` (n, 3, 3) the covariance of the measured pose there; ``rung`` of the model that simulated it
+    and whether it was ``sticking``.
     """
 
     name: str
@@ -77,6 +79,7 @@ class MeasuredRun:
     time_s: Array
     measurement: Array
     rung: str
+    sticking: bool = False
 
 
 def identify(
@@ -267,7 +270,9 @@ class _Fit:
         for (row, i), value in zip(self.parameters, values, strict=True):
             real = _changed(real, row, i, float(value))
         hinge, start = hinge_path(run.rover, real.scene.hinge, run.time_s), run.towed.poses_at(run.time_s[0])
-        motion = SceneModel(real.scene).motion(run.rung, hinge, start, run.time_s, self.settings.tolerance_m)
+        model = SceneModel(real.scene, sticking=run.sticking)
+        rung = run.rung if model.planar else DYNAMICS
+        motion = model.motion(rung, hinge, start, run.time_s, self.settings.tolerance_m)
         if len(motion.time_s) < len(run.time_s):
             raise RefusedError(f"run {run.name} cannot be simulated while inputs are searched: {motion.outcome}")
         return motion.pose

@@ -2,17 +2,31 @@
 
 from numpy.typing import ArrayLike
 
-from towval.model import SimulatedMotion, TimedPath, TowingScene
-from towval.physics.contact import pressure_plane
+from towval.model import FrictionSpecification, SimulatedMotion, Sliding, TimedPath, TowingScene
+from towval.physics.contact import resting_pressure
 from towval.physics.dynamics import Accuracy
-from towval.physics.friction_laws import fitted_law
-from towval.physics.ladder import simulate_rung
+from towval.physics.friction_laws import FittedLaw, fitted_law, risen_law
+from towval.physics.ladder import DYNAMICS, simulate_rung
 from towval.physics.mass import towed_object
-from towval.physics.wrench import sliding_patch
+from towval.physics.spatial.tow import Sticking, is_planar
+from towval.physics.wrench import SlidingPatch, sliding_patch
+
+RISE_SHARE = 1e-4
+"""Of v_k: speed over which the law of an object that sticks rises [1]; the peak lies some of it up."""
+
+_HOLD = 2.0
+"""In these speeds: below it friction may hold."""
 
 
 class SceneModel:
     """The towed object of a scene under its weight, with the friction law that its numbers give.
+
+    Parameters
+    ----------
+    scene : TowingScene
+    sticking : bool, optional
+        Whether an object below the friction limit stays, and the law of sliding begins at its peak; else the law
+        counts at every speed, and below the limit the object creeps.
 
     Attributes
     ----------
@@ -26,10 +40,15 @@ class SceneModel:
         When the load's weight is outside the footprint, or no law has such numbers.
     """
 
-    def __init__(self, scene: TowingScene):
-        self.scene, self.towed, self.law = scene, towed_object(scene), fitted_law(scene.friction)
-        resting = pressure_plane(self.towed.patch, [(scene.weight, self.towed.centre_of_mass)])
-        self._patch = sliding_patch(resting, self.law.law)
+    def __init__(self, scene: TowingScene, *, sticking: bool = False):
+        self.scene, self.sticking, self.towed = scene, sticking, towed_object(scene)
+        self.law = _risen(scene.friction) if sticking else fitted_law(scene.friction)
+
+    @property
+    def planar(self) -> bool:
+        """Whether no effect is on that the rungs below the dynamics leave out."""
+        scene = self.scene
+        return is_planar(self.towed, self._sliding(), scene.tether, scene.ground, scene.hinge_height, self._hold())
 
     def motion(
         self, rung: str, hinge: TimedPath, start: ArrayLike, times: ArrayLike, tolerance_m: float
@@ -37,7 +56,26 @@ class SceneModel:
         """Motion of the object by a rung of the ladder, as far as it goes.
 
         ``hinge`` is the path of the tether's hinge [m], ``start`` (3,) the object's pose at ``times[0]`` [s],
-        ``tolerance_m`` of a step [m].
+        ``tolerance_m`` of a step [m]. Rungs below the dynamics know the planar model alone.
         """
-        given = (self.towed, self._patch, self.scene.tether, hinge, start, times)
-        return simulate_rung(rung, *given, accuracy=Accuracy(tolerance_m))
+        scene = self.scene
+        law: Sliding | SlidingPatch = self._sliding()
+        if rung != DYNAMICS:
+            law = sliding_patch(resting_pressure(self.towed, scene.ground.gravity), self.law.law)
+        return simulate_rung(
+            rung, self.towed, law, scene.tether, hinge, start, times, accuracy=Accuracy(tolerance_m),
+            ground=scene.ground, hinge_height=scene.hinge_height, sticking=self._hold(),
+        )  # fmt: skip
+
+    def _sliding(self) -> Sliding:
+        friction = self.scene.friction
+        return Sliding(self.law.law, friction.across_over_along, friction.radius_over_planar)
+
+    def _hold(self) -> Sticking | None:
+        friction = self.scene.friction
+        return Sticking(friction.static, _HOLD * RISE_SHARE * friction.friction_velocity) if self.sticking else None
+
+
+def _risen(friction: FrictionSpecification) -> FittedLaw:
+    rise = RISE_SHARE * friction.friction_velocity
+    return FittedLaw(risen_law(friction.static, friction.kinetic, rise, friction.friction_velocity), 0.0)

@@ -16,6 +16,13 @@ from towval.physics.trailing import TRAILING_RUNGS
 from towval.validation.scene_model import SceneModel
 
 _HINGE_SAMPLES_PER_FRAME = 2
+STICKING = "sticking"
+"""Name in the statistics of whether the model sticks, 1 or 0."""
+
+_PARKED_CREEP_M = 5e-3
+"""Creep while the rover stands from which on the object sticks: on all runs of the samples it is below 3 mm."""
+
+_STANDING_M_PER_S = 1e-3
 _LAW_RESIDUAL = 1e-3
 """Relative misfit of the friction law to the stated coefficients above which a finding is raised."""
 
@@ -26,14 +33,18 @@ class SimulateSettings:
 
     ``rung`` of the ladder of models, one of :data:`towval.physics.ladder.RUNGS`, or "auto": the simplest whose path
     stays within ``rung_tolerance_m`` [m] of every fuller one's on this very run. ``tolerance_m`` is the error that the
-    integrator accepts in one step [m].
+    integrator accepts in one step [m]. ``sticking``: whether an object below the friction limit stays, true or false,
+    or "auto": where it else creeps by more than 5 mm while the rover stands.
     """
 
     rung: str = "auto"
     rung_tolerance_m: float = 5e-4
     tolerance_m: float = 1e-7
+    sticking: bool | str = "auto"
 
     def __post_init__(self) -> None:
+        if self.sticking not in (True, False, "auto"):
+            raise InputError("simulate.sticking is unknown", got=self.sticking, allowed="auto, true, false")
         if self.rung not in ("auto", *RUNGS):
             raise InputError("simulate.rung is unknown", got=self.rung, allowed=", ".join(("auto", *RUNGS)))
         if not 1e-12 <= self.tolerance_m <= 1e-3:
@@ -100,14 +111,15 @@ class RunSimulation:
                 remedy="look at the findings of the stage track",
             )
         self.scene, self.model = scene, SceneModel(scene)
-        self.towed, self.law = self.model.towed, self.model.law
+        self.towed = self.model.towed
         self.hinge = hinge_path(rover, scene.hinge, self.times)
         self.start_pose = towed.poses_at(self.times[0])
-        self._motions: dict[tuple[str, float], SimulatedMotion] = {}
+        self._motions: dict[tuple[bool, str, float], SimulatedMotion] = {}
 
     def motion(self, rung: str, tolerance_m: float) -> SimulatedMotion:
         """The motion by one rung of the ladder, as far as it goes."""
-        key = rung, 0.0 if rung in TRAILING_RUNGS else tolerance_m  # These have no tolerance.
+        # The trailing rungs have no tolerance.
+        key = self.model.sticking, rung, 0.0 if rung in TRAILING_RUNGS else tolerance_m
         if key not in self._motions:
             self._motions[key] = self.model.motion(rung, self.hinge, self.start_pose, self.times, tolerance_m)
         return self._motions[key]
@@ -121,6 +133,7 @@ class RunSimulation:
     def simulate(self, settings: SimulateSettings) -> SimulatedMotion:
         """The motion with settings, its numerical uncertainty and what is to be said of it."""
         tolerance = settings.tolerance_m
+        self._choose_sticking(settings.sticking, tolerance)
         choice = lowest_rung(self.towed, settings.rung_tolerance_m, lambda rung: self.motion(rung, tolerance))
         rung = choice.rung if settings.rung == "auto" else settings.rung
         motion, to_dynamics = _whole(self.motion(rung, tolerance), self.times), dict(choice.to_dynamics_m)
@@ -130,15 +143,44 @@ class RunSimulation:
         statistics = {
             **motion.statistics,
             "u_num_m": float(np.hypot(u_num, to_dynamics.get(rung, 0.0))),
+            STICKING: float(self.model.sticking),
             **{f"{lower} to dynamics, m": to_dynamics[lower] for lower in rung_names() if lower in to_dynamics},
         }
         findings = (
             *motion.findings,
             self._rung_finding(choice, rung, to_dynamics),
-            *_error_findings(u_num, creep_length(motion, self.towed, self.scene.friction.stiction_velocity), settings),
+            *_error_findings(u_num, settings),
             *self._findings(motion),
+            *self._creep_findings(motion, settings),
         )
         return replace(motion, findings=findings, statistics=statistics)
+
+    def _choose_sticking(self, asked: bool | str, tolerance: float) -> None:
+        """Takes the model that sticks where asked to, or where the other creeps far while the rover stands."""
+        sticking = bool(asked)
+        if asked == "auto":
+            self.model = SceneModel(self.scene)
+            sticking = self._creep(self.motion(DYNAMICS, tolerance), standing=True) > _PARKED_CREEP_M
+        self.model = SceneModel(self.scene, sticking=sticking)
+
+    def _creep(self, motion: SimulatedMotion, *, standing: bool) -> float:
+        """Way below the stiction velocity [m], all in all or while the rover stands."""
+        times, speed = self.hinge.time_s, np.linalg.norm(np.diff(self.hinge.position, axis=0), axis=1)
+        speed /= np.diff(times)
+        after = np.clip(np.searchsorted(times, motion.time_s, side="right") - 1, 0, len(speed) - 1)
+        counted = speed[after] < _STANDING_M_PER_S if standing else np.ones(len(after), dtype=bool)
+        still = replace(motion, twist=np.where(counted[:, None], motion.twist, 0.0))
+        return creep_length(still, self.towed, self.scene.friction.stiction_velocity)
+
+    def _creep_findings(self, motion: SimulatedMotion, settings: SimulateSettings) -> list[Finding]:
+        """Where the regularised law moves the path by more than a simpler model may; a warning if at a stop."""
+        if self.model.sticking:
+            return []
+        crept, parked = self._creep(motion, standing=False), self._creep(motion, standing=True)
+        severity = Severity.WARNING if parked > _PARKED_CREEP_M else Severity.NOTE
+        if crept <= settings.rung_tolerance_m:
+            return []
+        return [finding("creep", severity, crept_mm=1000 * crept, parked_mm=1000 * parked)]
 
     def _rung_finding(self, choice: LadderChoice, rung: str, to_dynamics: dict[str, float]) -> Finding:
         """What this scene needed: the rung taken, and what the next simpler and the fullest would have changed."""
@@ -158,8 +200,8 @@ class RunSimulation:
         findings = []
         if motion.outcome != Outcome.CONVERGED:
             findings.append(finding("simulate_outcome", outcome=motion.outcome, advice=motion.advice))
-        if self.law.residual > _LAW_RESIDUAL:
-            findings.append(finding("friction_law", residual=self.law.residual))
+        if self.model.law.residual > _LAW_RESIDUAL:
+            findings.append(finding("friction_law", residual=self.model.law.residual))
         if len(self.times) < len(self.asked):
             findings.append(finding("simulate_cut", count=len(self.asked) - len(self.times)))
         rest_length = self.scene.tether.rest_length
@@ -180,11 +222,9 @@ def _whole(motion: SimulatedMotion, times: Array) -> SimulatedMotion:
     return motion
 
 
-def _error_findings(u_num: float, crept: float, settings: SimulateSettings) -> list[Finding]:
+def _error_findings(u_num: float, settings: SimulateSettings) -> list[Finding]:
     """Where the integrator's tolerance or the regularised law moves the path by more than a simpler model may."""
     findings = []
     if u_num > settings.rung_tolerance_m:
         findings.append(finding("numerical_error", u_num_mm=1000 * u_num, allowed_mm=1000 * settings.rung_tolerance_m))
-    if crept > settings.rung_tolerance_m:
-        findings.append(finding("creep", crept_mm=1000 * crept))
     return findings

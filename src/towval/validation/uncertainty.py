@@ -33,7 +33,9 @@ from towval.model.inputs import INPUTS, Realisation
 from towval.model.plugins import load_plugins
 from towval.optics.plane_uncertainty import position_sensitivity
 from towval.optics.projection import project
+from towval.physics.ladder import DYNAMICS
 from towval.validation.scene_model import SceneModel
+from towval.validation.simulate import STICKING
 
 _HINGE_STEP_S = 0.02
 _DROPPED_SHARE = 0.02
@@ -263,10 +265,11 @@ class _Sampler:
         self.object = _motions(case.calibration, case.towed, case.simulated.pose)
         self.start = _motions(case.calibration, case.towed, case.object_decimated.poses_at(self.times[:1]))
         self.nominal = Realisation.nominal(case.scene)
+        self.sticking = bool(case.simulated.statistics.get(STICKING, 0.0))
         self.knot_std = np.sqrt(np.diagonal(case.rover_decimated.covariance, axis1=1, axis2=2))
         self.roots = _roots(case)
         # Only what varies is drawn: each further column costs digits of the shares of all.
-        self.drawn = [name for name in INPUTS if self.roots[name].any()] or list(INPUTS)
+        self.drawn = [name for name in INPUTS if self.roots[name].any()] or ["camera"]
         self.widths = {INPUTS[name].label: len(INPUTS[name].components) for name in self.drawn}
 
     def outcome(self, index: int, draw: Array) -> tuple[Array, Array]:
@@ -300,9 +303,9 @@ class _Sampler:
 
     def _simulate(self, real: Realisation, rover: Array, start: Array) -> Array:
         hinge = TimedPath(self.hinge_times, transform(rover, real.scene.hinge))
-        motion = SceneModel(real.scene).motion(
-            self.case.simulated.rung, hinge, start, self.times, self.settings.tolerance_m
-        )
+        model = SceneModel(real.scene, sticking=self.sticking)
+        rung = self.case.simulated.rung if model.planar else DYNAMICS  # The others know nothing of what is not planar.
+        motion = model.motion(rung, hinge, start, self.times, self.settings.tolerance_m)
         if len(motion.time_s) < len(self.times):
             raise RefusedError(f"the simulation of a draw ended early: {motion.outcome}")
         return motion.pose
