@@ -1,10 +1,12 @@
 """The stage plan: the closed loop, its invariance, and plans as files that drive the dynamics again."""
 
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+import yaml
 
 from paper_plan import WORKFLOW, paper_plan, quick_plan
 from studies.paper.scene import paper_scene
@@ -214,6 +216,29 @@ def test_the_command_line_plans_for_the_object_of_a_campaign(tmp_path, capsys):
     main(["tow", scene, plan, "--campaign", lab, "-o", towed])
     # Started at rest instead of moving, the object sticks and slips in another phase: less than one slip between them.
     assert np.abs(read_simulated(Path(towed)).pose[-1] - _last_object_pose(table))[:2].max() < 0.01
+
+
+@pytest.mark.parametrize(
+    ("section", "key", "value"),
+    [
+        ("rover", "tether_hinge_height_m", 0.2),
+        ("object", "tether_anchor_height_m", 0.1),
+        ("floor", "slope_mm_per_m", [0.0, 2.0]),
+        ("friction", "across_over_along", 1.1),
+    ],
+)
+def test_what_planning_leaves_out_is_refused_by_its_key(tmp_path, capsys, section, key, value):
+    lab = tmp_path / "lab"
+    shutil.copytree(WORKFLOW.parent / "data_samples" / "lab_small", lab)
+    document = yaml.safe_load((lab / "campaign.yaml").read_text())
+    document[section][key] = value
+    (lab / "campaign.yaml").write_text(yaml.safe_dump(document))
+    plan = tmp_path / "plan.mcap"
+    arguments = ["--path", "circle", "--campaign", str(lab), "-o", str(plan), "--csv", str(tmp_path / "plan.csv")]
+    with pytest.raises(SystemExit):
+        main(["plan", str(WORKFLOW / "plan.yaml"), *arguments])
+    assert f"{section}.{key}" in capsys.readouterr().err
+    assert not plan.exists()
 
 
 def test_a_plan_with_which_the_rover_does_not_arrive_is_refused_and_not_written(tmp_path, capsys):

@@ -13,7 +13,7 @@ from towval.io.plan_files import read_object_start, read_path, read_rover_poses,
 from towval.io.provenance import provenance
 from towval.io.records import write_simulated
 from towval.io.schema import check, packaged_schema, read_yaml
-from towval.model import Array, TimedPath
+from towval.model import Array, TimedPath, TowingScene
 from towval.model.errors import InputError, RefusedError
 from towval.physics.mass import towed_object
 from towval.physics.quasistatic import quasistatic_plan
@@ -103,10 +103,32 @@ def _scene(document: Mapping[str, Any], campaign: Path | None) -> PlanScene:
     if campaign is None:
         return given
     lab = load_campaign(campaign).scene
+    _refuse_what_planning_leaves_out(lab)
     rover = replace(given.rover, hinge=lab.hinge)
     return replace(
         given, cube=towed_object(lab), friction=lab.friction, tether=lab.tether, rover=rover, ground=lab.ground
     )
+
+
+def _refuse_what_planning_leaves_out(lab: TowingScene) -> None:
+    """A plan rests on the planar model: what only the tow in three dimensions has would be left out without a word."""
+    stated = {
+        "rover.tether_hinge_height_m": lab.hinge_height,
+        "object.tether_anchor_height_m": lab.anchor_height,
+        "floor.slope_mm_per_m": float(np.abs(lab.ground.slope).max()),
+        "friction.regions": len(lab.ground.regions),
+        "friction.across_over_along": lab.friction.across_over_along - 1,
+        "friction.radius_over_planar": lab.friction.radius_over_planar - 1,
+        "tether.stiffening": lab.tether.stiffening,
+    }
+    left_out = [key for key, value in stated.items() if value]
+    if left_out:
+        raise RefusedError(
+            "planning has no model yet for what campaign.yaml states",
+            got=", ".join(left_out),
+            allowed="a tow in the plane of a level floor, with the same friction all over and in all directions",
+            remedy="plan with a copy of the campaign without these keys, and simulate the tow to see what they change",
+        )
 
 
 def _wanted(scene: PlanScene, wanted: str) -> TimedPath:

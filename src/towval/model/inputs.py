@@ -147,7 +147,7 @@ def _critical_damping(scene: TowingScene) -> float:
     return float(2 * np.sqrt(scene.tether.stiffness * scene.mass))
 
 
-_TIED = "who states no heights tows near the floor, mostly below 0.06 m"
+_TIED = "assumed, not measured: a tow within 0.06 m of the floor; state the height of any other"
 _SCALE, _TAPE = "kitchen or parcel scale", "tape measure to a drawn mark"
 _END = SearchRange(lambda _: 2e-3, lambda _: 0.05)
 
@@ -273,7 +273,7 @@ register(
         StatedDeviation(
             "floor.slope_std_mm_per_m", "each component of that slope", 20, 0.3, "spirit level of 1 m, turned round",
             unit="mm/m", unit_in_si=1e-3,
-            left_out=LeftOut("floor.slope_mm_per_m", "0", 1.0, "good floors fall by up to 2 mm a metre"),
+            left_out=LeftOut("floor.slope_mm_per_m", "0", 1.0, "assumed, not measured: up to 2 mm a metre"),
         ),
         SearchRange(lambda _: 5e-4, lambda _: 1e-2),
     ),
@@ -282,7 +282,7 @@ register(
         _in_part("friction", "across_over_along", _LEAST), lambda scene: scene.friction.across_over_along,
         stated=StatedDeviation(
             "friction.across_over_along_std", "that ratio", 1, 0.02, "ten pulls each way",
-            left_out=LeftOut("friction.across_over_along", "1", 0.03, "boards, carpet, worn soles: up to 6 %"),
+            left_out=LeftOut("friction.across_over_along", "1", 0.03, "assumed, not measured: up to 6 %"),
         ),
         search=SearchRange(lambda _: 0.01, lambda _: 0.3),
     ),
