@@ -61,7 +61,7 @@ def compiled(allocates: bool = True, **options: Any) -> Callable[[Function], Fun
     """
     settings: dict[str, Any] = {"cache": True, "error_model": "numpy", "fastmath": False}
     # No way in from C either: nobody calls by one, and it takes a sixth of the time of compiling.
-    settings |= {"_nrt": allocates, "no_cfunc_wrapper": True} | options
+    settings |= {"_nrt": allocates, "no_cfunc_wrapper": True, "nogil": True} | options
 
     def compile_later(function: Function) -> Function:
         users_choice = _CONFIG.CACHE_DIR

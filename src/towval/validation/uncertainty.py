@@ -6,8 +6,7 @@ each draw, and the spread of simulated − measured is the validation uncertaint
 counted once).
 """
 
-from collections.abc import Callable, Iterable, Mapping
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,7 +21,6 @@ from towval.model import (
     Finding,
     RunUncertainty,
     SimulatedMotion,
-    TimedPath,
     TowingScene,
     Track,
 )
@@ -30,12 +28,10 @@ from towval.model.errors import InputError, RefusedError, TowvalError
 from towval.model.findings import finding
 from towval.model.geometry import compose, error_signature, normalised_signature, transform, wrapped
 from towval.model.inputs import INPUTS, Realisation
-from towval.model.plugins import load_plugins
 from towval.optics.plane_uncertainty import position_sensitivity
 from towval.optics.projection import project
-from towval.physics.ladder import DYNAMICS
-from towval.validation.scene_model import SceneModel
 from towval.validation.simulate import STICKING
+from towval.validation.simulate_many import Batch, Drawn
 
 _HINGE_STEP_S = 0.02
 _DROPPED_SHARE = 0.02
@@ -48,7 +44,7 @@ class UncertaintySettings:
     """Keys of ``config["uncertainty"]``.
 
     ``samples`` drawn, a power of two; ``seed`` of the scrambled Sobol sequence; ``tolerance_m`` of integration [m];
-    ``confidence`` of the limits that a right model keeps; ``processes`` that simulate at once.
+    ``confidence`` of the limits that a right model keeps; ``processes``, threads in truth, that simulate at once.
     """
 
     samples: int = 512
@@ -191,15 +187,16 @@ class UncertaintySampling:
         uniform = self._sequence.random(samples - made)
         draws = norm.ppf(np.clip(uniform, _SMALLEST, 1 - _SMALLEST))
         self._draws = np.concatenate([self._draws, draws])
-        if self.settings.processes == 1:
-            self._collect(self._sampler.outcome(made + i, draw) for i, draw in enumerate(draws))
-        else:
-            with ProcessPoolExecutor(self.settings.processes, initializer=load_plugins) as pool:
-                self._collect(pool.map(self._sampler.outcome, range(made, samples), draws, chunksize=8))
+        measured: list[Array] = []
 
-    def _collect(self, outcomes: Iterable[tuple[Array, Array]]) -> None:
-        for outcome in outcomes:
-            self._outcomes.append(outcome)
+        def laid_out() -> Iterator[Drawn | None]:
+            for i, draw in enumerate(draws):
+                drawn, seen = self._sampler.lay_out(made + i, draw)
+                measured.append(seen)
+                yield drawn
+
+        for i, pose in enumerate(self._sampler.batch.simulate(laid_out())):
+            self._outcomes.append((pose, measured[i]))
             if self.progress is not None:
                 self.progress(len(self._outcomes))
 
@@ -252,7 +249,7 @@ def variance_shares(draws: Array, outputs: Array, inputs: dict[str, int]) -> dic
 
 
 class _Sampler:
-    """Turns standard normal numbers into a simulated and a measured motion of the object."""
+    """Turns standard normal numbers into what is to be simulated and a measured motion of the object."""
 
     def __init__(self, case: Case, settings: UncertaintySettings):
         self.case, self.settings = case, settings
@@ -265,27 +262,29 @@ class _Sampler:
         self.object = _motions(case.calibration, case.towed, case.simulated.pose)
         self.start = _motions(case.calibration, case.towed, case.object_decimated.poses_at(self.times[:1]))
         self.nominal = Realisation.nominal(case.scene)
-        self.sticking = bool(case.simulated.statistics.get(STICKING, 0.0))
+        self.batch = Batch(
+            self.hinge_times, self.times, case.simulated.rung, bool(case.simulated.statistics.get(STICKING, 0.0)),
+            settings.tolerance_m, settings.processes,
+        )  # fmt: skip
         self.knot_std = np.sqrt(np.diagonal(case.rover_decimated.covariance, axis1=1, axis2=2))
         self.roots = _roots(case)
         # Only what varies is drawn: each further column costs digits of the shares of all.
         self.drawn = [name for name in INPUTS if self.roots[name].any()] or ["camera"]
         self.widths = {INPUTS[name].label: len(INPUTS[name].components) for name in self.drawn}
 
-    def outcome(self, index: int, draw: Array) -> tuple[Array, Array]:
-        """Simulated and measured poses (n, 3) of one draw; NaN where it cannot be simulated."""
-        # One generator a draw, so that the result does not depend on how draws are shared among processes.
+    def lay_out(self, index: int, draw: Array) -> tuple[Drawn | None, Array]:
+        """What is to be simulated of one draw, None where it cannot be, and measured poses (n, 3)."""
+        # One generator a draw, so that the result does not depend on how draws are shared among threads.
         rng = np.random.default_rng([self.settings.seed, index])
         towed, rover = self.case.towed.name, self.case.rover.name
         try:
             real = self._realisation(draw)
-            moved = real.camera, real.height[towed], real.registration[towed]
-            measured = self.object.shifted(*moved) + self.noise_std * rng.standard_normal(self.noise_std.shape)
-            poses = self.rover.shifted(real.camera, real.height[rover], real.registration[rover])
-            return self._simulate(real, poses + self._knot_noise(rng), self.start.shifted(*moved)[0]), measured
         except TowvalError:
-            missing = np.full_like(self.noise_std, np.nan)
-            return missing, missing
+            return None, np.full_like(self.noise_std, np.nan)
+        moved = real.camera, real.height[towed], real.registration[towed]
+        measured = self.object.shifted(*moved) + self.noise_std * rng.standard_normal(self.noise_std.shape)
+        poses = self.rover.shifted(real.camera, real.height[rover], real.registration[rover])
+        return Drawn(real.scene, poses + self._knot_noise(rng), self.start.shifted(*moved)[0]), measured
 
     def _realisation(self, draw: Array) -> Realisation:
         """All inputs at the values of a draw of standard normal numbers."""
@@ -300,15 +299,6 @@ class _Sampler:
         knots = self.case.rover_decimated.time_s
         noise = self.knot_std * rng.standard_normal(self.knot_std.shape)
         return np.stack([np.interp(self.hinge_times, knots, noise[:, c]) for c in range(3)], axis=1)
-
-    def _simulate(self, real: Realisation, rover: Array, start: Array) -> Array:
-        hinge = TimedPath(self.hinge_times, transform(rover, real.scene.hinge))
-        model = SceneModel(real.scene, sticking=self.sticking)
-        rung = self.case.simulated.rung if model.planar else DYNAMICS  # The others know nothing of what is not planar.
-        motion = model.motion(rung, hinge, start, self.times, self.settings.tolerance_m)
-        if len(motion.time_s) < len(self.times):
-            raise RefusedError(f"the simulation of a draw ended early: {motion.outcome}")
-        return motion.pose
 
 
 def _motions(calibration: Calibration, body: Body, pose: Array) -> _Motions:

@@ -1,0 +1,76 @@
+"""Many simulations of one run on all cores: the draws of the uncertainty, or scenes to compare.
+
+The loop over time is compiled and holds no lock of the interpreter, so threads share the cores. What a draw gives
+depends on the draw alone: the same bits whatever the number of threads.
+"""
+
+from collections import deque
+from collections.abc import Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from towval.model import Array, TimedPath, TowingScene
+from towval.model.errors import TowvalError
+from towval.model.geometry import transform
+from towval.physics.dynamics import Outcome
+from towval.physics.ladder import DYNAMICS
+from towval.validation.scene_model import SceneModel
+
+_WAITING = 4  # draws laid out ahead of each thread: what bounds the memory
+
+
+class Drawn(NamedTuple):
+    """A simulation to be run: the scene, poses (m, 3) of the rover and the object's start pose (3,) [m, m, rad]."""
+
+    scene: TowingScene
+    rover: Array
+    start: Array
+
+
+@dataclass(frozen=True)
+class Batch:
+    """What many simulations have in common.
+
+    ``rover_times`` (m,) of the rover's poses and ``times`` (n,) of the output [s]; ``rung`` of the ladder, which planar
+    scenes are simulated by, all others by the dynamics; whether they are ``sticking``; ``tolerance_m`` of a step [m];
+    ``threads`` that simulate at once.
+    """
+
+    rover_times: Array
+    times: Array
+    rung: str = DYNAMICS
+    sticking: bool = False
+    tolerance_m: float = 1e-6
+    threads: int = 1
+
+    def simulate(self, draws: Iterable[Drawn | None]) -> Iterator[Array]:
+        """Poses (n, 3) of the object for each of the draws, in their order.
+
+        NaN where a draw is None, where its scene is refused or where its simulation ends early.
+        """
+        if self.threads == 1:
+            yield from map(self._poses, draws)
+            return
+        with ThreadPoolExecutor(self.threads) as pool:
+            waiting: deque[Future[Array]] = deque()
+            for drawn in draws:
+                waiting.append(pool.submit(self._poses, drawn))
+                if len(waiting) >= _WAITING * self.threads:
+                    yield waiting.popleft().result()
+            yield from (future.result() for future in waiting)
+
+    def _poses(self, drawn: Drawn | None) -> Array:
+        missing = np.full((len(self.times), 3), np.nan)
+        if drawn is None:
+            return missing
+        try:
+            hinge = TimedPath(self.rover_times, transform(drawn.rover, drawn.scene.hinge))
+            model = SceneModel(drawn.scene, sticking=self.sticking)
+            rung = self.rung if model.planar else DYNAMICS  # The others know nothing of what is not planar.
+            motion = model.motion(rung, hinge, drawn.start, self.times, self.tolerance_m)
+        except TowvalError:
+            return missing
+        return motion.pose if motion.outcome in (Outcome.CONVERGED, Outcome.SLACK_ALL_ALONG) else missing
