@@ -6,7 +6,7 @@ marginal covariance, which includes the uncertainty of all places.
 """
 
 import enum
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -184,20 +184,40 @@ def _normal(
     AA, Ar, cost = np.zeros((len(active), len(active))), np.zeros(len(active)), 0.0
     AB, BB, Br = [], [], []
     for block, place, spread in zip(blocks, estimate.places, spread_px, strict=True):
-        residual, J_shared, J_place = linearise(block, estimate.shared, place)
-        std = _std(block, estimate)
-        length = np.sqrt(residual[::2] ** 2 + residual[1::2] ** 2)
-        weight = _huber_weight(length, spread)
+        linear = linearise(block, estimate.shared, place)
+        length = np.sqrt(linear[0][::2] ** 2 + linear[0][1::2] ** 2)
+        weight, std = _huber_weight(length, spread), _std(block, estimate)
         # Huber: length² below the width, 2 width · length − width² beyond; with w = width / length both are one form.
         cost += float(np.sum(weight * (2 - weight) * length**2)) / std**2
-        root = np.repeat(np.sqrt(weight) / std, 2)
-        r, A, B = root * residual, root[:, None] * J_shared[:, active], root[:, None] * J_place
+        r, A, B = _whitened(linear, np.sqrt(weight) / std, active)
         AA += A.T @ A
         Ar += A.T @ r
         AB.append(A.T @ B)
         BB.append(B.T @ B)
         Br.append(B.T @ r)
     return _Normal(cost, AA, Ar, tuple(AB), tuple(BB), tuple(Br))
+
+
+def _whitened(linear: tuple[Array, Array, Array], root: Array, active: NDArray[np.intp]) -> tuple[Array, Array, Array]:
+    residual, J_shared, J_place = linear
+    root = np.repeat(root, 2)
+    return root * residual, root[:, None] * J_shared[:, active], root[:, None] * J_place
+
+
+def whitened(
+    blocks: Sequence[Block], estimate: Estimate, active: NDArray[np.intp]
+) -> Iterator[tuple[Array, Array, Array]]:
+    """Residual and derivatives of each block as in :func:`linearise`, over its deviation and robustly weighted.
+
+    Of the shared parameters only the ``active`` ones. A fixed board has derivatives by a place (2n, 3), too, as if it
+    lay free on the floor where it is.
+    """
+    for block, place, spread in zip(blocks, estimate.places, _spread(blocks, estimate), strict=True):
+        gauge = block.placement is Placement.FIXED and np.isnan(block.std_px)
+        as_placed = replace(block, placement=Placement.ON_FLOOR) if gauge else block
+        linear = linearise(as_placed, estimate.shared, np.zeros(3) if gauge else place)
+        length = np.sqrt(linear[0][::2] ** 2 + linear[0][1::2] ** 2)
+        yield _whitened(linear, np.sqrt(_huber_weight(length, spread)) / _std(block, estimate), active)
 
 
 def adjust(blocks: Sequence[Block], start: Estimate, active: NDArray[np.intp]) -> Estimate:

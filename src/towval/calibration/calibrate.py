@@ -16,12 +16,23 @@ from towval.calibration.adequacy import (
     view_statistics,
 )
 from towval.calibration.board_search import NamedImage, find_boards
-from towval.calibration.bundle_adjustment import Estimate, adjust, marginal_covariance, residuals
+from towval.calibration.bundle_adjustment import Estimate, adjust, residuals
 from towval.calibration.corners import BoardObservation
 from towval.calibration.floor import in_floor_axes
 from towval.calibration.lens import LENS_MODELS, NESTED, LensTrial, active_parameters, choose_lens, try_lenses
 from towval.calibration.observations import CalibrationObservations, first_guess, unflipped
-from towval.model import Board, Calibration, Camera, Finding, Floor, FloorReference, Severity, View
+from towval.calibration.view_covariance import view_covariance
+from towval.model import (
+    CALIBRATION_PARAMETERS,
+    Board,
+    Calibration,
+    Camera,
+    Finding,
+    Floor,
+    FloorReference,
+    Severity,
+    View,
+)
 from towval.model.errors import InputError, RefusedError
 from towval.model.findings import finding
 from towval.optics.plane_uncertainty import camera_position_covariance, uncertainty_map
@@ -197,7 +208,8 @@ def calibrate_observations(
     chosen = choose_lens(trials)
     estimate = chosen.estimate
     active = active_parameters(chosen.model, with_floor=observed.reference is not None)
-    covariance, _ = marginal_covariance(kept.blocks, estimate, active)
+    covariance = np.zeros((len(CALIBRATION_PARAMETERS),) * 2)
+    covariance[np.ix_(active, active)] = view_covariance(kept.blocks, estimate, active)
     calibration = Calibration(
         camera=Camera(observed.resolution_px, estimate.matrix, estimate.distortion, chosen.model),
         floor=Floor(estimate.T_camera_floor),

@@ -50,8 +50,8 @@ def position_covariance(
 ) -> Array:
     """Covariance of positions on a plane due to the calibration and the plane's height.
 
-    It includes the noise of the corners, propagated through the whole calibration, but no error of the lens model's
-    form, of the board or of the surveyed marks; two halves of the views calibrated separately show the first.
+    It includes what scatters from view to view, propagated through the whole calibration, but no error that all views
+    share: of the lens model's form where no corner was, of the board's size.
 
     Parameters
     ----------
