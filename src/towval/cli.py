@@ -33,6 +33,9 @@ A rover plan that makes the object follow a path, and the motion of the object b
 All stages at once, resumable and in parallel:
   snakemake --cores 2 --config campaign=lab_a
 
+An overview of all campaigns; a continuous integration fails where a run does not agree:
+  towval index     results results_of_last_year -o index.sqlite --fail-on "model error"
+
 --set KEY=VALUE changes a setting of the stage, a key of its section in config.yaml: --set excess=2.5
 """
 
@@ -52,6 +55,8 @@ _CAMERA = _file("--camera", "camera.mcap of the campaign")
 _SCENE = _file("scene", "scene file, like workflow/plan.yaml")
 _REPLACING = "campaign folder whose object, friction, tether and hinge replace those of the scene"
 _WANTED = "a curve of the scene (lemniscate, ...) or a CSV file with x_m and y_m"
+
+_FAIL_ON = "exit with code 1 where a run has this verdict, or is unfinished; repeatable"
 
 _STAGES: dict[str, tuple[str, list[_Argument]]] = {
     "calibrate": ("board pictures → camera.mcap: lens and floor with covariance", [_CAMPAIGN]),
@@ -99,11 +104,17 @@ _STAGES: dict[str, tuple[str, list[_Argument]]] = {
         _SCENE, _file("--campaign", _REPLACING, required=False),
         _file("recording", "MCAP file with /rover/pose and at least one /object/pose"),
     ]),
+    "index": ("results of many campaigns → index.sqlite, index.html: one row per run, filters, trends, changes", [
+        ("results", {"type": Path, "nargs": "+", "help": "folders of results, each of one campaign or of many"}),
+        ("--fail-on", {"action": "append", "default": [], "metavar": "VERDICT", "help": _FAIL_ON}),
+    ]),
 }  # fmt: skip
 """Help text and arguments of each stage, besides ``-o`` and ``--set``."""
 
 _FUNCTIONS = {"plan": ("plan", "run_file"), "tow": ("plan", "run_tow_file")}
 """Module and function of a stage, where they are not ``run`` in the module of its name."""
+
+_OUTPUTS = {"index": "SQLite file to write, replaced atomically; the page beside it ends in .html"}
 
 
 def _arguments() -> argparse.ArgumentParser:
@@ -120,9 +131,9 @@ def _arguments() -> argparse.ArgumentParser:
         module, function = _FUNCTIONS.get(name, (name, "run"))
         stage.set_defaults(module=f"towval.commands.{module}", function=function)
         if name != "report":
-            output = "MCAP file to write, replaced atomically"
+            output = _OUTPUTS.get(name, "MCAP file to write, replaced atomically")
             stage.add_argument("-o", "--output", type=Path, required=True, help=output)
-        if name not in ("exchange", "plan", "tow"):
+        if name not in ("exchange", "plan", "tow", "index"):
             setting = f"a key of section {name} of config.yaml; repeatable"
             given: dict[str, Any] = {"dest": "keys", "action": "append", "default": []}
             stage.add_argument("--set", **given, metavar="KEY=VALUE", help=setting)

@@ -111,6 +111,15 @@ def read_provenance(path: Path) -> dict[str, str]:
         return next((dict(record.metadata) for record in records if record.name == _PROVENANCE), {})
 
 
+def read_details(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
+    """Details and provenance of an MCAP file alone, without reading its messages; as :func:`read_mcap` raises."""
+    with _readable(path) as stream:
+        reader = make_reader(stream)
+        attached = {record.name: record.data for record in reader.iter_attachments()}
+        recorded = {record.name: dict(record.metadata) for record in reader.iter_metadata()}
+        return json.loads(attached.get(_DETAILS, b"{}")), recorded.get(_PROVENANCE, {})
+
+
 def read_mcap(path: Path, without: tuple[str, ...] = ()) -> McapContent:
     """Read an MCAP file, verifying its checksums; topics that end in one of ``without`` are not decoded.
 

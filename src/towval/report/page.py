@@ -1,11 +1,7 @@
 """The report: one HTML file with figures, videos, numbers and provenance that opens offline."""
 
-import re
-from importlib.resources import files
 from pathlib import Path as FilePath
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
 from towval.io.atomic import write_text
@@ -14,10 +10,9 @@ from towval.report import view
 from towval.report.contents import draw_figures
 from towval.report.data import InputRow, Provenance, ReportData, RunReport, StageFinding
 from towval.report.style import save_figure, svg_text
+from towval.report.templating import template_asset, template_environment
 
 __all__ = ["InputRow", "Provenance", "ReportData", "RunReport", "StageFinding", "report_figures", "write_report"]
-
-_UNCERTAINTY = re.compile(r"\bu_(num|input|D|val)\b")
 
 
 def write_report(path: FilePath, data: ReportData, figures_folder: FilePath | None = None) -> FilePath:
@@ -47,8 +42,10 @@ def write_report(path: FilePath, data: ReportData, figures_folder: FilePath | No
     if figures_folder is not None:
         for figure, svg in drawn:
             save_figure(figure.figure, figures_folder, figure.name, svg=svg)
-    template = _environment().get_template("report.html.j2")
-    text = template.render(view=view.build(data, drawn), css=_asset("report.css"), script=_asset("report.js"))
+    template = template_environment().get_template("report.html.j2")
+    text = template.render(
+        view=view.build(data, drawn), css=template_asset("report.css"), script=template_asset("report.js")
+    )
     write_text(path, text)
     return path
 
@@ -65,25 +62,3 @@ def _check(data: ReportData) -> None:
 def report_figures(data: ReportData) -> dict[str, Figure]:
     """The figures of a report by file name, without those whose data are missing."""
     return {drawn.name: drawn.figure for drawn in draw_figures(data)}
-
-
-def _environment() -> Environment:
-    environment = Environment(
-        loader=PackageLoader("towval.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["symbols"] = _symbols
-    return environment
-
-
-def _symbols(text: str) -> Markup:
-    """A text with ``u_val`` and the like as symbols with a subscript."""
-    return Markup(_UNCERTAINTY.sub(r"<i>u</i><sub>\1</sub>", str(escape(text))))
-
-
-def _asset(name: str) -> Markup:
-    # The package's own style sheet and script, never data: inserted without escaping.
-    return Markup((files("towval.report") / "templates" / name).read_text(encoding="utf-8"))

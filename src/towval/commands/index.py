@@ -1,0 +1,54 @@
+"""Command index: results of many campaigns → index.sqlite and index.html, one row a run."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from towval.io.results_index import UNFINISHED, ResultsIndex, read_results, write_index
+from towval.model import Verdict
+from towval.model.errors import InputError, TowvalError
+from towval.report.index_page import write_index_page
+
+
+def run(results: Sequence[Path], output: Path, fail_on: Sequence[str] = ()) -> None:
+    """Write the index of all runs below some folders: ``output`` for programs, and beside it a page for people.
+
+    Runs that are still being made count as unfinished; call again when they are done.
+
+    Parameters
+    ----------
+    results : sequence of Path
+        Folders of results, each of one campaign or of many.
+    output : Path
+        The SQLite file; the page has its name with the ending ``.html``.
+    fail_on : sequence of str
+        Verdicts, or "unfinished", that make the command fail after both files are written: for continuous
+        integration on new footage.
+
+    Raises
+    ------
+    InputError
+        When a folder is missing or holds no run, or a verdict is unknown.
+    TowvalError
+        When a run has a verdict of ``fail_on``.
+    """
+    known = (*(str(verdict) for verdict in Verdict), UNFINISHED)
+    asked = [word.strip().replace("-", " ") for text in fail_on for word in text.split(",")]
+    for word in asked:
+        if word not in known:
+            raise InputError("--fail-on names no verdict", got=word, allowed=", ".join(known))
+    index = read_results(results)
+    write_index(output, index)
+    page = output.with_suffix(".html")
+    write_index_page(page, index)
+    counts = index.runs["verdict"].value_counts()
+    tally = ", ".join(f"{verdict} {counts[verdict]}" for verdict in known if verdict in counts)
+    print(f"index: {len(index.runs)} runs ({tally}): {output} and {page}")
+    _fail(index, asked)
+
+
+def _fail(index: ResultsIndex, verdicts: Sequence[str]) -> None:
+    runs = index.runs[index.runs["verdict"].isin(verdicts)]
+    if len(runs):
+        names = [f"{row.campaign}/{row.run} ({row.verdict})" for row in runs.head(10).itertuples()]
+        more = f" and {len(runs) - 10} more" if len(runs) > 10 else ""
+        raise TowvalError(f"{len(runs)} of {len(index.runs)} runs: {', '.join(names)}{more}")

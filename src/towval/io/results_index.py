@@ -1,0 +1,159 @@
+"""Many folders of results as tables: a row a run, and with it its findings, inputs and costs; kept as SQLite."""
+
+import csv
+import json
+import sqlite3
+from collections.abc import Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from towval.io.atomic import replacing
+from towval.io.mcap_file import read_details
+from towval.io.summary import COLUMNS
+from towval.model.errors import InputError
+
+STAGES = ("track", "decimate", "simulate", "uncertainty", "compare")
+"""Stages of a run in their order; each leaves a file of its name."""
+
+UNFINISHED = "unfinished"
+"""In place of a verdict: the run has no comparison yet."""
+
+_KEY = ("source", "campaign", "run")
+_MEASURES = tuple(name for name in COLUMNS if name not in ("run", "verdict"))
+_SHAPES = {
+    "runs": (*_KEY, "state", "verdict", *_MEASURES, "main_input", "main_share", "version", "made_s", "cpu_s", "wall_s"),
+    "findings": (*_KEY, "stage", "code", "severity", "text"),
+    "inputs": (*_KEY, "stage", "input", "sha256"),
+    "settings": (*_KEY, "stage", "settings"),
+}
+"""Columns of each table; ``made_s`` is the time of the newest file [s since 1970], costs are sums over the stages."""
+
+
+@dataclass(frozen=True)
+class ResultsIndex:
+    """Runs of many campaigns. A table each of runs, findings, inputs and settings.
+
+    Every table begins with ``source`` (the folder that was given), ``campaign`` and ``run``. ``runs`` has those of
+    ``summary.csv`` besides; a run without a comparison has the verdict "unfinished" and in ``state`` its last stage.
+    """
+
+    runs: pd.DataFrame
+    findings: pd.DataFrame
+    inputs: pd.DataFrame
+    settings: pd.DataFrame
+
+
+def read_results(folders: Sequence[Path]) -> ResultsIndex:
+    """Index of all runs below ``folders``, each the results of one campaign or of many.
+
+    Only details and provenance of the files are read. A file that is damaged or vanishes meanwhile counts as not made.
+
+    Raises `InputError` when a folder is missing or none holds a run.
+    """
+    rows: dict[str, list[tuple[Any, ...]]] = {table: [] for table in _SHAPES}
+    for source in folders:
+        if not source.is_dir():
+            raise InputError(f"{source} is no folder", remedy="give the folder of results, as results/")
+        for campaign in _campaigns(source):
+            shared = _stage_of(campaign / "camera.mcap")
+            for run in _runs(campaign):
+                key = (str(source), campaign.resolve().name, run.name)
+                for table, row in _rows_of(run, shared):
+                    rows[table].append((*key, *row))
+    if not rows["runs"]:
+        raise InputError(
+            "there are no runs", got=", ".join(map(str, folders)), allowed="folders with <campaign>/<run>/track.mcap"
+        )
+    tables = {name: pd.DataFrame(rows[name], columns=list(columns)) for name, columns in _SHAPES.items()}
+    return ResultsIndex(**tables)
+
+
+def write_index(path: Path, index: ResultsIndex) -> None:
+    """Write the tables as an SQLite file, whole or not at all."""
+    with replacing(path) as temporary, closing(sqlite3.connect(temporary)) as database:
+        for name in _SHAPES:
+            getattr(index, name).to_sql(name, database, index=False, if_exists="replace")
+        database.commit()
+
+
+def _campaigns(source: Path) -> list[Path]:
+    if _runs(source):
+        return [source]
+    return [folder for folder in _folders(source) if _runs(folder)]
+
+
+def _runs(campaign: Path) -> list[Path]:
+    return [folder for folder in _folders(campaign) if (folder / "track.mcap").is_file()]
+
+
+def _folders(folder: Path) -> list[Path]:
+    return sorted(entry for entry in folder.iterdir() if entry.is_dir())
+
+
+_Stage = tuple[dict[str, Any], dict[str, str], float]
+"""Details and provenance of a file, and when it was made [s since 1970]."""
+
+
+def _stage_of(path: Path) -> _Stage | None:
+    try:
+        return *read_details(path), path.stat().st_mtime
+    except (InputError, FileNotFoundError):
+        return None
+
+
+def _rows_of(run: Path, camera: _Stage | None) -> Iterator[tuple[str, tuple[Any, ...]]]:
+    """Rows of a run, each with the name of its table and without the key."""
+    made = {stage: content for stage in STAGES if (content := _stage_of(run / f"{stage}.mcap"))}
+    details = {stage: content[0] for stage, content in made.items()}
+    for stage, (notes, provenance, _) in {**({"calibrate": camera} if camera else {}), **made}.items():
+        yield from (("findings", (stage, *row)) for row in _findings(notes))
+        hashes = json.loads(provenance.get("inputs_sha256", "{}"))
+        yield from (("inputs", (stage, name, digest)) for name, digest in hashes.items())
+        yield "settings", (stage, provenance.get("settings", "{}"))
+    compared = details.get("compare", {})
+    shares = details.get("uncertainty", {}).get("shares") or {"": None}
+    main = max(shares, key=lambda name: shares[name] or 0.0)
+    provenance = next((content[1] for content in reversed(made.values())), {})
+    yield (
+        "runs",
+        (
+            next(reversed(made), ""),
+            compared.get("verdict", UNFINISHED),
+            *(compared.get(name) for name in _MEASURES),
+            main,
+            shares[main],
+            json.loads(provenance.get("versions", "{}")).get("towval"),
+            max((content[2] for content in made.values()), default=None),
+            *_costs(run),
+        ),
+    )
+
+
+def _findings(notes: dict[str, Any]) -> Iterator[tuple[str, str, str]]:
+    """Code, severity and text of a stage's findings; those of ``track`` and ``decimate`` stand by body."""
+    bodies = [part for part in notes.values() if isinstance(part, dict)]
+    for part in (notes, *bodies):
+        for row in part.get("findings") or ():
+            yield row["code"], row["severity"], row["text"]
+
+
+def _costs(run: Path) -> tuple[float | None, float | None]:
+    """CPU and wall time of the stages of a run [s], where the workflow left its benchmarks."""
+    cpu, wall = [], []
+    for path in sorted((run / "benchmarks").glob("*.tsv")):
+        with path.open(encoding="utf-8") as stream:
+            for row in csv.DictReader(stream, delimiter="\t"):
+                cpu.append(_seconds(row.get("cpu_time")))
+                wall.append(_seconds(row.get("s")))
+    return (sum(cpu), sum(wall)) if wall else (None, None)
+
+
+def _seconds(text: str | None) -> float:
+    try:
+        return float(text or 0)
+    except ValueError:  # Snakemake writes "NA" for a job that ended before it was measured.
+        return 0.0

@@ -1,0 +1,32 @@
+"""Templates of the pages, and the package's own style sheets and scripts."""
+
+import re
+from importlib.resources import files
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup, escape
+
+_UNCERTAINTY = re.compile(r"\bu_(num|input|D|val)\b")
+
+
+def template_environment() -> Environment:
+    """The templates, in which every text of a campaign is escaped and a missing value is an error."""
+    environment = Environment(
+        loader=PackageLoader("towval.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["symbols"] = _symbols
+    return environment
+
+
+def _symbols(text: str) -> Markup:
+    """A text with ``u_val`` and the like as symbols with a subscript."""
+    return Markup(_UNCERTAINTY.sub(r"<i>u</i><sub>\1</sub>", str(escape(text))))
+
+
+def template_asset(name: str) -> Markup:
+    """A style sheet or script of the package, never data, so inserted without escaping."""
+    return Markup((files("towval.report") / "templates" / name).read_text(encoding="utf-8"))

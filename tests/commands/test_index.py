@@ -1,0 +1,32 @@
+"""The command ``towval index``."""
+
+import pytest
+
+from result_folders import make_run
+from towval.cli import main
+
+
+def test_writes_both_files_and_says_what_it_found(tmp_path, capsys):
+    make_run(tmp_path / "results" / "lab" / "a")
+    main(["index", str(tmp_path / "results"), "-o", str(tmp_path / "index.sqlite")])
+    assert "1 runs (agrees 1)" in capsys.readouterr().out
+    assert (tmp_path / "index.sqlite").is_file()
+    assert (tmp_path / "index.html").is_file()
+
+
+def test_fails_on_a_verdict_after_writing(tmp_path, capsys):
+    make_run(tmp_path / "results" / "lab" / "a", verdict="not judged")
+    make_run(tmp_path / "results" / "lab" / "b")
+    arguments = ["index", str(tmp_path / "results"), "-o", str(tmp_path / "index.sqlite"), "--fail-on"]
+    main([*arguments, "unfinished"])
+    with pytest.raises(SystemExit) as stopped:
+        main([*arguments, "not-judged,unfinished"])
+    assert stopped.value.code == 1
+    assert "1 of 2 runs: lab/a (not judged)" in capsys.readouterr().err
+    assert (tmp_path / "index.html").is_file()
+
+
+def test_an_unknown_verdict_is_refused_before_anything_is_read(tmp_path, capsys):
+    with pytest.raises(SystemExit):
+        main(["index", str(tmp_path / "none"), "-o", str(tmp_path / "index.sqlite"), "--fail-on", "wrong"])
+    assert "--fail-on names no verdict" in capsys.readouterr().err

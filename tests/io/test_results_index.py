@@ -1,0 +1,57 @@
+"""The index over folders of results: what it reads, what it leaves out, and what it says of runs in the making."""
+
+import sqlite3
+
+import pandas as pd
+import pytest
+
+from result_folders import make_run
+from towval.io.results_index import UNFINISHED, read_results, write_index
+from towval.model.errors import InputError
+
+
+def test_a_run_is_a_row_with_findings_inputs_and_costs(tmp_path):
+    make_run(tmp_path / "lab" / "a", path_max_m=0.004)
+    index = read_results([tmp_path])
+    row = index.runs.iloc[0]
+    assert (row.campaign, row.run, row.state, row.verdict) == ("lab", "a", "compare", "agrees")
+    assert (row.path_rms_m, row.path_max_m, row.lost_frames) == (0.0015, 0.004, 2)
+    assert (row.main_input, row.main_share, row.version) == ("stiffness", 0.6, "1.0.0")
+    assert (row.cpu_s, row.wall_s) == (11.0, 5.5)
+    assert index.findings[["stage", "code", "severity"]].values.tolist() == [["track", "blur", "warning"]]
+    assert set(index.inputs["input"]) == {"a.mp4", "track.mcap"}
+
+
+def test_a_folder_of_one_campaign_is_found_as_well(tmp_path):
+    make_run(tmp_path / "lab" / "a")
+    (tmp_path / "lab" / "figures").mkdir()
+    runs = read_results([tmp_path / "lab"]).runs
+    assert runs[["campaign", "run"]].values.tolist() == [["lab", "a"]]
+
+
+def test_runs_in_the_making_and_damaged_comparisons_are_unfinished(tmp_path):
+    make_run(tmp_path / "lab" / "a", up_to="simulate")
+    make_run(tmp_path / "lab" / "b")
+    compared = tmp_path / "lab" / "b" / "compare.mcap"
+    compared.write_bytes(compared.read_bytes()[:-20])
+    runs = read_results([tmp_path]).runs
+    assert runs["verdict"].tolist() == [UNFINISHED, UNFINISHED]
+    assert runs["state"].tolist() == ["simulate", "uncertainty"]
+    assert runs["path_rms_m"].isna().all()
+
+
+def test_the_file_holds_what_was_read(tmp_path):
+    make_run(tmp_path / "lab" / "a")
+    index = read_results([tmp_path])
+    write_index(tmp_path / "index.sqlite", index)
+    with sqlite3.connect(tmp_path / "index.sqlite") as database:
+        for table in ("runs", "findings", "inputs", "settings"):
+            read = pd.read_sql(f"select * from {table}", database)
+            pd.testing.assert_frame_equal(read, getattr(index, table), check_dtype=False)
+
+
+def test_folders_without_runs_are_refused(tmp_path):
+    with pytest.raises(InputError, match="there are no runs"):
+        read_results([tmp_path])
+    with pytest.raises(InputError, match="is no folder"):
+        read_results([tmp_path / "missing"])

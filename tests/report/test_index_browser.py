@@ -1,0 +1,90 @@
+"""The page over many runs in a real browser: filters, order, changes; names that would be markup stay text."""
+
+import pytest
+from browser import Browser
+
+from result_folders import make_run
+from towval.io.results_index import read_results
+from towval.report.index_page import write_index_page
+
+HOSTILE = "<img src=x onerror=alert(1)>"
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("index")
+    for k in range(60):
+        make_run(folder / "old" / f"lab_{k}" / "a", path_rms_m=0.001 * (k + 1), video=f"{k:02d}")
+    make_run(folder / "old" / HOSTILE / "<!--<script>", up_to="track")
+    make_run(folder / "new" / "lab_3" / "a", path_rms_m=0.009, verdict="not judged", version="2.0.0", video="03")
+    make_run(folder / "new" / "lab_4" / "a", path_rms_m=0.005, video="xx")
+    write_index_page(folder / "index.html", read_results([folder / "old", folder / "new"]))
+    with Browser(tmp_path_factory.mktemp("profile")) as browser:
+        browser.open((folder / "index.html").as_uri())
+        yield browser
+
+
+def shown(page):
+    return page.run("document.getElementById('counts').textContent")
+
+
+def change(page, script):
+    page.run(f"{script}, document.getElementById('filters').dispatchEvent(new Event('input'))")
+
+
+def cells(page, table, column):
+    rows = f"[...document.querySelectorAll('#{table} tbody tr:not(.space)')]"
+    return page.run(f"{rows}.map((row) => row.cells[{column}].textContent)")
+
+
+@pytest.fixture(autouse=True)
+def unfiltered(page):
+    yield
+    change(page, "document.getElementById('filters').reset()")
+
+
+def test_all_runs_are_there_and_only_rows_in_view_are_made(page):
+    assert shown(page).startswith("63 of 63 runs")
+    assert len(cells(page, "runs", 0)) < 63
+    assert not page.complaints()
+    assert len(page.requests()) == 1
+
+
+def test_filters(page):
+    change(page, "document.getElementById('search').value = 'LAB_59'")
+    assert shown(page) == "1 of 63 runs shown: agrees 1"
+    change(page, "document.getElementById('filters').reset(), document.getElementById('least').value = 59")
+    assert shown(page) == "2 of 63 runs shown: agrees 2"
+    change(page, "document.getElementById('filters').reset(), document.querySelector('[value=agrees]').checked = false")
+    assert shown(page) == "2 of 63 runs shown: unfinished 1, not judged 1"
+
+
+def test_order_by_a_column_of_numbers_and_back(page):
+    click = "document.querySelectorAll('#runs thead button')[3].click()"
+    page.run(click)
+    first = cells(page, "runs", 3)
+    page.run(click)
+    last = cells(page, "runs", 3)
+    assert first[0] == "1.00"
+    assert next(text for text in last if text) == "60.00"
+
+
+def test_changes_between_two_folders_name_what_differs(page):
+    old = page.run("[...document.getElementById('before').options].findIndex((o) => o.text.endsWith('old'))")
+    new = 1 - old
+    page.run(
+        f"document.getElementById('before').value = {old}, document.getElementById('after').value = {new}, "
+        "document.getElementById('after').dispatchEvent(new Event('change'))"
+    )
+    assert page.run("document.getElementById('changed').textContent").startswith(
+        "2 runs are in both; the verdict changed in 1, a number in 1"
+    )
+    assert cells(page, "pairs", 2) == ["agrees → not judged"]
+    assert cells(page, "pairs", 5) == ["version of towval"]
+
+
+def test_hostile_names_are_shown_and_not_run(page):
+    change(page, "document.getElementById('search').value = 'onerror'")
+    assert cells(page, "runs", 0) == [HOSTILE]
+    assert cells(page, "runs", 1) == ["<!--<script>"]
+    assert page.run("document.querySelector('img')") is None

@@ -1,0 +1,30 @@
+"""Folders of results as the workflow leaves them, with details and provenance but no messages."""
+
+import json
+from pathlib import Path
+
+from towval.io.mcap_file import write_mcap
+from towval.io.results_index import STAGES
+
+COMPARED = {"run": "a", "verdict": "agrees", "path_rms_m": 0.0015, "u_val_m": 0.003, "lost_frames": 2, "findings": []}
+
+
+def make_run(folder: Path, *, up_to: str = "compare", version: str = "1.0.0", video: str = "00", **compared: object):
+    provenance = {
+        "inputs_sha256": json.dumps({"a.mp4": video, "track.mcap": "ff"}),
+        "settings": json.dumps({"samples": 512}),
+        "versions": json.dumps({"towval": version}),
+    }
+    for stage in STAGES[: STAGES.index(up_to) + 1]:
+        details: dict[str, object] = {"findings": []}
+        if stage == "track":
+            row = {"severity": "warning", "code": "blur", "text": "Blurred."}
+            details = {"object": {"findings": [row]}, "rover": {"findings": []}}
+        if stage == "uncertainty":
+            details["shares"] = {"stiffness": 0.6, "friction": 0.3}
+        if stage == "compare":
+            details = {**COMPARED, **compared}
+        write_mcap(folder / f"{stage}.mcap", [], details, provenance)
+    (folder / "benchmarks").mkdir()
+    for name, seconds in (("track", 4.0), ("simulate", 1.5)):
+        (folder / "benchmarks" / f"{name}.tsv").write_text(f"s\tcpu_time\n{seconds}\t{2 * seconds}\n")
