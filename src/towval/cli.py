@@ -26,6 +26,9 @@ Inputs fitted to all runs, separate from the validation:
   towval identify  lab_a --results out -o out/identify.mcap --set parameters=[rest_length,friction]
   towval report    lab_a --results out --identified out/identify.mcap
 
+Are results whole, and what were they made of:
+  towval verify    out --campaign lab_a
+
 A rover plan that makes the object follow a path, and the motion of the object behind any recorded rover:
   towval plan      workflow/plan.yaml --path desired.csv -o out/plan.mcap --csv out/plan.csv
   towval tow       workflow/plan.yaml out/plan.mcap -o out/towed.mcap
@@ -95,6 +98,10 @@ _STAGES: dict[str, tuple[str, list[_Argument]]] = {
         _file("--results", "folder with camera.mcap and one folder per run"),
         _file("--identified", "identify.mcap, shown in a section of its own", required=False),
     ]),
+    "verify": ("folder of results → what each result and figure was made of, or what is not as it was made", [
+        _file("results", "folder with camera.mcap and one folder per run"),
+        _file("--campaign", "campaign folder, to compare its files as well", required=False),
+    ]),
     "plan": ("desired path of the object → plan.mcap and a CSV file: motion of the rover", [
         _SCENE, _file("--campaign", _REPLACING, required=False),
         ("--path", {"dest": "wanted", "required": True, "help": _WANTED}),
@@ -130,10 +137,10 @@ def _arguments() -> argparse.ArgumentParser:
         stage = stages.add_parser(name, help=text, description=f"{text[0].upper()}{text[1:]}.")
         module, function = _FUNCTIONS.get(name, (name, "run"))
         stage.set_defaults(module=f"towval.commands.{module}", function=function)
-        if name != "report":
+        if name not in ("report", "verify"):
             output = _OUTPUTS.get(name, "MCAP file to write, replaced atomically")
             stage.add_argument("-o", "--output", type=Path, required=True, help=output)
-        if name not in ("exchange", "plan", "tow", "index"):
+        if name not in ("exchange", "plan", "tow", "index", "verify"):
             setting = f"a key of section {name} of config.yaml; repeatable"
             given: dict[str, Any] = {"dest": "keys", "action": "append", "default": []}
             stage.add_argument("--set", **given, metavar="KEY=VALUE", help=setting)

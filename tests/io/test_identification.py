@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from towval.io.mcap_file import write_mcap
-from towval.io.records.identification import read_identification, write_identification, write_identified_table
+from towval.io.records.identification import identified_table, read_identification, write_identification
 from towval.model import Finding, Identification, Prediction, Severity
 from towval.model.errors import InputError
 from towval.report.facts import identified_rows, predicted_rows
@@ -49,7 +49,7 @@ def test_a_covariance_that_is_not_known_stays_missing(tmp_path):
 
 
 def test_table_has_a_row_a_parameter(tmp_path):
-    write_identified_table(tmp_path / "identify.csv", FOUND)
+    (tmp_path / "identify.csv").write_text(identified_table(FOUND))
     table = pd.read_csv(tmp_path / "identify.csv")
     assert table.identified.tolist() == [0.36, 0.63]
     assert table.identified_std.tolist() == [0.01, 0.002]

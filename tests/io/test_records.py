@@ -185,24 +185,17 @@ def test_rosbags_reads_every_message(tmp_path, calibration, simulated):
                 reader.deserialize(data, connection.msgtype)
 
 
-def test_one_wrong_byte_never_gives_wrong_data(tmp_path, track):
-    """Sixty places over the whole file: refused, or without effect on what is read."""
+def test_one_wrong_byte_is_always_refused(tmp_path, track):
+    """Sixty places over the whole file."""
     path = tmp_path / "track.mcap"
     records.write_tracks(path, {"object": track}, PROVENANCE)
     whole = path.read_bytes()
-    refused = 0
     for place in np.linspace(0, len(whole) - 1, 60).astype(int):
         data = bytearray(whole)
         data[place] ^= 0x55
         path.write_bytes(data)
-        try:
-            back = records.read_tracks(path)["object"]
-        except InputError:
-            refused += 1
-        else:
-            same(track, back)
-    # Bytes of indexes and of names that no checksum covers may be wrong without effect; those of data may not.
-    assert refused > 30
+        with pytest.raises(InputError):
+            records.read_tracks(path)
 
 
 def test_a_missing_file_and_one_of_another_stage_are_told(tmp_path, simulated):

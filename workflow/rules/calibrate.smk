@@ -22,7 +22,8 @@ rule calibrate:
             output=output[0],
             keys=section("calibrate"),
         ),
-        given=given("camera", "floor"),
+        given=given("calibrate"),
+        content=lambda wildcards, input: content(*input.images, *input.floor_images),
     message:
         "{wildcards.campaign}: calibrate camera and floor"
     script:

@@ -1,11 +1,11 @@
-import json
 import sys
 from pathlib import Path
 
 from towval.model.errors import TowvalError
 from towval.model.plugins import load_plugins
 from towval.io.campaign import load_campaign
-from towval.io.provenance import file_hash, module_hash
+from towval.io.manifest import MANIFEST
+from towval.io.provenance import canonical, content_hash, file_hash, module_hash, read_sections
 from towval.io.schema import check, packaged_schema, read_yaml, with_plain_values
 from towval.model.presets import STANDARD, settings_of
 from studies import registry
@@ -76,19 +76,20 @@ def code(module):
     return module_hash(module) + "".join(file_hash(path)[:16] for path in PLUGINS)
 
 
-def given(*sections):
-    """The sections of campaign.yaml that a stage reads: an edit there, and only there, runs the stage again."""
+def given(stage):
+    """The parts of campaign.yaml that a stage reads: an edit there, and only there, runs the stage again."""
 
-    def sections_of(wildcards):
-        document = CAMPAIGNS[wildcards.campaign].document
-        return canonical({section: document[section] for section in sections})
+    def parts(wildcards):
+        document, run = CAMPAIGNS[wildcards.campaign].document, getattr(wildcards, "run", "")
+        # Where a probe chooses the number of points, the stage track simulates the run.
+        return canonical(read_sections(stage, document, run, simulating=section("track").get("samples") == "auto"))
 
-    return sections_of
+    return parts
 
 
-def canonical(keys):
-    """Keys as one text that does not depend on the order in which they are written."""
-    return json.dumps(keys, sort_keys=True)
+def content(*files):
+    """Fingerprints of files of the lab, so that one replaced by an older copy is noticed; its date would not tell."""
+    return "".join(content_hash(Path(file), RESULTS / ".content.json")[:16] for file in files)
 
 
 def section(stage):

@@ -26,7 +26,7 @@ rule identify:
             output=output.values,
             keys=section("identify"),
         ),
-        given=given("rover", "object", "tether", "friction"),
+        given=given("identify"),
     message:
         "{wildcards.campaign}: identify inputs from the runs"
     script:

@@ -56,6 +56,7 @@ rule report:
         summary=report(
             results("{campaign}", "summary.csv"), category="{campaign}", labels={"run": "all", "what": "summary"}
         ),
+        listing=results("{campaign}", MANIFEST),
         figures=report(
             directory(results("{campaign}", "figures")),
             patterns=["fig10_{name}.svg", "agreement_{name}.svg"],

@@ -14,9 +14,8 @@ rule track:
         mem_mb=1000,
         runtime=60,
     params:
-        # Where a probe chooses the number of points, it simulates the run.
-        given=given("rover", "object", *(["tether", "friction"] if section("track").get("samples") == "auto" else [])),
-        clicks=lambda wildcards: canonical(CAMPAIGNS[wildcards.campaign].document["runs"][wildcards.run]),
+        given=given("track"),
+        content=lambda wildcards, input: content(input.video),
         call="towval.commands.track:run",
         code=code("towval.commands.track"),
         arguments=lambda wildcards, input, output: dict(
@@ -86,7 +85,7 @@ rule simulate:
             keys=section("simulate"),
             camera=input.camera,
         ),
-        given=given("rover", "object", "tether", "friction"),
+        given=given("simulate"),
     message:
         "{wildcards.campaign}, run {wildcards.run}: simulate the towed object"
     script:
@@ -121,7 +120,7 @@ rule uncertainty:
             output=output[0],
             keys=section("uncertainty"),
         ),
-        given=given("rover", "object", "tether", "friction"),
+        given=given("uncertainty"),
     message:
         "{wildcards.campaign}, run {wildcards.run}: sample what is not known exactly"
     script:

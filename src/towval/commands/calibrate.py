@@ -9,7 +9,7 @@ from towval.commands.console import print_findings
 from towval.commands.settings import settings_from
 from towval.io.campaign import load_campaign
 from towval.io.images import GrayPictures
-from towval.io.provenance import provenance
+from towval.io.provenance import provenance, read_sections
 from towval.io.records import write_calibration
 from towval.selection.lens import with_lens_choice
 
@@ -28,5 +28,6 @@ def run(campaign: Path, output: Path, keys: Mapping[str, Any] | None = None) -> 
     )
     calibration = with_lens_choice(calibration, given.floor_reference, settings, given.object.tracked_plane_height_m)
     print_findings(calibration.findings, "calibrate")
-    inputs = {path.name: path for path in (*given.calibration_images, *given.floor_images)}
-    write_calibration(output, calibration, provenance(settings, inputs, "towval.calibration"))
+    inputs = given.files((*given.calibration_images, *given.floor_images))
+    sections = read_sections("calibrate", given.document)
+    write_calibration(output, calibration, provenance("calibrate", settings, inputs, document=sections, constants=True))

@@ -6,6 +6,7 @@ from typing import Any
 
 from towval.commands.console import print_findings
 from towval.commands.settings import settings_from
+from towval.io.chain import check_together
 from towval.io.provenance import provenance
 from towval.io.records import read_simulated, read_tracks, read_uncertainty, write_comparison
 from towval.validation.compare import CompareSettings, compare
@@ -19,8 +20,9 @@ def run(
     ``track``, ``simulated``, ``uncertainty``: ``track.mcap``, ``simulate.mcap`` and ``uncertainty.mcap`` of the run.
     """
     settings = settings_from(CompareSettings, keys, "compare")
+    files = {"track.mcap": track, "simulate.mcap": simulated, "uncertainty.mcap": uncertainty}
+    check_together(files, run=name)
     measured, motion = read_tracks(track)["object"], read_simulated(simulated)
     comparison = compare(name, motion, measured, read_uncertainty(uncertainty), settings)
     print_findings(comparison.findings, f"compare {name}")
-    files = {path.name: path for path in (track, simulated, uncertainty)}
-    write_comparison(output, comparison, measured, motion, provenance(settings, files))
+    write_comparison(output, comparison, measured, motion, provenance("compare", settings, files, run=name))

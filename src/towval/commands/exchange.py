@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from towval.commands.run_folder import files, read_run
+from towval.commands.run_folder import named, read_run
 from towval.io.campaign import load_campaign
 from towval.io.exchange import write_layouts, write_run_file
 from towval.io.provenance import provenance
@@ -14,7 +14,7 @@ def run(campaign: Path, name: str, camera: Path, folder: Path, overlay: Path, ou
 
     ``overlay``: ``overlay.mp4`` of the run.
     """
-    record = read_run(load_campaign(campaign), name, folder)
-    inputs = {path.name: path for path in (camera, overlay, *files(folder).values())}
-    write_run_file(output, record, read_calibration(camera), overlay, provenance(None, inputs))
+    record = read_run(load_campaign(campaign), name, folder, camera)
+    inputs = named(folder, camera) | {"overlay.mp4": overlay}
+    write_run_file(output, record, read_calibration(camera), overlay, provenance("exchange", None, inputs, run=name))
     write_layouts(output.parent)

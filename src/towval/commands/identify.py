@@ -7,10 +7,12 @@ from typing import Any
 from towval.commands.console import print_findings
 from towval.commands.run_folder import files
 from towval.commands.settings import settings_from
+from towval.io.atomic import write_text
 from towval.io.campaign import load_campaign
-from towval.io.provenance import provenance
+from towval.io.chain import check_together
+from towval.io.provenance import provenance, read_sections
 from towval.io.records import read_decimated, read_simulated, read_tracks, read_uncertainty
-from towval.io.records.identification import write_identification, write_identified_table
+from towval.io.records.identification import identified_table, write_identification
 from towval.validation.identify import IdentifySettings, MeasuredRun, identify
 from towval.validation.simulate import STICKING
 
@@ -26,12 +28,15 @@ def run(campaign: Path, results: Path, output: Path, keys: Mapping[str, Any] | N
     inputs: dict[str, Path] = {}
     for name in given.runs:
         paths = files(results / name)
-        inputs |= {f"{name}/{paths[s].name}": paths[s] for s in ("track", "decimate", "simulate", "uncertainty")}
+        stages = ("track", "decimate", "simulate", "uncertainty")
+        check_together({f"{stage}.mcap": paths[stage] for stage in stages}, given.document, name)
+        inputs |= {f"{name}/{stage}.mcap": paths[stage] for stage in stages}
         runs.append(_measured(name, paths))
     identified = identify(given.scene, given.deviations, runs, settings)
     print_findings(identified.findings, "identify")
-    write_identification(output, identified, provenance(settings, inputs))
-    write_identified_table(output.with_suffix(".csv"), identified)
+    write_text(output.with_suffix(".csv"), identified_table(identified))
+    sections = read_sections("identify", given.document)
+    write_identification(output, identified, provenance("identify", settings, inputs, document=sections))
 
 
 def _measured(name: str, paths: Mapping[str, Path]) -> MeasuredRun:

@@ -14,6 +14,6 @@ def run(campaign: Path, name: str, camera: Path, folder: Path, output: Path, wid
     ``width_px``: largest width of the video [px].
     """
     given = load_campaign(campaign)
-    record = read_run(given, name, folder)
+    record = read_run(given, name, folder, camera)
     entry, calibration = given.run(name), read_calibration(camera)
     write_overlay(entry.video, output, calibration, record, width_px=width_px, damaged=entry.damaged_video)

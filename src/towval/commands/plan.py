@@ -55,7 +55,7 @@ def run(scene: Mapping[str, Any], wanted: str, mcap: Path, csv: Path, campaign: 
     print(f"plan: {loop.rover.outcome}. {loop.rover.advice}")
     off = f"the object deviates from its path by {1000 * loop.object_rms:.1f} mm RMS"
     print(f"plan: {off}, the hinge from its own by {1000 * loop.rover.rms:.1f} mm.")
-    write_plan_mcap(mcap, loop.rover, loop.towed, provenance(scene, {}))
+    write_plan_mcap(mcap, loop.rover, loop.towed, provenance("plan", scene, {}))
     write_plan_csv(csv, loop.rover, loop.towed)
 
 
@@ -84,7 +84,7 @@ def run_tow(scene: Mapping[str, Any], recording: Path, output: Path, campaign: P
     start = read_object_start(recording)
     motion = tow(times, hinge, given.cube, resting_patch(given), given.tether, start_pose=start, stride=_REPORT_STRIDE)
     print_findings(motion.findings, "tow")
-    write_simulated(output, motion, provenance(scene, {recording.name: recording}))
+    write_simulated(output, motion, provenance("tow", scene, {recording.name: recording}))
 
 
 def run_tow_file(scene: Path, recording: Path, output: Path, campaign: Path | None = None) -> None:

@@ -1,7 +1,8 @@
 """Command report: all results of a campaign → figures, summary.csv, report.html."""
 
+import shlex
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,9 @@ from towval.commands.overlay import run as write_run_overlay
 from towval.commands.run_folder import files, read_run
 from towval.commands.settings import settings_from
 from towval.io.campaign import Campaign, load_campaign
-from towval.io.mcap_file import read_provenance
-from towval.io.provenance import file_hash, versions
+from towval.io.chain import Origin, check_made_of, read_origin
+from towval.io.manifest import MANIFEST, write_manifest
+from towval.io.provenance import file_hash
 from towval.io.records import read_calibration
 from towval.io.records.identification import read_identification
 from towval.io.summary import write_summary
@@ -43,7 +45,10 @@ def run(campaign: Path, results: Path, keys: Mapping[str, Any] | None = None, id
         overlay = results / name / "overlay.mp4"
         if not overlay.is_file():
             write_run_overlay(campaign, name, camera, results / name, overlay, settings.overlay_width_px)
-        runs.append(RunReport(read_run(given, name, results / name), overlay))
+        runs.append(RunReport(read_run(given, name, results / name, camera), overlay))
+    if identified is not None:
+        made = {f"{name}/{path.name}": path for name in given.runs for path in files(results / name).values()}
+        check_made_of(identified, made, given.document)
     data = ReportData(
         campaign=given.name,
         runs=tuple(runs),
@@ -57,31 +62,52 @@ def run(campaign: Path, results: Path, keys: Mapping[str, Any] | None = None, id
     )
     write_summary(results / "summary.csv", [item.record.comparison for item in runs])
     write_report(results / "report.html", data, results / "figures")
+    write_manifest(results / MANIFEST, _made(results, given, identified))
     print(f"report: {results / 'report.html'}")
 
 
+def _made(results: Path, given: Campaign, identified: Path | None) -> list[Path]:
+    """The files of a campaign's results up to the page."""
+    runs = [results / name for name in given.runs]
+    found = [path for folder in runs for path in (*files(folder).values(), folder / "overlay.mp4")]
+    found += [results / name for name in ("camera.mcap", "report.html", "summary.csv")]
+    found += [path for path in (results / "figures").iterdir() if path.is_file()]
+    return found if identified is None else [*found, identified, identified.with_suffix(".csv")]
+
+
 def _provenance(given: Campaign, results: Path) -> Provenance:
-    inputs = [given.folder / "campaign.yaml", *given.calibration_images, *given.floor_images]
-    inputs += [entry.video for entry in given.runs.values()]
+    """What the results themselves say: nothing here is what the disk holds now, but for campaign.yaml as printed."""
     made = [results / "camera.mcap", *(path for name in given.runs for path in files(results / name).values())]
-    hashes = {path.name: file_hash(path) for path in inputs}
+    origins = {path: read_origin(path) for path in made}
+    made_names = {path.name for path in made}
+    hashes = {"campaign.yaml": file_hash(given.folder / "campaign.yaml")}
+    for origin in origins.values():
+        hashes |= {name: value for name, value in origin.inputs.items() if name not in made_names}
     hashes |= {str(path.relative_to(results)): file_hash(path) for path in made}
     return Provenance(
-        command=f"snakemake --cores 2 --config campaign={given.folder}",
-        versions=versions(),
+        command=f"snakemake --cores 2 --config {shlex.quote(f'campaign={given.folder}')}",
+        versions=_versions(origins.values()),
         input_hashes=hashes,
-        settings=_settings(made),
+        settings=_settings(origins),
         configuration=yaml.safe_dump(given.document, sort_keys=False, default_flow_style=None, allow_unicode=True),
     )
 
 
-def _settings(made: Sequence[Path]) -> dict[str, str]:
+def _versions(origins: Iterable[Origin]) -> dict[str, str]:
+    """Versions with which the results were made; all of them where they differ."""
+    found: dict[str, dict[str, None]] = {}
+    for origin in origins:
+        for name, version in origin.versions.items():
+            found.setdefault(name, {})[version] = None
+    return {name: ", ".join(each) for name, each in found.items()}
+
+
+def _settings(origins: Mapping[Path, Origin]) -> dict[str, str]:
     """Settings of each stage from its files; runs with the same settings together."""
     folders: dict[tuple[str, str], list[str]] = {}
-    for path in made:
-        settings = read_provenance(path).get("settings", "{}")
-        if settings != "{}":
-            folders.setdefault((path.stem, settings), []).append(path.parent.name)
+    for path, origin in origins.items():
+        if origin.settings != "{}":
+            folders.setdefault((path.stem, origin.settings), []).append(path.parent.name)
     stages = Counter(stage for stage, _ in folders)
     return {
         stage if stages[stage] == 1 else f"{stage}, run {', '.join(runs)}": settings

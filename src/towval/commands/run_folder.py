@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from towval.io.campaign import Campaign
+from towval.io.chain import check_together
 from towval.io.records import read_comparison, read_decimated, read_simulated, read_tracks, read_uncertainty
 from towval.model.run_record import RunRecord
 
@@ -14,12 +15,19 @@ def files(folder: Path) -> dict[str, Path]:
     return {stage: folder / f"{stage}.mcap" for stage in STAGES}
 
 
-def read_run(campaign: Campaign, name: str, folder: Path) -> RunRecord:
+def named(folder: Path, camera: Path | None = None) -> dict[str, Path]:
+    """The result files of a run, and the camera, by the names under which results record each other."""
+    return {path.name: path for path in files(folder).values()} | ({"camera.mcap": camera} if camera else {})
+
+
+def read_run(campaign: Campaign, name: str, folder: Path, camera: Path | None = None) -> RunRecord:
     """The record of a run from its result files in ``folder``.
 
-    Raises `InputError` when a file is missing or damaged, or the campaign has no such run.
+    Raises `InputError` when a file is missing or damaged, when the files were not made of each other, of ``camera``
+    and of the campaign as it is, or when the campaign has no such run.
     """
     campaign.run(name)
+    check_together(named(folder, camera), campaign.document, name)
     paths = files(folder)
     tracks = read_tracks(paths["track"])
     return RunRecord(

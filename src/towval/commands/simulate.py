@@ -9,7 +9,8 @@ import numpy as np
 from towval.commands.console import print_findings
 from towval.commands.settings import settings_from, without_auto
 from towval.io.campaign import load_campaign
-from towval.io.provenance import provenance
+from towval.io.chain import check_together
+from towval.io.provenance import provenance, read_sections
 from towval.io.records import read_calibration, read_decimated, read_tracks, write_simulated
 from towval.model.errors import InputError
 from towval.selection.margin import measurement_std_m, seen_places
@@ -51,9 +52,10 @@ def run(
             remedy="give camera.mcap, or a number",
         )
     given = load_campaign(campaign)
+    inputs = {"track.mcap": track, "decimate.mcap": decimated, **({"camera.mcap": camera} if camera else {})}
+    name = check_together(inputs, given.document)
     bodies = read_decimated(decimated)
     tracked = read_tracks(track, features=False)["object"]
-    inputs = {path.name: path for path in (track, decimated, camera) if path is not None}
     measured = np.inf
     if camera is not None:
         measured = measurement_std_m(read_calibration(camera), given.object, seen_places(tracked))
@@ -61,4 +63,5 @@ def run(
         given.scene, bodies["rover"], bodies["object"], tracked.time_s, settings, auto=auto, measurement_m=measured
     )
     print_findings(simulated.findings, "simulate")
-    write_simulated(output, simulated, provenance(settings, inputs))
+    sections = read_sections("simulate", given.document)
+    write_simulated(output, simulated, provenance("simulate", settings, inputs, run=name, document=sections))

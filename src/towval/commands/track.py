@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 from towval.commands.console import print_findings, progress
 from towval.commands.settings import settings_from, without_auto
 from towval.io.campaign import Campaign, Run, load_campaign
+from towval.io.chain import check_together
 from towval.io.images import write_picture
-from towval.io.provenance import provenance
+from towval.io.provenance import provenance, read_sections
 from towval.io.records import read_calibration, write_tracks
 from towval.io.video import Video
 from towval.model import Calibration
@@ -46,6 +47,7 @@ def run(
     settings = settings_from(TrackSettings, keys, "track")
     given = load_campaign(campaign)
     entry = given.run(name)
+    check_together({"camera.mcap": camera}, given.document)
     video = Video(entry.video, damaged=entry.damaged_video)
     if tuple(video.header.resolution_px) not in (given.resolution_px, given.resolution_px[::-1]):
         raise InputError(
@@ -79,9 +81,10 @@ def run(
     tracks = {body: replace(found, findings=(*found.findings, *video.findings)) for body, found in tracks.items()}
     for body in tracks.values():
         print_findings(body.findings, f"track {name}")
-    write_tracks(
-        output, tracks, provenance(settings, {entry.video.name: entry.video, camera.name: camera}, "towval.tracking")
-    )
+    sections = read_sections("track", given.document, name, simulating="samples" in auto)
+    inputs = given.files([entry.video]) | {"camera.mcap": camera}
+    made_of = provenance("track", settings, inputs, run=name, document=sections, constants=True)
+    write_tracks(output, tracks, made_of)
 
 
 def _clicks(

@@ -7,7 +7,8 @@ from typing import Any
 from towval.commands.console import print_findings, progress
 from towval.commands.settings import settings_from, without_auto
 from towval.io.campaign import load_campaign
-from towval.io.provenance import provenance
+from towval.io.chain import check_together
+from towval.io.provenance import provenance, read_sections
 from towval.io.records import read_calibration, read_decimated, read_simulated, read_tracks, write_uncertainty
 from towval.selection.draws import gather, sample_selecting
 from towval.selection.margin import measurement_std_m, seen_places
@@ -22,6 +23,8 @@ def run(
     settings = settings_from(UncertaintySettings, keys, "uncertainty")
     given = load_campaign(campaign)
     files = {stage: folder / f"{stage}.mcap" for stage in ("track", "decimate", "simulate")}
+    inputs = {"camera.mcap": camera, **{f"{stage}.mcap": path for stage, path in files.items()}}
+    check_together(inputs, given.document, name)
     tracks, thin = read_tracks(files["track"]), read_decimated(files["decimate"])
     case = gather(
         given.scene,
@@ -36,5 +39,6 @@ def run(
     with progress(f"uncertainty {name}", None if auto else settings.samples, "draw") as done:
         uncertainty = sample_selecting(case, settings, auto=bool(auto), measurement_m=measured, progress=done)
     print_findings(uncertainty.findings, f"uncertainty {name}")
-    inputs = {path.name: path for path in (camera, *files.values())}
-    write_uncertainty(output, uncertainty, case.simulated, provenance(settings, inputs))
+    sections = read_sections("uncertainty", given.document)
+    made_of = provenance("uncertainty", settings, inputs, run=name, document=sections)
+    write_uncertainty(output, uncertainty, case.simulated, made_of)

@@ -1,5 +1,6 @@
 """The campaign folder: what a lab hands in, read from ``campaign.yaml`` and checked before anything is computed."""
 
+from collections.abc import Iterable
 from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
@@ -54,6 +55,11 @@ class Campaign:
     deviations: dict[str, float]
     runs: dict[str, Run]
     document: dict[str, Any]
+
+    def files(self, paths: Iterable[Path]) -> dict[str, Path]:
+        """Files of the campaign by their names in it, for the record; those elsewhere by their paths."""
+        here = self.folder
+        return {str(path.relative_to(here) if path.is_relative_to(here) else path): path for path in paths}
 
     @property
     def bodies(self) -> tuple[Body, Body]:

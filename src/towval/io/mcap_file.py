@@ -1,6 +1,7 @@
 """MCAP files of profile ``ros2``: messages on topics, details as an attachment, provenance as metadata.
 
-Written whole or not at all, byte-identical for identical content; read with every checksum verified.
+Written whole or not at all, byte-identical for identical content. Every byte of our own files is covered by a checksum,
+and every checksum is verified before anything of a file is used.
 """
 
 import json
@@ -11,23 +12,29 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from operator import attrgetter
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
+from mcap import records
 from mcap.exceptions import McapError
-from mcap.reader import make_reader
 from mcap.writer import Writer
 from rosbags.serde import SerdeError
 from zstandard import ZstdError
 
 import towval
 from towval.io.atomic import replacing
+from towval.io.mcap_records import MOST_BYTES, OWN_LIBRARY, checked_records
+from towval.io.reading import read_bytes
 from towval.io.ros import TYPESTORE
 from towval.model.errors import InputError
 
 _DETAILS = "details.json"
 _PROVENANCE = "provenance"
-_DAMAGE = (McapError, SerdeError, ZstdError, KeyError, ValueError, EOFError, IndexError, MemoryError, struct.error)
+_STAGE = "stage"
+_DAMAGE = (
+    McapError, SerdeError, ZstdError, ArithmeticError, AttributeError, EOFError, LookupError, MemoryError,
+    RecursionError, TypeError, ValueError, struct.error,
+)  # fmt: skip
 """What the readers of records, chunks and messages raise over bytes that are not what they should be."""
 
 
@@ -74,8 +81,8 @@ def write_mcap(path: Path, messages: Iterable[Message], details: dict[str, Any],
     ordered = sorted(messages, key=lambda message: message.time_ns)
     start = ordered[0].time_ns if ordered else 0
     with replacing(path) as temporary, temporary.open("wb") as stream:
-        writer = Writer(stream)
-        writer.start(profile="ros2", library=f"towval {towval.__version__}")
+        writer = Writer(stream, enable_data_crcs=True)
+        writer.start(profile="ros2", library=f"{OWN_LIBRARY}{towval.__version__}")
         channels: dict[str, int] = {}
         schemas: dict[str, int] = {}
         sequence: defaultdict[str, int] = defaultdict(int)
@@ -105,10 +112,10 @@ def write_mcap(path: Path, messages: Iterable[Message], details: dict[str, Any],
 
 
 def read_provenance(path: Path) -> dict[str, str]:
-    """The provenance of an MCAP file alone, without reading its messages; as :func:`read_mcap` raises."""
-    with _readable(path) as stream:
-        records = make_reader(stream).iter_metadata()
-        return next((dict(record.metadata) for record in records if record.name == _PROVENANCE), {})
+    """The provenance of an MCAP file alone, without decoding its messages; as :func:`read_mcap` raises."""
+    with _damage_told(path):
+        found = checked_records(read_bytes(path, MOST_BYTES, _REMEDY), messages=False)
+        return next((r.metadata for r in found if isinstance(r, records.Metadata) and r.name == _PROVENANCE), {})
 
 
 def read_details(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
@@ -123,43 +130,45 @@ def read_details(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
 def read_mcap(path: Path, without: tuple[str, ...] = ()) -> McapContent:
     """Read an MCAP file, verifying its checksums; topics that end in one of ``without`` are not decoded.
 
-    Raises `InputError` when the file is missing, damaged, or holds a message of a type that is not ROS 2's.
+    Raises `InputError` when the file is missing, damaged, too large for its kind, or holds a message of a type that is
+    not ROS 2's.
     """
     topics: dict[str, list[Message]] = defaultdict(list)
     details: dict[str, Any] = {}
     provenance: dict[str, str] = {}
-    with _readable(path) as stream:
-        reader = make_reader(stream, validate_crcs=True)
-        # Sorting below takes a fraction of the time of mcap's own queue.
-        for schema, channel, message in reader.iter_messages(log_time_order=False):
-            if schema is None:
-                raise McapError(f"the channel {channel.topic} has no schema")
-            if channel.topic.endswith(without):
-                continue
-            value = TYPESTORE.deserialize_cdr(message.data, schema.name)
-            topics[channel.topic].append(Message(channel.topic, message.log_time, value))
-        for attachment in reader.iter_attachments():
-            if attachment.name == _DETAILS:
-                details = json.loads(attachment.data)
-        for record in reader.iter_metadata():
-            if record.name == _PROVENANCE:
-                provenance = dict(record.metadata)
+    names: dict[int, str] = {}
+    channels: dict[int, tuple[str, str]] = {}
+    with _damage_told(path):
+        for record in checked_records(read_bytes(path, MOST_BYTES, _REMEDY)):
+            if isinstance(record, records.Message):
+                topic, kind = channels[record.channel_id]
+                if topic.endswith(without):
+                    continue
+                topics[topic].append(Message(topic, record.log_time, TYPESTORE.deserialize_cdr(record.data, kind)))
+            elif isinstance(record, records.Schema):
+                names[record.id] = record.name
+            elif isinstance(record, records.Channel):
+                channels[record.id] = record.topic, names[record.schema_id]
+            elif isinstance(record, records.Attachment) and record.name == _DETAILS:
+                details = dict(json.loads(record.data))
+            elif isinstance(record, records.Metadata) and record.name == _PROVENANCE:
+                provenance = record.metadata
     ordered = {topic: sorted(messages, key=attrgetter("time_ns")) for topic, messages in topics.items()}
     return McapContent(ordered, details, provenance)
 
 
+_REMEDY = "run the stage that makes it"
+
+
 @contextmanager
-def _readable(path: Path) -> Iterator[BinaryIO]:
-    """The open file; what goes wrong while it is read becomes an error of the input."""
+def _damage_told(path: Path) -> Iterator[None]:
+    """What goes wrong while a file is read becomes an error of the input."""
     try:
-        with Path(path).open("rb") as stream:
-            yield stream
-    except FileNotFoundError:
-        raise InputError(f"{path} is missing", remedy="run the stage that makes it") from None
+        yield
     except _DAMAGE as error:
         raise InputError(
             f"{path} cannot be read as MCAP",
-            got=f"{type(error).__name__}: {error}",
+            got=f"{type(error).__name__}: {error}"[:300],
             allowed="an undamaged MCAP file of profile ros2",
-            remedy="delete it and run the stage that makes it again",
+            remedy="run the stage that makes it again",
         ) from None

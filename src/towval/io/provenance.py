@@ -7,13 +7,16 @@ import importlib.util
 import json
 import platform
 import sysconfig
+import time
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 import towval
+from towval.io.atomic import write_text
 from towval.model.constants import constants_record
 from towval.model.plugins import load_plugins
 
@@ -41,10 +44,27 @@ def file_hash(path: Path) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
-def provenance(settings: Any, inputs: Mapping[str, Path], room: str | None = None) -> dict[str, str]:
-    """Provenance of a result as JSON texts: versions, settings, and the SHA-256 of each input file and plugin.
+def provenance(
+    stage: str,
+    settings: Any,
+    inputs: Mapping[str, Path],
+    *,
+    run: str = "",
+    document: Mapping[str, Any] | None = None,
+    constants: bool = False,
+) -> dict[str, str]:
+    """Provenance of a result as JSON texts: versions, settings, and what it was made of.
 
-    With a ``room``, as ``towval.tracking``, the values of its tuned constants as well.
+    Parameters
+    ----------
+    inputs : mapping
+        Files by name; the SHA-256 of each, and of each plugin, is recorded.
+    run : str, optional
+        The run whose result it is.
+    document : mapping, optional
+        The parts of campaign.yaml that the stage reads, of :func:`read_sections`; the SHA-256 of each is recorded.
+    constants : bool, optional
+        Whether the tuned constants of the stage's room are recorded.
     """
     configuration = (
         dataclasses.asdict(settings)
@@ -53,12 +73,69 @@ def provenance(settings: Any, inputs: Mapping[str, Path], room: str | None = Non
     )
     plugins = {path.name: path for path in load_plugins()}
     hashes = {name: file_hash(path) for name, path in sorted({**plugins, **inputs}.items())}
+    sections = {name: text_hash(canonical(part)) for name, part in (document or {}).items()}
     return {
+        "stage": stage,
+        "run": run,
         "versions": json.dumps(versions(), sort_keys=True),
         "settings": json.dumps(configuration, sort_keys=True),
         "inputs_sha256": json.dumps(hashes, sort_keys=True),
-        **({"constants": json.dumps(constants_record(room))} if room else {}),
+        "campaign_sha256": json.dumps(sections, sort_keys=True),
+        **({"constants": json.dumps(constants_record(_ROOMS[stage]))} if constants else {}),
     }
+
+
+_ROOMS = {"calibrate": "towval.calibration", "track": "towval.tracking"}
+
+
+def canonical(keys: Any) -> str:
+    """Keys as one text that does not depend on the order in which they are written."""
+    return json.dumps(keys, sort_keys=True, default=str)
+
+
+def text_hash(text: str) -> str:
+    """SHA-256 of a text."""
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def read_sections(
+    stage: str, document: Mapping[str, Any], run: str = "", *, simulating: bool = False
+) -> dict[str, Any]:
+    """The parts of campaign.yaml that a stage reads, by name: an edit there, and only there, makes its result stale.
+
+    ``simulating``: whether the stage track simulates the run, to choose how many points it follows.
+    """
+    if stage == "calibrate":
+        heights = [document[body]["tracked_plane_height_m"] for body in ("rover", "object")]
+        return {**{name: document[name] for name in ("camera", "floor")}, "heights": heights}
+    if stage != "track":
+        return {name: part for name, part in document.items() if name != "runs"}
+    names = ("camera", "floor", "rover", "object", *(("tether", "friction", "gravity_m_per_s2") if simulating else ()))
+    return {**{name: document.get(name) for name in names}, f"runs.{run}": document["runs"][run]}
+
+
+def content_hash(path: Path, cache: Path) -> str:
+    """:func:`file_hash`, kept in the file ``cache`` as long as size, times and inode of ``path`` stay the same.
+
+    A copy with an older date, which keeps the size perhaps, still changes the time of the last change of the inode.
+    """
+    status = path.stat()
+    key, mark = str(path.resolve()), [status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino]
+    try:
+        known = json.loads(cache.read_text(encoding="utf-8"))
+        if known[key][0] == mark:
+            return str(known[key][1])
+    except (OSError, ValueError, LookupError, TypeError):
+        known = {}
+    digest = file_hash(path)
+    # What changed a moment ago may change again within the same tick of the file system's clock.
+    if time.time_ns() - status.st_ctime_ns > _SETTLED_NS and isinstance(known, dict):
+        with suppress(OSError):  # a cache that cannot be written costs time only
+            write_text(cache, json.dumps(known | {key: [mark, digest]}, sort_keys=True))
+    return digest
+
+
+_SETTLED_NS = 2_000_000_000
 
 
 def module_hash(name: str) -> str:

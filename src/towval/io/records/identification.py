@@ -6,7 +6,6 @@ import numpy as np
 import pandas as pd
 
 from towval.io import ros
-from towval.io.atomic import write_text
 from towval.io.mcap_file import Message, read_mcap, write_mcap
 from towval.io.records.details import details_with, findings_in, findings_out, planar_poses
 from towval.model import Identification, Prediction
@@ -68,8 +67,8 @@ def read_identification(path: Path) -> Identification:
     )
 
 
-def write_identified_table(path: Path, identified: Identification) -> None:
-    """Write ``identify.csv``: a row a parameter, with a column for the value that each run's prediction used."""
+def identified_table(identified: Identification) -> str:
+    """The text of ``identify.csv``: a row a parameter, with a column for the value that each run's prediction used."""
     std = np.sqrt(np.diag(identified.covariance))
     table = pd.DataFrame(
         {
@@ -82,4 +81,4 @@ def write_identified_table(path: Path, identified: Identification) -> None:
             **{f"without_{p.run}": p.values for p in identified.predictions},
         }
     )
-    write_text(path, table.to_csv(index=False, float_format="%.9g", lineterminator="\n"))
+    return str(table.to_csv(index=False, float_format="%.9g", lineterminator="\n"))

@@ -1,0 +1,137 @@
+"""Command verify: whether a folder of results is whole, and which figure stems from which bytes."""
+
+from collections.abc import Iterator
+from importlib.resources import files as packaged
+from pathlib import Path
+
+from towval.io.campaign import load_campaign
+from towval.io.chain import Origin, changed_sections, read_origin
+from towval.io.exchange import LAYOUTS
+from towval.io.manifest import MANIFEST, read_manifest, unlisted
+from towval.io.mcap_file import read_mcap
+from towval.io.provenance import file_hash
+from towval.io.reading import is_plain_file
+from towval.io.records.identification import identified_table, read_identification
+from towval.model.errors import InputError, TowvalError
+
+_SHORT = 12
+"""Digits of a hash that are printed."""
+
+
+def run(results: Path, campaign: Path | None = None) -> None:
+    """Verify the results of a campaign, from the inputs to the page.
+
+    Every checksum within every file, every file against the list of the report, every file against those that were
+    made of it, and with ``campaign`` the pictures, videos and campaign.yaml that the first results were made of.
+
+    Raises
+    ------
+    InputError
+        One error that names every file that is not what it was, and how that shows.
+    """
+    if not results.is_dir():
+        raise InputError(f"{results} is no folder of results", allowed="results/CAMPAIGN, with camera.mcap")
+    made = sorted(path for path in results.rglob("*.mcap") if not path.name.startswith("."))
+    origins: dict[Path, Origin] = {}
+    faults = []
+    for path in made:
+        try:
+            read_mcap(path)
+            origins[path] = read_origin(path)
+        except TowvalError as error:
+            faults.append(" ".join(str(error).split()))
+    faults += [*_broken_links(results, origins), *_faults_of_list(results), *_faults_beside(results)]
+    if campaign is not None:
+        faults += _changed_inputs(campaign, origins)
+    if faults:
+        raise InputError(f"{results} is not as it was made:\n  - " + "\n  - ".join(dict.fromkeys(faults)))
+    for line in _derivations(results, origins):
+        print(line)
+    inputs = "inputs not compared: give --campaign" if campaign is None else "inputs as recorded"
+    print(f"verify: {len(made)} results, each whole and made of the others; {inputs}.")
+
+
+def _place(results: Path, path: Path, stage: str, name: str) -> Path | None:
+    """Where in the results the input of a file is; None for what the lab handed in and for plugins."""
+    if name == "camera.mcap":
+        return results / name
+    if stage in ("calibrate", "track") or Path(name).suffix not in (".mcap", ".mp4"):
+        return None
+    return results / name if stage == "identify" else path.parent / name
+
+
+def _broken_links(results: Path, origins: dict[Path, Origin]) -> Iterator[str]:
+    sections: dict[str, tuple[str, str]] = {}
+    for path, origin in origins.items():
+        name = path.relative_to(results)
+        if not origin.stage:
+            yield f"{name} does not say what it was made of"
+        if origin.run and origin.run != path.parent.name:
+            yield f"{name} is a result of run {origin.run}"
+        for other, digest in origin.inputs.items():
+            place = _place(results, path, origin.stage, other)
+            if place is not None and not is_plain_file(place):
+                yield f"{place.relative_to(results)} is missing, of which {name} was made"
+            elif place is not None and file_hash(place) != digest:
+                yield f"{place.relative_to(results)} is not the one of which {name} was made"
+        for section, digest in origin.sections.items():
+            stated, first = sections.setdefault(section, (digest, str(name)))
+            if stated != digest:
+                yield f"{name} and {first} were made with different campaign.yaml, in {section}"
+
+
+def _faults_of_list(results: Path) -> Iterator[str]:
+    try:
+        listed = read_manifest(results / MANIFEST)
+    except TowvalError as error:
+        yield " ".join(str(error).split())
+        return
+    for row in listed:
+        if row.found is None:
+            yield f"{row.name} is missing, which {MANIFEST} lists"
+        elif row.found != row.stated:
+            yield f"{row.name} is not the file that {MANIFEST} lists"
+    yield from (f"{name} is on no list" for name in unlisted(results, listed))
+
+
+def _faults_beside(results: Path) -> Iterator[str]:
+    """Files that come after the list: layouts as packaged, the table as the identification says."""
+    for name in LAYOUTS:
+        content = (packaged("towval.io") / "layouts" / name).read_bytes()
+        for path in sorted(results.glob(f"*/{name}")):
+            if path.read_bytes() != content:
+                yield f"{path.relative_to(results)} is not the layout of this version"
+    table, values = results / "identify.csv", results / "identify.mcap"
+    if table.exists() and values.exists():
+        try:
+            if table.read_text(encoding="utf-8", errors="replace") != identified_table(read_identification(values)):
+                yield "identify.csv is not the table of identify.mcap"
+        except TowvalError:
+            return  # named already
+
+
+def _changed_inputs(campaign: Path, origins: dict[Path, Origin]) -> Iterator[str]:
+    given = load_campaign(campaign)
+    lab = [*given.calibration_images, *given.floor_images, *(run.video for run in given.runs.values())]
+    now = {name: file_hash(path) for name, path in given.files(lab).items()}
+    for path, origin in origins.items():
+        if origin.stage == "calibrate" and origin.inputs.keys() - now.keys():
+            yield f"{path.name} was made with {sorted(origin.inputs.keys() - now.keys())[0]}, which is not used now"
+        for name, digest in origin.inputs.items():
+            if now.get(name, digest) != digest:
+                yield f"{name} is not the file of which {path.parent.name}/{path.name} was made"
+        changed = changed_sections(origin, given.document)
+        if changed:
+            yield f"{path.parent.name}/{path.name} was made with another campaign.yaml, in {', '.join(changed)}"
+
+
+def _derivations(results: Path, origins: dict[Path, Origin]) -> Iterator[str]:
+    """A line a result and a figure: what it was made of."""
+    for path, origin in origins.items():
+        made_of = ", ".join(f"{name} {digest[:_SHORT]}" for name, digest in origin.inputs.items())
+        yield f"{path.relative_to(results)} {file_hash(path)[:_SHORT]} from {made_of}"
+    runs = sorted({origin.run for origin in origins.values() if origin.run}, key=len, reverse=True)
+    for path in sorted((results / "figures").glob("*")):
+        owner = next((run for run in runs if path.stem.endswith(f"_{run}")), None)
+        source = f"{owner}/*.mcap, camera.mcap" if owner else "all results of the campaign"
+        yield f"figures/{path.name} {file_hash(path)[:_SHORT]} from {source}"

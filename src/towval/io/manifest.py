@@ -1,0 +1,64 @@
+"""The list of a campaign's results with their SHA-256, and whether a folder still is what its list says.
+
+The list is in the form of ``sha256sum``, whose ``--check`` reads it, too.
+"""
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from towval.io.atomic import write_text
+from towval.io.provenance import file_hash
+from towval.io.reading import is_plain_file, read_bytes
+from towval.model.errors import InputError
+
+MANIFEST = "files.sha256"
+_LINE = re.compile(r"([0-9a-f]{64})  (\S.*)")
+_MOST_BYTES = 16 * 2**20
+_UNLISTED = ("logs", "benchmarks")
+"""Folders that hold no results."""
+
+LATER = ("exchange.mcap", "lichtblick.json", "rerun.rbl", "proposals.png", "identify.mcap", "identify.csv", MANIFEST)
+"""Files that may be made after the list, or without it; the first five are checked in other ways."""
+
+
+@dataclass(frozen=True)
+class Listed:
+    """A file of the list: its name in the folder, its SHA-256 there and now (None where it is missing)."""
+
+    name: str
+    stated: str
+    found: str | None
+
+
+def write_manifest(path: Path, files: Iterable[Path]) -> None:
+    """Write the list of files in the folder of ``path`` or below."""
+    names = {file.relative_to(path.parent).as_posix(): file for file in files}
+    write_text(path, "".join(f"{file_hash(names[name])}  {name}\n" for name in sorted(names)))
+
+
+def read_manifest(path: Path) -> list[Listed]:
+    """The list and what is on the disk.
+
+    Raises `InputError` when it is missing, or a line of it is no line of ``sha256sum`` or leads out of the folder.
+    """
+    text = read_bytes(path, _MOST_BYTES, "run the stage report").decode("utf-8", errors="replace")
+    rows = []
+    for number, line in enumerate(text.removesuffix("\n").split("\n"), start=1):
+        match = _LINE.fullmatch(line)
+        if not match or match[2].startswith("/") or ".." in match[2].split("/"):
+            raise InputError(f"{path} is damaged", got=f"line {number}: {line[:120]!r}", remedy="run report again")
+        file = path.parent / match[2]
+        rows.append(Listed(match[2], match[1], file_hash(file) if is_plain_file(file) else None))
+    return rows
+
+
+def unlisted(folder: Path, listed: Iterable[Listed]) -> Iterator[str]:
+    """Names of files that lie among the results and are on no list."""
+    known = {row.name for row in listed}
+    for path in sorted(folder.rglob("*")):
+        name = path.relative_to(folder)
+        aside = any(part.startswith(".") or part in _UNLISTED for part in name.parts) or name.name in LATER
+        if not (aside or path.is_dir() or name.as_posix() in known):
+            yield name.as_posix()

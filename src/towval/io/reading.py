@@ -1,0 +1,58 @@
+"""Files read whole: plain files only, and never more of one than its reader has room for."""
+
+import os
+import stat
+from pathlib import Path
+
+from towval.model.errors import InputError
+
+
+def read_bytes(path: Path, most: int, remedy: str = "check the path, or copy the file there") -> bytes:
+    """All bytes of a plain file.
+
+    Parameters
+    ----------
+    most : int
+        Bytes that are read at most; a longer file is refused before anything of it is read.
+    remedy : str, optional
+        What to do where the file is missing.
+
+    Raises
+    ------
+    InputError
+        When the file is missing, too long, cannot be read, or is a folder, a pipe or a device.
+    """
+    path = Path(path)
+    try:
+        # A pipe without a writer would block the call for ever.
+        handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0))
+        with open(handle, "rb") as stream:
+            status = os.fstat(handle)
+            if not stat.S_ISREG(status.st_mode):
+                raise InputError(f"{path} is no plain file", got=kind_of(status.st_mode), remedy=remedy)
+            if status.st_size > most:
+                raise InputError(f"{path} is too long", got=f"{status.st_size} bytes", allowed=f"at most {most} bytes")
+            return stream.read(most)
+    except FileNotFoundError:
+        raise InputError(f"{path} is missing", remedy=remedy) from None
+    except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
+        raise InputError(f"{path} cannot be read", got=reason(error), remedy=remedy) from None
+
+
+def is_plain_file(path: Path) -> bool:
+    """Whether there is a plain file, a link to one included; whatever prevents an answer is no."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def kind_of(mode: int) -> str:
+    """What a file is that is no plain one."""
+    kinds = {stat.S_IFDIR: "a folder", stat.S_IFIFO: "a pipe", stat.S_IFSOCK: "a socket"}
+    return kinds.get(stat.S_IFMT(mode), "a device")
+
+
+def reason(error: Exception) -> str:
+    """Why the system refused, without the path that the message names anyway."""
+    return getattr(error, "strerror", None) or str(error)
