@@ -28,9 +28,7 @@ localrules:
 rule all:
     default_target: True
     input:
-        [results(name, "report.html") for name in CAMPAIGNS],
-        [results(name, "summary.csv") for name in CAMPAIGNS],
-        [results(name, run, "exchange.mcap") for name, campaign in CAMPAIGNS.items() for run in campaign.runs],
+        wanted,
 
 
 include: "workflow/rules/calibrate.smk"

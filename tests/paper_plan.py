@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from towval.io.schema import check, packaged_schema, read_yaml
+from towval.io.schema import check, packaged_schema
+from towval.io.yaml_text import read_yaml
 
 WORKFLOW = Path(__file__).resolve().parents[1] / "workflow"
 

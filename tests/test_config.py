@@ -7,7 +7,8 @@ import yaml
 
 from towval.calibration.calibrate import CalibrateSettings
 from towval.commands.settings import settings_from
-from towval.io.schema import check, read_value, with_plain_values
+from towval.io.schema import check, with_plain_values
+from towval.io.yaml_text import read_value
 from towval.model.errors import InputError
 from towval.report.data import ReportSettings
 from towval.tracking.track import TrackSettings

@@ -8,7 +8,8 @@ from typing import Any
 
 import towval
 from towval.commands.console import errors_reported
-from towval.io.schema import read_value
+from towval.io.mcap_file import check_replaceable
+from towval.io.yaml_text import read_value
 from towval.model.errors import InputError
 
 _EPILOG = """\
@@ -162,8 +163,10 @@ def _keys(pairs: list[str]) -> dict[str, Any]:
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line; exits with code 1 and one message for errors of the input."""
     given = vars(_arguments().parse_args(arguments))
-    given.pop("stage")
+    stage = given.pop("stage")
     with errors_reported():
+        if "output" in given:
+            check_replaceable(given["output"], stage)
         if "keys" in given:
             given["keys"] = _keys(given["keys"])
         run: Callable[..., None] = getattr(importlib.import_module(given.pop("module")), given.pop("function"))

@@ -18,7 +18,7 @@ from studies.paper.closed_loop import planned_loop
 from studies.paper.nominal import cube_nominal, general_nominal
 from studies.paper.scene import CURVES, PaperScene, paper_scene
 from studies.rover_geometry import constraint_residual, feasible_pieces, is_feasible
-from towval.io.schema import read_yaml
+from towval.io.yaml_text import read_yaml
 from towval.planning.scene import resting_patch
 
 PLAN = Path(__file__).resolve().parents[2] / "workflow" / "plan.yaml"

@@ -1,12 +1,14 @@
+import re
 import sys
 from pathlib import Path
 
 from towval.model.errors import TowvalError
 from towval.model.plugins import load_plugins
 from towval.io.campaign import load_campaign
-from towval.io.manifest import MANIFEST
+from towval.io.manifest import MANIFEST, check_results
 from towval.io.provenance import canonical, content_hash, file_hash, module_hash, read_sections
-from towval.io.schema import check, packaged_schema, read_yaml, with_plain_values
+from towval.io.schema import check, packaged_schema, with_plain_values
+from towval.io.yaml_text import read_yaml
 from towval.model.presets import STANDARD, settings_of
 from studies import registry
 from studies.frame import Settings, loaded, module_of
@@ -26,7 +28,7 @@ PLUGINS = or_exit(load_plugins)
 
 
 def load_campaigns():
-    folders = [Path(folder) for folder in config.get("campaigns") or [config["campaign"]]]
+    folders = [Path(str(folder)) for folder in config.get("campaigns") or [config["campaign"]]]
     campaigns = {}
     for folder in folders:
         campaign = load_campaign(folder)
@@ -47,15 +49,22 @@ or_exit(check, config, read_yaml(HERE / "workflow" / "schemas" / "config.schema.
 
 CAMPAIGNS = or_exit(load_campaigns)
 RESULTS = Path(config["results"])
+or_exit(check_results, RESULTS, CAMPAIGNS)
 
 
 wildcard_constraints:
-    campaign="|".join(CAMPAIGNS),
+    campaign="|".join(map(re.escape, CAMPAIGNS)),
     run=r"[A-Za-z0-9][A-Za-z0-9_-]*",
 
 
 def results(campaign, *parts):
     return str(RESULTS.joinpath(campaign, *parts))
+
+
+def wanted(wildcards):
+    """All that the workflow makes; from a function, since braces in the names of folders are no wildcards."""
+    pages = [results(name, file) for name in CAMPAIGNS for file in ("report.html", "summary.csv")]
+    return pages + [results(name, run, "exchange.mcap") for name, given in CAMPAIGNS.items() for run in given.runs]
 
 
 def per_run(file):

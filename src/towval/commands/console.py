@@ -1,12 +1,14 @@
 """Output of commands: findings, progress, and errors of the input as one message."""
 
+import errno
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import NoReturn
 
 from towval.model import Finding, Severity
-from towval.model.errors import TowvalError
+from towval.model.errors import InputError, TowvalError
 from towval.model.plugins import load_plugins
 
 
@@ -17,19 +19,56 @@ def print_findings(findings: tuple[Finding, ...], stage: str) -> None:
         print(f"{stage}: {finding.severity}: {finding.text}", file=stream)
 
 
+_REMEDIES = {
+    errno.ENOSPC: "make room and call again: what is finished stays",
+    errno.EDQUOT: "make room and call again: what is finished stays",
+    errno.EACCES: "change its rights, or choose another place",
+    errno.EPERM: "change its rights, or choose another place",
+    errno.EROFS: "choose a place that can be written",
+    errno.EMFILE: "allow more open files: ulimit -n 1024",
+    errno.ENAMETOOLONG: "choose a shorter name",
+    errno.EISDIR: "move that folder, or choose another name",
+    errno.ENOTDIR: "a part of that path is a file: choose another",
+}
+
+
 @contextmanager
 def errors_reported(log: Path | None = None) -> Iterator[None]:
-    """Load the plugins; report an error of the input as one message, also in the file ``log``, with exit code 1."""
+    """Load the plugins; report an error of the input or of the system as one message, with exit code 1.
+
+    The message also goes into the file ``log``. An interruption ends with exit code 130.
+    """
     try:
         load_plugins()
         yield
     except TowvalError as error:
-        message = f"towval: {error}"
-        print(message, file=sys.stderr)
-        if log is not None:
+        _end(f"towval: {error}", log)
+    except BrokenPipeError:
+        raise SystemExit(1) from None  # nobody reads on
+    except OSError as error:
+        _end(f"towval: {_of_system(error)}", log)
+    except MemoryError:
+        _end("towval: there is too little memory\n  what to do: close other programs, or allow more (ulimit -v)", log)
+    except KeyboardInterrupt:
+        _end("towval: interrupted; what is finished stays, and the next call goes on from there", log, 130)
+
+
+def _of_system(error: OSError) -> InputError:
+    place = error.filename if error.filename is not None else "a file"
+    return InputError(
+        f"the system refuses {place}",
+        got=error.strerror or str(error),
+        remedy=_REMEDIES.get(error.errno or 0, "check that place and its disk"),
+    )
+
+
+def _end(message: str, log: Path | None, code: int = 1) -> NoReturn:
+    print(message, file=sys.stderr)
+    if log is not None:
+        with suppress(OSError):  # the disk may be what failed
             log.parent.mkdir(parents=True, exist_ok=True)
             log.write_text(message + "\n", encoding="utf-8")
-        raise SystemExit(1) from None
+    raise SystemExit(code)
 
 
 @contextmanager

@@ -34,7 +34,7 @@ def run(campaign: Path, results: Path, output: Path, keys: Mapping[str, Any] | N
         runs.append(_measured(name, paths))
     identified = identify(given.scene, given.deviations, runs, settings)
     print_findings(identified.findings, "identify")
-    write_text(output.with_suffix(".csv"), identified_table(identified))
+    write_text(output.with_suffix(".csv"), identified_table(identified), own="parameter,given,")
     sections = read_sections("identify", given.document)
     write_identification(output, identified, provenance("identify", settings, inputs, document=sections))
 

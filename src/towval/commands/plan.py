@@ -12,7 +12,8 @@ from towval.io.campaign import load_campaign
 from towval.io.plan_files import read_object_start, read_path, read_rover_poses, write_plan_csv, write_plan_mcap
 from towval.io.provenance import provenance
 from towval.io.records import write_simulated
-from towval.io.schema import check, packaged_schema, read_yaml
+from towval.io.schema import check, packaged_schema
+from towval.io.yaml_text import read_yaml
 from towval.model import Array, TimedPath, TowingScene
 from towval.model.errors import InputError, RefusedError
 from towval.physics.mass import towed_object

@@ -1,5 +1,9 @@
 """The campaign folder: what a lab hands in, read from ``campaign.yaml`` and checked before anything is computed."""
 
+import glob
+import itertools
+import os
+import stat
 from collections.abc import Iterable
 from copy import deepcopy
 from dataclasses import dataclass
@@ -9,7 +13,9 @@ from typing import Any
 import numpy as np
 
 from towval.io.campaign_scene import towing_scene
-from towval.io.schema import check, packaged_schema, read_yaml
+from towval.io.reading import check_name, is_folder, is_plain_file, kind_of, reason
+from towval.io.schema import check, packaged_schema
+from towval.io.yaml_text import read_yaml
 from towval.model import Array, Board, Body, FloorReference, TowingScene, locked
 from towval.model.errors import InputError
 from towval.model.geometry import polygon_area
@@ -17,6 +23,12 @@ from towval.model.inputs import INPUTS, StatedDeviation, deviations
 from towval.tracking.markers import Tag
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp")
+
+_MOST_PICTURES = 2000
+"""Of one pattern: calibration uses some tens."""
+
+_OWN_FOLDERS = ("figures", "logs", "benchmarks")
+"""Names of folders beside those of the runs, in the results."""
 
 
 @dataclass(frozen=True)
@@ -94,13 +106,14 @@ def load_campaign(folder: Path) -> Campaign:
         other; every message names the key.
     """
     folder = Path(folder)
-    if not folder.is_dir():
+    if not is_folder(folder):
         raise InputError(
             "the campaign folder is missing",
             got=folder,
             allowed="a folder with a campaign.yaml",
             remedy="check the path after campaign=",
         )
+    check_name(folder, "the campaign folder")
     document = read_yaml(folder / "campaign.yaml")
     check(document, campaign_schema(), "campaign.yaml")
     camera, floor = document["camera"], document["floor"]
@@ -120,7 +133,7 @@ def load_campaign(folder: Path) -> Campaign:
         tags={"rover": _tags(rover), "object": _tags(towed)},
         scene=scene,
         deviations=known,
-        runs={str(name): _run(folder, str(name), entry, document) for name, entry in document["runs"].items()},
+        runs={name: _run(folder, name, entry, document) for name, entry in document["runs"].items()},
         document=document,
     )
 
@@ -188,7 +201,13 @@ def _floor_reference(floor: dict[str, Any]) -> FloorReference:
 
 
 def _images(folder: Path, pattern: str, key: str) -> tuple[Path, ...]:
-    found = tuple(sorted(p for p in folder.glob(pattern) if p.suffix.lower() in IMAGE_SUFFIXES))
+    """Pictures of a name or pattern in the campaign folder, or elsewhere where the pattern says so."""
+    # Anywhere but in the campaign's own folder ** may walk through whole disks.
+    if "**" in pattern and (Path(pattern).is_absolute() or ".." in Path(pattern).parts):
+        raise InputError(f"campaign.yaml: {key} is too wide", got=pattern, allowed="** in the campaign folder only")
+    names = [pattern] if is_plain_file(folder / pattern) else glob.iglob(pattern, root_dir=folder, recursive=True)
+    pictures = (Path(name) for name in names if Path(name).suffix.lower() in IMAGE_SUFFIXES)
+    found = sorted(folder / name for name in itertools.islice(pictures, _MOST_PICTURES + 1))
     if not found:
         raise InputError(
             f"campaign.yaml: {key} finds no picture",
@@ -196,18 +215,31 @@ def _images(folder: Path, pattern: str, key: str) -> tuple[Path, ...]:
             allowed=f"a file or pattern of pictures in {folder} ({', '.join(IMAGE_SUFFIXES)})",
             remedy="check the pattern, or copy the missing pictures there",
         )
-    return found
+    if len(found) > _MOST_PICTURES:
+        raise InputError(f"campaign.yaml: {key} finds too many pictures", allowed=f"at most {_MOST_PICTURES}")
+    return tuple(_plain(path, key) for path in found)
 
 
 def _file(folder: Path, name: str, key: str) -> Path:
-    path = folder / name
-    if not path.is_file():
+    return _plain(folder / name, key)
+
+
+def _plain(path: Path, key: str) -> Path:
+    """The path of a plain file that can be read; pipes would block, and devices never end."""
+    check_name(path, f"campaign.yaml: {key}")
+    try:
+        mode = path.stat().st_mode
+    except (OSError, ValueError) as error:
         raise InputError(
             f"campaign.yaml: the file of {key} is missing",
-            got=path,
+            got=f"{path}: {reason(error)}",
             allowed="a file in the campaign folder",
             remedy="check the name, or copy the file there",
-        )
+        ) from None
+    if not stat.S_ISREG(mode):
+        raise InputError(f"campaign.yaml: {key} names no plain file", got=f"{path} is {kind_of(mode)}")
+    if not os.access(path, os.R_OK):
+        raise InputError(f"campaign.yaml: the file of {key} may not be read", got=path, remedy="change its rights")
     return path
 
 
@@ -242,6 +274,10 @@ def _tags(keys: dict[str, Any]) -> tuple[Tag, ...]:
 
 
 def _run(folder: Path, name: str, entry: dict[str, Any], document: dict[str, Any]) -> Run:
+    if name.lower() in _OWN_FOLDERS:
+        raise InputError(
+            f"campaign.yaml: no run may be named {name}", allowed=f"a name that is none of {', '.join(_OWN_FOLDERS)}"
+        )
     clicks = {}
     for body, pixels in entry.get("first_frame_clicks_px", {}).items():
         key = f"runs.{name}.first_frame_clicks_px.{body}"

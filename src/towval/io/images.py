@@ -1,14 +1,18 @@
 """Pictures read from files."""
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from towval.io.atomic import replacing
+from towval.io.reading import read_bytes
 from towval.model.errors import InputError
 
 
@@ -17,24 +21,58 @@ def read_gray(path: Path, resolution_px: tuple[int, int]) -> NDArray[np.uint8]:
 
     Raises `InputError` when the file is no picture, or not of the resolution asked for.
     """
-    data = np.fromfile(path, dtype=np.uint8)
-    image = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION) if data.size else None
-    if image is None:
+    most = _MOST_BYTES + _MOST_BYTES_A_PIXEL * resolution_px[0] * resolution_px[1]
+    data = read_bytes(path, most, "copy the file again, or take it out of the folder")
+    size = _stated_size(data)
+    image = _decoded(data) if size == tuple(resolution_px) else None
+    if size is None or (image is None and size == tuple(resolution_px)):
         raise InputError(
             f"{path} is no picture that can be read",
-            got=f"{data.size} bytes",
+            got=f"{len(data)} bytes",
             allowed="JPEG, PNG, TIFF, BMP or WebP",
             remedy="copy the file again, or take it out of the folder",
         )
-    size = image.shape[1], image.shape[0]
-    if size != tuple(resolution_px):
+    if image is None or image.shape[::-1] != size:
         raise InputError(
             f"{path} has another size than camera.resolution_px",
             got=f"{size[0]} × {size[1]}",
             allowed=f"{resolution_px[0]} × {resolution_px[1]}",
             remedy="calibrate with pictures from the camera mode that filmed the runs",
         )
-    return np.asarray(image, dtype=np.uint8)
+    return image
+
+
+_MOST_BYTES = 64 * 2**20
+_MOST_BYTES_A_PIXEL = 8
+"""Of a file, above what its pixels take without compression in colour at 16 bits."""
+
+
+def _stated_size(data: bytes) -> tuple[int, int] | None:
+    """Width and height that a picture claims, before anything is unpacked; None for what is no picture."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of bombs: the size is compared with that of the camera
+            with Image.open(BytesIO(data)) as picture:
+                return picture.size
+    except (Image.DecompressionBombError, OSError, SyntaxError, ValueError, ArithmeticError, LookupError, TypeError):
+        return None
+
+
+def _decoded(data: bytes) -> NDArray[np.uint8] | None:
+    """Grey levels as stored, an orientation tag left aside; None where they cannot be unpacked."""
+    try:
+        flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
+        image = None if _is_cut_off(data) else cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags)
+    except cv2.error:
+        return None
+    return None if image is None else np.asarray(image, dtype=np.uint8)
+
+
+def _is_cut_off(data: bytes) -> bool:
+    """Whether the end mark is missing: decoders fill up with grey what is not there."""
+    if data.startswith(b"\xff\xd8"):  # JPEG: the last scan, which stuffs its own marks, ends with one
+        return data.rfind(b"\xff\xd9") < data.rfind(b"\xff\xda")
+    return data.startswith(b"\x89PNG") and b"IEND" not in data[-64:]
 
 
 @dataclass(frozen=True)

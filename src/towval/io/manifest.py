@@ -4,13 +4,15 @@ The list is in the form of ``sha256sum``, whose ``--check`` reads it, too.
 """
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from towval.io.atomic import write_text
+from towval.io.atomic import not_ours, write_text
+from towval.io.campaign import Campaign
+from towval.io.mcap_file import is_own
 from towval.io.provenance import file_hash
-from towval.io.reading import is_plain_file, read_bytes
+from towval.io.reading import check_name, is_folder, is_plain_file, read_bytes
 from towval.model.errors import InputError
 
 MANIFEST = "files.sha256"
@@ -35,6 +37,8 @@ class Listed:
 def write_manifest(path: Path, files: Iterable[Path]) -> None:
     """Write the list of files in the folder of ``path`` or below."""
     names = {file.relative_to(path.parent).as_posix(): file for file in files}
+    if is_plain_file(path):
+        read_manifest(path)
     write_text(path, "".join(f"{file_hash(names[name])}  {name}\n" for name in sorted(names)))
 
 
@@ -62,3 +66,30 @@ def unlisted(folder: Path, listed: Iterable[Listed]) -> Iterator[str]:
         aside = any(part.startswith(".") or part in _UNLISTED for part in name.parts) or name.name in LATER
         if not (aside or path.is_dir() or name.as_posix() in known):
             yield name.as_posix()
+
+
+def check_results(results: Path, campaigns: Mapping[str, Campaign]) -> None:
+    """Refuse a folder of results in which the workflow would replace files of the lab.
+
+    Snakemake removes what it is about to make; what stands at these names must be ours.
+
+    Raises `InputError` where the results would go into the campaign's own folder, or over a file that no stage made.
+    """
+    check_name(results, "config: results")
+    if "{" in str(results) or "}" in str(results):
+        raise InputError("config: results holds a brace", got=results, allowed="a folder without { and } in its path")
+    for name, campaign in campaigns.items():
+        folder = results / name
+        if folder.resolve() == campaign.folder.resolve():
+            raise InputError(
+                "the results would go into the campaign's own folder",
+                got=folder,
+                remedy="set another folder as results",
+            )
+        made = [folder / "camera.mcap", *(folder / run / "track.mcap" for run in campaign.runs)]
+        for path in made:
+            if is_plain_file(path) and not is_own(path):
+                raise not_ours(path)
+        figures = folder / "figures"
+        if is_folder(figures) and any(figures.iterdir()) and not (folder / "logs").is_dir():
+            raise not_ours(figures)

@@ -22,15 +22,16 @@ from rosbags.serde import SerdeError
 from zstandard import ZstdError
 
 import towval
-from towval.io.atomic import replacing
-from towval.io.mcap_records import MOST_BYTES, OWN_LIBRARY, checked_records
-from towval.io.reading import read_bytes
+from towval.io.atomic import check_plain, not_ours, replacing
+from towval.io.mcap_records import MAGIC, MOST_BYTES, OWN_LIBRARY, checked_records
+from towval.io.reading import is_plain_file, read_bytes
 from towval.io.ros import TYPESTORE
 from towval.model.errors import InputError
 
 _DETAILS = "details.json"
 _PROVENANCE = "provenance"
 _STAGE = "stage"
+_LONGEST_HEADER = 64
 _DAMAGE = (
     McapError, SerdeError, ZstdError, ArithmeticError, AttributeError, EOFError, LookupError, MemoryError,
     RecursionError, TypeError, ValueError, struct.error,
@@ -80,6 +81,7 @@ def write_mcap(path: Path, messages: Iterable[Message], details: dict[str, Any],
     """
     ordered = sorted(messages, key=lambda message: message.time_ns)
     start = ordered[0].time_ns if ordered else 0
+    check_replaceable(path, provenance.get(_STAGE, ""))
     with replacing(path) as temporary, temporary.open("wb") as stream:
         writer = Writer(stream, enable_data_crcs=True)
         writer.start(profile="ros2", library=f"{OWN_LIBRARY}{towval.__version__}")
@@ -111,20 +113,54 @@ def write_mcap(path: Path, messages: Iterable[Message], details: dict[str, Any],
         writer.finish()  # type: ignore[no-untyped-call]  # mcap leaves it untyped
 
 
+def is_own(path: Path) -> bool:
+    """Whether a file begins as an MCAP file of ours, damaged or not."""
+    with path.open("rb") as stream:
+        begin = stream.read(_LONGEST_HEADER)
+    return begin.startswith(MAGIC) and OWN_LIBRARY.encode() in begin
+
+
+def check_replaceable(path: Path, stage: str) -> None:
+    """Refuse to write a result over anything but an earlier result of the same stage.
+
+    What a stage reads was made by another stage, or is no result at all: no call destroys its own input.
+
+    Raises `InputError`; nothing is checked where there is no file.
+    """
+    check_plain(path)
+    if not is_plain_file(path):
+        return
+    if not is_own(path):
+        raise not_ours(path)
+    try:
+        found = read_provenance(path).get(_STAGE, "")
+    except InputError:
+        return  # ours, but damaged: nothing is lost
+    if found != stage:
+        made_by = f"the stage {found}" if found else "hand, or an older version"
+        raise InputError(
+            f"{path} is not replaced",
+            got=f"a result of {made_by}, where the stage {stage or '(none)'} writes",
+            remedy="choose another name, or delete it yourself",
+        )
+
+
 def read_provenance(path: Path) -> dict[str, str]:
     """The provenance of an MCAP file alone, without decoding its messages; as :func:`read_mcap` raises."""
-    with _damage_told(path):
-        found = checked_records(read_bytes(path, MOST_BYTES, _REMEDY), messages=False)
-        return next((r.metadata for r in found if isinstance(r, records.Metadata) and r.name == _PROVENANCE), {})
+    return read_details(path)[1]
 
 
 def read_details(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
-    """Details and provenance of an MCAP file alone, without reading its messages; as :func:`read_mcap` raises."""
-    with _readable(path) as stream:
-        reader = make_reader(stream)
-        attached = {record.name: record.data for record in reader.iter_attachments()}
-        recorded = {record.name: dict(record.metadata) for record in reader.iter_metadata()}
-        return json.loads(attached.get(_DETAILS, b"{}")), recorded.get(_PROVENANCE, {})
+    """Details and provenance of an MCAP file alone, without decoding its messages; as :func:`read_mcap` raises."""
+    details: dict[str, Any] = {}
+    provenance: dict[str, str] = {}
+    with _damage_told(path):
+        for record in checked_records(read_bytes(path, MOST_BYTES, _REMEDY), messages=False):
+            if isinstance(record, records.Attachment) and record.name == _DETAILS:
+                details = dict(json.loads(record.data))
+            elif isinstance(record, records.Metadata) and record.name == _PROVENANCE:
+                provenance = record.metadata
+    return details, provenance
 
 
 def read_mcap(path: Path, without: tuple[str, ...] = ()) -> McapContent:

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from towval.io import ros
-from towval.io.atomic import replacing
+from towval.io.atomic import check_own, replacing
 from towval.io.mcap_file import Message, read_mcap, write_mcap
 from towval.model import Array, SimulatedMotion, TimedPath
 from towval.model.conventions import FLOOR_FRAME
@@ -120,6 +120,7 @@ def write_plan_csv(path: FilePath, plan: RoverPlan, towed: SimulatedMotion) -> N
         columns[f"object_{name}"] = _at(plan.time_s, towed.time_s, towed.pose[:, index])
     for index, name in enumerate(("x_n", "y_n")):
         columns[f"tether_force_{name}"] = _at(plan.time_s, towed.time_s, towed.tether_force[:, index])
+    check_own(path, "time_s,rover_x_m,")
     write_table(path, pd.DataFrame(columns))
 
 

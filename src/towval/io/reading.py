@@ -47,6 +47,20 @@ def is_plain_file(path: Path) -> bool:
         return False
 
 
+def check_name(path: Path, what: str) -> None:
+    """Refuse a name with line breaks or other control signs, or in no encoding: it could not be told or printed."""
+    if not str(path).isprintable():
+        raise InputError(f"{what} has a name that cannot be printed", got=repr(str(path)), remedy="rename it")
+
+
+def is_folder(path: Path) -> bool:
+    """Whether there is a folder; whatever prevents an answer is no."""
+    try:
+        return path.is_dir()
+    except (OSError, ValueError):
+        return False
+
+
 def kind_of(mode: int) -> str:
     """What a file is that is no plain one."""
     kinds = {stat.S_IFDIR: "a folder", stat.S_IFIFO: "a pipe", stat.S_IFSOCK: "a socket"}

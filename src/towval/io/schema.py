@@ -2,72 +2,19 @@
 
 import difflib
 import importlib
-import re
+import itertools
 from collections.abc import Iterator
 from functools import lru_cache
 from importlib import resources
-from pathlib import Path
 from typing import Any
 
 import yaml
 from jsonschema import Draft202012Validator, validators
 from jsonschema.exceptions import ValidationError
 
+from towval.io.yaml_text import SafeLoader, read_value
 from towval.model.errors import InputError
 from towval.model.plugins import Registry
-
-_SafeLoader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # in C, where PyYAML was built with it
-
-
-class _StrictLoader(_SafeLoader):  # type: ignore[misc]  # either of two classes
-    """PyYAML's safe loader, but a key given twice is an error instead of a silent overwrite."""
-
-
-def _mapping_without_duplicates(loader: _StrictLoader, node: yaml.MappingNode) -> dict[Any, Any]:
-    seen: set[Any] = set()
-    for key_node, _ in node.value:
-        key = loader.construct_object(key_node, deep=True)
-        if key in seen:
-            raise yaml.constructor.ConstructorError(None, None, f"the key {key!r} is given twice", key_node.start_mark)
-        seen.add(key)
-    mapping: dict[Any, Any] = loader.construct_mapping(node, deep=True)
-    return mapping
-
-
-# PyYAML follows YAML 1.1, in which 1e-7, without a point, is a text.
-_EXPONENT = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)[eE][-+]?\d+")
-
-_StrictLoader.add_implicit_resolver(
-    "tag:yaml.org,2002:float", re.compile(f"^{_EXPONENT.pattern}$"), list("-+.0123456789")
-)
-_StrictLoader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping_without_duplicates)
-
-
-def read_yaml(path: Path) -> Any:
-    """The content of a YAML file.
-
-    Raises `InputError` when the file is missing, not YAML, or holds a key twice.
-    """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise InputError(f"{path} is missing", remedy=f"create {path.name} or check the path") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} cannot be read as text", got=error, allowed="a UTF-8 text file") from None
-    try:
-        return yaml.load(text, Loader=_StrictLoader)  # a SafeLoader: builds plain data only
-    except yaml.YAMLError as error:
-        raise InputError(
-            f"{path} is not valid YAML", got=" ".join(str(error).split()), remedy="mend that line"
-        ) from None
-
-
-def read_value(text: str) -> Any:
-    """One value as YAML writes it: a number, a text, a list."""
-    try:
-        return yaml.load(text, Loader=_StrictLoader)  # a SafeLoader: builds plain data only
-    except yaml.YAMLError as error:
-        raise InputError("a value is not valid YAML", got=" ".join(str(error).split())) from None
 
 
 def with_plain_values(value: Any) -> Any:
@@ -89,7 +36,7 @@ def with_plain_values(value: Any) -> Any:
 def packaged_schema(name: str) -> dict[str, Any]:
     """The schema ``name`` that comes with the package."""
     text = resources.files("towval.io").joinpath(name).read_text(encoding="utf-8")
-    schema: dict[str, Any] = yaml.load(text, Loader=_SafeLoader)
+    schema: dict[str, Any] = yaml.load(text, Loader=SafeLoader)
     return schema
 
 
@@ -129,8 +76,16 @@ def _is_point(value: Any) -> bool:
     )
 
 
+def _is_finite(_checker: Any, value: Any) -> bool:
+    """NaN and infinity, which YAML knows, are on neither side of any limit."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= _LARGEST
+
+
+_LARGEST = 1e300
 _Validator: Any = validators.extend(  # type: ignore[no-untyped-call]  # the stubs leave it untyped
-    Draft202012Validator, {"registered": _registered, "rings": _rings}
+    Draft202012Validator,
+    {"registered": _registered, "rings": _rings},
+    type_checker=Draft202012Validator.TYPE_CHECKER.redefine("number", _is_finite),
 )
 
 
@@ -148,13 +103,19 @@ def check(document: Any, schema: dict[str, Any], where: str) -> None:
         One error that lists every fault: key, value, what is allowed, what the key means.
     """
     validator = _Validator(schema)
-    errors = sorted(validator.iter_errors(document), key=lambda error: [str(part) for part in error.absolute_path])
+    errors = list(itertools.islice(validator.iter_errors(document), _MOST_FAULTS))
+    errors.sort(key=lambda error: [str(part) for part in error.absolute_path])
     faults = [fault for error in errors for fault in _faults(error)]
     if not faults:
         return
     if len(faults) == 1:
         raise InputError(f"{where}: {faults[0]}")
-    raise InputError(f"{where} has {len(faults)} faults:\n  - " + "\n  - ".join(faults))
+    more = [f"and {len(faults) - _MOST_FAULTS} more"] if len(faults) > _MOST_FAULTS else []
+    raise InputError(f"{where} has {len(faults)} faults:\n  - " + "\n  - ".join([*faults[:_MOST_FAULTS], *more]))
+
+
+_MOST_FAULTS = 50
+"""Of a document, that are listed."""
 
 
 def _name(parts: Any) -> str:
@@ -164,15 +125,22 @@ def _name(parts: Any) -> str:
     return text
 
 
+def _short_name(parts: Any) -> str:
+    """A name from the document as it is told: in one line, and not longer than that."""
+    text = _name(parts)
+    text = text if text.isprintable() else repr(text)
+    return text if len(text) <= 80 else text[:77] + "..."
+
+
 def _faults(error: ValidationError) -> list[str]:
     path = list(error.absolute_path)
-    key = _name(path) or "the document"
+    key = _short_name(path) or "the document"
     rule, wanted, schema = _rule(error)
     instance: Any = error.instance
     if rule == "additionalProperties":
         known = list(schema.get("properties", {}))
-        unknown = [name for name in instance if name not in known]
-        return [f"unknown key {_name([*path, name])}{_suggestion(str(name), known)}" for name in unknown]
+        unknown = list(itertools.islice((name for name in instance if name not in known), _MOST_FAULTS))
+        return [f"unknown key {_short_name([*path, name])}{_suggestion(str(name), known)}" for name in unknown]
     if rule == "required":
         missing = [name for name in wanted if name not in instance]
         return [f"the key {_name([*path, name])} is missing{_meaning(schema['properties'][name])}" for name in missing]
@@ -214,7 +182,7 @@ def _allowed(error: ValidationError) -> str:
     rule, wanted, schema = _rule(error)
     if rule == "type":
         names = {
-            "number": "a number",
+            "number": "a finite number" if isinstance(error.instance, float) else "a number",
             "integer": "a whole number",
             "array": "a list",
             "object": "keys with values",
@@ -244,7 +212,7 @@ def _meaning(schema: dict[str, Any]) -> str:
 
 
 def _suggestion(name: str, known: list[str]) -> str:
-    close = difflib.get_close_matches(name, known, n=1)
+    close = difflib.get_close_matches(name[:80], known, n=1)
     return f"; did you mean {close[0]}?" if close else f"; known keys here: {', '.join(known)}"
 
 

@@ -34,7 +34,7 @@ def summary_latex(comparisons: Sequence[Comparison]) -> str:
 
 def write_summary(path: Path, comparisons: Sequence[Comparison]) -> None:
     """Write ``summary.csv``, and beside it the same for LaTeX, ``figures/summary.tex``."""
-    write_text(path, summary_csv(comparisons))
+    write_text(path, summary_csv(comparisons), own=f"{COLUMNS[0]},{COLUMNS[1]},")
     write_text(path.parent / "figures" / "summary.tex", summary_latex(comparisons))
 
 

@@ -11,6 +11,7 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
+from towval.io.reading import is_plain_file
 from towval.model import Finding
 from towval.model.errors import InputError
 from towval.model.findings import finding
@@ -21,6 +22,8 @@ Luma = NDArray[np.uint8]
 _MOST_THREADS = 4
 _QUARTER_TURN_DEG = 90
 _PACKETS_LOOKED_AT = 100
+_PLAYLISTS = {"hls", "applehttp", "concat", "dash", "imf", "sdp", "rtsp", "lavfi"}
+"""FFmpeg's formats that name other files or hosts."""
 
 
 @dataclass(frozen=True)
@@ -70,18 +73,22 @@ class Video:
             self.header = _header(container.streams.video[0])
 
     def _open(self) -> av.container.InputContainer:
-        if not self.path.is_file():
+        if not is_plain_file(self.path):
             raise InputError(
                 f"the video {self.path.name} is missing", got=self.path, remedy="correct the path of the video"
             )
         try:
-            container = av.open(str(self.path))
+            # An absolute path is never taken for a protocol; and nothing but this file is opened.
+            container = av.open(str(self.path.absolute()), container_options={"protocol_whitelist": "file"})
         except av.error.FFmpegError as error:
             raise InputError(
                 f"{self.path.name} is no video that FFmpeg can open",
                 got=f"{self.path.stat().st_size} bytes; {error.strerror}",
                 remedy="check that the copy is complete and plays in a video player",
             ) from error
+        if _PLAYLISTS & set(container.format.name.split(",")):
+            container.close()
+            raise InputError(f"{self.path.name} is a playlist", remedy="give the video itself")
         if not container.streams.video:
             container.close()
             raise InputError(f"{self.path.name} holds no video stream", remedy="give a file that holds moving pictures")
@@ -96,8 +103,8 @@ class Video:
             stream.codec_context.thread_count = min(_MOST_THREADS, os.cpu_count() or 1)
             try:
                 for frame in container.decode(stream):
-                    if frame.is_corrupt:
-                        self._damage("a frame is corrupt")
+                    if frame.is_corrupt or (frame.width, frame.height) != self.header.resolution_px:
+                        self._damage("a frame is corrupt" if frame.is_corrupt else "its pictures change size")
                         return
                     time_s = self._time(frame, None if pts is None else pts[self.decoded_frames])
                     yield time_s, upright(luma_plane(frame), frame.rotation)

@@ -46,7 +46,7 @@ def write_report(path: FilePath, data: ReportData, figures_folder: FilePath | No
     text = template.render(
         view=view.build(data, drawn), css=template_asset("report.css"), script=template_asset("report.js")
     )
-    write_text(path, text)
+    write_text(path, text, own="Content-Security-Policy")
     return path
 
 

@@ -61,7 +61,7 @@ def reprojection_figure(calibration: Calibration) -> Figure:
     and image plane [°] on the right. Views without tilt do not determine the focal length.
     """
     views = calibration.views
-    margins = Margins(left=0.2 + 0.052 * max((len(view.name) for view in views), default=0), bottom=0.53)
+    margins = Margins(left=0.2 + 0.052 * max((len(_shown(view.name)) for view in views), default=0), bottom=0.53)
     height = margins.top + max(0.6, 0.115 * len(views)) + margins.bottom
     figure = Figure(figsize=(COLUMN_WIDTH_IN, height))
     errors, tilts = figure.subplots(1, 2, sharey=True, width_ratios=[1.6, 1])
@@ -85,7 +85,7 @@ def reprojection_figure(calibration: Calibration) -> Figure:
         tilts.plot(view.tilt_deg, row, mark, color=colour, markersize=3)
     expected = np.sqrt(2) * calibration.corner_noise_px
     errors.axvline(expected, color="#333333", linewidth=0.7, linestyle="--")
-    errors.set_yticks(range(len(views)), [view.name for view in views], fontsize=6.5)
+    errors.set_yticks(range(len(views)), [_shown(view.name) for view in views], fontsize=6.5, parse_math=False)
     errors.set_ylim(len(views) - 0.4, -0.6)
     errors.set_xlim(left=0)
     errors.set_xlabel("reprojection error, RMS (px)")
@@ -156,3 +156,8 @@ def _frame_image(axes: Axes, calibration: Calibration) -> tuple[int, int]:
     axes.set_xlabel("$u$ (px)")
     axes.set_ylabel("$v$ (px)")
     return width, height
+
+
+def _shown(name: str) -> str:
+    """The name of a picture, short enough to stand beside a plot."""
+    return name if len(name) <= 28 else f"{name[:12]}…{name[-15:]}"
