@@ -28,7 +28,7 @@ PLUGINS = or_exit(load_plugins)
 
 
 def load_campaigns():
-    folders = [Path(str(folder)) for folder in config.get("campaigns") or [config["campaign"]]]
+    folders = [Path(folder) for folder in config.get("campaigns") or [config["campaign"]]]
     campaigns = {}
     for folder in folders:
         campaign = load_campaign(folder)
@@ -44,6 +44,10 @@ if str(config.get("quick")).lower() in ("true", "false"):
 
 # Snakemake reads 1e-7 as a text and, within braces on the command line, every value.
 config.update({name: with_plain_values(section) for name, section in config.items() if isinstance(section, dict)})
+
+for folder in config.get("campaigns") or [config.get("campaign")]:
+    if not isinstance(folder, str):
+        sys.exit(f"towval: the folder of a campaign is read as {folder!r}\n  what to do: write campaign=./NAME")
 
 or_exit(check, config, read_yaml(HERE / "workflow" / "schemas" / "config.schema.yaml"), "config")
 

@@ -76,9 +76,13 @@ def check_results(results: Path, campaigns: Mapping[str, Campaign]) -> None:
     Raises `InputError` where the results would go into the campaign's own folder, or over a file that no stage made.
     """
     check_name(results, "config: results")
-    if "{" in str(results) or "}" in str(results):
-        raise InputError("config: results holds a brace", got=results, allowed="a folder without { and } in its path")
     for name, campaign in campaigns.items():
+        lab = (*campaign.calibration_images, *campaign.floor_images, *(run.video for run in campaign.runs.values()))
+        for path in (results / name, *lab):
+            if "{" in str(path) or "}" in str(path):
+                raise InputError(
+                    f"{path} has a brace in its path, which Snakemake takes for one of its own", remedy="rename it"
+                )
         folder = results / name
         if folder.resolve() == campaign.folder.resolve():
             raise InputError(
