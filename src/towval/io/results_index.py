@@ -11,7 +11,7 @@ from typing import Any
 
 import pandas as pd
 
-from towval.io.atomic import replacing
+from towval.io.atomic import check_own, replacing
 from towval.io.mcap_file import read_details
 from towval.io.summary import COLUMNS
 from towval.model.errors import InputError
@@ -74,6 +74,7 @@ def read_results(folders: Sequence[Path]) -> ResultsIndex:
 
 def write_index(path: Path, index: ResultsIndex) -> None:
     """Write the tables as an SQLite file, whole or not at all."""
+    check_own(path, 'CREATE TABLE "runs"')
     with replacing(path) as temporary, closing(sqlite3.connect(temporary)) as database:
         for name in _SHAPES:
             getattr(index, name).to_sql(name, database, index=False, if_exists="replace")

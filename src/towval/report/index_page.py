@@ -45,7 +45,7 @@ def write_index_page(path: Path, index: ResultsIndex) -> None:
         css=template_asset("index.css"),
         script=template_asset("index.js"),
     )
-    write_text(path, text)
+    write_text(path, text, own="Content-Security-Policy")
 
 
 def _columns(index: ResultsIndex) -> dict[str, Any]:
