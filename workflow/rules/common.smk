@@ -9,6 +9,7 @@ from towval.io.manifest import MANIFEST, check_results
 from towval.io.provenance import canonical, content_hash, file_hash, module_hash, read_sections
 from towval.io.schema import check, packaged_schema, with_plain_values
 from towval.io.yaml_text import read_yaml
+from towval.io.workflow_lock import clear_stale_locks
 from towval.model.presets import STANDARD, settings_of
 from studies import registry
 from studies.frame import Settings, loaded, module_of
@@ -54,6 +55,8 @@ or_exit(check, config, read_yaml(HERE / "workflow" / "schemas" / "config.schema.
 CAMPAIGNS = or_exit(load_campaigns)
 RESULTS = Path(config["results"])
 or_exit(check_results, RESULTS, CAMPAIGNS)
+if workflow.is_main_process:
+    clear_stale_locks(Path.cwd(), RESULTS)
 
 
 wildcard_constraints:

@@ -1,0 +1,55 @@
+"""Locks that a killed workflow leaves behind: told from those of one that is alive, and removed."""
+
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+try:
+    import fcntl
+except ImportError:  # not on Windows, where a stale lock stays and Snakemake says what to do
+    fcntl = None  # type: ignore[assignment]
+
+_held: list[int] = []
+"""Open for as long as this process lives; the system lets go of it however the process ends."""
+
+
+def clear_stale_locks(folder: Path, results: Path) -> None:
+    """Remove Snakemake's locks on ``results`` where no other call of this workflow is alive in ``folder``.
+
+    Every call holds a shared lock of the system on ``.snakemake/towval.lock``. Who gets it alone is alone: a lock of
+    Snakemake's that is there nevertheless was left by a call that was killed, or by a power cut. Locks on other files
+    may be those of another workflow and stay.
+    """
+    if fcntl is None or _held:
+        return
+    try:
+        (folder / ".snakemake").mkdir(exist_ok=True)
+        handle = os.open(folder / ".snakemake" / "towval.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+    except OSError:
+        return  # Snakemake says what it cannot write
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            pass
+        else:
+            for lock in _locks_on(folder / ".snakemake" / "locks", results):
+                lock.unlink(missing_ok=True)
+                print(f"towval: the last call was killed; its lock {lock.name} is removed", file=sys.stderr)
+        fcntl.flock(handle, fcntl.LOCK_SH)
+        _held.append(handle)
+    except OSError:
+        os.close(handle)  # a file system without such locks
+
+
+def _locks_on(folder: Path, results: Path) -> Iterator[Path]:
+    """Snakemake's locks of a call that makes ``results``, and of what it reads."""
+    outputs = sorted(folder.glob("*.output.lock"))
+    for lock in outputs:
+        files = lock.read_text(encoding="utf-8", errors="replace").splitlines()
+        if files and all(Path(file).is_relative_to(results) for file in files):
+            yield lock
+            yield lock.with_name(lock.name.replace("output", "input"))
+    if not outputs:  # killed between the two: nothing is made yet, and inputs alone protect nothing
+        yield from folder.glob("*.input.lock")

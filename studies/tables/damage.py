@@ -1,0 +1,94 @@
+"""Damaged campaigns, files and runs by the thousand, and how each ended.
+
+``python -m studies.tables.damage [--campaigns 2000] [--reads 2000] [--seed 1] [--results FOLDER]``. Whatever ends with
+a traceback, hangs, takes too much, or is wrong without a word is written into ``--corpus``, and the call fails.
+"""
+
+import argparse
+import tempfile
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+from studies.robustness import campaign_faults, file_faults
+from studies.robustness.trial import Outcome, attempt
+from towval.calibration.calibrate import CalibrateSettings
+from towval.io.campaign import Campaign, load_campaign
+from towval.io.images import read_gray
+from towval.io.records import read_decimated, read_tracks
+from towval.io.video import Video
+from towval.validation.simulate import SimulateSettings, simulate
+
+_SAMPLE = Path("data_samples/lab_small")
+
+
+def campaign_trials(count: int, seed: int, results: Path, corpus: Path) -> Counter[str]:
+    """Outcomes of reading damaged campaigns, looking at their files and simulating a run with what is accepted."""
+    tracks = read_decimated(results / "a" / "decimate.mcap")
+    times = read_tracks(results / "a" / "track.mcap", features=False)["object"].time_s[::4]
+    simulate(load_campaign(_SAMPLE).scene, tracks["rover"], tracks["object"], times, SimulateSettings())
+    outcomes: Counter[str] = Counter()
+    rng = np.random.default_rng(seed)
+    for i in range(count):
+        with tempfile.TemporaryDirectory() as scratch:
+            folder = Path(scratch) / "lab"
+            folder.mkdir()
+            kind = campaign_faults.write_damaged(_SAMPLE, folder, rng)
+
+            def call(folder: Path = folder) -> str:
+                campaign = load_campaign(folder)
+                _look_at_files(campaign)
+                motion = simulate(campaign.scene, tracks["rover"], tracks["object"], times, SimulateSettings())
+                return "finite" if np.isfinite(motion.pose).all() else "not finite"
+
+            outcome = attempt(call)
+            name = outcome.kind if outcome.value in (None, "finite") else f"{outcome.kind} {outcome.value}"
+            outcomes[name] += 1
+            if not outcome.told or outcome.value == "not finite":
+                _keep(corpus, f"campaign_{seed}_{i}", kind, (folder / "campaign.yaml"), outcome)
+            campaign_faults.removed(folder)
+    return outcomes
+
+
+def _look_at_files(campaign: Campaign) -> None:
+    """What the stages open first: pictures, and the header of each video with its first frame."""
+    CalibrateSettings()
+    for path in (campaign.calibration_images[0], *campaign.floor_images):
+        read_gray(path, campaign.resolution_px)
+    for run in campaign.runs.values():
+        next(iter(Video(run.video, damaged=run.damaged_video)))
+
+
+def _keep(corpus: Path, name: str, kind: str, file: Path, outcome: Outcome) -> None:
+    corpus.mkdir(parents=True, exist_ok=True)
+    if file.is_file():
+        (corpus / f"{name}.yaml").write_bytes(file.read_bytes())
+    (corpus / f"{name}.txt").write_text(f"{kind}\n{outcome.kind}\n{outcome.text}\n", encoding="utf-8")
+
+
+def main() -> None:
+    """Run what is asked for and print the counts; exits with code 1 where anything did not end as it should."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--campaigns", type=int, default=0)
+    parser.add_argument("--reads", type=int, default=0)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument(
+        "--results", type=Path, default=Path("results/lab_small"), help="undamaged results of lab_small"
+    )
+    parser.add_argument("--corpus", type=Path, default=Path("results/damage"), help="where failures are kept")
+    given = parser.parse_args()
+    failed = False
+    if given.campaigns:
+        counts = campaign_trials(given.campaigns, given.seed, given.results, given.corpus)
+        failed |= bool(set(counts) - {"returned", "refused"})
+        print(f"{given.campaigns} damaged campaigns, seed {given.seed}: {dict(counts)}")
+    if given.reads:
+        counts = file_faults.read_trials(given.results, given.reads, given.seed, given.corpus)
+        failed |= bool(set(counts) - {"same", "refused"})
+        print(f"{given.reads} damaged reads, seed {given.seed}: {dict(counts)}")
+    raise SystemExit(int(failed))
+
+
+if __name__ == "__main__":
+    main()
