@@ -3,6 +3,7 @@
 import re
 from collections import Counter
 from collections.abc import Callable
+from importlib.resources import files as packaged
 from pathlib import Path
 from typing import Any
 
@@ -14,30 +15,28 @@ from towval.io.chain import check_together
 from towval.io.exchange import LAYOUTS
 from towval.io.manifest import MANIFEST, read_manifest, unlisted
 from towval.io.mcap_file import read_mcap
-from towval.io.provenance import file_hash
 from towval.model.errors import InputError
-
-_RUNS = ("a", "b")
 
 
 def read_trials(results: Path, count: int, seed: int, corpus: Path) -> Counter[str]:
     """Outcomes of reading damaged results: "refused", "same" (read as before), "wrong", or what a trial may be else.
 
-    Every file of two runs is damaged in turn: bits, bytes, its end, a digit, or all of it swapped for another's.
+    Every file is damaged in turn: bits, bytes, its end, a digit, or all of it swapped for that of another run.
     """
     rng = np.random.default_rng(seed)
+    runs = sorted(path.parent.name for path in results.glob("*/track.mcap"))
     kinds = [path for path in sorted(results.rglob("*")) if path.is_file() and not _is_log(path, results)]
     outcomes: Counter[str] = Counter()
     for i in range(count):
         path = kinds[i % len(kinds)]
         whole = path.read_bytes()
-        how, data = _damaged(whole, path, results, rng)
+        how, data = _damaged(whole, _swapped(path, runs), rng)
         if data == whole:
             outcomes["same"] += 1
             continue
         try:
             path.write_bytes(data)
-            outcome = attempt(_reader(path, results))
+            outcome = attempt(_reader(path, results, runs))
         finally:
             path.write_bytes(whole)
         name = "wrong" if outcome.kind == "returned" else outcome.kind
@@ -53,16 +52,16 @@ def _is_log(path: Path, results: Path) -> bool:
     return bool({"logs", "benchmarks"} & set(path.relative_to(results).parts)) or path.name.startswith(".")
 
 
-def _reader(path: Path, results: Path) -> Callable[[], Any]:
+def _reader(path: Path, results: Path, runs: list[str]) -> Callable[[], Any]:
     """How the program meets a file: results by their stages' readers, all else by the list of files."""
 
     def as_result() -> None:
         read_mcap(path)
-        if path.parent.name in _RUNS and path.stem != "exchange":
+        if path.parent.name in runs and path.stem != "exchange":
             together = {file.name: file for file in run_files(path.parent).values()}
             check_together({**together, "camera.mcap": results / "camera.mcap"}, run=path.parent.name)
         elif path.name == "camera.mcap":
-            for run in _RUNS:
+            for run in runs:
                 check_together({"camera.mcap": path, "track.mcap": results / run / "track.mcap"}, run=run)
 
     def as_listed() -> None:
@@ -72,8 +71,7 @@ def _reader(path: Path, results: Path) -> Callable[[], Any]:
             raise InputError(f"{wrong[0]} is not what {MANIFEST} lists")
 
     def as_layout() -> None:
-        other = results / next(run for run in _RUNS if run != path.parent.name) / path.name
-        if file_hash(path) != file_hash(other):
+        if path.read_bytes() != (packaged("towval.io") / "layouts" / path.name).read_bytes():
             raise InputError(f"{path.name} is not the layout")
 
     if path.name in LAYOUTS:
@@ -81,18 +79,25 @@ def _reader(path: Path, results: Path) -> Callable[[], Any]:
     return as_result if path.suffix == ".mcap" else as_listed
 
 
-def _damaged(whole: bytes, path: Path, results: Path, rng: np.random.Generator) -> tuple[str, bytes]:
+def _swapped(path: Path, runs: list[str]) -> bytes:
+    """The same file of another run; where there is none, the bytes of the file in the reverse order."""
+    others = [run for run in runs if run != path.parent.name]
+    if path.parent.name in runs and others:
+        return (path.parent.parent / others[0] / path.name).read_bytes()
+    return path.read_bytes()[::-1]
+
+
+def _damaged(whole: bytes, swapped: bytes, rng: np.random.Generator) -> tuple[str, bytes]:
     at = int(rng.integers(max(len(whole), 1)))
     until = at + int(rng.integers(1, 64))
     digits = [match.start() for match in re.finditer(rb"[0-9]", whole[:200_000])] or [at]
     digit = digits[rng.integers(len(digits))]
-    other = results / ("b" if path.parent.name == "a" else "a") / path.name
     faults = {
         "bit": whole[:at] + bytes([whole[at] ^ 1 << int(rng.integers(8))]) + whole[at + 1 :],
         "bytes": whole[:at] + rng.bytes(until - at) + whole[until:],
         "cut": whole[:at],
         "digit": whole[:digit] + b"%d" % ((whole[digit] - 47) % 10) + whole[digit + 1 :],
-        "swap": other.read_bytes() if path.parent.name in _RUNS else whole[::-1],
+        "swap": swapped,
         "append": whole + rng.bytes(8),
         "zeros": whole[:at] + bytes(until - at) + whole[until:],
         "hole": whole[:at] + whole[until:],

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import shapely
 
 from towval.io.campaign_scene import towing_scene
 from towval.io.reading import check_name, is_folder, is_plain_file, kind_of, reason
@@ -205,9 +206,11 @@ def _images(folder: Path, pattern: str, key: str) -> tuple[Path, ...]:
     # Anywhere but in the campaign's own folder ** may walk through whole disks.
     if "**" in pattern and (Path(pattern).is_absolute() or ".." in Path(pattern).parts):
         raise InputError(f"campaign.yaml: {key} is too wide", got=pattern, allowed="** in the campaign folder only")
-    names = [pattern] if is_plain_file(folder / pattern) else glob.iglob(pattern, root_dir=folder, recursive=True)
+    # A name with brackets is no pattern of itself.
+    itself = [pattern] if is_plain_file(folder / pattern) else []
+    names = itertools.chain(itself, glob.iglob(pattern, root_dir=folder, recursive=True))
     pictures = (Path(name) for name in names if Path(name).suffix.lower() in IMAGE_SUFFIXES)
-    found = sorted(folder / name for name in itertools.islice(pictures, _MOST_PICTURES + 1))
+    found = sorted({folder / name for name in itertools.islice(pictures, _MOST_PICTURES + 2)})
     if not found:
         raise InputError(
             f"campaign.yaml: {key} finds no picture",
@@ -257,6 +260,7 @@ def _body(name: str, keys: dict[str, Any], height_std_m: float, obstructions: tu
             got=corners.tolist(),
             allowed="the corners of a polygon, one after the other around it",
         )
+    _check_simple(corners, f"{name}.top_corners_m")
     return Body(
         name=name,
         tracked_plane_height_m=keys["tracked_plane_height_m"],
@@ -295,6 +299,16 @@ def _run(folder: Path, name: str, entry: dict[str, Any], document: dict[str, Any
     return Run(name, video, clicks, damaged_video=entry.get("damaged_video", False))
 
 
+def _check_simple(corners: Array, key: str) -> None:
+    """Corners in the order in which they follow each other give an outline that does not cross itself."""
+    if not shapely.Polygon(corners).is_valid:
+        raise InputError(
+            f"campaign.yaml: the outline of {key} crosses itself",
+            got=corners.tolist(),
+            allowed="the corners of a polygon, one after the other around it",
+        )
+
+
 def _check_clicks(clicks: Array, resolution_px: list[int], key: str) -> None:
     """Clicks far outside the image, or on one spot, were not made on the first frame."""
     size = np.array(resolution_px)
@@ -305,6 +319,7 @@ def _check_clicks(clicks: Array, resolution_px: list[int], key: str) -> None:
             allowed=f"pixels of a {size[0]} × {size[1]} image",
             remedy="click the corners in the first frame",
         )
+    _check_simple(clicks, key)
     if abs(polygon_area(clicks)) < 16:
         raise InputError(
             f"campaign.yaml: {key} encloses no area", got=clicks.tolist(), allowed="the corners of the top"

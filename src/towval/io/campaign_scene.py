@@ -9,7 +9,7 @@ import shapely
 
 from towval.model import Array, FloorRegion, FrictionSpecification, Ground, Load, MassSpread, Patch, Tether, TowingScene
 from towval.model.errors import InputError
-from towval.model.geometry import inside_polygon
+from towval.model.geometry import inside_polygon, polygon_area
 from towval.model.inputs import deviations
 from towval.physics.mass import spread_over, towed_object
 
@@ -47,6 +47,7 @@ def towing_scene(document: Keys) -> TowingScene:
     stiffening, full_load = document["tether"].get("stiffening", 0.0), scene.friction.static * scene.weight
     scene = replace(scene, tether=replace(scene.tether, stiffening=stiffening, full_load=full_load))
     _check_load(towed, load)
+    _check_proportions(scene, towed)
     _check_weight(scene)
     _check_tether(scene)
     _check_tipping(scene)
@@ -180,6 +181,44 @@ def _check_load(towed: Keys, load: Load) -> None:
             got=load.at.tolist(),
             allowed=f"a point inside object.top_corners_m {top.tolist()}",
             remedy="give the centre of the load in metres, in the object's frame",
+        )
+
+
+_DENSITIES = 1.0, 25_000.0
+_MOST_STRETCH = 5.0
+_MOST_DAMPING = 20.0
+"""Densities from foam to osmium [kg/m³]; stretch at the friction limit over the rest length; damping over critical."""
+
+
+def _check_proportions(scene: TowingScene, towed: Keys) -> None:
+    """Ask about numbers that are each possible but not together: mostly a unit, or a comma."""
+    top = abs(polygon_area(np.array(towed["top_corners_m"], dtype=float)))
+    bodies = {"object.mass_kg": (scene.body_mass, top * towed["tracked_plane_height_m"])}
+    if scene.load.mass > 0:
+        bodies["object.load.mass_kg"] = scene.load.mass, float(np.prod(scene.load.size))
+    for key, (mass, volume) in bodies.items():
+        if volume > 0 and not _DENSITIES[0] <= mass / volume <= _DENSITIES[1]:
+            raise InputError(
+                f"campaign.yaml: {key} does not go with its size",
+                got=f"{mass:g} kg in {1e3 * volume:.3g} litres",
+                allowed=f"{_DENSITIES[0]:g} to {_DENSITIES[1]:g} kg/m³",
+                remedy="check the units: kilograms and metres",
+            )
+    tether, pull = scene.tether, scene.friction.static * scene.weight
+    if pull > _MOST_STRETCH * tether.stiffness * tether.rest_length:
+        raise InputError(
+            "campaign.yaml: tether.stiffness_N_per_m does not go with the weight of the object",
+            got=f"{pull / tether.stiffness:.3g} m of stretch before the object slides, on {tether.rest_length:g} m",
+            allowed=f"at most {_MOST_STRETCH:g} times the rest length",
+            remedy="check the units: newtons per metre of stretch",
+        )
+    critical = 2.0 * np.sqrt(tether.stiffness * (scene.body_mass + scene.load.mass))
+    if tether.damping > _MOST_DAMPING * critical:
+        raise InputError(
+            "campaign.yaml: tether.damping_Ns_per_m is out of proportion",
+            got=f"{tether.damping:g}, {tether.damping / critical:.0f} times the critical damping",
+            allowed=f"at most {_MOST_DAMPING * critical:.3g}",
+            remedy="check the units: newtons per metre a second",
         )
 
 

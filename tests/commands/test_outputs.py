@@ -1,0 +1,128 @@
+"""What a command writes: never over its input or a file of others; what the system refuses is one message."""
+
+import errno
+import os
+import resource
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from towval.cli import main
+from towval.commands.console import errors_reported
+from towval.io.atomic import write_text
+from towval.io.manifest import check_results
+from towval.io.mcap_file import check_replaceable, write_mcap
+from towval.io.records import write_tracks
+from towval.io.summary import write_summary
+from towval.model.errors import InputError
+
+
+@pytest.fixture
+def track(tmp_path, make_track):
+    path = tmp_path / "track.mcap"
+    tracks = {
+        name: make_track(lambda t: np.stack([t, 0 * t, 0 * t], axis=1), body=name) for name in ("rover", "object")
+    }
+    write_tracks(path, tracks, {"stage": "track", "run": "a", "versions": "{}", "settings": "{}",
+                                "inputs_sha256": "{}", "campaign_sha256": "{}"})  # fmt: skip
+    return path
+
+
+def refused(capsys, *arguments):
+    with pytest.raises(SystemExit) as error:
+        main([str(argument) for argument in arguments])
+    assert error.value.code == 1
+    message = capsys.readouterr().err
+    assert message.startswith("towval: ")
+    assert "Traceback" not in message
+    return message
+
+
+def test_an_input_is_never_replaced(track, tmp_path, capsys):
+    before = track.read_bytes()
+    (tmp_path / "link.mcap").symlink_to(track)
+    os.link(track, tmp_path / "hard.mcap")
+    for output in (track, tmp_path / "link.mcap", tmp_path / "hard.mcap"):
+        assert "where the stage decimate writes" in refused(capsys, "decimate", track, "-o", output)
+    assert track.read_bytes() == before
+    main(["decimate", str(track), "-o", str(tmp_path / "decimate.mcap")])
+    main(["decimate", str(track), "-o", str(tmp_path / "decimate.mcap")])
+
+
+def test_what_is_not_ours_is_never_replaced(track, tmp_path, capsys):
+    for name, content in (("notes.txt", b"mine"), ("other.mcap", b"\x89MCAP0\r\nmine"), ("empty.mcap", b"")):
+        (tmp_path / name).write_bytes(content)
+        assert "towval did not make" in refused(capsys, "decimate", track, "-o", tmp_path / name)
+        assert (tmp_path / name).read_bytes() == content
+    (tmp_path / "folder").mkdir()
+    os.mkfifo(tmp_path / "pipe")
+    for name in (tmp_path / "folder", tmp_path / "pipe", "/dev/null"):
+        assert "cannot be written" in refused(capsys, "decimate", track, "-o", name)
+    (tmp_path / "summary.csv").write_text("my,own,table\n")
+    with pytest.raises(InputError, match="towval did not make"):
+        write_summary(tmp_path / "summary.csv", [])
+
+
+def test_a_damaged_result_may_be_made_again(tmp_path):
+    path = tmp_path / "simulate.mcap"
+    write_mcap(path, [], {}, {"stage": "simulate"})
+    path.write_bytes(path.read_bytes()[:-3])
+    check_replaceable(path, "simulate")
+
+
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EROFS, errno.EACCES, errno.EMFILE, errno.ENAMETOOLONG])
+def test_what_the_system_refuses_is_one_message(number, tmp_path, capsys):
+    log = tmp_path / "logs" / "x.log"
+    with pytest.raises(SystemExit) as error, errors_reported(log):
+        raise OSError(number, os.strerror(number), "results/a/track.mcap")
+    message = capsys.readouterr().err
+    assert error.value.code == 1
+    assert os.strerror(number) in message
+    assert "what to do" in message
+    assert log.read_text() == message
+
+
+def test_an_interruption_is_told(capsys):
+    with pytest.raises(SystemExit) as error, errors_reported():
+        raise KeyboardInterrupt
+    assert error.value.code == 130
+    assert "goes on" in capsys.readouterr().err
+
+
+def test_a_full_disk_leaves_what_was_there(tmp_path):
+    """The size of a file limited as a full disk limits it; the old file stays, and nothing half."""
+    path = tmp_path / "page.html"
+    write_text(path, "old")
+    code = (
+        "import resource, signal, sys; from pathlib import Path; from towval.io.atomic import write_text\n"
+        "from towval.commands.console import errors_reported\n"
+        "signal.signal(signal.SIGXFSZ, signal.SIG_IGN); resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))\n"
+        "with errors_reported(): write_text(Path(sys.argv[1]), 'new' * 10_000)\n"
+    )
+    answer = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=False)
+    assert answer.returncode == 1
+    assert "Traceback" not in answer.stderr
+    assert path.read_text() == "old"
+    assert [each.name for each in tmp_path.iterdir()] == ["page.html"]
+    assert resource.getrlimit(resource.RLIMIT_FSIZE)
+
+
+class Lab:
+    def __init__(self, folder):
+        self.folder, self.runs, self.calibration_images, self.floor_images = folder, {}, (), ()
+
+
+def test_results_never_go_into_the_campaign_or_over_files_of_the_lab(tmp_path):
+    lab = tmp_path / "lab"
+    lab.mkdir()
+    with pytest.raises(InputError, match="own folder"):
+        check_results(tmp_path, {"lab": Lab(lab)})
+    (tmp_path / "out" / "lab" / "figures").mkdir(parents=True)
+    check_results(tmp_path / "out", {"lab": Lab(lab)})
+    (tmp_path / "out" / "lab" / "figures" / "mine.png").write_bytes(b"")
+    with pytest.raises(InputError, match="towval did not make"):
+        check_results(tmp_path / "out", {"lab": Lab(lab)})
+    with pytest.raises(InputError, match="brace"):
+        check_results(tmp_path / "{x}", {"lab": Lab(lab)})

@@ -1,0 +1,139 @@
+"""Files and names of a campaign: any that a system allows work, or are refused by name; none blocks or unfolds."""
+
+import os
+import shutil
+import struct
+import zlib
+
+import pytest
+import yaml
+
+from towval.io.campaign import load_campaign
+from towval.io.images import read_gray
+from towval.io.video import Video
+from towval.model.errors import InputError
+
+
+@pytest.fixture
+def lab(tmp_path, lab_small):
+    folder = tmp_path / "lab"
+    shutil.copytree(lab_small / "calibration", folder / "calibration")
+    for name in ("a.mp4", "b.mp4", "campaign.yaml"):
+        shutil.copy(lab_small / name, folder)
+    return folder
+
+
+def changed(folder, change):
+    document = yaml.safe_load((folder / "campaign.yaml").read_text())
+    change(document)
+    (folder / "campaign.yaml").write_text(yaml.safe_dump(document, allow_unicode=True))
+    return folder
+
+
+NAMES = ["two words", "quo'te\"s", "ümläut", "a+b", "[x]", "{1}", "$x^$", "-dash", "1", "True", "figures", "x" * 200,
+         "<img src=x onerror=alert(1)>", "a;b&c|d", "%41", "~", "*", "\\back", "日本"]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_any_name_of_folder_picture_and_video_works(lab, name):
+    odd = lab.rename(lab.with_name(name))
+    (odd / "calibration" / "board_00.jpg").rename(odd / "calibration" / f"board_{name[:180]}.jpg")
+    (odd / "a.mp4").rename(odd / f"{name}.mp4")
+    campaign = load_campaign(changed(odd, lambda d: d["runs"]["a"].update(video=f"{name}.mp4")))
+    assert campaign.name == name
+    assert len(campaign.calibration_images) == 20
+    assert Video(campaign.runs["a"].video).header.resolution_px == (960, 540)
+
+
+@pytest.mark.parametrize("name", ["1", "True", "1_5", "on", "null", "x" * 200])
+def test_the_name_of_a_run_is_what_is_written(lab, name):
+    text = (lab / "campaign.yaml").read_text().replace("\n  a:", f"\n  {name}:")
+    (lab / "campaign.yaml").write_text(text)
+    assert set(load_campaign(lab).runs) == {name, "b"}
+
+
+@pytest.mark.parametrize("name", ["figures", "Logs", "1.5", "-a", "a b", "../a", "x" * 201, "ü", "~"])
+def test_the_name_of_a_run_is_refused_by_name(lab, name):
+    changed(lab, lambda d: d["runs"].update({name: d["runs"].pop("a")}))
+    with pytest.raises(InputError, match=r"runs|named"):
+        load_campaign(lab)
+
+
+def test_names_that_cannot_be_printed_are_refused_by_name(lab):
+    os.rename(lab / "calibration" / "board_00.jpg", os.fsencode(lab / "calibration") + b"/board_\xff.jpg")
+    with pytest.raises(InputError, match=r"cannot be printed\n.*udcff"):
+        load_campaign(lab)
+
+
+@pytest.mark.parametrize("kind", ["pipe", "dangling", "loop", "folder", "device", "missing"])
+@pytest.mark.parametrize("name", ["a.mp4", "calibration/floor.jpg", "calibration/board_00.jpg"])
+def test_what_is_no_plain_file_is_refused_by_key(lab, name, kind):
+    path = lab / name
+    path.unlink()
+    if kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "folder":
+        path.mkdir()
+    elif kind != "missing":
+        path.symlink_to({"dangling": "nowhere", "loop": path.name, "device": "/dev/zero"}[kind])
+    elif "board" in name:
+        return
+    with pytest.raises(InputError, match=r"runs\.a\.video|floor\.image|camera\.calibration_images"):
+        load_campaign(lab)
+
+
+@pytest.mark.parametrize(
+    "pattern", ["board_**", "/**/*.jpg", "../**/*.jpg", "nothing", "/dev/*", "a\0b", "[", "*" * 50]
+)
+def test_an_odd_pattern_is_one_message(lab, pattern):
+    changed(lab, lambda d: d["camera"].update(calibration_images=pattern))
+    with pytest.raises(InputError, match=r"calibration_images|cannot be printed|not valid YAML"):
+        load_campaign(lab)
+
+
+def test_absolute_and_upward_paths_are_read_where_they_are_written(lab, tmp_path):
+    shutil.move(lab / "calibration", tmp_path / "elsewhere")
+    shutil.move(lab / "a.mp4", tmp_path / "a.mp4")
+
+    def change(document):
+        document["camera"]["calibration_images"] = str(tmp_path / "elsewhere" / "board_*.jpg")
+        document["floor"]["image"] = "../elsewhere/floor.jpg"
+        document["floor"]["more_images"] = "../elsewhere/floor_*.jpg"
+        document["runs"]["a"]["video"] = "../a.mp4"
+
+    campaign = load_campaign(changed(lab, change))
+    assert len(campaign.calibration_images) == 20
+    assert set(campaign.files([campaign.runs["a"].video])) == {"../a.mp4"}
+
+
+def png(width, height, data=b""):
+    def chunk(kind, content):
+        return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
+
+    head = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(data)) + chunk(b"IEND", b"")
+
+
+def test_a_picture_that_unfolds_is_refused_by_its_size(tmp_path):
+    (tmp_path / "bomb.png").write_bytes(png(60_000, 60_000, bytes(10**7)))
+    with pytest.raises(InputError, match=r"60000 × 60000|no picture"):
+        read_gray(tmp_path / "bomb.png", (960, 540))
+
+
+@pytest.mark.parametrize("name", ["calibration/floor.jpg"])
+def test_a_picture_cut_off_is_refused(lab, name):
+    data = (lab / name).read_bytes()
+    assert read_gray(lab / name, (960, 540)).shape == (540, 960)
+    for share in (0.0, 0.3, 0.9, 0.999):
+        (lab / name).write_bytes(data[: int(share * len(data))])
+        with pytest.raises(InputError, match="no picture"):
+            read_gray(lab / name, (960, 540))
+
+
+def test_a_playlist_is_no_video(tmp_path):
+    """It names other files, or hosts, which FFmpeg would open."""
+    (tmp_path / "a.mp4").write_text(
+        "#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\nhttp://127.0.0.1:9/a.ts\n#EXT-X-ENDLIST\n"
+    )
+    with pytest.raises(InputError, match=r"a\.mp4"):
+        Video(tmp_path / "a.mp4")
