@@ -38,7 +38,7 @@ All stages at once, resumable and in parallel:
   snakemake --cores 2 --config campaign=lab_a
 
 An overview of all campaigns; a continuous integration fails where a run does not agree:
-  towval index     results results_of_last_year -o index.sqlite --fail-on "model error"
+  towval index     results results_of_last_year -o index.sqlite --fail-on disagrees
 
 --set KEY=VALUE changes a setting of the stage, a key of its section in config.yaml: --set excess=2.5
 """

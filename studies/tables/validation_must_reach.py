@@ -137,7 +137,7 @@ def verdict_rows(rows: list[dict[str, Any]]) -> Iterator[Row]:
     yield "no fault planted: agrees", text, "95 %", agreeing >= 0.95 * len(rows)
     for fault in FAULTS:
         large = [row[fault] for row in rows if row[fault]["size_in_u_val"] > 3]
-        found = [entry for entry in large if entry["verdict"] == Verdict.MODEL_ERROR]
+        found = [entry for entry in large if entry["verdict"] == Verdict.DISAGREES]
         good = bool(large) and len(found) >= 0.95 * len(large)
         yield f"{fault}, larger than 3 u_val: detected", f"{len(found)} of {len(large)}", "95 %", good
         if fault == "stripe":

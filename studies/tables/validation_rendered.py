@@ -53,7 +53,7 @@ def rendered_rows(count: int, folder: Path) -> Iterator[Row]:
     seed = FIRST_SEED
     for fault in CASES[:count]:
         seed = filmable(seed + 1, fault)
-        wanted = Verdict.MODEL_ERROR if fault else Verdict.AGREES
+        wanted = Verdict.DISAGREES if fault else Verdict.AGREES
         what = f"filmed, seed {seed}, {fault or 'as the model says'}"
         try:
             size, result = filmed_run(seed, fault, folder / str(seed))

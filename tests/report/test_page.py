@@ -162,7 +162,7 @@ def test_gravest_findings_come_first_and_shared_ones_once():
 
 def test_reason_of_a_verdict_is_what_the_comparison_says():
     finding = Finding(Severity.WARNING, "verdict", "Model-form error: it begins between 1.00 m and 1.20 m of the path.")
-    comparison = dataclasses.replace(towed_run().comparison, verdict=Verdict.MODEL_ERROR, findings=(finding,))
+    comparison = dataclasses.replace(towed_run().comparison, verdict=Verdict.DISAGREES, findings=(finding,))
     assert verdict_reason(comparison) == finding.text
     errors_reported = data(runs=(RunReport(towed_run(comparison=comparison)),))
     assert finding.code not in {f.code for f in collect_findings(errors_reported)}
@@ -185,12 +185,12 @@ def test_headline_counts_verdicts_and_spans_errors():
     runs = [
         dataclasses.replace(base, verdict=Verdict.AGREES, path_rms_m=0.002),
         dataclasses.replace(base, verdict=Verdict.AGREES, path_rms_m=0.0042),
-        dataclasses.replace(base, verdict=Verdict.MODEL_ERROR, path_rms_m=0.03),
+        dataclasses.replace(base, verdict=Verdict.DISAGREES, path_rms_m=0.03),
     ]
-    assert headline(runs).startswith("3 runs: 2 agree within their uncertainty, 1 shows a model error.")
+    assert headline(runs).startswith("3 runs: 2 agree, 1 disagrees.")
     assert "2.00 to 30.0 mm" in headline(runs)
     assert headline(runs[:1]).startswith(
-        "1 run: 1 agrees within its uncertainty. The simulated path of the object differs from the measured one by 2.00"
+        "1 run: 1 agrees. The simulated path of the object differs from the measured one by 2.00"
     )
 
 

@@ -1,11 +1,12 @@
 """Comparison: known errors, known verdicts, the place of a fault, missing frames."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from towval.model import RunUncertainty, SimulatedMotion, Verdict
+from towval.model import Draws, Finding, RunUncertainty, Severity, SimulatedMotion, Verdict, VisibleFault
 from towval.model.errors import InputError, RefusedError
-from towval.model.geometry import error_signature
 from towval.validation.compare import CompareSettings, compare
 
 N = 240
@@ -28,7 +29,7 @@ def simulated(measured, error):
     return SimulatedMotion(
         time_s,
         straight(time_s) + error,
-        zero,
+        np.tile([0.0, 0.25, 0.0], (N, 1)),
         zero[:, :2],
         zero[:, 0],
         "converged",
@@ -43,9 +44,12 @@ def known(level=1e-3, seed=0):
     rng = np.random.default_rng(seed)
     draws = rng.normal(size=(500, 1, 3)) * level + rng.normal(size=(500, N, 3)).cumsum(axis=1) * level / 50
     covariance = np.einsum("kni,knj->nij", draws, draws) / 500
-    signature = error_signature(draws)
-    spread = np.einsum("kmi,kmj->mij", signature, signature) / 500
-    return RunUncertainty(np.arange(N) / 25, covariance / 4, covariance, covariance, spread, 4.5, 0.99, {}, 500, 0)
+    measured = rng.normal(size=(500, N, 3)) * 1e-4
+    kept = Draws(np.arange(N), draws, measured, np.empty((500, 0)), {})
+    faults = (VisibleFault("rest length", 5 * level, "m", 5 * level, 6 * level, 0.3),)
+    return RunUncertainty(
+        np.arange(N) / 25, covariance / 4, covariance, covariance, 0.99, {}, 500, 0, draws=kept, faults=faults
+    )
 
 
 def test_a_constant_shift_is_measured_exactly(measured):
@@ -68,8 +72,10 @@ def test_an_error_that_begins_under_way_is_found_there(measured):
     """From 1.2 m on, 8 mm to the side: under the run's own uncertainty of its constant part, but not of its changes."""
     error = np.zeros((N, 3))
     error[N // 2 :, 0] = 0.008
-    result = compare("a", simulated(measured, error), measured, known(level=4e-3))
-    assert result.verdict == Verdict.MODEL_ERROR
+    settings = CompareSettings(tolerance_m=0.005)
+    result = compare("a", simulated(measured, error), measured, known(level=4e-3), settings)
+    assert result.verdict == Verdict.DISAGREES
+    assert result.shape_statistic > result.shape_limit
     text = next(finding.text for finding in result.findings if finding.code == "verdict")
     begin, end = (float(word.rstrip("m")) for word in text.split("between ")[1].split(" m of")[0].split(" m and "))
     assert begin <= 1.25
@@ -82,13 +88,14 @@ def test_no_fault_under_a_huge_uncertainty_is_no_agreement(measured):
     result = compare(
         "a", simulated(measured, np.zeros(3)), measured, known(level=0.05), CompareSettings(resolution_m=0.02)
     )
-    assert result.verdict == Verdict.TOO_UNCERTAIN
+    assert result.verdict == Verdict.CANNOT_TELL
+    assert result.detectable_m == pytest.approx(0.25)
 
 
 def test_a_fault_beyond_a_huge_uncertainty_is_still_a_fault(measured):
     error = np.zeros((N, 3))
     error[N // 2 :, 0] = 0.5
-    assert compare("a", simulated(measured, error), measured, known(level=0.05)).verdict == Verdict.MODEL_ERROR
+    assert compare("a", simulated(measured, error), measured, known(level=0.05)).verdict == Verdict.DISAGREES
 
 
 def test_lost_frames_take_no_part_and_are_told(make_track):
@@ -117,3 +124,82 @@ def test_nothing_seen_is_refused(make_track):
 def test_settings_out_of_range_are_refused():
     with pytest.raises(InputError, match=r"compare\.resolution_m"):
         CompareSettings(resolution_m=0)
+    with pytest.raises(InputError, match="former name"):
+        CompareSettings(resolution_m=0.02, tolerance_m=0.02)
+    with pytest.raises(InputError, match="bound_confidence"):
+        CompareSettings(bound_confidence=1.0)
+
+
+def test_a_difference_too_small_to_matter_is_reported_as_that(measured):
+    """Ten deviations, a millimetre: detected, and of no importance."""
+    result = compare("a", simulated(measured, np.array([0.001, 0, 0])), measured, known(level=1e-4))
+    assert result.size_statistic > result.size_limit
+    assert result.verdict == Verdict.AGREES
+    assert result.error_upper_m < 0.0015
+    assert "a difference is detected" in text_of(result, "verdict")
+
+
+def test_a_large_error_within_wide_deviations_is_no_agreement(measured):
+    """Of 29 mm where 20 matter, and inputs may well do that: neither agreement nor disagreement."""
+    vague = replace(known(level=0.02), faults=())
+    result = compare("a", simulated(measured, np.array([0.029, 0, 0])), measured, vague)
+    assert result.verdict == Verdict.CANNOT_TELL
+    assert result.error_upper_m == pytest.approx(0.029, abs=5e-4)
+    assert result.model_error_lower_m == 0
+
+
+def test_a_default_tolerance_is_said_and_a_stated_one_is_not(measured):
+    still = simulated(measured, np.zeros(3))
+    assert text_of(compare("a", still, measured, known()), "tolerance_default")
+    stated = compare("a", still, measured, known(), CompareSettings(tolerance_m=0.02))
+    assert not text_of(stated, "tolerance_default")
+    assert (stated.tolerance_m, stated.tolerance_stated) == (0.02, True)
+
+
+def test_findings_that_forbid_a_verdict_do(measured):
+    """Upstream, in the track and in the simulation alike; a note forbids nothing."""
+    moved = Finding(Severity.WARNING, "edges_not_found", "the edges are not there")
+    still = simulated(measured, np.zeros(3))
+    result = compare("a", still, measured, replace(known(), upstream=(moved,)))
+    assert result.verdict == Verdict.NOT_JUDGED
+    assert "edges_not_found" in text_of(result, "verdict")
+    assert "edges_not_found" in result.warnings.split()
+    assert compare("a", still, replace(measured, findings=(moved,)), known()).verdict == Verdict.NOT_JUDGED
+    note = replace(known(), upstream=(replace(moved, severity=Severity.NOTE),))
+    assert compare("a", still, measured, note).verdict == Verdict.AGREES
+
+
+def test_a_motion_of_which_less_than_half_was_seen_is_not_judged(make_track):
+    track = make_track(straight, body="object", duration_s=9.6, std=(1e-9,) * 3, lost=range(100, 230))
+    result = compare("a", simulated(track, np.zeros(3)), track, known())
+    assert result.verdict == Verdict.NOT_JUDGED
+    assert result.seen_share == pytest.approx(110 / 240)
+
+
+def test_an_object_that_hardly_moved_is_not_judged(measured):
+    result = compare(
+        "a", simulated(measured, np.zeros(3)), measured, known(), CompareSettings(tolerance_m=1.5 * LENGTH_M)
+    )
+    assert result.verdict == Verdict.NOT_JUDGED
+    assert "moved by" in text_of(result, "verdict")
+
+
+def text_of(result, code):
+    return " ".join(each.text for each in result.findings if each.code == code)
+
+
+def test_the_reason_of_a_rejection_names_the_inputs(measured):
+    """Drawn errors come from one input, a shift along; the run has eight of its deviations."""
+    rng = np.random.default_rng(5)
+    inputs = rng.normal(size=(500, 1))
+    draws = np.zeros((500, N, 3))
+    draws[:, :, 1] = 5e-3 * inputs
+    draws += 1e-4 * rng.normal(size=draws.shape)
+    names = {"rest_length": 1}
+    one = replace(known(), draws=Draws(np.arange(N), draws, 0.01 * draws, inputs, names))
+    result = compare("a", simulated(measured, np.array([0, 0.04, 0])), measured, one)
+    assert result.verdict == Verdict.DISAGREES
+    assert list(result.explanation.moved) == ["rest_length"]
+    assert result.explanation.moved["rest_length"] == pytest.approx(-8, abs=0.5)
+    assert "rest length (tether.rest_length_std_m) -8" in text_of(result, "explanation")
+    assert "of what happened" in text_of(result, "statement")

@@ -6,18 +6,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from studies.worlds.campaign import ANCHOR, HINGE, OBJECT, ROVER, towed_motion
-from studies.worlds.scenes import ceiling, drive
-from towval.model import Calibration, Camera, Floor, FrictionSpecification, Load, Patch, Tether, TowingScene, Verdict
+from studies.worlds.campaign import OBJECT, ROVER
+from towval.model import Camera, Floor, Tether, Verdict
 from towval.model.errors import InputError
 from towval.model.geometry import rigid_fit, transform
 from towval.optics.projection import project, to_plane
 from towval.validation.compare import compare
-from towval.validation.decimate import decimate
 from towval.validation.simulate import simulate
 from towval.validation.uncertainty import (
     _REST,
-    Case,
     UncertaintySampling,
     UncertaintySettings,
     _findings,
@@ -25,46 +22,7 @@ from towval.validation.uncertainty import (
     sample_uncertainty,
     variance_shares,
 )
-
-DEVIATIONS = {
-    "friction": 0.005,
-    "body_mass": 0.04,
-    "load_mass": 0.015,
-    "load_at": 0.001,
-    "anchor": 0.001,
-    "hinge": 0.001,
-    "rest_length": 0.001,
-    "stiffness": 40.0,
-}
-PARAMETER_STD = np.array([0.4, 0.4, 0.3, 0.3, 4e-4, 4e-4, *np.zeros(6), *[2e-4] * 3, *[4e-4] * 3])
-
-
-@pytest.fixture(scope="module")
-def calibration():
-    camera, floor = ceiling((960, 540), focal_px=780.0)
-    return Calibration(camera, floor, np.diag(PARAMETER_STD**2), 0.05)
-
-
-@pytest.fixture(scope="module")
-def case(calibration, make_track):
-    """A run of four seconds: truth by the cell sum, measured with noise."""
-    rover = drive((-0.15, 0.05, 0.1), speed=0.25, turn=0.5, rest_s=0.3)
-    times = np.arange(100) / 25
-    towed = towed_motion(rover, (-1.2, 0.0, 0.15), times)
-    rover_track = make_track(lambda t: np.array([rover(x) for x in t]), duration_s=4.0, seed=1)
-    object_track = make_track(lambda t: towed, body="object", duration_s=4.0, seed=2)
-    scene = TowingScene(
-        Patch(OBJECT.top_corners_m),
-        4.0,
-        Load(1.5, np.array([-0.15, 0.08]), np.array([0.1, 0.1, 0.0])),
-        ANCHOR,
-        HINGE,
-        Tether(0.6, 800.0),
-        FrictionSpecification(0.35, 0.35, 0.005, 0.05),
-    )
-    thin, thin_object = decimate(rover_track), decimate(object_track)
-    simulated = simulate(scene, thin, thin_object, times)
-    return Case(scene, DEVIATIONS, calibration, ROVER, OBJECT, rover_track, thin, object_track, thin_object, simulated)
+from validation_case import DEVIATIONS, PARAMETER_STD
 
 
 def test_shares_of_a_polynomial_are_those_of_its_coefficients():
@@ -116,7 +74,8 @@ def test_a_right_model_agrees_and_the_same_seed_gives_the_same(case):
     assert 0 < comparison.u_measurement_m < comparison.u_val_m < 0.01
     again = sample_uncertainty(case, replace(settings, processes=2))
     np.testing.assert_array_equal(again.validation, uncertainty.validation)
-    assert again.signature_limit == uncertainty.signature_limit
+    np.testing.assert_array_equal(again.draws.error, uncertainty.draws.error)
+    assert again.faults == uncertainty.faults
 
 
 def test_more_draws_keep_those_that_were_made(case):
@@ -153,7 +112,8 @@ def test_a_longer_tether_is_found(case):
     simulated = simulate(wrong.scene, case.rover_decimated, case.object_decimated, case.object_track.time_s)
     wrong = replace(wrong, simulated=simulated)
     comparison = compare("a", simulated, case.object_track, sample_uncertainty(wrong, UncertaintySettings(samples=64)))
-    assert comparison.verdict == Verdict.MODEL_ERROR
+    assert comparison.verdict == Verdict.DISAGREES
+    assert comparison.model_error_lower_m > 0.02
 
 
 def test_a_huge_uncertainty_is_no_agreement(case):
@@ -161,7 +121,8 @@ def test_a_huge_uncertainty_is_no_agreement(case):
     comparison = compare(
         "a", case.simulated, case.object_track, sample_uncertainty(vague, UncertaintySettings(samples=64))
     )
-    assert comparison.verdict == Verdict.TOO_UNCERTAIN
+    assert comparison.verdict == Verdict.CANNOT_TELL
+    assert "hinge (rover.tether_hinge_std_m)" in next(f.text for f in comparison.findings if f.code == "verdict")
 
 
 @pytest.mark.parametrize("bad", [{"samples": 100}, {"confidence": 1.0}, {"tolerance_m": 1.0}, {"processes": 0}])
@@ -180,9 +141,10 @@ def test_the_numerical_uncertainty_is_in_u_val_wherever_it_is_used(case):
     assert results[0].u_val_m == pytest.approx(np.hypot(results[1].u_val_m, 0.01), rel=1e-9)
     assert results[0].u_input_m == results[1].u_input_m
     assert results[0].ratio_max < results[1].ratio_max
-    grown = with_it.signature - without.signature
-    np.testing.assert_allclose(grown, np.broadcast_to(np.diag([5e-5, 5e-5, 0]), grown.shape), atol=1e-12)
-    assert with_it.signature_limit == without.signature_limit
+    grown = with_it.draws.error - without.draws.error
+    assert np.std(grown[:, 0, :2], axis=0) == pytest.approx(0.01 / np.sqrt(2), rel=0.3)
+    assert not grown[..., 2].any()
+    assert np.ptp(grown, axis=1).max() < 1e-15
 
 
 def test_the_main_input_is_named_and_draws_that_fail_are_counted():

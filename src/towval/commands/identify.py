@@ -47,7 +47,7 @@ def _measured(name: str, paths: Mapping[str, Path]) -> MeasuredRun:
         towed=thin["object"],
         object_track=read_tracks(paths["track"])["object"],
         time_s=simulated.time_s,
-        measurement=read_uncertainty(paths["uncertainty"]).measurement,
+        measurement=read_uncertainty(paths["uncertainty"], draws=False).measurement,
         rung=simulated.rung,
         sticking=bool(simulated.statistics.get(STICKING, 0.0)),
     )

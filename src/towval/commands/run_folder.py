@@ -41,5 +41,5 @@ def read_run(campaign: Campaign, name: str, folder: Path, camera: Path | None = 
         simulated=read_simulated(paths["simulate"]),
         comparison=read_comparison(paths["compare"]),
         decimated=read_decimated(paths["decimate"])["rover"],
-        uncertainty=read_uncertainty(paths["uncertainty"]),
+        uncertainty=read_uncertainty(paths["uncertainty"], draws=False),
     )

@@ -34,6 +34,7 @@ def run(
         tracks,
         thin,
         read_simulated(files["simulate"]),
+        name,
     )
     measured = measurement_std_m(case.calibration, case.towed, seen_places(case.object_track))
     with progress(f"uncertainty {name}", None if auto else settings.samples, "draw") as done:

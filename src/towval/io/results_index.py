@@ -23,7 +23,7 @@ UNFINISHED = "unfinished"
 """In place of a verdict: the run has no comparison yet."""
 
 _KEY = ("source", "campaign", "run")
-_MEASURES = tuple(name for name in COLUMNS if name not in ("run", "verdict"))
+_MEASURES = tuple(name for name in COLUMNS if name not in ("run", "verdict", "findings"))
 _SHAPES = {
     "runs": (*_KEY, "state", "verdict", *_MEASURES, "main_input", "main_share", "version", "made_s", "cpu_s", "wall_s"),
     "findings": (*_KEY, "stage", "code", "severity", "text"),

@@ -179,6 +179,23 @@ def cloud_points(message: Any) -> Array:
     return np.frombuffer(np.asarray(message.data).tobytes(), dtype="<f4").reshape(message.width, -1).astype(np.float64)
 
 
+def number_array(values: Array) -> Any:
+    """Numbers (n, k) as 32-bit floats, in a message without a stamp."""
+    data = np.ascontiguousarray(values, dtype=np.float32)
+    n, k = data.shape
+    dimensions = [
+        make("std_msgs/msg/MultiArrayDimension", label=label, size=size, stride=stride)
+        for label, size, stride in (("rows", n, n * k), ("columns", k, k))
+    ]
+    layout = make("std_msgs/msg/MultiArrayLayout", dim=dimensions, data_offset=0)
+    return make("std_msgs/msg/Float32MultiArray", layout=layout, data=data.ravel())
+
+
+def numbers_of(message: Any) -> Array:
+    """The numbers (n, k) of :func:`number_array`."""
+    return np.asarray(message.data, dtype=np.float64).reshape(-1, message.layout.dim[1].size)
+
+
 def wrench(time_s: float, frame: str, force: Array, torque_z: float = 0.0) -> Any:
     """A stamped planar wrench."""
     value = make("geometry_msgs/msg/Wrench", force=vector(force[0], force[1]), torque=vector(0, 0, torque_z))

@@ -12,13 +12,18 @@ from towval.model import Comparison
 COLUMNS = (
     "run", "path_rms_m", "path_max_m", "heading_rms_rad", "path_length_m", "u_num_m", "u_input_m", "u_measurement_m",
     "u_val_m", "verdict", "tracked_frames", "lost_frames", "final_error_m", "frechet_m", "area_along_m",
-    "area_across_m", "ratio_max", "aligned_rms_m",
+    "area_across_m", "ratio_max", "aligned_rms_m", "tolerance_m", "error_upper_m", "model_error_lower_m",
+    "model_error_upper_m", "detectable_m", "seen_share", "size_statistic", "size_limit", "shape_statistic",
+    "shape_limit", "input_statistic", "input_limit", "findings",
 )  # fmt: skip
+_FIELDS = {"findings": "warnings"}
 
 
 def summary_table(comparisons: Sequence[Comparison]) -> pd.DataFrame:
     """The summary of runs as a table with the columns :data:`COLUMNS`; lengths in metres, angles in radians."""
-    return pd.DataFrame([[getattr(c, name) for name in COLUMNS] for c in comparisons], columns=list(COLUMNS))
+    return pd.DataFrame(
+        [[getattr(c, _FIELDS.get(name, name)) for name in COLUMNS] for c in comparisons], columns=list(COLUMNS)
+    )
 
 
 def summary_csv(comparisons: Sequence[Comparison]) -> str:

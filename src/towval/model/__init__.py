@@ -19,7 +19,8 @@ from towval.model.choices import Choice
 from towval.model.findings import Finding, Severity
 from towval.model.friction import FrictionLaw, check_friction_law
 from towval.model.identification import Identification, Prediction
-from towval.model.results import Comparison, RunUncertainty, SimulatedMotion, TimedPath, Verdict
+from towval.model.results import Comparison, RunUncertainty, SimulatedMotion, TimedPath
+from towval.model.statement import Bounds, Draws, Explanation, Verdict, VisibleFault
 from towval.model.towing import (
     FloorRegion,
     FrictionSpecification,
@@ -35,9 +36,10 @@ from towval.model.towing import (
 from towval.model.tracks import Body, DecimatedTrack, Features, Track, TrackStatus
 
 __all__ = [
-    "CALIBRATION_PARAMETERS", "DISTORTION_NAMES", "Array", "Board", "Body", "Calibration", "Camera", "Choice",
-    "Comparison", "DecimatedTrack", "Features", "Finding", "Floor", "FloorReference", "FloorRegion", "FrictionLaw",
-    "FrictionSpecification", "Ground", "Identification", "Load", "MassSpread", "Patch", "Prediction", "RunUncertainty",
-    "Severity", "SimulatedMotion", "Sliding", "Tether", "TimedPath", "TowedObject", "TowingScene", "Track",
-    "TrackStatus", "UncertaintyMap", "Verdict", "View", "check_friction_law", "locked",
+    "CALIBRATION_PARAMETERS", "DISTORTION_NAMES", "Array", "Board", "Body", "Bounds", "Calibration", "Camera",
+    "Choice", "Comparison", "DecimatedTrack", "Draws", "Explanation", "Features", "Finding", "Floor",
+    "FloorReference", "FloorRegion", "FrictionLaw", "FrictionSpecification", "Ground", "Identification", "Load",
+    "MassSpread", "Patch", "Prediction", "RunUncertainty", "Severity", "SimulatedMotion", "Sliding", "Tether",
+    "TimedPath", "TowedObject", "TowingScene", "Track", "TrackStatus", "UncertaintyMap", "Verdict", "View",
+    "VisibleFault", "check_friction_law", "locked",
 ]  # fmt: skip

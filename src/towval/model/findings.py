@@ -279,7 +279,17 @@ register(  # uncertainty, compare, identify
     FindingType(
         "draws_left_out", "uncertainty", WARNING, NONE, "{count} draws could not be simulated and were left out."
     ),
-    FindingType("verdict", "compare", _NOTE_OR_WARNING, NONE, "{statement}; {signature}."),
+    FindingType(
+        "widened", "uncertainty", WARNING, NONE,
+        "The deviation of {input} counts {factor:g} times, because of: {codes}.",
+    ),
+    FindingType("verdict", "compare", _NOTE_OR_WARNING, NONE, "{statement}."),
+    FindingType("statement", "compare", NOTE, NONE, "{off}. {model}. {visible}."),
+    FindingType("explanation", "compare", NOTE, NONE, "{text}."),
+    FindingType(
+        "tolerance_default", "compare", NOTE, NONE,
+        "That an error of {tolerance_mm:g} mm matters is a default: state compare.tolerance_m.",
+    ),
     FindingType(
         "compare_lost", "compare", WARNING, NONE,
         "{count} frames in which the object was not observed are left out of the comparison.",

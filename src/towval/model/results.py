@@ -1,6 +1,5 @@
 """What simulation, uncertainty analysis and comparison give."""
 
-import enum
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -9,6 +8,7 @@ from towval.model.checks import Array, lock, locked, short_repr
 from towval.model.choices import Choice
 from towval.model.errors import InputError
 from towval.model.findings import Finding
+from towval.model.statement import Bounds, Draws, Explanation, Verdict, VisibleFault
 
 
 @dataclass(frozen=True)
@@ -62,25 +62,25 @@ class RunUncertainty:
 
     ``time_s`` (n,); covariances (n, 3, 3) of x, y and heading [m², m rad, rad²]: ``measurement`` of the measured pose,
     ``simulation`` of the simulated one due to all that it was given, ``validation`` of their difference, in which what
-    both share (the camera) is counted once. ``signature`` (m, 3, 3) is the covariance of the error's signature (see
-    :func:`towval.model.geometry.error_signature`), and ``signature_limit`` what the largest of its normalised entries
-    does not exceed with probability ``confidence`` where the model is right. ``shares`` of the path error's variance by
-    input, first order; ``samples`` how many were drawn, from ``seed``; ``choices`` what
-    that number was chosen against.
+    both share (the camera) is counted once. ``confidence`` of the limits that a right model keeps; ``shares`` of the
+    path error's variance by input, first order; ``samples`` how many were drawn, from ``seed``; ``choices`` what that
+    number was chosen against; ``upstream`` the findings of the stages before; ``draws`` what was drawn and where it
+    led, None where a file was read without; ``faults`` the smallest that show.
     """
 
     time_s: Array
     measurement: Array
     simulation: Array
     validation: Array
-    signature: Array
-    signature_limit: float
     confidence: float
     shares: dict[str, float]
     samples: int
     seed: int
     findings: tuple[Finding, ...] = ()
     choices: tuple[Choice, ...] = ()
+    upstream: tuple[Finding, ...] = ()
+    draws: Draws | None = None
+    faults: tuple[VisibleFault, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.time_s)
@@ -88,20 +88,6 @@ class RunUncertainty:
         for name in ("measurement", "simulation", "validation"):
             value = locked(getattr(self, name), f"RunUncertainty.{name}", (n, 3, 3), finite=False)
             object.__setattr__(self, name, value)
-        lock(self, signature=(None, 3, 3))
-
-
-class Verdict(enum.StrEnum):
-    """What the comparison of a run allows to say, in the form of ASME V&V 20."""
-
-    AGREES = "agrees"
-    """The error is within the validation uncertainty, and that is small enough to mean something."""
-    MODEL_ERROR = "model error"
-    """The error exceeds the validation uncertainty: the model's form is wrong, and it shows."""
-    TOO_UNCERTAIN = "too uncertain"
-    """The validation uncertainty is too large to tell."""
-    NOT_JUDGED = "not judged"
-    """An uncertainty is missing, so no verdict is given."""
 
 
 @dataclass(frozen=True)
@@ -114,6 +100,15 @@ class Comparison:
     verdict is "not judged". ``frechet_m`` and the area metrics are unaligned, too (see
     :mod:`towval.validation.metrics`); only ``aligned_rms_m`` comes after the rigid motion that brings the whole
     simulated path closest to the measured one.
+
+    ``tolerance_m`` is the error that matters, a default unless ``tolerance_stated``. ``error_upper_m`` bounds what the
+    simulation was off at most in this run (E with u_D), ``model_error_lower_m`` and ``model_error_upper_m`` what of it
+    can be the model's (E with u_val), all of the largest position error; all sizes are in ``bounds``.
+    ``size_statistic``, ``shape_statistic`` and ``input_statistic`` with their limits test "the model is right, inputs
+    are within their deviations".
+    ``detectable_m`` is the path error, RMS, from which on half of the kinds of ``faults`` show;
+    ``seen_share`` the share of the frames of the motion in which the object was seen; ``explanation`` what would
+    explain the error; ``warnings`` the codes of all findings that are no notes, separated by spaces.
     """
 
     run: str
@@ -137,6 +132,23 @@ class Comparison:
     area_along_m: float = float("nan")
     area_across_m: float = float("nan")
     aligned_rms_m: float = float("nan")
+    tolerance_m: float = float("nan")
+    tolerance_stated: bool = False
+    error_upper_m: float = float("nan")
+    model_error_lower_m: float = float("nan")
+    model_error_upper_m: float = float("nan")
+    detectable_m: float = float("nan")
+    seen_share: float = float("nan")
+    size_statistic: float = float("nan")
+    size_limit: float = float("nan")
+    shape_statistic: float = float("nan")
+    shape_limit: float = float("nan")
+    input_statistic: float = float("nan")
+    input_limit: float = float("nan")
+    warnings: str = ""
+    bounds: Bounds = field(default_factory=Bounds)
+    faults: tuple[VisibleFault, ...] = ()
+    explanation: Explanation | None = None
     findings: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:

@@ -15,15 +15,15 @@ Table = tuple[tuple[str, tuple[str, ...]], ...]
 Rows = tuple[tuple[str, ...], ...]
 """Rows of a table; the first cell is the row's name."""
 
-VERDICT_CODE = "verdict"
-"""Code of the finding in which the comparison states the reason for its verdict."""
+VERDICT_CODES = ("verdict", "statement", "explanation", "tolerance_default")
+"""Codes of the findings in which the comparison states its verdict, the reason and what would explain the error."""
 
 _UNCERTAINTIES = (("u_num_m", "numerical"), ("u_input_m", "inputs"), ("u_measurement_m", "measurement"))
 
 _VERDICT_PHRASES = {
-    Verdict.AGREES: ("agrees within its uncertainty", "agree within their uncertainty"),
-    Verdict.MODEL_ERROR: ("shows a model error", "show a model error"),
-    Verdict.TOO_UNCERTAIN: ("is too uncertain to judge", "are too uncertain to judge"),
+    Verdict.AGREES: ("agrees", "agree"),
+    Verdict.DISAGREES: ("disagrees", "disagree"),
+    Verdict.CANNOT_TELL: ("cannot be told", "cannot be told"),
     Verdict.NOT_JUDGED: ("not judged", "not judged"),
 }
 
@@ -69,7 +69,7 @@ def headline(comparisons: list[Comparison]) -> str:
 
 def verdict_reason(comparison: Comparison) -> str:
     """Reason for a run's verdict: the comparison's own, else the uncertainties that are missing."""
-    stated = [finding.text for finding in comparison.findings if finding.code == VERDICT_CODE]
+    stated = [finding.text for finding in comparison.findings if finding.code in VERDICT_CODES]
     if stated:
         return " ".join(stated)
     missing = [name for field, name in _UNCERTAINTIES if not np.isfinite(getattr(comparison, field))]
@@ -130,10 +130,17 @@ def metric_facts(c: Comparison) -> Facts:
         ("Discrete Fréchet distance, mm", decimal(1e3 * c.frechet_m)),
         ("Area metric of the error along the path, mm", decimal(1e3 * c.area_along_m)),
         ("Area metric of the error across the path, mm", decimal(1e3 * c.area_across_m)),
+        ("Size of the error, in those of right models, and limit", _of_limit(c.size_statistic, c.size_limit)),
+        ("Shape of the error, in deviations, and limit", _of_limit(c.shape_statistic, c.shape_limit)),
+        ("One input's effect, in deviations, and limit", _of_limit(c.input_statistic, c.input_limit)),
         ("|E| / u_val, largest", decimal(c.ratio_max)),
         ("|E| / u_val at most 2, % of the time", f"{100 * np.mean(known <= 2):.0f}" if len(known) else NOT_COMPUTED),
         ("Path RMS after rigid alignment (aligned), mm", decimal(1e3 * c.aligned_rms_m)),
     )
+
+
+def _of_limit(value: float, limit: float) -> str:
+    return f"{value:.2f} / {limit:.2f}" if np.isfinite(limit) else NOT_COMPUTED
 
 
 def key_numbers(c: Comparison) -> Facts:
@@ -142,6 +149,12 @@ def key_numbers(c: Comparison) -> Facts:
     return (
         ("Path error, RMS", millimetres(c.path_rms_m)),
         ("Path error, maximum", millimetres(c.path_max_m)),
+        ("Path error, upper bound of the maximum", millimetres(c.error_upper_m)),
+        (
+            "Error that the model can have",
+            f"{decimal(1e3 * c.model_error_lower_m)} to {millimetres(c.model_error_upper_m)}",
+        ),
+        ("Smallest visible fault, RMS", millimetres(c.detectable_m)),
         ("Path error, at the end", millimetres(c.final_error_m)),
         ("Heading error, RMS", degrees(c.heading_rms_rad)),
         ("RMS over path length", f"{decimal(100 * share)} %" if np.isfinite(share) else NOT_COMPUTED),

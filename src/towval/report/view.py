@@ -148,7 +148,7 @@ def collect_findings(data: ReportData) -> tuple[FindingView, ...]:
             ("compare", run.comparison.findings),
         ):
             # The reason for the verdict is part of the summary.
-            found += [(stage, run.name, f) for f in findings if f.code != facts.VERDICT_CODE]
+            found += [(stage, run.name, f) for f in findings if f.code not in facts.VERDICT_CODES]
     runs_of: dict[tuple[str, Finding], list[str]] = {}
     for stage, run_name, finding in found:
         runs_of.setdefault((stage, finding), []).append(run_name)

@@ -8,6 +8,7 @@ import numpy as np
 from towval.model import Body, Calibration, Choice, DecimatedTrack, RunUncertainty, SimulatedMotion, TowingScene, Track
 from towval.selection.margin import SHARE
 from towval.validation.metrics import position_rms
+from towval.validation.statistics import error_sizes
 from towval.validation.uncertainty import Case, UncertaintySampling, UncertaintySettings, sample_uncertainty
 
 DRAWS = (128, 256, 512, 1024, 2048)
@@ -24,10 +25,11 @@ def gather(
     tracks: Mapping[str, Track],
     decimated: Mapping[str, DecimatedTrack],
     simulated: SimulatedMotion,
+    run: str = "",
 ) -> Case:
     """A run as the sampling sees it, from what the campaign gave and the stages found.
 
-    ``bodies`` are rover and object; ``tracks`` and ``decimated`` hold theirs under these names.
+    ``bodies`` are rover and object; ``tracks`` and ``decimated`` hold theirs under these names; ``run`` its name.
     """
     rover, towed = bodies
     return Case(
@@ -41,6 +43,7 @@ def gather(
         object_track=tracks[towed.name],
         object_decimated=decimated[towed.name],
         simulated=simulated,
+        run=run,
     )
 
 
@@ -54,8 +57,8 @@ def sample_selecting(
 ) -> RunUncertainty:
     """Sample the uncertainty of a run; under ``auto`` with draws doubled until the result has settled.
 
-    Settled: the validation uncertainty changes by less than a third of the measurement uncertainty, and the limit of
-    the verdict by less than a tenth.
+    Settled: the validation uncertainty changes by less than a third of the measurement uncertainty, and the largest
+    error that 95 % of the draws keep by less than a tenth.
     """
     if not auto:
         found = sample_uncertainty(case, settings, progress)
@@ -68,10 +71,10 @@ def sample_selecting(
     for count in DRAWS[1:]:
         more = sampling.describe(count)
         change = abs(position_rms(more.validation) - position_rms(found.validation))
-        limits = more.signature_limit, found.signature_limit
-        settled = change <= SHARE * measurement_m and abs(limits[0] / limits[1] - 1) <= _SETTLED
+        spread = [np.quantile(error_sizes(each.draws.error)[:, 1], 0.95) for each in (more, found) if each.draws]
+        settled = change <= SHARE * measurement_m and abs(spread[0] / spread[1] - 1) <= _SETTLED
         choice = Choice("draws", f"{count}", f"{count // 2}", change, "of u_val")
         found = replace(more, choices=(choice,))
         if settled:
             break
-    return found
+    return sampling.visible_faults(found)

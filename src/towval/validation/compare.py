@@ -1,7 +1,8 @@
 """Stage compare: simulated against measured path of the object, unaligned."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -18,33 +19,48 @@ from towval.model import (
 )
 from towval.model.errors import InputError, RefusedError
 from towval.model.findings import finding
-from towval.model.geometry import (
-    error_signature,
-    normalised_signature,
-    rotation,
-    signature_blocks,
-    signature_entries,
-    wrapped,
-)
+from towval.model.statement import Bounds
+from towval.validation.consequences import forbidding
+from towval.validation.explain import explain, place
 from towval.validation.metrics import aligned_rms, area_metric, error_ratio, frechet_distance, position_rms
+from towval.validation.path_frame import PathFrame
+from towval.validation.statistics import SIZES, STATISTICS, RightModel, bounds
+from towval.validation.verdict import Evidence, statement_findings, verdict_of
 
-_STEP_M = 0.01
-"""Way after which direction and length of the path are read again [m]: long against noise, short against bends."""
+TOLERANCE_M = 0.02
+"""Error that matters where nobody says so."""
+
+_BLOCKS = 24
+_MOVING_M_PER_S = 2e-3
+"""Speed from which on the simulated object moves: above what a regularised law creeps."""
 
 
 @dataclass(frozen=True)
 class CompareSettings:
     """Keys of ``config["compare"]``.
 
-    ``resolution_m`` is the smallest path error that matters to whoever asks [m]: where twice the validation uncertainty
-    exceeds it, agreement says too little and the verdict is "too uncertain".
+    ``tolerance_m`` is the error of the path that matters to whoever asks [m], by default :data:`TOLERANCE_M`;
+    ``resolution_m`` its former name. ``bound_confidence`` of the bounds.
     """
 
-    resolution_m: float = 0.02
+    tolerance_m: float | None = None
+    resolution_m: float | None = None
+    bound_confidence: float = 0.95
 
     def __post_init__(self) -> None:
-        if not self.resolution_m > 0:
-            raise InputError("compare.resolution_m is out of range", got=self.resolution_m, allowed="above 0 m")
+        for name in ("tolerance_m", "resolution_m"):
+            value = getattr(self, name)
+            if value is not None and not value > 0:
+                raise InputError(f"compare.{name} is out of range", got=value, allowed="above 0 m")
+        if None not in (self.tolerance_m, self.resolution_m):
+            raise InputError("compare.resolution_m is the former name of tolerance_m", remedy="state one of them")
+        if not 0.5 <= self.bound_confidence < 1:
+            raise InputError("compare.bound_confidence is out of range", got=self.bound_confidence, allowed="0.5 to 1")
+
+    @property
+    def stated_m(self) -> float | None:
+        """The error that matters as stated [m], None where it is not."""
+        return self.tolerance_m if self.tolerance_m is not None else self.resolution_m
 
 
 def compare(
@@ -68,8 +84,8 @@ def compare(
     Returns
     -------
     Comparison
-        Errors over time, their summary, and the verdict in the terms of ASME V&V 20: E against u_val (see
-        :func:`towval.validation.uncertainty.with_numerical`).
+        Errors over time, their summary, bounds and the verdict in the terms of ASME V&V 20: E against u_val (see
+        :func:`towval.validation.uncertainty.with_numerical` and docs/validation.md).
 
     Raises
     ------
@@ -77,25 +93,20 @@ def compare(
         When no simulated frame was seen.
     """
     settings = settings or CompareSettings()
-    rows = np.minimum(np.searchsorted(measured.time_s, simulated.time_s - 1e-9), len(measured.time_s) - 1)
-    pose = np.where(measured.seen[rows, None], measured.pose[rows], np.nan)
-    seen = np.isfinite(pose[:, 0])
+    frame = PathFrame(measured, simulated.time_s)
+    pose, seen, rows = frame.pose, frame.seen, frame.rows
     if not seen.any():
         raise RefusedError(
             f"run {run} cannot be compared",
             got="no simulated frame in which the object was seen",
             remedy="look at the findings of the stage track",
         )
-    error = simulated.pose - pose
-    error[:, 2] = wrapped(error[:, 2])
+    error = frame.error(simulated.pose)
     distance = np.linalg.norm(error[:, :2], axis=1)
     u_val = position_rms(uncertainty.validation)
-    turn = rotation(_directions(pose))
-    along_across = np.einsum("nji,nj->ni", turn, error[:, :2])
-    path_covariance = turn.transpose(0, 2, 1) @ uncertainty.validation[:, :2, :2] @ turn
-    path_std = np.sqrt(np.diagonal(path_covariance, axis1=1, axis2=2))
-    verdict, reason = _verdict(error, along_across, pose, uncertainty, u_val, settings)
-    return Comparison(
+    along_across = frame.along_across(error)[:, :2]
+    path_std = np.sqrt(np.diagonal(frame.covariance(uncertainty.validation[:, :2, :2]), axis1=1, axis2=2))
+    found = Comparison(
         run=run,
         time_s=simulated.time_s,
         error=error,
@@ -105,98 +116,124 @@ def compare(
         path_max_m=float(np.nanmax(distance)),
         final_error_m=float(distance[seen][-1]),
         heading_rms_rad=_rms(error[:, 2]),
-        path_length_m=float(_arc_length(pose)[-1]),
+        path_length_m=float(frame.length[-1]),
         u_num_m=simulated.statistics["u_num_m"],
         u_input_m=position_rms(uncertainty.simulation),
         u_measurement_m=position_rms(uncertainty.measurement),
         u_val_m=u_val,
-        verdict=verdict,
+        verdict=Verdict.NOT_JUDGED,
         tracked_frames=int(np.count_nonzero(measured.status[rows] == TrackStatus.TRACKED)),
         lost_frames=int(np.count_nonzero(measured.status[rows] != TrackStatus.TRACKED)),
         frechet_m=frechet_distance(simulated.pose[seen, :2], pose[seen, :2]),
         area_along_m=area_metric(along_across[:, 0], path_std[:, 0]),
         area_across_m=area_metric(along_across[:, 1], path_std[:, 1]),
         aligned_rms_m=aligned_rms(simulated.pose[seen, :2], pose[seen, :2]),
-        findings=(reason, *_findings(measured, simulated)),
+    )
+    return _judged(found, simulated, measured, uncertainty, settings)
+
+
+def _judged(
+    found: Comparison,
+    simulated: SimulatedMotion,
+    measured: Track,
+    uncertainty: RunUncertainty,
+    settings: CompareSettings,
+) -> Comparison:
+    """The comparison with bounds, statistics, verdict and what is to be said of them."""
+    tolerance_m = settings.stated_m or TOLERANCE_M
+    parts = _tested(found, measured, uncertainty, settings)
+    visible = sorted(fault.shift_rms_m if np.isfinite(fault.size) else np.inf for fault in uncertainty.faults)
+    detectable_m = float(visible[(len(visible) - 1) // 2]) if visible else float("nan")
+    moving = np.linalg.norm(simulated.twist[:, :2], axis=1) > _MOVING_M_PER_S
+    seen = np.isfinite(found.error[:, 0])
+    seen_share = float(np.mean(seen[moving])) if moving.any() else float(np.mean(seen))
+    upstream = (*uncertainty.upstream, *measured.findings, *simulated.findings)
+    evidence = Evidence(
+        tolerance_m=tolerance_m,
+        detectable_m=detectable_m,
+        seen_share=seen_share,
+        moved_m=found.path_length_m,
+        forbidding=forbidding(upstream),
+        shares=uncertainty.shares,
+        **parts,
+    )
+    verdict, reason = verdict_of(evidence)
+    said = statement_findings(evidence, uncertainty.faults, settings.bound_confidence)
+    findings = (reason, *said, *_findings(measured, simulated))
+    if settings.stated_m is None:
+        findings = (*findings, finding("tolerance_default", tolerance_mm=1e3 * tolerance_m))
+    every = (*upstream, *uncertainty.findings, *findings)
+    codes = dict.fromkeys(each.code for each in every if each.severity is not Severity.NOTE)
+    model = evidence.bounds.model.get("position_max", (float("nan"),) * 2)
+    numbers: dict[str, Any] = {f"{name}_statistic": value for name, value in evidence.statistics.items()}
+    numbers |= {f"{name}_limit": value for name, value in evidence.limits.items()}
+    return replace(
+        found,
+        verdict=verdict,
+        tolerance_m=tolerance_m,
+        tolerance_stated=settings.stated_m is not None,
+        error_upper_m=evidence.upper_m,
+        model_error_lower_m=model[0],
+        model_error_upper_m=model[1],
+        detectable_m=detectable_m,
+        seen_share=seen_share,
+        warnings=" ".join(codes),
+        bounds=evidence.bounds,
+        faults=uncertainty.faults,
+        explanation=evidence.explanation,
+        findings=findings,
+        **numbers,
     )
 
 
-def _verdict(
-    error: Array, along_across: Array, pose: Array, uncertainty: RunUncertainty, u_val: float, settings: CompareSettings
-) -> tuple[Verdict, Finding]:
-    """The verdict and the sentence that gives its reason.
+def _tested(
+    found: Comparison, measured: Track, uncertainty: RunUncertainty, settings: CompareSettings
+) -> dict[str, Any]:
+    """Bounds, statistics, limits and explanation, as far as there are draws and times to get them from."""
+    draws = uncertainty.draws
+    nothing = {"bounds": Bounds(), "statistics": {}, "limits": {}, "explanation": None, "where": ""}
+    if draws is None:
+        return nothing
+    frame = PathFrame(measured, found.time_s[draws.rows])
+    if np.count_nonzero(frame.seen) < _BLOCKS:
+        return nothing
+    error, drawn, off = (
+        frame.along_across(each)[..., frame.seen, :]
+        for each in (found.error[draws.rows], draws.error, draws.measurement)
+    )
+    right = RightModel.of(drawn, draws.inputs, uncertainty.confidence)
+    length = frame.length[frame.seen]
+    statistics = dict(zip(STATISTICS, map(float, right.statistics(error)), strict=True))
+    limits = dict(zip(STATISTICS, map(float, right.limits), strict=True))
+    both = 0.5 * (1 + settings.bound_confidence)
+    return {
+        "bounds": Bounds(_named(bounds(error, off, settings.bound_confidence)), _named(bounds(error, drawn, both))),
+        "statistics": statistics,
+        "limits": limits,
+        "explanation": explain(error, right, draws.column_names, length),
+        "where": _where(error, frame.pose[frame.seen], length, place(error, right, length)),
+    }
 
-    A fault of the model is detected when an entry of the error's signature, in units of its deviation, exceeds what
-    the largest entry of a right model exceeds once in ``1 / (1 − confidence)`` runs.
-    """
-    normalised = normalised_signature(error_signature(error), uncertainty.signature).max(axis=1)
-    peak, limit = float(np.nanmax(normalised)), uncertainty.signature_limit
-    signature = f"the error's signature reaches {peak:.1f} of its deviations, a correct model's {limit:.1f}"
-    if peak > limit:
-        where = f"Model-form error: {_where(error, along_across, pose, normalised, limit)}"
-        return Verdict.MODEL_ERROR, finding("verdict", Severity.WARNING, statement=where, signature=signature)
-    if 2 * u_val > settings.resolution_m:
-        hidden = (
-            f"Too uncertain to tell: an error up to {2000 * u_val:.0f} mm could hide in the uncertainty, and errors "
-            f"from {1000 * settings.resolution_m:.0f} mm on matter"
-        )
-        return Verdict.TOO_UNCERTAIN, finding("verdict", Severity.WARNING, statement=hidden, signature=signature)
-    agrees = f"Agrees within the validation uncertainty of {1000 * u_val:.1f} mm (one deviation)"
-    return Verdict.AGREES, finding("verdict", statement=agrees, signature=signature)
+
+def _named(found: Array) -> dict[str, tuple[float, float]]:
+    return {name: (float(low), float(high)) for name, low, high in zip(SIZES, *found, strict=True)}
 
 
-def _where(error: Array, along_across: Array, pose: Array, normalised: Array, limit: float) -> str:
+def _where(error: Array, pose: Array, length: Array, begins: tuple[float, float]) -> str:
     """Where on the path the error begins, how large it becomes and in which direction."""
-    entries = signature_entries()
-    blocks = signature_blocks(len(error))
-    length = _arc_length(pose)
-    # The entry that exceeds and ends first says when the error shows; a change also says since when it has grown.
-    exceeding = [entry for entry, value in zip(entries, normalised, strict=True) if value > limit]
-    first = min(exceeding, key=lambda entry: (entry.last, -entry.first))
-    begin, end = int(blocks[first.first][-1]), int(blocks[first.last][-1])
-    place = pose[begin] if np.isfinite(pose[begin, 0]) else pose[np.flatnonzero(np.isfinite(pose[:, 0]))[0]]
-    rest = slice(begin, None)
-    worst = begin + int(np.nanargmax(np.linalg.norm(error[rest, :2], axis=1)))
-    along, across = 1000 * along_across[worst]
-    turn = np.degrees(error[rest, 2])
-    heading = float(turn[np.nanargmax(np.abs(turn))])
-    return (
-        f"it begins between {length[begin]:.2f} m and {length[end]:.2f} m of the path, near ({place[0]:.2f}, "
-        f"{place[1]:.2f}) m, and reaches {along:+.1f} mm along, {across:+.1f} mm across and {heading:+.2f}°"
-    )
+    begin = int(np.searchsorted(length, begins[0])) if np.isfinite(begins[0]) else 0
+    rest = error[begin:]
+    along, across, _ = 1e3 * rest[np.argmax(np.hypot(rest[:, 0], rest[:, 1]))]
+    heading = float(np.degrees(rest[np.argmax(np.abs(rest[:, 2])), 2]))
+    start = (
+        f"it begins between {begins[0]:.2f} m and {begins[1]:.2f} m of the path, near ({pose[begin, 0]:.2f}, "
+        f"{pose[begin, 1]:.2f}) m, and" if np.isfinite(begins[0]) else "it is there all along and"
+    )  # fmt: skip
+    return f"{start} reaches {along:+.1f} mm along, {across:+.1f} mm across and {heading:+.2f}°"
 
 
 def _rms(values: Array) -> float:
     return float(np.sqrt(np.nanmean(values**2)))
-
-
-def _directions(pose: Array) -> Array:
-    """Direction (n,) of the measured path [rad]; where the object rests, its last one; NaN where it never moves."""
-    direction = np.full(len(pose), np.nan)
-    seen = np.flatnonzero(np.isfinite(pose[:, 0]))
-    anchor = pose[seen[0], :2]
-    for i in seen:
-        step = pose[i, :2] - anchor
-        if step @ step > _STEP_M**2:
-            direction[i], anchor = np.arctan2(step[1], step[0]), pose[i, :2]
-    known = np.flatnonzero(np.isfinite(direction))
-    if len(known) == 0:
-        return direction
-    return direction[known[np.clip(np.searchsorted(known, np.arange(len(pose))), 0, len(known) - 1)]]
-
-
-def _arc_length(pose: Array) -> Array:
-    """Arc length (n,) of the measured path [m], read at steps longer than the noise, so that a rest adds nothing."""
-    length, total, corner = np.zeros(len(pose)), 0.0, None
-    for i, position in enumerate(pose[:, :2]):
-        if np.isfinite(position[0]):
-            if corner is None:
-                corner = position
-            path = float(np.linalg.norm(position - corner))
-            if path > _STEP_M:
-                total, corner = total + path, position
-        length[i] = total
-    return length
 
 
 def _findings(measured: Track, simulated: SimulatedMotion) -> Iterable[Finding]:

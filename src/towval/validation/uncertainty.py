@@ -7,7 +7,8 @@ counted once).
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from zlib import crc32
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,16 +27,24 @@ from towval.model import (
 )
 from towval.model.errors import InputError, RefusedError, TowvalError
 from towval.model.findings import finding
-from towval.model.geometry import compose, error_signature, normalised_signature, transform, wrapped
+from towval.model.geometry import compose, transform, wrapped
 from towval.model.inputs import INPUTS, Realisation
+from towval.model.statement import Draws
 from towval.optics.plane_uncertainty import position_sensitivity
 from towval.optics.projection import project
+from towval.validation.consequences import WIDER, widened
+from towval.validation.faults import visible_faults
+from towval.validation.path_frame import PathFrame
 from towval.validation.simulate import STICKING
 from towval.validation.simulate_many import Batch, Drawn
+from towval.validation.statistics import RightModel
 
 _HINGE_STEP_S = 0.02
 _DROPPED_SHARE = 0.02
 _REST = "noise and interactions"
+_KEPT_TIMES = 1000
+"""Draws are kept at this many times at most: more than the path has features."""
+
 _SMALLEST = 2.0**-31  # Half a step of the Sobol sequence, which may hold 0, whose normal quantile is infinite.
 
 
@@ -71,7 +80,8 @@ class Case:
     """One run: what was stated and what was measured.
 
     ``deviations`` are those of :func:`towval.model.inputs.deviations`, what they do not name is exact; those of the
-    heights are the bodies' own.
+    heights are the bodies' own. ``run`` is its name: inputs that runs share are drawn alike in all of them, the others
+    not.
     """
 
     scene: TowingScene
@@ -84,6 +94,16 @@ class Case:
     object_track: Track
     object_decimated: DecimatedTrack
     simulated: SimulatedMotion
+    run: str = ""
+
+    @property
+    def upstream(self) -> tuple[Finding, ...]:
+        """Findings of the stages before."""
+        parts = (
+            self.calibration, self.rover_track, self.object_track, self.rover_decimated, self.object_decimated,
+            self.simulated,
+        )  # fmt: skip
+        return tuple(each for part in parts for each in part.findings)
 
 
 @dataclass(frozen=True)
@@ -115,7 +135,7 @@ def sample_uncertainty(
     Returns
     -------
     RunUncertainty
-        Covariances over time and the limits that a right model keeps.
+        Covariances over time, the draws, and the smallest faults that they leave visible.
 
     Raises
     ------
@@ -123,7 +143,8 @@ def sample_uncertainty(
         When more than 2 % of the draws cannot be simulated: the limits would be those of the easy ones.
     """
     settings = settings or UncertaintySettings()
-    return UncertaintySampling(case, settings, progress).describe(settings.samples)
+    sampling = UncertaintySampling(case, settings, progress)
+    return sampling.visible_faults(sampling.describe(settings.samples))
 
 
 class UncertaintySampling:
@@ -162,23 +183,45 @@ class UncertaintySampling:
         # the mean of the draws: where phases wander, both sides of S − D oscillate, and the mean of the draws does not.
         nominal, u_num_m = self.case.simulated.pose, self.case.simulated.statistics["u_num_m"]
         error = _difference(simulated, measured)
-        signature = error_signature(error)
-        covariance = _mean_square(signature)
-        largest = normalised_signature(signature, covariance).max(axis=(1, 2))
         shares = variance_shares(draws, error[..., :2].reshape(len(error), -1), self._sampler.widths)
+        rng = np.random.default_rng([self.settings.seed, len(draws)])
+        numerical = np.pad(rng.standard_normal((len(draws), 1, 2)) * u_num_m / np.sqrt(2), ((0, 0), (0, 0), (0, 1)))
+        rows = np.arange(0, len(nominal), -(-len(nominal) // _KEPT_TIMES))
+        off = _difference(measured, nominal)
+        kept = Draws(rows, (error + numerical)[:, rows], off[:, rows], draws, self._sampler.names)
         return RunUncertainty(
             time_s=self._sampler.times,
-            measurement=_mean_square(_difference(measured, nominal)),
+            measurement=_mean_square(off),
             simulation=_mean_square(_difference(simulated, nominal)),
             validation=with_numerical(_mean_square(error), u_num_m),
-            signature=with_numerical(covariance, u_num_m),
-            signature_limit=float(np.quantile(largest, self.settings.confidence, method="higher")),
             confidence=self.settings.confidence,
             shares=shares,
             samples=len(draws),
             seed=self.settings.seed,
-            findings=_findings(dropped, shares),
+            findings=(*_findings(dropped, shares), *self._widened()),
+            upstream=self.case.upstream,
+            draws=kept,
         )
+
+    def visible_faults(self, known: RunUncertainty) -> RunUncertainty:
+        """The same with the smallest faults that show in nine of ten of its draws."""
+        case, kept = self.case, known.draws
+        if kept is None:
+            return known
+        frame = PathFrame(case.object_track, known.time_s[kept.rows])
+        if np.count_nonzero(frame.seen) < 24:
+            return known
+        error = frame.along_across(kept.error)[:, frame.seen]
+        right = RightModel.of(error, kept.inputs, self.settings.confidence)
+        sampler = self._sampler
+        batch = replace(sampler.batch, times=known.time_s[kept.rows])
+        found = visible_faults(case.scene, batch, sampler.rover.pose, case.simulated, right, error, frame)
+        return replace(known, faults=found)
+
+    def _widened(self) -> Iterator[Finding]:
+        for name, codes in widened(self.case.upstream).items():
+            label = INPUTS[name].label if name in INPUTS else name
+            yield finding("widened", input=label, factor=WIDER, codes=", ".join(codes))
 
     def _extend(self, samples: int) -> None:
         made = len(self._draws)
@@ -186,6 +229,10 @@ class UncertaintySampling:
             return
         uniform = self._sequence.random(samples - made)
         draws = norm.ppf(np.clip(uniform, _SMALLEST, 1 - _SMALLEST))
+        # The sequence is that of all runs of a campaign: what each run has of its own is drawn apart.
+        own = self._sampler.own
+        for i in range(len(draws)):
+            draws[i, own] = self._sampler.generator(made + i, 1).standard_normal(np.count_nonzero(own))
         self._draws = np.concatenate([self._draws, draws])
         measured: list[Array] = []
 
@@ -268,14 +315,21 @@ class _Sampler:
         )  # fmt: skip
         self.knot_std = np.sqrt(np.diagonal(case.rover_decimated.covariance, axis1=1, axis2=2))
         self.roots = _roots(case)
+        if "tracking" in widened(case.upstream):
+            self.noise_std, self.knot_std = WIDER * self.noise_std, WIDER * self.knot_std
         # Only what varies is drawn: each further column costs digits of the shares of all.
         self.drawn = [name for name in INPUTS if self.roots[name].any()] or ["camera"]
         self.widths = {INPUTS[name].label: len(INPUTS[name].components) for name in self.drawn}
+        self.names = dict(zip(self.drawn, self.widths.values(), strict=True))
+        self.own = np.repeat([INPUTS[name].shared == "run" for name in self.drawn], list(self.widths.values()))
+
+    def generator(self, index: int, purpose: int) -> np.random.Generator:
+        """One generator a draw, so that the result does not depend on how draws are shared among threads."""
+        return np.random.default_rng([self.settings.seed, index, crc32(self.case.run.encode()), purpose])
 
     def lay_out(self, index: int, draw: Array) -> tuple[Drawn | None, Array]:
         """What is to be simulated of one draw, None where it cannot be, and measured poses (n, 3)."""
-        # One generator a draw, so that the result does not depend on how draws are shared among threads.
-        rng = np.random.default_rng([self.settings.seed, index])
+        rng = self.generator(index, 0)
         towed, rover = self.case.towed.name, self.case.rover.name
         try:
             real = self._realisation(draw)
@@ -332,7 +386,8 @@ def _roots(case: Case) -> dict[str, Array]:
         covariances[f"{body.name}_registration"] = track.start_covariance
     roots = {name: _root(covariance) for name, covariance in covariances.items()}
     rows = [row for row in INPUTS.values() if row.stated]
-    return {row.name: stated.get(row.name, 0.0) * np.eye(len(row.components)) for row in rows} | roots
+    roots = {row.name: stated.get(row.name, 0.0) * np.eye(len(row.components)) for row in rows} | roots
+    return roots | {name: WIDER * roots[name] for name in widened(case.upstream) if name in roots}
 
 
 def _root(covariance: ArrayLike) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 
 from towval.io import ros
 from towval.io.mcap_file import McapContent
-from towval.model import Array, Choice, Finding, Severity
+from towval.model import Array, Bounds, Choice, Comparison, Explanation, Finding, Severity, VisibleFault
 from towval.model.errors import InputError
 
 
@@ -48,6 +48,42 @@ def findings_out(findings: tuple[Finding, ...]) -> list[dict[str, str]]:
 def findings_in(rows: list[dict[str, str]]) -> tuple[Finding, ...]:
     """Findings of rows of texts."""
     return tuple(Finding(Severity(row["severity"]), row["code"], row["text"]) for row in rows)
+
+
+def faults_out(faults: tuple[VisibleFault, ...]) -> list[dict[str, Any]]:
+    """Visible faults as rows; NaN becomes null."""
+    return [{name: json_value(value) for name, value in dataclasses.asdict(fault).items()} for fault in faults]
+
+
+def faults_in(rows: list[dict[str, Any]]) -> tuple[VisibleFault, ...]:
+    """Visible faults of rows."""
+    return tuple(VisibleFault(**_with_nan(row)) for row in rows)
+
+
+def statement_out(comparison: Comparison) -> dict[str, Any]:
+    """Bounds, visible faults and explanation of a comparison."""
+    explanation = comparison.explanation
+    return {
+        "bounds": dataclasses.asdict(comparison.bounds),
+        "faults": faults_out(comparison.faults),
+        "explanation": explanation
+        and {name: json_value(value) for name, value in dataclasses.asdict(explanation).items()},
+    }
+
+
+def statement_in(details: dict[str, Any]) -> dict[str, Any]:
+    """The same from a file's details, as arguments of a comparison."""
+    explanation = details["explanation"]
+    sizes = {part: {n: (v[0], v[1]) for n, v in of.items()} for part, of in details["bounds"].items()}
+    return {
+        "bounds": Bounds(**sizes),
+        "faults": faults_in(details["faults"]),
+        "explanation": None if explanation is None else Explanation(**_with_nan(explanation)),
+    }
+
+
+def _with_nan(row: dict[str, Any]) -> dict[str, Any]:
+    return {name: np.nan if value is None else value for name, value in row.items()}
 
 
 def choices_out(choices: tuple[Choice, ...]) -> list[dict[str, Any]]:

@@ -1,25 +1,30 @@
 """``simulate.mcap``, ``uncertainty.mcap`` and ``compare.mcap`` and back."""
 
 import dataclasses
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from towval.io import ros
-from towval.io.mcap_file import Message, read_mcap, write_mcap
+from towval.io.mcap_file import McapContent, Message, read_mcap, write_mcap
 from towval.io.records.details import (
     choices_in,
     choices_out,
     details_with,
+    faults_in,
+    faults_out,
     findings_in,
     findings_out,
     json_value,
     planar_poses,
     planar_twists,
+    statement_in,
+    statement_out,
 )
 from towval.io.records.tracks import track_messages
-from towval.model import Comparison, RunUncertainty, SimulatedMotion, Track, Verdict
+from towval.model import Array, Comparison, Draws, RunUncertainty, SimulatedMotion, Track, Verdict
 from towval.model.conventions import FLOOR_FRAME
 
 
@@ -70,35 +75,64 @@ def read_simulated(path: Path) -> SimulatedMotion:
 
 
 _UNCERTAINTY_ARRAYS = ("measurement", "simulation", "validation")
+_DRAWN = {"error": "/object/error_draw", "measurement": "/object/measurement_draw", "inputs": "/inputs/draw"}
+"""Topics of what each draw led to, a message a draw."""
+
+_KEPT_BITS = np.uint32(0xFFFFF000)
+"""Of a draw's numbers: three to four digits, which halves what a file takes."""
 
 
 def write_uncertainty(
     path: Path, uncertainty: RunUncertainty, simulated: SimulatedMotion, provenance: dict[str, str]
 ) -> None:
-    """Write ``uncertainty.mcap``: the simulated pose with the covariances of measurement, simulation and error."""
-    messages = []
+    """Write ``uncertainty.mcap``: the simulated pose with its covariances, and the draws."""
+    messages = list(_draw_messages(uncertainty.draws, uncertainty.time_s[0]))
     for i, t in enumerate(uncertainty.time_s):
         for name in _UNCERTAINTY_ARRAYS:
             covariance = getattr(uncertainty, name)[i]
             value = ros.pose_with_covariance(t, FLOOR_FRAME, simulated.pose[i], covariance)
             messages.append(Message(f"/object/{name}_uncertainty", ros.nanoseconds(t), value))
-    skipped = ("time_s", "findings", *_UNCERTAINTY_ARRAYS)
+    skipped = ("time_s", "findings", "upstream", "draws", "faults", *_UNCERTAINTY_ARRAYS)
     names = [field.name for field in dataclasses.fields(uncertainty) if field.name not in skipped]
     details = {name: getattr(uncertainty, name) for name in names}
-    details["signature"] = uncertainty.signature.tolist()
-    details["findings"] = findings_out(uncertainty.findings)
+    details["findings"], details["upstream"] = findings_out(uncertainty.findings), findings_out(uncertainty.upstream)
+    details["faults"] = faults_out(uncertainty.faults)
+    if uncertainty.draws is not None:
+        details["draws"] = {"rows": uncertainty.draws.rows.tolist(), "names": dict(uncertainty.draws.names)}
     details["choices"] = choices_out(uncertainty.choices)
     write_mcap(path, messages, details, provenance)
 
 
-def read_uncertainty(path: Path) -> RunUncertainty:
-    """Read ``uncertainty.mcap``.
+def _draw_messages(draws: Draws | None, start_s: float) -> Iterator[Message]:
+    if draws is None:
+        return
+    for name, topic in _DRAWN.items():
+        values: Array = getattr(draws, name)
+        for i, value in enumerate(values.reshape(len(values), -1, 3) if name != "inputs" else values[:, :, None]):
+            rounded = (value.astype(np.float32).view(np.uint32) & _KEPT_BITS).view(np.float32)
+            yield Message(topic, ros.nanoseconds(start_s) + i, ros.number_array(rounded))
+
+
+def _draws(content: McapContent, details: dict[str, Any]) -> Draws | None:
+    kept = details.pop("draws", None)
+    if kept is None or not content.values(_DRAWN["error"]):
+        return None
+    arrays = {name: np.array([ros.numbers_of(v) for v in content.values(topic)]) for name, topic in _DRAWN.items()}
+    return Draws(
+        np.array(kept["rows"]), arrays["error"], arrays["measurement"], arrays["inputs"][..., 0], kept["names"]
+    )
+
+
+def read_uncertainty(path: Path, *, draws: bool = True) -> RunUncertainty:
+    """Read ``uncertainty.mcap``, with its draws or without.
 
     Raises `InputError` when the file is missing, damaged or of another stage.
     """
-    content = read_mcap(path)
-    details = dict(details_with(content, path, "signature_limit", "shares"))
+    content = read_mcap(path, without=() if draws else tuple(_DRAWN.values()))
+    details = dict(details_with(content, path, "upstream", "shares"))
     details["findings"], details["choices"] = findings_in(details["findings"]), choices_in(details)
+    details["upstream"], details["faults"] = findings_in(details["upstream"]), faults_in(details["faults"])
+    details["draws"] = _draws(content, details)
     topics = {name: f"/object/{name}_uncertainty" for name in _UNCERTAINTY_ARRAYS}
     arrays: dict[str, Any] = {
         name: np.array([ros.planar_covariance(value) for value in content.values(topic)])
@@ -110,7 +144,9 @@ def read_uncertainty(path: Path) -> RunUncertainty:
 _COMPARISON_ARRAYS = ("time_s", "error", "along_across", "ratio")
 
 _COMPARISON_SCALARS = tuple(
-    f.name for f in dataclasses.fields(Comparison) if f.name not in (*_COMPARISON_ARRAYS, "findings")
+    f.name
+    for f in dataclasses.fields(Comparison)
+    if f.name not in (*_COMPARISON_ARRAYS, "findings", "bounds", "faults", "explanation")
 )
 
 
@@ -124,6 +160,7 @@ def write_comparison(
         value = ros.stamped_pose(t, FLOOR_FRAME, pose)
         messages.append(Message("/object/pose_simulated", ros.nanoseconds(t), value))
     details = {name: json_value(getattr(comparison, name)) for name in _COMPARISON_SCALARS}
+    details |= statement_out(comparison)
     details["time_ns"] = [ros.nanoseconds(t) for t in comparison.time_s]
     details["findings"] = findings_out(comparison.findings)
     write_mcap(path, messages, details, provenance)
@@ -150,7 +187,7 @@ def read_comparison(path: Path) -> Comparison:
     Raises `InputError` when the file is missing, damaged or no comparison.
     """
     content = read_mcap(path)
-    details = details_with(content, path, *_COMPARISON_SCALARS)
+    details = details_with(content, path, *_COMPARISON_SCALARS, "bounds", "explanation")
     time_ns = np.array(details["time_ns"], dtype=np.int64)
     index = {int(t): i for i, t in enumerate(time_ns)}
     error, shift = np.full((len(time_ns), 3), np.nan), np.full((len(time_ns), 2), np.nan)
@@ -166,4 +203,4 @@ def read_comparison(path: Path) -> Comparison:
     scalars["verdict"] = Verdict(scalars["verdict"])
     findings = findings_in(details["findings"])
     arrays: dict[str, Any] = {"time_s": time_ns / 1e9, "error": error, "along_across": shift, "ratio": ratio}
-    return Comparison(**arrays, findings=findings, **scalars)
+    return Comparison(**arrays, findings=findings, **statement_in(details), **scalars)

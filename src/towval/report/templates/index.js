@@ -9,7 +9,7 @@
     return error === null || !uncertainty ? null : error / uncertainty;
   });
   const verdictColour = { agrees: "#24663b", unfinished: "#9a9a94", "not judged": "#5c5c58" };
-  const warnings = ["cannot tell", "too uncertain"];
+  const warnings = ["cannot tell"];
   const colourOf = (verdict) => verdictColour[verdict] || (warnings.includes(verdict) ? "#b07400" : "#b3261e");
   const shown = (value, digits) => (value === null ? "" : value.toFixed(digits));
   const day = (seconds) => (seconds === null ? "" : new Date(1e3 * seconds).toISOString().slice(0, 16).replace("T", " "));

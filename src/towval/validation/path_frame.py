@@ -1,0 +1,75 @@
+"""The measured path as a frame for errors: along, across, and how far along."""
+
+import numpy as np
+
+from towval.model import Array, Track
+from towval.model.geometry import rotation, wrapped
+
+_STEP_M = 0.01
+"""Way after which direction and length of the path are read again [m]: long against noise, short against bends."""
+
+
+class PathFrame:
+    """The measured path at given times (n,) [s].
+
+    Attributes
+    ----------
+    pose : ndarray (n, 3)
+        Measured; NaN where the object was not seen.
+    seen : ndarray (n,) of bool
+    length : ndarray (n,)
+        Of the path up to there [m].
+    """
+
+    def __init__(self, measured: Track, times: Array):
+        self.rows = np.minimum(np.searchsorted(measured.time_s, times - 1e-9), len(measured.time_s) - 1)
+        self.pose = np.where(measured.seen[self.rows, None], measured.pose[self.rows], np.nan)
+        self.seen = np.isfinite(self.pose[:, 0])
+        self.length = _arc_length(self.pose)
+        self._turn = rotation(np.nan_to_num(_directions(self.pose)))
+
+    def error(self, pose: Array) -> Array:
+        """Poses (n, 3) less the measured ones, on the floor's axes; NaN where not seen."""
+        error = pose - self.pose
+        error[:, 2] = wrapped(error[:, 2])
+        return error
+
+    def along_across(self, error: Array) -> Array:
+        """Errors (..., n, 3) on the floor's axes turned to along, across (to the left) and heading."""
+        shift = np.einsum("nji,...nj->...ni", self._turn, error[..., :2])
+        return np.concatenate([shift, error[..., 2:]], axis=-1)
+
+    def covariance(self, floor: Array) -> Array:
+        """Covariances (n, 2, 2) of positions on the floor's axes turned the same."""
+        return np.asarray(self._turn.transpose(0, 2, 1) @ floor @ self._turn)
+
+
+def _directions(pose: Array) -> Array:
+    """Direction (n,) of the measured path [rad]; where the object rests, its last one; NaN where it never moves."""
+    direction = np.full(len(pose), np.nan)
+    seen = np.flatnonzero(np.isfinite(pose[:, 0]))
+    if not len(seen):
+        return direction
+    anchor = pose[seen[0], :2]
+    for i in seen:
+        step = pose[i, :2] - anchor
+        if step @ step > _STEP_M**2:
+            direction[i], anchor = np.arctan2(step[1], step[0]), pose[i, :2]
+    known = np.flatnonzero(np.isfinite(direction))
+    if len(known) == 0:
+        return direction
+    return direction[known[np.clip(np.searchsorted(known, np.arange(len(pose))), 0, len(known) - 1)]]
+
+
+def _arc_length(pose: Array) -> Array:
+    """Arc length (n,) of the measured path [m], read at steps longer than the noise, so that a rest adds nothing."""
+    length, total, corner = np.zeros(len(pose)), 0.0, None
+    for i, position in enumerate(pose[:, :2]):
+        if np.isfinite(position[0]):
+            if corner is None:
+                corner = position
+            path = float(np.linalg.norm(position - corner))
+            if path > _STEP_M:
+                total, corner = total + path, position
+        length[i] = total
+    return length

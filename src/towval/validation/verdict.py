@@ -1,0 +1,155 @@
+"""The verdict on a run from its statistics, and the sentences that state it."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from towval.model import Finding, Severity
+from towval.model.findings import finding
+from towval.model.inputs import INPUTS
+from towval.model.statement import Bounds, Explanation, Verdict, VisibleFault
+
+_LEAST_SEEN = 0.5
+"""Share of the frames of the motion in which the object must have been seen."""
+
+_LEAST_MOVED = 2.0
+"""Length of the path, in errors that matter, below which a run says nothing."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What a verdict rests on.
+
+    ``tolerance_m`` error that matters; ``bounds``; ``statistics`` and ``limits`` by name; ``detectable_m``;
+    ``seen_share`` of the frames of the motion; ``moved_m`` length of the path; ``forbidding`` codes of findings that
+    leave a run not judged; ``explanation``; ``shares`` of the expected variance by the label of the input; ``where``
+    the difference begins and how far it goes, in words.
+    """
+
+    tolerance_m: float
+    bounds: Bounds
+    statistics: Mapping[str, float]
+    limits: Mapping[str, float]
+    detectable_m: float
+    seen_share: float
+    moved_m: float
+    forbidding: tuple[str, ...]
+    explanation: Explanation | None
+    shares: Mapping[str, float]
+    where: str
+
+    @property
+    def upper_m(self) -> float:
+        """Upper bound of what the simulation was off at most [m]."""
+        return self.bounds.simulation["position_max"][1] if self.bounds.simulation else float("nan")
+
+    @property
+    def rejected(self) -> bool:
+        """Whether "the model is right, inputs are within their deviations" is rejected."""
+        return any(self.statistics[name] > limit for name, limit in self.limits.items())
+
+
+def verdict_of(e: Evidence) -> tuple[Verdict, Finding]:
+    """The verdict and the finding that gives its reason."""
+    reason = _not_judged(e)
+    if reason:
+        return Verdict.NOT_JUDGED, finding("verdict", Severity.WARNING, statement=f"Not judged: {reason}")
+    tolerance, upper = 1e3 * e.tolerance_m, 1e3 * e.upper_m
+    tested = ", ".join(f"{name} {e.statistics[name]:.1f} of at most {limit:.1f}" for name, limit in e.limits.items())
+    if e.rejected and e.upper_m > e.tolerance_m:
+        statement = f"Disagrees: {e.where}; not what right inputs make of a right model ({tested})"
+        return Verdict.DISAGREES, finding("verdict", Severity.WARNING, statement=statement)
+    if e.rejected:
+        statement = (
+            f"Agrees: a difference is detected ({tested}; {e.where}), but it is under {upper:.1f} mm, and "
+            f"{tolerance:g} mm matter"
+        )
+        return Verdict.AGREES, finding("verdict", statement=statement)
+    unsure = []
+    if e.upper_m > e.tolerance_m:
+        unsure.append(f"the simulation was off by up to {upper:.1f} mm, which inputs within their deviations explain")
+    if not e.detectable_m <= e.tolerance_m:
+        unsure.append(
+            f"faults show only from {1e3 * e.detectable_m:.0f} mm RMS on" if np.isfinite(e.detectable_m)
+            else "hardly any fault would have shown"
+        )  # fmt: skip
+    if unsure:
+        needed = 1e3 * max(e.upper_m, e.detectable_m)
+        remedy = f"It would agree if only {needed:.0f} mm mattered. " if np.isfinite(needed) else ""
+        statement = (
+            f"Cannot tell whether it is within {tolerance:g} mm: {'; '.join(unsure)}. {remedy}"
+            f"Measure better: {', '.join(_worth_measuring(e.shares))}"
+        )
+        return Verdict.CANNOT_TELL, finding("verdict", Severity.WARNING, statement=statement)
+    statement = f"Agrees within {upper:.1f} mm, where {tolerance:g} mm matter ({tested})"
+    return Verdict.AGREES, finding("verdict", statement=statement)
+
+
+def _not_judged(e: Evidence) -> str:
+    if e.forbidding:
+        return f"the measurement or the simulation is at fault, see {', '.join(e.forbidding)}"
+    if e.seen_share < _LEAST_SEEN:
+        return f"the object was seen in {100 * e.seen_share:.0f} % of the frames of its motion"
+    if e.moved_m < _LEAST_MOVED * e.tolerance_m:
+        return f"the object moved by {1e3 * e.moved_m:.0f} mm only, where {1e3 * e.tolerance_m:g} mm matter"
+    return "" if e.limits else "nothing was drawn, or too few frames were seen"
+
+
+def statement_findings(e: Evidence, faults: tuple[VisibleFault, ...], confidence: float) -> Iterator[Finding]:
+    """The three parts of the statement, and what would explain the error."""
+    if not e.limits:
+        return
+    off, model = e.bounds.simulation, e.bounds.model["position_max"]
+    yield finding(
+        "statement",
+        off=(
+            f"The simulation was within {_mm(off['position_max'][1])} of what happened ({100 * confidence:g} %; RMS "
+            f"{_mm(off['position_rms'][1])}, along {_mm(off['along_max'][1])}, across {_mm(off['across_max'][1])}, "
+            f"heading {np.degrees(off['heading_max'][1]):.2f}°)"
+        ),
+        model=f"Of the model it can be {1e3 * model[0]:.1f} to {_mm(model[1])}, the rest of what is uncertain",
+        visible=f"Faults seen with 90 %: {'; '.join(map(fault_text, faults))}",
+    )
+    if e.explanation is not None and e.rejected:
+        yield finding("explanation", text=_explained(e.explanation))
+
+
+def fault_text(fault: VisibleFault) -> str:
+    """A fault with its size and what it does to the path, for people."""
+    if not np.isfinite(fault.size):
+        return f"{fault.kind} none up to {_sized(fault.searched, fault.unit)}"
+    return f"{fault.kind} {_sized(fault.size, fault.unit)} ({_mm(fault.shift_rms_m)} RMS)"
+
+
+def _sized(size: float, unit: str) -> str:
+    return f"{1e3 * size:.0f} mm" if unit == "m" else f"{100 * size:.0f} %"
+
+
+def _mm(value_m: float) -> str:
+    return f"{1e3 * value_m:.1f} mm"
+
+
+def _explained(e: Explanation) -> str:
+    remaining = f"of {_mm(e.error_rms_m)} RMS {_mm(e.remaining_rms_m)} would remain"
+    if not e.moved:
+        return "No input explains the difference: the model, or an input that is not in the table"
+    inputs = ", ".join(f"{_named(name)} {value:+.1f} deviations" for name, value in e.moved.items())
+    if e.explained:
+        return f"Inputs beyond their stated deviations would explain it: {inputs}; {remaining}"
+    where = f", from {e.begins_m:.2f} to {e.ends_m:.2f} m of the path on" if np.isfinite(e.begins_m) else ""
+    return f"Inputs do not explain it: with {inputs} {remaining}{where}. So the model, or an input not in the table"
+
+
+def _named(name: str) -> str:
+    """An input with the key by which campaign.yaml states it."""
+    row = INPUTS.get(name)
+    if row is None or row.stated is None:
+        return row.label if row else name
+    return f"{row.label} ({row.stated.left_out.key if row.stated.left_out else row.stated.key})"
+
+
+def _worth_measuring(shares: Mapping[str, float]) -> list[str]:
+    labels = {row.label: name for name, row in INPUTS.items()}
+    best = sorted((label for label in shares if label in labels), key=lambda label: -shares[label])[:2]
+    return [f"{_named(labels[label])}, {100 * shares[label]:.0f} % of the variance" for label in best]

@@ -1,0 +1,93 @@
+"""Faults put into a run: what they are, and that nine in ten of the smallest show."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from towval.model import Finding, Severity
+from towval.physics.mass import towed_object
+from towval.validation.consequences import WIDER, forbidding, widened
+from towval.validation.faults import fault_kinds
+from towval.validation.path_frame import PathFrame
+from towval.validation.simulate_many import Drawn
+from towval.validation.statistics import RightModel
+from towval.validation.uncertainty import UncertaintySampling, UncertaintySettings
+
+
+def warning(code, severity=Severity.WARNING):
+    return Finding(severity, code, "")
+
+
+def test_kinds_change_the_scene_by_their_size(case):
+    kinds = {kind.name: kind for kind in fault_kinds(case.simulated)}
+    scene = case.scene
+    assert kinds["rest length"].acts(scene, 0.01).tether.rest_length == pytest.approx(0.61)
+    raised = kinds["tow height"].acts(scene, 0.1)
+    assert (raised.hinge_height, raised.anchor_height) == (0.1, 0.1)
+    moved = towed_object(kinds["centre of mass, sideways"].acts(scene, 0.02))
+    np.testing.assert_allclose(moved.centre_of_mass - towed_object(scene).centre_of_mass, [0, 0.02], atol=1e-12)
+    assert moved.inertia == pytest.approx(towed_object(scene).inertia, rel=0.1)
+    stripe = kinds["friction over 0.3 m of floor"].acts(scene, 0.5).ground.regions[0]
+    assert stripe.factor == 1.5
+    # It lies before the object half-way along, across its path.
+    ends = np.linalg.norm(stripe.outline[1] - stripe.outline[0])
+    assert ends == pytest.approx(0.3)
+
+
+def test_nine_in_ten_of_the_smallest_visible_faults_show(case):
+    """Checked with all draws and times, of which the search used a part."""
+    sampling = UncertaintySampling(case, UncertaintySettings(samples=256))
+    known = sampling.visible_faults(sampling.describe(256))
+    frame = PathFrame(case.object_track, known.time_s)
+    error = frame.along_across(known.draws.error)[:, frame.seen]
+    right = RightModel.of(error, known.draws.inputs, 0.99)
+    kinds = fault_kinds(case.simulated)
+    assert [fault.kind for fault in known.faults] == [kind.name for kind in kinds]
+    found = 0
+    for kind, fault in zip(kinds, known.faults, strict=True):
+        if not np.isfinite(fault.size):
+            continue
+        wrong = replace(case.simulated, pose=moved_by(case, sampling, kind, fault.size))
+        shift = frame.along_across(wrong.pose - moved_by(case, sampling, kind, 0.0))[frame.seen]
+        assert np.sqrt(np.mean(np.sum(shift[:, :2] ** 2, axis=1))) == pytest.approx(fault.shift_rms_m, rel=0.1)
+        assert right.rejects(shift - error).mean() == pytest.approx(0.9, abs=0.06)
+        found += 1
+    assert found >= 3
+
+
+def moved_by(case, sampling, kind, size):
+    sampler = sampling._sampler
+    drawn = Drawn(kind.acts(case.scene, size), sampler.rover.pose, case.simulated.pose[0])
+    return next(iter(sampler.batch.simulate([drawn])))
+
+
+def test_findings_widen_deviations_or_forbid_a_verdict():
+    found = [warning("halves-disagree"), warning("mark-misfit"), warning("few_points"), warning("rung", Severity.NOTE)]
+    assert widened(found) == {"camera": ("halves-disagree", "mark-misfit"), "tracking": ("few_points",)}
+    assert forbidding([*found, warning("edges_not_found"), warning("edges_not_found")]) == ("edges_not_found",)
+    assert forbidding([warning("edges_not_found", Severity.NOTE)]) == ()
+
+
+def test_a_widened_input_is_drawn_wider_and_said(case):
+    wide = replace(case, calibration=replace(case.calibration, findings=(warning("halves-disagree"),)))
+    settings = UncertaintySettings(samples=64)
+    plain, wider = (UncertaintySampling(each, settings) for each in (case, wide))
+    np.testing.assert_allclose(wider._sampler.roots["camera"], WIDER * plain._sampler.roots["camera"])
+    found = [each for each in wider.describe(64).findings if each.code == "widened"]
+    assert "camera counts 3 times" in found[0].text
+    noisy = replace(case, object_track=replace(case.object_track, findings=(warning("few_points"),)))
+    sampler = UncertaintySampling(noisy, settings)._sampler
+    np.testing.assert_allclose(sampler.noise_std, WIDER * plain._sampler.noise_std)
+
+
+def test_runs_share_the_draws_of_what_they_share_only(case):
+    settings = UncertaintySettings(samples=64)
+    a, again, b = (
+        UncertaintySampling(replace(case, run=name), settings).describe(64).draws for name in ("a", "a", "b")
+    )
+    own = np.array(["registration" in name for name in a.column_names])
+    np.testing.assert_array_equal(a.inputs, again.inputs)
+    np.testing.assert_array_equal(a.inputs[:, ~own], b.inputs[:, ~own])
+    assert own.sum() == 6
+    assert abs(np.corrcoef(a.inputs[:, own].ravel(), b.inputs[:, own].ravel())[0, 1]) < 0.2

@@ -1,0 +1,141 @@
+"""Limits, bounds and explanation: closed forms, coverage on fresh noise, planted causes."""
+
+import numpy as np
+import pytest
+
+from towval.model.errors import InputError
+from towval.model.geometry import block_means
+from towval.validation.explain import explain
+from towval.validation.statistics import SIZES, RightModel, bounds, error_sizes, upper_limit
+
+N, K = 96, 512
+MM = 1e-3
+TIME = np.linspace(0, 1, N)
+EFFECTS = np.stack(
+    [
+        np.stack([np.ones(N), 0 * TIME, 0 * TIME], axis=1),
+        np.stack([0 * TIME, TIME, TIME], axis=1),
+        np.stack([np.sin(6 * TIME), TIME**2, 0 * TIME], axis=1),
+    ]
+)
+
+
+def drawn(k, seed, scale=1.0):
+    """Errors of three inputs, the last of which cannot be below zero, and of noise; and the inputs."""
+    rng = np.random.default_rng(seed)
+    inputs = rng.standard_normal((k, 3))
+    acting = scale * np.column_stack([inputs[:, :2], np.abs(inputs[:, 2])])
+    wander = rng.standard_normal((k, 12, 3)).repeat(N // 12, axis=1) * 0.2
+    return MM * (np.einsum("kj,jnc->knc", acting, EFFECTS) + wander), inputs
+
+
+def test_sizes_of_a_known_error():
+    error = np.zeros((4, 3))
+    error[2] = [3.0, -4.0, -0.5]
+    found = dict(zip(SIZES, error_sizes(error), strict=True))
+    assert found == pytest.approx(
+        {
+            "position_rms": 2.5, "position_max": 5.0, "along_max": 3.0, "across_max": 4.0,
+            "heading_rms": 0.25, "heading_max": 0.5,
+        }
+    )  # fmt: skip
+
+
+def test_the_tail_of_an_exponential_is_met():
+    draws = np.random.default_rng(0).exponential(size=(200, 512))
+    found = [upper_limit(each, 0.99) for each in draws]
+    assert np.mean(found) == pytest.approx(np.log(100), rel=0.02)
+    # A quantile by rank scatters by 0.44 here.
+    assert np.std(found) < 0.4
+    assert upper_limit(draws[0], 0.9) == np.quantile(draws[0], 0.9)
+
+
+def test_a_right_model_is_rejected_once_in_a_hundred():
+    """Limits of 512 draws, held against errors that they have not seen."""
+    fresh = drawn(2000, 99)[0]
+    alarms = [RightModel.of(*drawn(K, seed), 0.99).rejects(-fresh).mean() for seed in range(5)]
+    assert 0.002 < np.mean(alarms) < 0.02
+
+
+def test_too_few_draws_or_times_are_refused():
+    error, inputs = drawn(16, 0)
+    with pytest.raises(InputError, match="too few"):
+        RightModel.of(error, inputs, 0.99)
+    error, inputs = drawn(64, 0)
+    with pytest.raises(InputError, match="too few"):
+        RightModel.of(error[:, :20], inputs, 0.99)
+
+
+def test_the_effects_of_the_inputs_are_found_again():
+    error, inputs = drawn(2048, 3)
+    right = RightModel.of(error, inputs, 0.99)
+    assert right.columns.tolist() == [0, 1, 2]
+    assert right.one_sided.tolist() == [False, False, True]
+    expected = MM * block_means(EFFECTS).reshape(3, -1)
+    np.testing.assert_allclose(right.effects, expected, atol=0.05 * MM)
+
+
+@pytest.mark.parametrize("size", [0.3, 1.0, 4.0])
+def test_bounds_cover_what_is_behind_the_noise(size):
+    """Truths of a shape of their own; the noise is constant in part. More often where noise is as large."""
+    rng = np.random.default_rng(4)
+    truth = MM * size * np.stack([np.sin(5 * TIME), TIME, 0.5 * TIME], axis=1)
+
+    def noise(k):
+        return MM * (0.3 * rng.standard_normal((k, 1, 3)) + 0.1 * rng.standard_normal((k, N, 3)))
+
+    draws, sizes = noise(400), error_sizes(truth)
+    found = np.array([bounds(truth - each, draws, 0.95) for each in noise(300)])
+    above, below = np.mean(found[:, 1] >= sizes, axis=0), np.mean(found[:, 0] <= sizes, axis=0)
+    assert above[:2].min() > 0.93
+    assert below[:2].min() > 0.92
+    if size > 1:
+        assert above[:2].max() < 0.985
+
+
+def test_noise_of_one_direction_moves_the_bounds_by_its_quantiles():
+    """An error of ten along, noise of one there: 10 ∓ 1.645."""
+    noise = np.random.default_rng(2).normal(size=(20_000, 1, 3)) * [MM, 0.0, 0.0]
+    low, high = bounds(np.tile([10 * MM, 0, 0], (24, 1)), noise.repeat(24, axis=1), 0.95)
+    assert low[1] == pytest.approx(8.355 * MM, abs=0.06 * MM)
+    assert high[1] == pytest.approx(11.645 * MM, abs=0.06 * MM)
+
+
+def test_what_noise_alone_makes_has_no_lower_bound():
+    noise = MM * np.random.default_rng(2).normal(size=(400, N, 3))
+    low, high = bounds(noise[0], noise[1:], 0.95)
+    assert not low.any()
+    assert (high < 4 * MM).all()
+
+
+@pytest.mark.parametrize(("input_", "deviations"), [(0, 6.0), (1, -7.0), (2, 6.0)])
+def test_an_input_beyond_its_deviation_is_named_with_its_size(input_, deviations):
+    error, inputs = drawn(K, 5)
+    right = RightModel.of(error, inputs, 0.99)
+    # The truth has more of the input than was stated: simulated minus measured is less by its effect.
+    observed = -deviations * MM * EFFECTS[input_] + drawn(1, 6)[0][0] / 3
+    found = explain(observed, right, ("first", "second", "third"), TIME)
+    assert next(iter(found.moved)) == ("first", "second", "third")[input_]
+    assert next(iter(found.moved.values())) == pytest.approx(deviations, abs=1.5)
+    assert found.explained
+    assert found.remaining_rms_m < 0.5 * found.error_rms_m
+
+
+def test_what_no_input_does_is_left_to_the_model_with_its_place():
+    error, inputs = drawn(K, 5)
+    right = RightModel.of(error, inputs, 0.99)
+    observed = np.zeros((N, 3))
+    observed[N // 2 :, 1] = 6 * MM
+    observed[N // 2 :, 0] = -6 * MM
+    found = explain(observed, right, ("first", "second", "third"), TIME)
+    assert not found.explained
+    assert found.begins_m <= 0.55
+    assert found.ends_m >= 0.45
+
+
+def test_an_error_of_a_right_model_needs_no_explanation():
+    error, inputs = drawn(K, 5)
+    right = RightModel.of(error, inputs, 0.99)
+    found = explain(drawn(1, 8)[0][0], right, ("first", "second", "third"), TIME)
+    assert not found.moved
+    assert np.isnan(found.begins_m)
