@@ -13,7 +13,7 @@ VENV ?= .venv
 CORES ?= 2
 BIN := $(VENV)/bin
 VIEWERS := $(VENV)/viewers
-SOURCES := src studies tests workflow/scripts
+SOURCES := src studies tests
 
 .PHONY: demo test check studies docs-ledger accuracy tables mutants bench clean
 
@@ -47,7 +47,7 @@ check: $(VENV)/installed-dev
 	$(BIN)/ruff format --check $(SOURCES)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/snakefmt --check Snakefile workflow/rules
+	$(BIN)/snakefmt --check Snakefile src/towval/workflow/rules studies/rules src/towval/workflow/Snakefile
 	$(BIN)/snakemake --lint
 
 test: check

@@ -25,7 +25,7 @@ def draw_chart(name: str, chart: str, plan: Mapping[str, Any], tables: Mapping[s
     chart : str
         Reference ``module:name`` of a study with a chart, or of a drawing.
     plan : mapping
-        The scene of the paper, ``workflow/plan.yaml``; charts of other studies need none.
+        The scene of the paper, ``src/towval/workflow/plan.yaml``; charts of other studies need none.
     tables : mapping
         CSV files of the studies, by name.
     folder : Path

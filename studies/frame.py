@@ -73,7 +73,7 @@ class Maps:
 class Drawing:
     """A figure drawn by a function of its own from the tables of one or more studies.
 
-    ``draw`` takes the plan (``workflow/plan.yaml``) and the tables by the name of the study.
+    ``draw`` takes the plan (``src/towval/workflow/plan.yaml``) and the tables by the name of the study.
     """
 
     tables: tuple[str, ...]

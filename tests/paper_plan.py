@@ -5,7 +5,7 @@ from pathlib import Path
 from towval.io.schema import check, packaged_schema
 from towval.io.yaml_text import read_yaml
 
-WORKFLOW = Path(__file__).resolve().parents[1] / "workflow"
+WORKFLOW = Path(__file__).resolve().parents[1] / "src" / "towval" / "workflow"
 
 
 def paper_plan():

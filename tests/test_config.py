@@ -32,7 +32,7 @@ SECTIONS = {
 
 @pytest.fixture(scope="module")
 def schema(repository):
-    return yaml.safe_load((repository / "workflow/schemas/config.schema.yaml").read_text())
+    return yaml.safe_load((repository / "src/towval/io/config.schema.yaml").read_text())
 
 
 @pytest.fixture(scope="module")

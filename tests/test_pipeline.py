@@ -158,8 +158,8 @@ def test_a_second_call_does_nothing(lab):
 
 
 def _rules_to_run(lab, repository, *arguments):
-    answer = lab.snakemake("--dry-run", "--quiet", "rules", *arguments, repository=repository)
-    plan = lab.snakemake("--dry-run", *arguments, repository=repository)
+    answer = lab.snakemake(*arguments, "--dry-run", "--quiet", "rules", repository=repository)
+    plan = lab.snakemake(*arguments, "--dry-run", repository=repository)
     assert plan.returncode == 0, plan.stdout + plan.stderr + answer.stderr
     rules = set()
     for line in (plan.stdout + plan.stderr).splitlines():
@@ -184,7 +184,7 @@ EDITS = {
 @pytest.mark.parametrize("module", EDITS)
 def test_an_edit_reruns_what_depends_on_it_and_nothing_else(lab, repository, tmp_path, module):
     copy = tmp_path / "copy"
-    for name in ("src", "studies", "workflow", "profiles"):
+    for name in ("src", "studies", "profiles"):
         shutil.copytree(repository / name, copy / name, ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
     shutil.copy(repository / "Snakefile", copy)
     with (copy / module).open("a") as stream:
@@ -202,6 +202,11 @@ def test_another_key_of_the_campaign_reruns_what_reads_it(lab, repository):
         assert _rules_to_run(lab, repository) == {"simulate", "uncertainty", "compare", "overlay", "report"}
     finally:
         path.write_text(before)
+
+
+def test_another_setting_reruns_its_stage_and_what_follows(lab):
+    changed = _rules_to_run(lab, lab.repository, 'compare={"resolution_m":0.03}')
+    assert changed == {"compare", "overlay", "report"}
 
 
 def test_a_killed_run_resumes(lab, tmp_path):

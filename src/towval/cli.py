@@ -2,6 +2,7 @@
 
 import argparse
 import importlib
+from argparse import BooleanOptionalAction
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,10 @@ from towval.io.yaml_text import read_value
 from towval.model.errors import InputError
 
 _EPILOG = """\
+All stages at once, resumable and in parallel, first on the sample that comes with the package:
+  towval demo
+  towval run lab_a
+
 A run by hand, step by step:
   towval calibrate lab_a -o out/camera.mcap
   towval track     lab_a --run a --camera out/camera.mcap -o out/a/track.mcap
@@ -31,11 +36,8 @@ Are results whole, and what were they made of:
   towval verify    out --campaign lab_a
 
 A rover plan that makes the object follow a path, and the motion of the object behind any recorded rover:
-  towval plan      workflow/plan.yaml --path desired.csv -o out/plan.mcap --csv out/plan.csv
-  towval tow       workflow/plan.yaml out/plan.mcap -o out/towed.mcap
-
-All stages at once, resumable and in parallel:
-  snakemake --cores 2 --config campaign=lab_a
+  towval plan      src/towval/workflow/plan.yaml --path desired.csv -o out/plan.mcap --csv out/plan.csv
+  towval tow       src/towval/workflow/plan.yaml out/plan.mcap -o out/towed.mcap
 
 An overview of all campaigns; a continuous integration fails where a run does not agree:
   towval index     results results_of_last_year -o index.sqlite --fail-on disagrees
@@ -56,13 +58,34 @@ def _file(name: str, help_text: str, **options: Any) -> _Argument:
 _CAMPAIGN = _file("campaign", "campaign folder, with campaign.yaml")
 _RUN = ("--run", {"dest": "name", "required": True, "help": "name of the run in campaign.yaml"})
 _CAMERA = _file("--camera", "camera.mcap of the campaign")
-_SCENE = _file("scene", "scene file, like workflow/plan.yaml")
+_SCENE = _file("scene", "scene file, like src/towval/workflow/plan.yaml")
 _REPLACING = "campaign folder whose object, friction, tether and hinge replace those of the scene"
 _WANTED = "a curve of the scene (lemniscate, ...) or a CSV file with x_m and y_m"
 
 _FAIL_ON = "exit with code 1 where a run has this verdict, or is unfinished; repeatable"
+_RESULTS = _file("--results", "folder for results, results by default", required=False, default=Path("results"))
+_CORES = ("--cores", {"type": int, "help": "processor cores to use, all by default"})
 
 _STAGES: dict[str, tuple[str, list[_Argument]]] = {
+    "demo": ("the sample that comes with the package → report.html", [
+        _file("folder", "new folder for the sample, demo by default", nargs="?", default=Path("demo")),
+        _RESULTS, _CORES,
+    ]),
+    "new": ("folder with videos and pictures, measured facts → campaign.yaml", [
+        _file("folder", "folder with the videos of the runs and the pictures of the board"),
+        _file("--facts", "YAML file with facts, in the sections of campaign.yaml", required=False),
+        ("--ask", {"action": BooleanOptionalAction, "help": "ask for what is missing; by default on a terminal"}),
+        ("--force", {"action": "store_true", "help": "replace a campaign.yaml that is there"}),
+    ]),
+    "check": ("campaign folder → every fault at once, a picture of each start, expected accuracy and cost", [
+        _CAMPAIGN,
+        _file("--output", "folder for the pictures, check in the campaign folder by default", required=False),
+        ("--json", {"dest": "as_json", "action": "store_true", "help": "print one JSON object"}),
+    ]),
+    "run": ("campaign folder → results, with report.html", [
+        _CAMPAIGN, _RESULTS, _CORES,
+        ("--snakemake", {"default": "", "metavar": "OPTIONS", "help": "options for Snakemake: --snakemake='-n'"}),
+    ]),
     "calibrate": ("board pictures → camera.mcap: lens and floor with covariance", [_CAMPAIGN]),
     "track": ("video of a run → track.mcap: poses of rover and object with standard deviations", [
         _CAMPAIGN, _RUN, _CAMERA,
@@ -119,10 +142,18 @@ _STAGES: dict[str, tuple[str, list[_Argument]]] = {
 }  # fmt: skip
 """Help text and arguments of each stage, besides ``-o`` and ``--set``."""
 
-_FUNCTIONS = {"plan": ("plan", "run_file"), "tow": ("plan", "run_tow_file")}
+_FUNCTIONS = {
+    "plan": ("plan", "run_file"),
+    "tow": ("plan", "run_tow_file"),
+    "run": ("workflow", "run"),
+    "demo": ("workflow", "run_demo"),
+}
 """Module and function of a stage, where they are not ``run`` in the module of its name."""
 
 _OUTPUTS = {"index": "SQLite file to write, replaced atomically; the page beside it ends in .html"}
+_WITHOUT_OUTPUT = ("report", "verify", "run", "demo", "check", "new")
+_SETTINGS = {"run": "config.yaml, as track.method", "new": "campaign.yaml, as object.mass_kg"}
+_WITHOUT_SETTINGS = ("exchange", "plan", "tow", "index", "verify", "demo", "check")
 
 
 def _arguments() -> argparse.ArgumentParser:
@@ -138,11 +169,12 @@ def _arguments() -> argparse.ArgumentParser:
         stage = stages.add_parser(name, help=text, description=f"{text[0].upper()}{text[1:]}.")
         module, function = _FUNCTIONS.get(name, (name, "run"))
         stage.set_defaults(module=f"towval.commands.{module}", function=function)
-        if name not in ("report", "verify"):
+        if name not in _WITHOUT_OUTPUT:
             output = _OUTPUTS.get(name, "MCAP file to write, replaced atomically")
             stage.add_argument("-o", "--output", type=Path, required=True, help=output)
-        if name not in ("exchange", "plan", "tow", "index", "verify"):
-            setting = f"a key of section {name} of config.yaml; repeatable"
+        if name not in _WITHOUT_SETTINGS:
+            of = _SETTINGS.get(name, f"section {name} of config.yaml")
+            setting = f"a key of {of}; repeatable"
             given: dict[str, Any] = {"dest": "keys", "action": "append", "default": []}
             stage.add_argument("--set", **given, metavar="KEY=VALUE", help=setting)
         for flag, options in arguments:

@@ -27,14 +27,14 @@ SETTINGS = PlannerSettings(
     arrival_distance=0.02,
     stray_distance=2.0,
 )
-"""The paper's gains and threshold; see workflow/plan.yaml."""
+"""The paper's gains and threshold; see src/towval/workflow/plan.yaml."""
 
 ALLOWED_M = FOLLOWED * SETTINGS.arrival_distance
 DURATION_S, STEP_S = 600.0, 0.1
 
 
 def rover(outward_deg: float = 33.7) -> Rover:
-    """The rover of workflow/plan.yaml with another outer steering range."""
+    """The rover of src/towval/workflow/plan.yaml with another outer steering range."""
     return symmetric_rover(0.4, 0.4, 0.1, outward=np.radians(outward_deg), inward=np.radians(93.0))
 
 

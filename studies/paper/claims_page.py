@@ -17,7 +17,7 @@ _HEAD = """# Claims of the paper, one by one
 
 Made by the rule `claims` from the tables in `results/figures/tables/`; do not edit. The same as data is
 `claims.json`. Every outcome is decided by the check beside it on our own numbers, with the scene of
-`workflow/plan.yaml`, which marks the paper's values and our assumptions.
+`src/towval/workflow/plan.yaml`, which marks the paper's values and our assumptions.
 """
 
 
@@ -27,7 +27,7 @@ def write_ledger(plan: Mapping[str, Any], tables: Mapping[str, Path], outputs: S
     Parameters
     ----------
     plan : mapping
-        The scene, ``workflow/plan.yaml``, kept in the JSON.
+        The scene, ``src/towval/workflow/plan.yaml``, kept in the JSON.
     tables : mapping
         CSV files of the studies by name.
     outputs : sequence of Path

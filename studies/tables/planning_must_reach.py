@@ -21,7 +21,7 @@ from studies.rover_geometry import constraint_residual, feasible_pieces, is_feas
 from towval.io.yaml_text import read_yaml
 from towval.planning.scene import resting_patch
 
-PLAN = Path(__file__).resolve().parents[2] / "workflow" / "plan.yaml"
+PLAN = Path(__file__).resolve().parents[2] / "src" / "towval" / "workflow" / "plan.yaml"
 
 SAMPLE = 8
 """The response surface is timed on a grid of so many by so many points, spread over the whole of it."""

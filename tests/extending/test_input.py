@@ -87,7 +87,7 @@ def test_an_input_of_ones_own_goes_through_commands_and_report(campaign, results
 
 
 def test_the_workflow_knows_the_input_where_it_is_registered(repository):
-    schema = repository / "workflow" / "schemas" / "config.schema.yaml"
+    schema = repository / "src" / "towval" / "io" / "config.schema.yaml"
     assert python("-c", CHECK, schema).returncode == 0
     refused = python("-c", CHECK, schema, plugins="")
     assert refused.returncode != 0

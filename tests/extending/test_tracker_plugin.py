@@ -59,7 +59,7 @@ def test_a_tracker_of_ones_own_goes_through_command_file_and_report(folder):
 
 
 def test_the_workflow_accepts_a_registered_tracker_and_no_other(repository):
-    schema = str(repository / "workflow/schemas/config.schema.yaml")
+    schema = str(repository / "src/towval/io/config.schema.yaml")
     assert python("-c", CHECK, schema).returncode == 0
     refused = python("-c", CHECK, schema, plugins="")
     assert "track.method is 'patch'; allowed: one of plane, klt" in refused.stderr

@@ -10,7 +10,7 @@ import yaml
 
 from towval.io.campaign import campaign_schema, load_campaign
 from towval.model import Load
-from towval.model.errors import InputError
+from towval.model.errors import InputError, InputErrors
 from towval.model.inputs import INPUTS, Realisation, is_left_out
 from towval.physics.mass import towed_object
 
@@ -291,6 +291,50 @@ def test_all_faults_are_told_at_once(campaign):
         load_campaign(campaign(change))
     assert "objekt" in str(caught.value)
     assert "rest_length_m" in str(caught.value)
+
+
+def test_each_missing_key_is_told_once(campaign):
+    def change(document):
+        document["friction"] = {}
+
+    with pytest.raises(InputErrors) as caught:
+        load_campaign(campaign(change))
+    assert len(caught.value.faults) == 4
+
+
+def test_faults_of_values_files_and_geometry_are_told_together(campaign):
+    """Those that a schema sees, files that are missing, and numbers that contradict each other."""
+
+    def change(document):
+        document["camera"]["calibration_images"] = "nothing_*.jpg"
+        document["floor"].pop("origin_corner_px")
+        document["object"]["load"]["at_m"] = [2.0, 0.0]
+        document["object"]["mass_kg"] = 0.1
+        document["runs"]["a"]["video"] = "gone.mp4"
+        document["runs"]["a"]["first_frame_clicks_px"]["rover"].pop()
+        document["runs"]["b"]["video"] = ""
+
+    with pytest.raises(InputErrors) as caught:
+        load_campaign(campaign(change))
+    texts = [str(fault) for fault in caught.value.faults]
+    for words in (
+        "camera.calibration_images finds no picture",
+        "floor frame is not fixed",
+        "object.load.at_m is not on",
+        "object.footprint_m",
+        "runs.a.video is missing",
+        "runs.a.first_frame_clicks_px.rover has another number",
+        "runs.b.video is ''",
+    ):
+        assert sum(words in text for text in texts) == 1, words
+    assert len(texts) == 7
+
+
+def test_a_document_that_is_no_mapping_is_one_fault(campaign):
+    folder = campaign(lambda d: None)
+    (folder / "campaign.yaml").write_text("- 1\n")
+    with pytest.raises(InputError, match="the document is"):
+        load_campaign(folder)
 
 
 def test_a_key_given_twice_is_an_error(campaign):

@@ -12,7 +12,7 @@ from towval.validation.simulate import SimulateSettings
 
 @pytest.fixture(scope="module")
 def schema(repository):
-    return yaml.safe_load((repository / "workflow/schemas/config.schema.yaml").read_text())
+    return yaml.safe_load((repository / "src/towval/io/config.schema.yaml").read_text())
 
 
 @pytest.mark.parametrize("preset", PRESETS)

@@ -33,7 +33,7 @@ def run(scene: Mapping[str, Any], wanted: str, mcap: Path, csv: Path, campaign: 
     Parameters
     ----------
     scene : mapping
-        The scene, as ``workflow/plan.yaml`` describes it.
+        The scene, as ``src/towval/workflow/plan.yaml`` describes it.
     wanted : str
         Name of a curve of the scene, or a CSV file with columns ``x_m``, ``y_m`` and optionally ``time_s``.
     campaign : Path, optional
@@ -71,7 +71,7 @@ def run_tow(scene: Mapping[str, Any], recording: Path, output: Path, campaign: P
     Parameters
     ----------
     scene : mapping
-        The scene, as ``workflow/plan.yaml`` describes it.
+        The scene, as ``src/towval/workflow/plan.yaml`` describes it.
     recording : Path
         Any MCAP with ``/rover/pose`` and ``/object/pose`` or ``/object/pose_simulated``: a plan, a measured track.
     output : Path

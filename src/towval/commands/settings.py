@@ -3,6 +3,7 @@
 import dataclasses
 import difflib
 from collections.abc import Mapping
+from copy import deepcopy
 from typing import Any, TypeVar
 
 from towval.model.errors import InputError
@@ -33,3 +34,17 @@ def without_auto(keys: Mapping[str, Any] | None, *choosable: str) -> tuple[dict[
     keys = dict(keys or {})
     chosen = tuple(name for name in choosable if keys.get(name) == "auto")
     return {name: value for name, value in keys.items() if name not in chosen}, chosen
+
+
+def nested(keys: Mapping[str, Any], document: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """A document with sections from keys with dots (``object.mass_kg``), over another ``document``, which stays."""
+    result: dict[str, Any] = deepcopy(dict(document or {}))
+    for key, value in keys.items():
+        *names, last = key.split(".")
+        section = result
+        for name in names:
+            section = section.setdefault(name, {})
+            if not isinstance(section, dict):
+                raise InputError(f"{key} is below a key that has a value", got=section, allowed=f"{name} with keys")
+        section[last] = value
+    return result

@@ -48,14 +48,7 @@ def run(
     given = load_campaign(campaign)
     entry = given.run(name)
     check_together({"camera.mcap": camera}, given.document)
-    video = Video(entry.video, damaged=entry.damaged_video)
-    if tuple(video.header.resolution_px) not in (given.resolution_px, given.resolution_px[::-1]):
-        raise InputError(
-            f"the video {entry.video.name} has another size than camera.resolution_px",
-            got=" × ".join(map(str, video.header.resolution_px)),
-            allowed=" × ".join(map(str, given.resolution_px)),
-            remedy="calibrate with pictures of the size of the video",
-        )
+    video = open_video(given, entry)
     calibration = read_calibration(camera)
     clicks = _clicks(given, entry, video, calibration, output.with_name("proposals.png"))
     scene = (calibration, given.bodies, clicks)
@@ -85,6 +78,22 @@ def run(
     inputs = given.files([entry.video]) | {"camera.mcap": camera}
     made_of = provenance("track", settings, inputs, run=name, document=sections, constants=True)
     write_tracks(output, tracks, made_of)
+
+
+def open_video(given: Campaign, entry: Run) -> Video:
+    """The video of a run.
+
+    Raises `InputError` when it is no video, or of another size than the calibration pictures.
+    """
+    video = Video(entry.video, damaged=entry.damaged_video)
+    if tuple(video.header.resolution_px) not in (given.resolution_px, given.resolution_px[::-1]):
+        raise InputError(
+            f"the video {entry.video.name} has another size than camera.resolution_px",
+            got=" × ".join(map(str, video.header.resolution_px)),
+            allowed=" × ".join(map(str, given.resolution_px)),
+            remedy="calibrate with pictures of the size of the video",
+        )
+    return video
 
 
 def _clicks(

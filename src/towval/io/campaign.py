@@ -4,9 +4,10 @@ import glob
 import itertools
 import os
 import stat
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from copy import deepcopy
 from dataclasses import dataclass
+from functools import reduce
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +16,10 @@ import shapely
 
 from towval.io.campaign_scene import towing_scene
 from towval.io.reading import check_name, is_folder, is_plain_file, kind_of, reason
-from towval.io.schema import check, packaged_schema
+from towval.io.schema import faults_of, packaged_schema
 from towval.io.yaml_text import read_yaml
 from towval.model import Array, Board, Body, FloorReference, TowingScene, locked
-from towval.model.errors import InputError
+from towval.model.errors import Faults, InputError
 from towval.model.geometry import polygon_area
 from towval.model.inputs import INPUTS, StatedDeviation, deviations
 from towval.tracking.markers import Tag
@@ -115,27 +116,74 @@ def load_campaign(folder: Path) -> Campaign:
             remedy="check the path after campaign=",
         )
     check_name(folder, "the campaign folder")
-    document = read_yaml(folder / "campaign.yaml")
-    check(document, campaign_schema(), "campaign.yaml")
-    camera, floor = document["camera"], document["floor"]
-    rover, towed = document["rover"], document["object"]
-    scene = towing_scene(document)
+    campaign, faults = read_campaign(folder, read_yaml(folder / "campaign.yaml"))
+    faults.raise_any("campaign.yaml")
+    assert campaign is not None
+    return campaign
+
+
+def read_campaign(folder: Path, document: Any) -> tuple[Campaign | None, Faults]:
+    """The campaign that a document, read from campaign.yaml, describes; None and every fault where it has any.
+
+    What a faulty part of the document leaves open is not checked further, everything else is.
+    """
+    wrong = faults_of(document, campaign_schema(), "campaign.yaml")
+    faults = Faults(wrong.values())
+    read: dict[str, Any] = {}
+
+    def part(needs: str, function: Callable[..., Any], *arguments: Any) -> Any:
+        """The result of a call with the keys that it needs, or None where one of them has a fault."""
+        keys = needs.split()
+        if "the document" in wrong or any(f"{fault}.".startswith(f"{key}.") for fault in wrong for key in keys):
+            return None
+        found = [reduce(lambda keys, key: keys.get(key, {}), key.split("."), document) for key in keys]
+        return faults.attempt(function, *found, *arguments)
+
+    read["calibration_images"] = part("camera.calibration_images", _images, folder, "camera.calibration_images")
+    read["board"] = part("camera.board", _board)
+    read["floor_images"] = part("floor", _floor_images, folder)
+    read["floor_reference"] = part("floor", _floor_reference)
+    scene = part("floor rover object tether friction", lambda *_: towing_scene(document))
+    corners = {body: part(body, _corners, body) for body in ("rover", "object")}
+    names = [*document["runs"]] if isinstance(document, dict) and isinstance(document.get("runs"), dict) else []
+    runs = {str(name): part(f"runs.{name} camera.resolution_px", _run, folder, str(name), corners) for name in names}
+    if faults:
+        return None, faults
+    return _campaign(folder, document, scene, corners, runs, read), faults
+
+
+def _campaign(
+    folder: Path,
+    document: dict[str, Any],
+    scene: TowingScene,
+    corners: dict[str, Array],
+    runs: dict[str, Run],
+    read: dict[str, Any],
+) -> Campaign:
     known, load = deviations(scene, document), scene.load
+    hidden = {"rover": (), "object": (load.outline,) if load.size[:2].all() else ()}
+    bodies = {
+        name: Body(
+            name=name,
+            tracked_plane_height_m=document[name]["tracked_plane_height_m"],
+            top_corners_m=corners[name],
+            obstructions=hidden[name],
+            height_std_m=known[f"{name}_height"],
+        )
+        for name in corners
+    }
     return Campaign(
         folder=folder,
         name=folder.resolve().name,
-        resolution_px=tuple(camera["resolution_px"]),
-        calibration_images=_images(folder, camera["calibration_images"], "camera.calibration_images"),
-        board=_board(camera["board"]),
-        floor_images=_floor_images(folder, floor),
-        floor_reference=_floor_reference(floor),
-        rover=_body("rover", rover, known["rover_height"], ()),
-        object=_body("object", towed, known["object_height"], (load.outline,) if load.size[:2].all() else ()),
-        tags={"rover": _tags(rover), "object": _tags(towed)},
+        resolution_px=tuple(document["camera"]["resolution_px"]),
+        rover=bodies["rover"],
+        object=bodies["object"],
+        tags={name: _tags(document[name]) for name in bodies},
         scene=scene,
         deviations=known,
-        runs={name: _run(folder, name, entry, document) for name, entry in document["runs"].items()},
+        runs=runs,
         document=document,
+        **read,
     )
 
 
@@ -201,7 +249,7 @@ def _floor_reference(floor: dict[str, Any]) -> FloorReference:
     )
 
 
-def _images(folder: Path, pattern: str, key: str) -> tuple[Path, ...]:
+def _images(pattern: str, folder: Path, key: str) -> tuple[Path, ...]:
     """Pictures of a name or pattern in the campaign folder, or elsewhere where the pattern says so."""
     # Anywhere but in the campaign's own folder ** may walk through whole disks.
     if "**" in pattern and (Path(pattern).is_absolute() or ".." in Path(pattern).parts):
@@ -246,13 +294,13 @@ def _plain(path: Path, key: str) -> Path:
     return path
 
 
-def _floor_images(folder: Path, floor: dict[str, Any]) -> tuple[Path, ...]:
+def _floor_images(floor: dict[str, Any], folder: Path) -> tuple[Path, ...]:
     first = (_file(folder, floor["image"], "floor.image"),) if "image" in floor else ()
-    more = _images(folder, floor["more_images"], "floor.more_images") if "more_images" in floor else ()
+    more = _images(floor["more_images"], folder, "floor.more_images") if "more_images" in floor else ()
     return (*first, *(path for path in more if path not in first))
 
 
-def _body(name: str, keys: dict[str, Any], height_std_m: float, obstructions: tuple[Array, ...]) -> Body:
+def _corners(keys: dict[str, Any], name: str) -> Array:
     corners = np.array(keys["top_corners_m"], dtype=float)
     if abs(polygon_area(corners)) < 1e-4:
         raise InputError(
@@ -261,13 +309,7 @@ def _body(name: str, keys: dict[str, Any], height_std_m: float, obstructions: tu
             allowed="the corners of a polygon, one after the other around it",
         )
     _check_simple(corners, f"{name}.top_corners_m")
-    return Body(
-        name=name,
-        tracked_plane_height_m=keys["tracked_plane_height_m"],
-        top_corners_m=corners,
-        obstructions=obstructions,
-        height_std_m=height_std_m,
-    )
+    return corners
 
 
 def _tags(keys: dict[str, Any]) -> tuple[Tag, ...]:
@@ -277,25 +319,23 @@ def _tags(keys: dict[str, Any]) -> tuple[Tag, ...]:
     )
 
 
-def _run(folder: Path, name: str, entry: dict[str, Any], document: dict[str, Any]) -> Run:
+def _run(
+    entry: dict[str, Any], resolution_px: list[int], folder: Path, name: str, corners: dict[str, Array | None]
+) -> Run:
     if name.lower() in _OWN_FOLDERS:
         raise InputError(
             f"campaign.yaml: no run may be named {name}", allowed=f"a name that is none of {', '.join(_OWN_FOLDERS)}"
         )
+    faults = Faults()
+    video = faults.attempt(_file, folder, entry["video"], f"runs.{name}.video")
     clicks = {}
     for body, pixels in entry.get("first_frame_clicks_px", {}).items():
         key = f"runs.{name}.first_frame_clicks_px.{body}"
-        corners = document[body]["top_corners_m"]
-        if len(pixels) != len(corners):
-            raise InputError(
-                f"campaign.yaml: {key} has another number of corners than {body}.top_corners_m",
-                got=len(pixels),
-                allowed=str(len(corners)),
-                remedy="click every corner once, in the same order",
-            )
-        clicks[body] = locked(pixels, key, (len(corners), 2))
-        _check_clicks(clicks[body], document["camera"]["resolution_px"], key)
-    video = _file(folder, entry["video"], f"runs.{name}.video")
+        found = faults.attempt(_clicks, pixels, corners[body], resolution_px, key)
+        if found is not None:
+            clicks[body] = found
+    faults.raise_any("campaign.yaml")
+    assert video is not None
     return Run(name, video, clicks, damaged_video=entry.get("damaged_video", False))
 
 
@@ -307,6 +347,19 @@ def _check_simple(corners: Array, key: str) -> None:
             got=corners.tolist(),
             allowed="the corners of a polygon, one after the other around it",
         )
+
+
+def _clicks(pixels: Any, corners: Array | None, resolution_px: list[int], key: str) -> Array:
+    if corners is not None and len(pixels) != len(corners):
+        raise InputError(
+            f"campaign.yaml: {key} has another number of corners than {key.rpartition('.')[2]}.top_corners_m",
+            got=len(pixels),
+            allowed=str(len(corners)),
+            remedy="click every corner once, in the same order",
+        )
+    clicks = locked(pixels, key, (len(pixels), 2))
+    _check_clicks(clicks, resolution_px, key)
+    return clicks
 
 
 def _check_clicks(clicks: Array, resolution_px: list[int], key: str) -> None:

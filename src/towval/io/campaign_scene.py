@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 
 from towval.model import Array, FloorRegion, FrictionSpecification, Ground, Load, MassSpread, Patch, Tether, TowingScene
-from towval.model.errors import InputError
+from towval.model.errors import Faults, InputError
 from towval.model.geometry import inside_polygon, polygon_area
 from towval.model.inputs import deviations
 from towval.physics.mass import spread_over, towed_object
@@ -46,11 +46,14 @@ def towing_scene(document: Keys) -> TowingScene:
     )
     stiffening, full_load = document["tether"].get("stiffening", 0.0), scene.friction.static * scene.weight
     scene = replace(scene, tether=replace(scene.tether, stiffening=stiffening, full_load=full_load))
-    _check_load(towed, load)
-    _check_proportions(scene, towed)
-    _check_weight(scene)
-    _check_tether(scene)
-    _check_tipping(scene)
+    faults = Faults()
+    faults.attempt(_check_load, towed, load)
+    faults.attempt(_check_proportions, scene, towed)
+    faults.attempt(_check_weight, scene)
+    faults.attempt(_check_tether, scene)
+    if not faults:
+        faults.attempt(_check_tipping, scene)
+    faults.raise_any("campaign.yaml")
     return _with_ordered_friction(scene, deviations(scene, document))
 
 

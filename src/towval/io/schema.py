@@ -13,7 +13,7 @@ from jsonschema import Draft202012Validator, validators
 from jsonschema.exceptions import ValidationError
 
 from towval.io.yaml_text import SafeLoader, read_value
-from towval.model.errors import InputError
+from towval.model.errors import Faults, InputError
 from towval.model.plugins import Registry
 
 
@@ -102,20 +102,51 @@ def check(document: Any, schema: dict[str, Any], where: str) -> None:
     InputError
         One error that lists every fault: key, value, what is allowed, what the key means.
     """
-    validator = _Validator(schema)
-    errors = list(itertools.islice(validator.iter_errors(document), _MOST_FAULTS))
-    errors.sort(key=lambda error: [str(part) for part in error.absolute_path])
-    faults = [fault for error in errors for fault in _faults(error)]
-    if not faults:
-        return
-    if len(faults) == 1:
-        raise InputError(f"{where}: {faults[0]}")
-    more = [f"and {len(faults) - _MOST_FAULTS} more"] if len(faults) > _MOST_FAULTS else []
-    raise InputError(f"{where} has {len(faults)} faults:\n  - " + "\n  - ".join([*faults[:_MOST_FAULTS], *more]))
+    faults = faults_of(document, schema, where)
+    Faults(faults.values()).raise_any(where)
 
 
 _MOST_FAULTS = 50
 """Of a document, that are listed."""
+
+
+def faults_of(document: Any, schema: dict[str, Any], where: str) -> dict[str, InputError]:
+    """Every fault of a document by its key (``runs.a.video``), in the order of the document; each once."""
+    errors = list(itertools.islice(_Validator(schema).iter_errors(document), _MOST_FAULTS))
+    errors.sort(key=lambda error: _place(document, error))
+    faults: dict[str, InputError] = {}
+    for error in errors:
+        for key, text, got, allowed in _faults(error):
+            fault = faults.setdefault(key, InputError(f"{where}: {text}"))
+            # In one line the parts are easier to read than one below the other.
+            fault.key, fault.got, fault.allowed = key, got, allowed
+    return faults
+
+
+def key_lines(text: str) -> dict[str, int]:
+    """The line, from one, of each key of a YAML text by its full name (``runs.a.video``, ``floor.marks[2]``)."""
+    lines: dict[str, int] = {}
+    waiting: list[tuple[list[Any], Any]] = [([], yaml.compose(text, Loader=SafeLoader))]
+    while waiting:
+        path, node = waiting.pop()
+        if isinstance(node, yaml.MappingNode):
+            for key, value in node.value:
+                lines[_name([*path, key.value])] = key.start_mark.line + 1
+                waiting.append(([*path, key.value], value))
+        elif isinstance(node, yaml.SequenceNode):
+            for i, value in enumerate(node.value):
+                lines[_name([*path, i])] = value.start_mark.line + 1
+                waiting.append(([*path, i], value))
+    return lines
+
+
+def _place(document: Any, error: ValidationError) -> list[int]:
+    """Where a fault is in a document: the position of each key on the way to it."""
+    place = []
+    for part in error.absolute_path:
+        place.append(part if isinstance(part, int) else [*document].index(part))
+        document = document[part]
+    return place
 
 
 def _name(parts: Any) -> str:
@@ -132,20 +163,25 @@ def _short_name(parts: Any) -> str:
     return text if len(text) <= 80 else text[:77] + "..."
 
 
-def _faults(error: ValidationError) -> list[str]:
+def _faults(error: ValidationError) -> Iterator[tuple[str, str, Any, str]]:
+    """Key, text, value received and what is allowed, for each fault behind an error."""
     path = list(error.absolute_path)
     key = _short_name(path) or "the document"
     rule, wanted, schema = _rule(error)
     instance: Any = error.instance
     if rule == "additionalProperties":
         known = list(schema.get("properties", {}))
-        unknown = list(itertools.islice((name for name in instance if name not in known), _MOST_FAULTS))
-        return [f"unknown key {_short_name([*path, name])}{_suggestion(str(name), known)}" for name in unknown]
-    if rule == "required":
-        missing = [name for name in wanted if name not in instance]
-        return [f"the key {_name([*path, name])} is missing{_meaning(schema['properties'][name])}" for name in missing]
-    got = _short(error.instance)
-    return [f"{key} is {got}; allowed: {_allowed(error)}{_meaning(_described(error))}"]
+        for name in itertools.islice((name for name in instance if name not in known), _MOST_FAULTS):
+            full = _short_name([*path, name])
+            yield full, f"unknown key {full}{_suggestion(str(name), known)}", name, ", ".join(known)
+    elif rule == "required":
+        for name in (name for name in wanted if name not in instance):
+            full = _name([*path, name])
+            meaning = _meaning(schema["properties"][name])
+            yield full, f"the key {full} is missing{meaning}", None, meaning.strip(" ()")
+    else:
+        allowed = _allowed(error)
+        yield key, f"{key} is {_short(instance)}; allowed: {allowed}{_meaning(_described(error))}", instance, allowed
 
 
 def _rule(error: ValidationError) -> tuple[str, Any, dict[str, Any]]:

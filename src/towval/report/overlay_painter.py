@@ -57,7 +57,7 @@ class Painter:
         simulated = pose_at(run.simulated.time_s, run.simulated.pose, time_s)
         self._draw_tether(picture, rover, simulated, time_s)
         for times_s, pixels, colour, line in self._trails:
-            _stroke(picture, pixels[: np.searchsorted(times_s, time_s, side="right")], colour, line)
+            stroke(picture, pixels[: np.searchsorted(times_s, time_s, side="right")], colour, line)
         rover_height, height = run.rover.tracked_plane_height_m, run.towed.tracked_plane_height_m
         self._polyline(picture, outline_at(run.rover, rover), rover_height, _ROVER, self._line)
         for colour, line in ((_WHITE, self._line + 3), (_SIMULATED, self._line + 1)):
@@ -76,11 +76,11 @@ class Painter:
         self, picture: Picture, points: Array, height_m: float, colour: Colour, line: int, *, dashed: bool = False
     ) -> None:
         """Draw floor points (n, 2) [m] at a height; missing points leave gaps."""
-        dense = _dense(points)
+        pieces = dense(points)
         if dashed:
             # Every fourth of the equidistant points missing: dashes as long as their gaps.
-            dense[2::4] = np.nan
-        _stroke(picture, self._pixels(dense, height_m), colour, line)
+            pieces[2::4] = np.nan
+        stroke(picture, self._pixels(pieces, height_m), colour, line)
 
     def _pixels(self, points: Array, height_m: float) -> Array:
         """Pixels of the video (n, 2) of floor points (n, 2) [m] lifted to a height."""
@@ -106,7 +106,7 @@ class Painter:
         return f"error {1e3 * np.hypot(error[0], error[1]):5.2f} mm   {turn}°"
 
 
-def _stroke(picture: Picture, pixels: Array, colour: Colour, line: int) -> None:
+def stroke(picture: Picture, pixels: Array, colour: Colour, line: int) -> None:
     """Draw a polyline (n, 2) [px] in place; missing points leave gaps."""
     known = np.asarray(np.isfinite(pixels).all(axis=1))
     for piece in np.split(np.arange(len(pixels)), np.flatnonzero(np.diff(known)) + 1):
@@ -115,7 +115,7 @@ def _stroke(picture: Picture, pixels: Array, colour: Colour, line: int) -> None:
             cv2.polylines(picture, [fixed], False, colour, line, cv2.LINE_AA, _FRACTION_BITS)
 
 
-def _dense(points: Array) -> Array:
+def dense(points: Array) -> Array:
     """Points (m, 2) along a polyline, dense enough for the curvature that the lens gives a straight edge."""
     pieces = [points[:1]]
     for start, end in itertools.pairwise(points):

@@ -18,6 +18,7 @@ rule track:
         content=lambda wildcards, input: content(input.video),
         call="towval.commands.track:run",
         code=code("towval.commands.track"),
+        settings=settings_text("track"),
         arguments=lambda wildcards, input, output: dict(
             campaign=folder(wildcards),
             name=wildcards.run,
@@ -50,6 +51,7 @@ rule decimate:
     params:
         call="towval.commands.decimate:run",
         code=code("towval.commands.decimate"),
+        settings=settings_text("decimate"),
         arguments=lambda wildcards, input, output: dict(
             track=input[0],
             output=output[0],
@@ -77,6 +79,7 @@ rule simulate:
     params:
         call="towval.commands.simulate:run",
         code=code("towval.commands.simulate"),
+        settings=settings_text("simulate"),
         arguments=lambda wildcards, input, output: dict(
             campaign=folder(wildcards),
             track=input.track,
@@ -112,6 +115,7 @@ rule uncertainty:
     params:
         call="towval.commands.uncertainty:run",
         code=code("towval.commands.uncertainty"),
+        settings=settings_text("uncertainty"),
         arguments=lambda wildcards, input, output: dict(
             campaign=folder(wildcards),
             name=wildcards.run,
@@ -143,6 +147,7 @@ rule compare:
     params:
         call="towval.commands.compare:run",
         code=code("towval.commands.compare"),
+        settings=settings_text("compare"),
         arguments=lambda wildcards, input, output: dict(
             name=wildcards.run,
             track=input.track,

@@ -1,3 +1,15 @@
+include: "common.smk"
+
+
+localrules:
+    paper_table,
+    study_table,
+    paper_chart,
+    study_chart,
+    tradeoff,
+    stability,
+
+
 # One frame for all studies: part -> table -> chart -> page. studies/registry.py names the studies and charts; those of
 # the paper go to results/figures, the products tradeoff and stability to results/study.
 rule paper_part:
@@ -11,7 +23,7 @@ rule paper_part:
         study="|".join(registry.PAPER),
         part="[A-Za-z0-9_-]+",
     conda:
-        "../envs/towval.yaml"
+        "../../src/towval/workflow/envs/towval.yaml"
     resources:
         mem_mb=2000,
         runtime=30,
@@ -26,7 +38,7 @@ rule paper_part:
     message:
         "study {wildcards.study}: part {wildcards.part}"
     script:
-        "../scripts/run.py"
+        "../../src/towval/workflow/scripts/run.py"
 
 
 use rule paper_part as study_part with:
@@ -51,7 +63,7 @@ rule paper_table:
     wildcard_constraints:
         study="|".join(registry.PAPER),
     conda:
-        "../envs/towval.yaml"
+        "../../src/towval/workflow/envs/towval.yaml"
     params:
         call="studies.compute:gather",
         code=code("studies.compute"),
@@ -62,7 +74,7 @@ rule paper_table:
     message:
         "study {wildcards.study}: table"
     script:
-        "../scripts/run.py"
+        "../../src/towval/workflow/scripts/run.py"
 
 
 use rule paper_table as study_table with:
@@ -86,7 +98,7 @@ rule paper_chart:
     wildcard_constraints:
         chart="|".join(registry.FIGURES),
     conda:
-        "../envs/towval.yaml"
+        "../../src/towval/workflow/envs/towval.yaml"
     params:
         call="studies.draw:draw_chart",
         code=lambda wildcards: code_with("studies.draw", registry.FIGURES[wildcards.chart]),
@@ -100,7 +112,7 @@ rule paper_chart:
     message:
         "paper: {wildcards.chart}"
     script:
-        "../scripts/run.py"
+        "../../src/towval/workflow/scripts/run.py"
 
 
 use rule paper_chart as study_chart with:
@@ -136,7 +148,7 @@ rule tradeoff:
     log:
         product("logs", "tradeoff.log"),
     conda:
-        "../envs/towval.yaml"
+        "../../src/towval/workflow/envs/towval.yaml"
     params:
         call="studies.page:write_page",
         code=code("studies.page"),
@@ -149,7 +161,7 @@ rule tradeoff:
     message:
         "error against cost: results in {output}"
     script:
-        "../scripts/run.py"
+        "../../src/towval/workflow/scripts/run.py"
 
 
 use rule tradeoff as stability with:
@@ -189,7 +201,7 @@ rule claims:
     log:
         paper("logs", "claims.log"),
     conda:
-        "../envs/towval.yaml"
+        "../../src/towval/workflow/envs/towval.yaml"
     params:
         call="studies.paper.claims_page:write_ledger",
         code=code("studies.paper.claims_page"),
@@ -201,7 +213,7 @@ rule claims:
     message:
         "paper: the ledger of its claims"
     script:
-        "../scripts/run.py"
+        "../../src/towval/workflow/scripts/run.py"
 
 
 rule plan:
@@ -211,7 +223,7 @@ rule plan:
     log:
         paper("logs", "plan_{curve}.log"),
     conda:
-        "../envs/towval.yaml"
+        "../../src/towval/workflow/envs/towval.yaml"
     params:
         call="towval.commands.plan:run",
         code=code("towval.commands.plan"),
@@ -224,4 +236,4 @@ rule plan:
     message:
         "paper: plan of the rover on the curve {wildcards.curve}"
     script:
-        "../scripts/run.py"
+        "../../src/towval/workflow/scripts/run.py"

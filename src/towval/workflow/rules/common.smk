@@ -8,13 +8,8 @@ from towval.io.campaign import load_campaign
 from towval.io.manifest import MANIFEST, check_results
 from towval.io.provenance import canonical, content_hash, file_hash, module_hash, read_sections
 from towval.io.schema import check, packaged_schema, with_plain_values
-from towval.io.yaml_text import read_yaml
 from towval.io.workflow_lock import clear_stale_locks
 from towval.model.presets import STANDARD, settings_of
-from studies import registry
-from studies.frame import Settings, loaded, module_of
-
-HERE = Path(workflow.basedir)
 
 
 def or_exit(function, *arguments):
@@ -50,7 +45,7 @@ for folder in config.get("campaigns") or [config.get("campaign")]:
     if not isinstance(folder, str):
         sys.exit(f"towval: the folder of a campaign is read as {folder!r}\n  what to do: write campaign=./NAME")
 
-or_exit(check, config, read_yaml(HERE / "workflow" / "schemas" / "config.schema.yaml"), "config")
+or_exit(check, config, packaged_schema("config.schema.yaml"), "config")
 
 CAMPAIGNS = or_exit(load_campaigns)
 RESULTS = Path(config["results"])
@@ -112,48 +107,12 @@ def section(stage):
     return settings_of(config.get("preset", STANDARD), stage, config.get(stage))
 
 
+def settings_text(stage):
+    """A stage's settings as a parameter of their own: Snakemake does not compare those that name input or output."""
+    later = ("decimate", "simulate") if stage == "track" and section("track").get("samples") == "auto" else ()
+    return canonical({name: section(name) for name in (stage, *later)})
+
+
 def identified(wildcards):
     """The identification of a campaign, where config["identify"]["parameters"] asks for one."""
     return [results(wildcards.campaign, "identify.mcap")] if section("identify").get("parameters") else []
-
-
-PLAN = or_exit(read_yaml, HERE / "workflow" / "plan.yaml")
-or_exit(check, PLAN, packaged_schema("plan.schema.yaml"), "plan")
-STUDY_SETTINGS = Settings(quick=bool(config.get("quick", False)), plan=PLAN)
-
-PRODUCTS = {"tradeoff": dict(registry.TRADEOFF), "stability": dict(registry.STABILITY)}
-CHARTED = {**registry.TRADEOFF, **registry.STABILITY}
-STUDIES = {**registry.PAPER, **CHARTED}
-
-
-def paper(*parts):
-    return str(RESULTS.joinpath("figures", *parts))
-
-
-def product(*parts):
-    return str(RESULTS.joinpath("study", *parts))
-
-
-STUDY_PARTS = {}
-
-
-def parts_of(study):
-    """The parts of a study by name; the module that computes it is imported for those alone that are asked for."""
-    if study not in STUDY_PARTS:
-        STUDY_PARTS[study] = or_exit(or_exit(loaded, STUDIES[study]).parts, STUDY_SETTINGS)
-    return STUDY_PARTS[study]
-
-
-def code_with(command, reference):
-    """Fingerprint of a command and of the module behind a reference, with all that they import."""
-    return code(command) + code(module_of(reference))
-
-
-def drawing_tables(figure):
-    """Tables from which a figure of the paper is drawn."""
-    return [paper("tables", f"{study}.csv") for study in loaded(registry.FIGURES[figure]).tables]
-
-
-def tables_by_name(files):
-    """Tables of studies by the study's name."""
-    return {Path(file).stem: file for file in files}

@@ -20,6 +20,7 @@ rule identify:
     params:
         call="towval.commands.identify:run",
         code=code("towval.commands.identify"),
+        settings=settings_text("identify"),
         arguments=lambda wildcards, input, output: dict(
             campaign=folder(wildcards),
             results=results(wildcards.campaign),

@@ -17,6 +17,7 @@ rule calibrate:
     params:
         call="towval.commands.calibrate:run",
         code=code("towval.commands.calibrate"),
+        settings=settings_text("calibrate"),
         arguments=lambda wildcards, input, output: dict(
             campaign=folder(wildcards),
             output=output[0],

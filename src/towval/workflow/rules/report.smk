@@ -25,6 +25,7 @@ rule overlay:
     params:
         call="towval.commands.overlay:run",
         code=code("towval.commands.overlay"),
+        settings=settings_text("report"),
         arguments=lambda wildcards, input, output: dict(
             campaign=folder(wildcards),
             name=wildcards.run,
@@ -72,6 +73,7 @@ rule report:
     params:
         call="towval.commands.report:run",
         code=code("towval.commands.report"),
+        settings=settings_text("report"),
         arguments=lambda wildcards, input, output: dict(
             campaign=folder(wildcards),
             results=results(wildcards.campaign),

@@ -1,0 +1,201 @@
+"""Command check: every fault of a campaign folder at once, the starts to look at, expected accuracy and cost."""
+
+import json
+import os
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from towval.calibration.calibrate import CalibrateSettings, calibrate
+from towval.commands.track import open_video
+from towval.io.campaign import Campaign, Run, read_campaign
+from towval.io.campaign_text import text_without_clicks
+from towval.io.images import GrayPictures, write_picture
+from towval.io.schema import key_lines
+from towval.io.video import Video
+from towval.io.yaml_text import read_yaml
+from towval.model import Array, Calibration, Severity
+from towval.model.errors import TowvalError
+from towval.optics.plane_uncertainty import position_covariance
+from towval.report.preview import draw_start
+from towval.report.start_page import StartOfRun, write_start_page
+from towval.tracking.outline import pose_from_clicks
+from towval.tracking.planar_target import PlanarTarget
+
+
+@dataclass(frozen=True)
+class CostConstants:
+    """Processor time of a campaign, measured on two cores of 2026 with lab_a (docs/scaling.md)."""
+
+    campaign_s: float = 15.0
+    run_s: float = 20.0  # Starts of the stages, and 512 draws.
+    megapixel_s: float = 0.02  # A frame, tracked and drawn, by its megapixels.
+
+
+COST = CostConstants()
+
+_LARGE_MISFIT_PX = 6.0
+"""Clicks farther than this from the outline they are to lie on are warned about [px]."""
+
+
+def run(campaign: Path, output: Path | None = None, as_json: bool = False) -> None:
+    """Check a campaign folder and print what was found.
+
+    Parameters
+    ----------
+    output : Path, optional
+        Folder for a picture of each run's start and for the page on which starts are put right, ``start.html``; by
+        default ``check`` in the campaign folder.
+    as_json : bool
+        Print one JSON object in place of lines for people.
+
+    Raises
+    ------
+    InputError
+        When the folder or its campaign.yaml cannot be read at all.
+    SystemExit
+        With code 1 when there are faults.
+    """
+    told = check(campaign, output or campaign / "check")
+    print(json.dumps(told, indent=1) if as_json else _for_people(told))
+    if told["faults"]:
+        raise SystemExit(1)
+
+
+def check(folder: Path, pictures: Path) -> dict[str, Any]:
+    """Faults, warnings and expectations of a campaign folder, as JSON takes them; draws each run's start.
+
+    Faults are in the order of campaign.yaml; those of pictures and videos come after it.
+    """
+    file = folder / "campaign.yaml"
+    document = read_yaml(file)
+    lines = key_lines(file.read_text(encoding="utf-8"))
+    given, faults = read_campaign(folder, document)
+    warnings: list[str] = []
+    runs: dict[str, Any] = {}
+    if given is not None:
+        videos = {name: faults.attempt(open_video, given, entry) for name, entry in given.runs.items()}
+        calibration = faults.attempt(_calibrated, given)
+        if calibration is not None:
+            warnings += [found.text for found in calibration.findings if found.severity is Severity.WARNING]
+            starts: dict[str, StartOfRun] = {}
+            for name, video in videos.items():
+                start = None if video is None else faults.attempt(_start, given, given.runs[name], video, calibration)
+                if video is not None and start is not None:
+                    starts[name] = start
+                    runs[name] = _expected(given, video, calibration, start, pictures / f"{name}.jpg")
+                    warnings += [f"run {name}, {body}: {text}" for body, text in start.doubts.items()]
+            if starts:
+                _write_page(pictures / "start.html", given, calibration, starts)
+    told = sorted((_fault(fault, lines) for fault in faults), key=lambda row: row["line"] or len(lines) + 1)
+    runs = {name: row for name, row in runs.items() if row}
+    return {
+        "campaign": str(folder),
+        "faults": told,
+        "warnings": warnings,
+        "runs": runs,
+        "cpu_s": round(COST.campaign_s + sum(row["cpu_s"] for row in runs.values())),
+    }
+
+
+def _calibrated(given: Campaign) -> Calibration:
+    return calibrate(
+        GrayPictures(given.calibration_images, given.resolution_px),
+        GrayPictures(given.floor_images, given.resolution_px),
+        given.board,
+        given.floor_reference,
+        CalibrateSettings(),
+        heights_m=[body.tracked_plane_height_m for body in given.bodies],
+    )
+
+
+def _start(given: Campaign, entry: Run, video: Video, calibration: Calibration) -> StartOfRun:
+    """Where rover and object are in the first frame of a run."""
+    luma = next(iter(video))[1]
+    poses, doubts = {}, {}
+    for body in given.bodies:
+        if body.name not in entry.clicks_px:
+            continue
+        target = PlanarTarget(body, calibration.camera, calibration.floor)
+        poses[body.name], _, misfit_px = pose_from_clicks(target, entry.clicks_px[body.name])
+        if misfit_px > _LARGE_MISFIT_PX:
+            doubts[body.name] = f"its clicks are up to {misfit_px:.0f} px beside an outline of its size"
+    return StartOfRun(luma, poses, {}, doubts)
+
+
+def _expected(
+    given: Campaign, video: Video, calibration: Calibration, start: StartOfRun, picture: Path
+) -> dict[str, Any]:
+    """What to expect of a run, with its start drawn."""
+    row: dict[str, Any] = {"picture": str(picture), "frames": video.header.frames}
+    bodies = {body.name: (body, start.poses[body.name]) for body in given.bodies if body.name in start.poses}
+    for name, (body, pose) in bodies.items():
+        target = PlanarTarget(body, calibration.camera, calibration.floor)
+        row[f"{name}_pixel_mm"] = round(1e3 * target.metres_per_pixel(pose), 2)
+        row[f"{name}_position_std_mm"] = round(1e3 * _position_std_m(target, pose, calibration), 2)
+    write_picture(picture, draw_start(start.luma, calibration, given.scene, bodies))
+    row["cpu_s"] = round(COST.run_s + COST.megapixel_s * start.luma.size / 1e6 * (video.header.frames or 0))
+    return row
+
+
+def _write_page(page: Path, given: Campaign, calibration: Calibration, starts: dict[str, StartOfRun]) -> None:
+    text = (given.folder / "campaign.yaml").read_text(encoding="utf-8")
+    tether, pull = given.scene.tether, given.scene.friction.static * given.scene.weight
+    longest_m = 1.02 * tether.rest_length + 1.5 * pull / tether.stiffness + 0.015
+    bodies = {body.name: body for body in given.bodies}
+    write_start_page(page, given.name, text_without_clicks(text), calibration, given.scene, bodies, longest_m, starts)
+
+
+def _position_std_m(target: PlanarTarget, pose: Array, calibration: Calibration) -> float:
+    """Standard deviation of a position at the start due to the calibration and the height of the top [m]."""
+    pixel = target.pixels(np.zeros((1, 2)), pose)
+    covariance = position_covariance(calibration, pixel, target.height, height_std_m=target.body.height_std_m)
+    return float(np.sqrt(np.trace(covariance[0])))
+
+
+_KEY = re.compile(r"\b(?:camera|floor|rover|object|tether|friction|runs)(?:\.\w[\w-]*|\[\d+\])+")
+
+
+def _fault(error: TowvalError, lines: dict[str, int]) -> dict[str, Any]:
+    named = _KEY.search(error.what)
+    key = error.key or (named.group() if named else "")
+    # A key that is missing has the line of what it is missing from.
+    known = key
+    while known and known not in lines:
+        known = re.sub(r"(\.[^.\[\]]+|\[\d+\]|^[^.\[\]]+)$", "", known)
+    return {
+        "line": lines.get(known),
+        "key": key,
+        "what": error.what.removeprefix("campaign.yaml: "),
+        "got": None if error.got is None else str(error.got),
+        "allowed": error.allowed,
+        "remedy": error.remedy,
+        "text": str(error).removeprefix("campaign.yaml: "),
+    }
+
+
+def _for_people(told: dict[str, Any]) -> str:
+    rows = []
+    for fault in told["faults"]:
+        where = f"line {fault['line']}: " if fault["line"] else ""
+        rows.append(f"fault: {where}{fault['text']}")
+    rows += [f"warning: {text}" for text in told["warnings"]]
+    for name, row in told["runs"].items():
+        known = ", ".join(
+            f"{body} ±{row[f'{body}_position_std_mm']:g} mm at {row[f'{body}_pixel_mm']:g} mm a pixel"
+            for body in ("rover", "object")
+            if f"{body}_pixel_mm" in row
+        )
+        rows.append(f"run {name}: {row['frames'] or 'an unknown number of'} frames; {known}; {row['picture']}")
+    if told["faults"]:
+        rows.append(f"{told['campaign']}: {len(told['faults'])} fault(s); mend them and check again")
+    else:
+        cores = os.cpu_count() or 1
+        rows.append(
+            f"{told['campaign']}: no fault. towval run {told['campaign']} takes about {told['cpu_s'] / cores:.0f} s "
+            f"on {cores} cores"
+        )
+    return "\n".join(rows)

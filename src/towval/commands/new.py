@@ -1,0 +1,266 @@
+"""Command new: videos, pictures and measured facts → campaign.yaml, with what can be worked out from the pictures."""
+
+import re
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from towval.calibration.board_search import fitting_corner_counts
+from towval.calibration.corners import observe_chessboard
+from towval.commands.settings import nested
+from towval.io.atomic import write_text
+from towval.io.campaign import IMAGE_SUFFIXES, campaign_schema
+from towval.io.campaign_text import GUESS, campaign_text
+from towval.io.images import GrayPictures
+from towval.io.schema import faults_of
+from towval.io.video import Video
+from towval.io.yaml_text import read_value, read_yaml
+from towval.model import Board
+from towval.model.errors import Faults, InputError
+
+VIDEO_SUFFIXES = (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".mts", ".webm")
+
+_SAMPLE = 6
+"""Pictures of the board from which its corners are counted."""
+
+
+@dataclass(frozen=True)
+class Fact:
+    """A key that every campaign needs.
+
+    ``guess`` gives a value and a reason where nobody measured it, from what is known of the same section; ``std`` is
+    the key of its standard deviation in that section and the deviation of the guess.
+    """
+
+    key: str
+    guess: Callable[[Mapping[str, Any]], tuple[Any, str]] | None = None
+    std: tuple[str, float] | None = None
+
+
+def _end(at: float, where: str) -> Callable[[Mapping[str, Any]], tuple[Any, str]]:
+    def guess(body: Mapping[str, Any]) -> tuple[Any, str]:
+        return [at * float(np.abs(np.array(body["top_corners_m"])[:, 0]).max()), 0.0], f"the middle of its {where} edge"
+
+    return guess
+
+
+FACTS = (
+    Fact("camera.board.type", lambda _: ("chessboard", "the usual kind")),
+    Fact("camera.board.square_m"),
+    Fact("rover.tracked_plane_height_m"),
+    Fact("rover.top_corners_m"),
+    Fact("rover.tether_hinge_m", _end(-1, "rear")),
+    Fact("object.tracked_plane_height_m"),
+    Fact("object.top_corners_m"),
+    Fact("object.footprint_m", lambda body: (body["top_corners_m"], "the outline of its top")),
+    Fact("object.mass_kg"),
+    Fact("object.tether_anchor_m", _end(1, "front")),
+    Fact("tether.rest_length_m"),
+    Fact("tether.stiffness_N_per_m", lambda _: (1000.0, "a thin cord"), ("stiffness_std_N_per_m", 500.0)),
+    Fact("friction.kinetic", lambda _: (0.35, "wood on a hard floor"), ("kinetic_std", 0.1)),
+    Fact("friction.static", lambda keys: (1.1 * keys["kinetic"], "a tenth above kinetic"), ("static_std", 0.1)),
+    Fact("friction.stiction_velocity_m_per_s", lambda _: (0.005, "usual"), ("stiction_velocity_std_m_per_s", 0.003)),
+    Fact("friction.friction_velocity_m_per_s", lambda _: (0.05, "usual"), ("friction_velocity_std_m_per_s", 0.02)),
+)  # fmt: skip
+
+
+@dataclass
+class Draft:
+    """A campaign.yaml in the making: what is known by section, and by full key where it comes from."""
+
+    folder: Path
+    document: dict[str, Any]
+    marks: dict[str, str] = field(default_factory=dict)
+
+    def known(self, key: str) -> Any:
+        """The value of a key, or None."""
+        found: Any = self.document
+        for name in key.split("."):
+            found = found.get(name) if isinstance(found, Mapping) else None
+        return found
+
+    def put(self, key: str, value: Any, mark: str = "") -> None:
+        """Set a key that is not known yet."""
+        section = self.document
+        *names, last = key.split(".")
+        for name in names:
+            section = section.setdefault(name, {})
+        if last not in section:
+            section[last] = value
+            if mark:
+                self.marks[key] = mark
+
+
+def run(
+    folder: Path,
+    keys: Mapping[str, Any] | None = None,
+    facts: Path | None = None,
+    ask: bool | None = None,
+    force: bool = False,
+) -> None:
+    """Write campaign.yaml for a folder with videos and pictures.
+
+    Parameters
+    ----------
+    keys : mapping, optional
+        Facts by full key of campaign.yaml (``object.mass_kg``). A top may be given as its length and width.
+    facts : Path, optional
+        A YAML file with more of them, in the sections of campaign.yaml.
+    ask : bool, optional
+        Ask for what is not known; by default on a terminal.
+    force : bool
+        Replace a campaign.yaml that is there.
+
+    Raises
+    ------
+    InputError
+        When facts are missing that cannot be guessed, or the folder holds no video or picture.
+    """
+    file = folder / "campaign.yaml"
+    if file.exists() and not force:
+        raise InputError(f"{file} is there already", remedy="edit it and run towval check, or replace it with --force")
+    document = read_yaml(facts) if facts else {}
+    if not isinstance(document, dict):
+        raise InputError(f"{facts} has no sections", allowed="sections and keys of campaign.yaml")
+    draft = Draft(folder, nested(keys or {}, document))
+    _look_at_files(draft)
+    _fill(draft, sys.stdin.isatty() if ask is None else ask)
+    _look_at_boards(draft)
+    write_text(file, campaign_text(draft.document, draft.marks))
+    guessed = [key for key, mark in draft.marks.items() if mark.startswith(GUESS)]
+    print(f"{file}: {len(draft.document['runs'])} runs; guessed, so measure first: {', '.join(guessed) or 'nothing'}")
+
+
+def _look_at_files(draft: Draft) -> None:
+    """Videos, pictures, resolution and frame rate."""
+    found = sorted(path.relative_to(draft.folder) for path in draft.folder.rglob("*") if path.is_file())
+    videos = [path for path in found if path.suffix.lower() in VIDEO_SUFFIXES]
+    pictures = [path for path in found if path.suffix.lower() in IMAGE_SUFFIXES and path.parts[0] != "check"]
+    if not draft.known("runs"):
+        if not videos:
+            raise InputError(f"{draft.folder} holds no video", allowed=f"files ending in {', '.join(VIDEO_SUFFIXES)}")
+        for path in videos:
+            name = re.sub(r"[^A-Za-z0-9_-]+", "_", path.stem).lstrip("_-") or "run"
+            draft.put(f"runs.{name}", {"video": path.as_posix()})
+    header = Video(draft.folder / next(iter(draft.document["runs"].values()))["video"]).header
+    draft.put("camera.resolution_px", list(header.resolution_px), "From the first video.")
+    draft.put("camera.fps", round(header.rate_hz, 3), "From the first video.")
+    if not pictures and not draft.known("camera.calibration_images"):
+        raise InputError(f"{draft.folder} holds no picture of the board", allowed=", ".join(IMAGE_SUFFIXES))
+    flat = [path for path in pictures if "floor" in path.stem.lower()]
+    held = [path for path in pictures if path not in flat] or pictures
+    if held:
+        draft.put("camera.calibration_images", (held[0].parent / f"*{held[0].suffix}").as_posix())
+    if not (draft.known("floor.image") or draft.known("floor.surveyed_marks")) and flat:
+        draft.put("floor.image", flat[0].as_posix())
+        if flat[1:]:
+            draft.put("floor.more_images", (flat[0].parent / f"*[fF]loor*{flat[0].suffix}").as_posix())
+
+
+def _fill(draft: Draft, ask: bool) -> None:
+    """What nobody told: asked for, guessed, or missing."""
+    missing = Faults()
+    for fact in FACTS:
+        if draft.known(fact.key) is None:
+            section = draft.known(fact.key.rpartition(".")[0]) or {}
+            guessed = _guessed(fact, section)
+            value = _asked(fact.key, guessed) if ask else None
+            if value is not None:
+                draft.put(fact.key, value)
+            elif guessed:
+                draft.put(fact.key, guessed[0], f"{GUESS}: {guessed[1]}.")
+                if fact.std:
+                    draft.put(f"{fact.key.rpartition('.')[0]}.{fact.std[0]}", fact.std[1], f"{GUESS}: of a guess.")
+            elif fact.guess is None:
+                missing.append(_unknown(fact.key))
+        value = draft.known(fact.key)
+        if fact.key.endswith("top_corners_m") and np.shape(value) == (2,):
+            draft.known(fact.key.split(".")[0])["top_corners_m"] = _rectangle(*value)
+    if not (draft.known("floor.image") or draft.known("floor.surveyed_marks")):
+        missing.append(_unknown("floor.image"))
+    missing.raise_any("the list of facts")
+
+
+def _guessed(fact: Fact, section: Mapping[str, Any]) -> tuple[Any, str] | None:
+    try:
+        return fact.guess(section) if fact.guess else None
+    except KeyError:  # What it rests on is not known either.
+        return None
+
+
+def _rectangle(length: float, width: float) -> list[list[float]]:
+    return [[x * length / 2, y * width / 2] for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+
+
+def _meaning(key: str) -> tuple[dict[str, Any], str]:
+    """The schema of a key, and its meaning with its unit."""
+    whole = campaign_schema()
+    schema = whole
+    for name in key.split("."):
+        schema = schema["properties"][name]
+    text = "length and width of the flat top" if key.endswith("top_corners_m") else schema["description"].rstrip(".")
+    return {**schema, "$defs": whole["$defs"]}, text + (
+        f" [{schema['unit']}]" if schema.get("unit", "1") != "1" else ""
+    )
+
+
+def _unknown(key: str) -> InputError:
+    example = "[0.5,0.35]" if key.endswith("top_corners_m") else "..."
+    return InputError(f"{key} is not known: {_meaning(key)[1]}", remedy=f"give it: --set {key}={example}")
+
+
+def _asked(key: str, guessed: tuple[Any, str] | None) -> Any:
+    """An answer from the terminal that the schema accepts; None where it is left empty and there is a guess."""
+    schema, meaning = _meaning(key)
+    while True:
+        answer = input(f"{key}: {meaning}{f' (empty: a guess, {guessed[0]})' if guessed else ''}: ").strip()
+        if not answer:
+            if guessed:
+                return None
+            continue
+        try:
+            value = read_value(answer)
+        except InputError as error:
+            print(error)
+            continue
+        pair = key.endswith("top_corners_m") and np.shape(value) == (2,)
+        faults = {} if pair else faults_of(value, schema, key)
+        if not faults:
+            return value
+        print(next(iter(faults.values())))
+
+
+def _look_at_boards(draft: Draft) -> None:
+    """Corners of the board, and of the floor's frame in its picture."""
+    camera, floor = draft.document["camera"], draft.document["floor"]
+    paths = tuple(sorted(draft.folder.glob(camera["calibration_images"])))
+    paths = tuple(path for path in paths if path.suffix.lower() in IMAGE_SUFFIXES)
+    resolution = tuple(camera["resolution_px"])
+    if draft.known("camera.board.inner_corners") is None:
+        pictures = GrayPictures(paths[:: max(1, len(paths) // _SAMPLE)], resolution)
+        counts = fitting_corner_counts(pictures)
+        if counts is None:
+            raise _unknown("camera.board.inner_corners")
+        draft.put("camera.board.inner_corners", list(counts), "Counted in the pictures.")
+    if "image" not in floor or "origin_corner_px" in floor:
+        return
+    board = Board(camera["board"]["type"], tuple(camera["board"]["inner_corners"]), camera["board"]["square_m"])
+    name, picture = GrayPictures((draft.folder / floor["image"],), resolution)[0]
+    seen = observe_chessboard(name, picture, board, thorough=True)
+    if seen is None:
+        raise InputError(
+            "the board is not found in the floor picture",
+            got=floor["image"],
+            remedy="give floor.origin_corner_px and floor.x_axis_end_corner_px, or another floor.image",
+        )
+    columns = board.inner_corners[0]
+    ends = np.array([seen.corners_px[i] for i in (0, columns - 1, -columns, -1)])
+    # Of the two long rows the lower in the picture, from left to right.
+    row = max((ends[:2], ends[2:]), key=lambda row: row[:, 1].sum())
+    origin, end = row[np.argsort(row[:, 0])]
+    draft.put("floor.origin_corner_px", [round(float(x), 1) for x in origin], "Chosen: the lower left corner found.")
+    draft.put("floor.x_axis_end_corner_px", [round(float(x), 1) for x in end], "Chosen: the lower right corner found.")

@@ -1,0 +1,106 @@
+"""Commands run and demo: the whole workflow, which comes with the package, on a campaign folder."""
+
+import json
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from towval.commands.settings import nested
+from towval.io.campaign import load_campaign
+from towval.io.schema import check, packaged_schema
+from towval.model.errors import InputError
+
+SNAKEMAKE = ("--rerun-incomplete", "--keep-going", "--show-failed-logs", "--quiet", "host", "reason")
+
+_NOISE = re.compile(
+    r"Assuming unrestricted|Building DAG|Using shell|Provided cores|Rules claiming|Conda environments|Job stats|job  |"
+    r"---|\w+ +\d+$|Select jobs|Execute \d+ jobs|\[\w{3} \w{3} +\d+ [\d:]+ \d{4}\]$|Finished jobid|localrule all|"
+    r"    (input|jobid|resources|tmpdir): |Complete log|Elapsed time|Storing output|$"
+)
+"""Lines of Snakemake that say nothing to who waits; any other line is shown."""
+
+
+def run(
+    campaign: Path,
+    results: Path = Path("results"),
+    cores: int | None = None,
+    keys: Mapping[str, Any] | None = None,
+    snakemake: str = "",
+) -> None:
+    """Run the workflow on a campaign folder: the same as ``snakemake`` in a clone of the repository.
+
+    Parameters
+    ----------
+    results : Path
+        Folder for results; a folder with the campaign's name is made in it.
+    cores : int, optional
+        By default as many as there are.
+    keys : mapping, optional
+        Keys of config.yaml with dots for sections (``track.method``), with their values.
+    snakemake : str
+        Further options for Snakemake, as a shell takes them.
+
+    Raises
+    ------
+    InputError
+        For faults of campaign.yaml or of the keys, before anything runs.
+    SystemExit
+        With Snakemake's code when a stage fails.
+    """
+    given = load_campaign(campaign)
+    config = {"campaign": str(campaign), "results": str(results)} | nested(keys or {})
+    check(config, packaged_schema("config.schema.yaml"), "the settings")
+    snakefile = str(resources.files("towval").joinpath("workflow", "Snakefile"))
+    line = [sys.executable, "-m", "snakemake", "--snakefile", snakefile, "--cores", str(cores or os.cpu_count() or 1)]
+    line += [
+        *SNAKEMAKE,
+        *shlex.split(snakemake),
+        "--config",
+        *(f"{key}={_text(value)}" for key, value in config.items()),
+    ]
+    with subprocess.Popen(line, stderr=subprocess.PIPE, text=True, encoding="utf-8", errors="replace") as workflow:
+        for shown in filter(lambda text: not _NOISE.match(text), workflow.stderr or ()):
+            print(shown, end="", file=sys.stderr, flush=True)
+    if workflow.returncode:
+        raise SystemExit(workflow.returncode)
+    made = results / given.name
+    if (made / "report.html").is_file():
+        print(_outcome(pd.read_csv(made / "summary.csv")))
+        print(f"The report: {(made / 'report.html').resolve()}")
+
+
+def run_demo(folder: Path, results: Path = Path("results"), cores: int | None = None) -> None:
+    """Copy the sample of the package to ``folder`` and run the workflow on it.
+
+    Raises `InputError` where the folder holds something else.
+    """
+    sample = resources.files("towval").joinpath("sample")
+    if not (folder / "campaign.yaml").is_file():
+        if folder.exists() and any(folder.iterdir()):
+            raise InputError("the folder for the sample is not empty", got=folder, remedy="name another one")
+        with resources.as_file(sample) as source:
+            shutil.copytree(source, folder, dirs_exist_ok=True)
+        print(f"The sample campaign: {folder.resolve()}")
+    run(folder, results, cores)
+
+
+def _text(value: Any) -> str:
+    return value if isinstance(value, str) else json.dumps(value)
+
+
+def _outcome(summary: pd.DataFrame) -> str:
+    """One line a run: the verdict, the error, and the uncertainty with which it is known."""
+    return "\n".join(
+        f"run {row.run}: {row.verdict}, simulated minus measured path {1e3 * row.path_rms_m:.1f} mm RMS, "
+        f"u_val {1e3 * row.u_val_m:.1f} mm"
+        for row in summary.itertuples()
+    )

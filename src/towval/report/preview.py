@@ -1,0 +1,74 @@
+"""The start of a run: tops, body axes, hinge, anchor, tether and a grid of the floor over the first frame."""
+
+from collections.abc import Mapping
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from towval.model import Array, Body, Calibration, TowingScene
+from towval.model.geometry import transform
+from towval.optics.projection import project, to_plane
+from towval.report.overlay_painter import dense, stroke
+
+Picture = NDArray[np.uint8]
+
+GRID_M = 0.5
+"""Distance of the lines of the floor grid [m]."""
+
+_GRID, _TETHER = (150, 150, 150), (80, 214, 255)
+_BODIES = {"rover": (255, 150, 64), "object": (36, 60, 255)}
+_AXES = ((40, 40, 230), (60, 190, 60))
+
+
+def draw_start(
+    luma: NDArray[np.uint8], calibration: Calibration, scene: TowingScene, bodies: Mapping[str, tuple[Body, Array]]
+) -> Picture:
+    """Draw where bodies start onto the first frame.
+
+    Parameters
+    ----------
+    luma : ndarray (height, width)
+        The first frame.
+    bodies : mapping
+        Rover and object by name with their poses (3,) [m, m, rad]; one that is not known is left out.
+
+    Returns
+    -------
+    ndarray (height, width, 3)
+        Blue, green, red.
+    """
+    picture = np.asarray(cv2.cvtColor(luma, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
+    line = max(1, round(luma.shape[1] / 700))
+
+    def draw(points: Array, height: float, colour: tuple[int, int, int], width: int) -> None:
+        lifted = np.column_stack([dense(np.asarray(points, dtype=float)), np.full(len(dense(points)), height)])
+        stroke(picture, project(calibration.camera, calibration.floor, lifted), colour, width)
+
+    for row in floor_grid(calibration):
+        draw(row, 0.0, _GRID, 1)
+    for end, colour in zip(np.eye(2) * GRID_M, _AXES, strict=True):
+        draw(np.array([[0.0, 0.0], end]), 0.0, colour, 2 * line)
+    for name, (body, pose) in bodies.items():
+        height, corners = body.tracked_plane_height_m, body.top_corners_m
+        draw(transform(pose, np.vstack([corners, corners[:1]])), height, _BODIES[name], line)
+        length = 0.5 * float(np.abs(corners).max())
+        for end, colour in zip(np.eye(2) * length, _AXES, strict=True):
+            draw(transform(pose, np.array([[0.0, 0.0], end])), height, colour, line)
+    if len(bodies) == len(_BODIES):
+        ends = [transform(bodies["rover"][1], scene.hinge), transform(bodies["object"][1], scene.anchor)]
+        draw(np.array(ends), 0.5 * (scene.hinge_height + scene.anchor_height), _TETHER, line)
+    return picture
+
+
+def floor_grid(calibration: Calibration) -> list[Array]:
+    """Lines (2, 2) [m] of a square grid over the floor that the picture shows."""
+    width, height = calibration.camera.resolution_px
+    border = np.array([[0, 0], [width - 1, 0], [width - 1, height - 1], [0, height - 1]], dtype=float)
+    seen = to_plane(calibration.camera, calibration.floor, border, 0.0)
+    if not np.isfinite(seen).all():
+        return []
+    low, high = np.floor(seen.min(axis=0) / GRID_M), np.ceil(seen.max(axis=0) / GRID_M)
+    (x0, y0), (x1, y1) = GRID_M * low, GRID_M * high
+    along = [np.array([[x, y0], [x, y1]]) for x in GRID_M * np.arange(low[0], high[0] + 1)]
+    return along + [np.array([[x0, y], [x1, y]]) for y in GRID_M * np.arange(low[1], high[1] + 1)]

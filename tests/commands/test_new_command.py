@@ -1,0 +1,115 @@
+"""The command ``new``: campaign.yaml from videos, pictures and facts, with what is guessed marked."""
+
+import math
+import re
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from towval.commands.new import run
+from towval.io.campaign import load_campaign
+from towval.io.yaml_text import read_yaml
+from towval.model.errors import InputError
+
+SAMPLE = Path(str(resources.files("towval"))) / "sample"
+FACTS = {
+    "camera.board.square_m": 0.04,
+    "rover.tracked_plane_height_m": 0.42,
+    "rover.top_corners_m": [0.75, 0.5],
+    "object.tracked_plane_height_m": 0.25,
+    "object.top_corners_m": [0.5, 0.35],
+    "object.mass_kg": 4.0,
+    "tether.rest_length_m": 0.6,
+}
+
+
+@pytest.fixture
+def footage(tmp_path):
+    """A folder with footage and nothing else."""
+    folder = tmp_path / "lab"
+    folder.mkdir()
+    (folder / "calibration").mkdir()
+    for path in (SAMPLE / "calibration").iterdir():
+        (folder / "calibration" / path.name).symlink_to(path)
+    (folder / "a.mp4").symlink_to(SAMPLE / "a.mp4")
+    return folder
+
+
+def test_what_pictures_show_is_found_and_the_campaign_loads(footage):
+    run(footage, FACTS, ask=False)
+    found, given = load_campaign(footage), load_campaign(SAMPLE)
+    assert found.resolution_px == given.resolution_px
+    assert sorted(found.board.inner_corners) == sorted(given.board.inner_corners)
+    assert found.floor_images == tuple(footage / "calibration" / path.name for path in given.floor_images)
+    assert {path.name for path in given.calibration_images} <= {path.name for path in found.calibration_images}
+    # The lower left corner of the board, which a person had clicked to a pixel or two.
+    assert math.dist(found.floor_reference.origin_corner_px, given.floor_reference.origin_corner_px) < 3
+    assert math.dist(found.floor_reference.x_axis_end_corner_px, given.floor_reference.x_axis_end_corner_px) < 3
+    np.testing.assert_allclose(found.rover.top_corners_m, given.rover.top_corners_m)
+
+
+def test_every_guess_is_marked_and_nothing_else(footage):
+    run(footage, FACTS | {"friction.kinetic": 0.31}, ask=False)
+    text = (footage / "campaign.yaml").read_text()
+    marked = set(re.findall(r"# GUESS: .*\n\s*(\w+):", text))
+    assert {"tether_hinge_m", "footprint_m", "tether_anchor_m", "stiffness_N_per_m", "static", "static_std"} <= marked
+    assert not marked & {key.rpartition(".")[2] for key in FACTS} | marked & {"kinetic", "inner_corners"}
+    assert yaml.safe_load(text)["friction"]["static"] == pytest.approx(1.1 * 0.31)
+
+
+def test_facts_of_a_file_count_and_those_of_the_line_count_more(footage, tmp_path):
+    sheet = tmp_path / "facts.yaml"
+    sheet.write_text(
+        "object: {mass_kg: 9.0, load: {mass_kg: 1.8, at_m: [-0.18, 0.11]}}\ntether: {stiffness_N_per_m: 800}\n"
+    )
+    run(footage, FACTS, facts=sheet, ask=False)
+    campaign = load_campaign(footage)
+    assert (campaign.scene.body_mass, campaign.scene.load.mass, campaign.scene.tether.stiffness) == (4.0, 1.8, 800)
+
+
+def test_what_cannot_be_guessed_is_told_at_once(footage):
+    with pytest.raises(InputError) as caught:
+        run(footage, {"object.mass_kg": 4.0}, ask=False)
+    told = set(re.findall(r"--set ([\w.]+)=", str(caught.value)))
+    assert told == set(FACTS) - {"object.mass_kg"}
+    assert not (footage / "campaign.yaml").exists()
+
+
+def test_what_is_there_stays(footage):
+    (footage / "campaign.yaml").write_text("mine: true\n")
+    with pytest.raises(InputError, match="--force"):
+        run(footage, FACTS, ask=False)
+    run(footage, FACTS, ask=False, force=True)
+    assert "mine" not in read_yaml(footage / "campaign.yaml")
+
+
+def test_on_a_terminal_it_asks_and_asks_again(footage, monkeypatch, capsys):
+    answers = iter(["", "minus four", "4.0"])
+    asked = []
+
+    def answer(question):
+        asked.append(question)
+        return next(answers) if question.startswith("object.mass_kg") else ""
+
+    monkeypatch.setattr("builtins.input", answer)
+    run(footage, {key: value for key, value in FACTS.items() if key != "object.mass_kg"}, ask=True)
+    masses = [question for question in asked if question.startswith("object.mass_kg")]
+    assert len(masses) == 3
+    assert "[kg]" in masses[0]
+    assert "is 'minus four'" in capsys.readouterr().out
+    assert load_campaign(footage).scene.body_mass == 4.0
+
+
+@pytest.mark.parametrize(("gone", "words"), [("a.mp4", "holds no video"), ("calibration", "holds no picture")])
+def test_a_folder_without_footage_is_told(footage, gone, words):
+    path = footage / gone
+    if path.is_dir():
+        for each in path.iterdir():
+            each.unlink()
+    else:
+        path.unlink()
+    with pytest.raises(InputError, match=words):
+        run(footage, FACTS, ask=False)

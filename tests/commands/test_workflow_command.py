@@ -1,0 +1,76 @@
+"""The commands ``run`` and ``demo``: the workflow of the package on a folder, without a clone."""
+
+import subprocess
+import sys
+from importlib import resources
+from pathlib import Path
+
+import pytest
+import yaml
+
+from towval.commands.workflow import run_demo
+from towval.model.errors import InputError
+
+SAMPLE = Path(str(resources.files("towval"))) / "sample"
+
+
+def towval(folder, *arguments):
+    """The command line, run in a folder."""
+    return subprocess.run(
+        [sys.executable, "-m", "towval.cli", *map(str, arguments)],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+
+
+def test_the_sample_is_small_enough_for_a_wheel():
+    assert sum(path.stat().st_size for path in SAMPLE.rglob("*")) < 3e6
+
+
+def test_the_sample_is_planned_whole(tmp_path):
+    done = towval(tmp_path, "run", SAMPLE, "--cores", 1, "--snakemake=--dry-run")
+    assert done.returncode == 0, done.stderr
+    for words in ("calibrate camera and floor", "track rover and object", "figures, summary and report"):
+        assert words in done.stdout + done.stderr
+    assert not (tmp_path / "results" / "sample").exists()
+
+
+def test_a_stage_runs_with_the_settings_given(tmp_path):
+    options = ("--set", "calibrate.folds=3", "--set", "preset=draft", "--snakemake=--until calibrate")
+    done = towval(tmp_path, "run", SAMPLE, "--cores", 1, "--results", "out", *options)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "out" / "sample" / "camera.mcap").is_file()
+    assert "Select jobs" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ("track.metod=klt", "unknown key track.metod; did you mean track.method?"),
+        ("preset=rough", "preset is 'rough'; allowed"),
+    ],
+)
+def test_a_wrong_setting_is_told_before_anything_runs(tmp_path, setting, message):
+    done = towval(tmp_path, "run", SAMPLE, "--set", setting)
+    assert done.returncode == 1
+    assert message.split(";")[0] in done.stderr
+    assert not (tmp_path / ".snakemake").exists()
+
+
+def test_a_fault_of_the_campaign_is_told_before_anything_runs(tmp_path):
+    document = yaml.safe_load((SAMPLE / "campaign.yaml").read_text())
+    (tmp_path / "lab").mkdir()
+    (tmp_path / "lab" / "campaign.yaml").write_text(yaml.safe_dump(document))
+    done = towval(tmp_path, "run", "lab")
+    assert done.returncode == 1
+    assert "camera.calibration_images finds no picture" in done.stderr
+    assert not (tmp_path / ".snakemake").exists()
+
+
+def test_the_demo_overwrites_nobodys_folder(tmp_path):
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(InputError, match="not empty"):
+        run_demo(tmp_path)

@@ -1,0 +1,197 @@
+"""The page of starts in a real browser: what is wrong is told or mended, and what is saved is a campaign that loads."""
+
+import shutil
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from browser import Browser
+
+from towval.commands.check import check
+from towval.io.campaign import load_campaign
+from towval.io.campaign_text import text_without_clicks
+
+SAMPLE = Path(str(resources.files("towval"))) / "sample"
+COMMENT = "# measured </script><b id=injected>on Monday</b>"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A copy of the sample with a comment that tries to leave its place, and its page."""
+    folder = tmp_path_factory.mktemp("lab") / "lab <b id=injected>x"
+    shutil.copytree(SAMPLE, folder)
+    file = folder / "campaign.yaml"
+    file.write_text(file.read_text().replace("tether:", f"{COMMENT}\ntether:"))
+    told = check(folder, folder / "check")
+    assert told["faults"] == []
+    return folder
+
+
+@pytest.fixture(scope="module", params=[(1280, 800), (390, 844)], ids=["desktop", "phone"])
+def page(request, folder, tmp_path_factory):
+    with Browser(tmp_path_factory.mktemp("profile")) as browser:
+        browser.open((folder / "check" / "start.html").as_uri(), *request.param)
+        browser.run("window.confirm = (text) => { window.asked = text; return true; }")
+        browser.wait_for("runs[run].grey !== undefined")
+        browser.run("window.first = structuredClone(runs[run].poses)")
+        yield browser
+
+
+@pytest.fixture(autouse=True)
+def start(page):
+    page.run("runs[run].poses = structuredClone(first), past = [], asked = '', select('rover'), fit(), changed()")
+
+
+def told(page):
+    """The warnings of the run that is shown."""
+    return page.run("warnings(run).join(' | ')")
+
+
+def place(page, body, corner=None):
+    """Where the middle or a corner of an outline is in the window [px]."""
+    point = "[0, 0]" if corner is None else f"DATA.bodies.{body}.corners[{corner}]"
+    x, y = page.run(f"onScreen(picture('{body}', runs[run].poses.{body}, {point}))")
+    box = page.run("view.getBoundingClientRect().toJSON()")
+    return box["left"] + x, box["top"] + y
+
+
+def drag(page, start, by, touch=False):
+    """Drag with the mouse, or with a finger."""
+    (x, y), (dx, dy) = start, by
+    stops = [(x + k * dx / 5, y + k * dy / 5) for k in range(6)]
+    for i, (u, v) in enumerate(stops):
+        if touch:
+            page.send(
+                "Input.dispatchTouchEvent", type="touchStart" if i == 0 else "touchMove", touchPoints=[{"x": u, "y": v}]
+            )
+        else:
+            kind = "mousePressed" if i == 0 else "mouseMoved"
+            page.send("Input.dispatchMouseEvent", type=kind, x=u, y=v, button="left", buttons=1, clickCount=1)
+    if touch:
+        page.send("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
+    else:
+        page.send("Input.dispatchMouseEvent", type="mouseReleased", x=u, y=v, button="left", clickCount=1)
+
+
+def off_px(page, body):
+    """How far the farthest corner is from where it was at first [px of the picture]."""
+    return page.run(f"apart('{body}', runs[run].poses.{body}, first.{body})")
+
+
+def saved(page, folder, tmp_path):
+    """The campaign that Save hands out, with the files of the folder."""
+    page.run("URL.createObjectURL = (blob) => { window.blob = blob; return '#'; }")
+    page.run("byId('save').click()")
+    text = page.run("blob.text()")
+    for name in ("calibration", "a.mp4"):
+        (tmp_path / name).symlink_to(folder / name)
+    (tmp_path / "campaign.yaml").write_text(text)
+    return load_campaign(tmp_path), text
+
+
+def test_it_opens_without_a_complaint_a_request_or_a_warning(page):
+    assert page.complaints() == []
+    assert len(page.requests()) == 1
+    assert told(page) == ""
+    assert page.run("document.getElementById('injected')") is None
+    assert "injected" in page.run("byId('title').textContent")
+
+
+def test_saved_at_once_it_is_the_campaign_that_was_read(page, folder, tmp_path):
+    campaign, text = saved(page, folder, tmp_path)
+    before = load_campaign(folder)
+    for body in ("rover", "object"):
+        clicks, given = campaign.run("a").clicks_px[body], before.run("a").clicks_px[body]
+        # The clicks were made by hand; an outline of the stated size fits them to a pixel.
+        assert np.abs(clicks - given).max() < 1.5
+    assert COMMENT in text
+    assert page.run("asked") == ""
+
+
+def test_the_camera_of_the_page_is_the_one_of_the_package(page, folder):
+    clicks = load_campaign(folder).run("a").clicks_px["object"]
+    found = page.run("corners('object', first.object)")
+    assert np.abs(np.array(found) - clicks).max() < 1.5
+    there = page.run("(() => { const [u, v] = project(...toPlane(700, 120, 0.42), 0.42); return [u, v]; })()")
+    assert there == pytest.approx([700, 120], abs=1e-6)
+
+
+@pytest.mark.parametrize("touch", [False, True], ids=["mouse", "finger"])
+def test_an_outline_dragged_off_is_told_and_snapped_back(page, touch):
+    shift = 6 * page.run("scale")
+    drag(page, place(page, "object"), (shift, shift), touch)
+    assert off_px(page, "object") == pytest.approx(6 * 2**0.5, abs=2.5)
+    assert "outline of the object is" in told(page)
+    page.run("byId('snap').click()")
+    assert off_px(page, "object") < 1.5
+    assert told(page) == ""
+    page.run("byId('undo').click(), byId('undo').click()")
+    assert off_px(page, "object") == 0
+
+
+@pytest.mark.parametrize("body", ["rover", "object"])
+def test_a_corner_dragged_turns_the_outline_which_keeps_its_size(page, body):
+    page.run(f"select('{body}'), zoom(2)")
+    x, y = place(page, body, 2)
+    box = page.run("view.getBoundingClientRect().toJSON()")
+    dx, dy = box["left"] + box["width"] / 2 - x, box["top"] + box["height"] / 2 - y
+    page.run(f"offset = [offset[0] + {dx}, offset[1] + {dy}], draw()")
+    sides = f"corners('{body}', runs[run].poses.{body}).length"
+    assert page.run(sides) == 4
+    drag(page, place(page, body, 2), (0, -8 * page.run("scale")))
+    turned = page.run(f"Math.abs(wrapped(runs[run].poses.{body}[2] - first.{body}[2]))")
+    assert 0.01 < turned < 0.3
+    assert off_px(page, body) > 3
+    assert f"outline of the {body} is" in told(page)
+    page.run("snap()")
+    assert off_px(page, body) < 1.5
+
+
+def test_half_a_turn_is_told_before_saving(page, folder, tmp_path):
+    page.press("h")
+    assert "tether" in told(page)
+    campaign, _ = saved(page, folder, tmp_path)
+    assert "tether" in page.run("asked")
+    before = load_campaign(folder).run("a").clicks_px["rover"]
+    assert np.abs(campaign.run("a").clicks_px["rover"] - np.roll(before, 2, axis=0)).max() < 1.5
+
+
+def test_keys_move_turn_and_select(page):
+    page.run("view.focus()")
+    page.press("ArrowRight")
+    assert off_px(page, "rover") == pytest.approx(1, abs=0.2)
+    page.press("u")
+    page.press("2")
+    page.press("q")
+    quarter = page.run("wrapped(runs[run].poses.object[2] - first.object[2])")
+    assert quarter == pytest.approx(np.pi / 2)
+    assert told(page) != ""
+
+
+BLOCK = """\
+runs:
+  a:
+    video: a.mp4
+    first_frame_clicks_px:
+      rover: [[1, 2]]
+    damaged_video: true  # once
+  b:
+    video: b.mp4
+"""
+FLOW = "runs: {a: {video: a.mp4, first_frame_clicks_px: {rover: [[1, 2]]}}, b: {video: b.mp4}}\ntether: {}\n"
+
+
+@pytest.mark.parametrize("text", [BLOCK, FLOW, BLOCK + "# the end\n"])
+def test_clicks_are_put_into_any_way_of_writing_the_runs(text):
+    pieces = [
+        piece if isinstance(piece, str) else f"{piece[1]}{{rover: [[{piece[0]}, 0]]}}"
+        for piece in text_without_clicks(text)
+    ]
+    document, before = yaml.safe_load("".join(pieces)), yaml.safe_load(text)
+    for name in "ab":
+        assert document["runs"][name].pop("first_frame_clicks_px") == {"rover": [[name, 0]]}
+        before["runs"][name].pop("first_frame_clicks_px", None)
+    assert document == before
+    assert ("# once" in text) == ("# once" in "".join(pieces))
