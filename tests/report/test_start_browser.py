@@ -35,6 +35,8 @@ def page(request, folder, tmp_path_factory):
         browser.open((folder / "check" / "start.html").as_uri(), *request.param)
         browser.run("window.confirm = (text) => { window.asked = text; return true; }")
         browser.wait_for("runs[run].grey !== undefined")
+        # A phone lays the page out once more when it has read how wide it wants to be.
+        browser.wait_for(f"innerWidth === {request.param[0]} && Math.abs(view.width - view.clientWidth) < 1")
         browser.run("window.first = structuredClone(runs[run].poses)")
         yield browser
 

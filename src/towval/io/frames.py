@@ -1,0 +1,156 @@
+"""Results as pandas tables, with units in the names of the columns; what :func:`towval.load` returns."""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from towval.io.records import read_calibration, read_comparison, read_simulated, read_tracks, read_uncertainty
+from towval.io.summary import summary_table
+from towval.model import Array, Finding, TrackStatus
+from towval.model.errors import InputError
+
+
+@dataclass(frozen=True)
+class Results:
+    """The results of a campaign as tables, each with the columns ``campaign`` and ``run``.
+
+    ``summary`` one row a run, with errors, uncertainties and verdict, as in ``summary.csv``; ``tracks`` measured poses
+    of rover and object with standard deviations, one row a body and frame, NaN where lost; ``simulated`` motion of the
+    object, tether force and length; ``errors`` simulated minus measured, in floor axes and along and across the path,
+    with the uncertainty u_val of the position; ``findings`` of all stages.
+    """
+
+    summary: pd.DataFrame
+    tracks: pd.DataFrame
+    simulated: pd.DataFrame
+    errors: pd.DataFrame
+    findings: pd.DataFrame
+
+
+def load(*folders: Path | str) -> Results:
+    """The results of one or several campaigns.
+
+    Parameters
+    ----------
+    folders : path
+        Folders of results: ``results/lab_a``, with ``camera.mcap`` and a folder for each run.
+
+    Returns
+    -------
+    Results
+        One table of each kind over all campaigns and runs. Runs whose comparison is not there yet are left out.
+
+    Raises
+    ------
+    InputError
+        When a folder holds no result of a run.
+
+    Examples
+    --------
+    >>> import towval
+    >>> results = towval.load("results/lab_small")  # doctest: +SKIP
+    >>> results.errors.groupby("run").along_m.max()  # doctest: +SKIP
+    """
+    runs = [run for folder in folders for run in _runs(Path(folder))]
+    parts = [_Part(campaign, name, folder) for campaign, name, folder in runs]
+    findings = [row for folder in folders for row in _camera_findings(Path(folder))]
+    return Results(
+        summary=_stacked(parts, lambda part: summary_table([part.comparison]).drop(columns="run")),
+        tracks=_stacked(parts, _Part.tracks),
+        simulated=_stacked(parts, _Part.simulated),
+        errors=_stacked(parts, _Part.errors),
+        findings=pd.DataFrame(
+            [*findings, *(row for part in parts for row in part.findings())],
+            columns=["campaign", "run", "stage", "severity", "code", "text"],
+        ),
+    )
+
+
+def _runs(folder: Path) -> list[tuple[str, str, Path]]:
+    found = sorted(path.parent for path in folder.glob("*/compare.mcap"))
+    if not found:
+        raise InputError(
+            f"{folder} holds no results of a run",
+            allowed="a folder with RUN/compare.mcap, as results/lab_a",
+            remedy="run the campaign first: towval run",
+        )
+    return [(folder.resolve().name, path.name, path) for path in found]
+
+
+class _Part:
+    """The result files of one run."""
+
+    def __init__(self, campaign: str, name: str, folder: Path):
+        self.campaign, self.name = campaign, name
+        self.comparison = read_comparison(folder / "compare.mcap")
+        self._tracks = read_tracks(folder / "track.mcap")
+        self._simulated = read_simulated(folder / "simulate.mcap")
+        self._uncertainty = read_uncertainty(folder / "uncertainty.mcap")
+
+    def tracks(self) -> pd.DataFrame:
+        return pd.concat([
+            pd.DataFrame({
+                "body": body,
+                "time_s": track.time_s,
+                **_columns(("x_m", "y_m", "heading_rad"), track.pose),
+                **_columns(("std_x_m", "std_y_m", "std_heading_rad"), track.std),
+                "status": [TrackStatus(value).name.lower() for value in track.status],
+            })
+            for body, track in self._tracks.items()
+        ])  # fmt: skip
+
+    def simulated(self) -> pd.DataFrame:
+        motion = self._simulated
+        return pd.DataFrame({
+            "time_s": motion.time_s,
+            **_columns(("x_m", "y_m", "heading_rad"), motion.pose),
+            **_columns(("velocity_x_m_s", "velocity_y_m_s", "turn_rate_rad_s"), motion.twist),
+            **_columns(("tether_force_x_n", "tether_force_y_n"), motion.tether_force),
+            "tether_length_m": motion.tether_length,
+        })  # fmt: skip
+
+    def errors(self) -> pd.DataFrame:
+        found = self.comparison
+        u_val = np.sqrt(np.trace(self._uncertainty.validation[:, :2, :2], axis1=1, axis2=2))
+        return pd.DataFrame({
+            "time_s": found.time_s,
+            **_columns(("x_m", "y_m", "heading_rad"), found.error),
+            **_columns(("along_m", "across_m"), found.along_across),
+            "u_val_m": np.interp(found.time_s, self._uncertainty.time_s, u_val),
+            "ratio": found.ratio,
+        })  # fmt: skip
+
+    def findings(self) -> Iterator[tuple[str, ...]]:
+        told: dict[str, Iterable[Finding]] = {
+            "track": dict.fromkeys(found for track in self._tracks.values() for found in track.findings),
+            "simulate": self._simulated.findings,
+            "uncertainty": self._uncertainty.findings,
+            "compare": self.comparison.findings,
+        }
+        for stage, found in told.items():
+            yield from ((self.campaign, self.name, stage, each.severity.value, each.code, each.text) for each in found)
+
+
+def _camera_findings(folder: Path) -> Iterator[tuple[str, ...]]:
+    camera = folder / "camera.mcap"
+    if camera.is_file():
+        for each in read_calibration(camera).findings:
+            yield (folder.resolve().name, "", "calibrate", each.severity.value, each.code, each.text)
+
+
+def _columns(names: Sequence[str], values: Array) -> dict[str, Any]:
+    return dict(zip(names, values.T, strict=True))
+
+
+def _stacked(parts: Sequence[_Part], table: Callable[[_Part], pd.DataFrame]) -> pd.DataFrame:
+    tables = []
+    for part in parts:
+        found = table(part)
+        found.insert(0, "campaign", part.campaign)
+        found.insert(1, "run", part.name)
+        tables.append(found)
+    return pd.concat(tables, ignore_index=True)
