@@ -39,7 +39,7 @@ studies.tables.reference_pages`). *Stated by* is the key of campaign.yaml for th
 or the stage that gives the covariance. Inputs with the same unknown error in all runs of a campaign are shared by the
 *campaign*, the others are those of a *run*. Inputs with a search range can be identified (`identify.parameters`).
 *Left out*: where campaign.yaml states neither the value nor its deviation, this value and deviation are taken, and the
-report names the input.
+report names the input. Inputs *within* another act through its covariance and are not drawn by themselves.
 
 | input | unit | stated by | default | because | left out | because | shared by | identified as |
 |---|---|---|---|---|---|---|---|---|
@@ -56,6 +56,7 @@ def inputs_page() -> str:
         fitted = ", ".join(f"`{name}`" for name in row.components) if row.search else ""
         missing = stated.left_out if stated else None
         left_out, reason = (f"{missing.value} ± {missing.std_text}", missing.why) if missing else ("", "")
+        source += f", within {INPUTS[row.within].label}" if row.within else ""
         cells = (row.label, row.unit, source, default, why, left_out, reason, row.shared, fitted)
         rows.append(f"| {' | '.join(cells)} |")
     return _INPUTS + "\n".join(rows) + "\n"

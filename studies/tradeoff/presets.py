@@ -133,7 +133,9 @@ def calibrated(given: Campaign, keys: dict[str, Any]) -> Calibration:
         settings,
         heights_m=[body.tracked_plane_height_m for body in given.bodies],
     )
-    return with_lens_choice(calibration, given.floor_reference, settings, given.object.tracked_plane_height_m)
+    return with_lens_choice(
+        calibration, given.board, given.floor_reference, settings, given.object.tracked_plane_height_m
+    )
 
 
 def _parts(settings: Settings) -> dict[str, Part]:

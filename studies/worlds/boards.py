@@ -47,11 +47,48 @@ def board_corners(columns: int = 9, rows: int = 6, square_m: float = 0.04) -> Ar
     return square_m * (grid - grid.mean(axis=0))
 
 
+@dataclass(frozen=True)
+class BoardFaults:
+    """How the filmed board and the held pictures are not what the calibration is told.
+
+    ``size`` of the board over the stated one; ``bow_m`` between its middle and its shorter sides, a circular arc of the
+    sheet's own length; ``thicker_m`` than stated; ``zoom`` of the held pictures over that of the others, about the
+    picture's middle.
+    """
+
+    size: float = 1.0
+    bow_m: float = 0.0
+    thicker_m: float = 0.0
+    zoom: float = 1.0
+
+    def surface(self, corners: Array) -> Array:
+        """Where corners (n, 2) of a flat board of the stated size are on the real one (n, 3) [m]."""
+        corners = self.size * corners
+        if not self.bow_m:
+            return lifted(corners, 0.0)
+        half = float(corners[:, 0].max())
+        radius = (half**2 + self.bow_m**2) / (2 * self.bow_m)
+        angle = corners[:, 0] / radius
+        return np.column_stack([radius * np.sin(angle), corners[:, 1], radius * (np.cos(angle) - 1)])
+
+    def held_camera(self, camera: Camera) -> Camera:
+        """The camera of the held pictures."""
+        middle = (np.array(camera.resolution_px) - 1) / 2
+        matrix = camera.matrix.copy()
+        matrix[:2, :2] *= self.zoom
+        matrix[:2, 2] = middle + self.zoom * (camera.matrix[:2, 2] - middle)
+        return replace(camera, matrix=matrix)
+
+
+SOUND = BoardFaults()
+
+
 def held_board(
     rng: np.random.Generator,
     camera: Camera,
     name: str,
     *,
+    faults: BoardFaults = SOUND,
     tilt_deg: tuple[float, float],
     where_px: Array,
     noise_px: float,
@@ -68,7 +105,7 @@ def held_board(
         pixel = centre + share * (where_px - centre)
         ray = np.array([*((pixel - camera.matrix[:2, 2]) / np.diag(camera.matrix)[:2]), 1.0])
         T[:3, 3] = distance * ray
-        pixels = project_kernel(lifted(corners, 0.0), T, camera.matrix, camera.distortion)
+        pixels = project_kernel(faults.surface(corners), T, camera.matrix, camera.distortion)
         if ((pixels > 5) & (pixels < np.array(camera.resolution_px) - 6)).all():
             break
     seen = pixels + rng.normal(0, noise_px, pixels.shape)
@@ -94,17 +131,26 @@ def floor_marks(rng: np.random.Generator, camera: Camera, floor: Floor, noise_px
 
 
 def floor_boards(
-    rng: np.random.Generator, camera: Camera, floor: Floor, count: int, noise_px: float, thickness_m: float = 0.003
+    rng: np.random.Generator,
+    camera: Camera,
+    floor: Floor,
+    count: int,
+    noise_px: float,
+    thickness_m: float = 0.003,
+    faults: BoardFaults = SOUND,
 ) -> list[BoardObservation]:
     """Boards lying on the floor, the first at the origin of the floor frame along x, the others over the image."""
     corners, observations = board_corners(), []
+    surface = faults.surface(corners)
+    # A bent board rests on its lowest points.
+    heights = thickness_m + faults.thicker_m + surface[:, 2] - surface[:, 2].min()
     unit = np.array([(0.15, 0.15), (0.85, 0.85), (0.85, 0.15), (0.15, 0.85), (0.5, 0.85), (0.5, 0.15)])[: count - 1]
     unit = unit + rng.uniform(-0.05, 0.05, unit.shape)
     places = np.column_stack(
         [to_plane(camera, floor, unit * camera.resolution_px, 0.0), rng.uniform(0, 2 * np.pi, count - 1)]
     )
     for i, place in enumerate([np.zeros(3), *places]):
-        pixels = project(camera, floor, lifted(transform(place, corners), thickness_m))
+        pixels = project(camera, floor, np.column_stack([transform(place, surface[:, :2]), heights]))
         seen = pixels + rng.normal(0, noise_px, pixels.shape)
         observations.append(BoardObservation(f"floor {i}", seen, facing_camera(corners, seen)))
     return observations
@@ -118,6 +164,7 @@ def calibration_set(
     noise_px: float = 0.15,
     share: float = 1.0,
     floor: str = "marks",
+    faults: BoardFaults = SOUND,
 ) -> CornerScene:
     """A random set: ``views`` boards over ``share`` of the image, and a floor.
 
@@ -125,15 +172,15 @@ def calibration_set(
     """
     rng = np.random.default_rng(seed)
     camera, true_floor = ceiling_camera(rng)
-    where = spread_pixels(rng, views, camera.resolution_px, share)
+    where, held = spread_pixels(rng, views, camera.resolution_px, share), faults.held_camera(camera)
     boards = tuple(
-        held_board(rng, camera, f"board {i}", tilt_deg=tilt_deg, where_px=where[i], noise_px=noise_px)
+        held_board(rng, held, f"board {i}", tilt_deg=tilt_deg, where_px=where[i], noise_px=noise_px, faults=faults)
         for i in range(views)
     )
     if floor == "marks":
         seen = CalibrationObservations(camera.resolution_px, boards, (), floor_marks(rng, camera, true_floor, noise_px))
     else:
-        flat = floor_boards(rng, camera, true_floor, 7, noise_px)
+        flat = floor_boards(rng, camera, true_floor, 7, noise_px, faults=faults)
         reference = FloorReference(flat[0].corners_px[0], flat[0].corners_px[8], board_thickness_m=0.003)
         if floor == "both":
             marks = floor_marks(rng, camera, true_floor, noise_px)

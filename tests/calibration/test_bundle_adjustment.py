@@ -44,18 +44,20 @@ def test_derivatives_are_those_of_the_projection(placement):
     place = {6: np.array([3.0, 0.2, -0.1, 0.1, 0.2, 1.5]), 3: np.array([0.4, -0.3, 0.7]), 0: np.zeros(0)}[
         placement.value
     ]
-    block = Block(rng.uniform(-0.3, 0.3, (5, 3)), rng.uniform(0, 1000, (5, 2)), placement)
-    _, J_shared, J_place = linearise(block, shared, place)
+    doubts = np.array([0.01, 2e-3, -3e-3, 1e-3, 5e-4, 0.02, 3.0, -2.0])
+    on_board = rng.uniform(-1, 1, (5, 2))
+    block = Block(rng.uniform(-0.3, 0.3, (5, 3)), rng.uniform(0, 1000, (5, 2)), placement, on_board=on_board)
+    _, J_shared, J_place = linearise(block, shared, place, doubts)
     step = 1e-6
 
     def change(k: int, is_shared: bool) -> np.ndarray:
-        by = [np.zeros(18), np.zeros(len(place))]
+        by = [np.zeros(26), np.zeros(len(place))]
         by[0 if is_shared else 1][k] = step
-        ahead = linearise(block, shared + by[0], place + by[1])[0]
-        behind = linearise(block, shared - by[0], place - by[1])[0]
+        ahead = linearise(block, shared + by[0][:18], place + by[1], doubts + by[0][18:])[0]
+        behind = linearise(block, shared - by[0][:18], place - by[1], doubts - by[0][18:])[0]
         return (behind - ahead) / (2 * step)
 
-    for k in range(18):
+    for k in range(26):
         np.testing.assert_allclose(J_shared[:, k], change(k, True), rtol=1e-5, atol=1e-3)
     for k in range(len(place)):
         np.testing.assert_allclose(J_place[:, k], change(k, False), rtol=1e-5, atol=1e-3)
@@ -88,7 +90,7 @@ def test_marginal_covariance_is_a_block_of_the_full_inverse():
     columns = len(ACTIVE) + sum(b.placement.value for b in blocks)
     rows, at = [], len(ACTIVE)
     for block, place in zip(blocks, estimate.places, strict=True):
-        _, A, B = linearise(block, estimate.shared, place)
+        _, A, B = linearise(block, estimate.shared, place, estimate.doubts)
         row = np.zeros((len(A), columns))
         row[:, : len(ACTIVE)], row[:, at : at + B.shape[1]] = A[:, ACTIVE], B
         rows.append(row / (estimate.noise_px if np.isnan(block.std_px) else block.std_px))

@@ -230,7 +230,9 @@ def test_the_lab_campaign(shared_dir):
         document["floor"]["x_axis_end_corner_px"],
         document["floor"]["board_thickness_m"],
     )
-    calibration = calibrate(held, flat, BOARD, reference, CalibrateSettings(), heights_m=(0.25, 0.42))
+    reference = replace(reference, board_thickness_std_m=0.0)
+    exact = replace(BOARD, size_std=0.0)
+    calibration = calibrate(held, flat, exact, reference, CalibrateSettings(), heights_m=(0.25, 0.42))
     assert {view.name for view in calibration.views if view.dropped} == {"board_08.jpg", "board_16.jpg"}
     assert not [f.text for f in calibration.findings if f.severity is not Severity.NOTE]
     assert calibration.corner_noise_px < 0.05

@@ -22,7 +22,8 @@ SCENE = TowingScene(
     0.12,
     Ground(9.81, (0.001, -0.002), (FloorRegion([[0, 0], [1, 0], [1, 1]], 1.1),)),
 )
-ACTING = [name for name in INPUTS if INPUTS[name].stated and name not in ("rover_height", "object_height")]
+HEIGHTS = "rover_height", "object_height"
+ACTING = [name for name in INPUTS if INPUTS[name].stated and not INPUTS[name].within and name not in HEIGHTS]
 
 
 def drawn(name, change):

@@ -14,6 +14,7 @@ from studies.worlds.measured import measured_track
 from towval.calibration.calibrate import CalibrateSettings, calibrate_observations
 from towval.io.campaign import load_campaign
 from towval.io.video import Video
+from towval.model import Board
 from towval.optics.plane_uncertainty import pixel_grid
 from towval.optics.projection import to_plane
 from towval.physics.ladder import rung_names
@@ -154,7 +155,9 @@ def test_the_next_lens_model_is_held_against_the_chosen_one():
     scene = calibration_set(5, views=10, floor="boards")
     settings = CalibrateSettings(lens_models=("k1 k2",))
     calibration = calibrate_observations(scene.seen, settings, {})
-    (choice,) = with_lens_choice(calibration, scene.seen.reference, settings, 0.3).choices
+    exact = Board("chessboard", (9, 6), 0.04, size_std=0.0, bow_std_m=0.0)
+    reference = replace(scene.seen.reference, board_thickness_std_m=0.0)
+    (choice,) = with_lens_choice(calibration, exact, reference, settings, 0.3).choices
     assert (choice.chosen, choice.next) == ("k1 k2", "k1 k2 p1 p2")
     larger = calibrate_observations(scene.seen, CalibrateSettings(lens_models=("k1 k2 p1 p2",)), {})
     pixels = pixel_grid(calibration.camera.resolution_px, 16).reshape(-1, 2)

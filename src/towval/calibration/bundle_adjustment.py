@@ -1,13 +1,13 @@
 """Bundle adjustment of one camera, its lens, the floor and all boards, and the covariance of the result.
 
-All pictures share the parameters of :data:`towval.model.CALIBRATION_PARAMETERS`; each board adds its own place. The
-normal equations are reduced to the shared parameters with the Schur complement, both to solve them and to get their
-marginal covariance, which includes the uncertainty of all places.
+All pictures share the parameters of :data:`towval.model.CALIBRATION_PARAMETERS` and, as far as they are fitted, those
+of :data:`DOUBTS`; each board adds its own place. The normal equations are reduced to the shared parameters with the
+Schur complement, both to solve them and to get their marginal covariance, which includes the uncertainty of all places.
 """
 
 import enum
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -15,7 +15,17 @@ from numpy.typing import NDArray
 
 from towval.model import CALIBRATION_PARAMETERS, Array
 
-_LENS_START, _FLOOR_START = 4, 12
+DOUBTS = ("size", "bow_x", "bow_y", "bow_xy", "thickness", "held_zoom", "held_u", "held_v")
+"""What is taken for known unless it is fitted, too, with a deviation stated before.
+
+The board's size over the stated one, less 1; the rise of its surface between middle and ends [m], along its longer
+side, across, and twisted; its thickness less the stated one [m]; the magnification of the held pictures over that of
+the others, less 1, and their shift [px]."""
+
+_LENS_START, _FLOOR_START, _CAMERA_END = 4, 12, len(CALIBRATION_PARAMETERS)
+BOARD_DOUBTS, HELD_DOUBTS = np.arange(_CAMERA_END, _CAMERA_END + 5), np.arange(_CAMERA_END + 5, _CAMERA_END + 8)
+"""Where they are among the parameters, after those of the camera."""
+
 _MAX_STEPS = 30
 _NOISE_ROUNDS = 5
 _NEGLIGIBLE_DECREASE = 1e-4
@@ -53,21 +63,40 @@ class Block:
     """Points of one picture: ``points_m`` (n, 3) in the frame its placement moves, and their ``pixels`` (n, 2).
 
     ``std_px`` is the standard deviation of one pixel coordinate, NaN where the adjustment is to estimate it.
+    ``on_board`` (n, 2) are the points of a board from its middle, over half its longer side; None for marks.
     """
 
     points_m: Array
     pixels: Array
     placement: Placement
     std_px: float = np.nan
+    on_board: Array | None = None
+
+    @property
+    def by_board(self) -> Array:
+        """Derivatives (n, 3, 5) of the points by the board's :data:`DOUBTS`."""
+        derivative = np.zeros((len(self.points_m), 3, len(BOARD_DOUBTS)))
+        if self.on_board is not None:
+            x, y = self.on_board.T
+            shapes = np.stack([x * x, y * y, x * y], axis=1)
+            derivative[:, :2, 0] = self.points_m[:, :2]
+            derivative[:, 2, 1:4] = shapes - shapes.mean(axis=0)
+            derivative[:, 2, 4] = self.placement is not Placement.FREE
+        return derivative
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """Shared parameters (18,), the place of each block, and the noise of a corner coordinate [px]."""
+    """Shared parameters (18,), the place of each block, and the noise of a corner coordinate [px].
+
+    ``doubts`` (8,) are the values of :data:`DOUBTS`, ``doubts_std`` (8,) their deviations stated before.
+    """
 
     shared: Array
     places: tuple[Array, ...]
     noise_px: float = np.nan
+    doubts: Array = field(default_factory=lambda: np.zeros(len(DOUBTS)))
+    doubts_std: Array = field(default_factory=lambda: np.zeros(len(DOUBTS)))
 
     @property
     def matrix(self) -> Array:
@@ -94,39 +123,48 @@ def camera_matrix(shared: Array) -> Array:
     return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
 
 
-def linearise(block: Block, shared: Array, place: Array) -> tuple[Array, Array, Array]:
+def linearise(block: Block, shared: Array, place: Array, doubts: Array) -> tuple[Array, Array, Array]:
     """Residuals (2n,) of a block, observed minus predicted [px], u and v alternating, and the prediction's derivatives.
 
-    The derivatives are those by the ``shared`` parameters (2n, 18) and by the ``place`` of the block, which has as many
-    elements as its placement has unknowns: (2n, 6), (2n, 3) or (2n, 0).
+    The derivatives are those by the ``shared`` parameters and the ``doubts`` (2n, 26) and by the ``place`` of the
+    block, which has as many elements as its placement has unknowns: (2n, 6), (2n, 3) or (2n, 0).
     """
     free = block.placement is Placement.FREE
+    by_board = block.by_board
+    own_points = block.points_m + by_board @ doubts[: len(BOARD_DOUBTS)]
     pose = place if free else shared[_FLOOR_START:]
-    points, moved_by_place = (block.points_m, np.zeros(0)) if free else _on_floor(block, place)
-    found = cv2.projectPoints(points, pose[:3], pose[3:], camera_matrix(shared), shared[_LENS_START:_FLOOR_START])
+    points, turn, moved_by_place = (own_points, np.eye(3), np.zeros(0)) if free else _on_floor(block, own_points, place)
+    intrinsics = shared[:_LENS_START].copy()
+    zoom = 1 + doubts[-3] if free else 1.0
+    intrinsics[:2] *= zoom
+    intrinsics[2:] += doubts[-2:] if free else 0.0
+    found = cv2.projectPoints(points, pose[:3], pose[3:], camera_matrix(intrinsics), shared[_LENS_START:_FLOOR_START])
     pixels, jacobian = (np.asarray(each, dtype=np.float64) for each in found)
-    J_shared = np.zeros((len(jacobian), len(CALIBRATION_PARAMETERS)))
+    by_point: Array = (jacobian[:, 3:6] @ cv2.Rodrigues(pose[:3])[0]).reshape(-1, 2, 3)
+    J_shared = np.zeros((len(jacobian), _CAMERA_END + len(DOUBTS)))
     J_shared[:, :_FLOOR_START] = jacobian[:, 6:18]
+    J_shared[:, BOARD_DOUBTS] = (by_point @ (turn @ by_board)).reshape(len(jacobian), -1)
     if free:
+        J_shared[:, HELD_DOUBTS] = np.column_stack([jacobian[:, 6:8] @ shared[:2], jacobian[:, 8:10]])
+        J_shared[:, :2] *= zoom
         J_place = jacobian[:, :6]
     else:
-        J_shared[:, _FLOOR_START:] = jacobian[:, :6]
-        by_point: Array = (jacobian[:, 3:6] @ cv2.Rodrigues(pose[:3])[0]).reshape(-1, 2, 3)
+        J_shared[:, _FLOOR_START:_CAMERA_END] = jacobian[:, :6]
         J_place = np.einsum("nij,njk->nik", by_point, moved_by_place).reshape(len(jacobian), -1)
     return (block.pixels - pixels.reshape(-1, 2)).ravel(), J_shared, J_place
 
 
-def _on_floor(block: Block, place: Array) -> tuple[Array, Array]:
-    """Points in the floor frame (n, 3) and their derivatives by the place (n, 3, 3 or 0)."""
+def _on_floor(block: Block, points: Array, place: Array) -> tuple[Array, Array, Array]:
+    """Points in the floor frame (n, 3), the turn (3, 3) into it, and derivatives by the place (n, 3, 3 or 0)."""
     if block.placement is Placement.FIXED:
-        return block.points_m, np.zeros((len(block.points_m), 3, 0))
+        return points, np.eye(3), np.zeros((len(points), 3, 0))
     c, s = np.cos(place[2]), np.sin(place[2])
-    x, y, z = block.points_m.T
-    points = np.stack([c * x - s * y + place[0], s * x + c * y + place[1], z], axis=1)
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    turned = points @ turn.T
     derivative = np.zeros((len(points), 3, 3))
     derivative[:, 0, 0] = derivative[:, 1, 1] = 1.0
-    derivative[:, 0, 2], derivative[:, 1, 2] = -s * x - c * y, c * x - s * y
-    return points, derivative
+    derivative[:, 0, 2], derivative[:, 1, 2] = -turned[:, 1], turned[:, 0]
+    return turned + np.array([*place[:2], 0.0]), turn, derivative
 
 
 @dataclass(frozen=True)
@@ -181,10 +219,12 @@ def _spread(blocks: Sequence[Block], estimate: Estimate) -> list[float]:
 def _normal(
     blocks: Sequence[Block], estimate: Estimate, active: NDArray[np.intp], spread_px: Sequence[float]
 ) -> _Normal:
-    AA, Ar, cost = np.zeros((len(active), len(active))), np.zeros(len(active)), 0.0
+    known = stated_before(estimate, active)
+    off = np.concatenate([np.zeros(_CAMERA_END), estimate.doubts])[active]
+    AA, Ar, cost = np.diag(known), -known * off, float(known @ off**2)
     AB, BB, Br = [], [], []
     for block, place, spread in zip(blocks, estimate.places, spread_px, strict=True):
-        linear = linearise(block, estimate.shared, place)
+        linear = linearise(block, estimate.shared, place, estimate.doubts)
         length = np.sqrt(linear[0][::2] ** 2 + linear[0][1::2] ** 2)
         weight, std = _huber_weight(length, spread), _std(block, estimate)
         # Huber: length² below the width, 2 width · length − width² beyond; with w = width / length both are one form.
@@ -196,6 +236,12 @@ def _normal(
         BB.append(B.T @ B)
         Br.append(B.T @ r)
     return _Normal(cost, AA, Ar, tuple(AB), tuple(BB), tuple(Br))
+
+
+def stated_before(estimate: Estimate, active: NDArray[np.intp]) -> Array:
+    """Information (k,) on each of the ``active`` parameters that does not come from the pictures."""
+    std = np.concatenate([np.full(_CAMERA_END, np.inf), estimate.doubts_std])[active]
+    return np.asarray(std**-2.0)
 
 
 def _whitened(linear: tuple[Array, Array, Array], root: Array, active: NDArray[np.intp]) -> tuple[Array, Array, Array]:
@@ -215,7 +261,7 @@ def whitened(
     for block, place, spread in zip(blocks, estimate.places, _spread(blocks, estimate), strict=True):
         gauge = block.placement is Placement.FIXED and np.isnan(block.std_px)
         as_placed = replace(block, placement=Placement.ON_FLOOR) if gauge else block
-        linear = linearise(as_placed, estimate.shared, np.zeros(3) if gauge else place)
+        linear = linearise(as_placed, estimate.shared, np.zeros(3) if gauge else place, estimate.doubts)
         length = np.sqrt(linear[0][::2] ** 2 + linear[0][1::2] ** 2)
         yield _whitened(linear, np.sqrt(_huber_weight(length, spread)) / _std(block, estimate), active)
 
@@ -232,7 +278,7 @@ def adjust(blocks: Sequence[Block], start: Estimate, active: NDArray[np.intp]) -
     start : Estimate
         Initial values; ``noise_px`` may be NaN.
     active : ndarray of int
-        Indices of the shared parameters to fit; the others stay fixed. If empty, only the places are fitted.
+        Indices of the shared parameters and :data:`DOUBTS` to fit; the others stay. If empty, only the places move.
 
     Returns
     -------
@@ -258,10 +304,10 @@ def _levenberg_marquardt(blocks: Sequence[Block], estimate: Estimate, active: ND
         step = _solve_scaled(schur, right)
         moves = [gain[:, -1] - gain[:, :-1] @ step if len(gain) else np.zeros(0) for gain in gains]
         promised = normal.Ar @ step + sum(Br @ move for Br, move in zip(normal.Br, moves, strict=True))
-        shared = estimate.shared.copy()
-        shared[active] += step
+        values = np.concatenate([estimate.shared, estimate.doubts])
+        values[active] += step
         places = tuple(place + move for place, move in zip(estimate.places, moves, strict=True))
-        trial = replace(estimate, shared=shared, places=places)
+        trial = replace(estimate, shared=values[:_CAMERA_END], doubts=values[_CAMERA_END:], places=places)
         trial_normal = _normal(blocks, trial, active, spread)
         if trial_normal.cost <= normal.cost:
             estimate, normal, damping = trial, trial_normal, max(damping / 10, 1e-12)
@@ -284,7 +330,7 @@ def _solve_scaled(matrix: Array, right: Array) -> Array:
 def residuals(blocks: Sequence[Block], estimate: Estimate) -> list[Array]:
     """Observed minus predicted pixels (n, 2) of each block."""
     return [
-        linearise(block, estimate.shared, place)[0].reshape(-1, 2)
+        linearise(block, estimate.shared, place, estimate.doubts)[0].reshape(-1, 2)
         for block, place in zip(blocks, estimate.places, strict=True)
     ]
 
@@ -327,6 +373,6 @@ def marginal_covariance(blocks: Sequence[Block], estimate: Estimate, active: NDA
     values, vectors = np.linalg.eigh(scale[:, None] * information * scale)
     smallest = max(values[-1] * 1e-14, 1e-300)
     inverse = (vectors / np.maximum(values, smallest)) @ vectors.T
-    covariance = np.zeros((len(CALIBRATION_PARAMETERS),) * 2)
+    covariance = np.zeros((_CAMERA_END + len(DOUBTS),) * 2)
     covariance[np.ix_(active, active)] = scale[:, None] * inverse * scale
-    return covariance, float(values[-1] / max(values[0], smallest))
+    return covariance[:_CAMERA_END, :_CAMERA_END], float(values[-1] / max(values[0], smallest))

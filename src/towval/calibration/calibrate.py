@@ -18,21 +18,11 @@ from towval.calibration.adequacy import (
 from towval.calibration.board_search import NamedImage, find_boards
 from towval.calibration.bundle_adjustment import Estimate, adjust, residuals
 from towval.calibration.corners import BoardObservation
+from towval.calibration.doubts import doubts_std, settle, without_prejudice
 from towval.calibration.floor import in_floor_axes
-from towval.calibration.lens import LENS_MODELS, NESTED, LensTrial, active_parameters, choose_lens, try_lenses
+from towval.calibration.lens import LENS_MODELS, NESTED, LensTrial, active_parameters
 from towval.calibration.observations import CalibrationObservations, first_guess, unflipped
-from towval.calibration.view_covariance import view_covariance
-from towval.model import (
-    CALIBRATION_PARAMETERS,
-    Board,
-    Calibration,
-    Camera,
-    Finding,
-    Floor,
-    FloorReference,
-    Severity,
-    View,
-)
+from towval.model import Board, Calibration, Camera, Finding, Floor, FloorReference, Severity, View
 from towval.model.errors import InputError, RefusedError
 from towval.model.findings import finding
 from towval.optics.plane_uncertainty import camera_position_covariance, uncertainty_map
@@ -119,9 +109,8 @@ def calibrate(
     everything, floor_names, resolution = _listed(images, floor_images)
     observations, without_board = find_boards(everything, board, settings.threads)
     flat = _with_origin([s for s in observations if s.name in floor_names], floor_names, floor)
-    observed = CalibrationObservations(
-        resolution, tuple(s for s in observations if s.name not in floor_names), tuple(flat), floor
-    )
+    held = tuple(s for s in observations if s.name not in floor_names)
+    observed = CalibrationObservations(resolution, held, tuple(flat), floor, doubts_std(board, floor))
     calibration = calibrate_observations(observed, settings, without_board, heights_m=heights_m)
     refusals = [finding.text for finding in calibration.findings if finding.severity is Severity.REFUSAL]
     if refusals and not settings.accept_refused:
@@ -204,22 +193,20 @@ def calibrate_observations(
     """
     kept, start, dropped = _without_misfits(observed, settings)
     kept, start = _with_honest_marks(kept, start)
-    trials = try_lenses(kept.blocks, start, settings.lens_models, settings.folds)
-    chosen = choose_lens(trials)
+    settled = settle(kept, start, settings.lens_models, settings.folds)
+    chosen = settled.chosen
     estimate = chosen.estimate
-    active = active_parameters(chosen.model, with_floor=observed.reference is not None)
-    covariance = np.zeros((len(CALIBRATION_PARAMETERS),) * 2)
-    covariance[np.ix_(active, active)] = view_covariance(kept.blocks, estimate, active)
     calibration = Calibration(
         camera=Camera(observed.resolution_px, estimate.matrix, estimate.distortion, chosen.model),
         floor=Floor(estimate.T_camera_floor),
-        covariance=covariance,
+        covariance=settled.covariance,
         corner_noise_px=estimate.noise_px,
         views=_views(observed, kept, estimate, dropped, without_board),
     )
-    calibration = _judged(calibration, kept, trials, chosen, (0.0, *heights_m), settings.position_limit_m)
+    calibration = _judged(calibration, kept, settled.trials, chosen, (0.0, *heights_m), settings.position_limit_m)
     stated = observed.reference.mark_std_px if observed.reference is not None else np.nan
-    return replace(calibration, findings=(*calibration.findings, *marks_findings(kept, estimate, stated)))
+    further = (*settled.findings, *marks_findings(kept, estimate, stated))
+    return replace(calibration, findings=(*calibration.findings, *further))
 
 
 def _without_misfits(
@@ -260,8 +247,13 @@ def _fit_to_judge(observed: CalibrationObservations, misfit_ratio: float) -> tup
 def _with_honest_marks(
     observed: CalibrationObservations, estimate: Estimate
 ) -> tuple[CalibrationObservations, Estimate]:
-    """Surveyed marks with the standard deviation of their residuals, where that is clearly more than stated."""
+    """Surveyed marks with the standard deviation of their residuals, where that is clearly more than stated.
+
+    And more than the doubts explain: a board of another size than stated does not make the marks worse.
+    """
     std_px, worse = marks_std_px(observed, estimate) if observed.marks else (np.nan, False)
+    if worse:
+        std_px, worse = marks_std_px(observed, without_prejudice(observed, estimate, "k1 k2"))
     if not worse:
         return observed, estimate
     observed = replace(observed, reference=replace(observed.floor_reference, mark_std_px=std_px))

@@ -32,12 +32,20 @@ CONSTANTS = CornerConstants()
 class BoardObservation:
     """Corners of one board in one picture: ``corners_px`` (n, 2), and ``board_m`` (n, 2) the same on the board.
 
-    Board coordinates are right-handed on the printed side: from x to y is counter-clockwise for the camera.
+    Board coordinates are right-handed on the printed side: from x to y is counter-clockwise for the camera. ``pattern``
+    (n, 2) are the corners from the board's middle, over half its longer side, which lies along x; by default those of
+    the smallest rectangle about ``board_m``.
     """
 
     name: str
     corners_px: Array
     board_m: Array
+    pattern: Array | None = None
+
+    @property
+    def on_board(self) -> Array:
+        """``pattern``, or what stands in for it (n, 2)."""
+        return _in_rectangle(self.board_m) if self.pattern is None else self.pattern
 
 
 def observe_chessboard(name: str, image: NDArray[np.uint8], board: Board, *, thorough: bool) -> BoardObservation | None:
@@ -77,7 +85,14 @@ def observe_charuco(name: str, image: NDArray[np.uint8], board: Board) -> BoardO
     inset = 0.5 * (1 - (board.marker_m or 0.0) / board.square_m)
     spacing = _predicted_spacing(grid, found, board.square_m)
     refined = refine(image, found, spacing, min(CONSTANTS.window_share, inset))
-    return BoardObservation(name, refined, facing_camera(grid, refined))
+    columns, rows = board.inner_corners
+    middle, half = (
+        0.5 * board.square_m * np.array([columns + 1, rows + 1]),
+        0.5 * board.square_m * (max(columns, rows) - 1),
+    )
+    on_board = (grid - middle) / half
+    on_board = on_board if columns >= rows else on_board[:, ::-1] * [1.0, -1.0]
+    return BoardObservation(name, refined, facing_camera(grid, refined), facing_camera(on_board, refined))
 
 
 def _charuco_pattern(board: Board) -> cv2.aruco.CharucoBoard:
@@ -104,6 +119,14 @@ def facing_camera(board_m: Array, corners_px: Array) -> Array:
     affine = np.linalg.lstsq(np.column_stack([board_m, np.ones(len(board_m))]), corners_px, rcond=None)[0][:2]
     # Image v points down: a board that faces the camera has a negative determinant there.
     return board_m * [1.0, -1.0] if np.linalg.det(affine) > 0 else board_m
+
+
+def _in_rectangle(points: Array) -> Array:
+    """Points (n, 2) from the middle of the smallest rectangle about them, over half its longer side, x along it."""
+    middle, size, angle_deg = cv2.minAreaRect(points.astype(np.float32))
+    angle = np.radians(angle_deg + (90.0 if size[1] > size[0] else 0.0))
+    c, s = np.cos(angle), np.sin(angle)
+    return np.asarray((points - middle) @ np.array([[c, -s], [s, c]]) / (0.5 * max(size)))
 
 
 def _distance_to_neighbour(grid: Array) -> Array:

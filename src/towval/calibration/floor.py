@@ -1,6 +1,7 @@
 """The floor frame: which corner of which board is the origin, and a first guess that the adjustment can start from."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -29,7 +30,7 @@ def in_floor_axes(observation: BoardObservation, reference: FloorReference) -> B
     axis = observation.board_m[end] - observation.board_m[origin]
     c, s = axis / np.linalg.norm(axis)
     turned = (observation.board_m - observation.board_m[origin]) @ np.array([[c, -s], [s, c]])
-    return BoardObservation(observation.name, observation.corners_px, turned)
+    return replace(observation, board_m=turned)
 
 
 def _nearest(observation: BoardObservation, pixel: Array | None, key: str) -> int:

@@ -25,6 +25,9 @@ NESTED = tuple(LENS_MODELS)
 """Nested models to choose from by default, smallest first."""
 
 
+NO_DOUBTS: NDArray[np.intp] = np.zeros(0, dtype=np.intp)
+
+
 @dataclass(frozen=True)
 class LensConstants:
     """Tuned constant of model selection."""
@@ -66,14 +69,16 @@ def active_parameters(model: str, with_floor: bool) -> NDArray[np.intp]:
     return np.array([0, 1, 2, 3, *LENS_MODELS[model], *floor])
 
 
-def try_lens(blocks: Sequence[Block], start: Estimate, model: str, folds: int) -> LensTrial:
+def try_lens(
+    blocks: Sequence[Block], start: Estimate, model: str, folds: int, doubts: NDArray[np.intp] = NO_DOUBTS
+) -> LensTrial:
     """Fit a lens model to all views and, leaving out a fold at a time, predict each view from the others.
 
     For a view that is left out only its place is fitted. Points given in floor coordinates stay in every fit: they fix
-    the frame.
+    the frame. ``doubts`` are indices of what is fitted besides the lens.
     """
     with_floor = any(block.placement is not Placement.FREE for block in blocks)
-    active = active_parameters(model, with_floor)
+    active = np.concatenate([active_parameters(model, with_floor), doubts])
     shared = start.shared.copy()
     shared[[i for i in range(4, 12) if i not in active]] = 0.0
     estimate = adjust(blocks, replace(start, shared=shared), active)
@@ -96,12 +101,14 @@ def _part(estimate: Estimate, chosen: Sequence[int]) -> Estimate:
     return replace(estimate, places=tuple(estimate.places[i] for i in chosen))
 
 
-def try_lenses(blocks: Sequence[Block], start: Estimate, models: Sequence[str], folds: int) -> list[LensTrial]:
+def try_lenses(
+    blocks: Sequence[Block], start: Estimate, models: Sequence[str], folds: int, doubts: NDArray[np.intp] = NO_DOUBTS
+) -> list[LensTrial]:
     """Try nested models, smallest first, each from the one before, until two in a row predict no better."""
     trials: list[LensTrial] = []
     worse_in_a_row = 0
     for model in models:
-        trials.append(try_lens(blocks, trials[-1].estimate if trials else start, model, folds))
+        trials.append(try_lens(blocks, trials[-1].estimate if trials else start, model, folds, doubts))
         best_before = min((trial.score_px2 for trial in trials[:-1]), default=np.inf)
         worse_in_a_row = 0 if trials[-1].score_px2 < best_before else worse_in_a_row + 1
         if worse_in_a_row == 2:

@@ -1,12 +1,12 @@
 """The observations of a calibration, as blocks for the adjustment, and a first guess of camera, floor and places."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
 
-from towval.calibration.bundle_adjustment import Block, Estimate, Placement, camera_matrix, residuals
+from towval.calibration.bundle_adjustment import DOUBTS, Block, Estimate, Placement, camera_matrix, residuals
 from towval.calibration.corners import BoardObservation
 from towval.calibration.floor import floor_from_boards, place_on_floor, pose_of_plane
 from towval.model import Array, FloorReference
@@ -20,13 +20,15 @@ class CalibrationObservations:
     """Boards held up, boards lying on the floor, and surveyed marks.
 
     Without marks the first floor board fixes the floor frame: its ``board_m`` are floor coordinates. ``reference`` is
-    None where there is no floor at all.
+    None where there is no floor at all. ``doubts_std`` (8,) are the deviations of
+    :data:`towval.calibration.bundle_adjustment.DOUBTS`; zero, as by default, is what is known exactly.
     """
 
     resolution_px: tuple[int, int]
     boards: tuple[BoardObservation, ...]
     floor_boards: tuple[BoardObservation, ...] = ()
     reference: FloorReference | None = None
+    doubts_std: Array = field(default_factory=lambda: np.zeros(len(DOUBTS)))
 
     @property
     def observations(self) -> tuple[BoardObservation, ...]:
@@ -48,7 +50,7 @@ class CalibrationObservations:
     @property
     def blocks(self) -> tuple[Block, ...]:
         """Boards, floor boards, then the marks where there are any."""
-        free = [Block(lifted(s.board_m, 0.0), s.corners_px, Placement.FREE) for s in self.boards]
+        free = [Block(lifted(s.board_m, 0.0), s.corners_px, Placement.FREE, on_board=s.on_board) for s in self.boards]
         flat = [self._floor_block(i) for i in range(len(self.floor_boards))]
         if self.marks:
             reference = self.floor_reference
@@ -60,7 +62,7 @@ class CalibrationObservations:
         observation = self.floor_boards[index]
         placement = Placement.FIXED if index == 0 and not self.marks else Placement.ON_FLOOR
         points_m = lifted(observation.board_m, self.floor_reference.board_thickness_m)
-        return Block(points_m, observation.corners_px, placement)
+        return Block(points_m, observation.corners_px, placement, on_board=observation.on_board)
 
     def without(self, names: set[str]) -> "CalibrationObservations":
         """The observations less some boards."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from towval.calibration.bundle_adjustment import Block, Estimate, Placement, whitened
+from towval.calibration.bundle_adjustment import Block, Estimate, Placement, stated_before, whitened
 from towval.model import Array
 
 
@@ -84,7 +84,8 @@ class _Sums:
 
     def __init__(self, blocks: Sequence[Block], estimate: Estimate, active: NDArray[np.intp]):
         k = len(active)
-        self.information, self.stated, self.frame = np.zeros((k, k)), np.zeros((k, k)), np.zeros((k, k))
+        self.stated, self.frame = np.diag(stated_before(estimate, active)), np.zeros((k, k))
+        self.information = self.stated.copy()
         self.views: list[Array] = []
         self.scores: list[Array] = []
         for block, (r, A, B) in zip(blocks, whitened(blocks, estimate, active), strict=True):

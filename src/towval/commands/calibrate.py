@@ -26,7 +26,9 @@ def run(campaign: Path, output: Path, keys: Mapping[str, Any] | None = None) -> 
         settings,
         heights_m=[body.tracked_plane_height_m for body in given.bodies],
     )
-    calibration = with_lens_choice(calibration, given.floor_reference, settings, given.object.tracked_plane_height_m)
+    calibration = with_lens_choice(
+        calibration, given.board, given.floor_reference, settings, given.object.tracked_plane_height_m
+    )
     print_findings(calibration.findings, "calibrate")
     inputs = given.files((*given.calibration_images, *given.floor_images))
     sections = read_sections("calibrate", given.document)

@@ -118,6 +118,7 @@ def _settings(origins: Mapping[Path, Origin]) -> dict[str, str]:
 def _inputs(given: Campaign) -> Iterator[InputRow]:
     """The inputs of the simulation with their sampled deviations, then gravity, which is taken as exact."""
     heights = {f"{body.name}_height": body.tracked_plane_height_m for body in given.bodies}
+    heights["board_thickness"] = given.floor_reference.board_thickness_m
     for row in INPUTS.values():
         if row.stated:
             source = (

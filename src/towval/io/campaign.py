@@ -227,6 +227,8 @@ def _board(keys: dict[str, Any]) -> Board:
         square_m=keys["square_m"],
         marker_m=keys.get("marker_m", float("nan")),
         dictionary=keys.get("dictionary", ""),
+        size_std=keys.get("size_std", Board.size_std),
+        bow_std_m=keys.get("bow_std_m", Board.bow_std_m),
     )
 
 
@@ -243,6 +245,7 @@ def _floor_reference(floor: dict[str, Any]) -> FloorReference:
         origin_corner_px=np.array(floor["origin_corner_px"], dtype=float) if board_keys else None,
         x_axis_end_corner_px=np.array(floor["x_axis_end_corner_px"], dtype=float) if board_keys else None,
         board_thickness_m=floor.get("board_thickness_m", 0.0),
+        board_thickness_std_m=floor.get("board_thickness_std_m", FloorReference.board_thickness_std_m),
         marks_px=np.array([mark["at_px"] for mark in marks], dtype=float).reshape(-1, 2),
         marks_m=np.array([mark["at_m"] for mark in marks], dtype=float).reshape(-1, 2),
         mark_std_px=floor.get("surveyed_mark_std_px", 0.7),

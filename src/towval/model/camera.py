@@ -61,7 +61,8 @@ class Board:
 
     ``kind`` is "chessboard" or "charuco"; ``inner_corners`` (columns, rows) counts the points where four squares meet;
     ``square_m`` the side of a square [m]. A ChArUco board also needs ``marker_m``, the side of its markers [m], and
-    ``dictionary``, OpenCV's name of the marker set (``DICT_4X4_50``).
+    ``dictionary``, OpenCV's name of the marker set (``DICT_4X4_50``). ``size_std`` is the relative deviation of the
+    whole board's size, ``bow_std_m`` how far its middle may stand off its ends [m].
     """
 
     kind: str
@@ -69,9 +70,13 @@ class Board:
     square_m: float
     marker_m: float | None = None
     dictionary: str | None = None
+    size_std: float = 0.0005
+    bow_std_m: float = 0.001
 
     def __post_init__(self) -> None:
         positive(self, "square_m")
+        positive(self, "size_std", zero=True)
+        positive(self, "bow_std_m", zero=True)
         if self.kind not in ("chessboard", "charuco"):
             raise InputError("Board.kind is unknown", got=self.kind, allowed="chessboard, charuco")
         if min(self.inner_corners) < 3:
@@ -91,7 +96,8 @@ class FloorReference:
     ``origin_corner_px`` (2,) and ``x_axis_end_corner_px`` (2,) point at two corners of that board [px]: the origin and
     the direction of x. ``board_thickness_m`` is the height of the printed side over the floor. ``marks_px`` (n, 2) and
     ``marks_m`` (n, 2) are the same marks in the picture and on the floor; where there are marks, they define the frame
-    and the boards only help to find the plane. ``mark_std_px`` is the deviation of one coordinate of a mark [px].
+    and the boards only help to find the plane. ``mark_std_px`` is the deviation of one coordinate of a mark [px],
+    ``board_thickness_std_m`` that of the thickness [m].
     """
 
     origin_corner_px: Array | None = None
@@ -100,10 +106,12 @@ class FloorReference:
     marks_px: Array = field(default_factory=lambda: np.zeros((0, 2)))
     marks_m: Array = field(default_factory=lambda: np.zeros((0, 2)))
     mark_std_px: float = 0.7
+    board_thickness_std_m: float = 0.0005
 
     def __post_init__(self) -> None:
         positive(self, "board_thickness_m", zero=True)
         positive(self, "mark_std_px")
+        positive(self, "board_thickness_std_m", zero=True)
         lock(self, marks_px=(None, 2), marks_m=(len(self.marks_px), 2))
         given = self.origin_corner_px is not None, self.x_axis_end_corner_px is not None
         if all(given):

@@ -159,6 +159,32 @@ register(  # calibrate
         "used. Measure them again, or state their real deviation.",
     ),
     FindingType(
+        "board-bent", "calibrate", WARNING, NONE,
+        "The board is bent: its middle stands {bow_mm:.1f} ± {std_mm:.1f} mm off its ends. The bow is corrected; a "
+        "board on a stiff plate is better.",
+    ),
+    FindingType(
+        "board-size", "calibrate", WARNING, NONE,
+        "By the surveyed marks the board's size is {percent:+.2f} ± {std_percent:.2f} % off camera.board.square_m. The "
+        "marks are used; measure a whole row of squares.",
+    ),
+    FindingType(
+        "board-thickness", "calibrate", WARNING, NONE,
+        "By the surveyed marks the board's printed face lies {thicker_mm:+.1f} ± {std_mm:.1f} mm off "
+        "floor.board_thickness_m. The marks are used.",
+    ),
+    FindingType(
+        "held-differ", "calibrate", WARNING, _CAMERA,
+        "The held pictures were taken with another zoom or crop than those of the floor: magnified by {percent:+.2f} "
+        "± {std_percent:.2f} %, shifted by ({u:.1f}, {v:.1f}) px. The camera is that of the floor's pictures, and must "
+        "be that of the videos. Take all pictures as the videos are filmed, focus and zoom locked.",
+    ),
+    FindingType(
+        "held-flipped", "calibrate", (Severity.REFUSAL,), NOT_JUDGED,
+        "The held pictures are {flip} against those of the floor: their optical centre is on the other side. Save all "
+        "pictures as the camera films, without mirroring.",
+    ),
+    FindingType(
         "mark-misfit", "calibrate", WARNING, _CAMERA,
         "The surveyed mark at {at_m} m is {distance_px:.1f} px from where the others put it (stated deviation of a "
         "mark: {stated_px:.1f} px). Check its pixel and its coordinates.",

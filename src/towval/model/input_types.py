@@ -115,6 +115,8 @@ class UncertainInput:
         None for what cannot be identified.
     present : callable
         Whether a scene has this input at all.
+    within : str, optional
+        The input whose covariance, given by a stage, holds what this one does; it is not drawn by itself then.
     """
 
     name: str
@@ -127,6 +129,7 @@ class UncertainInput:
     stated: StatedDeviation | None = None
     search: SearchRange | None = None
     present: Callable[[TowingScene], bool] = lambda _: True
+    within: str = ""
 
     def __post_init__(self) -> None:
         if not self.components:

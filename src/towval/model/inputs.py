@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from towval.model.camera import CALIBRATION_PARAMETERS
+from towval.model.camera import CALIBRATION_PARAMETERS, Board, FloorReference
 from towval.model.checks import Array
 from towval.model.input_types import (
     IDENTIFIABLE,
@@ -131,6 +131,11 @@ def _spread(scene: TowingScene) -> MassSpread:
 
 def _has_spread(scene: TowingScene) -> bool:
     return scene.spread is not None
+
+
+def _in_camera(real: Realisation, _: Array) -> Realisation:
+    """Nothing: the covariance of the camera holds it."""
+    return real
 
 
 def _share(step: float, reach: float, value: Callable[[TowingScene], float]) -> SearchRange:
@@ -338,6 +343,30 @@ register(
     UncertainInput(
         "camera", "camera", "", "campaign", lambda real, value: replace(real, camera=value),
         components=CALIBRATION_PARAMETERS,
+    ),
+    UncertainInput(
+        "board_size", "size of the board over the stated one", "", "campaign", _in_camera, lambda _: 1.0,
+        stated=StatedDeviation(
+            "camera.board.size_std", "the whole board's size, relative", 0.1, Board.size_std,
+            "steel rule along the whole board: 0.15 mm in 300 mm; unmeasured prints are up to 1 % off",
+        ),
+        within="camera",
+    ),
+    UncertainInput(
+        "board_bow", "bow of the board", "m", "campaign", _in_camera,
+        stated=StatedDeviation(
+            "camera.board.bow_std_m", "how far the board's middle stands off its ends", 0.05, Board.bow_std_m,
+            "cardboard and foam board of 0.4 m; the views tell it to 0.05 mm",
+        ),
+        within="camera",
+    ),
+    UncertainInput(
+        "board_thickness", "thickness of the board", "m", "campaign", _in_camera,
+        stated=StatedDeviation(
+            "floor.board_thickness_std_m", "that thickness, and how flat the board lies", 0.05,
+            FloorReference.board_thickness_std_m, "rule at its edge",
+        ),
+        within="camera",
     ),
 )  # fmt: skip
 

@@ -6,16 +6,17 @@ import numpy as np
 
 from towval.calibration.calibrate import CalibrateSettings, calibrate_observations
 from towval.calibration.corners import BoardObservation
+from towval.calibration.doubts import doubts_std
 from towval.calibration.lens import LENS_MODELS
 from towval.calibration.observations import CalibrationObservations
-from towval.model import Calibration, Choice, FloorReference
+from towval.model import Board, Calibration, Choice, FloorReference
 from towval.model.errors import RefusedError
 from towval.optics.plane_uncertainty import pixel_grid
 from towval.optics.projection import to_plane
 
 
 def with_lens_choice(
-    calibration: Calibration, reference: FloorReference, settings: CalibrateSettings, height_m: float
+    calibration: Calibration, board: Board, reference: FloorReference, settings: CalibrateSettings, height_m: float
 ) -> Calibration:
     """The calibration with what the next larger lens model would have changed on the plane of a target."""
     models, chosen = list(LENS_MODELS), calibration.camera.lens_model
@@ -25,7 +26,8 @@ def with_lens_choice(
     boards = [BoardObservation(view.name, view.corners_px, view.board_m) for view in used if not view.on_floor]
     flat = [BoardObservation(view.name, view.corners_px, view.board_m) for view in used if view.on_floor]
     flat = [observation for observation in flat if len(observation.corners_px) != len(reference.marks_px)]
-    seen = CalibrationObservations(calibration.camera.resolution_px, tuple(boards), tuple(flat), reference)
+    doubts = doubts_std(board, reference)
+    seen = CalibrationObservations(calibration.camera.resolution_px, tuple(boards), tuple(flat), reference, doubts)
     try:
         other = calibrate_observations(seen, replace(settings, lens_models=(following,)), {})
         pixels = pixel_grid(calibration.camera.resolution_px, 16).reshape(-1, 2)

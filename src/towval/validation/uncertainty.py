@@ -385,8 +385,8 @@ def _roots(case: Case) -> dict[str, Array]:
         stated[f"{body.name}_height"] = body.height_std_m
         covariances[f"{body.name}_registration"] = track.start_covariance
     roots = {name: _root(covariance) for name, covariance in covariances.items()}
-    rows = [row for row in INPUTS.values() if row.stated]
-    roots = {row.name: stated.get(row.name, 0.0) * np.eye(len(row.components)) for row in rows} | roots
+    drawn = {row.name: 0.0 if row.within else stated.get(row.name, 0.0) for row in INPUTS.values() if row.stated}
+    roots = {name: std * np.eye(len(INPUTS[name].components)) for name, std in drawn.items()} | roots
     return roots | {name: WIDER * roots[name] for name in widened(case.upstream) if name in roots}
 
 

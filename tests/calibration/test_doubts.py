@@ -1,0 +1,139 @@
+"""Boards and held pictures that are not what the calibration is told: corrected, and reported by name."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from studies.worlds.boards import BoardFaults, CornerScene, calibration_set
+from towval.calibration.bundle_adjustment import BOARD_DOUBTS
+from towval.calibration.calibrate import CalibrateSettings, calibrate_observations
+from towval.calibration.doubts import doubts_std
+from towval.model import Board, Calibration
+from towval.optics.plane_uncertainty import pixel_grid, uncertainty_map
+from towval.optics.projection import to_plane
+
+BOARD = Board("chessboard", (9, 6), 0.04)
+QUICK = CalibrateSettings(lens_models=("k1", "k1 k2"), folds=3)
+
+
+def film(seed: int, faults: BoardFaults, floor: str = "boards") -> CornerScene:
+    """A sharp set with the deviations of a board that nobody stated."""
+    scene = calibration_set(seed, floor=floor, faults=faults, noise_px=0.04, views=14)
+    reference = scene.seen.reference
+    if floor == "both":
+        reference = replace(reference, mark_std_px=0.1)
+    seen = replace(scene.seen, reference=reference, doubts_std=doubts_std(BOARD, reference))
+    return replace(scene, seen=seen)
+
+
+def calibrated(scene: CornerScene) -> Calibration:
+    return calibrate_observations(scene.seen, QUICK, {}, heights_m=(0.35,))
+
+
+def position_error_mm(calibration: Calibration, scene: CornerScene, height_m: float) -> float:
+    pixels = pixel_grid(scene.camera.resolution_px, 12)
+    apart = to_plane(calibration.camera, calibration.floor, pixels, height_m)
+    apart = apart - to_plane(scene.camera, scene.floor, pixels, height_m)
+    return 1e3 * float(np.sqrt(np.mean(np.sum(apart**2, axis=-1))))
+
+
+def codes(calibration: Calibration) -> list[str]:
+    return [finding.code for finding in calibration.findings]
+
+
+@pytest.mark.parametrize("bow_m", [0.001, -0.002])
+def test_a_bent_board_is_corrected(bow_m):
+    scene = film(8100, BoardFaults(bow_m=bow_m))
+    stiff = replace(scene, seen=replace(scene.seen, doubts_std=np.zeros(8)))
+    corrected, believed = calibrated(scene), calibrated(stiff)
+    assert position_error_mm(corrected, scene, 0.35) < 1.0
+    assert position_error_mm(believed, scene, 0.35) > 2.0
+    assert codes(corrected) == ["board-bent"]
+    assert f"{abs(1e3 * bow_m):.1f} ±" in corrected.findings[0].text
+
+
+@pytest.mark.parametrize("floor", ["marks", "boards", "both"])
+def test_a_sound_board_is_not_reported(floor):
+    scene = film(8101, BoardFaults(), floor)
+    calibration = calibrated(scene)
+    assert codes(calibration) == []
+    assert position_error_mm(calibration, scene, 0.0) < 1.0
+
+
+@pytest.mark.parametrize("size", [0.99, 0.997])
+def test_marks_correct_a_board_of_another_size(size):
+    scene = film(8102, BoardFaults(size=size), "both")
+    calibration = calibrated(scene)
+    assert position_error_mm(calibration, scene, 0.35) < 1.0
+    assert codes(calibration) == ["board-size"]
+    assert f"{100 * (size - 1):+.1f}" in calibration.findings[0].text
+
+
+def test_marks_correct_a_thicker_board():
+    scene = film(8103, BoardFaults(thicker_m=0.02), "both")
+    reference = replace(scene.seen.reference, board_thickness_std_m=0.0005)
+    exact = replace(BOARD, size_std=1e-5)
+    scene = replace(scene, seen=replace(scene.seen, doubts_std=doubts_std(exact, reference)))
+    calibration = calibrated(scene)
+    assert position_error_mm(calibration, scene, 0.35) < 1.0
+    assert codes(calibration) == ["board-thickness"]
+    assert "+20." in calibration.findings[0].text or "+19." in calibration.findings[0].text
+
+
+def test_the_size_of_the_board_is_as_uncertain_as_stated_on_the_floor():
+    scene = film(8104, BoardFaults())
+    std_m = []
+    for size_std in (0.0, 0.002):
+        stds = doubts_std(replace(BOARD, size_std=size_std), scene.seen.reference)
+        calibration = calibrated(replace(scene, seen=replace(scene.seen, doubts_std=stds)))
+        std_m.append(uncertainty_map(calibration, 0.0, columns=12).std_m)
+    positions = uncertainty_map(calibration, 0.0, columns=12).position_m
+    distance = np.linalg.norm(positions, axis=-1)
+    np.testing.assert_allclose(np.sqrt(std_m[1] ** 2 - std_m[0] ** 2), 0.002 * distance, rtol=0.1, atol=2e-4)
+
+
+@pytest.mark.parametrize("zoom", [0.95, 1.03])
+def test_held_pictures_of_another_zoom_are_corrected_and_reported(zoom):
+    scene = film(8101, BoardFaults(zoom=zoom))
+    calibration = calibrated(scene)
+    assert position_error_mm(calibration, scene, 0.35) < 1.0
+    assert codes(calibration) == ["held-differ"]
+    percent, std = re.search(r"magnified by ([+-][\d.]+) ± ([\d.]+) %", calibration.findings[0].text).groups()
+    assert abs(float(percent) - 100 * (zoom - 1)) < 3 * float(std)
+
+
+def flipped(scene: CornerScene, sides: tuple[int, int]) -> CornerScene:
+    """The held pictures turned over left to right, top to bottom, or both, as a camera's own software does."""
+    size = np.array(scene.camera.resolution_px) - 1.0
+    turn = np.array(sides, dtype=bool)
+    mirrored = 1 if sides[0] == sides[1] else -1
+    boards = tuple(
+        replace(
+            board,
+            corners_px=np.where(turn, size - board.corners_px, board.corners_px),
+            board_m=board.board_m * [1.0, mirrored],
+        )
+        for board in scene.seen.boards
+    )
+    return replace(scene, seen=replace(scene.seen, boards=boards))
+
+
+@pytest.mark.parametrize(("sides", "name"), [((1, 0), "mirrored"), ((1, 1), "upside down")])
+def test_mirrored_held_pictures_are_refused_by_name(sides, name):
+    scene = flipped(film(8105, BoardFaults()), sides)
+    middle = (np.array(scene.camera.resolution_px) - 1) / 2
+    assert np.abs(scene.camera.matrix[:2, 2] - middle).max() > 5.0
+    findings = calibrated(scene).findings
+    assert [finding.code for finding in findings] == ["held-flipped"]
+    assert f"are {name} against" in findings[0].text
+    assert findings[0].severity == "refusal"
+
+
+def test_a_camera_without_a_floor_has_no_doubt_of_its_held_pictures():
+    scene = film(8106, BoardFaults())
+    alone = replace(scene.seen, floor_boards=(), reference=None)
+    calibration = calibrate_observations(alone, QUICK, {})
+    assert calibration.covariance[0, 0] > 0
+    assert BOARD_DOUBTS[0] == len(calibration.covariance)
