@@ -10,7 +10,6 @@ import numpy as np
 import yaml
 from numpy.typing import ArrayLike
 
-from towval.commands.overlay import run as write_run_overlay
 from towval.commands.run_folder import files, read_run
 from towval.commands.settings import settings_from
 from towval.io.campaign import Campaign, load_campaign
@@ -32,7 +31,7 @@ def run(campaign: Path, results: Path, keys: Mapping[str, Any] | None = None, id
     Parameters
     ----------
     results : Path
-        Folder with ``camera.mcap`` and one folder per run; missing overlay videos are made.
+        Folder with ``camera.mcap`` and one folder per run.
     identified : Path, optional
         ``identify.mcap``, shown in a section of its own.
     """
@@ -40,18 +39,17 @@ def run(campaign: Path, results: Path, keys: Mapping[str, Any] | None = None, id
     given = load_campaign(campaign)
     camera = results / "camera.mcap"
     calibration = read_calibration(camera)
-    runs = []
-    for name in given.runs:
-        overlay = results / name / "overlay.mp4"
-        if not overlay.is_file():
-            write_run_overlay(campaign, name, camera, results / name, overlay, settings.overlay_width_px)
-        runs.append(RunReport(read_run(given, name, results / name, camera), overlay))
+    runs = [
+        RunReport(read_run(given, name, results / name, camera), entry.video, entry.damaged_video)
+        for name, entry in given.runs.items()
+    ]
     if identified is not None:
         made = {f"{name}/{path.name}": path for name in given.runs for path in files(results / name).values()}
         check_made_of(identified, made, given.document)
     data = ReportData(
         campaign=given.name,
         runs=tuple(runs),
+        embed_mb=settings.embed_mb,
         provenance=_provenance(given, results),
         calibration=calibration,
         uncertainty=uncertainty_map(
