@@ -247,7 +247,7 @@ register(  # decimate
     FindingType(
         "decimate_outlier", "decimate", WARNING, _TRACKING,
         "{body}: at {time_s:.2f} s the measured pose is {deviations:.1f} deviations off the smoothed track; look at "
-        "that frame of the overlay.",
+        "that frame of the film.",
     ),
     FindingType(
         "decimate_bridged", "decimate", WARNING, _TRACKING,

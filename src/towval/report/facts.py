@@ -129,9 +129,9 @@ def key_numbers(c: Comparison) -> Facts:
     return (
         ("Path error, RMS", millimetres(c.path_rms_m)),
         ("maximum", millimetres(c.path_max_m)),
-        ("at most (95 %)", millimetres(c.error_upper_m)),
+        ("at most", millimetres(c.error_upper_m)),
         ("Heading error, RMS", degrees(c.heading_rms_rad)),
-        ("at most (95 %)", degrees(heading)),
+        ("at most", degrees(heading)),
     )
 
 

@@ -84,7 +84,7 @@ def legend(records: Sequence[RunRecord]) -> str:
     """What the columns mean, and which error matters."""
     text = (
         "Error: simulated minus measured position and heading, RMS over the run. Bound: what the simulated position was "
-        "off at most, with 95 %; a number to cite. Detectable: half of the kinds of faults show once they move the path "
+        "off at most, at the confidence that each run states; a number to cite. Detectable: half of the kinds of faults show once they move the path "
         "by that much, RMS."
     )
     tolerances = {r.comparison.tolerance_m: r.comparison.tolerance_stated for r in records}
