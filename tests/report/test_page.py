@@ -194,13 +194,20 @@ def judged(name, verdict, upper_m, share=""):
 
 
 def test_the_sentence_says_who_agrees_who_does_not_and_what_to_measure():
-    good = [judged(name, Verdict.AGREES, upper, "stiffness") for name, upper in (("a", 0.002), ("b", 0.0042), ("c", 0.001))]
+    good = [
+        judged(name, Verdict.AGREES, upper, "stiffness") for name, upper in (("a", 0.002), ("b", 0.0042), ("c", 0.001))
+    ]
     bad = judged("d", Verdict.DISAGREES, 0.03)
-    assert sentence([*good, bad]) == "3 runs agree within 4.20 mm; run d does not, from 1.3 m on; measure the stiffness better first."
+    assert (
+        sentence([*good, bad])
+        == "3 runs agree within 4.20 mm; run d does not, from 1.3 m on; measure the stiffness better first."
+    )
     assert sentence(good[:2]).startswith("Both runs agree within 4.20 mm;")
     assert sentence([bad]) == "Run d does not agree, from 1.3 m on."
     unsure = judged("e", Verdict.CANNOT_TELL, 0.03)
-    assert sentence([good[0], bad, unsure]).startswith("Run a agrees within 2.00 mm; run d does not, from 1.3 m on; run e leaves open")
+    assert sentence([good[0], bad, unsure]).startswith(
+        "Run a agrees within 2.00 mm; run d does not, from 1.3 m on; run e leaves open"
+    )
 
 
 def test_what_cannot_be_measured_with_a_tool_is_not_named_as_what_to_measure():

@@ -83,9 +83,9 @@ def _row(c: Comparison) -> ResultRow:
 def legend(records: Sequence[RunRecord]) -> str:
     """What the columns mean, and which error matters."""
     text = (
-        "Error: simulated minus measured position and heading, RMS over the run. Bound: what the simulated position was "
-        "off at most, at the confidence that each run states; a number to cite. Detectable: half of the kinds of faults show once they move the path "
-        "by that much, RMS."
+        "Error: simulated minus measured position and heading, RMS over the run. Bound: what the simulated position "
+        "was off at most, at the confidence that each run states; the number to cite. Detectable: half of the kinds of "
+        "faults show once they move the path by that much, RMS."
     )
     tolerances = {r.comparison.tolerance_m: r.comparison.tolerance_stated for r in records}
     for tolerance_m, stated in tolerances.items():
