@@ -67,7 +67,7 @@ def run(campaign: Path, results: Path, keys: Mapping[str, Any] | None = None, id
 def _made(results: Path, given: Campaign, identified: Path | None) -> list[Path]:
     """The files of a campaign's results up to the page."""
     runs = [results / name for name in given.runs]
-    found = [path for folder in runs for path in (*files(folder).values(), folder / "overlay.mp4")]
+    found = [path for folder in runs for path in files(folder).values()]
     found += [results / name for name in ("camera.mcap", "report.html", "summary.csv")]
     found += [path for path in (results / "figures").iterdir() if path.is_file()]
     return found if identified is None else [*found, identified, identified.with_suffix(".csv")]
