@@ -195,7 +195,7 @@ def test_another_key_of_the_campaign_reruns_what_reads_it(lab, repository):
     path = lab.campaign / "campaign.yaml"
     before = path.read_text()
     document = yaml.safe_load(before)
-    document["tether"]["rest_length_m"] = 0.61
+    document["friction"]["kinetic_std"] = 0.006
     try:
         path.write_text(yaml.safe_dump(document))
         assert _rules_to_run(lab, repository) == {"simulate", "uncertainty", "compare", "report"}
