@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from towval.physics.contact import resting_pressure
 from towval.physics.dynamics import feedback
 from towval.physics.friction_laws import Coulomb
 from towval.physics.quasistatic import quasistatic_plan
+from towval.physics.trailing import TRAILING_RUNGS, trail
 from towval.physics.wrench import friction_wrench, sliding_patch
 
 TETHER = Tether(0.6, 1000.0)
@@ -108,3 +111,18 @@ def test_turned_and_moved_path_is_the_turned_and_moved_plan(cube, makkar):
 def test_resting_path_is_an_input_error(cube, makkar):
     with pytest.raises(InputError, match="never moves"):
         quasistatic_plan(cube, makkar, TimedPath([0, 1, 2.0], np.zeros((3, 2))), TETHER)
+
+
+def test_a_tow_out_of_the_plane_is_refused_by_the_models_in_the_plane(cube, makkar):
+    path = TimedPath([0.0, 10.0], [[0.0, 0.0], [1.0, 0.0]])
+    hinge = TimedPath([0.0, 10.0], [[0.9, 0.0], [1.9, 0.0]])
+    for towed, tether in (
+        (replace(cube, anchor_height=0.1), TETHER),
+        (cube, replace(TETHER, stiffening=0.2, full_load=20.0)),
+        (cube, replace(TETHER, mass_per_length=0.01)),
+    ):
+        with pytest.raises(InputError, match="plane of the floor"):
+            quasistatic_plan(towed, makkar, path, tether)
+        for rung in TRAILING_RUNGS:
+            with pytest.raises(InputError, match="plane of the floor"):
+                trail(rung, towed, makkar, tether, hinge, (0.0, 0.0, 0.0), [0.0, 1.0])

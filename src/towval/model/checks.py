@@ -65,7 +65,8 @@ def positive(self: object, *names: str, zero: bool = False) -> None:
     """Refuse named fields that are not finite and above zero, or zero itself where ``zero`` allows it."""
     for name in names:
         value = getattr(self, name)
-        if isinstance(value, bool) or not isinstance(value, numbers.Real):
+        # Floats first: an abstract base class takes long to ask.
+        if type(value) is not float and (isinstance(value, bool) or not isinstance(value, numbers.Real)):
             raise InputError(f"{type(self).__name__}.{name} is no number", got=_brief(value), allowed="a number")
         number = float(value)
         if not (math.isfinite(number) and (number > 0 or (zero and number == 0))):

@@ -5,6 +5,8 @@ cut into convex quadrilaterals and the triangles that are left over; a product r
 being a quadrilateral with two corners in one place.
 """
 
+import functools
+
 import numpy as np
 import shapely
 
@@ -12,6 +14,13 @@ from towval.model import Array
 
 # Nodes along each side of a piece, and from how many radii of the whole patch on they err by some 1e-10 of μN.
 _RULES = ((6, 0.0), (5, 7.0), (4, 20.0))
+
+
+@functools.cache
+def _gauss(along: int) -> tuple[Array, Array]:
+    """Nodes and weights on the unit interval."""
+    nodes, weights = np.polynomial.legendre.leggauss(along)
+    return (nodes + 1) / 2, weights / 2
 
 
 def area_rules(rings: tuple[Array, ...], pressure: Array) -> tuple[Array, Array]:
@@ -100,8 +109,7 @@ def _turns_left(corners: Array) -> bool:
 
 def _gauss_nodes(pieces: Array, pressure: Array, along: int) -> Array:
     """Nodes over pieces (k, 3): place and force p dS, ``along`` squared in each."""
-    nodes, weights = np.polynomial.legendre.leggauss(along)
-    nodes, weights = (nodes + 1) / 2, weights / 2
+    nodes, weights = _gauss(along)
     # The unit square on the piece by the bilinear map; on a doubled corner it is Duffy's.
     u, v = (grid.reshape(-1, 1) for grid in np.meshgrid(nodes, nodes, indexing="ij"))
     a, b, c, d = (corner[:, None] for corner in np.moveaxis(pieces, 1, 0))

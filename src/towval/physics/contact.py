@@ -273,7 +273,9 @@ def add_edge_moments(m: Array, x0: float, y0: float, x1: float, y1: float) -> No
 
 
 @compiled(allocates=False)
-def clipped_moments(vertices: Array, ring_ends: NDArray[np.int64], c: float, a: float, b: float, m: Array) -> None:
+def clipped_moments(
+    vertices: Array, ring_ends: NDArray[np.int64] | Array, c: float, a: float, b: float, m: Array
+) -> None:
     """Moments 1, x, y, xx, xy, yy of the rings where ``c + a x + b y > 0``, into ``m`` (6,).
 
     Clipping ring by ring leaves seams along the cut; they run there and back and cancel in Green's sums.
@@ -282,7 +284,7 @@ def clipped_moments(vertices: Array, ring_ends: NDArray[np.int64], c: float, a: 
         m[i] = 0.0
     start = 0
     for ring in range(len(ring_ends)):
-        end = ring_ends[ring]
+        end = int(ring_ends[ring])
         started = False
         first_x = first_y = last_x = last_y = 0.0
         for i in range(start, end):

@@ -30,7 +30,7 @@ from towval.model.conventions import GRAVITY_M_PER_S2
 from towval.model.errors import InputError
 from towval.model.findings import finding
 from towval.model.geometry import transform
-from towval.physics.contact import resting_pressure
+from towval.physics.contact import footprint_polygon, footprint_size, refuse_tipping, resting_pressure
 from towval.physics.friction_laws import Coulomb
 from towval.physics.friction_table import SLOPE
 from towval.physics.integrator import NOT_FINITE, REACHED_END, STEP_LIMIT, STEP_TOO_SMALL, integrate
@@ -299,7 +299,7 @@ def _spatial_motion(
 ) -> SimulatedMotion:
     law, tether, ground, hinge_height, sticking = given
     hold = (sticking.static, sticking.speed) if sticking else (0.0, 0.0)
-    resting_pressure(towed, ground.gravity)  # Refuses what tips over by its own weight.
+    refuse_tipping(footprint_polygon(towed.patch), towed.centre_of_mass, footprint_size(towed.patch))
     problem = tow_problem(towed, as_sliding(law), tether, ground, hinge_height, drive, hold)
     run = run_tow(problem, forced, start, times, accuracy.tolerance, accuracy.step_limit)
     outcome = _OUTCOMES[run.code]

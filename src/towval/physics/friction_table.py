@@ -23,6 +23,16 @@ from towval.physics.lanes import Lanes, lanes, load_lanes, multiply_add
 
 _PARTS_LOG2 = 6  # parts of a binade: 2⁶
 _DEGREE = 4
+_INTERPOLATION = np.cos(np.pi * (np.arange(_DEGREE + 1) + 0.5) / (_DEGREE + 1))  # Chebyshev's points of a part
+_TO_POWERS = np.linalg.inv(np.vander(_INTERPOLATION, increasing=True))
+_GAUSS, _GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(6)
+# Integrals from a part's start to its points of what is known at Gauss' nodes, by the polynomial through these.
+_TO_POINTS = np.stack(
+    [
+        np.polynomial.legendre.legint(row, lbnd=-1) @ np.polynomial.legendre.legvander(_INTERPOLATION, 6).T
+        for row in np.linalg.inv(np.polynomial.legendre.legvander(_GAUSS, 5)).T
+    ]
+)
 _MISFIT_LIMIT = 1e-8  # relative, of a tabulated law; a smooth one stays below 1e-11
 
 # The table is one flat array, so that compiled code passes it on for nothing: a head, then the polynomials.
@@ -58,8 +68,8 @@ def _tabulated(law: FrictionLaw) -> Array:
     binade = np.asarray(2.0 ** exponents[:, None], dtype=np.float64)
     starts: Array = (binade * (1 + np.arange(parts) / parts)).ravel()
     widths: Array = (binade * np.full(parts, 1 / parts)).ravel()
-    integrals = _cumulative_integrals(law, slope, starts, widths)
-    coefficients = _local_polynomials(law, starts, widths, integrals)
+    integrals, to_points = _integrals(law, slope, starts, widths)
+    coefficients = _local_polynomials(law, starts, widths, integrals[:-1, None, :] + to_points)
     _check_smoothness(law, starts + widths, coefficients[..., 0].sum(axis=1))
     highest = 2.0 ** binades[1]
     powers = np.arange(2, 5)
@@ -81,31 +91,24 @@ def _check_smoothness(law: FrictionLaw, speed: Array, tabulated: Array) -> None:
         )
 
 
-def _cumulative_integrals(law: FrictionLaw, slope: float, starts: Array, widths: Array) -> Array:
-    """H_1, H_2, H_3 at the starts of the parts and at the end of the last (parts + 1, 3)."""
-    pieces = _integrals_over(law, starts, widths)
+def _integrals(law: FrictionLaw, slope: float, starts: Array, widths: Array) -> tuple[Array, Array]:
+    """H_1, H_2, H_3 at the starts of the parts and at the end of the last (parts + 1, 3), and what each part adds up to
+    its points (parts, degree + 1, 3)."""
+    speed = starts[:, None] + widths[:, None] * (_GAUSS + 1) / 2
+    half = widths[:, None] / 2
+    integrand = np.stack([law.coefficient(speed) * half * speed**n for n in (1, 2, 3)], axis=-1)
     powers = np.arange(3, 6)
     first = slope * starts[0] ** powers / powers
-    return np.vstack([first, first + np.cumsum(pieces, axis=0)])
-
-
-def _integrals_over(law: FrictionLaw, starts: Array, widths: Array) -> Array:
-    """∫ μ vⁿ dv from each start over each width, by Gauss-Legendre (..., 3)."""
-    nodes, weights = np.polynomial.legendre.leggauss(6)
-    speed = starts[..., None] + widths[..., None] * (nodes + 1) / 2
-    values = law.coefficient(speed) * weights / 2 * widths[..., None]
-    return np.stack([(values * speed**n).sum(axis=-1) for n in (1, 2, 3)], axis=-1)
+    whole = np.cumsum(np.einsum("pgn,g->pn", integrand, _GAUSS_WEIGHTS), axis=0)
+    return np.vstack([first, first + whole]), np.einsum("pgn,gk->pkn", integrand, _TO_POINTS)
 
 
 def _local_polynomials(law: FrictionLaw, starts: Array, widths: Array, integrals: Array) -> Array:
     """Monomial coefficients of μ, m_1, m_2, m_3 in each part's variable −1 … 1 (parts, degree + 1, 4)."""
-    local = np.cos(np.pi * (np.arange(_DEGREE + 1) + 0.5) / (_DEGREE + 1))
-    offsets = widths[:, None] * (local + 1) / 2
-    speed = starts[:, None] + offsets
-    to_node = _integrals_over(law, np.broadcast_to(starts[:, None], speed.shape), offsets)
-    means = (integrals[:-1, None, :] + to_node) / speed[..., None] ** np.arange(2, 5)
+    speed = starts[:, None] + widths[:, None] * (_INTERPOLATION + 1) / 2
+    means = integrals / speed[..., None] ** np.arange(2, 5)
     values = np.concatenate([law.coefficient(speed)[..., None], means], axis=-1)
-    coefficients: Array = np.linalg.inv(np.vander(local, increasing=True)) @ values
+    coefficients: Array = _TO_POWERS @ values
     return coefficients
 
 

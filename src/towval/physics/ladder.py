@@ -8,7 +8,7 @@ from the top down and no further than the comparison leaves open.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -34,8 +34,11 @@ RUNGS: Registry[Callable[..., SimulatedMotion]] = Registry("rung")
 """Functions with the arguments of :func:`towval.physics.dynamics.feedback` but ``start_twist``, simplest first."""
 
 
-def _trailing(rung: str, *scene: Any, accuracy: Accuracy) -> SimulatedMotion:
-    return trail(rung, *scene)
+def _trailing(
+    rung: str, towed: TowedObject, law: Any, tether: Tether, *motion: Any, accuracy: Accuracy
+) -> SimulatedMotion:
+    # What leaves the plane is left out here for all to see: the ladder takes what that changes from the dynamics.
+    return trail(rung, replace(towed, anchor_height=0.0), law, replace(tether, stiffening=0.0), *motion)
 
 
 RUNGS.register(TRACTRIX, partial(_trailing, TRACTRIX))

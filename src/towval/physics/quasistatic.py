@@ -26,6 +26,7 @@ from towval.model.findings import finding
 from towval.model.geometry import inside_polygon
 from towval.physics.contact import footprint_size, resting_pressure
 from towval.physics.splines import Spline, piece_at, spline_at, spline_covering, spline_values
+from towval.physics.tether import refuse_beyond_plane
 from towval.physics.wrench import SlidingPatch, sliding_patch, wrench_and_slopes
 
 if TYPE_CHECKING:
@@ -109,7 +110,7 @@ def quasistatic_plan(
     Raises
     ------
     InputError
-        When the path never moves or does not cover the times.
+        When the path never moves or does not cover the times, or the tow leaves the plane of the floor.
 
     Examples
     --------
@@ -124,6 +125,7 @@ def quasistatic_plan(
     """
     instance_of(towed, "towed", TowedObject)
     instance_of(tether, "tether", Tether)
+    refuse_beyond_plane("the quasi-static model", towed, tether)
     times = _times_of(path, times)
     spline = spline_covering(path, times, "the path")
     patch = law if isinstance(law, SlidingPatch) else sliding_patch(resting_pressure(towed), law)

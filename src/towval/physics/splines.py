@@ -114,13 +114,25 @@ def _longest_nearby(chord: Array) -> Array:
 
 def _swings(length: Array, coefficients: Array, slope: Array) -> Array:
     """How far each piece (n,) leaves its chord in the middle, over the longest of its own chord and its neighbours'."""
-    longest = _longest_nearby(np.linalg.norm(slope, axis=1) * length)
-    aside = np.zeros(len(length))
-    for share in (0.25, 0.5, 0.75):
-        s = share * length[:, None]
-        value = s * (coefficients[:, :, 1] + s * (coefficients[:, :, 2] + s * coefficients[:, :, 3]))
-        aside = np.maximum(aside, np.linalg.norm(value - s * slope, axis=1))
-    return aside / np.where(longest > 0, longest, np.inf)
+    aside = np.empty(len(length))
+    _leave_chords(length, coefficients, slope, aside)
+    return aside
+
+
+@compiled(allocates=False)
+def _leave_chords(length: Array, coefficients: Array, slope: Array, aside: Array) -> None:
+    n = len(length)
+    for i in range(n):
+        longest = farthest = 0.0
+        for j in range(max(i - 1, 0), min(i + 2, n)):
+            longest = max(longest, math.sqrt(slope[j, 0] ** 2 + slope[j, 1] ** 2) * length[j])
+        x, y = coefficients[i, 0], coefficients[i, 1]
+        for share in (0.25, 0.5, 0.75):
+            s = share * length[i]
+            off_x = s * (x[1] + s * (x[2] + s * x[3])) - s * slope[i, 0]
+            off_y = s * (y[1] + s * (y[2] + s * y[3])) - s * slope[i, 1]
+            farthest = max(farthest, math.sqrt(off_x * off_x + off_y * off_y))
+        aside[i] = farthest / longest if longest > 0 else 0.0
 
 
 def _split_at(pauses: NDArray[np.bool_], position: Array, length: Array, slope: Array) -> Array:

@@ -9,8 +9,9 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from towval.model import Array, Tether
+from towval.model import Array, Tether, TowedObject
 from towval.model.compiling import compiled
+from towval.model.errors import InputError
 
 
 def tether_force(tether: Tether, span: ArrayLike, span_rate: ArrayLike | None = None) -> Array:
@@ -41,6 +42,26 @@ def tether_force(tether: Tether, span: ArrayLike, span_rate: ArrayLike | None = 
     rate = 0.0 if span_rate is None else (direction * np.asarray(span_rate)).sum(axis=-1, keepdims=True)
     pull = np.maximum(0.0, tether.stiffness * stretch + tether.damping * rate)
     return np.where(stretch >= 0, pull, 0.0) * direction
+
+
+def refuse_beyond_plane(model: str, towed: TowedObject, tether: Tether) -> None:
+    """Raise InputError where a tow leaves the plane of the floor, or its tether the straight linear spring.
+
+    Models without inertia on a level floor know neither; the height of the centre of mass changes nothing in them.
+    """
+    stated = {
+        "anchor height [m]": towed.anchor_height,
+        "stiffening": tether.stiffening,
+        "mass of the tether [kg/m]": tether.mass_per_length,
+    }
+    beyond = [f"{name} {value:g}" for name, value in stated.items() if value]
+    if beyond:
+        raise InputError(
+            f"{model} is a model in the plane of the floor",
+            got=", ".join(beyond),
+            allowed="zero",
+            remedy="towval.physics.feedback has heights and stiffening",
+        )
 
 
 @compiled(allocates=False)

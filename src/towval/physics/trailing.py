@@ -29,6 +29,7 @@ from towval.physics.dynamics import ADVICE, Outcome, checked_times
 from towval.physics.friction_table import coefficient_over_speed
 from towval.physics.limit_surface import limit_surface
 from towval.physics.splines import Spline, piece_at, spline_at, spline_covering
+from towval.physics.tether import refuse_beyond_plane
 from towval.physics.wrench import SlidingPatch, sliding_patch, wrench_and_slopes
 
 if TYPE_CHECKING:
@@ -75,6 +76,11 @@ def trail(
     SimulatedMotion
         Outcome "converged", or "slack all along".
 
+    Raises
+    ------
+    InputError
+        When the tow leaves the plane of the floor.
+
     Examples
     --------
     >>> from towval.physics import *
@@ -87,6 +93,7 @@ def trail(
     """
     instance_of(towed, "towed", TowedObject)
     instance_of(tether, "tether", Tether)
+    refuse_beyond_plane(rung, towed, tether)
     times = checked_times(times)
     drive = spline_covering(hinge, times, "the way of the hinge")
     patch = law if isinstance(law, SlidingPatch) else sliding_patch(resting_pressure(towed), law)

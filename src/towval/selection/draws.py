@@ -7,9 +7,10 @@ import numpy as np
 
 from towval.model import Body, Calibration, Choice, DecimatedTrack, RunUncertainty, SimulatedMotion, TowingScene, Track
 from towval.selection.margin import SHARE
+from towval.validation.effects import to_be_measured
 from towval.validation.metrics import position_rms
 from towval.validation.statistics import error_sizes
-from towval.validation.uncertainty import Case, UncertaintySampling, UncertaintySettings, sample_uncertainty
+from towval.validation.uncertainty import Case, UncertaintySampling, UncertaintySettings
 
 DRAWS = (128, 256, 512, 1024, 2048)
 """What "auto" chooses from, cheapest first."""
@@ -60,13 +61,21 @@ def sample_selecting(
     Settled: the validation uncertainty changes by less than a third of the measurement uncertainty, and the largest
     error that 95 % of the draws keep by less than a tenth.
     """
-    if not auto:
-        found = sample_uncertainty(case, settings, progress)
+    sampling = UncertaintySampling(case, settings, progress)
+    if auto:
+        found, choice = _settled(sampling, measurement_m)
+    else:
+        found = sampling.describe(settings.samples)
         # The standard deviation of a root mean square over n normal draws.
         change = position_rms(found.validation) / np.sqrt(2 * found.samples)
         choice = Choice("draws", f"{settings.samples}", f"{2 * settings.samples}", change, "of u_val, as expected")
-        return replace(found, choices=(choice,))
-    sampling = UncertaintySampling(case, settings, progress)
+    found = sampling.visible_faults(found)
+    inputs = to_be_measured(found, case.deviations, SHARE * measurement_m)
+    return replace(found, choices=(choice, *sampling.effects(found), *inputs))
+
+
+def _settled(sampling: UncertaintySampling, measurement_m: float) -> tuple[RunUncertainty, Choice]:
+    """The first number of draws whose result the next one hardly changes, and that choice."""
     found = sampling.describe(DRAWS[0])
     for count in DRAWS[1:]:
         more = sampling.describe(count)
@@ -74,7 +83,7 @@ def sample_selecting(
         spread = [np.quantile(error_sizes(each.draws.error)[:, 1], 0.95) for each in (more, found) if each.draws]
         settled = change <= SHARE * measurement_m and abs(spread[0] / spread[1] - 1) <= _SETTLED
         choice = Choice("draws", f"{count}", f"{count // 2}", change, "of u_val")
-        found = replace(more, choices=(choice,))
+        found = more
         if settled:
             break
-    return sampling.visible_faults(found)
+    return found, choice

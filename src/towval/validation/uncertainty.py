@@ -18,6 +18,7 @@ from towval.model import (
     Array,
     Body,
     Calibration,
+    Choice,
     DecimatedTrack,
     Finding,
     RunUncertainty,
@@ -33,6 +34,7 @@ from towval.model.statement import Draws
 from towval.optics.plane_uncertainty import position_sensitivity
 from towval.optics.projection import project
 from towval.validation.consequences import WIDER, widened
+from towval.validation.effects import effect_choices
 from towval.validation.faults import visible_faults
 from towval.validation.path_frame import PathFrame
 from towval.validation.simulate import STICKING
@@ -217,6 +219,11 @@ class UncertaintySampling:
         batch = replace(sampler.batch, times=known.time_s[kept.rows])
         found = visible_faults(case.scene, batch, sampler.rover.pose, case.simulated, right, error, frame)
         return replace(known, faults=found)
+
+    def effects(self, found: RunUncertainty) -> tuple[Choice, ...]:
+        """Each effect of a lab on the path, taken or left out; see :func:`towval.validation.effects.effect_choices`."""
+        sampler = self._sampler
+        return effect_choices(self.case.scene, sampler.batch, sampler.rover.pose, sampler.start.pose[0], found)
 
     def _widened(self) -> Iterator[Finding]:
         for name, codes in widened(self.case.upstream).items():

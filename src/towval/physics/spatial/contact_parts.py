@@ -9,7 +9,6 @@ import math
 
 from towval.model import Array
 from towval.model.compiling import compiled
-from towval.physics.contact import add_edge_moments
 from towval.physics.spatial.soles import CIRCLE, FIRST, PLAIN, STRETCH, Regions, Soles, Work, all_parts
 
 Frame = tuple[float, float, float, float]
@@ -17,11 +16,8 @@ Frame = tuple[float, float, float, float]
 
 
 @compiled(allocates=False)
-def contact_parts(soles: Soles, regions: Regions, frame: Frame, work: Work) -> bool:
-    """Set the active parts for ``work.pressure``; False where the pressure is positive nowhere.
-
-    ``work.moments`` become those of the region in contact, and ``work.counts[1]`` tells whether anything is cut.
-    """
+def contact_parts(soles: Soles, regions: Regions, frame: Frame, work: Work) -> None:
+    """Set the active parts for ``work.pressure``; ``work.counts[1]`` tells whether anything is cut."""
     x, edges = work.pressure, soles.edges
     whole = True
     for e in range(edges.shape[0]):
@@ -32,11 +28,8 @@ def contact_parts(soles: Soles, regions: Regions, frame: Frame, work: Work) -> b
         all_parts(soles, work)
     else:
         _cut_by_pressure(soles, work)
-        if not work.moments[0] > 0:
-            return False
     if regions.pieces.shape[0] > 0:
         _add_regions(soles, regions, frame, work)
-    return True
 
 
 @compiled(allocates=False)
@@ -58,11 +51,6 @@ def _cut_by_pressure(soles: Soles, work: Work) -> None:
         active = work.active[part]
         active[0], active[1], active[2], active[3], active[4] = first, n, 1.0, 1.0, part
     work.counts[0], work.counts[1], work.counts[2] = soles.parts.shape[0], 1.0, n
-    for i in range(6):
-        work.moments[i] = 0.0
-    for e in range(n):
-        edge = work.cut[e]
-        add_edge_moments(work.moments, edge[PLAIN], edge[PLAIN + 1], edge[PLAIN + 2], edge[PLAIN + 3])
 
 
 @compiled(allocates=False)

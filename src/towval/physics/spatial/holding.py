@@ -81,7 +81,8 @@ def holding_margin(
 def _resting_pressure(problem: TowProblem, frame: Frame, b: Loads, work: Work) -> bool:
     """The pressure of known loads; False where there is none. No height, for friction's moment is in the loads."""
     balance = solve_pressure(problem.soles, problem.regions, problem.holding, frame, (1.0, 0.0, 0.0), 0.0, b, work)
-    return balance == BALANCED and contact_parts(problem.soles, problem.regions, frame, work)
+    contact_parts(problem.soles, problem.regions, frame, work)
+    return balance == BALANCED
 
 
 @compiled(allocates=False)

@@ -5,8 +5,9 @@ and W their friction wrench, balance of force and moments at the height of the c
 
     (A + C W) x = b,   C = [[0, 0, 0], [h_G, 0, 0], [0, h_G, 0]],
 
-b the loads without friction. Linear while the region stays; a region that the plane itself cuts off is found by
-Newton's method, halved until the region is not empty and the residual falls.
+b the loads without friction. Linear while the region stays. A region that the plane itself cuts off is found by
+Newton's method for a given W, in which only the moments A are computed anew; then W on that region, and again. The
+pressure is zero where the region ends, so friction misses what a shift of the pressure moves by that to second order.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import math
 
 from towval.model import Array
 from towval.model.compiling import compiled
+from towval.physics.contact import clipped_moments
 from towval.physics.rosenbrock import inverse_3
 from towval.physics.spatial.contact_parts import Frame, contact_parts
 from towval.physics.spatial.soles import MOMENTS, PER_AREA, PLAIN, RADIUS, STRETCH, Regions, Soles, Work, all_parts
@@ -26,7 +28,10 @@ BALANCED, TIPS, LIFTED = 0, 1, 2
 LEAST_CONTACT = 1e-3
 """Share of the footprint in contact below which an object is said to tip: Newton takes ever more steps towards zero."""
 
-_STEP_LIMIT, _RESIDUAL, _ACCEPTED = 200, 1e-13, 1e-10  # the latter two over the load
+_STEP_LIMIT, _RESIDUAL, _ACCEPTED = 100, 1e-13, 1e-10  # the latter two over the load
+_SHIFT = 2e-6  # of the mean pressure: a shift after which W serves on, for friction errs by its square
+_PASSES = 60
+_LOST = 0.1 * LEAST_CONTACT
 Loads = tuple[float, float, float]
 Twist = tuple[float, float, float]
 
@@ -40,9 +45,8 @@ def area_matrix(moments: Array, matrix: Array) -> None:
 
 
 @compiled(allocates=False)
-def _equilibrium(soles: Soles, table: Array, twist: Twist, height: float, work: Work) -> bool:
-    """W, A + C W and its inverse for the active parts; False where it is singular."""
-    unit_wrenches(soles, table, twist[0], twist[1], twist[2], work)
+def _equilibrium(height: float, work: Work) -> bool:
+    """A + C W and its inverse; False where it is singular."""
     matrix, wrench = work.matrices[EQUILIBRIUM], work.matrices[W]
     area_matrix(work.moments, matrix)
     for j in range(3):
@@ -74,30 +78,60 @@ def solve_pressure(
     """Pressure, W, S and active parts into ``work`` for a twist of G in body axes; BALANCED, TIPS or LIFTED.
 
     ``b``: normal load [N] and its moments about G [N m] without friction, (∫p, ∫X p, ∫Y p); ``height`` of the centre of
-    mass [m]. The region in contact starts as the last one left it.
+    mass [m]. Where the region in contact was cut, pressure and W start as the last call left them.
     """
     x = work.pressure
     if not b[0] > 0:
         return LIFTED
-    cut = work.counts[1] > 0
-    if not cut:
+    if work.counts[1] == 0:
         # Nothing was cut the last time: a step from the whole region usually is the answer.
-        if regions.pieces.shape[0] > 0:
-            x[0], x[1], x[2] = 1.0, 0.0, 0.0
-            contact_parts(soles, regions, frame, work)
-        if not _equilibrium(soles, table, twist, height, work):
+        x[0], x[1], x[2] = 1.0, 0.0, 0.0
+        contact_parts(soles, regions, frame, work)
+        unit_wrenches(soles, table, twist[0], twist[1], twist[2], work)
+        if not _equilibrium(height, work):
             return TIPS
         for i in range(3):
             x[i] = _solution(work, b, i)
         if _is_whole(soles, x):
             return BALANCED
-        x[0], x[1], x[2] = b[0] * soles.numbers[PER_AREA] * soles.numbers[STRETCH], 0.0, 0.0
-    if not contact_parts(soles, regions, frame, work):
-        x[0], x[1], x[2] = b[0] * soles.numbers[PER_AREA] * soles.numbers[STRETCH], 0.0, 0.0
+        _even_pressure(soles, b, work)
+    if not _balance(soles, height, b, work):
+        _even_pressure(soles, b, work)
         contact_parts(soles, regions, frame, work)
-    if not _equilibrium(soles, table, twist, height, work):
-        return TIPS
-    return _newton(soles, regions, table, frame, twist, height, b, work)
+        unit_wrenches(soles, table, twist[0], twist[1], twist[2], work)
+        if not _balance(soles, height, b, work):
+            return _tipping(soles, work)
+    return _refine(soles, regions, table, frame, twist, height, b, work)
+
+
+@compiled(allocates=False)
+def _refine(
+    soles: Soles, regions: Regions, table: Array, frame: Frame, twist: Twist, height: float, b: Loads, work: Work
+) -> int:
+    """W on the region in contact and the pressure under it in turn, until that stays."""
+    x = work.pressure
+    for _ in range(_PASSES):
+        contact_parts(soles, regions, frame, work)
+        unit_wrenches(soles, table, twist[0], twist[1], twist[2], work)
+        o0, o1, o2 = x[0], x[1], x[2]
+        if not _balance(soles, height, b, work):
+            break
+        shift = abs(x[0] - o0) + soles.numbers[RADIUS] * (abs(x[1] - o1) + abs(x[2] - o2))
+        if shift * work.moments[0] <= _SHIFT * b[0]:
+            return BALANCED
+    return _tipping(soles, work)
+
+
+@compiled(allocates=False)
+def _even_pressure(soles: Soles, b: Loads, work: Work) -> None:
+    x = work.pressure
+    x[0], x[1], x[2] = b[0] * soles.numbers[PER_AREA] * soles.numbers[STRETCH], 0.0, 0.0
+
+
+@compiled(allocates=False)
+def _tipping(soles: Soles, work: Work) -> int:
+    all_parts(soles, work)
+    return TIPS
 
 
 @compiled(allocates=False)
@@ -109,11 +143,16 @@ def _is_whole(soles: Soles, x: Array) -> bool:
 
 
 @compiled(allocates=False)
-def _newton(
-    soles: Soles, regions: Regions, table: Array, frame: Frame, twist: Twist, height: float, b: Loads, work: Work
-) -> int:
-    """Newton's method on the region in contact, from the pressure, W and S in ``work``."""
-    x, radius = work.pressure, soles.numbers[RADIUS]
+def _balance(soles: Soles, height: float, b: Loads, work: Work) -> bool:
+    """Newton's method for the pressure and the region in contact under the W in ``work``; False where there is none.
+
+    A step is halved until the region is not empty and the residual falls.
+    """
+    x, moments, radius = work.pressure, work.moments, soles.numbers[RADIUS]
+    corners, ends = soles.edges[:, PLAIN : PLAIN + 2], soles.rings[:, 0]
+    clipped_moments(corners, ends, x[0], x[1], x[2], moments)
+    if not (moments[0] > 0 and _equilibrium(height, work)):
+        return False
     residual = _residual(work, b, radius)
     for _ in range(_STEP_LIMIT):
         if residual <= _RESIDUAL * b[0]:
@@ -123,15 +162,19 @@ def _newton(
         fraction, before = 1.0, residual
         while fraction > 1e-9:
             x[0], x[1], x[2] = o0 + fraction * (n0 - o0), o1 + fraction * (n1 - o1), o2 + fraction * (n2 - o2)
-            if contact_parts(soles, regions, frame, work) and _equilibrium(soles, table, twist, height, work):
+            clipped_moments(corners, ends, x[0], x[1], x[2], moments)
+            if moments[0] > 0 and _equilibrium(height, work):
                 residual = _residual(work, b, radius)
                 if residual <= (1 - 0.1 * fraction) * before or (fraction == 1.0 and residual <= _ACCEPTED * b[0]):
                     break
             fraction *= 0.5
-        if residual <= _ACCEPTED * b[0] and residual > 0.1 * before:
-            break  # Rounding is all that is left.
-    few = work.moments[0] < LEAST_CONTACT * soles.numbers[MOMENTS]
-    if few or not residual <= _ACCEPTED * b[0]:
-        all_parts(soles, work)
-        return TIPS
-    return BALANCED
+        # Rounding is all that is left, or a contact that shrinks without end.
+        if (residual <= _ACCEPTED * b[0] and residual > 0.1 * before) or not moments[0] > _LOST * _area(soles):
+            break
+    return bool(residual <= _ACCEPTED * b[0] and moments[0] >= LEAST_CONTACT * _area(soles))
+
+
+@compiled(allocates=False, inline="always")
+def _area(soles: Soles) -> float:
+    area: float = soles.numbers[MOMENTS]
+    return area

@@ -21,6 +21,9 @@ from towval.physics.contact import clipped_moments, footprint_polygon, oriented_
 _RULES = ((6, 0.0), (5, 7.0), (4, 20.0), (3, 100.0))
 RULE_REACHES = np.array([reach for _, reach in _RULES])
 
+_KEPT: dict[tuple[bytes, ...], list[tuple[list[Array], list[Array]]]] = {}
+_MOST_KEPT = 64
+
 # Columns of an edge: stretched start (x, y), unit tangent (x, y) and length; plain start (x, y) and end (x, y).
 START, PLAIN, EDGE_COLUMNS = 0, 5, 9
 # Columns of a part, one sole: first edge and the one after its last, circle (x, y, radius), first node of each rule.
@@ -61,7 +64,7 @@ class Work(NamedTuple):
     equilibrium itself, scratch; ``pressure`` (3,): at G [Pa] and its slopes [Pa/m]; ``moments`` (6,) of the area in
     contact; ``active`` (m, 8) and ``counts`` (3,): the parts that friction acts on, see ``contact_parts``; ``cut``
     their edges where they are cut; ``sums`` (edges, 13) of the last pass over the boundary; ``accumulated`` (9,);
-    ``corners`` (2, c, 2) of rings being clipped.
+    ``corners`` (2, c, 2) of rings being clipped; ``cut_nodes`` (k, 3) over the area of cut parts, as ``Soles.nodes``.
     """
 
     matrices: Array
@@ -73,6 +76,7 @@ class Work(NamedTuple):
     sums: Array
     accumulated: Array
     corners: Array
+    cut_nodes: Array
 
 
 def soles(patch: Patch, centre: Array, across_over_along: float = 1.0, radius_over_planar: float = 1.0) -> Soles:
@@ -83,27 +87,37 @@ def soles(patch: Patch, centre: Array, across_over_along: float = 1.0, radius_ov
     edges, parts, rings, nodes = [], [], [], []
     stretch = np.array([across_over_along, 1.0])
     first = first_node = 0
-    for number, part in enumerate(shapely.get_parts(footprint_polygon(patch))):
-        outlines = [ring - centre for ring in oriented_rings(part)]
-        laid_out = np.concatenate([_edges(ring, stretch) for ring in outlines])
-        edges.append(laid_out)
-        ends = first + np.cumsum([len(ring) for ring in outlines])
+    for number, (outlines, rules) in enumerate(_laid_out(patch)):
+        moved = [ring - centre for ring in outlines]
+        edges += [_edges(ring, stretch) for ring in moved]
+        ends = first + np.cumsum([len(ring) for ring in moved])
         rings += [(end, number) for end in ends]
-        corners = outlines[0] * stretch
+        corners = moved[0] * stretch
         middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
-        stretched = shapely.Polygon(corners, [hole * stretch for hole in outlines[1:]])
-        rules = [nodes_over(stretched, along) for along, _ in _RULES]
         starts = first_node + np.concatenate([[0], np.cumsum([len(rule) for rule in rules])])
         reach = np.linalg.norm(corners - middle, axis=1).max()
         parts.append([first, ends[-1], *middle, reach, *starts])
         nodes += rules
         first, first_node = int(ends[-1]), int(starts[-1])
-    all_edges = np.concatenate(edges)
+    all_edges, all_nodes = np.concatenate(edges), np.concatenate(nodes)
+    all_nodes[:, :2] = (all_nodes[:, :2] - centre) * stretch
+    all_nodes[:, 2] *= across_over_along
     moments = np.empty(6)
     clipped_moments(all_edges[:, PLAIN : PLAIN + 2].copy(), np.array([r[0] for r in rings]), 1.0, 0.0, 0.0, moments)
     radius = float(np.linalg.norm(all_edges[:, :2], axis=1).max())
     numbers = [across_over_along, radius, 1 / (moments[0] * across_over_along), radius_over_planar, *moments]
-    return Soles(all_edges, np.array(parts, float), np.array(rings, float), np.concatenate(nodes), np.array(numbers))
+    return Soles(all_edges, np.array(parts, float), np.array(rings, float), all_nodes, np.array(numbers))
+
+
+def _laid_out(patch: Patch) -> list[tuple[list[Array], list[Array]]]:
+    """Rings and nodes of each rule of each sole, in the body frame; made once a footprint, for many simulations."""
+    key = tuple(ring.tobytes() for ring in (*patch.outlines, *patch.holes))
+    if key not in _KEPT:
+        if len(_KEPT) >= _MOST_KEPT:
+            _KEPT.clear()
+        parts = shapely.get_parts(footprint_polygon(patch))
+        _KEPT[key] = [(oriented_rings(part), [nodes_over(part, along) for along, _ in _RULES]) for part in parts]
+    return _KEPT[key]
 
 
 def _edges(ring: Array, stretch: Array) -> Array:
@@ -152,6 +166,7 @@ def work_for(soles: Soles, regions: Regions) -> Work:
         sums=np.zeros((n + kept + pieces * corners, 13)),
         accumulated=np.zeros(9),
         corners=np.zeros((2, corners, 2)),
+        cut_nodes=np.zeros((25 * (kept + pieces * corners), 3)),
     )
     all_parts(soles, work)
     return work

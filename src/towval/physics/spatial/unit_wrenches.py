@@ -17,14 +17,29 @@ from towval.model.compiling import compiled
 from towval.physics.edge_integrals import edge_moments, prepared_edge
 from towval.physics.friction_table import LOWEST, coefficient_over_speed, ratio_and_slope
 from towval.physics.lanes import unpacked
-from towval.physics.spatial.soles import CIRCLE, LEVER, NODES, PER_AREA, RADIUS, RULE_REACHES, STRETCH, Soles, Work
+from towval.physics.spatial.soles import (
+    CIRCLE,
+    LEVER,
+    NODES,
+    PER_AREA,
+    PLAIN,
+    RADIUS,
+    RULE_REACHES,
+    STRETCH,
+    Soles,
+    Work,
+)
 
 _NEAR = 4.0  # radii of a sole, as in ``wrench``
 W, S, J, EQUILIBRIUM, SCRATCH = 0, 1, 2, 3, 4  # of Work.matrices
-_LEFT_OUT, _BOUNDARY, _FAN = -1.0, -2.0, -3.0  # how an active part was integrated, where not by a rule's number
+_LEFT_OUT, _BOUNDARY, _NODES, _CUT_NODES = 0.0, 1.0, 2.0, 3.0  # how an active part was integrated
 
-_FAN_NODES, _FAN_WEIGHTS = np.polynomial.legendre.leggauss(5)
-_FAN_NODES, _FAN_WEIGHTS = (_FAN_NODES + 1) / 2, _FAN_WEIGHTS / 2
+# Nodes along each side of a piece of a cut part, by the reaches of the rules over whole ones.
+_ALONG = (5, 5, 4, 3)
+_GAUSS = np.zeros((len(_ALONG), max(_ALONG), 2))
+for _rule, _along in enumerate(_ALONG):
+    _GAUSS[_rule, :_along] = np.column_stack(np.polynomial.legendre.leggauss(_along)) / 2 + [0.5, 0.0]
+_ALONG_OF = np.array(_ALONG)
 
 
 @compiled(allocates=False)
@@ -39,7 +54,7 @@ def unit_wrenches(soles: Soles, table: Array, vx: float, vy: float, omega: float
             matrix[i, j] = total[3 * i + j] = 0.0
     rate = abs(omega)
     slow = math.sqrt(vx * vx + vy * vy) + rate * numbers[RADIUS] <= table[LOWEST]
-    any_near = False
+    any_near, filled = False, 0
     for k in range(int(work.counts[0])):
         row = active[k]
         part, is_cut = int(row[4]), row[2] > 0
@@ -51,16 +66,18 @@ def unit_wrenches(soles: Soles, table: Array, vx: float, vy: float, omega: float
         if not slow and away < _NEAR * near_speed:
             row[5], any_near = _BOUNDARY, True
             _add_boundary(soles, table, row, vx, vy, omega, work)
-        elif is_cut:
-            row[5] = _FAN
-            _add_fan(table, work, row, stretch, vx, vy, omega, False)
+            continue
+        rule = 0
+        while not slow and rule + 1 < len(RULE_REACHES) and away > RULE_REACHES[rule + 1] * near_speed:
+            rule += 1
+        if is_cut:
+            row[5], row[6] = _CUT_NODES, filled
+            filled = _fill_nodes(work, row, rule, filled)
+            row[7] = filled
+            _add_nodes(table, work.cut_nodes, row, vx, vy, omega, matrix)
         else:
-            rule = 0
-            while not slow and rule + 1 < len(RULE_REACHES) and away > RULE_REACHES[rule + 1] * near_speed:
-                rule += 1
-            row[5] = rule
-            first, end = int(parts[part, NODES + rule]), int(parts[part, NODES + rule + 1])
-            _add_nodes(table, soles.nodes, first, end, row[3], vx, vy, omega, matrix)
+            row[5], row[6], row[7] = _NODES, parts[part, NODES + rule], parts[part, NODES + rule + 1]
+            _add_nodes(table, soles.nodes, row, vx, vy, omega, matrix)
     if any_near:
         _about_origin(total, -vy / omega, vx / omega, 1.0 if omega > 0 else -1.0, matrix)
     if stretch != 1.0 or lever != 1.0:
@@ -126,12 +143,11 @@ def _add_column(total: Array, j: int, tx: float, ty: float, f_t: float, f_d: flo
 
 
 @compiled(allocates=False)
-def _add_nodes(
-    table: Array, nodes: Array, first: int, end: int, weight: float, vx: float, vy: float, omega: float, matrix: Array
-) -> None:
+def _add_nodes(table: Array, nodes: Array, row: Array, vx: float, vy: float, omega: float, matrix: Array) -> None:
     """Add a part by nodes over its area: W is linear in eight moments of μ/s."""
+    weight = row[3]
     r_1 = r_x = r_y = r_xx = r_xy = r_yy = r_xr = r_yr = 0.0
-    for i in range(np.uint64(first), np.uint64(end)):
+    for i in range(np.uint64(row[6]), np.uint64(row[7])):
         x, y = nodes[i, 0], nodes[i, 1]
         ux, uy = vx - omega * y, vy + omega * x
         ratio = weight * nodes[i, 2] * coefficient_over_speed(table, math.sqrt(ux * ux + uy * uy))
@@ -157,41 +173,35 @@ def _add_nodes(
 
 
 @compiled(allocates=False)
-def _add_fan(
-    table: Array, work: Work, row: Array, stretch: float, vx: float, vy: float, omega: float, slopes: bool
-) -> None:
-    """Add a cut part by nodes over the signed triangles that its edges span with a corner; W, or its slopes."""
-    first = int(row[0])
+def _fill_nodes(work: Work, row: Array, rule: int, n: int) -> int:
+    """Nodes of a cut part from number ``n`` on, over signed quadrilaterals of a corner and two edges each.
+
+    The bilinear map of the unit square covers what its border goes around, with sign, whatever its shape.
+    """
+    first, end, along, nodes = int(row[0]), int(row[1]), _ALONG_OF[rule], work.cut_nodes
     ox, oy = work.cut[first, 0], work.cut[first, 1]
-    pressure = work.pressure
-    for e in range(first + 1, int(row[1])):
-        edge = work.cut[e]
-        ax, ay, bx, by = edge[0] - ox, edge[1] - oy, edge[2] * edge[4], edge[3] * edge[4]
-        area = row[3] * (ax * by - ay * bx)
-        if area == 0:
-            continue
-        for i in range(len(_FAN_NODES)):
-            u = _FAN_NODES[i]
-            for j in range(len(_FAN_NODES)):
-                x, y = ox + u * (ax + _FAN_NODES[j] * bx), oy + u * (ay + _FAN_NODES[j] * by)
-                force = _FAN_WEIGHTS[i] * _FAN_WEIGHTS[j] * u * area
-                if slopes:
-                    force *= pressure[0] + pressure[1] * x / stretch + pressure[2] * y
-                    _add_node_slopes(table, x, y, force, vx, vy, omega, work.matrices[J])
-                else:
-                    _add_node(table, x, y, force, vx, vy, omega, work.matrices[W])
-
-
-@compiled(allocates=False)
-def _add_node(table: Array, x: float, y: float, area: float, vx: float, vy: float, omega: float, matrix: Array) -> None:
-    ux, uy = vx - omega * y, vy + omega * x
-    friction = area * coefficient_over_speed(table, math.sqrt(ux * ux + uy * uy))
-    fx, fy = -friction * ux, -friction * uy
-    moment = x * fy - y * fx
-    for i, part in ((0, fx), (1, fy), (2, moment)):
-        matrix[i, 0] += part
-        matrix[i, 1] += x * part
-        matrix[i, 2] += y * part
+    e = first + 1
+    while e < end:
+        edge, following = work.cut[e], work.cut[min(e + 1, end - 1)]
+        e += 1
+        ax, ay = edge[0] - ox, edge[1] - oy
+        bx, by = ax + edge[2] * edge[4], ay + edge[3] * edge[4]
+        cx, cy = bx, by
+        if e < end and following[PLAIN] == edge[PLAIN + 2] and following[PLAIN + 1] == edge[PLAIN + 3]:
+            e += 1
+            cx, cy = following[0] + following[2] * following[4] - ox, following[1] + following[3] * following[4] - oy
+        # From (0, 0) by u to a, by v to c, across to b.
+        twist_x, twist_y = bx - ax - cx, by - ay - cy
+        for i in range(along):
+            u = _GAUSS[rule, i, 0]
+            to_x, to_y = cx + u * twist_x, cy + u * twist_y
+            for j in range(along):
+                v = _GAUSS[rule, j, 0]
+                by_x, by_y = ax + v * twist_x, ay + v * twist_y
+                nodes[n, 0], nodes[n, 1] = ox + u * ax + v * to_x, oy + u * ay + v * to_y
+                nodes[n, 2] = _GAUSS[rule, i, 1] * _GAUSS[rule, j, 1] * (by_x * to_y - by_y * to_x)
+                n += 1
+    return n
 
 
 @compiled(allocates=False, inline="always")
@@ -216,7 +226,7 @@ def _add_node_slopes(
 @compiled(allocates=False)
 def wrench_slopes(soles: Soles, table: Array, vx: float, vy: float, omega: float, work: Work) -> None:
     """Fill J, the slopes of the wrench of ``work.pressure`` by the twist of G, after :func:`unit_wrenches` with it."""
-    numbers, nodes, pressure = soles.numbers, soles.nodes, work.pressure
+    numbers, pressure = soles.numbers, work.pressure
     stretch, lever = numbers[STRETCH], numbers[LEVER]
     vy, omega = stretch * vy, lever * omega
     slopes, total = work.matrices[J], work.accumulated
@@ -230,11 +240,9 @@ def wrench_slopes(soles: Soles, table: Array, vx: float, vy: float, omega: float
         if row[5] == _BOUNDARY:
             any_near = True
             _add_boundary_slopes(soles, row, gx, gy, vx, vy, omega, work)
-        elif row[5] == _FAN:
-            _add_fan(table, work, row, stretch, vx, vy, omega, True)
-        elif row[5] >= 0:
-            part, rule = int(row[4]), int(row[5])
-            for i in range(int(soles.parts[part, NODES + rule]), int(soles.parts[part, NODES + rule + 1])):
+        elif row[5] != _LEFT_OUT:
+            nodes = work.cut_nodes if row[5] == _CUT_NODES else soles.nodes
+            for i in range(int(row[6]), int(row[7])):
                 x, y = nodes[i, 0], nodes[i, 1]
                 force = row[3] * nodes[i, 2] * (pressure[0] + gx * x + gy * y)
                 _add_node_slopes(table, x, y, force, vx, vy, omega, slopes)

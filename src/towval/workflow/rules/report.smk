@@ -1,4 +1,4 @@
-rule run_overlay:
+rule overlay:
     input:
         camera=results("{campaign}", "camera.mcap"),
         video=lambda wildcards: str(CAMPAIGNS[wildcards.campaign].runs[wildcards.run].video),
@@ -40,11 +40,6 @@ rule run_overlay:
         "../scripts/run.py"
 
 
-rule overlay:
-    input:
-        lambda _: [results(name, run, "overlay.mp4") for name, campaign in CAMPAIGNS.items() for run in campaign.runs],
-
-
 rule report:
     input:
         camera=results("{campaign}", "camera.mcap"),
@@ -53,7 +48,7 @@ rule report:
         simulated=per_run("simulate.mcap"),
         uncertainties=per_run("uncertainty.mcap"),
         compared=per_run("compare.mcap"),
-        videos=lambda wildcards: [str(run.video) for run in CAMPAIGNS[wildcards.campaign].runs.values()],
+        overlays=per_run("overlay.mp4"),
         identified=identified,
     output:
         report=report(

@@ -1,0 +1,125 @@
+"""The ladder of effects: what each effect of a lab moves the path of a run, and what would have to be known better.
+
+An effect that the scene has is left out of one more simulation. For one that the scene is without, the draws already
+tell: the share of the error's variance that its inputs explain is what one standard deviation of them moves.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from towval.model import Array, Choice, RunUncertainty, TowingScene
+from towval.model.inputs import INPUTS
+from towval.physics.ladder import DYNAMICS
+from towval.validation.simulate_many import Batch, Drawn
+
+_RMS = "RMS over the path"
+_MOST_INPUTS = 5
+"""Inputs to be known better that get a row: a table of all thirty is not read."""
+
+
+@dataclass(frozen=True)
+class Effect:
+    """An effect of a lab.
+
+    ``what`` for people; ``inputs`` by which it is uncertain; ``neutral`` the fields of the scene, as (part, field,
+    value), that are at their value where it is absent.
+    """
+
+    what: str
+    inputs: tuple[str, ...]
+    neutral: tuple[tuple[str, str, Any], ...]
+
+    def acts(self, scene: TowingScene) -> bool:
+        """Whether the scene has it."""
+        return any(
+            len(found) > 0 if name == "regions" else np.any(np.asarray(found) != value)
+            for part, name, value in self.neutral
+            for found in [getattr(getattr(scene, part) if part else scene, name)]
+        )
+
+    def without(self, scene: TowingScene) -> TowingScene:
+        """The scene without it."""
+        for part, name, value in self.neutral:
+            neutral: dict[str, Any] = {name: value}
+            scene = replace(scene, **({part: replace(getattr(scene, part), **neutral)} if part else neutral))
+        return scene
+
+
+EFFECTS = (
+    Effect(
+        "tow above the floor", ("hinge_height", "anchor_height"),
+        (("", "hinge_height", 0.0), ("", "anchor_height", 0.0)),
+    ),
+    Effect("height of the centre of mass", ("centre_of_mass_height",), (("", "centre_of_mass_height", 0.0),)),
+    Effect("slope of the floor", ("slope",), (("ground", "slope", (0.0, 0.0)),)),
+    Effect("friction across and along", ("across_over_along",), (("friction", "across_over_along", 1.0),)),
+    Effect("friction radius", ("radius_over_planar",), (("friction", "radius_over_planar", 1.0),)),
+    Effect("regions of the floor", ("regions",), (("ground", "regions", ()),)),
+    Effect("stiffening of the tether", ("stiffening",), (("tether", "stiffening", 0.0),)),
+)  # fmt: skip
+"""What a level and even floor, a flat sole, a tow in the floor plane and an ideal tether leave out."""
+
+
+def effect_choices(
+    scene: TowingScene, batch: Batch, rover: Array, start: Array, found: RunUncertainty
+) -> tuple[Choice, ...]:
+    """Each effect, taken or left out, with what the other would move [m]; one more simulation for each that is taken.
+
+    Parameters
+    ----------
+    batch : Batch
+        How the run is simulated.
+    rover : ndarray (m, 3)
+        Its nominal poses at the batch's times.
+    start : ndarray (3,)
+        Pose of the object at the start.
+    found : RunUncertainty
+        With its draws.
+    """
+    batch = replace(batch, rung=DYNAMICS)
+    taken = [effect for effect in EFFECTS if effect.acts(scene)]
+    scenes = (scene, *(effect.without(scene) for effect in taken))
+    nominal, *others = batch.simulate([Drawn(each, rover, start) for each in scenes])
+    turned = replace(batch, sticking=not batch.sticking)
+    others += turned.simulate([Drawn(scene, rover, start)])
+    shifts = [float(np.sqrt(np.mean(np.sum((other - nominal)[:, :2] ** 2, axis=1)))) for other in others]
+    moved = dict(zip((effect.what for effect in taken), shifts, strict=False))
+    by_input = moves_of_inputs(found)
+    choices = []
+    for effect in EFFECTS:
+        if effect.what in moved:
+            choices.append(Choice(f"effect: {effect.what}", "taken", "left out", moved[effect.what], _RMS))
+            continue
+        known = [by_input[name] for name in effect.inputs if name in by_input]
+        if known:
+            other = "one deviation of it"
+            choices.append(Choice(f"effect: {effect.what}", "left out", other, float(np.hypot.reduce(known)), _RMS))
+    sticking = ("taken", "left out") if batch.sticking else ("left out", "taken")
+    return (*choices, Choice("effect: sticking", *sticking, shifts[-1], _RMS))
+
+
+def to_be_measured(found: RunUncertainty, deviations: Mapping[str, float], limit_m: float) -> tuple[Choice, ...]:
+    """Up to five inputs of which one standard deviation moves simulated less measured path by more than a limit [m]."""
+    choices = []
+    for name, move in sorted(moves_of_inputs(found).items(), key=lambda item: -item[1]):
+        row = INPUTS[name]
+        if move > limit_m and row.stated:
+            unit = f" {row.unit}" if row.unit else ""
+            std = f"± {deviations.get(name, 0.0):.2g}{unit}"
+            choices.append(Choice(f"input: {row.label}", std, f"known better: {row.stated.key}", move, _RMS))
+    return tuple(choices[:_MOST_INPUTS])
+
+
+def moves_of_inputs(found: RunUncertainty) -> dict[str, float]:
+    """What one standard deviation of each drawn input moves simulated less measured path, RMS [m], by name."""
+    if found.draws is None:
+        return {}
+    variance = float(found.draws.error[..., :2].var(axis=0).sum(axis=1).mean())
+    return {
+        name: float(np.sqrt(found.shares[row.label] * variance))
+        for name, row in INPUTS.items()
+        if row.label in found.shares
+    }
