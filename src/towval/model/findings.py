@@ -212,6 +212,18 @@ register(  # track
         "out from the floor.",
     ),
     FindingType(
+        "lengths_differ", "track", WARNING, _CAMERA,
+        "The size of the tops of {names} is {percent:+.2f} ± {std_percent:.2f} % off what is stated: the scale of the "
+        "calibration (camera.board.square_m: a board printed at another size; another zoom) contradicts top_corners_m "
+        "and tracked_plane_height_m. Measure the board and the tops again.",
+    ),
+    FindingType(
+        "lengths_wrong", "track", WARNING, NOT_JUDGED,
+        "The size of the tops of {names} is {percent:+.2f} ± {std_percent:.2f} % off what is stated: the scale of the "
+        "calibration (camera.board.square_m: a board printed at another size; another zoom) or top_corners_m and "
+        "tracked_plane_height_m are wrong. Measure the board and the tops again.",
+    ),
+    FindingType(
         "clicks_misfit", "track", WARNING, _REGISTRATION,
         "The clicks of {name} miss its corners by up to {misfit_px:.1f} px. Check them, its top_corners_m and "
         "tracked_plane_height_m.",

@@ -13,7 +13,7 @@ from towval.model.findings import finding
 from towval.model.geometry import compose, transform
 from towval.tracking.blur import ahead_of_middle
 from towval.tracking.noise import hold_rest, scatter_factor
-from towval.tracking.outline import OutlineFit, combine_fits, observe_outline, pose_from_clicks
+from towval.tracking.outline import OutlineFit, combine_fits, observe_outline, observe_size, pose_from_clicks
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.pose import Measurement, Motion, Tracker
 from towval.tracking.relocalisation import Lookalikes, Relocaliser
@@ -109,6 +109,7 @@ class Follower:
         fit = observe_outline(luma, target, clicked)
         self.first_pose = clicked if fit is None else compose(clicked, fit.correction)
         self.outline_fits: list[OutlineFit] = []
+        self.sizes: list[float] = []
         self.next_outline_s, self.outlines_fitted = time_s, 0
         self.tracker = make_tracker(target, luma, self.first_pose)
         if not isinstance(self.tracker, Tracker):
@@ -225,6 +226,9 @@ class Follower:
             fit = observe_outline(luma, self.target, pose)
             if fit is not None:
                 self.outline_fits.append(fit)
+            size = observe_size(luma, self.target, pose)
+            if size is not None:
+                self.sizes.append(size)
             self.outlines_fitted += 1
             doublings = self.outlines_fitted // CONSTANTS.outline_doubled_after
             self.next_outline_s = time_s + CONSTANTS.outline_every_s * 2**doublings

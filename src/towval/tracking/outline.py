@@ -273,6 +273,28 @@ def observe_outline(luma: NDArray[np.uint8], target: PlanarTarget, pose: Array) 
     return _fit_outline(slopes, stretches, pixel, _side_widths(target, stretches, pose))
 
 
+def observe_size(luma: NDArray[np.uint8], target: PlanarTarget, pose: Array) -> float | None:
+    """Size of the outline in a picture over the stated one, less 1; None where fewer than a third of it is found."""
+    pixel = target.metres_per_pixel(pose)
+    stretches = stretches_of(target.body, pixel)
+    slopes, middle, normal = _edge_slopes(luma, target, stretches, pose), stretches.middle, stretches.normal
+    turned = middle[:, 0] * normal[:, 1] - middle[:, 1] * normal[:, 0]
+    rows = np.column_stack([normal, turned, (middle * normal).sum(axis=1)])
+    side_px = _side_widths(target, stretches, pose)
+    trust = np.where((side_px > 0) & (side_px < CONSTANTS.thin_px), CONSTANTS.trust_in_thin, 1.0)
+    found, ordinary = np.zeros(4), np.median(slopes, axis=1)
+    for round_ in range(_FITS):
+        spread = pixel * max(0.5, 2.0 * 0.7**round_)
+        place, contrast = _peaks(slopes, ordinary, stretches.offsets, rows @ found, spread)
+        if (contrast > 0).sum() < 5:
+            return None
+        misfit = place - rows @ found
+        scale = max(1.4826 * np.median(np.abs(misfit[contrast > 0])), 0.05 * pixel)
+        weight = trust * contrast * np.maximum(1 - (misfit / (TUKEY * scale)) ** 2, 0.0) ** 2
+        found = np.linalg.lstsq(np.sqrt(weight)[:, None] * rows, np.sqrt(weight) * place, rcond=1e-9)[0]
+    return float(found[3]) if (weight > 0).mean() >= 1 / 3 else None
+
+
 def combine_fits(fits: Sequence[OutlineFit]) -> OutlineFit:
     """One registration from the fits of many pictures: the mean of those that agree, weighted by information.
 

@@ -14,6 +14,7 @@ from towval.model.plugins import Registry
 from towval.tracking.camera_motion import CameraMotion
 from towval.tracking.follow import Follower, TrackerMaker
 from towval.tracking.klt import KltTracker
+from towval.tracking.known_lengths import OutlineSizes, length_findings
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.plane_tracker import CONSTANTS as PLANE
 from towval.tracking.plane_tracker import PlaneTracker
@@ -112,7 +113,7 @@ def track_beside(
             progress(done)
     if not done:
         raise InputError("the video holds no picture")
-    return [group.tracks(camera_motion.findings()) for group in groups]
+    return [group.tracks(camera_motion.findings(), calibration) for group in groups]
 
 
 class _Group:
@@ -133,8 +134,9 @@ class _Group:
             others = [other.place for other in self.followers if other is not follower]
             follower.follow(time_s, luma, [outline for outline in others if outline is not None])
 
-    def tracks(self, camera_findings: tuple[Finding, ...]) -> dict[str, Track]:
-        findings = (*camera_findings, *_sample_findings(self.settings))
+    def tracks(self, camera_findings: tuple[Finding, ...], calibration: Calibration) -> dict[str, Track]:
+        tops = [OutlineSizes(follower.target, follower.first_pose, follower.sizes) for follower in self.followers]
+        findings = (*camera_findings, *_sample_findings(self.settings), *length_findings(calibration, tops))
         return {one.target.body.name: one.track(self.settings.method, findings) for one in self.followers}
 
 

@@ -1,0 +1,72 @@
+"""The scale of a calibration, checked against what is of known size in every picture: the outlines of the tops."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from towval.model import Array, Calibration, Finding
+from towval.model.findings import finding
+from towval.model.geometry import transform
+from towval.optics.plane_uncertainty import position_sensitivity
+from towval.tracking.planar_target import PlanarTarget
+
+
+@dataclass(frozen=True)
+class KnownLengthConstants:
+    """Tuned constants of the check."""
+
+    corner_std_m: float = 0.001  # [m] Of a measured length of a top: a tape measure.
+    edge_std_px: float = 0.05  # [px] By which an edge in the picture may stand off the top's: 0.02 to 0.06 measured.
+    doubtful: float = 2.5  # Deviations: 1 in 80 sound runs, and a board at 99.7 % with tops known to 1 mm.
+    wrong: float = 0.004  # Of the size, beyond which wider deviations do not help.
+
+
+CONSTANTS = KnownLengthConstants()
+
+
+@dataclass(frozen=True)
+class OutlineSizes:
+    """Sizes of a top in some pictures over the stated one, less 1, and its pose (3,) in one of them."""
+
+    target: PlanarTarget
+    pose: Array
+    sizes: Sequence[float]
+
+
+def length_findings(calibration: Calibration, observed: Sequence[OutlineSizes]) -> tuple[Finding, ...]:
+    """A warning where the tops have another size in the pictures than stated, given all deviations."""
+    seen = [each for each in observed if each.sizes]
+    if not seen:
+        return ()
+    information = np.array([1 / _variance(each) for each in seen])
+    share = information / information.sum()
+    size = float(share @ [np.median(each.sizes) for each in seen])
+    by_camera = share @ np.array([_size_sensitivity(calibration, each) for each in seen])
+    std = float(np.sqrt(1 / information.sum() + by_camera @ calibration.covariance @ by_camera))
+    if abs(size) < CONSTANTS.doubtful * std:
+        return ()
+    code = "lengths_wrong" if abs(size) > CONSTANTS.wrong else "lengths_differ"
+    names = " and ".join(each.target.body.name for each in seen)
+    return (finding(code, names=names, percent=100 * size, std_percent=100 * std),)
+
+
+def _variance(observed: OutlineSizes) -> float:
+    """Of one top's size, but for the camera: its measured lengths, its height, its edges in the picture."""
+    body, T = observed.target.body, observed.target.floor.T_camera_floor
+    diagonal = float(np.linalg.norm(np.ptp(body.top_corners_m, axis=0)))
+    distance = float((T @ [*observed.pose[:2], body.tracked_plane_height_m, 1.0])[2])
+    edge_m = CONSTANTS.edge_std_px * observed.target.metres_per_pixel(observed.pose)
+    parts = CONSTANTS.corner_std_m / diagonal, body.height_std_m / distance, 2 * edge_m / diagonal
+    return float(np.sum(np.square(parts)))
+
+
+def _size_sensitivity(calibration: Calibration, observed: OutlineSizes) -> Array:
+    """Derivative (18,) of a top's size in the picture by the calibration's parameters."""
+    target, body = observed.target, observed.target.body
+    corners = transform(observed.pose, body.top_corners_m)
+    pixels = target.picture_of(corners)
+    moves, _ = position_sensitivity(calibration.camera, calibration.floor, pixels, body.tracked_plane_height_m)
+    arms = corners - corners.mean(axis=0)
+    # A size above the stated one is a measured length above it: that of the corners' measured places.
+    return np.asarray(np.einsum("nk,nkp->p", arms, moves) / np.sum(arms**2))

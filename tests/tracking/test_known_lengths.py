@@ -1,0 +1,77 @@
+"""The scale of the calibration against the tops of known size in the pictures."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from studies.worlds.scenes import CeilingCamera, FilmedScene, small_camera, standard_scene
+from towval.model import Calibration, Floor
+from towval.optics.projection import project, to_plane
+from towval.tracking.known_lengths import OutlineSizes, length_findings
+from towval.tracking.outline import observe_size
+from towval.tracking.planar_target import PlanarTarget
+
+
+def scaled(scene: FilmedScene, size: float) -> Calibration:
+    """What a calibration with a board ``size`` times as large as stated says; its size is uncertain by 0.05 %."""
+    T = scene.floor.T_camera_floor.copy()
+    T[:3, 3] /= size
+    by_size = np.zeros(18)
+    by_size[15:] = T[:3, 3]
+    return Calibration(scene.camera, Floor(T), np.outer(by_size, by_size) * 0.0005**2, 0.05)
+
+
+def observed(scene: FilmedScene, calibration: Calibration) -> list[OutlineSizes]:
+    luma, tops = CeilingCamera(scene).picture(0.0), []
+    for body, motion in zip(scene.bodies, scene.motions, strict=True):
+        pose, target = motion(0.0), PlanarTarget(body, calibration.camera, calibration.floor)
+        there = project(scene.camera, scene.floor, np.array([[*pose[:2], body.tracked_plane_height_m]]))
+        found = to_plane(calibration.camera, calibration.floor, there, body.tracked_plane_height_m)[0]
+        pose = np.array([*found, pose[2]])
+        size = observe_size(luma, target, pose)
+        tops.append(OutlineSizes(target, pose, [] if size is None else [size]))
+    return tops
+
+
+@pytest.mark.parametrize(
+    ("size", "code"),
+    [(1.0, None), (0.9995, None), (0.996, "lengths_"), (0.99, "lengths_wrong"), (1.01, "lengths_wrong")],
+)
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_board_of_another_size_is_named(seed, size, code):
+    scene = standard_scene(seed, **small_camera(), brightness=(170.0, 190.0), contrast=15.0)
+    calibration = scaled(scene, size)
+    tops = observed(scene, calibration)
+    assert sum(len(top.sizes) for top in tops) > 0
+    # Camera at 4 m, tops at 0.3 m: of a height that scales, what is left below the camera scales by a tenth more.
+    expected = 1 / size - 1
+    for top in tops:
+        for found in top.sizes:
+            assert found == pytest.approx(expected, abs=0.002 + 0.2 * abs(expected))
+    findings = length_findings(calibration, tops)
+    assert [finding.code.startswith(code or "") for finding in findings] == ([True] if code else [])
+
+
+@pytest.mark.parametrize(
+    ("size", "codes"),
+    [(0.001, []), (0.0033, ["lengths_differ"]), (-0.0033, ["lengths_differ"]), (0.006, ["lengths_wrong"])],
+)
+def test_deviations_decide(size, codes):
+    scene = standard_scene(1)
+    calibration = scaled(scene, 1.0)
+    tops = [
+        OutlineSizes(PlanarTarget(body, scene.camera, scene.floor), motion(0.0), [size] * 5)
+        for body, motion in zip(scene.bodies, scene.motions, strict=True)
+    ]
+    assert [finding.code for finding in length_findings(calibration, tops)] == codes
+    vague = replace(calibration, covariance=calibration.covariance * 100)
+    assert len(length_findings(vague, tops)) <= len(codes)
+    assert length_findings(vague, tops) == () or abs(size) > 0.004
+
+
+def test_no_outline_no_word():
+    scene = standard_scene(1)
+    assert length_findings(scaled(scene, 1.0), []) == ()
+    tops = [OutlineSizes(PlanarTarget(scene.bodies[0], scene.camera, scene.floor), np.zeros(3), [])]
+    assert length_findings(scaled(scene, 1.0), tops) == ()
