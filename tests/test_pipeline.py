@@ -115,6 +115,19 @@ def test_summary_has_the_promised_columns(lab):
         "area_across_m",
         "ratio_max",
         "aligned_rms_m",
+        "tolerance_m",
+        "error_upper_m",
+        "model_error_lower_m",
+        "model_error_upper_m",
+        "detectable_m",
+        "seen_share",
+        "size_statistic",
+        "size_limit",
+        "shape_statistic",
+        "shape_limit",
+        "input_statistic",
+        "input_limit",
+        "findings",
     ]
     assert table.tracked_frames[0] == len(lab.truth["time_s"])
     assert table.path_rms_m[0] < 5e-3

@@ -4,7 +4,8 @@
 
 ``--runs`` of each world of :mod:`studies.worlds.verdict_worlds`; each is measured by a camera drawn from its
 covariance, simulated, sampled and judged; then the smallest visible faults that the run states are put into its truth,
-and larger ones. ``--worlds`` takes some of them only. Rows are kept in the output folder, and a second call continues there.
+and larger ones. ``--worlds`` takes some of them only. Rows are kept in the output folder, and a second call continues
+there.
 """
 
 from __future__ import annotations
@@ -32,11 +33,7 @@ from towval.validation.simulate import simulate
 from towval.validation.uncertainty import Case, UncertaintySettings, sample_uncertainty
 
 TOLERANCE_M = 0.01
-FAULTS = {
-    "rest length": ("rest", np.array(1.0)),
-    "centre of mass, forward": ("load_at", np.array([1.0, 0.0])),
-    "centre of mass, sideways": ("load_at", np.array([0.0, 1.0])),
-}
+FAULTS = {"rest length": ("rest", np.array(1.0)), "centre of mass, sideways": ("load_at", np.array([0.0, 1.0]))}
 """Kinds of visible faults that the truth can have: which number, and in which direction."""
 
 GROWTH = (1.0, 3.0)

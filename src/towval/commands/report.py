@@ -2,7 +2,7 @@
 
 import shlex
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +10,7 @@ import numpy as np
 import yaml
 from numpy.typing import ArrayLike
 
+from towval.commands.console import print_findings
 from towval.commands.overlay import run as write_run_overlay
 from towval.commands.run_folder import files, read_run
 from towval.commands.settings import settings_from
@@ -20,10 +21,13 @@ from towval.io.provenance import file_hash
 from towval.io.records import read_calibration
 from towval.io.records.identification import read_identification
 from towval.io.summary import write_summary
+from towval.model import Comparison, Finding, Severity, Verdict
+from towval.model.findings import finding
 from towval.model.inputs import INPUTS, UncertainInput, is_left_out, stated_in
 from towval.optics.plane_uncertainty import uncertainty_map
-from towval.report.data import InputRow, Provenance, ReportData, ReportSettings, RunReport
+from towval.report.data import InputRow, Provenance, ReportData, ReportSettings, RunReport, StageFinding
 from towval.report.page import write_report
+from towval.validation.campaign import campaign_verdict
 
 
 def run(campaign: Path, results: Path, keys: Mapping[str, Any] | None = None, identified: Path | None = None) -> None:
@@ -58,12 +62,22 @@ def run(campaign: Path, results: Path, keys: Mapping[str, Any] | None = None, id
             calibration, given.object.tracked_plane_height_m, height_std_m=given.object.height_std_m
         ),
         inputs=tuple(_inputs(given)),
+        findings=(StageFinding("campaign", _together([item.record.comparison for item in runs])),),
         identification=None if identified is None else read_identification(identified),
     )
     write_summary(results / "summary.csv", [item.record.comparison for item in runs])
     write_report(results / "report.html", data, results / "figures")
     write_manifest(results / MANIFEST, _made(results, given, identified))
     print(f"report: {results / 'report.html'}")
+
+
+def _together(comparisons: Sequence[Comparison]) -> Finding:
+    """The verdict on all runs together as a finding of the campaign."""
+    verdict = campaign_verdict(comparisons)
+    severity = Severity.NOTE if verdict.verdict is Verdict.AGREES else Severity.WARNING
+    found = finding("campaign_verdict", severity, sentence=verdict.sentence)
+    print_findings((found,), "report")
+    return found
 
 
 def _made(results: Path, given: Campaign, identified: Path | None) -> list[Path]:

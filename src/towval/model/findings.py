@@ -323,6 +323,7 @@ register(  # uncertainty, compare, identify
     ),
     FindingType("verdict", "compare", _NOTE_OR_WARNING, NONE, "{statement}."),
     FindingType("statement", "compare", NOTE, NONE, "{off}. {model}. {visible}."),
+    FindingType("campaign_verdict", "campaign", _NOTE_OR_WARNING, NONE, "{sentence}"),
     FindingType("explanation", "compare", NOTE, NONE, "{text}."),
     FindingType(
         "tolerance_default", "compare", NOTE, NONE,

@@ -106,6 +106,7 @@ class Comparison:
     can be the model's (E with u_val), all of the largest position error; all sizes are in ``bounds``.
     ``size_statistic``, ``shape_statistic`` and ``input_statistic`` with their limits test "the model is right, inputs
     are within their deviations".
+    ``drawn_tests`` (k, 2) of each draw a key that runs of a campaign share and the largest statistic over its limit.
     ``detectable_m`` is the path error, RMS, from which on half of the kinds of ``faults`` show;
     ``seen_share`` the share of the frames of the motion in which the object was seen; ``explanation`` what would
     explain the error; ``warnings`` the codes of all findings that are no notes, separated by spaces.
@@ -146,6 +147,7 @@ class Comparison:
     input_statistic: float = float("nan")
     input_limit: float = float("nan")
     warnings: str = ""
+    drawn_tests: Array = field(default_factory=lambda: np.empty((0, 2)))
     bounds: Bounds = field(default_factory=Bounds)
     faults: tuple[VisibleFault, ...] = ()
     explanation: Explanation | None = None
@@ -156,6 +158,18 @@ class Comparison:
         lock(self, time_s=(n,))
         for name, shape in (("error", (n, 3)), ("along_across", (n, 2)), ("ratio", (n,))):
             object.__setattr__(self, name, locked(getattr(self, name), f"Comparison.{name}", shape, finite=False))
+
+        lock(self, drawn_tests=(None, 2))
+
+    @property
+    def tested_ratio(self) -> float:
+        """Largest statistic over its limit [1]: above one the test rejects; NaN where there was none."""
+        pairs = (
+            (self.size_statistic, self.size_limit),
+            (self.shape_statistic, self.shape_limit),
+            (self.input_statistic, self.input_limit),
+        )
+        return max(value / limit for value, limit in pairs)
 
     @property
     def ratio_max(self) -> float:

@@ -19,7 +19,7 @@ from towval.model import (
 )
 from towval.model.errors import InputError, RefusedError
 from towval.model.findings import finding
-from towval.model.statement import Bounds
+from towval.model.statement import Bounds, Draws
 from towval.validation.consequences import forbidding
 from towval.validation.explain import explain, place
 from towval.validation.metrics import aligned_rms, area_metric, error_ratio, frechet_distance, position_rms
@@ -142,6 +142,7 @@ def _judged(
     """The comparison with bounds, statistics, verdict and what is to be said of them."""
     tolerance_m = settings.stated_m or TOLERANCE_M
     parts = _tested(found, measured, uncertainty, settings)
+    drawn_tests = parts.pop("drawn_tests")
     visible = sorted(fault.shift_rms_m if np.isfinite(fault.size) else np.inf for fault in uncertainty.faults)
     detectable_m = float(visible[(len(visible) - 1) // 2]) if visible else float("nan")
     moving = np.linalg.norm(simulated.twist[:, :2], axis=1) > _MOVING_M_PER_S
@@ -155,6 +156,7 @@ def _judged(
         moved_m=found.path_length_m,
         forbidding=forbidding(upstream),
         shares=uncertainty.shares,
+        hidden=tuple(fault.kind for fault in uncertainty.faults if not fault.shift_rms_m <= tolerance_m),
         **parts,
     )
     verdict, reason = verdict_of(evidence)
@@ -178,6 +180,7 @@ def _judged(
         detectable_m=detectable_m,
         seen_share=seen_share,
         warnings=" ".join(codes),
+        drawn_tests=drawn_tests,
         bounds=evidence.bounds,
         faults=uncertainty.faults,
         explanation=evidence.explanation,
@@ -191,7 +194,14 @@ def _tested(
 ) -> dict[str, Any]:
     """Bounds, statistics, limits and explanation, as far as there are draws and times to get them from."""
     draws = uncertainty.draws
-    nothing = {"bounds": Bounds(), "statistics": {}, "limits": {}, "explanation": None, "where": ""}
+    nothing = {
+        "drawn_tests": np.empty((0, 2)),
+        "bounds": Bounds(),
+        "statistics": {},
+        "limits": {},
+        "explanation": None,
+        "where": "",
+    }
     if draws is None:
         return nothing
     frame = PathFrame(measured, found.time_s[draws.rows])
@@ -207,12 +217,20 @@ def _tested(
     limits = dict(zip(STATISTICS, map(float, right.limits), strict=True))
     both = 0.5 * (1 + settings.bound_confidence)
     return {
-        "bounds": Bounds(_named(bounds(error, off, settings.bound_confidence)), _named(bounds(error, drawn, both))),
+        "drawn_tests": np.column_stack([_keys(draws), (right.statistics(drawn) / right.limits).max(axis=1)]),
+        "bounds": Bounds(
+            _named(bounds(error, off, settings.bound_confidence)), _named(bounds(error, drawn, both, counted=0.0))
+        ),
         "statistics": statistics,
         "limits": limits,
         "explanation": explain(error, right, draws.column_names, length),
         "where": _where(error, frame.pose[frame.seen], length, place(error, right, length)),
     }
+
+
+def _keys(draws: Draws) -> Array:
+    """A number (k,) of each draw that is the same in all runs of a campaign: its first input, which they share."""
+    return draws.inputs[:, 0] if draws.inputs.shape[1] else np.arange(len(draws.inputs), dtype=np.float64)
 
 
 def _named(found: Array) -> dict[str, tuple[float, float]]:

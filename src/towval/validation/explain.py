@@ -33,20 +33,25 @@ def explain(error: Array, right: RightModel, names: Sequence[str], length: Array
     """
     means = block_means(error)
     rest, chosen, moved = means.ravel(), list[int](), np.empty(0)
-    # How many deviations each input would have to be off, were it the only one.
+    # How many deviations an input would have to be off for a score of one, were it the only one.
     norm = np.sqrt(np.einsum("jb,bc,jc->j", right.effects, right.weight, right.effects))
+    open_ = np.ones(len(norm), dtype=bool)
     while len(chosen) < _MOST_INPUTS and not (chosen and _kept(rest, right)):
         scores = -right.input_scores(rest)
         scores = np.where(right.one_sided, np.maximum(scores, 0.0), scores)
-        scores[chosen] = 0.0
-        scores = np.where(np.abs(scores) > _MOST_DEVIATIONS * norm, 0.0, scores)
-        if not len(scores) or np.max(scores**2) < _WORTH:
+        scores = np.where(open_ & (np.abs(scores) <= _MOST_DEVIATIONS * norm), scores, 0.0)
+        if not np.max(scores**2, initial=0.0) > _WORTH:
             break
-        chosen.append(int(np.argmax(scores**2)))
-        effects = right.effects[chosen]
+        best = int(np.argmax(scores**2))
+        open_[best] = False
+        effects = right.effects[[*chosen, best]]
         weighted = effects @ right.weight
-        moved = np.asarray(-np.linalg.solve(weighted @ effects.T, weighted @ means.ravel()))
-        rest = means.ravel() + moved @ effects
+        freed = np.asarray(-np.linalg.solve(weighted @ effects.T, weighted @ means.ravel()))
+        less = means.ravel() + freed @ effects
+        # What takes off weighted square alone, and leaves a larger error, explains nothing.
+        if _rms(less.reshape(-1, 3)) < _rms(rest.reshape(-1, 3)) and np.abs(freed).max() <= _MOST_DEVIATIONS:
+            rest, moved = less, freed
+            chosen.append(best)
     found: dict[str, float] = {}
     for index, deviations in zip(chosen, moved, strict=True):
         name = names[int(right.columns[index])]

@@ -32,10 +32,6 @@ _TAIL_FROM = 0.9
 _HALVINGS = 18
 """Of the interval in which a bound is sought: to five digits."""
 
-_COUNTED = 1.5
-"""Times the growth by noise that an upper bound takes off: with 1 the largest error is covered in 97 to 100 % of runs
-where 95 % are asked for, with 2 in 86 to 99 %, with 1.5 in 95 to 100 % (truth of 1 to 13 times the noise)."""
-
 _FLOOR = 0.1
 """Deviation of a block's mean that counts at least, as a share of the root mean square over the run: what 512 draws
 leave open of the smallest of 72 principal directions."""
@@ -169,13 +165,13 @@ def _effects(means: Array, inputs: Array) -> tuple[Array, NDArray[np.intp], NDAr
     return effects[matters], np.flatnonzero(matters), one_sided[matters]
 
 
-def bounds(error: Array, draws: Array, confidence: float) -> Array:
+def bounds(error: Array, draws: Array, confidence: float, counted: float = 1.5) -> Array:
     """Lower and upper bounds (2, 6) of the sizes of what is behind an observed error; each holds with ``confidence``.
 
     The observed error is ``truth − draw``. *Upper*: the quantile of the size of ``error + draw`` over the draws, less
-    1.5 times what adding a draw makes the size larger on average: noise that is in the observed error already does not
-    count twice. *Lower*: the smallest multiple c of the observed error for which ``c error − draw`` is as large as what
-    was observed in a share 1 − ``confidence`` of the draws; zero where noise alone is.
+    ``counted`` times what adding a draw makes the size larger on average: noise that is in the observed error already
+    does not count twice. *Lower*: the smallest multiple c of the observed error for which ``c error − draw`` is as
+    large as what was observed in a share 1 − ``confidence`` of the draws; zero where noise alone is.
 
     Parameters
     ----------
@@ -183,6 +179,9 @@ def bounds(error: Array, draws: Array, confidence: float) -> Array:
         Observed.
     draws : ndarray (k, n, 3)
         Of what stands between the truth and what is observed.
+    counted : float, optional
+        With 1 the largest error is covered in 97 to 100 % of runs where 95 % are asked for, with 2 in 86 to 99 %, with
+        1.5 in 95 to 100 % (truth of 1 to 13 times the noise). Where draws are larger than any truth may be, zero.
 
     Examples
     --------
@@ -197,15 +196,15 @@ def bounds(error: Array, draws: Array, confidence: float) -> Array:
         square, mixed, own = np.sum(part**2, axis=-1), np.sum(part * noise, axis=-1), np.sum(noise**2, axis=-1)
         if whole == "mean":
             square, mixed, own = (value.mean(axis=-1, keepdims=True) for value in (square, mixed, own))
-        found[:, i] = _lower(square, mixed, own, 1 - confidence), _upper(square, mixed, own, confidence)
+        found[:, i] = _lower(square, mixed, own, 1 - confidence), _upper(square, mixed, own, confidence, counted)
     return found
 
 
-def _upper(square: Array, mixed: Array, own: Array, confidence: float) -> float:
+def _upper(square: Array, mixed: Array, own: Array, confidence: float, counted: float) -> float:
     """Upper bound of one size by terms (n,), (k, n), (k, n) of ``|error + draw|²``, the largest of which counts."""
     sizes = np.sqrt(np.maximum((square + 2 * mixed + own).max(axis=-1), 0.0))
     grown = max(0.0, float(sizes.mean()) - float(np.sqrt(square.max())))
-    return max(0.0, float(np.quantile(sizes, confidence)) - _COUNTED * grown)
+    return max(0.0, float(np.quantile(sizes, confidence)) - counted * grown)
 
 
 def _lower(square: Array, mixed: Array, own: Array, share: float) -> float:

@@ -24,7 +24,7 @@ class Evidence:
     ``tolerance_m`` error that matters; ``bounds``; ``statistics`` and ``limits`` by name; ``detectable_m``;
     ``seen_share`` of the frames of the motion; ``moved_m`` length of the path; ``forbidding`` codes of findings that
     leave a run not judged; ``explanation``; ``shares`` of the expected variance by the label of the input; ``where``
-    the difference begins and how far it goes, in words.
+    the difference begins and how far it goes, in words; ``hidden`` kinds of faults that do not show at the tolerance.
     """
 
     tolerance_m: float
@@ -38,6 +38,7 @@ class Evidence:
     explanation: Explanation | None
     shares: Mapping[str, float]
     where: str
+    hidden: tuple[str, ...] = ()
 
     @property
     def upper_m(self) -> float:
@@ -83,6 +84,8 @@ def verdict_of(e: Evidence) -> tuple[Verdict, Finding]:
         )
         return Verdict.CANNOT_TELL, finding("verdict", Severity.WARNING, statement=statement)
     statement = f"Agrees within {upper:.1f} mm, where {tolerance:g} mm matter ({tested})"
+    if e.hidden:
+        statement += f"; what would not have shown even at {tolerance:g} mm: {', '.join(e.hidden)}"
     return Verdict.AGREES, finding("verdict", statement=statement)
 
 
@@ -108,7 +111,7 @@ def statement_findings(e: Evidence, faults: tuple[VisibleFault, ...], confidence
             f"{_mm(off['position_rms'][1])}, along {_mm(off['along_max'][1])}, across {_mm(off['across_max'][1])}, "
             f"heading {np.degrees(off['heading_max'][1]):.2f}°)"
         ),
-        model=f"Of the model it can be {1e3 * model[0]:.1f} to {_mm(model[1])}, the rest of what is uncertain",
+        model=f"The model's own error is between {1e3 * model[0]:.1f} and {_mm(model[1])}",
         visible=f"Faults seen with 90 %: {'; '.join(map(fault_text, faults))}",
     )
     if e.explanation is not None and e.rejected:

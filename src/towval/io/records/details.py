@@ -64,6 +64,7 @@ def statement_out(comparison: Comparison) -> dict[str, Any]:
     """Bounds, visible faults and explanation of a comparison."""
     explanation = comparison.explanation
     return {
+        "drawn_tests": comparison.drawn_tests.tolist(),
         "bounds": dataclasses.asdict(comparison.bounds),
         "faults": faults_out(comparison.faults),
         "explanation": explanation
@@ -76,6 +77,7 @@ def statement_in(details: dict[str, Any]) -> dict[str, Any]:
     explanation = details["explanation"]
     sizes = {part: {n: (v[0], v[1]) for n, v in of.items()} for part, of in details["bounds"].items()}
     return {
+        "drawn_tests": np.reshape(details["drawn_tests"], (-1, 2)),
         "bounds": Bounds(**sizes),
         "faults": faults_in(details["faults"]),
         "explanation": None if explanation is None else Explanation(**_with_nan(explanation)),

@@ -146,7 +146,7 @@ _COMPARISON_ARRAYS = ("time_s", "error", "along_across", "ratio")
 _COMPARISON_SCALARS = tuple(
     f.name
     for f in dataclasses.fields(Comparison)
-    if f.name not in (*_COMPARISON_ARRAYS, "findings", "bounds", "faults", "explanation")
+    if f.name not in (*_COMPARISON_ARRAYS, "findings", "drawn_tests", "bounds", "faults", "explanation")
 )
 
 

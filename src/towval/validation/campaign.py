@@ -1,0 +1,73 @@
+"""The verdict on all runs of a campaign together: one false alarm rate for all, what runs share counted once."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from towval.model import Array, Comparison
+from towval.model.statement import Verdict
+from towval.validation.statistics import upper_limit
+
+_SHARED_DRAWS = 0.9
+"""Share of the draws that all runs must have in common, else each is drawn for itself and the limits are added up."""
+
+
+@dataclass(frozen=True)
+class CampaignVerdict:
+    """The verdict on several runs.
+
+    ``ratio``, the largest share of its limits that the test of a run reaches; ``limit`` that right models keep in all
+    runs together with ``confidence``; ``runs`` that were judged, and ``beyond`` those that exceed the limit;
+    ``sentence`` for people.
+    """
+
+    verdict: Verdict
+    ratio: float
+    limit: float
+    confidence: float
+    runs: tuple[str, ...]
+    beyond: tuple[str, ...]
+    sentence: str
+
+
+def campaign_verdict(comparisons: Sequence[Comparison], confidence: float = 0.99) -> CampaignVerdict:
+    """Judge all runs together.
+
+    Draw i of every run has the same values of the inputs that they share, so the largest ratio over the runs of draw i
+    is one realisation of the campaign: its quantile is the limit that a right model keeps in all runs at once.
+    """
+    judged = [c for c in comparisons if c.verdict is not Verdict.NOT_JUDGED and len(c.drawn_tests)]
+    if not judged:
+        nan = float("nan")
+        return CampaignVerdict(Verdict.NOT_JUDGED, nan, nan, confidence, (), (), "No run was judged.")
+    ratios = {c.run: c.tested_ratio for c in judged}
+    limit = _joint_limit([c.drawn_tests for c in judged], confidence)
+    beyond = tuple(run for run, ratio in ratios.items() if ratio > limit)
+    mattering = [c.run for c in judged if c.error_upper_m > c.tolerance_m]
+    unsure = [c.run for c in judged if not c.detectable_m <= c.tolerance_m]
+    bound = 1e3 * max(c.error_upper_m for c in judged)
+    level = f"{100 * (1 - confidence):g} % false alarms over {len(judged)} run{'s' * (len(judged) != 1)}"
+    if set(beyond) & set(mattering):
+        verdict = Verdict.DISAGREES
+        sentence = f"All runs together disagree ({level}), because of {', '.join(beyond)}"
+    elif mattering or unsure:
+        verdict = Verdict.CANNOT_TELL
+        sentence = f"All runs together do not tell, because of {', '.join(dict.fromkeys([*mattering, *unsure]))}"
+    else:
+        verdict = Verdict.AGREES
+        sentence = f"All runs together agree within {bound:.1f} mm ({level})"
+    runs = tuple(c.run for c in judged)
+    return CampaignVerdict(verdict, max(ratios.values()), limit, confidence, runs, beyond, f"{sentence}.")
+
+
+def _joint_limit(tests: Sequence[Array], confidence: float) -> float:
+    """Limit of the largest ratio over runs, from their draws (k, 2) of key and ratio."""
+    by_key = [dict(zip(keys.tolist(), ratios.tolist(), strict=True)) for keys, ratios in (each.T for each in tests)]
+    common = set(by_key[0]).intersection(*by_key[1:])
+    if len(common) < _SHARED_DRAWS * min(map(len, tests)):
+        # Runs that were not drawn together: each may raise a false alarm in its share of the whole.
+        alone = 1 - (1 - confidence) / len(tests)
+        return max(upper_limit(each[:, 1], alone) for each in tests)
+    largest = np.array([max(each[key] for each in by_key) for key in sorted(common)])
+    return upper_limit(largest, confidence)

@@ -1,0 +1,77 @@
+"""All runs together: false alarms of four right runs, what they share counted once, and whose fault it is."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from towval.commands.report import _together
+from towval.model import Severity, Verdict
+from towval.validation.campaign import campaign_verdict
+
+
+def run(name, ratio, tests, upper=0.002, detectable=0.003, verdict=Verdict.AGREES):
+    """What the verdict of a campaign reads of a comparison."""
+    return SimpleNamespace(
+        run=name, verdict=verdict, tested_ratio=ratio, drawn_tests=tests, error_upper_m=upper, tolerance_m=0.01,
+        detectable_m=detectable,
+    )  # fmt: skip
+
+
+def drawn(seed, shared=0.0, count=512, runs=4):
+    """Ratios of draws (runs, count) whose limit alone is one with 99 %, correlated over the runs."""
+    rng = np.random.default_rng(seed)
+    size = np.sqrt(shared) * rng.normal(size=count) + np.sqrt(1 - shared) * rng.normal(size=(runs, count))
+    return np.abs(size) / 2.576
+
+
+def with_keys(ratios, first=0):
+    return np.column_stack([np.arange(first, first + len(ratios), dtype=float), ratios])
+
+
+@pytest.mark.parametrize("shared", [0.0, 0.9])
+def test_four_right_runs_raise_one_false_alarm_in_a_hundred_campaigns(shared):
+    """Where runs share nearly all, a limit for each alone would be wrong the other way."""
+    tests = [with_keys(each) for each in drawn(1, shared)]
+    limit = campaign_verdict([run(str(i), 0.1, each) for i, each in enumerate(tests)]).limit
+    fresh = drawn(2, shared, 200_000).max(axis=0)
+    assert np.mean(fresh > limit) == pytest.approx(0.01, abs=0.006)
+    assert np.mean(drawn(2, 0.0, 200_000).max(axis=0) > 1) > 0.035  # each run judged by itself
+
+
+def test_runs_without_common_draws_share_the_false_alarms():
+    tests = [with_keys(each, 1000 * i) for i, each in enumerate(drawn(3))]
+    limit = campaign_verdict([run(str(i), 0.1, each) for i, each in enumerate(tests)]).limit
+    assert np.mean(drawn(4, 0.0, 200_000).max(axis=0) > limit) < 0.02
+
+
+def test_a_run_far_beyond_the_limit_is_named():
+    tests = [with_keys(each) for each in drawn(5)]
+    runs = [run(name, ratio, each) for name, ratio, each in zip("abcd", (0.5, 0.4, 3.0, 1.01), tests, strict=True)]
+    found = campaign_verdict(runs)
+    assert found.verdict == Verdict.AGREES  # beyond, but within what matters
+    assert found.beyond == ("c",)
+    runs[2] = run("c", 3.0, tests[2], upper=0.02)
+    found = campaign_verdict(runs)
+    assert found.verdict == Verdict.DISAGREES
+    assert found.sentence == "All runs together disagree (1 % false alarms over 4 runs), because of c."
+
+
+def test_what_leaves_one_run_open_leaves_the_campaign_open():
+    tests = [with_keys(each) for each in drawn(6)]
+    runs = [run("a", 0.5, tests[0]), run("b", 0.5, tests[1], detectable=0.02)]
+    assert campaign_verdict(runs).verdict == Verdict.CANNOT_TELL
+    assert "because of b" in campaign_verdict(runs).sentence
+    runs = [run("a", 0.5, tests[0]), run("b", 9.0, tests[1], verdict=Verdict.NOT_JUDGED)]
+    found = campaign_verdict(runs)
+    assert (found.verdict, found.runs) == (Verdict.AGREES, ("a",))
+    assert campaign_verdict(runs[1:]).verdict == Verdict.NOT_JUDGED
+
+
+def test_the_verdict_of_a_campaign_is_a_finding_of_its_report(capsys):
+    tests = with_keys(drawn(7)[0])
+    found = _together([run("a", 0.5, tests)])
+    assert (found.code, found.severity) == ("campaign_verdict", Severity.NOTE)
+    assert found.text == "All runs together agree within 2.0 mm (1 % false alarms over 1 run)."
+    assert _together([run("a", 3.0, tests, upper=0.02)]).severity == Severity.WARNING
+    assert "disagree" in capsys.readouterr().err
