@@ -15,7 +15,7 @@ from studies.charts import FLAGGED, RIGHT, SILENT, medians, unbeaten
 from studies.frame import Scatter, loaded
 from towval.io.atomic import write_text
 from towval.io.plan_files import read_table
-from towval.report.view import inline_svg
+from towval.report.inline import FigureSheet
 
 _MOST_ROWS = 60
 
@@ -42,7 +42,7 @@ class ProductView:
     charts: tuple[ChartView, ...]
 
 
-def front_view(name: str, title: str, table: pd.DataFrame, svg: str, *, front: bool) -> ChartView:
+def front_view(name: str, title: str, table: pd.DataFrame, svg: Markup, *, front: bool) -> ChartView:
     """A chart of error against cost, with its Pareto front as a table: the methods that no other beats in both."""
     rows = medians(table)
     default = rows[rows["default"].astype(float) > 0]
@@ -54,10 +54,10 @@ def front_view(name: str, title: str, table: pd.DataFrame, svg: str, *, front: b
         for row in best.to_dict("records")
     )
     columns = ("panel", "method", "setting", "cost", "error")
-    return ChartView(name, title, summary, inline_svg(svg, name), f"{name}.csv", "Pareto front", columns, cells)
+    return ChartView(name, title, summary, svg, f"{name}.csv", "Pareto front", columns, cells)
 
 
-def map_view(name: str, title: str, table: pd.DataFrame, svg: str) -> ChartView:
+def map_view(name: str, title: str, table: pd.DataFrame, svg: Markup) -> ChartView:
     """Maps of judgements, with the cells that are silently wrong as a table."""
     counts = table["judgement"].value_counts()
     summary = (
@@ -72,11 +72,11 @@ def map_view(name: str, title: str, table: pd.DataFrame, svg: str) -> ChartView:
         f", the first {_MOST_ROWS}" if len(wrong) > _MOST_ROWS else ""
     )
     columns = ("map", "x", "y", "error [m]")
-    return ChartView(name, title, summary, inline_svg(svg, name), f"{name}.csv", title_of_rows, columns, cells)
+    return ChartView(name, title, summary, svg, f"{name}.csv", title_of_rows, columns, cells)
 
 
-def write_study_page(path: Path, products: Sequence[ProductView]) -> None:
-    """Write the page, whole or not at all."""
+def write_study_page(path: Path, products: Sequence[ProductView], sheet: FigureSheet) -> None:
+    """Write the page, whole or not at all; ``sheet`` holds what its figures share."""
     environment = Environment(
         loader=PackageLoader("studies"),
         autoescape=True,
@@ -86,7 +86,7 @@ def write_study_page(path: Path, products: Sequence[ProductView]) -> None:
     )
     # The package's own style sheet, never data: it goes into the page as it is.
     css = Markup((files("towval.report") / "templates" / "report.css").read_text(encoding="utf-8"))
-    write_text(path, environment.get_template("study.html.j2").render(products=products, css=css))
+    write_text(path, environment.get_template("study.html.j2").render(products=products, css=css, sheet=sheet))
 
 
 def read_svg(path: Path) -> str:
@@ -113,14 +113,15 @@ def write_page(product: str, products: Mapping[str, Mapping[str, str]], folder: 
         Markdown file to write: each chart with its numbers.
     """
     charts = products[product]
-    write_text(summary, _markdown([_view(name, charts[name], folder) for name in charts]))
+    write_text(summary, _markdown([_view(name, charts[name], folder, FigureSheet()) for name in charts]))
     shown: list[str] = []
     while shown != (found := _finished(products, folder)):
+        sheet = FigureSheet()
         views = [
-            ProductView(each, tuple(_view(name, charts[name], folder) for name in charts if name in found))
+            ProductView(each, tuple(_view(name, charts[name], folder, sheet) for name in charts if name in found))
             for each, charts in products.items()
         ]
-        write_study_page(folder / "study.html", views)
+        write_study_page(folder / "study.html", views, sheet)
         shown = found
 
 
@@ -130,9 +131,9 @@ def _finished(products: Mapping[str, Mapping[str, str]], folder: Path) -> list[s
     return [name for name in names if all((folder / f"{name}.{ending}").is_file() for ending in ("csv", "svg"))]
 
 
-def _view(name: str, reference: str, folder: Path) -> ChartView:
+def _view(name: str, reference: str, folder: Path, sheet: FigureSheet) -> ChartView:
     chart, table = loaded(reference).chart, read_table(folder / f"{name}.csv")
-    svg = read_svg(folder / f"{name}.svg")
+    svg = sheet.inline(read_svg(folder / f"{name}.svg"), name)
     if isinstance(chart, Scatter):
         return front_view(name, chart.title, table, svg, front=chart.front)
     return map_view(name, chart.title, table, svg)

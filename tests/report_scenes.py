@@ -39,6 +39,7 @@ LOST = slice(60, 72)
 SLACK = slice(0, 15)
 ERROR_AMPLITUDE_M = 0.004
 SMALL_SIZE_PX = (640, 360)
+NUMBER_PX = 24
 
 
 def towed_run(name: str = "a", n: int = 200, fps: float = 25.0, seed: int = 1, **changes: object) -> RunRecord:
@@ -213,3 +214,21 @@ def _view(i: int, rng: np.random.Generator) -> View:
     if i == 7:
         return View("board_07", np.empty((0, 2)), np.empty((0, 2)), np.empty((0, 2)), 0.0, dropped="corners not found")
     return View(f"board_{i:02d}", pixels, board, rng.normal(0, 0.15, pixels.shape), float(5 * i), on_floor=i >= 9)
+
+
+def numbered_film(path: Path, frames: int, first_pts: int = 0, codec: str = "libx264", **options: str) -> Path:
+    """An MP4 of 25 frames a second with their numbers in ten black or white squares at the lower left, lowest first."""
+    width, height = SMALL_SIZE_PX
+    path.parent.mkdir(exist_ok=True)
+    with av.open(path, "w") as film:
+        stream = film.add_stream(codec, rate=25, options=options)
+        stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
+        for i in range(frames):
+            picture = np.full((height, width, 3), 128, np.uint8)
+            for bit in range(10):
+                picture[-NUMBER_PX:, bit * NUMBER_PX : (bit + 1) * NUMBER_PX] = 255 * (i >> bit & 1)
+            frame = av.VideoFrame.from_ndarray(picture, format="rgb24")
+            frame.pts = first_pts + i
+            film.mux(stream.encode(frame))
+        film.mux(stream.encode(None))
+    return path

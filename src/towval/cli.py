@@ -115,9 +115,12 @@ _STAGES: dict[str, tuple[str, list[_Argument]]] = {
     "exchange": ("results of a run → exchange.mcap and layouts: one file for viewers", [
         _CAMPAIGN, _RUN, _CAMERA,
         _file("--folder", "folder with all MCAP files of the run"),
-        _file("--overlay", "overlay.mp4 of the run, made by the report"),
     ]),
-    "report": ("results of a campaign → figures, overlays, summary.csv, report.html", [
+    "overlay": ("footage and results of a run → overlay.mp4: outlines drawn into the film", [
+        _CAMPAIGN, _RUN, _CAMERA,
+        _file("--folder", "folder with all MCAP files of the run"),
+    ]),
+    "report": ("results of a campaign → figures, summary.csv, report.html", [
         _CAMPAIGN,
         _file("--results", "folder with camera.mcap and one folder per run"),
         _file("--identified", "identify.mcap, shown in a section of its own", required=False),
@@ -153,7 +156,7 @@ _FUNCTIONS = {
 _OUTPUTS = {"index": "SQLite file to write, replaced atomically; the page beside it ends in .html"}
 _WITHOUT_OUTPUT = ("report", "verify", "run", "demo", "check", "new")
 _SETTINGS = {"run": "config.yaml, as track.method", "new": "campaign.yaml, as object.mass_kg"}
-_WITHOUT_SETTINGS = ("exchange", "plan", "tow", "index", "verify", "demo", "check")
+_WITHOUT_SETTINGS = ("exchange", "overlay", "plan", "tow", "index", "verify", "demo", "check")
 
 
 def _arguments() -> argparse.ArgumentParser:

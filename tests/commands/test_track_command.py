@@ -18,7 +18,7 @@ from towval.io.records import read_tracks, write_calibration
 from towval.io.video import Video
 from towval.model import Calibration
 from towval.model.errors import InputError
-from towval.model.geometry import inside_polygon, wrapped
+from towval.model.geometry import wrapped
 from towval.tracking import klt
 from towval.tracking.markers import Tag
 
@@ -45,18 +45,31 @@ def campaign(tmp_path, lab_small):
     return changed
 
 
-def test_without_clicks_what_moves_is_proposed_and_shown(campaign, camera, lab_small, tmp_path):
-    folder = campaign(lambda d: d["runs"]["a"].pop("first_frame_clicks_px"))
-    with pytest.raises(InputError, match=r"runs\.a\.first_frame_clicks_px\.rover is missing") as caught:
-        track(folder, "a", camera, tmp_path / "out" / "track.mcap")
-    assert (tmp_path / "out" / "proposals.png").is_file()
-    assert str(tmp_path / "out" / "proposals.png") in str(caught.value)
+def test_without_clicks_the_start_is_found(campaign, camera, lab_small, tmp_path):
+    video = tmp_path / "short.mp4"
+    write_video(video, itertools.islice(Video(lab_small / "a.mp4"), 60, 140, 10), crf="16")
+    folder = campaign(lambda d: d["runs"]["a"].pop("first_frame_clicks_px"), video)
+    track(folder, "a", camera, tmp_path / "track.mcap")
+    truth = np.genfromtxt(lab_small / "a_truth.csv", delimiter=",", names=True)
+    for body, found in read_tracks(tmp_path / "track.mcap").items():
+        assert found.seen.all()
+        assert "start_found" in {finding.code for finding in found.findings}
+        true = np.array([truth[f"{body}_x_m"], truth[f"{body}_y_m"]]).T[60:140:10]
+        # 2 px: half the resolution of lab_a, and one run's registration.
+        assert np.linalg.norm(found.pose[:, :2] - true, axis=1).max() < 0.009
+
+
+def test_a_start_that_is_not_certain_is_drawn_and_asked_for(campaign, camera, lab_small, tmp_path):
+    def change(document):
+        document["runs"]["a"].pop("first_frame_clicks_px")
+        document["tether"]["rest_length_m"] = 0.2
+
+    with pytest.raises(InputError, match="starts is not certain") as caught:
+        track(campaign(change), "a", camera, tmp_path / "out" / "track.mcap")
+    assert "best guess [[" in caught.value.got
+    assert (tmp_path / "out" / "start.png").is_file()
+    assert str(tmp_path / "out" / "start.png") in str(caught.value)
     assert not (tmp_path / "out" / "track.mcap").exists()
-    proposals = [np.array(yaml.safe_load(part.split(": ", 1)[1])) for part in caught.value.got.split("; ")]
-    clicked = yaml.safe_load((lab_small / "campaign.yaml").read_text())["runs"]["a"]["first_frame_clicks_px"]
-    for corners in clicked.values():
-        middle = np.mean(corners, axis=0)
-        assert sum(bool(inside_polygon(proposal, middle)) for proposal in proposals) == 1
 
 
 def test_tags_are_as_good_as_clicks(campaign, tmp_path):

@@ -1,7 +1,6 @@
 """A figure from outside the package: one file, one registration line, named in ``TOWVAL_PLUGINS``."""
 
 import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -9,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from report_scenes import grey_film, small_calibration, towed_run, uncertainty_of
+from report_scenes import towed_run, uncertainty_of
+from studies.worlds.scenes import ceiling
 from towval.io.records import (
     write_calibration,
     write_comparison,
@@ -18,6 +18,7 @@ from towval.io.records import (
     write_tracks,
     write_uncertainty,
 )
+from towval.model import Calibration
 from towval.model.errors import InputError
 from towval.report.contents import CampaignFigure, RunFigure
 
@@ -28,8 +29,8 @@ PLUGIN = Path(__file__).with_name("speed_figure.py")
 def results(tmp_path_factory):
     """Results of the runs a and b as the stages write them."""
     folder = tmp_path_factory.mktemp("results")
-    write_calibration(folder / "camera.mcap", small_calibration(), {})
-    film = grey_film(folder / "film.mp4", 20)
+    camera, floor = ceiling((960, 540), focal_px=780.0)
+    write_calibration(folder / "camera.mcap", Calibration(camera, floor, 1e-8 * np.eye(18), 0.05), {})
     for name in "ab":
         record, run = towed_run(name, n=100), folder / name
         uncertainty = uncertainty_of(record)
@@ -38,7 +39,6 @@ def results(tmp_path_factory):
         write_simulated(run / "simulate.mcap", record.simulated, {})
         write_uncertainty(run / "uncertainty.mcap", uncertainty, record.simulated, {})
         write_comparison(run / "compare.mcap", record.comparison, record.object_track, record.simulated, {})
-        shutil.copy(film, run / "overlay.mp4")
     return folder
 
 
@@ -54,7 +54,6 @@ def test_a_registered_figure_is_on_the_page_and_among_the_files(results, lab_sma
         # Its own cursor, besides those of the errors and of the agreement.
         section = page.split(f'id="run-{name}"')[1].split("</section>")[0]
         assert section.count('class="timeplot"') == 3
-        assert section.count('role="slider"') == 1
         assert {f"speed_{name}.{ending}" for ending in ("pdf", "svg", "png")} <= {
             path.name for path in (results / "figures").iterdir()
         }

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 import yaml
 
-from report_scenes import grey_film
 from studies.worlds.campaign import towed_motion
 from studies.worlds.scenes import ceiling, drive
 from towval.io.campaign import load_campaign
@@ -65,7 +64,6 @@ def results(lab_small, make_track, tmp_path_factory):
     write_tracks(results / "a" / "track.mcap", tracks, {})
     write_decimated(results / "a" / "decimate.mcap", thin, {})
     write_simulated(results / "a" / "simulate.mcap", simulated, {})
-    grey_film(results / "a" / "overlay.mp4", 20)
     return results
 
 

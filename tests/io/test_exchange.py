@@ -18,7 +18,7 @@ from towval.io import records
 from towval.io.exchange import LAYOUTS, write_layouts, write_run_file
 from towval.io.mcap_file import read_mcap
 from towval.model.geometry import transform
-from towval.report.overlay import write_overlay
+from towval.report.overlay import drawn_pictures
 
 FRAMES = 80
 
@@ -32,8 +32,8 @@ def run():
 def folder(run, tmp_path_factory):
     """A folder with a run's files for viewers and those of two stages."""
     folder, calibration = tmp_path_factory.mktemp("exchange"), small_calibration()
-    overlay = write_overlay(grey_film(folder / "a.mp4", FRAMES), folder / "overlay.mp4", calibration, run)
-    write_run_file(folder / "exchange.mcap", run, calibration, overlay, {"versions": "{}"})
+    pictures = drawn_pictures(grey_film(folder / "a.mp4", FRAMES), calibration, run)
+    write_run_file(folder / "exchange.mcap", run, calibration, pictures, {"versions": "{}"})
     write_layouts(folder)
     records.write_comparison(folder / "compare.mcap", run.comparison, run.object_track, run.simulated, {})
     records.write_uncertainty(folder / "uncertainty.mcap", uncertainty_of(run), run.simulated, {})

@@ -97,6 +97,10 @@ class Browser:
         assert "exceptionDetails" not in answer, answer["exceptionDetails"]
         return answer["result"].get("value")
 
+    def handle(self, script: str) -> str:
+        """The id of the object that a JavaScript expression gives."""
+        return self.send("Runtime.evaluate", expression=script)["result"]["objectId"]
+
     def wait_for(self, script: str) -> None:
         """Wait until an expression is true."""
         end = time.monotonic() + _PATIENCE_S

@@ -10,7 +10,7 @@ from report_scenes import LOST, SMALL_SIZE_PX, grey_film, small_calibration, tow
 from towval.model.errors import InputError
 from towval.model.geometry import transform
 from towval.optics.projection import project
-from towval.report.overlay import overlay_frames, write_overlay
+from towval.report.overlay import drawn_pictures, stills, write_overlay
 
 FRAMES = 80
 SIZE = SMALL_SIZE_PX
@@ -106,11 +106,18 @@ def test_an_offset_of_the_footage_is_taken_off(calibration, run, tmp_path):
     assert [t for t, _ in film] == pytest.approx([0, 0.04, 0.08, 0.12, 0.16], abs=1e-9)
 
 
-def test_stills_are_jpeg_from_first_to_last(overlay):
-    stills = overlay_frames(overlay, 3)
-    assert [still.time_s for still in stills] == pytest.approx([0, 40 / 25, (FRAMES - 1) / 25], abs=0.03)
-    picture = cv2.imdecode(np.frombuffer(stills[0].jpeg, np.uint8), cv2.IMREAD_COLOR)
-    assert picture.shape == (SIZE[1], SIZE[0], 3)
+def test_stills_are_the_drawn_frames_of_the_wanted_times(footage, overlay, calibration, run):
+    # Backwards, and between two frames.
+    found = stills(footage, calibration, run, [3.0, 0.99, 100.0])
+    assert [still.time_s for still in found] == pytest.approx([3.0, 1.0], abs=1e-9)
+    picture = cv2.imdecode(np.frombuffer(found[1].jpeg, np.uint8), cv2.IMREAD_COLOR)
+    assert found[1].size_px == SIZE
+    assert np.abs(picture[..., ::-1].astype(int) - decoded(overlay)[25][1]).mean() < 2
+
+
+def test_pictures_are_the_wanted_time_apart(footage, calibration, run):
+    times_s = [picture.time_s for picture in drawn_pictures(footage, calibration, run, step_s=0.2)]
+    assert times_s == pytest.approx(np.arange(0, FRAMES / 25, 0.2), abs=1e-9)
 
 
 def test_footage_of_another_size_is_refused(calibration, run, tmp_path):

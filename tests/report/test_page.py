@@ -9,10 +9,11 @@ import pytest
 
 from report_scenes import LOST, ceiling_calibration, towed_run, uncertainty_of
 from towval.io.summary import summary_csv, summary_latex
-from towval.model import Finding, Severity, Verdict
+from towval.model import Explanation, Finding, Severity, Verdict
 from towval.model.errors import InputError
-from towval.report.facts import calibration_facts, headline, plane_table, side_by_side, verdict_reason
+from towval.report.facts import calibration_facts, plane_table, side_by_side, verdict_reason
 from towval.report.page import InputRow, Provenance, ReportData, RunReport, StageFinding, report_figures, write_report
+from towval.report.result import measure_first, sentence
 from towval.report.view import collect_findings
 
 PROVENANCE = Provenance(
@@ -53,7 +54,7 @@ def page(written):
 class Parsed(HTMLParser):
     """Ids, addresses and open elements of a page."""
 
-    VOID = frozenset({"meta", "link", "img", "br"})
+    VOID = frozenset({"meta", "link", "img", "br", "input"})
 
     def __init__(self, text):
         super().__init__()
@@ -95,8 +96,11 @@ def test_uncertainties_are_symbols_and_settings_stand_with_their_stage(page):
     assert '<th scope="row">track, run a</th><td><code>{&#34;samples&#34;: 1024}</code></td>' in page
 
 
-def test_notes_are_rows_of_stage_run_and_text(page):
-    assert '<th scope="row">decimate</th><td>a</td><td>Two pauses were kept. <code>pauses</code></td>' in page
+def test_a_note_stands_in_the_part_of_its_stage(page):
+    tracking = page.split('id="tracking"')[1].split('id="simulation"')[0]
+    note = re.search(r'<li class="note".*?</li>', tracking, re.DOTALL).group()
+    assert "Two pauses were kept." in note
+    assert "run a" in note
 
 
 def test_what_the_calibration_says_of_planes_is_a_table_by_height():
@@ -136,10 +140,9 @@ def test_series_under_the_cursor_is_the_error(page):
     run = towed_run("a")
     series = json.loads(re.search(r'class="series">(.*?)</script>', page).group(1))
     seen = np.isfinite(run.comparison.error[:, 0])
-    assert series["x_mm"][LOST.start] is None
-    np.testing.assert_allclose(
-        np.array(series["x_mm"])[seen].astype(float), 1e3 * run.comparison.error[seen, 0], atol=5e-3
-    )
+    assert series["along_mm"][LOST.start] is None
+    drawn = np.array(series["along_mm"])[seen].astype(float)
+    np.testing.assert_allclose(drawn, 1e3 * run.comparison.along_across[seen, 0], atol=5e-3)
     np.testing.assert_allclose(series["time_s"], run.comparison.time_s, atol=5e-7)
 
 
@@ -180,18 +183,49 @@ def test_uncertainty_has_its_figures_on_the_page(tmp_path):
     assert 'id="uncertainty"' in write_report(tmp_path / "report.html", known).read_text(encoding="utf-8")
 
 
-def test_headline_counts_verdicts_and_spans_errors():
-    base = towed_run().comparison
-    runs = [
-        dataclasses.replace(base, verdict=Verdict.AGREES, path_rms_m=0.002),
-        dataclasses.replace(base, verdict=Verdict.AGREES, path_rms_m=0.0042),
-        dataclasses.replace(base, verdict=Verdict.DISAGREES, path_rms_m=0.03),
-    ]
-    assert headline(runs).startswith("3 runs: 2 agree, 1 disagrees.")
-    assert "2.00 to 30.0 mm" in headline(runs)
-    assert headline(runs[:1]).startswith(
-        "1 run: 1 agrees. The simulated path of the object differs from the measured one by 2.00"
+def judged(name, verdict, upper_m, share=""):
+    run = towed_run(name, n=100)
+    known = dataclasses.replace(uncertainty_of(run), shares={share: 0.6, "camera": 0.4}) if share else None
+    explanation = Explanation({}, False, 0.02, 0.02, begins_m=1.28, ends_m=1.38)
+    comparison = dataclasses.replace(
+        run.comparison, verdict=verdict, error_upper_m=upper_m, explanation=explanation if upper_m > 0.02 else None
     )
+    return dataclasses.replace(run, comparison=comparison, uncertainty=known)
+
+
+def test_the_sentence_says_who_agrees_who_does_not_and_what_to_measure():
+    good = [
+        judged(name, Verdict.AGREES, upper, "stiffness") for name, upper in (("a", 0.002), ("b", 0.0042), ("c", 0.001))
+    ]
+    bad = judged("d", Verdict.DISAGREES, 0.03)
+    assert (
+        sentence([*good, bad])
+        == "3 runs agree within 4.20 mm; run d does not, from 1.3 m on; measure the stiffness better first."
+    )
+    assert sentence(good[:2]).startswith("Both runs agree within 4.20 mm;")
+    assert sentence([bad]) == "Run d does not agree, from 1.3 m on."
+    unsure = judged("e", Verdict.CANNOT_TELL, 0.03)
+    assert sentence([good[0], bad, unsure]).startswith(
+        "Run a agrees within 2.00 mm; run d does not, from 1.3 m on; run e leaves open"
+    )
+
+
+def test_what_cannot_be_measured_with_a_tool_is_not_named_as_what_to_measure():
+    assert measure_first([judged("a", Verdict.AGREES, 0.001, "noise and interactions")]) == ""
+
+
+def test_a_warning_opens_its_part_and_the_first_screen_links_to_it(page):
+    parts = dict(re.findall(r'<details id="(\w+)" class="part"( open)?', page))
+    # The scene loses the object in both runs; nothing else is wrong.
+    assert [name for name, is_open in parts.items() if is_open] == ["tracking"]
+    assert page.count('<a href="#tracking">tracking (1)</a>') == 1
+
+
+def test_no_figure_and_no_code_of_a_finding_is_seen_twice(page):
+    titles = re.findall(r'class="drawing" role="img" aria-label="([^"]*)"', page)
+    assert len(titles) == len(set(titles))
+    assert not any(title.startswith("Run a: path of the rover") for title in titles)
+    assert "frames_lost" not in re.sub(r'title="\w+"', "", page)
 
 
 @pytest.mark.parametrize("runs", [(), (RunReport(towed_run("a")), RunReport(towed_run("a")))])
@@ -200,9 +234,9 @@ def test_runs_need_distinct_names(runs, tmp_path):
         write_report(tmp_path / "report.html", data(runs=runs))
 
 
-def test_a_missing_overlay_is_named(tmp_path):
-    runs = (RunReport(towed_run("a"), tmp_path / "overlay.mp4"),)
-    with pytest.raises(InputError, match=r"overlay\.mp4"):
+def test_a_missing_film_is_named(tmp_path):
+    runs = (RunReport(towed_run("a"), tmp_path / "gone.mp4"),)
+    with pytest.raises(InputError, match=r"gone\.mp4"):
         write_report(tmp_path / "report.html", data(runs=runs))
 
 

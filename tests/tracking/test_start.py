@@ -1,17 +1,23 @@
-"""What can stand in for clicks: tags, and bodies proposed from motion."""
+"""The start: tags, outlines found without clicks, and clicks checked against outlines and tether."""
 
+from dataclasses import replace
+
+import cv2
 import numpy as np
 import pytest
 
 from marker_pictures import picture_with
 from studies.worlds.scenes import CeilingCamera, ceiling, drive, small_camera, standard_scene
-from towval.model import Body
+from towval.model import Body, Track, TrackStatus
 from towval.model.errors import InputError
-from towval.model.geometry import inside_polygon, transform
+from towval.model.geometry import transform
 from towval.optics.projection import project
 from towval.tracking.markers import Tag, clicks_from_tags
-from towval.tracking.proposals import propose_bodies
+from towval.tracking.outline import pose_from_clicks
+from towval.tracking.outline_search import alike, symmetry_of
+from towval.tracking.start import Tow, check_clicks, find_starts, overstretched, starts_drawn
 
+LONG = Tow(np.zeros(2), np.zeros(2), 9.0)
 TARGET = np.array([[-0.2, -0.15], [0.2, -0.15], [0.2, 0.15], [-0.2, 0.15]])
 
 
@@ -58,22 +64,158 @@ def test_corners_of_a_tag_are_within_a_tenth_of_its_side(stated_m, fits):
             clicks_from_tags(luma, body, tags, camera, floor)
 
 
-def test_bodies_are_proposed_where_something_moved():
-    scene = standard_scene(21, **small_camera(), motions=(drive((-0.3, 0.4, 0.1), 0.3), drive((-0.9, -0.5, 0.2), 0.3)))
+def towed(seed, **changes):
+    """A scene whose object stands behind the rover, joined to it by a tether, both at random headings; and the tow."""
+    rng = np.random.default_rng([seed, 4])
+    tow = Tow(np.array([-0.42, 0.0]), np.array([0.25, 0.0]), 0.65)
+    ahead, bearing = rng.uniform(-np.pi, np.pi), rng.uniform(-0.4, 0.4)
+    rover = np.array([*rng.uniform([-0.3, -0.2], [0.3, 0.2]), ahead])
+    anchor = transform(rover, tow.hinge) - 0.6 * np.array([np.cos(ahead + bearing), np.sin(ahead + bearing)])
+    heading = ahead + rng.uniform(-0.5, 0.5)
+    origin = anchor - transform([0.0, 0.0, heading], tow.anchor)
+    motions = (drive(tuple(rover), 0.3), drive((*origin, heading), 0.3))
+    scene = standard_scene(seed, **(small_camera() | {"motions": motions} | changes))
+    for i, body in enumerate(scene.bodies):
+        pixels = scene.target(i).pixels(body.top_corners_m, motions[i](0.0))
+        if ((pixels < 5) | (pixels > np.array(scene.camera.resolution_px) - 5)).any():
+            return towed(1000 + seed, **changes)
+    return scene, tow
+
+
+def filmed(scene, times=(0.0, 2.0, 3.0)):
     film = CeilingCamera(scene)
-    pictures = [film.picture(t) for t in np.linspace(0, 6, 7)]
-    proposals, picture = propose_bodies(pictures)
-    assert len(proposals) == 2
+    return [film.picture(t) for t in times]
+
+
+def checked(scene, index, luma, clicks_px):
+    """Clicks on one body, checked, and the pose that they give."""
+    body = scene.bodies[index]
+    found = check_clicks(luma, scene.calibration, scene.bodies, {body.name: clicks_px}, LONG)[body.name]
+    return pose_from_clicks(scene.target(index), found.corners_px)[0], found
+
+
+def off_px(scene, index, pose):
+    target = scene.target(index)
+    return target.apart_m(scene.motions[index](0.0), pose) / target.metres_per_pixel(pose)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_starts_are_found_without_clicks(seed):
+    scene, tow = towed(seed)
+    starts = find_starts(filmed(scene), scene.calibration, scene.bodies, tow)
+    for index, body in enumerate(scene.bodies):
+        start = starts[body.name]
+        assert start.doubt == ""
+        assert off_px(scene, index, start.pose) < 1.5
+
+
+def test_a_slack_tether_leaves_the_way_round_to_the_sense_of_motion():
+    motions = (drive((0.1, 0.1, 0.3), 0.3), drive((-0.2, -0.6, 0.3), 0.3))
+    scene, tow = towed(2, motions=motions)
+    tow = replace(tow, longest_m=2.5)
+    pictures = filmed(scene)
+    starts = find_starts(pictures, scene.calibration, scene.bodies, tow)
+    assert all(off_px(scene, i, starts[body.name].pose) < 1.5 for i, body in enumerate(scene.bodies))
+    assert not any(start.doubt for start in starts.values())
+    still = find_starts(pictures[:1], scene.calibration, scene.bodies, tow)
+    assert "which way round" in still["rover"].doubt
+    alone = find_starts(pictures, scene.calibration, scene.bodies)
+    assert "which way round" in alone["rover"].doubt
+
+
+def test_an_outline_that_is_not_there_is_doubted():
+    scene, tow = towed(1)
+    larger = tuple(replace(body, top_corners_m=1.3 * body.top_corners_m) for body in scene.bodies)
+    starts = find_starts(filmed(scene), scene.calibration, larger, tow)
+    assert all(start.doubt for start in starts.values())
+    picture = starts_drawn(np.zeros((540, 960), np.uint8), starts)
     assert picture.shape == (540, 960, 3)
-    assert proposals[0].area_px > proposals[1].area_px
-    for proposal, body, motion in zip(proposals, scene.bodies, scene.motions, strict=True):
-        middle = np.append(motion(0.0)[:2], body.tracked_plane_height_m)[None]
-        assert inside_polygon(proposal.corners_px, project(scene.camera, scene.floor, middle)).all()
+    assert picture.any()
 
 
-def test_nothing_is_proposed_where_nothing_moves():
-    scene = standard_scene(22, **small_camera(), motions=(drive((0, 0.4, 0.1), 0.0), drive((-0.9, -0.5, 0.2), 0.0)))
-    film = CeilingCamera(scene)
-    assert propose_bodies([film.picture(0.0) for _ in range(5)])[0] == []
-    with pytest.raises(InputError, match="too few pictures"):
-        propose_bodies([film.picture(0.0)])
+@pytest.mark.parametrize("shift_px", [8.0, 20.0, 40.0])
+def test_wrong_clicks_are_corrected_and_reported(shift_px):
+    scene, _ = towed(3)
+    luma = filmed(scene, (0.0,))[0]
+    rng = np.random.default_rng(int(shift_px))
+    for index, body in enumerate(scene.bodies):
+        clicks = scene.clicks(rng)[body.name]
+        angle = rng.uniform(0, 2 * np.pi)
+        # Half the pixels of 1080p: half the shift.
+        shift = 0.5 * shift_px * np.array([np.cos(angle), np.sin(angle)])
+        corner = clicks + shift * np.array([[1], [0], [0], [0]])
+        pose, found = checked(scene, index, luma, corner)
+        assert off_px(scene, index, pose) < 2.5 or "start_unsure" in {each.code for each in found.findings}
+        pose, found = checked(scene, index, luma, clicks + 2 * shift)
+        assert off_px(scene, index, pose) < 1.5
+        assert [each.code for each in found.findings] == ["clicks_corrected"]
+
+
+def test_clicks_of_the_base_are_corrected_or_doubted():
+    scene, _ = towed(4)
+    luma = filmed(scene, (0.0,))[0]
+    for index, body in enumerate(scene.bodies):
+        corners = transform(scene.motions[index](0.0), body.top_corners_m)
+        base = project(scene.camera, scene.floor, np.column_stack([corners, np.zeros(4)]))
+        pose, found = checked(scene, index, luma, base)
+        right = off_px(scene, index, pose) < 1.5
+        assert right or "start_unsure" in {each.code for each in found.findings}
+
+
+def test_clicks_the_wrong_way_round_are_turned_by_the_tether():
+    scene, tow = towed(5)
+    luma = filmed(scene, (0.0,))[0]
+    clicks = scene.clicks(np.random.default_rng(5))
+    clicks["object"] = np.roll(clicks["object"], 2, axis=0)
+    found = check_clicks(luma, scene.calibration, scene.bodies, clicks, tow)
+    assert "clicks_turned" in {each.code for each in found["object"].findings}
+    assert "clicks_turned" not in {each.code for each in found["rover"].findings}
+    pose, _, _ = pose_from_clicks(scene.target(1), found["object"].corners_px)
+    assert off_px(scene, 1, pose) < 2.5
+    short = check_clicks(luma, scene.calibration, scene.bodies, clicks, replace(tow, longest_m=0.4))
+    assert "tether_too_short" in {each.code for each in short["object"].findings}
+
+
+def test_a_track_that_overstretches_the_tether_is_reported():
+    scene, tow = towed(5)
+    times = np.arange(10) / 5
+    rover, towed_track = (
+        Track(
+            name,
+            times,
+            pose,
+            np.tile(1e-8 * np.eye(3), (10, 1, 1)),
+            np.full(10, TrackStatus.TRACKED),
+            np.ones(10),
+            np.zeros(10),
+            1e-8 * np.eye(3),
+        )
+        for name, pose in scene.truth(times).items()
+    )
+    assert overstretched(rover, towed_track, tow) == ()
+    turned = replace(towed_track, pose=towed_track.pose + np.array([0, 0, np.pi]))
+    assert [each.code for each in overstretched(rover, turned, tow)] == ["tether_too_short"]
+
+
+def test_an_outline_that_fits_twice_widens_the_start():
+    """Two frames of lines, the size of the top, 8 px apart: either may be its edge."""
+    scene, _ = towed(6)
+    target, pose = scene.target(1), scene.motions[1](0.0)
+    luma = np.full((540, 960), 120, np.uint8)
+    for shift in (0.0, 8.0):
+        corners = target.pixels(target.body.top_corners_m, pose) + np.array([shift, 0.0])
+        cv2.polylines(luma, [np.round(16 * corners).astype(np.int32)], True, 250, 1, cv2.LINE_AA, 4)
+    _, found = checked(scene, 1, luma, target.pixels(target.body.top_corners_m, pose))
+    assert "start_unsure" in {each.code for each in found.findings}
+    assert np.sqrt(np.trace(found.spread[:2, :2])) > 3 * target.metres_per_pixel(pose)
+
+
+def test_outlines_know_their_symmetry():
+    corners = np.array([[0.0, 0.0], [0.4, 0.0], [0.4, 0.2], [0.0, 0.2]])
+    assert symmetry_of(corners)[0] == 2
+    assert symmetry_of(corners * [1, 2])[0] == 4
+    assert symmetry_of(corners[:3])[0] == 1
+    pose = np.array([1.0, 2.0, 0.5])
+    first, turned = alike(corners, pose)
+    assert np.allclose(first, pose)
+    assert np.allclose(transform(turned, corners), np.roll(transform(pose, corners), 2, axis=0))

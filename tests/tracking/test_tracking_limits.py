@@ -25,7 +25,6 @@ from towval.tracking.outline import OutlineFit, combine_fits, observe_outline, p
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.plane_tracker import PlaneTracker, _Response
 from towval.tracking.pose import Measurement, Tracker
-from towval.tracking.proposals import propose_bodies
 from towval.tracking.relocalisation import Candidate, Lookalikes, Relocaliser
 from towval.tracking.template import clearance_m, make_template
 from towval.tracking.track import TrackSettings, _sample_findings
@@ -778,28 +777,3 @@ def test_headings_are_tried_finely_enough(lookalikes):
     turn = np.rad2deg(best.pose[2] - turned[2] + np.pi) % 360 - 180
     assert abs(turn) < 5
     assert best.correlation > 0.8
-
-
-# Proposals
-
-
-@pytest.mark.parametrize(("count", "enough"), [(4, False), (6, True)])
-def test_proposals_need_five_pictures(count, enough):
-    pictures = [np.full((60, 80), 100, np.uint8)] * count
-    if enough:
-        assert propose_bodies(pictures)[0] == []
-    else:
-        with pytest.raises(InputError, match="too few pictures"):
-            propose_bodies(pictures)
-
-
-@pytest.mark.parametrize(
-    ("side_px", "brighter", "noise", "proposed"),
-    [(40, 8, 0, False), (40, 14, 0, True), (9, 60, 0, False), (13, 60, 0, True), (40, 30, 8, False), (40, 60, 8, True)],
-)
-def test_what_is_large_and_differs_clearly_is_proposed(side_px, brighter, noise, proposed):
-    rng = np.random.default_rng(0)
-    pictures = [100 + noise * rng.standard_normal((540, 960)) for _ in range(7)]
-    pictures[0][200 : 200 + side_px, 300 : 300 + side_px] += brighter
-    found, _ = propose_bodies([np.clip(np.round(p), 0, 255).astype(np.uint8) for p in pictures])
-    assert bool(found) == proposed

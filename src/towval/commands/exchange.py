@@ -7,14 +7,14 @@ from towval.io.campaign import load_campaign
 from towval.io.exchange import write_layouts, write_run_file
 from towval.io.provenance import provenance
 from towval.io.records import read_calibration
+from towval.report.overlay import drawn_pictures
 
 
-def run(campaign: Path, name: str, camera: Path, folder: Path, overlay: Path, output: Path) -> None:
-    """Write video, bodies, tether and errors of a run into one file for viewers.
-
-    ``overlay``: ``overlay.mp4`` of the run.
-    """
-    record = read_run(load_campaign(campaign), name, folder, camera)
-    inputs = named(folder, camera) | {"overlay.mp4": overlay}
-    write_run_file(output, record, read_calibration(camera), overlay, provenance("exchange", None, inputs, run=name))
+def run(campaign: Path, name: str, camera: Path, folder: Path, output: Path) -> None:
+    """Write footage, bodies, tether and errors of a run into one file for viewers."""
+    given, calibration = load_campaign(campaign), read_calibration(camera)
+    entry, record = given.run(name), read_run(given, name, folder, camera)
+    pictures = drawn_pictures(entry.video, calibration, record, damaged=entry.damaged_video)
+    inputs = named(folder, camera) | {entry.video.name: entry.video}
+    write_run_file(output, record, calibration, pictures, provenance("exchange", None, inputs, run=name))
     write_layouts(output.parent)

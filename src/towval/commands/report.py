@@ -11,7 +11,6 @@ import yaml
 from numpy.typing import ArrayLike
 
 from towval.commands.console import print_findings
-from towval.commands.overlay import run as write_run_overlay
 from towval.commands.run_folder import files, read_run
 from towval.commands.settings import settings_from
 from towval.io.campaign import Campaign, load_campaign
@@ -36,7 +35,7 @@ def run(campaign: Path, results: Path, keys: Mapping[str, Any] | None = None, id
     Parameters
     ----------
     results : Path
-        Folder with ``camera.mcap`` and one folder per run; missing overlay videos are made.
+        Folder with ``camera.mcap`` and one folder per run.
     identified : Path, optional
         ``identify.mcap``, shown in a section of its own.
     """
@@ -44,18 +43,17 @@ def run(campaign: Path, results: Path, keys: Mapping[str, Any] | None = None, id
     given = load_campaign(campaign)
     camera = results / "camera.mcap"
     calibration = read_calibration(camera)
-    runs = []
-    for name in given.runs:
-        overlay = results / name / "overlay.mp4"
-        if not overlay.is_file():
-            write_run_overlay(campaign, name, camera, results / name, overlay, settings.overlay_width_px)
-        runs.append(RunReport(read_run(given, name, results / name, camera), overlay))
+    runs = [
+        RunReport(read_run(given, name, results / name, camera), entry.video, entry.damaged_video)
+        for name, entry in given.runs.items()
+    ]
     if identified is not None:
         made = {f"{name}/{path.name}": path for name in given.runs for path in files(results / name).values()}
         check_made_of(identified, made, given.document)
     data = ReportData(
         campaign=given.name,
         runs=tuple(runs),
+        embed_mb=settings.embed_mb,
         provenance=_provenance(given, results),
         calibration=calibration,
         uncertainty=uncertainty_map(
@@ -83,7 +81,7 @@ def _together(comparisons: Sequence[Comparison]) -> Finding:
 def _made(results: Path, given: Campaign, identified: Path | None) -> list[Path]:
     """The files of a campaign's results up to the page."""
     runs = [results / name for name in given.runs]
-    found = [path for folder in runs for path in (*files(folder).values(), folder / "overlay.mp4")]
+    found = [path for folder in runs for path in files(folder).values()]
     found += [results / name for name in ("camera.mcap", "report.html", "summary.csv")]
     found += [path for path in (results / "figures").iterdir() if path.is_file()]
     return found if identified is None else [*found, identified, identified.with_suffix(".csv")]

@@ -42,4 +42,6 @@ def read_run(campaign: Campaign, name: str, folder: Path, camera: Path | None = 
         comparison=read_comparison(paths["compare"]),
         decimated=read_decimated(paths["decimate"])["rover"],
         uncertainty=read_uncertainty(paths["uncertainty"], draws=False),
+        hinge_height_m=campaign.scene.hinge_height,
+        anchor_height_m=campaign.scene.anchor_height,
     )

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from towval.commands.console import print_findings, progress
 from towval.commands.settings import settings_from, without_auto
@@ -19,10 +19,11 @@ from towval.io.records import read_calibration, write_tracks
 from towval.io.video import Video
 from towval.model import Calibration
 from towval.model.errors import InputError
+from towval.model.findings import finding
 from towval.selection.simulation import SELECTED
 from towval.selection.tracking import PROBE_FRAMES, PROBE_STRIDE, neighbour_of_tracking, track_selecting
 from towval.tracking.markers import clicks_from_tags
-from towval.tracking.proposals import propose_bodies
+from towval.tracking.start import Clicked, Start, Tow, check_clicks, find_starts, overstretched, starts_drawn
 from towval.tracking.track import TrackSettings, track
 from towval.validation.decimate import DecimateSettings
 from towval.validation.simulate import SimulateSettings
@@ -50,7 +51,8 @@ def run(
     check_together({"camera.mcap": camera}, given.document)
     video = open_video(given, entry)
     calibration = read_calibration(camera)
-    clicks = _clicks(given, entry, video, calibration, output.with_name("proposals.png"))
+    starts = _starts(given, entry, video, calibration, output.with_name("start.png"))
+    clicks = {name: start.corners_px for name, start in starts.items()}
     scene = (calibration, given.bodies, clicks)
     with progress(f"track {name}", video.header.frames) as done:
         # The paper's method has no sample points to select.
@@ -71,9 +73,13 @@ def run(
             few = list(itertools.islice(again, 0, PROBE_FRAMES * PROBE_STRIDE, PROBE_STRIDE))
             choices = neighbour_of_tracking(few, *scene, settings)
             tracks = {body: replace(found, choices=(choices[body],)) for body, found in tracks.items()}
-    tracks = {body: replace(found, findings=(*found.findings, *video.findings)) for body, found in tracks.items()}
-    for body in tracks.values():
-        print_findings(body.findings, f"track {name}")
+    added = (*overstretched(tracks["rover"], tracks["object"], Tow.of(given.scene)), *video.findings)
+    for body, start in starts.items():
+        found = tracks[body]
+        findings = (*start.findings, *found.findings, *(one for one in added if one not in start.findings))
+        tracks[body] = replace(found, start_covariance=found.start_covariance + start.spread, findings=findings)
+    for tracked in tracks.values():
+        print_findings(tracked.findings, f"track {name}")
     sections = read_sections("track", given.document, name, simulating="samples" in auto)
     inputs = given.files([entry.video]) | {"camera.mcap": camera}
     made_of = provenance("track", settings, inputs, run=name, document=sections, constants=True)
@@ -96,32 +102,34 @@ def open_video(given: Campaign, entry: Run) -> Video:
     return video
 
 
-def _clicks(
-    given: Campaign, entry: Run, video: Video, calibration: Calibration, proposals: Path
-) -> dict[str, ArrayLike]:
-    """Corners of both planar targets in the first frame: clicked, or from the tags of a body."""
-    clicks: dict[str, ArrayLike] = dict(entry.clicks_px)
-    unclicked = [body for body in given.bodies if body.name not in clicks]
+def _starts(given: Campaign, entry: Run, video: Video, calibration: Calibration, drawn: Path) -> dict[str, Clicked]:
+    """Corners of both planar targets in the first frame: clicked and checked, from the tags of a body, or found."""
+    luma, tow = np.ascontiguousarray(next(iter(video))[1]), Tow.of(given.scene)
+    starts = check_clicks(luma, calibration, given.bodies, entry.clicks_px, tow)
+    for body in given.bodies:
+        if body.name not in starts and given.tags[body.name]:
+            corners = clicks_from_tags(luma, body, given.tags[body.name], calibration.camera, calibration.floor)
+            starts[body.name] = Clicked(corners, np.zeros((3, 3)))
+    unclicked = [body.name for body in given.bodies if body.name not in starts]
     if not unclicked:
-        return clicks
-    luma = next(iter(video))[1]
-    for body in unclicked:
-        if not given.tags[body.name]:
-            raise _ask_for_clicks(body.name, entry, video, proposals)
-        clicks[body.name] = clicks_from_tags(luma, body, given.tags[body.name], calibration.camera, calibration.floor)
-    return clicks
+        return starts
+    pictures = _spread_pictures(video)
+    found = find_starts(pictures, calibration, given.bodies, tow)
+    for name in unclicked:
+        if found[name].doubt:
+            write_picture(drawn, starts_drawn(pictures[0], found))
+            raise _ask_for_clicks(name, entry, found[name], drawn)
+        starts[name] = Clicked(found[name].corners_px, np.zeros((3, 3)), (finding("start_found", name=name),))
+    return starts
 
 
-def _ask_for_clicks(name: str, entry: Run, video: Video, proposals: Path) -> InputError:
-    """An error with what moves in the video, as a picture and as clicks to correct and paste."""
-    found, picture = propose_bodies(_spread_pictures(video))
-    write_picture(proposals, picture)
-    rows = [f"{i + 1}: {np.round(proposal.corners_px, 1).tolist()}" for i, proposal in enumerate(found)]
+def _ask_for_clicks(name: str, entry: Run, start: Start, drawn: Path) -> InputError:
+    """An error with the best guess, as a picture and as clicks to correct and paste."""
     return InputError(
-        f"runs.{entry.name}.first_frame_clicks_px.{name} is missing, and {name} has no tags",
-        got="; ".join(f"a moving body at {row}" for row in rows) or "nothing moves in the video",
-        allowed=f"the corners of the planar target in the first frame, in the order of top_corners_m; see {proposals}",
-        remedy="assign the proposals to the bodies, move their corners onto the targets, and paste them there",
+        f"runs.{entry.name}: where {name} starts is not certain, and first_frame_clicks_px.{name} is missing",
+        got=f"{start.doubt}; best guess {np.round(start.corners_px, 1).tolist()}",
+        allowed=f"the corners of the planar target in the first frame, in the order of top_corners_m; see {drawn}",
+        remedy=f"correct the guess and paste it as first_frame_clicks_px.{name}",
     )
 
 

@@ -113,7 +113,7 @@ def changed_sections(origin: Origin, document: Mapping[str, Any]) -> list[str]:
     """Parts of campaign.yaml that are no longer what a result was made with."""
     if not origin.sections or (origin.stage == "track" and origin.run not in document["runs"]):
         return [f"runs.{origin.run}"] if origin.sections else []
-    now = read_sections(origin.stage, document, origin.run, simulating="tether" in origin.sections)
+    now = read_sections(origin.stage, document, origin.run, simulating="friction" in origin.sections)
     names = sorted(origin.sections.keys() | now.keys())
     return [name for name in names if origin.sections.get(name) != text_hash(canonical(now.get(name)))]
 

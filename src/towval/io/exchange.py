@@ -4,12 +4,10 @@ The stages' own files each hold what one stage found; a viewer wants them side b
 are in the folder ``layouts``.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from importlib.resources import files
 from pathlib import Path
 
-import av
-import cv2
 import numpy as np
 
 from towval.io import ros
@@ -19,34 +17,32 @@ from towval.io.records import camera_place
 from towval.model import Array, Body, Calibration, Camera, Comparison
 from towval.model.conventions import CAMERA_FRAME, FLOOR_FRAME
 from towval.model.geometry import transform
-from towval.model.run_record import RunRecord, measured_poses
+from towval.model.run_record import RunRecord, Still, measured_poses
 
 LAYOUTS = ("lichtblick.json", "rerun.rbl")
 """Layouts for Lichtblick and Foxglove, and for Rerun."""
 
-_IMAGE_STEP_S = 0.2
-_JPEG_QUALITY = 80
 _STEP_M = 0.01
 _TETHER_Z_M = 0.02
 _ERRORS = ("along_m", "across_m", "heading_rad", "ratio")
 
 
 def write_run_file(
-    path: Path, run: RunRecord, calibration: Calibration, overlay: Path, provenance: dict[str, str]
+    path: Path, run: RunRecord, calibration: Calibration, pictures: Iterable[Still], provenance: dict[str, str]
 ) -> None:
     """Write ``run.mcap``.
 
     Parameters
     ----------
-    overlay : Path
-        The run's overlay video; its pictures go into the file, five a second.
+    pictures : iterable of Still
+        Pictures of the footage, of which all go into the file.
     provenance : dict of str to str
         What it was made of.
     """
     start_s = float(run.rover_track.time_s[0])
     messages = [
         camera_place(calibration.floor, start_s),
-        *_pictures(overlay, calibration.camera, start_s),
+        *_pictures(pictures, calibration.camera),
         *_motions(run),
         *_tether(run),
         *_errors(run.comparison),
@@ -60,23 +56,15 @@ def write_layouts(folder: Path) -> None:
         write_bytes(folder / name, (files("towval.io") / "layouts" / name).read_bytes())
 
 
-def _pictures(overlay: Path, camera: Camera, start_s: float) -> Iterator[Message]:
-    """Pictures of the film, and with each the camera of its size."""
-    due_s = 0.0
-    with av.open(overlay) as film:
-        stream = film.streams.video[0]
-        scaled = _scaled(camera, (stream.width, stream.height))
-        for frame in film.decode(stream):
-            time_s = float((frame.pts or 0) * (stream.time_base or 0))
-            if time_s + 1e-6 < due_s:
-                continue
-            due_s += _IMAGE_STEP_S
-            picture = cv2.cvtColor(frame.to_ndarray(format="rgb24"), cv2.COLOR_RGB2BGR)
-            jpeg = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])[1]
-            now_s = start_s + time_s
-            ns = ros.nanoseconds(now_s)
-            yield Message("/camera/image", ns, ros.compressed_image(now_s, CAMERA_FRAME, jpeg.ravel()))
-            yield Message("/camera/camera_info", ns, ros.camera_info(now_s, CAMERA_FRAME, scaled))
+def _pictures(pictures: Iterable[Still], camera: Camera) -> Iterator[Message]:
+    """Pictures of the footage, and with each the camera of its size."""
+    for still in pictures:
+        ns = ros.nanoseconds(still.time_s)
+        yield Message(
+            "/camera/image", ns, ros.compressed_image(still.time_s, CAMERA_FRAME, np.frombuffer(still.jpeg, np.uint8))
+        )
+        scaled = _scaled(camera, still.size_px)
+        yield Message("/camera/camera_info", ns, ros.camera_info(still.time_s, CAMERA_FRAME, scaled))
 
 
 def _scaled(camera: Camera, size_px: tuple[int, int]) -> Camera:

@@ -110,7 +110,7 @@ def read_sections(
         return {**{name: document[name] for name in ("camera", "floor")}, "heights": heights}
     if stage != "track":
         return {name: part for name, part in document.items() if name != "runs"}
-    names = ("camera", "floor", "rover", "object", *(("tether", "friction", "gravity_m_per_s2") if simulating else ()))
+    names = ("camera", "floor", "rover", "object", "tether", *(("friction", "gravity_m_per_s2") if simulating else ()))
     return {**{name: document.get(name) for name in names}, f"runs.{run}": document["runs"][run]}
 
 

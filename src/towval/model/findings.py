@@ -229,6 +229,30 @@ register(  # track
         "tracked_plane_height_m.",
     ),
     FindingType(
+        "start_found", "track", NOTE, NONE,
+        "{name} was not clicked: its start was found from its outline, what moves, and the tether. Check the overlay.",
+    ),
+    FindingType(
+        "clicks_corrected", "track", WARNING, NONE,
+        "The clicks of {name} are {off_px:.0f} px off: its outline stands on edges there, and the track starts from "
+        "it. Check the overlay, and click again what is wrong.",
+    ),
+    FindingType(
+        "clicks_turned", "track", WARNING, NONE,
+        "The clicks of {name} lie the wrong way round: the tether would not reach. The track starts turned; click its "
+        "corners in the order of top_corners_m.",
+    ),
+    FindingType(
+        "tether_too_short", "track", WARNING, NOT_JUDGED,
+        "The tether's ends are {span_m:.2f} m apart, which is more than it can stretch to ({longest_m:.2f} m). Check "
+        "the clicks of both bodies, tether_hinge_m, tether_anchor_m and rest_length_m.",
+    ),
+    FindingType(
+        "start_unsure", "track", WARNING, NONE,
+        "The outline of {name} fits in more than one place around the clicks; its frame is known to {std_mm:.1f} mm. "
+        "Check the clicks and top_corners_m.",
+    ),
+    FindingType(
         "not_seen", "track", WARNING, NONE,
         "{name} was not observed in {count} of {frames} pictures ({lost} lost, {bridged} bridged), between "
         "{first_s:.2f} s and {last_s:.2f} s. Look at the video there: something hid it, it left the picture, or its "
@@ -259,7 +283,7 @@ register(  # decimate
     FindingType(
         "decimate_outlier", "decimate", WARNING, _TRACKING,
         "{body}: at {time_s:.2f} s the measured pose is {deviations:.1f} deviations off the smoothed track; look at "
-        "that frame of the overlay.",
+        "that frame of the film.",
     ),
     FindingType(
         "decimate_bridged", "decimate", WARNING, _TRACKING,

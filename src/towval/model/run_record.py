@@ -17,7 +17,8 @@ class RunRecord:
     ``rover`` and ``towed`` are the two bodies, ``hinge`` (2,) and ``anchor`` (2,) [m] the ends of the tether in their
     frames; ``rover_track``, ``object_track`` what was measured, ``decimated`` the thinned track of the rover (None
     where it was not thinned), ``simulated`` what the model says, ``comparison`` the difference, ``uncertainty``
-    how large it may be if the model is right, None where that was not computed.
+    how large it may be if the model is right, None where that was not computed. ``hinge_height_m`` and
+    ``anchor_height_m`` are those of the tether's ends above the floor.
     """
 
     name: str
@@ -31,6 +32,8 @@ class RunRecord:
     comparison: Comparison
     decimated: DecimatedTrack | None = None
     uncertainty: RunUncertainty | None = None
+    hinge_height_m: float = 0.0
+    anchor_height_m: float = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "hinge", locked(self.hinge, "RunRecord.hinge", (2,)))
@@ -42,6 +45,15 @@ class RunRecord:
                 got=f"{len(self.uncertainty.time_s)} and {len(times)} samples",
                 remedy="compute both from the same simulation",
             )
+
+
+@dataclass(frozen=True)
+class Still:
+    """A picture of a run's footage: its presentation time [s], width and height [px], and the picture as JPEG."""
+
+    time_s: float
+    size_px: tuple[int, int]
+    jpeg: bytes
 
 
 def measured_poses(track: Track) -> Array:
@@ -57,11 +69,11 @@ def nearest_samples(time_s: Array, wanted_s: ArrayLike) -> NDArray[np.intp]:
     return np.minimum(nearest, len(time_s) - 1)
 
 
-def pose_at(time_s: Array, pose: Array, wanted_s: float) -> Array:
-    """The pose (3,) of the sample nearest to a time, NaN where there is none within one interval of the samples."""
-    nearest = int(nearest_samples(time_s, wanted_s))
+def pose_at(time_s: Array, pose: Array, wanted_s: ArrayLike) -> Array:
+    """Poses (..., 3) of the samples nearest to times (...), NaN where there is none within one interval of them."""
+    nearest, wanted_s = nearest_samples(time_s, wanted_s), np.asarray(wanted_s, dtype=np.float64)
     interval = float(np.median(np.diff(time_s))) if len(time_s) > 1 else np.inf
-    return pose[nearest] if abs(time_s[nearest] - wanted_s) <= interval else np.full(3, np.nan)
+    return np.where(np.abs(time_s[nearest] - wanted_s)[..., None] <= interval, pose[nearest], np.nan)
 
 
 def outline_at(body: Body, pose: Array) -> Array:

@@ -20,9 +20,11 @@ from towval.report import figures
 from towval.report.data import ReportData
 from towval.report.wording import millimetres
 
-Section = Literal["run", "campaign", "uncertainty", "calibration", "tracking", "simulation"]
+Section = Literal["run", "details", "campaign", "uncertainty", "calibration", "tracking", "simulation", "files"]
 SECTIONS: tuple[Section, ...] = get_args(Section)
-"""Sections of the page that hold figures; ``run`` is that of each run, ``campaign`` all runs on the floor."""
+"""Sections of the page that hold figures: ``run`` beside the film of each run, ``details`` folded below it,
+``campaign`` on the first screen; figures of ``files`` are in the folder only."""
+_OF_RUNS = ("run", "details")
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,7 @@ class ReportFigure:
     Parameters
     ----------
     section : str
-        One of :data:`SECTIONS`; ``run`` holds figures of one run only.
+        One of :data:`SECTIONS`; ``run`` and ``details`` hold figures of one run only.
     title : str
         What the figure shows, for readers who do not see it.
     caption : str
@@ -49,7 +51,7 @@ class ReportFigure:
     caption: str = ""
 
     def __post_init__(self) -> None:
-        allowed = SECTIONS if isinstance(self, RunFigure) else SECTIONS[1:]
+        allowed = [section for section in SECTIONS if isinstance(self, RunFigure) or section not in _OF_RUNS]
         if self.section not in allowed:
             raise InputError(f"the figure {self.title!r} has no place", got=self.section, allowed=", ".join(allowed))
 
@@ -73,14 +75,14 @@ class RunFigure(ReportFigure):
     draw : callable
         Makes a figure of the run, or None where what it shows is missing.
     cursor : str
-        In the section ``run``: ``time`` marks the video's time over a column of panels with time [s] as x axis,
-        ``plan`` the positions of both bodies on axes in floor coordinates [m].
+        In the sections ``run`` and ``details``: ``time`` marks the film's time over a column of panels with time [s] as
+        x axis.
     describe : callable, optional
         Numbers of the run for readers who do not see the figure.
     """
 
     draw: Callable[[RunRecord], Figure | None]
-    cursor: Literal["", "time", "plan"] = ""
+    cursor: Literal["", "time"] = ""
     describe: Callable[[RunRecord], str] = lambda _: ""
 
 
@@ -172,14 +174,13 @@ _CAMPAIGN = {
 }
 _RUN = {
     "fig10": RunFigure(
-        "run",
+        "files",
         "path of the rover, simulated and measured path of the object, with outlines",
         draw=figures.run_figure,
-        cursor="plan",
         describe=_path_errors,
     ),
     "errors": RunFigure(
-        "run",
+        "details",
         "errors in x, y and heading and tension of the tether over time",
         "Simulated minus measured in the floor frame, and the tension of the tether. Bands, where uncertainties were "
         "computed: ± two standard validation uncertainties.",

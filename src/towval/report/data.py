@@ -8,18 +8,28 @@ from towval.model import Calibration, Finding, Identification, UncertaintyMap
 from towval.model.errors import InputError
 from towval.model.run_record import RunRecord
 
+# Browsers hold a page as one string, of at most 512 MB.
+_MOST_MB = 400
+
 
 @dataclass(frozen=True)
 class ReportSettings:
-    """Keys of ``config["report"]``: ``overlay_width_px``, the largest width of the overlay videos [px]."""
+    """Keys of ``config["report"]``.
+
+    ``overlay_width_px`` is the largest width of the overlay videos [px]; films that are together larger than
+    ``embed_mb`` [MB] are linked, not embedded.
+    """
 
     overlay_width_px: int = 960
+    embed_mb: float = 60.0
 
     def __post_init__(self) -> None:
         if not 160 <= self.overlay_width_px <= 7680:
             raise InputError(
                 "report.overlay_width_px is out of range", got=self.overlay_width_px, allowed="160 to 7680"
             )
+        if not 0 <= self.embed_mb <= _MOST_MB:
+            raise InputError("report.embed_mb is out of range", got=self.embed_mb, allowed=f"0 to {_MOST_MB}")
 
 
 @dataclass(frozen=True)
@@ -62,10 +72,11 @@ class Provenance:
 
 @dataclass(frozen=True)
 class RunReport:
-    """A run of the report and, if there is one, its overlay video."""
+    """A run of the report and its footage, if any; ``damaged`` allows to show the good part of a damaged one."""
 
     record: RunRecord
-    overlay: FilePath | None = None
+    film: FilePath | None = None
+    damaged: bool = False
 
 
 @dataclass(frozen=True)
@@ -73,7 +84,7 @@ class ReportData:
     """All data of a report; the page leaves out the sections of parts that are missing.
 
     ``calibration`` and ``uncertainty`` are those of the campaign. ``findings`` are those that no result carries; the
-    others are collected from the results.
+    others are collected from the results. Films that are together larger than ``embed_mb`` [MB] are linked.
     """
 
     campaign: str
@@ -84,6 +95,7 @@ class ReportData:
     inputs: tuple[InputRow, ...] = ()
     findings: tuple[StageFinding, ...] = ()
     identification: Identification | None = None
+    embed_mb: float = ReportSettings.embed_mb
 
     @property
     def records(self) -> tuple[RunRecord, ...]:

@@ -1,8 +1,8 @@
-"""Text and numbers of the report: headline, reasons for the verdicts, facts of each stage."""
+"""Text and numbers of the report: reasons for the verdicts, facts of each stage."""
 
 import numpy as np
 
-from towval.model import Calibration, Comparison, Identification, Verdict
+from towval.model import Calibration, Comparison, Identification
 from towval.model.run_record import RunRecord
 from towval.report.wording import NOT_COMPUTED, decimal, degrees, millimetres, named_scalar
 
@@ -19,13 +19,6 @@ VERDICT_CODES = ("verdict", "statement", "explanation", "tolerance_default")
 """Codes of the findings in which the comparison states its verdict, the reason and what would explain the error."""
 
 _UNCERTAINTIES = (("u_num_m", "numerical"), ("u_input_m", "inputs"), ("u_measurement_m", "measurement"))
-
-_VERDICT_PHRASES = {
-    Verdict.AGREES: ("agrees", "agree"),
-    Verdict.DISAGREES: ("disagrees", "disagree"),
-    Verdict.CANNOT_TELL: ("cannot be told", "cannot be told"),
-    Verdict.NOT_JUDGED: ("not judged", "not judged"),
-}
 
 # Quality figures of the calibration that the page gives in a line of its own.
 _LISTED = ("views_used", "views_dropped", "camera_height_m", "camera_height_std_m", "focal_length_std_px")
@@ -54,22 +47,9 @@ _AT_HEIGHT = {
 }
 
 
-def headline(comparisons: list[Comparison]) -> str:
-    """The result of a campaign in one or two sentences: verdicts by count, and the range of the path errors."""
-    counts = [(verdict, sum(c.verdict is verdict for c in comparisons)) for verdict in Verdict]
-    phrases = [f"{count} {_VERDICT_PHRASES[verdict][count != 1]}" for verdict, count in counts if count]
-    errors = [c.path_rms_m for c in comparisons if np.isfinite(c.path_rms_m)]
-    runs = f"{len(comparisons)} run" + "s" * (len(comparisons) != 1)
-    sentence = f"{runs}: {', '.join(phrases)}."
-    if errors:
-        span = (f"{decimal(1e3 * min(errors))} to " if len(errors) > 1 else "") + millimetres(max(errors))
-        sentence += f" The simulated path of the object differs from the measured one by {span} RMS, without alignment."
-    return sentence
-
-
 def verdict_reason(comparison: Comparison) -> str:
     """Reason for a run's verdict: the comparison's own, else the uncertainties that are missing."""
-    stated = [finding.text for finding in comparison.findings if finding.code in VERDICT_CODES]
+    stated = _stated(comparison, "verdict")
     if stated:
         return " ".join(stated)
     missing = [name for field, name in _UNCERTAINTIES if not np.isfinite(getattr(comparison, field))]
@@ -78,15 +58,13 @@ def verdict_reason(comparison: Comparison) -> str:
     return f"Error {millimetres(comparison.path_rms_m)} RMS, validation uncertainty {millimetres(comparison.u_val_m)}."
 
 
-def reasons(comparisons: list[Comparison]) -> Facts:
-    """Verdicts and their reasons; runs with the same reason together."""
-    runs_of: dict[tuple[Verdict, str], list[str]] = {}
-    for comparison in comparisons:
-        runs_of.setdefault((comparison.verdict, verdict_reason(comparison)), []).append(comparison.run)
-    return tuple(
-        (f"{'Runs' if len(runs) > 1 else 'Run'} {', '.join(runs)}: {verdict.value}.", reason)
-        for (verdict, reason), runs in runs_of.items()
-    )
+def statement(comparison: Comparison) -> tuple[str, ...]:
+    """What the simulation was off, what of it can be the model's, which faults show, and what explains the error."""
+    return _stated(comparison, "statement", "explanation")
+
+
+def _stated(comparison: Comparison, *codes: str) -> tuple[str, ...]:
+    return tuple(finding.text for finding in comparison.findings if finding.code in codes)
 
 
 def side_by_side(runs: list[Facts]) -> Table:
@@ -125,8 +103,10 @@ def campaign_cells(comparisons: list[Comparison]) -> Facts:
 def metric_facts(c: Comparison) -> Facts:
     """Further measures of the error of a run; the last one, after alignment, says so."""
     known = c.ratio[np.isfinite(c.ratio)]
+    share = c.path_rms_m / c.path_length_m if c.path_length_m > 0 else float("nan")
     return (
         ("Error at the end, mm", decimal(1e3 * c.final_error_m)),
+        ("Path RMS over path length, %", decimal(100 * share)),
         ("Discrete Fréchet distance, mm", decimal(1e3 * c.frechet_m)),
         ("Area metric of the error along the path, mm", decimal(1e3 * c.area_along_m)),
         ("Area metric of the error across the path, mm", decimal(1e3 * c.area_across_m)),
@@ -145,19 +125,13 @@ def _of_limit(value: float, limit: float) -> str:
 
 def key_numbers(c: Comparison) -> Facts:
     """The errors of a run."""
-    share = c.path_rms_m / c.path_length_m if c.path_length_m > 0 else float("nan")
+    heading = c.bounds.simulation.get("heading_max", (np.nan, np.nan))[1]
     return (
         ("Path error, RMS", millimetres(c.path_rms_m)),
-        ("Path error, maximum", millimetres(c.path_max_m)),
-        ("Path error, upper bound of the maximum", millimetres(c.error_upper_m)),
-        (
-            "Error that the model can have",
-            f"{decimal(1e3 * c.model_error_lower_m)} to {millimetres(c.model_error_upper_m)}",
-        ),
-        ("Smallest visible fault, RMS", millimetres(c.detectable_m)),
-        ("Path error, at the end", millimetres(c.final_error_m)),
+        ("maximum", millimetres(c.path_max_m)),
+        ("at most", millimetres(c.error_upper_m)),
         ("Heading error, RMS", degrees(c.heading_rms_rad)),
-        ("RMS over path length", f"{decimal(100 * share)} %" if np.isfinite(share) else NOT_COMPUTED),
+        ("at most", degrees(heading)),
     )
 
 

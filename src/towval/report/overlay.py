@@ -4,9 +4,8 @@ The outlines are those of the planar targets at their height. The video is H.264
 down, with the presentation times of the source.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path as FilePath
 
@@ -20,18 +19,12 @@ from towval.io.atomic import replacing
 from towval.io.video import upright
 from towval.model import Calibration
 from towval.model.errors import InputError
-from towval.model.run_record import RunRecord
+from towval.model.run_record import RunRecord, Still
 from towval.report.overlay_painter import Painter
 
 Picture = NDArray[np.uint8]
 
-
-@dataclass(frozen=True)
-class Still:
-    """A frame of an overlay video: its time in the video [s] and the picture as JPEG."""
-
-    time_s: float
-    jpeg: bytes
+_JPEG_QUALITY = 75
 
 
 def write_overlay(
@@ -78,21 +71,56 @@ def write_overlay(
     return target
 
 
-def overlay_frames(overlay: FilePath, count: int = 3) -> tuple[Still, ...]:
-    """``count`` frames of an overlay video at equal steps, first and last included; fewer where it is shorter.
-
-    Raises `InputError` when the file is no video.
-    """
-    with _opened(overlay) as film:
+def drawn_pictures(
+    source: FilePath,
+    calibration: Calibration,
+    run: RunRecord,
+    *,
+    step_s: float = 0.2,
+    width_px: int = 960,
+    damaged: bool = False,
+) -> Iterator[Still]:
+    """Pictures of the footage with the run drawn in, ``step_s`` [s] apart; otherwise as :func:`write_overlay`."""
+    painter = Painter(calibration, run, width_px)
+    due_s = -np.inf
+    with _opened(source) as film:
         stream = film.streams.video[0]
-        wanted = set(np.linspace(0, max(stream.frames - 1, 0), count).round().astype(int).tolist())
-        stills = []
-        for index, frame in enumerate(film.decode(stream)):
-            if index in wanted:
-                picture = cv2.cvtColor(frame.to_ndarray(format="rgb24"), cv2.COLOR_RGB2BGR)
-                encoded = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 82])[1]
-                stills.append(Still(float(_ticks(frame) * _time_base(stream)), encoded.tobytes()))
-    return tuple(stills)
+        for frame in _decoded(film, damaged):
+            time_s = float(_ticks(frame) * _time_base(stream))
+            if time_s + 1e-6 >= due_s:
+                due_s = (time_s if due_s == -np.inf else due_s) + step_s
+                yield _still(source, frame, time_s, painter)
+
+
+def stills(
+    source: FilePath,
+    calibration: Calibration,
+    run: RunRecord,
+    times_s: Sequence[float],
+    *,
+    width_px: int = 640,
+    damaged: bool = False,
+) -> tuple[Still, ...]:
+    """The first pictures at or after given times [s], with the run drawn in; none where the footage has ended."""
+    painter, found = Painter(calibration, run, width_px), []
+    with _opened(source) as film:
+        stream = film.streams.video[0]
+        for wanted_s in times_s:
+            film.seek(int(wanted_s / _time_base(stream)), stream=stream)
+            for frame in _decoded(film, damaged):
+                time_s = float(_ticks(frame) * _time_base(stream))
+                if time_s + 1e-6 >= wanted_s:
+                    found.append(_still(source, frame, time_s, painter))
+                    break
+    return tuple(found)
+
+
+def _still(source: FilePath, frame: av.VideoFrame, time_s: float, painter: Painter) -> Still:
+    _check_size(source, frame, painter.calibration)
+    picture = _as_rgb(frame, painter.size_px)
+    painter.draw(picture, time_s)
+    coded = cv2.imencode(".jpg", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])[1]
+    return Still(time_s, painter.size_px, coded.tobytes())
 
 
 @contextmanager

@@ -1,15 +1,12 @@
 """Outlines, trails, tether and text of a run, drawn onto one frame of its footage."""
 
-import itertools
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from towval.model import Array, Calibration
-from towval.model.geometry import transform
-from towval.model.run_record import RunRecord, measured_poses, outline_at, pose_at
-from towval.optics.projection import project
+from towval.model.run_record import RunRecord, nearest_samples, pose_at
+from towval.report.outlines import film_layers
 from towval.report.overlay_text import TextPainter
 
 Picture = NDArray[np.uint8]
@@ -19,7 +16,6 @@ _ROVER, _SIMULATED, _MEASURED, _TETHER = (64, 150, 255), (0, 0, 0), (255, 60, 36
 _WHITE = (255, 255, 255)
 # cv2 draws at fractions of a pixel when coordinates carry this many fractional bits.
 _FRACTION_BITS = 4
-_PIECE_M = 0.025
 
 
 class Painter:
@@ -40,54 +36,29 @@ class Painter:
         self.size_px = (2 * round(width * self._scale / 2), 2 * round(height * self._scale / 2))
         self.calibration, self._run = calibration, run
         self._line = max(1, round(self.size_px[0] / 480))
-        self._rover, self._measured = measured_poses(run.rover_track), measured_poses(run.object_track)
-        height_m = run.towed.tracked_plane_height_m
-        self._trails = (
-            (run.simulated.time_s, self._pixels(run.simulated.pose[:, :2], height_m), _SIMULATED, self._line),
-            (run.object_track.time_s, self._pixels(self._measured[:, :2], height_m), _MEASURED, 1),
-        )
-        self._tension = np.linalg.norm(run.simulated.tether_force, axis=1)
+        self._times_s = run.rover_track.time_s
+        self._interval_s = float(np.median(np.diff(self._times_s))) if len(self._times_s) > 1 else np.inf
+        self._layers = film_layers(run, calibration, self._times_s)
+        # The centre of pixel (0, 0) is half a pixel from the edge, before and after scaling.
+        self._pixels = {name: (at + 0.5) * self._scale - 0.5 for name, at in self._layers.pixels().items()}
         self._text = TextPainter(max(11, round(self.size_px[1] / 34)))
 
     def draw(self, picture: Picture, time_s: float) -> None:
         """Draw outlines, tether and text at ``time_s`` onto ``picture`` (height, width, 3) RGB, in place."""
-        run = self._run
-        rover = pose_at(run.rover_track.time_s, self._rover, time_s)
-        measured = pose_at(run.object_track.time_s, self._measured, time_s)
-        simulated = pose_at(run.simulated.time_s, run.simulated.pose, time_s)
-        self._draw_tether(picture, rover, simulated, time_s)
-        for times_s, pixels, colour, line in self._trails:
-            stroke(picture, pixels[: np.searchsorted(times_s, time_s, side="right")], colour, line)
-        rover_height, height = run.rover.tracked_plane_height_m, run.towed.tracked_plane_height_m
-        self._polyline(picture, outline_at(run.rover, rover), rover_height, _ROVER, self._line)
-        for colour, line in ((_WHITE, self._line + 3), (_SIMULATED, self._line + 1)):
-            self._polyline(picture, outline_at(run.towed, simulated), height, colour, line)
-        self._polyline(picture, outline_at(run.towed, measured), height, _MEASURED, self._line, dashed=True)
         self._write(picture, time_s)
-
-    def _draw_tether(self, picture: Picture, rover: Array, towed: Array, time_s: float) -> None:
-        # On the floor: the model has the tether in the ground plane, and the campaign gives it no height.
-        run = self._run
-        ends = np.array([transform(towed, run.anchor), transform(rover, run.hinge)])
-        taut = self._tension[int(np.argmin(np.abs(run.simulated.time_s - time_s)))] > 0
-        self._polyline(picture, ends, 0.0, _TETHER if taut else _WHITE, self._line if taut else 1)
-
-    def _polyline(
-        self, picture: Picture, points: Array, height_m: float, colour: Colour, line: int, *, dashed: bool = False
-    ) -> None:
-        """Draw floor points (n, 2) [m] at a height; missing points leave gaps."""
-        pieces = dense(points)
-        if dashed:
-            # Every fourth of the equidistant points missing: dashes as long as their gaps.
-            pieces[2::4] = np.nan
-        stroke(picture, self._pixels(pieces, height_m), colour, line)
-
-    def _pixels(self, points: Array, height_m: float) -> Array:
-        """Pixels of the video (n, 2) of floor points (n, 2) [m] lifted to a height."""
-        lifted = np.column_stack([points, np.full(len(points), height_m)])
-        pixels = project(self.calibration.camera, self.calibration.floor, lifted)
-        # The centre of pixel (0, 0) is half a pixel from the edge, before and after scaling.
-        return (pixels + 0.5) * self._scale - 0.5
+        row, line = int(nearest_samples(self._times_s, time_s)), self._line
+        if abs(self._times_s[row] - time_s) > self._interval_s:
+            return
+        at = {name: points[row] for name, points in self._pixels.items()}
+        taut = self._layers.taut[row]
+        stroke(picture, at["tether"], _TETHER if taut else _WHITE, line if taut else 1)
+        for name, colour, width in (("simulated path", _SIMULATED, line), ("measured path", _MEASURED, 1)):
+            stroke(picture, self._pixels[name][: row + 1, 0], colour, width)
+        stroke(picture, at["rover"], _ROVER, line)
+        stroke(picture, at["simulated"], _WHITE, line + 3)
+        stroke(picture, at["simulated"], _SIMULATED, line + 1)
+        for dash in _dashes(at["measured"], 4.0 * line):
+            stroke(picture, dash, _MEASURED, line)
 
     def _write(self, picture: Picture, time_s: float) -> None:
         self._text.write(
@@ -115,11 +86,14 @@ def stroke(picture: Picture, pixels: Array, colour: Colour, line: int) -> None:
             cv2.polylines(picture, [fixed], False, colour, line, cv2.LINE_AA, _FRACTION_BITS)
 
 
-def dense(points: Array) -> Array:
-    """Points (m, 2) along a polyline, dense enough for the curvature that the lens gives a straight edge."""
-    pieces = [points[:1]]
-    for start, end in itertools.pairwise(points):
-        length = np.linalg.norm(end - start)
-        steps = max(1, round(length / _PIECE_M)) if np.isfinite(length) else 1
-        pieces.append(start + (end - start) * (np.arange(1, steps + 1) / steps)[:, None])
-    return np.concatenate(pieces)
+def _dashes(points: Array, length_px: float) -> list[Array]:
+    """Every other piece (m, 2) of a polyline (n, 2) [px]; none where a point is missing."""
+    if not np.isfinite(points).all():
+        return []
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    pieces = []
+    for start in np.arange(0.0, along[-1], 2 * length_px):
+        end = min(start + length_px, along[-1])
+        stops = np.concatenate([[start], along[(along > start) & (along < end)], [end]])
+        pieces.append(np.column_stack([np.interp(stops, along, points[:, i]) for i in (0, 1)]))
+    return pieces

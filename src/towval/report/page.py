@@ -44,7 +44,7 @@ def write_report(path: FilePath, data: ReportData, figures_folder: FilePath | No
             save_figure(figure.figure, figures_folder, figure.name, svg=svg)
     template = template_environment().get_template("report.html.j2")
     text = template.render(
-        view=view.build(data, drawn), css=template_asset("report.css"), script=template_asset("report.js")
+        view=view.build(data, drawn, path), css=template_asset("report.css"), script=template_asset("report.js")
     )
     write_text(path, text, own="Content-Security-Policy")
     return path
@@ -55,8 +55,8 @@ def _check(data: ReportData) -> None:
     if not names or len(set(names)) < len(names):
         raise InputError("the runs of a report need distinct names", got=names, allowed="one run or more")
     for run in data.runs:
-        if run.overlay is not None and not run.overlay.is_file():
-            raise InputError(f"the overlay {run.overlay.name} of run {run.record.name} is missing", got=run.overlay)
+        if run.film is not None and not run.film.is_file():
+            raise InputError(f"the video {run.film.name} of run {run.record.name} is missing", got=run.film)
 
 
 def report_figures(data: ReportData) -> dict[str, Figure]:

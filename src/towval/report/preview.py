@@ -1,5 +1,6 @@
 """The start of a run: tops, body axes, hinge, anchor, tether and a grid of the floor over the first frame."""
 
+import itertools
 from collections.abc import Mapping
 
 import cv2
@@ -9,12 +10,13 @@ from numpy.typing import NDArray
 from towval.model import Array, Body, Calibration, TowingScene
 from towval.model.geometry import transform
 from towval.optics.projection import project, to_plane
-from towval.report.overlay_painter import dense, stroke
+from towval.report.overlay_painter import stroke
 
 Picture = NDArray[np.uint8]
 
 GRID_M = 0.5
 """Distance of the lines of the floor grid [m]."""
+_PIECE_M = 0.025
 
 _GRID, _TETHER = (150, 150, 150), (80, 214, 255)
 _BODIES = {"rover": (255, 150, 64), "object": (36, 60, 255)}
@@ -42,7 +44,8 @@ def draw_start(
     line = max(1, round(luma.shape[1] / 700))
 
     def draw(points: Array, height: float, colour: tuple[int, int, int], width: int) -> None:
-        lifted = np.column_stack([dense(np.asarray(points, dtype=float)), np.full(len(dense(points)), height)])
+        pieces = _dense(np.asarray(points, dtype=float))
+        lifted = np.column_stack([pieces, np.full(len(pieces), height)])
         stroke(picture, project(calibration.camera, calibration.floor, lifted), colour, width)
 
     for row in floor_grid(calibration):
@@ -72,3 +75,13 @@ def floor_grid(calibration: Calibration) -> list[Array]:
     (x0, y0), (x1, y1) = GRID_M * low, GRID_M * high
     along = [np.array([[x, y0], [x, y1]]) for x in GRID_M * np.arange(low[0], high[0] + 1)]
     return along + [np.array([[x0, y], [x1, y]]) for y in GRID_M * np.arange(low[1], high[1] + 1)]
+
+
+def _dense(points: Array) -> Array:
+    """Points (m, 2) along a polyline, dense enough for the curvature that the lens gives a straight edge."""
+    pieces = [points[:1]]
+    for start, end in itertools.pairwise(points):
+        length = np.linalg.norm(end - start)
+        steps = max(1, round(length / _PIECE_M)) if np.isfinite(length) else 1
+        pieces.append(start + (end - start) * (np.arange(1, steps + 1) / steps)[:, None])
+    return np.concatenate(pieces)

@@ -158,10 +158,10 @@ def _share(rectangle: tuple[float, float, float, float], figure: Figure) -> tupl
 
 @dataclass(frozen=True)
 class Frame:
-    """Position and limits of the axes of a figure, with which a page marks points on it.
+    """Position and limits of the panels of a figure, with which a page marks a time on it.
 
     ``left``, ``right``, ``top`` and ``bottom`` are shares of the figure's width and height from its upper left corner,
-    around all panels; ``x_low`` and ``x_high`` limit the shared x axis, ``y_low`` and ``y_high`` the first y axis.
+    around all panels; ``x_low`` and ``x_high`` limit the shared x axis.
     """
 
     left: float
@@ -170,15 +170,13 @@ class Frame:
     bottom: float
     x_low: float
     x_high: float
-    y_low: float
-    y_high: float
 
 
 def frame_of(figure: Figure) -> Frame:
     """The frame of a figure with one column of panels."""
     first, last = figure.axes[0].get_position(), figure.axes[-1].get_position()
-    limits = (float(value) for value in (*figure.axes[0].get_xlim(), *figure.axes[0].get_ylim()))
-    return Frame(float(first.x0), float(first.x1), float(1 - first.y1), float(1 - last.y0), *limits)
+    low, high = figure.axes[0].get_xlim()
+    return Frame(float(first.x0), float(first.x1), float(1 - first.y1), float(1 - last.y0), float(low), float(high))
 
 
 def save_figure(figure: Figure, folder: FilePath, name: str, svg: str | None = None) -> tuple[FilePath, ...]:

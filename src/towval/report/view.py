@@ -1,8 +1,6 @@
-"""Content of the page, ready for the template: figures and videos as text, findings in order of severity."""
+"""Content of the page, ready for the template: figures and films as text, findings in order of severity."""
 
 import base64
-import json
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path as FilePath
@@ -11,18 +9,30 @@ import numpy as np
 from markupsafe import Markup
 
 from towval.io.summary import summary_csv, summary_latex
-from towval.model import Array, Comparison, Finding, Severity
-from towval.model.errors import InputError
-from towval.model.run_record import RunRecord, measured_poses, nearest_samples
+from towval.model import Calibration, Comparison, Finding, Severity
+from towval.model.run_record import RunRecord, Still, nearest_samples
 from towval.report import facts
 from towval.report.contents import SECTIONS, Drawn, RunFigure
 from towval.report.data import ReportData, RunReport
 from towval.report.facts import Facts, Rows, Table
+from towval.report.film import FilmView, deciding_time, embedded, film_view, frame_times, run_times, series
+from towval.report.inline import FigureSheet
 from towval.report.needed import NeededRow, needed_rows
-from towval.report.overlay import overlay_frames
+from towval.report.overlay import stills
+from towval.report.result import ResultRow, gists, legend, result_rows, sentence
 from towval.report.style import Frame, frame_of
 
 _SEVERITIES = (Severity.REFUSAL, Severity.WARNING, Severity.NOTE)
+_PARTS = {
+    "campaign": "inputs",
+    "calibrate": "calibration",
+    "track": "tracking",
+    "decimate": "tracking",
+    "simulate": "simulation",
+    "uncertainty": "uncertainty",
+    "identify": "identification",
+}
+"""Part of the page by stage; the others' findings stand with the numbers."""
 
 
 @dataclass(frozen=True)
@@ -54,26 +64,32 @@ class RunView:
 
     name: str
     verdict: str
+    kind: str
     summary: Facts
     key_numbers: Facts
+    statement: tuple[str, ...]
+    times_s: tuple[float, float]
+    frames: int
     series: Markup
-    video: str | None
-    video_start_s: float
+    film: FilmView | None
     stills: Facts
 
 
 @dataclass(frozen=True)
 class ReportView:
-    """The whole page; ``figures`` by section."""
+    """The whole page; ``figures`` by section, ``findings`` and ``gists`` by the part of the page."""
 
     campaign: str
-    headline: str
-    reasons: Facts
+    sentence: str
+    rows: tuple[ResultRow, ...]
+    legend: str
     confidence: str
     runs: tuple[RunView, ...]
     figures: dict[str, tuple[FigureView, ...]]
-    findings: tuple[FindingView, ...]
-    notes: tuple[FindingView, ...]
+    glyphs: Markup
+    figure_styles: Markup
+    findings: dict[str, tuple[FindingView, ...]]
+    gists: dict[str, str]
     tables: Facts
     all_runs: Facts
     metrics: Table
@@ -88,7 +104,7 @@ class ReportView:
     data: ReportData
 
 
-def build(data: ReportData, drawn: Sequence[tuple[Drawn, str]]) -> ReportView:
+def build(data: ReportData, drawn: Sequence[tuple[Drawn, str]], page: FilePath) -> ReportView:
     """Convert the data of a report and its figures into what the template shows.
 
     Parameters
@@ -97,24 +113,31 @@ def build(data: ReportData, drawn: Sequence[tuple[Drawn, str]]) -> ReportView:
         The data.
     drawn : sequence of (Drawn, str)
         The figures of :func:`towval.report.contents.draw_figures`, each with its SVG.
+    page : path
+        The file of the page, to which the addresses of linked films are relative.
 
     Returns
     -------
     ReportView
         Strings and markup only, except for ``data``, whose own strings the template shows unchanged.
     """
-    calibration, records, found = data.calibration, data.records, collect_findings(data)
+    calibration, records, sheet = data.calibration, data.records, FigureSheet()
     comparisons = [record.comparison for record in records]
-    figures = [(figure.entry.section, _figure_view(figure, svg)) for figure, svg in drawn]
+    shown = [(figure, svg) for figure, svg in drawn if figure.entry.section != "files"]
+    figures = [(figure.entry.section, _figure_view(figure, svg, sheet)) for figure, svg in shown]
+    embed = embedded([run.film for run in data.runs if run.film is not None], data.embed_mb)
     return ReportView(
         campaign=data.campaign,
-        headline=facts.headline(comparisons),
-        reasons=facts.reasons(comparisons),
+        sentence=sentence(records),
+        rows=result_rows(records),
+        legend=legend(records),
         confidence=_confidence(records),
-        runs=tuple(_run_view(run) for run in data.runs),
+        runs=tuple(_run_view(run, calibration, page, embed) for run in data.runs),
         figures={section: tuple(view for place, view in figures if place == section) for section in SECTIONS},
-        findings=tuple(f for f in found if f.severity != Severity.NOTE),
-        notes=tuple(f for f in found if f.severity == Severity.NOTE),
+        glyphs=sheet.glyphs,
+        figure_styles=sheet.styles,
+        findings=findings_by_part(data),
+        gists=gists(records, calibration),
         tables=_tables(comparisons),
         all_runs=facts.campaign_cells(comparisons) if len(comparisons) > 1 else (),
         metrics=facts.side_by_side([facts.metric_facts(c) for c in comparisons]),
@@ -130,6 +153,14 @@ def build(data: ReportData, drawn: Sequence[tuple[Drawn, str]]) -> ReportView:
         needed=needed_rows(calibration, records),
         data=data,
     )
+
+
+def findings_by_part(data: ReportData) -> dict[str, tuple[FindingView, ...]]:
+    """Findings by the part of the page that holds them, the gravest first."""
+    parts: dict[str, list[FindingView]] = {}
+    for view in collect_findings(data):
+        parts.setdefault(_PARTS.get(view.stage, "numbers"), []).append(view)
+    return {part: tuple(views) for part, views in parts.items()}
 
 
 def collect_findings(data: ReportData) -> tuple[FindingView, ...]:
@@ -153,29 +184,16 @@ def collect_findings(data: ReportData) -> tuple[FindingView, ...]:
     for stage, run_name, finding in found:
         runs_of.setdefault((stage, finding), []).append(run_name)
     views = [
-        FindingView(f.severity.value, stage, tuple(name for name in names if name), f.code, f.text)
+        FindingView(f.severity.value, stage, tuple(dict.fromkeys(name for name in names if name)), f.code, f.text)
         for (stage, f), names in runs_of.items()
     ]
     return tuple(sorted(views, key=lambda view: _SEVERITIES.index(Severity(view.severity))))
 
 
-def inline_svg(svg: str, name: str) -> Markup:
-    """An SVG without fixed size, its ids made unique on the page by ``name``.
-
-    Figures hold the same glyphs under the same ids; a page must not.
-    """
-    svg = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>{name}-", svg)
-    head, _, rest = svg.partition(">")
-    head = re.sub(r'\s(width|height)="[^"]*"', "", head) + ' aria-hidden="true" focusable="false"'
-    rest = re.sub(r"<metadata>.*?</metadata>", "", rest, flags=re.DOTALL)
-    # Safe without escaping: matplotlib's own output, in which all text is outlines.
-    return Markup(f"{head}>{rest}")
-
-
-def _figure_view(drawn: Drawn, svg: str) -> FigureView:
+def _figure_view(drawn: Drawn, svg: str, sheet: FigureSheet) -> FigureView:
     cursor = drawn.entry.cursor if isinstance(drawn.entry, RunFigure) else ""
     frame = frame_of(drawn.figure) if cursor else None
-    return FigureView(inline_svg(svg, drawn.name), drawn.title, drawn.entry.caption, drawn.run, cursor, frame)
+    return FigureView(sheet.inline(svg, drawn.name), drawn.title, drawn.entry.caption, drawn.run, cursor, frame)
 
 
 def _tables(comparisons: list[Comparison]) -> Facts:
@@ -193,52 +211,29 @@ def _confidence(records: Sequence[RunRecord]) -> str:
     return " or ".join(sorted(shares))
 
 
-def _run_view(report: RunReport) -> RunView:
-    run = report.record
-    stills = () if report.overlay is None else overlay_frames(report.overlay)
+def _run_view(report: RunReport, calibration: Calibration | None, page: FilePath, embed: bool) -> RunView:
+    run, film = report.record, None
+    pictures: tuple[Still, ...] = ()
+    time_s = presented_s = run.comparison.time_s
+    if report.film is not None and calibration is not None:
+        presented_s, coding = frame_times(report.film)
+        time_s = run_times(run, presented_s)
+        film = film_view(report.film, run, calibration, time_s, coding, page, embed)
+        rows = np.unique(nearest_samples(time_s, [deciding_time(run), run.rover_track.time_s[-1]]))
+        pictures = stills(report.film, calibration, run, presented_s[rows].tolist(), damaged=report.damaged)
     return RunView(
         name=run.name,
         verdict=run.comparison.verdict.value,
+        kind=run.comparison.verdict.value.replace(" ", "-"),
         summary=facts.summary_cells(run.comparison),
         key_numbers=facts.key_numbers(run.comparison),
-        series=_series(run),
-        video=None if report.overlay is None else _data_uri(report.overlay, "video/mp4"),
-        video_start_s=float(run.rover_track.time_s[0]),
-        stills=tuple((f"{s.time_s:.2f} s", "data:image/jpeg;base64," + _base64(s.jpeg)) for s in stills),
+        statement=facts.statement(run.comparison),
+        times_s=(float(time_s[0]), float(time_s[-1])),
+        frames=len(time_s),
+        series=series(run, presented_s, time_s),
+        film=film,
+        stills=tuple((f"{s.time_s:.2f} s", "data:image/jpeg;base64," + _base64(s.jpeg)) for s in pictures),
     )
-
-
-def _series(run: RunRecord) -> Markup:
-    """Times and values under the cursor as JSON, rounded to the digits shown; null where missing."""
-    c, simulated = run.comparison, run.simulated
-    tension = np.interp(c.time_s, simulated.time_s, np.linalg.norm(simulated.tether_force, axis=1))
-    columns = {
-        "time_s": _rounded(c.time_s, 6),
-        "x_mm": _rounded(1e3 * c.error[:, 0], 2),
-        "y_mm": _rounded(1e3 * c.error[:, 1], 2),
-        "heading_deg": _rounded(np.rad2deg(c.error[:, 2]), 3),
-        "tension_N": _rounded(tension, 2),
-        "rover": _positions(c.time_s, run.rover_track.time_s, measured_poses(run.rover_track)),
-        "measured": _positions(c.time_s, run.object_track.time_s, measured_poses(run.object_track)),
-    }
-    return Markup(json.dumps(columns, separators=(",", ":")))
-
-
-def _positions(wanted_s: Array, time_s: Array, pose: Array) -> list[list[float] | None]:
-    """Positions [m] at the samples nearest to the wanted times, to 1 mm; None where the body was not tracked."""
-    positions = pose[nearest_samples(time_s, wanted_s), :2]
-    return [None if np.isnan(x) else [round(float(x), 3), round(float(y), 3)] for x, y in positions]
-
-
-def _rounded(values: Array, digits: int) -> list[float | None]:
-    return [round(float(v), digits) if np.isfinite(v) else None for v in values]
-
-
-def _data_uri(path: FilePath, kind: str) -> str:
-    try:
-        return f"data:{kind};base64,{_base64(path.read_bytes())}"
-    except OSError as error:
-        raise InputError(f"{path.name} cannot be embedded in the report", got=error) from error
 
 
 def _base64(content: bytes) -> str:

@@ -69,7 +69,7 @@ class PlanarTarget:
         return math.hypot(step[0], step[1]) + self.reach_m * abs(float(step[2]))
 
     @cached_property
-    def _inner_points(self) -> Array:
+    def inner_points(self) -> Array:
         """Points spread evenly over the target (n, 2) [m]."""
         corners = self.body.top_corners_m
         low, size = corners.min(axis=0), np.ptp(corners, axis=0)
@@ -83,7 +83,7 @@ class PlanarTarget:
         low, high = outline.min(axis=0) - self.reach_m, outline.max(axis=0) + self.reach_m
         if (pose[:2] < low).any() or (pose[:2] > high).any():
             return 0.0
-        return float(inside_polygon(outline, transform(pose, self._inner_points)).mean())
+        return float(inside_polygon(outline, transform(pose, self.inner_points)).mean())
 
 
 @compiled()

@@ -75,7 +75,7 @@ class Relocaliser:
     @cached_property
     def _rectified(self) -> tuple[Array, Floats]:
         """Corner of the visible part of the plane [m], and the pixel of each of its cells; made when first needed."""
-        low, high = _visible_part(self.target, CONSTANTS.most_cells * self.cell_m)
+        low, high = visible_part(self.target, CONSTANTS.most_cells * self.cell_m)
         return low, self.target.picture_of(_grid(low, high, self.cell_m)).astype(np.float32)
 
     def find(self, luma: Luma) -> Array | None:
@@ -146,7 +146,7 @@ class Lookalikes:
 
     @cached_property
     def _rectified(self) -> tuple[Array, Array]:
-        low, high = _visible_part(self.target, CONSTANTS.most_coarse_cells * self.cell_m)
+        low, high = visible_part(self.target, CONSTANTS.most_coarse_cells * self.cell_m)
         return low, self.target.picture_of(_grid(low - self.target.reach_m, high + self.target.reach_m, self.cell_m))
 
     @cached_property
@@ -207,7 +207,7 @@ class Lookalikes:
         return bool(np.linalg.norm(other[:2] - place[:2]) > self.target.reach_m / 2 or turn > np.pi / 4)
 
 
-def _visible_part(target: PlanarTarget, most_m: float) -> tuple[Array, Array]:
+def visible_part(target: PlanarTarget, most_m: float = np.inf) -> tuple[Array, Array]:
     """Lower and upper corner (2,) of the part of the tracked plane in the picture, at most ``most_m`` wide [m]."""
     width, height = target.camera.resolution_px
     border = np.stack(np.meshgrid(np.linspace(0, width - 1, 9), np.linspace(0, height - 1, 9)), axis=-1)

@@ -6,7 +6,7 @@ rule exchange:
         simulated=results("{campaign}", "{run}", "simulate.mcap"),
         uncertainty=results("{campaign}", "{run}", "uncertainty.mcap"),
         compared=results("{campaign}", "{run}", "compare.mcap"),
-        overlay=results("{campaign}", "{run}", "overlay.mp4"),
+        video=lambda wildcards: str(CAMPAIGNS[wildcards.campaign].runs[wildcards.run].video),
     output:
         file=results("{campaign}", "{run}", "exchange.mcap"),
         layouts=[results("{campaign}", "{run}", name) for name in ("lichtblick.json", "rerun.rbl")],
@@ -27,7 +27,6 @@ rule exchange:
             name=wildcards.run,
             camera=input.camera,
             folder=run_folder(wildcards),
-            overlay=input.overlay,
             output=output.file,
         ),
     message:

@@ -1,4 +1,4 @@
-rule overlay:
+rule run_overlay:
     input:
         camera=results("{campaign}", "camera.mcap"),
         video=lambda wildcards: str(CAMPAIGNS[wildcards.campaign].runs[wildcards.run].video),
@@ -40,6 +40,11 @@ rule overlay:
         "../scripts/run.py"
 
 
+rule overlay:
+    input:
+        lambda _: [results(name, run, "overlay.mp4") for name, campaign in CAMPAIGNS.items() for run in campaign.runs],
+
+
 rule report:
     input:
         camera=results("{campaign}", "camera.mcap"),
@@ -48,7 +53,7 @@ rule report:
         simulated=per_run("simulate.mcap"),
         uncertainties=per_run("uncertainty.mcap"),
         compared=per_run("compare.mcap"),
-        overlays=per_run("overlay.mp4"),
+        videos=lambda wildcards: [str(run.video) for run in CAMPAIGNS[wildcards.campaign].runs.values()],
         identified=identified,
     output:
         report=report(

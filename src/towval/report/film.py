@@ -1,0 +1,126 @@
+"""Footage of a run on the page: embedded or linked as it is, its frame times, and what is drawn over it."""
+
+import json
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+from urllib.parse import quote
+
+import av
+import numpy as np
+from markupsafe import Markup
+
+from towval.model import Array, Calibration
+from towval.model.errors import InputError
+from towval.model.run_record import RunRecord, pose_at
+from towval.report.inline import packed
+from towval.report.outlines import film_layers
+
+
+@dataclass(frozen=True)
+class FilmView:
+    """A film for the template.
+
+    ``content`` are the bytes of the file as :func:`towval.report.inline.packed` writes them, None where the page refers
+    to ``address`` instead; ``kind`` its media type and coding in words; ``layers`` the numbers and ``places`` the
+    points that the page draws.
+    """
+
+    name: str
+    size_px: tuple[int, int]
+    length_bytes: int
+    content: Markup | None
+    address: str
+    kind: str
+    coding: str
+    layers: Markup
+    places: Markup
+
+
+def frame_times(path: FilePath) -> tuple[Array, str]:
+    """Presentation times (m,) of the frames that a film shows [s], and the name of its coding; nothing is decoded.
+
+    Raises `InputError` when the file is no video or holds no times.
+    """
+    try:
+        with av.open(path) as film:
+            stream = film.streams.video[0]
+            base = stream.time_base or 0
+            shown = [p.pts for p in film.demux(stream) if p.pts is not None and p.size and not p.is_discard]
+            coding = stream.codec_context.codec.long_name
+    except (av.FFmpegError, OSError, IndexError) as error:
+        raise InputError(f"the video {path.name} cannot be shown in the report", got=error) from error
+    return np.array([float(pts * base) for pts in sorted(shown)]), coding
+
+
+def run_times(run: RunRecord, presented_s: Array) -> Array:
+    """Times (m,) of the frames of a film on the clock of the run [s]: its track has a row a frame."""
+    own = run.rover_track.time_s
+    return own if len(own) == len(presented_s) else presented_s
+
+
+def film_view(
+    path: FilePath, run: RunRecord, calibration: Calibration, time_s: Array, coding: str, page: FilePath, embed: bool
+) -> FilmView:
+    """A film and its layers at the times (m,) of its frames on the clock of the run [s]; ``page`` is the HTML file."""
+    drawn = film_layers(run, calibration, time_s)
+    layers = {"size": calibration.camera.resolution_px, "unit": drawn.unit_px, "counts": drawn.counts}
+    layers["taut"] = drawn.taut.astype(int).tolist()
+    content = path.read_bytes() if embed else b""
+    return FilmView(
+        name=path.name,
+        size_px=calibration.camera.resolution_px,
+        length_bytes=len(content),
+        content=packed(content) if embed else None,
+        address=_address(path, page),
+        kind="video/webm" if path.suffix.lower() in (".webm", ".mkv") else "video/mp4",
+        coding=coding.partition(" (")[0],
+        layers=_json(layers),
+        places=packed(drawn.places.astype("<i2").tobytes()),
+    )
+
+
+def series(run: RunRecord, presented_s: Array, time_s: Array) -> Markup:
+    """Times in the film and of the run, errors and tension at each frame as JSON; null where missing."""
+    c, simulated = run.comparison, run.simulated
+    shift, heading = pose_at(c.time_s, c.along_across, time_s), pose_at(c.time_s, c.error, time_s)[:, 2]
+    tension = np.interp(time_s, simulated.time_s, np.linalg.norm(simulated.tether_force, axis=1))
+    return _json(
+        {
+            "film_s": _rounded(presented_s - presented_s[0], 6),
+            "time_s": _rounded(time_s, 6),
+            "along_mm": _rounded(1e3 * shift[:, 0], 2),
+            "across_mm": _rounded(1e3 * shift[:, 1], 2),
+            "heading_deg": _rounded(np.rad2deg(heading), 3),
+            "tension_N": _rounded(tension, 2),
+        }
+    )
+
+
+def deciding_time(run: RunRecord) -> float:
+    """Time of the largest error, in units of its uncertainty where known [s]."""
+    c = run.comparison
+    size = c.ratio if np.isfinite(c.ratio).any() else np.hypot(c.error[:, 0], c.error[:, 1])
+    return float(c.time_s[int(np.nanargmax(size))] if np.isfinite(size).any() else c.time_s[0])
+
+
+def embedded(paths: Sequence[FilePath], budget_mb: float) -> bool:
+    """Whether films are small enough together to be part of the page."""
+    return sum(path.stat().st_size for path in paths) <= 1e6 * budget_mb
+
+
+def _address(path: FilePath, page: FilePath) -> str:
+    try:
+        return quote(FilePath(os.path.relpath(path, page.parent)).as_posix())
+    except ValueError:  # another drive
+        return path.resolve().as_uri()
+
+
+def _json(value: object) -> Markup:
+    # Numbers and names of our own; "<" is escaped all the same, for the text stands in a script element.
+    return Markup(json.dumps(value, separators=(",", ":")).replace("<", "\\u003c"))
+
+
+def _rounded(values: Array, digits: int) -> list[float | None]:
+    return [round(float(v), digits) if np.isfinite(v) else None for v in values]

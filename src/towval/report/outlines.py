@@ -1,0 +1,113 @@
+"""What the page draws over the footage: outlines, tether and paths in pixels of each frame.
+
+The page does no camera mathematics: everything is projected here, with the distortion of the lens.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from towval.model import Array, Body, Calibration
+from towval.model.geometry import transform
+from towval.model.run_record import RunRecord, measured_poses, pose_at
+from towval.optics.projection import project
+
+MISSING = -(2**15)
+"""Coordinate of a point that is not known or far outside the picture."""
+_LARGEST = 2**15 - 1
+# An edge is drawn as chords that stay this close to its picture, which the lens bends.
+_BOW_PX = 0.2
+_MOST_PIECES = 16
+
+
+@dataclass(frozen=True)
+class FilmLayers:
+    """Points of each frame of a film.
+
+    Parameters
+    ----------
+    counts : dict of str to int
+        Number of points a frame by layer: outlines of ``rover``, ``measured`` and ``simulated``, the ``tether`` from
+        the simulated object to the measured rover, and one point each of the paths ``rover path``, ``measured path``
+        and ``simulated path``.
+    unit_px : float
+        Unit of ``places``.
+    places : array, shape (frames, sum of counts, 2)
+        Pixels of the upright picture in ``unit_px``; `MISSING` where there is no point.
+    taut : array of bool, shape (frames,)
+        Whether the tether pulls.
+    """
+
+    counts: dict[str, int]
+    unit_px: float
+    places: NDArray[np.int16]
+    taut: NDArray[np.bool_]
+
+    def pixels(self) -> dict[str, Array]:
+        """Pixels (frames, points, 2) by layer, NaN where there is no point."""
+        values = np.where(self.places == MISSING, np.nan, self.places * self.unit_px)
+        ends = np.cumsum(list(self.counts.values()))
+        return dict(zip(self.counts, np.split(values, ends[:-1], axis=1), strict=True))
+
+
+def film_layers(run: RunRecord, calibration: Calibration, time_s: Array) -> FilmLayers:
+    """Layers of a run at the times (m,) of the frames, on the clock of the run [s]."""
+    rover = pose_at(run.rover_track.time_s, measured_poses(run.rover_track), time_s)
+    measured = pose_at(run.object_track.time_s, measured_poses(run.object_track), time_s)
+    simulated = pose_at(run.simulated.time_s, run.simulated.pose, time_s)
+    tension = np.linalg.norm(run.simulated.tether_force, axis=1)[:, None]
+    at_rest = pose_at(run.simulated.time_s, tension, time_s)[..., 0]
+    hinge, anchor = transform(rover, run.hinge), transform(simulated, run.anchor)
+    ends = np.stack([_lifted(anchor, run.anchor_height_m), _lifted(hinge, run.hinge_height_m)], axis=1)
+    lines = {
+        "rover": _outline(run.rover, rover),
+        "measured": _outline(run.towed, measured),
+        "simulated": _outline(run.towed, simulated),
+        "tether": ends,
+    }
+    pixels = {name: _bent(calibration, line) for name, line in lines.items()}
+    bodies = (("rover", run.rover, rover), ("measured", run.towed, measured), ("simulated", run.towed, simulated))
+    for name, body, pose in bodies:
+        origin = _lifted(pose[:, None, :2], body.tracked_plane_height_m)
+        pixels[f"{name} path"] = project(calibration.camera, calibration.floor, origin)
+    counts = {name: points.shape[1] for name, points in pixels.items()}
+    unit_px, places = _as_integers(np.concatenate(list(pixels.values()), axis=1), calibration.camera.resolution_px)
+    return FilmLayers(counts, unit_px, places, np.asarray(at_rest > 0))
+
+
+def _outline(body: Body, poses: Array) -> Array:
+    """Closed outlines (m, n + 1, 3) [m] of a body's top at poses (m, 3)."""
+    closed = np.vstack([body.top_corners_m, body.top_corners_m[:1]])
+    return _lifted(transform(poses[:, None], closed), body.tracked_plane_height_m)
+
+
+def _lifted(points: Array, height_m: float) -> Array:
+    return np.concatenate([points, np.full((*points.shape[:-1], 1), height_m)], axis=-1)
+
+
+def _bent(calibration: Calibration, lines: Array) -> Array:
+    """Pixels (m, k, 2) along lines (m, n, 3) [m], with as many points as the lens bends the straight edges."""
+    camera, floor = calibration.camera, calibration.floor
+    middle = project(camera, floor, 0.5 * (lines[:, 1:] + lines[:, :-1]))
+    corners = project(camera, floor, lines)
+    edge = corners[:, 1:] - corners[:, :-1]
+    away = middle - corners[:, :-1]
+    length = np.maximum(np.hypot(edge[..., 0], edge[..., 1]), 1e-9)
+    bow = np.abs(edge[..., 0] * away[..., 1] - edge[..., 1] * away[..., 0]) / length
+    largest = float(np.max(np.nan_to_num(bow), initial=0.0))
+    # The bow of a piece falls with the square of their number.
+    pieces = min(_MOST_PIECES, max(1, math.ceil(math.sqrt(largest / _BOW_PX))))
+    share = (np.arange(pieces) / pieces)[:, None]
+    steps = lines[:, :-1, None] + share * (lines[:, 1:, None] - lines[:, :-1, None])
+    dense = np.concatenate([steps.reshape(len(lines), -1, 3), lines[:, -1:]], axis=1)
+    return project(camera, floor, dense)
+
+
+def _as_integers(pixels: Array, resolution_px: tuple[int, int]) -> tuple[float, NDArray[np.int16]]:
+    """Unit [px], a power of two, and pixels in it; points further out than half a picture are missing."""
+    reach = 1.5 * max(resolution_px)
+    unit_px = 2.0 ** math.ceil(math.log2(reach / _LARGEST))
+    known = np.isfinite(pixels).all(axis=-1, keepdims=True) & (np.abs(pixels) <= reach).all(axis=-1, keepdims=True)
+    return unit_px, np.where(known, np.round(np.nan_to_num(pixels) / unit_px), MISSING).astype(np.int16)

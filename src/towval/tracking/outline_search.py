@@ -1,0 +1,242 @@
+"""Search of a picture for an outline of known size on its known plane, over all places and headings.
+
+The picture is rectified on the tracked plane, where the outline keeps its size. For each heading the picture's slope
+across each edge is averaged along that edge, by a correlation for all places at once; a place where all edges stand on
+steep lines is a candidate. Candidates are then followed to finer and finer cells.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from towval.model import Array
+from towval.model.geometry import compose, rotation, wrapped
+from towval.tracking.planar_target import PlanarTarget
+from towval.tracking.template import Luma
+
+Floats = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class OutlineSearchConstants:
+    """Tuned constants of the search; a cell is one of the rectified picture."""
+
+    cells_of_body: int = 40  # Along the longer side of the outline: a side 6 % shorter differs by two cells.
+    coarse_cells_of_body: int = 16  # The same where the tops are spotted: their spots blur away.
+    most_cells: int = 500  # Along the longer side of the rectified picture: bounds time.
+    blur_cells: float = 0.7  # So that what lies between two headings or cells still matches.
+    steep: float = 2.0  # Of the usual slope of the picture: half the weight of a sharp edge.
+    least_edge: float = 0.05  # Weight of an edge that does not show at all: others may hide it.
+    most_candidates: int = 20  # Places that are followed to finer cells: the right one was the fourth at worst.
+    least_moved: float = 0.15  # Of a top's inside: a plain body that goes a sixth of its length.
+    unmoved: float = 0.5  # Weight of a place where nothing moved over what is added where all of it did.
+    worst_candidate: float = 0.6  # Of the best score: where tops are spotted, the right place is not the best at first.
+    apart_px: float = 5.0  # [px] Places nearer than this are one.
+    points_of_edge: int = 24  # At which an edge is read at finer cells.
+
+
+CONSTANTS = OutlineSearchConstants()
+
+
+def symmetry_of(corners: Array) -> tuple[int, Array]:
+    """Into how many equal turns an outline (n, 2) maps onto itself, and the middle (2,) about which it does [m]."""
+    middle: Array = corners.mean(axis=0)
+    own, count = corners - middle, len(corners)
+    close = 1e-3 * float(np.linalg.norm(own, axis=1).max())
+    for order in range(count, 1, -1):
+        turned = own @ rotation(2 * np.pi / order).T
+        steps = (count // order, -(count // order)) if count % order == 0 else ()
+        if any(np.abs(turned - np.roll(own, step, axis=0)).max() < close for step in steps):
+            return order, middle
+    return 1, middle
+
+
+def alike(corners: Array, pose: Array) -> list[Array]:
+    """Poses (3,) at which an outline (n, 2) looks as it does at ``pose``, this one first."""
+    order, middle = symmetry_of(corners)
+    turns = 2 * np.pi / order * np.arange(order)
+    return [compose(pose, np.array([*(middle - rotation(turn) @ middle), turn])) for turn in turns]
+
+
+@dataclass(frozen=True)
+class _Rectified:
+    """Slopes of a picture on a target's plane: cells ``cell_m`` apart from ``low`` (2,) on; ``usual`` their size."""
+
+    low: Array
+    cell_m: float
+    slope_x: Floats
+    slope_y: Floats
+    usual: float
+
+    @classmethod
+    def of(cls, target: PlanarTarget, luma: Luma, low: Array, size: NDArray[np.int64], cell_m: float) -> "_Rectified":
+        axes = [lo + cell_m * np.arange(n) for lo, n in zip(low, size, strict=True)]
+        pixels = target.picture_of(np.stack(np.meshgrid(*axes), axis=-1)).astype(np.float32)
+        u, v = np.ascontiguousarray(pixels[..., 0]), np.ascontiguousarray(pixels[..., 1])
+        inside = (u >= 0) & (v >= 0) & (u < luma.shape[1] - 1) & (v < luma.shape[0] - 1)
+        if not inside.any():
+            return cls(low, cell_m, np.zeros_like(u), np.zeros_like(u), 1.0)
+        first = np.floor([u[inside].min(), v[inside].min()]).astype(int)
+        last = np.ceil([u[inside].max(), v[inside].max()]).astype(int) + 1
+        crop = luma[first[1] : last[1] + 1, first[0] : last[0] + 1].astype(np.float32)
+        middle = pixels[pixels.shape[0] // 2, pixels.shape[1] // 2 - 1 : pixels.shape[1] // 2 + 1]
+        width_px = max(1.0, float(np.linalg.norm(middle[1] - middle[0])))
+        smooth = cv2.GaussianBlur(crop, (0, 0), CONSTANTS.blur_cells * width_px)
+        grey = cv2.remap(smooth, u - np.float32(first[0]), v - np.float32(first[1]), cv2.INTER_LINEAR)
+        inside = cv2.erode(inside.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+        slope_x, slope_y = (cv2.Scharr(grey, cv2.CV_32F, *step, scale=1 / 32) * inside for step in ((1, 0), (0, 1)))
+        usual = float(np.median(np.hypot(slope_x, slope_y)[inside])) if inside.any() else 1.0
+        return cls(low, cell_m, np.asarray(slope_x), np.asarray(slope_y), max(usual, 0.25))
+
+
+class _Level:
+    """Places of a body's origin from ``low`` to ``high`` (2,) [m], ``cell_m`` apart, and the picture around them."""
+
+    def __init__(
+        self, target: PlanarTarget, luma: Luma, low: Array, high: Array, cell_m: float, moved: NDArray[np.bool_] | None
+    ):
+        self.target, self.low, self.cell_m = target, low, cell_m
+        self.half = int(np.ceil(target.reach_m / cell_m)) + 2
+        self.size = np.ceil((high - low) / cell_m).astype(int) + 1
+        self.inner = tuple(slice(self.half, self.half + n) for n in self.size[::-1])
+        corner, size = low - cell_m * self.half, self.size + 2 * self.half
+        self.whole = _Rectified.of(target, luma, corner, size, cell_m)
+        self.moved = None
+        if moved is not None:
+            axes = [lo + cell_m * np.arange(n) for lo, n in zip(corner, size, strict=True)]
+            pixels = target.picture_of(np.stack(np.meshgrid(*axes), axis=-1)).astype(np.float32)
+            grey = cv2.remap(moved.astype(np.float32), pixels[..., 0], pixels[..., 1], cv2.INTER_LINEAR)
+            self.moved = np.asarray(grey, dtype=np.float32)
+
+    def places(self, headings: Array) -> list[tuple[float, Array]]:
+        """The best places of each heading: scores and poses (3,)."""
+        found: list[tuple[float, Array]] = []
+        for heading in headings:
+            scores = self._scores(float(heading))
+            rows, columns = np.nonzero((scores >= cv2.dilate(scores, np.ones((5, 5), np.uint8))) & (scores > 0))
+            best = np.argsort(-scores[rows, columns])[: CONSTANTS.most_candidates]
+            for row, column in zip(rows[best], columns[best], strict=True):
+                place = self.low + self.cell_m * np.array([column, row])
+                found.append((float(scores[row, column]), np.array([*place, heading])))
+        return found
+
+    def _scores(self, heading: float) -> Floats:
+        """How far the outline at a heading stands on edges, for each place (rows, columns) of the body's origin."""
+        whole, corners = self.whole, self.target.body.top_corners_m @ rotation(heading).T / self.cell_m
+        ends = np.round((corners + self.half) * 16).astype(np.int32)
+        lengths = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
+        total = np.zeros((self.size[1], self.size[0]), np.float32)
+        for i, length in enumerate(lengths):
+            following = (i + 1) % len(corners)
+            kernel = np.zeros((2 * self.half + 1,) * 2, np.float32)
+            cv2.line(kernel, ends[i].tolist(), ends[following].tolist(), (1.0,), 1, cv2.LINE_8, 4)
+            x, y = ((corners[following] - corners[i]) / length).astype(np.float32)
+            across = np.abs(whole.slope_x * y - whole.slope_y * x)
+            shown = across / (across + np.float32(CONSTANTS.steep * whole.usual))
+            mean = self._mean(shown, kernel)
+            total += np.float32(length / lengths.sum()) * np.log(mean + np.float32(CONSTANTS.least_edge))
+        scores = np.exp(total)
+        if self.moved is not None:
+            kernel = np.zeros((2 * self.half + 1,) * 2, np.float32)
+            cv2.fillPoly(kernel, [ends], (1.0,), cv2.LINE_8, 4)
+            share = self._mean(self.moved, kernel)
+            scores *= (share > CONSTANTS.least_moved) * (CONSTANTS.unmoved + share)
+        return np.asarray(scores, dtype=np.float32)
+
+    def _mean(self, shown: NDArray[np.floating], kernel: Floats) -> Floats:
+        mean = cv2.filter2D(shown, cv2.CV_32F, kernel / kernel.sum(), borderType=cv2.BORDER_CONSTANT)
+        return np.asarray(mean[self.inner], dtype=np.float32)
+
+
+class OutlineSearch:
+    """A picture ``luma`` (height, width), searched for a target with its origin from ``low`` to ``high`` (2,) [m].
+
+    ``moved`` (height, width), where known, says where something moved.
+    """
+
+    def __init__(
+        self, target: PlanarTarget, luma: Luma, low: Array, high: Array, moved: NDArray[np.bool_] | None = None
+    ):
+        self.target, self.luma = target, luma
+        corners = target.body.top_corners_m
+        self.order, _ = symmetry_of(corners)
+        self.pixel_m = target.metres_per_pixel(np.array([*(low + high) / 2, 0.0]))
+        longest, wide = float(np.ptp(corners, axis=0).max()), float((high - low).max())
+        self.levels = [
+            _Level(target, luma, low, high, max(longest / cells, self.pixel_m, wide / CONSTANTS.most_cells), moved)
+            for cells in (CONSTANTS.cells_of_body, CONSTANTS.coarse_cells_of_body)
+        ]
+
+    def found(self, about: float = 0.0, within: float = np.inf) -> list[tuple[float, Array]]:
+        """The best places at full resolution, scores and poses (3,), some pixels apart, best first.
+
+        Headings are searched ``within`` an angle ``about`` another [rad].
+        """
+        sharp = []
+        reach = min(within, np.pi / self.order)
+        for level in self.levels:
+            steps = int(np.ceil(reach * self.target.reach_m / level.cell_m))
+            headings = about + reach * np.arange(-steps, steps + (reach == within)) / max(steps, 1)
+            places = self._distinct(level.places(headings), 2.5 * level.cell_m)
+            sharp += [self.sharpened(pose, level.cell_m) for _, pose in places]
+        return self._distinct(sharp, CONSTANTS.apart_px * self.pixel_m)
+
+    def _distinct(self, found: list[tuple[float, Array]], apart_m: float) -> list[tuple[float, Array]]:
+        kept: list[tuple[float, Array]] = []
+        for score, pose in sorted(found, key=lambda entry: -entry[0]):
+            if all(self.apart_m(pose, known) > apart_m for _, known in kept):
+                kept.append((score, pose))
+            if len(kept) == CONSTANTS.most_candidates or score < CONSTANTS.worst_candidate * kept[0][0]:
+                break
+        return kept
+
+    def apart_m(self, pose: Array, other: Array) -> float:
+        """Distance of the outlines at two poses, whichever way round [m]."""
+        turn = abs(wrapped(self.order * (pose[2] - other[2]))) / self.order
+        return float(np.linalg.norm(pose[:2] - other[:2]) + self.target.reach_m * turn)
+
+    def sharpened(self, pose: Array, cell_m: float) -> tuple[float, Array]:
+        """Score and pose (3,) of the best place within two cells of ``cell_m``, to a pixel."""
+        finest = self.levels[0]
+        cell, score = cell_m, 0.0
+        while True:
+            pixel = self.target.metres_per_pixel(pose)
+            cell = max(cell / 2, pixel)
+            half = int(np.ceil(self.target.reach_m / cell)) + 8
+            view = _Rectified.of(
+                self.target, self.luma, pose[:2] - half * cell, np.array([2 * half + 1, 2 * half + 1]), cell
+            )
+            view = _Rectified(view.low, cell, view.slope_x, view.slope_y, finest.whole.usual * cell / finest.cell_m)
+            for reach, step in ((3, 1.0), (2, 0.5)):
+                offsets = step * np.arange(-reach, reach + 1) * cell
+                x, y, turn = (each.ravel() for each in np.meshgrid(offsets, offsets, offsets / self.target.reach_m))
+                trials = pose + np.column_stack([x, y, turn])
+                scores = self._read(view, trials)
+                best = int(np.argmax(scores))
+                pose, score = trials[best], float(scores[best])
+            if cell <= pixel:
+                return score, pose
+
+    def _read(self, view: _Rectified, poses: Array) -> Array:
+        """Scores (n,) of poses (n, 3), as :meth:`_scores`."""
+        corners = self.target.body.top_corners_m
+        ends = np.roll(corners, -1, axis=0)
+        lengths = np.linalg.norm(ends - corners, axis=1)
+        share = (np.arange(CONSTANTS.points_of_edge) + 0.5) / CONSTANTS.points_of_edge
+        c, s = np.cos(poses[:, 2])[:, None], np.sin(poses[:, 2])[:, None]
+        total = np.zeros(len(poses))
+        for start, end, length in zip(corners, ends, lengths, strict=True):
+            points = start + share[:, None] * (end - start)
+            x = (poses[:, :1] + c * points[:, 0] - s * points[:, 1] - view.low[0]) / view.cell_m
+            y = (poses[:, 1:2] + s * points[:, 0] + c * points[:, 1] - view.low[1]) / view.cell_m
+            ux, uy = ((end - start) / length).tolist()
+            dx, dy = (
+                cv2.remap(slope, x.astype(np.float32), y.astype(np.float32), cv2.INTER_LINEAR)
+                for slope in (view.slope_x, view.slope_y)
+            )
+            across = np.abs(dx * (s * ux + c * uy) - dy * (c * ux - s * uy))
+            mean = (across / (across + CONSTANTS.steep * view.usual)).mean(axis=1)
+            total += length / lengths.sum() * np.log(mean + CONSTANTS.least_edge)
+        return np.asarray(np.exp(total))
