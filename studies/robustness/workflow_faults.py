@@ -1,0 +1,183 @@
+"""The whole workflow killed, starved of disk, memory or files, or in odd surroundings; then called again.
+
+What is promised: one message, nothing half, and the next call ends with the bytes of an undisturbed run.
+"""
+
+import hashlib
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from studies.worlds.folder import write_campaign
+
+_REPOSITORY = Path(__file__).resolve().parents[2]
+_FRAMES = 24
+_SETTINGS = ("preset=draft", 'uncertainty={"samples":32}')
+_SECONDS = 1200
+_ASIDE = ("logs", "benchmarks")
+
+
+@dataclass(frozen=True)
+class Workplace:
+    """A working folder with a small campaign beside it, and the workflow to run there."""
+
+    folder: Path
+    campaign: Path
+
+    @classmethod
+    def made(cls, base: Path) -> "Workplace":
+        """A campaign of a second, filmed anew in ``base``, which must exist."""
+        campaign = base / "small"
+        if not campaign.exists():
+            campaign.mkdir()
+            write_campaign(campaign, frames=_FRAMES)
+        return cls(base / "work", campaign)
+
+    def fresh(self) -> None:
+        """Empty the working folder."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+        self.folder.mkdir(parents=True, exist_ok=True)
+
+    def start(self, environment: Mapping[str, str | None] | None = None, before: Callable[[], None] | None = None,
+              wrapper: tuple[str, ...] = ()) -> "subprocess.Popen[str]":  # fmt: skip
+        """Start the workflow in a session of its own, with variables changed or (None) taken away."""
+        shutil.copy(_REPOSITORY / "config.yaml", self.folder)
+        path = os.pathsep.join([str(_REPOSITORY / "src"), str(_REPOSITORY)])
+        variables: dict[str, str | None] = {**os.environ, "PYTHONPATH": path, **(environment or {})}
+        line = [sys.executable, "-m", "snakemake", "--cores", "2", "--snakefile", str(_REPOSITORY / "Snakefile")]
+        line += ["--directory", ".", "--config", f"campaign={self.campaign}", *_SETTINGS]
+        return subprocess.Popen(
+            [*wrapper, *line],
+            cwd=self.folder,
+            env={name: value for name, value in variables.items() if value is not None},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            start_new_session=True,
+            preexec_fn=before,
+        )
+
+    def run(self, **options: object) -> tuple[int, str]:
+        """Exit code and words of a whole call."""
+        process = self.start(**options)  # type: ignore[arg-type]  # those of start
+        text, _ = process.communicate(timeout=_SECONDS)
+        return process.returncode, text
+
+    def digest(self) -> str:
+        """One hash of all results with their names."""
+        digest = hashlib.sha256()
+        results = self.folder / "results"
+        for path in sorted(results.rglob("*")):
+            name = path.relative_to(results)
+            if path.is_file() and not any(part.startswith(".") or part in _ASIDE for part in name.parts):
+                digest.update(f"{name} {hashlib.sha256(path.read_bytes()).hexdigest()}\n".encode())
+        return digest.hexdigest()
+
+
+def fault_of(text: str) -> str:
+    """What is wrong with the words of a call that failed; empty where they are messages."""
+    if "Traceback (most recent call last)" in text:
+        return "traceback"
+    return "" if "towval: " in text or "Error" in text else "no message"
+
+
+def kill_trials(place: Workplace, count: int, seed: int) -> Iterator[tuple[str, str]]:
+    """Kill all processes of a call at a random moment, some by Ctrl-C, and call again; what was done, and the fault."""
+    place.fresh()
+    begun = time.monotonic()
+    code, text = place.run()
+    lasts, wanted = time.monotonic() - begun, place.digest()
+    if code:
+        raise RuntimeError(text)
+    rng = np.random.default_rng(seed)
+    for i in range(count):
+        place.fresh()
+        wait_s, number = rng.uniform(0.05, 1.0) * lasts, signal.SIGINT if i % 5 == 4 else signal.SIGKILL
+        process = place.start()
+        try:
+            text, _ = process.communicate(timeout=wait_s)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, number)
+            text, _ = process.communicate()
+        stopped = "" if number == signal.SIGKILL else fault_of(text) if "Traceback" in text else ""
+        code, text = place.run()
+        fault = stopped or (
+            fault_of(text) or f"exit {code}" if code else "" if place.digest() == wanted else "other bytes"
+        )
+        yield f"{number.name} after {wait_s:.1f} of {lasts:.1f} s", fault and f"{fault}\n{text}"
+
+
+@contextmanager
+def small_disk(folder: Path, kilobytes: int) -> Iterator[Callable[[int], None]]:
+    """A file system of a size in memory at ``folder``; yields a function that changes the size. Needs root."""
+    folder.mkdir(parents=True, exist_ok=True)
+    subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={kilobytes}k", "tmpfs", str(folder)], check=True)
+    try:
+        yield lambda size: subprocess.run(["mount", "-o", f"remount,size={size}k", str(folder)], check=True) and None
+    finally:
+        subprocess.run(["umount", "-l", str(folder)], check=True)
+
+
+def full_disk_trials(place: Workplace, count: int) -> Iterator[tuple[str, str]]:
+    """A disk that is full at ever later points, then given room."""
+    place.fresh()
+    place.run()
+    wanted = place.digest()
+    total = sum(path.stat().st_size for path in place.folder.rglob("*") if path.is_file()) // 1024
+    for share in np.linspace(0.02, 0.95, count):
+        shutil.rmtree(place.folder, ignore_errors=True)
+        with small_disk(place.folder, int(share * total) + 4) as resize:
+            try:
+                code, text = place.run()
+            except OSError as error:  # not even the configuration fits
+                code, text = 1, f"towval: {error}"
+            fault = fault_of(text) if code else "" if place.digest() == wanted else "exit 0 with other bytes"
+            resize(4 * total + 65536)
+            code, more = place.run()
+            if not fault:
+                fault = f"exit {code}" if code else "" if place.digest() == wanted else "other bytes"
+            yield f"disk of {share:.0%} of what is needed", fault and f"{fault}\n{text}\n-----\n{more}"
+
+
+def _limited(kind: int, value: int) -> Callable[[], None]:
+    import resource  # noqa: PLC0415  # there is none on Windows
+
+    return lambda: resource.setrlimit(kind, (value, value))
+
+
+def surroundings_trials(place: Workplace) -> Iterator[tuple[str, str]]:
+    """Missing variables and folders, small limits: works with the same bytes, or says so and works afterwards."""
+    import resource  # noqa: PLC0415
+
+    place.fresh()
+    place.run()
+    wanted = place.digest()
+    cases: dict[str, dict[str, object]] = {
+        "no HOME": {"environment": {"HOME": None, "XDG_CACHE_HOME": None}},
+        "HOME that is not there": {"environment": {"HOME": "/nonexistent", "XDG_CACHE_HOME": None}},
+        "TMPDIR that is not there": {"environment": {"TMPDIR": "/nonexistent"}},
+        "LANG=C": {"environment": {"LANG": "C", "LC_ALL": "C", "PYTHONUTF8": "0"}},
+        "256 open files": {"before": _limited(resource.RLIMIT_NOFILE, 256)},
+        "4 GB of address space": {"before": _limited(resource.RLIMIT_AS, 4 * 2**30)},
+        "not root": {"wrapper": ("setpriv", "--reuid=65534", "--regid=65534", "--clear-groups")},
+    }
+    for name, options in cases.items():
+        place.fresh()
+        if name == "not root":
+            place.folder.chmod(0o777)
+        code, text = place.run(**options)
+        fault = fault_of(text) if code else "" if place.digest() == wanted else "other bytes"
+        if code and not fault:
+            code, text = place.run()
+            fault = f"exit {code}" if code else "" if place.digest() == wanted else "other bytes"
+            name += ", refused with a message"
+        yield name, fault and f"{fault}\n{text}"
