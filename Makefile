@@ -6,6 +6,8 @@
 # make accuracy CAMPAIGN=...   run a campaign that has truth files, and print the errors against the truth
 # make tables  the must-reach tables of calibration and tracking on synthetic scenes, with their seeds
 # make mutants   which tuned constants of tracking and calibration the tests notice, each halved and doubled
+# make damage  thousands of damaged campaigns and files, killed runs, full disks, odd surroundings (SECURITY.md)
+# make lock, make sbom, make audit   dependencies: lock them, list them, ask for known vulnerabilities (requirements/)
 # make bench [CAMPAIGN=...]    what costs what, side by side
 
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
@@ -13,18 +15,23 @@ VENV ?= .venv
 CORES ?= 2
 BIN := $(VENV)/bin
 VIEWERS := $(VENV)/viewers
+# Every package with the hash of its file, from requirements/; LOCKED= takes the newest within pyproject.toml's ranges.
+LOCKED ?= true
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+install = $(if $(LOCKED),$(PIP) --require-hashes --requirement requirements/$(1).txt && \
+	$(PIP) --no-deps --no-build-isolation --editable .,$(PIP) --editable '$(2)')
 SOURCES := src studies tests
 
-.PHONY: demo test check studies docs-ledger accuracy tables mutants bench clean
+.PHONY: demo test check studies docs-ledger accuracy tables mutants bench damage lock sbom audit clean
 
-$(VENV)/installed: pyproject.toml
+$(VENV)/installed: pyproject.toml requirements/run.txt
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "towval needs Python 3.11 or newer: make PYTHON=/path/to/python3.11")'
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	$(call install,run,.)
 	touch $@
 
-$(VENV)/installed-dev: $(VENV)/installed
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+$(VENV)/installed-dev: $(VENV)/installed requirements/dev.txt
+	$(call install,dev,.[dev])
 	touch $@
 
 # The programs that have to open our files, apart from our own packages: they are called, never imported, and two are GPL.
@@ -79,6 +86,38 @@ studies: $(VENV)/installed
 docs-ledger: $(VENV)/installed
 	$(BIN)/snakemake claims --cores $(CORES) --quiet rules
 	cp results/figures/claims.md results/figures/claims.json docs/
+
+CAMPAIGNS ?= 2000
+READS ?= 2000
+KILLS ?= 50
+DISKS ?= 20
+SEED ?= 1
+
+damage: $(VENV)/installed
+	$(BIN)/snakemake --cores $(CORES) --quiet all
+	OMP_NUM_THREADS=1 $(BIN)/python -m studies.tables.damage --campaigns $(CAMPAIGNS) --reads $(READS) --kills $(KILLS) --disks $(DISKS) --surroundings --seed $(SEED)
+
+TOOLS := $(VENV)/tools/bin
+
+$(VENV)/installed-tools:
+	$(PYTHON) -m venv $(VENV)/tools
+	$(TOOLS)/python -m pip install --quiet --disable-pip-version-check 'uv>=0.8,<1' 'cyclonedx-bom>=7,<8' 'pip-audit>=2.9,<3' 'pip-licenses>=5,<6'
+	touch $@
+
+LOCK := compile --quiet --universal --generate-hashes --python-version 3.11 --no-header --no-annotate
+
+lock: $(VENV)/installed $(VENV)/installed-tools
+	$(TOOLS)/uv pip $(LOCK) pyproject.toml requirements/build.in --output-file requirements/run.txt
+	$(TOOLS)/uv pip $(LOCK) --extra dev --constraint requirements/run.txt pyproject.toml requirements/build.in --output-file requirements/dev.txt
+	printf '# Licences of what is installed\n\nAs each package of `run.txt` states it; written by `make lock`.\n\n' > requirements/licences.md
+	$(TOOLS)/pip-licenses --python $(BIN)/python --packages $$(sed -n 's/==.*//p' requirements/run.txt) --format markdown --from mixed >> requirements/licences.md
+
+sbom: $(VENV)/installed $(VENV)/installed-tools
+	mkdir -p results
+	$(TOOLS)/cyclonedx-py environment --pyproject pyproject.toml --output-reproducible --output-file results/sbom.cdx.json $(BIN)/python
+
+audit: $(VENV)/installed-tools
+	$(TOOLS)/pip-audit --requirement requirements/run.txt --require-hashes --disable-pip --vulnerability-service osv
 
 clean:
 	rm -rf $(VENV) results .snakemake

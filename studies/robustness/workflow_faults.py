@@ -63,7 +63,7 @@ class Workplace:
             stderr=subprocess.STDOUT,
             text=True,
             start_new_session=True,
-            preexec_fn=before,
+            preexec_fn=before,  # noqa: PLW1509  # this program has one thread
         )
 
     def run(self, **options: object) -> tuple[int, str]:
@@ -122,9 +122,13 @@ def small_disk(folder: Path, kilobytes: int) -> Iterator[Callable[[int], None]]:
     folder.mkdir(parents=True, exist_ok=True)
     subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={kilobytes}k", "tmpfs", str(folder)], check=True)
     try:
-        yield lambda size: subprocess.run(["mount", "-o", f"remount,size={size}k", str(folder)], check=True) and None
+        yield lambda size: _remount(folder, size)
     finally:
         subprocess.run(["umount", "-l", str(folder)], check=True)
+
+
+def _remount(folder: Path, kilobytes: int) -> None:
+    subprocess.run(["mount", "-o", f"remount,size={kilobytes}k", str(folder)], check=True)
 
 
 def full_disk_trials(place: Workplace, count: int) -> Iterator[tuple[str, str]]:
@@ -174,10 +178,10 @@ def surroundings_trials(place: Workplace) -> Iterator[tuple[str, str]]:
         place.fresh()
         if name == "not root":
             place.folder.chmod(0o777)
-        code, text = place.run(**options)
+        told, (code, text) = name, place.run(**options)
         fault = fault_of(text) if code else "" if place.digest() == wanted else "other bytes"
         if code and not fault:
             code, text = place.run()
             fault = f"exit {code}" if code else "" if place.digest() == wanted else "other bytes"
-            name += ", refused with a message"
-        yield name, fault and f"{fault}\n{text}"
+            told = f"{name}, refused with a message"
+        yield told, fault and f"{fault}\n{text}"

@@ -1,10 +1,12 @@
-"""Damaged campaigns, files and runs by the thousand, and how each ended.
+"""Damaged campaigns, files and runs by the thousand, and how each ended: ``make damage``.
 
-``python -m studies.tables.damage [--campaigns 2000] [--reads 2000] [--seed 1] [--results FOLDER]``. Whatever ends with
-a traceback, hangs, takes too much, or is wrong without a word is written into ``--corpus``, and the call fails.
+``python -m studies.tables.damage [--campaigns N] [--reads N] [--kills N] [--disks N] [--surroundings] [--seed 1]``.
+Whatever ends with a traceback, hangs, takes too much, or is wrong without a word is written into ``--corpus``, and the
+call fails.
 """
 
 import argparse
+import itertools
 import tempfile
 from collections import Counter
 from pathlib import Path
@@ -13,7 +15,7 @@ import numpy as np
 
 from studies.robustness import campaign_faults, file_faults
 from studies.robustness.trial import Outcome, attempt
-from towval.calibration.calibrate import CalibrateSettings
+from studies.robustness.workflow_faults import Workplace, full_disk_trials, kill_trials, surroundings_trials
 from towval.io.campaign import Campaign, load_campaign
 from towval.io.images import read_gray
 from towval.io.records import read_decimated, read_tracks
@@ -38,7 +40,7 @@ def campaign_trials(count: int, seed: int, results: Path, corpus: Path) -> Count
 
             def call(folder: Path = folder) -> str:
                 campaign = load_campaign(folder)
-                _look_at_files(campaign)
+                look_at_files(campaign)
                 motion = simulate(campaign.scene, tracks["rover"], tracks["object"], times, SimulateSettings())
                 return "finite" if np.isfinite(motion.pose).all() else "not finite"
 
@@ -51,9 +53,8 @@ def campaign_trials(count: int, seed: int, results: Path, corpus: Path) -> Count
     return outcomes
 
 
-def _look_at_files(campaign: Campaign) -> None:
+def look_at_files(campaign: Campaign) -> None:
     """What the stages open first: pictures, and the header of each video with its first frame."""
-    CalibrateSettings()
     for path in (campaign.calibration_images[0], *campaign.floor_images):
         read_gray(path, campaign.resolution_px)
     for run in campaign.runs.values():
@@ -72,6 +73,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--campaigns", type=int, default=0)
     parser.add_argument("--reads", type=int, default=0)
+    parser.add_argument("--kills", type=int, default=0, help="calls of the workflow killed at a random moment")
+    parser.add_argument("--disks", type=int, default=0, help="disks that are full at ever later points (as root)")
+    parser.add_argument("--surroundings", action="store_true", help="no HOME, few files, little memory, ...")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument(
         "--results", type=Path, default=Path("results/lab_small"), help="undamaged results of lab_small"
@@ -87,7 +91,27 @@ def main() -> None:
         counts = file_faults.read_trials(given.results, given.reads, given.seed, given.corpus)
         failed |= bool(set(counts) - {"same", "refused"})
         print(f"{given.reads} damaged reads, seed {given.seed}: {dict(counts)}")
+    if given.kills or given.disks or given.surroundings:
+        with tempfile.TemporaryDirectory() as scratch:
+            failed |= _workflow_trials(given, Workplace.made(Path(scratch)))
     raise SystemExit(int(failed))
+
+
+def _workflow_trials(given: argparse.Namespace, place: Workplace) -> bool:
+    """Print how the calls of the workflow ended; whether one failed."""
+    trials = itertools.chain(
+        kill_trials(place, given.kills, given.seed) if given.kills else (),
+        full_disk_trials(place, given.disks) if given.disks else (),
+        surroundings_trials(place) if given.surroundings else (),
+    )
+    failed = False
+    for i, (name, fault) in enumerate(trials):
+        print(f"{name}: {fault.splitlines()[0] if fault else 'ends with the same bytes'}", flush=True)
+        if fault:
+            failed = True
+            given.corpus.mkdir(parents=True, exist_ok=True)
+            (given.corpus / f"workflow_{given.seed}_{i}.txt").write_text(f"{name}\n{fault}", encoding="utf-8")
+    return failed
 
 
 if __name__ == "__main__":
