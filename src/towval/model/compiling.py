@@ -11,12 +11,14 @@ are rounded one by one: where the compiler may contract them, the digits depend 
 a function was compiled just now or read from the disk. A function that takes liberties with arithmetic says so.
 """
 
+import atexit
 import hashlib
 import importlib
 import inspect
 import os
 import shutil
 import sys
+import tempfile
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -83,6 +85,22 @@ def _compiling_files() -> tuple[Path, ...]:
 
 
 @cache
+def _private_folder() -> Path:
+    """A folder of the user's own for compiled code; one of this process where there is no home to write to."""
+    try:
+        folder = Path.home() / ".cache" / "towval"
+        folder.mkdir(parents=True, exist_ok=True)
+        if os.access(folder, os.W_OK):
+            return folder
+    except (OSError, RuntimeError):
+        pass
+    # Never one that others could have made before: compiled code is run.
+    kept = tempfile.TemporaryDirectory(prefix="towval-")
+    atexit.register(kept.cleanup)
+    return Path(kept.name)
+
+
+@cache
 def _cache_folder(sources: Path, users_choice: str) -> Path:
     digest = hashlib.sha256()
     for path in (*sorted(sources.rglob("*.py")), *_compiling_files()):
@@ -92,7 +110,7 @@ def _cache_folder(sources: Path, users_choice: str) -> Path:
     elif os.access(sources, os.W_OK):
         base = sources / "__pycache__"
     else:
-        base = Path.home() / ".cache" / "towval"
+        base = _private_folder()
     folder = base / f"compiled-{sources.name}-{digest.hexdigest()[:16]}"
     if not folder.exists():
         older = sorted(base.glob(f"compiled-{sources.name}-*"), key=lambda p: p.stat().st_mtime, reverse=True)
