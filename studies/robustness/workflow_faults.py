@@ -21,7 +21,7 @@ from studies.worlds.folder import write_campaign
 
 _REPOSITORY = Path(__file__).resolve().parents[2]
 _FRAMES = 24
-_SETTINGS = ("preset=draft", 'uncertainty={"samples":32}')
+_SETTINGS = ("preset=draft", 'uncertainty={"samples":64}')
 _SECONDS = 1200
 _ASIDE = ("logs", "benchmarks")
 
@@ -72,6 +72,14 @@ class Workplace:
         text, _ = process.communicate(timeout=_SECONDS)
         return process.returncode, text
 
+    def undisturbed(self) -> str:
+        """The digest of a whole call in an empty folder; `RuntimeError` where it fails."""
+        self.fresh()
+        code, text = self.run()
+        if code:
+            raise RuntimeError(text)
+        return self.digest()
+
     def digest(self) -> str:
         """One hash of all results with their names."""
         digest = hashlib.sha256()
@@ -92,12 +100,9 @@ def fault_of(text: str) -> str:
 
 def kill_trials(place: Workplace, count: int, seed: int) -> Iterator[tuple[str, str]]:
     """Kill all processes of a call at a random moment, some by Ctrl-C, and call again; what was done, and the fault."""
-    place.fresh()
     begun = time.monotonic()
-    code, text = place.run()
-    lasts, wanted = time.monotonic() - begun, place.digest()
-    if code:
-        raise RuntimeError(text)
+    wanted = place.undisturbed()
+    lasts = time.monotonic() - begun
     rng = np.random.default_rng(seed)
     for i in range(count):
         place.fresh()
@@ -133,9 +138,7 @@ def _remount(folder: Path, kilobytes: int) -> None:
 
 def full_disk_trials(place: Workplace, count: int) -> Iterator[tuple[str, str]]:
     """A disk that is full at ever later points, then given room."""
-    place.fresh()
-    place.run()
-    wanted = place.digest()
+    wanted = place.undisturbed()
     total = sum(path.stat().st_size for path in place.folder.rglob("*") if path.is_file()) // 1024
     for share in np.linspace(0.02, 0.95, count):
         shutil.rmtree(place.folder, ignore_errors=True)
@@ -162,9 +165,7 @@ def surroundings_trials(place: Workplace) -> Iterator[tuple[str, str]]:
     """Missing variables and folders, small limits: works with the same bytes, or says so and works afterwards."""
     import resource  # noqa: PLC0415
 
-    place.fresh()
-    place.run()
-    wanted = place.digest()
+    wanted = place.undisturbed()
     cases: dict[str, dict[str, object]] = {
         "no HOME": {"environment": {"HOME": None, "XDG_CACHE_HOME": None}},
         "HOME that is not there": {"environment": {"HOME": "/nonexistent", "XDG_CACHE_HOME": None}},
@@ -172,7 +173,10 @@ def surroundings_trials(place: Workplace) -> Iterator[tuple[str, str]]:
         "LANG=C": {"environment": {"LANG": "C", "LC_ALL": "C", "PYTHONUTF8": "0"}},
         "256 open files": {"before": _limited(resource.RLIMIT_NOFILE, 256)},
         "4 GB of address space": {"before": _limited(resource.RLIMIT_AS, 4 * 2**30)},
-        "not root": {"wrapper": ("setpriv", "--reuid=65534", "--regid=65534", "--clear-groups")},
+        "not root": {
+            "wrapper": ("setpriv", "--reuid=65534", "--regid=65534", "--clear-groups"),
+            "environment": {"HOME": str(place.folder)},
+        },
     }
     for name, options in cases.items():
         place.fresh()
