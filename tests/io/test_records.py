@@ -7,7 +7,7 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
 from towval.io import records
-from towval.io.mcap_file import read_mcap, read_provenance
+from towval.io.mcap_file import read_mcap, read_provenance, write_mcap
 from towval.model import (
     Calibration,
     Camera,
@@ -222,3 +222,22 @@ def test_provenance_is_kept(tmp_path, simulated):
     assert read_provenance(tmp_path / "simulate.mcap") == {"versions": '{"towval": "1"}'}
     with pytest.raises(InputError, match="missing"):
         read_provenance(tmp_path / "track.mcap")
+
+
+READERS = {
+    "camera": records.read_calibration,
+    "track": records.read_tracks,
+    "decimate": records.read_decimated,
+    "simulate": records.read_simulated,
+    "uncertainty": records.read_uncertainty,
+    "compare": records.read_comparison,
+}
+
+
+@pytest.mark.parametrize("details", [{}, {"rover": 1}, {"rover": {}}, {"rover": {"time_ns": ["x"], "noise": None}}])
+@pytest.mark.parametrize("name", READERS)
+def test_a_whole_file_of_nonsense_is_one_message(tmp_path, name, details):
+    path = tmp_path / f"{name}.mcap"
+    write_mcap(path, [], details, PROVENANCE)
+    with pytest.raises(InputError):
+        READERS[name](path)

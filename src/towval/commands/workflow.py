@@ -7,7 +7,7 @@ import shlex
 import shutil
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -57,7 +57,7 @@ def run(
         With Snakemake's code when a stage fails.
     """
     given = load_campaign(campaign)
-    config = {"campaign": str(campaign), "results": str(results)} | nested(keys or {})
+    config = {"campaign": _as_path(campaign), "results": _as_path(results)} | nested(keys or {})
     check(config, packaged_schema("config.schema.yaml"), "the settings")
     snakefile = str(resources.files("towval").joinpath("workflow", "Snakefile"))
     line = [sys.executable, "-m", "snakemake", "--snakefile", snakefile, "--cores", str(cores or os.cpu_count() or 1)]
@@ -68,7 +68,7 @@ def run(
         *(f"{key}={_text(value)}" for key, value in config.items()),
     ]
     with subprocess.Popen(line, stderr=subprocess.PIPE, text=True, encoding="utf-8", errors="replace") as workflow:
-        for shown in filter(lambda text: not _NOISE.match(text), workflow.stderr or ()):
+        for shown in filter(lambda text: not _NOISE.match(text), _system_errors_told(workflow.stderr or ())):
             print(shown, end="", file=sys.stderr, flush=True)
     if workflow.returncode:
         raise SystemExit(workflow.returncode)
@@ -91,6 +91,36 @@ def run_demo(folder: Path, results: Path = Path("results"), cores: int | None = 
             shutil.copytree(source, folder, dirs_exist_ok=True)
         print(f"The sample campaign: {folder.resolve()}")
     run(folder, results, cores)
+
+
+def _as_path(path: Path) -> str:
+    """A path that Snakemake takes for a text, also where it is named 1 or [x]."""
+    return str(path) if path.is_absolute() else os.path.join(".", path)
+
+
+def _system_errors_told(lines: Iterable[str]) -> Iterator[str]:
+    """The lines, but one message for each traceback of Snakemake's own over what the system refuses it."""
+    held: list[str] = []
+    for line in lines:
+        if held or line.startswith("Traceback (most recent call last)"):
+            held.append(line)
+            if not _SAID.match(line):
+                continue
+            if _REFUSED.match(line):
+                said = _REFUSED.sub("", line).strip()
+                held = [f"towval: the system refuses Snakemake something: {said}\n  what to do: {_REMEDY}\n"]
+            yield from held
+            held = []
+        else:
+            yield line
+    yield from held
+
+
+_SAID = re.compile(r"[\w.]+(Error|Exception|Interrupt|Exit)\b")
+_REFUSED = re.compile(
+    r"(OSError|PermissionError|FileNotFoundError|NotADirectoryError|FileExistsError|BlockingIOError): "
+)
+_REMEDY = "make room, or choose folders that can be written (also HOME and TMPDIR); what is finished stays"
 
 
 def _text(value: Any) -> str:

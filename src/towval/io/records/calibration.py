@@ -4,7 +4,16 @@ from pathlib import Path
 
 from towval.io import ros
 from towval.io.mcap_file import Message, read_mcap, write_mcap
-from towval.io.records.details import arrays, choices_in, choices_out, details_with, findings_in, findings_out, plain
+from towval.io.records.details import (
+    arrays,
+    choices_in,
+    choices_out,
+    details_with,
+    findings_in,
+    findings_out,
+    plain,
+    result_reader,
+)
 from towval.model import Calibration, Camera, Floor, View
 from towval.model.conventions import CAMERA_FRAME, FLOOR_FRAME
 
@@ -34,6 +43,7 @@ def write_calibration(path: Path, calibration: Calibration, provenance: dict[str
     write_mcap(path, messages, details, provenance)
 
 
+@result_reader
 def read_calibration(path: Path) -> Calibration:
     """Read ``camera.mcap``.
 

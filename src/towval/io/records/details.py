@@ -1,8 +1,10 @@
 """What fits no ROS message, as plain JSON values and back: the attachment ``details.json`` of a file."""
 
 import dataclasses
+import functools
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
@@ -10,6 +12,26 @@ from towval.io import ros
 from towval.io.mcap_file import McapContent
 from towval.model import Array, Bounds, Choice, Comparison, Explanation, Finding, Severity, VisibleFault
 from towval.model.errors import InputError
+
+Reader = TypeVar("Reader", bound=Callable[..., Any])
+
+
+def result_reader(read: Reader) -> Reader:
+    """Decorator of a reader of a file: content that is whole but not what its kind of file holds is an `InputError`."""
+
+    @functools.wraps(read)
+    def reading(path: Path, *args: Any, **options: Any) -> Any:
+        try:
+            return read(path, *args, **options)
+        except (ArithmeticError, AttributeError, LookupError, StopIteration, TypeError, ValueError) as error:
+            raise InputError(
+                f"{path} contradicts itself",
+                got=f"{type(error).__name__}: {error}"[:300],
+                allowed="a file that this version of towval made",
+                remedy="run the stage that makes it again",
+            ) from None
+
+    return cast(Reader, reading)
 
 
 def json_value(value: Any) -> Any:

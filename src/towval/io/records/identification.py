@@ -7,7 +7,7 @@ import pandas as pd
 
 from towval.io import ros
 from towval.io.mcap_file import Message, read_mcap, write_mcap
-from towval.io.records.details import details_with, findings_in, findings_out, planar_poses
+from towval.io.records.details import details_with, findings_in, findings_out, planar_poses, result_reader
 from towval.model import Identification, Prediction
 from towval.model.conventions import FLOOR_FRAME
 
@@ -41,6 +41,7 @@ def write_identification(path: Path, identified: Identification, provenance: dic
     write_mcap(path, messages, details, provenance)
 
 
+@result_reader
 def read_identification(path: Path) -> Identification:
     """Read ``identify.mcap``.
 

@@ -20,6 +20,7 @@ from towval.io.records.details import (
     json_value,
     planar_poses,
     planar_twists,
+    result_reader,
     statement_in,
     statement_out,
 )
@@ -52,6 +53,7 @@ def write_simulated(path: Path, simulated: SimulatedMotion, provenance: dict[str
     write_mcap(path, messages, details, provenance)
 
 
+@result_reader
 def read_simulated(path: Path) -> SimulatedMotion:
     """Read ``simulate.mcap``.
 
@@ -123,6 +125,7 @@ def _draws(content: McapContent, details: dict[str, Any]) -> Draws | None:
     )
 
 
+@result_reader
 def read_uncertainty(path: Path, *, draws: bool = True) -> RunUncertainty:
     """Read ``uncertainty.mcap``, with its draws or without.
 
@@ -181,6 +184,7 @@ def error_messages(comparison: Comparison) -> list[Message]:
     return messages
 
 
+@result_reader
 def read_comparison(path: Path) -> Comparison:
     """Read ``compare.mcap``.
 

@@ -8,7 +8,15 @@ import numpy as np
 
 from towval.io import ros
 from towval.io.mcap_file import McapContent, Message, read_mcap, write_mcap
-from towval.io.records.details import choices_in, choices_out, findings_in, findings_out, planar_poses, planar_twists
+from towval.io.records.details import (
+    choices_in,
+    choices_out,
+    findings_in,
+    findings_out,
+    planar_poses,
+    planar_twists,
+    result_reader,
+)
 from towval.model import DecimatedTrack, Features, Track, TrackStatus
 from towval.model.conventions import FLOOR_FRAME
 from towval.model.errors import InputError
@@ -70,6 +78,7 @@ def _frame_messages(tracks: dict[str, Track]) -> Iterator[Message]:
         yield Message("/diagnostics", ros.nanoseconds(t), ros.diagnostics(t, entries))
 
 
+@result_reader
 def read_tracks(path: Path, *, features: bool = True) -> dict[str, Track]:
     """Read ``track.mcap``: the track of each body by name, on request without its features, which take most time.
 
@@ -78,14 +87,7 @@ def read_tracks(path: Path, *, features: bool = True) -> dict[str, Track]:
     content = read_mcap(path, without=("/tf",) if features else ("/tf", "/features"))
     if not content.details or not content.values("/diagnostics"):
         raise InputError(f"{path} holds no tracks", allowed="a file that the stage track made")
-    try:
-        return {name: _track(name, content, details) for name, details in content.details.items()}
-    except (KeyError, StopIteration) as error:
-        raise InputError(
-            f"{path} contradicts itself",
-            got=f"{type(error).__name__}: {error}",
-            remedy="delete it and run the stage track again",
-        ) from None
+    return {name: _track(name, content, details) for name, details in content.details.items()}
 
 
 def _track(name: str, content: McapContent, details: dict[str, Any]) -> Track:
@@ -150,6 +152,7 @@ def write_decimated(path: Path, decimated: dict[str, DecimatedTrack], provenance
     write_mcap(path, messages, details, provenance)
 
 
+@result_reader
 def read_decimated(path: Path) -> dict[str, DecimatedTrack]:
     """Read ``decimate.mcap``: the thinned track of each body by name.
 

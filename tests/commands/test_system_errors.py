@@ -1,0 +1,33 @@
+"""What the system refuses Snakemake is one message of ``towval run``; a fault of a program stays a traceback."""
+
+from pathlib import Path
+
+import pytest
+
+from towval.commands.workflow import _as_path, _system_errors_told
+
+FRAMES = ["Traceback (most recent call last):\n", "\n", '  File "cli.py", line 1, in main\n', "    os.makedirs(path)\n"]
+
+
+@pytest.mark.parametrize(
+    "last", ["OSError: [Errno 28] No space left on device\n", "PermissionError: [Errno 13] Permission denied: '/x'\n"]
+)
+def test_a_refusal_is_one_message(last):
+    told = list(_system_errors_told(["before\n", *FRAMES, last, "after\n"]))
+    assert told[0] == "before\n"
+    assert told[-1] == "after\n"
+    assert len(told) == 3
+    assert last.split("] ")[1].strip() in told[1]
+    assert "Traceback" not in told[1]
+
+
+@pytest.mark.parametrize("last", ["ZeroDivisionError: division by zero\n", ""])
+def test_a_fault_of_a_program_stays_whole(last):
+    lines = [*FRAMES, *([last] if last else [])]
+    assert list(_system_errors_told(lines)) == lines
+
+
+@pytest.mark.parametrize("name", ["1", "True", "[x]", "-dash", "lab", "a/b"])
+def test_a_path_is_no_number(name):
+    assert _as_path(Path(name)) == f"./{name}"
+    assert _as_path(Path("/") / name) == f"/{name}"
