@@ -32,6 +32,7 @@ from towval.planning.plan import close_loop, hinge_of_poses, tow
 from towval.planning.planner import PlanOutcome
 from towval.planning.scene import resting_patch
 
+SAMPLE = Path(__file__).parents[2] / "data_samples" / "lab_small"
 STEP_S = 0.2
 
 
@@ -205,7 +206,7 @@ def test_an_unknown_curve_is_refused_with_those_that_are_known(tmp_path):
 
 
 def test_the_command_line_plans_for_the_object_of_a_campaign(tmp_path, capsys):
-    scene, lab = str(WORKFLOW / "plan.yaml"), str(WORKFLOW.parent / "data_samples" / "lab_small")
+    scene, lab = str(WORKFLOW / "plan.yaml"), str(SAMPLE)
     plan, table, towed = (str(tmp_path / name) for name in ("plan.mcap", "plan.csv", "towed.mcap"))
     main(["plan", scene, "--path", "circle", "--campaign", lab, "-o", plan, "--csv", table])
     assert "plan: arrived" in capsys.readouterr().out
@@ -229,7 +230,7 @@ def test_the_command_line_plans_for_the_object_of_a_campaign(tmp_path, capsys):
 )
 def test_what_planning_leaves_out_is_refused_by_its_key(tmp_path, capsys, section, key, value):
     lab = tmp_path / "lab"
-    shutil.copytree(WORKFLOW.parent / "data_samples" / "lab_small", lab)
+    shutil.copytree(SAMPLE, lab)
     document = yaml.safe_load((lab / "campaign.yaml").read_text())
     document[section][key] = value
     (lab / "campaign.yaml").write_text(yaml.safe_dump(document))

@@ -69,11 +69,11 @@ def _tabulated(law: FrictionLaw) -> Array:
     starts: Array = (binade * (1 + np.arange(parts) / parts)).ravel()
     widths: Array = (binade * np.full(parts, 1 / parts)).ravel()
     integrals, to_points = _integrals(law, slope, starts, widths)
-    coefficients = _local_polynomials(law, starts, widths, integrals[:-1, None, :] + to_points)
+    coefficients = _local_polynomials(law, starts, widths, integrals[:, :-1, None] + to_points)
     _check_smoothness(law, starts + widths, coefficients[..., 0].sum(axis=1))
     highest = 2.0 ** binades[1]
     powers = np.arange(2, 5)
-    constants = integrals[-1] - plateau * highest**powers / powers - viscous * highest ** (powers + 1) / (powers + 1)
+    constants = integrals[:, -1] - plateau * highest**powers / powers - viscous * highest ** (powers + 1) / (powers + 1)
     first_part = np.float64(starts[0]).view(np.int64) >> _SHIFT
     head = [starts[0], highest, slope, viscous, first_part, plateau, *constants]
     return np.concatenate([head, coefficients.ravel()])
@@ -92,23 +92,24 @@ def _check_smoothness(law: FrictionLaw, speed: Array, tabulated: Array) -> None:
 
 
 def _integrals(law: FrictionLaw, slope: float, starts: Array, widths: Array) -> tuple[Array, Array]:
-    """H_1, H_2, H_3 at the starts of the parts and at the end of the last (parts + 1, 3), and what each part adds up to
-    its points (parts, degree + 1, 3)."""
+    """H_1, H_2, H_3 at the starts of the parts and at the end of the last (3, parts + 1), and what each part adds up to
+    its points (3, parts, degree + 1)."""
     speed = starts[:, None] + widths[:, None] * (_GAUSS + 1) / 2
-    half = widths[:, None] / 2
-    integrand = np.stack([law.coefficient(speed) * half * speed**n for n in (1, 2, 3)], axis=-1)
+    first = law.coefficient(speed) * speed * (widths[:, None] / 2)
+    integrand = np.stack([first, first * speed, first * speed * speed])
     powers = np.arange(3, 6)
-    first = slope * starts[0] ** powers / powers
-    whole = np.cumsum(np.einsum("pgn,g->pn", integrand, _GAUSS_WEIGHTS), axis=0)
-    return np.vstack([first, first + whole]), np.einsum("pgn,gk->pkn", integrand, _TO_POINTS)
+    below = slope * starts[0] ** powers / powers
+    whole = np.concatenate([below[:, None], integrand @ _GAUSS_WEIGHTS], axis=1)
+    return np.cumsum(whole, axis=1), integrand @ _TO_POINTS
 
 
 def _local_polynomials(law: FrictionLaw, starts: Array, widths: Array, integrals: Array) -> Array:
     """Monomial coefficients of μ, m_1, m_2, m_3 in each part's variable −1 … 1 (parts, degree + 1, 4)."""
     speed = starts[:, None] + widths[:, None] * (_INTERPOLATION + 1) / 2
-    means = integrals / speed[..., None] ** np.arange(2, 5)
-    values = np.concatenate([law.coefficient(speed)[..., None], means], axis=-1)
-    coefficients: Array = _TO_POWERS @ values
+    square = speed * speed
+    means = integrals / np.stack([square, square * speed, square * square])
+    values = np.concatenate([law.coefficient(speed)[None], means])
+    coefficients: Array = np.moveaxis(values @ _TO_POWERS.T, 0, -1)
     return coefficients
 
 

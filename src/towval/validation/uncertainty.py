@@ -326,6 +326,7 @@ class _Sampler:
             self.noise_std, self.knot_std = WIDER * self.noise_std, WIDER * self.knot_std
         # Only what varies is drawn: each further column costs digits of the shares of all.
         self.drawn = [name for name in INPUTS if self.roots[name].any()] or ["camera"]
+        self.stated = {name: INPUTS[name].values(case.scene) for name in self.drawn}
         self.widths = {INPUTS[name].label: len(INPUTS[name].components) for name in self.drawn}
         self.names = dict(zip(self.drawn, self.widths.values(), strict=True))
         self.own = np.repeat([INPUTS[name].shared == "run" for name in self.drawn], list(self.widths.values()))
@@ -352,7 +353,7 @@ class _Sampler:
         real = self.nominal
         parts = np.split(draw, np.cumsum(list(self.widths.values()))[:-1])
         for row, part in zip(map(INPUTS.__getitem__, self.drawn), parts, strict=True):
-            real = row.acts(real, row.values(self.case.scene) + self.roots[row.name] @ part)
+            real = row.acts(real, self.stated[row.name] + self.roots[row.name] @ part)
         return real
 
     def _knot_noise(self, rng: np.random.Generator) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import NamedTuple
 
@@ -64,15 +65,19 @@ def tow_problem(
         tether.full_load / tether.stiffness if tether.stiffening > 0 else 1.0,
         hold[1],
     ]
-    static = hold[0] if hold[0] > 0 else 1.0
     return TowProblem(
         soles=soles(towed.patch, towed.centre_of_mass, sliding.across_over_along, sliding.radius_over_planar),
         regions=regions_of(ground),
         sliding=friction_table(sliding.law),
-        holding=friction_table(Coulomb(static, _HOLD_RISE)),
+        holding=_holding_table(hold[0] if hold[0] > 0 else 1.0),
         numbers=np.array(numbers, dtype=np.float64),
         drive=drive,
     )
+
+
+@functools.lru_cache(maxsize=32)
+def _holding_table(static: float) -> Array:
+    return friction_table(Coulomb(static, _HOLD_RISE))
 
 
 def as_sliding(law: FrictionLaw | Sliding) -> Sliding:
