@@ -4,6 +4,7 @@ import dataclasses
 import itertools
 import json
 
+import cv2
 import numpy as np
 import pytest
 import yaml
@@ -57,6 +58,24 @@ def test_without_clicks_the_start_is_found(campaign, camera, lab_small, tmp_path
         true = np.array([truth[f"{body}_x_m"], truth[f"{body}_y_m"]]).T[60:140:10]
         # 2 px: half the resolution of lab_a, and one run's registration.
         assert np.linalg.norm(found.pose[:, :2] - true, axis=1).max() < 0.009
+
+
+def test_a_banner_over_the_object_is_not_tracked(campaign, camera, lab_small, tmp_path):
+    def marked(luma):
+        luma = luma.copy()
+        cv2.rectangle(luma, (100, 445), (142, 462), 30, -1)
+        cv2.putText(luma, "CAM 1", (101, 458), cv2.FONT_HERSHEY_SIMPLEX, 0.4, 250, 1)
+        return luma
+
+    frames = itertools.islice(Video(lab_small / "a.mp4"), 0, 200, 5)
+    write_video(tmp_path / "banner.mp4", ((t, marked(luma)) for t, luma in frames), crf="16")
+    track(campaign(lambda d: None, tmp_path / "banner.mp4"), "a", camera, tmp_path / "track.mcap")
+    found = read_tracks(tmp_path / "track.mcap")["object"]
+    assert "covered_at_start" in {finding.code for finding in found.findings}
+    truth = np.genfromtxt(lab_small / "a_truth.csv", delimiter=",", names=True)
+    true = np.array([truth["object_x_m"], truth["object_y_m"]]).T[0:200:5]
+    assert found.seen.mean() > 0.9
+    assert np.linalg.norm(found.pose[:, :2] - true, axis=1)[found.seen].max() < 0.009
 
 
 def test_a_start_that_is_not_certain_is_drawn_and_asked_for(campaign, camera, lab_small, tmp_path):

@@ -382,14 +382,28 @@ def test_a_pose_is_surprising_beyond_three_pixels_and_what_acceleration_explains
     assert follower._surprising(after_s, there) == surprising
 
 
-def test_a_lost_body_is_searched_in_each_frame_at_first_then_five_times_a_second(follower):
-    times = []
+@pytest.mark.parametrize("rate_hz", [25, 30, 60])
+def test_a_lost_body_is_searched_at_once_and_in_each_way_twice_a_second(follower, rate_hz):
+    features, appearance = [], []
     follower.tracker.answer = lambda start: None
-    follower.relocaliser.find = lambda _: times.append(now)
-    for now in np.arange(1, 60) / 30:
+    follower.relocaliser.find = lambda _: features.append(now)
+    follower.lookalikes.candidates = lambda _: appearance.append(now) or []
+    for now in np.arange(1, 4 * rate_hz) / rate_hz:
         follower.follow(float(now), None)
-    assert times[1] - times[0] < 0.05
-    assert 0.19 < times[-1] - times[-2] < 0.25
+    assert features[0] == appearance[0] == 1 / rate_hz
+    for times in (features, appearance):
+        # Seldom enough that a lost frame costs ten tracked ones at most, often enough for half a second.
+        assert np.diff(times).max() < 0.5
+        assert np.diff(times)[1:].min() > 0.4
+
+
+def test_what_the_tracker_does_not_find_is_no_rival(follower):
+    here = follower.motion.pose
+    rival = compose(here, np.array([0.5 * BOX.reach_m, 0, np.pi]))
+    follower.lookalikes.rivals = lambda *_: [rival]
+    assert not follower._unmistakable(4.0, None, here)
+    follower.tracker.answer = lambda start: start if np.allclose(start, here) else None
+    assert follower._unmistakable(4.0, None, here)
 
 
 @pytest.mark.parametrize(("apart_px", "confirmed"), [(1.5, True), (3.0, False)])

@@ -17,12 +17,16 @@ from towval.io.images import write_picture
 from towval.io.provenance import provenance, read_sections
 from towval.io.records import read_calibration, write_tracks
 from towval.io.video import Video
-from towval.model import Calibration
+from towval.model import Body, Calibration
 from towval.model.errors import InputError
 from towval.model.findings import finding
+from towval.model.geometry import polygon_area
 from towval.selection.simulation import SELECTED
 from towval.selection.tracking import PROBE_FRAMES, PROBE_STRIDE, neighbour_of_tracking, track_selecting
 from towval.tracking.markers import clicks_from_tags
+from towval.tracking.outline import pose_from_clicks
+from towval.tracking.overlay import standing_still
+from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.start import Clicked, Start, Tow, check_clicks, find_starts, overstretched, starts_drawn
 from towval.tracking.track import TrackSettings, track
 from towval.validation.decimate import DecimateSettings
@@ -53,7 +57,8 @@ def run(
     calibration = read_calibration(camera)
     starts = _starts(given, entry, video, calibration, output.with_name("start.png"))
     clicks = {name: start.corners_px for name, start in starts.items()}
-    scene = (calibration, given.bodies, clicks)
+    bodies = [_uncovered(body, starts, video, calibration) for body in given.bodies]
+    scene = (calibration, bodies, clicks)
     with progress(f"track {name}", video.header.frames) as done:
         # The paper's method has no sample points to select.
         if "samples" in auto and settings.method == "plane":
@@ -121,6 +126,19 @@ def _starts(given: Campaign, entry: Run, video: Video, calibration: Calibration,
             raise _ask_for_clicks(name, entry, found[name], drawn)
         starts[name] = Clicked(found[name].corners_px, np.zeros((3, 3)), (finding("start_found", name=name),))
     return starts
+
+
+def _uncovered(body: Body, starts: dict[str, Clicked], video: Video, calibration: Calibration) -> Body:
+    """A body without the parts of its top over which something stands still in the first frame; with a finding."""
+    target, start = PlanarTarget(body, calibration.camera, calibration.floor), starts[body.name]
+    pose, _, _ = pose_from_clicks(target, start.corners_px)
+    outlines = standing_still(next(iter(video))[1], video.late_picture(), target, pose)
+    if not outlines:
+        return body
+    share = sum(abs(polygon_area(outline)) for outline in outlines) / abs(polygon_area(body.top_corners_m))
+    covered = finding("covered_at_start", name=body.name, percent=100 * share)
+    starts[body.name] = replace(start, findings=(*start.findings, covered))
+    return replace(body, obstructions=(*body.obstructions, *outlines))
 
 
 def _ask_for_clicks(name: str, entry: Run, start: Start, drawn: Path) -> InputError:

@@ -3,6 +3,7 @@
 import itertools
 import os
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -116,6 +117,22 @@ class Video:
             self._damage("the file ends early")
         elif self.decoded_frames == 0:
             raise InputError(f"{self.path.name} holds no frame that decodes", remedy="copy the file again")
+
+    def late_picture(self) -> Luma:
+        """A picture far from the first (height, width): the last keyframe, or where that is the first, the last one."""
+        with self._open() as container:
+            stream = container.streams.video[0]
+            late: Luma | None = None
+            with suppress(av.error.FFmpegError):
+                if np.isfinite(self.header.end_s) and stream.time_base:
+                    container.seek(int(self.header.end_s / stream.time_base), stream=stream)
+                for frame in container.decode(stream):
+                    late = upright(luma_plane(frame), frame.rotation)
+                    if (frame.pts or 0) > (stream.start_time or 0) and frame.key_frame:
+                        break
+        if late is None:
+            raise InputError(f"{self.path.name} holds no frame that decodes", remedy="copy the file again")
+        return np.ascontiguousarray(late)
 
     def _reached_the_end(self) -> bool:
         """Whether the last frame is where the header says the video ends: AVI counts repeated pictures as frames."""

@@ -229,6 +229,11 @@ register(  # track
         "tracked_plane_height_m.",
     ),
     FindingType(
+        "covered_at_start", "track", WARNING, NONE,
+        "Over {percent:.0f} % of the top of {name} something stands still in the first picture (a banner, a stamp): "
+        "that part was not tracked. Film without overlays.",
+    ),
+    FindingType(
         "start_found", "track", NOTE, NONE,
         "{name} was not clicked: its start was found from its outline, what moves, and the tether. Check the overlay.",
     ),

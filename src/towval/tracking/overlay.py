@@ -1,0 +1,67 @@
+"""What stands still over a body in the first picture, a banner or a time stamp, is none of it."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from towval.model import Array
+from towval.model.geometry import inverse_transform
+from towval.tracking.planar_target import PlanarTarget
+from towval.tracking.template import Luma
+
+Floats = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class OverlayConstants:
+    """Tuned constants of what stands still."""
+
+    window_px: int = 9  # [px] Of a comparison: a letter of a time stamp.
+    least_contrast: float = 6.0  # [grey levels] Deviation in a window: twice a camera's noise.
+    same: float = 0.9  # Correlation of two pictures of the same thing,
+    other: float = 0.5  # and at most of two pictures of different ones.
+    gap_px: int = 15  # [px] Between letters: closed, so that digits that count are left out with the others.
+    least_share: float = 0.02  # Of the top: less does not lead a tracker astray.
+    least_changed: float = 0.2  # Of the top's texture: else the body never left its place.
+
+
+CONSTANTS = OverlayConstants()
+
+
+def standing_still(first: Luma, last: Luma, target: PlanarTarget, pose: Array) -> list[Array]:
+    """Outlines (n, 2) in the body frame [m] of what is in the same place of the first and the last picture.
+
+    ``pose`` (3,) is the body's in the first picture. Empty where the body itself is in its place in the last picture.
+    """
+    corners = np.round(target.pixels(target.body.top_corners_m, pose)).astype(np.int32)
+    pad = CONSTANTS.window_px
+    low = np.maximum(corners.min(axis=0) - pad, 0)
+    high = np.minimum(corners.max(axis=0) + pad + 1, [first.shape[1], first.shape[0]])
+    box = slice(low[1], high[1]), slice(low[0], high[0])
+    top = np.zeros(first[box].shape, np.uint8)
+    cv2.fillPoly(top, [corners - low.astype(np.int32)], 1)
+    likeness, textured = _likeness(first[box].astype(np.float32), last[box].astype(np.float32))
+    textured &= top > 0
+    if (textured & (likeness < CONSTANTS.other)).sum() < CONSTANTS.least_changed * textured.sum():
+        return []
+    still = (textured & (likeness > CONSTANTS.same)).astype(np.uint8)
+    still = np.asarray(cv2.morphologyEx(still, cv2.MORPH_CLOSE, np.ones((CONSTANTS.gap_px,) * 2, np.uint8)))
+    outlines, _ = cv2.findContours(still, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+    large = [each for each in outlines if cv2.contourArea(each) > CONSTANTS.least_share * top.sum()]
+    hulls = [cv2.convexHull(each).reshape(-1, 2) + low for each in large]
+    return [inverse_transform(pose, target.floor_xy(hull.astype(np.float64))) for hull in hulls]
+
+
+def _likeness(one: Floats, other: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+    """Correlation of two pictures in a window around each pixel, and where the first one shows something."""
+
+    def mean(values: Floats) -> Floats:
+        return np.asarray(cv2.blur(values, (CONSTANTS.window_px,) * 2), dtype=np.float32)
+
+    middle, beside = mean(one), mean(other)
+    spread = np.sqrt(np.maximum(mean(one * one) - middle**2, 1e-3))
+    beyond = np.sqrt(np.maximum(mean(other * other) - beside**2, 1e-3))
+    likeness = (mean(one * other) - middle * beside) / (spread * beyond)
+    return np.asarray(likeness, dtype=np.float32), spread > CONSTANTS.least_contrast
