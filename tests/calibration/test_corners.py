@@ -5,8 +5,10 @@ import numpy as np
 import pytest
 
 from board_pictures import chessboard_pattern, pattern_to_image, picture, true_corners
+from towval.calibration.adequacy import blur_findings
 from towval.calibration.board_search import find_boards, fitting_corner_counts
 from towval.calibration.corners import facing_camera, observe_charuco, observe_chessboard, refine
+from towval.calibration.observations import CalibrationObservations
 from towval.model import Board
 from towval.model.errors import InputError
 
@@ -122,3 +124,15 @@ def test_pictures_without_the_board_are_named(two_pictures):
     observations, unseen = find_boards([*two_pictures, ("empty", blank)], CHESSBOARD, 2)
     assert [s.name for s in observations] == ["a", "b"]
     assert unseen == {"empty": "no whole board found"}
+
+
+@pytest.mark.parametrize(("blur", "flagged"), [(0.8, False), (2.5, True), ("moved", True)])
+def test_a_blurred_board_is_flagged(blur, flagged):
+    pattern = chessboard_pattern(9, 6, 40)
+    quad = np.array([[100.0, 60.0], [520.0, 110.0], [480.0, 420.0], [70.0, 350.0]])
+    image = picture(pattern, pattern_to_image(pattern, quad), (640, 480))
+    kernel = np.full((1, 9), 1 / 9)
+    image = cv2.filter2D(image, -1, kernel) if blur == "moved" else cv2.GaussianBlur(image, (0, 0), blur)
+    observation = observe_chessboard("a.png", image, Board("chessboard", (9, 6), 0.04), thorough=False)
+    found = blur_findings(CalibrationObservations((640, 480), (observation,)))
+    assert [finding.code for finding in found] == (["views-blurred"] if flagged else [])

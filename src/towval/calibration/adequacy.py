@@ -26,6 +26,7 @@ class AdequacyConstants:
     enough_views: int = 6  # Held boards.
     focal_std_share: float = 0.006  # Deviation over focal length that is warned about: 24 mm of camera height at 4 m.
     useless_focal_std_share: float = 0.02  # The same, refused.
+    blurred_px: float = 4.5  # [px] Width of an edge: sharp pictures of five sets have 1.6 to 3.4, moved by 9 px 5 to 8.
 
 
 CONSTANTS = AdequacyConstants()
@@ -154,6 +155,15 @@ def halves_findings(comparisons: Sequence[HalvesComparison]) -> list[Finding]:
         finding("halves-disagree", found_mm=1e3 * p.found_m, height_m=p.height_m, expected_mm=1e3 * p.expected_m)
         for p in apart
     ]
+
+
+def blur_findings(observed: CalibrationObservations) -> list[Finding]:
+    """A warning about blurred pictures of the board."""
+    width = {each.name: each.edge_px for each in observed.observations if each.edge_px > CONSTANTS.blurred_px}
+    if not width:
+        return []
+    worst = max(width, key=lambda name: width[name])
+    return [finding("views-blurred", names=", ".join(width), worst=worst, edge_px=width[worst])]
 
 
 def floor_findings(

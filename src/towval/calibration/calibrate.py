@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from towval.calibration.adequacy import (
+    blur_findings,
     compare_halves,
     floor_findings,
     halves_findings,
@@ -324,6 +325,7 @@ def _judged(
         "focal_length_std_px": float(np.sqrt(calibration.covariance[0, 0])),
     }
     findings = [*_dropped_findings(calibration), *view_findings(statistics), *_lens_findings(trials, chosen)]
+    findings += blur_findings(kept)
     if kept.reference is not None:
         halves = compare_halves(kept, chosen, heights_m)
         findings += halves_findings(halves)

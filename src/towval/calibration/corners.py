@@ -34,13 +34,15 @@ class BoardObservation:
 
     Board coordinates are right-handed on the printed side: from x to y is counter-clockwise for the camera. ``pattern``
     (n, 2) are the corners from the board's middle, over half its longer side, which lies along x; by default those of
-    the smallest rectangle about ``board_m``.
+    the smallest rectangle about ``board_m``. ``edge_px`` is how wide the edges of the squares are in the picture, from
+    10 to 90 % of their contrast, of those along the board or across it, the wider; NaN where it is not known.
     """
 
     name: str
     corners_px: Array
     board_m: Array
     pattern: Array | None = None
+    edge_px: float = np.nan
 
     @property
     def on_board(self) -> Array:
@@ -65,7 +67,12 @@ def observe_chessboard(name: str, image: NDArray[np.uint8], board: Board, *, tho
     refined = refine(image, grid.reshape(-1, 2), spacing.ravel())
     row, column = np.mgrid[0:rows, 0:columns]
     on_board = board.square_m * np.column_stack([column.ravel(), row.ravel()])
-    return BoardObservation(name, refined, facing_camera(on_board, refined))
+    points = refined.astype(np.float32).reshape(-1, 1, 2)
+    size = columns, rows
+    both = [cv2.estimateChessboardSharpness(image, size, points, 0.8, vertical) for vertical in (False, True)]
+    edge_px = max(float(np.ravel(found[0])[0]) for found in both)
+    edge_px = edge_px if edge_px < spacing.min() else np.nan  # Squares too small to tell: OpenCV returns 9999.
+    return BoardObservation(name, refined, facing_camera(on_board, refined), edge_px=edge_px)
 
 
 def observe_charuco(name: str, image: NDArray[np.uint8], board: Board) -> BoardObservation | None:

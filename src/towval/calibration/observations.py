@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from towval.calibration.bundle_adjustment import DOUBTS, Block, Estimate, Placement, camera_matrix, residuals
-from towval.calibration.corners import BoardObservation
+from towval.calibration.corners import BoardObservation, facing_camera
 from towval.calibration.floor import floor_from_boards, place_on_floor, pose_of_plane
 from towval.model import Array, FloorReference
 from towval.model.errors import InputError
@@ -101,7 +101,7 @@ def placed(observed: CalibrationObservations, estimate: Estimate) -> Estimate:
     free, flat = poses[: len(observed.boards)], poses[len(observed.boards) :]
     if observed.reference is None:
         return replace(estimate, places=tuple(free))
-    estimate = _with_floor(observed, estimate, flat)
+    estimate = with_floor(observed, estimate, flat)
     thickness = observed.reference.board_thickness_m
     places = [np.zeros(0) for _ in observed.blocks[len(observed.boards) :]]
     for i, observation in enumerate(observed.floor_boards):
@@ -110,10 +110,14 @@ def placed(observed: CalibrationObservations, estimate: Estimate) -> Estimate:
     return replace(estimate, places=(*free, *places))
 
 
-def _with_floor(observed: CalibrationObservations, estimate: Estimate, flat: Sequence[Array]) -> Estimate:
+def with_floor(observed: CalibrationObservations, estimate: Estimate, flat: Sequence[Array]) -> Estimate:
+    """A first guess of the floor, from marks or from the poses (6,) of boards that lie ``flat`` on it.
+
+    Raises `InputError` where neither tells, and for marks that are on one line or in left-handed coordinates.
+    """
     reference, shared = observed.floor_reference, estimate.shared.copy()
     if observed.marks >= 4:
-        _check_spread(reference.marks_m)
+        _check_marks(reference)
         marks = lifted(reference.marks_m, 0.0)
         shared[12:] = pose_of_plane(marks, reference.marks_px, estimate.matrix, estimate.distortion)[0]
         return replace(estimate, shared=shared)
@@ -128,13 +132,21 @@ def _with_floor(observed: CalibrationObservations, estimate: Estimate, flat: Seq
     return _turned_to_marks(reference, estimate) if observed.marks else estimate
 
 
-def _check_spread(marks_m: Array) -> None:
+def _check_marks(reference: FloorReference) -> None:
+    marks_m = reference.marks_m
     spread = np.linalg.svd(marks_m - marks_m.mean(axis=0), compute_uv=False)
     if spread[1] < 0.05 * spread[0]:
         raise InputError(
             "the surveyed marks are all on one line",
             got=marks_m.tolist(),
             allowed="marks to both sides of any line, best towards the four corners of the picture",
+        )
+    if not np.array_equal(facing_camera(marks_m, reference.marks_px), marks_m):
+        raise InputError(
+            "the surveyed marks are in left-handed coordinates, or the picture is mirrored",
+            got="x to y is clockwise as the camera sees the floor",
+            allowed="z up: seen from above, y is a quarter turn counter-clockwise from x",
+            remedy="swap the two coordinates of every at_m, or change the sign of one; do not mirror the picture",
         )
 
 

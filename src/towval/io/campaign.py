@@ -139,10 +139,10 @@ def read_campaign(folder: Path, document: Any) -> tuple[Campaign | None, Faults]
         found = [reduce(lambda keys, key: keys.get(key, {}), key.split("."), document) for key in keys]
         return faults.attempt(function, *found, *arguments)
 
-    read["calibration_images"] = part("camera.calibration_images", _images, folder, "camera.calibration_images")
-    read["board"] = part("camera.board", _board)
-    read["floor_images"] = part("floor", _floor_images, folder)
-    read["floor_reference"] = part("floor", _floor_reference)
+    read["calibration_images"] = part("camera.calibration_images", pictures_of, folder, "camera.calibration_images")
+    read["board"] = part("camera.board", board_of)
+    read["floor_images"] = part("floor", floor_pictures_of, folder)
+    read["floor_reference"] = part("floor", floor_reference_of)
     scene = part("floor rover object tether friction", lambda *_: towing_scene(document))
     corners = {body: part(body, _corners, body) for body in ("rover", "object")}
     names = [*document["runs"]] if isinstance(document, dict) and isinstance(document.get("runs"), dict) else []
@@ -214,7 +214,8 @@ def _default(stated: StatedDeviation) -> str:
     return f"{stated.default_text}, or {left_out.std_text} where {left_out.key} is left out"
 
 
-def _board(keys: dict[str, Any]) -> Board:
+def board_of(keys: dict[str, Any]) -> Board:
+    """The board that section camera.board describes."""
     if keys["type"] == "charuco" and not {"marker_m", "dictionary"} <= keys.keys():
         raise InputError(
             "campaign.yaml: camera.board of type charuco needs more keys",
@@ -232,7 +233,8 @@ def _board(keys: dict[str, Any]) -> Board:
     )
 
 
-def _floor_reference(floor: dict[str, Any]) -> FloorReference:
+def floor_reference_of(floor: dict[str, Any]) -> FloorReference:
+    """What section floor fixes the floor frame by."""
     board_keys = [key for key in ("image", "origin_corner_px", "x_axis_end_corner_px") if key in floor]
     marks = floor.get("surveyed_marks", [])
     if len(board_keys) not in (0, 3) or not (board_keys or marks):
@@ -252,7 +254,7 @@ def _floor_reference(floor: dict[str, Any]) -> FloorReference:
     )
 
 
-def _images(pattern: str, folder: Path, key: str) -> tuple[Path, ...]:
+def pictures_of(pattern: str, folder: Path, key: str) -> tuple[Path, ...]:
     """Pictures of a name or pattern in the campaign folder, or elsewhere where the pattern says so."""
     # Anywhere but in the campaign's own folder ** may walk through whole disks.
     if "**" in pattern and (Path(pattern).is_absolute() or ".." in Path(pattern).parts):
@@ -297,9 +299,10 @@ def _plain(path: Path, key: str) -> Path:
     return path
 
 
-def _floor_images(floor: dict[str, Any], folder: Path) -> tuple[Path, ...]:
+def floor_pictures_of(floor: dict[str, Any], folder: Path) -> tuple[Path, ...]:
+    """Pictures of the board on the floor, that of the frame first."""
     first = (_file(folder, floor["image"], "floor.image"),) if "image" in floor else ()
-    more = _images(floor["more_images"], folder, "floor.more_images") if "more_images" in floor else ()
+    more = pictures_of(floor["more_images"], folder, "floor.more_images") if "more_images" in floor else ()
     return (*first, *(path for path in more if path not in first))
 
 

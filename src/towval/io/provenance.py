@@ -106,7 +106,7 @@ def read_sections(
     ``simulating``: whether the stage track simulates the run, to choose how many points it follows.
     """
     if stage == "calibrate":
-        heights = [document[body]["tracked_plane_height_m"] for body in ("rover", "object")]
+        heights = [document[body]["tracked_plane_height_m"] for body in ("rover", "object") if body in document]
         return {**{name: document[name] for name in ("camera", "floor")}, "heights": heights}
     if stage != "track":
         return {name: part for name, part in document.items() if name != "runs"}

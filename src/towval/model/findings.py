@@ -185,6 +185,17 @@ register(  # calibrate
         "pictures as the camera films, without mirroring.",
     ),
     FindingType(
+        "views-blurred", "calibrate", WARNING, NONE,
+        "Blurred pictures of the board: {names} (edges up to {edge_px:.0f} px wide in {worst}; sharp: 2 to 3 px). "
+        "Hold the board still and in focus, in more light.",
+    ),
+    FindingType(
+        "marks-alone", "calibrate", WARNING, NONE,
+        "Calibrated from {count} surveyed marks alone: places on the floor are good to {left_out_mm:.2f} mm (each mark "
+        "predicted from the others), but marks on one plane tell the focal length only to {focal_percent:.0f} %, and "
+        "places above the floor accordingly. For bodies of any height film a board, too.",
+    ),
+    FindingType(
         "mark-misfit", "calibrate", WARNING, _CAMERA,
         "The surveyed mark at {at_m} m is {distance_px:.1f} px from where the others put it (stated deviation of a "
         "mark: {stated_px:.1f} px). Check its pixel and its coordinates.",

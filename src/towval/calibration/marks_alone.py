@@ -1,0 +1,122 @@
+"""Camera and floor from surveyed marks on the floor, without any board.
+
+Marks on one plane tell where the plane is and how the lens bends it, but hardly the focal length: the covariance says
+so, and positions above the floor are as uncertain as that makes them.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.stats import chi2
+
+from towval.calibration.bundle_adjustment import Block, Estimate, Placement, adjust, marginal_covariance, residuals
+from towval.calibration.lens import LensTrial, active_parameters, choose_lens
+from towval.calibration.observations import CalibrationObservations, lifted, with_floor
+from towval.model import Array, Calibration, Camera, Floor, FloorReference, View
+from towval.model.errors import InputError
+from towval.model.findings import finding
+from towval.optics.plane_uncertainty import camera_position_covariance, uncertainty_map
+from towval.optics.projection import to_plane
+
+_SPARE = 2
+"""Numbers that the marks give beyond the unknowns, at least: with fewer nothing checks the fit."""
+
+
+def calibrate_marks(
+    resolution_px: tuple[int, int], reference: FloorReference, models: Sequence[str], *, heights_m: Sequence[float] = ()
+) -> Calibration:
+    """Calibrate from surveyed marks alone; of the lens models that which predicts left-out marks is taken.
+
+    Parameters
+    ----------
+    resolution_px : (int, int)
+        Size of the picture.
+    reference : FloorReference
+        Pixels and places of the marks, with the deviation of a pixel; the residuals' where that is clearly larger.
+    models : sequence of str
+        Lens models to choose from, smallest first.
+    heights_m : sequence of float, optional
+        Planes for which the uncertainty of positions is stated besides the floor [m].
+
+    Raises
+    ------
+    InputError
+        For too few marks, marks on a line, or marks in left-handed coordinates.
+    """
+    width, height = resolution_px
+    start = np.zeros(18)
+    start[:4] = width, width, (width - 1) / 2, (height - 1) / 2
+    observed = CalibrationObservations(resolution_px, (), (), reference)
+    first = with_floor(observed, Estimate(start, (np.zeros(0),), noise_px=1.0), ())
+    trials = [_trial(reference, first, model) for model in models if _enough(reference, model)]
+    if not trials:
+        raise InputError(
+            "too few surveyed marks to calibrate a camera without a board",
+            got=f"{len(reference.marks_px)} marks",
+            allowed="six marks, all over the picture; twenty are good",
+            remedy="survey more marks, or film a board (camera.calibration_images and camera.board)",
+        )
+    chosen = choose_lens(trials)
+    active, estimate = active_parameters(chosen.model, with_floor=True), chosen.estimate
+    squares, freedom = float(np.sum(_residual(reference, estimate) ** 2)), 2 * len(reference.marks_px) - len(active)
+    worse = squares > reference.mark_std_px**2 * chi2.ppf(0.999, freedom)
+    std_px = np.sqrt(squares / freedom) if worse else reference.mark_std_px
+    covariance, _ = marginal_covariance([_block(reference, std_px)], estimate, active)
+    camera = Camera(resolution_px, estimate.matrix, estimate.distortion, chosen.model)
+    calibration = Calibration(camera, Floor(estimate.T_camera_floor), covariance, std_px)
+    return _reported(calibration, reference, chosen, (0.0, *heights_m))
+
+
+def _enough(reference: FloorReference, model: str) -> bool:
+    return 2 * len(reference.marks_px) >= len(active_parameters(model, with_floor=True)) + _SPARE
+
+
+def _block(reference: FloorReference, std_px: float, kept: slice | Array = np.s_[:]) -> Block:
+    return Block(lifted(reference.marks_m[kept], 0.0), reference.marks_px[kept], Placement.FIXED, std_px)
+
+
+def _residual(reference: FloorReference, estimate: Estimate) -> Array:
+    return residuals([_block(reference, 1.0)], estimate)[0]
+
+
+def _trial(reference: FloorReference, start: Estimate, model: str) -> LensTrial:
+    """A fit of a lens model, and how it predicts each mark from the others."""
+    active, marks = active_parameters(model, with_floor=True), np.arange(len(reference.marks_px))
+    estimate = adjust([_block(reference, reference.mark_std_px)], start, active)
+    left_out = []
+    for mark in marks:
+        others = adjust([_block(reference, reference.mark_std_px, marks != mark)], estimate, active)
+        left_out.append(np.sqrt(np.mean(_residual(reference, others)[mark] ** 2)))
+    condition = marginal_covariance([_block(reference, reference.mark_std_px)], estimate, active)[1]
+    return LensTrial(model, np.array(left_out), estimate, condition)
+
+
+def _reported(
+    calibration: Calibration, reference: FloorReference, chosen: LensTrial, heights_m: Sequence[float]
+) -> Calibration:
+    residual = _residual(reference, chosen.estimate)
+    off = to_plane(calibration.camera, calibration.floor, reference.marks_px, 0.0) - reference.marks_m
+    metres_per_px = float(np.sqrt(np.mean(off**2) / np.mean(residual**2)))
+    focal_std = float(np.sqrt(calibration.covariance[0, 0]))
+    left_out_m = metres_per_px * np.sqrt(2 * chosen.score_px2)
+    quality = {
+        "marks_rms_px": float(np.sqrt(np.mean(residual**2))),
+        "held_out_rms_px": float(np.sqrt(chosen.score_px2)),
+        "held_out_rms_mm": 1e3 * left_out_m,
+        "condition_number": chosen.condition,
+        "focal_length_std_px": focal_std,
+        "camera_height_m": float(calibration.floor.camera_position_m[2]),
+        "camera_height_std_m": float(np.sqrt(camera_position_covariance(calibration)[2, 2])),
+    }
+    quality |= {f"position_std_mm at {z:.3f} m": 1e3 * uncertainty_map(calibration, z).rms_m for z in heights_m}
+    percent = 100 * focal_std / calibration.camera.matrix[0, 0]
+    numbers = {"count": len(residual), "left_out_mm": 1e3 * left_out_m, "focal_percent": percent}
+    return Calibration(
+        camera=calibration.camera,
+        floor=calibration.floor,
+        covariance=calibration.covariance,
+        corner_noise_px=calibration.corner_noise_px,
+        views=(View("surveyed marks", reference.marks_px, reference.marks_m, residual, np.nan, on_floor=True),),
+        findings=(finding("marks-alone", **numbers),),
+        quality=quality,
+    )

@@ -1,0 +1,59 @@
+"""A campaign that is a camera and a floor so far: what ``towval calibrate`` needs, without bodies and runs."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from towval.io.campaign import board_of, campaign_schema, floor_pictures_of, floor_reference_of, pictures_of
+from towval.io.schema import check
+from towval.model import Board, FloorReference
+from towval.model.errors import InputError
+
+
+@dataclass(frozen=True)
+class CameraSetup:
+    """Pictures and floor reference of a camera; without a ``board`` there are surveyed marks alone."""
+
+    resolution_px: tuple[int, int]
+    calibration_images: tuple[Path, ...]
+    board: Board | None
+    floor_images: tuple[Path, ...]
+    floor_reference: FloorReference
+
+
+def is_camera_alone(document: Any) -> bool:
+    """Whether campaign.yaml, as read, has no section but camera and floor."""
+    return isinstance(document, Mapping) and bool(document) and set(document) <= {"camera", "floor"}
+
+
+def camera_setup(folder: Path, document: Mapping[str, Any]) -> CameraSetup:
+    """Camera and floor of a document, read from the campaign.yaml of a folder.
+
+    Raises
+    ------
+    InputError
+        For a key that is unknown, missing or out of range, pictures without a board or the reverse, and where there
+        are neither.
+    """
+    schema = campaign_schema()
+    schema["required"] = ["camera", "floor"]
+    schema["properties"]["camera"]["required"] = ["resolution_px"]
+    check(document, schema, "campaign.yaml")
+    camera, floor = document["camera"], document["floor"]
+    boards = [key for key in ("calibration_images", "board") if key in camera]
+    if len(boards) == 1 or not (boards or floor.get("surveyed_marks")):
+        raise InputError(
+            "campaign.yaml: nothing to calibrate the camera from",
+            got=f"camera.{boards[0]} alone" if boards else "neither a board nor surveyed marks",
+            allowed="camera.calibration_images with camera.board, or floor.surveyed_marks",
+        )
+    return CameraSetup(
+        resolution_px=tuple(camera["resolution_px"]),
+        calibration_images=pictures_of(camera["calibration_images"], folder, "camera.calibration_images")
+        if boards
+        else (),
+        board=board_of(camera["board"]) if boards else None,
+        floor_images=floor_pictures_of(floor, folder) if boards else (),
+        floor_reference=floor_reference_of(floor),
+    )
