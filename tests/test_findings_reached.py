@@ -42,8 +42,8 @@ def test_a_plain_floor_does_not_show_a_motion_of_the_camera():
     grey = np.full((270, 480), 128, np.uint8)
     motion = CameraMotion(camera, floor, grey, [BODY], [np.zeros(3)])
     for time_s in range(4):
-        motion.check(2.0 * time_s, grey)
-    assert [found.code for found in motion.findings()] == ["camera_not_watched"]
+        motion.register(2.0 * time_s, grey, [np.zeros(3)])
+    assert [found.code for found in motion.findings(motion.estimate())] == ["camera_not_watched"]
 
 
 def test_a_lens_whose_coefficients_cancel_is_reported():

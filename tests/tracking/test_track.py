@@ -215,6 +215,9 @@ def test_a_camera_that_moved_is_noticed():
     assert "camera_moved" not in codes(steady["rover"])
     assert "camera_moved" in codes(kicked["rover"])
     assert "camera_moved" in codes(kicked["object"])
+    for name, found in kicked.items():
+        gap = np.linalg.norm((found.pose - steady[name].pose)[:, :2], axis=1)
+        assert gap.max() < 0.5e-3, "a pixel is 5 mm wide"
 
 
 def test_klt_stays_the_papers_method_and_does_not_drift():

@@ -12,11 +12,10 @@ from studies.worlds.scenes import ceiling, rectangle
 from towval.model import Body, TrackStatus
 from towval.model.errors import InputError
 from towval.model.geometry import compose, transform
-from towval.tracking import blur, camera_motion, follow, outline
+from towval.tracking import blur, follow, outline
 from towval.tracking import noise as noise_module
-from towval.tracking.alignment import Alignment, align
+from towval.tracking.alignment import align
 from towval.tracking.blur import Shutter
-from towval.tracking.camera_motion import CameraMotion
 from towval.tracking.follow import Follower
 from towval.tracking.klt import KltTracker
 from towval.tracking.light import light_misfit
@@ -468,71 +467,6 @@ def test_a_rest_is_within_a_tenth_of_a_pixel(follower, monkeypatch, shift_px, he
         follower.follow(0.1 * k, None)
     follower.outline_fits = []
     assert (np.ptp(follower.track("scripted").pose[2:, 0]) < 1e-9) == held
-
-
-# Camera motion
-
-
-def floor_picture(shift_px=0.0):
-    own = PlanarTarget(Body("floor", 0.0, rectangle(9.0, 9.0)), BOX.camera, FLOOR)
-    return picture(own, np.array([shift_px * own.metres_per_pixel(np.zeros(3)), 0, 0]), texture(3, finest_m=0.12))
-
-
-@pytest.fixture(scope="module")
-def floor_seen():
-    return floor_picture()
-
-
-def watch(luma):
-    return CameraMotion(BOX.camera, FLOOR, luma, [BOX.body], [POSE])
-
-
-@pytest.mark.parametrize(("shift_px", "moved"), [(0.2, False), (0.45, True)])
-def test_a_shift_of_the_floor_by_a_third_of_a_pixel_is_reported(floor_seen, shift_px, moved):
-    camera = watch(floor_seen)
-    camera.check(1.0, floor_picture(shift_px))
-    assert bool(camera.moved) == moved
-
-
-def test_the_floor_is_checked_twice_a_second_on_some_hundred_points_off_bodies_and_border(floor_seen):
-    camera = watch(floor_seen)
-    for time_s in np.arange(20) / 10:
-        camera.check(float(time_s), floor_seen)
-    assert 4 <= camera.checked <= 5
-    assert 350 < len(camera.template.points) < 900
-    own = np.abs(
-        (camera.template.points - POSE[:2]) @ np.array([[np.cos(0.3), -np.sin(0.3)], [np.sin(0.3), np.cos(0.3)]])
-    )
-    scale = np.max(own / [0.6, 0.45], axis=1)
-    assert not (scale < 1.2).any()
-    assert (scale < 1.6).any()
-    pixels = camera.target.pixels(camera.target.body.top_corners_m, np.zeros(3))
-    assert 8 < pixels[:, 0].min() < 20
-
-
-@pytest.mark.parametrize(
-    ("std_px", "shift_px", "inliers", "known", "moved"),
-    [
-        (0.1, 0.5, 1.0, 1, False),
-        (0.1, 0.7, 1.0, 1, True),
-        (0.12, 0.0, 1.0, 1, False),
-        (0.2, 0.0, 1.0, 0, False),
-        (0.01, 0.0, 0.4, 1, False),
-        (0.01, 0.0, 0.3, 0, False),
-    ],
-)
-def test_an_uncertain_alignment_of_the_floor_is_inconclusive(
-    floor_seen, monkeypatch, std_px, shift_px, inliers, known, moved
-):
-    camera = watch(floor_seen)
-    unit = camera.template.pixel_m
-    found = Alignment(
-        np.array([shift_px * unit, 0, 0]), (std_px * unit) ** 2 * np.eye(3), None, None, 1.0, 1.0, inliers, True
-    )
-    monkeypatch.setattr(camera_motion, "align", lambda *_: found)
-    camera.check(1.0, floor_seen)
-    assert camera.known == known
-    assert bool(camera.moved) == moved
 
 
 # Noise and rest

@@ -13,26 +13,31 @@ from towval.commands.console import print_findings, progress
 from towval.commands.settings import settings_from, without_auto
 from towval.io.campaign import Campaign, Run, load_campaign
 from towval.io.chain import check_together
-from towval.io.images import write_picture
+from towval.io.images import GrayPictures, write_picture
 from towval.io.provenance import provenance, read_sections
 from towval.io.records import read_calibration, write_tracks
 from towval.io.video import Video
-from towval.model import Body, Calibration
+from towval.model import Array, Body, Calibration, Finding
 from towval.model.errors import InputError
 from towval.model.findings import finding
 from towval.model.geometry import polygon_area
 from towval.selection.simulation import SELECTED
 from towval.selection.tracking import PROBE_FRAMES, PROBE_STRIDE, neighbour_of_tracking, track_selecting
+from towval.tracking.camera_motion import calibration_at_start
 from towval.tracking.markers import clicks_from_tags
 from towval.tracking.outline import pose_from_clicks
 from towval.tracking.overlay import standing_still
 from towval.tracking.planar_target import PlanarTarget
+from towval.tracking.stamps import rate_findings
 from towval.tracking.start import Clicked, Start, Tow, check_clicks, find_starts, overstretched, starts_drawn
+from towval.tracking.total_covariance import with_readout, with_wider_start
 from towval.tracking.track import TrackSettings, track
 from towval.validation.decimate import DecimateSettings
 from towval.validation.simulate import SimulateSettings
 
 _MOST_PICTURES = 16  # for the background
+_READOUT_STD_S = {False: 0.01, True: 0.0005}  # by whether it is stated: phones read a picture in 5 to 30 ms
+_MOST_FLOORS = 8  # pictures of the floor, to see whether the camera moved since
 
 
 def run(
@@ -55,6 +60,8 @@ def run(
     check_together({"camera.mcap": camera}, given.document)
     video = open_video(given, entry)
     calibration = read_calibration(camera)
+    floors = GrayPictures(given.floor_images[:_MOST_FLOORS], given.resolution_px)
+    calibration, since = calibration_at_start(calibration, next(iter(video))[1], floors)
     starts = _starts(given, entry, video, calibration, output.with_name("start.png"))
     clicks = {name: start.corners_px for name, start in starts.items()}
     bodies = [_uncovered(body, starts, video, calibration) for body in given.bodies]
@@ -78,15 +85,17 @@ def run(
             few = list(itertools.islice(again, 0, PROBE_FRAMES * PROBE_STRIDE, PROBE_STRIDE))
             choices = neighbour_of_tracking(few, *scene, settings)
             tracks = {body: replace(found, choices=(choices[body],)) for body, found in tracks.items()}
-    added = (*overstretched(tracks["rover"], tracks["object"], Tow.of(given.scene)), *video.findings)
-    for body, start in starts.items():
-        found = tracks[body]
+    tow = overstretched(tracks["rover"], tracks["object"], Tow.of(given.scene))
+    added = (*tow, *since, *_rate_findings(given, video, tracks["rover"].time_s), *video.findings)
+    for body in given.bodies:
+        start, found = starts[body.name], tracks[body.name]
         findings = (*start.findings, *found.findings, *(one for one in added if one not in start.findings))
-        tracks[body] = replace(found, start_covariance=found.start_covariance + start.spread, findings=findings)
+        found = with_readout(with_wider_start(found, start.spread), calibration, body, *_readout(given))
+        tracks[body.name] = replace(found, findings=findings)
     for tracked in tracks.values():
         print_findings(tracked.findings, f"track {name}")
     sections = read_sections("track", given.document, name, simulating="samples" in auto)
-    inputs = given.files([entry.video]) | {"camera.mcap": camera}
+    inputs = given.files([entry.video, *given.floor_images[:_MOST_FLOORS]]) | {"camera.mcap": camera}
     made_of = provenance("track", settings, inputs, run=name, document=sections, constants=True)
     write_tracks(output, tracks, made_of)
 
@@ -105,6 +114,17 @@ def open_video(given: Campaign, entry: Run) -> Video:
             remedy="calibrate with pictures of the size of the video",
         )
     return video
+
+
+def _rate_findings(given: Campaign, video: Video, time_s: Array) -> tuple[Finding, ...]:
+    step_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else float("nan")
+    return rate_findings(step_s, given.document["camera"].get("fps"), video.header.length_s, video.header.sound_s)
+
+
+def _readout(given: Campaign) -> tuple[float, float]:
+    """Time from the first row to the last, and its deviation [s]."""
+    camera = given.document["camera"]
+    return camera.get("readout_s", 0.0), camera.get("readout_std_s", _READOUT_STD_S["readout_s" in camera])
 
 
 def _starts(given: Campaign, entry: Run, video: Video, calibration: Calibration, drawn: Path) -> dict[str, Clicked]:

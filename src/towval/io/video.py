@@ -33,7 +33,8 @@ class VideoHeader:
 
     ``resolution_px`` (width, height) as stored, before ``rotation``; ``frames`` the number of frames the header
     claims, None where it does not say (MPEG-TS); ``end_s`` when the video ends [s] and ``rate_hz`` the average frame
-    rate, NaN where unknown; ``codec`` and ``pixel_format`` by FFmpeg's names.
+    rate, ``length_s`` of the pictures and ``sound_s`` of the sound [s], NaN where unknown; ``codec`` and
+    ``pixel_format`` by FFmpeg's names.
     """
 
     resolution_px: tuple[int, int]
@@ -42,6 +43,8 @@ class VideoHeader:
     rate_hz: float
     codec: str
     pixel_format: str
+    length_s: float = float("nan")
+    sound_s: float = float("nan")
 
 
 class Video:
@@ -71,7 +74,7 @@ class Video:
         self.last_time_s = float("nan")
         self.findings: tuple[Finding, ...] = ()
         with self._open() as container:
-            self.header = _header(container.streams.video[0])
+            self.header = _header(container)
 
     def _open(self) -> av.container.InputContainer:
         if not is_plain_file(self.path):
@@ -187,7 +190,9 @@ class Video:
         self.findings = (*self.findings, finding("video_damaged", name=self.path.name, reason=reason, good=good))
 
 
-def _header(stream: av.VideoStream) -> VideoHeader:
+def _header(container: av.container.InputContainer) -> VideoHeader:
+    stream = container.streams.video[0]
+    sound = next(iter(container.streams.audio), None)
     context, base, nan = stream.codec_context, Fraction(stream.time_base or 0), float("nan")
     return VideoHeader(
         resolution_px=(context.width, context.height),
@@ -196,6 +201,8 @@ def _header(stream: av.VideoStream) -> VideoHeader:
         rate_hz=float(stream.average_rate) if stream.average_rate else nan,
         codec=context.name,
         pixel_format=context.pix_fmt or "",
+        length_s=float(stream.duration * base) if stream.duration else nan,
+        sound_s=float(sound.duration * (sound.time_base or 0)) if sound is not None and sound.duration else nan,
     )
 
 

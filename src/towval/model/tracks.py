@@ -86,7 +86,9 @@ class Track:
     agree; ``residual`` (n,) root mean square misfit, in pixels for KLT and in grey levels for plane alignment.
 
     ``start_covariance`` (3, 3) is that of the body frame's registration in the first frame: one unknown shift and
-    turn, in the body frame, common to all poses. ``choices``: what was chosen, and what the next would have changed.
+    turn, in the body frame, common to all poses. ``total_covariance`` (n, 3, 3), where known, is that of each pose from
+    all sources, most of them common to the poses of a run. ``choices``: what was chosen, and what the next would have
+    changed.
     """
 
     body: str
@@ -101,10 +103,14 @@ class Track:
     findings: tuple[Finding, ...] = ()
     method: str = ""
     choices: tuple[Choice, ...] = ()
+    total_covariance: Array | None = None
 
     def __post_init__(self) -> None:
         n = len(self.time_s)
         lock(self, time_s=(n,), start_covariance=(3, 3))
+        if self.total_covariance is not None:
+            total = locked(self.total_covariance, "Track.total_covariance", (n, 3, 3), finite=False)
+            object.__setattr__(self, "total_covariance", total)
         for name, shape in (("pose", (n, 3)), ("covariance", (n, 3, 3)), ("inlier_fraction", (n,)), ("residual", (n,))):
             object.__setattr__(self, name, locked(getattr(self, name), f"Track.{name}", shape, finite=False))
         status = np.array(self.status, dtype=np.uint8)

@@ -69,7 +69,7 @@ class Alignment:
 
 
 @compiled()
-def _scale(residual: Array) -> float:
+def residual_scale(residual: Array) -> float:
     """Deviation of the better part of the residuals, from a histogram; zero where all are outside."""
     bins = np.zeros(_BINS, dtype=np.int64)
     inside = 0
@@ -87,7 +87,7 @@ def _scale(residual: Array) -> float:
 
 
 @compiled(fastmath=RELAXED)
-def _reweigh(residual: Array, precision: Array, scale: float, weight: Array) -> None:
+def reweigh(residual: Array, precision: Array, scale: float, weight: Array) -> None:
     """Tukey's weights of the residuals times the known precision of each point."""
     for i in range(residual.shape[0]):
         q2 = residual[i] * residual[i] * precision[i] / (TUKEY * scale) ** 2
@@ -156,7 +156,7 @@ def _solve(information: Array, scores: Array) -> tuple[float, float, float]:
 
 
 @compiled()
-def _correlation(
+def correlation_of_tiles(
     values: Array, template: Array, tile: Tiles, tiles: int, least_of_tile: int, visible_tiles: float
 ) -> float:
     """Correlation of picture and template: a quantile over the tiles, so that the hidden ones do not count."""
@@ -219,8 +219,8 @@ def _align_kernel(
                     weight[i] = precision[i] if values[i] >= 0 else 0.0
                 light = fit_light(values, t, own_tile, tiles, weight, (scale / gain_spread) ** 2, least_gain, most_gain)
             misfits(values, t, own_tile, light, residual)
-            scale = min(max(_scale(residual), least_scale), most_scale)
-            _reweigh(residual, precision[:n], scale, weight)
+            scale = min(max(residual_scale(residual), least_scale), most_scale)
+            reweigh(residual, precision[:n], scale, weight)
             ridge = (scale / gain_spread) ** 2
             light = fit_light(values, t, own_tile, tiles, weight, ridge, least_gain, most_gain)
             misfits(values, t, own_tile, light, residual)
@@ -234,7 +234,7 @@ def _align_kernel(
             converged = abs(step[0]) + abs(step[1]) + reach * abs(step[2]) < tolerance
             if converged:
                 break
-    correlation = _correlation(values, t, own_tile, tiles, least_of_tile, visible_tiles)
+    correlation = correlation_of_tiles(values, t, own_tile, tiles, least_of_tile, visible_tiles)
     return pose, information, scores, residual, weight, scale, light, correlation, converged
 
 

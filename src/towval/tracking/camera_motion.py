@@ -1,39 +1,90 @@
-"""Whether the camera itself moved: the floor's texture must stay where it was."""
+"""The camera's own motion through a video: registered in every picture, smoothed as far as it is noise, taken off."""
 
+from array import array
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
-from towval.model import Array, Body, Camera, Finding, Floor
+from towval.model import Array, Body, Calibration, Camera, Finding, Floor
 from towval.model.findings import finding
 from towval.model.geometry import transform
-from towval.optics.projection import to_plane
-from towval.tracking.alignment import align
-from towval.tracking.planar_target import PlanarTarget
-from towval.tracking.template import Luma, make_template
+from towval.optics.moved_view import VIEW_MOTION, moved_view, parameters_by_motion, pose_sensitivity, view_before
+from towval.tracking.floor_registration import FloorRegistration
+from towval.tracking.template import Luma
 
 
 @dataclass(frozen=True)
 class CameraMotionConstants:
-    """Tuned constants of the check on the camera's motion."""
+    """Tuned constants of the camera's motion."""
 
-    every_s: float = 0.5  # [s] Between checks: a move is dated to half a second.
-    samples: int = 600  # Points of the floor's template.
-    inset: float = 0.04  # Of the picture, left out at its border, where lens models extrapolate.
     hidden_scale: float = 1.3  # Of a body's outline: its sides and shadow hide the floor, too.
-    moved_px: float = 0.3  # [px] Mean shift of the floor that is reported: 1 mm at 3.3 mm a pixel,
-    deviations: float = 6.0  # or so many of its standard deviations, where these are larger.
-    worst_std_px: float = 0.15  # [px] Deviation of the shift beyond which the check is inconclusive.
-    least_inliers: float = 0.35  # Of the points: bodies and people may hide the rest.
-    most_scale: float = 40.0  # [grey levels] Of the residuals of inliers.
+    followed_px: float = 0.25  # [px] From the view that bodies are tracked through, from which on it follows the floor.
+    smoothed_s: float = 0.5  # [s] Mounts creep, floors settle: slower than this.
+    judged_s: float = 2.0  # [s] In which shaking is told from noise.
+    significant: float = 3.0  # Deviations of one picture: less is the template's own noise.
+    corrected_px: float = 0.05  # [px] Of the floor, the largest over the run: less is not corrected.
+    noise_margin: float = 2.0  # Times its variance that noise is taken for: what is left of shaking is that small.
+    jump: float = 8.0  # Robust deviations of the change from picture to picture: a knock, a zoom step.
+    reported_px: float = 0.3  # [px] Mean shift of the floor that is reported.
+    least_known: float = 0.5  # Of the pictures; with fewer registered the floor shows too little.
+    lost_s: float = 0.25  # [s] Longest time without registration; beyond, the camera's place is not known.
+    referred_px: float = 0.1  # [px] Of the floor between its pictures and the video's first: less is not corrected.
+    most_unknown: float = 0.05  # Of the pictures, bridged one by one.
 
 
 CONSTANTS = CameraMotionConstants()
 
+_SIZE = len(VIEW_MOTION)
+_REFERRED = 2  # Rounds: the second one knows where the first picture's points are.
+
+
+@dataclass(frozen=True)
+class ViewMotion:
+    """How the view of ``camera`` and ``floor`` moved against the first picture.
+
+    ``time_s`` (n,); ``motion`` (n, 9) in the order of :data:`towval.optics.moved_view.VIEW_MOTION`, the estimate for
+    each picture, and ``used`` (n, 9) what bodies were tracked through; ``known`` (n,) whether the picture was
+    registered; ``common`` (9, 9) the covariance that all pictures share, ``own`` (n, 9) and ``modes`` (9, 9): that of a
+    picture by itself is ``modes diag(own) modesᵀ``.
+    """
+
+    camera: Camera
+    floor: Floor
+    time_s: Array
+    motion: Array
+    used: Array
+    known: NDArray[np.bool_]
+    common: Array
+    own: Array
+    modes: Array
+
+    @cached_property
+    def _by_motion(self) -> Array:
+        return parameters_by_motion(self.camera, self.floor)
+
+    @property
+    def common_of_parameters(self) -> Array:
+        """:attr:`common` as the covariance (18, 18) of :data:`towval.model.CALIBRATION_PARAMETERS`."""
+        return self._by_motion @ self.common @ self._by_motion.T
+
+    def of_poses(self, body: Body, pose: Array) -> tuple[Array, Array]:
+        """What is left to add to a body's tracked poses (n, 3), and the covariance (n, 3, 3) of that by itself."""
+        shift, covariance = np.zeros_like(pose), np.zeros((len(pose), 3, 3))
+        left = self.motion - self.used
+        rows = np.isfinite(pose[:, 0]) & (left.any(axis=1) | self.own.any(axis=1))
+        if rows.any():
+            by_motion = pose_sensitivity(self.camera, self.floor, body, pose[rows])[0] @ self._by_motion
+            shift[rows] = np.einsum("nap,np->na", by_motion, left[rows])
+            root = by_motion @ self.modes * np.sqrt(self.own[rows])[:, None, :]
+            covariance[rows] = root @ root.transpose(0, 2, 1)
+        return shift, covariance
+
 
 class CameraMotion:
-    """Checks the floor's texture through a video for motion of the camera.
+    """Registers the floor in each picture of a video.
 
     ``luma`` (height, width) is the first picture, in which ``bodies`` at their ``poses`` (3,) hide the floor.
     """
@@ -42,49 +93,166 @@ class CameraMotion:
         hidden = tuple(
             transform(p, CONSTANTS.hidden_scale * b.top_corners_m) for b, p in zip(bodies, poses, strict=True)
         )
-        outline = _visible_floor(camera, floor)
-        self.template = None
-        if outline is not None:
-            self.target = PlanarTarget(Body("floor", 0.0, outline, hidden), camera, floor)
-            self.template = make_template(luma, self.target, np.zeros(3), CONSTANTS.samples)
-        self.next_s = -np.inf
-        self.moved: list[tuple[float, float]] = []
-        self.checked = self.known = 0
+        self.camera, self.floor, self.bodies = camera, floor, tuple(bodies)
+        self.view = camera, floor
+        self.floor_seen = FloorRegistration(camera, floor, luma, hidden)
+        self.raw, self.used = np.zeros(_SIZE), np.zeros(_SIZE)
+        self.numbers, self.information, self.registered = array("d"), np.zeros((_SIZE, _SIZE)), 0
+        self.begun = False
 
-    def check(self, time_s: float, luma: Luma) -> None:
-        """Take in a picture; one in ``every_s`` is checked."""
-        if self.template is None or time_s < self.next_s:
-            return
-        self.next_s = time_s + CONSTANTS.every_s
-        self.checked += 1
-        template = self.template
-        flat = np.ones(len(template.points))
-        found = align(luma, template, flat, np.zeros(3), self.target, CONSTANTS.most_scale)
-        if found is None or not found.converged or found.inlier_fraction < CONSTANTS.least_inliers:
-            return
-        std_px = np.sqrt(np.diag(found.covariance)[:2].max()) / template.pixel_m
-        if std_px > CONSTANTS.worst_std_px:
-            return
-        self.known += 1
-        # The mean over the floor's points: a turn of the picture shifts them, too.
-        shift = np.linalg.norm(transform(found.pose, template.points) - template.points, axis=1).mean()
-        if shift / template.pixel_m > max(CONSTANTS.moved_px, CONSTANTS.deviations * std_px):
-            self.moved.append((time_s, float(shift)))
+    @property
+    def watched(self) -> bool:
+        """Whether the floor shows enough to be registered at all."""
+        return self.floor_seen.template is not None
 
-    def findings(self) -> tuple[Finding, ...]:
-        """Findings, after the last picture."""
-        if self.moved:
-            worst = 1000 * max(shift for _, shift in self.moved)
-            return (finding("camera_moved", shift_mm=worst, time_s=self.moved[0][0]),)
-        if self.known < max(1, self.checked // 2):
+    def register(self, time_s: float, luma: Luma, poses: Sequence[Array]) -> tuple[Camera, Floor]:
+        """The view of the next picture, in which the bodies are near ``poses`` (3,)."""
+        found = None
+        if not self.begun:
+            self.begun = True
+            self.numbers.extend((time_s, *np.zeros(2 * _SIZE), 1.0))
+            return self.view
+        if self.watched:
+            found = self.floor_seen.register(luma, self.raw, self.hidden_discs(poses))
+        if found is not None:
+            self.raw = found.motion
+            self.registered += 1
+            self.information += (found.covariance - self.information) / self.registered
+            if self.floor_seen.shift_px(self.raw - self.used) > CONSTANTS.followed_px:
+                self.used = self.raw
+                self.view = moved_view(self.camera, self.floor, self.used)
+        raw = np.full(_SIZE, np.nan) if found is None else self.raw
+        self.numbers.extend((time_s, *raw, *self.used, float(found is not None)))
+        return self.view
+
+    def hidden_discs(self, poses: Sequence[Array]) -> list[tuple[Array, float]]:
+        """Discs of the floor that bodies hide: where they stand, and behind their tops."""
+        eye = self.floor.camera_position_m
+        discs = []
+        for body, pose in zip(self.bodies, poses, strict=True):
+            radius = CONSTANTS.hidden_scale * float(np.linalg.norm(body.top_corners_m, axis=1).max())
+            behind = eye[:2] + (pose[:2] - eye[:2]) * eye[2] / max(eye[2] - body.tracked_plane_height_m, 0.1 * eye[2])
+            discs += [(pose[:2], radius), (behind, radius)]
+        return discs
+
+    def estimate(self) -> ViewMotion:
+        """The motion over all pictures, after the last."""
+        rows = np.array(self.numbers).reshape(-1, 2 * _SIZE + 2)
+        time_s, raw, used, known = rows[:, 0], rows[:, 1 : _SIZE + 1], rows[:, _SIZE + 1 : -1], rows[:, -1] > 0
+        zero, flat = np.zeros_like(raw), np.zeros((_SIZE, _SIZE))
+        everywhere = np.ones(len(rows), dtype=bool)
+        if self.registered < max(1, CONSTANTS.least_known * (len(rows) - 1)):
+            return ViewMotion(self.camera, self.floor, time_s, zero, zero, everywhere, flat, zero, flat)
+        modes: Array = np.asarray(np.linalg.cholesky(self.information), dtype=np.float64)
+        z: Array = np.asarray(np.linalg.solve(modes, np.where(known[:, None], raw, 0.0).T).T, dtype=np.float64)
+        slow, common, fast, own = _separated(time_s[known], z[known])
+        motion = used.copy()
+        motion[known] = (slow + fast) @ modes.T
+        own_all = zero.copy()
+        own_all[known] = own
+        if max(map(self.floor_seen.shift_px, motion)) < CONSTANTS.corrected_px:
+            motion, own_all = zero, zero
+        common = modes @ np.diag(common) @ modes.T
+        return ViewMotion(self.camera, self.floor, time_s, motion, used, known, common, own_all, modes)
+
+    def findings(self, found: ViewMotion) -> tuple[Finding, ...]:
+        """Findings about an estimate."""
+        time_s = found.time_s
+        if not self.watched or self.registered < max(1, CONSTANTS.least_known * (len(time_s) - 1)):
             return (finding("camera_not_watched"),)
-        return ()
+        findings = []
+        gap_s, at_s = _longest_gap(time_s, found.known)
+        if gap_s > CONSTANTS.lost_s or found.known.mean() < 1 - CONSTANTS.most_unknown:
+            share = 100 * (1 - found.known.mean())
+            findings.append(finding("camera_not_registered", percent=share, gap_s=gap_s, time_s=at_s))
+        shifts = np.array([self.floor_seen.shift_px(motion) for motion in found.motion])
+        if shifts.max(initial=0.0) > CONSTANTS.reported_px:
+            first = float(time_s[np.argmax(shifts > CONSTANTS.reported_px)])
+            std = self.floor_seen.std_px(found.common)
+            findings.append(finding("camera_moved", shift_px=float(shifts.max()), time_s=first, std_px=std))
+        return tuple(findings)
 
 
-def _visible_floor(camera: Camera, floor: Floor) -> Array | None:
-    """Outline (8, 2) of the floor in the picture [m], a little inside its border; None where the horizon is in it."""
-    (left, top), (right, bottom) = np.outer([CONSTANTS.inset, 1 - CONSTANTS.inset], camera.resolution_px)
-    u, v = (left + right) / 2, (top + bottom) / 2
-    border_u, border_v = [left, u, right, right, right, u, left, left], [top, top, top, v, bottom, bottom, bottom, v]
-    outline = to_plane(camera, floor, np.column_stack([border_u, border_v]), 0.0)
-    return outline if np.isfinite(outline).all() else None
+def calibration_at_start(
+    calibration: Calibration, luma: Luma, floor: Sequence[tuple[str, Luma]]
+) -> tuple[Calibration, tuple[Finding, ...]]:
+    """The calibration for a video whose camera may have moved since the pictures of the floor were taken.
+
+    Parameters
+    ----------
+    luma : ndarray (height, width) uint8
+        The video's first picture. Bodies in it, and boards in the others, are few enough not to count.
+    floor : sequence of (str, ndarray (height, width) uint8)
+        Names and pictures of the floor that the calibration rests on.
+
+    Returns
+    -------
+    calibration : Calibration
+        As given where the floor's texture is where it was, else with the view of the first picture.
+    findings : tuple of Finding
+    """
+    pictures, camera, plane = [picture for _, picture in floor], calibration.camera, calibration.floor
+    if not pictures or any(picture.shape != luma.shape for picture in pictures):
+        return calibration, ()
+    for _ in range(_REFERRED):
+        seen = FloorRegistration(camera, plane, luma, ())
+        if seen.template is None:
+            return calibration, ()
+        found = [one for one in (seen.register(picture, np.zeros(_SIZE), []) for picture in pictures) if one]
+        if len(found) < (len(pictures) + 1) // 2:
+            return calibration, (finding("floor_not_recognised", found=len(found), pictures=len(pictures)),)
+        back = np.mean([one.motion for one in found], axis=0)
+        covariance = np.asarray(np.mean([one.covariance for one in found], axis=0), dtype=np.float64)
+        if seen.shift_px(back) < CONSTANTS.referred_px:
+            return calibration, ()
+        # The pictures of the floor are where the calibration holds: the video's first comes before that motion.
+        camera, plane = view_before(calibration.camera, calibration.floor, back)
+    by_motion = parameters_by_motion(camera, plane)
+    widened = calibration.covariance + by_motion @ covariance @ by_motion.T
+    moved = finding("camera_moved_before", shift_px=seen.shift_px(back), std_px=seen.std_px(covariance))
+    return replace(calibration, camera=camera, floor=plane, covariance=widened), (moved,)
+
+
+def _separated(time_s: Array, z: Array) -> tuple[Array, Array, Array, Array]:
+    """Slow and fast part (n, 9) of whitened motions, variances common to all (9,) and of each by itself (n, 9).
+
+    Each part counts from where it exceeds noise: the slow one against the template's, which all pictures
+    share, the fast one against a picture's.
+    """
+    c, n = CONSTANTS, len(z)
+    change = np.diff(z, axis=0, prepend=z[:1])
+    usual = np.maximum(1.4826 * np.median(np.abs(change), axis=0), np.sqrt(2))
+    jumps = np.flatnonzero((np.abs(change) > c.jump * usual).any(axis=1))
+    starts = np.concatenate([[0], jumps, [n]])
+    segment = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
+    first, last = starts[:-1][segment], starts[1:][segment]
+
+    def mean(values: Array, width_s: float) -> tuple[Array, Array]:
+        low = np.maximum(np.searchsorted(time_s, time_s - width_s / 2), first)
+        high = np.minimum(np.searchsorted(time_s, time_s + width_s / 2, side="right"), last)
+        total = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])
+        count = (high - low)[:, None]
+        return np.asarray((total[high] - total[low]) / count), count
+
+    slow, count = mean(z, c.smoothed_s)
+    fast = z - slow
+    shaking = mean(fast**2, c.judged_s)[0] * count / np.maximum(count - 1, 1)
+    of_fast = np.clip(1 - (c.noise_margin / np.maximum(shaking, 1e-9)) ** 2, 0.0, 1.0)
+    power = mean(slow**2, np.inf)[0]
+    of_slow = np.clip(1 - (c.significant**2 / np.maximum(power, 1e-9)) ** 2, 0.0, 1.0)
+    common = of_slow + (1 - of_slow) * np.minimum(power, c.significant**2)
+    own = of_fast**2 + (1 - of_fast) * np.maximum(shaking - 1, 0.0) + of_slow**2 / count
+    return of_slow * slow, common.mean(axis=0), of_fast * fast, own
+
+
+def _longest_gap(time_s: Array, known: NDArray[np.bool_]) -> tuple[float, float]:
+    """Longest time between registered pictures [s], and when it begins [s]; zero where none is missing."""
+    at = time_s[known]
+    if known.all() or len(at) < 2:
+        return 0.0, 0.0
+    gaps = np.diff(np.append(at, time_s[-1]))
+    missing = np.diff(np.append(np.flatnonzero(known), len(known) - 1)) > 1
+    if not missing.any():
+        return 0.0, 0.0
+    worst = int(np.argmax(np.where(missing, gaps, 0.0)))
+    return float(gaps[worst]), float(at[worst])

@@ -12,6 +12,7 @@ from towval.model.errors import InputError
 from towval.model.findings import finding
 from towval.model.geometry import compose, transform
 from towval.tracking.blur import ahead_of_middle
+from towval.tracking.camera_motion import ViewMotion
 from towval.tracking.noise import hold_rest, scatter_factor
 from towval.tracking.outline import OutlineFit, combine_fits, observe_outline, observe_size, pose_from_clicks
 from towval.tracking.planar_target import PlanarTarget
@@ -250,10 +251,17 @@ class Follower:
         path = float(np.hypot(gone[0], gone[1])) + self.pixel_m
         return np.diag(np.square([path, path, gone[2] + self.pixel_m / self.target.reach_m]))
 
-    def track(self, method: str, further_findings: tuple[Finding, ...] = ()) -> Track:
-        """The whole record as a track: registered to the edges of all pictures, noise estimated, rests held."""
+    def track(self, method: str, further_findings: tuple[Finding, ...] = (), view: ViewMotion | None = None) -> Track:
+        """The whole record as a track: registered to the edges of all pictures, noise estimated, rests held.
+
+        ``view``: how the camera moved, where it was watched.
+        """
         fit = self._registration()
         time_s, raw, covariance, status, inliers, residual = self.record.columns()
+        if view is not None:
+            shift, by_view = view.of_poses(self.target.body, raw)
+            raw, covariance = raw + shift, covariance + by_view
+            status[(status == TrackStatus.TRACKED) & ~view.known] = TrackStatus.COASTING
         tracked = status == TrackStatus.TRACKED
         raw = raw - ahead_of_middle(time_s, np.where(tracked[:, None], raw, np.nan), self.tracker.exposure_s)
         covariance = self._honest_covariance(time_s, raw, covariance, tracked)

@@ -17,9 +17,12 @@ from towval.tracking.pose import step_between
 _POINTS_ACROSS = 12
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class PlanarTarget:
-    """The tracked plane of a ``body`` under a calibrated ``camera`` over a ``floor``."""
+    """The tracked plane of a ``body`` under a calibrated ``camera`` over a ``floor``.
+
+    Camera and floor are those of the present picture: where the camera moves they are set anew, for all who hold it.
+    """
 
     body: Body
     camera: Camera

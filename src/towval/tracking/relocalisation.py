@@ -122,7 +122,7 @@ class Lookalikes:
     def __init__(self, target: PlanarTarget, luma: Luma, pose: Array):
         self.cell_m = _cell_m(target, pose, CONSTANTS.coarse_cells_of_body)
         self.factor = max(1, int(self.cell_m / target.metres_per_pixel(pose)))
-        self.target = replace(target, camera=_shrunk_camera(target, self.factor))
+        self.seen, self.target = target, replace(target, camera=_shrunk_camera(target, self.factor))
         reach = target.reach_m * np.ones(2)
         self.own = _grid(-reach, reach, self.cell_m)
         self.pose, self.first = pose, self._shrunk(luma)
@@ -146,21 +146,28 @@ class Lookalikes:
 
     @cached_property
     def _rectified(self) -> tuple[Array, Array]:
+        low, grid = self._places
+        return low, self.target.picture_of(grid)
+
+    @cached_property
+    def _places(self) -> tuple[Array, Array]:
         low, high = visible_part(self.target, CONSTANTS.most_coarse_cells * self.cell_m)
-        return low, self.target.picture_of(_grid(low - self.target.reach_m, high + self.target.reach_m, self.cell_m))
+        return low, _grid(low - self.target.reach_m, high + self.target.reach_m, self.cell_m)
 
     @cached_property
     def has_twin(self) -> bool:
         """Whether the first picture shows something else that looks like the body."""
-        rivals = self.rivals(self._candidates(self.first), self.pose) or []
+        rivals = self.rivals(self._candidates(self.first, *self._rectified), self.pose) or []
         return any(np.linalg.norm(r[:2] - self.pose[:2]) > self.target.reach_m / 2 for r in rivals)
 
     def candidates(self, luma: Luma) -> list[Candidate]:
         """Where in a picture something looks like the body, best first, to a cell and some degrees."""
-        return self._candidates(self._shrunk(luma))
-
-    def _candidates(self, small: Luma) -> list[Candidate]:
         low, pixels = self._rectified
+        if self.seen.floor is not self.target.floor:  # The camera moved.
+            pixels = replace(self.seen, camera=_shrunk_camera(self.seen, self.factor)).picture_of(self._places[1])
+        return self._candidates(self._shrunk(luma), low, pixels)
+
+    def _candidates(self, small: Luma, low: Array, pixels: Array) -> list[Candidate]:
         view = _blurred(_resampled(small, pixels))
         found = [candidate for template in self._templates for candidate in self._best(view, template, low)]
         return sorted(found, key=lambda candidate: -candidate.correlation)

@@ -1,7 +1,7 @@
 """Stage ``track``: from pictures to planar poses of the bodies, with their uncertainty."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -11,14 +11,16 @@ from towval.model import Body, Calibration, Finding, Track
 from towval.model.errors import InputError
 from towval.model.findings import finding
 from towval.model.plugins import Registry
-from towval.tracking.camera_motion import CameraMotion
+from towval.tracking.camera_motion import CameraMotion, ViewMotion
 from towval.tracking.follow import Follower, TrackerMaker
 from towval.tracking.klt import KltTracker
 from towval.tracking.known_lengths import OutlineSizes, length_findings
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.plane_tracker import CONSTANTS as PLANE
 from towval.tracking.plane_tracker import PlaneTracker
+from towval.tracking.stamps import check_stamps
 from towval.tracking.template import Luma
+from towval.tracking.total_covariance import with_total
 
 
 @dataclass(frozen=True)
@@ -104,16 +106,25 @@ def track_beside(
             groups = [_Group(settings, targets, time_s, luma, clicks_px) for settings in several]
             poses = [follower.first_pose for follower in groups[0].followers]
             camera_motion = CameraMotion(calibration.camera, calibration.floor, luma, bodies, poses)
+            camera_motion.register(time_s, luma, poses)
         else:
+            poses = [follower.motion.predict(time_s) for follower in groups[0].followers]
+            view = camera_motion.register(time_s, luma, poses)
+            for target in targets:
+                target.camera, target.floor = view
             for group in groups:
                 group.follow(time_s, luma)
-        camera_motion.check(time_s, luma)
         done += 1
         if progress is not None:
             progress(done)
     if not done:
         raise InputError("the video holds no picture")
-    return [group.tracks(camera_motion.findings(), calibration) for group in groups]
+    view_motion = camera_motion.estimate()
+    seen = [group.tracks(view_motion, camera_motion.findings(view_motion), calibration) for group in groups]
+    by_name, of_view = {body.name: body for body in bodies}, view_motion.common_of_parameters
+    return [
+        {name: with_total(one, calibration, by_name[name], of_view) for name, one in found.items()} for found in seen
+    ]
 
 
 class _Group:
@@ -134,10 +145,14 @@ class _Group:
             others = [other.place for other in self.followers if other is not follower]
             follower.follow(time_s, luma, [outline for outline in others if outline is not None])
 
-    def tracks(self, camera_findings: tuple[Finding, ...], calibration: Calibration) -> dict[str, Track]:
+    def tracks(
+        self, view: ViewMotion, camera_findings: tuple[Finding, ...], calibration: Calibration
+    ) -> dict[str, Track]:
         tops = [OutlineSizes(follower.target, follower.first_pose, follower.sizes) for follower in self.followers]
         findings = (*camera_findings, *_sample_findings(self.settings), *length_findings(calibration, tops))
-        return {one.target.body.name: one.track(self.settings.method, findings) for one in self.followers}
+        tracks = {one.target.body.name: one.track(self.settings.method, findings, view) for one in self.followers}
+        tracks, in_time = check_stamps(tracks)
+        return {name: replace(one, findings=(*one.findings, *in_time)) for name, one in tracks.items()}
 
 
 def _sample_findings(settings: TrackSettings) -> tuple[Finding, ...]:

@@ -28,11 +28,10 @@ from towval.model import (
 )
 from towval.model.errors import InputError, RefusedError, TowvalError
 from towval.model.findings import finding
-from towval.model.geometry import compose, transform, wrapped
+from towval.model.geometry import compose, wrapped
 from towval.model.inputs import INPUTS, Realisation
 from towval.model.statement import Draws
-from towval.optics.plane_uncertainty import position_sensitivity
-from towval.optics.projection import project
+from towval.optics.moved_view import pose_sensitivity
 from towval.validation.consequences import WIDER, widened
 from towval.validation.effects import effect_choices
 from towval.validation.faults import visible_faults
@@ -364,25 +363,7 @@ class _Sampler:
 
 
 def _motions(calibration: Calibration, body: Body, pose: Array) -> _Motions:
-    """Sensitivities of a body's pose: those of the corners of its top, fitted by a rigid motion."""
-    corners = transform(pose[:, None, :], body.top_corners_m)
-    n, k = corners.shape[:2]
-    height = body.tracked_plane_height_m
-    points = np.concatenate([corners, np.full((n, k, 1), height)], axis=-1).reshape(-1, 3)
-    pixels = project(calibration.camera, calibration.floor, points)
-    by_camera, by_height = position_sensitivity(calibration.camera, calibration.floor, pixels, height)
-    moves = np.concatenate([by_camera, by_height[:, :, None]], axis=2).reshape(n, k, 2, -1)
-    # A small rigid motion (dx, dy, dφ) moves a corner at arm a by (dx, dy) + dφ k × a; least squares over the corners,
-    # with the arms taken from their mean, decouples shift and turn.
-    arms = corners - corners.mean(axis=1, keepdims=True)
-    mean_move = moves.mean(axis=1)
-    turn = np.einsum("nk,nkp->np", arms[..., 0], moves[:, :, 1]) - np.einsum("nk,nkp->np", arms[..., 1], moves[:, :, 0])
-    turn /= np.sum(arms**2, axis=(1, 2))[:, None]
-    lever = pose[:, :2] - corners.mean(axis=1)
-    shift_x = mean_move[:, 0] - lever[:, 1, None] * turn
-    shift_y = mean_move[:, 1] + lever[:, 0, None] * turn
-    by_pose = np.stack([shift_x, shift_y, turn], axis=1)
-    return _Motions(pose, by_pose[..., :-1], by_pose[..., -1])
+    return _Motions(pose, *pose_sensitivity(calibration.camera, calibration.floor, body, pose))
 
 
 def _roots(case: Case) -> dict[str, Array]:

@@ -24,6 +24,12 @@ from towval.model.errors import InputError
 _LEVELS = {TrackStatus.TRACKED: 0, TrackStatus.COASTING: 1, TrackStatus.LOST: 2}
 """Level of a DiagnosticStatus (OK, WARN, ERROR) of a pose's status."""
 
+_CORRELATION = (
+    "the covariance on pose_frame is independent from picture to picture; what pose has beyond it (registration, "
+    "calibration, height, motion of the camera, readout) is one unknown shared by all pictures of the run"
+)
+"""How the covariances of a track's poses go together in time."""
+
 _STATUS = {level: status for status, level in _LEVELS.items()}
 
 
@@ -35,6 +41,8 @@ def write_tracks(path: Path, tracks: dict[str, Track], provenance: dict[str, str
         name: {
             "method": track.method,
             "start_covariance": track.start_covariance.tolist(),
+            "correlation": _CORRELATION,
+            "has_total": track.total_covariance is not None,
             "findings": findings_out(track.findings),
             "choices": choices_out(track.choices),
             "time_ns": [ros.nanoseconds(t) for t in track.time_s],
@@ -48,8 +56,10 @@ def track_messages(name: str, track: Track) -> Iterator[Message]:
     """Poses and features of a body, on the topics of its name."""
     for i in np.flatnonzero(track.status != TrackStatus.LOST):
         t = track.time_s[i]
-        value = ros.pose_with_covariance(t, FLOOR_FRAME, track.pose[i], track.covariance[i])
-        yield Message(f"/{name}/pose", ros.nanoseconds(t), value)
+        total = track.covariance if track.total_covariance is None else track.total_covariance
+        for topic, covariance in (("pose", total[i]), ("pose_frame", track.covariance[i])):
+            value = ros.pose_with_covariance(t, FLOOR_FRAME, track.pose[i], covariance)
+            yield Message(f"/{name}/{topic}", ros.nanoseconds(t), value)
     if track.features is not None and len(track.features.frame):
         order = np.argsort(track.features.frame, kind="stable")
         frames, starts = np.unique(track.features.frame[order], return_index=True)
@@ -94,12 +104,14 @@ def _track(name: str, content: McapContent, details: dict[str, Any]) -> Track:
     time_ns = np.array(details["time_ns"], dtype=np.int64)
     n = len(time_ns)
     index = {int(t): i for i, t in enumerate(time_ns)}
-    pose, covariance = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan)
+    pose, covariance, total = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan), np.full((n, 3, 3), np.nan)
     for message in content.topics.get(f"/{name}/pose", []):
         i = index[message.time_ns]
         position = message.value.pose.pose.position
         pose[i] = position.x, position.y, ros.heading_of(message.value.pose.pose.orientation)
-        covariance[i] = ros.planar_covariance(message.value)
+        total[i] = ros.planar_covariance(message.value)
+    for message in content.topics.get(f"/{name}/pose_frame", []):
+        covariance[index[message.time_ns]] = ros.planar_covariance(message.value)
     seen = np.isfinite(pose[:, 2])
     pose[seen, 2] = np.unwrap(pose[seen, 2])
     status, inliers, residual = np.zeros(n, dtype=np.uint8), np.full(n, np.nan), np.full(n, np.nan)
@@ -121,6 +133,7 @@ def _track(name: str, content: McapContent, details: dict[str, Any]) -> Track:
         findings=findings_in(details["findings"]),
         method=details["method"],
         choices=choices_in(details),
+        total_covariance=total if details["has_total"] else None,
     )
 
 

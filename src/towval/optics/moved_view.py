@@ -1,0 +1,88 @@
+"""A calibrated view that moved a little: nine numbers, and what they do to pixels and to poses."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from towval.model import Array, Body, Camera, Floor
+from towval.model.geometry import transform
+from towval.optics.plane_uncertainty import position_sensitivity, shared_parameters
+from towval.optics.projection import project
+
+VIEW_MOTION = ("rx", "ry", "rz", "tx", "ty", "tz", "zoom", "cx", "cy")
+"""Turn about the camera's axes [rad], shift along them [m], logarithm of the focal length's factor, and shift of the
+principal point [px], which is that of a picture moved by its stabiliser."""
+
+
+def moved_view(camera: Camera, floor: Floor, motion: Array) -> tuple[Camera, Floor]:
+    """Camera and floor after a ``motion`` (9,) of the calibrated view, in the order of :data:`VIEW_MOTION`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> camera = Camera((640, 480), np.array([[500, 0, 320], [0, 500, 240], [0, 0, 1.0]]), np.zeros(8), "none")
+    >>> nearer, _ = moved_view(camera, Floor(np.eye(4)), np.array([0, 0, 0, 0, 0, 0, 0.01, 2, 0]))
+    >>> nearer.matrix[0].round(2).tolist()
+    [505.03, 0.0, 322.0]
+    """
+    T, matrix = floor.T_camera_floor.copy(), camera.matrix.copy()
+    T[:3] = cv2.Rodrigues(np.asarray(motion[:3], dtype=np.float64))[0] @ T[:3]
+    T[:3, 3] += motion[3:6]
+    matrix[[0, 1], [0, 1]] *= np.exp(motion[6])
+    matrix[:2, 2] += motion[7:]
+    return replace(camera, matrix=matrix), replace(floor, T_camera_floor=T)
+
+
+def view_before(camera: Camera, floor: Floor, motion: Array) -> tuple[Camera, Floor]:
+    """The view that :func:`moved_view` leads to ``camera`` and ``floor`` from, by a ``motion`` (9,)."""
+    T, matrix = floor.T_camera_floor.copy(), camera.matrix.copy()
+    T[:3, 3] -= motion[3:6]
+    T[:3] = cv2.Rodrigues(-np.asarray(motion[:3], dtype=np.float64))[0] @ T[:3]
+    matrix[[0, 1], [0, 1]] *= np.exp(-motion[6])
+    matrix[:2, 2] -= motion[7:]
+    return replace(camera, matrix=matrix), replace(floor, T_camera_floor=T)
+
+
+def parameters_by_motion(camera: Camera, floor: Floor) -> Array:
+    """Change (18, 9) of :data:`towval.model.CALIBRATION_PARAMETERS` with a motion of the view."""
+    step = 1e-6
+    steps = step * np.eye(len(VIEW_MOTION))
+    ends = [[shared_parameters(*moved_view(camera, floor, sign * s)) for s in steps] for sign in (1, -1)]
+    return np.asarray((np.array(ends[0]) - np.array(ends[1])).T / (2 * step))
+
+
+def pose_sensitivity(camera: Camera, floor: Floor, body: Body, pose: Array) -> tuple[Array, Array]:
+    """Change of measured poses (n, 3) with the calibration and with the height of the body's top.
+
+    It is that of the corners of the top at fixed pixels, fitted by a rigid motion.
+
+    Returns
+    -------
+    by_parameters : ndarray (n, 3, 18)
+        By :data:`towval.model.CALIBRATION_PARAMETERS`.
+    by_height : ndarray (n, 3)
+        By the height [1, 1, rad/m].
+    """
+    corners = transform(pose[:, None, :], body.top_corners_m)
+    n, k = corners.shape[:2]
+    height = body.tracked_plane_height_m
+    points = np.concatenate([corners, np.full((n, k, 1), height)], axis=-1).reshape(-1, 3)
+    by_camera, by_height = position_sensitivity(camera, floor, project(camera, floor, points), height)
+    moves = np.concatenate([by_camera, by_height[:, :, None]], axis=2).reshape(n, k, 2, -1)
+    by_pose = rigid_moves(corners, pose, moves)
+    return by_pose[..., :-1], by_pose[..., -1]
+
+
+def rigid_moves(corners: Array, pose: Array, moves: Array) -> Array:
+    """Small rigid motions (n, 3, p) of poses (n, 3) that fit moves (n, k, 2, p) of corners (n, k, 2) best."""
+    # A small rigid motion (dx, dy, dφ) moves a corner at arm a by (dx, dy) + dφ k × a; least squares over the corners,
+    # with the arms taken from their mean, decouples shift and turn.
+    arms = corners - corners.mean(axis=1, keepdims=True)
+    mean_move = moves.mean(axis=1)
+    turn = np.einsum("nk,nkp->np", arms[..., 0], moves[:, :, 1]) - np.einsum("nk,nkp->np", arms[..., 1], moves[:, :, 0])
+    turn /= np.sum(arms**2, axis=(1, 2))[:, None]
+    lever = pose[:, :2] - corners.mean(axis=1)
+    shift_x = mean_move[:, 0] - lever[:, 1, None] * turn
+    shift_y = mean_move[:, 1] + lever[:, 0, None] * turn
+    return np.stack([shift_x, shift_y, turn], axis=1)

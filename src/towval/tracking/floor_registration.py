@@ -1,0 +1,351 @@
+"""Registration of the floor: how the view moved against the first picture, from the floor's texture.
+
+The floor stands still, so every displacement of its texture is the camera's: it turned, shifted, zoomed, or a
+stabiliser moved the picture. The nine numbers of :data:`towval.optics.moved_view.VIEW_MOTION` describe all of these;
+weak priors hold those that the floor does not determine. As in :mod:`towval.tracking.alignment` the template is
+that of the first picture, gain and bias are those of tiles, and what hides the floor is distinguished by its misfit.
+Where the floor is farther off than the slopes of its texture reach, blocks are searched first.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from towval.model import Array, Body, Camera, Floor
+from towval.model.compiling import compiled
+from towval.optics.moved_view import moved_view, parameters_by_motion
+from towval.optics.plane_uncertainty import position_sensitivity
+from towval.optics.projection import project, to_plane
+from towval.tracking.alignment import correlation_of_tiles, residual_scale, reweigh
+from towval.tracking.interpolation import RELAXED, sample_plane_kernel
+from towval.tracking.light import CONSTANTS as LIGHT
+from towval.tracking.light import Tiles, fit_light, misfits
+from towval.tracking.planar_target import PlanarTarget
+from towval.tracking.template import Luma, Template, make_template
+
+
+@dataclass(frozen=True)
+class RegistrationConstants:
+    """Tuned constants of the registration of the floor."""
+
+    samples: int = 600  # Points of the floor's template.
+    inset: float = 0.04  # Of the picture, left out at its border, where lens models extrapolate.
+    prior_rad: float = 0.1  # [rad] ASSUME: turns; 150 px at a focal length of 1500 px.
+    prior_m: float = 0.03  # [m] ASSUME: shifts of the mount.
+    prior_zoom: float = 0.05  # ASSUME: the focus hunts by less.
+    prior_px: float = 60.0  # [px] ASSUME: what a stabiliser shifts.
+    rounds: int = 12  # Most rounds; one that needs more has not converged.
+    tolerance_px: float = 0.01  # [px] Of the last step, over the picture.
+    least_scale: float = 0.5  # [grey levels] Smallest scale of the residuals: rounding alone gives 0.3.
+    most_scale: float = 40.0  # [grey levels] Of the residuals of inliers.
+    least_inliers: float = 0.35  # Of the points in view: bodies and people may hide the rest.
+    kept_correlation: float = 0.6  # Of the first pictures': less is another place.
+    least_correlation: float = 0.35  # As of bodies: wrong places reach 0.3.
+    worst_std_px: float = 0.15  # [px] Deviation of the floor's shift beyond which it is not known.
+    blocks: int = 32  # Searched in a picture that is far off.
+    block_px: int = 16  # [px] Half-width of a block, at half the resolution.
+    reach_px: int = 40  # [px] Search from the block's place, at half the resolution.
+    block_fit: float = 0.45  # Least correlation of a block.
+    block_agrees_px: float = 4.0  # [px] From the motion common to the blocks.
+    least_blocks: int = 8  # That agree.
+    least_in_view: float = 0.3  # Of the points, neither hidden nor outside the picture.
+    inflated_every: int = 10  # Pictures between estimates of how much residuals of neighbours go together,
+    clusters_across: int = 10  # in so many clusters along the longer side.
+
+
+CONSTANTS = RegistrationConstants()
+
+Hidden = list[tuple[Array, float]]
+
+
+@dataclass(frozen=True)
+class Registered:
+    """The view's ``motion`` (9,) in one picture and its ``covariance`` (9, 9)."""
+
+    motion: Array
+    covariance: Array
+
+
+@compiled()
+def _turned(motion: Array, T: Array) -> Array:
+    """The floor's transform (4, 4) after the turn and shift of a ``motion`` (9,)."""
+    angle = np.sqrt(motion[0] ** 2 + motion[1] ** 2 + motion[2] ** 2)
+    x, y, z = motion[0], motion[1], motion[2]
+    # Rodrigues' formula, by its series where the angle is small.
+    a = np.sin(angle) / angle if angle > 1e-6 else 1.0
+    b = (1 - np.cos(angle)) / (angle * angle) if angle > 1e-6 else 0.5
+    R = np.array(
+        [
+            [1 - b * (y * y + z * z), b * x * y - a * z, b * x * z + a * y],
+            [b * x * y + a * z, 1 - b * (x * x + z * z), b * y * z - a * x],
+            [b * x * z - a * y, b * y * z + a * x, 1 - b * (x * x + y * y)],
+        ]
+    )
+    out = T.copy()
+    for i in range(3):
+        for j in range(4):
+            out[i, j] = R[i, 0] * T[0, j] + R[i, 1] * T[1, j] + R[i, 2] * T[2, j]
+        out[i, 3] += motion[3 + i]
+    return out
+
+
+@compiled(fastmath=RELAXED)
+def _information(slopes: Array, weight: Array, residual: Array) -> tuple[Array, Array]:
+    """Information (9, 9) and right side (9,) of the least squares."""
+    size = slopes.shape[1]
+    information, right = np.zeros((size, size)), np.zeros(size)
+    for i in range(slopes.shape[0]):
+        if weight[i] > 0:
+            for j in range(size):
+                ws = weight[i] * slopes[i, j]
+                right[j] += ws * residual[i]
+                for k in range(j + 1):
+                    information[j, k] += ws * slopes[i, k]
+    for j in range(size):
+        for k in range(j):
+            information[k, j] = information[j, k]
+    return information, right
+
+
+@compiled()
+def _register_kernel(
+    luma: Luma,
+    shape: tuple[Array, Array, Array, Tiles, int],
+    precision: Array,
+    motion: Array,
+    view: tuple[Array, Array, Array],
+    prior: tuple[Array, Array],
+    limits: tuple[float, float, float, int],
+    gains: tuple[float, float, float],
+) -> tuple[Array, Array, Array, Array, Array, float, float, bool]:
+    """Rounds of the registration: motion, information, readings, weights, residuals, scale, correlation, converged."""
+    points, template, slopes, tile, tiles = shape
+    T, matrix, k = view
+    deviations, in_pixels = prior
+    least_scale, most_scale, tolerance_px, most_rounds = limits
+    spread, least_gain, most_gain = gains
+    n, size = points.shape[0], slopes.shape[1]
+    motion, flat, residual, weight = motion.copy(), np.zeros(3), np.empty(n), np.empty(n)
+    information, values = np.zeros((size, size)), np.empty(n)
+    scale, converged = most_scale, False
+    for round_ in range(most_rounds):
+        moved = matrix.copy()
+        for j in range(2):
+            moved[j, j] *= np.exp(motion[6])
+            moved[j, 2] += motion[7 + j]
+        values = sample_plane_kernel(luma, points, flat, 0.0, _turned(motion, T), moved, k)
+        if round_ == 0:
+            for i in range(n):
+                weight[i] = precision[i] if values[i] >= 0 else 0.0
+            ridge = (scale / spread) ** 2
+            light = fit_light(values, template, tile, tiles, weight, ridge, least_gain, most_gain)
+            misfits(values, template, tile, light, residual)
+        # The light follows by one round: by the last one it stands still.
+        scale = min(max(residual_scale(residual), least_scale), most_scale)
+        reweigh(residual, precision, scale, weight)
+        light = fit_light(values, template, tile, tiles, weight, (scale / spread) ** 2, least_gain, most_gain)
+        misfits(values, template, tile, light, residual)
+        for i in range(n):
+            weight[i] *= light[tile[i], 0] ** 2
+        information, right = _information(slopes, weight, residual)
+        # In units of the priors their information is the unit matrix, against residuals of this scale.
+        for j in range(size):
+            right[j] += scale * scale * motion[j] / deviations[j]
+        step = np.linalg.solve(information + scale * scale * np.eye(size), right)
+        motion -= step * deviations
+        converged = bool(step @ in_pixels @ step < tolerance_px * tolerance_px)
+        if converged:
+            break
+    correlation = correlation_of_tiles(values, template, tile, tiles, 8, 0.5)
+    return motion, information, values, weight, residual, scale, correlation, converged
+
+
+class FloorRegistration:
+    """The floor as the first picture ``luma`` shows it, and where it is in others.
+
+    ``bodies`` at their ``poses`` (3,) hide it; ``None`` for :attr:`template` where there is too little texture, or the
+    horizon is in the picture.
+    """
+
+    def __init__(self, camera: Camera, floor: Floor, luma: Luma, hidden: tuple[Array, ...]):
+        self.camera, self.floor = camera, floor
+        self.template: Template | None = None
+        outline = _visible_floor(camera, floor)
+        if outline is None:
+            return
+        target = PlanarTarget(Body("floor", 0.0, outline, hidden), camera, floor)
+        self.template = make_template(luma, target, np.zeros(3), CONSTANTS.samples)
+        if self.template is None:
+            return
+        c = CONSTANTS
+        self.prior = np.repeat([c.prior_rad, c.prior_m, c.prior_zoom, c.prior_px], [3, 3, 1, 2])
+        self.usual_correlation, self.variance_factor, self.registered = 1.0, 1.0, 0
+        self._set_slopes(target, self.template)
+        self._set_blocks(luma, target)
+
+    def _set_slopes(self, target: PlanarTarget, template: Template) -> None:
+        """Change of each grey value with the view's motion in units of its prior, light taken off; and of its pixel."""
+        B = parameters_by_motion(self.camera, self.floor) * self.prior
+        pixels = target.pixels(template.points, np.zeros(3))
+        on_floor = -position_sensitivity(self.camera, self.floor, pixels, 0.0)[0] @ B
+        slopes = np.einsum("na,nap->np", template.slopes[:, :2], on_floor)
+        for row in range(template.tiles):
+            own = template.tile == row
+            light = np.column_stack([np.ones(own.sum()), template.values[own]])
+            slopes[own] -= light @ np.linalg.lstsq(light, slopes[own], rcond=None)[0]
+        self.slopes = slopes
+        by_motion = on_floor / template.pixel_m
+        self.by_motion = by_motion / self.prior
+        self.in_pixels = np.einsum("nap,naq->pq", by_motion, by_motion) / len(by_motion)
+        # Residuals of neighbours go together (compression, blur): those of a cluster count as one.
+        cell = np.ptp(template.points, axis=0).max() / CONSTANTS.clusters_across
+        place = np.floor((template.points - template.points.min(axis=0)) / cell).astype(int)
+        self.cluster = np.unique(place[:, 0] * 1000 + place[:, 1], return_inverse=True)[1].ravel()
+
+    def shift_px(self, motion: Array) -> float:
+        """Root mean square displacement of the floor's points by a small ``motion`` (9,) of the view [px]."""
+        return float(np.sqrt(np.mean(np.sum((self.by_motion @ motion) ** 2, axis=1))))
+
+    def std_px(self, covariance: Array) -> float:
+        """Deviation of one coordinate of the floor's points by a ``covariance`` (9, 9) of the motion [px]."""
+        in_pixels = self.in_pixels / np.outer(self.prior, self.prior)
+        return float(np.sqrt(np.sum(in_pixels * covariance) / 2))
+
+    def register(self, luma: Luma, start: Array, hidden: Hidden) -> Registered | None:
+        """The view's motion in a picture, near ``start`` (9,) or up to some 80 px from it; None where it is not found.
+
+        ``hidden``: places (2,) on the floor and radii [m] within which bodies hide it.
+        """
+        found = self._near(luma, start, hidden)
+        if found is None:
+            place = self._by_blocks(luma, start)
+            found = None if place is None else self._near(luma, place, hidden)
+        return found
+
+    def _near(self, luma: Luma, start: Array, hidden: Hidden) -> Registered | None:
+        template, c = self.template, CONSTANTS
+        assert template is not None
+        precision = np.ones(len(template.points))
+        for place, radius in hidden:
+            away = template.points - place
+            precision[(away * away).sum(axis=1) < radius * radius] = 0.0
+        motion, information, values, weight, residual, scale, correlation, converged = _register_kernel(
+            luma,
+            (template.points, template.values, self.slopes, template.tile, template.tiles),
+            precision,
+            start,
+            (self.floor.T_camera_floor, self.camera.matrix, self.camera.distortion),
+            (self.prior, self.in_pixels),
+            (c.least_scale, c.most_scale, c.tolerance_px, c.rounds),
+            (LIGHT.gain_spread, LIGHT.least_gain, LIGHT.most_gain),
+        )
+        if not converged or not np.isfinite(motion).all():
+            return None
+        in_view = (precision > 0) & (values >= 0)
+        if in_view.mean() < c.least_in_view or not (weight > 0).any():
+            return None
+        inliers = (weight[in_view] > 0.3 * np.median(weight[weight > 0])).mean()
+        if inliers < c.least_inliers or correlation < max(
+            c.least_correlation, c.kept_correlation * self.usual_correlation
+        ):
+            return None
+        if self.registered % c.inflated_every == 0:
+            self.variance_factor = self._variance_factor(information, weight, residual, scale)
+        self.registered += 1
+        self.usual_correlation += (correlation - self.usual_correlation) / min(self.registered, 20)
+        variance = scale * scale * self.variance_factor
+        whitened = np.linalg.inv(information / variance + np.eye(len(self.prior)))
+        covariance: Array = np.asarray(whitened * np.outer(self.prior, self.prior), dtype=np.float64)
+        if self.std_px(covariance) > c.worst_std_px:
+            return None
+        return Registered(motion, covariance)
+
+    def _variance_factor(self, information: Array, weight: Array, residual: Array, scale: float) -> float:
+        """Variance of the scores of clusters over that of independent residuals of this scale."""
+        scores = np.zeros((self.cluster.max() + 1, self.slopes.shape[1]))
+        used = weight > 0
+        np.add.at(scores, self.cluster[used], (weight * residual)[used, None] * self.slopes[used])
+        inverse = np.linalg.inv(information + scale * scale * np.eye(len(information)))
+        return float(max(np.sum(inverse * (scores.T @ scores)) / np.sum(inverse * information) / scale**2, 1.0))
+
+    def _set_blocks(self, luma: Luma, target: PlanarTarget) -> None:
+        """Blocks of the first picture at half the resolution, round its corners on the floor."""
+        small, reach = _halved(luma), CONSTANTS.block_px
+        mask = np.zeros_like(small)
+        for outline, value in ((target.body.top_corners_m, 255), *((o, 0) for o in target.body.obstructions)):
+            pixels = (target.pixels(outline, np.zeros(3)) - 0.5) / 2
+            cv2.fillPoly(mask, [np.round(pixels).astype(np.int32)], value)
+        mask[:reach], mask[-reach - 1 :], mask[:, :reach], mask[:, -reach - 1 :] = 0, 0, 0, 0
+        apart = np.sqrt(mask.size / CONSTANTS.blocks) / 1.5
+        corners = cv2.goodFeaturesToTrack(small, CONSTANTS.blocks, 0.01, apart, mask=mask, blockSize=7)
+        at = np.zeros((0, 2), dtype=int) if corners is None else np.round(corners.reshape(-1, 2)).astype(int)
+        self.blocks = [small[v - reach : v + reach + 1, u - reach : u + reach + 1].copy() for u, v in at]
+        self.block_places = to_plane(self.camera, self.floor, 2.0 * at + 0.5, 0.0)
+
+    def _by_blocks(self, luma: Luma, start: Array) -> Array | None:
+        """A motion (9,) to which most blocks agree; None where too few do."""
+        if len(self.blocks) < CONSTANTS.least_blocks:
+            return None
+        small, expected = _halved(luma), self._pixels(self.block_places, start)
+        found = [_search(small, block, (at - 0.5) / 2) for block, at in zip(self.blocks, expected, strict=True)]
+        seen = np.array([place is not None for place in found])
+        if seen.sum() < CONSTANTS.least_blocks:
+            return None
+        pixels = np.array([2 * place + 0.5 for place in found if place is not None])
+        places, expected = self.block_places[seen], expected[seen]
+        _, inliers = cv2.estimateAffinePartial2D(expected, pixels, ransacReprojThreshold=CONSTANTS.block_agrees_px)
+        agree = np.asarray(inliers).ravel() > 0
+        if agree.sum() < max(CONSTANTS.least_blocks, 0.4 * len(agree)):
+            return None
+        motion = start.copy()
+        for _ in range(4):
+            misfit = (self._pixels(places[agree], motion) - pixels[agree]).ravel()
+            steps = 1e-4 * np.diag(self.prior)
+            J = np.stack([(self._pixels(places[agree], motion + s) - self._pixels(places[agree], motion - s)).ravel()
+                          for s in steps], axis=1) / 2e-4  # fmt: skip
+            motion -= self.prior * np.linalg.solve(J.T @ J + np.eye(len(steps)), J.T @ misfit + motion / self.prior)
+        return motion
+
+    def _pixels(self, places: Array, motion: Array) -> Array:
+        """Pixels (n, 2) of places (n, 2) on the floor after a ``motion`` (9,) of the view."""
+        points = np.column_stack([places, np.zeros(len(places))])
+        return project(*moved_view(self.camera, self.floor, motion), points)
+
+
+def _halved(luma: Luma) -> Luma:
+    size = luma.shape[1] // 2, luma.shape[0] // 2
+    even = luma[: 2 * size[1], : 2 * size[0]]
+    return np.asarray(cv2.resize(even, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+
+
+def _search(small: Luma, block: Luma, at: Array) -> Array | None:
+    """Where a block is in a halved picture near ``at`` (2,); None where nothing looks like it."""
+    reach = CONSTANTS.reach_px + CONSTANTS.block_px
+    if not np.isfinite(at).all():
+        return None
+    u, v = np.round(at).astype(int)
+    left, top = max(0, u - reach), max(0, v - reach)
+    window = small[top : max(0, v + reach + 1), left : max(0, u + reach + 1)]
+    if min(window.shape) <= 2 * CONSTANTS.block_px + 1:
+        return None
+    fit = cv2.matchTemplate(window, block, cv2.TM_CCOEFF_NORMED)
+    _, best, _, (column, row) = cv2.minMaxLoc(fit)
+    if best < CONSTANTS.block_fit:
+        return None
+    place = np.array([left + column, top + row], dtype=np.float64) + CONSTANTS.block_px
+    if 0 < row < fit.shape[0] - 1 and 0 < column < fit.shape[1] - 1:
+        # The top of the parabola through the best place and its neighbours.
+        around = np.array([fit[row, column - 1 : column + 2], fit[row - 1 : row + 2, column]], dtype=np.float64)
+        before, at, after = around.T
+        place += 0.5 * (before - after) / np.minimum(before - 2 * at + after, -1e-9)
+    return place
+
+
+def _visible_floor(camera: Camera, floor: Floor) -> Array | None:
+    """Outline (8, 2) of the floor in the picture [m], a little inside its border; None where the horizon is in it."""
+    (left, top), (right, bottom) = np.outer([CONSTANTS.inset, 1 - CONSTANTS.inset], camera.resolution_px)
+    u, v = (left + right) / 2, (top + bottom) / 2
+    border_u, border_v = [left, u, right, right, right, u, left, left], [top, top, top, v, bottom, bottom, bottom, v]
+    outline = to_plane(camera, floor, np.column_stack([border_u, border_v]), 0.0)
+    return outline if np.isfinite(outline).all() else None

@@ -1,0 +1,160 @@
+"""Whether the stamps of a video's pictures can be true: bodies do not jump together at one picture.
+
+A picture that was lost under evenly written stamps doubles the step of every body at once, a repeated picture makes it
+vanish, and wrong stamps stretch it, while the motion before and after goes on as it was. One body may do that (a wheel
+slips, friction sticks); all that move at the same picture, by the same share, do not.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from towval.model import Array, Finding, Track, TrackStatus
+from towval.model.findings import finding
+
+
+@dataclass(frozen=True)
+class StampConstants:
+    """Tuned constants of the check of the stamps."""
+
+    beside: int = 3  # Steps on each side that say how fast a body moves.
+    steady: float = 0.25  # Change of the velocity from one side to the other, of its size, where a jump can be told.
+    least_deviations: float = 25.0  # Of a pose, in a step: smaller ones are not compared.
+    jump: float = 0.3  # Of a step, beyond which it is a jump; shaking stamps reach 0.25.
+    agree: float = 0.2  # Difference of this share between bodies.
+    repeated: float = 0.1  # Of a step, below which the picture was repeated.
+    least_alone: int = 3  # Jumps where a single body moves: fewer can be its own.
+    jitter_s: float = 0.002  # [s] Deviation of a stamp that is reported.
+    least_steps: int = 30  # In which two bodies move, for the deviation of stamps to be known.
+    correlated: float = 0.7  # Shares of the two bodies: those of stamps are the same.
+    gap_s: float = 1.0  # [s] Without a picture: longer than any motion is carried on.
+    rate: float = 0.01  # Difference from the camera's stated rate: crystals are a hundred times better.
+
+
+CONSTANTS = StampConstants()
+
+_ROUNDS = 4  # Of looking for repeated pictures: several of them side by side hide each other.
+
+
+def check_stamps(tracks: Mapping[str, Track]) -> tuple[dict[str, Track], tuple[Finding, ...]]:
+    """Compare the stamps of a video with the motion of all its bodies.
+
+    Returns the tracks with repeated pictures marked as not seen, and findings.
+    """
+    time_s = next(iter(tracks.values())).time_s
+    findings = list(_gaps(time_s))
+    repeated = np.zeros(len(time_s), dtype=bool)
+    share, moving = _shares(tracks, repeated)
+    for _ in range(_ROUNDS):
+        still = _common(share, moving) & (np.nanmax(np.abs(1 + share), axis=0, initial=0.0) < CONSTANTS.repeated)
+        if not still.any():
+            break
+        repeated[np.flatnonzero(~repeated)[1:][still]] = True
+        share, moving = _shares(tracks, repeated)
+    if repeated.any():
+        findings.append(finding("pictures_repeated", count=int(repeated.sum()), time_s=time_s[repeated][0]))
+    jumps = _common(share, moving)
+    if _enough(jumps, moving):
+        at_s = time_s[~repeated][:-1][jumps]
+        findings.append(finding("stamps_contradicted", count=int(jumps.sum()), first_s=at_s[0], last_s=at_s[-1]))
+    elif (jitter_s := _jitter_s(share, moving & ~jumps, np.diff(time_s[~repeated]))) > CONSTANTS.jitter_s:
+        findings.append(finding("stamps_uneven", jitter_ms=1000 * jitter_s))
+    if repeated.any():
+        tracks = {name: _without(track, repeated) for name, track in tracks.items()}
+    return dict(tracks), tuple(findings)
+
+
+def rate_findings(step_s: float, stated_hz: float | None, seen_s: float, heard_s: float) -> tuple[Finding, ...]:
+    """Findings about the time scale as a whole.
+
+    ``step_s``: median step of the stamps [s]; ``stated_hz``: the camera's rate by the campaign; ``seen_s`` and
+    ``heard_s``: length of the pictures and of the sound [s], NaN where there is none.
+    """
+    findings = []
+    if stated_hz is not None and step_s > 0:
+        pictures = max(1, round(stated_hz * step_s))
+        if abs(stated_hz * step_s / pictures - 1) > CONSTANTS.rate:
+            findings.append(finding("rate_contradicted", found_hz=1 / step_s, other=f"camera.fps is {stated_hz:g}"))
+    if abs(heard_s - seen_s) > max(CONSTANTS.rate * heard_s, 0.5):
+        other = f"the sound lasts {heard_s:.1f} s and the pictures {seen_s:.1f} s"
+        findings.append(finding("rate_contradicted", found_hz=1 / step_s, other=other))
+    return tuple(findings)
+
+
+def _gaps(time_s: Array) -> list[Finding]:
+    steps = np.diff(time_s)
+    if not len(steps):
+        return []
+    usual = float(np.median(steps))
+    if steps.max() > max(CONSTANTS.gap_s, 2 * usual):
+        worst = int(np.argmax(steps))
+        return [finding("time_gap", gap_s=steps[worst], time_s=time_s[worst])]
+    missing = int(np.sum(np.maximum(np.round(steps / usual) - 1, 0)))
+    if missing:
+        return [finding("pictures_missing", count=missing, gap_s=steps.max())]
+    return []
+
+
+def _shares(tracks: Mapping[str, Track], left_out: NDArray[np.bool_]) -> tuple[Array, NDArray[np.bool_]]:
+    """By how much each body's steps (bodies, n) exceed those beside, as a share; and where that can be told."""
+    rows = [_share(track, ~left_out) for track in tracks.values()]
+    share = np.array([one for one, _ in rows])
+    return share, np.array([steady for _, steady in rows])
+
+
+def _share(track: Track, kept: NDArray[np.bool_]) -> tuple[Array, NDArray[np.bool_]]:
+    c = CONSTANTS
+    time_s, pose = track.time_s[kept], np.where(track.seen[kept, None], track.pose[kept], np.nan)
+    step = np.diff(pose[:, :2], axis=0)
+    velocity = step / np.diff(time_s)[:, None]
+    n = len(velocity)
+    share, steady = np.full(n, np.nan), np.zeros(n, dtype=bool)
+    if n < 2 * c.beside + 1:
+        return share, steady
+    windows = np.lib.stride_tricks.sliding_window_view(velocity, c.beside, axis=0)
+    # The medians of the steps before and after: one of them may itself be a jump.
+    before, after = np.median(windows[: -c.beside - 1], axis=2), np.median(windows[c.beside + 1 :], axis=2)
+    middle = slice(c.beside, n - c.beside)
+    mean, change = (before + after) / 2, np.linalg.norm(after - before, axis=1)
+    speed = np.linalg.norm(mean, axis=1)
+    std = np.sqrt(np.nanmedian(np.where(track.seen, track.covariance[:, 0, 0], np.nan))) if track.seen.any() else np.inf
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share[middle] = np.sum(velocity[middle] * mean, axis=1) / speed**2 - 1
+        enough = speed * np.median(np.diff(time_s)) > c.least_deviations * std
+        steady[middle] = enough & (change < c.steady * speed) & np.isfinite(share[middle])
+    return share, steady
+
+
+def _common(share: Array, moving: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Steps (n,) that are jumps of all bodies that move, by the same share."""
+    known = np.where(moving, share, np.nan)
+    some = moving.any(axis=0)
+    low, high = (np.full(share.shape[1], np.nan) for _ in range(2))
+    low[some], high[some] = np.nanmin(known[:, some], axis=0), np.nanmax(known[:, some], axis=0)
+    # Bodies agree to a share of the step itself, which may be several.
+    alike = high - low < CONSTANTS.agree * np.maximum(1.0, np.abs(high))
+    return np.asarray(some & alike & (np.minimum(np.abs(low), np.abs(high)) > CONSTANTS.jump))
+
+
+def _enough(jumps: NDArray[np.bool_], moving: NDArray[np.bool_]) -> bool:
+    together = jumps & (moving.sum(axis=0) > 1)
+    return bool(together.any() or jumps.sum() >= CONSTANTS.least_alone)
+
+
+def _jitter_s(share: Array, moving: NDArray[np.bool_], step_s: Array) -> float:
+    """Deviation of a stamp [s] that the motion common to two bodies shows; zero where it shows none."""
+    both = moving.all(axis=0)
+    if len(share) < 2 or both.sum() < CONSTANTS.least_steps:
+        return 0.0
+    late = (share * step_s)[:2, both]
+    late -= late.mean(axis=1, keepdims=True)
+    (a, common), (_, b) = late @ late.T / both.sum()
+    return float(np.sqrt(common / 2)) if common > CONSTANTS.correlated * np.sqrt(a * b) else 0.0
+
+
+def _without(track: Track, repeated: NDArray[np.bool_]) -> Track:
+    status = track.status.copy()
+    status[repeated & track.seen] = TrackStatus.COASTING
+    return replace(track, status=status)

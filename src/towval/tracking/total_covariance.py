@@ -1,0 +1,80 @@
+"""The total covariance of measured poses, and what a rolling shutter does to them."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from towval.model import Array, Body, Calibration, Track
+from towval.model.geometry import rotation, transform
+from towval.optics.moved_view import pose_sensitivity, rigid_moves
+from towval.optics.projection import project
+
+
+def with_total(track: Track, calibration: Calibration, body: Body, view_covariance: Array | None = None) -> Track:
+    """The track with the covariance of each pose from all that is known to be uncertain.
+
+    Added to the frame's own are the registration of the body frame, the calibration, the height of the top, and
+    ``view_covariance`` (18, 18), that of the camera's own motion; these are one unknown for all poses of a run.
+    """
+    seen = np.isfinite(track.pose[:, 0])
+    total = track.covariance.copy()
+    if seen.any():
+        pose = track.pose[seen]
+        by_parameters, by_height = pose_sensitivity(calibration.camera, calibration.floor, body, pose)
+        shared = calibration.covariance if view_covariance is None else calibration.covariance + view_covariance
+        total[seen] += by_parameters @ shared @ by_parameters.transpose(0, 2, 1)
+        total[seen] += body.height_std_m**2 * by_height[:, :, None] * by_height[:, None, :]
+        total[seen] += _on_floor(track.start_covariance, pose)
+    return replace(track, total_covariance=total)
+
+
+def with_wider_start(track: Track, spread: Array) -> Track:
+    """The track with a further covariance (3, 3) of its registration in the first frame."""
+    total = track.total_covariance
+    if total is not None and spread.any():
+        total = total + _on_floor(spread, track.pose)
+    return replace(track, start_covariance=track.start_covariance + spread, total_covariance=total)
+
+
+def _on_floor(covariance: Array, pose: Array) -> Array:
+    """Covariances (n, 3, 3) of poses (n, 3), of one (3, 3) in the body frame."""
+    turn = np.tile(np.eye(3), (len(pose), 1, 1))
+    turn[:, :2, :2] = rotation(pose[:, 2])
+    return np.asarray(turn @ covariance @ turn.transpose(0, 2, 1))
+
+
+def with_readout(track: Track, calibration: Calibration, body: Body, readout_s: float, std_s: float) -> Track:
+    """The track of a camera that reads its rows one after another, the top one first.
+
+    A picture's time is that of its middle row. Each corner of the top was where it is seen at the time of its own row;
+    the rigid motion that fits these displacements best is taken off. The deviation of the readout enters the total
+    covariance.
+
+    Parameters
+    ----------
+    readout_s, std_s : float
+        Time from the first row to the last [s], and its deviation.
+    """
+    by_readout = readout_sensitivity(track.time_s, track.pose, calibration, body)
+    pose = track.pose - readout_s * np.nan_to_num(by_readout)
+    total = None
+    if track.total_covariance is not None:
+        total = track.total_covariance + std_s**2 * by_readout[:, :, None] * by_readout[:, None, :]
+    return replace(track, pose=pose, total_covariance=total)
+
+
+def readout_sensitivity(time_s: Array, pose: Array, calibration: Calibration, body: Body) -> Array:
+    """Change (n, 3) of measured poses (n, 3) at times (n,) [s] with the readout [m/s, m/s, rad/s]; NaN as they are."""
+    change = np.full_like(pose, np.nan)
+    seen = np.flatnonzero(np.isfinite(pose[:, 0]))
+    if len(seen) < 2:
+        return np.where(np.isfinite(pose), 0.0, np.nan)
+    pose, velocity = pose[seen], np.gradient(pose[seen], time_s[seen], axis=0)
+    corners = transform(pose[:, None, :], body.top_corners_m)
+    height = np.full((*corners.shape[:2], 1), body.tracked_plane_height_m)
+    rows = project(calibration.camera, calibration.floor, np.concatenate([corners, height], axis=-1))[..., 1]
+    late = rows / (calibration.camera.resolution_px[1] - 1) - 0.5
+    arm = corners - pose[:, None, :2]
+    moving = velocity[:, None, :2] + velocity[:, None, 2:] * np.stack([-arm[..., 1], arm[..., 0]], axis=-1)
+    change[seen] = rigid_moves(corners, pose, (late[..., None] * moving)[..., None])[..., 0]
+    return change

@@ -1,0 +1,169 @@
+"""The camera's motion: the floor painted from where a moved camera sees it, and pictures warped by OpenCV."""
+
+import cv2
+import numpy as np
+import pytest
+
+from studies.worlds.scenes import ceiling, rectangle
+from tests.tracking.painted import texture
+from towval.model import Body, Calibration
+from towval.model.geometry import transform
+from towval.optics.moved_view import moved_view, parameters_by_motion, pose_sensitivity
+from towval.optics.plane_uncertainty import shared_parameters
+from towval.optics.projection import project, to_plane
+from towval.tracking.camera_motion import CameraMotion, _separated, calibration_at_start
+from towval.tracking.floor_registration import FloorRegistration
+
+CAMERA, FLOOR = ceiling((480, 360), 450.0)
+BODY = Body("box", 0.4, rectangle(0.8, 0.6))
+POSE = np.array([0.3, -0.2, 0.4])
+GREY = texture(3, finest_m=0.1)
+
+
+def floor_picture(camera=CAMERA, floor=FLOOR, noise=2.0, seed=0, hidden=0.0):
+    """The textured floor as a camera sees it; ``hidden``: share of the picture behind something plain."""
+    width, height = camera.resolution_px
+    pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).astype(float)
+    luma = GREY(to_plane(camera, floor, pixels, 0.0).reshape(-1, 2)).reshape(height, width)
+    luma[:, : int(hidden * width)] = 60
+    luma = luma + noise * np.random.default_rng(seed).standard_normal(luma.shape)
+    return np.clip(np.round(luma), 0, 255).astype(np.uint8)
+
+
+FIRST = floor_picture()
+
+
+def warped(luma, shift=(0.0, 0.0), turn_deg=0.0, zoom=1.0):
+    height, width = luma.shape
+    matrix = cv2.getRotationMatrix2D(((width - 1) / 2, (height - 1) / 2), turn_deg, zoom)
+    matrix[:, 2] += shift
+    return cv2.warpAffine(luma, matrix, (width, height), flags=cv2.INTER_LANCZOS4, borderMode=cv2.BORDER_REFLECT)
+
+
+def seen_through(view, at=((-1.0, 0.8), (0.9, -0.9), (0.0, 0.0))):
+    return project(*view, np.column_stack([at, np.zeros(len(at))]))
+
+
+@pytest.mark.parametrize(
+    "motion",
+    [
+        [0, 0, 0, 0, 0, 0, 0, 0.4, -0.3],
+        [0.004, -0.003, 0.01, 0, 0, 0, 0.0, 0, 0],
+        [0, 0, 0, 0.01, -0.01, 0, 0.01, 0, 0],
+        [0.02, -0.04, 0.02, 0, 0, 0, 0.01, 0, 0],
+    ],
+)
+def test_a_moved_view_is_found_to_a_twentieth_of_a_pixel(motion):
+    true = moved_view(CAMERA, FLOOR, np.array(motion))
+    registration = FloorRegistration(CAMERA, FLOOR, FIRST, ())
+    found = registration.register(floor_picture(*true, seed=1), np.zeros(9), [])
+    gap = seen_through(moved_view(CAMERA, FLOOR, found.motion)) - seen_through(true)
+    assert np.abs(gap).max() < 0.05
+    assert np.abs(gap).max() < 4 * registration.std_px(found.covariance)
+
+
+@pytest.mark.parametrize(
+    ("shift", "turn", "zoom"), [((5, -3), 0, 1), ((0, 0), 0, 1.01), ((-40, 45), 1.5, 1), ((0, 0), 3, 1)]
+)
+def test_a_warped_picture_is_found(shift, turn, zoom):
+    registration = FloorRegistration(CAMERA, FLOOR, FIRST, ())
+    found = registration.register(warped(floor_picture(seed=1), shift, turn, zoom), np.zeros(9), [])
+    matrix = cv2.getRotationMatrix2D(((480 - 1) / 2, (360 - 1) / 2), turn, zoom)
+    expected = seen_through((CAMERA, FLOOR)) @ matrix[:, :2].T + matrix[:, 2] + shift
+    assert np.abs(seen_through(moved_view(CAMERA, FLOOR, found.motion)) - expected).max() < 0.1
+
+
+@pytest.mark.parametrize(("hidden", "known"), [(0.4, True), (0.9, False)])
+def test_part_of_the_floor_may_be_hidden(hidden, known):
+    registration = FloorRegistration(CAMERA, FLOOR, FIRST, ())
+    found = registration.register(warped(floor_picture(seed=1, hidden=hidden), (1.0, 0.0)), np.zeros(9), [])
+    assert (found is not None) == known
+
+
+def test_another_floor_is_not_found():
+    registration = FloorRegistration(CAMERA, FLOOR, FIRST, ())
+    other = np.random.default_rng(0).integers(60, 180, FIRST.shape).astype(np.uint8)
+    assert registration.register(cv2.GaussianBlur(other, (0, 0), 2), np.zeros(9), []) is None
+
+
+def watched(shifts):
+    camera = CameraMotion(CAMERA, FLOOR, FIRST, [BODY], [POSE])
+    for i, shift in enumerate(shifts):
+        camera.register(i / 25, warped(floor_picture(seed=i), shift), [POSE])
+    return camera
+
+
+def test_noise_is_not_taken_for_motion():
+    camera = watched(np.zeros((12, 2)))
+    found = camera.estimate()
+    assert not found.motion.any()
+    assert not found.used.any()
+    assert camera.findings(found) == ()
+    assert 0.001 < camera.floor_seen.std_px(found.common) < 0.05
+
+
+def test_a_knock_in_mid_run_is_corrected_and_reported():
+    camera = watched([(0, 0)] * 6 + [(20, -15)] * 6)
+    found = camera.estimate()
+    assert [one.code for one in camera.findings(found)] == ["camera_moved"]
+    seen = np.array([seen_through(moved_view(CAMERA, FLOOR, motion)) for motion in found.motion])
+    assert np.abs(seen[:6] - seen[0]).max() < 0.05
+    assert np.abs(seen[6:] - seen[0] - [20, -15]).max() < 0.1
+
+
+def test_a_picture_that_cannot_be_registered_is_not_trusted():
+    camera = watched([(0, 0)] * 8)
+    for i in range(8, 18):
+        camera.register(i / 25, np.full_like(FIRST, 90), [POSE])
+    for i in range(18, 24):
+        camera.register(i / 25, floor_picture(seed=i), [POSE])
+    found = camera.estimate()
+    assert [one.code for one in camera.findings(found)] == ["camera_not_registered"]
+    assert (~found.known).sum() == 10
+
+
+def test_shaking_is_kept_noise_is_not():
+    rng = np.random.default_rng(0)
+    time_s = np.arange(400) / 25
+    noise, shaking = rng.standard_normal((2, 400, 9))
+    drift = 30 * np.linspace(0, 1, 400)[:, None]
+    _, _, fast, own = _separated(time_s, noise)
+    assert np.sqrt(np.mean(fast**2)) < 0.2
+    slow, _, fast, own = _separated(time_s, noise + 10 * shaking + drift)
+    assert np.sqrt(np.mean((slow + fast - 10 * shaking - drift) ** 2)) < 1.1
+    assert 0.8 < own.mean() < 1.3
+
+
+def test_what_is_left_of_the_motion_moves_poses_as_a_moved_camera_sees_them():
+    motion = np.array([2e-4, -3e-4, 1e-4, 0, 0, 0, 1e-3, 0.2, -0.1])
+    corners = transform(POSE, BODY.top_corners_m)
+    pixels = project(*moved_view(CAMERA, FLOOR, motion), np.column_stack([corners, np.full(4, 0.4)]))
+    apparent = to_plane(CAMERA, FLOOR, pixels, 0.4)
+    by_motion = pose_sensitivity(CAMERA, FLOOR, BODY, POSE[None])[0][0] @ parameters_by_motion(CAMERA, FLOOR)
+    assert np.allclose((by_motion @ motion)[:2], (corners - apparent).mean(axis=0), atol=3e-5)
+
+
+def test_parameters_follow_a_motion():
+    motion = 1e-4 * np.array([1, -2, 3, 1, 2, -1, 2, 100, 50])
+    moved = shared_parameters(*moved_view(CAMERA, FLOOR, motion)) - shared_parameters(CAMERA, FLOOR)
+    assert np.allclose(parameters_by_motion(CAMERA, FLOOR) @ motion, moved, atol=1e-6 + 1e-3 * np.abs(moved).max())
+
+
+def test_a_bump_between_calibration_and_run_is_taken_off():
+    calibration = Calibration(CAMERA, FLOOR, np.zeros((18, 18)), 0.1)
+    true = moved_view(CAMERA, FLOOR, np.array([0.01, -0.015, 0.01, 0, 0, 0, 0.01, 3, 0]))
+    boards = [("floor.jpg", floor_picture(seed=5)), ("more.jpg", floor_picture(seed=6))]
+    moved, findings = calibration_at_start(calibration, floor_picture(*true, seed=7), boards)
+    assert [one.code for one in findings] == ["camera_moved_before"]
+    assert np.abs(seen_through((moved.camera, moved.floor)) - seen_through(true)).max() < 0.1
+    same, findings = calibration_at_start(calibration, floor_picture(seed=7), boards)
+    assert findings == ()
+    assert same is calibration
+    plain = [
+        (
+            "floor.jpg",
+            cv2.GaussianBlur(np.random.default_rng(1).integers(60, 180, FIRST.shape).astype(np.uint8), (0, 0), 2),
+        )
+    ]
+    _, findings = calibration_at_start(calibration, FIRST, plain)
+    assert [one.code for one in findings] == ["floor_not_recognised"]

@@ -1,0 +1,95 @@
+"""Stamps against motion: two bodies on smooth paths, filmed by a camera whose stamps are wrong in a known way."""
+
+import numpy as np
+import pytest
+
+from towval.model import Track, TrackStatus
+from towval.tracking.stamps import check_stamps, rate_findings
+
+
+def filmed(true_s, stamps_s, shown=None, speeds=(0.15, 0.12), bumps=0.0, seed=0):
+    """Tracks of two bodies photographed at ``true_s``; ``shown``: index of the picture shown at each stamp."""
+    rng = np.random.default_rng(seed)
+    true_s = np.asarray(true_s)[np.arange(len(stamps_s)) if shown is None else shown]
+    tracks, n = {}, len(stamps_s)
+    for k, (name, speed) in enumerate(zip(("rover", "object"), speeds, strict=True)):
+        along = speed * (true_s + 0.1 * np.sin(2 * true_s + k)) + bumps * np.sin(9 * true_s + 2 * k) / 9
+        heading = 0.3 * np.sin(0.5 * true_s)
+        pose = np.column_stack([along, 0.2 * np.sin(0.8 * true_s), heading]) + 2e-5 * rng.standard_normal((n, 3))
+        ones = np.ones(n)
+        cov = np.tile(np.diag([4e-10, 4e-10, 1e-9]), (n, 1, 1))
+        tracks[name] = Track(name, stamps_s, pose, cov, np.full(n, TrackStatus.TRACKED), ones, ones, 1e-8 * np.eye(3))
+    return tracks
+
+
+def codes(tracks):
+    return [one.code for one in check_stamps(tracks)[1]]
+
+
+EVEN = np.arange(250) / 25
+
+
+@pytest.mark.parametrize("bumps", [0.0, 0.05])
+def test_true_stamps_are_believed(bumps):
+    rng = np.random.default_rng(1)
+    uneven = EVEN + rng.uniform(-0.009, 0.009, 250)
+    lost = np.delete(EVEN, [50, 51, 120])
+    assert codes(filmed(EVEN, EVEN, bumps=bumps)) == []
+    assert codes(filmed(uneven, uneven, bumps=bumps)) == []
+    assert codes(filmed(lost, lost, bumps=bumps)) == ["pictures_missing"]
+
+
+@pytest.mark.parametrize("share", [0.01, 0.05, 0.15])
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_dropped_pictures_under_even_stamps_are_found(share, seed):
+    rng = np.random.default_rng(seed)
+    kept = np.flatnonzero(rng.random(250) > share) if share > 0.01 else np.delete(np.arange(250), [80, 170])
+    assert "stamps_contradicted" in codes(filmed(EVEN[kept], EVEN[: len(kept)], seed=seed))
+
+
+@pytest.mark.parametrize("share", [0.02, 0.1])
+def test_repeated_pictures_that_fill_a_loss_are_left_out(share):
+    rng = np.random.default_rng(3)
+    shown = np.arange(250)
+    for i in np.flatnonzero(rng.random(250) < share):
+        shown[i] = shown[i - 1] if i > 5 else i
+    tracks, findings = check_stamps(filmed(EVEN, EVEN, shown))
+    assert findings[0].code == "pictures_repeated"
+    assert share > 0.02 or len(findings) == 1
+    repeated = np.flatnonzero(np.diff(shown) == 0) + 1
+    missed = set(repeated) - set(np.flatnonzero(~tracks["rover"].seen))
+    assert len(missed) <= 0.2 * len(repeated)
+
+
+@pytest.mark.parametrize("every", [3, 4, 10, 50])
+def test_inserted_pictures_are_found(every):
+    shown = np.sort(np.concatenate([np.arange(200), np.arange(5, 200, every - 1)]))
+    assert "stamps_contradicted" in codes(filmed(EVEN, np.arange(len(shown)) / 25, shown))
+
+
+@pytest.mark.parametrize(("jitter_ms", "found"), [(0.5, False), (4.0, True), (8.0, True)])
+def test_shaking_stamps_are_reported(jitter_ms, found):
+    late = 1e-3 * jitter_ms * np.random.default_rng(5).standard_normal(250)
+    assert bool({"stamps_uneven", "stamps_contradicted"} & set(codes(filmed(EVEN + late, EVEN)))) == found
+
+
+def test_one_body_may_jump_by_itself():
+    tracks = filmed(EVEN, EVEN)
+    slipped = tracks["object"].pose.copy()
+    slipped[100:] += [0.006, 0, 0]
+    shown = {**tracks, "object": filmed(EVEN, EVEN)["object"]}
+    object.__setattr__(shown["object"], "pose", slipped)
+    assert codes(shown) == []
+
+
+def test_a_long_gap_is_reported():
+    assert codes(filmed(EVEN, np.where(EVEN > 5, EVEN + 3600, EVEN)))[0] == "time_gap"
+
+
+def test_a_rate_against_the_camera_or_the_sound_is_reported():
+    nan = float("nan")
+    assert rate_findings(1 / 25, 25.0, 10.0, nan) == ()
+    assert rate_findings(1 / 29.97, 30.0, 10.0, 10.01) == ()
+    assert rate_findings(0.1, 30.0, 10.0, nan) == (), "every third picture"
+    assert [one.code for one in rate_findings(1 / 24, 25.0, 10.0, nan)] == ["rate_contradicted"]
+    assert [one.code for one in rate_findings(1 / 25, None, 60.0, 62.4)] == ["rate_contradicted"]
