@@ -31,6 +31,19 @@ def calibration():
     return ceiling_calibration()
 
 
+def test_statistics_stand_beside_those_of_right_models():
+    run = towed_run()
+    assert figures.statistics_figure(run) is None
+    tested = {f"{name}_statistic": value for name, value in (("size", 1.0), ("shape", 6.0), ("input", 1.0))}
+    limits = {"size_limit": 2.0, "shape_limit": 4.0, "input_limit": 4.0}
+    draws = np.column_stack([np.arange(4.0), [0.2, 0.4, 0.4, 0.9]])
+    comparison = dataclasses.replace(run.comparison, **tested, **limits, drawn_tests=draws)
+    figure = figures.statistics_figure(dataclasses.replace(run, comparison=comparison))
+    assert sum(bar.get_height() for bar in figure.axes[0].patches) == pytest.approx(100)
+    marks = {drawn.get_label(): drawn.get_xdata()[0] for drawn in figure.axes[0].get_lines()[1:]}
+    assert marks == {"size": 0.5, "shape": 1.5, "input": 0.25}
+
+
 def line(axes, colour, width):
     return next(a for a in axes.lines if a.get_color() == colour and a.get_linewidth() == pytest.approx(width))
 

@@ -196,6 +196,14 @@ _RUN = {
         draw=figures.agreement_figure,
         cursor="time",
     ),
+    "statistics": RunFigure(
+        "details",
+        "size, shape and inputs of the error against their limits, and what right models reach",
+        "Size and shape of the error and the largest effect of one input, each over its limit; bars: the largest of "
+        "the three in draws of a right model, whose inputs are within their deviations. Beyond one it is rejected.",
+        draw=figures.statistics_figure,
+        describe=lambda run: f"Largest share of a limit: {run.comparison.tested_ratio:.2f}.",
+    ),
     "tracking_rover": RunFigure(
         "tracking",
         "residual, inliers and standard deviations of the rover's track over time",

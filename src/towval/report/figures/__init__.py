@@ -3,7 +3,7 @@
 :mod:`towval.report.contents` places them on the page; :func:`towval.report.style.save_figure` writes a figure.
 """
 
-from towval.report.figures.agreement import agreement_figure, shares_figure
+from towval.report.figures.agreement import agreement_figure, shares_figure, statistics_figure
 from towval.report.figures.calibration import coverage_figure, reprojection_figure, uncertainty_figure
 from towval.report.figures.decimation import decimate_figure
 from towval.report.figures.errors import error_figure
@@ -12,5 +12,5 @@ from towval.report.figures.tracking import tracking_figure
 
 __all__ = [
     "agreement_figure", "campaign_figure", "coverage_figure", "decimate_figure", "error_figure", "reprojection_figure",
-    "run_figure", "shares_figure", "tracking_figure", "uncertainty_figure",
+    "run_figure", "shares_figure", "statistics_figure", "tracking_figure", "uncertainty_figure",
 ]  # fmt: skip
