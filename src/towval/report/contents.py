@@ -139,8 +139,7 @@ _CAMPAIGN = {
     "fig10": CampaignFigure(
         "campaign",
         "all runs on the floor at one scale",
-        "Path of the rover (blue), simulated (black) and measured (red, dashed) path of the object, all panels at one "
-        "scale. Outlines: object at equal arc length, rover at its start and end. Gaps: frames without a pose.",
+        "Outlines: object at equal arc length, rover at its start and end. Gaps: frames without a pose.",
         draw=lambda data: figures.campaign_figure(data.records),
     ),
     "shares": CampaignFigure(

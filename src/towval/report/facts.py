@@ -63,6 +63,24 @@ def statement(comparison: Comparison) -> tuple[str, ...]:
     return _stated(comparison, "statement", "explanation")
 
 
+def deciding(c: Comparison) -> tuple[tuple[str, str, float], ...]:
+    """What the verdict rests on: name, value and limit as text, value over limit; without what was not computed."""
+    lengths = (("Error at most", c.error_upper_m), ("Faults seen from", c.detectable_m))
+    statistics = (
+        ("Size of the error", c.size_statistic, c.size_limit),
+        ("Shape of the error", c.shape_statistic, c.shape_limit),
+        ("Effect of one input", c.input_statistic, c.input_limit),
+    )
+    rows = [
+        *(
+            (name, f"{decimal(1e3 * value)} of {millimetres(c.tolerance_m)}", value / c.tolerance_m)
+            for name, value in lengths
+        ),
+        *((name, f"{decimal(value)} of {decimal(limit)}", value / limit) for name, value, limit in statistics),
+    ]
+    return tuple(row for row in rows if np.isfinite(row[2]))
+
+
 def _stated(comparison: Comparison, *codes: str) -> tuple[str, ...]:
     return tuple(finding.text for finding in comparison.findings if finding.code in codes)
 

@@ -46,7 +46,8 @@ def sentence(records: Sequence[RunRecord]) -> str:
             who = _named(others) if agree else _who(others, len(records))
             parts.append(f"{who} {phrase}{_beginning(others) if verdict is Verdict.DISAGREES else ''}")
     first = measure_first(records)
-    parts += [f"measure the {first} better first"] if first else []
+    judged = any(r.comparison.verdict is not Verdict.NOT_JUDGED for r in records)
+    parts += [f"measure the {first} better first"] if first and judged else []
     text = "; ".join(parts)
     return f"{text[:1].upper()}{text[1:]}."
 

@@ -6,6 +6,9 @@ from importlib.resources import files
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
+from towval.model.findings import FINDINGS
+
+_CODE = re.compile(r"\b[a-z]+(?:_[a-z]+)+\b")
 _UNCERTAINTY = re.compile(r"\bu_(num|input|D|val)\b")
 
 
@@ -23,7 +26,8 @@ def template_environment() -> Environment:
 
 
 def _symbols(text: str) -> Markup:
-    """A text with ``u_val`` and the like as symbols with a subscript."""
+    """A text with ``u_val`` and the like as symbols with a subscript, and codes of findings as words."""
+    text = _CODE.sub(lambda code: code[0].replace("_", " ") if code[0] in FINDINGS else code[0], text)
     return Markup(_UNCERTAINTY.sub(r"<i>u</i><sub>\1</sub>", str(escape(text))))
 
 

@@ -68,6 +68,7 @@ class RunView:
     summary: Facts
     key_numbers: Facts
     statement: tuple[str, ...]
+    deciding: tuple[tuple[str, str, float], ...]
     times_s: tuple[float, float]
     frames: int
     series: Markup
@@ -228,6 +229,7 @@ def _run_view(report: RunReport, calibration: Calibration | None, page: FilePath
         summary=facts.summary_cells(run.comparison),
         key_numbers=facts.key_numbers(run.comparison),
         statement=facts.statement(run.comparison),
+        deciding=facts.deciding(run.comparison),
         times_s=(float(time_s[0]), float(time_s[-1])),
         frames=len(time_s),
         series=series(run, presented_s, time_s),

@@ -132,7 +132,7 @@ class Run {
     const { time_s, along_mm, across_mm, heading_deg, tension_N } = this.series;
     const error = along_mm[i] === null ? "object not tracked"
       : `error ${Math.hypot(along_mm[i], across_mm[i]).toFixed(2)} mm (along ${signed(along_mm[i], 2, "")}, across ` +
-        `${signed(across_mm[i], 2, "")}), heading ${signed(heading_deg[i], 2, "\u00b0")}`;
+        `${signed(across_mm[i], 2, "")}), ${signed(heading_deg[i], 2, "\u00b0")}`;
     return `${time_s[i].toFixed(2)} s: ${error}, tension ${tension_N[i].toFixed(1)} N`;
   }
 
@@ -285,3 +285,10 @@ const unfold = () => {
 };
 window.addEventListener("hashchange", unfold);
 unfold();
+// What is unfolded comes into the window, as far as its heading stays there.
+for (const part of document.querySelectorAll("details.part")) {
+  part.querySelector("summary").addEventListener("click", () => requestAnimationFrame(() => {
+    const { top, bottom } = part.getBoundingClientRect();
+    if (part.open && bottom > innerHeight) { scrollBy({ top: Math.min(bottom - innerHeight, top), behavior: "instant" }); }
+  }));
+}
