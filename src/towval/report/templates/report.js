@@ -224,9 +224,11 @@ class Run {
         this.start = mediaTime;
         this.ready = true;
         this.section.classList.add("ready");
-        if (this.frame > 0) { this.go(this.frame); return; }
+        // The cursor may have been moved before the film was there.
+        if (this.frame > 0) { this.presented = 0; this.go(this.frame); return; }
       }
-      this.show(nearest(this.series.film_s, mediaTime - this.start));
+      this.presented = nearest(this.series.film_s, mediaTime - this.start);
+      this.show(this.presented);
     };
     if ("requestVideoFrameCallback" in film) {
       const next = (_, { mediaTime }) => {
@@ -254,7 +256,8 @@ class Run {
     if (canvas.width !== width || canvas.height !== height) { Object.assign(canvas, { width, height }); }
     context.clearRect(0, 0, width, height);
     if (this.printing) { context.drawImage(this.video, 0, 0, width, height); }
-    this.layers.draw(context, this.frame, this.shown);
+    // What belongs to the picture, even while the cursor waits for another.
+    this.layers.draw(context, this.presented, this.shown);
   }
 
   save() {
@@ -262,8 +265,8 @@ class Run {
     const [width, height] = this.layers.size, picture = Object.assign(document.createElement("canvas"), { width, height });
     const context = picture.getContext("2d");
     context.drawImage(this.video, 0, 0, width, height);
-    this.layers.draw(context, this.frame, this.shown);
-    const time = this.series.time_s[this.frame].toFixed(2);
+    this.layers.draw(context, this.presented, this.shown);
+    const time = this.series.time_s[this.presented].toFixed(2);
     picture.toBlob((blob) => {
       const link = document.createElement("a");
       Object.assign(link, { href: URL.createObjectURL(blob), download: `run_${this.section.dataset.name}_${time}s.png` });
