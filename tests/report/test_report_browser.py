@@ -338,6 +338,36 @@ def test_two_runs_fit_the_limits_of_words_pages_and_bytes(tmp_path):
         assert pages(browser) <= 6
 
 
+def test_the_frame_printed_carries_its_own_outlines(tmp_path):
+    """Even where the cursor was moved before the film was there."""
+    data = ReportData(
+        "lab",
+        (RunReport(known("a"), numbered_film(tmp_path / "a.mp4", FRAMES)),),
+        Provenance(""),
+        calibration=small_calibration(),
+    )
+    report = write_report(tmp_path / "report.html", data)
+    with Browser(tmp_path / "profile") as browser:
+        browser.open(report.as_uri())
+        browser.run(HELPERS)
+        slider = f"{RUN}.querySelector('.time')"
+        browser.run(f"{slider}.value = 37, {slider}.dispatchEvent(new Event('input'))")
+        browser.wait_for(f"{RUN}.matches('.ready')")
+        assert settled(browser, 37)["outlines"] == 37
+        printed = browser.run(f"""(() => {{
+          dispatchEvent(new Event("beforeprint"));
+          const {{ data, width, height }} = copied({RUN}), square = {NUMBER_PX} * width / {SMALL_SIZE_PX[0]};
+          let number = 0;
+          for (let bit = 0; bit < 10; bit += 1) {{
+            const at = 4 * (Math.floor((bit + 0.5) * square) + width * Math.floor(height - 0.5 * square));
+            number += (data[at] > 128) << bit;
+          }}
+          return number;
+        }})()""")
+        assert printed == 37
+        assert pages(browser) <= 6
+
+
 def pages(browser):
     printed = base64.b64decode(browser.send("Page.printToPDF", paperWidth=8.27, paperHeight=11.69)["data"])
     return len(re.findall(rb"/Type\s*/Page\b", printed))

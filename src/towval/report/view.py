@@ -23,6 +23,7 @@ from towval.report.result import ResultRow, gists, legend, result_rows, sentence
 from towval.report.style import Frame, frame_of
 
 _SEVERITIES = (Severity.REFUSAL, Severity.WARNING, Severity.NOTE)
+_TOGETHER = "campaign_verdict"
 _PARTS = {
     "campaign": "inputs",
     "calibrate": "calibration",
@@ -83,6 +84,7 @@ class ReportView:
     campaign: str
     sentence: str
     rows: tuple[ResultRow, ...]
+    together: str
     legend: str
     confidence: str
     runs: tuple[RunView, ...]
@@ -131,6 +133,7 @@ def build(data: ReportData, drawn: Sequence[tuple[Drawn, str]], page: FilePath) 
         campaign=data.campaign,
         sentence=sentence(records),
         rows=result_rows(records),
+        together=" ".join(f.finding.text for f in data.findings if f.finding.code == _TOGETHER and len(records) > 1),
         legend=legend(records),
         confidence=_confidence(records),
         runs=tuple(_run_view(run, calibration, page, embed) for run in data.runs),
@@ -166,7 +169,7 @@ def findings_by_part(data: ReportData) -> dict[str, tuple[FindingView, ...]]:
 
 def collect_findings(data: ReportData) -> tuple[FindingView, ...]:
     """Findings of all stages in order of severity; one that several runs share is listed once."""
-    found = [(f.stage, f.run, f.finding) for f in data.findings]
+    found = [(f.stage, f.run, f.finding) for f in data.findings if f.finding.code != _TOGETHER]
     if data.identification is not None:
         found += [("identify", "", f) for f in data.identification.findings]
     if data.calibration is not None:
