@@ -137,3 +137,26 @@ def test_a_playlist_is_no_video(tmp_path):
     )
     with pytest.raises(InputError, match=r"a\.mp4"):
         Video(tmp_path / "a.mp4")
+
+
+@pytest.mark.parametrize("value", [None, 1, "text", [], {}, [[]], {"a": 1}])
+@pytest.mark.parametrize(
+    "place", [(key,) for key in ("camera", "floor", "rover", "object", "tether", "friction", "runs")]
+    + [("camera", "board"), ("camera", "calibration_images"), ("camera", "resolution_px"), ("floor", "image"),
+       ("object", "load"), ("object", "top_corners_m"), ("runs", "a"), ("runs", "a", "first_frame_clicks_px")],
+)  # fmt: skip
+def test_a_part_of_the_wrong_kind_or_missing_is_told(lab, place, value):
+    def change(document):
+        for key in place[:-1]:
+            document = document[key]
+        if value is None:
+            del document[place[-1]]
+        else:
+            document[place[-1]] = value
+
+    changed(lab, change)
+    try:
+        load_campaign(lab)
+    except InputError:
+        return
+    assert value in (None, {}), (place, value)  # what may be left out

@@ -134,10 +134,16 @@ def read_campaign(folder: Path, document: Any) -> tuple[Campaign | None, Faults]
     def part(needs: str, function: Callable[..., Any], *arguments: Any) -> Any:
         """The result of a call with the keys that it needs, or None where one of them has a fault."""
         keys = needs.split()
-        if "the document" in wrong or any(f"{fault}.".startswith(f"{key}.") for fault in wrong for key in keys):
+        related = (pair for fault in wrong for key in keys for pair in ((fault, key), (key, fault)))
+        if "the document" in wrong or any(f"{inner}.".startswith(f"{outer}.") for inner, outer in related):
             return None
-        found = [reduce(lambda keys, key: keys.get(key, {}), key.split("."), document) for key in keys]
-        return faults.attempt(function, *found, *arguments)
+        try:
+            found = [reduce(lambda keys, key: keys.get(key, {}), key.split("."), document) for key in keys]
+            return faults.attempt(function, *found, *arguments)
+        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
+            if not wrong:
+                raise
+            return None  # of faults that are told, or of one beyond those that are
 
     read["calibration_images"] = part("camera.calibration_images", pictures_of, folder, "camera.calibration_images")
     read["board"] = part("camera.board", board_of)
