@@ -1,6 +1,7 @@
 """Output of commands: findings, progress, and errors of the input as one message."""
 
 import errno
+import io
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -38,6 +39,9 @@ def errors_reported(log: Path | None = None) -> Iterator[None]:
 
     The message also goes into the file ``log``. An interruption ends with exit code 130.
     """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal without ° or é must not end a stage
     try:
         load_plugins()
         yield
