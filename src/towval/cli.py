@@ -200,7 +200,7 @@ def main(arguments: list[str] | None = None) -> None:
     given = vars(_arguments().parse_args(arguments))
     stage = given.pop("stage")
     with errors_reported():
-        if "output" in given and stage not in _OUTPUTS:
+        if stage not in (*_OUTPUTS, *_WITHOUT_OUTPUT, "overlay"):
             check_replaceable(given["output"], stage)
         if "keys" in given:
             given["keys"] = _keys(given["keys"])

@@ -65,6 +65,18 @@ def test_what_is_not_ours_is_never_replaced(track, tmp_path, capsys):
         write_summary(tmp_path / "summary.csv", [])
 
 
+def test_a_film_never_replaces_footage(lab_small, tmp_path, capsys):
+    paths = ("--camera", tmp_path / "camera.mcap", "--folder", tmp_path)
+    assert "is not replaced" in refused(capsys, "overlay", lab_small, "--run", "a", *paths, "-o", lab_small / "a.mp4")
+
+
+def test_commands_without_a_result_of_their_own_are_not_held_up(lab_small, tmp_path):
+    with pytest.raises(SystemExit) as error:
+        main(["check", "--help"])
+    assert error.value.code == 0
+    main(["check", str(lab_small), "--output", str(tmp_path)])
+
+
 def test_a_damaged_result_may_be_made_again(tmp_path):
     path = tmp_path / "simulate.mcap"
     write_mcap(path, [], {}, {"stage": "simulate"})

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from towval.commands.run_folder import read_run
+from towval.io.atomic import not_ours
 from towval.io.campaign import load_campaign
 from towval.io.records import read_calibration
 from towval.report.overlay import write_overlay
@@ -14,6 +15,8 @@ def run(campaign: Path, name: str, camera: Path, folder: Path, output: Path, wid
     ``width_px``: largest width of the video [px].
     """
     given = load_campaign(campaign)
+    if output.resolve().is_relative_to(given.folder.resolve()):
+        raise not_ours(output)  # whatever is there, or will be, is the lab's
     record = read_run(given, name, folder, camera)
     entry, calibration = given.run(name), read_calibration(camera)
     write_overlay(entry.video, output, calibration, record, width_px=width_px, damaged=entry.damaged_video)
