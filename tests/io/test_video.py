@@ -85,6 +85,17 @@ def test_a_truncated_file_says_how_much_is_good(tmp_path):
     assert f"{len(good)} of 40" in video.findings[0].text
 
 
+def test_a_late_picture_is_far_from_the_first_or_at_hand(tmp_path):
+    pictures = [np.full((48, 64), grey, np.uint8) for grey in (40, 90, 140, 190)]
+    write_video(tmp_path / "whole.mp4", ((i / 25, picture) for i, picture in enumerate(pictures)), crf="1")
+    assert abs(int(Video(tmp_path / "whole.mp4").late_picture()[20, 20]) - 190) < 4
+    rng = np.random.default_rng(0)
+    noise = ((i / 25, rng.integers(0, 255, (48, 64), np.uint8)) for i in range(40))
+    write_video(tmp_path / "noise.mp4", noise, crf="10")
+    cut_off(tmp_path / "noise.mp4", tmp_path / "cut.mp4", 0.5)
+    assert Video(tmp_path / "cut.mp4", damaged=True).late_picture().shape == (48, 64)
+
+
 def test_what_is_no_video_is_said_in_one_message(tmp_path):
     (tmp_path / "a.mp4").write_text("hello\n" * 100)
     with pytest.raises(InputError, match="no video that FFmpeg can open"):

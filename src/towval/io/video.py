@@ -122,7 +122,10 @@ class Video:
             raise InputError(f"{self.path.name} holds no frame that decodes", remedy="copy the file again")
 
     def late_picture(self) -> Luma:
-        """A picture far from the first (height, width): the last keyframe, or where that is the first, the last one."""
+        """A picture far from the first (height, width): the last keyframe, or where that is the first, the last one.
+
+        The first one where the end of the file is damaged.
+        """
         with self._open() as container:
             stream = container.streams.video[0]
             late: Luma | None = None
@@ -133,9 +136,7 @@ class Video:
                     late = upright(luma_plane(frame), frame.rotation)
                     if (frame.pts or 0) > (stream.start_time or 0) and frame.key_frame:
                         break
-        if late is None:
-            raise InputError(f"{self.path.name} holds no frame that decodes", remedy="copy the file again")
-        return np.ascontiguousarray(late)
+        return np.ascontiguousarray(next(iter(self))[1] if late is None else late)
 
     def _reached_the_end(self) -> bool:
         """Whether the last frame is where the header says the video ends: AVI counts repeated pictures as frames."""
