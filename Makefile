@@ -6,6 +6,7 @@
 # make accuracy CAMPAIGN=...   run a campaign that has truth files, and print the errors against the truth
 # make tables  the must-reach tables of calibration and tracking on synthetic scenes, with their seeds
 # make mutants   which tuned constants of tracking and calibration the tests notice, each halved and doubled
+# make docs    the documentation as a site that opens offline, with the tutorial executed
 # make damage  thousands of damaged campaigns and files, killed runs, full disks, odd surroundings (SECURITY.md)
 # make lock, make sbom, make audit   dependencies: lock them, list them, ask for known vulnerabilities (requirements/)
 # make bench [CAMPAIGN=...]    what costs what, side by side
@@ -22,7 +23,7 @@ install = $(if $(LOCKED),$(PIP) --require-hashes --requirement requirements/$(1)
 	$(PIP) --no-deps --no-build-isolation --editable .,$(PIP) --editable '$(2)')
 SOURCES := src studies tests
 
-.PHONY: demo test check studies docs-ledger accuracy tables mutants bench damage lock sbom audit clean
+.PHONY: demo test check studies docs-ledger accuracy tables mutants bench docs damage lock sbom audit clean
 
 $(VENV)/installed: pyproject.toml requirements/run.txt
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "towval needs Python 3.11 or newer: make PYTHON=/path/to/python3.11")'
@@ -119,5 +120,13 @@ sbom: $(VENV)/installed $(VENV)/installed-tools
 audit: $(VENV)/installed-tools
 	$(TOOLS)/pip-audit --requirement requirements/run.txt --require-hashes --disable-pip --vulnerability-service osv
 
+$(VENV)/installed-docs: $(VENV)/installed
+	$(PIP) --editable '.[docs]'
+	touch $@
+
+docs: $(VENV)/installed-docs
+	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python -m sphinx -q -c docs/site -d site/.doctrees docs site
+	@echo "The documentation: $(CURDIR)/site/index.html"
+
 clean:
-	rm -rf $(VENV) results .snakemake
+	rm -rf site docs/generated $(VENV) results .snakemake

@@ -76,10 +76,11 @@ _STAGES: dict[str, tuple[str, list[_Argument]]] = {
         _file("--facts", "YAML file with facts, in the sections of campaign.yaml", required=False),
         ("--ask", {"action": BooleanOptionalAction, "help": "ask for what is missing; by default on a terminal"}),
         ("--force", {"action": "store_true", "help": "replace a campaign.yaml that is there"}),
+        ("--find", {"action": BooleanOptionalAction, "default": True, "help": "check, and find the starts"}),
     ]),
     "check": ("campaign folder → every fault at once, a picture of each start, expected accuracy and cost", [
         _CAMPAIGN,
-        _file("--output", "folder for the pictures, check in the campaign folder by default", required=False),
+        _file("--pictures", "folder for pictures and start.html, by default check in it", required=False),
         ("--json", {"dest": "as_json", "action": "store_true", "help": "print one JSON object"}),
     ]),
     "run": ("campaign folder → results, with report.html", [

@@ -2,10 +2,13 @@
 
 import json
 import shutil
+import subprocess
+import sys
 from importlib import resources
 from pathlib import Path
 
 import cv2
+import numpy as np
 import pytest
 import yaml
 
@@ -107,7 +110,25 @@ def test_clicks_beside_the_outline_are_warned_about(lab, tmp_path):
 
     told = check(lab(change), tmp_path / "pictures")
     assert told["faults"] == []
-    assert any("rover" in text for text in told["warnings"])
+    assert any("rover" in text for text in told["warnings"]), told
+
+
+def test_the_command_line_writes_beside_the_campaign(lab):
+    folder = lab()
+    line = [sys.executable, "-m", "towval.cli", "check", str(folder)]
+    done = subprocess.run(line, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "no fault" in done.stdout
+    assert (folder / "check" / "start.html").is_file()
+
+
+def test_starts_are_found_without_clicks(lab, tmp_path):
+    clicks = yaml.safe_load((SAMPLE / "campaign.yaml").read_text())["runs"]["a"]["first_frame_clicks_px"]
+    told = check(lab(lambda document: document["runs"]["a"].pop("first_frame_clicks_px")), tmp_path / "pictures")
+    assert told["faults"] == []
+    for body in ("rover", "object"):
+        # Clicked by hand to about a pixel, on pictures of half the size.
+        assert np.abs(np.array(told["runs"]["a"][f"{body}_corners_px"]) - clicks[body]).max() < 2
 
 
 def test_the_lines_of_keys():

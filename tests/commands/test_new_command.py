@@ -39,7 +39,7 @@ def footage(tmp_path):
 
 
 def test_what_pictures_show_is_found_and_the_campaign_loads(footage):
-    run(footage, FACTS, ask=False)
+    run(footage, FACTS, ask=False, find=False)
     found, given = load_campaign(footage), load_campaign(SAMPLE)
     assert found.resolution_px == given.resolution_px
     assert sorted(found.board.inner_corners) == sorted(given.board.inner_corners)
@@ -52,7 +52,7 @@ def test_what_pictures_show_is_found_and_the_campaign_loads(footage):
 
 
 def test_every_guess_is_marked_and_nothing_else(footage):
-    run(footage, FACTS | {"friction.kinetic": 0.31}, ask=False)
+    run(footage, FACTS | {"friction.kinetic": 0.31}, ask=False, find=False)
     text = (footage / "campaign.yaml").read_text()
     marked = set(re.findall(r"# GUESS: .*\n\s*(\w+):", text))
     assert {"tether_hinge_m", "footprint_m", "tether_anchor_m", "stiffness_N_per_m", "static", "static_std"} <= marked
@@ -65,24 +65,33 @@ def test_facts_of_a_file_count_and_those_of_the_line_count_more(footage, tmp_pat
     sheet.write_text(
         "object: {mass_kg: 9.0, load: {mass_kg: 1.8, at_m: [-0.18, 0.11]}}\ntether: {stiffness_N_per_m: 800}\n"
     )
-    run(footage, FACTS, facts=sheet, ask=False)
+    run(footage, FACTS, facts=sheet, ask=False, find=False)
     campaign = load_campaign(footage)
     assert (campaign.scene.body_mass, campaign.scene.load.mass, campaign.scene.tether.stiffness) == (4.0, 1.8, 800)
 
 
 def test_what_cannot_be_guessed_is_told_at_once(footage):
     with pytest.raises(InputError) as caught:
-        run(footage, {"object.mass_kg": 4.0}, ask=False)
+        run(footage, {"object.mass_kg": 4.0}, ask=False, find=False)
     told = set(re.findall(r"--set ([\w.]+)=", str(caught.value)))
     assert told == set(FACTS) - {"object.mass_kg"}
     assert not (footage / "campaign.yaml").exists()
 
 
+def test_tops_are_found_and_written(footage):
+    run(footage, FACTS | {"rover.tether_hinge_m": [-0.42, 0.0]}, ask=False)
+    found, given = load_campaign(footage), load_campaign(SAMPLE)
+    for body in ("rover", "object"):
+        assert np.abs(found.run("a").clicks_px[body] - given.run("a").clicks_px[body]).max() < 2
+    assert "# Found by their outlines." in (footage / "campaign.yaml").read_text()
+    assert (footage / "check" / "start.html").is_file()
+
+
 def test_what_is_there_stays(footage):
     (footage / "campaign.yaml").write_text("mine: true\n")
     with pytest.raises(InputError, match="--force"):
-        run(footage, FACTS, ask=False)
-    run(footage, FACTS, ask=False, force=True)
+        run(footage, FACTS, ask=False, find=False)
+    run(footage, FACTS, ask=False, find=False, force=True)
     assert "mine" not in read_yaml(footage / "campaign.yaml")
 
 
@@ -95,7 +104,7 @@ def test_on_a_terminal_it_asks_and_asks_again(footage, monkeypatch, capsys):
         return next(answers) if question.startswith("object.mass_kg") else ""
 
     monkeypatch.setattr("builtins.input", answer)
-    run(footage, {key: value for key, value in FACTS.items() if key != "object.mass_kg"}, ask=True)
+    run(footage, {key: value for key, value in FACTS.items() if key != "object.mass_kg"}, ask=True, find=False)
     masses = [question for question in asked if question.startswith("object.mass_kg")]
     assert len(masses) == 3
     assert "[kg]" in masses[0]
@@ -112,4 +121,4 @@ def test_a_folder_without_footage_is_told(footage, gone, words):
     else:
         path.unlink()
     with pytest.raises(InputError, match=words):
-        run(footage, FACTS, ask=False)
+        run(footage, FACTS, ask=False, find=False)

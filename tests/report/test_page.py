@@ -244,8 +244,9 @@ def test_a_missing_film_is_named(tmp_path):
 def test_summary_as_latex_has_a_row_a_run_and_dashes_for_what_is_missing():
     lines = summary_latex([towed_run("run_a").comparison]).splitlines()
     row = next(line for line in lines if line.startswith("run"))
-    assert row.startswith(r"run\_a & 2.")
-    assert row.endswith(r"& 0.01 & -- & -- & -- & not judged & 188 / 12 & -- & -- & -- & -- & -- \\")
+    assert re.fullmatch(r"run\\_a & [\d.]+ & [\d.]+ & [\d.]+ & -- & -- & not judged \\\\", row)
+    # A column of 85 mm holds about 55 characters in a footnote's size.
+    assert max(map(len, lines[-3:])) < 55
     columns = re.search(r"tabular}{(\w+)}", "\n".join(lines)).group(1)
     assert all(line.count("&") == len(columns) - 1 for line in lines if "&" in line)
 

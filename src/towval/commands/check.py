@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from towval.calibration.calibrate import CalibrateSettings, calibrate
-from towval.commands.track import open_video
+from towval.commands.track import open_video, spread_pictures
 from towval.io.campaign import Campaign, Run, read_campaign
 from towval.io.campaign_text import text_without_clicks
 from towval.io.images import GrayPictures, write_picture
@@ -24,6 +24,7 @@ from towval.report.preview import draw_start
 from towval.report.start_page import StartOfRun, write_start_page
 from towval.tracking.outline import pose_from_clicks
 from towval.tracking.planar_target import PlanarTarget
+from towval.tracking.start import Tow, check_clicks, find_starts
 
 
 @dataclass(frozen=True)
@@ -41,12 +42,12 @@ _LARGE_MISFIT_PX = 6.0
 """Clicks farther than this from the outline they are to lie on are warned about [px]."""
 
 
-def run(campaign: Path, output: Path | None = None, as_json: bool = False) -> None:
+def run(campaign: Path, pictures: Path | None = None, as_json: bool = False) -> None:
     """Check a campaign folder and print what was found.
 
     Parameters
     ----------
-    output : Path, optional
+    pictures : Path, optional
         Folder for a picture of each run's start and for the page on which starts are put right, ``start.html``; by
         default ``check`` in the campaign folder.
     as_json : bool
@@ -59,8 +60,8 @@ def run(campaign: Path, output: Path | None = None, as_json: bool = False) -> No
     SystemExit
         With code 1 when there are faults.
     """
-    told = check(campaign, output or campaign / "check")
-    print(json.dumps(told, indent=1) if as_json else _for_people(told))
+    told = check(campaign, pictures or campaign / "check")
+    print(json.dumps(told, indent=1) if as_json else for_people(told))
     if told["faults"]:
         raise SystemExit(1)
 
@@ -113,17 +114,25 @@ def _calibrated(given: Campaign) -> Calibration:
 
 
 def _start(given: Campaign, entry: Run, video: Video, calibration: Calibration) -> StartOfRun:
-    """Where rover and object are in the first frame of a run."""
-    luma = next(iter(video))[1]
-    poses, doubts = {}, {}
-    for body in given.bodies:
-        if body.name not in entry.clicks_px:
-            continue
-        target = PlanarTarget(body, calibration.camera, calibration.floor)
-        poses[body.name], _, misfit_px = pose_from_clicks(target, entry.clicks_px[body.name])
+    """Where rover and object are in the first frame of a run: clicked and checked, or found."""
+    luma, tow = np.ascontiguousarray(next(iter(video))[1]), Tow.of(given.scene)
+    corners, doubts = {}, {}
+    for name, clicked in check_clicks(luma, calibration, given.bodies, entry.clicks_px, tow).items():
+        corners[name] = clicked.corners_px
+        if clicked.findings:
+            doubts[name] = " ".join(found.text for found in clicked.findings)
+    if len(corners) < len(given.bodies):
+        for name, found in find_starts(spread_pictures(video), calibration, given.bodies, tow).items():
+            if name not in corners:
+                corners[name] = found.corners_px
+                if found.doubt:
+                    doubts[name] = f"not certain where it starts: {found.doubt}"
+    targets = {body.name: PlanarTarget(body, calibration.camera, calibration.floor) for body in given.bodies}
+    fits = {name: pose_from_clicks(targets[name], pixels) for name, pixels in corners.items()}
+    for name, (_, _, misfit_px) in fits.items():
         if misfit_px > _LARGE_MISFIT_PX:
-            doubts[body.name] = f"its clicks are up to {misfit_px:.0f} px beside an outline of its size"
-    return StartOfRun(luma, poses, {}, doubts)
+            doubts.setdefault(name, f"its clicks are up to {misfit_px:.0f} px beside an outline of its size")
+    return StartOfRun(luma, {name: pose for name, (pose, _, _) in fits.items()}, doubts)
 
 
 def _expected(
@@ -135,6 +144,8 @@ def _expected(
     for name, (body, pose) in bodies.items():
         target = PlanarTarget(body, calibration.camera, calibration.floor)
         row[f"{name}_pixel_mm"] = round(1e3 * target.metres_per_pixel(pose), 2)
+        corners = target.pixels(body.top_corners_m, pose)
+        row[f"{name}_corners_px"] = [] if name in start.doubts else np.round(corners, 1).tolist()
         row[f"{name}_position_std_mm"] = round(1e3 * _position_std_m(target, pose, calibration), 2)
     write_picture(picture, draw_start(start.luma, calibration, given.scene, bodies))
     row["cpu_s"] = round(COST.run_s + COST.megapixel_s * start.luma.size / 1e6 * (video.header.frames or 0))
@@ -143,8 +154,7 @@ def _expected(
 
 def _write_page(page: Path, given: Campaign, calibration: Calibration, starts: dict[str, StartOfRun]) -> None:
     text = (given.folder / "campaign.yaml").read_text(encoding="utf-8")
-    tether, pull = given.scene.tether, given.scene.friction.static * given.scene.weight
-    longest_m = 1.02 * tether.rest_length + 1.5 * pull / tether.stiffness + 0.015
+    longest_m = Tow.of(given.scene).longest_m
     bodies = {body.name: body for body in given.bodies}
     write_start_page(page, given.name, text_without_clicks(text), calibration, given.scene, bodies, longest_m, starts)
 
@@ -177,7 +187,8 @@ def _fault(error: TowvalError, lines: dict[str, int]) -> dict[str, Any]:
     }
 
 
-def _for_people(told: dict[str, Any]) -> str:
+def for_people(told: dict[str, Any]) -> str:
+    """What :func:`check` found, in lines."""
     rows = []
     for fault in told["faults"]:
         where = f"line {fault['line']}: " if fault["line"] else ""

@@ -8,13 +8,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 
 from towval.calibration.board_search import fitting_corner_counts
 from towval.calibration.corners import observe_chessboard
+from towval.commands.check import check, for_people
 from towval.commands.settings import nested
 from towval.io.atomic import write_text
 from towval.io.campaign import IMAGE_SUFFIXES, campaign_schema
-from towval.io.campaign_text import GUESS, campaign_text
+from towval.io.campaign_text import GUESS, campaign_text, text_without_clicks
 from towval.io.images import GrayPictures
 from towval.io.schema import faults_of
 from towval.io.video import Video
@@ -101,6 +103,7 @@ def run(
     facts: Path | None = None,
     ask: bool | None = None,
     force: bool = False,
+    find: bool = True,
 ) -> None:
     """Write campaign.yaml for a folder with videos and pictures.
 
@@ -114,6 +117,8 @@ def run(
         Ask for what is not known; by default on a terminal.
     force : bool
         Replace a campaign.yaml that is there.
+    find : bool
+        Check what was written, find where the bodies start, and write ``check/start.html``.
 
     Raises
     ------
@@ -130,9 +135,31 @@ def run(
     _look_at_files(draft)
     _fill(draft, sys.stdin.isatty() if ask is None else ask)
     _look_at_boards(draft)
-    write_text(file, campaign_text(draft.document, draft.marks))
+    text = campaign_text(draft.document, draft.marks)
+    write_text(file, text)
+    if find:
+        told = check(folder, folder / "check")
+        write_text(file, _with_starts(text, told["runs"]))
+        print(for_people(told))
     guessed = [key for key, mark in draft.marks.items() if mark.startswith(GUESS)]
     print(f"{file}: {len(draft.document['runs'])} runs; guessed, so measure first: {', '.join(guessed) or 'nothing'}")
+
+
+def _with_starts(text: str, runs: Mapping[str, Any]) -> str:
+    """The text with the corners of the tops that were found for certain, marked; where any is not, without."""
+    pieces = []
+    for piece in text_without_clicks(text):
+        if isinstance(piece, str):
+            pieces.append(piece)
+            continue
+        name, before = piece
+        corners = {body: runs.get(name, {}).get(f"{body}_corners_px") for body in ("rover", "object")}
+        if before and all(corners.values()):
+            pieces.append(
+                before.replace("first_frame", f"# Found by their outlines.{before.partition('f')[0]}first_frame")
+            )
+            pieces.append(yaml.safe_dump(corners, default_flow_style=True, width=10_000, sort_keys=False).strip())
+    return "".join(pieces)
 
 
 def _look_at_files(draft: Draft) -> None:

@@ -138,7 +138,7 @@ def _starts(given: Campaign, entry: Run, video: Video, calibration: Calibration,
     unclicked = [body.name for body in given.bodies if body.name not in starts]
     if not unclicked:
         return starts
-    pictures = _spread_pictures(video)
+    pictures = spread_pictures(video)
     found = find_starts(pictures, calibration, given.bodies, tow)
     for name in unclicked:
         if found[name].doubt:
@@ -171,7 +171,7 @@ def _ask_for_clicks(name: str, entry: Run, start: Start, drawn: Path) -> InputEr
     )
 
 
-def _spread_pictures(video: Video) -> list[NDArray[np.uint8]]:
+def spread_pictures(video: Video) -> list[NDArray[np.uint8]]:
     """The first frame and others at equal steps over the video."""
     pictures, every = [], 1
     for i, (_, luma) in enumerate(video):

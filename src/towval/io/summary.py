@@ -32,9 +32,9 @@ def summary_csv(comparisons: Sequence[Comparison]) -> str:
 
 
 def summary_latex(comparisons: Sequence[Comparison]) -> str:
-    """The summary as a LaTeX ``tabular`` for the package booktabs, in millimetres and degrees, "--" where missing."""
+    """The main columns as a LaTeX ``tabular`` for booktabs, narrow enough for a column; "--" where missing."""
     rows = [" & ".join(_latex_cells(c)) + r" \\" for c in comparisons]
-    return "\n".join([*_LATEX_HEAD, *rows, r"\bottomrule", r"\end{tabular}", ""])
+    return "\n".join([*_LATEX_HEAD, *rows, r"\bottomrule", r"\end{tabular}}", ""])
 
 
 def write_summary(path: Path, comparisons: Sequence[Comparison]) -> None:
@@ -44,31 +44,22 @@ def write_summary(path: Path, comparisons: Sequence[Comparison]) -> None:
 
 
 _LATEX_HEAD = (
-    "% needs \\usepackage{booktabs}; uncertainties are standard uncertainties; only the last column is aligned",
-    r"\begin{tabular}{lrrrrrrrrlrrrrrr}",
+    "% needs \\usepackage{booktabs}; fits a column of 85 mm; all quantities are in summary.csv",
+    r"{\footnotesize\setlength{\tabcolsep}{3pt}%",
+    r"\begin{tabular}{lrrrrrl}",
     r"\toprule",
-    r"Run & RMS & max. & heading & length & $u_\mathrm{num}$ & $u_\mathrm{input}$ & $u_D$ & $u_\mathrm{val}$ & verdict"
-    r" & seen / lost & Fr\'echet & area along & area across & $\max |E|/u_\mathrm{val}$ & aligned RMS \\",
-    r" & (mm) & (mm) & (\textdegree) & (m) & (mm) & (mm) & (mm) & (mm) & & (frames)"
-    r" & (mm) & (mm) & (mm) & & (mm) \\",
+    r"Run & path & RMS & max. & $u_\mathrm{val}$ & error $\le$ & verdict \\",
+    r" & (m) & (mm) & (mm) & (mm) & (mm) & \\",
     r"\midrule",
 )
 
 
 def _latex_cells(c: Comparison) -> list[str]:
-    uncertainties = (c.u_num_m, c.u_input_m, c.u_measurement_m, c.u_val_m)
     return [
         c.run.replace("_", r"\_"),
-        _decimal(1e3 * c.path_rms_m, 2),
-        _decimal(1e3 * c.path_max_m, 2),
-        _decimal(math.degrees(c.heading_rms_rad), 3),
-        _decimal(c.path_length_m, 3),
-        *(_decimal(1e3 * value, 2) for value in uncertainties),
+        _decimal(c.path_length_m, 2),
+        *(_decimal(1e3 * value, 1) for value in (c.path_rms_m, c.path_max_m, c.u_val_m, c.error_upper_m)),
         c.verdict.value,
-        f"{c.tracked_frames} / {c.lost_frames}",
-        *(_decimal(1e3 * value, 2) for value in (c.frechet_m, c.area_along_m, c.area_across_m)),
-        _decimal(c.ratio_max, 2),
-        _decimal(1e3 * c.aligned_rms_m, 2),
     ]
 
 

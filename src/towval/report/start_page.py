@@ -22,12 +22,11 @@ _QUALITY = 88
 class StartOfRun:
     """The first frame of a run and where its bodies are: poses (3,) [m, m, rad] by name; those not found are missing.
 
-    ``found`` are the places that were found by outlines; ``doubts`` what is not certain, by the body's name.
+    ``doubts`` says what is not certain, by the body's name.
     """
 
     luma: NDArray[np.uint8]
     poses: Mapping[str, Array]
-    found: Mapping[str, Array]
     doubts: Mapping[str, str]
 
 
@@ -82,7 +81,6 @@ def write_start_page(
             name: {
                 "frame": _picture(start.luma),
                 "poses": {body: pose.tolist() for body, pose in start.poses.items()},
-                "found": {body: pose.tolist() for body, pose in start.found.items()},
                 "told": {body: [text] for body, text in start.doubts.items()},
             }
             for name, start in runs.items()

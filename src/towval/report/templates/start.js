@@ -122,9 +122,9 @@ function warnings(name) {
   const told = [], { poses, unplaced } = runs[name], given = DATA.runs[name];
   for (const body of BODIES) {
     if (unplaced.has(body)) told.push(`The ${body} was not found. Drag its outline onto its top, then snap.`);
-    for (const text of given.told[body] || []) told.push(text);
-    const found = (given.found || {})[body];
-    if (found && Math.abs(wrapped(poses[body][2] - found[2])) > 2.2) told.push(`The ${body} was found the other way round: towed bodies follow their anchor, rovers leave their hinge behind. Is its arrow right?`);
+    if (given.poses[body] === poses[body]) for (const text of given.told[body] || []) told.push(`${body}: ${text}`);
+    const start = given.poses[body];
+    if (start && Math.abs(wrapped(poses[body][2] - start[2])) > 1.5) told.push(`The ${body} was found the other way round. Is its arrow right?`);
     if (name !== run || !runs[name].grey || dragging) continue;
     const better = snapped(body, poses[body], 8), off = apart(body, poses[body], better);
     if (off > 1.8 && score(body, better) > 1.12 * score(body, poses[body])) told.push(`The outline of the ${body} is ${off.toFixed(0)} px beside edges that fit it. Snap it, or check its size and height.`);
