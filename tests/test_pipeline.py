@@ -218,7 +218,7 @@ def test_another_key_of_the_campaign_reruns_what_reads_it(lab, repository):
 
 def test_another_setting_reruns_its_stage_and_what_follows(lab):
     changed = _rules_to_run(lab, lab.repository, 'compare={"resolution_m":0.03}')
-    assert changed == {"compare", "overlay", "report"}
+    assert changed == {"compare", "report"}
 
 
 def test_a_killed_run_resumes(lab, tmp_path):

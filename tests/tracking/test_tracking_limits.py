@@ -342,6 +342,7 @@ def test_a_template_that_shows_less_than_a_tenth_of_a_motion_is_not_used(share, 
 def test_edges_are_fitted_twice_a_second_and_less_often_later(follower, monkeypatch):
     times = []
     monkeypatch.setattr(follow, "observe_outline", lambda *_: times.append(now))
+    monkeypatch.setattr(follow, "observe_size", lambda *_: None)
     for now in np.arange(1, 121) / 10:
         follower.follow(float(now), None)
     early = [t for t in times if t <= 5]
@@ -459,6 +460,7 @@ def test_the_scatter_is_that_of_frames_in_which_the_body_moves_and_is_bounded(fo
 @pytest.mark.parametrize(("shift_px", "held"), [(0.07, True), (0.15, False)])
 def test_a_rest_is_within_a_tenth_of_a_pixel(follower, monkeypatch, shift_px, held):
     monkeypatch.setattr(follow, "observe_outline", lambda *_: None)
+    monkeypatch.setattr(follow, "observe_size", lambda *_: None)
     follower.tracker.std_m = 0.05 * PIXEL_M
     there = follower.motion.pose
     for k in range(1, 21):
