@@ -74,7 +74,7 @@ def test_commands_without_a_result_of_their_own_are_not_held_up(lab_small, tmp_p
     with pytest.raises(SystemExit) as error:
         main(["check", "--help"])
     assert error.value.code == 0
-    main(["check", str(lab_small), "--output", str(tmp_path)])
+    main(["check", str(lab_small), "--pictures", str(tmp_path)])
 
 
 def test_a_damaged_result_may_be_made_again(tmp_path):
