@@ -18,6 +18,13 @@ _HEAD = """# Claims of the paper, one by one
 Made by the rule `claims` from the tables in `results/figures/tables/`; do not edit. The same as data is
 `claims.json`. Every outcome is decided by the check beside it on our own numbers, with the scene of
 `src/towval/workflow/plan.yaml`, which marks the paper's values and our assumptions.
+
+- *Class* says how much an outcome means: found as it is, follows by construction, or after an assumed setting was tuned
+  with the figure in view.
+- *Control* plants a fault in the program and decides the claim again (`studies/paper/controls.py`): a check that still
+  holds then proves nothing. Where a claim is not reproduced, the control is a change with which it would be.
+- *Other settings* decides the claim with other values of what the paper does not state
+  (`studies/paper/variants.py`).
 """
 
 
@@ -43,10 +50,21 @@ def markdown(rows: Sequence[Mapping[str, str]]) -> str:
     """The ledger as Markdown: counts, a table of outcomes, then each claim with its check and numbers."""
     counts = Counter(row["outcome"] for row in rows)
     summary = ", ".join(f"{counts[outcome]} {outcome}" for outcome in ClaimOutcome)
-    lines = [_HEAD, f"{len(rows)} statements: {summary}.", "", "| section | claim | outcome |", "|---|---|---|"]
-    lines += [f"| {row['where']} | {row['name']} | {row['outcome']} |" for row in rows]
+    lines = [
+        _HEAD,
+        f"{len(rows)} statements: {summary}.",
+        "",
+        "| section | claim | outcome | class |",
+        "|---|---|---|---|",
+    ]
+    lines += [f"| {row['where']} | {row['name']} | {row['outcome']} | {row['kind']} |" for row in rows]
     for row in rows:
         lines += ["", f"## {row['name']}", "", f"Section {row['where']}: “{row['statement']}”", ""]
-        lines += [f"- Check: {row['check']}", f"- Ours: {row['numbers']}.", f"- Outcome: **{row['outcome']}**."]
-        lines += [f"- Note: {row['note']}"] if row["note"] else []
+        lines += [
+            f"- Check: {row['check']}",
+            f"- Ours: {row['numbers']}.",
+            f"- Outcome: **{row['outcome']}**, {row['kind']}.",
+        ]
+        optional = {"Control": "control", "Other settings": "variants", "Note": "note", "To decide it": "takes"}
+        lines += [f"- {title}: {row[name]}" for title, name in optional.items() if row[name]]
     return "\n".join(lines) + "\n"

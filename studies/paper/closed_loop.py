@@ -24,6 +24,9 @@ from towval.planning.plan import ClosedLoop, close_loop
 from towval.planning.planner import PlanCase, RoverPlan
 from towval.planning.scene import resting_patch
 
+PLANNER_STEPS_S = (0.025, 0.05, 0.1, 0.2, 0.4)
+"""Time steps Δt of the planner [s]; the paper's is not given."""
+
 REPORT_STRIDE = 10
 """The towed object is computed and compared at every so many steps of the planner."""
 
@@ -73,12 +76,37 @@ def _loop_rows(scene: PaperScene, curve: str, **settings: Any) -> list[Row]:
     rows += path_rows({"row": "nominal rover"}, nominal.hinge.position)
     case_at = np.array([case.name for case in PlanCase])[loop.rover.case]
     at = np.searchsorted(loop.rover.time_s, loop.towed.time_s).clip(max=len(case_at) - 1)
-    for name, position, case in (("rover", loop.rover.hinge, case_at), ("object", loop.towed.pose, case_at[at])):
+    unknown = np.full(len(at), np.nan)
+    for name, position, case, miss in (
+        ("rover", loop.rover.hinge, case_at, _misses(scene, loop.rover, nominal)),
+        ("object", loop.towed.pose, case_at[at], unknown),
+    ):
         rows += [
-            {"row": name, "x_m": x, "y_m": y, "case": letter}
-            for (x, y), letter in zip(position[:, :2], case, strict=True)
+            {"row": name, "x_m": x, "y_m": y, "case": letter, "miss_m": gap}
+            for (x, y), letter, gap in zip(position[:, :2], case, miss, strict=True)
         ]
     return rows
+
+
+def _misses(scene: PaperScene, plan: RoverPlan, nominal: QuasistaticMotion) -> Array:
+    """How far the arc of each step, driven on, passes the point aimed at (n,) [m]."""
+    aim = inverse_transform(plan.pose, nominal.hinge.position[plan.target]) - scene.rover.hinge
+    turning = plan.twist[:, 2:]
+    velocity = plan.twist[:, :2] + turning * np.array([-scene.rover.hinge[1], scene.rover.hinge[0]])
+    normal = np.column_stack([-velocity[:, 1], velocity[:, 0]]) / np.linalg.norm(velocity, axis=1, keepdims=True)
+    # A point at ``aim`` is on the circle through the hinge where 2 aim·n = κ |aim|², which holds for a line as well.
+    curvature = turning[:, 0] / np.linalg.norm(velocity, axis=1)
+    side = 2 * np.sum(aim * normal, axis=1) - curvature * np.sum(aim**2, axis=1)
+    centre_gap = np.sqrt(np.maximum(1 - curvature * side, 0.0))
+    return np.abs(side) / (1 + centre_gap)
+
+
+def _planner_step_rows(scene: PaperScene, curve: str, time_step: float) -> list[Row]:
+    """Outcome and RMS with another time step Δt of the planner, its look-ahead kept as a time."""
+    patch, settings = resting_patch(scene), scene.planner
+    nominal = cube_nominal(scene, patch, curve, time_step)
+    look_ahead = round(settings.look_ahead_steps * scene.planner_step / time_step)
+    return [{"curve": curve, "time_step_s": time_step} | loop_row(scene, patch, nominal, look_ahead_steps=look_ahead)]
 
 
 def _threshold_rows(scene: PaperScene, curve: str, thresholds: list[float], shown: list[float]) -> list[Row]:
@@ -142,6 +170,14 @@ def _threshold_parts(plan: Mapping[str, Any]) -> dict[str, Part]:
     return {curve: {"curve": curve, **values} for curve in CURVES}
 
 
+def _planner_step_parts(plan: Mapping[str, Any]) -> dict[str, Part]:
+    return {
+        f"{curve}_{1000 * step:.0f}": {"curve": curve, "time_step": step}
+        for curve in ("lemniscate", "rounded_square")
+        for step in PLANNER_STEPS_S
+    }
+
+
 def _wheelbase_parts(plan: Mapping[str, Any]) -> dict[str, Part]:
     vary = plan["sensitivity"]
     return {
@@ -169,4 +205,5 @@ def _surface_parts(plan: Mapping[str, Any]) -> dict[str, Part]:
 LOOP = paper_study(_loop_parts, _loop_rows)
 THRESHOLDS = paper_study(_threshold_parts, _threshold_rows)
 WHEELBASES = paper_study(_wheelbase_parts, _wheelbase_rows)
+PLANNER_STEPS = paper_study(_planner_step_parts, _planner_step_rows)
 SURFACE = paper_study(_surface_parts, surface_rows)

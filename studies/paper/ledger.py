@@ -7,7 +7,7 @@ Nothing here is written down in advance but the statement, the check and, where 
 from __future__ import annotations
 
 import enum
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,12 +24,23 @@ class ClaimOutcome(enum.StrEnum):
     UNDECIDED = "cannot be decided"
 
 
+class ClaimClass(enum.StrEnum):
+    """How much an outcome says."""
+
+    FOUND = "found as it is"
+    """Computed with values of the paper, or assumed ones that were not chosen for it."""
+    CONSTRUCTION = "follows by construction"
+    """The model cannot give anything else; a failure would be a defect of the program."""
+    TUNED = "after a setting was tuned with the figure in view"
+    """An assumed setting was chosen so that the figure looks like the paper's."""
+
+
 @dataclass(frozen=True)
 class Claim:
     """A statement of the paper: ``where`` it stands, the ``statement``, the ``check`` in words, how to ``decide`` it.
 
-    ``decide`` maps the tables to an outcome and the numbers behind it, as text; ``note`` says why we differ, or on what
-    assumption the outcome rests.
+    ``decide`` maps the tables to an outcome and the numbers behind it, as text; ``kind`` how much the outcome says;
+    ``note`` why we differ, or on what assumption the outcome rests; ``takes`` what it would take to decide it better.
     """
 
     name: str
@@ -38,6 +49,8 @@ class Claim:
     check: str
     decide: Callable[[Tables], tuple[ClaimOutcome, str]]
     note: str = ""
+    kind: ClaimClass = ClaimClass.FOUND
+    takes: str = ""
 
 
 def outcome(held: bool) -> ClaimOutcome:
@@ -50,23 +63,42 @@ def undecided(reason: str) -> Callable[[Tables], tuple[ClaimOutcome, str]]:
     return lambda _: (ClaimOutcome.UNDECIDED, reason)
 
 
-def decided(claims: tuple[Claim, ...], tables: Tables) -> list[dict[str, str]]:
-    """Decide all claims on the tables: a row a claim, all texts."""
+def decided(claims: Sequence[Claim], tables: Tables) -> list[dict[str, str]]:
+    """Decide all claims on the tables: a row a claim, all texts.
+
+    With the tables ``controls`` and ``variants`` each row also says what became of its planted fault, and with which
+    other values of the assumed settings the outcome is another.
+    """
     rows = []
     for claim in claims:
         result, numbers = claim.decide(tables)
-        rows.append(
-            {
-                "name": claim.name,
-                "where": claim.where,
-                "statement": claim.statement,
-                "check": claim.check,
-                "outcome": str(result),
-                "numbers": numbers,
-                "note": claim.note,
-            }
-        )
+        texts = {name: getattr(claim, name) for name in ("name", "where", "statement", "check", "note", "takes")}
+        rows.append(texts | {"kind": str(claim.kind), "outcome": str(result), "numbers": numbers})
+        rows[-1] |= {"control": _control_of(claim, tables), "variants": _variants_of(claim, result, tables)}
     return rows
+
+
+def _control_of(claim: Claim, tables: Tables) -> str:
+    if "controls" not in tables:
+        return ""
+    rows = tables["controls"]
+    rows = rows[rows["claim"] == claim.name]
+    return "; ".join(f"{row.fault}: {row.outcome} ({row.numbers})" for row in rows.itertuples())
+
+
+def _variants_of(claim: Claim, result: ClaimOutcome, tables: Tables) -> str:
+    """Settings with which a claim is decided alike, and those with which it is not."""
+    if "variants" not in tables:
+        return ""
+    rows = tables["variants"]
+    rows = rows[rows["claim"] == claim.name]
+    alike = rows["outcome"] == str(result)
+    parts = [
+        f"{word} with {', '.join(rows.loc[held, 'setting'])}"
+        for word, held in (("the same", alike), ("otherwise", ~alike))
+        if held.any()
+    ]
+    return "; ".join(parts)
 
 
 def growth_exponent(x: pd.Series, y: pd.Series) -> float:

@@ -41,15 +41,16 @@ LEAST_STEPS = 100
 def contact_rows(scene: PaperScene, centre: list[float], element_size: float) -> list[Row]:
     """Pressure under a very eccentric load on a mesh: cells, iterations, and the exact part in contact, Fig. 2.
 
-    Rows ``cell`` hold the corners of a cell and whether it carries load in the end, rows ``iteration`` the residual and
-    the coefficients of the pressure plane over those of the last iteration, rows ``exact`` the corners of the part in
-    contact by clipping.
+    Rows ``cell`` hold the corners of a cell, whether it carries load in the end and which, rows ``iteration`` the
+    residual and the coefficients of the pressure plane over those of the last iteration, rows ``exact`` the corners of
+    the part in contact by clipping, the row ``load`` the load and its place.
     """
     towed = next(iter(scene.general.values()))
     loads = [(towed.mass * GRAVITY_M_PER_S2, centre)]
     exact = pressure_plane(towed.patch, loads)
     meshed = mesh_pressure(towed.patch, loads, element_size)
     rows = _cell_rows(meshed)
+    rows.append({"row": "load", "force_n": loads[0][0], "x0": centre[0], "y0": centre[1]})
     last = meshed.history[-1].coefficients
     for number, iteration in enumerate(meshed.history, start=1):
         normalised = dict(zip(("a", "b", "c"), iteration.coefficients / last, strict=True))
@@ -69,8 +70,8 @@ def _cell_rows(meshed: MeshPressure) -> list[Row]:
     names = ("x0", "y0", "x1", "y1", "x2", "y2")
     final = meshed.history[-1].in_contact
     return [
-        {"row": "cell", "contact": float(inside)} | dict(zip(names, cell, strict=True))
-        for cell, inside in zip(corners, final, strict=True)
+        {"row": "cell", "contact": float(inside), "force_n": force} | dict(zip(names, cell, strict=True))
+        for cell, inside, force in zip(corners, final, meshed.force, strict=True)
     ]
 
 

@@ -11,12 +11,14 @@ from paper_plan import paper_plan, quick_plan
 from studies.compute import gather, run_part
 from studies.draw import draw_chart, figure_of
 from studies.frame import Settings, loaded
-from studies.paper import claim_checks as checks
+from studies.paper import model_checks
 from studies.paper.claims import CLAIMS
 from studies.paper.claims_page import markdown, write_ledger
 from studies.paper.closed_loop import surface_grid
+from studies.paper.controls import CONTROLS, OPPOSITES, control_rows
 from studies.paper.ledger import ClaimOutcome, decided
 from studies.paper.scene import paper_scene
+from studies.paper.variants import Variant, variant_rows
 from studies.registry import FIGURES, PAPER
 from towval.model.errors import InputError
 from towval.planning.scene import towed_object
@@ -33,6 +35,8 @@ def tables(plan, tmp_path_factory):
     folder = tmp_path_factory.mktemp("tables")
     files = {}
     for study, reference in PAPER.items():
+        if study in ("controls", "variants"):
+            continue  # They compute the other studies again, tests of their own follow.
         written = []
         for name, part in loaded(reference).parts(Settings(plan=plan)).items():
             written.append(folder / f"{study}_{name}.csv")
@@ -126,7 +130,50 @@ def test_a_check_fails_where_the_numbers_contradict_the_claim(tables):
     reversed_speeds = read(tables)
     speeds = reversed_speeds["speeds"]
     speeds["feedforward_rms_m"] = speeds["feedforward_rms_m"].to_numpy()[::-1]
-    assert checks.feedforward_falls(reversed_speeds)[0] is ClaimOutcome.NOT_REPRODUCED
+    assert model_checks.feedforward_falls(reversed_speeds)[0] is ClaimOutcome.NOT_REPRODUCED
+
+
+@pytest.mark.parametrize("control", CONTROLS, ids=lambda control: control.claim)
+def test_a_planted_fault_makes_the_check_of_its_claim_fail(control):
+    rows = control_rows(quick_plan(), control.claim, control.fault)
+    assert rows[0]["outcome"] == "not reproduced"
+
+
+@pytest.mark.parametrize("control", OPPOSITES, ids=lambda control: control.claim)
+def test_a_claim_that_is_not_reproduced_would_be_with_the_opposite_change(control):
+    rows = control_rows(quick_plan(), control.claim, control.fault)
+    assert rows[0]["outcome"] == "reproduced"
+
+
+def test_every_claim_that_can_be_decided_has_a_control(tables):
+    outcomes = {row["name"]: row["outcome"] for row in decided(CLAIMS, read(tables))}
+    decidable = {name for name, outcome in outcomes.items() if outcome != "cannot be decided"}
+    assert decidable == {control.claim for control in (*CONTROLS, *OPPOSITES)}
+
+
+def test_other_settings_decide_the_claims_again():
+    variant = Variant("κ = 1000 N/m", ("tether", "stiffness_n_m"), 1e3, ("starts",))
+    plan = quick_plan()
+    plan["tether"]["stiffness_n_m"] = variant.value
+    rows = variant_rows(plan, variant.name, list(variant.studies))
+    assert [row["claim"] for row in rows] == [claim.name for claim in CLAIMS if "from rest" in claim.name]
+
+
+def test_the_ledger_shows_controls_and_other_settings(tables):
+    given = read(tables)
+    claim = "feedforward falls with speed"
+    given["controls"] = pd.DataFrame(
+        [{"claim": claim, "fault": "a fault", "outcome": "not reproduced", "numbers": "n"}]
+    )
+    given["variants"] = pd.DataFrame(
+        [
+            {"claim": claim, "setting": f"κ = {k}", "outcome": outcome}
+            for k, outcome in ((1, "reproduced"), (2, "not reproduced"))
+        ]
+    )
+    text = markdown(decided(CLAIMS, given))
+    assert "- Control: a fault: not reproduced (n)" in text
+    assert "- Other settings: the same with κ = 1; otherwise with κ = 2" in text
 
 
 def test_an_empty_axis_of_the_surface_is_refused():
