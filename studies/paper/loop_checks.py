@@ -151,7 +151,8 @@ def breaking_values(tables: Tables) -> Decision:
         )
         for length, part in sizes.groupby("wheelbase_m")
     )
-    return outcome(all(result != "arrived" for result in found.values())), (
+    held = len(found) == len(BREAKING_THRESHOLDS) and all(result != "arrived" for result in found.values())
+    return outcome(held), (
         f"{text}; ours break at {', '.join(f'{value:g}' for value in broken.index)} m, in {away} of {len(broken)} of "
         f"these the first step in case C turns away from the point aimed at; failing by wheelbase: {listed}"
     )
