@@ -51,7 +51,8 @@ def _stated_size(data: bytes) -> tuple[int, int] | None:
     """Width and height that a picture claims, before anything is unpacked; None for what is no picture."""
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of bombs: the size is compared with that of the camera
+            # The size that is read here is compared with that of the camera.
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
             with Image.open(BytesIO(data)) as picture:
                 return picture.size
     except (Image.DecompressionBombError, OSError, SyntaxError, ValueError, ArithmeticError, LookupError, TypeError):
