@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from studies.worlds.campaign import ANCHOR, HINGE, OBJECT, ROVER, towed_motion
+from studies.worlds.campaign import OBJECT, ROVER, towed_motion
 from studies.worlds.scenes import ceiling, drive
-from towval.model import Calibration, FrictionSpecification, Load, Patch, Tether, TowingScene
+from towval.model import Calibration
 from towval.validation.decimate import decimate
 from towval.validation.simulate import simulate
 from towval.validation.uncertainty import Case
-from validation_case import DEVIATIONS, PARAMETER_STD
+from validation_case import DEVIATIONS, PARAMETER_STD, SCENE
 
 
 @pytest.fixture(scope="module")
@@ -26,15 +26,6 @@ def case(calibration, make_track):
     towed = towed_motion(rover, (-1.2, 0.0, 0.15), times)
     rover_track = make_track(lambda t: np.array([rover(x) for x in t]), duration_s=4.0, seed=1)
     object_track = make_track(lambda t: towed, body="object", duration_s=4.0, seed=2)
-    scene = TowingScene(
-        Patch(OBJECT.top_corners_m),
-        4.0,
-        Load(1.5, np.array([-0.15, 0.08]), np.array([0.1, 0.1, 0.0])),
-        ANCHOR,
-        HINGE,
-        Tether(0.6, 800.0),
-        FrictionSpecification(0.35, 0.35, 0.005, 0.05),
-    )
     thin, thin_object = decimate(rover_track), decimate(object_track)
-    simulated = simulate(scene, thin, thin_object, times)
-    return Case(scene, DEVIATIONS, calibration, ROVER, OBJECT, rover_track, thin, object_track, thin_object, simulated)
+    simulated = simulate(SCENE, thin, thin_object, times)
+    return Case(SCENE, DEVIATIONS, calibration, ROVER, OBJECT, rover_track, thin, object_track, thin_object, simulated)

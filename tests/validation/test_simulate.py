@@ -5,24 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from studies.worlds.campaign import ANCHOR, HINGE, OBJECT
 from studies.worlds.scenes import drive
-from towval.model import FloorRegion, FrictionSpecification, Ground, Load, Patch, Tether, TowingScene
+from towval.model import FloorRegion, Ground, Tether
 from towval.model.errors import InputError, RefusedError
 from towval.physics.friction_laws import FittedLaw, fitted_law
 from towval.validation.decimate import decimate
 from towval.validation.simulate import STICKING, SimulateSettings, simulate
+from validation_case import SCENE
 
 TIMES = np.arange(100) / 25
-SCENE = TowingScene(
-    Patch(OBJECT.top_corners_m),
-    4.0,
-    Load(1.5, np.array([-0.15, 0.08]), np.array([0.1, 0.1, 0.0])),
-    ANCHOR,
-    HINGE,
-    Tether(0.6, 800.0),
-    FrictionSpecification(0.35, 0.35, 0.005, 0.05),
-)
 
 
 @pytest.fixture(scope="module")
