@@ -1,6 +1,8 @@
 """Rules of size and documentation that hold for all code: what is installed, files, functions, docstrings."""
 
 import ast
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -68,3 +70,22 @@ def test_a_missing_docstring_is_found(tmp_path):
     file.write_text('def plain():\n    return 1\n\n\nclass Kind:\n    def method(self):\n        """Says it."""\n')
     found = {each: ast.get_docstring(node) is None for each, node in functions(file)}
     assert found == {"plain": True, "Kind.method": False}
+
+
+@pytest.mark.parametrize(
+    ("module", "heavy"),
+    [
+        # What every call of the workflow imports before it knows whether there is anything to do.
+        ("towval.io.campaign", ("numba", "cv2", "scipy", "pandas", "matplotlib")),
+        ("towval.io.manifest", ("numba", "cv2", "scipy", "pandas", "matplotlib")),
+        ("towval.cli", ("numba", "cv2", "scipy", "pandas", "matplotlib", "jsonschema")),
+        # Each a process of its own for every run.
+        ("towval.commands.decimate", ("numba", "cv2", "pandas", "matplotlib")),
+        ("towval.commands.simulate", ("scipy", "pandas", "matplotlib")),
+        ("towval.commands.exchange", ("pandas", "matplotlib")),
+    ],
+)
+def test_what_starts_often_imports_little(module, heavy):
+    program = f"import sys, {module}; print(*sys.modules.keys() & {set(heavy)!r})"
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert run.stdout.split() == []

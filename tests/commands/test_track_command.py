@@ -17,11 +17,10 @@ from towval.commands.track import run as track
 from towval.io.mcap_file import read_provenance
 from towval.io.records import read_tracks, write_calibration
 from towval.io.video import Video
-from towval.model import Calibration
+from towval.model import Calibration, Tag
 from towval.model.errors import InputError
 from towval.model.geometry import wrapped
 from towval.tracking import klt
-from towval.tracking.markers import Tag
 
 
 @pytest.fixture(scope="module")

@@ -1,5 +1,6 @@
 """The fingerprint of code: it changes with the modules that a command uses, and with no others."""
 
+import ast
 import shutil
 
 import pytest
@@ -68,3 +69,33 @@ def test_versions_name_the_libraries():
     found = provenance.versions()
     assert found["towval"] == towval.__version__
     assert {"numpy", "scipy", "python"} <= found.keys()
+
+
+def test_no_import_escapes_the_pattern():
+    """Every module of the repository, read by Python's own parser as well."""
+    for path in sorted(provenance._PACKAGE.rglob("*.py")):
+        wanted = set()
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                wanted |= {alias.name for alias in node.names}
+            elif isinstance(node, ast.ImportFrom):
+                wanted |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+        files = {file for name in wanted for file in provenance._module_files(name)}
+        assert files <= set(provenance._imported(path, 0)), path
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "from neighbour import (  # the one (beside)\n    first,\n    second,\n)",
+        "import json, neighbour as n",
+        "def f():\n    from neighbour import \\\n        first",
+        "try:\n    import neighbour\nexcept ImportError:\n    pass",
+    ],
+)
+def test_imports_of_any_form_are_followed(text, tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "neighbour.py").write_text("")
+    (tmp_path / "lone.py").write_text(text)
+    assert provenance._imported(tmp_path / "lone.py", 0) == (tmp_path / "neighbour.py",)
+    provenance._single_file.cache_clear()

@@ -8,11 +8,11 @@ import pytest
 
 from marker_pictures import picture_with
 from studies.worlds.scenes import CeilingCamera, ceiling, drive, small_camera, standard_scene
-from towval.model import Body, Track, TrackStatus
+from towval.model import Body, Tag, Track, TrackStatus
 from towval.model.errors import InputError
 from towval.model.geometry import transform
 from towval.optics.projection import project
-from towval.tracking.markers import Tag, clicks_from_tags
+from towval.tracking.markers import clicks_from_tags
 from towval.tracking.outline import pose_from_clicks
 from towval.tracking.outline_search import alike, symmetry_of
 from towval.tracking.start import Tow, check_clicks, find_starts, overstretched, starts_drawn

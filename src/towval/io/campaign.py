@@ -18,11 +18,10 @@ from towval.io.campaign_scene import towing_scene
 from towval.io.reading import check_name, is_folder, is_plain_file, kind_of, reason
 from towval.io.schema import faults_of, packaged_schema
 from towval.io.yaml_text import read_yaml
-from towval.model import Array, Board, Body, FloorReference, TowingScene, locked
+from towval.model import Array, Board, Body, FloorReference, Tag, TowingScene, locked
 from towval.model.errors import Faults, InputError
 from towval.model.geometry import polygon_area
 from towval.model.inputs import INPUTS, StatedDeviation, deviations
-from towval.tracking.markers import Tag
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp")
 

@@ -1,11 +1,11 @@
 """What a result was made of: versions, configuration, and a fingerprint of the code and the input."""
 
-import ast
 import dataclasses
 import hashlib
 import importlib.util
 import json
 import platform
+import re
 import sysconfig
 import time
 from collections.abc import Mapping
@@ -173,18 +173,20 @@ def _imported(path: Path, _mtime_ns: int) -> tuple[Path, ...]:
     """Source files that one file imports, installed libraries apart, and the data files it names by a literal."""
     if path.suffix != ".py":
         return ()
-    found: list[Path] = []
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            for alias in node.names:
-                found += _module_files(alias.name)
-        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
-            found += _module_files(node.module)
-            for alias in node.names:
-                found += _module_files(f"{node.module}.{alias.name}")
-        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
-            found += _data_file(path.parent, node.value)
-    return tuple(found)
+    text = path.read_text(encoding="utf-8")
+    modules: set[str] = set()
+    for start, names, plain in _IMPORT.findall(_COMMENT.sub("", text).replace("\\\n", " ")):
+        listed = [name.split()[0] for name in (names or plain).strip("()\n \t").split(",") if name.strip()]
+        modules |= {start, *(f"{start}.{name}" for name in listed)} if start else {*listed}
+    found = [file for module in sorted(modules) for file in _module_files(module)]
+    return (*found, *(file for literal in set(_FILE_NAME.findall(text)) for file in _data_file(path.parent, literal)))
+
+
+# Read by pattern, for a syntax tree of every module takes a second at each call of the workflow. What stands in a text
+# and looks like an import counts too, which costs at most a rerun.
+_COMMENT = re.compile(r"#[^\n]*")
+_IMPORT = re.compile(r"^\s*(?:from[ \t]+([\w.]+)[ \t]+import\b[ \t]*(\([^)]*\)|[^\n;]*)|import[ \t]+([^\n;]*))", re.M)
+_FILE_NAME = re.compile(r"""["']([^"'\n]{1,100}\.\w+)["']""")
 
 
 def _module_files(name: str) -> list[Path]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from towval.model import Array
+from towval.model.checks import Array
 
 
 def wrapped(angle: ArrayLike) -> Array:

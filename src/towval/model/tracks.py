@@ -13,6 +13,7 @@ from towval.model.checks import Array, lock, locked, positive
 from towval.model.choices import Choice
 from towval.model.errors import InputError
 from towval.model.findings import Finding
+from towval.model.geometry import transform
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicHermiteSpline
@@ -44,6 +45,26 @@ class Body:
             )
         obstructions = tuple(locked(o, f"{self.name} obstruction", (None, 2)) for o in self.obstructions)
         object.__setattr__(self, "obstructions", obstructions)
+
+
+@dataclass(frozen=True)
+class Tag:
+    """A marker on the planar target of a body.
+
+    ``dictionary`` is OpenCV's name without its prefix (``4X4_50``, ``APRILTAG_36h11``); ``number`` the marker's;
+    ``size_m`` the side of its black square; ``pose`` (3,) its middle and heading in the body frame [m, m, rad], the
+    heading that of its upper edge from left to right.
+    """
+
+    dictionary: str
+    number: int
+    size_m: float
+    pose: Array
+
+    def corners_m(self) -> Array:
+        """Corners (4, 2) in the body frame [m], in the order OpenCV reports: upper left first, then clockwise."""
+        half = self.size_m / 2
+        return transform(self.pose, half * np.array([[-1.0, 1], [1, 1], [1, -1], [-1, -1]]))
 
 
 class TrackStatus(enum.IntEnum):

@@ -1,9 +1,10 @@
 """Small text on video frames, in the font that ships with matplotlib."""
 
 from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
 
 import numpy as np
-from matplotlib.font_manager import FontProperties, findfont
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
@@ -20,7 +21,7 @@ class TextPainter:
     """
 
     def __init__(self, size_px: int):
-        self._font = ImageFont.truetype(findfont(FontProperties(family="DejaVu Sans")), size_px)
+        self._font = ImageFont.truetype(_font_file(), size_px)
         self._padding = round(0.5 * size_px)
         ascent, descent = self._font.getmetrics()
         self.height_px = ascent + descent + self._padding
@@ -50,3 +51,11 @@ class TextPainter:
             draw.text((at, self._padding / 2), text, font=self._font, fill=colour)
             at += self._font.getlength(text)
         strip[...] = np.asarray(image)
+
+
+def _font_file() -> Path:
+    """DejaVu Sans as matplotlib ships it, found without importing matplotlib, which takes longer than the writing."""
+    spec = find_spec("matplotlib")
+    assert spec is not None  # a dependency of this package
+    assert spec.origin is not None
+    return Path(spec.origin).parent / "mpl-data" / "fonts" / "ttf" / "DejaVuSans.ttf"

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from towval.model import Array, Body, Camera, Floor
+from towval.model import Array, Body, Camera, Floor, Tag
 from towval.model.errors import InputError
 from towval.model.geometry import rigid_fit, transform
 from towval.optics.projection import project, to_plane
@@ -20,26 +20,6 @@ class MarkerConstants:
 
 
 CONSTANTS = MarkerConstants()
-
-
-@dataclass(frozen=True)
-class Tag:
-    """A marker on the planar target of a body.
-
-    ``dictionary`` is OpenCV's name without its prefix (``4X4_50``, ``APRILTAG_36h11``); ``number`` the marker's;
-    ``size_m`` the side of its black square; ``pose`` (3,) its middle and heading in the body frame [m, m, rad], the
-    heading that of its upper edge from left to right.
-    """
-
-    dictionary: str
-    number: int
-    size_m: float
-    pose: Array
-
-    def corners_m(self) -> Array:
-        """Corners (4, 2) in the body frame [m], in the order OpenCV reports: upper left first, then clockwise."""
-        half = self.size_m / 2
-        return transform(self.pose, half * np.array([[-1.0, 1], [1, 1], [1, -1], [-1, -1]]))
 
 
 def clicks_from_tags(luma: NDArray[np.uint8], body: Body, tags: Sequence[Tag], camera: Camera, floor: Floor) -> Array:
