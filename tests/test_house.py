@@ -81,7 +81,10 @@ def test_a_missing_docstring_is_found(tmp_path):
         ("towval.cli", ("numba", "cv2", "scipy", "pandas", "matplotlib", "jsonschema")),
         # Each a process of its own for every run.
         ("towval.commands.decimate", ("numba", "cv2", "pandas", "matplotlib")),
-        ("towval.commands.simulate", ("scipy", "pandas", "matplotlib")),
+        (
+            "towval.commands.simulate",
+            ("scipy.linalg", "scipy.special", "scipy.interpolate", "scipy.optimize", "pandas", "matplotlib"),
+        ),
         ("towval.commands.exchange", ("pandas", "matplotlib")),
     ],
 )
