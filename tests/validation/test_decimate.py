@@ -1,10 +1,12 @@
 """Thinning: the bound holds, pauses stay pauses, times stay times, and the noise comes from the track."""
 
+import tracemalloc
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicHermiteSpline
 
 from towval.model.errors import InputError, RefusedError
 from towval.validation.decimate import DecimateSettings, decimate, find_pauses, noise_of
@@ -148,3 +150,48 @@ def test_a_pose_far_off_the_smoothed_track_is_reported(make_track):
     codes = {finding.code for finding in decimate(replace(track, pose=pose), loose).findings}
     assert "decimate_outlier" in codes
     assert [finding.code for finding in decimate(track, loose).findings] == ["decimated"]
+
+
+def rounds(time_s):
+    """Two laps of :func:`stop_and_go` a minute, for any time."""
+    whole, part = np.divmod(time_s, 30.0)
+    return stop_and_go(part) + whole[:, None] * stop_and_go(np.array([30.0]))
+
+
+def test_poses_and_their_covariances_are_those_of_the_least_squares_cubic(make_track):
+    """All equations at once, by SciPy's cubic and a dense inverse; the weak pull on open rates moves both by 1e-4."""
+    track = make_track(stop_and_go, duration_s=12.0, seed=11)
+    thin = decimate(track)
+    # Value and rate of each knot; at rest both ends have one value and no rate.
+    columns, knots = [], len(thin.time_s)
+    for k, time_s in enumerate(thin.time_s):
+        value, rate = np.zeros((2, knots)), np.zeros((2, knots))
+        value[0, k] = rate[1, k] = 1.0
+        if time_s in thin.pauses[:, 0]:
+            value[0, k + 1] = 1.0
+        if time_s not in thin.pauses[:, 1]:
+            columns.append(value)
+        if time_s not in thin.pauses:
+            columns.append(rate)
+    design = np.stack([CubicHermiteSpline(thin.time_s, *unknown)(track.time_s) for unknown in columns], axis=1)
+    values = np.stack([unknown[0] for unknown in columns], axis=1)
+    assert len(thin.pauses) > 1
+    for c in range(3):
+        solution, *_ = np.linalg.lstsq(design, track.pose[:, c], rcond=None)
+        np.testing.assert_allclose(thin.pose[:, c], values @ solution, atol=1e-3 * STD[c])
+        covariance = values @ np.linalg.inv(design.T @ design) @ values.T * thin.noise[c] ** 2
+        np.testing.assert_allclose(thin.covariance[:, c, c], np.diag(covariance), rtol=1e-3)
+
+
+def test_memory_is_linear_in_length(make_track):
+    """Three minutes and twelve: dense equations of the joint cubic would take sixteen times as much for four times."""
+
+    def peak(duration_s):
+        track = make_track(rounds, duration_s=duration_s)
+        tracemalloc.start()
+        decimate(track)
+        peak_bytes = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return peak_bytes
+
+    assert peak(720.0) < 5 * peak(180.0)

@@ -5,14 +5,17 @@ ends; elsewhere a C1 cubic through as few kept times as possible replaces the po
 are in docs/decimation.md.
 """
 
+import itertools
+from bisect import bisect_right
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from towval.model import Array, DecimatedTrack, Finding, Track, TrackStatus
+from towval.model.compiling import compiled
 from towval.model.errors import InputError, RefusedError
 from towval.model.findings import finding
 
@@ -209,62 +212,72 @@ class _Fit:
     covariance: Array
 
     def values(self, time: Array) -> Array:
-        basis = _hermite_basis(self.knots, time)
-        return np.asarray(np.einsum("nk,kc->nc", basis, self.nodes.reshape(-1, 3)))
+        cell, shares = _hermite_shares(self.knots, time)
+        around = np.concatenate([self.nodes[cell], self.nodes[cell + 1]], axis=1)
+        return np.asarray(np.einsum("nk,nkc->nc", shares, around))
 
 
-def _hermite_basis(knots: Array, time: Array) -> Array:
-    """Rows (n, 2 m) that give the cubic at ``time`` from (value, rate) of each knot in turn."""
+def _hermite_shares(knots: Array, time: Array) -> tuple[NDArray[np.intp], Array]:
+    """The cell (n,) of each time, and the shares (n, 4) of value and rate at its first and last knot in the cubic."""
     cell = np.clip(np.searchsorted(knots, time, side="right") - 1, 0, len(knots) - 2)
     width = knots[cell + 1] - knots[cell]
     s = (time - knots[cell]) / width
-    rows = np.arange(len(time))
-    basis = np.zeros((len(time), 2 * len(knots)))
-    basis[rows, 2 * cell] = (1 + 2 * s) * (1 - s) ** 2
-    basis[rows, 2 * cell + 1] = s * (1 - s) ** 2 * width
-    basis[rows, 2 * cell + 2] = s**2 * (3 - 2 * s)
-    basis[rows, 2 * cell + 3] = s**2 * (s - 1) * width
-    return basis
+    shares = [(1 + 2 * s) * (1 - s) ** 2, s * (1 - s) ** 2 * width, s**2 * (3 - 2 * s), s**2 * (s - 1) * width]
+    return cell, np.stack(shares, axis=1)
 
 
-def _pause_reduction(kept: list[int], pauses: list[tuple[int, int]]) -> Array:
-    """Matrix (2 m, free) from the free unknowns to (value, rate) of each knot: at rest one value and no rate."""
-    starts = dict(pauses)
-    columns: list[Array] = []
-    done = set()
-    for k, index in enumerate(kept):
-        if index in done:
-            continue
-        value = np.zeros(2 * len(kept))
-        value[2 * k] = 1.0
-        if index in starts:
-            value[2 * (k + 1)] = 1.0
-            done.add(starts[index])
-            columns.append(value)
-            continue
-        rate = np.zeros(2 * len(kept))
-        rate[2 * k + 1] = 1.0
-        columns += [value, rate]
-    return np.stack(columns, axis=1)
+def _unknowns(kept: list[int], pauses: list[tuple[int, int]]) -> tuple[NDArray[np.intp], Array]:
+    """Which unknown is the value and which the rate (m, 2) of each knot, and how far (m, 2): at rest no rate is.
+
+    Both ends of a pause share one value.
+    """
+    resting = {index for pause in pauses for index in pause}
+    shared = {last for _, last in pauses}
+    own = np.array([(index not in shared, index not in resting) for index in kept])
+    return np.cumsum(own).reshape(-1, 2) - 1, np.stack([np.ones(len(kept)), own[:, 1]], axis=1)
 
 
 def _fit(time: Array, pose: Array, sigma: Array, kept: list[int], pauses: list[tuple[int, int]]) -> _Fit:
+    """The joint fit. A pose concerns four unknowns in a row, so that the equations are a band: cost is linear."""
     knots = time[kept]
-    reduction = _pause_reduction(kept, pauses)
-    basis = _hermite_basis(knots, time) @ reduction
+    unknowns, has = _unknowns(kept, pauses)
+    cell, shares = _hermite_shares(knots, time)
+    concerned = np.concatenate([unknowns[cell], unknowns[cell + 1]], axis=1)
+    shares *= np.concatenate([has[cell], has[cell + 1]], axis=1)
     nodes = np.empty((len(kept), 2, 3))
     covariance = np.zeros((len(kept), 3, 3))
     for c in range(3):
-        weighted = basis / sigma[:, c : c + 1]
-        normal = weighted.T @ weighted
+        weighted = shares / sigma[:, c : c + 1]
+        band, right = np.zeros((4, concerned.max() + 1)), np.zeros(concerned.max() + 1)
+        for one, other in itertools.product(range(4), repeat=2):
+            below = concerned[:, one] - concerned[:, other]
+            lower = below >= 0
+            np.add.at(band, (below[lower], concerned[lower, other]), (weighted[:, one] * weighted[:, other])[lower])
+        np.add.at(right, concerned, weighted * (pose[:, c] / sigma[:, c])[:, None])
         # A stretch with fewer poses than unknowns leaves a rate open; a weak pull towards zero curvature closes it.
-        normal[np.diag_indices_from(normal)] += 1e-9 * np.trace(normal) / len(normal)
-        factor = cho_factor(normal)
-        solution = reduction @ cho_solve(factor, weighted.T @ (pose[:, c] / sigma[:, c]))
-        nodes[:, :, c] = solution.reshape(-1, 2)
-        variance = np.einsum("ij,jk,ik->i", reduction, cho_solve(factor, np.eye(len(normal))), reduction)
-        covariance[:, c, c] = variance[0::2]
+        band[0] += 1e-9 * band[0].mean()
+        factor = cholesky_banded(band, lower=True)
+        nodes[:, :, c] = cho_solve_banded((factor, True), right)[unknowns] * has
+        covariance[:, c, c] = _diagonal_of_inverse(factor)[unknowns[:, 0]]
     return _Fit(knots, nodes, covariance)
+
+
+@compiled()
+def _diagonal_of_inverse(factor: Array) -> Array:
+    """Diagonal (n,) of the inverse of a matrix from the band (width, n) of its lower Cholesky factor.
+
+    SOURCE: K. Takahashi, J. Fagan, M. Chen, *Formation of a sparse bus impedance matrix*, PICA (1973): within the band
+    the inverse follows from the factor alone, from the last column to the first.
+    """
+    width, n = factor.shape
+    inverse = np.zeros((width, n + width))
+    for column in range(n - 1, -1, -1):
+        for below in range(width - 1, -1, -1):
+            total = 1.0 / factor[0, column] if below == 0 else 0.0
+            for k in range(1, min(width, n - column)):
+                total -= factor[k, column] * inverse[abs(below - k), column + min(below, k)]
+            inverse[below, column] = total / factor[0, column]
+    return inverse[0, :n]
 
 
 def _fewest_knots(
@@ -295,14 +308,14 @@ def _longest_stretches(
 ) -> list[int]:
     """Frames between which one cubic, free at both ends, explains the poses; pauses are stretches of their own."""
     ends = dict(pauses)
-    starts = sorted(ends)
+    starts = [*sorted(ends), len(time) - 1]
     kept = [0]
     while kept[-1] < len(time) - 1:
         first = kept[-1]
         if first in ends:
             kept.append(ends[first])
             continue
-        limit = next((start for start in starts if start > first), len(time) - 1)
+        limit = starts[bisect_right(starts, first)]
         last, step = min(first + _SHORTEST_STRETCH, limit), _SHORTEST_STRETCH
         while step >= 1:
             trial = slice(first, last + step + 1)
