@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from towval.model import Draws, Finding, RunUncertainty, Severity, SimulatedMotion, Verdict, VisibleFault
+from towval.model import Draws, Explanation, Finding, RunUncertainty, Severity, SimulatedMotion, Verdict, VisibleFault
 from towval.model.errors import InputError, RefusedError
 from towval.validation.compare import CompareSettings, compare
 
@@ -196,10 +196,31 @@ def test_the_reason_of_a_rejection_names_the_inputs(measured):
     draws[:, :, 1] = 5e-3 * inputs
     draws += 1e-4 * rng.normal(size=draws.shape)
     names = {"rest_length": 1}
-    one = replace(known(), draws=Draws(np.arange(N), draws, 0.01 * draws, inputs, names))
+    explanation = Explanation({"rest_length": -8.0}, True, 0.04, 0.001)
+    one = replace(known(), draws=Draws(np.arange(N), draws, 0.01 * draws, inputs, names), explanation=explanation)
     result = compare("a", simulated(measured, np.array([0, 0.04, 0])), measured, one)
     assert result.verdict == Verdict.DISAGREES
-    assert list(result.explanation.moved) == ["rest_length"]
-    assert result.explanation.moved["rest_length"] == pytest.approx(-8, abs=0.5)
     assert "rest length (tether.rest_length_std_m) -8" in text_of(result, "explanation")
     assert "of what happened" in text_of(result, "statement")
+
+
+@pytest.mark.parametrize(("assumed", "verdict"), [(True, Verdict.CANNOT_TELL), (False, Verdict.AGREES)])
+def test_a_difference_below_the_tolerance_is_no_agreement_where_a_guess_explains_it(measured, assumed, verdict):
+    error = np.zeros((N, 3))
+    error[N // 2 :, 0] = 0.015
+    guess = Explanation({"hinge_height": 7.0}, True, 0.01, 0.001, assumed=("hinge_height",) * assumed)
+    result = compare("a", simulated(measured, error), measured, replace(known(), explanation=guess))
+    assert result.tested_ratio > 1
+    assert result.error_upper_m < result.tolerance_m
+    assert result.verdict == verdict
+    named = "height of the hinge (rover.tether_hinge_height_m)"
+    assert (named in text_of(result, "verdict")) == assumed
+    assert named in text_of(result, "explanation")
+
+
+def test_what_explains_an_error_best_is_named_where_inputs_may_have_made_it(measured):
+    static = Explanation({"static_friction": -5.5}, True, 0.02, 0.001)
+    wide = replace(known(level=0.05), explanation=static)
+    result = compare("a", simulated(measured, np.array([0.03, 0, 0])), measured, wide)
+    assert result.verdict == Verdict.CANNOT_TELL
+    assert "static friction (friction.static_std) -5.5 deviations" in text_of(result, "verdict")

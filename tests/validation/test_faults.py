@@ -38,7 +38,7 @@ def test_kinds_change_the_scene_by_their_size(case):
 def test_nine_in_ten_of_the_smallest_visible_faults_show(case):
     """Checked with all draws and times, of which the search used a part."""
     sampling = UncertaintySampling(case, UncertaintySettings(samples=256))
-    known = sampling.visible_faults(sampling.describe(256))
+    known = sampling.completed(sampling.describe(256))
     frame = PathFrame(case.object_track, known.time_s)
     error = frame.along_across(known.draws.error)[:, frame.seen]
     right = RightModel.of(error, known.draws.inputs, 0.99)

@@ -1,11 +1,10 @@
-"""Limits, bounds and explanation: closed forms, coverage on fresh noise, planted causes."""
+"""Limits and bounds: closed forms, coverage on fresh noise."""
 
 import numpy as np
 import pytest
 
 from towval.model.errors import InputError
 from towval.model.geometry import block_means
-from towval.validation.explain import explain
 from towval.validation.statistics import SIZES, RightModel, bounds, error_sizes, upper_limit
 
 N, K = 96, 512
@@ -106,36 +105,3 @@ def test_what_noise_alone_makes_has_no_lower_bound():
     low, high = bounds(noise[0], noise[1:], 0.95)
     assert not low.any()
     assert (high < 4 * MM).all()
-
-
-@pytest.mark.parametrize(("input_", "deviations"), [(0, 6.0), (1, -7.0), (2, 6.0)])
-def test_an_input_beyond_its_deviation_is_named_with_its_size(input_, deviations):
-    error, inputs = drawn(K, 5)
-    right = RightModel.of(error, inputs, 0.99)
-    # The truth has more of the input than was stated: simulated minus measured is less by its effect.
-    observed = -deviations * MM * EFFECTS[input_] + drawn(1, 6)[0][0] / 3
-    found = explain(observed, right, ("first", "second", "third"), TIME)
-    assert next(iter(found.moved)) == ("first", "second", "third")[input_]
-    assert next(iter(found.moved.values())) == pytest.approx(deviations, abs=1.5)
-    assert found.explained
-    assert found.remaining_rms_m < 0.5 * found.error_rms_m
-
-
-def test_what_no_input_does_is_left_to_the_model_with_its_place():
-    error, inputs = drawn(K, 5)
-    right = RightModel.of(error, inputs, 0.99)
-    observed = np.zeros((N, 3))
-    observed[N // 2 :, 1] = 6 * MM
-    observed[N // 2 :, 0] = -6 * MM
-    found = explain(observed, right, ("first", "second", "third"), TIME)
-    assert not found.explained
-    assert found.begins_m <= 0.55
-    assert found.ends_m >= 0.45
-
-
-def test_an_error_of_a_right_model_needs_no_explanation():
-    error, inputs = drawn(K, 5)
-    right = RightModel.of(error, inputs, 0.99)
-    found = explain(drawn(1, 8)[0][0], right, ("first", "second", "third"), TIME)
-    assert not found.moved
-    assert np.isnan(found.begins_m)

@@ -10,6 +10,7 @@ from towval.io.campaign import load_campaign
 from towval.io.chain import check_together
 from towval.io.provenance import provenance, read_sections
 from towval.io.records import read_calibration, read_decimated, read_simulated, read_tracks, write_uncertainty
+from towval.model.inputs import INPUTS, is_left_out
 from towval.selection.draws import gather, sample_selecting
 from towval.selection.margin import measurement_std_m, seen_places
 from towval.validation.uncertainty import UncertaintySettings
@@ -35,6 +36,7 @@ def run(
         thin,
         read_simulated(files["simulate"]),
         name,
+        tuple(row.name for row in INPUTS.values() if is_left_out(row, given.document)),
     )
     measured = measurement_std_m(case.calibration, case.towed, seen_places(case.object_track))
     with progress(f"uncertainty {name}", None if auto else settings.samples, "draw") as done:

@@ -58,14 +58,15 @@ class SimulatedMotion:
 
 @dataclass(frozen=True)
 class RunUncertainty:
-    """What is known of the error of one run before it is looked at, in the terms of ASME V&V 20.
+    """What is known of the error of one run, in the terms of ASME V&V 20.
 
     ``time_s`` (n,); covariances (n, 3, 3) of x, y and heading [m², m rad, rad²]: ``measurement`` of the measured pose,
     ``simulation`` of the simulated one due to all that it was given, ``validation`` of their difference, in which what
     both share (the camera) is counted once. ``confidence`` of the limits that a right model keeps; ``shares`` of the
     path error's variance by input, first order; ``samples`` how many were drawn, from ``seed``; ``choices`` what that
     number was chosen against; ``upstream`` the findings of the stages before; ``draws`` what was drawn and where it
-    led, None where a file was read without; ``faults`` the smallest that show.
+    led, None where a file was read without; ``faults`` the smallest that show; ``explanation`` what would
+    explain the error, None where it is what the measurement makes.
     """
 
     time_s: Array
@@ -81,6 +82,7 @@ class RunUncertainty:
     upstream: tuple[Finding, ...] = ()
     draws: Draws | None = None
     faults: tuple[VisibleFault, ...] = ()
+    explanation: Explanation | None = None
 
     def __post_init__(self) -> None:
         n = len(self.time_s)

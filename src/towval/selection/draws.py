@@ -27,10 +27,12 @@ def gather(
     decimated: Mapping[str, DecimatedTrack],
     simulated: SimulatedMotion,
     run: str = "",
+    assumed: tuple[str, ...] = (),
 ) -> Case:
     """A run as the sampling sees it, from what the campaign gave and the stages found.
 
-    ``bodies`` are rover and object; ``tracks`` and ``decimated`` hold theirs under these names; ``run`` its name.
+    ``bodies`` are rover and object; ``tracks`` and ``decimated`` hold theirs under these names; ``run`` its name;
+    ``assumed`` the inputs of which nothing was stated.
     """
     rover, towed = bodies
     return Case(
@@ -45,6 +47,7 @@ def gather(
         object_decimated=decimated[towed.name],
         simulated=simulated,
         run=run,
+        assumed=assumed,
     )
 
 
@@ -69,7 +72,7 @@ def sample_selecting(
         # The standard deviation of a root mean square over n normal draws.
         change = position_rms(found.validation) / np.sqrt(2 * found.samples)
         choice = Choice("draws", f"{settings.samples}", f"{2 * settings.samples}", change, "of u_val, as expected")
-    found = sampling.visible_faults(found)
+    found = sampling.completed(found)
     inputs = to_be_measured(found, case.deviations, SHARE * measurement_m)
     return replace(found, choices=(choice, *sampling.effects(found), *inputs))
 

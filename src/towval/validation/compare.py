@@ -21,7 +21,7 @@ from towval.model.errors import InputError, RefusedError
 from towval.model.findings import finding
 from towval.model.statement import Bounds, Draws
 from towval.validation.consequences import forbidding
-from towval.validation.explain import explain, place
+from towval.validation.explain import place
 from towval.validation.metrics import aligned_rms, area_metric, error_ratio, frechet_distance, position_rms
 from towval.validation.path_frame import PathFrame
 from towval.validation.statistics import SIZES, STATISTICS, RightModel, bounds
@@ -156,6 +156,7 @@ def _judged(
         moved_m=found.path_length_m,
         forbidding=forbidding(upstream),
         shares=uncertainty.shares,
+        explanation=uncertainty.explanation,
         hidden=tuple(fault.kind for fault in uncertainty.faults if not fault.shift_rms_m <= tolerance_m),
         **parts,
     )
@@ -192,16 +193,9 @@ def _judged(
 def _tested(
     found: Comparison, measured: Track, uncertainty: RunUncertainty, settings: CompareSettings
 ) -> dict[str, Any]:
-    """Bounds, statistics, limits and explanation, as far as there are draws and times to get them from."""
+    """Bounds, statistics and limits, as far as there are draws and times to get them from."""
     draws = uncertainty.draws
-    nothing = {
-        "drawn_tests": np.empty((0, 2)),
-        "bounds": Bounds(),
-        "statistics": {},
-        "limits": {},
-        "explanation": None,
-        "where": "",
-    }
+    nothing = {"drawn_tests": np.empty((0, 2)), "bounds": Bounds(), "statistics": {}, "limits": {}, "where": ""}
     if draws is None:
         return nothing
     frame = PathFrame(measured, found.time_s[draws.rows])
@@ -223,7 +217,6 @@ def _tested(
         ),
         "statistics": statistics,
         "limits": limits,
-        "explanation": explain(error, right, draws.column_names, length),
         "where": _where(error, frame.pose[frame.seen], length, place(error, right, length)),
     }
 

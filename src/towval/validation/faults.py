@@ -88,8 +88,9 @@ def visible_faults(
     batch: Batch,
     rover: Array,
     motion: SimulatedMotion,
-    right: RightModel,
     draws: Array,
+    inputs: Array,
+    confidence: float,
     frame: PathFrame,
 ) -> tuple[VisibleFault, ...]:
     """The smallest fault of each kind that shows in :data:`POWER` of the draws.
@@ -104,8 +105,15 @@ def visible_faults(
         The nominal motion.
     draws : ndarray (k, n, 3)
         Of a right model's error at the times at which the object was seen, along and across the path.
+    inputs : ndarray (k, d)
+        That they come from.
+    confidence : float
+        Of the test of a right model.
     """
-    kept = draws[:: max(1, len(draws) // _DRAWS), :: max(1, draws.shape[1] // _TIMES)]
+    times = slice(None, None, max(1, draws.shape[1] // _TIMES))
+    # The test at these times: means over fewer times are others where the object sticks and slips.
+    right = RightModel.of(draws[:, times], inputs, confidence)
+    kept = draws[:: max(1, len(draws) // _DRAWS), times]
 
     def shifts(scenes: list[TowingScene]) -> list[Array]:
         start = motion.pose[0]
@@ -115,7 +123,7 @@ def visible_faults(
 
     def factor(shift: Array) -> float:
         """By how much a fault has to grow to be seen."""
-        thin = shift[:: max(1, draws.shape[1] // _TIMES)]
+        thin = shift[times]
         low, high = 0.0, _GROWTH
         for _ in range(_HALVINGS):
             middle = 0.5 * (low + high)

@@ -6,12 +6,12 @@ each draw, and the spread of simulated − measured is the validation uncertaint
 counted once).
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from zlib import crc32
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.stats import norm, qmc
 
 from towval.model import (
@@ -34,11 +34,12 @@ from towval.model.statement import Draws
 from towval.optics.moved_view import pose_sensitivity
 from towval.validation.consequences import WIDER, widened
 from towval.validation.effects import effect_choices
+from towval.validation.explain import Left, Moves, explain
 from towval.validation.faults import visible_faults
 from towval.validation.path_frame import PathFrame
 from towval.validation.simulate import STICKING
 from towval.validation.simulate_many import Batch, Drawn
-from towval.validation.statistics import RightModel
+from towval.validation.statistics import RightModel, error_sizes
 
 _HINGE_STEP_S = 0.02
 _DROPPED_SHARE = 0.02
@@ -82,7 +83,7 @@ class Case:
 
     ``deviations`` are those of :func:`towval.model.inputs.deviations`, what they do not name is exact; those of the
     heights are the bodies' own. ``run`` is its name: inputs that runs share are drawn alike in all of them, the others
-    not.
+    not. ``assumed`` are the inputs of which neither value nor deviation was stated.
     """
 
     scene: TowingScene
@@ -96,6 +97,7 @@ class Case:
     object_decimated: DecimatedTrack
     simulated: SimulatedMotion
     run: str = ""
+    assumed: tuple[str, ...] = ()
 
     @property
     def upstream(self) -> tuple[Finding, ...]:
@@ -145,7 +147,7 @@ def sample_uncertainty(
     """
     settings = settings or UncertaintySettings()
     sampling = UncertaintySampling(case, settings, progress)
-    return sampling.visible_faults(sampling.describe(settings.samples))
+    return sampling.completed(sampling.describe(settings.samples))
 
 
 class UncertaintySampling:
@@ -204,20 +206,46 @@ class UncertaintySampling:
             draws=kept,
         )
 
-    def visible_faults(self, known: RunUncertainty) -> RunUncertainty:
-        """The same with the smallest faults that show in nine of ten of its draws."""
+    def completed(self, known: RunUncertainty) -> RunUncertainty:
+        """The same with the smallest faults that show in nine of ten of its draws, and what explains the error.
+
+        That is sought where the error is larger than in any draw of the measurement.
+        """
         case, kept = self.case, known.draws
         if kept is None:
             return known
         frame = PathFrame(case.object_track, known.time_s[kept.rows])
         if np.count_nonzero(frame.seen) < 24:
             return known
-        error = frame.along_across(kept.error)[:, frame.seen]
-        right = RightModel.of(error, kept.inputs, self.settings.confidence)
-        sampler = self._sampler
+        drawn, off = (frame.along_across(each)[:, frame.seen] for each in (kept.error, kept.measurement))
+        error = frame.along_across(frame.error(case.simulated.pose[kept.rows]))[frame.seen]
+        sampler, confidence = self._sampler, self.settings.confidence
         batch = replace(sampler.batch, times=known.time_s[kept.rows])
-        found = visible_faults(case.scene, batch, sampler.rover.pose, case.simulated, right, error, frame)
-        return replace(known, faults=found)
+        tows = case.scene, batch, sampler.rover.pose, case.simulated
+        faults = visible_faults(*tows, drawn, kept.inputs, confidence, frame)
+        explanation = None
+        if error_sizes(error)[1] > error_sizes(off)[:, 1].max():
+            left = self._left(batch, kept.rows, frame)
+            right = RightModel.of(drawn, kept.inputs, confidence)
+            names, length = kept.column_names, frame.length[frame.seen]
+            explanation = explain(error, off, right, names, case.assumed, left, length)
+        return replace(known, faults=faults, explanation=explanation)
+
+    def _left(self, batch: Batch, rows: NDArray[np.intp], frame: PathFrame) -> Left:
+        """The error of the run with inputs moved and the run simulated again, as :func:`explain` asks for it."""
+        observed = frame.along_across(frame.error(self.case.simulated.pose[rows]))[frame.seen]
+
+        def errors(moves: Sequence[Moves]) -> Array:
+            draws = np.zeros((len(moves), self._sequence.d))
+            for draw, each in zip(draws, moves, strict=True):
+                draw[list(each)] = list(each.values())
+            laid_out = [self._sampler.moved(draw) for draw in draws]
+            measured = np.array([seen[rows] for _, seen in laid_out])
+            simulated = np.array(list(batch.simulate(drawn for drawn, _ in laid_out)))
+            return frame.along_across(_difference(simulated, measured))[:, frame.seen]
+
+        nominal = errors([{}])
+        return lambda moves: observed + (errors(moves) - nominal)
 
     def effects(self, found: RunUncertainty) -> tuple[Choice, ...]:
         """Each effect of a lab on the path, taken or left out; see :func:`towval.validation.effects.effect_choices`."""
@@ -337,15 +365,20 @@ class _Sampler:
     def lay_out(self, index: int, draw: Array) -> tuple[Drawn | None, Array]:
         """What is to be simulated of one draw, None where it cannot be, and measured poses (n, 3)."""
         rng = self.generator(index, 0)
+        noise, knots = self.noise_std * rng.standard_normal(self.noise_std.shape), self._knot_noise(rng)
+        drawn, measured = self.moved(draw)
+        return drawn and drawn._replace(rover=drawn.rover + knots), measured + noise
+
+    def moved(self, draw: Array) -> tuple[Drawn | None, Array]:
+        """The same without noise: what inputs (d,) in standard normal numbers make of simulation and measurement."""
         towed, rover = self.case.towed.name, self.case.rover.name
         try:
             real = self._realisation(draw)
         except TowvalError:
             return None, np.full_like(self.noise_std, np.nan)
         moved = real.camera, real.height[towed], real.registration[towed]
-        measured = self.object.shifted(*moved) + self.noise_std * rng.standard_normal(self.noise_std.shape)
         poses = self.rover.shifted(real.camera, real.height[rover], real.registration[rover])
-        return Drawn(real.scene, poses + self._knot_noise(rng), self.start.shifted(*moved)[0]), measured
+        return Drawn(real.scene, poses, self.start.shifted(*moved)[0]), self.object.shifted(*moved)
 
     def _realisation(self, draw: Array) -> Realisation:
         """All inputs at the values of a draw of standard normal numbers."""

@@ -61,6 +61,14 @@ def verdict_of(e: Evidence) -> tuple[Verdict, Finding]:
     if e.rejected and e.upper_m > e.tolerance_m:
         statement = f"Disagrees: {e.where}; not what right inputs make of a right model ({tested})"
         return Verdict.DISAGREES, finding("verdict", Severity.WARNING, statement=statement)
+    guess = _wrong_guess(e)
+    if e.rejected and guess:
+        # Within the tolerance here, but an input is a wrong guess: elsewhere it may do more, and the model is untried.
+        statement = (
+            f"Cannot tell whether the model is right: a difference is detected ({tested}), under {upper:.1f} mm where "
+            f"{tolerance:g} mm matter, and {guess} would explain it, whose value is assumed: state it"
+        )
+        return Verdict.CANNOT_TELL, finding("verdict", Severity.WARNING, statement=statement)
     if e.rejected:
         statement = (
             f"Agrees: a difference is detected ({tested}; {e.where}), but it is under {upper:.1f} mm, and "
@@ -69,7 +77,8 @@ def verdict_of(e: Evidence) -> tuple[Verdict, Finding]:
         return Verdict.AGREES, finding("verdict", statement=statement)
     unsure = []
     if e.upper_m > e.tolerance_m:
-        unsure.append(f"the simulation was off by up to {upper:.1f} mm, which inputs within their deviations explain")
+        best = f" (what explains it best: {_moves(e.explanation)})" if e.explanation and e.explanation.moved else ""
+        unsure.append(f"the simulation was off by up to {upper:.1f} mm, no more than inputs may make of it{best}")
     if not e.detectable_m <= e.tolerance_m:
         unsure.append(
             f"faults show only from {1e3 * e.detectable_m:.0f} mm RMS on" if np.isfinite(e.detectable_m)
@@ -114,7 +123,7 @@ def statement_findings(e: Evidence, faults: tuple[VisibleFault, ...], confidence
         model=f"The model's own error is between {1e3 * model[0]:.1f} and {_mm(model[1])}",
         visible=f"Faults seen with 90 %: {'; '.join(map(fault_text, faults))}",
     )
-    if e.explanation is not None and e.rejected:
+    if e.explanation is not None and (e.rejected or e.upper_m > e.tolerance_m):
         yield finding("explanation", text=_explained(e.explanation))
 
 
@@ -137,11 +146,24 @@ def _explained(e: Explanation) -> str:
     remaining = f"of {_mm(e.error_rms_m)} RMS {_mm(e.remaining_rms_m)} would remain"
     if not e.moved:
         return "No input explains the difference: the model, or an input that is not in the table"
-    inputs = ", ".join(f"{_named(name)} {value:+.1f} deviations" for name, value in e.moved.items())
+    inputs = _moves(e)
     if e.explained:
-        return f"Inputs beyond their stated deviations would explain it: {inputs}; {remaining}"
+        return f"Inputs off by so much would explain it: {inputs}; {remaining}"
     where = f", from {e.begins_m:.2f} to {e.ends_m:.2f} m of the path on" if np.isfinite(e.begins_m) else ""
     return f"Inputs do not explain it: with {inputs} {remaining}{where}. So the model, or an input not in the table"
+
+
+def _moves(e: Explanation) -> str:
+    """Moved inputs, the most probable first, by how much."""
+    return ", ".join(
+        f"{_named(name)} {value:+.1f} {'assumed ' * (name in e.assumed)}deviations" for name, value in e.moved.items()
+    )
+
+
+def _wrong_guess(e: Evidence) -> str:
+    """The input that explains a difference first, where nobody stated its value."""
+    moved = list(e.explanation.moved) if e.explanation and e.explanation.explained else []
+    return _named(moved[0]) if e.explanation and moved and moved[0] in e.explanation.assumed else ""
 
 
 def _named(name: str) -> str:

@@ -84,26 +84,35 @@ def faults_in(rows: list[dict[str, Any]]) -> tuple[VisibleFault, ...]:
 
 def statement_out(comparison: Comparison) -> dict[str, Any]:
     """Bounds, visible faults and explanation of a comparison."""
-    explanation = comparison.explanation
     return {
         "drawn_tests": comparison.drawn_tests.tolist(),
         "bounds": dataclasses.asdict(comparison.bounds),
         "faults": faults_out(comparison.faults),
-        "explanation": explanation
-        and {name: json_value(value) for name, value in dataclasses.asdict(explanation).items()},
+        "explanation": explanation_out(comparison.explanation),
     }
 
 
 def statement_in(details: dict[str, Any]) -> dict[str, Any]:
     """The same from a file's details, as arguments of a comparison."""
-    explanation = details["explanation"]
     sizes = {part: {n: (v[0], v[1]) for n, v in of.items()} for part, of in details["bounds"].items()}
     return {
         "drawn_tests": np.reshape(details["drawn_tests"], (-1, 2)),
         "bounds": Bounds(**sizes),
         "faults": faults_in(details["faults"]),
-        "explanation": None if explanation is None else Explanation(**_with_nan(explanation)),
+        "explanation": explanation_in(details["explanation"]),
     }
+
+
+def explanation_out(explanation: Explanation | None) -> dict[str, Any] | None:
+    """An explanation as plain values; NaN becomes null."""
+    if explanation is None:
+        return None
+    return {name: json_value(value) for name, value in dataclasses.asdict(explanation).items()}
+
+
+def explanation_in(row: dict[str, Any] | None) -> Explanation | None:
+    """An explanation of plain values."""
+    return None if row is None else Explanation(**_with_nan(row) | {"assumed": tuple(row["assumed"])})
 
 
 def _with_nan(row: dict[str, Any]) -> dict[str, Any]:

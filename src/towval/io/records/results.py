@@ -13,6 +13,8 @@ from towval.io.records.details import (
     choices_in,
     choices_out,
     details_with,
+    explanation_in,
+    explanation_out,
     faults_in,
     faults_out,
     findings_in,
@@ -94,11 +96,12 @@ def write_uncertainty(
             covariance = getattr(uncertainty, name)[i]
             value = ros.pose_with_covariance(t, FLOOR_FRAME, simulated.pose[i], covariance)
             messages.append(Message(f"/object/{name}_uncertainty", ros.nanoseconds(t), value))
-    skipped = ("time_s", "findings", "upstream", "draws", "faults", *_UNCERTAINTY_ARRAYS)
+    skipped = ("time_s", "findings", "upstream", "draws", "faults", "explanation", *_UNCERTAINTY_ARRAYS)
     names = [field.name for field in dataclasses.fields(uncertainty) if field.name not in skipped]
     details = {name: getattr(uncertainty, name) for name in names}
     details["findings"], details["upstream"] = findings_out(uncertainty.findings), findings_out(uncertainty.upstream)
     details["faults"] = faults_out(uncertainty.faults)
+    details["explanation"] = explanation_out(uncertainty.explanation)
     if uncertainty.draws is not None:
         details["draws"] = {"rows": uncertainty.draws.rows.tolist(), "names": dict(uncertainty.draws.names)}
     details["choices"] = choices_out(uncertainty.choices)
@@ -132,10 +135,11 @@ def read_uncertainty(path: Path, *, draws: bool = True) -> RunUncertainty:
     Raises `InputError` when the file is missing, damaged or of another stage.
     """
     content = read_mcap(path, without=() if draws else tuple(_DRAWN.values()))
-    details = dict(details_with(content, path, "upstream", "shares"))
+    details = dict(details_with(content, path, "upstream", "shares", "explanation"))
     details["findings"], details["choices"] = findings_in(details["findings"]), choices_in(details)
     details["upstream"], details["faults"] = findings_in(details["upstream"]), faults_in(details["faults"])
     details["draws"] = _draws(content, details)
+    details["explanation"] = explanation_in(details["explanation"])
     topics = {name: f"/object/{name}_uncertainty" for name in _UNCERTAINTY_ARRAYS}
     arrays: dict[str, Any] = {
         name: np.array([ros.planar_covariance(value) for value in content.values(topic)])

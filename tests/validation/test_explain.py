@@ -1,0 +1,139 @@
+"""Explanations of planted causes: linear, far beyond linear, oscillating, guessed; and of what no input does."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from towval.validation.explain import explain
+from towval.validation.simulate import simulate
+from towval.validation.statistics import RightModel
+from towval.validation.uncertainty import UncertaintySettings, sample_uncertainty
+
+N, K, MM = 96, 512, 1e-3
+TIME = np.linspace(0, 1, N)
+NONE = 0 * TIME
+EFFECTS = {
+    "along": np.stack([np.ones(N), NONE, NONE], axis=1),
+    "turning": np.stack([NONE, TIME, TIME], axis=1),
+    "one-sided": np.stack([np.sin(6 * TIME), TIME**2, NONE], axis=1),
+}
+
+
+def linear(moves):
+    """What inputs do to the error; the last cannot be below zero."""
+    acting = [abs(moves.get(2, 0.0)) if c == 2 else moves.get(c, 0.0) for c in range(3)]
+    return MM * np.einsum("j,jnc->nc", acting, list(EFFECTS.values()))
+
+
+class World:
+    """Draws of inputs that act somehow, of the measurement and of what else wanders; and how an error is explained."""
+
+    def __init__(self, acts=linear, names=tuple(EFFECTS)):
+        rng = np.random.default_rng(5)
+        inputs = rng.standard_normal((K, len(names)))
+        wander = MM * rng.standard_normal((K + 1, 12, 3)).repeat(N // 12, axis=1) * 0.2
+        self.off = MM * 0.05 * rng.standard_normal((K, N, 3))
+        self.acts, self.names, self.rest = acts, names, wander[-1] / 3 + self.off[0]
+        draws = np.array([acts(dict(enumerate(row))) for row in inputs]) + wander[:-1] + self.off
+        self.right = RightModel.of(draws, inputs, 0.99)
+
+    def explained(self, error, assumed=()):
+        def left(moves):
+            return np.array([error + self.acts(each) for each in moves])
+
+        return explain(error, self.off, self.right, self.names, assumed, left, TIME)
+
+    def explained_true(self, moves, assumed=()):
+        """Of the error that there is where the truth has these moves, which simulated − measured is less by."""
+        return self.explained(self.rest - self.acts(moves), assumed)
+
+
+@pytest.fixture(scope="module")
+def world():
+    return World()
+
+
+@pytest.mark.parametrize(("column", "deviations"), [(0, 6.0), (1, -7.0), (2, 6.0)])
+def test_an_input_beyond_its_deviation_is_named_with_its_size(world, column, deviations):
+    found = world.explained_true({column: deviations})
+    assert list(found.moved) == [tuple(EFFECTS)[column]]
+    assert found.moved[tuple(EFFECTS)[column]] == pytest.approx(deviations, abs=1.0)
+    assert found.explained
+    assert found.remaining_rms_m < 0.1 * found.error_rms_m
+    assert not found.assumed
+
+
+def test_two_inputs_that_are_off_are_both_named(world):
+    found = world.explained_true({0: 8.0, 1: -7.0})
+    assert found.moved == pytest.approx({"along": 8.0, "turning": -7.0}, abs=1.0)
+    assert found.explained
+
+
+def test_what_no_input_does_is_left_to_the_model_with_its_place(world):
+    error = np.zeros((N, 3))
+    error[N // 2 :, :2] = [-6 * MM, 6 * MM]
+    found = world.explained(error)
+    assert not found.explained
+    assert found.begins_m <= 0.55
+    assert found.ends_m >= 0.45
+
+
+def test_an_input_far_off_is_taken_for_what_it_does_there():
+    """A height acts by its square; enlarging what one deviation does, the wrong input would leave less."""
+
+    def acts(moves):
+        height, length = moves.get(0, 0.0), moves.get(1, 0.0)
+        path = np.stack([height**2 * np.sqrt(TIME), 0.02 * height**2 * (1 + height**2) * TIME, NONE], axis=1)
+        return 0.1 * MM * (path + 3 * length * np.stack([TIME, NONE, NONE], axis=1))
+
+    found = World(acts, ("height", "length")).explained_true({0: 7.0})
+    assert found.moved == pytest.approx({"height": 7.0}, abs=0.3)
+    assert found.explained
+
+
+def test_of_equals_the_input_that_nobody_stated_is_suspected():
+    def acts(moves):
+        return (moves.get(0, 0.0) + moves.get(1, 0.0)) * MM * EFFECTS["turning"]
+
+    world = World(acts, ("one", "other"))
+    for name in world.names:
+        found = world.explained_true({0: 8.0}, assumed=(name,))
+        assert list(found.moved) == [name]
+        assert found.assumed == (name,)
+
+
+def test_an_oscillation_tells_inputs_apart_that_shift_the_path_alike():
+    """Stick and slip: block means alone would name either."""
+    swing = np.stack([3 * np.sin(240 * TIME), NONE, NONE], axis=1)
+
+    def acts(moves):
+        stiff, damped = moves.get(0, 0.0), moves.get(1, 0.0)
+        return 0.3 * MM * ((stiff + damped) * EFFECTS["along"] + stiff * swing)
+
+    world = World(acts, ("stiff", "damped"))
+    assert list(world.explained_true({0: 8.0}).moved) == ["stiff"]
+    assert list(world.explained_true({1: 8.0}).moved) == ["damped"]
+
+
+def test_what_cannot_be_simulated_is_no_explanation(world):
+    error = world.rest - linear({0: 6.0})
+
+    def left(moves):
+        errors = np.array([error + linear(each) for each in moves])
+        errors[[abs(each.get(0, 0.0)) > 3 for each in moves]] = np.nan
+        return errors
+
+    found = explain(error, world.off, world.right, world.names, (), left, TIME)
+    assert abs(found.moved.get("along", 0.0)) <= 3
+
+
+def test_a_wrong_length_of_a_run_is_named_first_and_a_right_one_not_at_all(case):
+    settings = UncertaintySettings(samples=64)
+    assert sample_uncertainty(case, settings).explanation is None
+    scene = replace(case.scene, tether=replace(case.scene.tether, rest_length=case.scene.tether.rest_length + 0.012))
+    simulated = simulate(scene, case.rover_decimated, case.object_decimated, case.simulated.time_s)
+    found = sample_uncertainty(replace(case, scene=scene, simulated=simulated), settings).explanation
+    assert next(iter(found.moved)) == "rest_length"
+    assert found.moved["rest_length"] == pytest.approx(-12, abs=1.5)
+    assert found.remaining_rms_m < 0.2 * found.error_rms_m
