@@ -1,6 +1,7 @@
 # make demo    install, then run the workflow on data_samples
 # make test    install, then check the code and run the tests
 # make studies [QUICK=true]   error against cost, and where methods fail
+# make evidence [QUICK=true]   measure anew what README and documentation state, with planted faults: docs/evidence.md
 # make docs-ledger   compute the claims of the paper and copy their ledger to docs/
 # make check   linters, types and the import contracts alone
 # make accuracy CAMPAIGN=...   run a campaign that has truth files, and print the errors against the truth
@@ -23,7 +24,7 @@ install = $(if $(LOCKED),$(PIP) --require-hashes --requirement requirements/$(1)
 	$(PIP) --no-deps --no-build-isolation --editable .,$(PIP) --editable '$(2)')
 SOURCES := src studies tests
 
-.PHONY: demo test check studies docs-ledger accuracy tables mutants bench docs damage lock sbom audit clean
+.PHONY: demo test check studies evidence docs-ledger accuracy tables mutants bench docs damage lock sbom audit clean
 
 $(VENV)/installed: pyproject.toml requirements/run.txt
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "towval needs Python 3.11 or newer: make PYTHON=/path/to/python3.11")'
@@ -83,6 +84,9 @@ QUICK ?= false
 studies: $(VENV)/installed
 	$(BIN)/snakemake tradeoff stability --cores $(CORES) --quiet rules --config quick=$(QUICK)
 	@echo "The charts: $(CURDIR)/results/study/study.html"
+
+evidence: $(VENV)/installed-dev $(VENV)/installed-bench
+	OMP_NUM_THREADS=1 $(BIN)/snakemake evidence --cores $(CORES) --quiet rules --config quick=$(QUICK)
 
 docs-ledger: $(VENV)/installed
 	$(BIN)/snakemake claims --cores $(CORES) --quiet rules

@@ -6,6 +6,7 @@ configfile: "config.yaml"
 
 include: "src/towval/workflow/Snakefile"
 include: "studies/rules/studies.smk"
+include: "studies/rules/evidence.smk"
 
 
 localrules:

@@ -52,27 +52,32 @@ _FEW_DECADES = 60.0  # A range below this has numbers at 1, 2 and 5.
 
 
 @figure_function
-def scatter_chart(table: pd.DataFrame, title: str, labels: tuple[str, str], note: str, *, front: bool = True) -> Figure:
+def scatter_chart(
+    table: pd.DataFrame, title: str, labels: tuple[str, str], note: str, take: str = "", *, front: bool = True
+) -> Figure:
     """Error against cost on logarithmic scales, a panel for each value of ``panel``.
 
     Parameters
     ----------
     table : DataFrame
         Columns ``panel``, ``series``, ``setting``, ``cost``, ``error``, ``default``; rows that repeat the first three
-        are drawn as their median.
+        are drawn as their median, with a line from the lower to the upper quartile of the error.
     title : str
         Of the chart.
     labels : (str, str)
         Of the axes x and y; without the first the panels' names label x.
     note : str
         A sentence or two below.
+    take : str, optional
+        What to take and why, above the note.
     front : bool, optional
         Draw the Pareto front and label the points; else join the points of a series.
     """
     rows = medians(table)
     panels, series = list(dict.fromkeys(rows["panel"])), list(dict.fromkeys(rows["series"]))
     columns = {1: 1, 2: 2, 4: 2}.get(len(panels), 3)
-    notes = _wrapped(f"{note} {_machine(table)}")
+    advice = _wrapped(take, 122) if take else []
+    notes = advice + _wrapped(f"{note} {_machine(table)}")
     legend_rows = math.ceil(len(series) / 4)
     margins = Margins(
         left=0.62,
@@ -93,24 +98,28 @@ def scatter_chart(table: pd.DataFrame, title: str, labels: tuple[str, str], note
             own.set_ylabel(labels[1])
     _same_decades(axes)
     _title(figure, title)
-    _foot(figure, _handles(series, front=front), 4, notes)
+    _foot(figure, _handles(series, front=front), 4, notes, advice=len(advice))
     _place_labels(figure, axes)
     return figure
 
 
 def medians(table: pd.DataFrame) -> pd.DataFrame:
-    """One row a panel, series and setting (where points are joined: and cost), with median cost and error."""
+    """One row a panel, series and setting (where points are joined: and cost), with median cost and error.
+
+    ``low`` and ``high`` are the quartiles of the error.
+    """
     usable = table[(table["cost"] > 0) & (table["error"] > 0)].assign(panel=table["panel"].astype(object).fillna(""))
     usable = usable.assign(setting=usable["setting"].astype(object).fillna("").astype(str))
     keys = ["panel", "series", "setting"]
     if (usable["setting"] == "").all():
         keys.append("cost")
-        return (
-            usable.groupby(keys, sort=False)[["error", "default"]]
-            .agg({"error": "median", "default": "max"})
-            .reset_index()
-        )
-    return usable.groupby(keys, sort=False).agg({"cost": "median", "error": "median", "default": "max"}).reset_index()
+    groups = usable.groupby(keys, sort=False)
+    rows = groups["error"].agg(["median", lambda error: error.quantile(0.25), lambda error: error.quantile(0.75)])
+    rows.columns = pd.Index(["error", "low", "high"])
+    rows["default"] = groups["default"].max()
+    if "cost" not in keys:
+        rows["cost"] = groups["cost"].median()
+    return rows.reset_index()
 
 
 def unbeaten(rows: pd.DataFrame) -> pd.DataFrame:
@@ -135,6 +144,9 @@ def _draw_panel(axes: Axes, rows: pd.DataFrame, series: Sequence[str], *, front:
             mec="white",
             mew=0.4,
             zorder=3,
+        )
+        axes.vlines(
+            points["cost"], points["low"], points["high"], colors=COLOURS[index % len(COLOURS)], lw=0.7, zorder=2
         )
     if not front:
         return
@@ -322,11 +334,15 @@ def _title(figure: Figure, title: str) -> None:
     figure.text(0.012, 1 - 0.06 / height, title, fontsize=10, va="top", ha="left")
 
 
-def _foot(figure: Figure, handles: Sequence[Line2D | Swatch], columns: int, notes: Sequence[str]) -> None:
-    """The legend at the bottom and, below it, the note."""
+def _foot(
+    figure: Figure, handles: Sequence[Line2D | Swatch], columns: int, notes: Sequence[str], *, advice: int = 0
+) -> None:
+    """The legend at the bottom and, below it, the note, whose first lines, of ``advice``, stand out."""
     height = figure.get_size_inches()[1]
     for line, text in enumerate(reversed(notes)):
-        figure.text(0.012, (0.05 + _LINE_IN * 0.85 * line) / height, text, fontsize=7, color="#555555", va="bottom")
+        first = len(notes) - 1 - line < advice
+        style: dict[str, Any] = {"color": "#1d1d1b", "weight": "bold"} if first else {"color": "#555555"}
+        figure.text(0.012, (0.05 + _LINE_IN * 0.85 * line) / height, text, fontsize=7, va="bottom", **style)
     foot_legend(figure, handles, columns)
     legend = figure.legends[-1]
     legend.set_bbox_to_anchor((0.5, (0.1 + _LINE_IN * 0.85 * len(notes)) / height))

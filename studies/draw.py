@@ -42,7 +42,8 @@ def figure_of(source: Study | Drawing, plan: Mapping[str, Any], tables: Mapping[
         return source.draw(plan, tables)
     (table,), chart = tables.values(), source.chart
     if isinstance(chart, Scatter):
-        return scatter_chart(table, chart.title, (chart.cost, chart.error), chart.note, front=chart.front)
+        note = f"{chart.note} {chart.truth}".strip()
+        return scatter_chart(table, chart.title, (chart.cost, chart.error), note, chart.take, front=chart.front)
     if isinstance(chart, Maps):
         return map_chart(table, chart.title, chart.axes, chart.note)
     raise ValueError("this study has no chart of its own")

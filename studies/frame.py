@@ -47,13 +47,18 @@ def judged(error: float, allowed: float, flags: list[str]) -> Row:
 class Scatter:
     """A chart of error against cost: rows have ``panel``, ``series``, ``setting``, ``cost``, ``error``, ``default``.
 
-    Without ``front`` the points of a series are joined, and no Pareto front is drawn.
+    ``take`` says in a line what to take and why, and why the default is what it is where another is cheaper or better;
+    ``truth`` what the errors are against, and what code that shares with what is measured. Rows that differ by their
+    seed alone are drawn as median and quartiles. Without ``cost`` the panels' names are the costs. Without ``front``
+    the points of a series are joined, and no Pareto front is drawn.
     """
 
     title: str
     cost: str
     error: str
     note: str
+    take: str = ""
+    truth: str = ""
     front: bool = True
 
 

@@ -42,19 +42,20 @@ class ProductView:
     charts: tuple[ChartView, ...]
 
 
-def front_view(name: str, title: str, table: pd.DataFrame, svg: Markup, *, front: bool) -> ChartView:
+def front_view(name: str, chart: Scatter, table: pd.DataFrame, svg: Markup) -> ChartView:
     """A chart of error against cost, with its Pareto front as a table: the methods that no other beats in both."""
     rows = medians(table)
     default = rows[rows["default"].astype(float) > 0]
     named = "; ".join(f"{row.series}, {row.setting}" for row in default.drop_duplicates("setting").itertuples())
-    summary = f"{len(rows)} points" + (f", default: {named}." if named else ".")
-    best = pd.concat([unbeaten(part) for _, part in rows.groupby("panel", sort=False)]) if front else rows.iloc[:0]
+    summary = f"{chart.take} {len(rows)} points".strip() + (f", default: {named}." if named else ".")
+    panels = [unbeaten(part) for _, part in rows.groupby("panel", sort=False)]
+    best = pd.concat(panels) if chart.front else rows.iloc[:0]
     cells = tuple(
         (row["panel"], row["series"], row["setting"], f"{row['cost']:.3g}", f"{row['error']:.3g}")
         for row in best.to_dict("records")
     )
     columns = ("panel", "method", "setting", "cost", "error")
-    return ChartView(name, title, summary, svg, f"{name}.csv", "Pareto front", columns, cells)
+    return ChartView(name, chart.title, summary, svg, f"{name}.csv", "Pareto front", columns, cells)
 
 
 def map_view(name: str, title: str, table: pd.DataFrame, svg: Markup) -> ChartView:
@@ -135,7 +136,7 @@ def _view(name: str, reference: str, folder: Path, sheet: FigureSheet) -> ChartV
     chart, table = loaded(reference).chart, read_table(folder / f"{name}.csv")
     svg = sheet.inline(read_svg(folder / f"{name}.svg"), name)
     if isinstance(chart, Scatter):
-        return front_view(name, chart.title, table, svg, front=chart.front)
+        return front_view(name, chart, table, svg)
     return map_view(name, chart.title, table, svg)
 
 

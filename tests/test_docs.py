@@ -5,6 +5,9 @@ import re
 
 import pytest
 
+from studies.evidence.documents import documented, unfounded
+from studies.evidence.ledger import read_groups
+
 
 def documents(repository):
     return [repository / "README.md", *sorted((repository / "docs").glob("*.md"))]
@@ -71,3 +74,8 @@ def test_recipes_quote_the_tested_code(repository):
         assert code in (repository / file).read_text(encoding="utf-8"), f"docs/extending.md quotes {file} as it was"
     named = set(re.findall(r"`(test_\w+\.py)`", text)) - {"test_docs.py", "test_config.py"}
     assert named == {path.name for path in (repository / "tests" / "extending").glob("test_*.py")}
+
+
+def test_every_number_that_is_stated_has_a_row_in_the_ledger():
+    """Else: add a row to studies/evidence/rows.yaml, mark the passage as settings, or leave the number out."""
+    assert unfounded(documented(), read_groups()) == []

@@ -22,13 +22,14 @@ from towval.physics.friction_table import PLATEAU
 if TYPE_CHECKING:
     import mujoco
 
-_GRID = 4  # spheres along a side
 _THIN = 0.02  # half the height of the body [m]; its anchor is on the floor, so that the tow does not tilt it
 _SPHERE_M = 0.005
+USUAL_IMPEDANCE = ".9 .95 .001"
+"""MuJoCo's own default of ``solimp``."""
 
 
-LAYOUTS = {"box": False, f"{_GRID} × {_GRID} spheres": True}
-"""Contacts of the object by name: whether they are spheres instead of the corners of a box."""
+LAYOUTS = {"box": 0, "4 × 4 spheres": 4}
+"""Contacts of the object by name: how many spheres along a side, none for the corners of a box."""
 
 
 def is_installed() -> bool:
@@ -76,11 +77,14 @@ def mujoco_rows(scene: TowScene, steps: Iterable[float] = (0.002, 0.01)) -> list
     return rows
 
 
-def mujoco_places(scene: TowScene, step: float, spheres: bool) -> Array:
-    """The object's centre (n, 2) [m] at the scene's times, rounded to the nearest time step [s]."""
+def mujoco_places(scene: TowScene, step: float, spheres: int, impedance: str = USUAL_IMPEDANCE) -> Array:
+    """The object's centre (n, 2) [m] at the scene's times, rounded to the nearest time step [s].
+
+    ``impedance`` is MuJoCo's ``solimp`` of the contacts.
+    """
     import mujoco  # noqa: PLC0415 — an extra: not everybody has it
 
-    model = mujoco_model(scene, step, spheres)
+    model = mujoco_model(scene, step, spheres, impedance)
     data = mujoco.MjData(model)
     begin, end = scene.times[0], scene.times[-1]
     count = round((end - begin) / step)
@@ -96,7 +100,7 @@ def mujoco_places(scene: TowScene, step: float, spheres: bool) -> Array:
     return places[np.round((scene.times - begin) / step).astype(int)]
 
 
-def mujoco_model(scene: TowScene, step: float, spheres: bool) -> mujoco.MjModel:
+def mujoco_model(scene: TowScene, step: float, spheres: int, impedance: str = USUAL_IMPEDANCE) -> mujoco.MjModel:
     """Floor, object on its contacts, hinge as a mocap body, and the tether as a tendon that only pulls."""
     import mujoco  # noqa: PLC0415
 
@@ -105,7 +109,7 @@ def mujoco_model(scene: TowScene, step: float, spheres: bool) -> mujoco.MjModel:
     x, y, heading = scene.start_pose
     hinge_x, hinge_y = scene.hinge.position[0]
     if spheres:
-        places = np.linspace(-half + _SPHERE_M, half - _SPHERE_M, _GRID)
+        places = np.linspace(-half + _SPHERE_M, half - _SPHERE_M, spheres)
         contacts = "".join(
             f'<geom type="sphere" size="{_SPHERE_M}" pos="{px} {py} {_SPHERE_M - _THIN}" mass="0" '
             f'friction="{friction} 0 0"/>'
@@ -116,6 +120,7 @@ def mujoco_model(scene: TowScene, step: float, spheres: bool) -> mujoco.MjModel:
         contacts = f'<geom type="box" size="{half} {half} {_THIN}" mass="0" friction="{friction} 0 0"/>'
     return mujoco.MjModel.from_xml_string(f"""
     <mujoco><option timestep="{step}" gravity="0 0 -9.81" cone="elliptic" impratio="10"/>
+    <default><geom solimp="{impedance}"/></default>
     <worldbody>
       <geom type="plane" size="5 5 1" friction="{friction} 0 0"/>
       <body name="hinge" mocap="true" pos="{hinge_x} {hinge_y} 0"><site name="hinge"/></body>

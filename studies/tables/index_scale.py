@@ -57,7 +57,7 @@ def _details(rng: np.random.Generator, stage: str, run: str) -> dict[str, object
         details |= {"signature": rng.normal(size=(90, 3, 3)).tolist()}
     if stage == "compare":
         error = np.abs(rng.normal(0, 0.004, len(COLUMNS)))
-        details |= dict(zip(COLUMNS, error.tolist(), strict=True))
+        details |= dict(zip(COLUMNS, error.tolist(), strict=True)) | {"findings": findings}
         details |= {"run": run, "verdict": str(rng.choice(list(Verdict))), "lost_frames": int(rng.integers(9))}
     return details
 

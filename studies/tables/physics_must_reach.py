@@ -156,7 +156,7 @@ def lap_rows() -> Iterator[Row]:
     yield "FBD lap of 400 s, final position", "1e-6 m", f"{error:.1e} m", error <= 1e-6
     reached = np.abs(reference_places(scene, 1e-6) - reference_places(scene, 1e-11)).max()
     spent = least_cpu_seconds(lambda: reference_places(scene, 1e-6))
-    ratio = cpu_seconds(lambda: mujoco_places(scene, 0.002, spheres=False)) / spent
+    ratio = cpu_seconds(lambda: mujoco_places(scene, 0.002, spheres=0)) / spent
     yield (
         "FBD lap against MuJoCo at 2 ms",
         "100 × at 10 µm",

@@ -126,17 +126,18 @@ def given_of(run: SyntheticRun) -> dict:
     }
 
 
-def judged(campaign: Path, results: Path) -> Comparison:
-    """All stages up to the comparison, as the workflow runs them."""
-    folder, camera = results / "a", results / "camera.mcap"
+def judged(campaign: Path, results: Path, name: str = "a") -> Comparison:
+    """All stages of a run up to the comparison, as the workflow runs them; the camera of an earlier run is used."""
+    folder, camera = results / name, results / "camera.mcap"
     folder.mkdir(parents=True)
     files = {stage: folder / f"{stage}.mcap" for stage in ("track", "decimate", "simulate", "uncertainty", "compare")}
-    calibrate.run(campaign, camera)
-    track.run(campaign, "a", camera, files["track"])
+    if not camera.is_file():
+        calibrate.run(campaign, camera)
+    track.run(campaign, name, camera, files["track"])
     decimate.run(files["track"], files["decimate"])
     simulate.run(campaign, files["track"], files["decimate"], files["simulate"])
-    uncertainty.run(campaign, "a", camera, folder, files["uncertainty"])
-    compare_command.run("a", files["track"], files["simulate"], files["uncertainty"], files["compare"])
+    uncertainty.run(campaign, name, camera, folder, files["uncertainty"])
+    compare_command.run(name, files["track"], files["simulate"], files["uncertainty"], files["compare"])
     return read_comparison(files["compare"])
 
 

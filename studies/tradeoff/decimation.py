@@ -1,22 +1,35 @@
-"""How many poses a path needs: kept points against path error, for the stage's rule and for simpler ones."""
+"""What thinning a track does to its path and to the path simulated from it: the stage's rule beside published ones."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import time
+from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from studies.comparators.smoothers import douglas_peucker, rts_smoother, smoothing_spline
+from studies.comparators.tow_scenes import lap_scene
 from studies.frame import Row, Scatter, Study
 from studies.worlds.measured import measured_track
-from towval.model import Array, Track
+from towval.model import Array, TimedPath, Track
+from towval.model.geometry import transform
+from towval.physics.dynamics import feedback
 from towval.validation.decimate import DecimateSettings, decimate
 
 RATE_HZ, DURATION_S, STOP_S, GO_S = 25, 24.0, 10.0, 14.0
 NOISE = np.array([3e-4, 3e-4, 5e-4])
 """Deviation of a pose's x, y [m] and heading [rad]."""
 
+HINGE_M, DAMPING_NS_PER_M, TETHER_M = np.array([-0.42, 0.0]), 10.0, 0.6
+"""Of the tow that is simulated behind the path."""
+
 _FINE = 40  # Times between two frames at which the ground truth is integrated and the paths are compared.
+_EVERY = 20  # Of these times, how many apart the hinge's path is given to the dynamics.
+
+Path = Callable[[Track, Array], tuple[int, Array]]
+"""From a track and moments (m,) to the number of points kept and the poses (m, 3)."""
 
 
 def true_motion() -> tuple[Array, Array]:
@@ -40,58 +53,111 @@ def measured(seed: int) -> Track:
     return measured_track("rover", time_s, pose, NOISE)
 
 
-def decimation_rows(seeds: list[int]) -> list[Row]:
-    """A row a rule and setting: points kept, RMS error of the path through them in mm, medians over seeds."""
+def towed_path(time_s: Array, pose: Array) -> Array:
+    """Poses (m, 3) of a cube behind a rover with poses (n, 3), by the dynamics, from the same start whatever these."""
+    cube = lap_scene()
+    hinge = TimedPath(time_s[::_EVERY], transform(pose[::_EVERY], HINGE_M))
+    tether = type(cube.tether)(TETHER_M, cube.tether.stiffness, DAMPING_NS_PER_M)
+    start = (HINGE_M[0] - TETHER_M - cube.towed.anchor[0], 0.0, 0.0)
+    return feedback(cube.towed, cube.patch, tether, hinge, start, time_s[::_FINE]).pose
+
+
+@cache
+def _true_tow() -> Array:
+    return towed_path(*true_motion())
+
+
+def decimation_rows(seed: int) -> list[Row]:
+    """Two rows a rule and setting: points kept and error of the rover's path; CPU time and error of the simulated one.
+
+    Errors are RMS distances [mm]. The time is that of thinning, smoothing and simulating.
+    """
     time_s, truth = true_motion()
-    found: dict[tuple[str, str], list[tuple[int, float]]] = {}
-    for seed in seeds:
-        for series, setting, kept, path in _paths(measured(seed), time_s):
-            error = 1e3 * float(np.sqrt(np.mean(np.sum((path - truth[:, :2]) ** 2, axis=1))))
-            found.setdefault((series, setting), []).append((kept, error))
-    return [
-        {
-            "panel": "",
-            "series": series,
-            "setting": setting,
-            "cost": float(np.median([kept for kept, _ in values])),
-            "error": float(np.median([error for _, error in values])),
-            "default": series == "stage decimate" and float(setting) == DecimateSettings().excess,
-        }
-        for (series, setting), values in found.items()
+    track, rows = measured(seed), []
+    towed_path(time_s, truth)  # compiles
+    for series, setting, rule in _rules():
+        start = time.process_time()
+        kept, pose = rule(track, time_s)
+        towed = towed_path(time_s, pose)
+        spent = time.process_time() - start
+        default = series == "stage decimate" and float(setting) == DecimateSettings().excess
+        named = {"series": series, "setting": setting, "default": default, "seed": seed}
+        rows.append(named | {"panel": "Points kept of 601", "cost": kept, "error": _rms_mm(pose, truth)})
+        panel = "CPU time of thinning and simulating [s]"
+        rows.append(named | {"panel": panel, "cost": spent, "error": _rms_mm(towed, _true_tow())})
+    return rows
+
+
+def _rms_mm(pose: Array, truth: Array) -> float:
+    return 1e3 * float(np.sqrt(np.mean(np.sum((pose[:, :2] - truth[: len(pose), :2]) ** 2, axis=1))))
+
+
+def _rules() -> list[tuple[str, str, Path]]:
+    """Rule, setting, and what it makes of a track."""
+    rules = [("stage decimate", f"{excess:g}", _stage(excess)) for excess in (0.5, 1.0, 3.0, 10.0, 30.0, 100.0)]
+    rules += [("every n-th pose, cubic", f"{every}", _every(every)) for every in (1, 3, 10, 30)]
+    rules += [
+        ("poses farther apart than, linear", f"{1e3 * apart:g} mm", _apart(apart)) for apart in (1e-3, 3e-3, 1e-2)
     ]
+    rules += [("Douglas-Peucker, linear", f"{1e3 * off:g} mm", _peucker(off)) for off in (3e-4, 1e-3, 3e-3)]
+    rules += [("RTS smoother, white jerk", f"{density:g} m²/s⁵", _smoother(density)) for density in (1e-5, 1e-3, 1e-1)]
+    return [*rules, ("smoothing spline", "cross-validated", _spline)]
 
 
-def _paths(track: Track, time_s: Array) -> Iterator[tuple[str, str, int, Array]]:
-    """Rule, setting, number of points kept and the path (n, 2) through them."""
-    for excess in (0.5, 1.0, 3.0, 10.0, 30.0, 100.0):
+def _stage(excess: float) -> Path:
+    def rule(track: Track, moments: Array) -> tuple[int, Array]:
         thin = decimate(track, DecimateSettings(excess=excess))
-        yield "stage decimate", f"{excess:g}", len(thin.time_s), thin.spline()(time_s)[:, :2]
-    for every in (1, 3, 10, 30, 60):
+        return len(thin.time_s), thin.spline()(moments)
+
+    return rule
+
+
+def _every(every: int) -> Path:
+    def rule(track: Track, moments: Array) -> tuple[int, Array]:
         rows = np.unique(np.append(np.arange(0, len(track.time_s), every), len(track.time_s) - 1))
-        spline = CubicSpline(track.time_s[rows], track.pose[rows, :2])
-        yield "every n-th pose, cubic", f"{every}", len(rows), spline(time_s)
-    for apart in (2e-4, 5e-4, 1e-3, 3e-3, 1e-2):
-        rows = _apart(track.pose[:, :2], apart)
-        path = np.column_stack([np.interp(time_s, track.time_s[rows], track.pose[rows, k]) for k in (0, 1)])
-        yield "poses farther apart than, linear", f"{1e3 * apart:g} mm", len(rows), path
+        return len(rows), CubicSpline(track.time_s[rows], track.pose[rows])(moments)
+
+    return rule
 
 
-def _apart(place: Array, distance_m: float) -> Array:
+def _linear(track: Track, rows: Array, moments: Array) -> tuple[int, Array]:
+    columns = [np.interp(moments, track.time_s[rows], track.pose[rows, k]) for k in range(3)]
+    return len(rows), np.column_stack(columns)
+
+
+def _apart(distance_m: float) -> Path:
     """Rows that are at least a distance from the row kept before, and the last."""
-    kept = [0]
-    for row in range(1, len(place)):
-        if np.linalg.norm(place[row] - place[kept[-1]]) >= distance_m:
-            kept.append(row)
-    return np.unique([*kept, len(place) - 1])
+
+    def rule(track: Track, moments: Array) -> tuple[int, Array]:
+        kept = [0]
+        for row in range(1, len(track.pose)):
+            if np.linalg.norm(track.pose[row, :2] - track.pose[kept[-1], :2]) >= distance_m:
+                kept.append(row)
+        return _linear(track, np.unique([*kept, len(track.pose) - 1]), moments)
+
+    return rule
+
+
+def _peucker(tolerance_m: float) -> Path:
+    return lambda track, moments: _linear(track, douglas_peucker(track.pose[:, :2], tolerance_m), moments)
+
+
+def _smoother(density: float) -> Path:
+    return lambda track, moments: (len(track.time_s), rts_smoother(track.time_s, track.pose, NOISE, density, moments))
+
+
+def _spline(track: Track, moments: Array) -> tuple[int, Array]:
+    return len(track.time_s), smoothing_spline(track.time_s, track.pose, moments)
 
 
 STUDY = Study(
-    parts=lambda settings: {"bends": {"seeds": [1] if settings.quick else [1, 2, 3, 4, 5]}},
+    parts=lambda settings: {f"seed_{seed}": {"seed": seed} for seed in range(1, 3 if settings.quick else 13)},
     rows=decimation_rows,
     chart=Scatter(
-        title="Decimation of a track with bends and a pause",
-        cost="Points kept of 601",
+        title="Decimation of a track with bends and a pause, and the tow simulated behind it",
+        cost="",
         error="RMS error of the path [mm]",
-        note="Noise of a pose: 0.3 mm and 0.5 mrad. Labels: excess, n, or distance. Medians over seeds.",
+        note="Noise of a pose: 0.3 mm and 0.5 mrad. Labels: excess, n, distance or density. Medians and quartiles.",
+        truth="Truth of the right panel: the same dynamics behind the true rover.",
     ),
 )

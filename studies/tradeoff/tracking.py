@@ -86,8 +86,8 @@ def _label(scale: float, stride: int) -> str:
 def _parts(settings: Settings) -> dict[str, Part]:
     if settings.quick:
         return {"metre": {"seed": 3, "seconds": 1.2, "variants": [[1.0, 1], [0.5, 1]], "rounds": 2}}
-    variants = [[1.0, 1], [0.5, 1], [0.25, 1], [1.0, 2], [1.0, 5]]
-    return {"metre": {"seed": 3, "seconds": 3.0, "variants": variants, "rounds": 2}}
+    variants = [[1.0, 1], [0.5, 1], [1.0, 2]]
+    return {f"metre_{seed}": {"seed": seed, "seconds": 2.0, "variants": variants, "rounds": 2} for seed in range(3, 13)}
 
 
 STUDY = Study(
@@ -97,6 +97,7 @@ STUDY = Study(
         title="Tracking two bodies over a metre, 1080p",
         cost="CPU time of the pass over that of decoding",
         error="RMS error of the position [mm]",
-        note="The calibration is exact here. Labels: size of the pictures and stride of the frames, where not all.",
+        note="Medians and quartiles over ten scenes. Labels: size of the pictures, stride of the frames.",
+        truth="The calibration is exact, and the scenes share the camera model with the tracker.",
     ),
 )

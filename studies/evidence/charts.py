@@ -1,0 +1,108 @@
+"""Checks of what the documents state of the charts of error against cost: parts of their tables, computed anew."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from typing import Any
+
+import pandas as pd
+
+from studies.charts import medians
+from studies.comparators import lab_tow_models
+from studies.evidence.ledger import Check, Values
+from studies.evidence.planting import given, moved, replaced, result_of
+from studies.frame import Part, Study
+from studies.tradeoff import calibration, decimation, dynamics, effects, friction, presets, tracking
+from towval.io.campaign import Campaign
+from towval.model import Ground
+from towval.physics.dynamics import Accuracy
+from towval.physics.friction_laws import Coulomb
+from towval.tracking.plane_tracker import PlaneTracker
+from towval.validation.decimate import DecimateSettings
+
+
+def points(study: Study, parts: Iterable[Part]) -> Callable[[], Values]:
+    """Median error and cost of the points that some parts of a study give, by panel, series and setting."""
+
+    def measure() -> Values:
+        found: dict[str, float] = {}
+        for row in medians(pd.DataFrame([row for part in parts for row in study.rows(**part)])).to_dict("records"):
+            name = ", ".join(str(row[key]) for key in ("panel", "series", "setting") if row[key])
+            found |= {f"{name}: error": row["error"], f"{name}: cost": row["cost"]}
+            found[f"{name}: quartiles apart"] = row["high"] - row["low"]
+        return found
+
+    return measure
+
+
+FRICTION = Check(
+    points(friction.STUDY, [{"element_sizes_m": [0.01], "parts": [64], "rounds": 2}]),
+    {"friction is 1 % too large": replaced(
+        friction, "Coulomb", lambda _: lambda coefficient, stiction: Coulomb(1.01 * coefficient, stiction)
+    )},
+)  # fmt: skip
+
+DYNAMICS = Check(
+    points(dynamics.STUDY, [{"period_s": 40.0, "panels": 12, "mujoco_steps_s": [0.002], "rounds": 2}]),
+    {"the tolerance counts a thousand-fold": replaced(
+        dynamics, "Accuracy", lambda _: lambda tolerance: Accuracy(1000 * tolerance)
+    )},
+    needs=("mujoco",),
+)  # fmt: skip
+
+EFFECTS = Check(
+    points(effects.STUDY, [{"tow": tow, "rounds": 2} for tow in ("paper", "level tow", "four feet")]),
+    {
+        "the floor's slope is left out": replaced(lab_tow_models, "feedback", given(ground=Ground())),
+        "nothing sticks": replaced(lab_tow_models, "feedback", given(sticking=None)),
+    },
+)
+
+DECIMATION = Check(
+    points(decimation.STUDY, [{"seed": seed} for seed in range(1, 13)]),
+    {"segments may be off by twice the noise": replaced(
+        decimation, "DecimateSettings", lambda _: lambda excess=3.0: DecimateSettings(excess=100 * excess)
+    )},
+)  # fmt: skip
+
+
+def _pinhole(original: Any) -> Any:
+    return lambda seen, settings, *rest: original(seen, replace(settings, lens_models=("none",)), *rest)
+
+
+CALIBRATION = Check(
+    points(
+        calibration.STUDY,
+        [
+            {"seed": seed, "views": [6, 12], "models": ["k1", "k1 k2", "rational", calibration.CHOSEN]}
+            for seed in range(1, 11)
+        ],
+    ),
+    {"the lens is left out": replaced(calibration, "calibrate_observations", _pinhole)},
+)
+
+
+TRACKING = Check(
+    points(tracking.STUDY, [{"seed": seed, "seconds": 2.0, "variants": [[1.0, 1]], "rounds": 2} for seed in (3, 4, 5)]),
+    {"poses are 0.28 mm off": replaced(PlaneTracker, "measure", moved(2e-4, 2e-4, 0.0))},
+)
+
+
+def _longer(campaign: Campaign) -> Campaign:
+    tether = campaign.scene.tether
+    return replace(
+        campaign, scene=replace(campaign.scene, tether=replace(tether, rest_length=1.05 * tether.rest_length))
+    )
+
+
+PRESETS = Check(
+    points(
+        presets.STUDY,
+        [
+            {"presets": ["draft", "standard", "fine", "auto"], "frames": 80, "rounds": 2, "seed": seed}
+            for seed in (0, 1, 2)
+        ],
+    ),
+    {"the tether is stated 5 % too long": replaced(presets, "load_campaign", result_of(_longer))},
+)

@@ -1,0 +1,125 @@
+"""Numbers that README and the documentation state, and whether the ledger has a row for them.
+
+    python -m studies.evidence.documents
+
+A paragraph, list or table with a number and a unit is marked, in a comment at its end or after the heading of its
+section: ``<!-- evidence: group, group -->`` where the numbers are results, which then have to be in rows of these
+groups of ``rows.yaml``, or ``<!-- settings -->`` where they are settings, definitions and examples. Of a table that is marked
+as evidence every number counts, with a unit or without. Pages that a command makes are left out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from studies.evidence.compute import REPOSITORY
+from studies.evidence.ledger import Group, read_groups
+
+MADE = ("claims.md", "evidence.md", "findings.md", "inputs.md", "scenes.md")
+"""Pages that commands make from the code or from tables."""
+
+_NUMBER = r"\d[\d,]*(?:\.\d+)?(?:e-?\d+)?"
+_UNIT = r"(?:mm|µm|nm|cm|°|%|s|ms|µs|ns|px|mrad|MB|kB|GB|×|min|CPU minutes|seconds|minutes)"
+_JOINED = r"(?:\s*(?:,|/|to|and|or|±|–)\s*)"
+_MEASURE = re.compile(rf"(?<![\w.])((?:{_NUMBER}{_JOINED})*{_NUMBER})\s?{_UNIT}(?![\w/²³])")
+_MARK = re.compile(r"<!-- (evidence: ([\w, ]+)|settings) -->")
+_MEASURED = re.compile(rf"{_NUMBER}\s?(?:mm|µm|°|px)[^.|]*\bRMS\b|\bRMS[^.|]*{_NUMBER}\s?(?:mm|µm|°|px)|predicted / actual")
+
+
+@dataclass(frozen=True)
+class Passage:
+    """A paragraph, list or table: its text without marks, the groups that it cites, and whether it is settings."""
+
+    document: str
+    text: str
+    groups: tuple[str, ...]
+    settings: bool
+
+    @property
+    def numbers(self) -> list[str]:
+        """Numbers with a unit; of a table that is evidence all numbers beyond its first column and its head."""
+        if self.groups and self.text.startswith("|"):
+            cells = [cell for line in self.text.splitlines()[2:] for cell in line.split("|")[2:]]
+            return [
+                number for cell in cells for number in re.findall(rf"(?<![\w.]){_NUMBER}", re.sub("`[^`]*`", "", cell))
+            ]
+        plain = re.sub("`[^`]*`", "", self.text)
+        return [number for found in _MEASURE.findall(plain) for number in re.findall(_NUMBER, found)]
+
+
+def passages(document: str, text: str) -> Iterator[Passage]:
+    """The passages of a document, code left out."""
+    text = re.sub(r"(?ms)^```.*?^```$", "", text)
+    text = re.sub(r"(?m)^(#+ .*)$", r"\n\1\n", text)
+    of_section: list[str] = []
+    waiting: tuple[str, list[str]] | None = None
+    headed = False
+    for block in [*re.split(r"\n\s*\n", text), "# end"]:
+        plain, marks = _MARK.sub("", block).strip(), [found[0] for found in _MARK.findall(block)]
+        if headed and block.strip().startswith("<!--"):
+            of_section += marks[:1]
+            marks = marks[1:]
+        headed = plain.startswith("#")
+        if not plain:
+            if waiting is not None:
+                waiting[1].extend(marks)
+            continue
+        if waiting is not None:
+            yield _passage(document, waiting[0], [*waiting[1], *of_section])
+        if headed:
+            of_section, waiting = marks, None
+        else:
+            waiting = None if block.startswith("    ") else (plain, marks)
+
+
+def _passage(document: str, text: str, marks: list[str]) -> Passage:
+    groups = [
+        name.strip() for mark in marks if mark != "settings" for name in mark.removeprefix("evidence:").split(",")
+    ]
+    return Passage(document, text, tuple(dict.fromkeys(groups)), "settings" in marks)
+
+
+def documented(repository: Path = REPOSITORY) -> list[Passage]:
+    """The passages of README and of the pages that are written by hand."""
+    pages = [repository / "README.md", *sorted((repository / "docs").glob("*.md"))]
+    pages = [page for page in pages if page.name not in MADE]
+    return [each for page in pages for each in passages(page.name, page.read_text(encoding="utf-8"))]
+
+
+def unfounded(found: list[Passage], groups: Mapping[str, Group]) -> list[str]:
+    """What is stated without a row, and what is marked as a setting but says that it was measured."""
+    wrong = []
+    for each in found:
+        where = f"{each.document}: {' '.join(each.text.split())[:70]}"
+        wrong += [f"{where}: there is no group {name}" for name in each.groups if name not in groups]
+        known = {value for name in each.groups if name in groups for value in numbers_in(groups[name])}
+        missing = [number for number in each.numbers if float(number.replace(",", "")) not in known]
+        if each.groups:
+            wrong += [f"{where}: no row has {number}" for number in missing]
+        elif each.numbers and not each.settings:
+            wrong.append(f"{where}: {', '.join(each.numbers)} without a mark: name the group of rows, or `settings`")
+        elif each.numbers and _MEASURED.search(each.text):
+            wrong.append(f"{where}: marked as settings, but it speaks of what was measured")
+    return wrong
+
+
+def numbers_in(group: Group) -> set[float]:
+    """All numbers of a group: what is stated, on what conditions."""
+    texts = [group.says, group.data, group.note, group.control, *group.conditions]
+    texts += [text for each in group.statements for text in (each.name, each.stated)]
+    found = {number for text in texts for number in re.findall(rf"(?<![\w.]){_NUMBER}", text)}
+    return {float(number.rstrip(",").replace(",", "")) for number in found}
+
+
+def main() -> None:
+    """Print what is stated without a row."""
+    argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0]).parse_args()
+    print("\n".join(unfounded(documented(), read_groups())) or "every number has a row")
+
+
+if __name__ == "__main__":
+    main()

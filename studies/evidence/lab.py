@@ -1,0 +1,93 @@
+"""Checks on filmed campaigns whose truth other programs made, lab_a and lab_c, with all stages as the workflow has."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import pandas as pd
+
+from studies.evidence.compute import shared_folder
+from studies.evidence.ledger import Check, Values
+from studies.evidence.planting import Planting, replaced, result_of
+from studies.tables.accuracy import errors
+from studies.tables.validation_must_reach import place_reported
+from studies.tables.validation_rendered import judged
+from towval.io.records import read_tracks
+
+_HERE = sys.modules[__name__]
+
+
+def stated(campaign: Path) -> str:
+    """What campaign.yaml says."""
+    return (campaign / "campaign.yaml").read_text(encoding="utf-8")
+
+
+def _campaign(name: str) -> Callable[[], Values]:
+    """Errors of the tracks against the truth, and what is said of each run."""
+
+    def measure() -> Values:
+        source = shared_folder() / "footage" / name
+        found: dict[str, float | str] = {}
+        with TemporaryDirectory() as folder:
+            campaign, results = Path(folder) / name, Path(folder) / "results"
+            campaign.mkdir()
+            for entry in source.iterdir():
+                if entry.name != "campaign.yaml":
+                    os.symlink(entry, campaign / entry.name)
+            (campaign / "campaign.yaml").write_text(stated(source), encoding="utf-8")
+            for run in re.findall(r"(?m)^  (\w+):\n    video:", stated(source)):
+                found |= _run(campaign, results, run)
+        return found
+
+    return measure
+
+
+def _run(campaign: Path, results: Path, run: str) -> dict[str, float | str]:
+    result = judged(campaign, results, run)
+    found: dict[str, float | str] = {
+        f"run {run}, verdict": str(result.verdict),
+        f"run {run}, simulated − measured": 1e3 * result.path_rms_m,
+        f"run {run}, bound": 1e3 * result.error_upper_m,
+        f"run {run}, largest error": 1e3 * result.path_max_m,
+        f"run {run}, visible from": 1e3 * result.detectable_m,
+        f"run {run}, u_val": 1e3 * result.u_val_m,
+    }
+    place = place_reported(result)
+    if place:
+        found |= {f"run {run}, begins after": place[0], f"run {run}, begins before": place[1]}
+    if (campaign / f"{run}_truth.csv").is_file():
+        truth = pd.read_csv(campaign / f"{run}_truth.csv")
+        for body, track in read_tracks(results / run / "track.mcap").items():
+            position, heading, _, lost, _ = errors(track, truth)
+            found |= {f"run {run}, {body}, position": position, f"run {run}, {body}, heading": heading}
+            found[f"run {run}, {body}, frames lost"] = float(lost)
+    return found
+
+
+def _stating(**instead: str) -> Planting:
+    """The campaign states other values of some keys, the first of each name."""
+
+    def changed(text: str) -> str:
+        for key, value in instead.items():
+            text = re.sub(rf"{key}: [\d.]+", f"{key}: {value}", text, count=1)
+        return text
+
+    return replaced(_HERE, "stated", result_of(changed))
+
+
+LAB_A = Check(
+    _campaign("lab_a"),
+    {"board stated 1 % too large, tether 3 cm too long": _stating(square_m="0.0404", rest_length_m="0.63")},
+    needs=("footage/lab_a",),
+)
+
+LAB_C = Check(
+    _campaign("lab_c"),
+    {"board stated 1 % too large, tether 3 cm too long": _stating(square_m="0.0404", rest_length_m="0.63")},
+    needs=("footage/lab_c",),
+)

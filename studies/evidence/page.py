@@ -1,0 +1,161 @@
+"""Command of the ledger: outcomes of the checks → ``evidence.md`` and ``evidence.json``."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from studies.evidence.ledger import Effort, EvidenceClass, Group, read_groups
+from towval.io.atomic import write_text
+from towval.model.errors import TowvalError
+
+_HEAD = """# Evidence: what is stated of towval, and what it rests on
+
+Made by `snakemake evidence` from `studies/evidence/rows.yaml`; do not edit. The same as data is `evidence.json`. A
+number about accuracy, cost or coverage stands in README or on a page of the documentation only with a row here: a test
+compares both.
+
+- *Class* says how far the truth is from us: real data of others, another program, our own synthetic worlds, or a cost.
+- *Holds* is the stated number's tolerance against what was measured at the date and commit given. Where the data or a
+  program is not at hand, and for what takes too long, the last outcome stands, with its date.
+- *Control* plants a fault in the program or its input and decides the row again; "noticed" where the row then fails, as
+  it must.
+"""
+
+
+def write_ledger(outcomes: Sequence[Path], memory: Path, outputs: Sequence[Path]) -> None:
+    """Judge all groups and write the ledger.
+
+    Parameters
+    ----------
+    outcomes : sequence of Path
+        JSON files of :func:`studies.evidence.compute.run_check`, named ``<group>.<number>.json``, 0 without a fault.
+    memory : Path
+        The ledger's last JSON: rows that were not made now keep what it says.
+    outputs : sequence of Path
+        Files to write: Markdown as ``.md``, data as ``.json``.
+
+    Raises
+    ------
+    TowvalError
+        A row that was made now does not hold, or a group has a fault that none of its rows notices; after writing.
+    """
+    groups = read_groups()
+    before = json.loads(memory.read_text(encoding="utf-8"))["groups"] if memory.is_file() else {}
+    made: dict[str, list[dict[str, Any]]] = {}
+    for path in outcomes:
+        made.setdefault(path.name.split(".")[0], []).append(json.loads(path.read_text(encoding="utf-8")))
+    found = {name: judged(group, made.get(name, ()), before.get(name, {})) for name, group in groups.items()}
+    data = json.dumps({"groups": found}, indent=1, ensure_ascii=False) + "\n"
+    for output in outputs:
+        write_text(output, data if output.suffix == ".json" else markdown(groups, found))
+    wrong = [fault for name in made for fault in faults_of(name, found[name])]
+    if wrong:
+        raise TowvalError("the ledger does not hold", got="; ".join(wrong), remedy="see evidence.md")
+
+
+def judged(group: Group, outcomes: Sequence[Mapping[str, Any]], before: Mapping[str, Any]) -> dict[str, Any]:
+    """A group with its rows decided on outcomes, the first without a fault, or on what was known before."""
+    if not outcomes:
+        known = {row["name"]: row for row in before.get("rows", ())}
+        rows = [known.get(each.name, {}) | _stated(each) for each in group.statements]
+        for row, each in zip(rows, group.statements, strict=True):
+            if "measured" in row:
+                row["holds"] = each.holds(row["measured"])
+        last = {key: before[key] for key in ("date", "commit", "machine", "cpu_s") if key in before}
+        return {"effort": str(group.effort), "class": str(group.kind), **last, **group.last, "rows": rows}
+    as_is, *faulty = outcomes
+    rows = []
+    for each in group.statements:
+        row = _stated(each) | {"measured": as_is["values"].get(each.name), "controls": []}
+        row["holds"] = each.holds(row["measured"])
+        for other in faulty:
+            measured = other["values"].get(each.name, other["values"].get("stopped"))
+            noticed = "stopped" in other["values"] or not each.holds(measured)
+            row["controls"].append({"fault": other["fault"], "measured": measured, "noticed": noticed})
+        rows.append(row)
+    kept = {key: as_is[key] for key in ("date", "commit", "machine")}
+    spent = round(sum(outcome["cpu_s"] for outcome in outcomes), 1)
+    return {"effort": str(group.effort), "class": str(group.kind), **kept, "cpu_s": spent, "rows": rows}
+
+
+def faults_of(name: str, group: Mapping[str, Any]) -> list[str]:
+    """What is wrong with a group that was made: rows that do not hold, faults that no row notices."""
+    wrong = [
+        f"{name}, {row['name']}: {row['measured']}, not {row['stated']}" for row in group["rows"] if not row["holds"]
+    ]
+    controls = [control for row in group["rows"] for control in row["controls"]]
+    noticed = {control["fault"] for control in controls if control["noticed"]}
+    unnoticed = {control["fault"] for control in controls} - noticed
+    return wrong + [f"{name}: no row notices that {fault}" for fault in sorted(unnoticed)]
+
+
+def _stated(each: Any) -> dict[str, Any]:
+    return {"name": each.name, "stated": each.stated, "unit": each.unit, "tolerance": each.tolerance}
+
+
+def markdown(groups: Mapping[str, Group], found: Mapping[str, Mapping[str, Any]]) -> str:
+    """The ledger as Markdown: counts by class, a line a group, then each group's rows."""
+    rows = [(groups[name], row) for name, group in found.items() for row in group["rows"]]
+    lines = [_HEAD, "| class | groups | rows | hold | do not | as last made by hand |", "|---|---|---|---|---|---|"]
+    for kind in EvidenceClass:
+        own = [(group, row) for group, row in rows if group.kind is kind]
+        count = Counter("none" if "holds" not in row else str(row["holds"]) for _, row in own)
+        names = {group.name for group, _ in own}
+        lines.append(f"| {kind} | {len(names)} | {len(own)} | {count['True']} | {count['False']} | {count['none']} |")
+    lines += ["", "| group | class | made | rows | hold | control noticed by | date | commit |", "|---" * 8 + "|"]
+    lines += [_overview(groups[name], group) for name, group in found.items()]
+    for name, group in found.items():
+        lines += _section(groups[name], group)
+    return "\n".join(lines) + "\n"
+
+
+def _overview(group: Group, found: Mapping[str, Any]) -> str:
+    rows = found["rows"]
+    holding = sum(bool(row.get("holds")) for row in rows) if any("holds" in row for row in rows) else "–"
+    noticing = sum(any(control["noticed"] for control in row.get("controls", ())) for row in rows)
+    cells = (
+        f"[{group.name}](#{group.name.replace('_', '-')})", group.kind, group.effort, len(rows), holding,
+        noticing if group.check else "see there", found.get("date", "never"), found.get("commit", "–"),
+    )  # fmt: skip
+    return f"| {' | '.join(str(cell) for cell in cells)} |"
+
+
+def _section(group: Group, found: Mapping[str, Any]) -> list[str]:
+    lines = ["", f"## {group.name.replace('_', ' ')}", "", group.says, ""]
+    lines += [f"- Data: {group.data} Class: {group.kind}."]
+    lines += [f"- Shared with the program: {group.shares}"] if group.shares else []
+    when = f"{found.get('date', 'never')}, commit {found.get('commit', '–')}"
+    by_hand = " by hand: too long to be made each time" if group.effort is Effort.LONG else ""
+    lines += [
+        f"- Made{by_hand}: {when}"
+        + (f", {found['cpu_s']:g} s of CPU time with its controls." if "cpu_s" in found else ".")
+    ]
+    lines += [f"- Command: `{group.command}`"]
+    if group.control:
+        lines += [f"- Control: {group.control}"]
+    lines += ["", group.note.strip()] if group.note else []
+    faults = list(dict.fromkeys(c["fault"] for row in found["rows"] for c in row.get("controls", ())))
+    lines += ["", f"| statement | stated | holds within | measured |{''.join(f' {fault} |' for fault in faults)}"]
+    lines += ["|---" * (4 + len(faults)) + "|"]
+    return lines + [_row(row, faults) for row in found["rows"]]
+
+
+def _row(row: Mapping[str, Any], faults: Sequence[str]) -> str:
+    mark = "" if row.get("holds", True) else " **does not hold**"
+    controls = {control["fault"]: control for control in row.get("controls", ())}
+    cells = [row["name"], f"{row['stated']} {row['unit']}".strip(), row["tolerance"]]
+    cells.append(f"{_number(row['measured'])}{mark}" if "measured" in row else "by hand")
+    for fault in faults:
+        control = controls.get(fault)
+        cells.append(
+            "" if control is None else f"{_number(control['measured'])}{', noticed' if control['noticed'] else ''}"
+        )
+    return f"| {' | '.join(cells)} |"
+
+
+def _number(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float | int) else str(value)

@@ -1,0 +1,212 @@
+"""Checks on data that others measured: pushes, displaced pictures, surveyed marks, photographs of boards, clips."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from studies.evidence.compute import shared_folder
+from studies.evidence.ledger import Check, Values
+from studies.evidence.planting import moved, numbers_of, replaced, result_of
+from studies.real import clips, displaced_windows, feet_study, jackknife, measured_pushes
+from studies.real.push_data import PROGRAMMED_HEIGHT_M, TIP_HEIGHT_M, PushLog, read_logs
+from towval.calibration import view_covariance
+from towval.calibration.bundle_adjustment import marginal_covariance
+from towval.calibration.lens import LENS_MODELS
+from towval.calibration.marks_alone import calibrate_marks
+from towval.model import Array, FloorReference
+from towval.tracking.follow import Follower
+from towval.tracking.plane_tracker import PlaneTracker
+
+_HERE = sys.modules[__name__]
+_HEIGHTS = {"0": 0.0, "12.5 mm": PROGRAMMED_HEIGHT_M, "15 mm": TIP_HEIGHT_M, "18 mm": 0.018}
+
+
+def _both(name: str, errors: pd.Series | Array) -> dict[str, float]:
+    return {f"{name}, median": float(np.median(errors)), f"{name}, mean": float(np.mean(errors))}
+
+
+def push_logs() -> list[PushLog]:
+    """All logs of the measured pushes."""
+    return read_logs(shared_folder() / "real" / "mlab_pushes")
+
+
+def _feet() -> list[PushLog]:
+    return [log for log in push_logs() if len(log.feet)]
+
+
+def _wider(logs: list[PushLog]) -> list[PushLog]:
+    return [replace(log, feet=1.1 * log.feet) for log in logs]
+
+
+def _pushes() -> Values:
+    found: dict[str, float] = {}
+    for label, height in _HEIGHTS.items():
+        rows = pd.concat([feet_study.push_rows(log, height) for log in _feet()], ignore_index=True)
+        moving = rows[rows.slowest_path_m > measured_pushes.SLOW_M]
+        found |= _both(f"twist from the mean wrench, h = {label}", rows.twist_deg)
+        found |= _both(f"wrench from twist, all feet move 2 mm, h = {label}", moving.wrench_deg)
+        if height == TIP_HEIGHT_M:
+            found |= {"pushes": len(rows), "pushes in which all feet move 2 mm": len(moving)}
+            found |= _both("ellipsoid from statics, twist", rows.ellipsoid_twist_deg)
+            found |= _both("ellipsoid from statics, wrench", moving.ellipsoid_wrench_deg)
+            found |= _about_a_foot(rows)
+    return found
+
+
+def _about_a_foot(rows: pd.DataFrame) -> dict[str, float]:
+    """Pushes of which the model alone says that the twist hardly fixes the wrench, the others, and friction by log."""
+    near = rows[rows.wrench_spread_deg > feet_study.SPREAD_LIMIT_DEG]
+    far = rows[rows.wrench_spread_deg <= feet_study.SPREAD_LIMIT_DEG]
+    found = {"pushes about a foot": float(len(near))} | _both("about a foot, wrench from twist", near.wrench_deg)
+    found |= _both("about a foot, wrench against the set", near.set_error_deg)
+    found |= _both("about a foot, twist from wrench", near.twist_deg)
+    found |= _both("not about a foot, wrench from twist", far.wrench_deg)
+    for column, used in (("size", far), ("wrench", rows), ("power", rows)):
+        _, (mean, _, scatter) = feet_study.friction_rows(used, f"friction_by_{column}")
+        found |= {f"μ by {column}": mean, f"μ by {column}, scatter between logs": scatter}
+    return found
+
+
+def _without_transfer(original: Any) -> Any:
+    return lambda log, height: original(log, 0.0)
+
+
+PUSHES = Check(
+    _pushes,
+    {
+        "feet are taken 10 % too far apart": replaced(_HERE, "push_logs", result_of(_wider)),
+        "the push transfers no load": replaced(feet_study, "push_rows", _without_transfer),
+    },
+    needs=("real/mlab_pushes",),
+)
+
+
+def _push_fits() -> Values:
+    logs = push_logs()
+    feet, faces = [log for log in logs if len(log.feet)], [log for log in logs if not len(log.feet)]
+    return numbers_of([*measured_pushes.scale_lines(feet), *measured_pushes.slow_rows(feet, faces[0])])
+
+
+PUSH_FITS = Check(
+    _push_fits,
+    {"a tenth of every twist's turning is lost": replaced(
+        _HERE, "push_logs", result_of(lambda logs: [replace(log, twist=log.twist * [1, 1, 0.9]) for log in logs])
+    )},
+    needs=("real/mlab_pushes",),
+)  # fmt: skip
+
+
+def _windows() -> Values:
+    folder = shared_folder() / "real" / "dic"
+    star, bound = displaced_windows.star_errors(folder, 31)
+    rigid = [displaced_windows.rigid_errors(folder, name) for name in displaced_windows.RIGID]
+    return {
+        "noisy star, bias": star.bias,
+        "noisy star, scatter over the Cramér-Rao bound": star.scatter / bound,
+        "noisy star, stated deviation over scatter": star.stated_std / star.scatter,
+        "shifts of 0.4 to 50 px, bias": max(each.bias for each in rigid),
+        "shifts of 0.4 to 50 px, scatter": max(each.scatter for each in rigid),
+    }
+
+
+def _shaken(original: Any) -> Any:
+    """Every pose is off at random, by 0.008 px [m]."""
+    rng = np.random.default_rng(1)
+
+    def measure(*args: Any, **kwargs: Any) -> Any:
+        found = original(*args, **kwargs)
+        return found and replace(found, pose=found.pose + rng.normal(0, 8e-6, 3))
+
+    return measure
+
+
+WINDOWS = Check(
+    _windows,
+    {
+        "poses are 0.005 px off": replaced(PlaneTracker, "measure", moved(5e-6, 5e-6, 0.0)),
+        "poses scatter by another 0.008 px": replaced(PlaneTracker, "measure", _shaken),
+    },
+    needs=("real/dic",),
+)
+
+
+def survey() -> FloorReference:
+    """The surveyed marks of a real arena."""
+    path = shared_folder() / "real" / "surveyed_floor" / "marks.csv"
+    table = np.genfromtxt(path, delimiter=",", names=True)
+    pixels, places = (np.column_stack([table[a], table[b]]) for a, b in (("u_px", "v_px"), ("x_m", "y_m")))
+    return FloorReference(marks_px=pixels, marks_m=places, mark_std_px=0.3)
+
+
+def _marks() -> Values:
+    found: dict[str, float | str] = {"marks": float(len(survey().marks_px))}
+    for model in ("none", "k1", "k1 k2"):
+        calibration = calibrate_marks((640, 480), survey(), (model,))
+        found[f"left-out marks, lens {model}"] = calibration.quality["held_out_rms_mm"]
+    chosen = calibrate_marks((640, 480), survey(), tuple(LENS_MODELS))
+    found["lens"] = chosen.camera.lens_model
+    found["focal length"] = float(chosen.camera.matrix[0, 0])
+    return found | {"deviation of the focal length": chosen.quality["focal_length_std_px"]}
+
+
+def _rounded(reference: FloorReference) -> FloorReference:
+    return replace(reference, marks_px=np.round(reference.marks_px / 4) * 4)
+
+
+MARKS = Check(
+    _marks, {"marks are read to 4 px": replaced(_HERE, "survey", result_of(_rounded))}, needs=("real/surveyed_floor",)
+)
+
+
+def _photographs() -> Values:
+    found: dict[str, float] = {}
+    for folder in jackknife.SETS:
+        stated, alone = jackknife.over_jackknife(shared_folder() / "real" / folder)
+        for name, ratio, independent in zip(jackknife.JUDGED, stated, alone, strict=True):
+            found |= {f"{folder}, {name}": float(ratio), f"{folder}, {name}, corners independent": float(independent)}
+    return found
+
+
+def _as_independent(_: Any) -> Any:
+    """The covariance of corners whose errors have nothing to do with each other."""
+
+    def alone(blocks: Any, estimate: Any, active: Any) -> Array:
+        return marginal_covariance(blocks, estimate, active)[0][np.ix_(active, active)]
+
+    return alone
+
+
+CORNERS_INDEPENDENT = replaced(view_covariance, "view_covariance", _as_independent)
+"""A calibration that takes the errors of a picture's corners for independent."""
+
+JACKKNIFE = Check(
+    _photographs,
+    {"the errors of corners are taken for independent": CORNERS_INDEPENDENT},
+    needs=("real/opencv_left", "real/gopro_wide_calib"),
+)
+
+
+def _clips() -> Values:
+    folder = shared_folder() / "real"
+    pucks = [errors for first in (200, 230) for errors in clips.puck_errors(folder, first).values()]
+    robots = [clips.robot_distances(folder, clip) for clip in clips.PLATES]
+    found = {
+        "discs, share of frames": min(errors.tracked for errors in pucks),
+        "discs, farthest from the colour fit": max(errors.most_px for errors in pucks),
+        "discs, axis": max(errors.axis_deg for errors in pucks),
+        "robot, farthest from the arrow": max(float(distance.max()) for _, distance in robots),
+    }
+    shares = {clip: 100 * float(track.seen.mean()) for clip, (track, _) in zip(clips.PLATES, robots, strict=True)}
+    return found | {f"robot, share of frames, {clip}": share for clip, share in shares.items()}
+
+
+CLIPS = Check(
+    _clips,
+    {"lost bodies are not searched for": replaced(Follower, "_search", lambda _: lambda *args, **kwargs: None)},
+    needs=("real/sliding_pucks", "real/rover_overhead_4fps"),
+)

@@ -1,0 +1,56 @@
+"""Checks of the tracker on synthetic films, and of what it costs."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from studies.evidence.ledger import Check, Values
+from studies.evidence.planting import moved, repeated, replaced
+from studies.tables import tracking_accuracy, tracking_cpu
+from studies.worlds.challenges import ACCURATE
+from studies.worlds.film import write_video
+from studies.worlds.scenes import CeilingCamera, standard_scene
+from towval.tracking.plane_tracker import PlaneTracker
+
+_SEEDS = range(900, 910)
+
+
+def _metre() -> Values:
+    """The first row of the table: a metre of path, medians over ten seeds."""
+    make = next(iter(ACCURATE.values()))
+    found: dict[str, float] = {}
+    judged: dict[str, list[dict[str, float]]] = {"rover": [], "object": []}
+    for seed in _SEEDS:
+        for body, (track, truth) in tracking_accuracy.film_and_track(make(seed), seed, "plane").items():
+            judged[body].append(tracking_accuracy.judge(track, truth))
+    for body, each in judged.items():
+        for name, key in (("position", "position_mm"), ("heading", "heading_deg"), ("drift", "drift_mm_per_m")):
+            found[f"{body}, {name}"] = float(np.median([one[key] for one in each]))
+        found |= {f"{body}, worst frame": max(one["worst_mm"] for one in each)}
+        found |= {f"{body}, frames tracked": float(np.mean([one["tracked"] for one in each]))}
+        pairs = np.mean([(one["predicted_position"], one["actual_position"]) for one in each], axis=0)
+        found |= {f"{body}, predicted / actual": float(np.sqrt(pairs[0] / pairs[1]))}
+    return found
+
+
+METRE = Check(_metre, {"poses are 0.28 mm and 0.02° off": replaced(PlaneTracker, "measure", moved(2e-4, 2e-4, 4e-4))})
+
+
+def _cost() -> Values:
+    scene = standard_scene(77)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "scene.mp4"
+        write_video(path, CeilingCamera(scene).frames(np.arange(300) / 25), crf="20", preset="veryfast")
+        results = tracking_cpu.measure(path, scene, 3)
+    decoding, whole = np.median(results, axis=0) / 300 * 1e3
+    return {
+        "over decoding": float(np.median([b / a for a, b in results])),
+        "decoding, a frame": float(decoding),
+        "the pass, a frame": float(whole),
+    }
+
+
+COST = Check(_cost, {"every frame is measured four times": replaced(PlaneTracker, "measure", repeated(4))})

@@ -1,0 +1,188 @@
+"""The ledger of our own numbers: its rules, its table, its page, and what it finds in documents."""
+
+import json
+from dataclasses import replace
+from types import SimpleNamespace
+
+import pytest
+
+from studies.evidence import compute
+from studies.evidence.documents import passages, unfounded
+from studies.evidence.ledger import Check, Effort, EvidenceClass, Group, Statement, read_groups
+from studies.evidence.page import faults_of, judged, markdown, write_ledger
+from studies.evidence.planting import given, numbers_of, repeated, replaced, result_of
+from studies.frame import loaded
+from towval.model.errors import InputError, RefusedError, TowvalError
+
+GROUPS = read_groups()
+WORLD = SimpleNamespace(length=lambda: 2.0, refuses=False)
+
+
+def _measure():
+    if WORLD.refuses:
+        raise RefusedError("it is refused", got="so", allowed="other", remedy="none")
+    return {"length": WORLD.length(), "colour": "red"}
+
+
+CHECK = Check(
+    _measure,
+    {
+        "it is longer": replaced(WORLD, "length", result_of(lambda length: 1.1 * length)),
+        "it is refused": replaced(WORLD, "refuses", lambda _: True),
+    },
+)
+MISTAKEN = Check(_measure, {"it has no length": replaced(WORLD, "length", result_of(lambda length: length.missing))})
+GROUP = Group(
+    "bar", "How long it is, tilted by 20°.", EvidenceClass.OWN, Effort.QUICK, "A bar.", "measure",
+    (Statement("length", "2.0", "m", "within", 0.1), Statement("colour", "red", "", "is")), check=f"{__name__}:CHECK",
+)  # fmt: skip
+
+
+def outcomes(folder):
+    found = []
+    for fault in ("", *CHECK.faults):
+        path = folder / f"bar.{len(found)}.json"
+        compute.run_check(f"{__name__}:CHECK", fault, path)
+        found.append(path)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("rule", "allowed", "measured", "holds"),
+    [
+        ("within", 0.1, 2.1, True), ("within", 0.1, 2.11, False), ("within", 0.1, float("nan"), False),
+        ("factor", 2, 1.0, True), ("factor", 2, 4.1, False), ("at most", 0, 2.0, True), ("at most", 0, 2.1, False),
+        ("at least", 0, 2.0, True), ("at least", 0, 1.9, False), ("within", 0.1, None, False),
+    ],
+)  # fmt: skip
+def test_a_number_holds_within_its_tolerance(rule, allowed, measured, holds):
+    assert Statement("length", "2.0", "m", rule, allowed).holds(measured) == holds
+
+
+def test_a_fault_is_planted_and_taken_out_again(tmp_path):
+    as_is, longer, refused = (json.loads(path.read_text(encoding="utf-8")) for path in outcomes(tmp_path))
+    assert as_is["values"] == {"length": 2.0, "colour": "red"}
+    assert longer["values"]["length"] == pytest.approx(2.2)
+    assert "refused" in refused["values"]["stopped"]
+    assert WORLD.length() == 2.0
+    assert as_is["fault"] == ""
+    assert longer["commit"]
+
+
+def test_an_error_of_the_fault_itself_is_not_taken_for_notice(tmp_path):
+    with pytest.raises(AttributeError):
+        compute.run_check(f"{__name__}:MISTAKEN", "it has no length", tmp_path / "bar.json")
+
+
+def test_the_page_shows_what_holds_and_what_noticed_the_faults(tmp_path, monkeypatch):
+    monkeypatch.setattr("studies.evidence.page.read_groups", lambda: {"bar": GROUP})
+    page, data = tmp_path / "evidence.md", tmp_path / "evidence.json"
+    write_ledger(outcomes(tmp_path), tmp_path / "none.json", [page, data])
+    (first, second) = json.loads(data.read_text(encoding="utf-8"))["groups"]["bar"]["rows"]
+    assert first["holds"]
+    assert [control["noticed"] for control in first["controls"]] == [True, True]
+    assert [control["noticed"] for control in second["controls"]] == [False, True]
+    assert "| length | 2.0 m | ± 0.1 | 2 | 2.2, noticed |" in page.read_text(encoding="utf-8")
+    # What is not made again keeps what is known of it.
+    write_ledger([], data, [data])
+    assert json.loads(data.read_text(encoding="utf-8"))["groups"]["bar"]["rows"][0] == first
+
+
+def test_a_row_that_does_not_hold_and_a_fault_that_nobody_notices_end_with_an_error(tmp_path, monkeypatch):
+    strict = replace(GROUP, statements=(Statement("length", "1.5", "m", "within", 0.1),))
+    lax = replace(GROUP, statements=(Statement("length", "2.0", "m", "within", 9.0),))
+    made = [json.loads(path.read_text(encoding="utf-8")) for path in outcomes(tmp_path)]
+    assert faults_of("bar", judged(strict, made, {})) == ["bar, length: 2.0, not 1.5"]
+    assert faults_of("bar", judged(lax, made, {})) == ["bar: no row notices that it is longer"]
+    monkeypatch.setattr("studies.evidence.page.read_groups", lambda: {"bar": strict})
+    with pytest.raises(TowvalError, match="does not hold"):
+        write_ledger(outcomes(tmp_path), tmp_path / "none.json", [tmp_path / "evidence.json"])
+    assert not json.loads((tmp_path / "evidence.json").read_text(encoding="utf-8"))["groups"]["bar"]["rows"][0]["holds"]
+
+
+def test_ways_to_plant_a_fault():
+    calls = []
+    assert repeated(3)(calls.append)(1) is None
+    assert calls == [1, 1, 1]
+    assert given(size=2)(lambda size: size)(size=1) == 2
+    assert numbers_of([("speed", "", "46 × (2.03 s)", True)]) == {"speed": 46.0, "speed, 2": 2.03}
+
+
+def test_what_is_needed_and_not_here_is_named(tmp_path):
+    assert Check(_measure, {}, needs=("real/nothing", "no_such_module", "json")).missing(tmp_path) == [
+        "real/nothing",
+        "no_such_module",
+    ]
+
+
+PAGE = """# Bar
+
+It is 2.0 m long at 20°.
+<!-- evidence: bar -->
+
+## Settings
+
+<!-- settings -->
+It stops at 5 mm, and `7 mm` in code.
+
+## Table
+
+| what | length |
+|---|---|
+| bar 9 | 2.0 |
+
+<!-- evidence: bar -->
+
+```
+80 mm
+```
+"""
+
+
+def test_a_document_with_marks_is_founded():
+    found = list(passages("page.md", PAGE))
+    assert [(each.groups, each.settings) for each in found] == [(("bar",), False), ((), True), (("bar",), False)]
+    assert [each.numbers for each in found] == [["20"], ["5"], ["2.0"]]
+    assert unfounded(found, {"bar": GROUP}) == []
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "what"),
+    [
+        ("at 20°", "at 20°, 3 mm too short", "no row has 3"), ("bar -->\n\n## S", "foo -->\n\n## S", "no group foo"),
+        ("<!-- settings -->\n", "", "without a mark"), ("| bar 9 | 2.0 |", "| bar 9 | 2.1 |", "no row has 2.1"),
+        ("stops at 5 mm", "is off by 5 mm RMS", "speaks of what was measured"),
+    ],
+)  # fmt: skip
+def test_what_a_document_states_without_a_row_is_found(old, new, what):
+    assert old in PAGE
+    (wrong,) = unfounded(list(passages("page.md", PAGE.replace(old, new))), {"bar": GROUP})
+    assert what in wrong
+
+
+@pytest.mark.parametrize("name", [name for name, group in GROUPS.items() if group.check])
+def test_every_check_has_faults(name):
+    check = loaded(GROUPS[name].check)
+    assert isinstance(check, Check)
+    assert check.faults
+
+
+def test_the_ledger_in_the_documents_is_that_of_the_table(repository):
+    """Each row of the table is in the JSON as it is stated, and the page is made from the JSON."""
+    found = json.loads((repository / "docs" / "evidence.json").read_text(encoding="utf-8"))["groups"]
+    stated = {name: [(each.name, each.stated) for each in group.statements] for name, group in GROUPS.items()}
+    assert {name: [(row["name"], row["stated"]) for row in found[name]["rows"]] for name in found} == stated
+    assert (repository / "docs" / "evidence.md").read_text(encoding="utf-8") == markdown(GROUPS, found)
+
+
+def test_every_row_that_was_made_holds_and_has_a_control_that_fails(repository):
+    found = json.loads((repository / "docs" / "evidence.json").read_text(encoding="utf-8"))["groups"]
+    made = {name: group for name, group in found.items() if GROUPS[name].check and "date" in group}
+    assert len(made) > 10
+    assert [fault for name, group in made.items() for fault in faults_of(name, group)] == []
+
+
+def test_a_table_that_cannot_be_read_is_refused_by_name(tmp_path):
+    (tmp_path / "rows.yaml").write_text("bar: {says: x, class: magic, effort: quick, states: {}}", encoding="utf-8")
+    with pytest.raises(InputError, match="bar"):
+        read_groups(tmp_path / "rows.yaml")
