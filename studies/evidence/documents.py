@@ -4,8 +4,8 @@
 
 A paragraph, list or table with a number and a unit is marked, in a comment at its end or after the heading of its
 section: ``<!-- evidence: group, group -->`` where the numbers are results, which then have to be in rows of these
-groups of ``rows.yaml``, or ``<!-- settings -->`` where they are settings, definitions and examples. Of a table that is marked
-as evidence every number counts, with a unit or without. Pages that a command makes are left out.
+groups of ``rows.yaml``, or ``<!-- settings -->`` where they are settings, definitions and examples. Of a table that is
+marked as evidence every number counts, with a unit or without. Pages that a command makes are left out.
 """
 
 from __future__ import annotations
@@ -27,7 +27,9 @@ _UNIT = r"(?:mm|µm|nm|cm|°|%|s|ms|µs|ns|px|mrad|MB|kB|GB|×|min|CPU minutes|s
 _JOINED = r"(?:\s*(?:,|/|to|and|or|±|–)\s*)"
 _MEASURE = re.compile(rf"(?<![\w.])((?:{_NUMBER}{_JOINED})*{_NUMBER})\s?{_UNIT}(?![\w/²³])")
 _MARK = re.compile(r"<!-- (evidence: ([\w, ]+)|settings) -->")
-_MEASURED = re.compile(rf"{_NUMBER}\s?(?:mm|µm|°|px)[^.|]*\bRMS\b|\bRMS[^.|]*{_NUMBER}\s?(?:mm|µm|°|px)|predicted / actual")
+_MEASURED = re.compile(
+    rf"{_NUMBER}\s?(?:mm|µm|°|px)[^.|]*\bRMS\b|\bRMS[^.|]*{_NUMBER}\s?(?:mm|µm|°|px)|predicted / actual"
+)
 
 
 @dataclass(frozen=True)

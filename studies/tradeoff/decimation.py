@@ -100,7 +100,7 @@ def _rules() -> list[tuple[str, str, Path]]:
         ("poses farther apart than, linear", f"{1e3 * apart:g} mm", _apart(apart)) for apart in (1e-3, 3e-3, 1e-2)
     ]
     rules += [("Douglas-Peucker, linear", f"{1e3 * off:g} mm", _peucker(off)) for off in (3e-4, 1e-3, 3e-3)]
-    rules += [("RTS smoother, white jerk", f"{density:g} m²/s⁵", _smoother(density)) for density in (1e-5, 1e-3, 1e-1)]
+    rules += [("RTS smoother, white jerk", f"{density:g}", _smoother(density)) for density in (1e-5, 1e-3, 1e-1)]
     return [*rules, ("smoothing spline", "cross-validated", _spline)]
 
 
@@ -157,7 +157,7 @@ STUDY = Study(
         title="Decimation of a track with bends and a pause, and the tow simulated behind it",
         cost="",
         error="RMS error of the path [mm]",
-        note="Noise of a pose: 0.3 mm and 0.5 mrad. Labels: excess, n, distance or density. Medians and quartiles.",
+        note="Noise of a pose: 0.3 mm and 0.5 mrad. Labels: excess, n, distance or density of the jerk.",
         truth="Truth of the right panel: the same dynamics behind the true rover.",
     ),
 )
