@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from towval.model.geometry import path_length
-from towval.tracking.noise import hold_rest, scatter_factor
+from towval.tracking.noise import as_when_moving, hold_rest, scatter_factor
 
 MOST = np.array([2e-4, 2e-4, 1e-3])
 
@@ -50,3 +50,11 @@ def test_a_creeping_body_goes_on_creeping():
 def test_a_moving_body_is_left_alone():
     time_s, pose, covariance = arc(np.random.default_rng(4))
     assert np.array_equal(hold_rest(time_s, pose, covariance, np.ones(len(pose), dtype=bool), MOST), pose)
+
+
+def test_a_body_at_rest_is_not_known_better_than_one_that_moves():
+    covariance = np.tile(np.diag([4e-8, 4e-8, 1e-7]), (60, 1, 1))
+    covariance[:20] /= 25
+    resting = np.arange(60) < 20
+    assert np.allclose(as_when_moving(covariance, ~resting, resting), covariance[-1])
+    assert np.array_equal(as_when_moving(covariance, np.arange(60) > 50, resting), covariance)

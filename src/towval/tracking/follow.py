@@ -13,7 +13,7 @@ from towval.model.findings import finding
 from towval.model.geometry import compose, transform
 from towval.tracking.blur import ahead_of_middle
 from towval.tracking.camera_motion import ViewMotion
-from towval.tracking.noise import hold_rest, scatter_factor
+from towval.tracking.noise import as_when_moving, hold_rest, scatter_factor
 from towval.tracking.outline import OutlineFit, combine_fits, observe_outline, observe_size, pose_from_clicks
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.pose import Measurement, Motion, Tracker
@@ -264,9 +264,11 @@ class Follower:
             status[(status == TrackStatus.TRACKED) & ~view.known] = TrackStatus.COASTING
         tracked = status == TrackStatus.TRACKED
         raw = raw - ahead_of_middle(time_s, np.where(tracked[:, None], raw, np.nan), self.tracker.exposure_s)
-        covariance = self._honest_covariance(time_s, raw, covariance, tracked)
+        moving = self._moving(raw, tracked)
+        covariance = self._honest_covariance(time_s, raw, covariance, tracked, moving)
         most = CONSTANTS.most_rest_px * self.pixel_m * np.array([1, 1, 1 / self.target.reach_m])
         pose = hold_rest(time_s, raw, covariance, tracked, most)
+        covariance = as_when_moving(covariance, tracked & moving, tracked & ~moving)
         if fit is not None:
             pose = compose(pose, fit.correction)
         return Track(
@@ -283,15 +285,21 @@ class Follower:
             method=method,
         )
 
-    def _honest_covariance(self, time_s: Array, pose: Array, covariance: Array, tracked: NDArray[np.bool_]) -> Array:
+    def _moving(self, pose: Array, tracked: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Pictures (n,) after which the body moves on."""
+        masked = np.where(tracked[:, None], pose[:, :2], np.nan)
+        step = np.linalg.norm(np.diff(masked, axis=0, append=np.nan), axis=1)
+        return np.asarray(step > CONSTANTS.moving_px * self.pixel_m)
+
+    def _honest_covariance(
+        self, time_s: Array, pose: Array, covariance: Array, tracked: NDArray[np.bool_], moving: NDArray[np.bool_]
+    ) -> Array:
         """Covariances of the pictures' residuals, widened to the scatter in time."""
         later = np.flatnonzero(tracked)[1:]
         if tracked[0]:
             # The first picture made the template, so it fits itself: its noise is that of the others.
             covariance[0] = np.median(covariance[later], axis=0) if len(later) else self.start_covariance
-        masked = np.where(tracked[:, None], pose, np.nan)
-        step = np.linalg.norm(np.diff(masked[:, :2], axis=0, append=np.nan), axis=1)
-        factor = scatter_factor(time_s, masked, covariance, step > CONSTANTS.moving_px * self.pixel_m)
+        factor = scatter_factor(time_s, np.where(tracked[:, None], pose, np.nan), covariance, moving)
         if tracked.any():
             # A larger factor is a motion that five pictures do not follow, not noise of the video.
             most = CONSTANTS.most_scatter_px * self.pixel_m / np.sqrt(np.median(covariance[tracked][:, 0, 0]))

@@ -9,6 +9,7 @@ from towval.model import Array, Calibration, Finding
 from towval.model.findings import finding
 from towval.model.geometry import transform
 from towval.optics.plane_uncertainty import position_sensitivity
+from towval.tracking.outline import CONSTANTS as OUTLINE
 from towval.tracking.planar_target import PlanarTarget
 
 
@@ -16,7 +17,6 @@ from towval.tracking.planar_target import PlanarTarget
 class KnownLengthConstants:
     """Tuned constants of the check."""
 
-    corner_std_m: float = 0.001  # [m] Of a measured length of a top: a tape measure.
     edge_std_px: float = 0.05  # [px] By which an edge in the picture may stand off the top's: 0.02 to 0.06 measured.
     doubtful: float = 2.5  # Deviations: 1 in 80 sound runs, and a board at 99.7 % with tops known to 1 mm.
     wrong: float = 0.004  # Of the size, beyond which wider deviations do not help.
@@ -57,7 +57,7 @@ def _variance(observed: OutlineSizes) -> float:
     diagonal = float(np.linalg.norm(np.ptp(body.top_corners_m, axis=0)))
     distance = float((T @ [*observed.pose[:2], body.tracked_plane_height_m, 1.0])[2])
     edge_m = CONSTANTS.edge_std_px * observed.target.metres_per_pixel(observed.pose)
-    parts = CONSTANTS.corner_std_m / diagonal, body.height_std_m / distance, 2 * edge_m / diagonal
+    parts = OUTLINE.length_std_m / diagonal, body.height_std_m / distance, 2 * edge_m / diagonal
     return float(np.sum(np.square(parts)))
 
 

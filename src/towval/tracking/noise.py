@@ -67,6 +67,21 @@ def _scatter(time_s: Array, pose: Array, covariance: Array, moving: NDArray[np.b
     return float(np.sqrt(np.median(square) / _MEDIAN_CHI_SQUARED_3))
 
 
+def as_when_moving(covariance: Array, moving: NDArray[np.bool_], resting: NDArray[np.bool_]) -> Array:
+    """Covariances (n, 3, 3) of which those of pictures at rest are no smaller than the usual one of a motion.
+
+    Compressed video repeats a resting body with the error that it had when it stopped: its pictures agree with each
+    other, and with the template that was made of one of them, better than with where the body is.
+    """
+    if moving.sum() < CONSTANTS.least_windows or not resting.any():
+        return covariance
+    own = np.diagonal(covariance, axis1=1, axis2=2)
+    less = np.mean(np.median(own[moving], axis=0) / own[resting], axis=1)
+    covariance = covariance.copy()
+    covariance[resting] *= np.maximum(less, 1.0)[:, None, None]
+    return covariance
+
+
 def hold_rest(time_s: Array, pose: Array, covariance: Array, tracked: NDArray[np.bool_], most: Array) -> Array:
     """Poses (n, 3) with each rest of a body reduced to its mean, so that noise adds no path.
 

@@ -42,10 +42,13 @@ class OutlineConstants:
     faint_noise_px: float = 0.07  # [px] over its contrast, added to that: 0.2 measured on a faint one.
     noise_length_px: float = 12.0  # [px] Length of the stretches on which these were measured.
     prior_px: float = 3.0  # [px] What is known without edges, so that the turn of a disc stays where it is.
+    length_std_m: float = 0.001  # [m] Of a measured length of a top: a tape measure.
+    both_px: float = 0.25  # [px] Scale of misfits at first, for edges 1.5 mm too far apart in pixels of 2.3 to 2.9 mm.
 
 
 CONSTANTS = OutlineConstants()
 
+_SIZED = 1e-6  # Share of the deviation of lengths that is as good as none.
 _FITS = 8  # Rounds of the robust fit, in which the search narrows from 2 px to 0.5 px.
 _MEDIAN_CHI_3 = 1.538  # Median distance of three normal deviates from their mean.
 
@@ -221,15 +224,18 @@ def _side_widths(target: PlanarTarget, stretches: Stretches, pose: Array) -> Arr
     return widths
 
 
-def _fit_outline(slopes: Array, stretches: Stretches, pixel_m: float, side_px: Array) -> OutlineFit | None:
-    """Move the outline onto the edges; see :func:`observe_outline`."""
+def _fit_outline(
+    slopes: Array, stretches: Stretches, pixel_m: float, side_px: Array, *, sized: bool = False
+) -> OutlineFit | None:
+    """Move the outline onto the edges; see :func:`observe_outline`. ``sized``: as long and wide as stated."""
     # Where only a thin strip of the side is visible, its far edge blurs into the target's and shifts the steepest
     # place: such a stretch counts little, and the possible shift is part of the deviation.
-    middle, normal = stretches.middle, stretches.normal
-    rows = np.column_stack([normal, middle[:, 0] * normal[:, 1] - middle[:, 1] * normal[:, 0]])
+    rows = _by_pose_and_size(stretches)
     ordinary = np.median(slopes, axis=1)
+    middle, width, correction = stretches.middle, np.ptp(stretches.middle, axis=0), np.zeros(5)
     reach = np.linalg.norm(middle, axis=1).max()
-    correction = np.zeros(3)
+    known = np.array([1, 1, 1 / reach, 0, 0]) * CONSTANTS.prior_px * pixel_m
+    known[3:] = (_SIZED if sized else 1.0) * CONSTANTS.length_std_m / width
     thin = (side_px > 0) & (side_px < CONSTANTS.thin_px)
     trust = np.where(thin, CONSTANTS.trust_in_thin, 1.0)
     for round_ in range(_FITS):
@@ -239,12 +245,14 @@ def _fit_outline(slopes: Array, stretches: Stretches, pixel_m: float, side_px: A
         misfit = place - rows @ correction
         if (contrast > 0).sum() < 4:
             return None
-        scale = max(1.4826 * np.median(np.abs(misfit[contrast > 0])), 0.05 * pixel_m)
+        # Both of two opposite edges count at first: a redescending weight would keep the nearer one and drop the other.
+        least = pixel_m * max(0.05, CONSTANTS.both_px * 0.7**round_)
+        scale = max(1.4826 * np.median(np.abs(misfit[contrast > 0])), least)
         inner = np.maximum(1 - (misfit / (TUKEY * scale)) ** 2, 0.0)
         weight = trust * contrast * inner**2
         if (weight > 0).mean() < 1 / 3:
             return None
-        prior = scale**2 / (CONSTANTS.prior_px * pixel_m / np.array([1, 1, reach])) ** 2
+        prior = scale**2 / known**2
         information = rows.T @ (weight[:, None] * rows) + np.diag(prior)
         correction = np.linalg.solve(information, rows.T @ (weight * place))
     misfit = place - rows @ correction
@@ -258,7 +266,19 @@ def _fit_outline(slopes: Array, stretches: Stretches, pixel_m: float, side_px: A
     freedom = len(rows) / max(1, used.sum() - 3)
     shifted = inverse @ rows.T @ (weight * thin * CONSTANTS.thin_shift_px * pixel_m)
     sampled = inverse @ (scores.T @ scores * freedom + np.diag(prior) * scale**2) @ inverse
-    return OutlineFit(correction, sampled + np.outer(shifted, shifted))
+    return OutlineFit(correction[:3], (sampled + np.outer(shifted, shifted))[:3, :3])
+
+
+def _by_pose_and_size(stretches: Stretches) -> Array:
+    """Change (m, 5) of the stretches' places along their normals with the pose, and with length and width [share].
+
+    A top that was measured a millimetre too wide cannot lie on both of its edges; with the width held, the fit settles
+    on either one.
+    """
+    middle, normal = stretches.middle, stretches.normal
+    turned = middle[:, 0] * normal[:, 1] - middle[:, 1] * normal[:, 0]
+    centre = (middle.min(axis=0) + middle.max(axis=0)) / 2
+    return np.column_stack([normal, turned, (middle - centre) * normal])
 
 
 def observe_outline(luma: NDArray[np.uint8], target: PlanarTarget, pose: Array) -> OutlineFit | None:
@@ -270,7 +290,9 @@ def observe_outline(luma: NDArray[np.uint8], target: PlanarTarget, pose: Array) 
     pixel = target.metres_per_pixel(pose)
     stretches = stretches_of(target.body, pixel)
     slopes = _edge_slopes(luma, target, stretches, pose)
-    return _fit_outline(slopes, stretches, pixel, _side_widths(target, stretches, pose))
+    seen = slopes, stretches, pixel, _side_widths(target, stretches, pose)
+    # Faint edges may not fix the size, too.
+    return _fit_outline(*seen) or _fit_outline(*seen, sized=True)
 
 
 def observe_size(luma: NDArray[np.uint8], target: PlanarTarget, pose: Array) -> float | None:
