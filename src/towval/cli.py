@@ -2,13 +2,14 @@
 
 import argparse
 import importlib
+import os
 from argparse import BooleanOptionalAction
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import towval
-from towval.commands.console import errors_reported
+from towval.commands.console import Outcome, errors_reported, show
 from towval.io.mcap_file import check_replaceable
 from towval.io.yaml_text import read_value
 from towval.model.errors import InputError
@@ -43,6 +44,8 @@ An overview of all campaigns; a continuous integration fails where a run does no
   towval index     results results_of_last_year -o index.sqlite --fail-on disagrees
 
 --set KEY=VALUE changes a setting of the stage, a key of its section in config.yaml: --set excess=2.5
+--json prints what a command made, and how good it is, as one JSON object
+Completion of commands, options and files in bash, zsh and fish: eval "$(register-python-argcomplete towval)"
 """
 
 
@@ -81,7 +84,6 @@ _STAGES: dict[str, tuple[str, list[_Argument]]] = {
     "check": ("campaign folder → every fault at once, a picture of each start, expected accuracy and cost", [
         _CAMPAIGN,
         _file("--pictures", "folder for pictures and start.html, by default check in it", required=False),
-        ("--json", {"dest": "as_json", "action": "store_true", "help": "print one JSON object"}),
     ]),
     "run": ("campaign folder → results, with report.html", [
         _CAMPAIGN, _RESULTS, _CORES,
@@ -181,6 +183,7 @@ def _arguments() -> argparse.ArgumentParser:
             setting = f"a key of {of}; repeatable"
             given: dict[str, Any] = {"dest": "keys", "action": "append", "default": []}
             stage.add_argument("--set", **given, metavar="KEY=VALUE", help=setting)
+        stage.add_argument("--json", dest="as_json", action="store_true", help="print one JSON object")
         for flag, options in arguments:
             stage.add_argument(flag, **options)
     return parser
@@ -198,15 +201,25 @@ def _keys(pairs: list[str]) -> dict[str, Any]:
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line; exits with code 1 and one message for errors of the input."""
-    given = vars(_arguments().parse_args(arguments))
+    parser = _arguments()
+    if "_ARGCOMPLETE" in os.environ:  # a shell asks how the line may go on
+        import argcomplete  # noqa: PLC0415
+
+        argcomplete.autocomplete(parser)
+    given = vars(parser.parse_args(arguments))
     stage = given.pop("stage")
+    as_json = stage != "check" and given.pop("as_json")
     with errors_reported():
         if stage not in (*_OUTPUTS, *_WITHOUT_OUTPUT, "overlay"):
             check_replaceable(given["output"], stage)
         if "keys" in given:
             given["keys"] = _keys(given["keys"])
-        run: Callable[..., None] = getattr(importlib.import_module(given.pop("module")), given.pop("function"))
-        run(**given)
+        run: Callable[..., Outcome | None] = getattr(
+            importlib.import_module(given.pop("module")), given.pop("function")
+        )
+        outcome = run(**given)
+        if outcome is not None:
+            show(outcome, as_json)
 
 
 if __name__ == "__main__":

@@ -2,15 +2,19 @@
 
 import math
 import re
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import yaml
 
+from towval.commands import new
 from towval.commands.new import run
 from towval.io.campaign import load_campaign
+from towval.io.video import Video
 from towval.io.yaml_text import read_yaml
 from towval.model.errors import InputError
 
@@ -122,3 +126,24 @@ def test_a_folder_without_footage_is_told(footage, gone, words):
         path.unlink()
     with pytest.raises(InputError, match=words):
         run(footage, FACTS, ask=False, find=False)
+
+
+@pytest.mark.parametrize(("average_hz", "written"), [(29.69, 30), (24.98, 25), (27.2, None)])
+def test_the_rate_that_the_camera_was_set_to_is_a_guess_and_not_what_the_pictures_came_at(
+    footage, monkeypatch, average_hz, written
+):
+    """Two runs of a camera that loses pictures differ in their mean rates; neither is what it was set to."""
+    header = replace(Video(footage / "a.mp4").header, rate_hz=average_hz)
+    monkeypatch.setattr(new, "Video", lambda _path: SimpleNamespace(header=header))
+    run(footage, FACTS, ask=False, find=False)
+    text = (footage / "campaign.yaml").read_text()
+    assert yaml.safe_load(text)["camera"].get("fps") == written
+    assert ("GUESS: the usual rate" in text) == (written is not None)
+
+
+def test_videos_of_one_name_are_two_runs(footage):
+    (footage / "a.mov").symlink_to(SAMPLE / "a.mp4")
+    run(footage, FACTS, ask=False, find=False)
+    assert {name: found.video.name for name, found in load_campaign(footage).runs.items()} == {
+        "a": "a.mov", "a_2": "a.mp4"
+    }  # fmt: skip

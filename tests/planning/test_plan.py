@@ -186,14 +186,19 @@ def test_a_path_file_without_its_columns_is_refused(tmp_path):
         read_path(file)
 
 
-def test_the_commands_plan_a_curve_and_tow_behind_the_recorded_rover(tmp_path, capsys):
+def test_the_commands_plan_a_curve_and_tow_behind_the_recorded_rover(tmp_path):
     plan, towed = tmp_path / "line.mcap", tmp_path / "towed.mcap"
-    run(quick_plan(), "line", plan, tmp_path / "line.csv")
-    assert "plan: arrived" in capsys.readouterr().out
-    run_tow(quick_plan(), plan, towed)
+    planned = run(quick_plan(), "line", plan, tmp_path / "line.csv")
+    assert planned.files == (plan, tmp_path / "line.csv")
+    assert planned.text.startswith("arrived; the object deviates from its path by")
+    assert run_tow(quick_plan(), plan, towed).numbers["path_length_m"] == pytest.approx(_path_length(towed))
     # The recording starts the object at rest, the plan at the nominal velocity: the tether soon makes them one.
     gap = read_simulated(towed).pose[-1] - _last_object_pose(tmp_path / "line.csv")
     assert np.abs(gap[:2]).max() < 1e-4
+
+
+def _path_length(file):
+    return float(np.hypot(*np.diff(read_simulated(file).pose[:, :2], axis=0).T).sum())
 
 
 def _last_object_pose(file):
@@ -209,7 +214,7 @@ def test_the_command_line_plans_for_the_object_of_a_campaign(tmp_path, capsys):
     scene, lab = str(WORKFLOW / "plan.yaml"), str(SAMPLE)
     plan, table, towed = (str(tmp_path / name) for name in ("plan.mcap", "plan.csv", "towed.mcap"))
     main(["plan", scene, "--path", "circle", "--campaign", lab, "-o", plan, "--csv", table])
-    assert "plan: arrived" in capsys.readouterr().out
+    assert ": arrived; the object deviates" in capsys.readouterr().out
     force = pd.read_csv(table)[["tether_force_x_n", "tether_force_y_n"]].to_numpy()
     # The sample's object weighs 5.8 kg with its load, and its friction goes from 0.396 down to 0.35 with the speed; the
     # cube of the scene would take 17.2 N.

@@ -4,7 +4,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from towval.commands.console import print_findings
+import numpy as np
+
+from towval.commands.console import Outcome
 from towval.commands.settings import settings_from
 from towval.io.chain import check_together
 from towval.io.provenance import provenance
@@ -14,7 +16,7 @@ from towval.validation.compare import CompareSettings, compare
 
 def run(
     name: str, track: Path, simulated: Path, uncertainty: Path, output: Path, keys: Mapping[str, Any] | None = None
-) -> None:
+) -> Outcome:
     """Compare the simulated with the measured path of the object.
 
     ``track``, ``simulated``, ``uncertainty``: ``track.mcap``, ``simulate.mcap`` and ``uncertainty.mcap`` of the run.
@@ -24,5 +26,10 @@ def run(
     check_together(files, run=name)
     measured, motion = read_tracks(track)["object"], read_simulated(simulated)
     comparison = compare(name, motion, measured, read_uncertainty(uncertainty), settings)
-    print_findings(comparison.findings, f"compare {name}")
     write_comparison(output, comparison, measured, motion, provenance("compare", settings, files, run=name))
+    names = ("path_rms_m", "path_max_m", "error_upper_m", "tolerance_m", "detectable_m", "u_val_m")
+    numbers = {"verdict": comparison.verdict.value, **{name: float(getattr(comparison, name)) for name in names}}
+    text = f"{comparison.verdict}; path error {1e3 * comparison.path_rms_m:.2g} mm RMS"
+    if np.isfinite(comparison.error_upper_m):
+        text += f", at most {1e3 * comparison.error_upper_m:.2g} mm"
+    return Outcome(f"compare {name}", (output,), text, numbers, comparison.findings)

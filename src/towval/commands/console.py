@@ -2,22 +2,71 @@
 
 import errno
 import io
+import json
+import math
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from towval.model import Finding, Severity
 from towval.model.errors import InputError, TowvalError
 from towval.model.plugins import load_plugins
 
 
-def print_findings(findings: tuple[Finding, ...], stage: str) -> None:
-    """Print the findings of a stage: notes to standard output, warnings and refusals to standard error."""
-    for finding in findings:
+@dataclass(frozen=True)
+class Outcome:
+    """What a command made.
+
+    ``stage`` with the run where there is one; ``files`` written, the main one first; ``text`` how good it is, in a
+    line; ``numbers`` the same for programs, units in the names; ``findings`` of the stage; ``details`` lines that
+    people see before that line; ``failure`` to be raised once all is shown.
+    """
+
+    stage: str
+    files: tuple[Path, ...]
+    text: str
+    numbers: Mapping[str, Any] = field(default_factory=dict)
+    findings: tuple[Finding, ...] = ()
+    details: tuple[str, ...] = ()
+    failure: TowvalError | None = None
+
+
+def show(outcome: Outcome, as_json: bool = False) -> None:
+    """Print an outcome: its findings (warnings and refusals to standard error) and one line, or one JSON object.
+
+    Raises its ``failure`` then.
+    """
+    if as_json:
+        found = [{"code": f.code, "severity": f.severity.value, "text": f.text} for f in outcome.findings]
+        files = [str(path) for path in outcome.files]
+        numbers = _without_nan(dict(outcome.numbers))
+        print(json.dumps({"stage": outcome.stage, "files": files, **numbers, "findings": found}, ensure_ascii=False))
+    else:
+        _print_for_people(outcome)
+    sys.stdout.flush()
+    if outcome.failure is not None:
+        raise outcome.failure
+
+
+def _print_for_people(outcome: Outcome) -> None:
+    for finding in outcome.findings:
         stream = sys.stdout if finding.severity == Severity.NOTE else sys.stderr
-        print(f"{stage}: {finding.severity}: {finding.text}", file=stream)
+        print(f"{outcome.stage}: {finding.severity}: {finding.text}", file=stream)
+    for line in outcome.details:
+        print(line)
+    print(": ".join(filter(None, (outcome.stage, ", ".join(map(str, outcome.files)), outcome.text))))
+
+
+def _without_nan(value: Any) -> Any:
+    """JSON knows no NaN: what was not computed is null."""
+    if isinstance(value, dict):
+        return {key: _without_nan(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_without_nan(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 _REMEDIES = {

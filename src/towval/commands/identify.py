@@ -4,7 +4,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from towval.commands.console import print_findings
+import numpy as np
+
+from towval.commands.console import Outcome
 from towval.commands.run_folder import files
 from towval.commands.settings import settings_from
 from towval.io.atomic import write_text
@@ -17,7 +19,7 @@ from towval.validation.identify import IdentifySettings, MeasuredRun, identify
 from towval.validation.simulate import STICKING
 
 
-def run(campaign: Path, results: Path, output: Path, keys: Mapping[str, Any] | None = None) -> None:
+def run(campaign: Path, results: Path, output: Path, keys: Mapping[str, Any] | None = None) -> Outcome:
     """Fit inputs to the runs of a campaign and predict each run from the others.
 
     ``results``: folder with one folder per run, each with the results up to ``uncertainty``.
@@ -33,10 +35,19 @@ def run(campaign: Path, results: Path, output: Path, keys: Mapping[str, Any] | N
         inputs |= {f"{name}/{stage}.mcap": paths[stage] for stage in stages}
         runs.append(_measured(name, paths))
     identified = identify(given.scene, given.deviations, runs, settings)
-    print_findings(identified.findings, "identify")
-    write_text(output.with_suffix(".csv"), identified_table(identified), own="parameter,given,")
+    table = output.with_suffix(".csv")
+    write_text(table, identified_table(identified), own="parameter,given,")
     sections = read_sections("identify", given.document)
     write_identification(output, identified, provenance("identify", settings, inputs, document=sections))
+    std = np.sqrt(np.diag(identified.covariance))
+    values = {
+        name: {"value": float(value), "std": float(deviation), "determined": bool(determined)}
+        for name, value, deviation, determined in zip(
+            identified.parameters, identified.values, std, identified.identifiable, strict=True
+        )
+    }
+    text = "; ".join(f"{name} {found['value']:.5g} ± {found['std']:.2g}" for name, found in values.items())
+    return Outcome("identify", (output, table), text, {"values": values}, identified.findings)
 
 
 def _measured(name: str, paths: Mapping[str, Path]) -> MeasuredRun:

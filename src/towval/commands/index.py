@@ -3,13 +3,14 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from towval.commands.console import Outcome
 from towval.io.results_index import UNFINISHED, ResultsIndex, read_results, write_index
 from towval.model import Verdict
 from towval.model.errors import InputError, TowvalError
 from towval.report.index_page import write_index_page
 
 
-def run(results: Sequence[Path], output: Path, fail_on: Sequence[str] = ()) -> None:
+def run(results: Sequence[Path], output: Path, fail_on: Sequence[str] = ()) -> Outcome:
     """Write the index of all runs below some folders: ``output`` for programs, and beside it a page for people.
 
     Runs that are still being made count as unfinished; call again when they are done.
@@ -28,8 +29,11 @@ def run(results: Sequence[Path], output: Path, fail_on: Sequence[str] = ()) -> N
     ------
     InputError
         When a folder is missing or holds no run, or a verdict is unknown.
-    TowvalError
-        When a run has a verdict of ``fail_on``.
+
+    Returns
+    -------
+    Outcome
+        With a failure where a run has a verdict of ``fail_on``.
     """
     known = (*(str(verdict) for verdict in Verdict), UNFINISHED)
     asked = [word.strip().replace("-", " ") for text in fail_on for word in text.split(",")]
@@ -40,15 +44,16 @@ def run(results: Sequence[Path], output: Path, fail_on: Sequence[str] = ()) -> N
     write_index(output, index)
     page = output.with_suffix(".html")
     write_index_page(page, index)
-    counts = index.runs["verdict"].value_counts()
+    counts = {str(verdict): int(count) for verdict, count in index.runs["verdict"].value_counts().items()}
     tally = ", ".join(f"{verdict} {counts[verdict]}" for verdict in known if verdict in counts)
-    print(f"index: {len(index.runs)} runs ({tally}): {output} and {page}")
-    _fail(index, asked)
+    text = f"{len(index.runs)} runs ({tally})"
+    return Outcome("index", (output, page), text, {"verdicts": counts}, failure=_failure(index, asked))
 
 
-def _fail(index: ResultsIndex, verdicts: Sequence[str]) -> None:
+def _failure(index: ResultsIndex, verdicts: Sequence[str]) -> TowvalError | None:
     runs = index.runs[index.runs["verdict"].isin(verdicts)]
-    if len(runs):
-        names = [f"{row.campaign}/{row.run} ({row.verdict})" for row in runs.head(10).itertuples()]
-        more = f" and {len(runs) - 10} more" if len(runs) > 10 else ""
-        raise TowvalError(f"{len(runs)} of {len(index.runs)} runs: {', '.join(names)}{more}")
+    if not len(runs):
+        return None
+    names = [f"{row.campaign}/{row.run} ({row.verdict})" for row in runs.head(10).itertuples()]
+    more = f" and {len(runs) - 10} more" if len(runs) > 10 else ""
+    return TowvalError(f"{len(runs)} of {len(index.runs)} runs: {', '.join(names)}{more}")

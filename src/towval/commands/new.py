@@ -13,6 +13,7 @@ import yaml
 from towval.calibration.board_search import fitting_corner_counts
 from towval.calibration.corners import observe_chessboard
 from towval.commands.check import check, for_people
+from towval.commands.console import Outcome
 from towval.commands.settings import nested
 from towval.io.atomic import write_text
 from towval.io.campaign import IMAGE_SUFFIXES, campaign_schema
@@ -28,6 +29,11 @@ VIDEO_SUFFIXES = (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".mts", ".webm")
 
 _SAMPLE = 6
 """Pictures of the board from which its corners are counted."""
+
+
+_USUAL_RATES_HZ = (24, 25, 30, 48, 50, 60, 100, 120, 240)
+_RATE_SHARE = 0.03
+"""Of the rate: a camera that loses pictures falls short of what it was set to by this at most."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +110,7 @@ def run(
     ask: bool | None = None,
     force: bool = False,
     find: bool = True,
-) -> None:
+) -> Outcome:
     """Write campaign.yaml for a folder with videos and pictures.
 
     Parameters
@@ -137,12 +143,15 @@ def run(
     _look_at_boards(draft)
     text = campaign_text(draft.document, draft.marks)
     write_text(file, text)
+    told: dict[str, Any] = {}
     if find:
         told = check(folder, folder / "check")
         write_text(file, _with_starts(text, told["runs"]))
-        print(for_people(told))
     guessed = [key for key, mark in draft.marks.items() if mark.startswith(GUESS)]
-    print(f"{file}: {len(draft.document['runs'])} runs; guessed, so measure first: {', '.join(guessed) or 'nothing'}")
+    runs = list(draft.document["runs"])
+    text = f"{len(runs)} runs; guessed, so measure first: {', '.join(guessed) or 'nothing'}"
+    numbers = {"runs": runs, "guessed": guessed, "check": told}
+    return Outcome("new", (file,), text, numbers, details=(for_people(told),) if told else ())
 
 
 def _with_starts(text: str, runs: Mapping[str, Any]) -> str:
@@ -172,10 +181,14 @@ def _look_at_files(draft: Draft) -> None:
             raise InputError(f"{draft.folder} holds no video", allowed=f"files ending in {', '.join(VIDEO_SUFFIXES)}")
         for path in videos:
             name = re.sub(r"[^A-Za-z0-9_-]+", "_", path.stem).lstrip("_-") or "run"
+            while draft.known(f"runs.{name}"):  # a.mp4 beside a.mov
+                name += "_2"
             draft.put(f"runs.{name}", {"video": path.as_posix()})
     header = Video(draft.folder / next(iter(draft.document["runs"].values()))["video"]).header
     draft.put("camera.resolution_px", list(header.resolution_px), "From the first video.")
-    draft.put("camera.fps", round(header.rate_hz, 3), "From the first video.")
+    rate = min(_USUAL_RATES_HZ, key=lambda usual: abs(usual - header.rate_hz))
+    if abs(header.rate_hz / rate - 1) < _RATE_SHARE:
+        draft.put("camera.fps", rate, f"{GUESS}: the usual rate nearest to the first video's {header.rate_hz:.4g}.")
     if not pictures and not draft.known("camera.calibration_images"):
         raise InputError(f"{draft.folder} holds no picture of the board", allowed=", ".join(IMAGE_SUFFIXES))
     flat = [path for path in pictures if "floor" in path.stem.lower()]

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from towval.commands.console import Outcome
 from towval.commands.run_folder import read_run
 from towval.io.atomic import not_ours
 from towval.io.campaign import load_campaign
@@ -9,7 +10,7 @@ from towval.io.records import read_calibration
 from towval.report.overlay import write_overlay
 
 
-def run(campaign: Path, name: str, camera: Path, folder: Path, output: Path, width_px: int = 960) -> None:
+def run(campaign: Path, name: str, camera: Path, folder: Path, output: Path, width_px: int = 960) -> Outcome:
     """Draw a run onto its footage.
 
     ``width_px``: largest width of the video [px].
@@ -20,3 +21,5 @@ def run(campaign: Path, name: str, camera: Path, folder: Path, output: Path, wid
     record = read_run(given, name, folder, camera)
     entry, calibration = given.run(name), read_calibration(camera)
     write_overlay(entry.video, output, calibration, record, width_px=width_px, damaged=entry.damaged_video)
+    size_mb = output.stat().st_size / 1e6
+    return Outcome(f"overlay {name}", (output,), f"{size_mb:.1f} MB, {width_px} px wide at most", {"size_mb": size_mb})

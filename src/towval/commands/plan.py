@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from towval.commands.console import print_findings
+from towval.commands.console import Outcome
 from towval.io.campaign import load_campaign
 from towval.io.plan_files import read_object_start, read_path, read_rover_poses, write_plan_csv, write_plan_mcap
 from towval.io.provenance import provenance
@@ -27,7 +27,7 @@ _REPORT_STRIDE = 10
 """Steps of the planner per reported pose of the object."""
 
 
-def run(scene: Mapping[str, Any], wanted: str, mcap: Path, csv: Path, campaign: Path | None = None) -> None:
+def run(scene: Mapping[str, Any], wanted: str, mcap: Path, csv: Path, campaign: Path | None = None) -> Outcome:
     """Plan a rover motion that makes the object follow a path, simulate the object behind it, and write both.
 
     Parameters
@@ -50,22 +50,25 @@ def run(scene: Mapping[str, Any], wanted: str, mcap: Path, csv: Path, campaign: 
     loop = close_loop(
         nominal, given.cube, patch, given.tether, given.rover, given.planner, report_stride=_REPORT_STRIDE
     )
-    print_findings((*nominal.findings, *loop.rover.findings, *loop.towed.findings), "plan")
+    found = (*nominal.findings, *loop.rover.findings, *loop.towed.findings)
     if loop.rover.outcome is not PlanOutcome.ARRIVED:
         raise RefusedError(f"the rover does not arrive: {loop.rover.outcome}", remedy=loop.rover.advice)
-    print(f"plan: {loop.rover.outcome}. {loop.rover.advice}")
-    off = f"the object deviates from its path by {1000 * loop.object_rms:.1f} mm RMS"
-    print(f"plan: {off}, the hinge from its own by {1000 * loop.rover.rms:.1f} mm.")
     write_plan_mcap(mcap, loop.rover, loop.towed, provenance("plan", scene, {}))
     write_plan_csv(csv, loop.rover, loop.towed)
+    off = {"object_rms_mm": 1e3 * loop.object_rms, "hinge_rms_mm": 1e3 * loop.rover.rms}
+    text = (
+        f"{loop.rover.outcome}; the object deviates from its path by {off['object_rms_mm']:.1f} mm RMS, "
+        f"the hinge from its own by {off['hinge_rms_mm']:.1f} mm"
+    )
+    return Outcome("plan", (mcap, csv), text, off, found)
 
 
-def run_file(scene: Path, wanted: str, output: Path, csv: Path, campaign: Path | None = None) -> None:
+def run_file(scene: Path, wanted: str, output: Path, csv: Path, campaign: Path | None = None) -> Outcome:
     """The same with the scene in a file."""
-    run(_read_scene(scene), wanted, output, csv, campaign)
+    return run(_read_scene(scene), wanted, output, csv, campaign)
 
 
-def run_tow(scene: Mapping[str, Any], recording: Path, output: Path, campaign: Path | None = None) -> None:
+def run_tow(scene: Mapping[str, Any], recording: Path, output: Path, campaign: Path | None = None) -> Outcome:
     """Simulate the object behind a recorded rover, from the first pose of the object in the recording.
 
     Parameters
@@ -84,13 +87,15 @@ def run_tow(scene: Mapping[str, Any], recording: Path, output: Path, campaign: P
     hinge = hinge_of_poses(poses, given.rover)
     start = read_object_start(recording)
     motion = tow(times, hinge, given.cube, resting_patch(given), given.tether, start_pose=start, stride=_REPORT_STRIDE)
-    print_findings(motion.findings, "tow")
     write_simulated(output, motion, provenance("tow", scene, {recording.name: recording}))
+    moved_m = float(np.linalg.norm(np.diff(motion.pose[:, :2], axis=0), axis=1).sum())
+    text = f"{motion.outcome}; the object moves {moved_m:.2f} m in {np.ptp(times):.1f} s"
+    return Outcome("tow", (output,), text, {"outcome": motion.outcome, "path_length_m": moved_m}, motion.findings)
 
 
-def run_tow_file(scene: Path, recording: Path, output: Path, campaign: Path | None = None) -> None:
+def run_tow_file(scene: Path, recording: Path, output: Path, campaign: Path | None = None) -> Outcome:
     """The same with the scene in a file."""
-    run_tow(_read_scene(scene), recording, output, campaign)
+    return run_tow(_read_scene(scene), recording, output, campaign)
 
 
 def _read_scene(file: Path) -> Mapping[str, Any]:

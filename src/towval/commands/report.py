@@ -10,7 +10,7 @@ import numpy as np
 import yaml
 from numpy.typing import ArrayLike
 
-from towval.commands.console import print_findings
+from towval.commands.console import Outcome
 from towval.commands.run_folder import files, read_run
 from towval.commands.settings import settings_from
 from towval.io.campaign import Campaign, load_campaign
@@ -29,7 +29,9 @@ from towval.report.page import write_report
 from towval.validation.campaign import campaign_verdict
 
 
-def run(campaign: Path, results: Path, keys: Mapping[str, Any] | None = None, identified: Path | None = None) -> None:
+def run(
+    campaign: Path, results: Path, keys: Mapping[str, Any] | None = None, identified: Path | None = None
+) -> Outcome:
     """Write the report of a campaign, its figures and its summary.
 
     Parameters
@@ -50,6 +52,7 @@ def run(campaign: Path, results: Path, keys: Mapping[str, Any] | None = None, id
     if identified is not None:
         made = {f"{name}/{path.name}": path for name in given.runs for path in files(results / name).values()}
         check_made_of(identified, made, given.document)
+    together = _together([item.record.comparison for item in runs])
     data = ReportData(
         campaign=given.name,
         runs=tuple(runs),
@@ -60,22 +63,24 @@ def run(campaign: Path, results: Path, keys: Mapping[str, Any] | None = None, id
             calibration, given.object.tracked_plane_height_m, height_std_m=given.object.height_std_m
         ),
         inputs=tuple(_inputs(given)),
-        findings=(StageFinding("campaign", _together([item.record.comparison for item in runs])),),
+        findings=(StageFinding("campaign", together),),
         identification=None if identified is None else read_identification(identified),
     )
     write_summary(results / "summary.csv", [item.record.comparison for item in runs])
     write_report(results / "report.html", data, results / "figures")
     write_manifest(results / MANIFEST, _made(results, given, identified))
-    print(f"report: {results / 'report.html'}")
+    verdicts = {item.record.name: item.record.comparison.verdict.value for item in runs}
+    text = "; ".join(f"run {name} {verdict}" for name, verdict in verdicts.items())
+    return Outcome(
+        "report", (results / "report.html", results / "summary.csv"), text, {"verdicts": verdicts}, (together,)
+    )
 
 
 def _together(comparisons: Sequence[Comparison]) -> Finding:
     """The verdict on all runs together as a finding of the campaign."""
     verdict = campaign_verdict(comparisons)
     severity = Severity.NOTE if verdict.verdict is Verdict.AGREES else Severity.WARNING
-    found = finding("campaign_verdict", severity, sentence=verdict.sentence)
-    print_findings((found,), "report")
-    return found
+    return finding("campaign_verdict", severity, sentence=verdict.sentence)
 
 
 def _made(results: Path, given: Campaign, identified: Path | None) -> list[Path]:

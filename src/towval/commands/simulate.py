@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from towval.commands.console import print_findings
+from towval.commands.console import Outcome
 from towval.commands.settings import settings_from, without_auto
 from towval.io.campaign import load_campaign
 from towval.io.chain import check_together
@@ -26,7 +26,7 @@ def run(
     keys: Mapping[str, Any] | None = None,
     *,
     camera: Path | None = None,
-) -> None:
+) -> Outcome:
     """Simulate the towed object on the measured track of the rover.
 
     Parameters
@@ -62,6 +62,9 @@ def run(
     settings, simulated = simulate_selecting(
         given.scene, bodies["rover"], bodies["object"], tracked.time_s, settings, auto=auto, measurement_m=measured
     )
-    print_findings(simulated.findings, "simulate")
     sections = read_sections("simulate", given.document)
     write_simulated(output, simulated, provenance("simulate", settings, inputs, run=name, document=sections))
+    u_num_mm = 1e3 * simulated.statistics.get("u_num_m", np.nan)
+    text = f"{simulated.rung}, {simulated.outcome}; numerical uncertainty {u_num_mm:.2g} mm"
+    numbers = {"rung": simulated.rung, "outcome": simulated.outcome, "u_num_mm": u_num_mm}
+    return Outcome(f"simulate {name}".strip(), (output,), text, numbers, simulated.findings)

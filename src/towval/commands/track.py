@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from towval.commands.console import print_findings, progress
+from towval.commands.console import Outcome, progress
 from towval.commands.settings import settings_from, without_auto
 from towval.io.campaign import Campaign, Run, load_campaign
 from towval.io.chain import check_together
@@ -17,7 +17,7 @@ from towval.io.images import GrayPictures, write_picture
 from towval.io.provenance import provenance, read_sections
 from towval.io.records import read_calibration, write_tracks
 from towval.io.video import Video
-from towval.model import Array, Body, Calibration, Finding
+from towval.model import Array, Body, Calibration, Finding, Track
 from towval.model.errors import InputError
 from towval.model.findings import finding
 from towval.model.geometry import polygon_area
@@ -48,7 +48,7 @@ def run(
     keys: Mapping[str, Any] | None = None,
     *,
     later: Mapping[str, Mapping[str, Any]] | None = None,
-) -> None:
+) -> Outcome:
     """Track rover and object through the video of a run.
 
     ``later`` holds the sections decimate and simulate of the configuration, with which the probe of "auto" goes on.
@@ -92,12 +92,24 @@ def run(
         findings = (*start.findings, *found.findings, *(one for one in added if one not in start.findings))
         found = with_readout(with_wider_start(found, start.spread), calibration, body, *_readout(given))
         tracks[body.name] = replace(found, findings=findings)
-    for tracked in tracks.values():
-        print_findings(tracked.findings, f"track {name}")
     sections = read_sections("track", given.document, name, simulating="samples" in auto)
     inputs = given.files([entry.video, *given.floor_images[:_MOST_FLOORS]]) | {"camera.mcap": camera}
     made_of = provenance("track", settings, inputs, run=name, document=sections, constants=True)
     write_tracks(output, tracks, made_of)
+    told = tuple(dict.fromkeys(one for tracked in tracks.values() for one in tracked.findings))
+    numbers = {f"{body}_{key}": value for body, tracked in tracks.items() for key, value in _seen(tracked).items()}
+    texts = [
+        "{} seen in {frames_seen} of {frames} frames, ±{position_std_mm:.2g} mm".format(body, **_seen(tracked))
+        for body, tracked in tracks.items()
+    ]
+    return Outcome(f"track {name}", (output,), "; ".join(texts), numbers, told)
+
+
+def _seen(tracked: Track) -> dict[str, float]:
+    """Frames in which a body was seen, and the median standard deviation of its position."""
+    std = np.hypot(*tracked.std[tracked.seen, :2].T)
+    position = 1e3 * float(np.median(std)) if len(std) else float("nan")
+    return {"frames": len(tracked.time_s), "frames_seen": int(tracked.seen.sum()), "position_std_mm": position}
 
 
 def open_video(given: Campaign, entry: Run) -> Video:

@@ -4,7 +4,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from towval.commands.console import print_findings, progress
+import numpy as np
+
+from towval.commands.console import Outcome, progress
 from towval.commands.settings import settings_from, without_auto
 from towval.io.campaign import load_campaign
 from towval.io.chain import check_together
@@ -18,7 +20,7 @@ from towval.validation.uncertainty import UncertaintySettings
 
 def run(
     campaign: Path, name: str, camera: Path, folder: Path, output: Path, keys: Mapping[str, Any] | None = None
-) -> None:
+) -> Outcome:
     """Sample the uncertainty of a run."""
     keys, auto = without_auto(keys, "samples")
     settings = settings_from(UncertaintySettings, keys, "uncertainty")
@@ -41,7 +43,10 @@ def run(
     measured = measurement_std_m(case.calibration, case.towed, seen_places(case.object_track))
     with progress(f"uncertainty {name}", None if auto else settings.samples, "draw") as done:
         uncertainty = sample_selecting(case, settings, auto=bool(auto), measurement_m=measured, progress=done)
-    print_findings(uncertainty.findings, f"uncertainty {name}")
     sections = read_sections("uncertainty", given.document)
     made_of = provenance("uncertainty", settings, inputs, run=name, document=sections)
     write_uncertainty(output, uncertainty, case.simulated, made_of)
+    u_val_mm = 1e3 * float(np.sqrt(np.nanmean(np.trace(uncertainty.validation[:, :2, :2], axis1=1, axis2=2))))
+    text = f"{uncertainty.samples} draws; a right model is off by {u_val_mm:.2g} mm RMS"
+    numbers = {"samples": uncertainty.samples, "u_val_mm": u_val_mm, "shares": dict(uncertainty.shares)}
+    return Outcome(f"uncertainty {name}", (output,), text, numbers, uncertainty.findings)

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from importlib.resources import files as packaged
 from pathlib import Path
 
+from towval.commands.console import Outcome
 from towval.io.campaign import load_campaign
 from towval.io.chain import Origin, changed_sections, read_origin
 from towval.io.exchange import LAYOUTS
@@ -18,7 +19,7 @@ _SHORT = 12
 """Digits of a hash that are printed."""
 
 
-def run(results: Path, campaign: Path | None = None) -> None:
+def run(results: Path, campaign: Path | None = None) -> Outcome:
     """Verify the results of a campaign, from the inputs to the page.
 
     Every checksum within every file, every file against the list of the report, every file against those that were
@@ -45,10 +46,10 @@ def run(results: Path, campaign: Path | None = None) -> None:
         faults += _changed_inputs(campaign, origins)
     if faults:
         raise InputError(f"{results} is not as it was made:\n  - " + "\n  - ".join(dict.fromkeys(faults)))
-    for line in _derivations(results, origins):
-        print(line)
+    details = tuple(_derivations(results, origins))
     inputs = "inputs not compared: give --campaign" if campaign is None else "inputs as recorded"
-    print(f"verify: {len(made)} results, each whole and made of the others; {inputs}.")
+    text = f"{len(made)} results, each whole and made of the others; {inputs}"
+    return Outcome("verify", (results,), text, {"results": len(made), "derivations": details}, details=details)
 
 
 def _place(results: Path, path: Path, stage: str, name: str) -> Path | None:

@@ -14,6 +14,7 @@ from typing import Any
 
 import pandas as pd
 
+from towval.commands.console import Outcome
 from towval.commands.settings import nested
 from towval.io.campaign import load_campaign
 from towval.io.schema import check, packaged_schema
@@ -35,7 +36,7 @@ def run(
     cores: int | None = None,
     keys: Mapping[str, Any] | None = None,
     snakemake: str = "",
-) -> None:
+) -> Outcome | None:
     """Run the workflow on a campaign folder: the same as ``snakemake`` in a clone of the repository.
 
     Parameters
@@ -55,6 +56,11 @@ def run(
         For faults of campaign.yaml or of the keys, before anything runs.
     SystemExit
         With Snakemake's code when a stage fails.
+
+    Returns
+    -------
+    Outcome or None
+        None where options for Snakemake asked for less than the report.
     """
     given = load_campaign(campaign)
     config = {"campaign": _as_path(campaign), "results": _as_path(results)} | nested(keys or {})
@@ -67,18 +73,23 @@ def run(
         "--config",
         *(f"{key}={_text(value)}" for key, value in config.items()),
     ]
-    with subprocess.Popen(line, stderr=subprocess.PIPE, text=True, encoding="utf-8", errors="replace") as workflow:
+    # What the stages say goes where progress goes: standard output has the outcome only.
+    with subprocess.Popen(
+        line, stdout=2, stderr=subprocess.PIPE, text=True, encoding="utf-8", errors="replace"
+    ) as workflow:
         for shown in filter(lambda text: not _NOISE.match(text), _system_errors_told(workflow.stderr or ())):
             print(shown, end="", file=sys.stderr, flush=True)
     if workflow.returncode:
         raise SystemExit(workflow.returncode)
     made = results / given.name
-    if (made / "report.html").is_file():
-        print(_outcome(pd.read_csv(made / "summary.csv")))
-        print(f"The report: {(made / 'report.html').resolve()}")
+    if not (made / "report.html").is_file():
+        return None  # asked for less, by options for Snakemake
+    summary = pd.read_csv(made / "summary.csv")
+    runs = {str(row["run"]): row for row in summary.drop(columns="findings").to_dict("records")}
+    return Outcome("run", ((made / "report.html").resolve(),), "", {"runs": runs}, details=_lines(summary))
 
 
-def run_demo(folder: Path, results: Path = Path("results"), cores: int | None = None) -> None:
+def run_demo(folder: Path, results: Path = Path("results"), cores: int | None = None) -> Outcome | None:
     """Copy the sample of the package to ``folder`` and run the workflow on it.
 
     Raises `InputError` where the folder holds something else.
@@ -89,8 +100,8 @@ def run_demo(folder: Path, results: Path = Path("results"), cores: int | None = 
             raise InputError("the folder for the sample is not empty", got=folder, remedy="name another one")
         with resources.as_file(sample) as source:
             shutil.copytree(source, folder, dirs_exist_ok=True)
-        print(f"The sample campaign: {folder.resolve()}")
-    run(folder, results, cores)
+        print(f"The sample campaign: {folder.resolve()}", file=sys.stderr)
+    return run(folder, results, cores)
 
 
 def _as_path(path: Path) -> str:
@@ -127,9 +138,9 @@ def _text(value: Any) -> str:
     return value if isinstance(value, str) else json.dumps(value)
 
 
-def _outcome(summary: pd.DataFrame) -> str:
+def _lines(summary: pd.DataFrame) -> tuple[str, ...]:
     """One line a run: the verdict, the error, and the uncertainty with which it is known."""
-    return "\n".join(
+    return tuple(
         f"run {row.run}: {row.verdict}, simulated minus measured path {1e3 * row.path_rms_m:.1f} mm RMS, "
         f"u_val {1e3 * row.u_val_m:.1f} mm"
         for row in summary.itertuples()

@@ -50,10 +50,11 @@ def write_run_file(
     write_mcap(path, messages, {"run": run.name}, provenance)
 
 
-def write_layouts(folder: Path) -> None:
-    """Copy the layouts into a folder."""
+def write_layouts(folder: Path) -> tuple[Path, ...]:
+    """Copy the layouts into a folder; returns their paths."""
     for name in LAYOUTS:
         write_bytes(folder / name, (files("towval.io") / "layouts" / name).read_bytes())
+    return tuple(folder / name for name in LAYOUTS)
 
 
 def _pictures(pictures: Iterable[Still], camera: Camera) -> Iterator[Message]:

@@ -6,15 +6,15 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from towval.commands.console import errors_reported
+from towval.commands.console import Outcome, errors_reported, show
 
 
-def call(name: str, arguments: Mapping[str, Any]) -> None:
+def call(name: str, arguments: Mapping[str, Any]) -> Outcome | None:
     """Call ``module:function``; texts become paths where the function's annotations ask for them."""
     module, _, function_name = name.partition(":")
-    function: Callable[..., None] = getattr(importlib.import_module(module), function_name)
+    function: Callable[..., Outcome | None] = getattr(importlib.import_module(module), function_name)
     wanted = typing.get_type_hints(function)
-    function(**{key: _converted(value, wanted[key]) for key, value in arguments.items()})
+    return function(**{key: _converted(value, wanted[key]) for key, value in arguments.items()})
 
 
 def _converted(value: Any, wanted: Any) -> Any:
@@ -34,4 +34,6 @@ if TYPE_CHECKING:
 
 if __name__ == "__main__":
     with errors_reported(Path(snakemake.log[0])):
-        call(snakemake.params.call, snakemake.params.arguments)
+        outcome = call(snakemake.params.call, snakemake.params.arguments)
+        if outcome is not None:
+            show(outcome)

@@ -1,0 +1,35 @@
+"""What the command line offers beside its stages: completion, JSON."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+from result_folders import make_run
+from towval.cli import main
+
+
+@pytest.mark.parametrize(
+    ("line", "offered"),
+    [("towval cal", {"calibrate "}), ("towval track lab --", {"--camera", "--run", "--json", "--set"})],
+)
+def test_a_shell_is_told_how_the_line_may_go_on(tmp_path, line, offered):
+    answer = tmp_path / "answer"
+    shell = {
+        "_ARGCOMPLETE": "1", "_ARGCOMPLETE_IFS": "\n", "COMP_LINE": line, "COMP_POINT": str(len(line)),
+        "_ARGCOMPLETE_STDOUT_FILENAME": str(answer),
+    }  # fmt: skip
+    subprocess.run([sys.executable, "-m", "towval.cli"], env=os.environ | shell, check=True)
+    assert offered <= set(answer.read_text().split("\n"))
+
+
+def test_one_json_object_stands_for_what_people_read(tmp_path, capsys):
+    make_run(tmp_path / "results" / "lab" / "a")
+    output = tmp_path / "index.sqlite"
+    main(["index", str(tmp_path / "results"), "-o", str(output), "--json"])
+    told = json.loads(capsys.readouterr().out)
+    assert told["stage"] == "index"
+    assert told["files"] == [str(output), str(output.with_suffix(".html"))]
+    assert told["verdicts"] == {"agrees": 1}

@@ -1,0 +1,52 @@
+"""What a command says at its end: lines for people, or one JSON object for programs."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from towval.commands.console import Outcome, show
+from towval.model import Finding, Severity
+from towval.model.errors import TowvalError
+
+NOTE = Finding(Severity.NOTE, "start_found", "object: found.")
+WARNING = Finding(Severity.WARNING, "stamps_jump", "The stamps jump.")
+MADE = Outcome(
+    "track a",
+    (Path("out/track.mcap"),),
+    "seen in 9 of 10 frames",
+    {"frames": 10, "std_mm": float("nan")},
+    (NOTE, WARNING),
+)
+
+
+def test_people_read_findings_and_then_one_line_with_the_file(capsys):
+    show(MADE)
+    told = capsys.readouterr()
+    assert told.out.splitlines() == [
+        "track a: note: object: found.", "track a: out/track.mcap: seen in 9 of 10 frames"
+    ]  # fmt: skip
+    assert told.err == "track a: warning: The stamps jump.\n"
+
+
+def test_programs_read_one_object_in_which_what_is_unknown_is_null(capsys):
+    show(MADE, as_json=True)
+    told = capsys.readouterr()
+    assert told.err == ""
+    assert json.loads(told.out) == {
+        "stage": "track a",
+        "files": ["out/track.mcap"],
+        "frames": 10,
+        "std_mm": None,
+        "findings": [
+            {"code": "start_found", "severity": "note", "text": "object: found."},
+            {"code": "stamps_jump", "severity": "warning", "text": "The stamps jump."},
+        ],
+    }
+
+
+@pytest.mark.parametrize("as_json", [False, True])
+def test_a_failure_is_raised_once_all_is_said(capsys, as_json):
+    with pytest.raises(TowvalError, match="1 of 2"):
+        show(Outcome("index", (Path("i.sqlite"),), "2 runs", failure=TowvalError("1 of 2 runs disagree")), as_json)
+    assert "i.sqlite" in capsys.readouterr().out
