@@ -57,6 +57,12 @@ def test_a_run_far_beyond_the_limit_is_named():
     assert found.sentence == "All runs together disagree (1 % false alarms over 4 runs), because of c."
 
 
+def test_runs_that_were_not_judged_are_not_among_those_that_agree():
+    judged = run("a", 0.5, with_keys(drawn(6)[0]))
+    found = campaign_verdict([judged, run("b", 0.5, judged.drawn_tests, verdict=Verdict.NOT_JUDGED)])
+    assert found.sentence == "The judged runs together agree within 2.0 mm (1 % false alarms over 1 run)."
+
+
 def test_what_leaves_one_run_open_leaves_the_campaign_open():
     tests = [with_keys(each) for each in drawn(6)]
     runs = [run("a", 0.5, tests[0]), run("b", 0.5, tests[1], detectable=0.02)]
@@ -68,10 +74,11 @@ def test_what_leaves_one_run_open_leaves_the_campaign_open():
     assert campaign_verdict(runs[1:]).verdict == Verdict.NOT_JUDGED
 
 
-def test_the_verdict_of_a_campaign_is_a_finding_of_its_report(capsys):
+def test_the_verdict_of_a_campaign_is_a_finding_of_its_report():
     tests = with_keys(drawn(7)[0])
     found = _together([run("a", 0.5, tests)])
     assert (found.code, found.severity) == ("campaign_verdict", Severity.NOTE)
     assert found.text == "All runs together agree within 2.0 mm (1 % false alarms over 1 run)."
-    assert _together([run("a", 3.0, tests, upper=0.02)]).severity == Severity.WARNING
-    assert "disagree" in capsys.readouterr().err
+    found = _together([run("a", 3.0, tests, upper=0.02)])
+    assert found.severity == Severity.WARNING
+    assert "disagree" in found.text

@@ -283,7 +283,7 @@ register(
         SearchRange(lambda _: 5e-4, lambda _: 1e-2),
     ),
     UncertainInput(
-        "across_over_along", "friction across over along", "", "campaign",
+        "across_over_along", "ratio of friction across to along", "", "campaign",
         _in_part("friction", "across_over_along", _LEAST), lambda scene: scene.friction.across_over_along,
         stated=StatedDeviation(
             "friction.across_over_along_std", "that ratio", 1, 0.02, "ten pulls each way",

@@ -47,16 +47,17 @@ def campaign_verdict(comparisons: Sequence[Comparison], confidence: float = 0.99
     mattering = [c.run for c in judged if c.error_upper_m > c.tolerance_m]
     unsure = [c.run for c in judged if not c.detectable_m <= c.tolerance_m]
     bound = 1e3 * max(c.error_upper_m for c in judged)
+    who = "All runs" if len(judged) == len(comparisons) else "The judged runs"
     level = f"{100 * (1 - confidence):g} % false alarms over {len(judged)} run{'s' * (len(judged) != 1)}"
     if set(beyond) & set(mattering):
         verdict = Verdict.DISAGREES
-        sentence = f"All runs together disagree ({level}), because of {', '.join(beyond)}"
+        sentence = f"{who} together disagree ({level}), because of {', '.join(beyond)}"
     elif mattering or unsure:
         verdict = Verdict.CANNOT_TELL
-        sentence = f"All runs together do not tell, because of {', '.join(dict.fromkeys([*mattering, *unsure]))}"
+        sentence = f"{who} together do not tell, because of {', '.join(dict.fromkeys([*mattering, *unsure]))}"
     else:
         verdict = Verdict.AGREES
-        sentence = f"All runs together agree within {bound:.1f} mm ({level})"
+        sentence = f"{who} together agree within {bound:.1f} mm ({level})"
     runs = tuple(c.run for c in judged)
     return CampaignVerdict(verdict, max(ratios.values()), limit, confidence, runs, beyond, f"{sentence}.")
 
