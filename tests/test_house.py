@@ -80,7 +80,7 @@ def test_a_missing_docstring_is_found(tmp_path):
         ("towval.io.manifest", ("numba", "cv2", "scipy", "pandas", "matplotlib")),
         ("towval.cli", ("numba", "cv2", "scipy", "pandas", "matplotlib", "jsonschema")),
         # Each a process of its own for every run.
-        ("towval.commands.decimate", ("numba", "cv2", "pandas", "matplotlib")),
+        ("towval.commands.decimate", ("cv2", "pandas", "matplotlib", "jsonschema")),
         (
             "towval.commands.simulate",
             ("scipy.linalg", "scipy.special", "scipy.interpolate", "scipy.optimize", "pandas", "matplotlib"),
