@@ -7,17 +7,21 @@ import numpy as np
 import pytest
 
 from marker_pictures import picture_with
-from studies.worlds.scenes import CeilingCamera, ceiling, drive, small_camera, standard_scene
+from studies.worlds.scenes import ceiling, drive
+from studies.worlds.tows import off_px, spread, towed
 from towval.model import Body, Tag, Track, TrackStatus
 from towval.model.errors import InputError
-from towval.model.geometry import transform
+from towval.model.geometry import compose, transform
 from towval.optics.projection import project
+from towval.tracking.clicks import check_clicks, overstretched
+from towval.tracking.co_moving import co_moving, goers
 from towval.tracking.markers import clicks_from_tags
 from towval.tracking.outline import pose_from_clicks
 from towval.tracking.outline_search import alike, symmetry_of
-from towval.tracking.start import Tow, check_clicks, find_starts, overstretched, starts_drawn
+from towval.tracking.start import Tow, find_starts, starts_drawn
 
 LONG = Tow(np.zeros(2), np.zeros(2), 9.0)
+TIMES_S = np.linspace(0.0, 4.0, 5)
 TARGET = np.array([[-0.2, -0.15], [0.2, -0.15], [0.2, 0.15], [-0.2, 0.15]])
 
 
@@ -64,56 +68,52 @@ def test_corners_of_a_tag_are_within_a_tenth_of_its_side(stated_m, fits):
             clicks_from_tags(luma, body, tags, camera, floor)
 
 
-def towed(seed, **changes):
-    """A scene whose object stands behind the rover, joined to it by a tether, both at random headings; and the tow."""
-    rng = np.random.default_rng([seed, 4])
-    tow = Tow(np.array([-0.42, 0.0]), np.array([0.25, 0.0]), 0.65)
-    ahead, bearing = rng.uniform(-np.pi, np.pi), rng.uniform(-0.4, 0.4)
-    rover = np.array([*rng.uniform([-0.3, -0.2], [0.3, 0.2]), ahead])
-    anchor = transform(rover, tow.hinge) - 0.6 * np.array([np.cos(ahead + bearing), np.sin(ahead + bearing)])
-    heading = ahead + rng.uniform(-0.5, 0.5)
-    origin = anchor - transform([0.0, 0.0, heading], tow.anchor)
-    motions = (drive(tuple(rover), 0.3), drive((*origin, heading), 0.3))
-    scene = standard_scene(seed, **(small_camera() | {"motions": motions} | changes))
-    for i, body in enumerate(scene.bodies):
-        pixels = scene.target(i).pixels(body.top_corners_m, motions[i](0.0))
-        if ((pixels < 5) | (pixels > np.array(scene.camera.resolution_px) - 5)).any():
-            return towed(1000 + seed, **changes)
-    return scene, tow
-
-
-def filmed(scene, times=(0.0, 2.0, 3.0)):
-    film = CeilingCamera(scene)
-    return [film.picture(t) for t in times]
-
-
 def checked(scene, index, luma, clicks_px):
     """Clicks on one body, checked, and the pose that they give."""
     body = scene.bodies[index]
-    found = check_clicks(luma, scene.calibration, scene.bodies, {body.name: clicks_px}, LONG)[body.name]
+    found = check_clicks([luma], scene.calibration, scene.bodies, {body.name: clicks_px}, LONG)[body.name]
     return pose_from_clicks(scene.target(index), found.corners_px)[0], found
 
 
-def off_px(scene, index, pose):
-    target = scene.target(index)
-    return target.apart_m(scene.motions[index](0.0), pose) / target.metres_per_pixel(pose)
-
-
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [0, 1, 2, 114])  # In its first picture alone the last is 13 px off without a doubt.
 def test_starts_are_found_without_clicks(seed):
     scene, tow = towed(seed)
-    starts = find_starts(filmed(scene), scene.calibration, scene.bodies, tow)
+    starts = find_starts(spread(scene, TIMES_S), scene.calibration, scene.bodies, tow)
     for index, body in enumerate(scene.bodies):
         start = starts[body.name]
         assert start.doubt == ""
         assert off_px(scene, index, start.pose) < 1.5
 
 
+def test_what_goes_with_a_body_ends_where_the_body_ends():
+    scene, _ = towed(2)
+    target, motion = scene.target(1), scene.motions[1]
+    pictures = spread(scene, np.array([0.0, 0.02, 2.0]))
+    (first, still), (later, step) = views = co_moving(target, motion(0.0), pictures)
+    assert first is pictures[0]
+    assert later is pictures[2]
+    assert not still.any()
+    pixel = target.metres_per_pixel(motion(0.0))
+    assert target.apart_m(compose(step, motion(0.0)), motion(2.0)) < 0.3 * pixel
+    low, high = motion(0.0)[:2] - 0.6, motion(0.0)[:2] + 0.6
+    corners, middle = transform(motion(0.0), target.body.top_corners_m), motion(0.0)[:2]
+    going = goers(target, views, low, high)
+    edges = (corners + np.roll(corners, -1, axis=0)) / 2
+    outward = (edges - middle) / np.linalg.norm(edges - middle, axis=1, keepdims=True)
+    # The two edges towards the camera's foot show the body's sides, which go with it.
+    away = (outward * (scene.floor.camera_position_m[:2] - edges)).sum(axis=1) < 0
+    along = np.linspace(-0.4, 0.4, 9)[:, None, None] * (np.roll(corners, -1, axis=0) - corners)
+    beside = [going.at(edges + along + sign * 3 * pixel * outward).mean(axis=0)[away] for sign in (-1, 1)]
+    assert away.sum() == 2
+    assert (beside[0] > 0.3).all()
+    assert (beside[1] < 0.0).all()
+
+
 def test_a_slack_tether_leaves_the_way_round_to_the_sense_of_motion():
     motions = (drive((0.1, 0.1, 0.3), 0.3), drive((-0.2, -0.6, 0.3), 0.3))
     scene, tow = towed(2, motions=motions)
     tow = replace(tow, longest_m=2.5)
-    pictures = filmed(scene)
+    pictures = spread(scene, TIMES_S)
     starts = find_starts(pictures, scene.calibration, scene.bodies, tow)
     assert all(off_px(scene, i, starts[body.name].pose) < 1.5 for i, body in enumerate(scene.bodies))
     assert not any(start.doubt for start in starts.values())
@@ -126,7 +126,7 @@ def test_a_slack_tether_leaves_the_way_round_to_the_sense_of_motion():
 def test_an_outline_that_is_not_there_is_doubted():
     scene, tow = towed(1)
     larger = tuple(replace(body, top_corners_m=1.3 * body.top_corners_m) for body in scene.bodies)
-    starts = find_starts(filmed(scene), scene.calibration, larger, tow)
+    starts = find_starts(spread(scene, TIMES_S), scene.calibration, larger, tow)
     assert all(start.doubt for start in starts.values())
     picture = starts_drawn(np.zeros((540, 960), np.uint8), starts)
     assert picture.shape == (540, 960, 3)
@@ -136,7 +136,7 @@ def test_an_outline_that_is_not_there_is_doubted():
 @pytest.mark.parametrize("shift_px", [8.0, 20.0, 40.0])
 def test_wrong_clicks_are_corrected_and_reported(shift_px):
     scene, _ = towed(3)
-    luma = filmed(scene, (0.0,))[0]
+    luma = spread(scene, TIMES_S[:1])[0]
     rng = np.random.default_rng(int(shift_px))
     for index, body in enumerate(scene.bodies):
         clicks = scene.clicks(rng)[body.name]
@@ -153,7 +153,7 @@ def test_wrong_clicks_are_corrected_and_reported(shift_px):
 
 def test_clicks_of_the_base_are_corrected_or_doubted():
     scene, _ = towed(4)
-    luma = filmed(scene, (0.0,))[0]
+    luma = spread(scene, TIMES_S[:1])[0]
     for index, body in enumerate(scene.bodies):
         corners = transform(scene.motions[index](0.0), body.top_corners_m)
         base = project(scene.camera, scene.floor, np.column_stack([corners, np.zeros(4)]))
@@ -164,15 +164,15 @@ def test_clicks_of_the_base_are_corrected_or_doubted():
 
 def test_clicks_the_wrong_way_round_are_turned_by_the_tether():
     scene, tow = towed(5)
-    luma = filmed(scene, (0.0,))[0]
+    luma = spread(scene, TIMES_S[:1])[0]
     clicks = scene.clicks(np.random.default_rng(5))
     clicks["object"] = np.roll(clicks["object"], 2, axis=0)
-    found = check_clicks(luma, scene.calibration, scene.bodies, clicks, tow)
+    found = check_clicks([luma], scene.calibration, scene.bodies, clicks, tow)
     assert "clicks_turned" in {each.code for each in found["object"].findings}
     assert "clicks_turned" not in {each.code for each in found["rover"].findings}
     pose, _, _ = pose_from_clicks(scene.target(1), found["object"].corners_px)
     assert off_px(scene, 1, pose) < 2.5
-    short = check_clicks(luma, scene.calibration, scene.bodies, clicks, replace(tow, longest_m=0.4))
+    short = check_clicks([luma], scene.calibration, scene.bodies, clicks, replace(tow, longest_m=0.4))
     assert "tether_too_short" in {each.code for each in short["object"].findings}
 
 

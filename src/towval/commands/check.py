@@ -22,9 +22,10 @@ from towval.model.errors import TowvalError
 from towval.optics.plane_uncertainty import position_covariance
 from towval.report.preview import draw_start
 from towval.report.start_page import StartOfRun, write_start_page
+from towval.tracking.clicks import check_clicks
 from towval.tracking.outline import pose_from_clicks
 from towval.tracking.planar_target import PlanarTarget
-from towval.tracking.start import Tow, check_clicks, find_starts
+from towval.tracking.start import Tow, find_starts
 
 
 @dataclass(frozen=True)
@@ -117,7 +118,9 @@ def _start(given: Campaign, entry: Run, video: Video, calibration: Calibration) 
     """Where rover and object are in the first frame of a run: clicked and checked, or found."""
     luma, tow = np.ascontiguousarray(next(iter(video))[1]), Tow.of(given.scene)
     corners, doubts = {}, {}
-    for name, clicked in check_clicks(luma, calibration, given.bodies, entry.clicks_px, tow).items():
+    for name, clicked in check_clicks(
+        [luma, video.late_picture()], calibration, given.bodies, entry.clicks_px, tow
+    ).items():
         corners[name] = clicked.corners_px
         if clicked.findings:
             doubts[name] = " ".join(found.text for found in clicked.findings)

@@ -24,12 +24,13 @@ from towval.model.geometry import polygon_area
 from towval.selection.simulation import SELECTED
 from towval.selection.tracking import PROBE_FRAMES, PROBE_STRIDE, neighbour_of_tracking, track_selecting
 from towval.tracking.camera_motion import calibration_at_start
+from towval.tracking.clicks import Clicked, check_clicks, overstretched
 from towval.tracking.markers import clicks_from_tags
 from towval.tracking.outline import pose_from_clicks
 from towval.tracking.overlay import standing_still
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.stamps import rate_findings
-from towval.tracking.start import Clicked, Start, Tow, check_clicks, find_starts, overstretched, starts_drawn
+from towval.tracking.start import Start, Tow, find_starts, starts_drawn
 from towval.tracking.total_covariance import with_readout, with_wider_start
 from towval.tracking.track import TrackSettings, track
 from towval.validation.decimate import DecimateSettings
@@ -142,7 +143,7 @@ def _readout(given: Campaign) -> tuple[float, float]:
 def _starts(given: Campaign, entry: Run, video: Video, calibration: Calibration, drawn: Path) -> dict[str, Clicked]:
     """Corners of both planar targets in the first frame: clicked and checked, from the tags of a body, or found."""
     luma, tow = np.ascontiguousarray(next(iter(video))[1]), Tow.of(given.scene)
-    starts = check_clicks(luma, calibration, given.bodies, entry.clicks_px, tow)
+    starts = check_clicks([luma, video.late_picture()], calibration, given.bodies, entry.clicks_px, tow)
     for body in given.bodies:
         if body.name not in starts and given.tags[body.name]:
             corners = clicks_from_tags(luma, body, given.tags[body.name], calibration.camera, calibration.floor)

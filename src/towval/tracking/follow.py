@@ -106,7 +106,7 @@ class Follower:
         self.target, self.coast_s = target, coast_s
         clicked, self.start_covariance, misfit_px = pose_from_clicks(target, clicks_px)
         self.pixel_m = target.metres_per_pixel(clicked)
-        self.findings = _judge_clicks(target.body, misfit_px, self.pixel_m)
+        self.findings = judge_clicks(target.body, misfit_px, self.pixel_m)
         fit = observe_outline(luma, target, clicked)
         self.first_pose = clicked if fit is None else compose(clicked, fit.correction)
         self.outline_fits: list[OutlineFit] = []
@@ -343,7 +343,8 @@ class Follower:
         return Features(frame, floor_m, np.concatenate([weights for _, _, weights in points]))
 
 
-def _judge_clicks(body: Body, misfit_px: float, pixel_m: float) -> list[Finding]:
+def judge_clicks(body: Body, misfit_px: float, pixel_m: float) -> list[Finding]:
+    """A finding where clicks miss the outline of a body by ``misfit_px`` [px]; raises `InputError` far off it."""
     size_px = float(np.linalg.norm(np.ptp(body.top_corners_m, axis=0))) / pixel_m
     if misfit_px > max(CONSTANTS.misfit_of_clicks_px, CONSTANTS.wrong_clicks * size_px):
         raise InputError(

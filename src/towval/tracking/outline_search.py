@@ -2,21 +2,25 @@
 
 The picture is rectified on the tracked plane, where the outline keeps its size. For each heading the picture's slope
 across each edge is averaged along that edge, by a correlation for all places at once; a place where all edges stand on
-steep lines is a candidate. Candidates are then followed to finer and finer cells.
+steep lines is a candidate. Candidates are then followed to finer and finer cells. Several pictures among which the
+body's motion is known are searched as one: what lies behind an edge differs from picture to picture, the edge stays.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from towval.model import Array
-from towval.model.geometry import compose, rotation, wrapped
+from towval.model.geometry import compose, polygon_area, rotation, transform, wrapped
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.template import Luma
 
 Floats = NDArray[np.float32]
+View = tuple[Luma, Array]
+"""A picture (height, width) and the motion (3,) on the floor that led the body there from the first one [m, m, rad]."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +39,7 @@ class OutlineSearchConstants:
     worst_candidate: float = 0.6  # Of the best score: where tops are spotted, the right place is not the best at first.
     apart_px: float = 5.0  # [px] Places nearer than this are one.
     points_of_edge: int = 24  # At which an edge is read at finer cells.
+    beside_px: float = 2.5  # [px] From an edge, where it is asked what goes with the body.
 
 
 CONSTANTS = OutlineSearchConstants()
@@ -62,7 +67,7 @@ def alike(corners: Array, pose: Array) -> list[Array]:
 
 @dataclass(frozen=True)
 class _Rectified:
-    """Slopes of a picture on a target's plane: cells ``cell_m`` apart from ``low`` (2,) on; ``usual`` their size."""
+    """A picture on a target's plane: cells ``cell_m`` apart from ``low`` (2,) on; ``usual`` the size of its slopes."""
 
     low: Array
     cell_m: float
@@ -71,9 +76,10 @@ class _Rectified:
     usual: float
 
     @classmethod
-    def of(cls, target: PlanarTarget, luma: Luma, low: Array, size: NDArray[np.int64], cell_m: float) -> "_Rectified":
+    def of(cls, target: PlanarTarget, view: View, low: Array, size: NDArray[np.int64], cell_m: float) -> "_Rectified":
+        luma, step = view
         axes = [lo + cell_m * np.arange(n) for lo, n in zip(low, size, strict=True)]
-        pixels = target.picture_of(np.stack(np.meshgrid(*axes), axis=-1)).astype(np.float32)
+        pixels = target.picture_of(transform(step, np.stack(np.meshgrid(*axes), axis=-1))).astype(np.float32)
         u, v = np.ascontiguousarray(pixels[..., 0]), np.ascontiguousarray(pixels[..., 1])
         inside = (u >= 0) & (v >= 0) & (u < luma.shape[1] - 1) & (v < luma.shape[0] - 1)
         if not inside.any():
@@ -90,19 +96,30 @@ class _Rectified:
         usual = float(np.median(np.hypot(slope_x, slope_y)[inside])) if inside.any() else 1.0
         return cls(low, cell_m, np.asarray(slope_x), np.asarray(slope_y), max(usual, 0.25))
 
+    def shown(self, x: np.float32, y: np.float32) -> Floats:
+        """How far each cell, from 0 to 1, shows an edge along (x, y)."""
+        across = np.abs(self.slope_x * y - self.slope_y * x)
+        return np.asarray(across / (across + np.float32(CONSTANTS.steep * self.usual)), dtype=np.float32)
+
 
 class _Level:
     """Places of a body's origin from ``low`` to ``high`` (2,) [m], ``cell_m`` apart, and the picture around them."""
 
     def __init__(
-        self, target: PlanarTarget, luma: Luma, low: Array, high: Array, cell_m: float, moved: NDArray[np.bool_] | None
+        self,
+        target: PlanarTarget,
+        views: Sequence[View],
+        low: Array,
+        high: Array,
+        cell_m: float,
+        moved: NDArray[np.bool_] | None,
     ):
         self.target, self.low, self.cell_m = target, low, cell_m
         self.half = int(np.ceil(target.reach_m / cell_m)) + 2
         self.size = np.ceil((high - low) / cell_m).astype(int) + 1
         self.inner = tuple(slice(self.half, self.half + n) for n in self.size[::-1])
         corner, size = low - cell_m * self.half, self.size + 2 * self.half
-        self.whole = _Rectified.of(target, luma, corner, size, cell_m)
+        self.whole = [_Rectified.of(target, view, corner, size, cell_m) for view in views]
         self.moved = None
         if moved is not None:
             axes = [lo + cell_m * np.arange(n) for lo, n in zip(corner, size, strict=True)]
@@ -124,7 +141,7 @@ class _Level:
 
     def _scores(self, heading: float) -> Floats:
         """How far the outline at a heading stands on edges, for each place (rows, columns) of the body's origin."""
-        whole, corners = self.whole, self.target.body.top_corners_m @ rotation(heading).T / self.cell_m
+        corners = self.target.body.top_corners_m @ rotation(heading).T / self.cell_m
         ends = np.round((corners + self.half) * 16).astype(np.int32)
         lengths = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
         total = np.zeros((self.size[1], self.size[0]), np.float32)
@@ -133,8 +150,7 @@ class _Level:
             kernel = np.zeros((2 * self.half + 1,) * 2, np.float32)
             cv2.line(kernel, ends[i].tolist(), ends[following].tolist(), (1.0,), 1, cv2.LINE_8, 4)
             x, y = ((corners[following] - corners[i]) / length).astype(np.float32)
-            across = np.abs(whole.slope_x * y - whole.slope_y * x)
-            shown = across / (across + np.float32(CONSTANTS.steep * whole.usual))
+            shown = np.mean([whole.shown(x, y) for whole in self.whole], axis=0)
             mean = self._mean(shown, kernel)
             total += np.float32(length / lengths.sum()) * np.log(mean + np.float32(CONSTANTS.least_edge))
         scores = np.exp(total)
@@ -150,29 +166,55 @@ class _Level:
         return np.asarray(mean[self.inner], dtype=np.float32)
 
 
-class OutlineSearch:
-    """A picture ``luma`` (height, width), searched for a target with its origin from ``low`` to ``high`` (2,) [m].
+@dataclass(frozen=True)
+class Goers:
+    """What goes with a body: ``share`` (rows, columns) of cells ``cell_m`` apart from ``low`` (2,) on [m].
 
-    ``moved`` (height, width), where known, says where something moved.
+    From −1 (stays) to 1 (goes); zero where the pictures do not tell.
+    """
+
+    low: Array
+    cell_m: float
+    share: Floats
+
+    def at(self, points: Array) -> Array:
+        """The share at points (..., 2) on the target's plane [m], zero outside."""
+        x, y = np.moveaxis((points - self.low) / self.cell_m, -1, 0).astype(np.float32)
+        return np.asarray(cv2.remap(self.share, x, y, cv2.INTER_LINEAR), dtype=np.float64)
+
+
+class OutlineSearch:
+    """Pictures searched for a target with its origin from ``low`` to ``high`` (2,) [m] in the first of the ``views``.
+
+    ``moved`` (height, width) says where something moved, ``goers`` what goes with the body, where that is known.
     """
 
     def __init__(
-        self, target: PlanarTarget, luma: Luma, low: Array, high: Array, moved: NDArray[np.bool_] | None = None
+        self,
+        target: PlanarTarget,
+        views: Sequence[View],
+        low: Array,
+        high: Array,
+        moved: NDArray[np.bool_] | None = None,
+        goers: Goers | None = None,
     ):
-        self.target, self.luma = target, luma
+        self.target, self.views, self.goers = target, views, goers
         corners = target.body.top_corners_m
         self.order, _ = symmetry_of(corners)
         self.pixel_m = target.metres_per_pixel(np.array([*(low + high) / 2, 0.0]))
         longest, wide = float(np.ptp(corners, axis=0).max()), float((high - low).max())
         self.levels = [
-            _Level(target, luma, low, high, max(longest / cells, self.pixel_m, wide / CONSTANTS.most_cells), moved)
+            _Level(target, views, low, high, max(longest / cells, self.pixel_m, wide / CONSTANTS.most_cells), moved)
             for cells in (CONSTANTS.cells_of_body, CONSTANTS.coarse_cells_of_body)
         ]
 
-    def found(self, about: float = 0.0, within: float = np.inf) -> list[tuple[float, Array]]:
+    def found(
+        self, about: float = 0.0, within: float = np.inf, most: int = CONSTANTS.most_candidates
+    ) -> list[tuple[float, Array]]:
         """The best places at full resolution, scores and poses (3,), some pixels apart, best first.
 
-        Headings are searched ``within`` an angle ``about`` another [rad].
+        Headings are searched ``within`` an angle ``about`` another [rad]; ``most`` places of each cell size are
+        followed to a pixel.
         """
         sharp = []
         reach = min(within, np.pi / self.order)
@@ -180,7 +222,7 @@ class OutlineSearch:
             steps = int(np.ceil(reach * self.target.reach_m / level.cell_m))
             headings = about + reach * np.arange(-steps, steps + (reach == within)) / max(steps, 1)
             places = self._distinct(level.places(headings), 2.5 * level.cell_m)
-            sharp += [self.sharpened(pose, level.cell_m) for _, pose in places]
+            sharp += [self.sharpened(pose, level.cell_m) for _, pose in places[:most]]
         return self._distinct(sharp, CONSTANTS.apart_px * self.pixel_m)
 
     def _distinct(self, found: list[tuple[float, Array]], apart_m: float) -> list[tuple[float, Array]]:
@@ -205,38 +247,54 @@ class OutlineSearch:
             pixel = self.target.metres_per_pixel(pose)
             cell = max(cell / 2, pixel)
             half = int(np.ceil(self.target.reach_m / cell)) + 8
-            view = _Rectified.of(
-                self.target, self.luma, pose[:2] - half * cell, np.array([2 * half + 1, 2 * half + 1]), cell
-            )
-            view = _Rectified(view.low, cell, view.slope_x, view.slope_y, finest.whole.usual * cell / finest.cell_m)
+            low, size = pose[:2] - half * cell, np.array([2 * half + 1, 2 * half + 1])
+            views = [
+                replace(_Rectified.of(self.target, view, low, size, cell), usual=whole.usual * cell / finest.cell_m)
+                for view, whole in zip(self.views, finest.whole, strict=True)
+            ]
             for reach, step in ((3, 1.0), (2, 0.5)):
                 offsets = step * np.arange(-reach, reach + 1) * cell
                 x, y, turn = (each.ravel() for each in np.meshgrid(offsets, offsets, offsets / self.target.reach_m))
                 trials = pose + np.column_stack([x, y, turn])
-                scores = self._read(view, trials)
+                scores = self._read(views, trials)
                 best = int(np.argmax(scores))
                 pose, score = trials[best], float(scores[best])
             if cell <= pixel:
                 return score, pose
 
-    def _read(self, view: _Rectified, poses: Array) -> Array:
-        """Scores (n,) of poses (n, 3), as :meth:`_scores`."""
-        corners = self.target.body.top_corners_m
+    def _read(self, views: Sequence[_Rectified], poses: Array) -> Array:
+        """Scores (n,) of poses (n, 3), as :meth:`_Level.places`; the body's limit counts where it is known, too."""
+        corners, low, cell_m = self.target.body.top_corners_m, views[0].low, views[0].cell_m
         ends = np.roll(corners, -1, axis=0)
         lengths = np.linalg.norm(ends - corners, axis=1)
         share = (np.arange(CONSTANTS.points_of_edge) + 0.5) / CONSTANTS.points_of_edge
         c, s = np.cos(poses[:, 2])[:, None], np.sin(poses[:, 2])[:, None]
         total = np.zeros(len(poses))
         for start, end, length in zip(corners, ends, lengths, strict=True):
-            points = start + share[:, None] * (end - start)
-            x = (poses[:, :1] + c * points[:, 0] - s * points[:, 1] - view.low[0]) / view.cell_m
-            y = (poses[:, 1:2] + s * points[:, 0] + c * points[:, 1] - view.low[1]) / view.cell_m
+            own = start + share[:, None] * (end - start)
+            points = transform(poses[:, None], own[None])
+            x, y = np.moveaxis((points - low) / cell_m, -1, 0).astype(np.float32)
             ux, uy = ((end - start) / length).tolist()
-            dx, dy = (
-                cv2.remap(slope, x.astype(np.float32), y.astype(np.float32), cv2.INTER_LINEAR)
-                for slope in (view.slope_x, view.slope_y)
-            )
-            across = np.abs(dx * (s * ux + c * uy) - dy * (c * ux - s * uy))
-            mean = (across / (across + CONSTANTS.steep * view.usual)).mean(axis=1)
-            total += length / lengths.sum() * np.log(mean + CONSTANTS.least_edge)
+            shown = np.zeros(len(poses))
+            for view in views:
+                dx, dy = (cv2.remap(slope, x, y, cv2.INTER_LINEAR) for slope in (view.slope_x, view.slope_y))
+                across = np.abs(dx * (s * ux + c * uy) - dy * (c * ux - s * uy))
+                shown += (across / (across + CONSTANTS.steep * view.usual)).mean(axis=1) / len(views)
+            if self.goers is not None:
+                limits, known = self._limits(
+                    self.goers, points, np.concatenate([s * ux + c * uy, s * uy - c * ux], axis=1)
+                )
+                shown = np.where(known, (shown + limits) / 2, shown)
+            total += length / lengths.sum() * np.log(shown + CONSTANTS.least_edge)
         return np.asarray(np.exp(total))
+
+    def _limits(self, goers: Goers, points: Array, outward: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """How far the body ends (n,) at points (n, k, 2) of an edge, and where it shows no side (n,) beyond the edge.
+
+        ``outward`` (n, 2) is the edge's normal. A body's side goes with it: there only the slope shows the edge.
+        """
+        outward = outward * np.sign(polygon_area(self.target.body.top_corners_m))
+        beside = CONSTANTS.beside_px * self.pixel_m * outward[:, None]
+        inner, outer = (goers.at(points + sign * beside).mean(axis=1) for sign in (-1.0, 1.0))
+        to_camera = self.target.floor.camera_position_m[:2] - points.mean(axis=1)
+        return np.clip((inner - outer) / 2, 0.0, 1.0), (outward * to_camera).sum(axis=1) <= 0

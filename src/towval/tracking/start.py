@@ -1,20 +1,20 @@
-"""Where bodies are in the first picture: found by outlines and what moves, or clicked and checked against these."""
+"""Where bodies are in the first picture: found by outlines and what moves."""
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import log
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from towval.model import Array, Body, Calibration, Finding, TowingScene, Track
+from towval.model import Array, Body, Calibration, TowingScene
 from towval.model.errors import InputError
-from towval.model.findings import finding
-from towval.model.geometry import compose, transform, wrapped
-from towval.tracking.outline import observe_outline, pose_from_clicks
-from towval.tracking.outline_search import OutlineSearch, alike
+from towval.model.geometry import compose, transform
+from towval.tracking.co_moving import co_moving, goers
+from towval.tracking.outline import combine_fits, observe_outline
+from towval.tracking.outline_search import OutlineSearch, View, alike
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.relocalisation import visible_part
 from towval.tracking.template import Luma
@@ -24,6 +24,9 @@ from towval.tracking.template import Luma
 class StartConstants:
     """Tuned constants of the start; lengths in pixels are measured on the planar target."""
 
+    most_followed: int = 4  # Places, a top apart, that are looked for in other pictures,
+    most_near: int = 6  # and as many around each of them that are compared there.
+    clear_followed: float = 0.57  # As ``clear``, where the limit of what moves counts: tops 0.60 to 0.7, others 0.56.
     clear: float = 0.65  # Score of an outline that stands on edges: tops reach 0.83 to 0.98, other places 0.4 to 0.83.
     as_good: float = 0.95  # Of the best score: another place fits as well.
     differs: float = 5.0  # Of the usual difference of two pictures: a change that noise does not make,
@@ -113,15 +116,16 @@ def find_starts(
         By the body's name. A start with a ``doubt`` is the best guess.
     """
     targets = [PlanarTarget(body, calibration.camera, calibration.floor) for body in bodies]
-    found = _candidates(targets, pictures[0], _moved(pictures))
+    found = _candidates(targets, pictures)
     choice, doubts = _together(targets, found, tow)
-    poses, turn_doubt = _turned(targets, [pose for _, pose in choice], tow, pictures)
+    poses, turn_doubt = _turned(targets, choice, tow)
     starts = {}
-    for target, (score, _), pose, doubt in zip(targets, choice, poses, doubts, strict=True):
-        fit = observe_outline(pictures[0], target, pose)
-        placed = pose if fit is None else compose(pose, fit.correction)
+    for target, place, pose, doubt in zip(targets, choice, poses, doubts, strict=True):
+        fits = [observe_outline(luma, target, compose(step, pose)) for luma, step in place.views]
+        seen = [fit for fit in fits if fit is not None]
+        placed = compose(pose, combine_fits(seen).correction) if seen else pose
         corners = target.pixels(target.body.top_corners_m, placed)
-        starts[target.body.name] = Start(placed, corners, score, doubt or turn_doubt)
+        starts[target.body.name] = Start(placed, corners, place.score, doubt or turn_doubt)
     return starts
 
 
@@ -134,6 +138,25 @@ def starts_drawn(luma: Luma, starts: Mapping[str, Start]) -> NDArray[np.uint8]:
         for label, (u, v) in [(name, corners.mean(axis=0)), *((str(i + 1), each) for i, each in enumerate(corners))]:
             cv2.putText(picture, label, (int(u), int(v)), cv2.FONT_HERSHEY_SIMPLEX, 0.7, colour, 2)
     return picture
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a body may be: ``score`` of its outline at ``pose`` (3,) and the ``views`` in which it was read."""
+
+    score: float
+    pose: Array
+    views: tuple[View, ...]
+
+    @property
+    def least(self) -> float:
+        """The score of an outline that stands on edges."""
+        return CONSTANTS.clear if len(self.views) == 1 else CONSTANTS.clear_followed
+
+    @property
+    def clear(self) -> bool:
+        """Whether the outline clearly stands on edges."""
+        return self.score >= self.least
 
 
 def _moved(pictures: Sequence[Luma]) -> NDArray[np.bool_] | None:
@@ -149,43 +172,73 @@ def _moved(pictures: Sequence[Luma]) -> NDArray[np.bool_] | None:
     return np.asarray(2 * counts >= len(pictures) - 1)
 
 
-def _candidates(
-    targets: Sequence[PlanarTarget], luma: Luma, moved: NDArray[np.bool_] | None
-) -> list[list[tuple[float, Array]]]:
-    """Places whose outline stands on edges and where something moved: for each target scores and poses, best first.
+def _candidates(targets: Sequence[PlanarTarget], pictures: Sequence[Luma]) -> list[list[Place]]:
+    """Places whose outline stands on edges and where something moved: for each target the best first.
 
     What is clearly one body is left out of what moved for the others, which are searched again.
     """
-    found: list[list[tuple[float, Array]]] = [[] for _ in targets]
+    found: list[list[Place]] = [[] for _ in targets]
     clear: list[int] = []
+    moved = _moved(pictures)
     for i in (*range(len(targets)), *range(len(targets) - 1)):
         if i in clear:
             continue
         rest = None if moved is None else moved.astype(np.uint8)
         if rest is not None:
             for j in clear:
-                corners = targets[j].pixels(targets[j].body.top_corners_m, found[j][0][1])
+                corners = targets[j].pixels(targets[j].body.top_corners_m, found[j][0].pose)
                 cv2.fillPoly(rest, [np.round(corners).astype(np.int32)], 0)
-        searched = OutlineSearch(targets[i], luma, *visible_part(targets[i]), None if rest is None else rest > 0)
-        found[i] = searched.found()
-        if found[i] and found[i][0][0] >= CONSTANTS.clear:
+        view = (pictures[0], np.zeros(3))
+        search = OutlineSearch(targets[i], [view], *visible_part(targets[i]), None if rest is None else rest > 0)
+        found[i] = _followed(targets[i], [Place(*one, (view,)) for one in search.found()], pictures)
+        if found[i] and found[i][0].clear:
             clear.append(i)
     return found
 
 
+def _followed(target: PlanarTarget, places: Sequence[Place], pictures: Sequence[Luma]) -> list[Place]:
+    """Places searched again in all pictures to which what is there has moved; those where nothing has, if nothing did.
+
+    A line of the floor beside a body looks like its edge in one picture; it does not go with the body to the next.
+    """
+    followed: list[Place] = []
+    heads: list[Place] = []
+    for place in places:
+        if any(np.linalg.norm(place.pose[:2] - known.pose[:2]) < target.reach_m for known in heads):
+            continue
+        settled = any(one.clear for one in followed) and place.score < CONSTANTS.as_good * heads[0].score
+        if settled or len(heads) == CONSTANTS.most_followed:
+            break
+        heads.append(place)
+        search = around(target, place.pose, co_moving(target, place.pose, pictures))
+        if len(search.views) > 1:
+            near = search.found(place.pose[2], CONSTANTS.capture_turn, CONSTANTS.most_near)
+            followed += [Place(score, pose, tuple(search.views)) for score, pose in near]
+    return sorted(followed, key=lambda place: -place.score) or list(places)
+
+
+def around(target: PlanarTarget, pose: Array, views: Sequence[View]) -> OutlineSearch:
+    """A search of the capture range around a pose (3,) in views among which the body moved, or in one picture."""
+    reach = CONSTANTS.capture_px * target.metres_per_pixel(pose)
+    low, high = pose[:2] - reach, pose[:2] + reach
+    beyond = 1.5 * target.reach_m
+    going = goers(target, views, low - beyond, high + beyond) if len(views) > 1 else None
+    return OutlineSearch(target, views, low, high, goers=going)
+
+
 def _together(
-    targets: Sequence[PlanarTarget], found: Sequence[list[tuple[float, Array]]], tow: Tow | None
-) -> tuple[tuple[tuple[float, Array], ...], list[str]]:
+    targets: Sequence[PlanarTarget], found: Sequence[list[Place]], tow: Tow | None
+) -> tuple[tuple[Place, ...], list[str]]:
     """The places that fit best together, and for each body why it is not certain."""
     ranked = []
     for trial in itertools.product(*found):
         covered = any(
-            target.covered_by(pose, transform(other, beside.body.top_corners_m)) > CONSTANTS.most_covered
-            for (target, (_, pose)), (beside, (_, other)) in itertools.permutations(zip(targets, trial, strict=True), 2)
+            target.covered_by(place.pose, transform(other.pose, beside.body.top_corners_m)) > CONSTANTS.most_covered
+            for (target, place), (beside, other) in itertools.permutations(zip(targets, trial, strict=True), 2)
         )
-        joined = tow is None or any(True for _ in _joined(targets, [pose for _, pose in trial], tow))
+        joined = tow is None or any(True for _ in ways_joined(targets, [place.pose for place in trial], tow))
         if not covered:
-            ranked.append((joined, sum(log(max(score, 1e-9)) for score, _ in trial), trial))
+            ranked.append((joined, sum(log(max(place.score, 1e-9)) for place in trial), trial))
     if not ranked:
         absent = [target.body.name for target, places in zip(targets, found, strict=True) if not places]
         names = " and ".join(absent or [target.body.name for target in targets])
@@ -197,10 +250,10 @@ def _together(
     joined, best, choice = ranked[0]
     rivals = [trial for other, score, trial in ranked[1:] if other == joined and score > best + log(CONSTANTS.as_good)]
     doubts = []
-    for i, (score, pose) in enumerate(choice):
-        if score < CONSTANTS.clear:
-            doubts.append(f"no outline of its size stands out (score {score:.2f}, {CONSTANTS.clear} needed)")
-        elif any(trial[i][1] is not pose for trial in rivals):
+    for i, place in enumerate(choice):
+        if not place.clear:
+            doubts.append(f"no outline of its size stands out (score {place.score:.2f}, {place.least} needed)")
+        elif any(trial[i] is not place for trial in rivals):
             doubts.append("its outline fits in more than one place")
         elif not joined:
             doubts.append("the tether does not reach from the rover to the object")
@@ -209,7 +262,7 @@ def _together(
     return choice, doubts
 
 
-def _joined(targets: Sequence[PlanarTarget], poses: Sequence[Array], tow: Tow) -> Iterator[list[Array]]:
+def ways_joined(targets: Sequence[PlanarTarget], poses: Sequence[Array], tow: Tow) -> Iterator[list[Array]]:
     """The ways round of symmetric outlines at which the tether is long enough."""
     for trial in itertools.product(
         *(alike(t.body.top_corners_m, pose) for t, pose in zip(targets, poses, strict=True))
@@ -218,22 +271,21 @@ def _joined(targets: Sequence[PlanarTarget], poses: Sequence[Array], tow: Tow) -
             yield list(trial)
 
 
-def _turned(
-    targets: Sequence[PlanarTarget], poses: list[Array], tow: Tow | None, pictures: Sequence[Luma]
-) -> tuple[list[Array], str]:
+def _turned(targets: Sequence[PlanarTarget], choice: Sequence[Place], tow: Tow | None) -> tuple[list[Array], str]:
     """The poses the right way round, and why that is not certain."""
+    poses = [place.pose for place in choice]
     ways = [alike(target.body.top_corners_m, pose) for target, pose in zip(targets, poses, strict=True)]
     if all(len(way) == 1 for way in ways):
         return poses, ""
     if tow is None:
         return poses, "a symmetric outline does not show which way round it lies"
-    joined = list(_joined(targets, poses, tow))
+    joined = list(ways_joined(targets, poses, tow))
     if len(joined) == 1:
         return joined[0], ""
     if not joined:
         return poses, "the tether does not reach from the rover to the object"
     directions = np.array([-tow.hinge, tow.anchor])
-    steps = [_displacement(target, pose, pictures) for target, pose in zip(targets, poses, strict=True)]
+    steps = [_displacement(target, place) for target, place in zip(targets, choice, strict=True)]
     forwards = []
     for trial in joined:
         cosines = [_forwards(pose, way, step) for pose, way, step in zip(trial, directions, steps, strict=True)]
@@ -253,101 +305,7 @@ def _forwards(pose: Array, own: Array, step: Array | None) -> float:
     return float(ahead @ step / (np.linalg.norm(ahead) * np.linalg.norm(step)))
 
 
-def _displacement(target: PlanarTarget, pose: Array, pictures: Sequence[Luma]) -> Array | None:
+def _displacement(target: PlanarTarget, place: Place) -> Array | None:
     """Where (2,) a body goes first [m]: to the first of the other pictures in which it is found farther on."""
-    least = CONSTANTS.went * target.reach_m
-    for luma in pictures[1:]:
-        near = OutlineSearch(target, luma, pose[:2] - 2 * target.reach_m, pose[:2] + 2 * target.reach_m)
-        score, other = next(iter(near.found()), (0.0, pose))
-        if score >= CONSTANTS.clear and np.linalg.norm(other[:2] - pose[:2]) > least:
-            return np.asarray(other[:2] - pose[:2])
-    return None
-
-
-@dataclass(frozen=True)
-class Clicked:
-    """A body's clicks, checked: ``corners_px`` (n, 2); ``spread`` (3, 3) over places that fit as well; findings."""
-
-    corners_px: Array
-    spread: Array
-    findings: tuple[Finding, ...] = ()
-
-
-def check_clicks(
-    luma: Luma, calibration: Calibration, bodies: Sequence[Body], clicks_px: Mapping[str, ArrayLike], tow: Tow
-) -> dict[str, Clicked]:
-    """Check clicks on the corners of bodies against their outlines and the tether, and correct what clearly is wrong.
-
-    Parameters
-    ----------
-    luma : ndarray (height, width) uint8
-        The first picture.
-    bodies : sequence of Body
-        Rover and object, in this order.
-    clicks_px : mapping of str to array_like (n, 2)
-        Pixels of ``top_corners_m``, by the body's name; a body without is left out of the result.
-    tow : Tow
-        The tether's ends: with both bodies clicked, a half-turn by which alone it is long enough is corrected.
-    """
-    targets = [PlanarTarget(body, calibration.camera, calibration.floor) for body in bodies if body.name in clicks_px]
-    checked = {target.body.name: _checked(target, luma, clicks_px[target.body.name]) for target in targets}
-    return _right_way_round(targets, checked, tow) if len(targets) == len(bodies) else checked
-
-
-def _checked(target: PlanarTarget, luma: Luma, clicks_px: ArrayLike) -> Clicked:
-    """Clicks (n, 2) [px] on the corners of a target, moved where its outline clearly stands elsewhere."""
-    clicks_px = np.asarray(clicks_px, dtype=np.float64)
-    clicked, _, _ = pose_from_clicks(target, clicks_px)
-    pixel, name = target.metres_per_pixel(clicked), target.body.name
-    reach, near_m = CONSTANTS.capture_px * pixel, CONSTANTS.near_px * pixel
-    search = OutlineSearch(target, luma, clicked[:2] - reach, clicked[:2] + reach)
-    here, beside = search.sharpened(clicked, 2 * pixel)
-    found = search.found(clicked[2], CONSTANTS.capture_turn)
-    best, pose = next(iter(found), (0.0, clicked))
-    off_m, findings = target.apart_m(clicked, pose), []
-    clearly = target.apart_m(beside, pose) <= near_m or here < CONSTANTS.as_good * best
-    if best >= CONSTANTS.clear and off_m > near_m and clearly:
-        clicked, clicks_px = pose, target.pixels(target.body.top_corners_m, pose)
-        if off_m > CONSTANTS.reported_px * pixel:
-            findings.append(finding("clicks_corrected", name=name, off_px=off_m / pixel))
-    as_good = [other for score, other in found if score >= CONSTANTS.as_good * max(best, here)]
-    rivals = [_step(clicked, other) for other in as_good if target.apart_m(clicked, other) > near_m]
-    spread = np.array(rivals).reshape(-1, 3)
-    spread = spread.T @ spread / (len(rivals) + 1)
-    if rivals:
-        findings.append(finding("start_unsure", name=name, std_mm=1000 * float(np.sqrt(np.trace(spread[:2, :2])))))
-    return Clicked(clicks_px, spread, tuple(findings))
-
-
-def _step(pose: Array, other: Array) -> Array:
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    x, y = other[:2] - pose[:2]
-    return np.array([c * x + s * y, c * y - s * x, wrapped(other[2] - pose[2])])
-
-
-def _right_way_round(targets: Sequence[PlanarTarget], checked: dict[str, Clicked], tow: Tow) -> dict[str, Clicked]:
-    """The clicks of rover and object, turned where only so the tether is long enough; with findings."""
-    poses = [pose_from_clicks(target, checked[target.body.name].corners_px)[0] for target in targets]
-    if tow.span_m(*poses) <= tow.longest_m:
-        return checked
-    joined = list(_joined(targets, poses, tow))
-    settled = dict(checked)
-    for i, target in enumerate(targets):
-        name, span_m = target.body.name, float(tow.span_m(*poses))
-        place = checked[name]
-        if len(joined) != 1:
-            found = finding("tether_too_short", span_m=span_m, longest_m=tow.longest_m)
-            settled[name] = replace(place, findings=(*place.findings, found))
-        elif target.apart_m(poses[i], joined[0][i]) > target.reach_m / 2:
-            corners_px = target.pixels(target.body.top_corners_m, joined[0][i])
-            turned = (*place.findings, finding("clicks_turned", name=name))
-            settled[name] = Clicked(corners_px, place.spread, turned)
-    return settled
-
-
-def overstretched(rover: Track, towed: Track, tow: Tow) -> tuple[Finding, ...]:
-    """A finding where the tracks leave the tether's ends too far apart: a top the wrong way round, wrong lengths."""
-    span_m = tow.span_m(rover.pose, towed.pose)[rover.seen & towed.seen]
-    if not len(span_m) or np.mean(span_m > tow.longest_m) <= CONSTANTS.jerks:
-        return ()
-    return (finding("tether_too_short", span_m=float(span_m.max()), longest_m=tow.longest_m),)
+    steps = (compose(step, place.pose)[:2] - place.pose[:2] for _, step in place.views)
+    return next((step for step in steps if np.linalg.norm(step) > CONSTANTS.went * target.reach_m), None)

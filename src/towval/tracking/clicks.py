@@ -1,0 +1,112 @@
+"""Clicks on the corners of bodies, checked against outlines, what moves, and the tether."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from towval.model import Array, Body, Calibration, Finding, Track
+from towval.model.findings import finding
+from towval.model.geometry import wrapped
+from towval.tracking.co_moving import co_moving
+from towval.tracking.outline import pose_from_clicks
+from towval.tracking.planar_target import PlanarTarget
+from towval.tracking.start import CONSTANTS, Place, Tow, around, ways_joined
+from towval.tracking.template import Luma
+
+
+@dataclass(frozen=True)
+class Clicked:
+    """A body's clicks, checked: ``corners_px`` (n, 2); ``spread`` (3, 3) over places that fit as well; findings."""
+
+    corners_px: Array
+    spread: Array
+    findings: tuple[Finding, ...] = ()
+
+
+def check_clicks(
+    pictures: Sequence[Luma],
+    calibration: Calibration,
+    bodies: Sequence[Body],
+    clicks_px: Mapping[str, ArrayLike],
+    tow: Tow,
+) -> dict[str, Clicked]:
+    """Check clicks on the corners of bodies against their outlines and the tether, and correct what clearly is wrong.
+
+    Parameters
+    ----------
+    pictures : sequence of ndarray (height, width) uint8
+        The first picture, then others, in which what moves with a body tells its limits.
+    bodies : sequence of Body
+        Rover and object, in this order.
+    clicks_px : mapping of str to array_like (n, 2)
+        Pixels of ``top_corners_m``, by the body's name; a body without is left out of the result.
+    tow : Tow
+        The tether's ends: with both bodies clicked, a half-turn by which alone it is long enough is corrected.
+    """
+    targets = [PlanarTarget(body, calibration.camera, calibration.floor) for body in bodies if body.name in clicks_px]
+    checked = {target.body.name: _checked(target, pictures, clicks_px[target.body.name]) for target in targets}
+    return _right_way_round(targets, checked, tow) if len(targets) == len(bodies) else checked
+
+
+def _checked(target: PlanarTarget, pictures: Sequence[Luma], clicks_px: ArrayLike) -> Clicked:
+    """Clicks (n, 2) [px] on the corners of a target, moved where its outline clearly stands elsewhere."""
+    clicks_px = np.asarray(clicks_px, dtype=np.float64)
+    clicked, _, _ = pose_from_clicks(target, clicks_px)
+    pixel, name = target.metres_per_pixel(clicked), target.body.name
+    near_m = CONSTANTS.near_px * pixel
+    turn = CONSTANTS.capture_turn
+    alone = around(target, clicked, [(pictures[0], np.zeros(3))]).found(clicked[2], turn, CONSTANTS.most_near)
+    search = around(target, clicked, co_moving(target, alone[0][1] if alone else clicked, pictures))
+    here, beside = search.sharpened(clicked, 2 * pixel)
+    found = search.found(clicked[2], turn)
+    best, pose = next(iter(found), (0.0, clicked))
+    clear = Place(best, pose, tuple(search.views)).clear
+    off_m, findings = target.apart_m(clicked, pose), []
+    clearly = target.apart_m(beside, pose) <= near_m or here < CONSTANTS.as_good * best
+    if clear and off_m > near_m and clearly:
+        clicked, clicks_px = pose, target.pixels(target.body.top_corners_m, pose)
+        if off_m > CONSTANTS.reported_px * pixel:
+            findings.append(finding("clicks_corrected", name=name, off_px=off_m / pixel))
+    as_good = [other for score, other in found if score >= CONSTANTS.as_good * max(best, here)]
+    rivals = [_step(clicked, other) for other in as_good if target.apart_m(clicked, other) > near_m]
+    spread = np.array(rivals).reshape(-1, 3)
+    spread = spread.T @ spread / (len(rivals) + 1)
+    if rivals:
+        findings.append(finding("start_unsure", name=name, std_mm=1000 * float(np.sqrt(np.trace(spread[:2, :2])))))
+    return Clicked(clicks_px, spread, tuple(findings))
+
+
+def _step(pose: Array, other: Array) -> Array:
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    x, y = other[:2] - pose[:2]
+    return np.array([c * x + s * y, c * y - s * x, wrapped(other[2] - pose[2])])
+
+
+def _right_way_round(targets: Sequence[PlanarTarget], checked: dict[str, Clicked], tow: Tow) -> dict[str, Clicked]:
+    """The clicks of rover and object, turned where only so the tether is long enough; with findings."""
+    poses = [pose_from_clicks(target, checked[target.body.name].corners_px)[0] for target in targets]
+    if tow.span_m(*poses) <= tow.longest_m:
+        return checked
+    joined = list(ways_joined(targets, poses, tow))
+    settled = dict(checked)
+    for i, target in enumerate(targets):
+        name, span_m = target.body.name, float(tow.span_m(*poses))
+        place = checked[name]
+        if len(joined) != 1:
+            found = finding("tether_too_short", span_m=span_m, longest_m=tow.longest_m)
+            settled[name] = replace(place, findings=(*place.findings, found))
+        elif target.apart_m(poses[i], joined[0][i]) > target.reach_m / 2:
+            corners_px = target.pixels(target.body.top_corners_m, joined[0][i])
+            turned = (*place.findings, finding("clicks_turned", name=name))
+            settled[name] = Clicked(corners_px, place.spread, turned)
+    return settled
+
+
+def overstretched(rover: Track, towed: Track, tow: Tow) -> tuple[Finding, ...]:
+    """A finding where the tracks leave the tether's ends too far apart: a top the wrong way round, wrong lengths."""
+    span_m = tow.span_m(rover.pose, towed.pose)[rover.seen & towed.seen]
+    if not len(span_m) or np.mean(span_m > tow.longest_m) <= CONSTANTS.jerks:
+        return ()
+    return (finding("tether_too_short", span_m=float(span_m.max()), longest_m=tow.longest_m),)

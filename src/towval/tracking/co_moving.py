@@ -1,0 +1,81 @@
+"""Where a body of the first picture is in others: the same top, moved rigidly on its plane."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from towval.model import Array
+from towval.model.errors import InputError
+from towval.model.geometry import compose, inverse, transform
+from towval.tracking.outline_search import Goers, View
+from towval.tracking.planar_target import PlanarTarget
+from towval.tracking.plane_tracker import PlaneTracker
+from towval.tracking.relocalisation import Lookalikes
+from towval.tracking.template import Luma
+
+
+@dataclass(frozen=True)
+class CoMovingConstants:
+    """Tuned constants; lengths in pixels are measured on the planar target."""
+
+    least_px: float = 8.0  # [px] Gone by so much, a body has other lines of the floor beside its edges.
+    window_px: float = 2.0  # [px] Deviation of the window in which pictures are compared.
+    least_difference: float = 3.0  # [grey levels] Which noise alone makes: below it the pictures do not tell.
+    most_views: int = 4  # Pictures in which a body is looked for no further: luck falls with their root.
+
+
+CONSTANTS = CoMovingConstants()
+
+
+def co_moving(target: PlanarTarget, pose: Array, pictures: Sequence[Luma]) -> list[View]:
+    """The first picture and those of the others in which what is at ``pose`` (3,) in the first has gone elsewhere.
+
+    The first alone where nothing has, or the top is too plain to be recognised. A step is that of the floor's frame: a
+    body at a pose in the first picture is at ``compose(step, pose)``, whichever frame was chosen for the body.
+    """
+    views: list[View] = [(pictures[0], np.zeros(3))]
+    try:
+        tracker = PlaneTracker(target, pictures[0], pose)
+    except InputError:
+        return views
+    lookalikes = Lookalikes(target, pictures[0], pose)
+    last, least_m = pose, CONSTANTS.least_px * target.metres_per_pixel(pose)
+    for luma in pictures[1:]:
+        found = tracker.measure(luma, last)
+        if found is None:
+            found = tracker.measure(luma, lookalikes.candidates(luma)[0].pose)
+        if found is None:
+            continue
+        last = found.pose
+        if target.apart_m(pose, last) > least_m:
+            views.append((luma, compose(last, inverse(pose))))
+        if len(views) > CONSTANTS.most_views:
+            break
+    return views
+
+
+def goers(target: PlanarTarget, views: Sequence[View], low: Array, high: Array) -> Goers:
+    """What of the first picture from ``low`` to ``high`` (2,) [m] on a target's plane goes with it to the other views.
+
+    A cell that goes differs less from the cell that the motion leads it to than from the one in its old place.
+    """
+    cell_m = target.metres_per_pixel(np.array([*(low + high) / 2, 0.0]))
+    axes = [np.arange(lo, hi, cell_m) for lo, hi in zip(low, high, strict=True)]
+    places = np.stack(np.meshgrid(*axes), axis=-1)
+
+    def read(luma: Luma, step: Array) -> Array:
+        pixels = target.picture_of(transform(step, places)).astype(np.float32)
+        return np.asarray(cv2.remap(luma, pixels[..., 0], pixels[..., 1], cv2.INTER_LINEAR), dtype=np.float64)
+
+    first = read(*views[0])
+
+    def differing(motions: Sequence[Array]) -> Array:
+        each = [np.abs(read(luma, motion) - first) for (luma, _), motion in zip(views[1:], motions, strict=True)]
+        return np.asarray(cv2.GaussianBlur(np.mean(each, axis=0), (0, 0), CONSTANTS.window_px))
+
+    gone = differing([step for _, step in views[1:]])
+    stayed = differing([np.zeros(3)] * (len(views) - 1))
+    share = (stayed - gone) / (stayed + gone + CONSTANTS.least_difference)
+    return Goers(low, cell_m, share.astype(np.float32))
