@@ -162,7 +162,7 @@ def test_findings_that_forbid_a_verdict_do(measured):
     still = simulated(measured, np.zeros(3))
     result = compare("a", still, measured, replace(known(), upstream=(moved,)))
     assert result.verdict == Verdict.NOT_JUDGED
-    assert "edges_not_found" in text_of(result, "verdict")
+    assert "Not judged: the edges are not there" in text_of(result, "verdict")
     assert "edges_not_found" in result.warnings.split()
     assert compare("a", still, replace(measured, findings=(moved,)), known()).verdict == Verdict.NOT_JUDGED
     note = replace(known(), upstream=(replace(moved, severity=Severity.NOTE),))

@@ -16,7 +16,7 @@ from towval.validation.uncertainty import UncertaintySampling, UncertaintySettin
 
 
 def warning(code, severity=Severity.WARNING):
-    return Finding(severity, code, "")
+    return Finding(severity, code, f"{code}.")
 
 
 def test_kinds_change_the_scene_by_their_size(case):
@@ -65,7 +65,7 @@ def moved_by(case, sampling, kind, size):
 def test_findings_widen_deviations_or_forbid_a_verdict():
     found = [warning("halves-disagree"), warning("mark-misfit"), warning("few_points"), warning("rung", Severity.NOTE)]
     assert widened(found) == {"camera": ("halves-disagree", "mark-misfit"), "tracking": ("few_points",)}
-    assert forbidding([*found, warning("edges_not_found"), warning("edges_not_found")]) == ("edges_not_found",)
+    assert forbidding([*found, warning("edges_not_found"), warning("edges_not_found")]) == ("edges_not_found.",)
     assert forbidding([warning("edges_not_found", Severity.NOTE)]) == ()
 
 

@@ -23,5 +23,9 @@ def widened(findings: Iterable[Finding]) -> dict[str, tuple[str, ...]]:
 
 
 def forbidding(findings: Iterable[Finding]) -> tuple[str, ...]:
-    """Codes that leave a run not judged."""
-    return tuple(dict.fromkeys(each.code for each in _reported(findings) if not FINDINGS[each.code].consequence.judged))
+    """Texts of the findings that leave a run not judged, one for each code."""
+    first: dict[str, str] = {}
+    for each in _reported(findings):
+        if not FINDINGS[each.code].consequence.judged:
+            first.setdefault(each.code, each.text)
+    return tuple(first.values())

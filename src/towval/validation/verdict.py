@@ -22,7 +22,7 @@ class Evidence:
     """What a verdict rests on.
 
     ``tolerance_m`` error that matters; ``bounds``; ``statistics`` and ``limits`` by name; ``detectable_m``;
-    ``seen_share`` of the frames of the motion; ``moved_m`` length of the path; ``forbidding`` codes of findings that
+    ``seen_share`` of the frames of the motion; ``moved_m`` length of the path; ``forbidding`` texts of findings that
     leave a run not judged; ``explanation``; ``shares`` of the expected variance by the label of the input; ``where``
     the difference begins and how far it goes, in words; ``hidden`` kinds of faults that do not show at the tolerance.
     """
@@ -100,7 +100,7 @@ def verdict_of(e: Evidence) -> tuple[Verdict, Finding]:
 
 def _not_judged(e: Evidence) -> str:
     if e.forbidding:
-        return f"the measurement or the simulation is at fault, see {', '.join(e.forbidding)}"
+        return " ".join(e.forbidding).removesuffix(".")
     if e.seen_share < _LEAST_SEEN:
         return f"the object was seen in {100 * e.seen_share:.0f} % of the frames of its motion"
     if e.moved_m < _LEAST_MOVED * e.tolerance_m:
