@@ -88,7 +88,7 @@ def test_an_effect_is_switched_off_and_only_that(sloping):
 def test_many_simulations_are_those_one_by_one_and_refused_ones_are_missing(sloping, threads):
     times = sloping.simulated.time_s
     hinge_times = np.linspace(times[0], times[-1], 200)
-    rover, start = sloping.rover_decimated.poses_at(hinge_times), sloping.simulated.pose[0]
+    rover, start = sloping.rover_decimated.poses_and_rates_at(hinge_times), sloping.simulated.pose[0]
     batch = Batch(hinge_times, times, DYNAMICS, tolerance_m=1e-6, threads=threads)
     tipping = replace(sloping.scene, load=Load(50.0, np.array([5.0, 0.0]), np.array([0.1, 0.1, 0.0])))
     heavier = replace(sloping.scene, body_mass=5.0)

@@ -58,7 +58,7 @@ def test_nine_in_ten_of_the_smallest_visible_faults_show(case):
 
 def moved_by(case, sampling, kind, size):
     sampler = sampling._sampler
-    drawn = Drawn(kind.acts(case.scene, size), sampler.rover.pose, case.simulated.pose[0])
+    drawn = Drawn(kind.acts(case.scene, size), sampler.rover_moves, case.simulated.pose[0])
     return next(iter(sampler.batch.simulate([drawn])))
 
 

@@ -200,14 +200,19 @@ class DecimatedTrack:
 
     def poses_at(self, time_s: ArrayLike) -> Array:
         """Poses (..., 3) [m, m, rad] of :meth:`spline` at times (...,) [s], NaN outside; without importing scipy."""
+        return self.poses_and_rates_at(time_s)[..., :3]
+
+    def poses_and_rates_at(self, time_s: ArrayLike) -> Array:
+        """Poses and their rates (..., 6) [m, m, rad; per s] at times (...,) [s], NaN outside."""
         asked = np.asarray(time_s, dtype=np.float64)
         piece = np.clip(np.searchsorted(self.time_s, asked, side="right") - 1, 0, len(self.time_s) - 2)
         length = np.diff(self.time_s)[:, None]
         slope = np.diff(self.pose, axis=0) / length
         cubic = (self.rate[:-1] + self.rate[1:] - 2 * slope) / length
         quadratic = (slope - self.rate[:-1]) / length - cubic
+        cubic /= length
         s = (asked - self.time_s[piece])[..., None]
-        poses = self.pose[piece] + self.rate[piece] * s + quadratic[piece] * (s * s)
-        poses += (cubic / length)[piece] * (s * s * s)
+        poses = self.pose[piece] + self.rate[piece] * s + quadratic[piece] * (s * s) + cubic[piece] * (s * s * s)
+        rates = self.rate[piece] + 2 * quadratic[piece] * s + 3 * cubic[piece] * (s * s)
         outside = (asked < self.time_s[0]) | (asked > self.time_s[-1])
-        return np.where(outside[..., None], np.nan, poses)
+        return np.where(outside[..., None], np.nan, np.concatenate([poses, rates], axis=-1))

@@ -11,6 +11,7 @@ solve again"; a line search makes it converge from anywhere. The part in contact
 line, and its moments have closed forms (Green), so no mesh is needed.
 """
 
+import functools
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -190,16 +191,23 @@ def resting_pressure(towed: TowedObject, gravity: float = GRAVITY_M_PER_S2) -> P
 
 
 def footprint_polygon(patch: Patch) -> shapely.Polygon | shapely.MultiPolygon:
-    """The footprint as an oriented polygon, several where its parts are apart.
+    """The footprint as an oriented polygon, several where its parts are apart; made once, for many simulations.
 
     Raises `InputError` when a part is no simple polygon, or parts overlap or share an edge.
     """
-    outlines = [shapely.Polygon(ring) for ring in patch.outlines]
-    holes: list[list[Array]] = [[] for _ in outlines]
-    for hole in patch.holes:
-        around = [part for part, outline in enumerate(outlines) if outline.contains(shapely.Point(hole[0]))]
-        holes[around[0] if around else 0].append(hole)  # In the wrong place it makes the polygon invalid.
-    parts = [shapely.Polygon(outline.exterior, inner) for outline, inner in zip(outlines, holes, strict=True)]
+    return _polygon(tuple(ring.tobytes() for ring in patch.outlines), tuple(ring.tobytes() for ring in patch.holes))
+
+
+@functools.lru_cache(maxsize=64)
+def _polygon(outer: tuple[bytes, ...], inner: tuple[bytes, ...]) -> shapely.Polygon | shapely.MultiPolygon:
+    """The same from the bytes of its rings, by which it is known again."""
+    outlines, rings = ([np.frombuffer(ring).reshape(-1, 2) for ring in kind] for kind in (outer, inner))
+    around = [shapely.Polygon(ring) for ring in outlines]
+    holes: list[list[Array]] = [[] for _ in around]
+    for hole in rings:
+        within = [part for part, outline in enumerate(around) if outline.contains(shapely.Point(hole[0]))]
+        holes[within[0] if within else 0].append(hole)  # In the wrong place it makes the polygon invalid.
+    parts = [shapely.Polygon(outline.exterior, inside) for outline, inside in zip(around, holes, strict=True)]
     polygon = parts[0] if len(parts) == 1 else shapely.MultiPolygon(parts)
     if not polygon.is_valid or polygon.area <= 0:
         raise InputError(

@@ -123,7 +123,7 @@ def feedback(
     towed: TowedObject,
     law: Sliding | FrictionLaw | SlidingPatch,
     tether: Tether,
-    hinge: TimedPath | CubicSpline,
+    hinge: TimedPath | CubicSpline | Spline,
     start_pose: ArrayLike,
     times: ArrayLike,
     *,
@@ -142,7 +142,7 @@ def feedback(
     law : Sliding, FrictionLaw or SlidingPatch
         Friction of the whole footprint, or a patch prepared with its own pressure, friction and method, which serves
         the planar model alone.
-    hinge : TimedPath or CubicSpline
+    hinge : TimedPath, CubicSpline or Spline
         Way of the tether's end on the rover [m]; a path is splined. It must cover ``times``.
     start_pose : array_like (3,)
         Pose of the body frame at ``times[0]`` [m, m, rad].

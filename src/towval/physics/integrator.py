@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 
 from towval.model import Array
 from towval.model.compiling import compiled
+from towval.physics.friction_table import PLATEAU, SLOPE
 from towval.physics.motion import SLACK, TAUT, MotionProblem, acceleration_slopes, accelerations, margin, tautness
-from towval.physics.rosenbrock import NODES, ORDER, STAGES, A, dense_output, solve_stage, stage_matrix
+from towval.physics.rosenbrock import NODES, STAGES, A, dense_output, solve_stage, stage_matrix
 from towval.physics.splines import piece_at
+from towval.physics.steps import GROW, following, retried, step_to_stop
 
 REACHED_END, STEP_LIMIT, STEP_TOO_SMALL, NOT_FINITE = 0, 1, 2, 3
 
-_SAFETY, _SHRINK, _GROW = 0.9, 0.2, 6.0
 _SMALLEST_STEP = 1e-14  # of the time span
 _LOOKS = 4  # a step's margin is looked at this often
 
@@ -60,7 +61,8 @@ def integrate(
     t, end, piece = times[0], times[-1], 0
     span = end - t
     filled = _report(mode, t, t, span, y, work, times, 0, states, modes)
-    h, growth, fresh = 1e-6 * span, _GROW, True
+    rise = scene.patch.table[PLATEAU] / scene.patch.table[SLOPE]
+    h, growth, fresh, last_h, last_error = 1e-6 * span, GROW, True, 0.0, 0.0
     while filled < len(times):
         if counts[0] + counts[1] >= step_limit:
             return STEP_LIMIT, filled, counts
@@ -69,16 +71,17 @@ def integrate(
             acceleration_slopes(scene, mode, t, piece, y, work.rates0, work.jacobian, work.time_slope)
             if not finite(work.rates0, work.jacobian):
                 return NOT_FINITE, filled, counts
+        h = min(h, step_to_stop(y, work.rates0, scene.patch.radius, rise))
         h = min(h, end - t, _slack_step(scene, t, piece, y) if mode == SLACK else np.inf)
         if h < _SMALLEST_STEP * span:
             return STEP_TOO_SMALL, filled, counts
         error = _step(scene, mode, t, h, piece, y, weights, work)
         if not error <= 1:
             counts[1] += 1
-            h *= max(_SHRINK, _SAFETY * error ** (-1 / ORDER)) if np.isfinite(error) else 0.1
-            growth, fresh = 1.0, False
+            h, growth, fresh = retried(h, error), 1.0, False
             continue
-        next_h = h * min(growth, max(_SHRINK, _SAFETY * max(error, 1e-12) ** (-1 / ORDER)))
+        next_h = following(h, error, growth, last_h, last_error)
+        last_h, last_error = h, error
         theta = _first_crossing(scene, mode, t, h, piece, y, work)
         if theta < 1:
             h *= theta
@@ -88,10 +91,11 @@ def integrate(
         if theta < 1:
             mode = SLACK if mode == TAUT else TAUT
             counts[2] += 1
+            last_h = 0.0
         for i in range(6):
             y[i] = work.y1[i]
         counts[0] += 1
-        t, h, growth, fresh = t1, next_h, _GROW, True
+        t, h, growth, fresh = t1, next_h, GROW, True
     return REACHED_END, filled, counts
 
 

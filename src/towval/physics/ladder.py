@@ -21,6 +21,7 @@ from towval.model.plugins import Registry
 from towval.physics.contact import resting_pressure
 from towval.physics.dynamics import LEVEL, STANDARD, Accuracy, Outcome, feedback
 from towval.physics.spatial.tow import Sticking
+from towval.physics.splines import Spline
 from towval.physics.trailing import LIMIT_SURFACE, PATCH, TRACTRIX, trail
 from towval.physics.wrench import SlidingPatch, sliding_patch
 
@@ -79,7 +80,7 @@ def simulate_rung(
     towed: TowedObject,
     law: Sliding | FrictionLaw | SlidingPatch,
     tether: Tether,
-    hinge: TimedPath | CubicSpline,
+    hinge: TimedPath | CubicSpline | Spline,
     start_pose: ArrayLike,
     times: ArrayLike,
     *,
@@ -115,7 +116,7 @@ def choose_rung(
     towed: TowedObject,
     law: FrictionLaw | SlidingPatch,
     tether: Tether,
-    hinge: TimedPath | CubicSpline,
+    hinge: TimedPath | CubicSpline | Spline,
     start_pose: ArrayLike,
     times: ArrayLike,
     tolerance_m: float,

@@ -162,6 +162,22 @@ def spline_from(curve: CubicSpline) -> Spline:
     return _laid_out(np.array(curve.x, dtype=np.float64), np.moveaxis(curve.c[::-1], (0, 1, 2), (2, 0, 1)))
 
 
+def hermite_spline(time_s: Array, position: Array, velocity: Array) -> Spline:
+    """The C1 cubic through positions (n, 2) with velocities (n, 2) at strictly increasing times (n,) [s].
+
+    Examples
+    --------
+    >>> spline = hermite_spline(np.array([0.0, 2.0]), np.array([[0.0, 0.0], [1.0, 0.0]]), np.zeros((2, 2)))
+    >>> spline_values(spline, np.array([1.0]))[0]
+    array([[0.5, 0. ]])
+    """
+    length = np.diff(time_s)[:, None]
+    slope = np.diff(position, axis=0) / length
+    cubic = (velocity[:-1] + velocity[1:] - 2 * slope) / length
+    quadratic = (slope - velocity[:-1]) / length - cubic
+    return _laid_out(time_s, np.stack([position[:-1], velocity[:-1], quadratic, cubic / length], axis=-1))
+
+
 def _laid_out(knots: Array, coefficients: Array) -> Spline:
     coefficients = np.ascontiguousarray(coefficients)
     speed_limits = np.empty(len(coefficients))
@@ -231,14 +247,17 @@ def _solve_curvatures(length: Array, slope: Array, at_rest: tuple[bool, bool], c
         curvature[n - 1] = curvature[n - 2] + last * (curvature[n - 2] - curvature[n - 3])
 
 
-def spline_covering(path: TimedPath | CubicSpline, times: Array, name: str) -> Spline:
+def spline_covering(path: TimedPath | CubicSpline | Spline, times: Array, name: str) -> Spline:
     """The spline of a path, or a spline as it is, after a check that it covers the times.
 
     Raises `InputError` when a time lies outside.
     """
-    if not isinstance(path, TimedPath) and not (hasattr(path, "c") and hasattr(path, "x")):
+    if not isinstance(path, (TimedPath, Spline)) and not (hasattr(path, "c") and hasattr(path, "x")):
         raise InputError(f"{name} is of the wrong type", got=type(path).__name__, allowed="TimedPath or CubicSpline")
-    spline = spline_through(path) if isinstance(path, TimedPath) else spline_from(path)
+    if isinstance(path, Spline):
+        spline = path
+    else:
+        spline = spline_through(path) if isinstance(path, TimedPath) else spline_from(path)
     first, last = spline.knots[0], spline.knots[-1]
     slip = 1e-9 * (last - first)
     if times[0] < first - slip or times[-1] > last + slip:

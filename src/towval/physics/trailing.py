@@ -58,7 +58,7 @@ def trail(
     towed: TowedObject,
     law: FrictionLaw | SlidingPatch,
     tether: Tether,
-    hinge: TimedPath | CubicSpline,
+    hinge: TimedPath | CubicSpline | Spline,
     start_pose: ArrayLike,
     times: ArrayLike,
 ) -> SimulatedMotion:

@@ -72,8 +72,8 @@ def effect_choices(
     ----------
     batch : Batch
         How the run is simulated.
-    rover : ndarray (m, 3)
-        Its nominal poses at the batch's times.
+    rover : ndarray (m, 6)
+        Its nominal poses and rates at the batch's times.
     start : ndarray (3,)
         Pose of the object at the start.
     found : RunUncertainty

@@ -99,8 +99,8 @@ def visible_faults(
     ----------
     batch : Batch
         How the run is simulated.
-    rover : ndarray (m, 3)
-        Its nominal poses at the batch's times.
+    rover : ndarray (m, 6)
+        Its nominal poses and rates at the batch's times.
     motion : SimulatedMotion
         The nominal motion.
     draws : ndarray (k, n, 3)

@@ -16,8 +16,8 @@ from towval.model.findings import finding
 from towval.model.geometry import block_means, wrapped
 from towval.model.inputs import IDENTIFIABLE, Realisation, UncertainInput, titled
 from towval.physics.ladder import DYNAMICS
+from towval.validation.hinge_way import hinge_way
 from towval.validation.scene_model import SceneModel
-from towval.validation.simulate import hinge_path
 
 _STEP = 0.1
 """Step of the difference quotients, in units of a parameter's scale: below it the phase of stick and slip is noise."""
@@ -269,7 +269,7 @@ class _Fit:
         real = base
         for (row, i), value in zip(self.parameters, values, strict=True):
             real = _changed(real, row, i, float(value))
-        hinge, start = hinge_path(run.rover, real.scene.hinge, run.time_s), run.towed.poses_at(run.time_s[0])
+        hinge, start = hinge_way(run.rover, real.scene.hinge, run.time_s), run.towed.poses_at(run.time_s[0])
         model = SceneModel(real.scene, sticking=run.sticking)
         rung = run.rung if model.planar else DYNAMICS
         motion = model.motion(rung, hinge, start, run.time_s, self.settings.tolerance_m)

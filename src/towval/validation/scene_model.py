@@ -9,6 +9,7 @@ from towval.physics.friction_laws import FittedLaw, fitted_law, risen_law
 from towval.physics.ladder import DYNAMICS, simulate_rung
 from towval.physics.mass import towed_object
 from towval.physics.spatial.tow import Sticking, is_planar
+from towval.physics.splines import Spline
 from towval.physics.wrench import SlidingPatch, sliding_patch
 
 RISE_SHARE = 1e-4
@@ -51,7 +52,7 @@ class SceneModel:
         return is_planar(self.towed, self._sliding(), scene.tether, scene.ground, scene.hinge_height, self._hold())
 
     def motion(
-        self, rung: str, hinge: TimedPath, start: ArrayLike, times: ArrayLike, tolerance_m: float
+        self, rung: str, hinge: TimedPath | Spline, start: ArrayLike, times: ArrayLike, tolerance_m: float
     ) -> SimulatedMotion:
         """Motion of the object by a rung of the ladder, as far as it goes.
 

@@ -5,17 +5,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from towval.model import Array, DecimatedTrack, Finding, Severity, SimulatedMotion, TimedPath, TowingScene
+from towval.model import Array, DecimatedTrack, Finding, Severity, SimulatedMotion, TowingScene
 from towval.model.errors import InputError, RefusedError
 from towval.model.findings import finding
 from towval.model.geometry import transform
 from towval.physics.creep import creep_length
 from towval.physics.dynamics import Outcome
 from towval.physics.ladder import DYNAMICS, RUNGS, LadderChoice, lowest_rung, path_difference, rung_names
+from towval.physics.splines import spline_values
 from towval.physics.trailing import TRAILING_RUNGS
+from towval.validation.hinge_way import hinge_way
 from towval.validation.scene_model import SceneModel
 
-_HINGE_SAMPLES_PER_FRAME = 2
 STICKING = "sticking"
 """Name in the statistics of whether the model sticks, 1 or 0."""
 
@@ -53,13 +54,6 @@ class SimulateSettings:
             raise InputError(
                 "simulate.rung_tolerance_m is out of range", got=self.rung_tolerance_m, allowed="1e-9 to 1 m"
             )
-
-
-def hinge_path(rover: DecimatedTrack, hinge: Array, times: Array) -> TimedPath:
-    """Path of the tether's hinge along the rover's smoothed track, at and between ``times`` (n,) [s]."""
-    fine = np.linspace(0, len(times) - 1, _HINGE_SAMPLES_PER_FRAME * (len(times) - 1) + 1)
-    dense = np.interp(fine, np.arange(len(times)), times)
-    return TimedPath(dense, transform(rover.poses_at(dense), hinge))
 
 
 def simulate(
@@ -112,7 +106,7 @@ class RunSimulation:
             )
         self.scene, self.model = scene, SceneModel(scene)
         self.towed = self.model.towed
-        self.hinge = hinge_path(rover, scene.hinge, self.times)
+        self.hinge = hinge_way(rover, scene.hinge, self.times)
         self.start_pose = towed.poses_at(self.times[0])
         self._motions: dict[tuple[bool, str, float], SimulatedMotion] = {}
 
@@ -165,10 +159,8 @@ class RunSimulation:
 
     def _creep(self, motion: SimulatedMotion, *, standing: bool) -> float:
         """Way below the stiction velocity [m], all in all or while the rover stands."""
-        times, speed = self.hinge.time_s, np.linalg.norm(np.diff(self.hinge.position, axis=0), axis=1)
-        speed /= np.diff(times)
-        after = np.clip(np.searchsorted(times, motion.time_s, side="right") - 1, 0, len(speed) - 1)
-        counted = speed[after] < _STANDING_M_PER_S if standing else np.ones(len(after), dtype=bool)
+        speed = np.linalg.norm(spline_values(self.hinge, motion.time_s)[1], axis=1)
+        counted = speed < _STANDING_M_PER_S if standing else np.ones(len(speed), dtype=bool)
         still = replace(motion, twist=np.where(counted[:, None], motion.twist, 0.0))
         return creep_length(still, self.towed, self.scene.friction.stiction_velocity)
 
@@ -206,7 +198,7 @@ class RunSimulation:
             findings.append(finding("simulate_cut", count=len(self.asked) - len(self.times)))
         rest_length = self.scene.tether.rest_length
         anchor = transform(motion.pose[0], self.scene.anchor)
-        stretch = float(np.linalg.norm(self.hinge.position[0] - anchor)) - rest_length
+        stretch = float(np.linalg.norm(spline_values(self.hinge, self.times[:1])[0][0] - anchor)) - rest_length
         if stretch > 0.05 * rest_length:
             findings.append(finding("taut_start", stretch_mm=1000 * stretch))
         return findings

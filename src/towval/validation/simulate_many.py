@@ -12,18 +12,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from towval.model import Array, TimedPath, TowingScene
+from towval.model import Array, TowingScene
 from towval.model.errors import TowvalError
-from towval.model.geometry import transform
 from towval.physics.dynamics import Outcome
 from towval.physics.ladder import DYNAMICS
+from towval.validation.hinge_way import way_of
 from towval.validation.scene_model import SceneModel
 
 _WAITING = 4  # draws laid out ahead of each thread: what bounds the memory
 
 
 class Drawn(NamedTuple):
-    """A simulation to be run: the scene, poses (m, 3) of the rover and the object's start pose (3,) [m, m, rad]."""
+    """A simulation to be run.
+
+    The scene; poses and rates (m, 6) of the rover [m, m, rad; per s]; the object's start pose (3,) [m, m, rad].
+    """
 
     scene: TowingScene
     rover: Array
@@ -43,7 +46,7 @@ class Batch:
     times: Array
     rung: str = DYNAMICS
     sticking: bool = False
-    tolerance_m: float = 1e-6
+    tolerance_m: float = 3e-6
     threads: int = 1
 
     def simulate(self, draws: Iterable[Drawn | None]) -> Iterator[Array]:
@@ -67,7 +70,7 @@ class Batch:
         if drawn is None:
             return missing
         try:
-            hinge = TimedPath(self.rover_times, transform(drawn.rover, drawn.scene.hinge))
+            hinge = way_of(drawn.scene.hinge, self.rover_times, drawn.rover)
             model = SceneModel(drawn.scene, sticking=self.sticking)
             rung = self.rung if model.planar else DYNAMICS  # The others know nothing of what is not planar.
             motion = model.motion(rung, hinge, drawn.start, self.times, self.tolerance_m)

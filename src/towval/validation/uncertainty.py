@@ -36,12 +36,13 @@ from towval.validation.consequences import WIDER, widened
 from towval.validation.effects import effect_choices
 from towval.validation.explain import Left, Moves, explain
 from towval.validation.faults import visible_faults
+from towval.validation.hinge_way import nodes_between
 from towval.validation.path_frame import PathFrame
 from towval.validation.simulate import STICKING
 from towval.validation.simulate_many import Batch, Drawn
 from towval.validation.statistics import RightModel, error_sizes
 
-_HINGE_STEP_S = 0.02
+_RATE_STEP_S = 1e-4
 _DROPPED_SHARE = 0.02
 _REST = "noise and interactions"
 _KEPT_TIMES = 1000
@@ -60,7 +61,7 @@ class UncertaintySettings:
 
     samples: int = 512
     seed: int = 1
-    tolerance_m: float = 1e-6
+    tolerance_m: float = 3e-6
     confidence: float = 0.99
     processes: int = 1
 
@@ -221,7 +222,7 @@ class UncertaintySampling:
         error = frame.along_across(frame.error(case.simulated.pose[kept.rows]))[frame.seen]
         sampler, confidence = self._sampler, self.settings.confidence
         batch = replace(sampler.batch, times=known.time_s[kept.rows])
-        tows = case.scene, batch, sampler.rover.pose, case.simulated
+        tows = case.scene, batch, sampler.rover_moves, case.simulated
         faults = visible_faults(*tows, drawn, kept.inputs, confidence, frame)
         explanation = None
         if error_sizes(error)[1] > error_sizes(off)[:, 1].max():
@@ -250,7 +251,7 @@ class UncertaintySampling:
     def effects(self, found: RunUncertainty) -> tuple[Choice, ...]:
         """Each effect of a lab on the path, taken or left out; see :func:`towval.validation.effects.effect_choices`."""
         sampler = self._sampler
-        return effect_choices(self.case.scene, sampler.batch, sampler.rover.pose, sampler.start.pose[0], found)
+        return effect_choices(self.case.scene, sampler.batch, sampler.rover_moves, sampler.start.pose[0], found)
 
     def _widened(self) -> Iterator[Finding]:
         for name, codes in widened(self.case.upstream).items():
@@ -336,18 +337,22 @@ class _Sampler:
         self.case, self.settings = case, settings
         self.times = case.simulated.time_s
         begin, end = self.times[[0, -1]]
-        self.hinge_times = np.linspace(begin, end, max(4, round((end - begin) / _HINGE_STEP_S)))
-        self.rover = _motions(case.calibration, case.rover, case.rover_decimated.poses_at(self.hinge_times))
+        self.nodes = nodes_between(case.rover_decimated, begin, end)
+        self.rover_moves = case.rover_decimated.poses_and_rates_at(self.nodes)
+        # How a change of the camera moves the rover's rates is told from poses a little before and after each node.
+        self.around = np.clip(self.nodes[:, None] + [0.0, -_RATE_STEP_S, _RATE_STEP_S], begin, end).T
+        self.rover = _motions(case.calibration, case.rover, case.rover_decimated.poses_at(self.around.ravel()))
         rows = np.searchsorted(case.object_track.time_s, self.times - 1e-9)
         self.noise_std = np.nan_to_num(case.object_track.std[rows])
         self.object = _motions(case.calibration, case.towed, case.simulated.pose)
         self.start = _motions(case.calibration, case.towed, case.object_decimated.poses_at(self.times[:1]))
         self.nominal = Realisation.nominal(case.scene)
         self.batch = Batch(
-            self.hinge_times, self.times, case.simulated.rung, bool(case.simulated.statistics.get(STICKING, 0.0)),
+            self.nodes, self.times, case.simulated.rung, bool(case.simulated.statistics.get(STICKING, 0.0)),
             settings.tolerance_m, settings.processes,
         )  # fmt: skip
         self.knot_std = np.sqrt(np.diagonal(case.rover_decimated.covariance, axis1=1, axis2=2))
+        self.by_knots = _by_knots(case.rover_decimated, self.nodes)
         self.roots = _roots(case)
         if "tracking" in widened(case.upstream):
             self.noise_std, self.knot_std = WIDER * self.noise_std, WIDER * self.knot_std
@@ -377,8 +382,11 @@ class _Sampler:
         except TowvalError:
             return None, np.full_like(self.noise_std, np.nan)
         moved = real.camera, real.height[towed], real.registration[towed]
-        poses = self.rover.shifted(real.camera, real.height[rover], real.registration[rover])
-        return Drawn(real.scene, poses, self.start.shifted(*moved)[0]), self.object.shifted(*moved)
+        seen = self.rover.shifted(real.camera, real.height[rover], real.registration[rover])
+        poses, before, after = seen.reshape(3, -1, 3)
+        rates = (after - before) / (self.around[2] - self.around[1])[:, None]
+        driven = np.concatenate([poses, rates], axis=1)
+        return Drawn(real.scene, driven, self.start.shifted(*moved)[0]), self.object.shifted(*moved)
 
     def _realisation(self, draw: Array) -> Realisation:
         """All inputs at the values of a draw of standard normal numbers."""
@@ -389,10 +397,22 @@ class _Sampler:
         return real
 
     def _knot_noise(self, rng: np.random.Generator) -> Array:
-        """Noise of the decimated track of the rover, between its knots linear."""
-        knots = self.case.rover_decimated.time_s
+        """Noise of poses and rates (m, 6): cubics through independent noise of the kept poses of the rover's track."""
         noise = self.knot_std * rng.standard_normal(self.knot_std.shape)
-        return np.stack([np.interp(self.hinge_times, knots, noise[:, c]) for c in range(3)], axis=1)
+        return np.concatenate(self.by_knots @ noise, axis=1)
+
+
+def _by_knots(track: DecimatedTrack, nodes: Array) -> Array:
+    """How values and slopes (2, m, k) at nodes follow from values at the k kept times of a track."""
+    values, slopes = np.empty((2, len(nodes), len(track.time_s)))
+    for j in range(len(track.time_s)):
+        unit = np.zeros((len(track.time_s), 3))
+        unit[j] = 1.0
+        # Slopes over both neighbours, in which a short piece beside a long one does not swing.
+        slope = np.gradient(unit, axis=0) / np.gradient(track.time_s)[:, None]
+        at_nodes = replace(track, pose=unit, rate=slope).poses_and_rates_at(nodes)
+        values[:, j], slopes[:, j] = at_nodes[:, 0], at_nodes[:, 3]
+    return np.stack([values, slopes])
 
 
 def _motions(calibration: Calibration, body: Body, pose: Array) -> _Motions:

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from towval.model import Array
 from towval.model.compiling import compiled
-from towval.physics.friction_table import PLATEAU
+from towval.physics.friction_table import PLATEAU, SLOPE
 from towval.physics.integrator import NOT_FINITE, REACHED_END, STEP_LIMIT, STEP_TOO_SMALL, finite
 from towval.physics.motion import FORCED, SLACK, TAUT
-from towval.physics.rosenbrock import NODES, ORDER, STAGES, A, dense_output, solve_stage, stage_matrix
+from towval.physics.rosenbrock import NODES, STAGES, A, dense_output, solve_stage, stage_matrix
 from towval.physics.spatial.holding import holding_margin
 from towval.physics.spatial.pressure import BALANCED, TIPS
 from towval.physics.spatial.problem import (
@@ -35,13 +35,13 @@ from towval.physics.spatial.problem import (
 from towval.physics.spatial.rates import acceleration_slopes, accelerations, natural_mode, tautness
 from towval.physics.spatial.soles import RADIUS, Work
 from towval.physics.splines import piece_at
+from towval.physics.steps import GROW, following, retried, step_to_stop
 
 STUCK = 3
 """At rest, held by friction; beside SLACK, TAUT and FORCED."""
 TIPPED_OVER, LIFTED_OFF = 4, 5
 """Further outcomes beside those of the planar integrator."""
 
-_SAFETY, _SHRINK, _GROW = 0.9, 0.2, 6.0
 _SMALLEST_STEP, _LOOKS = 1e-14, 4
 _HELD_AGAIN = 1e-4  # margin at which an object comes to rest: below, it would leave again at once
 # While at rest a step may use up this share of the margin: a pull at the anchor also turns the object, which some three
@@ -51,7 +51,7 @@ _MOMENT_OF_RELEASE = 1e-9  # margin at which an object is let go
 
 
 class March(NamedTuple):
-    """Where an integration is: state (6,) and clock (t, next step, its growth, piece, filled), counts (5,), arrays."""
+    """Where an integration is: state (6,) and clock (t, next step, its growth, …), counts (5,), arrays."""
 
     y: Array
     clock: Array
@@ -66,7 +66,8 @@ class March(NamedTuple):
     twist: Array
 
 
-_T, _H, _GROWTH, _FILLED, _BALANCE, _PIECE, _MARGIN = range(7)  # of the clock
+# Of the clock; the last two are those of the step before, or zero.
+_T, _H, _GROWTH, _FILLED, _BALANCE, _PIECE, _MARGIN, _LAST_H, _LAST_ERROR = range(9)
 
 
 @compiled()
@@ -74,7 +75,7 @@ def march_from(start: Array) -> March:
     """Arrays of an integration that starts from a state."""
     return March(
         y=start.copy(),
-        clock=np.zeros(7),
+        clock=np.zeros(9),
         counts=np.zeros(5, dtype=np.int64),
         y1=np.empty(6),
         stage_y=np.empty(6),
@@ -107,7 +108,7 @@ def integrate(
     march = march_from(start)
     y, clock, counts = march.y, march.clock, march.counts
     span = times[-1] - times[0]
-    clock[_T], clock[_H], clock[_GROWTH] = times[0], 1e-6 * span, _GROW
+    clock[_T], clock[_H], clock[_GROWTH] = times[0], 1e-6 * span, GROW
     mode = _natural(problem, forced, times[0], 0, y)
     if y[3] == 0 and y[4] == 0 and y[5] == 0 and _holds(problem, work, forced, march, times[0], 0.0):
         mode = STUCK
@@ -119,7 +120,7 @@ def integrate(
         if mode == STUCK:
             if _rest(problem, work, forced, march, times, states, modes):
                 mode, fresh = _natural(problem, forced, clock[_T], int(clock[_PIECE]), y), True
-                clock[_H], clock[_GROWTH] = 1e-7 * span, _GROW
+                clock[_H], clock[_GROWTH], clock[_LAST_H] = 1e-7 * span, GROW, 0.0
             continue
         code, changed, fresh = _move(problem, work, mode, fresh, march, times, weights, states, modes)
         if code != REACHED_END:
@@ -270,7 +271,8 @@ def _move(
             return TIPPED_OVER if balance == TIPS else LIFTED_OFF, False, False
         if not finite(march.rates0, slopes):
             return NOT_FINITE, False, False
-    h = min(clock[_H], end - t)
+    rise = problem.sliding[PLATEAU] / problem.sliding[SLOPE]
+    h = min(clock[_H], end - t, step_to_stop(y, march.rates0, problem.soles.numbers[RADIUS], rise))
     if mode == SLACK:
         h = min(h, _slack_step(problem, t, piece, y))
     if h < _SMALLEST_STEP * span:
@@ -279,21 +281,22 @@ def _move(
     error = _step(problem, work, mode, t, h, piece, march, weights)
     if not error <= 1:
         counts[1] += 1
-        clock[_H] = h * (max(_SHRINK, _SAFETY * error ** (-1 / ORDER)) if np.isfinite(error) else 0.1)
-        clock[_GROWTH] = 1.0
+        clock[_H], clock[_GROWTH] = retried(h, error), 1.0
         return REACHED_END, False, False
-    clock[_H] = h * min(clock[_GROWTH], max(_SHRINK, _SAFETY * max(error, 1e-12) ** (-1 / ORDER)))
+    clock[_H] = following(h, error, clock[_GROWTH], clock[_LAST_H], clock[_LAST_ERROR])
+    clock[_LAST_H], clock[_LAST_ERROR] = h, error
     theta = _first_crossing(problem, mode, t, h, piece, march)
     if theta < 1:
         h *= theta
         _step(problem, work, mode, t, h, piece, march, weights)
         counts[2] += 1
+        clock[_LAST_H] = 0.0
     t1 = t + h if t + h < end - _SMALLEST_STEP * span else end
     _report(march, mode, t1, h, times, states, modes)
     for i in range(6):
         y[i] = march.y1[i]
     counts[0] += 1
-    clock[_T], clock[_GROWTH] = t1, _GROW
+    clock[_T], clock[_GROWTH] = t1, GROW
     return REACHED_END, theta < 1, True
 
 

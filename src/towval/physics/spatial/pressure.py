@@ -7,7 +7,8 @@ and W their friction wrench, balance of force and moments at the height of the c
 
 b the loads without friction. Linear while the region stays. A region that the plane itself cuts off is found by
 Newton's method for a given W, in which only the moments A are computed anew; then W on that region, and again. The
-pressure is zero where the region ends, so friction misses what a shift of the pressure moves by that to second order.
+pressure is zero where the region ends, so friction misses what a shift of the pressure moves by that to second order:
+``Work.friction_error`` says how much of it may be missed.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ LEAST_CONTACT = 1e-3
 """Share of the footprint in contact below which an object is said to tip: Newton takes ever more steps towards zero."""
 
 _STEP_LIMIT, _RESIDUAL, _ACCEPTED = 100, 1e-13, 1e-10  # the latter two over the load
-_SHIFT = 2e-6  # of the mean pressure: a shift after which W serves on, for friction errs by its square
+_LARGEST_SHIFT, _LEFT = 1e-3, 0.01  # of the mean pressure; of the error of friction that is allowed
 _PASSES = 60
 _LOST = 0.1 * LEAST_CONTACT
 Loads = tuple[float, float, float]
@@ -109,7 +110,7 @@ def _refine(
     soles: Soles, regions: Regions, table: Array, frame: Frame, twist: Twist, height: float, b: Loads, work: Work
 ) -> int:
     """W on the region in contact and the pressure under it in turn, until that stays."""
-    x = work.pressure
+    x, allowed = work.pressure, min(_LARGEST_SHIFT, math.sqrt(work.friction_error[0]))
     for _ in range(_PASSES):
         contact_parts(soles, regions, frame, work)
         unit_wrenches(soles, table, twist[0], twist[1], twist[2], work)
@@ -117,7 +118,7 @@ def _refine(
         if not _balance(soles, height, b, work):
             break
         shift = abs(x[0] - o0) + soles.numbers[RADIUS] * (abs(x[1] - o1) + abs(x[2] - o2))
-        if shift * work.moments[0] <= _SHIFT * b[0]:
+        if shift * work.moments[0] <= allowed * b[0]:  # W serves on: friction errs by the square of the shift.
             return BALANCED
     return _tipping(soles, work)
 
@@ -149,13 +150,15 @@ def _balance(soles: Soles, height: float, b: Loads, work: Work) -> bool:
     A step is halved until the region is not empty and the residual falls.
     """
     x, moments, radius = work.pressure, work.moments, soles.numbers[RADIUS]
+    enough = b[0] * max(_RESIDUAL, _LEFT * work.friction_error[0])
+    accepted = max(enough, _ACCEPTED * b[0])
     corners, ends = soles.edges[:, PLAIN : PLAIN + 2], soles.rings[:, 0]
     clipped_moments(corners, ends, x[0], x[1], x[2], moments)
     if not (moments[0] > 0 and _equilibrium(height, work)):
         return False
     residual = _residual(work, b, radius)
     for _ in range(_STEP_LIMIT):
-        if residual <= _RESIDUAL * b[0]:
+        if residual <= enough:
             break
         o0, o1, o2 = x[0], x[1], x[2]
         n0, n1, n2 = _solution(work, b, 0), _solution(work, b, 1), _solution(work, b, 2)
@@ -165,13 +168,13 @@ def _balance(soles: Soles, height: float, b: Loads, work: Work) -> bool:
             clipped_moments(corners, ends, x[0], x[1], x[2], moments)
             if moments[0] > 0 and _equilibrium(height, work):
                 residual = _residual(work, b, radius)
-                if residual <= (1 - 0.1 * fraction) * before or (fraction == 1.0 and residual <= _ACCEPTED * b[0]):
+                if residual <= (1 - 0.1 * fraction) * before or (fraction == 1.0 and residual <= accepted):
                     break
             fraction *= 0.5
         # Rounding is all that is left, or a contact that shrinks without end.
-        if (residual <= _ACCEPTED * b[0] and residual > 0.1 * before) or not moments[0] > _LOST * _area(soles):
+        if (residual <= accepted and residual > 0.1 * before) or not moments[0] > _LOST * _area(soles):
             break
-    return bool(residual <= _ACCEPTED * b[0] and moments[0] >= LEAST_CONTACT * _area(soles))
+    return bool(residual <= accepted and moments[0] >= LEAST_CONTACT * _area(soles))
 
 
 @compiled(allocates=False, inline="always")

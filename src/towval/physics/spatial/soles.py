@@ -7,6 +7,7 @@ stretched.
 
 from __future__ import annotations
 
+import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -20,9 +21,6 @@ from towval.physics.contact import clipped_moments, footprint_polygon, oriented_
 # Nodes along each side of a piece of a sole, and from how many radii of the sole on they err by some 1e-10 of μNR.
 _RULES = ((6, 0.0), (5, 7.0), (4, 20.0), (3, 100.0))
 RULE_REACHES = np.array([reach for _, reach in _RULES])
-
-_KEPT: dict[tuple[bytes, ...], list[tuple[list[Array], list[Array]]]] = {}
-_MOST_KEPT = 64
 
 # Columns of an edge: stretched start (x, y), unit tangent (x, y) and length; plain start (x, y) and end (x, y).
 START, PLAIN, EDGE_COLUMNS = 0, 5, 9
@@ -64,7 +62,8 @@ class Work(NamedTuple):
     equilibrium itself, scratch; ``pressure`` (3,): at G [Pa] and its slopes [Pa/m]; ``moments`` (6,) of the area in
     contact; ``active`` (m, 8) and ``counts`` (3,): the parts that friction acts on, see ``contact_parts``; ``cut``
     their edges where they are cut; ``sums`` (edges, 13) of the last pass over the boundary; ``accumulated`` (9,);
-    ``corners`` (2, c, 2) of rings being clipped; ``cut_nodes`` (k, 3) over the area of cut parts, as ``Soles.nodes``.
+    ``corners`` (2, c, 2) of rings being clipped; ``cut_nodes`` (k, 3) over the area of cut parts, as ``Soles.nodes``;
+    ``friction_error`` (1,) relative, that may be left where the contact is cut.
     """
 
     matrices: Array
@@ -77,6 +76,7 @@ class Work(NamedTuple):
     accumulated: Array
     corners: Array
     cut_nodes: Array
+    friction_error: Array
 
 
 def soles(patch: Patch, centre: Array, across_over_along: float = 1.0, radius_over_planar: float = 1.0) -> Soles:
@@ -87,7 +87,7 @@ def soles(patch: Patch, centre: Array, across_over_along: float = 1.0, radius_ov
     edges, parts, rings, nodes = [], [], [], []
     stretch = np.array([across_over_along, 1.0])
     first = first_node = 0
-    for number, (outlines, rules) in enumerate(_laid_out(patch)):
+    for number, (outlines, rules) in enumerate(_laid_out(footprint_polygon(patch))):
         moved = [ring - centre for ring in outlines]
         edges += [_edges(ring, stretch) for ring in moved]
         ends = first + np.cumsum([len(ring) for ring in moved])
@@ -109,15 +109,11 @@ def soles(patch: Patch, centre: Array, across_over_along: float = 1.0, radius_ov
     return Soles(all_edges, np.array(parts, float), np.array(rings, float), all_nodes, np.array(numbers))
 
 
-def _laid_out(patch: Patch) -> list[tuple[list[Array], list[Array]]]:
+@functools.lru_cache(maxsize=64)
+def _laid_out(polygon: shapely.Polygon | shapely.MultiPolygon) -> list[tuple[list[Array], list[Array]]]:
     """Rings and nodes of each rule of each sole, in the body frame; made once a footprint, for many simulations."""
-    key = tuple(ring.tobytes() for ring in (*patch.outlines, *patch.holes))
-    if key not in _KEPT:
-        if len(_KEPT) >= _MOST_KEPT:
-            _KEPT.clear()
-        parts = shapely.get_parts(footprint_polygon(patch))
-        _KEPT[key] = [(oriented_rings(part), [nodes_over(part, along) for along, _ in _RULES]) for part in parts]
-    return _KEPT[key]
+    parts = shapely.get_parts(polygon)
+    return [(oriented_rings(part), [nodes_over(part, along) for along, _ in _RULES]) for part in parts]
 
 
 def _edges(ring: Array, stretch: Array) -> Array:
@@ -150,8 +146,8 @@ def _convex_pieces(outline: Array, triangles: list[shapely.Polygon]) -> list[Arr
     return [shapely.get_coordinates(part)[:-1] for part in parts]
 
 
-def work_for(soles: Soles, regions: Regions) -> Work:
-    """Arrays for motions of these soles over these regions."""
+def work_for(soles: Soles, regions: Regions, friction_error: float = 1e-12) -> Work:
+    """Arrays for motions of these soles over these regions; the error of friction that may be left, relative."""
     n, p, pieces = len(soles.edges), len(soles.parts), len(regions.pieces)
     most = int(np.diff(regions.pieces[:, :2], axis=1).max()) if pieces else 0
     kept = 3 * n + 4  # A cut adds an edge to an edge at most, and a ring's seam.
@@ -167,6 +163,7 @@ def work_for(soles: Soles, regions: Regions) -> Work:
         accumulated=np.zeros(9),
         corners=np.zeros((2, corners, 2)),
         cut_nodes=np.zeros((25 * (kept + pieces * corners), 3)),
+        friction_error=np.array([friction_error]),
     )
     all_parts(soles, work)
     return work

@@ -74,7 +74,8 @@ def run_tow(problem: TowProblem, forced: bool, start: Array, times: Array, toler
     """Integrate from a state of the centre of mass (6,) at ``times[0]``."""
     n = len(times)
     states, modes = np.empty((n, 6)), np.zeros(n, dtype=np.int64)
-    work = work_for(problem.soles, problem.regions)
+    # An object trails a tether stretched by some 10 mm: of an error of friction its place errs by a hundredth metre.
+    work = work_for(problem.soles, problem.regions, friction_error=tolerance)
     weights = tolerance * _error_scales(problem, forced)
     code, filled, counts = integrate(problem, work, forced, start, times, weights, step_limit, states, modes)
     states, tension = states[:filled], np.zeros((filled, 3))

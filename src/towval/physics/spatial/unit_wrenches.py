@@ -35,7 +35,7 @@ W, S, J, EQUILIBRIUM, SCRATCH = 0, 1, 2, 3, 4  # of Work.matrices
 _LEFT_OUT, _BOUNDARY, _NODES, _CUT_NODES = 0.0, 1.0, 2.0, 3.0  # how an active part was integrated
 
 # Nodes along each side of a piece of a cut part, by the reaches of the rules over whole ones.
-_ALONG = (5, 5, 4, 3)
+_ALONG = (4, 4, 3, 3)
 _GAUSS = np.zeros((len(_ALONG), max(_ALONG), 2))
 for _rule, _along in enumerate(_ALONG):
     _GAUSS[_rule, :_along] = np.column_stack(np.polynomial.legendre.leggauss(_along)) / 2 + [0.5, 0.0]

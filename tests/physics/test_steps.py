@@ -1,0 +1,59 @@
+"""Step control: where a stop is ahead, and what the errors of two steps say about the third."""
+
+import math
+
+import numpy as np
+import pytest
+
+from towval.model import Tether, TimedPath
+from towval.physics.dynamics import Accuracy, feedback
+from towval.physics.friction_laws import Makkar
+from towval.physics.steps import GROW, SHRINK, following, retried, step_to_stop
+
+
+def state(velocity, acceleration):
+    return np.array([0.0, 0.0, 0.0, *velocity]), np.array([*velocity, *acceleration])
+
+
+def test_a_step_towards_a_stop_takes_a_share_of_the_time_left():
+    y, rates = state([0.3, 0.4, 0.0], [-0.6, -0.8, 0.0])
+    assert step_to_stop(y, rates, 0.2, 1e-3) == pytest.approx(0.25, rel=1e-12)  # it stops after 0.5 s
+    turning = state([0.0, 0.0, 2.0], [0.0, 0.0, -4.0])
+    assert step_to_stop(*turning, 0.2, 1e-3) == pytest.approx(0.25, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("velocity", "acceleration"),
+    [
+        ([0.5, 0.0, 0.0], [1.0, 0.0, 0.0]),  # faster
+        ([0.5, 0.0, 0.0], [0.0, -1.0, 0.0]),  # round a bend
+        ([0.5, 0.0, 0.0], [-1.0, -1.0, 0.0]),  # past the stop at 0.35 m/s
+        ([1e-3, 0.0, 0.0], [-1.0, 0.0, 0.0]),  # where friction is linear
+    ],
+)
+def test_without_a_stop_ahead_a_step_is_free(velocity, acceleration):
+    assert step_to_stop(*state(velocity, acceleration), 0.2, 1e-3) == math.inf
+
+
+def test_errors_that_grow_are_expected_to_grow_on():
+    alone = following(0.1, 0.5, GROW, 0.0, 0.0)
+    assert alone == pytest.approx(0.1 * 0.9 * 0.5**-0.2, rel=1e-12)
+    assert following(0.1, 0.5, GROW, 0.1, 0.5) == pytest.approx(alone, rel=1e-12)
+    assert following(0.1, 0.5, GROW, 0.1, 0.05) < 0.9 * alone
+    assert following(0.1, 0.5, GROW, 0.1, 5.0) == pytest.approx(alone, rel=1e-12)  # never longer for it
+    assert following(0.1, 0.0, 2.0, 0.1, 0.0) == pytest.approx(0.2, rel=1e-12)
+    assert retried(0.1, 1e9) == pytest.approx(0.1 * SHRINK, rel=1e-12)
+    assert retried(0.1, math.inf) == pytest.approx(0.01, rel=1e-12)
+
+
+def test_few_steps_fail_where_a_tether_without_damping_swings(cube):
+    """Stick-slip of 0.5 s: more than a quarter of all steps failed there once."""
+    hinge = TimedPath([0.0, 20.0], [[0.8, 0.0], [1.8, 0.0]])
+    law, times = Makkar(0.06, 400, 40, 0.35, 800, 0), np.linspace(0, 20, 401)
+    motion, exact = (
+        feedback(cube, law, Tether(0.6, 800.0), hinge, (0, 0, 0), times, accuracy=Accuracy(tolerance))
+        for tolerance in (1e-6, 1e-11)
+    )
+    assert np.ptp(motion.twist[100:, 0]) > 0.1
+    assert motion.statistics["rejections"] < 0.17 * motion.statistics["steps"]
+    assert np.abs(motion.pose - exact.pose).max() < 1e-4
