@@ -144,7 +144,7 @@ def build(data: ReportData, drawn: Sequence[tuple[Drawn, str]], page: FilePath) 
         gists=gists(records, calibration),
         tables=_tables(comparisons),
         all_runs=facts.campaign_cells(comparisons) if len(comparisons) > 1 else (),
-        metrics=facts.side_by_side([facts.metric_facts(c) for c in comparisons]),
+        metrics=facts.side_by_side([facts.metric_facts(r) for r in records]),
         calibration=() if calibration is None else facts.calibration_facts(calibration),
         planes=((), ()) if calibration is None else facts.plane_table(calibration),
         dropped_views=()
