@@ -25,10 +25,11 @@ BACK_PX = 1.0
 
 
 def opencv_calibration(scene: CornerScene) -> tuple[Camera, Floor]:
-    """Camera from the held boards with OpenCV's default lens (k1 k2 p1 p2 k3), floor from the board at the origin."""
+    """Camera from all boards with OpenCV's default lens (k1 k2 p1 p2 k3), floor from the board at the origin."""
     seen = scene.seen
-    held = [np.column_stack([board.board_m, np.zeros(len(board.board_m))]).astype(np.float32) for board in seen.boards]
-    corners = [board.corners_px.astype(np.float32) for board in seen.boards]
+    boards = [*seen.boards, *seen.floor_boards]
+    held = [np.column_stack([board.board_m, np.zeros(len(board.board_m))]).astype(np.float32) for board in boards]
+    corners = [board.corners_px.astype(np.float32) for board in boards]
     _, matrix, lens, _, _ = cv2.calibrateCamera(held, corners, seen.resolution_px, np.eye(3), np.zeros(5))
     flat = seen.floor_boards[0]
     thickness = 0.0 if seen.reference is None else seen.reference.board_thickness_m

@@ -195,6 +195,26 @@ def test_labels_make_room_for_marks_and_for_each_other():
         assert axes.get_window_extent().contains(box.x1, box.y1)
 
 
+@pytest.mark.parametrize("chart", TRADEOFF)
+def test_a_chart_of_error_against_cost_says_what_to_take_and_what_its_truth_is(chart):
+    drawn = loaded(TRADEOFF[chart]).chart
+    assert drawn.take.startswith("Take")
+    assert "ruth" in drawn.truth or "share" in drawn.truth
+
+
+def test_advice_stands_out_and_scatter_is_drawn_between_the_quartiles():
+    rows = pd.DataFrame(
+        {"panel": "", "series": "a", "setting": "x", "default": True, "cost": 1.0, "error": [1.0, 2, 3, 4, 5]}
+    )
+    figure = scatter_chart(rows, "Title", ("cost", "error"), "Note.", "Take x.")
+    (axes,) = figure.axes
+    (line,) = [segment for lines in axes.collections for segment in lines.get_segments()]
+    assert line[:, 1].tolist() == [2.0, 4.0]
+    weights = {text.get_text(): text.get_weight() for text in figure.texts}
+    assert weights["Take x."] == "bold"
+    assert weights["Note."] != "bold"
+
+
 def test_repeated_points_are_drawn_as_their_median():
     repeated = {"panel": "", "series": "a", "setting": "x", "default": False}
     rows = pd.DataFrame(repeated | {"cost": [1.0, 2.0, 9.0], "error": [3.0, 5.0, 4.0]})
