@@ -65,6 +65,7 @@ _SCENE = _file("scene", "scene file, like src/towval/workflow/plan.yaml")
 _REPLACING = "campaign folder whose object, friction, tether and hinge replace those of the scene"
 _WANTED = "a curve of the scene (lemniscate, ...) or a CSV file with x_m and y_m"
 
+_MAP = _file("--map", "SVG file for a map of rover and object", required=False, dest="map_file")
 _FAIL_ON = "exit with code 1 where a run has this verdict, or is unfinished; repeatable"
 _RESULTS = _file("--results", "folder for results, results by default", required=False, default=Path("results"))
 _CORES = ("--cores", {"type": int, "help": "processor cores to use, all by default"})
@@ -135,11 +136,11 @@ _STAGES: dict[str, tuple[str, list[_Argument]]] = {
     "plan": ("desired path of the object → plan.mcap and a CSV file: motion of the rover", [
         _SCENE, _file("--campaign", _REPLACING, required=False),
         ("--path", {"dest": "wanted", "required": True, "help": _WANTED}),
-        _file("--csv", "the plan as a table, one row per step"),
+        _file("--csv", "the plan as a table, one row per step"), _MAP,
     ]),
     "tow": ("recorded rover → simulate.mcap: motion of the object behind it", [
         _SCENE, _file("--campaign", _REPLACING, required=False),
-        _file("recording", "MCAP file with /rover/pose and at least one /object/pose"),
+        _file("recording", "MCAP file with /rover/pose and at least one /object/pose"), _MAP,
     ]),
     "index": ("results of many campaigns → index.sqlite, index.html: one row per run, filters, trends, changes", [
         ("results", {"type": Path, "nargs": "+", "help": "folders of results, each of one campaign or of many"}),

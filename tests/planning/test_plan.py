@@ -1,5 +1,6 @@
 """The stage plan: the closed loop, its invariance, and plans as files that drive the dynamics again."""
 
+import re
 import shutil
 from pathlib import Path
 
@@ -195,6 +196,25 @@ def test_the_commands_plan_a_curve_and_tow_behind_the_recorded_rover(tmp_path):
     # The recording starts the object at rest, the plan at the nominal velocity: the tether soon makes them one.
     gap = read_simulated(towed).pose[-1] - _last_object_pose(tmp_path / "line.csv")
     assert np.abs(gap[:2]).max() < 1e-4
+
+
+def test_a_map_shows_the_wanted_path_and_whose_each_bend_is(tmp_path):
+    plan, drawn, towed = (tmp_path / name for name in ("p.mcap", "plan.svg", "tow.svg"))
+    planned = run(quick_plan(), "lemniscate", plan, tmp_path / "p.csv", map_file=drawn)
+    assert 0.02 < planned.numbers["limited_share"] < 0.5  # two bends are tighter than the rover's tightest turn
+    run_tow(quick_plan(), plan, tmp_path / "t.mcap", map_file=towed)
+    texts = [set(re.findall(r"<!-- (.*?) -->", file.read_text())) for file in (drawn, towed)]
+    assert {"object, wanted", "bend due to the rover's limit"} <= texts[0]
+    assert not {"object, wanted", "bend due to the rover's limit"} & texts[1]
+
+
+def test_a_map_replaces_only_a_map(tmp_path):
+    mine = tmp_path / "drawing.svg"
+    mine.write_text("<svg>mine</svg>")
+    for name in (mine, tmp_path / "map.pdf"):
+        with pytest.raises(InputError, match=re.escape(name.name)):
+            run(quick_plan(), "line", tmp_path / "p.mcap", tmp_path / "p.csv", map_file=name)
+    assert mine.read_text() == "<svg>mine</svg>"
 
 
 def _path_length(file):

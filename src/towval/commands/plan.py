@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from towval.commands.console import Outcome
 from towval.io.campaign import load_campaign
@@ -14,20 +15,27 @@ from towval.io.provenance import provenance
 from towval.io.records import write_simulated
 from towval.io.schema import check, packaged_schema
 from towval.io.yaml_text import read_yaml
-from towval.model import Array, TimedPath, TowingScene
+from towval.model import Array, SimulatedMotion, TimedPath, TowingScene
 from towval.model.errors import InputError, RefusedError
 from towval.physics.mass import towed_object
 from towval.physics.quasistatic import quasistatic_plan
 from towval.planning.paths import Curve, through_points, timed
 from towval.planning.plan import close_loop, hinge_of_poses, tow
-from towval.planning.planner import PlanOutcome
+from towval.planning.planner import PlanCase, PlanOutcome
 from towval.planning.scene import PlanScene, plan_scene, resting_patch
 
 _REPORT_STRIDE = 10
 """Steps of the planner per reported pose of the object."""
 
 
-def run(scene: Mapping[str, Any], wanted: str, mcap: Path, csv: Path, campaign: Path | None = None) -> Outcome:
+def run(
+    scene: Mapping[str, Any],
+    wanted: str,
+    mcap: Path,
+    csv: Path,
+    campaign: Path | None = None,
+    map_file: Path | None = None,
+) -> Outcome:
     """Plan a rover motion that makes the object follow a path, simulate the object behind it, and write both.
 
     Parameters
@@ -38,6 +46,8 @@ def run(scene: Mapping[str, Any], wanted: str, mcap: Path, csv: Path, campaign: 
         Name of a curve of the scene, or a CSV file with columns ``x_m``, ``y_m`` and optionally ``time_s``.
     campaign : Path, optional
         A campaign whose object, friction, tether and hinge replace those of the scene.
+    map_file : Path, optional
+        SVG file for a map.
 
     Raises
     ------
@@ -55,20 +65,45 @@ def run(scene: Mapping[str, Any], wanted: str, mcap: Path, csv: Path, campaign: 
         raise RefusedError(f"the rover does not arrive: {loop.rover.outcome}", remedy=loop.rover.advice)
     write_plan_mcap(mcap, loop.rover, loop.towed, provenance("plan", scene, {}))
     write_plan_csv(csv, loop.rover, loop.towed)
+    limited = loop.rover.case != PlanCase.A
     off = {"object_rms_mm": 1e3 * loop.object_rms, "hinge_rms_mm": 1e3 * loop.rover.rms}
+    numbers = {**off, "limited_share": float(np.mean(limited))}
     text = (
         f"{loop.rover.outcome}; the object deviates from its path by {off['object_rms_mm']:.1f} mm RMS, "
-        f"the hinge from its own by {off['hinge_rms_mm']:.1f} mm"
+        f"the hinge from its own by {off['hinge_rms_mm']:.1f} mm; its bends are the rover's limit for "
+        f"{100 * numbers['limited_share']:.0f} % of the time, else the path's own"
     )
-    return Outcome("plan", (mcap, csv), text, off, found)
+    files = (mcap, csv, *_mapped(map_file, loop.rover.hinge, loop.towed, given, path.position, limited))
+    return Outcome("plan", files, text, numbers, found)
 
 
-def run_file(scene: Path, wanted: str, output: Path, csv: Path, campaign: Path | None = None) -> Outcome:
+def _mapped(
+    file: Path | None,
+    hinge: Array,
+    motion: SimulatedMotion,
+    scene: PlanScene,
+    wanted: Array | None = None,
+    limited: NDArray[np.bool_] | None = None,
+) -> tuple[Path, ...]:
+    """The map of a plan or a tow, where one is asked for."""
+    if file is None:
+        return ()
+    from towval.report.figures.plan import plan_figure, write_map  # noqa: PLC0415  # matplotlib, for a map only
+
+    write_map(file, plan_figure(hinge, motion, scene.cube, wanted, limited))
+    return (file,)
+
+
+def run_file(
+    scene: Path, wanted: str, output: Path, csv: Path, campaign: Path | None = None, map_file: Path | None = None
+) -> Outcome:
     """The same with the scene in a file."""
-    return run(_read_scene(scene), wanted, output, csv, campaign)
+    return run(_read_scene(scene), wanted, output, csv, campaign, map_file)
 
 
-def run_tow(scene: Mapping[str, Any], recording: Path, output: Path, campaign: Path | None = None) -> Outcome:
+def run_tow(
+    scene: Mapping[str, Any], recording: Path, output: Path, campaign: Path | None = None, map_file: Path | None = None
+) -> Outcome:
     """Simulate the object behind a recorded rover, from the first pose of the object in the recording.
 
     Parameters
@@ -81,6 +116,8 @@ def run_tow(scene: Mapping[str, Any], recording: Path, output: Path, campaign: P
         MCAP file to write, as by the stage simulate.
     campaign : Path, optional
         A campaign whose object, friction, tether and hinge replace those of the scene.
+    map_file : Path, optional
+        SVG file for a map.
     """
     given = _scene(scene, campaign)
     times, poses = read_rover_poses(recording)
@@ -90,12 +127,15 @@ def run_tow(scene: Mapping[str, Any], recording: Path, output: Path, campaign: P
     write_simulated(output, motion, provenance("tow", scene, {recording.name: recording}))
     moved_m = float(np.linalg.norm(np.diff(motion.pose[:, :2], axis=0), axis=1).sum())
     text = f"{motion.outcome}; the object moves {moved_m:.2f} m in {np.ptp(times):.1f} s"
-    return Outcome("tow", (output,), text, {"outcome": motion.outcome, "path_length_m": moved_m}, motion.findings)
+    files = (output, *_mapped(map_file, hinge, motion, given))
+    return Outcome("tow", files, text, {"outcome": motion.outcome, "path_length_m": moved_m}, motion.findings)
 
 
-def run_tow_file(scene: Path, recording: Path, output: Path, campaign: Path | None = None) -> Outcome:
+def run_tow_file(
+    scene: Path, recording: Path, output: Path, campaign: Path | None = None, map_file: Path | None = None
+) -> Outcome:
     """The same with the scene in a file."""
-    return run_tow(_read_scene(scene), recording, output, campaign)
+    return run_tow(_read_scene(scene), recording, output, campaign, map_file)
 
 
 def _read_scene(file: Path) -> Mapping[str, Any]:

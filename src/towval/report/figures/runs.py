@@ -60,8 +60,8 @@ def run_figure(run: RunRecord, spacing_m: float | None = None) -> Figure:
     """
     figure = Figure(figsize=(COLUMN_WIDTH_IN, COLUMN_WIDTH_IN))
     axes = figure.add_subplot()
-    low, high = _padded(draw_run(axes, run, spacing_m))
-    _frame(axes, low, high)
+    low, high = map_limits(draw_run(axes, run, spacing_m))
+    map_axes(axes, low, high)
     axes.set_title(f"Run {run.name}")
     axes.set_title(_error_text(run.comparison), loc="right", color="#444444")
     place_maps(figure, [axes], float((high - low)[1] / (high - low)[0]), Margins(left=0.46, top=0.54))
@@ -93,12 +93,12 @@ def campaign_figure(runs: Sequence[RunRecord]) -> Figure:
     columns = 1 if len(runs) == 1 else 2 if len(runs) <= 4 else 3
     figure = Figure(figsize=(PAGE_WIDTH_IN, PAGE_WIDTH_IN))
     panels = [figure.add_subplot() for _ in runs]
-    extents = [_padded(draw_run(axes, run, None)) for axes, run in zip(panels, runs, strict=True)]
+    extents = [map_limits(draw_run(axes, run, None)) for axes, run in zip(panels, runs, strict=True)]
     # One scale for all panels: the largest run sets the size, the others are centred in it.
     half = np.max([(high - low) / 2 for low, high in extents], axis=0)
     for index, (axes, run, (low, high)) in enumerate(zip(panels, runs, extents, strict=True)):
         centre = (low + high) / 2
-        _frame(axes, centre - half, centre + half)
+        map_axes(axes, centre - half, centre + half)
         # Limits differ between panels, so each keeps its tick labels; axis labels are on the outer panels only.
         if index % columns:
             axes.set_ylabel("")
@@ -170,7 +170,7 @@ def _mark_ends(axes: Axes, poses: Array, colour: str, order: int) -> None:
         axes.plot(*poses[index, :2], marker, ms=3.2, mfc=face, mec=colour, mew=0.8, zorder=order)
 
 
-def _padded(extent: Array) -> tuple[Array, Array]:
+def map_limits(extent: Array) -> tuple[Array, Array]:
     """The box with a margin, its aspect ratio limited to what fits a column."""
     low, high = extent[0] - _MARGIN_M, extent[1] + _MARGIN_M
     width, height = high - low
@@ -178,7 +178,8 @@ def _padded(extent: Array) -> tuple[Array, Array]:
     return centre - size / 2, centre + size / 2
 
 
-def _frame(axes: Axes, low: Array, high: Array) -> None:
+def map_axes(axes: Axes, low: Array, high: Array) -> None:
+    """Limits, ticks and labels of a map of the floor between two corners [m]."""
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
     step = 0.5 if (high - low).max() <= 4 else 1.0
