@@ -1,5 +1,5 @@
-from studies.evidence.compute import shared_folder
-from studies.evidence.ledger import read_groups
+from studies.evidence.compute import REPOSITORY, shared_folder
+from studies.evidence.ledger import ROWS, read_groups
 
 EVIDENCE = or_exit(read_groups)
 WANTED_EFFORTS = ("quick",) if STUDY_SETTINGS.quick else ("quick", "whole")
@@ -65,11 +65,11 @@ rule evidence:
     params:
         call="studies.evidence.page:write_ledger",
         code=code("studies.evidence.page"),
-        rows=Path("studies/evidence/rows.yaml").read_text(encoding="utf-8"),
+        rows=file_hash(ROWS),
         arguments=lambda wildcards, input, output: dict(
             outcomes=list(input),
-            memory="docs/evidence.json",
-            outputs=[output[0], "docs/evidence.json", "docs/evidence.md"],
+            memory=str(REPOSITORY / "docs" / "evidence.json"),
+            outputs=[output[0], *(str(REPOSITORY / "docs" / f"evidence.{ending}") for ending in ("json", "md"))],
         ),
     message:
         "the ledger of our own numbers: docs/evidence.md"
