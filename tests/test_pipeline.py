@@ -254,10 +254,10 @@ def test_wrong_input_is_one_message_without_a_traceback(lab, tmp_path):
     other = Lab(lab.repository, tmp_path)
     shutil.copy(lab.repository / "config.yaml", tmp_path)
     answer = other.snakemake()
-    errors_reported = answer.stdout + answer.stderr
+    printed = answer.stdout + answer.stderr
     assert answer.returncode != 0
-    assert "did you mean rest_length_m?" in errors_reported
-    assert "Traceback" not in errors_reported
+    assert "did you mean rest_length_m?" in printed
+    assert "Traceback" not in printed
 
 
 def test_a_video_that_is_none_fails_alone(lab, tmp_path):
@@ -268,10 +268,10 @@ def test_a_video_that_is_none_fails_alone(lab, tmp_path):
     other = Lab(lab.repository, tmp_path)
     shutil.copy(lab.repository / "config.yaml", tmp_path)
     answer = other.snakemake()
-    errors_reported = answer.stdout + answer.stderr
+    printed = answer.stdout + answer.stderr
     assert answer.returncode != 0
-    assert "a.mp4 is no video" in errors_reported
-    assert "Traceback" not in errors_reported
+    assert "a.mp4 is no video" in printed
+    assert "Traceback" not in printed
     assert (other.results / "camera.mcap").exists()
     assert not (other.results / "a" / "track.mcap").exists()
 

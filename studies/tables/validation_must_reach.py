@@ -161,10 +161,8 @@ def right_rows(folders: list[Path]) -> Iterator[Row]:
     """A row for the results of a run that follows the model."""
     for folder in folders:
         result = read_comparison(folder / "compare.mcap")
-        errors_reported = (
-            f"{result.verdict.value}, E {1e3 * result.path_rms_m:.1f}, u_val {1e3 * result.u_val_m:.1f} mm"
-        )
-        yield f"{folder.parent.name}, run {folder.name}", errors_reported, "agrees", result.verdict == Verdict.AGREES
+        stated = f"{result.verdict.value}, E {1e3 * result.path_rms_m:.1f}, u_val {1e3 * result.u_val_m:.1f} mm"
+        yield f"{folder.parent.name}, run {folder.name}", stated, "agrees", result.verdict == Verdict.AGREES
 
 
 def main() -> int:

@@ -62,10 +62,8 @@ def rendered_rows(count: int, folder: Path) -> Iterator[Row]:
             continue
         if fault:
             what += f" ({size / result.u_val_m:.1f} u_val)"
-        errors_reported = (
-            f"{result.verdict.value}, E {1e3 * result.path_rms_m:.1f}, u_val {1e3 * result.u_val_m:.1f} mm"
-        )
-        yield what, errors_reported, wanted.value, result.verdict == wanted
+        stated = f"{result.verdict.value}, E {1e3 * result.path_rms_m:.1f}, u_val {1e3 * result.u_val_m:.1f} mm"
+        yield what, stated, wanted.value, result.verdict == wanted
 
 
 def filmable(seed: int, fault: str) -> int:

@@ -54,7 +54,7 @@ def program(name):
     return path
 
 
-def errors_reported(*command):
+def output_of(*command):
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout + done.stderr
@@ -133,21 +133,19 @@ def test_rosbags_reads_every_message(folder):
 
 @pytest.mark.parametrize("name", ["exchange", "compare", "uncertainty", "camera"])
 def test_pymcap_cli_doctor_finds_nothing(folder, name):
-    assert "passed" in errors_reported(program("pymcap-cli"), "doctor", folder / f"{name}.mcap")
+    assert "passed" in output_of(program("pymcap-cli"), "doctor", folder / f"{name}.mcap")
 
 
 def test_evo_finds_the_same_path_error(folder, run):
-    told_by_evo = errors_reported(
-        program("evo_ape"), "bag2", folder / "compare.mcap", "/object/pose", "/object/pose_simulated"
-    )
-    rmse = float(re.search(r"rmse\s+([\d.]+)", told_by_evo)[1])
+    from_evo = output_of(program("evo_ape"), "bag2", folder / "compare.mcap", "/object/pose", "/object/pose_simulated")
+    rmse = float(re.search(r"rmse\s+([\d.]+)", from_evo)[1])
     assert rmse == pytest.approx(run.comparison.path_rms_m, abs=3e-4)
 
 
 def test_rerun_understands_bodies_camera_and_plots(folder, tmp_path):
     rerun = program("rerun")
-    errors_reported(rerun, "mcap", "convert", folder / "exchange.mcap", "-o", tmp_path / "run.rrd")
-    printed = errors_reported(rerun, "rrd", "print", tmp_path / "run.rrd")
+    output_of(rerun, "mcap", "convert", folder / "exchange.mcap", "-o", tmp_path / "run.rrd")
+    printed = output_of(rerun, "rrd", "print", tmp_path / "run.rrd")
     for entity, component in (
         ("/camera/image", "EncodedImage"),
         ("/camera/camera_info", "Pinhole"),
@@ -158,14 +156,14 @@ def test_rerun_understands_bodies_camera_and_plots(folder, tmp_path):
         ("/tether/state/effort", "Scalars"),
     ):
         assert re.search(rf"{entity} - data columns: \[.*{component}", printed), entity
-    errors_reported(rerun, "rrd", "verify", folder / "rerun.rbl")
+    output_of(rerun, "rrd", "verify", folder / "rerun.rbl")
 
 
 def test_rerun_has_run_and_layout_under_one_application_with_entities_that_are_there(folder, tmp_path):
     rerun, run = program("rerun"), tmp_path / "run.rrd"
-    errors_reported(rerun, "mcap", "convert", folder / "exchange.mcap", "--application-id", "towval", "-o", run)
-    recording = errors_reported(rerun, "rrd", "print", run)
-    layout = errors_reported(rerun, "rrd", "print", "-vvv", folder / "rerun.rbl")
+    output_of(rerun, "mcap", "convert", folder / "exchange.mcap", "--application-id", "towval", "-o", run)
+    recording = output_of(rerun, "rrd", "print", run)
+    layout = output_of(rerun, "rrd", "print", "-vvv", folder / "rerun.rbl")
     assert re.search(r'StoreId\(\s*Recording,\s*"towval"', recording)
     assert re.search(r'StoreId\(\s*Blueprint,\s*"towval"', layout)
     named = set(re.findall(r"(?<![\w/])/(?:rover|object|object_simulated|tether|camera|tf|tf_static)\b[\w/]*", layout))

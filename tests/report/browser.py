@@ -120,10 +120,10 @@ class Browser:
 
     def complaints(self) -> list[dict[str, Any]]:
         """Errors and warnings of the page so far."""
-        errors_reported = [e for e in self.events if e.get("method") == "Runtime.exceptionThrown"]
-        errors_reported += [e for e in self.events if e.get("method") == "Log.entryAdded"]
+        thrown = [e for e in self.events if e.get("method") == "Runtime.exceptionThrown"]
+        thrown += [e for e in self.events if e.get("method") == "Log.entryAdded"]
         calls = [e for e in self.events if e.get("method") == "Runtime.consoleAPICalled"]
-        return errors_reported + [e for e in calls if e["params"]["type"] in ("error", "warning", "assert")]
+        return thrown + [e for e in calls if e["params"]["type"] in ("error", "warning", "assert")]
 
     def requests(self) -> list[str]:
         """Addresses that the page asked for, without data that it brought along."""

@@ -167,8 +167,8 @@ def test_reason_of_a_verdict_is_what_the_comparison_says():
     finding = Finding(Severity.WARNING, "verdict", "Model-form error: it begins between 1.00 m and 1.20 m of the path.")
     comparison = dataclasses.replace(towed_run().comparison, verdict=Verdict.DISAGREES, findings=(finding,))
     assert verdict_reason(comparison) == finding.text
-    errors_reported = data(runs=(RunReport(towed_run(comparison=comparison)),))
-    assert finding.code not in {f.code for f in collect_findings(errors_reported)}
+    shown = data(runs=(RunReport(towed_run(comparison=comparison)),))
+    assert finding.code not in {f.code for f in collect_findings(shown)}
 
 
 def test_reason_of_a_missing_verdict_names_the_missing_uncertainty():

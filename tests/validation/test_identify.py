@@ -5,39 +5,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from studies.worlds.campaign import ANCHOR, HINGE, OBJECT
+import validation_case
 from studies.worlds.scenes import drive
-from towval.model import FrictionSpecification, Load, Patch, Tether, TowingScene
+from towval.model import Load, Tether
 from towval.model.errors import InputError
 from towval.validation.decimate import decimate
 from towval.validation.identify import IdentifySettings, MeasuredRun, _identifiability, identify
 from towval.validation.simulate import SimulateSettings, simulate
 
-DEVIATIONS = {
-    "friction": 0.005,
-    "body_mass": 0.04,
-    "load_mass": 0.015,
-    "load_at": 0.001,
-    "anchor": 0.001,
-    "hinge": 0.001,
-    "rest_length": 0.001,
-    "stiffness": 16.0,
-}
+DEVIATIONS = validation_case.DEVIATIONS | {"stiffness": 16.0}
 STARTS = ((0.1, 0.5, 0.15), (-0.2, -0.6, -0.2), (0.0, 0.2, 0.5))
 """Heading and turn of the rover's drive, and heading of the object, a run each."""
 
 
 @pytest.fixture(scope="module")
 def scene():
-    return TowingScene(
-        Patch(OBJECT.top_corners_m),
-        4.0,
-        Load(1.5, np.array([-0.15, 0.08]), np.array([0.1, 0.1, 0.0])),
-        ANCHOR,
-        HINGE,
-        Tether(0.6, 800.0),
-        FrictionSpecification(0.35, 0.35, 0.005, 0.05),
-    )
+    return validation_case.SCENE
 
 
 @pytest.fixture(scope="module")
@@ -93,15 +76,15 @@ def test_a_wrong_input_that_is_not_fitted_moves_a_value_within_its_deviation(sce
 
 def test_a_start_far_off_does_not_end_in_another_valley(scene, measure):
     """Between the stiffness told here and the true one the sum of squares has another minimum, near 1080 N/m."""
-    errors_reported = replace(scene, tether=replace(scene.tether, stiffness=1160.0))
-    found = identify(errors_reported, DEVIATIONS, measure(scene, 2), IdentifySettings(("stiffness",)))
+    stated = replace(scene, tether=replace(scene.tether, stiffness=1160.0))
+    found = identify(stated, DEVIATIONS, measure(scene, 2), IdentifySettings(("stiffness",)))
     assert found.values[0] == pytest.approx(800.0, abs=3 * np.sqrt(found.covariance[0, 0]))
     assert found.identifiable == (True,)
 
 
 def test_a_value_beyond_the_searched_range_is_not_called_identified(scene, measure):
-    errors_reported = replace(scene, load=replace(scene.load, at=np.array([-0.15, -0.05])))
-    found = identify(errors_reported, DEVIATIONS, measure(scene, 2), IdentifySettings(("load_y",)))
+    stated = replace(scene, load=replace(scene.load, at=np.array([-0.15, -0.05])))
+    found = identify(stated, DEVIATIONS, measure(scene, 2), IdentifySettings(("load_y",)))
     assert found.identifiable == (False,)
     assert {finding.code for finding in found.findings} == {"not_identifiable", "identify_misfit"}
     assert any("end of the searched range" in finding.text for finding in found.findings)

@@ -124,8 +124,8 @@ def error_ratio(error: ArrayLike, covariance: ArrayLike) -> Array:
     error, covariance = np.asarray(error, dtype=np.float64), np.asarray(covariance, dtype=np.float64)
     distance = np.linalg.norm(error[:, :2], axis=1)
     allowed = np.sqrt(np.trace(covariance[:, :2, :2], axis1=1, axis2=2))
-    errors_reported = allowed > 0.01 * np.sqrt(np.mean(allowed**2))
-    ratio: Array = np.divide(distance, allowed, out=np.full(len(distance), np.nan), where=errors_reported)
+    known = allowed > 0.01 * np.sqrt(np.mean(allowed**2))
+    ratio: Array = np.divide(distance, allowed, out=np.full(len(distance), np.nan), where=known)
     return ratio
 
 
