@@ -11,7 +11,7 @@ import numpy as np
 
 from studies.evidence.ledger import Check, Values
 from studies.evidence.planting import replaced
-from studies.evidence.real import CORNERS_INDEPENDENT
+from studies.evidence.real import DEVIATIONS_WRONG
 from studies.real import jackknife
 from studies.tables import calibration_table
 from studies.worlds.boards import BoardFaults, CornerScene, calibration_set
@@ -72,7 +72,7 @@ def _normalised() -> Values:
     return found
 
 
-NORMALISED = Check(_normalised, {"the errors of corners are taken for independent": CORNERS_INDEPENDENT})
+NORMALISED = Check(_normalised, DEVIATIONS_WRONG)
 
 
 def believed(scene: CornerScene) -> CornerScene:

@@ -56,15 +56,21 @@ EFFECTS = Check(
     {
         "the floor's slope is left out": replaced(lab_tow_models, "feedback", given(ground=Ground())),
         "nothing sticks": replaced(lab_tow_models, "feedback", given(sticking=None)),
+        "the tether is 5 mm too long": replaced(
+            lab_tow_models, "Tether", lambda tether: lambda length, *rest: tether(length + 0.005, *rest)
+        ),
     },
 )
 
 DECIMATION = Check(
     points(decimation.STUDY, [{"seed": seed} for seed in range(1, 13)]),
-    {"segments may be off by twice the noise": replaced(
-        decimation, "DecimateSettings", lambda _: lambda excess=3.0: DecimateSettings(excess=100 * excess)
-    )},
-)  # fmt: skip
+    {
+        "segments may be off by more": replaced(
+            decimation, "DecimateSettings", lambda _: lambda excess=3.0: DecimateSettings(excess=100 * excess)
+        ),
+        "the noise is twice as large": replaced(decimation, "NOISE", lambda noise: 2 * noise),
+    },
+)
 
 
 def _pinhole(original: Any) -> Any:

@@ -181,14 +181,18 @@ def _as_independent(_: Any) -> Any:
     return alone
 
 
-CORNERS_INDEPENDENT = replaced(view_covariance, "view_covariance", _as_independent)
-"""A calibration that takes the errors of a picture's corners for independent."""
+DEVIATIONS_WRONG = {
+    "the errors of corners are taken for independent": replaced(view_covariance, "view_covariance", _as_independent),
+    "deviations are stated half as large": replaced(
+        view_covariance, "view_covariance", result_of(lambda covariance: covariance / 4)
+    ),
+    "those of independent corners are half as large": replaced(
+        jackknife, "marginal_covariance", result_of(lambda found: (found[0] / 4, *found[1:]))
+    ),
+}
+"""Faults of the deviations that a calibration states."""
 
-JACKKNIFE = Check(
-    _photographs,
-    {"the errors of corners are taken for independent": CORNERS_INDEPENDENT},
-    needs=("real/opencv_left", "real/gopro_wide_calib"),
-)
+JACKKNIFE = Check(_photographs, DEVIATIONS_WRONG, needs=("real/opencv_left", "real/gopro_wide_calib"))
 
 
 def _clips() -> Values:
