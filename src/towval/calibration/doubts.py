@@ -118,10 +118,10 @@ def without_prejudice(observed: CalibrationObservations, estimate: Estimate, mod
 
 def _open(observed: CalibrationObservations, doubts: Doubts) -> Doubts:
     """Those of the doubts that have a deviation, and pictures that could tell."""
-    told = observed.doubts_std[doubts - _CAMERA] > 0
+    free = observed.doubts_std[doubts - _CAMERA] > 0
     if observed.reference is None or not observed.boards:
-        told &= ~np.isin(doubts, HELD_DOUBTS)
-    return doubts[told]
+        free &= ~np.isin(doubts, HELD_DOUBTS)
+    return doubts[free]
 
 
 def _contradicted(observed: CalibrationObservations, trial: LensTrial, held_model: str) -> Doubts:

@@ -61,9 +61,9 @@ def run(campaign: Path, pictures: Path | None = None, as_json: bool = False) -> 
     SystemExit
         With code 1 when there are faults.
     """
-    told = check(campaign, pictures or campaign / "check")
-    print(json.dumps(told, indent=1) if as_json else for_people(told))
-    if told["faults"]:
+    found = check(campaign, pictures or campaign / "check")
+    print(json.dumps(found, indent=1) if as_json else for_people(found))
+    if found["faults"]:
         raise SystemExit(1)
 
 
@@ -92,11 +92,11 @@ def check(folder: Path, pictures: Path) -> dict[str, Any]:
                     warnings += [f"run {name}, {body}: {text}" for body, text in start.doubts.items()]
             if starts:
                 _write_page(pictures / "start.html", given, calibration, starts)
-    told = sorted((_fault(fault, lines) for fault in faults), key=lambda row: row["line"] or len(lines) + 1)
+    listed = sorted((_fault(fault, lines) for fault in faults), key=lambda row: row["line"] or len(lines) + 1)
     runs = {name: row for name, row in runs.items() if row}
     return {
         "campaign": str(folder),
-        "faults": told,
+        "faults": listed,
         "warnings": warnings,
         "runs": runs,
         "cpu_s": round(COST.campaign_s + sum(row["cpu_s"] for row in runs.values())),
@@ -190,26 +190,26 @@ def _fault(error: TowvalError, lines: dict[str, int]) -> dict[str, Any]:
     }
 
 
-def for_people(told: dict[str, Any]) -> str:
+def for_people(found: dict[str, Any]) -> str:
     """What :func:`check` found, in lines."""
     rows = []
-    for fault in told["faults"]:
+    for fault in found["faults"]:
         where = f"line {fault['line']}: " if fault["line"] else ""
         rows.append(f"fault: {where}{fault['text']}")
-    rows += [f"warning: {text}" for text in told["warnings"]]
-    for name, row in told["runs"].items():
+    rows += [f"warning: {text}" for text in found["warnings"]]
+    for name, row in found["runs"].items():
         known = ", ".join(
             f"{body} ±{row[f'{body}_position_std_mm']:g} mm at {row[f'{body}_pixel_mm']:g} mm a pixel"
             for body in ("rover", "object")
             if f"{body}_pixel_mm" in row
         )
         rows.append(f"run {name}: {row['frames'] or 'an unknown number of'} frames; {known}; {row['picture']}")
-    if told["faults"]:
-        rows.append(f"{told['campaign']}: {len(told['faults'])} fault(s); mend them and check again")
+    if found["faults"]:
+        rows.append(f"{found['campaign']}: {len(found['faults'])} fault(s); mend them and check again")
     else:
         cores = os.cpu_count() or 1
         rows.append(
-            f"{told['campaign']}: no fault. towval run {told['campaign']} takes about {told['cpu_s'] / cores:.0f} s "
+            f"{found['campaign']}: no fault. towval run {found['campaign']} takes about {found['cpu_s'] / cores:.0f} s "
             f"on {cores} cores"
         )
     return "\n".join(rows)

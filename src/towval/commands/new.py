@@ -143,15 +143,15 @@ def run(
     _look_at_boards(draft)
     text = campaign_text(draft.document, draft.marks)
     write_text(file, text)
-    told: dict[str, Any] = {}
+    checked: dict[str, Any] = {}
     if find:
-        told = check(folder, folder / "check")
-        write_text(file, _with_starts(text, told["runs"]))
+        checked = check(folder, folder / "check")
+        write_text(file, _with_starts(text, checked["runs"]))
     guessed = [key for key, mark in draft.marks.items() if mark.startswith(GUESS)]
     runs = list(draft.document["runs"])
     text = f"{len(runs)} runs; guessed, so measure first: {', '.join(guessed) or 'nothing'}"
-    numbers = {"runs": runs, "guessed": guessed, "check": told}
-    return Outcome("new", (file,), text, numbers, details=(for_people(told),) if told else ())
+    numbers = {"runs": runs, "guessed": guessed, "check": checked}
+    return Outcome("new", (file,), text, numbers, details=(for_people(checked),) if checked else ())
 
 
 def _with_starts(text: str, runs: Mapping[str, Any]) -> str:
@@ -202,7 +202,7 @@ def _look_at_files(draft: Draft) -> None:
 
 
 def _fill(draft: Draft, ask: bool) -> None:
-    """What nobody told: asked for, guessed, or missing."""
+    """What nobody stated: asked for, guessed, or missing."""
     missing = Faults()
     for fact in FACTS:
         if draft.known(fact.key) is None:

@@ -97,13 +97,13 @@ def run(
     inputs = given.files([entry.video, *given.floor_images[:_MOST_FLOORS]]) | {"camera.mcap": camera}
     made_of = provenance("track", settings, inputs, run=name, document=sections, constants=True)
     write_tracks(output, tracks, made_of)
-    told = tuple(dict.fromkeys(one for tracked in tracks.values() for one in tracked.findings))
+    findings = tuple(dict.fromkeys(one for tracked in tracks.values() for one in tracked.findings))
     numbers = {f"{body}_{key}": value for body, tracked in tracks.items() for key, value in _seen(tracked).items()}
     texts = [
         "{} seen in {frames_seen} of {frames} frames, ±{position_std_mm:.2g} mm".format(body, **_seen(tracked))
         for body, tracked in tracks.items()
     ]
-    return Outcome(f"track {name}", (output,), "; ".join(texts), numbers, told)
+    return Outcome(f"track {name}", (output,), "; ".join(texts), numbers, findings)
 
 
 def _seen(tracked: Track) -> dict[str, float]:

@@ -142,7 +142,7 @@ def read_campaign(folder: Path, document: Any) -> tuple[Campaign | None, Faults]
         except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
             if not wrong:
                 raise
-            return None  # of faults that are told, or of one beyond those that are
+            return None  # of faults that are reported, or of one beyond those that are
 
     read["calibration_images"] = part("camera.calibration_images", pictures_of, folder, "camera.calibration_images")
     read["board"] = part("camera.board", board_of)

@@ -125,13 +125,13 @@ class _Part:
         })  # fmt: skip
 
     def findings(self) -> Iterator[tuple[str, ...]]:
-        told: dict[str, Iterable[Finding]] = {
+        by_stage: dict[str, Iterable[Finding]] = {
             "track": dict.fromkeys(found for track in self._tracks.values() for found in track.findings),
             "simulate": self._simulated.findings,
             "uncertainty": self._uncertainty.findings,
             "compare": self.comparison.findings,
         }
-        for stage, found in told.items():
+        for stage, found in by_stage.items():
             yield from ((self.campaign, self.name, stage, each.severity.value, each.code, each.text) for each in found)
 
 

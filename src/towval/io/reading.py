@@ -48,7 +48,7 @@ def is_plain_file(path: Path) -> bool:
 
 
 def check_name(path: Path, what: str) -> None:
-    """Refuse a name with line breaks or other control signs, or in no encoding: it could not be told or printed."""
+    """Refuse a name with line breaks or other control signs, or in no encoding: it could not be printed."""
     if not str(path).isprintable():
         raise InputError(f"{what} has a name that cannot be printed", got=repr(str(path)), remedy="rename it")
 

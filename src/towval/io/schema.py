@@ -1,4 +1,4 @@
-"""YAML documents checked against a schema: every fault of a document is collected and told in its user's words."""
+"""YAML documents checked against a schema: every fault of a document is collected and reported in its user's words."""
 
 import difflib
 import importlib
@@ -157,7 +157,7 @@ def _name(parts: Any) -> str:
 
 
 def _short_name(parts: Any) -> str:
-    """A name from the document as it is told: in one line, and not longer than that."""
+    """A name from the document as it is printed: in one line, and not longer than that."""
     text = _name(parts)
     text = text if text.isprintable() else repr(text)
     return text if len(text) <= 80 else text[:77] + "..."

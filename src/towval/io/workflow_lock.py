@@ -1,4 +1,4 @@
-"""Locks that a killed workflow leaves behind: told from those of one that is alive, and removed."""
+"""Locks that a killed workflow leaves behind: distinguished from those of one that is alive, and removed."""
 
 import os
 import sys

@@ -54,7 +54,7 @@ class InputErrors(InputError):
 
 
 class Faults(list[TowvalError]):
-    """Errors of an input, collected in order to be told all at once."""
+    """Errors of an input, collected in order to be reported all at once."""
 
     def attempt(self, function: Callable[..., Result], *arguments: object) -> Result | None:
         """The result of a call, or None where it raises an error of the input, which is kept."""

@@ -229,7 +229,7 @@ class MassSpread:
 
 @dataclass(frozen=True)
 class TowingScene:
-    """All that the simulation is told besides the rover's track.
+    """All that the simulation is given besides the rover's track.
 
     ``patch``, ``load`` and ``anchor`` (2,) in the object's frame, ``hinge`` (2,) in the rover's [m]; ``body_mass`` [kg]
     of the object without its load, ``spread`` as said or, where None, evenly over the footprint; ``anchor_height``,
