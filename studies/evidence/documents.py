@@ -61,7 +61,8 @@ def passages(document: str, text: str) -> Iterator[Passage]:
     waiting: tuple[str, list[str]] | None = None
     headed = False
     for block in [*re.split(r"\n\s*\n", text), "# end"]:
-        plain, marks = _MARK.sub("", block).strip(), [found[0] for found in _MARK.findall(block)]
+        plain = _MARK.sub("", block).strip()
+        marks = [found[0] for found in _MARK.findall(re.sub("`[^`]*`", "", block))]  # a mark in code is an example
         if headed and block.strip().startswith("<!--"):
             of_section += marks[:1]
             marks = marks[1:]

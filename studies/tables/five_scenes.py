@@ -115,10 +115,10 @@ FILMED = {
         0.25, 200.0, _COULOMB, 0.5, 0.6, 3.6,
     ),
     "heavy slow sledge": FilmedTow(
-        "two runners of 0.5 m, 60 kg, 1 cm/s, κ = 2e4 N/m",
+        "two runners of 0.5 m, 60 kg, 2 cm/s, κ = 2e4 N/m",
         (_rectangle(0, 0.14, 0.5, 0.04), _rectangle(0, -0.14, 0.5, 0.04)),
         60.0, 2e4, FrictionSpecification(static=0.25, kinetic=0.2, stiction_velocity=1e-3, friction_velocity=1e-2),
-        0.01, 0.5, 30.0,
+        0.02, 0.5, 12.0,
     ),
 }  # fmt: skip
 RENDERED = {"lab_a, run a": "footage/lab_a", "lab_c, run g": "footage/lab_c"}

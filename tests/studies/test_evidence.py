@@ -123,7 +123,7 @@ It is 2.0 m long at 20°.
 ## Settings
 
 <!-- settings -->
-It stops at 5 mm, and `7 mm` in code.
+It stops at 5 mm, and `7 mm` and `<!-- evidence: foo -->` in code.
 
 ## Table
 
