@@ -100,7 +100,7 @@ def unfounded(found: list[Passage], groups: Mapping[str, Group]) -> list[str]:
         where = f"{each.document}: {' '.join(each.text.split())[:70]}"
         wrong += [f"{where}: there is no group {name}" for name in each.groups if name not in groups]
         known = {value for name in each.groups if name in groups for value in numbers_in(groups[name])}
-        missing = [number for number in each.numbers if float(number.replace(",", "")) not in known]
+        missing = [number for number in each.numbers if not _is_among(number, known)]
         if each.groups:
             wrong += [f"{where}: no row has {number}" for number in missing]
         elif each.numbers and not each.settings:
@@ -108,6 +108,12 @@ def unfounded(found: list[Passage], groups: Mapping[str, Group]) -> list[str]:
         elif each.numbers and _MEASURED.search(each.text):
             wrong.append(f"{where}: marked as settings, but it speaks of what was measured")
     return wrong
+
+
+def _is_among(number: str, known: set[float]) -> bool:
+    """Whether a number as written is one of those known; one with decimals may be rounded to them."""
+    value, decimals = float(number.replace(",", "")), len(number.partition(".")[2].partition("e")[0])
+    return value in known or (decimals > 0 and "e" not in number and any(round(k, decimals) == value for k in known))
 
 
 def numbers_in(group: Group) -> set[float]:

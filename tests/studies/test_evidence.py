@@ -151,6 +151,8 @@ def test_a_document_with_marks_is_founded():
     [
         ("at 20°", "at 20°, 3 mm too short", "no row has 3"), ("bar -->\n\n## S", "foo -->\n\n## S", "no group foo"),
         ("<!-- settings -->\n", "", "without a mark"), ("| bar 9 | 2.0 |", "| bar 9 | 2.1 |", "no row has 2.1"),
+        ("| bar 9 | 2.0 |", "| bar 9 | 2.04 |", "no row has 2.04"),
+        ("| bar 9 | 2.0 |", "| bar 9 | 3 |", "no row has 3"),
         ("stops at 5 mm", "is off by 5 mm RMS", "speaks of what was measured"),
     ],
 )  # fmt: skip
