@@ -5,7 +5,7 @@ import pytest
 
 from towval.model.errors import InputError
 from towval.model.geometry import block_means
-from towval.validation.statistics import SIZES, RightModel, bounds, error_sizes, upper_limit
+from towval.validation.statistics import SIZES, RightModel, bounds, error_sizes, upper_error, upper_limit
 
 N, K = 96, 512
 MM = 1e-3
@@ -74,22 +74,43 @@ def test_the_effects_of_the_inputs_are_found_again():
     np.testing.assert_allclose(right.effects, expected, atol=0.05 * MM)
 
 
-@pytest.mark.parametrize("size", [0.3, 1.0, 4.0])
-def test_bounds_cover_what_is_behind_the_noise(size):
-    """Truths of a shape of their own; the noise is constant in part. More often where noise is as large."""
+def noise(rng, k):
+    """A constant of each draw, and frame noise."""
+    return MM * (0.3 * rng.standard_normal((k, 1, 3)) + 0.03 * rng.standard_normal((k, N, 3)))
+
+
+@pytest.mark.parametrize("size", [0.0, 0.3, 1.0, 4.0])
+@pytest.mark.parametrize("shared", [True, False])
+def test_bounds_cover_what_is_behind_the_noise(size, shared):
+    """Truths of a shape of their own, of 0 to 13 times the noise.
+
+    Shared: simulation and measurement move alike, as with the camera's errors, and the error does not show it. Else it
+    is in the error already, and the upper bound is wide where the noise is as large as the truth.
+    """
     rng = np.random.default_rng(4)
-    truth = MM * size * np.stack([np.sin(5 * TIME), TIME, 0.5 * TIME], axis=1)
-
-    def noise(k):
-        return MM * (0.3 * rng.standard_normal((k, 1, 3)) + 0.1 * rng.standard_normal((k, N, 3)))
-
-    draws, sizes = noise(400), error_sizes(truth)
-    found = np.array([bounds(truth - each, draws, 0.95) for each in noise(300)])
-    above, below = np.mean(found[:, 1] >= sizes, axis=0), np.mean(found[:, 0] <= sizes, axis=0)
-    assert above[:2].min() > 0.93
+    shape = MM * size * np.stack([np.sin(5 * TIME), TIME, 0.5 * TIME], axis=1)
+    draws, held = noise(rng, 400), []
+    for off in noise(rng, 300):
+        error, truth = (shape, shape + off) if shared else (shape - off, shape)
+        low, high = bounds(error, draws, 0.95)
+        held.append([high >= error_sizes(truth), low <= error_sizes(truth)])
+    above, below = np.mean(held, axis=0)
+    assert above.min() > 0.92
     assert below[:2].min() > 0.92
-    if size > 1:
+    if shared or size > 1:
         assert above[:2].max() < 0.985
+
+
+def test_the_error_of_a_bound_is_its_scatter_over_sets_of_draws():
+    rng = np.random.default_rng(7)
+    shape = MM * np.stack([np.sin(5 * TIME), TIME, 0.5 * TIME], axis=1)
+    found = [
+        (bounds(shape, draws, 0.95)[1, 1], upper_error(shape, draws, 0.95))
+        for draws in noise(rng, 60 * 256).reshape(60, 256, N, 3)
+    ]
+    bound, stated = np.array(found).T
+    assert np.mean(stated) == pytest.approx(np.std(bound) / np.mean(bound), rel=0.3)
+    assert upper_error(shape, noise(rng, 4096), 0.95) == pytest.approx(np.mean(stated) / 4, rel=0.35)
 
 
 def test_noise_of_one_direction_moves_the_bounds_by_its_quantiles():
@@ -104,4 +125,4 @@ def test_what_noise_alone_makes_has_no_lower_bound():
     noise = MM * np.random.default_rng(2).normal(size=(400, N, 3))
     low, high = bounds(noise[0], noise[1:], 0.95)
     assert not low.any()
-    assert (high < 4 * MM).all()
+    assert (high < 6 * MM).all()

@@ -11,7 +11,9 @@ from towval.model import Camera, Floor, Tether, Verdict
 from towval.model.errors import InputError
 from towval.model.geometry import rigid_fit, transform
 from towval.optics.projection import project, to_plane
+from towval.selection.draws import BOUND_ERROR, DRAWS, sample_selecting
 from towval.validation.compare import compare
+from towval.validation.path_frame import OnPath
 from towval.validation.simulate import simulate
 from towval.validation.uncertainty import (
     _REST,
@@ -153,3 +155,15 @@ def test_the_main_input_is_named_and_draws_that_fail_are_counted():
     assert found["main_input"].endswith("friction.")
     assert found["draws_left_out"].startswith("2 draws")
     assert _findings(0, {"friction": 0.0, _REST: 0.0}) == ()
+
+
+def test_draws_are_added_until_the_bounds_are_known_well_enough(case):
+    found = sample_selecting(case, UncertaintySettings(), auto=True, measurement_m=1e-3)
+    path = OnPath.of(case.object_track, case.simulated, found.draws)
+    left_open = path.bound_error(0.95)
+    assert left_open <= BOUND_ERROR
+    count = next(each for each in DRAWS if each >= found.samples)  # a few draws cannot be simulated
+    assert found.choices[0].chosen == f"{count}: bounds known to {100 * left_open:.1f} % (one standard error)"
+    fewest = UncertaintySampling(case, UncertaintySettings()).describe(DRAWS[0])
+    known = OnPath.of(case.object_track, case.simulated, fewest.draws).bound_error(0.95)
+    assert count == DRAWS[0] or known > BOUND_ERROR

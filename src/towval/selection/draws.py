@@ -9,13 +9,15 @@ from towval.model import Body, Calibration, Choice, DecimatedTrack, RunUncertain
 from towval.selection.margin import SHARE
 from towval.validation.effects import to_be_measured
 from towval.validation.metrics import position_rms
-from towval.validation.statistics import error_sizes
 from towval.validation.uncertainty import Case, UncertaintySampling, UncertaintySettings
 
-DRAWS = (128, 256, 512, 1024, 2048)
-"""What "auto" chooses from, cheapest first."""
+DRAWS = (256, 512, 1024, 2048)
+"""What "auto" chooses from, cheapest first; with 128 a right model exceeds its limits of 1 % in 2 % of runs."""
 
-_SETTLED = 0.1  # Limits of the verdict may change by this share when the draws are doubled.
+BOUND_ERROR = 0.05
+"""Standard error that the number of draws may leave of the bounds, over their values."""
+
+_CONFIDENCE = 0.95  # of the bounds, for their error
 
 
 def gather(
@@ -59,34 +61,30 @@ def sample_selecting(
     measurement_m: float,
     progress: Callable[[int], None] | None = None,
 ) -> RunUncertainty:
-    """Sample the uncertainty of a run; under ``auto`` with draws doubled until the result has settled.
+    """Sample the uncertainty of a run; under ``auto`` with as many draws as its bounds need.
 
-    Settled: the validation uncertainty changes by less than a third of the measurement uncertainty, and the largest
-    error that 95 % of the draws keep by less than a tenth.
+    That is until the standard error of both upper bounds of the largest error, the simulation's and the model's, is
+    :data:`BOUND_ERROR` of them. The choice states it.
     """
     sampling = UncertaintySampling(case, settings, progress)
-    if auto:
-        found, choice = _settled(sampling, measurement_m)
-    else:
-        found = sampling.describe(settings.samples)
-        # The standard deviation of a root mean square over n normal draws.
-        change = position_rms(found.validation) / np.sqrt(2 * found.samples)
-        choice = Choice("draws", f"{settings.samples}", f"{2 * settings.samples}", change, "of u_val, as expected")
+    count = DRAWS[0] if auto else settings.samples
+    found, error = _sampled(sampling, count)
+    while auto and error > BOUND_ERROR and count < DRAWS[-1]:
+        # It falls with the root of the number; the first estimate is rough, so no step is longer than four times.
+        needed = min(count * (error / BOUND_ERROR) ** 2, 4 * count)
+        count = next((each for each in DRAWS if count < each >= needed), DRAWS[-1])
+        found, error = _sampled(sampling, count)
+    what = f"bounds known to {100 * error:.1f} % (one standard error)"
+    # The standard deviation of a root mean square over n normal draws.
+    change = position_rms(found.validation) / np.sqrt(2 * found.samples)
+    choice = Choice("draws", f"{count}: {what}", f"{2 * count}", change, "of u_val, as expected")
     found = sampling.completed(found)
     inputs = to_be_measured(found, case.deviations, SHARE * measurement_m)
     return replace(found, choices=(choice, *sampling.effects(found), *inputs))
 
 
-def _settled(sampling: UncertaintySampling, measurement_m: float) -> tuple[RunUncertainty, Choice]:
-    """The first number of draws whose result the next one hardly changes, and that choice."""
-    found = sampling.describe(DRAWS[0])
-    for count in DRAWS[1:]:
-        more = sampling.describe(count)
-        change = abs(position_rms(more.validation) - position_rms(found.validation))
-        spread = [np.quantile(error_sizes(each.draws.error)[:, 1], 0.95) for each in (more, found) if each.draws]
-        settled = change <= SHARE * measurement_m and abs(spread[0] / spread[1] - 1) <= _SETTLED
-        choice = Choice("draws", f"{count}", f"{count // 2}", change, "of u_val")
-        found = more
-        if settled:
-            break
-    return found, choice
+def _sampled(sampling: UncertaintySampling, count: int) -> tuple[RunUncertainty, float]:
+    """The uncertainty of so many draws, and the error that they leave of the bounds; none where there are no bounds."""
+    found = sampling.describe(count)
+    path = sampling.on_path(found)
+    return found, 0.0 if path is None else path.bound_error(_CONFIDENCE)

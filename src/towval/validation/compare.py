@@ -23,14 +23,13 @@ from towval.model.statement import Bounds, Draws
 from towval.validation.consequences import forbidding
 from towval.validation.explain import place
 from towval.validation.metrics import aligned_rms, area_metric, error_ratio, frechet_distance, position_rms
-from towval.validation.path_frame import PathFrame
+from towval.validation.path_frame import OnPath, PathFrame
 from towval.validation.statistics import SIZES, STATISTICS, RightModel, bounds
 from towval.validation.verdict import Evidence, statement_findings, verdict_of
 
 TOLERANCE_M = 0.02
 """Error that matters where nobody says so."""
 
-_BLOCKS = 24
 _MOVING_M_PER_S = 2e-3
 """Speed from which on the simulated object moves: above what a regularised law creeps."""
 
@@ -141,7 +140,7 @@ def _judged(
 ) -> Comparison:
     """The comparison with bounds, statistics, verdict and what is to be said of them."""
     tolerance_m = settings.stated_m or TOLERANCE_M
-    parts = _tested(found, measured, uncertainty, settings)
+    parts = _tested(simulated, measured, uncertainty, settings)
     drawn_tests = parts.pop("drawn_tests")
     visible = sorted(fault.shift_rms_m if np.isfinite(fault.size) else np.inf for fault in uncertainty.faults)
     detectable_m = float(visible[(len(visible) - 1) // 2]) if visible else float("nan")
@@ -191,33 +190,29 @@ def _judged(
 
 
 def _tested(
-    found: Comparison, measured: Track, uncertainty: RunUncertainty, settings: CompareSettings
+    simulated: SimulatedMotion, measured: Track, uncertainty: RunUncertainty, settings: CompareSettings
 ) -> dict[str, Any]:
     """Bounds, statistics and limits, as far as there are draws and times to get them from."""
     draws = uncertainty.draws
     nothing = {"drawn_tests": np.empty((0, 2)), "bounds": Bounds(), "statistics": {}, "limits": {}, "where": ""}
     if draws is None:
         return nothing
-    frame = PathFrame(measured, found.time_s[draws.rows])
-    if np.count_nonzero(frame.seen) < _BLOCKS:
+    path = OnPath.of(measured, simulated, draws)
+    if path is None:
         return nothing
-    error, drawn, off = (
-        frame.along_across(each)[..., frame.seen, :]
-        for each in (found.error[draws.rows], draws.error, draws.measurement)
-    )
+    error, drawn = path.error, path.drawn
     right = RightModel.of(drawn, draws.inputs, uncertainty.confidence)
-    length = frame.length[frame.seen]
     statistics = dict(zip(STATISTICS, map(float, right.statistics(error)), strict=True))
     limits = dict(zip(STATISTICS, map(float, right.limits), strict=True))
     both = 0.5 * (1 + settings.bound_confidence)
     return {
         "drawn_tests": np.column_stack([_keys(draws), (right.statistics(drawn) / right.limits).max(axis=1)]),
         "bounds": Bounds(
-            _named(bounds(error, off, settings.bound_confidence)), _named(bounds(error, drawn, both, counted=0.0))
+            _named(bounds(error, path.off, settings.bound_confidence)), _named(bounds(error, drawn, both))
         ),
         "statistics": statistics,
         "limits": limits,
-        "where": _where(error, frame.pose[frame.seen], length, place(error, right, length)),
+        "where": _where(error, path.frame.pose[path.frame.seen], path.length, place(error, right, path.length)),
     }
 
 

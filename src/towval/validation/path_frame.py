@@ -1,9 +1,15 @@
 """The measured path as a frame for errors: along, across, and how far along."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from towval.model import Array, Track
+from towval.model import Array, SimulatedMotion, Track
 from towval.model.geometry import rotation, wrapped
+from towval.model.statement import Draws
+from towval.validation.statistics import upper_error
+
+_LEAST_TIMES = 24  # of a signature's blocks
 
 _STEP_M = 0.01
 """Way after which direction and length of the path are read again [m]: long against noise, short against bends."""
@@ -42,6 +48,40 @@ class PathFrame:
     def covariance(self, floor: Array) -> Array:
         """Covariances (n, 2, 2) of positions on the floor's axes turned the same."""
         return np.asarray(self._turn.transpose(0, 2, 1) @ floor @ self._turn)
+
+
+@dataclass(frozen=True)
+class OnPath:
+    """Error and draws of a run along and across the measured path, at the n times at which the object was seen.
+
+    ``error`` (n, 3) simulated minus measured; ``drawn`` (k, n, 3) what it is if the model is right; ``off`` (k, n, 3)
+    measured minus true; [m, m, rad].
+    """
+
+    frame: PathFrame
+    error: Array
+    drawn: Array
+    off: Array
+
+    @classmethod
+    def of(cls, measured: Track, simulated: SimulatedMotion, draws: Draws) -> "OnPath | None":
+        """Of a run; None where it was seen at fewer times than a signature needs."""
+        frame = PathFrame(measured, simulated.time_s[draws.rows])
+        if np.count_nonzero(frame.seen) < _LEAST_TIMES:
+            return None
+        parts = frame.error(simulated.pose[draws.rows]), draws.error, draws.measurement
+        return cls(frame, *(frame.along_across(each)[..., frame.seen, :] for each in parts))
+
+    def bound_error(self, confidence: float) -> float:
+        """The larger standard error of the upper bounds of the largest error, of the simulation's and of the model's,
+        over their values [1]: what the number of draws leaves open."""
+        model = upper_error(self.error, self.drawn, 0.5 * (1 + confidence))
+        return max(upper_error(self.error, self.off, confidence), model)
+
+    @property
+    def length(self) -> Array:
+        """Length of the path (n,) up to there [m]."""
+        return self.frame.length[self.frame.seen]
 
 
 def _directions(pose: Array) -> Array:

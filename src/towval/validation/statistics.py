@@ -165,13 +165,14 @@ def _effects(means: Array, inputs: Array) -> tuple[Array, NDArray[np.intp], NDAr
     return effects[matters], np.flatnonzero(matters), one_sided[matters]
 
 
-def bounds(error: Array, draws: Array, confidence: float, counted: float = 1.5) -> Array:
+def bounds(error: Array, draws: Array, confidence: float) -> Array:
     """Lower and upper bounds (2, 6) of the sizes of what is behind an observed error; each holds with ``confidence``.
 
-    The observed error is ``truth − draw``. *Upper*: the quantile of the size of ``error + draw`` over the draws, less
-    ``counted`` times what adding a draw makes the size larger on average: noise that is in the observed error already
-    does not count twice. *Lower*: the smallest multiple c of the observed error for which ``c error − draw`` is as
-    large as what was observed in a share 1 − ``confidence`` of the draws; zero where noise alone is.
+    The observed error is ``truth − draw``. *Upper*: the quantile of the size of ``error + draw`` over the draws. It is
+    exact for what the observed error does not contain (a camera that moves the measured rover, and with it the
+    simulation, as it moves the measured object) and for a truth that is far larger; else it is wide, for what is in the
+    observed error counts once more. *Lower*: the smallest multiple c of the observed error for which ``c error − draw``
+    is as large as what was observed in a share 1 − ``confidence`` of the draws; zero where noise alone is.
 
     Parameters
     ----------
@@ -179,9 +180,6 @@ def bounds(error: Array, draws: Array, confidence: float, counted: float = 1.5) 
         Observed.
     draws : ndarray (k, n, 3)
         Of what stands between the truth and what is observed.
-    counted : float, optional
-        With 1 the largest error is covered in 97 to 100 % of runs where 95 % are asked for, with 2 in 86 to 99 %, with
-        1.5 in 95 to 100 % (truth of 1 to 13 times the noise). Where draws are larger than any truth may be, zero.
 
     Examples
     --------
@@ -196,15 +194,25 @@ def bounds(error: Array, draws: Array, confidence: float, counted: float = 1.5) 
         square, mixed, own = np.sum(part**2, axis=-1), np.sum(part * noise, axis=-1), np.sum(noise**2, axis=-1)
         if whole == "mean":
             square, mixed, own = (value.mean(axis=-1, keepdims=True) for value in (square, mixed, own))
-        found[:, i] = _lower(square, mixed, own, 1 - confidence), _upper(square, mixed, own, confidence, counted)
+        found[:, i] = _lower(square, mixed, own, 1 - confidence), _upper(square, mixed, own, confidence)
     return found
 
 
-def _upper(square: Array, mixed: Array, own: Array, confidence: float, counted: float) -> float:
+def _upper(square: Array, mixed: Array, own: Array, confidence: float) -> float:
     """Upper bound of one size by terms (n,), (k, n), (k, n) of ``|error + draw|²``, the largest of which counts."""
     sizes = np.sqrt(np.maximum((square + 2 * mixed + own).max(axis=-1), 0.0))
-    grown = max(0.0, float(sizes.mean()) - float(np.sqrt(square.max())))
-    return max(0.0, float(np.quantile(sizes, confidence)) - counted * grown)
+    return float(np.quantile(sizes, confidence))
+
+
+def upper_error(error: Array, draws: Array, confidence: float) -> float:
+    """Standard error of the upper bound of the largest position error over its value [1], by the number of draws.
+
+    The rank of a quantile is binomial: half the distance of the values one standard deviation of it above and below.
+    """
+    sizes = np.sort(error_sizes(error + draws)[:, SIZES.index("position_max")])
+    ranks = confidence + np.array([-1, 1]) * np.sqrt(confidence * (1 - confidence) / len(sizes))
+    low, high = np.quantile(sizes, np.clip(ranks, 0, 1))
+    return float(0.5 * (high - low) / np.quantile(sizes, confidence))
 
 
 def _lower(square: Array, mixed: Array, own: Array, share: float) -> float:

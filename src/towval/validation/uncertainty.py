@@ -37,7 +37,7 @@ from towval.validation.effects import effect_choices
 from towval.validation.explain import Left, Moves, explain
 from towval.validation.faults import visible_faults
 from towval.validation.hinge_way import nodes_between
-from towval.validation.path_frame import PathFrame
+from towval.validation.path_frame import OnPath
 from towval.validation.simulate import STICKING
 from towval.validation.simulate_many import Batch, Drawn
 from towval.validation.statistics import RightModel, error_sizes
@@ -208,33 +208,36 @@ class UncertaintySampling:
         )
 
     def completed(self, known: RunUncertainty) -> RunUncertainty:
-        """The same with the smallest faults that show in nine of ten of its draws, and what explains the error.
+        """The same with the smallest faults that show in nine of ten of its draws, and what explains the error."""
+        return self.explained(self.with_faults(known))
 
-        That is sought where the error is larger than in any draw of the measurement.
-        """
-        case, kept = self.case, known.draws
-        if kept is None:
+    def with_faults(self, known: RunUncertainty) -> RunUncertainty:
+        """The same with the smallest faults that show in nine of ten of its draws."""
+        path, sampler, confidence = self.on_path(known), self._sampler, self.settings.confidence
+        if path is None or known.draws is None:
             return known
-        frame = PathFrame(case.object_track, known.time_s[kept.rows])
-        if np.count_nonzero(frame.seen) < 24:
-            return known
-        drawn, off = (frame.along_across(each)[:, frame.seen] for each in (kept.error, kept.measurement))
-        error = frame.along_across(frame.error(case.simulated.pose[kept.rows]))[frame.seen]
-        sampler, confidence = self._sampler, self.settings.confidence
-        batch = replace(sampler.batch, times=known.time_s[kept.rows])
-        tows = case.scene, batch, sampler.rover_moves, case.simulated
-        faults = visible_faults(*tows, drawn, kept.inputs, confidence, frame)
-        explanation = None
-        if error_sizes(error)[1] > error_sizes(off)[:, 1].max():
-            left = self._left(batch, kept.rows, frame)
-            right = RightModel.of(drawn, kept.inputs, confidence)
-            names, length = kept.column_names, frame.length[frame.seen]
-            explanation = explain(error, off, right, names, case.assumed, left, length)
-        return replace(known, faults=faults, explanation=explanation)
+        batch = replace(sampler.batch, times=known.time_s[known.draws.rows])
+        tows = self.case.scene, batch, sampler.rover_moves, self.case.simulated
+        faults = visible_faults(*tows, path.drawn, known.draws.inputs, confidence, path.frame)
+        return replace(known, faults=faults)
 
-    def _left(self, batch: Batch, rows: NDArray[np.intp], frame: PathFrame) -> Left:
+    def explained(self, known: RunUncertainty) -> RunUncertainty:
+        """The same with what explains the error, where that is larger than in any draw of the measurement."""
+        path, draws = self.on_path(known), known.draws
+        if path is None or draws is None or error_sizes(path.error)[1] <= error_sizes(path.off)[:, 1].max():
+            return known
+        right = RightModel.of(path.drawn, draws.inputs, self.settings.confidence)
+        left = self._left(replace(self._sampler.batch, times=known.time_s[draws.rows]), draws.rows, path)
+        found = explain(path.error, path.off, right, draws.column_names, self.case.assumed, left, path.length)
+        return replace(known, explanation=found)
+
+    def on_path(self, known: RunUncertainty) -> OnPath | None:
+        """Error and draws of the run along and across its path; None without draws or where it was hardly seen."""
+        draws = known.draws
+        return None if draws is None else OnPath.of(self.case.object_track, self.case.simulated, draws)
+
+    def _left(self, batch: Batch, rows: NDArray[np.intp], path: OnPath) -> Left:
         """The error of the run with inputs moved and the run simulated again, as :func:`explain` asks for it."""
-        observed = frame.along_across(frame.error(self.case.simulated.pose[rows]))[frame.seen]
 
         def errors(moves: Sequence[Moves]) -> Array:
             draws = np.zeros((len(moves), self._sequence.d))
@@ -243,10 +246,10 @@ class UncertaintySampling:
             laid_out = [self._sampler.moved(draw) for draw in draws]
             measured = np.array([seen[rows] for _, seen in laid_out])
             simulated = np.array(list(batch.simulate(drawn for drawn, _ in laid_out)))
-            return frame.along_across(_difference(simulated, measured))[:, frame.seen]
+            return path.frame.along_across(_difference(simulated, measured))[:, path.frame.seen]
 
         nominal = errors([{}])
-        return lambda moves: observed + (errors(moves) - nominal)
+        return lambda moves: path.error + (errors(moves) - nominal)
 
     def effects(self, found: RunUncertainty) -> tuple[Choice, ...]:
         """Each effect of a lab on the path, taken or left out; see :func:`towval.validation.effects.effect_choices`."""
