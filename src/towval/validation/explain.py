@@ -165,6 +165,7 @@ def explain(
     for column in chain(*chosen):
         name = names[column]
         moved[name] = max(moved.get(name, 0.0), point.moves[column], key=abs)
+    moved = dict(sorted(moved.items(), key=lambda item: -abs(item[1])))
     begins, ends = place(point.error, right, length)
     return Explanation(
         moved, bool(chosen) and not right.rejects(point.error), _rms(error), _rms(point.error), begins, ends,
