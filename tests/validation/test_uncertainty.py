@@ -14,15 +14,14 @@ from towval.optics.projection import project, to_plane
 from towval.selection.draws import BOUND_ERROR, DRAWS, sample_selecting
 from towval.validation.compare import compare
 from towval.validation.path_frame import OnPath
+from towval.validation.shares import REST, variance_shares
 from towval.validation.simulate import simulate
 from towval.validation.uncertainty import (
-    _REST,
     UncertaintySampling,
     UncertaintySettings,
     _findings,
     _motions,
     sample_uncertainty,
-    variance_shares,
 )
 from validation_case import DEVIATIONS, PARAMETER_STD
 
@@ -150,11 +149,11 @@ def test_the_numerical_uncertainty_is_in_u_val_wherever_it_is_used(case):
 
 
 def test_the_main_input_is_named_and_draws_that_fail_are_counted():
-    found = {one.code: one.text for one in _findings(2, {"friction": 0.6, "stiffness": 0.1, _REST: 0.3})}
+    found = {one.code: one.text for one in _findings(2, {"friction": 0.6, "stiffness": 0.1, REST: 0.3})}
     assert found["main_input"].startswith("60 %")
     assert found["main_input"].endswith("friction.")
     assert found["draws_left_out"].startswith("2 draws")
-    assert _findings(0, {"friction": 0.0, _REST: 0.0}) == ()
+    assert _findings(0, {"friction": 0.0, REST: 0.0}) == ()
 
 
 def test_draws_are_added_until_the_bounds_are_known_well_enough(case):

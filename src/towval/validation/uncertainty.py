@@ -38,13 +38,13 @@ from towval.validation.explain import Left, Moves, explain
 from towval.validation.faults import visible_faults
 from towval.validation.hinge_way import nodes_between
 from towval.validation.path_frame import OnPath
+from towval.validation.shares import REST, variance_shares
 from towval.validation.simulate import STICKING
 from towval.validation.simulate_many import Batch, Drawn
 from towval.validation.statistics import RightModel, error_sizes
 
 _RATE_STEP_S = 1e-4
 _DROPPED_SHARE = 0.02
-_REST = "noise and interactions"
 _KEPT_TIMES = 1000
 """Draws are kept at this many times at most: more than the path has features."""
 
@@ -296,43 +296,6 @@ def with_numerical(covariance: Array, u_num_m: float) -> Array:
     return covariance + 0.5 * u_num_m**2 * np.diag([1.0, 1.0, 0.0])
 
 
-def variance_shares(draws: Array, outputs: Array, inputs: dict[str, int]) -> dict[str, float]:
-    """Shares of the outputs' variance that each input explains on its own: first-order Sobol indices.
-
-    The outputs are regressed on Hermite polynomials of degree one and two of each draw, which are orthonormal for
-    standard normal draws, so that a squared coefficient is a share of variance (Sudret 2008); indices of many outputs
-    are weighted by their variances (Lamboni, Monod and Makowski 2011). What the regression's own noise adds to a
-    squared coefficient is taken off. The rest, "noise and interactions", is what no input explains alone.
-
-    Parameters
-    ----------
-    draws : ndarray (k, d)
-        Standard normal numbers.
-    outputs : ndarray (k, m)
-        Results of the draws.
-    inputs : dict of str to int
-        Names of the inputs and of how many columns of ``draws`` each is made.
-
-    Returns
-    -------
-    dict of str to float
-        By name, "noise and interactions" last; they sum to one, unless nothing varies at all.
-    """
-    k, d = draws.shape
-    outputs = outputs - outputs.mean(axis=0)
-    basis = np.concatenate([np.ones((k, 1)), draws, (draws**2 - 1) / np.sqrt(2)], axis=1)
-    coefficients, *_ = np.linalg.lstsq(basis, outputs, rcond=None)
-    residual = np.sum((outputs - basis @ coefficients) ** 2, axis=0) / max(1, k - basis.shape[1])
-    power = np.sum(coefficients[1:] ** 2 - residual / k, axis=1)
-    by_column = power[:d] + power[d:]
-    starts = np.cumsum([0, *inputs.values()])[:-1]
-    parts = [max(0.0, float(by_column[i : i + width].sum())) for i, width in zip(starts, inputs.values(), strict=True)]
-    total = sum(parts) + float(residual.sum())
-    if total == 0:
-        return dict.fromkeys([*inputs, _REST], 0.0)
-    return dict(zip([*inputs, _REST], [part / total for part in (*parts, float(residual.sum()))], strict=True))
-
-
 class _Sampler:
     """Turns standard normal numbers into what is to be simulated and a measured motion of the object."""
 
@@ -455,7 +418,7 @@ def _mean_square(error: Array) -> Array:
 
 def _findings(dropped: int, shares: dict[str, float]) -> tuple[Finding, ...]:
     findings = []
-    named = {name: share for name, share in shares.items() if name != _REST}
+    named = {name: share for name, share in shares.items() if name != REST}
     if any(named.values()):
         first = max(named, key=lambda name: named[name])
         findings.append(finding("main_input", percent=100 * named[first], label=first))

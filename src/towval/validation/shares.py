@@ -1,0 +1,45 @@
+"""Which input the variance of an error comes from: first-order Sobol indices."""
+
+import numpy as np
+
+from towval.model import Array
+
+REST = "noise and interactions"
+"""What no input explains alone."""
+
+
+def variance_shares(draws: Array, outputs: Array, inputs: dict[str, int]) -> dict[str, float]:
+    """Shares of the outputs' variance that each input explains on its own: first-order Sobol indices.
+
+    The outputs are regressed on Hermite polynomials of degree one and two of each draw, which are orthonormal for
+    standard normal draws, so that a squared coefficient is a share of variance (Sudret 2008); indices of many outputs
+    are weighted by their variances (Lamboni, Monod and Makowski 2011). What the regression's own noise adds to a
+    squared coefficient is taken off. The rest, "noise and interactions", is what no input explains alone.
+
+    Parameters
+    ----------
+    draws : ndarray (k, d)
+        Standard normal numbers.
+    outputs : ndarray (k, m)
+        Results of the draws.
+    inputs : dict of str to int
+        Names of the inputs and of how many columns of ``draws`` each is made.
+
+    Returns
+    -------
+    dict of str to float
+        By name, "noise and interactions" last; they sum to one, unless nothing varies at all.
+    """
+    k, d = draws.shape
+    outputs = outputs - outputs.mean(axis=0)
+    basis = np.concatenate([np.ones((k, 1)), draws, (draws**2 - 1) / np.sqrt(2)], axis=1)
+    coefficients, *_ = np.linalg.lstsq(basis, outputs, rcond=None)
+    residual = np.sum((outputs - basis @ coefficients) ** 2, axis=0) / max(1, k - basis.shape[1])
+    power = np.sum(coefficients[1:] ** 2 - residual / k, axis=1)
+    by_column = power[:d] + power[d:]
+    starts = np.cumsum([0, *inputs.values()])[:-1]
+    parts = [max(0.0, float(by_column[i : i + width].sum())) for i, width in zip(starts, inputs.values(), strict=True)]
+    total = sum(parts) + float(residual.sum())
+    if total == 0:
+        return dict.fromkeys([*inputs, REST], 0.0)
+    return dict(zip([*inputs, REST], [part / total for part in (*parts, float(residual.sum()))], strict=True))
