@@ -2,6 +2,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 from footprints import rectangle
 from oracles import TRACTRIX
@@ -12,6 +14,7 @@ from towval.physics.contact import resting_pressure
 from towval.physics.dynamics import feedback
 from towval.physics.friction_laws import Coulomb
 from towval.physics.quasistatic import quasistatic_plan
+from towval.physics.splines import spline_covering, spline_values
 from towval.physics.trailing import TRAILING_RUNGS, trail
 from towval.physics.wrench import friction_wrench, sliding_patch
 
@@ -25,10 +28,11 @@ def lemniscate(duration, steps):
 
 
 def test_moments_balance_about_the_anchor_and_the_hinge_follows(cube, makkar):
-    plan = quasistatic_plan(cube, makkar, lemniscate(600, 6000), TETHER, point=(0.05, 0.02))
+    path = lemniscate(600, 6000)
+    plan = quasistatic_plan(cube, makkar, path, TETHER, point=(0.05, 0.02), times=path.time_s[::500])
     patch = sliding_patch(resting_pressure(cube), makkar)
     assert not plan.findings
-    for i in range(0, 6001, 500):
+    for i in range(13):
         turn = rotation(plan.pose[i, 2])
         body_twist = [*(turn.T @ plan.twist[i, :2]), plan.twist[i, 2]]
         fx, fy, moment = friction_wrench(patch, body_twist)
@@ -54,16 +58,57 @@ def test_straight_path_needs_the_friction_force_and_no_turning(cube):
     assert np.linalg.norm(plan.tether_force, axis=1) == pytest.approx(0.35 * 5 * 9.81, rel=1e-9)
 
 
-def test_heading_converges_with_third_order(cube, makkar):
-    path = lemniscate(600, 6000)
+def test_heading_is_that_of_an_integrator_with_a_root_at_every_step(cube, makkar):
+    """Without panels, slopes or Newton: scipy's eighth order, the rate by Brent's method."""
+    path, patch = lemniscate(600, 60_000), sliding_patch(resting_pressure(cube), makkar)
+    plan = quasistatic_plan(cube, makkar, path, TETHER, times=[0.0, 90.0])
+    way = spline_covering(path, path.time_s, "the path")
 
-    def final_heading(steps):
-        return quasistatic_plan(cube, makkar, path, TETHER, times=np.linspace(0, 600, steps + 1)).pose[-1, 2]
+    def rate(time, theta):
+        velocity = rotation(theta[0]).T @ spline_values(way, np.array([time]))[1][0]
 
-    exact = final_heading(80_000)
-    errors = [abs(final_heading(steps) - exact) for steps in (2500, 5000)]
-    assert errors[1] < 2e-9
-    assert np.log2(errors[0] / errors[1]) == pytest.approx(3, abs=0.3)
+        def moment_about_anchor(omega):
+            _, fy, moment = friction_wrench(patch, [*velocity, omega])
+            return moment - 0.2 * fy
+
+        return brentq(moment_about_anchor, -0.2, 0.2, xtol=1e-15, rtol=1e-14)
+
+    exact = solve_ivp(rate, (0.0, 90.0), [plan.pose[0, 2]], "DOP853", rtol=1e-10, atol=1e-11).y[0, -1]
+    assert plan.pose[-1, 2] == pytest.approx(exact, abs=1e-8)
+    assert plan.statistics["heading_error_rad"] < 1e-8
+
+
+@pytest.mark.parametrize("steps", [1, 10, 2500, 80_000])
+def test_a_plan_is_the_same_at_whatever_times_it_is_reported(steps, cube, makkar):
+    path, times = lemniscate(600, 6000), np.linspace(0, 600, steps + 1)
+    often = quasistatic_plan(cube, makkar, path, TETHER, times=np.linspace(0, 600, 5001))
+    plan = quasistatic_plan(cube, makkar, path, TETHER, times=times)
+    assert plan.pose[-1, 2] == pytest.approx(often.pose[-1, 2], abs=2e-9)
+    assert plan.hinge.position[-1] == pytest.approx(often.hinge.position[-1], abs=2e-9)
+
+
+def test_what_is_interpolated_is_what_is_solved(cube, makkar):
+    path = lemniscate(600, 60_000)
+    often = quasistatic_plan(cube, makkar, path, TETHER)
+    seldom = quasistatic_plan(cube, makkar, path, TETHER, times=path.time_s[::500])
+    assert often.statistics["solves"] < 0.1 * len(often.time_s)
+    assert often.tether_force[::500] == pytest.approx(seldom.tether_force, abs=1e-8)
+    assert often.hinge.position[::500] == pytest.approx(seldom.hinge.position, abs=1e-9)
+    assert often.twist[::500] == pytest.approx(seldom.twist, abs=1e-10)
+
+
+def test_a_jerk_between_the_nodes_of_a_panel_is_seen(cube):
+    """A bump of 10 mm within half a second of a straight path of 200 s."""
+    time = np.linspace(0, 200, 40_001)
+    bump = 0.01 * np.clip(1 - ((time - 103.3) / 0.25) ** 2, 0, None) ** 4
+    path = TimedPath(time, np.column_stack([0.01 * time, bump]))
+    plan, straight = (
+        quasistatic_plan(cube, Coulomb(0.35, 1e-6), each, TETHER)
+        for each in (path, TimedPath(time, np.column_stack([0.01 * time, 0 * time])))
+    )
+    assert plan.statistics["panels"] > 5 * straight.statistics["panels"]
+    assert np.abs(plan.pose[:, 2]).max() > 1e-3
+    assert plan.pose[time < 103, 2] == pytest.approx(0, abs=1e-9)
 
 
 def test_feedback_along_the_planned_hinge_follows_the_plan(cube):

@@ -65,12 +65,15 @@ def spline_through(path: TimedPath) -> Spline:
         raise InputError("a path of one point cannot be followed", got=f"{n} points", allowed="two points or more")
     length = np.diff(path.time_s)
     slope = np.diff(path.position, axis=0) / length[:, None]
-    chord = np.linalg.norm(slope, axis=1) * length
-    pauses = _coinciding_ends(length, slope)
-    may_pause = _slower_than_neighbours(slope) | (_longest_nearby(chord) < _NOISE * chord.max())
+    speed = np.hypot(slope[:, 0], slope[:, 1])
+    chord = speed * length
+    pauses = _coinciding_ends(length, slope, chord)
     while True:
         coefficients = _split_at(pauses, path.position, length, slope)
         swings = _swings(length, coefficients, slope)
+        if swings.max() <= _SWING_LIMIT:
+            break
+        may_pause = _slower_than_neighbours(speed) | (_longest_nearby(chord) < _NOISE * chord.max())
         more = (swings > _SWING_LIMIT) & may_pause & ~pauses
         if not more.any():
             break
@@ -86,23 +89,22 @@ def spline_through(path: TimedPath) -> Spline:
     return _laid_out(path.time_s.copy(), coefficients)
 
 
-def _coinciding_ends(length: Array, slope: Array) -> NDArray[np.bool_]:
+def _coinciding_ends(length: Array, slope: Array, chord: Array) -> NDArray[np.bool_]:
     """Intervals (n,) whose ends coincide, but for the turning point of a path that goes back on itself.
 
     The two samples beside a turning point may coincide by symmetry; there the path goes back after an interval like its
     neighbours, while after a pause it goes on or the interval is longer.
     """
-    chord = np.linalg.norm(slope, axis=1) * length
-    before, after = np.roll(slope, 1, axis=0), np.roll(slope, -1, axis=0)
-    before[0] = after[-1] = 0.0
-    usual = np.maximum(np.r_[0.0, length[:-1]], np.r_[length[1:], 0.0])
-    turning = (np.sum(before * after, axis=1) < 0) & (length < _LONGER * usual)
-    found: NDArray[np.bool_] = (chord <= _COINCIDING * chord.max()) & ~turning
+    found: NDArray[np.bool_] = chord <= _COINCIDING * chord.max()
+    if found.any():
+        before, after = np.roll(slope, 1, axis=0), np.roll(slope, -1, axis=0)
+        before[0] = after[-1] = 0.0
+        usual = np.maximum(np.r_[0.0, length[:-1]], np.r_[length[1:], 0.0])
+        found &= (np.sum(before * after, axis=1) >= 0) | (length >= _LONGER * usual)
     return found
 
 
-def _slower_than_neighbours(slope: Array) -> NDArray[np.bool_]:
-    speed = np.linalg.norm(slope, axis=1)
+def _slower_than_neighbours(speed: Array) -> NDArray[np.bool_]:
     slower: NDArray[np.bool_] = speed < _SLOW * np.maximum(np.r_[0.0, speed[:-1]], np.r_[speed[1:], 0.0])
     return slower
 

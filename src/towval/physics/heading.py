@@ -1,0 +1,333 @@
+"""The heading of an object drawn along a path without inertia: its rate follows from balance, θ̇ = ω(t, θ).
+
+Collocation in panels: within a panel rate and forces are the polynomials of degree eight through their values at
+Chebyshev's nodes, and the heading is the rate's integral. Newton's method on all headings of a panel, with the rate's
+slope by the heading in closed form, settles them in three or four rounds. The coefficients of the two highest degrees
+bound what the polynomials miss; and since a path may jerk between the nodes, so does the distance of the path's own
+velocity, at every time of the plan, from its polynomial. A panel that misses more is halved.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from towval.model import Array
+from towval.model.compiling import compiled
+from towval.physics.balanced_rate import ROOT_CHOSEN, ROOT_FOUND, Levers, balanced_rate
+from towval.physics.splines import Spline, piece_at, spline_at
+from towval.physics.wrench import SlidingPatch
+
+_CREEP = 1e-9  # m/s; where the path rests, directions are those of a creep this slow
+
+_DEGREE = 8
+_TOLERANCE = 1e-10  # of the heading over a panel [rad], and of force over itself
+_JERK = 1e-8  # of the largest velocity in a panel, that the velocity may differ from its polynomial between the nodes
+_ROUNDS = 12
+_FEW = 2 * (_DEGREE + 1)  # times in a panel that are solved for themselves: it took as many balances
+_SETTLED_HEADING = 1e-11  # rad
+# Of the patch's radius: how far the path goes in the first panel, and in one that is halved no further.
+_FIRST, _LEAST = 0.1, 1e-3
+_SHORTEST = 1e-9  # of the time of the path, for where it rests
+_GROW, _SHRINK = 2.0, 0.5
+_LEAST_ERROR = 1e-6  # over the tolerance: what a panel grows by follows from no less
+
+_NODES = -np.cos(np.pi * np.arange(_DEGREE + 1) / _DEGREE)
+_TO_CHEBYSHEV = np.linalg.inv(chebyshev.chebvander(_NODES, _DEGREE))
+_INTEGRALS = np.stack([chebyshev.chebval(_NODES, chebyshev.chebint(c, lbnd=-1)) for c in _TO_CHEBYSHEV.T], axis=1)
+_TO_POWERS = np.stack([np.pad(p := chebyshev.cheb2poly(c), (0, _DEGREE + 1 - len(p))) for c in _TO_CHEBYSHEV.T], axis=1)
+_HIGHEST = _TO_CHEBYSHEV[-2:].copy()
+
+Place = tuple[float, float, float, float, float, float]
+"""A point of the path and its two derivatives, x and y each."""
+
+# Rows of a panel: heading, rate, force (2) in body axes, velocity (2), slope of the rate by the heading.
+_THETA, _OMEGA, _FX, _FY, _VX, _VY, _TURN = range(7)
+
+
+class Plan(NamedTuple):
+    """What compiled code fills in at each time.
+
+    As in :class:`QuasistaticMotion`: ``pose``, ``twist``, ``tether_force``, ``hinge`` (n, 2). Beside: ``direction`` (n,
+    2) of the tow in body axes, ``moment`` (n,) left about the anchor [N m], ``status`` (n,) of the root. Zero before.
+    """
+
+    pose: Array
+    twist: Array
+    tether_force: Array
+    hinge: Array
+    direction: Array
+    moment: Array
+    status: Array
+
+
+@compiled()
+def follow(
+    patch: SlidingPatch, levers: Array, spline: Spline, times: Array, heading: float, plan: Plan
+) -> tuple[int, int, float]:
+    """Fill the plan; ``levers`` (6,): P and the anchor in the body frame, rest length and stiffness of the tether.
+
+    Returns the numbers of panels and of solutions of the balance, and a bound of the heading's error [rad]: what all
+    panels may have missed.
+    """
+    geometry = (
+        patch.origin[0] - levers[0], patch.origin[1] - levers[1], patch.origin[0] - levers[2],
+        patch.origin[1] - levers[3],
+    )  # fmt: skip
+    nodes, powers = np.zeros((7, _DEGREE + 1)), np.zeros((6, _DEGREE + 2))
+    system = np.empty((_DEGREE, _DEGREE + 1))
+    t, span = times[0], times[-1] - times[0]
+    nodes[_THETA, 0] = heading
+    piece = piece_at(spline.knots, t, 0)
+    h = min(span, _FIRST * patch.radius / max(spline.speed_limits[piece], _FIRST * patch.radius / span))
+    filled = panels = solves = 0
+    bound = 0.0
+    while filled < len(times):
+        left = times[-1] - t
+        h = left if 1.01 * h >= left else h
+        way = h * _lay_velocities(spline, t, h, piece, nodes)
+        last = way <= _LEAST * patch.radius or h <= _SHORTEST * span
+        status, moment, count = _collocate(patch, geometry, h, panels == 0, nodes, system)
+        solves += count
+        error = _missed(h, nodes)
+        smooth = status == ROOT_FOUND and error <= 1
+        to, jerk = filled, np.inf
+        if smooth or last:
+            _lay_powers(h, nodes, powers)
+            to, jerk = _fill(plan, levers, spline, times, filled, (t, h, piece), powers, (status, moment))
+        if not (last or (smooth and jerk <= _JERK)):
+            h *= _SHRINK
+            continue
+        if to - filled < _FEW and status == ROOT_FOUND:
+            solves += to - filled
+            _solve_reported(patch, geometry, levers, spline, times, (filled, to, piece), plan)
+        filled, panels = to, panels + 1
+        bound += _TOLERANCE * error + jerk * way / patch.radius
+        t = t + h if h < left else times[-1]
+        piece = piece_at(spline.knots, t, piece)
+        nodes[_THETA, 0], nodes[_OMEGA, 0] = nodes[_THETA, _DEGREE], nodes[_OMEGA, _DEGREE]
+        h *= min(_GROW, 0.9 * max(error, _LEAST_ERROR) ** (-1 / _DEGREE))
+    return panels, solves, bound
+
+
+@compiled(allocates=False)
+def _lay_velocities(spline: Spline, t: float, h: float, piece: int, nodes: Array) -> float:
+    """Velocities of P at the nodes of a panel, floor axes; returns the largest speed."""
+    knots, last_piece, fastest = spline.knots, len(spline.coefficients) - 1, 0.0
+    for j in range(_DEGREE + 1):
+        time = t + 0.5 * h * (1 + _NODES[j])
+        piece = piece_at(knots, time, piece)
+        goes_on = piece < last_piece or time < knots[-1]
+        vx, vy = _moving_velocity(spline_at(knots, spline.coefficients, time, piece), goes_on)
+        nodes[_VX, j], nodes[_VY, j] = vx, vy
+        fastest = max(fastest, vx * vx + vy * vy)
+    return math.sqrt(fastest)
+
+
+@compiled(allocates=False)
+def _collocate(
+    patch: SlidingPatch, geometry: Levers, h: float, search: bool, nodes: Array, system: Array
+) -> tuple[int, float, int]:
+    """Headings, rates and forces at the nodes of a panel from the heading at its start and the velocities.
+
+    Returns the worst status of the roots, the largest moment left, and how many balances were solved.
+    """
+    theta, omega, count = nodes[_THETA], nodes[_OMEGA], 0
+    status, moment = ROOT_FOUND, 0.0
+    before = math.sqrt(nodes[_VX, 0] ** 2 + nodes[_VY, 0] ** 2)
+    for j in range(1, _DEGREE + 1):  # As far as known, it turns by as much on the same way.
+        omega[j] = omega[0] * math.sqrt(nodes[_VX, j] ** 2 + nodes[_VY, j] ** 2) / before
+    for j in range(1, _DEGREE + 1):
+        theta[j] = theta[0]
+        for k in range(_DEGREE + 1):
+            theta[j] += 0.5 * h * _INTEGRALS[j, k] * omega[k]
+    for rounds in range(_ROUNDS):
+        status, moment = ROOT_FOUND, 0.0
+        for j in range(_DEGREE + 1):
+            cos, sin = math.cos(theta[j]), math.sin(theta[j])
+            ux, uy = cos * nodes[_VX, j] + sin * nodes[_VY, j], cos * nodes[_VY, j] - sin * nodes[_VX, j]
+            guess = 0.0 if j == 0 and rounds == 0 and search else omega[j]
+            omega[j], nodes[_TURN, j], nodes[_FX, j], nodes[_FY, j], left, found = balanced_rate(
+                patch, geometry, ux, uy, guess, search and rounds == 0
+            )
+            count += 1
+            status, moment = max(status, found), max(moment, abs(left))
+        if status != ROOT_FOUND and rounds == 0 and not search:
+            return status, moment, count
+        if _settle(h, nodes, system) < _SETTLED_HEADING:
+            return status, moment, count
+    return max(status, ROOT_CHOSEN), moment, count
+
+
+@compiled(allocates=False)
+def _settle(h: float, nodes: Array, system: Array) -> float:
+    """One step of Newton's method on the headings; returns the largest change [rad], which rates follow as well."""
+    theta, omega, turn = nodes[_THETA], nodes[_OMEGA], nodes[_TURN]
+    for i in range(_DEGREE):
+        left = theta[0] - theta[i + 1]
+        for k in range(_DEGREE + 1):
+            left += 0.5 * h * _INTEGRALS[i + 1, k] * omega[k]
+            if k > 0:
+                system[i, k - 1] = (1.0 if k == i + 1 else 0.0) - 0.5 * h * _INTEGRALS[i + 1, k] * turn[k]
+        system[i, _DEGREE] = left
+    for i in range(_DEGREE):  # Gauss without pivots: the matrix is near the unit matrix, or the panel too long.
+        for row in range(i + 1, _DEGREE):
+            factor = system[row, i] / system[i, i]
+            for k in range(i + 1, _DEGREE + 1):
+                system[row, k] -= factor * system[i, k]
+    largest = 0.0
+    for i in range(_DEGREE - 1, -1, -1):
+        change = system[i, _DEGREE]
+        for k in range(i + 1, _DEGREE):
+            change -= system[i, k] * system[k, _DEGREE]
+        change /= system[i, i]
+        system[i, _DEGREE] = change
+        theta[i + 1] += change
+        omega[i + 1] += change * turn[i + 1]
+        largest = max(largest, abs(change))
+    return largest if math.isfinite(largest) else np.inf
+
+
+@compiled(allocates=False)
+def _missed(h: float, nodes: Array) -> float:
+    """Coefficients of the two highest degrees over what is tolerated, of the heading and of the force."""
+    turned = missed = force = 0.0
+    for row in range(_OMEGA, _FY + 1):
+        for high in range(2):
+            coefficient = 0.0
+            for j in range(_DEGREE + 1):
+                coefficient += _HIGHEST[high, j] * nodes[row, j]
+            if row == _OMEGA:
+                turned += 0.5 * h * abs(coefficient)
+            else:
+                missed += abs(coefficient)
+    for j in range(_DEGREE + 1):
+        force = max(force, abs(nodes[_FX, j]), abs(nodes[_FY, j]))
+    worst = max(turned, missed / force) / _TOLERANCE
+    return worst if math.isfinite(worst) else np.inf
+
+
+@compiled(allocates=False)
+def _lay_powers(h: float, nodes: Array, powers: Array) -> None:
+    """Coefficients by powers of the place in the panel, −1 to 1, lowest first, of all that is interpolated."""
+    for row in range(_OMEGA, _VY + 1):
+        for k in range(_DEGREE + 1):
+            total = 0.0
+            for j in range(_DEGREE + 1):
+                total += _TO_POWERS[k, j] * nodes[row, j]
+            powers[row, k] = total
+    heading, start, sign = powers[_THETA], 0.0, 1.0
+    for k in range(_DEGREE + 1):
+        heading[k + 1] = 0.5 * h * powers[_OMEGA, k] / (k + 1)
+        sign = -sign
+        start += sign * heading[k + 1]
+    heading[0] = nodes[_THETA, 0] - start
+
+
+@compiled(allocates=False)
+def _fill(
+    plan: Plan,
+    levers: Array,
+    spline: Spline,
+    times: Array,
+    filled: int,
+    panel: tuple[float, float, int],
+    powers: Array,
+    root: tuple[int, float],
+) -> tuple[int, float]:
+    """Fill the plan at the times within a panel (start, length, piece of the path at its start).
+
+    Returns the number of times filled in all, and how far the path's velocity is from its polynomial at most, over the
+    largest.
+    """  # fmt: skip
+    t, h, piece = panel
+    knots, off, fastest = spline.knots, 0.0, 0.0
+    while filled < len(times) and (times[filled] <= t + h or t + h >= times[-1]):
+        time = times[filled]
+        piece = piece_at(knots, time, piece)
+        place = spline_at(knots, spline.coefficients, time, piece)
+        x = 2 * (time - t) / h - 1
+        theta, omega, fx, fy, vx, vy = powers[_THETA, _DEGREE + 1], 0.0, 0.0, 0.0, 0.0, 0.0
+        for k in range(_DEGREE, -1, -1):
+            theta = theta * x + powers[_THETA, k]
+            omega = omega * x + powers[_OMEGA, k]
+            fx = fx * x + powers[_FX, k]
+            fy = fy * x + powers[_FY, k]
+            vx = vx * x + powers[_VX, k]
+            vy = vy * x + powers[_VY, k]
+        if place[2] * place[2] + place[3] * place[3] > _CREEP * _CREEP:
+            off = max(off, abs(vx - place[2]), abs(vy - place[3]))
+        fastest = max(fastest, abs(vx), abs(vy))
+        plan.pose[filled, 2], plan.twist[filled, 2] = theta, omega
+        plan.status[filled], plan.moment[filled] = root
+        _assemble(plan, filled, levers, place, (math.cos(theta), math.sin(theta)), (fx, fy))
+        filled += 1
+    return filled, off / fastest if fastest > 0 else 0.0
+
+
+@compiled(allocates=False)
+def _solve_reported(
+    patch: SlidingPatch,
+    geometry: Levers,
+    levers: Array,
+    spline: Spline,
+    times: Array,
+    rows: tuple[int, int, int],
+    plan: Plan,
+) -> None:
+    """Solve the balance at the times from the first to before the second row, of which the plan has the headings."""
+    first, end, piece = rows
+    for i in range(first, end):
+        piece = piece_at(spline.knots, times[i], piece)
+        place = spline_at(spline.knots, spline.coefficients, times[i], piece)
+        goes_on = piece < len(spline.coefficients) - 1 or times[i] < spline.knots[-1]
+        vx, vy = _moving_velocity(place, goes_on)
+        cos, sin = math.cos(plan.pose[i, 2]), math.sin(plan.pose[i, 2])
+        guess, ux, uy = plan.twist[i, 2], cos * vx + sin * vy, cos * vy - sin * vx
+        plan.twist[i, 2], _, fx, fy, _, _ = balanced_rate(patch, geometry, ux, uy, guess, False)
+        _assemble(plan, i, levers, place, (cos, sin), (fx, fy))
+
+
+@compiled(allocates=False)
+def _assemble(
+    plan: Plan, i: int, levers: Array, place: Place, turned: tuple[float, float], friction: tuple[float, float]
+) -> None:
+    """Places, velocities and forces of a time, floor axes, in the plan, which has heading and rate.
+
+    ``place``: the path's position and derivatives; ``turned``: cosine and sine of the heading; ``friction`` force, body
+    axes. A tow without force keeps the direction of the time before.
+    """
+    px, py, ax, ay, rest_length, stiffness = levers
+    (cos, sin), (fx, fy), omega = turned, friction, plan.twist[i, 2]
+    pull = math.sqrt(fx * fx + fy * fy)
+    if pull > 0:
+        plan.direction[i, 0], plan.direction[i, 1] = -fx / pull, -fy / pull
+    else:
+        plan.direction[i, 0], plan.direction[i, 1] = plan.direction[max(i - 1, 0), 0], plan.direction[max(i - 1, 0), 1]
+    reach = rest_length + pull / stiffness
+    along_x, along_y = ax + reach * plan.direction[i, 0], ay + reach * plan.direction[i, 1]
+    lever_x, lever_y = cos * px - sin * py, sin * px + cos * py
+    x, y = place[0] - lever_x, place[1] - lever_y
+    plan.pose[i, 0], plan.pose[i, 1] = x, y
+    plan.twist[i, 0], plan.twist[i, 1] = place[2] + omega * lever_y, place[3] - omega * lever_x
+    plan.tether_force[i, 0], plan.tether_force[i, 1] = sin * fy - cos * fx, -sin * fx - cos * fy
+    plan.hinge[i, 0], plan.hinge[i, 1] = x + cos * along_x - sin * along_y, y + sin * along_x + cos * along_y
+
+
+@compiled(allocates=False)
+def _moving_velocity(place: Place, goes_on: bool) -> tuple[float, float]:
+    """Velocity of the path; where it rests, a creep in the direction in which it will move (or has moved)."""
+    _, _, vx, vy, ax, ay = place
+    speed = math.sqrt(vx * vx + vy * vy)
+    if speed > _CREEP:
+        return vx, vy
+    push = math.hypot(ax, ay)
+    if push > 0:
+        sign = 1.0 if goes_on else -1.0
+        return sign * _CREEP * ax / push, sign * _CREEP * ay / push
+    if speed > 0:
+        return _CREEP * vx / speed, _CREEP * vy / speed
+    return _CREEP, 0.0
