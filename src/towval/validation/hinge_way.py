@@ -4,6 +4,8 @@ Nodes lie where the track's own do, so that the hinge jerks where the track does
 these where the rover turns: a cubic through places and velocities misses the arc of a lever l by l Δϑ⁴/384.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from towval.model import Array, DecimatedTrack
@@ -37,3 +39,16 @@ def hinge_way(rover: DecimatedTrack, hinge: Array, times: Array) -> Spline:
     """Way of the tether's hinge (2,) [m] along the rover's smoothed track, over ``times`` (n,) [s]."""
     nodes = nodes_between(rover, times[0], times[-1])
     return way_of(hinge, nodes, rover.poses_and_rates_at(nodes))
+
+
+def by_kept_poses(track: DecimatedTrack, nodes: Array) -> Array:
+    """How values and slopes (2, m, k) at nodes follow from values at the k kept times of a track."""
+    values, slopes = np.empty((2, len(nodes), len(track.time_s)))
+    for j in range(len(track.time_s)):
+        unit = np.zeros((len(track.time_s), 3))
+        unit[j] = 1.0
+        # Slopes over both neighbours, in which a short piece beside a long one does not swing.
+        slope = np.gradient(unit, axis=0) / np.gradient(track.time_s)[:, None]
+        at_nodes = replace(track, pose=unit, rate=slope).poses_and_rates_at(nodes)
+        values[:, j], slopes[:, j] = at_nodes[:, 0], at_nodes[:, 3]
+    return np.stack([values, slopes])

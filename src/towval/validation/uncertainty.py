@@ -36,7 +36,7 @@ from towval.validation.consequences import WIDER, widened
 from towval.validation.effects import effect_choices
 from towval.validation.explain import Left, Moves, explain
 from towval.validation.faults import visible_faults
-from towval.validation.hinge_way import nodes_between
+from towval.validation.hinge_way import by_kept_poses, nodes_between
 from towval.validation.path_frame import OnPath
 from towval.validation.shares import REST, variance_shares
 from towval.validation.simulate import STICKING
@@ -318,7 +318,7 @@ class _Sampler:
             settings.tolerance_m, settings.processes,
         )  # fmt: skip
         self.knot_std = np.sqrt(np.diagonal(case.rover_decimated.covariance, axis1=1, axis2=2))
-        self.by_knots = _by_knots(case.rover_decimated, self.nodes)
+        self.by_knots = by_kept_poses(case.rover_decimated, self.nodes)
         self.roots = _roots(case)
         if "tracking" in widened(case.upstream):
             self.noise_std, self.knot_std = WIDER * self.noise_std, WIDER * self.knot_std
@@ -366,19 +366,6 @@ class _Sampler:
         """Noise of poses and rates (m, 6): cubics through independent noise of the kept poses of the rover's track."""
         noise = self.knot_std * rng.standard_normal(self.knot_std.shape)
         return np.concatenate(self.by_knots @ noise, axis=1)
-
-
-def _by_knots(track: DecimatedTrack, nodes: Array) -> Array:
-    """How values and slopes (2, m, k) at nodes follow from values at the k kept times of a track."""
-    values, slopes = np.empty((2, len(nodes), len(track.time_s)))
-    for j in range(len(track.time_s)):
-        unit = np.zeros((len(track.time_s), 3))
-        unit[j] = 1.0
-        # Slopes over both neighbours, in which a short piece beside a long one does not swing.
-        slope = np.gradient(unit, axis=0) / np.gradient(track.time_s)[:, None]
-        at_nodes = replace(track, pose=unit, rate=slope).poses_and_rates_at(nodes)
-        values[:, j], slopes[:, j] = at_nodes[:, 0], at_nodes[:, 3]
-    return np.stack([values, slopes])
 
 
 def _motions(calibration: Calibration, body: Body, pose: Array) -> _Motions:
