@@ -17,7 +17,7 @@ from towval.io.video import Video
 from towval.model import Array, Body, Calibration, Camera, Floor, Track
 from towval.model.geometry import transform, wrapped
 from towval.optics.projection import project, to_plane
-from towval.tracking.track import track
+from towval.tracking.track import TrackSettings, track
 
 PLATES = {
     "simple_test": [(474.5, 67.3), (538.3, 70.5), (534.0, 149.3), (469.0, 144.0)],
@@ -52,20 +52,22 @@ def outline_from(calibration: Calibration, clicks: Array) -> Array:
 
 @dataclass(frozen=True)
 class PuckErrors:
-    """A disc against its colour blob: constant ``offset_px`` (2,), the rest's largest size, median error of the axis.
+    """A disc against its colour blob: constant ``offset_px`` (2,), the rest's RMS by coordinate and largest size [px].
 
     The blobs lie 1.0 to 1.6 px up and left of the edges in the luma whichever way a disc is turned: the reference's own
-    error. The axis through the dots has no direction; the blob fit itself scatters by some degrees. ``tracked`` is the
-    share of frames.
+    error. A disc keeps its radius: the RMS leaves out blobs whose radius is off by half a pixel, part of a lamp's
+    reflection or of the other disc. ``axis_deg`` is the median error of the axis through the dots, which has no
+    direction and whose blob fit scatters by some degrees; ``tracked`` is the share of frames.
     """
 
     offset_px: Array
+    rms_px: float
     most_px: float
     axis_deg: float
     tracked: float
 
 
-def puck_errors(folder: Path, first: int) -> dict[str, PuckErrors]:
+def puck_errors(folder: Path, first: int, method: str = "plane") -> dict[str, PuckErrors]:
     """Two discs of 17 px that look alike and collide, tracked from a frame on, against their colour blobs."""
     calibration = from_above(320, 240)
     blobs = {name: _blobs(folder, name, first) for name in PUCKS}
@@ -77,7 +79,8 @@ def puck_errors(folder: Path, first: int) -> dict[str, PuckErrors]:
         bodies.append(Body(name, 0.0, ring / 1000))
     last = max(int(blob["frame"][-1]) for blob in blobs.values())
     video = enumerate(Video(folder / "sliding_pucks" / "Rotation.MP4"))
-    tracks = track((frame for i, frame in video if first <= i <= last), calibration, bodies, clicks)
+    frames = (frame for i, frame in video if first <= i <= last)
+    tracks = track(frames, calibration, bodies, clicks, TrackSettings(method=method))
     found = {}
     for name, blob in blobs.items():
         index = (blob["frame"] - first).astype(int)
@@ -87,7 +90,9 @@ def puck_errors(folder: Path, first: int) -> dict[str, PuckErrors]:
         turned = -(blob["dot_axis_rad"] - blob["dot_axis_rad"][0])
         axis = np.abs(wrapped(2 * (pose[:, 2] - turned))) / 2
         most = float(np.linalg.norm(apart - offset, axis=1)[seen].max())
-        found[name] = PuckErrors(offset, most, float(np.rad2deg(np.nanmedian(axis[seen]))), float(seen.mean()))
+        whole = seen & (np.abs(blob["radius_px"] - np.median(blob["radius_px"])) < 0.5)
+        rms = float(np.sqrt(np.mean(np.square(apart - offset)[whole])))
+        found[name] = PuckErrors(offset, rms, most, float(np.rad2deg(np.nanmedian(axis[seen]))), float(seen.mean()))
     return found
 
 

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from studies.worlds.scenes import CeilingCamera, small_camera, standard_scene
+from studies.worlds.scenes import CeilingCamera, rectangle, small_camera, standard_scene
+from towval.model import Body
 from towval.model.geometry import compose, wrapped
 from towval.tracking.klt import KltTracker
 
@@ -44,3 +45,16 @@ def test_a_picture_of_something_else_gives_none(filmed):
     scene, _, _ = filmed
     other = np.random.default_rng(0).integers(0, 255, (540, 960), dtype=np.uint8)
     assert tracker(filmed).measure(other, scene.motions[0](0.0)) is None
+
+
+def test_a_body_smaller_than_a_window_is_followed():
+    bodies = Body("rover", 0.42, rectangle(0.09, 0.07)), Body("object", 0.25, rectangle(0.5, 0.35))
+    scene = standard_scene(32, **small_camera(), bodies=bodies)
+    film, motion, target = CeilingCamera(scene), scene.motions[0], scene.target(0)
+    klt = KltTracker(target, film.picture(0.0), motion(0.0))
+    pixel = target.metres_per_pixel(motion(0.0))
+    assert np.ptp(target.pixels(target.body.top_corners_m, motion(0.0)), axis=0).max() < 24
+    pose = motion(0.0)
+    for time_s in np.arange(1, 25) / 25:
+        pose = klt.measure(film.picture(time_s), pose).pose
+        assert np.linalg.norm(pose[:2] - motion(time_s)[:2]) < 0.5 * pixel

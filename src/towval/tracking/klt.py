@@ -35,6 +35,7 @@ class KltConstants:
     refined_px: int = 3  # [px] Half-width of the window of the subpixel refinement.
     refine_iterations: int = 20  # Of that refinement, with
     refine_step_px: float = 0.01  # [px] the step at which it ends.
+    least_body_px: float = 130.0  # [px] Length to which a small body is magnified: a window must be a part of it.
     margin_px: int = 8  # [px] Kept from the edges, behind which the background moves differently.
     points: int = 120  # Of a keyframe: twice what the feature table holds.
     keyframe_turn: float = np.deg2rad(10.0)  # [rad] A 21 px patch turned by 10° moves 1.8 px at its rim.
@@ -67,25 +68,37 @@ class KltTracker(Tracker):
         pixels = target.pixels(target.body.top_corners_m, pose)
         reach = np.linalg.norm(pixels - target.pixels(np.zeros((1, 2)), pose), axis=1).max()
         # The crop holds the body at any heading, elsewhere in the picture a little larger, and the search around it.
+        self.zoom = max(1, round(CONSTANTS.least_body_px / (2 * float(reach))))
         side = int(2 * (1.2 * reach + 2 * CONSTANTS.window_px))
         self.crop_px = np.minimum(side, [luma.shape[1], luma.shape[0]])
         self.keyframes: list[_Keyframe] = []
         self._add_keyframe(luma, pose)
 
     def _crop(self, luma: Luma, pose: Array) -> tuple[Luma, Array]:
-        """The part of a picture around the body, always of the same size, and its upper left corner [px]."""
+        """The part of a picture around the body, magnified, always of the same size, and its upper left corner [px]."""
         centre = self.target.pixels(np.zeros((1, 2)), pose)[0]
         room = np.array([luma.shape[1], luma.shape[0]]) - self.crop_px
         u, v = np.clip(np.round(np.nan_to_num(centre) - self.crop_px / 2), 0, room).astype(int)
         corner = np.array([u, v], dtype=np.float64)
-        return np.ascontiguousarray(luma[v : v + self.crop_px[1], u : u + self.crop_px[0]]), corner
+        crop = luma[v : v + self.crop_px[1], u : u + self.crop_px[0]]
+        if self.zoom == 1:
+            return np.ascontiguousarray(crop), corner
+        size = self.zoom * crop.shape[1], self.zoom * crop.shape[0]
+        return np.asarray(cv2.resize(crop, size, interpolation=cv2.INTER_CUBIC), dtype=np.uint8), corner
+
+    def _into_crop(self, pixels: Array, corner: Array) -> Array:
+        """Places (n, 2) in a crop of pixels of its picture; pixel centres are whole numbers in both."""
+        return (pixels - corner + 0.5) * self.zoom - 0.5
+
+    def _out_of_crop(self, places: Array, corner: Array) -> Array:
+        return (places + 0.5) / self.zoom - 0.5 + corner
 
     def _mask(self, corner: Array, pose: Array) -> Luma:
         """Where points may lie in a crop: on the target, off its edges and obstructions."""
-        mask = np.zeros((self.crop_px[1], self.crop_px[0]), np.uint8)
+        mask = np.zeros((self.zoom * self.crop_px[1], self.zoom * self.crop_px[0]), np.uint8)
 
         def draw(outline: Array, value: int) -> None:
-            pixels = self.target.pixels(outline, pose) - corner
+            pixels = self._into_crop(self.target.pixels(outline, pose), corner)
             cv2.fillPoly(mask, [np.round(pixels).astype(np.int32)], value)
 
         draw(self.target.body.top_corners_m, 255)
@@ -107,7 +120,7 @@ class KltTracker(Tracker):
         refine = (_STOP, c.refine_iterations, c.refine_step_px)
         corners = cv2.cornerSubPix(crop, corners, (c.refined_px, c.refined_px), (-1, -1), refine)
         pixels = corners.reshape(-1, 2).astype(np.float64)
-        on_plane = self.target.floor_xy(pixels + corner)
+        on_plane = self.target.floor_xy(self._out_of_crop(pixels, corner))
         self.keyframes.append(_Keyframe(crop, pixels, inverse_transform(pose, on_plane), float(pose[2])))
 
     def measure(self, luma: Luma, predicted: Array, velocity: Array | None = None) -> Measurement | None:
@@ -125,7 +138,7 @@ class KltTracker(Tracker):
 
     def _match(self, key: _Keyframe, luma: Luma, predicted: Array) -> Measurement | None:
         crop, corner = self._crop(luma, predicted)
-        guess = self.target.pixels(key.points_m, predicted) - corner
+        guess = self._into_crop(self.target.pixels(key.points_m, predicted), corner)
         start, first = key.pixels.astype(np.float32)[:, None], guess.astype(np.float32)[:, None]
         forth, there = _flow(key.crop, crop, start, first)
         back, here = _flow(crop, key.crop, forth, start)
@@ -134,7 +147,7 @@ class KltTracker(Tracker):
         if good.sum() < CONSTANTS.least_points:
             return None
         pixel = self.target.metres_per_pixel(predicted)
-        floor_xy = self.target.floor_xy(forth.reshape(-1, 2)[good] + corner)
+        floor_xy = self.target.floor_xy(self._out_of_crop(forth.reshape(-1, 2)[good], corner))
         fit = robust_rigid_fit(key.points_m[good], floor_xy, CONSTANTS.noise_floor_px * pixel)
         weights = np.zeros(len(good))
         weights[good] = fit.weights
