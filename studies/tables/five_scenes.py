@@ -27,6 +27,7 @@ from studies.worlds.scenes import Motion, drive
 from towval.io.atomic import write_text
 from towval.io.campaign import Campaign, load_campaign
 from towval.model import Array, Choice, FrictionSpecification, Patch, Tether, TimedPath, TowedObject
+from towval.model.errors import TowvalError
 from towval.model.geometry import transform
 from towval.physics.dynamics import feedback
 from towval.physics.friction_laws.makkar import fit_specification
@@ -124,16 +125,27 @@ FILMED = {
 RENDERED = {"lab_a, run a": "footage/lab_a", "lab_c, run g": "footage/lab_c"}
 
 
-def scenes(shared: Path, folder: Path) -> Iterator[tuple[str, str, PipelineResult]]:
-    """Name, what it is, and result of each scene, with ``preset: auto``."""
+Scene = tuple[str, str, PipelineResult | str]
+"""Name, what it is, and the result, or why the pipeline refuses it."""
+
+
+def scenes(shared: Path, folder: Path) -> Iterator[Scene]:
+    """All scenes, with ``preset: auto``."""
     for name, tow in FILMED.items():
-        yield name, tow.what, run_pipeline(tow.film(folder / name.replace(" ", "_").replace("'", "")), AUTO)
+        yield name, tow.what, _result(tow.film(folder / name.replace(" ", "_").replace("'", "")))
     for name, place in RENDERED.items():
         if (shared / place).is_dir():
-            yield name, f"footage of {Path(place).name}", run_pipeline(load_campaign(shared / place), AUTO)
+            yield name, f"footage of {Path(place).name}", _result(load_campaign(shared / place))
 
 
-def page(found: list[tuple[str, str, PipelineResult]]) -> str:
+def _result(campaign: Campaign) -> PipelineResult | str:
+    try:
+        return run_pipeline(campaign, AUTO)
+    except TowvalError as error:
+        return " ".join(str(error).split())
+
+
+def page(found: list[Scene]) -> str:
     """The page as Markdown."""
     lines = [
         "# Model no more than a scene needs",
@@ -151,13 +163,19 @@ def page(found: list[tuple[str, str, PipelineResult]]) -> str:
     ]
     lines += [_overview(name, what, result) for name, what, result in found]
     for name, _, result in found:
-        lines += ["", f"## {name[0].upper()}{name[1:]}", "", _conclusion(result), ""]
+        lines += ["", f"## {name[0].upper()}{name[1:]}", ""]
+        if isinstance(result, str):
+            lines.append(f"Refused: {result}.")
+            continue
+        lines += [_conclusion(result), ""]
         lines += ["| what | chosen | beside it | would move positions by |", "|---|---|---|---|"]
         lines += [f"| {c.what} | {c.chosen} | {c.next} | {_moved(c)} {c.measure} |" for c in result.choices]
     return "\n".join(lines) + "\n"
 
 
-def _overview(name: str, what: str, result: PipelineResult) -> str:
+def _overview(name: str, what: str, result: PipelineResult | str) -> str:
+    if isinstance(result, str):
+        return f"| {name} | {what} | refused |" + " |" * 6
     by_name = {choice.what: choice for choice in result.choices}
     points = next((c for c in result.choices if "points" in c.chosen), None)
     chosen = [by_name.get(_RUNG), by_name.get(_LENS), points, None, by_name.get(_TOLERANCE), by_name.get(_DRAWS)]

@@ -34,6 +34,13 @@ def test_the_page_says_what_was_taken_and_what_the_largest_left_out_would_move()
     assert "| lens model | k1 | k1 k2 | 0.7 mm RMS over the picture |" in text
 
 
+def test_a_scene_that_is_refused_says_why():
+    text = page([("bar", "a bar", "it cannot be sampled")])
+    row, head = (next(line for line in text.splitlines() if line.startswith(start)) for start in ("| bar", "| scene"))
+    assert row.count("|") == head.count("|")
+    assert "Refused: it cannot be sampled." in text
+
+
 @pytest.mark.parametrize("name", FILMED)
 def test_a_filmed_object_follows_the_rover_on_its_tether(name):
     tow = FILMED[name]
