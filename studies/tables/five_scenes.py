@@ -162,6 +162,9 @@ def page(found: list[Scene]) -> str:
         "|---" * 9 + "|",
     ]
     lines += [_overview(name, what, result) for name, what, result in found]
+    missing = [name for name in (*FILMED, *RENDERED) if name not in {each[0] for each in found}]
+    if missing:
+        lines += ["", f"Not made in this run: {'; '.join(missing)}."]
     for name, _, result in found:
         lines += ["", f"## {name[0].upper()}{name[1:]}", ""]
         if isinstance(result, str):
