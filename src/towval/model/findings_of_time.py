@@ -33,4 +33,9 @@ register(  # track
         "The stamps give {found_hz:.2f} pictures a second, but {other}: the time scale of the run is unknown. Use the "
         "camera's original file, or correct camera.fps.",
     ),
+    FindingType(
+        "rate_unusual", "track", WARNING, NOT_JUDGED,
+        "By the stamps there are {found_hz:.2f} pictures a second, a rate at which no camera films, and neither "
+        "camera.fps nor a sound track confirms it: all speeds hang on it. State camera.fps.",
+    ),
 )  # fmt: skip

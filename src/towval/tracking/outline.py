@@ -245,9 +245,7 @@ def _fit_outline(
         misfit = place - rows @ correction
         if (contrast > 0).sum() < 4:
             return None
-        # Both of two opposite edges count at first: a redescending weight would keep the nearer one and drop the other.
-        least = pixel_m * max(0.05, CONSTANTS.both_px * 0.7**round_)
-        scale = max(1.4826 * np.median(np.abs(misfit[contrast > 0])), least)
+        scale = max(1.4826 * np.median(np.abs(misfit[contrast > 0])), _least_scale(round_, pixel_m))
         inner = np.maximum(1 - (misfit / (TUKEY * scale)) ** 2, 0.0)
         weight = trust * contrast * inner**2
         if (weight > 0).mean() < 1 / 3:
@@ -267,6 +265,14 @@ def _fit_outline(
     shifted = inverse @ rows.T @ (weight * thin * CONSTANTS.thin_shift_px * pixel_m)
     sampled = inverse @ (scores.T @ scores * freedom + np.diag(prior) * scale**2) @ inverse
     return OutlineFit(correction[:3], (sampled + np.outer(shifted, shifted))[:3, :3])
+
+
+def _least_scale(round_: int, pixel_m: float) -> float:
+    """Least scale of misfits in a round [m].
+
+    Both of two opposite edges count at first: a redescending weight would keep the nearer one and drop the other.
+    """
+    return pixel_m * max(0.05, CONSTANTS.both_px * 0.7**round_)
 
 
 def _by_pose_and_size(stretches: Stretches) -> Array:
@@ -311,7 +317,7 @@ def observe_size(luma: NDArray[np.uint8], target: PlanarTarget, pose: Array) -> 
         if (contrast > 0).sum() < 5:
             return None
         misfit = place - rows @ found
-        scale = max(1.4826 * np.median(np.abs(misfit[contrast > 0])), 0.05 * pixel)
+        scale = max(1.4826 * np.median(np.abs(misfit[contrast > 0])), _least_scale(round_, pixel))
         weight = trust * contrast * np.maximum(1 - (misfit / (TUKEY * scale)) ** 2, 0.0) ** 2
         found = np.linalg.lstsq(np.sqrt(weight)[:, None] * rows, np.sqrt(weight) * place, rcond=1e-9)[0]
     return float(found[3]) if (weight > 0).mean() >= 1 / 3 else None

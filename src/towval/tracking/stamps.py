@@ -31,6 +31,8 @@ class StampConstants:
     correlated: float = 0.7  # Shares of the two bodies: those of stamps are the same.
     gap_s: float = 1.0  # [s] Without a picture: longer than any motion is carried on.
     rate: float = 0.01  # Difference from the camera's stated rate: crystals are a hundred times better.
+    usual_hz: tuple[float, ...] = (12.5, 15, 18, 20, 24, 25, 30, 48, 50, 60, 90, 100, 120, 240)  # [Hz] of cameras,
+    usual_rate: float = 0.004  # within which a rate is one of them; or a thousandth below, for television.
 
 
 CONSTANTS = StampConstants()
@@ -80,7 +82,15 @@ def rate_findings(step_s: float, stated_hz: float | None, seen_s: float, heard_s
     if abs(heard_s - seen_s) > max(CONSTANTS.rate * heard_s, 0.5):
         other = f"the sound lasts {heard_s:.1f} s and the pictures {seen_s:.1f} s"
         findings.append(finding("rate_contradicted", found_hz=1 / step_s, other=other))
+    if stated_hz is None and np.isnan(heard_s) and _unusual(1 / step_s):
+        findings.append(finding("rate_unusual", found_hz=1 / step_s))
     return tuple(findings)
+
+
+def _unusual(rate_hz: float) -> bool:
+    """Whether no camera films at a rate, nor at one of which some pictures are left out."""
+    usual = np.outer(CONSTANTS.usual_hz, [1.0, 1 / 1.001]) / rate_hz
+    return bool(np.abs(usual / np.maximum(np.round(usual), 1) - 1).min() > CONSTANTS.usual_rate)
 
 
 def _gaps(time_s: Array) -> list[Finding]:

@@ -1,0 +1,1 @@
+"""Faults of real cameras, planted into footage whose truth is known, and how each ends."""

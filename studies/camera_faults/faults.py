@@ -1,0 +1,134 @@
+"""All faults by name, with three strengths each, and the findings that name them: one line a fault."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from studies.camera_faults import campaigns, light, optics, timing
+from studies.camera_faults.film import Film
+
+InFilm = Callable[[Film, float, np.random.Generator], Film]
+InCampaign = Callable[[Path, dict[str, Any], float, np.random.Generator], None]
+Encoding = Callable[[float, float], Mapping[str, str]]
+
+SOUND_ENCODING: Mapping[str, str] = {"crf": "18", "preset": "veryfast"}
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One fault.
+
+    ``strengths`` weakest first, in ``unit``; ``named_by`` are codes of findings that say what it is: where the poses
+    are wrong, one of them has to be there. ``film`` plants it into the pictures, ``encoding`` into the encoder's
+    options (of the strength and the number of pixels over that of 1920 × 1080), ``campaign`` into a copied folder.
+    """
+
+    name: str
+    strengths: tuple[float, float, float]
+    unit: str
+    named_by: tuple[str, ...]
+    film: InFilm | None = None
+    encoding: Encoding = field(default=lambda _strength, _pixels: SOUND_ENCODING)
+    campaign: InCampaign | None = None
+
+    @property
+    def refilmed(self) -> bool:
+        """Whether the video is another."""
+        return self.campaign is None or self.film is not None
+
+
+def _crf(crf: float, _pixels: float) -> Mapping[str, str]:
+    return {"crf": f"{crf:g}", "preset": "veryfast"}
+
+
+def _rate(kbit: float, pixels: float) -> Mapping[str, str]:
+    rate = f"{round(1000 * kbit * pixels**0.5)}"
+    return {"b": rate, "maxrate": rate, "bufsize": rate, "preset": "veryfast"}
+
+
+def _mjpeg(q: float, _pixels: float) -> Mapping[str, str]:
+    return {"codec": "mjpeg", "pixel_format": "yuvj420p", "qmin": f"{q:g}", "qmax": f"{q:g}"}
+
+
+def _hevc(crf: float, _pixels: float) -> Mapping[str, str]:
+    return {"codec": "libx265", "crf": f"{crf:g}", "preset": "ultrafast", "x265-params": "log-level=none:pools=1"}
+
+
+_MOVED = ("camera_moved", "camera_moved_before", "camera_not_registered", "floor_not_recognised")
+_TIME = ("stamps_contradicted", "stamps_uneven", "stamps_retimed", "pictures_repeated", "pictures_missing", "time_gap")
+_CODED = ("low_texture", "edges_unsure", "edges_not_found", "start_unsure", "not_seen")
+_HIDDEN = ("not_seen", "camera_not_registered", "lookalike", "covered_at_start")
+_SCALE = ("lengths_differ", "lengths_wrong", "board-size", "board-thickness", "held-differ")
+_CLICKS = ("clicks_misfit", "clicks_corrected", "clicks_turned", "start_unsure", "tether_too_short", "edges_not_found")
+
+FAULTS = (
+    Fault("none", (1, 2, 3), "", ()),
+    # Mount and lens
+    Fault("creep", (2, 5, 10), "px", _MOVED, optics.creep),
+    Fault("shake", (0.3, 1, 3), "px", _MOVED, optics.shake),
+    Fault("zoom step", (0.3, 1, 3), "%", _MOVED, optics.zoom_step),
+    Fault("breathing", (0.1, 0.5, 1), "%", _MOVED, optics.breathing),
+    Fault("knock", (10, 25, 60), "px", _MOVED, optics.knock),
+    Fault("rotation", (0.1, 0.5, 2), "°", _MOVED, optics.rotation),
+    Fault("other zoom of video", (1, 3, 10), "%", (*_MOVED, *_SCALE), optics.other_zoom),
+    Fault("mirrored video", (1, 2, 3), "", _MOVED, optics.mirrored),
+    Fault("jello", (0.3, 1, 3), "px", _MOVED, optics.jello),
+    Fault("rolling shutter", (10, 20, 30), "ms", _MOVED, optics.rolling_shutter),
+    Fault("defocus", (1.5, 3, 6), "px", _CODED, optics.defocus),
+    Fault("focus hunting", (1.5, 3, 6), "px", (*_MOVED, *_CODED), optics.focus_hunting),
+    Fault("motion blur", (20, 40, 80), "ms", _CODED, optics.motion_blur),
+    # Sensor and processing
+    Fault("noise", (5, 10, 20), "levels", _CODED, optics.noise),
+    Fault("temporal denoising", (0.2, 0.5, 0.7), "", _CODED, optics.temporal_denoising),
+    Fault("sharpening", (0.5, 1, 2), "", _CODED, optics.sharpening),
+    Fault("dust, dead pixels", (10, 40, 160), "spots", (*_CODED, *_HIDDEN, *_MOVED), optics.dust),
+    Fault("low resolution", (1.5, 2, 3), "×", _CODED, optics.low_resolution),
+    Fault("tone curve", (0.8, 1.5, 2.2), "", _CODED, light.tone),
+    Fault("colour range", (1, 2, 3), "", _CODED, light.colour_range),
+    Fault("white balance", (10, 30, 60), "%", _CODED, light.white_balance),
+    Fault("interlacing", (0.25, 0.5, 1), "pictures", (*_CODED, *_TIME), timing.interlaced),
+    Fault("tearing", (10, 40, 70), "%", (*_CODED, *_TIME), timing.torn),
+    # Light and what is in the way
+    Fault("flicker", (5, 15, 30), "%", _CODED, light.flicker),
+    Fault("exposure steps", (10, 30, 50), "%", _CODED, light.exposure_steps),
+    Fault("glint in the way", (1, 3, 6), "%", _HIDDEN, light.glint),
+    Fault("glint at the start", (1, 3, 6), "%", _HIDDEN, light.glint_at_start),
+    Fault("shadow", (20, 40, 60), "%", _HIDDEN, light.shadow),
+    Fault("person", (4, 8, 16), "%", _HIDDEN, light.person),
+    Fault("banner", (3, 6, 12), "%", _HIDDEN, light.banner),
+    Fault("clock", (2, 4, 8), "%", _HIDDEN, light.clock),
+    # Time
+    Fault("dropped", (1, 5, 15), "%", _TIME, timing.dropped),
+    Fault("repeated", (2, 10, 33), "%", _TIME, timing.repeated),
+    Fault("wrong rate", (1, 4, 20), "%", ("rate_contradicted",), timing.wrong_rate),
+    Fault("wrong rate, none stated", (1, 4, 20), "%", ("rate_contradicted", "rate_unusual"), timing.wrong_rate,
+          campaign=campaigns.rate_not_stated),
+    Fault("jitter", (2, 5, 10), "ms", _TIME, timing.jitter),
+    Fault("variable rate", (5, 15, 40), "%", _TIME, timing.variable_rate),
+    Fault("bursts of stamps", (2, 5, 10), "pictures", _TIME, timing.bursts),
+    Fault("frozen", (0.3, 1, 2), "s", (*_TIME, "not_seen"), timing.frozen),
+    # Coding
+    Fault("H.264, crf", (33, 38, 44), "", _CODED, encoding=_crf),
+    Fault("H.264, capped", (700, 300, 150), "kbit/s", _CODED, encoding=_rate),
+    Fault("MJPEG, q", (8, 16, 31), "", _CODED, encoding=_mjpeg),
+    Fault("HEVC, crf", (28, 36, 44), "", _CODED, encoding=_hevc),
+    # Board and campaign
+    Fault("board smaller", (0.3, 1, 3), "%", _SCALE, campaign=campaigns.board_size),
+    Fault("board thinner", (1, 3, 10), "mm", _SCALE, campaign=campaigns.board_thickness),
+    Fault("tops smaller", (0.3, 1, 3), "%", _SCALE, campaign=campaigns.top_size),
+    Fault("other zoom of held boards", (1, 3, 10), "%", (*_SCALE, "held-flipped"), campaign=campaigns.held_zoom),
+    Fault("other zoom of all boards", (1, 3, 10), "%", (*_MOVED, *_SCALE), campaign=campaigns.set_zoom),
+    Fault("held boards mirrored", (1, 2, 3), "", ("held-flipped", "held-differ"), campaign=campaigns.held_mirrored),
+    Fault("boards blurred", (5, 10, 20), "px", ("views-blurred", "view-dropped"), campaign=campaigns.blurred_boards),
+    Fault("boards compressed", (50, 20, 5), "quality", ("views-blurred", "view-dropped"),
+          campaign=campaigns.compressed_boards),
+    Fault("fewer boards", (8, 5, 3), "left", ("few-views", "focal-length-uncertain", "centre-only", "no-tilt"),
+          campaign=campaigns.fewer_boards),
+    Fault("corners miscounted", (1, 2, 3), "", ("view-dropped",), campaign=campaigns.corner_count),
+    Fault("clicks shifted", (10, 25, 40), "px", _CLICKS, campaign=campaigns.shifted_clicks),
+    Fault("one corner clicked wrong", (10, 25, 40), "px", _CLICKS, campaign=campaigns.corner_clicked_wrong),
+    Fault("clicks half a turn off", (1, 2, 3), "", _CLICKS, campaign=campaigns.turned_clicks),
+)  # fmt: skip

@@ -1,0 +1,94 @@
+"""Faults of time: what is lost, repeated or stamped wrongly between sensor and file."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from studies.camera_faults.film import Film, Luma, rounded
+from towval.model import Array
+
+Rng = np.random.Generator
+
+
+def _chosen(film: Film, numbers: NDArray[np.intp], time_s: Array) -> Film:
+    """Some of the pictures, by their numbers, with other times."""
+    chosen = (lambda i: film.picture(int(numbers[i])), lambda i: film.chroma(int(numbers[i])))
+    return Film(time_s, *chosen, film.lens)
+
+
+def _lost(film: Film, percent: float, rng: Rng) -> NDArray[np.intp]:
+    """Numbers of the pictures that are left; at least two are lost, none of the first ten."""
+    count = max(2, round(percent / 100 * len(film)))
+    return np.delete(np.arange(len(film)), rng.choice(np.arange(10, len(film)), count, replace=False))
+
+
+def dropped(film: Film, percent: float, rng: Rng) -> Film:
+    """Pictures are lost, and the rest is stamped as if none were."""
+    left = _lost(film, percent, rng)
+    return _chosen(film, left, film.time_s[: len(left)])
+
+
+def variable_rate(film: Film, percent: float, rng: Rng) -> Film:
+    """Pictures are left out and the others keep their true times."""
+    left = _lost(film, percent, rng)
+    return _chosen(film, left, film.time_s[left])
+
+
+def repeated(film: Film, percent: float, rng: Rng) -> Film:
+    """Pictures come late and the one before is written in their place."""
+    numbers = np.arange(len(film))
+    late = rng.choice(np.arange(5, len(film)), max(2, round(percent / 100 * len(film))), replace=False)
+    for i in np.sort(late):
+        numbers[i] = numbers[i - 1]
+    return _chosen(film, numbers, film.time_s)
+
+
+def wrong_rate(film: Film, percent: float, _rng: Rng) -> Film:
+    """All stamps run fast."""
+    return replace(film, time_s=film.time_s * (1 + percent / 100))
+
+
+def jitter(film: Film, milliseconds: float, rng: Rng) -> Film:
+    """Pictures are taken early or late under even stamps."""
+    late = np.clip(rng.normal(0, milliseconds / 1e3 / film.step_s, len(film)), -0.9, 0.9)
+    return replace(film, picture=lambda i: rounded(film.between(i, late[i])))
+
+
+def bursts(film: Film, pictures: float, _rng: Rng) -> Film:
+    """A network camera: so many pictures arrive at once and are stamped as they arrive."""
+    n, count = len(film), int(pictures)
+    last = np.minimum((np.arange(n) // count + 1) * count - 1, n - 1)
+    return replace(film, time_s=film.time_s[last] - (last - np.arange(n)) * 1e-3)
+
+
+def frozen(film: Film, seconds: float, _rng: Rng) -> Film:
+    """The picture freezes for a time and jumps on."""
+    begins = 0.5 * film.time_s[-1]
+    still = int(np.searchsorted(film.time_s, begins))
+    within = (film.time_s > begins) & (film.time_s < begins + seconds)
+    return _chosen(film, np.where(within, still, np.arange(len(film))), film.time_s)
+
+
+def torn(film: Film, percent: float, rng: Rng) -> Film:
+    """In every third picture the upper part is that of the one before."""
+    rows = round(percent / 100 * film.size_px[1])
+    phase = int(rng.integers(3))
+
+    def tear(i: int, luma: Luma) -> Luma:
+        if i % 3 != phase or not i:
+            return luma
+        return np.concatenate([film.picture(i - 1)[:rows], luma[rows:]])
+
+    return film.seen(tear)
+
+
+def interlaced(film: Film, later: float, _rng: Rng) -> Film:
+    """Odd rows were taken a share of a picture's time later."""
+
+    def woven(i: int, luma: Luma) -> Luma:
+        luma = luma.copy()
+        luma[1::2] = rounded(film.between(i, later))[1::2]
+        return luma
+
+    return film.seen(woven)

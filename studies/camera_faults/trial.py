@@ -1,0 +1,187 @@
+"""One fault in one run: filmed, put through all stages, and judged against the truth."""
+
+import contextlib
+import io
+import shutil
+from collections.abc import Collection, Iterable, Set
+from dataclasses import dataclass
+from pathlib import Path
+from zlib import crc32
+
+import numpy as np
+import pandas as pd
+import yaml
+
+from studies.camera_faults.faults import Fault
+from studies.camera_faults.film import Film, read_film
+from studies.worlds.film import write_video
+from towval.commands import calibrate, compare, decimate, simulate, track, uncertainty
+from towval.io.records import read_calibration, read_comparison, read_tracks
+from towval.model import Array, Finding, Severity, Track, Verdict
+from towval.model.errors import TowvalError
+from towval.model.geometry import wrapped
+
+MARGIN_M = 0.0005
+"""Beyond three stated deviations, from which on a pose is wrong."""
+
+_SAMPLES = 64
+_CORNER_M = 0.3  # [m] From the middle of a top to its corner.
+_HD = 1920 * 1080
+
+
+@dataclass(frozen=True)
+class Footage:
+    """A run whose truth is known, cut short: ``campaign`` folder, ``run``, and the film of its first ``seconds``."""
+
+    campaign: Path
+    run: str
+    film: Film
+    truth: pd.DataFrame
+
+    @property
+    def name(self) -> str:
+        """Campaign and run."""
+        return f"{self.campaign.name} {self.run}"
+
+
+def footage(campaign: Path, run: str, seconds: float, camera: Path) -> Footage:
+    """The footage of a run; its lens is that of the calibration ``camera``, as nearly as another model can have it."""
+    truth, found = pd.read_csv(campaign / f"{run}_truth.csv"), read_calibration(camera).camera
+    focal, u, v, k1 = (float(each) for each in (found.matrix[0, 0], *found.matrix[:2, 2], found.distortion[0]))
+    return Footage(campaign, run, read_film(campaign / f"{run}.mp4", seconds, (focal, u, v, k1)), truth)
+
+
+@dataclass(frozen=True)
+class Result:
+    """How a fault ended.
+
+    ``poses`` and ``verdict``: "corrected" (within the stated deviations), "reported", or "silently wrong"; ``worst``:
+    largest error of a pose over what is allowed; ``rms_mm`` of rover and object; ``codes`` of findings that are no
+    notes; ``said``: the verdict, or the refusal.
+    """
+
+    poses: str
+    verdict: str
+    worst: float
+    rms_mm: float
+    codes: tuple[str, ...]
+    said: str
+
+
+def tried(
+    source: Footage,
+    fault: Fault,
+    strength: float,
+    folder: Path,
+    sound_camera: Path | None = None,
+    *,
+    judged: bool = True,
+) -> Result:
+    """Plant a fault and run all stages in ``folder``.
+
+    ``sound_camera`` serves where no picture of it is touched; without ``judged`` the stages after the tracking, which
+    take most of the time, are left out.
+    """
+    seed = crc32(f"{source.name} {fault.name} {strength}".encode())
+    campaign = _planted(source, fault, strength, folder, np.random.default_rng(seed))
+    camera, results = folder / "camera.mcap", folder / "results"
+    results.mkdir()
+    files = {stage: results / f"{stage}.mcap" for stage in ("track", "decimate", "simulate", "uncertainty", "compare")}
+    said = ""
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+        try:
+            if sound_camera is not None and not fault.campaign:
+                shutil.copy(sound_camera, camera)
+            else:
+                calibrate.run(campaign, camera)
+            track.run(campaign, source.run, camera, files["track"])
+            if judged:
+                _judge(campaign, source.run, camera, files)
+        except TowvalError as error:
+            said = f"refused: {str(error).splitlines()[0]}"
+    return _result(source, fault, camera, files, said)
+
+
+def _judge(campaign: Path, run: str, camera: Path, files: dict[str, Path]) -> None:
+    """From the tracks to the verdict."""
+    decimate.run(files["track"], files["decimate"])
+    simulate.run(campaign, files["track"], files["decimate"], files["simulate"])
+    uncertainty.run(campaign, run, camera, files["track"].parent, files["uncertainty"], {"samples": _SAMPLES})
+    compare.run(run, files["track"], files["simulate"], files["uncertainty"], files["compare"])
+
+
+def _planted(source: Footage, fault: Fault, strength: float, folder: Path, rng: np.random.Generator) -> Path:
+    """A copy of the campaign with one run and the fault."""
+    campaign = folder / source.campaign.name
+    campaign.mkdir(parents=True)
+    shutil.copytree(source.campaign / "calibration", campaign / "calibration")
+    document = yaml.safe_load((source.campaign / "campaign.yaml").read_text(encoding="utf-8"))
+    document["runs"] = {source.run: document["runs"][source.run]}
+    film = source.film if fault.film is None else fault.film(source.film, strength, rng)
+    if fault.campaign is not None:
+        fault.campaign(campaign, document, strength, rng)
+    width, height = film.size_px
+    encoding = dict(fault.encoding(strength, width * height / _HD))
+    write_video(campaign / f"{source.run}.mp4", film.frames(), rate=round(1 / film.step_s), **encoding)
+    (campaign / "campaign.yaml").write_text(yaml.safe_dump(document, sort_keys=False), encoding="utf-8")
+    return campaign
+
+
+def _result(source: Footage, fault: Fault, camera: Path, files: dict[str, Path], said: str) -> Result:
+    findings: list[Finding] = list(read_calibration(camera).findings) if camera.exists() else []
+    worst, rms_mm = np.nan, np.nan
+    if files["track"].exists():
+        tracks = read_tracks(files["track"])
+        late_s = lateness_s(tracks.values(), source.truth)
+        errors = [pose_errors(each, source.truth, late_s) for each in tracks.values()]
+        worst = float(np.nanmax([np.nanmax(over, initial=0.0) for over, _ in errors]))
+        rms_mm = 1e3 * float(np.sqrt(np.nanmean(np.concatenate([off for _, off in errors]) ** 2)))
+        findings += [one for each in tracks.values() for one in each.findings]
+    if files["compare"].exists():
+        said = read_comparison(files["compare"]).verdict.value
+    # A note says that all is well.
+    warned = {one.code for one in findings if one.severity is not Severity.NOTE}
+    poses, verdict = outcomes(worst, warned, said, fault.named_by)
+    return Result(poses, verdict, worst, rms_mm, tuple(sorted(warned)), said)
+
+
+def outcomes(worst: float, codes: Set[str], said: str, named_by: Collection[str]) -> tuple[str, str]:
+    """What became of the poses, and of the verdict on a model that is right.
+
+    ``worst``: largest error of a pose over what is allowed, NaN without any; ``said``: the verdict, or a refusal.
+    """
+    if said.startswith("refused"):
+        return "reported", "reported"
+    poses = "corrected" if worst <= 1 else "reported" if codes & set(named_by) else "silently wrong"
+    verdicts = {Verdict.DISAGREES.value: "silently wrong", Verdict.AGREES.value: "corrected"}
+    return poses, verdicts.get(said, "reported")
+
+
+def lateness_s(tracks: Iterable[Track], truth: pd.DataFrame) -> float:
+    """By how much all bodies are late [s]: where a clock begins is nobody's fault, and moves no path."""
+    apart, moved = 0.0, 0.0
+    for each in tracks:
+        velocity = np.gradient(_true(each, truth), each.time_s, axis=0)[each.seen, :2]
+        apart += float(np.sum(velocity * (_true(each, truth) - each.pose)[each.seen, :2]))
+        moved += float(np.sum(velocity**2))
+    return apart / moved if moved else 0.0
+
+
+def _true(track: Track, truth: pd.DataFrame, late_s: float = 0.0) -> Array:
+    """True poses (n, 3) at the times of a track, or so much earlier."""
+    names = [f"{track.body}_x_m", f"{track.body}_y_m", f"{track.body}_heading_rad"]
+    return np.column_stack([np.interp(track.time_s - late_s, truth.t_s, truth[name]) for name in names])
+
+
+def pose_errors(track: Track, truth: pd.DataFrame, late_s: float = 0.0) -> tuple[Array, Array]:
+    """Errors of the poses that were seen over what is allowed (n,), and their distances [m] (n,).
+
+    Allowed are three deviations and :data:`MARGIN_M`; a heading counts by the way that it moves a corner of the top.
+    """
+    error, covariance = track.pose - _true(track, truth, late_s), track.total_covariance
+    assert covariance is not None
+    error, covariance = error[track.seen], covariance[track.seen]
+    off, turned = np.linalg.norm(error[:, :2], axis=1), np.abs(wrapped(error[:, 2]))
+    std = np.sqrt(np.linalg.eigvalsh(covariance[:, :2, :2])[:, -1])
+    corner_m = _CORNER_M * turned / (3 * _CORNER_M * np.sqrt(covariance[:, 2, 2]) + MARGIN_M)
+    return np.maximum(off / (3 * std + MARGIN_M), corner_m), off

@@ -1,0 +1,77 @@
+"""Faults of cameras, planted into footage whose truth is known, and how each ended.
+
+    python -m studies.tables.camera_faults [--quick] [--poses] [--footage FOLDER:RUN:SECONDS] [--faults creep dropped]
+
+``--footage FOLDER:RUN:SECONDS`` for each run. A cell is one fault at one strength in one run; the row that is printed
+for a fault gives, for each strength, the worst over the runs: poses / verdict.
+"""
+
+import argparse
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+import pandas as pd
+
+from studies.camera_faults.faults import FAULTS, Fault
+from studies.camera_faults.trial import footage, tried
+from towval.commands import calibrate
+
+_SAMPLE = "data_samples/lab_small:a:8"
+_ORDER = ("corrected", "reported", "silently wrong")
+
+
+def rows(
+    campaign: Path, run: str, seconds: float, faults: Sequence[Fault], strengths: Sequence[int], *, judged: bool
+) -> Iterator[dict[str, object]]:
+    """A row a cell."""
+    with tempfile.TemporaryDirectory() as scratch:
+        camera = Path(scratch) / "camera.mcap"
+        calibrate.run(campaign, camera)
+        source = footage(campaign, run, seconds, camera)
+        for fault in faults:
+            for i in strengths:
+                with tempfile.TemporaryDirectory() as folder:
+                    result = tried(source, fault, fault.strengths[i], Path(folder), camera, judged=judged)
+                cell = {"footage": source.name, "fault": fault.name, "strength": fault.strengths[i], "unit": fault.unit}
+                yield cell | asdict(result)
+
+
+def printed(table: pd.DataFrame) -> str:
+    """The map as a table in Markdown: for each strength the worst outcome over the runs, poses / verdict."""
+    lines = ["| fault | weak | middle | strong |", "|---|---|---|---|"]
+    for (fault, unit), own in table.groupby(["fault", "unit"], sort=False):
+        cells = []
+        for strength, cell in own.groupby("strength", sort=False):
+            poses, verdict = (max(cell[column], key=_ORDER.index) for column in ("poses", "verdict"))
+            cells.append(f"{strength:g} {unit}: {poses} / {verdict}")
+        lines.append(f"| {fault} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Plant the faults, write a row a cell, and print the map."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--footage", nargs="+", default=[_SAMPLE], metavar="FOLDER:RUN:SECONDS")
+    parser.add_argument("--faults", nargs="+", choices=[fault.name for fault in FAULTS], metavar="FAULT")
+    parser.add_argument("--quick", action="store_true", help="the middle strength alone")
+    parser.add_argument("--poses", action="store_true", help="no verdict, which takes most of the time")
+    parser.add_argument("--out", type=Path, default=Path("results/camera_faults.csv"))
+    given = parser.parse_args()
+    faults = [fault for fault in FAULTS if not given.faults or fault.name in given.faults]
+    given.out.parent.mkdir(parents=True, exist_ok=True)
+    cells: list[dict[str, object]] = []
+    for entry in given.footage:
+        folder, run, seconds = entry.split(":")
+        strengths = [1] if given.quick else [0, 1, 2]
+        for cell in rows(Path(folder), run, float(seconds), faults, strengths, judged=not given.poses):
+            cells.append(cell)
+            pd.DataFrame(cells).to_csv(given.out, index=False)
+            print("  ".join(f"{value:.2f}" if isinstance(value, float) else f"{value}" for value in cell.values()),
+                  flush=True)  # fmt: skip
+    print(printed(pd.DataFrame(cells)))
+
+
+if __name__ == "__main__":
+    main()
