@@ -16,16 +16,16 @@ from towval.physics.dynamics import Outcome
 from towval.physics.trailing import _motion
 from towval.planning.planner import PlanOutcome, _deviation_findings
 from towval.tracking.camera_motion import CameraMotion
-from towval.tracking.follow import Follower, _judge_clicks
+from towval.tracking.follow import Follower, judge_clicks
 
 BODY = Body("rover", 0.4, [[-0.3, -0.2], [0.3, -0.2], [0.3, 0.2], [-0.3, 0.2]])
 
 
 def test_clicks_that_miss_the_corners_are_reported_and_far_ones_refused():
-    assert _judge_clicks(BODY, 1.0, 0.005) == []
-    assert [found.code for found in _judge_clicks(BODY, 8.0, 0.005)] == ["clicks_misfit"]
+    assert judge_clicks(BODY, 1.0, 0.005) == []
+    assert [found.code for found in judge_clicks(BODY, 8.0, 0.005)] == ["clicks_misfit"]
     with pytest.raises(InputError, match="do not fit its outline"):
-        _judge_clicks(BODY, 200.0, 0.005)
+        judge_clicks(BODY, 200.0, 0.005)
 
 
 def test_a_body_without_edges_rests_on_its_clicks():

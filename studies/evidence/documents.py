@@ -19,7 +19,7 @@ from pathlib import Path
 from studies.evidence.compute import REPOSITORY
 from studies.evidence.ledger import Group, read_groups
 
-MADE = ("claims.md", "evidence.md", "findings.md", "inputs.md", "scenes.md")
+MADE = ("camera_faults.md", "claims.md", "evidence.md", "findings.md", "inputs.md", "scenes.md")
 """Pages that commands make from the code or from tables."""
 
 _NUMBER = r"\d[\d,]*(?:\.\d+)?(?:e-?\d+)?"

@@ -3,7 +3,7 @@
     python -m studies.tables.camera_faults [--quick] [--poses] [--footage FOLDER:RUN:SECONDS] [--faults creep dropped]
 
 ``--footage FOLDER:RUN:SECONDS`` for each run. A cell is one fault at one strength in one run; the row that is printed
-for a fault gives, for each strength, the worst over the runs: poses / verdict.
+for a fault gives, for each strength, the worst over the runs.
 """
 
 import argparse
@@ -39,15 +39,28 @@ def rows(
 
 
 def printed(table: pd.DataFrame) -> str:
-    """The map as a table in Markdown: for each strength the worst outcome over the runs, poses / verdict."""
-    lines = ["| fault | weak | middle | strong |", "|---|---|---|---|"]
-    for (fault, unit), own in table.groupby(["fault", "unit"], sort=False):
-        cells = []
-        for strength, cell in own.groupby("strength", sort=False):
-            poses, verdict = (max(cell[column], key=_ORDER.index) for column in ("poses", "verdict"))
-            cells.append(f"{strength:g} {unit}: {poses} / {verdict}")
-        lines.append(f"| {fault} | {' | '.join(cells)} |")
+    """The map as a table in Markdown: for each strength the worst outcome over the runs.
+
+    A cell holds the outcome of the poses and their RMS error in the worst run, and the outcome of the verdict where
+    there is one; a row ends with the findings.
+    """
+    strengths = [f" {word} |" for word in ("weak", "middle", "strong")]
+    most = int(table.groupby("fault").strength.nunique().max())
+    lines = ["| fault |" + "".join(strengths if most == len(strengths) else strengths[1:2]) + " findings |"]
+    lines.append("|---" * (most + 2) + "|")
+    for (fault, unit), own in table.fillna({"said": ""}).groupby(["fault", "unit"], sort=False, dropna=False):
+        cells = [_cell(cell, "" if pd.isna(unit) else unit) for _, cell in own.groupby("strength", sort=False)]
+        codes = dict.fromkeys(code for found in own.codes for code in found)
+        lines.append(f"| {fault} | {' | '.join(cells)} | {', '.join(codes)} |")
     return "\n".join(lines)
+
+
+def _cell(runs: pd.DataFrame, unit: str) -> str:
+    poses, verdict = (max(runs[column], key=_ORDER.index) for column in ("poses", "verdict"))
+    text = f"{runs.strength.iloc[0]:g} {unit}".strip() + f": {poses}"
+    if runs.said.str.startswith("refused").any():
+        return f"{text} (refused)"
+    return f"{text}, {runs.rms_mm.max():.1f} mm" + (f" / {verdict}" if runs.said.any() else "")
 
 
 def main() -> None:

@@ -48,7 +48,7 @@ def test_each_fault_in_a_film_grows_with_its_strength(film, fault):
         made = fault.film(film, strength, np.random.default_rng(1))
         last = min(len(made), len(film))
         stamped = np.abs(made.time_s[:last] - film.time_s[:last]).sum() + abs(len(made) - len(film))
-        shown = sum(cv2.absdiff(made.picture(i), film.picture(i)).mean() for i in range(15, last, 6))
+        shown = sum(cv2.absdiff(made.picture(i), film.picture(i)).mean() for i in range(15, last, 5))
         return stamped + shown
 
     kinds = not fault.unit and fault.strengths == (1, 2, 3)

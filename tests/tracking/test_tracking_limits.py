@@ -367,11 +367,11 @@ def test_a_registration_that_edges_leave_open_is_flagged(follower, std_px, unsur
 
 def test_clicks_that_miss_their_corners_are_flagged_and_of_another_body_refused():
     pixel_m = 1.5 / 200  # The box is 200 px long from corner to corner.
-    assert follow._judge_clicks(BOX.body, 5.0, pixel_m) == []
-    assert [finding.code for finding in follow._judge_clicks(BOX.body, 7.0, pixel_m)] == ["clicks_misfit"]
-    assert follow._judge_clicks(BOX.body, 14.0, pixel_m)
+    assert follow.judge_clicks(BOX.body, 5.0, pixel_m) == []
+    assert [finding.code for finding in follow.judge_clicks(BOX.body, 7.0, pixel_m)] == ["clicks_misfit"]
+    assert follow.judge_clicks(BOX.body, 14.0, pixel_m)
     with pytest.raises(InputError, match="do not fit its outline"):
-        follow._judge_clicks(BOX.body, 18.0, pixel_m)
+        follow.judge_clicks(BOX.body, 18.0, pixel_m)
 
 
 @pytest.mark.parametrize(
