@@ -170,14 +170,14 @@ def table(rows: list[dict[str, Any]]) -> Iterator[Row]:
     yield share("deviations 2 × too small: rejected", [row["run"]["rejected"] for row in small], 0.0)
     large = [row for row in rows if WORLDS[row["world"]].stated > 1.0]
     yield share("deviations 2 × too large: rejected", [row["run"]["rejected"] for row in large], 0.0, 0.01)
-    caught = [row for row in small if row["run"]["rejected"] and row["run"]["moved"]]
+    caught = [row for row in small if row["run"]["rejected"]]
     yield share("of these: put down to inputs", [row["run"]["explained"] for row in caught], 0.8)
     yield share("of these: the first named is off by two deviations, that way", [named(row) for row in caught], 0.8)
 
 
 def named(row: dict[str, Any]) -> bool:
     """Whether the input named first is beyond two of its stated deviations, in the stated direction."""
-    name, value = next(iter(row["run"]["moved"].items()))
+    name, value = next(iter(row["run"]["moved"].items()), ("", 0.0))
     return bool(row["off"].get(name, 0.0) * np.sign(value) > 2)
 
 

@@ -222,11 +222,13 @@ class UncertaintySampling:
         return replace(known, faults=faults)
 
     def explained(self, known: RunUncertainty) -> RunUncertainty:
-        """The same with what explains the error, where that is larger than in any draw of the measurement."""
+        """The same with what explains an error that a right model leaves not, or that no draw of the measurement is."""
         path, draws = self.on_path(known), known.draws
-        if path is None or draws is None or error_sizes(path.error)[1] <= error_sizes(path.off)[:, 1].max():
+        if path is None or draws is None:
             return known
         right = RightModel.of(path.drawn, draws.inputs, self.settings.confidence)
+        if not right.rejects(path.error) and error_sizes(path.error)[1] <= error_sizes(path.off)[:, 1].max():
+            return known
         left = self._left(replace(self._sampler.batch, times=known.time_s[draws.rows]), draws.rows, path)
         found = explain(path.error, path.off, right, draws.column_names, self.case.assumed, left, path.length)
         return replace(known, explanation=found)
