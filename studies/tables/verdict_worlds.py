@@ -171,8 +171,12 @@ def table(rows: list[dict[str, Any]]) -> Iterator[Row]:
     large = [row for row in rows if WORLDS[row["world"]].stated > 1.0]
     yield share("deviations 2 × too large: rejected", [row["run"]["rejected"] for row in large], 0.0, 0.01)
     caught = [row for row in small if row["run"]["rejected"]]
-    yield share("of these: put down to inputs", [row["run"]["explained"] for row in caught], 0.8)
-    yield share("of these: the first named is off by two deviations, that way", [named(row) for row in caught], 0.8)
+    yield share(
+        "of the rejected with deviations too small: put down to inputs",
+        [row["run"]["explained"] for row in caught],
+        0.8,
+    )
+    yield share("of these, the first named is off by two deviations, that way", [named(row) for row in caught], 0.8)
 
 
 def named(row: dict[str, Any]) -> bool:
