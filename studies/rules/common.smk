@@ -1,6 +1,8 @@
 from towval.io.yaml_text import read_yaml
 from studies import registry
 from studies.frame import Settings, loaded, module_of
+from studies.evidence.compute import REPOSITORY, shared_folder
+from studies.evidence.ledger import ROWS, read_groups
 
 PLAN = or_exit(read_yaml, Path(workflow.basedir) / "src" / "towval" / "workflow" / "plan.yaml")
 or_exit(check, PLAN, packaged_schema("plan.schema.yaml"), "plan")
@@ -42,3 +44,23 @@ def drawing_tables(figure):
 def tables_by_name(files):
     """Tables of studies by the study's name."""
     return {Path(file).stem: file for file in files}
+
+
+EVIDENCE = or_exit(read_groups)
+WANTED_EFFORTS = ("quick",) if STUDY_SETTINGS.quick else ("quick", "whole")
+
+
+def checks_to_make():
+    """Groups whose checks run now, with the names of their faults, the program as it is first."""
+    found = {}
+    for name, group in EVIDENCE.items():
+        if group.effort in WANTED_EFFORTS:
+            check = or_exit(loaded, group.check)
+            if not check.missing(shared_folder()):
+                found[name] = ["", *check.faults]
+    return found
+
+
+def evidence_outcomes(wildcards):
+    made = checks_to_make()
+    return [str(RESULTS / "evidence" / f"{name}.{k}.json") for name in made for k in range(len(made[name]))]

@@ -1,26 +1,3 @@
-from studies.evidence.compute import REPOSITORY, shared_folder
-from studies.evidence.ledger import ROWS, read_groups
-
-EVIDENCE = or_exit(read_groups)
-WANTED_EFFORTS = ("quick",) if STUDY_SETTINGS.quick else ("quick", "whole")
-
-
-def checks_to_make():
-    """Groups whose checks run now, with the names of their faults, the program as it is first."""
-    found = {}
-    for name, group in EVIDENCE.items():
-        if group.effort in WANTED_EFFORTS:
-            check = or_exit(loaded, group.check)
-            if not check.missing(shared_folder()):
-                found[name] = ["", *check.faults]
-    return found
-
-
-def evidence_outcomes(wildcards):
-    made = checks_to_make()
-    return [str(RESULTS / "evidence" / f"{name}.{k}.json") for name in made for k in range(len(made[name]))]
-
-
 localrules:
     evidence,
 

@@ -566,7 +566,7 @@ def edge_std_px(thin_px=9.0, blank=False, floor=0.0):
     slopes += floor * slopes.max(axis=1, keepdims=True)
     slopes[blank & (stretches.normal[:, 0] < -0.9)] = 0.0
     side_px = np.where(stretches.normal[:, 0] > 0.9, thin_px, 9.0)
-    return np.sqrt(outline._fit_outline(slopes, stretches, PIXEL_M, side_px).covariance[0, 0]) / PIXEL_M
+    return np.sqrt(outline._fit_outline(slopes, stretches, PIXEL_M, side_px)[0].covariance[0, 0]) / PIXEL_M
 
 
 def test_the_deviation_of_edges_is_that_measured_on_clear_and_faint_ones():

@@ -43,6 +43,9 @@ class OutlineConstants:
     noise_length_px: float = 12.0  # [px] Length of the stretches on which these were measured.
     prior_px: float = 3.0  # [px] What is known without edges, so that the turn of a disc stays where it is.
     length_std_m: float = 0.001  # [m] Of a measured length of a top: a tape measure.
+    other_size_px: float = (
+        0.35  # [px] Beyond it a length is not the stated one: edges stand off by 0.06 each, thin sides more.
+    )
     both_px: float = 0.25  # [px] Scale of misfits at first, for edges 1.5 mm too far apart in pixels of 2.3 to 2.9 mm.
 
 
@@ -226,8 +229,11 @@ def _side_widths(target: PlanarTarget, stretches: Stretches, pose: Array) -> Arr
 
 def _fit_outline(
     slopes: Array, stretches: Stretches, pixel_m: float, side_px: Array, *, sized: bool = False
-) -> OutlineFit | None:
-    """Move the outline onto the edges; see :func:`observe_outline`. ``sized``: as long and wide as stated."""
+) -> tuple[OutlineFit, float] | None:
+    """Move the outline onto the edges; see :func:`observe_outline`. ``sized``: as long and wide as stated.
+
+    Returns the fit, and by how much the length or the width is another than stated [m].
+    """
     # Where only a thin strip of the side is visible, its far edge blurs into the target's and shifts the steepest
     # place: such a stretch counts little, and the possible shift is part of the deviation.
     rows = _by_pose_and_size(stretches)
@@ -245,7 +251,7 @@ def _fit_outline(
         misfit = place - rows @ correction
         if (contrast > 0).sum() < 4:
             return None
-        scale = max(1.4826 * np.median(np.abs(misfit[contrast > 0])), _least_scale(round_, pixel_m))
+        scale = max(1.4826 * np.median(np.abs(misfit[contrast > 0])), _least_scale(round_, pixel_m, sized))
         inner = np.maximum(1 - (misfit / (TUKEY * scale)) ** 2, 0.0)
         weight = trust * contrast * inner**2
         if (weight > 0).mean() < 1 / 3:
@@ -264,15 +270,17 @@ def _fit_outline(
     freedom = len(rows) / max(1, used.sum() - 3)
     shifted = inverse @ rows.T @ (weight * thin * CONSTANTS.thin_shift_px * pixel_m)
     sampled = inverse @ (scores.T @ scores * freedom + np.diag(prior) * scale**2) @ inverse
-    return OutlineFit(correction[:3], (sampled + np.outer(shifted, shifted))[:3, :3])
+    off_m = float(np.abs(correction[3:] * width).max())
+    return OutlineFit(correction[:3], (sampled + np.outer(shifted, shifted))[:3, :3]), off_m
 
 
-def _least_scale(round_: int, pixel_m: float) -> float:
+def _least_scale(round_: int, pixel_m: float, sized: bool = False) -> float:
     """Least scale of misfits in a round [m].
 
-    Both of two opposite edges count at first: a redescending weight would keep the nearer one and drop the other.
+    Both of two opposite edges count at first where the size is free: a redescending weight would keep the nearer one
+    and drop the other.
     """
-    return pixel_m * max(0.05, CONSTANTS.both_px * 0.7**round_)
+    return pixel_m * max(0.05, 0.0 if sized else CONSTANTS.both_px * 0.7**round_)
 
 
 def _by_pose_and_size(stretches: Stretches) -> Array:
@@ -297,8 +305,12 @@ def observe_outline(luma: NDArray[np.uint8], target: PlanarTarget, pose: Array) 
     stretches = stretches_of(target.body, pixel)
     slopes = _edge_slopes(luma, target, stretches, pose)
     seen = slopes, stretches, pixel, _side_widths(target, stretches, pose)
-    # Faint edges may not fix the size, too.
-    return _fit_outline(*seen) or _fit_outline(*seen, sized=True)
+    fit = _fit_outline(*seen)
+    # With the size held, all edges say where the middle is; where it is free, opposite ones count the same, however
+    # doubtful one of them. And faint edges may not fix the size, too.
+    if fit is None or fit[1] < CONSTANTS.other_size_px * pixel:
+        fit = _fit_outline(*seen, sized=True) or fit
+    return None if fit is None else fit[0]
 
 
 def observe_size(luma: NDArray[np.uint8], target: PlanarTarget, pose: Array) -> float | None:
