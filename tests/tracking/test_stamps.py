@@ -1,5 +1,7 @@
 """Stamps against motion: two bodies on smooth paths, filmed by a camera whose stamps are wrong in a known way."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -65,6 +67,27 @@ def test_repeated_pictures_that_fill_a_loss_are_left_out(share):
 def test_inserted_pictures_are_found(every):
     shown = np.sort(np.concatenate([np.arange(200), np.arange(5, 200, every - 1)]))
     assert "stamps_contradicted" in codes(filmed(EVEN, np.arange(len(shown)) / 25, shown))
+
+
+@pytest.mark.parametrize(("frozen", "lost"), [(6, 0), (25, 0), (25, 4)])
+def test_a_picture_that_is_frozen_for_a_while_is_found(frozen, lost):
+    """Bodies seem to rest, and are then where they have come to; a tracker may need some pictures to find them."""
+    shown = np.arange(250)
+    shown[100 : 100 + frozen] = 99
+    status = np.full(250, TrackStatus.TRACKED)
+    status[100 + frozen : 100 + frozen + lost] = TrackStatus.LOST
+    gone = (status == TrackStatus.LOST)[:, None]
+    tracks = {
+        name: replace(track, status=status, pose=np.where(gone, np.nan, track.pose))
+        for name, track in filmed(EVEN, EVEN, shown).items()
+    }
+    assert "stamps_contradicted" in codes(tracks)
+
+
+def test_a_rest_that_ends_as_bodies_do_is_none():
+    """Rover and object stand for a second and go on: at full speed within a picture, or sliding off at a jerk."""
+    still = np.clip(np.arange(250), None, 100) + np.clip(np.arange(250) - 125, 0, None)
+    assert codes(filmed(still / 25, EVEN)) == []
 
 
 @pytest.mark.parametrize(("jitter_ms", "found"), [(0.5, False), (4.0, True), (8.0, True)])

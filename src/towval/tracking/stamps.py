@@ -1,7 +1,8 @@
 """Whether the stamps of a video's pictures can be true: bodies do not jump together at one picture.
 
 A picture that was lost under evenly written stamps doubles the step of every body at once, a repeated picture makes it
-vanish, and wrong stamps stretch it, while the motion before and after goes on as it was. One body may do that (a wheel
+vanish, and wrong stamps stretch it, while the motion before and after goes on as it was; one that is frozen for a while
+shows a rest, and a leap at its end. One body may do that (a wheel
 slips, friction sticks); all that move at the same picture, by the same share, do not.
 """
 
@@ -25,6 +26,7 @@ class StampConstants:
     jump: float = 0.3  # Of a step, beyond which it is a jump; shaking stamps reach 0.25.
     agree: float = 0.2  # Difference of this share between bodies.
     repeated: float = 0.1  # Of a step, below which the picture was repeated.
+    leap: float = 3.0  # Of a body's usual speed, at which it leaves a rest only where the picture had been frozen.
     least_alone: int = 3  # Jumps where a single body moves: fewer can be its own.
     jitter_s: float = 0.002  # [s] Deviation of a stamp that is reported.
     least_steps: int = 30  # In which two bodies move, for the deviation of stamps to be known.
@@ -57,8 +59,9 @@ def check_stamps(tracks: Mapping[str, Track]) -> tuple[dict[str, Track], tuple[F
         share, moving = _shares(tracks, repeated)
     if repeated.any():
         findings.append(finding("pictures_repeated", count=int(repeated.sum()), time_s=time_s[repeated][0]))
-    jumps = _common(share, moving)
-    if _enough(jumps, moving):
+    leaps, jumps = _leaps(tracks, ~repeated), _common(share, moving)
+    if _enough(jumps, moving) or leaps.any():
+        jumps |= leaps
         at_s = time_s[~repeated][:-1][jumps]
         findings.append(finding("stamps_contradicted", count=int(jumps.sum()), first_s=at_s[0], last_s=at_s[-1]))
     elif (jitter_s := _jitter_s(share, moving & ~jumps, np.diff(time_s[~repeated]))) > CONSTANTS.jitter_s:
@@ -146,6 +149,31 @@ def _common(share: Array, moving: NDArray[np.bool_]) -> NDArray[np.bool_]:
     # Bodies agree to a share of the step itself, which may be several.
     alike = high - low < CONSTANTS.agree * np.maximum(1.0, np.abs(high))
     return np.asarray(some & alike & (np.minimum(np.abs(low), np.abs(high)) > CONSTANTS.jump))
+
+
+def _leaps(tracks: Mapping[str, Track], kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Steps (n,) at which all bodies that move at all leave a rest faster than any of them moves.
+
+    A picture that is frozen for a while shows a rest, and then where the bodies have come to meanwhile. What is hidden
+    or lost in between counts with the pose before.
+    """
+    c, found = CONSTANTS, []
+    for track in tracks.values():
+        seen = np.flatnonzero(track.seen[kept])
+        time_s, place = track.time_s[kept][seen], track.pose[kept][seen, :2]
+        leap, moves = (np.zeros(kept.sum() - 1, dtype=bool) for _ in range(2))
+        if len(seen) > 2 * c.beside:
+            step = np.linalg.norm(np.diff(place, axis=0), axis=1)
+            speed = step / np.diff(time_s)
+            rested = np.linalg.norm(place[c.beside : -1] - place[: -c.beside - 1], axis=1)
+            std = np.sqrt(np.median(track.covariance[kept][seen, 0, 0]))
+            large = step[c.beside :] > c.least_deviations * std
+            fast = speed[c.beside :] > c.leap * np.percentile(speed, 95)
+            moves[seen[c.beside : -1]] = large
+            leap[seen[c.beside : -1]] = large & fast & (rested < c.repeated * step[c.beside :])
+        found.append((leap, moves))
+    leaps, moving = (np.array(rows) for rows in zip(*found, strict=True))
+    return np.asarray(leaps.any(axis=0) & (leaps == moving).all(axis=0))
 
 
 def _enough(jumps: NDArray[np.bool_], moving: NDArray[np.bool_]) -> bool:
