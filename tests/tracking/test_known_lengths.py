@@ -70,6 +70,19 @@ def test_deviations_decide(size, codes):
     assert length_findings(vague, tops) == () or abs(size) > 0.004
 
 
+def test_a_top_of_which_pictures_disagree_does_not_hide_the_other():
+    """Beside its place by a pixel, an edge is found in some pictures, and in most something within it."""
+    scene = standard_scene(1)
+    tops = [
+        OutlineSizes(PlanarTarget(body, scene.camera, scene.floor), motion(0.0), sizes)
+        for body, motion, sizes in zip(
+            scene.bodies, scene.motions, ([0.011] * 6 + [-0.0075] * 8, [0.0107] * 14), strict=True
+        )
+    ]
+    (found,) = length_findings(scaled(scene, 1.0), tops)
+    assert found.code == "lengths_wrong"
+
+
 def test_no_outline_no_word():
     scene = standard_scene(1)
     assert length_findings(scaled(scene, 1.0), []) == ()

@@ -52,12 +52,16 @@ def length_findings(calibration: Calibration, observed: Sequence[OutlineSizes]) 
 
 
 def _variance(observed: OutlineSizes) -> float:
-    """Of one top's size, but for the camera: its measured lengths, its height, its edges in the picture."""
+    """Of one top's size, but for the camera: measured lengths, height, edges, and what pictures differ in.
+
+    An edge that is sought a pixel beside its place is found in some pictures, and in others something else.
+    """
     body, T = observed.target.body, observed.target.floor.T_camera_floor
     diagonal = float(np.linalg.norm(np.ptp(body.top_corners_m, axis=0)))
     distance = float((T @ [*observed.pose[:2], body.tracked_plane_height_m, 1.0])[2])
     edge_m = CONSTANTS.edge_std_px * observed.target.metres_per_pixel(observed.pose)
-    parts = OUTLINE.length_std_m / diagonal, body.height_std_m / distance, 2 * edge_m / diagonal
+    spread = float(np.std(observed.sizes))
+    parts = OUTLINE.length_std_m / diagonal, body.height_std_m / distance, 2 * edge_m / diagonal, spread
     return float(np.sum(np.square(parts)))
 
 

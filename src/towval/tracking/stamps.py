@@ -2,8 +2,8 @@
 
 A picture that was lost under evenly written stamps doubles the step of every body at once, a repeated picture makes it
 vanish, and wrong stamps stretch it, while the motion before and after goes on as it was; one that is frozen for a while
-shows a rest, and a leap at its end. One body may do that (a wheel
-slips, friction sticks); all that move at the same picture, by the same share, do not.
+shows a rest, and a leap at its end. One body may do that (a wheel slips, friction sticks); all that move at the same
+picture, by the same share, do not.
 """
 
 from collections.abc import Mapping
