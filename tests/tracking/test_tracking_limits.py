@@ -446,14 +446,15 @@ def test_a_plain_target_is_flagged(follower, std_px, plain):
 
 
 def test_the_scatter_is_that_of_frames_in_which_the_body_moves_and_is_bounded(follower, monkeypatch):
-    moving = []
-    monkeypatch.setattr(follow, "scatter_factor", lambda *given: moving.extend(given[-1]) or 100.0)
+    monkeypatch.setattr(follow, "scatter_factor", lambda *_given: 100.0)
     steps = np.array([0.08, 0.08, 0.15, 0.15]) * PIXEL_M
     pose = np.zeros((5, 3))
     pose[1:, 0] = np.cumsum(steps)
     covariance = np.tile((0.01 * PIXEL_M) ** 2 * np.eye(3), (5, 1, 1))
-    honest = follower._honest_covariance(np.arange(5.0), pose, covariance, np.ones(5, dtype=bool))
-    assert moving[:4] == [False, False, True, True]
+    tracked = np.ones(5, dtype=bool)
+    moving = follower._moving(pose, tracked)
+    assert moving[:4].tolist() == [False, False, True, True]
+    honest = follower._honest_covariance(np.arange(5.0), pose, covariance, tracked, moving)
     assert 0.04 < np.sqrt(honest[2, 0, 0]) / PIXEL_M < 0.1
 
 
@@ -566,7 +567,8 @@ def edge_std_px(thin_px=9.0, blank=False, floor=0.0):
     slopes += floor * slopes.max(axis=1, keepdims=True)
     slopes[blank & (stretches.normal[:, 0] < -0.9)] = 0.0
     side_px = np.where(stretches.normal[:, 0] > 0.9, thin_px, 9.0)
-    return np.sqrt(outline._fit_outline(slopes, stretches, PIXEL_M, side_px)[0].covariance[0, 0]) / PIXEL_M
+    fit, _ = outline._fit_outline(slopes, stretches, PIXEL_M, side_px, sized=True)
+    return np.sqrt(fit.covariance[0, 0]) / PIXEL_M
 
 
 def test_the_deviation_of_edges_is_that_measured_on_clear_and_faint_ones():
