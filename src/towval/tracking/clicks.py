@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from towval.model import Array, Body, Calibration, Finding, Track
 from towval.model.findings import finding
-from towval.model.geometry import wrapped
+from towval.model.geometry import compose, inverse, wrapped
 from towval.tracking.co_moving import co_moving
 from towval.tracking.outline import pose_from_clicks
 from towval.tracking.planar_target import PlanarTarget
@@ -79,9 +79,9 @@ def _checked(target: PlanarTarget, pictures: Sequence[Luma], clicks_px: ArrayLik
 
 
 def _step(pose: Array, other: Array) -> Array:
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    x, y = other[:2] - pose[:2]
-    return np.array([c * x + s * y, c * y - s * x, wrapped(other[2] - pose[2])])
+    """From one pose (3,) to another, in the frame of the first, the shorter way round."""
+    *moved, turned = compose(inverse(pose), other)
+    return np.array([*moved, wrapped(turned)])
 
 
 def _right_way_round(targets: Sequence[PlanarTarget], checked: dict[str, Clicked], tow: Tow) -> dict[str, Clicked]:
