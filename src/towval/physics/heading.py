@@ -242,7 +242,7 @@ def _fill(
 
     Returns the number of times filled in all, and how far the path's velocity is from its polynomial at most, over the
     largest.
-    """  # fmt: skip
+    """
     t, h, piece = panel
     knots, off, fastest = spline.knots, 0.0, 0.0
     while filled < len(times) and (times[filled] <= t + h or t + h >= times[-1]):
