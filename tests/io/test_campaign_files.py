@@ -160,3 +160,21 @@ def test_a_part_of_the_wrong_kind_or_missing_is_told(lab, place, value):
     except InputError:
         return
     assert value in (None, {}), (place, value)  # what may be left out
+
+
+LINE = [[0.0, 0.0], [0.1, 0.0], [0.2, 0.0], [0.3, 0.0]]
+BOW = [[0.0, 0.0], [0.1, 0.1], [0.1, 0.0], [0.0, 0.2]]
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("key", ["footprint_m", "top_corners_m"])
+@pytest.mark.parametrize(
+    ("corners", "message"),
+    [(LINE, "encloses no area"), ([[0.1, 0.2]] * 4, "encloses no area"), (BOW, "crosses itself")],
+)
+def test_an_outline_that_is_none_is_refused_once_by_its_key(lab, key, corners, message):
+    changed(lab, lambda d: d["object"].update({key: corners, "mass_over": "footprint" if key < "g" else "top"}))
+    with pytest.raises(InputError) as raised:
+        load_campaign(lab)
+    assert f"object.{key}" in str(raised.value)
+    assert str(raised.value).count(message) == 1

@@ -12,21 +12,21 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import shapely
 
-from towval.io.campaign_scene import towing_scene
+from towval.io.campaign_scene import LEAST_TOP_M2, outline, towing_scene
 from towval.io.reading import check_name, is_folder, is_plain_file, kind_of, reason
 from towval.io.schema import faults_of, packaged_schema
 from towval.io.yaml_text import read_yaml
 from towval.model import Array, Board, Body, FloorReference, Tag, TowingScene, locked
 from towval.model.errors import Faults, InputError
-from towval.model.geometry import polygon_area
 from towval.model.inputs import INPUTS, StatedDeviation, deviations
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp")
 
 _MOST_PICTURES = 2000
 """Of one pattern: calibration uses some tens."""
+
+_LEAST_CLICKS_PX2 = 16.0
 
 _OWN_FOLDERS = ("figures", "logs", "benchmarks")
 """Names of folders beside those of the runs, in the results."""
@@ -149,7 +149,7 @@ def read_campaign(folder: Path, document: Any) -> tuple[Campaign | None, Faults]
     read["floor_images"] = part("floor", floor_pictures_of, folder)
     read["floor_reference"] = part("floor", floor_reference_of)
     scene = part("floor rover object tether friction", lambda *_: towing_scene(document))
-    corners = {body: part(body, _corners, body) for body in ("rover", "object")}
+    corners = {body: part(body, _top, body) for body in ("rover", "object")}
     names = [*document["runs"]] if isinstance(document, dict) and isinstance(document.get("runs"), dict) else []
     runs = {str(name): part(f"runs.{name} camera.resolution_px", _run, folder, str(name), corners) for name in names}
     if faults:
@@ -311,16 +311,8 @@ def floor_pictures_of(floor: dict[str, Any], folder: Path) -> tuple[Path, ...]:
     return (*first, *(path for path in more if path not in first))
 
 
-def _corners(keys: dict[str, Any], name: str) -> Array:
-    corners = np.array(keys["top_corners_m"], dtype=float)
-    if abs(polygon_area(corners)) < 1e-4:
-        raise InputError(
-            f"campaign.yaml: {name}.top_corners_m encloses no area",
-            got=corners.tolist(),
-            allowed="the corners of a polygon, one after the other around it",
-        )
-    _check_simple(corners, f"{name}.top_corners_m")
-    return corners
+def _top(keys: dict[str, Any], name: str) -> Array:
+    return outline(keys["top_corners_m"], f"{name}.top_corners_m", LEAST_TOP_M2)
 
 
 def _tags(keys: dict[str, Any]) -> tuple[Tag, ...]:
@@ -350,16 +342,6 @@ def _run(
     return Run(name, video, clicks, damaged_video=entry.get("damaged_video", False))
 
 
-def _check_simple(corners: Array, key: str) -> None:
-    """Corners in the order in which they follow each other give an outline that does not cross itself."""
-    if not shapely.Polygon(corners).is_valid:
-        raise InputError(
-            f"campaign.yaml: the outline of {key} crosses itself",
-            got=corners.tolist(),
-            allowed="the corners of a polygon, one after the other around it",
-        )
-
-
 def _clicks(pixels: Any, corners: Array | None, resolution_px: list[int], key: str) -> Array:
     if corners is not None and len(pixels) != len(corners):
         raise InputError(
@@ -383,8 +365,4 @@ def _check_clicks(clicks: Array, resolution_px: list[int], key: str) -> None:
             allowed=f"pixels of a {size[0]} × {size[1]} image",
             remedy="click the corners in the first frame",
         )
-    _check_simple(clicks, key)
-    if abs(polygon_area(clicks)) < 16:
-        raise InputError(
-            f"campaign.yaml: {key} encloses no area", got=clicks.tolist(), allowed="the corners of the top"
-        )
+    outline(clicks, key, _LEAST_CLICKS_PX2)

@@ -15,6 +15,11 @@ from towval.physics.mass import spread_over, towed_object
 
 Keys = Mapping[str, Any]
 
+LEAST_TOP_M2 = 1e-4
+"""A square centimetre: less is a slip of the unit or three corners in a row."""
+
+_LEAST_FOOT_M2 = 1e-10
+
 _BELOW = 2.0
 """Deviations of the difference by which static may be below kinetic friction and still mean "no peak"."""
 
@@ -57,6 +62,28 @@ def towing_scene(document: Keys) -> TowingScene:
     return _with_ordered_friction(scene, deviations(scene, document))
 
 
+def outline(corners: Any, key: str, least: float) -> Array:
+    """The corners (n, 2) of an outline that encloses at least an area and does not cross itself.
+
+    ``least`` is in the square of the unit of the corners; raises `InputError` with the key of campaign.yaml.
+    """
+    points = np.array(corners, dtype=float)
+    wrong = (
+        f"{key} encloses no area"
+        if not abs(polygon_area(points)) >= least
+        else f"the outline of {key} crosses itself"
+        if not shapely.Polygon(points).is_valid
+        else None
+    )
+    if wrong:
+        raise InputError(
+            f"campaign.yaml: {wrong}",
+            got=points.tolist(),
+            allowed="the corners of a polygon, one after the other around it",
+        )
+    return points
+
+
 def outlines_of(rings: Sequence[Any]) -> list[Array]:
     """One ring [[x, y], ...] or a list of rings as a list of arrays (n, 2) [m]."""
     one = np.ndim(rings[0][0]) == 0
@@ -76,6 +103,8 @@ def _footprint(towed: Keys) -> Patch:
                     allowed=f"feet whose middle is within object.top_corners_m {top.tolist()}",
                     remedy="give the feet in metres, in the object's frame",
                 )
+    for i, ring in enumerate(outlines):
+        outline(ring, f"object.footprint_m[{i}]" if len(outlines) > 1 else "object.footprint_m", _LEAST_FOOT_M2)
     return Patch.of(outlines, towed.get("footprint_holes_m", ()))
 
 
@@ -92,7 +121,9 @@ def _spread(towed: Keys, patch: Patch) -> MassSpread:
         inertia = towed["moment_of_inertia_kg_m2"]
         return MassSpread(towed["centre_of_mass_m"], float(np.sqrt(inertia / towed["mass_kg"])))
     over = towed.get("mass_over", "top" if patch.further else "footprint")
-    return spread_over(Patch(towed["top_corners_m"]) if over == "top" else patch)
+    if over == "top":
+        return spread_over(Patch(outline(towed["top_corners_m"], "object.top_corners_m", LEAST_TOP_M2)))
+    return spread_over(patch)
 
 
 def _tether(tether: Keys) -> Tether:

@@ -63,7 +63,8 @@ class Faults(list[TowvalError]):
         except InputErrors as error:
             self.extend(error.faults)
         except TowvalError as error:
-            self.append(error)
+            if str(error) not in map(str, self):
+                self.append(error)
         return None
 
     def raise_any(self, where: str) -> None:
