@@ -93,6 +93,7 @@ docs-ledger: $(VENV)/installed
 	cp results/figures/claims.md results/figures/claims.json docs/
 
 CAMPAIGNS ?= 2000
+REWRITES ?= 500
 READS ?= 2000
 KILLS ?= 50
 DISKS ?= 20
@@ -100,7 +101,7 @@ SEED ?= 1
 
 damage: $(VENV)/installed
 	$(BIN)/snakemake --cores $(CORES) --quiet all
-	OMP_NUM_THREADS=1 $(BIN)/python -m studies.tables.damage --campaigns $(CAMPAIGNS) --reads $(READS) --kills $(KILLS) --disks $(DISKS) --surroundings --seed $(SEED)
+	OMP_NUM_THREADS=1 $(BIN)/python -m studies.tables.damage --campaigns $(CAMPAIGNS) --rewrites $(REWRITES) --reads $(READS) --kills $(KILLS) --disks $(DISKS) --surroundings --names --seed $(SEED)
 
 TOOLS := $(VENV)/tools/bin
 

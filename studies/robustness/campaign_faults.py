@@ -1,6 +1,10 @@
-"""Damaged campaigns: one fault or some in campaign.yaml, as a document or as bytes, or in the files beside it."""
+"""Damaged campaigns: one fault or some in campaign.yaml, as a document or as bytes, or in the files beside it.
+
+And campaigns written in another way that means the same, which nothing may refuse or read otherwise.
+"""
 
 import copy
+import json
 import os
 import shutil
 from collections.abc import Callable
@@ -109,14 +113,66 @@ def damaged_text(text: bytes, rng: np.random.Generator) -> bytes:
     return text + snippet if kind == 5 else text[:at] + snippet + text[at:]
 
 
-def write_damaged(source: Path, folder: Path, rng: np.random.Generator) -> str:
-    """Write a damaged copy of a campaign into ``folder`` and say how; its own files are linked, not copied."""
+def rewritten_document(document: Document, rng: np.random.Generator) -> bytes:
+    """The text of the same document with its keys in another order, as JSON, in flow or block style, or indented."""
+    shuffled = _shuffled(document, rng)
+    kind = rng.integers(5)
+    if kind == 0:
+        return json.dumps(shuffled, indent=(None, 1, 4)[rng.integers(3)], ensure_ascii=bool(rng.integers(2))).encode()
+    return yaml.safe_dump(
+        shuffled,
+        sort_keys=False,
+        allow_unicode=True,
+        default_flow_style=(None, True, False)[rng.integers(3)],
+        default_style=None if kind < 4 else "",
+        indent=int(rng.integers(2, 9)),
+        width=int(rng.choice([20, 80, 10_000])),
+        explicit_start=bool(rng.integers(2)),
+        explicit_end=bool(rng.integers(2)),
+    ).encode()
+
+
+def _shuffled(value: Any, rng: np.random.Generator) -> Any:
+    """A copy with the keys of every mapping in another order and some whole numbers written as 25.0."""
+    if isinstance(value, dict):
+        return {key: _shuffled(value[key], rng) for key in rng.permutation(np.array(list(value), dtype=object))}
+    if isinstance(value, list):
+        return [_shuffled(item, rng) for item in value]
+    return float(value) if type(value) is int and rng.integers(2) else value
+
+
+def rewritten_text(text: bytes, rng: np.random.Generator) -> bytes:
+    """The same text with other ends of lines, a byte order mark, or comments and blank lines between its lines."""
+    lines = text.decode().splitlines()
+    if rng.integers(2) and not text.lstrip().startswith(b"{"):
+        ends = ("", "  # 0.5: a remark", "\t", "   ")
+        lines = [line + ends[rng.integers(4)] for line in lines]
+        lines = [part for line in lines for part in ([line, "# x: [1", ""] if rng.integers(9) == 0 else [line])]
+    end = ("\n", "\r\n", "\r")[rng.integers(3)]
+    return (b"\xef\xbb\xbf" if rng.integers(3) == 0 else b"") + end.join(lines).encode() + end.encode()
+
+
+def write_rewritten(source: Path, folder: Path, rng: np.random.Generator) -> None:
+    """Write a copy of a campaign into ``folder`` that means the same and is written in another way."""
+    _link_files(source, folder)
+    text = (source / "campaign.yaml").read_bytes()
+    if rng.integers(3):
+        text = rewritten_document(yaml.safe_load(text), rng)
+    (folder / "campaign.yaml").write_bytes(rewritten_text(text, rng))
+
+
+def _link_files(source: Path, folder: Path) -> None:
     for path in sorted(source.rglob("*")):
         copy_of = folder / path.relative_to(source)
         if path.is_dir():
             copy_of.mkdir(parents=True, exist_ok=True)
         elif path.name != "campaign.yaml":
             copy_of.symlink_to(path.resolve())
+
+
+def write_damaged(source: Path, folder: Path, rng: np.random.Generator) -> str:
+    """Write a damaged copy of a campaign into ``folder`` and say how; its own files are linked, not copied."""
+    _link_files(source, folder)
     text = (source / "campaign.yaml").read_bytes()
     kind = ("document", "document", "document", "text", "files")[rng.integers(5)]
     if kind == "document":

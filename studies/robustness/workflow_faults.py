@@ -32,6 +32,7 @@ class Workplace:
 
     folder: Path
     campaign: Path
+    checkout: Path = _REPOSITORY
 
     @classmethod
     def made(cls, base: Path) -> "Workplace":
@@ -50,10 +51,10 @@ class Workplace:
     def start(self, environment: Mapping[str, str | None] | None = None, before: Callable[[], None] | None = None,
               wrapper: tuple[str, ...] = ()) -> "subprocess.Popen[str]":  # fmt: skip
         """Start the workflow in a session of its own, with variables changed or (None) taken away."""
-        shutil.copy(_REPOSITORY / "config.yaml", self.folder)
-        path = os.pathsep.join([str(_REPOSITORY / "src"), str(_REPOSITORY)])
-        variables: dict[str, str | None] = {**os.environ, "PYTHONPATH": path, **(environment or {})}
-        line = [sys.executable, "-m", "snakemake", "--cores", "2", "--snakefile", str(_REPOSITORY / "Snakefile")]
+        if not (self.folder / "config.yaml").exists():
+            shutil.copy(self.checkout / "config.yaml", self.folder)
+        variables: dict[str, str | None] = {**self.variables(), **(environment or {})}
+        line = [sys.executable, "-m", "snakemake", "--cores", "2", "--snakefile", str(self.checkout / "Snakefile")]
         line += ["--directory", ".", "--config", f"campaign={self.campaign}", *_SETTINGS]
         return subprocess.Popen(
             [*wrapper, *line],
@@ -65,6 +66,10 @@ class Workplace:
             start_new_session=True,
             preexec_fn=before,  # noqa: PLW1509  # this program has one thread
         )
+
+    def variables(self) -> dict[str, str]:
+        """The environment with the packages of the checkout first."""
+        return {**os.environ, "PYTHONPATH": os.pathsep.join([str(self.checkout / "src"), str(self.checkout)])}
 
     def run(self, **options: object) -> tuple[int, str]:
         """Exit code and words of a whole call."""
@@ -92,10 +97,11 @@ class Workplace:
 
 
 def fault_of(text: str) -> str:
-    """What is wrong with the words of a call that failed; empty where they are messages."""
+    """What is wrong with the words of a call that failed; empty where they are messages, ours or the system's."""
     if "Traceback (most recent call last)" in text:
         return "traceback"
-    return "" if "towval: " in text or "Error" in text else "no message"
+    known = ("towval: ", "No space left on device", "Read-only file system")
+    return "" if any(words in text for words in known) else "no message"
 
 
 def kill_trials(place: Workplace, count: int, seed: int) -> Iterator[tuple[str, str]]:
@@ -127,13 +133,13 @@ def small_disk(folder: Path, kilobytes: int) -> Iterator[Callable[[int], None]]:
     folder.mkdir(parents=True, exist_ok=True)
     subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={kilobytes}k", "tmpfs", str(folder)], check=True)
     try:
-        yield lambda size: _remount(folder, size)
+        yield lambda size: _remount(folder, size, "rw")
     finally:
         subprocess.run(["umount", "-l", str(folder)], check=True)
 
 
-def _remount(folder: Path, kilobytes: int) -> None:
-    subprocess.run(["mount", "-o", f"remount,size={kilobytes}k", str(folder)], check=True)
+def _remount(folder: Path, kilobytes: int, access: str) -> None:
+    subprocess.run(["mount", "-o", f"remount,{access},size={kilobytes}k", str(folder)], check=True)
 
 
 def full_disk_trials(place: Workplace, count: int) -> Iterator[tuple[str, str]]:
@@ -155,6 +161,21 @@ def full_disk_trials(place: Workplace, count: int) -> Iterator[tuple[str, str]]:
             yield f"disk of {share:.0%} of what is needed", fault and f"{fault}\n{text}\n-----\n{more}"
 
 
+def read_only_trial(place: Workplace) -> Iterator[tuple[str, str]]:
+    """A disk that becomes read-only before the call, and can be written again. Needs root."""
+    wanted = place.undisturbed()
+    shutil.rmtree(place.folder)
+    with small_disk(place.folder, 2**20):
+        shutil.copy(place.checkout / "config.yaml", place.folder)
+        _remount(place.folder, 2**20, "ro")
+        code, text = place.run()
+        fault = fault_of(text) if code else "exit 0 on a disk that cannot be written"
+        _remount(place.folder, 2**20, "rw")
+        code, more = place.run()
+        fault = fault or (f"exit {code}" if code else "" if place.digest() == wanted else "other bytes")
+        yield "read-only disk", fault and f"{fault}\n{text}\n-----\n{more}"
+
+
 def _limited(kind: int, value: int) -> Callable[[], None]:
     import resource  # noqa: PLC0415  # there is none on Windows
 
@@ -170,6 +191,7 @@ def surroundings_trials(place: Workplace) -> Iterator[tuple[str, str]]:
         "no HOME": {"environment": {"HOME": None, "XDG_CACHE_HOME": None}},
         "HOME that is not there": {"environment": {"HOME": "/nonexistent", "XDG_CACHE_HOME": None}},
         "TMPDIR that is not there": {"environment": {"TMPDIR": "/nonexistent"}},
+        "TMPDIR in another file system": {"environment": {"TMPDIR": "/dev/shm"}},
         "LANG=C": {"environment": {"LANG": "C", "LC_ALL": "C", "PYTHONUTF8": "0"}},
         "256 open files": {"before": _limited(resource.RLIMIT_NOFILE, 256)},
         "4 GB of address space": {"before": _limited(resource.RLIMIT_AS, 4 * 2**30)},

@@ -1,21 +1,31 @@
 """Damaged campaigns, files and runs by the thousand, and how each ended: ``make damage``.
 
-``python -m studies.tables.damage [--campaigns N] [--reads N] [--kills N] [--disks N] [--surroundings] [--seed 1]``.
-Whatever ends with a traceback, hangs, takes too much, or is wrong without a word is written into ``--corpus``, and the
-call fails.
+``python -m studies.tables.damage [--campaigns N] [--rewrites N] [--reads N] [--kills N] [--disks N] [--surroundings]
+[--names]``. Whatever ends with a traceback, hangs, takes too much, or is wrong without a word is written into
+``--corpus``, and the call fails.
 """
 
 import argparse
 import itertools
+import shutil
 import tempfile
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from studies.robustness import campaign_faults, file_faults
+from studies.robustness.name_faults import name_trials
 from studies.robustness.trial import Outcome, attempt
-from studies.robustness.workflow_faults import Workplace, full_disk_trials, kill_trials, surroundings_trials
+from studies.robustness.workflow_faults import (
+    Workplace,
+    full_disk_trials,
+    kill_trials,
+    read_only_trial,
+    surroundings_trials,
+)
 from towval.io.campaign import Campaign, load_campaign
 from towval.io.images import read_gray
 from towval.io.records import read_decimated, read_tracks
@@ -27,9 +37,8 @@ _SAMPLE = Path("data_samples/lab_small")
 
 def campaign_trials(count: int, seed: int, results: Path, corpus: Path) -> Counter[str]:
     """Outcomes of reading damaged campaigns, looking at their files and simulating a run with what is accepted."""
-    tracks = read_decimated(results / "a" / "decimate.mcap")
-    times = read_tracks(results / "a" / "track.mcap", features=False)["object"].time_s[::4]
-    simulate(load_campaign(_SAMPLE).scene, tracks["rover"], tracks["object"], times, SimulateSettings())
+    simulated = _simulation(results)
+    simulated(load_campaign(_SAMPLE))
     outcomes: Counter[str] = Counter()
     rng = np.random.default_rng(seed)
     for i in range(count):
@@ -41,8 +50,7 @@ def campaign_trials(count: int, seed: int, results: Path, corpus: Path) -> Count
             def call(folder: Path = folder) -> str:
                 campaign = load_campaign(folder)
                 look_at_files(campaign)
-                motion = simulate(campaign.scene, tracks["rover"], tracks["object"], times, SimulateSettings())
-                return "finite" if np.isfinite(motion.pose).all() else "not finite"
+                return "finite" if np.isfinite(simulated(campaign)).all() else "not finite"
 
             outcome = attempt(call)
             name = outcome.kind if outcome.value in (None, "finite") else f"{outcome.kind} {outcome.value}"
@@ -50,6 +58,36 @@ def campaign_trials(count: int, seed: int, results: Path, corpus: Path) -> Count
             if not outcome.told or outcome.value == "not finite":
                 _keep(corpus, f"campaign_{seed}_{i}", kind, (folder / "campaign.yaml"), outcome)
             campaign_faults.removed(folder)
+    return outcomes
+
+
+def _simulation(results: Path) -> Callable[[Campaign], NDArray[np.float64]]:
+    """A function that simulates run a of a campaign with the tracks at hand: poses [m, m, rad] of shape (N, 3)."""
+    tracks = read_decimated(results / "a" / "decimate.mcap")
+    times = read_tracks(results / "a" / "track.mcap", features=False)["object"].time_s[::4]
+    return lambda campaign: simulate(campaign.scene, tracks["rover"], tracks["object"], times, SimulateSettings()).pose
+
+
+def rewrite_trials(count: int, seed: int, results: Path, corpus: Path) -> Counter[str]:
+    """Outcomes of reading and simulating campaigns written in another way: "same", or what is wrong."""
+    simulated = _simulation(results)
+    wanted = simulated(load_campaign(_SAMPLE))
+    outcomes: Counter[str] = Counter()
+    rng = np.random.default_rng(seed)
+    for i in range(count):
+        with tempfile.TemporaryDirectory() as scratch:
+            folder = Path(scratch) / "lab"
+            folder.mkdir()
+            campaign_faults.write_rewritten(_SAMPLE, folder, rng)
+
+            def call(folder: Path = folder) -> bool:
+                return np.array_equal(simulated(load_campaign(folder)), wanted)
+
+            outcome = attempt(call)
+            name = {True: "same", False: "other numbers"}.get(outcome.value, outcome.kind)
+            outcomes[name] += 1
+            if name != "same":
+                _keep(corpus, f"rewrite_{seed}_{i}", "rewritten", folder / "campaign.yaml", outcome)
     return outcomes
 
 
@@ -72,10 +110,12 @@ def main() -> None:
     """Run what is asked for and print the counts; exits with code 1 where anything did not end as it should."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--campaigns", type=int, default=0)
+    parser.add_argument("--rewrites", type=int, default=0, help="campaigns written in another way that means the same")
     parser.add_argument("--reads", type=int, default=0)
     parser.add_argument("--kills", type=int, default=0, help="calls of the workflow killed at a random moment")
     parser.add_argument("--disks", type=int, default=0, help="disks that are full at ever later points (as root)")
     parser.add_argument("--surroundings", action="store_true", help="no HOME, few files, little memory, ...")
+    parser.add_argument("--names", action="store_true", help="names that a file system allows, everywhere")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument(
         "--results", type=Path, default=Path("results/lab_small"), help="undamaged results of lab_small"
@@ -86,12 +126,18 @@ def main() -> None:
     if given.campaigns:
         counts = campaign_trials(given.campaigns, given.seed, given.results, given.corpus)
         failed |= bool(set(counts) - {"returned", "refused"})
-        print(f"{given.campaigns} damaged campaigns, seed {given.seed}: {dict(counts)}")
+        print(f"{given.campaigns} damaged campaigns, seed {given.seed}: {dict(counts)}", flush=True)
+    if given.rewrites:
+        counts = rewrite_trials(given.rewrites, given.seed, given.results, given.corpus)
+        failed |= set(counts) != {"same"}
+        print(f"{given.rewrites} campaigns written in another way, seed {given.seed}: {dict(counts)}", flush=True)
     if given.reads:
-        counts = file_faults.read_trials(given.results, given.reads, given.seed, given.corpus)
+        with tempfile.TemporaryDirectory() as scratch:  # a call that is killed must not leave a damaged result
+            copied = Path(shutil.copytree(given.results, Path(scratch) / given.results.name))
+            counts = file_faults.read_trials(copied, given.reads, given.seed, given.corpus)
         failed |= bool(set(counts) - {"same", "refused"})
-        print(f"{given.reads} damaged reads, seed {given.seed}: {dict(counts)}")
-    if given.kills or given.disks or given.surroundings:
+        print(f"{given.reads} damaged reads, seed {given.seed}: {dict(counts)}", flush=True)
+    if given.kills or given.disks or given.surroundings or given.names:
         with tempfile.TemporaryDirectory() as scratch:
             failed |= _workflow_trials(given, Workplace.made(Path(scratch)))
     raise SystemExit(int(failed))
@@ -102,11 +148,13 @@ def _workflow_trials(given: argparse.Namespace, place: Workplace) -> bool:
     trials = itertools.chain(
         kill_trials(place, given.kills, given.seed) if given.kills else (),
         full_disk_trials(place, given.disks) if given.disks else (),
+        read_only_trial(place) if given.disks else (),
         surroundings_trials(place) if given.surroundings else (),
+        name_trials(place.folder.parent) if given.names else (),
     )
     failed = False
     for i, (name, fault) in enumerate(trials):
-        print(f"{name}: {fault.splitlines()[0] if fault else 'ends with the same bytes'}", flush=True)
+        print(f"{name}: {fault.splitlines()[0] if fault else 'as it must'}", flush=True)
         if fault:
             failed = True
             given.corpus.mkdir(parents=True, exist_ok=True)

@@ -38,7 +38,8 @@ def test_a_trial_tells_how_a_call_ends(call, kind):
 def test_the_words_of_a_call_are_judged():
     assert fault_of("towval: the disk is full") == ""
     assert fault_of("Traceback (most recent call last):\n towval: x") == "traceback"
-    assert fault_of("") == "no message"
+    assert fault_of("OSError: [Errno 28] No space left on device") == ""
+    assert fault_of("") == fault_of("FileNotFoundError in line 8 of Snakefile") == "no message"
 
 
 def test_damaged_campaigns_are_read_or_refused(lab_small, tmp_path):
@@ -52,6 +53,21 @@ def test_damaged_campaigns_are_read_or_refused(lab_small, tmp_path):
         assert outcome.told, (folder / "campaign.yaml", outcome)
         ended.append(outcome.kind)
     assert 30 < ended.count("refused") < 60
+
+
+def test_another_way_to_write_a_campaign_means_the_same(lab_small, tmp_path):
+    rng, written = np.random.default_rng(18), set()
+    wanted = load_campaign(lab_small)
+    for i in range(30):
+        folder = tmp_path / f"{i}"
+        folder.mkdir()
+        campaign_faults.write_rewritten(lab_small, folder, rng)
+        found = load_campaign(folder)
+        assert found.document == wanted.document
+        assert repr(found.scene) == repr(wanted.scene)
+        assert found.deviations == wanted.deviations
+        written.add((folder / "campaign.yaml").read_bytes())
+    assert len(written) > 25
 
 
 @pytest.fixture
