@@ -11,7 +11,7 @@ from browser import Browser
 
 from towval.commands.check import check
 from towval.io.campaign import load_campaign
-from towval.io.campaign_text import text_without_clicks
+from towval.io.campaign_text import FloorCorner, RunClicks, text_in_parts
 
 SAMPLE = Path(str(resources.files("towval"))) / "sample"
 COMMENT = "# measured </script><b id=injected>on Monday</b>"
@@ -44,6 +44,7 @@ def page(request, folder, tmp_path_factory):
 @pytest.fixture(autouse=True)
 def start(page):
     page.run("runs[run].poses = structuredClone(first), past = [], asked = '', select('rover'), fit(), changed()")
+    page.run("frame = { origin: BOARD.origin, end: BOARD.end }, byId('floor').open = false")
 
 
 def told(page):
@@ -172,6 +173,45 @@ def test_keys_move_turn_and_select(page):
     assert told(page) != ""
 
 
+def in_window(page, corner):
+    """Where an outer corner of the floor board is in the window [px]."""
+    box = page.run("ground.getBoundingClientRect().toJSON()")
+    u, v = page.run(f"BOARD.corners[{corner}]")
+    left, top = page.run("BOARD.offset")
+    scale = box["width"] / page.run("BOARD.width")
+    return box["left"] + (u - left + 0.5) * scale, box["top"] + (v - top + 0.5) * scale
+
+
+@pytest.mark.parametrize("touch", [False, True], ids=["mouse", "finger"])
+def test_the_floor_frame_is_dragged_to_other_corners_of_the_board(page, folder, tmp_path, touch):
+    page.run("byId('floor').open = true, byId('floor').scrollIntoView()")
+    page.wait_for("ground.clientWidth > 0 && ground.height > 150")
+    origin, end = page.run("[frame.origin, frame.end]")
+    (x, y), (p, q) = in_window(page, origin), in_window(page, (origin + 2) % 4)
+    drag(page, (x, y), (p - x, q - y), touch)
+    assert page.run("frame.origin") == (origin + 2) % 4
+    campaign, _ = saved(page, folder, tmp_path)
+    before = load_campaign(folder)
+    corners = np.array(page.run("BOARD.corners"))
+    assert campaign.floor_reference.origin_corner_px == pytest.approx(corners[(origin + 2) % 4], abs=0.06)
+    assert campaign.floor_reference.x_axis_end_corner_px == pytest.approx(
+        before.floor_reference.x_axis_end_corner_px if page.run("frame.end") == end else corners[page.run("frame.end")],
+        abs=1.5,
+    )
+    assert campaign.run("a").clicks_px.keys() == before.run("a").clicks_px.keys()
+
+
+def test_the_floor_frame_goes_round_the_board_by_buttons(page):
+    seen = set()
+    for _ in range(4):
+        page.run("byId('origin').click()")
+        for _ in range(2):
+            page.run("byId('side').click()")
+            seen.add(tuple(page.run("[frame.origin, frame.end]")))
+    assert len(seen) == 8
+    assert all((origin - end) % 2 == 1 for origin, end in seen)
+
+
 BLOCK = """\
 runs:
   a:
@@ -188,8 +228,8 @@ FLOW = "runs: {a: {video: a.mp4, first_frame_clicks_px: {rover: [[1, 2]]}}, b: {
 @pytest.mark.parametrize("text", [BLOCK, FLOW, BLOCK + "# the end\n"])
 def test_clicks_are_put_into_any_way_of_writing_the_runs(text):
     pieces = [
-        piece if isinstance(piece, str) else f"{piece[1]}{{rover: [[{piece[0]}, 0]]}}"
-        for piece in text_without_clicks(text)
+        f"{piece.before}{{rover: [[{piece.run}, 0]]}}" if isinstance(piece, RunClicks) else piece
+        for piece in text_in_parts(text)
     ]
     document, before = yaml.safe_load("".join(pieces)), yaml.safe_load(text)
     for name in "ab":
@@ -197,3 +237,15 @@ def test_clicks_are_put_into_any_way_of_writing_the_runs(text):
         before["runs"][name].pop("first_frame_clicks_px", None)
     assert document == before
     assert ("# once" in text) == ("# once" in "".join(pieces))
+
+
+@pytest.mark.parametrize("corner", ["[1, 2]", "\n  - 1\n  - 2  # once", "\n    - 1\n    - 2"])
+def test_the_floor_frame_is_put_into_any_way_of_writing_it(corner):
+    text = f"floor:\n  image: f.jpg\n  origin_corner_px: {corner}\n  x_axis_end_corner_px: [3, 4]\nruns:\n  a: {{}}\n"
+    pieces = text_in_parts(text)
+    put = [f"{piece.before}[7, 8]" if isinstance(piece, FloorCorner) else piece for piece in pieces]
+    kept = [piece.stated if isinstance(piece, FloorCorner) else piece for piece in pieces]
+    as_text = ["".join(part if isinstance(part, str) else "" for part in parts) for parts in (put, kept)]
+    document, same = (yaml.safe_load(each.replace(", first_frame_clicks_px: ", "")) for each in as_text)
+    assert document["floor"] == {"image": "f.jpg", "origin_corner_px": [7, 8], "x_axis_end_corner_px": [7, 8]}
+    assert same["floor"] == yaml.safe_load(text)["floor"]

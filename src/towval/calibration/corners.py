@@ -161,3 +161,16 @@ def refine(image: NDArray[np.uint8], corners: Array, spacing: Array, share: floa
     moved = refined.reshape(-1, 2).astype(np.float64)
     astray = np.linalg.norm(moved - corners, axis=1) > CONSTANTS.largest_move * spacing
     return np.where(astray[:, None], corners, moved)
+
+
+def outer_corners(board_m: Array) -> list[int]:
+    """Which points (N, 2) of a board are its outermost corners, four of them, going round it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> outer_corners(np.array([[0, 0], [1, 0], [2, 0], [0, 1], [1, 1], [2, 1]]))
+    [0, 2, 5, 3]
+    """
+    x, y = (board_m - board_m.mean(axis=0)).T
+    return [int(np.argmax(sign_x * x + sign_y * y)) for sign_x, sign_y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]

@@ -9,10 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from towval.calibration.board_search import find_boards
 from towval.calibration.calibrate import CalibrateSettings, calibrate
+from towval.calibration.corners import outer_corners
 from towval.commands.track import open_video, spread_pictures
 from towval.io.campaign import Campaign, Run, read_campaign
-from towval.io.campaign_text import text_without_clicks
+from towval.io.campaign_text import text_in_parts
 from towval.io.images import GrayPictures, write_picture
 from towval.io.schema import key_lines
 from towval.io.video import Video
@@ -21,7 +23,7 @@ from towval.model import Array, Calibration, Severity
 from towval.model.errors import TowvalError
 from towval.optics.plane_uncertainty import position_covariance
 from towval.report.preview import draw_start
-from towval.report.start_page import StartOfRun, write_start_page
+from towval.report.start_page import FloorBoard, StartOfRun, write_start_page
 from towval.tracking.clicks import check_clicks
 from towval.tracking.outline import pose_from_clicks
 from towval.tracking.planar_target import PlanarTarget
@@ -159,7 +161,37 @@ def _write_page(page: Path, given: Campaign, calibration: Calibration, starts: d
     text = (given.folder / "campaign.yaml").read_text(encoding="utf-8")
     longest_m = Tow.of(given.scene).longest_m
     bodies = {body.name: body for body in given.bodies}
-    write_start_page(page, given.name, text_without_clicks(text), calibration, given.scene, bodies, longest_m, starts)
+    write_start_page(
+        page, given.name, text_in_parts(text), calibration, given.scene, bodies, longest_m, starts, _floor_board(given)
+    )
+
+
+_IN_FLOOR_AXES = ("floor.slope_mm_per_m", "friction.regions")
+
+
+def _floor_board(given: Campaign) -> FloorBoard | None:
+    """The board that defines the floor frame, with the picture around it; None where surveyed marks do."""
+    reference = given.floor_reference
+    if reference.origin_corner_px is None or reference.x_axis_end_corner_px is None:
+        return None
+    pictures = GrayPictures(given.floor_images[:1], given.resolution_px)
+    board = find_boards(pictures, given.board, 1)[0][0]
+    corners_px = board.corners_px[outer_corners(board.board_m)]
+    origin, end = (
+        int(np.argmin(np.hypot(*(corners_px - pixel).T)))
+        for pixel in (reference.origin_corner_px, reference.x_axis_end_corner_px)
+    )
+    around = 0.15 * np.ptp(corners_px, axis=0).max()
+    low = np.maximum(corners_px.min(axis=0) - around, 0).astype(int)
+    high = (corners_px.max(axis=0) + around).astype(int)
+    luma = np.ascontiguousarray(pictures[0][1][low[1] : high[1], low[0] : high[0]])
+    stated = [key for key in _IN_FLOOR_AXES if _states(given.document, key)]
+    return FloorBoard(luma, (int(low[0]), int(low[1])), corners_px, origin, end, stated)
+
+
+def _states(document: dict[str, Any], key: str) -> bool:
+    section, name = key.split(".")
+    return name in document.get(section, {})
 
 
 def _position_std_m(target: PlanarTarget, pose: Array, calibration: Calibration) -> float:

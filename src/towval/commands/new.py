@@ -17,7 +17,7 @@ from towval.commands.console import Outcome
 from towval.commands.settings import nested
 from towval.io.atomic import write_text
 from towval.io.campaign import IMAGE_SUFFIXES, campaign_schema
-from towval.io.campaign_text import GUESS, campaign_text, text_without_clicks
+from towval.io.campaign_text import GUESS, RunClicks, campaign_text, text_in_parts
 from towval.io.images import GrayPictures
 from towval.io.schema import faults_of
 from towval.io.video import Video
@@ -157,9 +157,9 @@ def run(
 def _with_starts(text: str, runs: Mapping[str, Any]) -> str:
     """The text with the corners of the tops that were found for certain, marked; where any is not, without."""
     pieces = []
-    for piece in text_without_clicks(text):
-        if isinstance(piece, str):
-            pieces.append(piece)
+    for piece in text_in_parts(text):
+        if not isinstance(piece, RunClicks):
+            pieces.append(piece if isinstance(piece, str) else piece.stated)
             continue
         name, before = piece
         corners = {body: runs.get(name, {}).get(f"{body}_corners_px") for body in ("rover", "object")}

@@ -2,7 +2,7 @@
 
 import textwrap
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import yaml
 
@@ -54,20 +54,41 @@ def _comment(text: str, indent: str) -> list[str]:
     return textwrap.wrap(text, _WIDTH, initial_indent=f"{indent}# ", subsequent_indent=f"{indent}# ") if text else []
 
 
-def text_without_clicks(text: str) -> list[str | tuple[str, str]]:
-    """The text of a campaign.yaml cut where the clicks of each run belong; all else stays as it is written.
+class RunClicks(NamedTuple):
+    """Where the clicks of a run belong in the text, in flow style, and what has to stand before them."""
 
-    Returns
-    -------
-    list of str or (str, str)
-        Pieces of the text; between them the run's name, and what has to stand before its clicks in flow style.
+    run: str
+    before: str
+
+
+class FloorCorner(NamedTuple):
+    """Where a corner of the floor board stands in the text: "origin" or "end" of the x axis, as it is written now.
+
+    ``before`` has to stand before another one, in flow style.
     """
-    runs = _value(yaml.compose(text, Loader=yaml.SafeLoader), "runs")
-    cuts = sorted((_cut(text, entry), str(name.value)) for name, entry in runs.value)
-    pieces: list[str | tuple[str, str]] = []
+
+    floor: str
+    stated: str
+    before: str
+
+
+def text_in_parts(text: str) -> list[str | RunClicks | FloorCorner]:
+    """The text of a campaign.yaml cut where clicks and floor corners belong; all else stays as it is written."""
+    document = yaml.compose(text, Loader=yaml.SafeLoader)
+    floor = _value(document, "floor")
+    cuts: list[tuple[int, int, RunClicks | FloorCorner]] = [
+        _clicks_cut(text, str(name.value), entry) for name, entry in _value(document, "runs").value
+    ]
+    for name, key in (("origin", "origin_corner_px"), ("end", "x_axis_end_corner_px")):
+        value = floor and _value(floor, key)
+        if value is not None:
+            start, end = value.start_mark.index, _end(text, value)
+            # In block style the list may be no deeper than its key, where a list in flow style would end the mapping.
+            cuts.append((start, end, FloorCorner(name, text[start:end], "" if value.flow_style else "  ")))
+    pieces: list[str | RunClicks | FloorCorner] = []
     done = 0
-    for (start, end, before), name in cuts:
-        pieces += [text[done:start], (name, before)]
+    for start, end, part in sorted(cuts, key=lambda cut: cut[:2]):
+        pieces += [text[done:start], part]
         done = end
     return [*pieces, text[done:]]
 
@@ -76,16 +97,19 @@ def _value(mapping: Any, key: str) -> Any:
     return next((value for name, value in mapping.value if name.value == key), None)
 
 
-def _cut(text: str, entry: Any) -> tuple[int, int, str]:
-    """From where to where the clicks of a run stand, or would stand, in the text, and what belongs before them."""
+def _clicks_cut(text: str, run: str, entry: Any) -> tuple[int, int, RunClicks]:
+    """From where to where the clicks of a run stand, or would stand, in the text."""
     clicks = _value(entry, _CLICKS)
     if clicks is not None:
-        end = clicks.end_mark.index
-        if not clicks.flow_style:  # A block ends where the next key begins.
-            end = len(text[:end].rstrip())
-        return clicks.start_mark.index, end, ""
+        return clicks.start_mark.index, _end(text, clicks), RunClicks(run, "")
     if entry.flow_style:
         end = text.rindex("}", 0, entry.end_mark.index)
-        return end, end, f", {_CLICKS}: "
+        return end, end, RunClicks(run, f", {_CLICKS}: ")
     end = len(text[: entry.end_mark.index].rstrip())
-    return end, end, f"\n{' ' * entry.start_mark.column}{_CLICKS}: "
+    return end, end, RunClicks(run, f"\n{' ' * entry.start_mark.column}{_CLICKS}: ")
+
+
+def _end(text: str, value: Any) -> int:
+    """Where a value ends in the text; one in block style does where the next key begins."""
+    end: int = value.end_mark.index
+    return end if value.flow_style else len(text[:end].rstrip())

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from towval.io.atomic import write_text
+from towval.io.campaign_text import FloorCorner, RunClicks
 from towval.model import Array, Body, Calibration, TowingScene
 from towval.report.preview import floor_grid
 
@@ -30,15 +31,32 @@ class StartOfRun:
     doubts: Mapping[str, str]
 
 
+@dataclass(frozen=True)
+class FloorBoard:
+    """The board that defines the floor frame: the picture around it, and its outer corners (4, 2) [px], going round.
+
+    ``offset_px`` is where the picture begins in that of the camera; ``origin`` and ``end`` are the corners at the
+    origin and at the end of the x axis; ``depends`` names the keys of campaign.yaml given in the axes of the floor.
+    """
+
+    luma: NDArray[np.uint8]
+    offset_px: tuple[int, int]
+    corners_px: Array
+    origin: int
+    end: int
+    depends: Sequence[str]
+
+
 def write_start_page(
     path: Path,
     name: str,
-    text: Sequence[str | tuple[str, str]],
+    text: Sequence[str | RunClicks | FloorCorner],
     calibration: Calibration,
     scene: TowingScene,
     bodies: Mapping[str, Body],
     longest_m: float,
     runs: Mapping[str, StartOfRun],
+    floor: FloorBoard | None,
 ) -> None:
     """Write the page.
 
@@ -47,16 +65,18 @@ def write_start_page(
     name : str
         Name of the campaign.
     text : sequence
-        campaign.yaml cut where clicks belong, from :func:`towval.io.campaign_text.text_without_clicks`.
+        campaign.yaml cut where the page writes, from :func:`towval.io.campaign_text.text_in_parts`.
     bodies : mapping
         Rover and object by name.
     longest_m : float
         How far apart hinge and anchor can be [m].
+    floor : FloorBoard or None
+        None where no board defines the floor frame.
     """
     camera, hold = calibration.camera, {"rover": scene.hinge, "object": scene.anchor}
     data = {
         "name": name,
-        "text": [part if isinstance(part, str) else {"run": part[0], "before": part[1]} for part in text],
+        "text": [part if isinstance(part, str) else part._asdict() for part in text],
         "camera": {
             "matrix": camera.matrix.tolist(),
             "distortion": camera.distortion.tolist(),
@@ -77,6 +97,7 @@ def write_start_page(
             "longest_m": longest_m,
             "height_m": 0.5 * (scene.hinge_height + scene.anchor_height),
         },
+        "floor": None if floor is None else _floor(floor),
         "runs": {
             name: {
                 "frame": _picture(start.luma),
@@ -89,9 +110,22 @@ def write_start_page(
     # Within a script element only "<" could end it.
     written = json.dumps(data, allow_nan=False).replace("<", "\\u003c")
     page = _asset("start.html")
-    for mark, content in (("CSS", _asset("start.css")), ("SCRIPT", _asset("start.js")), ("DATA", written)):
+    scripts = ("SCRIPT", _asset("start.js")), ("FLOOR", _asset("start_floor.js"))
+    for mark, content in (("CSS", _asset("start.css")), *scripts, ("DATA", written)):
         page = page.replace(f"/*{mark}*/", content)
     write_text(path, page)
+
+
+def _floor(board: FloorBoard) -> dict[str, object]:
+    return {
+        "picture": _picture(board.luma),
+        "width": board.luma.shape[1],
+        "offset": list(board.offset_px),
+        "corners": board.corners_px.tolist(),
+        "origin": board.origin,
+        "end": board.end,
+        "depends": list(board.depends),
+    }
 
 
 def _picture(luma: NDArray[np.uint8]) -> str:

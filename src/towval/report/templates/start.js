@@ -357,8 +357,11 @@ view.addEventListener("wheel", (event) => { event.preventDefault(); zoom(Math.ex
 // ---- what is saved: the text of campaign.yaml with the corners put in
 const flow = (value) => Array.isArray(value) ? `[${value.map(flow).join(", ")}]` : typeof value === "number" ? String(Math.round(10 * value) / 10) : `{${Object.entries(value).map(([key, item]) => `${key}: ${flow(item)}`).join(", ")}}`;
 
+const clicks = (name) => Object.fromEntries(BODIES.map((body) => [body, corners(body, runs[name].poses[body])]));
+const floorCorner = ({ floor, stated, before }) => frame && frame[floor] !== BOARD[floor] ? before + flow(BOARD.corners[frame[floor]]) : stated;
+
 function campaign() {
-  return DATA.text.map((part) => typeof part === "string" ? part : part.before + flow(Object.fromEntries(BODIES.map((body) => [body, corners(body, runs[part.run].poses[body])])))).join("");
+  return DATA.text.map((part) => typeof part === "string" ? part : part.floor ? floorCorner(part) : part.before + flow(clicks(part.run))).join("");
 }
 
 function save() {
