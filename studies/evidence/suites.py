@@ -66,7 +66,8 @@ def _higher(original: Callable[..., Any]) -> Callable[..., Any]:
 
 
 SPATIAL = Check(
-    passed("physics/test_spatial.py"), {"the tow is taken 1 % too high": replaced(problem, "tow_problem", _higher)}
+    passed("physics/test_spatial.py", "physics/test_hanging.py"),
+    {"the tow is taken 1 % too high": replaced(problem, "tow_problem", _higher)},
 )
 
 BOUNDS = Check(

@@ -133,6 +133,7 @@ def test_a_real_labs_file_arrives_whole_in_the_scene(shared_dir):
         (lambda d: d["friction"].update(radius_over_planar=0.9), "friction.radius_over_planar", 0.9),
         (lambda d: d["tether"].update(stiffening=0.2), "tether.stiffening", 0.2),
         (lambda d: d["tether"].update(stiffening=0.2), "tether.full_load", 0.396 * 5.8 * 9.81),
+        (lambda d: d["tether"].update(mass_kg_per_m=0.3), "tether.mass_per_length", 0.3),
         (lambda d: None, "centre_of_mass_height", 0.0),
     ],
 )
@@ -245,6 +246,10 @@ WRONG = {
     "tether that does not reach": (
         lambda d: d["rover"].update(tether_hinge_height_m=0.7),
         ["tether.rest_length_m 0.6", "0.7 and 0 m"],
+    ),
+    "tether heavier than the object": (
+        lambda d: d["tether"].update(mass_kg_per_m=12.0),
+        ["heavier than the object", "tether.mass_kg_per_m 12 over 0.6 m", "5.8 kg"],
     ),
     "stiffening of the whole": (lambda d: d["tether"].update(stiffening=1.0), ["tether.stiffening", "below 1"]),
     "regions that overlap": (

@@ -47,6 +47,14 @@ def test_a_tether_stretched_at_the_start_is_reported(tracks):
     assert "taut_start" in codes(tracks, replace(SCENE, tether=Tether(0.3, 800.0)))
 
 
+def test_a_tether_with_mass_that_would_hang_through_the_floor_is_reported(tracks):
+    """2 kg/m over 0.6 m, slack at the start: it hangs a hand deep, and flat with the ends as low as here."""
+    chain = replace(SCENE, tether=Tether(0.6, 800.0, mass_per_length=2.0))
+    low, high = (replace(chain, anchor_height=h, hinge_height=h) for h in (0.02, 0.25))
+    assert codes(tracks, low)["tether_on_floor"].text.startswith("For 100 % of the time")
+    assert "tether_on_floor" not in codes(tracks, high)
+
+
 def test_times_outside_the_rover_track_are_counted(tracks):
     found = codes(tracks, times=np.concatenate([TIMES, [4.5, 5.0]]))
     assert found["simulate_cut"].text.startswith("2 frames")

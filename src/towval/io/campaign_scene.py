@@ -131,6 +131,7 @@ def _tether(tether: Keys) -> Tether:
         rest_length=tether["rest_length_m"],
         stiffness=tether["stiffness_N_per_m"],
         damping=tether.get("damping_Ns_per_m", 0.0),
+        mass_per_length=tether.get("mass_kg_per_m", 0.0),
     )
 
 
@@ -271,7 +272,7 @@ def _check_weight(scene: TowingScene) -> None:
 
 
 def _check_tether(scene: TowingScene) -> None:
-    """It must reach from the height of the anchor to that of the hinge."""
+    """It must reach from the height of the anchor to that of the hinge, and be lighter than what it tows."""
     tether, rise = scene.tether, abs(scene.hinge_height - scene.anchor_height)
     if rise >= tether.rest_length:
         raise InputError(
@@ -280,6 +281,14 @@ def _check_tether(scene: TowingScene) -> None:
             f"and {scene.anchor_height:g} m",
             allowed=f"a rest length above {rise:g} m",
             remedy="check rover.tether_hinge_height_m and object.tether_anchor_height_m",
+        )
+    if tether.mass_per_length * tether.rest_length > scene.mass:
+        raise InputError(
+            "campaign.yaml: the tether is heavier than the object and its load",
+            got=f"tether.mass_kg_per_m {tether.mass_per_length:g} over {tether.rest_length:g} m, object "
+            f"{scene.mass:g} kg",
+            allowed="a tether lighter than what it tows",
+            remedy="check the units: kilograms per metre",
         )
 
 

@@ -350,6 +350,11 @@ register(  # simulate; the last six are those of towval.physics
         "At the start the tether is {stretch_mm:.0f} mm longer than its rest length: check tether.rest_length_m, "
         "hinge and anchor.",
     ),
+    FindingType(
+        "tether_on_floor", "simulate", WARNING, NONE,
+        "For {percent:.0f} % of the time the tether would hang {depth_mm:.0f} mm below the floor: there it lies on the "
+        "floor, which the model of a hanging tether leaves out.",
+    ),
     FindingType("slack_all_along", "simulate", WARNING, NOT_JUDGED, _ENDED),
     FindingType("step_limit", "simulate", WARNING, NOT_JUDGED, _ENDED),
     FindingType("step_too_small", "simulate", WARNING, NOT_JUDGED, _ENDED),

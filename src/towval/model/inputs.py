@@ -143,10 +143,6 @@ def _share(step: float, reach: float, value: Callable[[TowingScene], float]) -> 
     return SearchRange(lambda scene: step * value(scene), lambda scene: reach * value(scene))
 
 
-def _has_load(scene: TowingScene) -> bool:
-    return scene.load.mass > 0
-
-
 def _critical_damping(scene: TowingScene) -> float:
     """Of the object on its tether, 2 √(κ m) [N s/m]."""
     return float(2 * np.sqrt(scene.tether.stiffness * scene.mass))
@@ -198,13 +194,14 @@ register(
         "load_mass", "mass of the load", "kg", "campaign",
         _in_part("load", "mass", 0.0), lambda scene: scene.load.mass,
         stated=StatedDeviation("object.load.mass_std_kg", "that mass", 1000, 0.01, _SCALE, relative=True),
-        search=_share(0.02, 0.5, lambda scene: scene.load.mass), present=_has_load,
+        search=_share(0.02, 0.5, lambda scene: scene.load.mass), present=lambda scene: scene.load.mass > 0,
     ),
     UncertainInput(
         "load_at", "place of the load", "m", "campaign", _in_part("load", "at"), lambda scene: scene.load.at,
         ("load_x", "load_y"),
         StatedDeviation("object.load.at_std_m", "each coordinate of that centre", 0.5, 0.001, _TAPE),
-        SearchRange(lambda _: 5e-3, lambda scene: 0.25 * np.ptp(scene.patch.corners, axis=0)), _has_load,
+        SearchRange(lambda _: 5e-3, lambda scene: 0.25 * np.ptp(scene.patch.corners, axis=0)),
+        lambda scene: scene.load.mass > 0,
     ),
     UncertainInput(
         "anchor", "anchor", "m", "campaign", _in_scene("anchor"), lambda scene: scene.anchor,
@@ -316,6 +313,16 @@ register(
         search=SearchRange(lambda _: 0.05, lambda _: 0.8),
     ),
     UncertainInput(
+        "tether_mass", "mass of the tether", "kg/m", "campaign", _size(_in_part("tether", "mass_per_length")),
+        lambda scene: scene.tether.mass_per_length,
+        stated=StatedDeviation(
+            "tether.mass_std_kg_per_m", "that mass", 1, 0.03, "weighed, and measured with a tape", relative=True,
+            left_out=LeftOut("tether.mass_kg_per_m", "0", 0.0, "a cord of 10 g a metre moves a tow by under 0.1 mm"),
+        ),
+        search=_share(0.1, 0.9, lambda scene: scene.tether.mass_per_length),
+        present=lambda scene: scene.tether.mass_per_length > 0,
+    ),
+    UncertainInput(
         "body_centre", "centre of mass of the object", "m", "campaign", _in_part("spread", "centre"),
         lambda scene: _spread(scene).centre, ("body_centre_x", "body_centre_y"),
         StatedDeviation(
@@ -373,24 +380,18 @@ register(
 
 def _height(body: str) -> UncertainInput:
     return UncertainInput(
-        f"{body}_height",
-        f"height of the {body}",
-        "m",
-        "campaign",
+        f"{body}_height", f"height of the {body}", "m", "campaign",
         lambda real, value: replace(real, height={**real.height, body: float(value[0])}),
         stated=StatedDeviation(f"{body}.tracked_plane_height_std_m", "that height", 0.1, 0.001, "tape measure"),
-    )
+    )  # fmt: skip
 
 
 def _registration(body: str) -> UncertainInput:
     return UncertainInput(
-        f"{body}_registration",
-        f"{body}'s first frame",
-        "",
-        "run",
+        f"{body}_registration", f"{body}'s first frame", "", "run",
         lambda real, value: replace(real, registration={**real.registration, body: value}),
         components=tuple(f"{body}_registration_{axis}" for axis in ("x", "y", "heading")),
-    )
+    )  # fmt: skip
 
 
 register(_height("rover"), _height("object"), _registration("rover"), _registration("object"))

@@ -279,10 +279,6 @@ def _in_space(
             got="a SlidingPatch",
             allowed="a friction law or Sliding",
         )
-    if tether.mass_per_length > 0:
-        raise InputError(
-            "a tether with mass is not modelled", got=f"{tether.mass_per_length} kg/m", allowed="zero: a straight line"
-        )
     if hinge_height < 0:
         raise InputError("the tether's hinge is below the floor", got=f"{hinge_height} m", allowed="zero or above")
     return not planar

@@ -39,7 +39,9 @@ def _trailing(
     rung: str, towed: TowedObject, law: Any, tether: Tether, *motion: Any, accuracy: Accuracy
 ) -> SimulatedMotion:
     # What leaves the plane is left out here for all to see: the ladder takes what that changes from the dynamics.
-    return trail(rung, replace(towed, anchor_height=0.0), law, replace(tether, stiffening=0.0), *motion)
+    return trail(
+        rung, replace(towed, anchor_height=0.0), law, replace(tether, stiffening=0.0, mass_per_length=0.0), *motion
+    )
 
 
 RUNGS.register(TRACTRIX, partial(_trailing, TRACTRIX))

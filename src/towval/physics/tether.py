@@ -11,7 +11,10 @@ from numpy.typing import ArrayLike
 
 from towval.model import Array, Tether, TowedObject
 from towval.model.compiling import compiled
+from towval.model.conventions import GRAVITY_M_PER_S2
 from towval.model.errors import InputError
+from towval.physics.spatial.hanging import hanging_forces
+from towval.physics.spatial.problem import tether_numbers
 
 
 def tether_force(tether: Tether, span: ArrayLike, span_rate: ArrayLike | None = None) -> Array:
@@ -42,6 +45,31 @@ def tether_force(tether: Tether, span: ArrayLike, span_rate: ArrayLike | None = 
     rate = 0.0 if span_rate is None else (direction * np.asarray(span_rate)).sum(axis=-1, keepdims=True)
     pull = np.maximum(0.0, tether.stiffness * stretch + tether.damping * rate)
     return np.where(stretch >= 0, pull, 0.0) * direction
+
+
+def lowest_point(tether: Tether, distance: float, rise: float, gravity: float = GRAVITY_M_PER_S2) -> float:
+    """How far the lowest point of a tether with mass is below its anchor [m]; zero where it rises all along.
+
+    ``distance`` along the floor and ``rise`` from anchor to hinge [m]. The stretch counts as that of a tether that does
+    not stiffen.
+
+    Examples
+    --------
+    A chain of 1 kg/m and 0.6 m whose ends are drawn apart by 20 N: about w l²/(8 T).
+
+    >>> round(lowest_point(Tether(0.6, 1e7, mass_per_length=1.0), 0.597843, 0.0), 4)
+    0.022
+    """
+    numbers = tether_numbers(tether, rise, gravity)
+    pull, lift, *_ = hanging_forces(numbers, distance)
+    if lift >= 0:
+        return max(0.0, -rise)
+    weight = tether.mass_per_length * gravity
+    if lift + weight * tether.rest_length <= 0:
+        return -rise
+    # From the anchor, where it leaves downward at −lift/pull, to where it is level.
+    slack = pull / weight * (math.hypot(1.0, lift / pull) - 1)
+    return slack + lift**2 / (2 * weight * tether.stiffness * tether.rest_length)
 
 
 def refuse_beyond_plane(model: str, towed: TowedObject, tether: Tether) -> None:

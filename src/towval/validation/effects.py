@@ -59,6 +59,7 @@ EFFECTS = (
     Effect("friction radius", ("radius_over_planar",), (("friction", "radius_over_planar", 1.0),)),
     Effect("regions of the floor", ("regions",), (("ground", "regions", ()),)),
     Effect("stiffening of the tether", ("stiffening",), (("tether", "stiffening", 0.0),)),
+    Effect("mass of the tether", ("tether_mass",), (("tether", "mass_per_length", 0.0),)),
 )  # fmt: skip
 """What a level and even floor, a flat sole, a tow in the floor plane and an ideal tether leave out."""
 

@@ -13,6 +13,7 @@ from towval.physics.creep import creep_length
 from towval.physics.dynamics import Outcome
 from towval.physics.ladder import DYNAMICS, RUNGS, LadderChoice, lowest_rung, path_difference, rung_names
 from towval.physics.splines import spline_values
+from towval.physics.tether import lowest_point
 from towval.physics.trailing import TRAILING_RUNGS
 from towval.validation.hinge_way import hinge_way
 from towval.validation.scene_model import SceneModel
@@ -196,6 +197,7 @@ class RunSimulation:
             findings.append(finding("friction_law", residual=self.model.law.residual))
         if len(self.times) < len(self.asked):
             findings.append(finding("simulate_cut", count=len(self.asked) - len(self.times)))
+        findings += _hanging_findings(self.scene, motion)
         rest_length = self.scene.tether.rest_length
         anchor = transform(motion.pose[0], self.scene.anchor)
         stretch = float(np.linalg.norm(spline_values(self.hinge, self.times[:1])[0][0] - anchor)) - rest_length
@@ -212,6 +214,19 @@ def _whole(motion: SimulatedMotion, times: Array) -> SimulatedMotion:
             remedy=motion.advice,
         )
     return motion
+
+
+def _hanging_findings(scene: TowingScene, motion: SimulatedMotion) -> list[Finding]:
+    """Where a tether with mass would hang through the floor."""
+    if not scene.tether.mass_per_length > 0:
+        return []
+    rise = scene.hinge_height - scene.anchor_height
+    distances = np.sqrt(np.maximum(motion.tether_length**2 - rise**2, 0.0))
+    below = np.array([lowest_point(scene.tether, each, rise, scene.ground.gravity) for each in distances])
+    depth = below - scene.anchor_height
+    if not (depth > 0).any():
+        return []
+    return [finding("tether_on_floor", percent=100 * np.mean(depth > 0), depth_mm=1000 * depth.max())]
 
 
 def _error_findings(u_num: float, settings: SimulateSettings) -> list[Finding]:

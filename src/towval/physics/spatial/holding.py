@@ -31,7 +31,7 @@ from towval.physics.spatial.problem import (
     MASS,
     TowProblem,
 )
-from towval.physics.spatial.rates import stretch_and_tension, taut_pull, tether_span
+from towval.physics.spatial.rates import tether_pull, tether_span
 from towval.physics.spatial.soles import RADIUS, Work
 from towval.physics.spatial.unit_wrenches import SCRATCH, J, S, W, unit_wrenches, wrench_slopes
 from towval.physics.splines import piece_at, spline_at
@@ -61,10 +61,8 @@ def holding_margin(
         tx, ty = cos * px + sin * py, cos * py - sin * px
     else:
         lx, ly, _, _, distance, rate = tether_span(problem, time, piece, y, cos, sin)
-        _, stretch, tension, _ = stretch_and_tension(n, distance, rate)
-        if stretch >= 0 and tension >= 0:
-            pull, tz, _, _, _, _ = taut_pull(n, distance, rate)
-            tx, ty = pull * lx / distance, pull * ly / distance
+        pull, tz = tether_pull(n, distance, rate)
+        tx, ty = pull * lx / distance, pull * ly / distance
     wx = tx + n[MASS] * (cos * n[GRAVITY_X] + sin * n[GRAVITY_Y])
     wy = ty + n[MASS] * (cos * n[GRAVITY_Y] - sin * n[GRAVITY_X])
     # At rest friction is −w, so its moment at the height of the centre of mass is known.

@@ -30,6 +30,7 @@ from towval.physics.spatial.problem import (
     KAPPA,
     MASS,
     STIFFENING,
+    TETHER_WEIGHT,
     TowProblem,
 )
 from towval.physics.spatial.rates import acceleration_slopes, accelerations, natural_mode, tautness
@@ -218,7 +219,9 @@ def _resting_step(problem: TowProblem, forced: bool, t: float, piece: int, y: Ar
         gap = _SAFE_SHARE * problem.holding[PLATEAU] * n[MASS] * n[GRAVITY_N]
     if not forced:
         _, stretch, _ = tautness(problem, t, piece, y)
-        if n[DAMPING] > 0 and stretch > 0:
+        if n[TETHER_WEIGHT] > 0:
+            stretch = max(0.0, stretch)  # It pulls when slack, too, though its pull never grows faster than when taut.
+        if n[DAMPING] > 0 and (stretch > 0 or n[TETHER_WEIGHT] > 0):
             # The pull follows the hinge's velocity: within the piece, as much as that may change.
             limit, left = problem.drive.speed_limits[piece], knots[piece + 1] - t
             used = n[KAPPA] * (1 + n[STIFFENING]) * limit * left + 2 * n[DAMPING] * limit
@@ -273,7 +276,7 @@ def _move(
             return NOT_FINITE, False, False
     rise = problem.sliding[PLATEAU] / problem.sliding[SLOPE]
     h = min(clock[_H], end - t, step_to_stop(y, march.rates0, problem.soles.numbers[RADIUS], rise))
-    if mode == SLACK:
+    if mode == SLACK or (mode == TAUT and problem.numbers[TETHER_WEIGHT] > 0):
         h = min(h, _slack_step(problem, t, piece, y))
     if h < _SMALLEST_STEP * span:
         failed = int(clock[_BALANCE])
@@ -349,7 +352,7 @@ def _slack_step(problem: TowProblem, t: float, piece: int, y: Array) -> float:
 @compiled(allocates=False)
 def _first_crossing(problem: TowProblem, mode: int, t: float, h: float, piece: int, march: March) -> float:
     """Fraction of the step at which the tether changes between slack and taut; 1 where it does not."""
-    if mode == FORCED:
+    if mode == FORCED or problem.numbers[TETHER_WEIGHT] > 0:
         return 1.0
     low = 0.0
     for look in range(1, _LOOKS + 1):

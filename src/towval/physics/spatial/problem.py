@@ -16,9 +16,9 @@ from towval.physics.splines import Spline
 
 # Numbers of a problem: mass [kg], inertia [kg m²], height of the centre of mass, anchor above it, anchor from it [m];
 # gravity along the floor and towards it [m/s²]; stiffness, rest length, damping, hinge above the anchor, stiffening and
-# stretch at full load; speed below which friction may hold [m/s], zero: never.
+# stretch at full load; speed below which friction may hold [m/s], zero: never; weight of the tether [N/m].
 MASS, INERTIA, HEIGHT, ABOVE, ANCHOR_X, ANCHOR_Y, GRAVITY_X, GRAVITY_Y, GRAVITY_N = range(9)
-KAPPA, REST, DAMPING, RISE, STIFFENING, FULL_STRETCH, HOLD_SPEED = range(9, 16)
+KAPPA, REST, DAMPING, RISE, STIFFENING, FULL_STRETCH, HOLD_SPEED, TETHER_WEIGHT = range(9, 17)
 
 _HOLD_RISE = 1e-9  # m/s; the law at rest is Coulomb's: only its plateau counts, and this is far below it
 
@@ -49,7 +49,7 @@ def tow_problem(
     """
     steepness = math.sqrt(1 + float(ground.slope @ ground.slope))
     level = ground.gravity / steepness
-    numbers = [
+    body = [
         towed.mass,
         towed.inertia,
         towed.centre_of_mass_height,
@@ -57,22 +57,26 @@ def tow_problem(
         *(towed.anchor - towed.centre_of_mass),
         *(-level * ground.slope),
         level,
-        tether.stiffness,
-        tether.rest_length,
-        tether.damping,
-        hinge_height - towed.anchor_height,
-        tether.stiffening,
-        tether.full_load / tether.stiffness if tether.stiffening > 0 else 1.0,
-        hold[1],
     ]
+    numbers = tether_numbers(tether, hinge_height - towed.anchor_height, level)
+    numbers[: len(body)], numbers[HOLD_SPEED] = body, hold[1]
     return TowProblem(
         soles=soles(towed.patch, towed.centre_of_mass, sliding.across_over_along, sliding.radius_over_planar),
         regions=regions_of(ground),
         sliding=friction_table(sliding.law),
         holding=_holding_table(hold[0] if hold[0] > 0 else 1.0),
-        numbers=np.array(numbers, dtype=np.float64),
+        numbers=numbers,
         drive=drive,
     )
+
+
+def tether_numbers(tether: Tether, rise: float, gravity: float) -> Array:
+    """The numbers of a problem with those of its tether; ``rise`` of the hinge over the anchor [m], gravity [m/s²]."""
+    numbers = np.zeros(TETHER_WEIGHT + 1)
+    numbers[KAPPA : STIFFENING + 1] = tether.stiffness, tether.rest_length, tether.damping, rise, tether.stiffening
+    numbers[FULL_STRETCH] = tether.full_load / tether.stiffness if tether.stiffening > 0 else 1.0
+    numbers[TETHER_WEIGHT] = tether.mass_per_length * gravity
+    return numbers
 
 
 @functools.lru_cache(maxsize=32)

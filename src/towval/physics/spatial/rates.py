@@ -16,6 +16,7 @@ import math
 from towval.model import Array
 from towval.model.compiling import compiled
 from towval.physics.motion import FORCED, SLACK, TAUT
+from towval.physics.spatial.hanging import damped, hanging_forces, hanging_pull
 from towval.physics.spatial.pressure import BALANCED, solve_pressure
 from towval.physics.spatial.problem import (
     ABOVE,
@@ -33,6 +34,7 @@ from towval.physics.spatial.problem import (
     REST,
     RISE,
     STIFFENING,
+    TETHER_WEIGHT,
     TowProblem,
 )
 from towval.physics.spatial.soles import Work
@@ -88,6 +90,18 @@ def taut_pull(n: Array, distance: float, rate: float) -> Pull:
 
 
 @compiled(allocates=False)
+def tether_pull(n: Array, distance: float, rate: float) -> tuple[float, float]:
+    """Horizontal and vertical force at the anchor [N]; zero where a tether without mass is slack."""
+    if n[TETHER_WEIGHT] > 0:
+        return damped(n, hanging_forces(n, distance), rate)
+    _, stretch, tension, _ = stretch_and_tension(n, distance, rate)
+    if stretch < 0 or tension < 0:
+        return 0.0, 0.0
+    pull, lift, _, _, _, _ = taut_pull(n, distance, rate)
+    return pull, lift
+
+
+@compiled(allocates=False)
 def accelerations(problem: TowProblem, mode: int, time: float, piece: int, y: Array, work: Work, rates: Array) -> int:
     """Time derivative of the state into ``rates`` (6,); pressure, W and S into ``work``. Returns its balance."""
     n = problem.numbers
@@ -95,7 +109,10 @@ def accelerations(problem: TowProblem, mode: int, time: float, piece: int, y: Ar
     tx = ty = tz = 0.0
     if mode == TAUT:
         lx, ly, _, _, distance, rate = tether_span(problem, time, piece, y, cos, sin)
-        pull, tz, _, _, _, _ = taut_pull(n, distance, rate)
+        if n[TETHER_WEIGHT] > 0:
+            pull, tz = damped(n, hanging_forces(n, distance), rate)
+        else:
+            pull, tz, _, _, _, _ = taut_pull(n, distance, rate)
         tx, ty = pull * lx / distance, pull * ly / distance
     elif mode == FORCED:
         px, py, _, _, _, _ = spline_at(problem.drive.knots, problem.drive.coefficients, time, piece)
@@ -200,7 +217,8 @@ def _tether_column(
     n, (cos, sin) = problem.numbers, turned
     qx, qy = n[ANCHOR_X], n[ANCHOR_Y]
     lx, ly, rx, ry, distance, rate = tether_span(problem, time, piece, y, cos, sin)
-    pull, _, h_d, v_d, h_r, v_r = taut_pull(n, distance, rate)
+    hangs = n[TETHER_WEIGHT] > 0
+    pull, _, h_d, v_d, h_r, v_r = hanging_pull(n, distance, rate) if hangs else taut_pull(n, distance, rate)
     dlx = dly = drx = dry = 0.0
     if j == 0:
         dlx, dly = -cos, sin
@@ -240,7 +258,9 @@ def tautness(problem: TowProblem, time: float, piece: int, y: Array) -> tuple[fl
 
 @compiled(allocates=False)
 def natural_mode(problem: TowProblem, time: float, piece: int, y: Array) -> int:
-    """TAUT where the tether is stretched and would pull, else SLACK."""
+    """TAUT where the tether is stretched and would pull, and always where it has mass, else SLACK."""
+    if problem.numbers[TETHER_WEIGHT] > 0:
+        return TAUT
     _, stretch, tension = tautness(problem, time, piece, y)
     return TAUT if stretch >= 0 and tension >= 0 else SLACK
 
@@ -254,6 +274,7 @@ def tensions(problem: TowProblem, times: Array, states: Array, out: Array) -> No
         piece = piece_at(problem.drive.knots, times[i], piece)
         cos, sin = math.cos(y[2]), math.sin(y[2])
         lx, ly, _, _, distance, rate = tether_span(problem, times[i], piece, y, cos, sin)
-        length, stretch, tension, _ = stretch_and_tension(problem.numbers, distance, rate)
-        share = max(0.0, tension) / length if stretch >= 0 else 0.0
+        length, _, _, _ = stretch_and_tension(problem.numbers, distance, rate)
+        pull, _ = tether_pull(problem.numbers, distance, rate)
+        share = pull / distance if distance > 0 else 0.0
         out[i, 0], out[i, 1], out[i, 2] = length, share * (cos * lx - sin * ly), share * (sin * lx + cos * ly)

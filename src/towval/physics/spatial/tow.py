@@ -13,7 +13,7 @@ from towval.model.checks import positive
 from towval.physics.friction_table import SLOPE
 from towval.physics.motion import TAUT
 from towval.physics.spatial.integrator import STUCK, integrate
-from towval.physics.spatial.problem import GRAVITY_N, HOLD_SPEED, KAPPA, MASS, TowProblem
+from towval.physics.spatial.problem import GRAVITY_N, HOLD_SPEED, KAPPA, MASS, REST, TETHER_WEIGHT, TowProblem
 from towval.physics.spatial.rates import tensions
 from towval.physics.spatial.soles import RADIUS, work_for
 from towval.physics.splines import spline_values
@@ -57,7 +57,7 @@ def is_planar(
     heights = hinge_height, towed.anchor_height, towed.centre_of_mass_height
     floor = float(np.abs(ground.slope).max()), len(ground.regions)
     friction = sliding.across_over_along - 1, sliding.radius_over_planar - 1
-    return sticking is None and not any((*heights, *floor, *friction, tether.stiffening))
+    return sticking is None and not any((*heights, *floor, *friction, tether.stiffening, tether.mass_per_length))
 
 
 class TowRun(NamedTuple):
@@ -83,11 +83,13 @@ def run_tow(problem: TowProblem, forced: bool, start: Array, times: Array, toler
         tension[:, 1:] = spline_values(problem.drive, times[:filled])[0]
     else:
         tensions(problem, times, states, tension)
-    towed = forced or bool(_ever_towed(modes[:filled], counts))
+    towed = forced or _ever_towed(problem, modes[:filled], counts, tension[:, 0])
     return TowRun(code, states, tension, towed, dict(zip(_COUNTS, map(float, counts), strict=True)))
 
 
-def _ever_towed(modes: NDArray[np.int64], counts: NDArray[np.int64]) -> bool:
+def _ever_towed(problem: TowProblem, modes: NDArray[np.int64], counts: NDArray[np.int64], lengths: Array) -> bool:
+    if problem.numbers[TETHER_WEIGHT] > 0:  # It pulls a little all along.
+        return bool((lengths >= problem.numbers[REST]).any())
     return bool((modes == TAUT).any() or (modes == STUCK).any() or counts[2] or counts[3])
 
 
