@@ -15,8 +15,8 @@ from towval.tracking.track import TrackSettings
 from towval.validation.compare import CompareSettings
 from towval.validation.decimate import DecimateSettings
 from towval.validation.identify import IdentifySettings
+from towval.validation.sampler import UncertaintySettings
 from towval.validation.simulate import SimulateSettings
-from towval.validation.uncertainty import UncertaintySettings
 
 SECTIONS = {
     "calibrate": CalibrateSettings,

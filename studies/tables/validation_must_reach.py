@@ -30,8 +30,9 @@ from towval.model import Array, Comparison, Verdict
 from towval.model.geometry import wrapped
 from towval.validation.compare import compare
 from towval.validation.decimate import decimate
+from towval.validation.sampler import Case, UncertaintySettings
 from towval.validation.simulate import simulate
-from towval.validation.uncertainty import Case, UncertaintySettings, sample_uncertainty
+from towval.validation.uncertainty import sample_uncertainty
 
 FAULTS = ("stripe", "centre of mass", "tether")
 HALF_WIDTH = 1.96

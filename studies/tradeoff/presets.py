@@ -29,8 +29,8 @@ from towval.selection.tracking import PROBE_FRAMES, PROBE_STRIDE, neighbour_of_t
 from towval.tracking.track import TrackSettings, track
 from towval.validation.compare import compare
 from towval.validation.decimate import decimate
+from towval.validation.sampler import UncertaintySettings
 from towval.validation.simulate import SimulateSettings
-from towval.validation.uncertainty import UncertaintySettings
 
 AUTO = "auto"
 

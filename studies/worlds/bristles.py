@@ -6,7 +6,8 @@ those of a rigid body in three dimensions that does not tilt; a cell can only pu
 Euler, without events, tables, boundaries of patches or modes: what this and :mod:`towval.physics` have in common is the
 model on paper.
 
-SOURCE of the bristles: Dahl 1976; Hayward and Armstrong 2000 (elasto-plastic, without drift).
+SOURCE of the bristles: Dahl 1976; Hayward and Armstrong 2000 (elasto-plastic, without drift); Canudas de Wit et al.
+1995 (LuGre, with an exponential Stribeck curve).
 """
 
 from __future__ import annotations
@@ -27,7 +28,10 @@ HingeMotion = Callable[[Array], tuple[Array, Array]]
 
 _DAMPING_S_PER_M = 20.0  # of a bristle that sticks, over its limit force; it dies out the ringing of 100 Hz
 _TIPPED, _TRIALS = 1e-6, 30
-_FALLEN = float(np.arctanh(0.99))  # at the friction velocity a hundredth of the peak remains
+_FALLEN, _HUNDREDTH = (
+    float(np.arctanh(0.99)),
+    float(np.log(100)),
+)  # at the friction velocity so much of the peak remains
 
 
 @dataclass(frozen=True)
@@ -54,7 +58,9 @@ class BristledObject:
     ``places`` (n, 2) [m] and ``areas`` (n,) [m²] of the cells; ``mass`` [kg]; ``centre`` (2,) of mass [m] and its
     ``centre_height`` [m]; ``inertia`` about the vertical through it [kg m²]; ``anchor`` (2,) [m]; friction falls from
     ``static`` to ``kinetic`` [1], to a hundredth of the difference at ``friction_velocity`` [m/s], and holds along x,
-    ``across_over_along`` times that along y; ``deflection`` of a bristle at the static limit [m].
+    ``across_over_along`` times that along y; ``deflection`` of a bristle at the static limit [m]. ``lugre``: bristles
+    and Stribeck curve as LuGre's. ``stripe`` (x, y, direction x, direction y, length [m], factor): floor of another
+    friction from a point on.
     """
 
     places: Array
@@ -69,6 +75,8 @@ class BristledObject:
     friction_velocity: float
     across_over_along: float = 1.0
     deflection: float = 1e-5
+    lugre: bool = False
+    stripe: tuple[float, ...] = (0.0, 0.0, 1.0, 0.0, 0.0, 1.0)
 
 
 def cells_of(rectangles: Sequence[ArrayLike], count: int) -> tuple[Array, Array]:
@@ -126,8 +134,11 @@ def bristle_tow(
     gravity = GRAVITY_M_PER_S2 * np.array([-slope[0], -slope[1], 1.0]) / np.sqrt(1 + np.dot(slope, slope))
     body = np.array([towed.mass, towed.inertia, towed.centre_height, tether.anchor_height, *lever, *gravity])
     friction = np.array(
-        [towed.static, towed.kinetic, towed.friction_velocity, towed.across_over_along, towed.deflection]
-    )
+        [
+            towed.static, towed.kinetic, towed.friction_velocity, towed.across_over_along, towed.deflection,
+            float(towed.lugre), *towed.stripe,
+        ]
+    )  # fmt: skip
     drop = tether.hinge_height - tether.anchor_height
     rope = np.array([tether.rest_length, tether.stiffness, tether.damping, tether.stiffening, tether.full_load, drop])
     states = np.full((reports, 7), np.nan)
@@ -242,7 +253,7 @@ def _press(cells, plane, pressing):
 @compiled(allocates=False)
 def _drag(cells, plane, friction, state, c, s, step, bent, drag):
     """Friction on all cells, force and moment (3,) in body axes; bends the bristles, and lets go of lifted ones."""
-    static, kinetic, fall, stretched, deflection = friction
+    static, kinetic, fall, stretched, deflection, lugre = friction[:6]
     ux, uy, spin = c * state[3] + s * state[4], -s * state[3] + c * state[4], state[5]
     drag[:] = 0.0
     for i in range(len(cells)):
@@ -253,11 +264,25 @@ def _drag(cells, plane, friction, state, c, s, step, bent, drag):
             continue
         vx, vy = ux - spin * y, stretched * (uy + spin * x)
         speed = np.sqrt(vx * vx + vy * vy)
-        share = 1 - (1 - kinetic / static) * np.tanh(_FALLEN * speed / fall)
+        into = (state[0] + c * x - s * y - friction[6]) * friction[8] + (
+            state[1] + s * x + c * y - friction[7]
+        ) * friction[9]
+        if 0 <= into < friction[10]:
+            load *= friction[11]
+        damping = load * static * _DAMPING_S_PER_M
         bx, by = bent[i, 0] + vx * step, bent[i, 1] + vy * step
-        size, limit, damping = np.sqrt(bx * bx + by * by), deflection * share, load * static * _DAMPING_S_PER_M
-        if size > limit:
-            bx, by, damping = bx * limit / size, by * limit / size, 0.0
+        if lugre > 0:
+            limit = deflection * (1 - (1 - kinetic / static) * (1 - np.exp(-_HUNDREDTH * (speed / fall) ** 2)))
+            # Linear in the bristle: implicit in it, so that no step is too long for its rate.
+            bx, by = bx / (1 + step * speed / limit), by / (1 + step * speed / limit)
+            vx, vy = (bx - bent[i, 0]) / step, (by - bent[i, 1]) / step
+        else:
+            size, limit = (
+                np.sqrt(bx * bx + by * by),
+                deflection * (1 - (1 - kinetic / static) * np.tanh(_FALLEN * speed / fall)),
+            )
+            if size > limit:
+                bx, by, damping = bx * limit / size, by * limit / size, 0.0
         bent[i, 0], bent[i, 1] = bx, by
         fx = -load * static / deflection * bx - damping * vx
         fy = -(load * static / deflection * by + damping * vy) * stretched

@@ -7,8 +7,8 @@ from studies.worlds.campaign import OBJECT, ROVER, towed_motion
 from studies.worlds.scenes import ceiling, drive
 from towval.model import Calibration
 from towval.validation.decimate import decimate
+from towval.validation.sampler import Case
 from towval.validation.simulate import simulate
-from towval.validation.uncertainty import Case
 from validation_case import DEVIATIONS, PARAMETER_STD, SCENE
 
 

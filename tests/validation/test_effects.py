@@ -8,9 +8,10 @@ import pytest
 from towval.model import Ground, Load
 from towval.physics.ladder import DYNAMICS
 from towval.validation.effects import EFFECTS, moves_of_inputs, to_be_measured
+from towval.validation.sampler import UncertaintySettings
 from towval.validation.simulate import RunSimulation, SimulateSettings
 from towval.validation.simulate_many import Batch, Drawn
-from towval.validation.uncertainty import UncertaintySampling, UncertaintySettings
+from towval.validation.uncertainty import UncertaintySampling
 
 DEVIATIONS = {"slope": 1e-3, "across_over_along": 0.05, "friction": 0.005, "stiffness": 40.0}
 

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from towval.validation.explain import explain
+from towval.validation.sampler import UncertaintySettings
 from towval.validation.simulate import simulate
 from towval.validation.statistics import RightModel
-from towval.validation.uncertainty import UncertaintySettings, sample_uncertainty
+from towval.validation.uncertainty import sample_uncertainty
+from towval.validation.verdict import _explained, _moves
 
 N, K, MM = 96, 512, 1e-3
 TIME = np.linspace(0, 1, N)
@@ -114,6 +116,41 @@ def test_an_oscillation_tells_inputs_apart_that_shift_the_path_alike():
     world = World(acts, ("stiff", "damped"))
     assert list(world.explained_true({0: 8.0}).moved) == ["stiff"]
     assert list(world.explained_true({1: 8.0}).moved) == ["damped"]
+
+
+def test_inputs_that_do_the_same_are_named_together():
+    """Up to a share that no run can show; a third one, which does something else, is not among them."""
+
+    def acts(moves):
+        one, other, third = (moves.get(c, 0.0) for c in range(3))
+        return MM * ((one + 1.01 * other) * EFFECTS["along"] + third * EFFECTS["turning"])
+
+    found = World(acts, ("one", "other", "third")).explained_true({0: 8.0})
+    assert {*found.moved, *found.instead} == {"one", "other"}
+    assert found.explained
+    assert found.factor == 1
+    assert _moves(found).endswith("which this run cannot separate")
+
+
+def test_where_all_deviations_are_too_small_that_is_said_and_an_input_that_is_far_off_is_named():
+    """Thirty inputs, each of its own shape, all off by some of their deviations, and one by more."""
+    rng = np.random.default_rng(3)
+    shapes = rng.standard_normal((30, 24, 3)).repeat(N // 24, axis=1)
+    names = tuple(f"input {c}" for c in range(30))
+
+    def acts(moves):
+        return MM * sum((value * shapes[c] for c, value in moves.items()), np.zeros((N, 3)))
+
+    world = World(acts, names)
+    off = 2.5 * rng.standard_normal(30)
+    off[4] = -9.0
+    found = world.explained_true(dict(enumerate(off)))
+    assert found.explained
+    assert 1.8 < found.factor < 3.6
+    assert next(iter(found.moved)) == "input 4"
+    assert found.moved["input 4"] == pytest.approx(-9, abs=1)
+    assert world.explained_true({4: -9.0}).factor == 1
+    assert "times as large would explain it" in _explained(found)
 
 
 def test_what_cannot_be_simulated_is_no_explanation(world):

@@ -20,7 +20,8 @@ from towval.io.records import (
 )
 from towval.io.summary import write_summary
 from towval.validation.compare import compare
-from towval.validation.uncertainty import UncertaintySettings, sample_uncertainty
+from towval.validation.sampler import UncertaintySettings
+from towval.validation.uncertainty import sample_uncertainty
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "validation.md"
 

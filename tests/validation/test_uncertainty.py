@@ -14,15 +14,10 @@ from towval.optics.projection import project, to_plane
 from towval.selection.draws import BOUND_ERROR, DRAWS, sample_selecting
 from towval.validation.compare import compare
 from towval.validation.path_frame import OnPath
+from towval.validation.sampler import UncertaintySettings, _motions
 from towval.validation.shares import REST, variance_shares
 from towval.validation.simulate import simulate
-from towval.validation.uncertainty import (
-    UncertaintySampling,
-    UncertaintySettings,
-    _findings,
-    _motions,
-    sample_uncertainty,
-)
+from towval.validation.uncertainty import UncertaintySampling, _findings, sample_uncertainty
 from validation_case import DEVIATIONS, PARAMETER_STD
 
 

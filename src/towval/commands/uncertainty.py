@@ -15,7 +15,7 @@ from towval.io.records import read_calibration, read_decimated, read_simulated, 
 from towval.model.inputs import INPUTS, is_left_out
 from towval.selection.draws import gather, sample_selecting
 from towval.selection.margin import measurement_std_m, seen_places
-from towval.validation.uncertainty import UncertaintySettings
+from towval.validation.sampler import UncertaintySettings
 
 
 def run(

@@ -86,7 +86,10 @@ class Explanation:
     ``moved`` by name, the farthest off first: true value = stated value + so many deviations; ``explained``
     whether the remainder is what a right model leaves; ``error_rms_m`` before and ``remaining_rms_m`` after, RMS of the
     position; ``begins_m`` and ``ends_m``, between which lengths of the path the remainder begins [m], NaN
-    where it does not stand out; ``assumed``, which of the moved inputs have a value that nobody stated.
+    where it does not stand out; ``assumed``, which of the named inputs have a value that nobody stated; ``instead``,
+    what may be off in place of the first of ``moved``, from which this run cannot tell it; ``factor``, by which all
+    stated deviations are too small besides, 1 where they are not: with a larger one, ``moved`` and ``instead`` are
+    the inputs that are off most probably.
     """
 
     moved: Mapping[str, float]
@@ -96,3 +99,5 @@ class Explanation:
     begins_m: float = float("nan")
     ends_m: float = float("nan")
     assumed: tuple[str, ...] = ()
+    instead: Mapping[str, float] = field(default_factory=dict)
+    factor: float = 1.0

@@ -9,7 +9,8 @@ from towval.model import Body, Calibration, Choice, DecimatedTrack, RunUncertain
 from towval.selection.margin import SHARE
 from towval.validation.effects import to_be_measured
 from towval.validation.metrics import position_rms
-from towval.validation.uncertainty import Case, UncertaintySampling, UncertaintySettings
+from towval.validation.sampler import Case, UncertaintySettings
+from towval.validation.uncertainty import UncertaintySampling
 
 DRAWS = (256, 512, 1024, 2048)
 """What "auto" chooses from, cheapest first; with 128 a right model exceeds its limits of 1 % in 2 % of runs."""

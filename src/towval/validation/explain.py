@@ -1,8 +1,9 @@
 """Which inputs, moved by how many of their deviations, would explain the error of a run, and what would remain.
 
-A search among few inputs: one after the other is moved in the scene, and the run is simulated again, since an input far
-off its value does not act as one within its deviation does. Of all that is tried the most probable is named: it leaves
-an error of the kind that the others make, and is not far off for what was stated of it.
+A choice among models of what is off, by their probabilities: few inputs, moved in the scene with the run simulated
+again, since an input far off its value does not act as one within its deviation does; or none in particular, but all
+stated deviations too small by one factor (Birge 1932), where the draws tell which inputs are off most probably. What
+the run cannot separate is named together.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -40,6 +41,17 @@ _STATED, _ASSUMED = (2, 1.0), (1, WIDER)
 and of one whose value and deviation were assumed. Stated deviations of 3,200 measured quantities are exceeded like
 that, t of two degrees down to Cauchy's (Bailey 2017, Not normal: the uncertainties of scientific measurements)."""
 
+_FACTORS = np.geomspace(1.0, 4.4, 23)
+"""Of all stated deviations together: the scale of t of two degrees, 95 % of which lies below."""
+
+_BEYOND = 2.0
+"""Deviations from which on an input counts as off."""
+
+_NAMED = 0.9
+"""Probability with which the first input is among those that are named for it."""
+
+_SAMPLES = 4000
+
 
 @dataclass(frozen=True)
 class _Point:
@@ -57,25 +69,75 @@ class _Search:
         self.right, self.names, self.left = right, names, left
         self.assumed = [name in assumed for name in names]
         self.root = np.linalg.cholesky(right.weight).T
-        self.measured = float(np.mean(self._drift(off))), float(np.mean(_wobble(off)))
+        self.samples, self.swing = len(off), float(np.mean(_wobble(off)))
+        stated = [_is_stated(names[c]) and not one for c, one in zip(right.columns, right.one_sided, strict=True)]
+        self.columns = right.columns[stated]
+        effects = right.effects[stated] @ self.root.T
+        shares, self.axes = np.linalg.eigh(effects.T @ effects)
+        self.effects, self.spread = effects @ self.axes, 1 + np.outer(_FACTORS**2 - 1, np.maximum(shares, 0))
         known = set(right.columns.tolist())
         # A covariance has many columns (the camera's 18): those that the error does not depend on are not tried.
-        open_ = [c for c, name in enumerate(names) if c in known or (name in INPUTS and INPUTS[name].stated)]
+        open_ = [c for c, name in enumerate(names) if c in known or _is_stated(name)]
         self.mirrored = self._mirrored(open_)
-        self.groups = [[c for c in open_ if names[c] in group] for group in _groups(names)]
+        self.groups = [each for group in _groups(names) if (each := [c for c in open_ if names[c] in group])]
 
     def cost(self, moves: Moves, error: Array) -> float:
-        """Twice the negative logarithm of a probability density; lower is more probable.
+        """Twice the negative logarithm of the probability density of what remains (n, 3), times what is known of the
+        moved inputs, the others being within their deviations; lower is more probable.
 
-        Of errors of unknown size: what remains is drawn from the draws' covariance times an unknown factor, on the
-        block means (72 values) and about them (one value a block: an oscillation has one amplitude there). Nothing is
-        gained below what the measurement does.
+        Each moved input is one of many that might have been.
         """
         if not np.isfinite(error).all():
             return np.inf
-        drift, wobble = float(self._drift(error)), float(_wobble(error))
-        size = 72 * np.log(drift + self.measured[0]) + 24 * np.log(wobble + self.measured[1])
-        return float(size) + sum(_surprise(value, self.assumed[c]) for c, value in moves.items() if value)
+        moved = [c for c, value in moves.items() if value]
+        chosen = sum(any(c in moved for c in group) for group in self.groups)
+        choice = 2 * chosen * np.log(len(self.groups)) + sum(self._surprise(c, moves[c]) for c in moved)
+        return float(self._by_factor(error)[0]) + self._swing(error) + float(choice)
+
+    def all_off(self, error: Array) -> tuple[float, float]:
+        """The same where all stated deviations are too small by one factor, and that factor, the most probable."""
+        costs = self._by_factor(error) + 6 * np.log(_FACTORS) + 2 / _FACTORS**2 - 2
+        return float(costs.min() + self._swing(error)), float(_FACTORS[np.argmin(costs)])
+
+    def _by_factor(self, error: Array) -> Array:
+        """What speaks against each factor by the 72 block means of an error.
+
+        Predictive density of one more draw: Student's t, with the degrees of freedom that the draws leave.
+        """
+        square = np.sum((self._white(error) @ self.axes) ** 2 / self.spread, axis=-1)
+        size = self.samples * np.log1p(square / max(self.samples - len(self.axes) + 1, 1))
+        return np.asarray(np.log(self.spread).sum(axis=-1) + size)
+
+    def _swing(self, error: Array) -> float:
+        """What speaks against an error about its block means: one value a block (an oscillation has one amplitude
+        there), of unknown size, with nothing gained below what the measurement does."""
+        return 24 * float(np.log(_wobble(error) + self.swing))
+
+    def _surprise(self, column: int, deviations: float) -> float:
+        if not _is_stated(self.names[column]):
+            return deviations**2
+        return _surprise(deviations, self.assumed[column])
+
+    def off_most_probably(self, error: Array, factor: float) -> tuple[dict[int, float], list[str]]:
+        """By how much each input is off if all are by a common factor, and of which inputs one at least is far off.
+
+        Posterior of the linear model of the draws' regression: its mean, and the fewest inputs that are beyond two
+        deviations, to the side of the mean, with the probability :data:`_NAMED`; the best :data:`_MOST_INPUTS` where
+        none are.
+        """
+        square, gain = factor**2, self.effects / self.spread[np.searchsorted(_FACTORS, factor)]
+        mean = -square * gain @ (self._white(error) @ self.axes)
+        values, vectors = np.linalg.eigh(square * np.eye(len(mean)) - square**2 * gain @ self.effects.T)
+        noise = np.random.default_rng(1).standard_normal((_SAMPLES, len(mean)))
+        drawn = mean + noise * np.sqrt(np.maximum(values, 0)) @ vectors.T
+        beyond = np.sign(mean) * drawn > _BEYOND
+        names = [self.names[c] for c in self.columns]
+        off = {name: beyond[:, [other == name for other in names]].any(axis=1) for name in names}
+        found, none = list[str](), np.ones(_SAMPLES, dtype=bool)
+        while len(found) < min(_MOST_INPUTS, len(off)) and none.mean() > 1 - _NAMED:
+            found.append(max((name for name in off if name not in found), key=lambda each: np.mean(none & off[each])))
+            none &= ~off[found[-1]]
+        return dict(zip(self.columns.tolist(), mean.tolist(), strict=True)), found
 
     def better(self, point: _Point, columns: Sequence[int]) -> _Point:
         """The best point found from ``point`` on by moving these columns: by their gradients, and to both sides."""
@@ -124,10 +186,6 @@ class _Search:
         means = block_means(error)
         return np.asarray(means.reshape(*means.shape[:-2], -1) @ self.root.T)
 
-    def _drift(self, error: Array) -> Array:
-        """Weighted square of the block means."""
-        return np.asarray(np.sum(self._white(error) ** 2, axis=-1))
-
 
 def explain(
     error: Array, off: Array, right: RightModel, names: Sequence[str], assumed: Sequence[str], left: Left, length: Array
@@ -135,7 +193,7 @@ def explain(
     """What would explain an error (n, 3), along and across the path.
 
     One input after the other is moved, the most probable first, until the remainder is what a right model leaves, no
-    other is probable, or three are moved.
+    other is probable, or three are moved; unless it is more probable that all are off by a common factor.
 
     Parameters
     ----------
@@ -150,27 +208,58 @@ def explain(
         Of the path [m], at the same times.
     """
     search = _Search(off, right, names, assumed, left)
-    point, chosen = _Point({}, error, search.cost({}, error)), list[list[int]]()
-    while len(chosen) < _MOST_INPUTS and not (chosen and not right.rejects(point.error)):
-        groups = [columns for columns in search.groups if columns and columns not in chosen]
-        tried = [(search.from_grid(point, columns), columns) for columns in groups]
-        tried = sorted(tried, key=lambda each: each[0].cost)[:_REFINED]
-        tried = [(search.better(each, [*chain(*chosen), *columns]), columns) for each, columns in tried]
-        best, columns = min(tried, key=lambda each: each[0].cost, default=(point, []))
-        if not best.cost < point.cost:
-            break
-        point = best
-        chosen.append(columns)
-    moved: dict[str, float] = {}
-    for column in chain(*chosen):
-        name = names[column]
-        moved[name] = max(moved.get(name, 0.0), point.moves[column], key=abs)
-    moved = dict(sorted(moved.items(), key=lambda item: -abs(item[1])))
+    (point, moved, instead), factor = _few(search, error), 1.0
+    all_off, likely = search.all_off(error)
+    if likely > 1 and all_off < point.cost:
+        means, first = search.off_most_probably(error, likely)
+        (remaining,) = left([means])
+        if np.isfinite(remaining).all() and not right.rejects(remaining):
+            named = _named(means, list(means), names)
+            point, moved = _Point(means, remaining, all_off), {name: named[name] for name in first[:1]}
+            instead, factor = {name: named[name] for name in first[1:]}, likely
     begins, ends = place(point.error, right, length)
     return Explanation(
-        moved, bool(chosen) and not right.rejects(point.error), _rms(error), _rms(point.error), begins, ends,
-        tuple(name for name in moved if name in assumed),
+        moved, bool(moved) and not right.rejects(point.error), _rms(error), _rms(point.error), begins, ends,
+        tuple(name for name in {**moved, **instead} if name in assumed), instead, factor,
     )  # fmt: skip
+
+
+def _few(search: _Search, error: Array) -> tuple[_Point, dict[str, float], dict[str, float]]:
+    """The best point with few inputs moved, their moves by name, and what may be off in place of the only one."""
+    right, point, chosen = search.right, _Point({}, error, search.cost({}, error)), list[list[int]]()
+    instead: dict[str, float] = {}
+    while len(chosen) < _MOST_INPUTS and not (chosen and not right.rejects(point.error)):
+        groups = [columns for columns in search.groups if columns not in chosen]
+        tried = [(search.from_grid(point, columns), columns) for columns in groups]
+        tried = sorted(tried, key=lambda each: each[0].cost)[:_REFINED]
+        refined = [(search.better(each, [*chain(*chosen), *columns]), columns) for each, columns in tried]
+        better = sorted((e for e in refined if e[0].cost < point.cost), key=lambda each: each[0].cost)
+        if not better:
+            break
+        instead = {} if chosen else _as_probable(better, search.names)
+        point = better[0][0]
+        chosen.append(better[0][1])
+    return point, _named(point.moves, [*chain(*chosen)], search.names), instead
+
+
+def _as_probable(tried: Sequence[tuple[_Point, list[int]]], names: Sequence[str]) -> dict[str, float]:
+    """What may be off in place of the first of what was tried: the fewest that together with it hold the truth with the
+    probability :data:`_NAMED`, all being alike before."""
+    weight = np.exp(-0.5 * np.array([point.cost - tried[0][0].cost for point, _ in tried]))
+    count = int(np.searchsorted(np.cumsum(weight) / weight.sum(), _NAMED)) + 1
+    others: dict[str, float] = {}
+    for point, columns in tried[1:count]:
+        others |= _named(point.moves, columns, names)
+    return others
+
+
+def _named(moves: Moves, columns: Sequence[int], names: Sequence[str]) -> dict[str, float]:
+    """Moved inputs, the farthest off first, by the largest move of their columns."""
+    moved: dict[str, float] = {}
+    for column in columns:
+        if moves.get(column):
+            moved[names[column]] = max(moved.get(names[column], 0.0), moves[column], key=abs)
+    return dict(sorted(moved.items(), key=lambda item: -abs(item[1])))
 
 
 def place(error: Array, right: RightModel, length: Array) -> tuple[float, float]:
@@ -193,6 +282,11 @@ def _groups(names: Sequence[str]) -> list[tuple[str, ...]]:
     together = [effect.inputs for effect in EFFECTS if sum(name in names for name in effect.inputs) > 1]
     alone = [name for name in dict.fromkeys(names) if not any(name in group for group in together)]
     return [*together, *((name,) for name in alone)]
+
+
+def _is_stated(name: str) -> bool:
+    """Whether somebody stated or should have stated its deviation; else it was computed from data, and tested there."""
+    return name not in INPUTS or INPUTS[name].stated is not None
 
 
 def _surprise(deviations: float, assumed: bool) -> float:

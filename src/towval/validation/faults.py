@@ -4,18 +4,20 @@ A fault is put into the scene and simulated; the shift of the path that it makes
 model's error, and its size is changed until nine in ten of them are rejected.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from towval.model import Array, FloorRegion, MassSpread, SimulatedMotion, TowingScene
-from towval.model.geometry import path_length, transform, wrapped
+from towval.model.geometry import path_length, transform
 from towval.model.statement import VisibleFault
 from towval.physics.mass import spread_over
-from towval.validation.path_frame import PathFrame
-from towval.validation.simulate_many import Batch, Drawn
 from towval.validation.statistics import RightModel
+
+Acts = Callable[[TowingScene], TowingScene]
+"""A change of a scene."""
 
 POWER = 0.9
 """Share of the draws in which a visible fault is seen."""
@@ -25,27 +27,35 @@ STRIPE_M = 0.3
 
 _STRIPE_WIDTH_M = 2.0
 _TIMES, _DRAWS = 200, 256  # of a run that the search uses: the size is then known to two digits
-_ROUNDS, _HALVINGS, _GROWTH = 4, 12, 4.0
+_SIMULATED = 48  # of these, simulated again with the fault: its share is then known to 4 %
+_NEAR = 0.1  # of one: how much a size may still change that these were simulated with
+_ROUNDS, _HALVINGS, _GROWTH = 3, 10, 4.0
 
 
 @dataclass(frozen=True)
 class FaultKind:
-    """A kind of fault: how a size [unit] acts on a scene, where the search starts and where it ends."""
+    """A kind of fault: how a size [unit] acts on a scene, where the search starts and ends, and whether it has two
+    signs."""
 
     name: str
     unit: str
     acts: Callable[[TowingScene, float], TowingScene]
     first: float
     most: float
+    both: bool
+
+    def of(self, size: float) -> Acts:
+        """The change of a scene by a fault of a size."""
+        return lambda scene: self.acts(scene, size)
 
 
 def fault_kinds(motion: SimulatedMotion) -> tuple[FaultKind, ...]:
     """The kinds that are tried; the stripe lies half-way along a simulated motion."""
     return (
-        FaultKind("rest length", "m", _longer, 0.01, 0.3),
-        FaultKind("centre of mass, sideways", "m", _mass_moved, 0.01, 0.2),
-        FaultKind(f"friction over {STRIPE_M:g} m of floor", "", _stripe(motion), 0.2, 3.0),
-        FaultKind("tow height", "m", _raised, 0.1, 0.5),
+        FaultKind("rest length", "m", _longer, 0.01, 0.3, True),
+        FaultKind("centre of mass, sideways", "m", _mass_moved, 0.01, 0.2, True),
+        FaultKind(f"friction over {STRIPE_M:g} m of floor", "", _stripe(motion), 0.2, 3.0, False),
+        FaultKind("tow height", "m", _raised, 0.1, 0.5, False),
     )
 
 
@@ -83,67 +93,86 @@ def _stripe(motion: SimulatedMotion) -> Callable[[TowingScene, float], TowingSce
     return acts
 
 
-def visible_faults(
-    scene: TowingScene,
-    batch: Batch,
-    rover: Array,
-    motion: SimulatedMotion,
-    draws: Array,
-    inputs: Array,
-    confidence: float,
-    frame: PathFrame,
-) -> tuple[VisibleFault, ...]:
-    """The smallest fault of each kind that shows in :data:`POWER` of the draws.
+@dataclass(frozen=True)
+class Drawing:
+    """The draws of a right model's error that faults are put into.
 
-    Parameters
-    ----------
-    batch : Batch
-        How the run is simulated.
-    rover : ndarray (m, 6)
-        Its nominal poses and rates at the batch's times.
-    motion : SimulatedMotion
-        The nominal motion.
-    draws : ndarray (k, n, 3)
-        Of a right model's error at the times at which the object was seen, along and across the path.
-    inputs : ndarray (k, d)
-        That they come from.
-    confidence : float
-        Of the test of a right model.
+    ``error`` (k, n, 3) at the times at which the object was seen, along and across the path; ``inputs`` (k, d) that it
+    comes from; ``confidence`` of the test of a right model; ``shifts(acts, rows)`` by how much a changed scene moves
+    the simulated path (m, n, 3) of the draws with these numbers, and of the nominal run where there are none.
     """
-    times = slice(None, None, max(1, draws.shape[1] // _TIMES))
+
+    error: Array
+    inputs: Array
+    confidence: float
+    shifts: Callable[[Sequence[Acts], NDArray[np.intp] | None], Array]
+
+
+def visible_faults(motion: SimulatedMotion, drawing: Drawing) -> tuple[VisibleFault, ...]:
+    """The smallest fault of each kind that shows in :data:`POWER` of the draws; ``motion`` is the nominal one.
+
+    Sought first with the shift of the nominal run, added to the draws. What the fault does there depends on the other
+    inputs, too (a longer tether tightens later): some draws are simulated again with the fault in them, of either sign
+    where it has two, and the size is corrected by the ratio that the two ways have on these draws.
+    """
+    times = slice(None, None, max(1, drawing.error.shape[1] // _TIMES))
     # The test at these times: means over fewer times are others where the object sticks and slips.
-    right = RightModel.of(draws[:, times], inputs, confidence)
-    kept = draws[:: max(1, len(draws) // _DRAWS), times]
-
-    def shifts(scenes: list[TowingScene]) -> list[Array]:
-        start = motion.pose[0]
-        nominal, *others = batch.simulate([Drawn(each, rover, start) for each in (scene, *scenes)])
-        differences = (np.column_stack([o[:, :2] - nominal[:, :2], wrapped(o[:, 2] - nominal[:, 2])]) for o in others)
-        return [frame.along_across(each)[frame.seen] for each in differences]
-
-    def factor(shift: Array) -> float:
-        """By how much a fault has to grow to be seen."""
-        thin = shift[times]
-        low, high = 0.0, _GROWTH
-        for _ in range(_HALVINGS):
-            middle = 0.5 * (low + high)
-            low, high = (low, middle) if right.rejects(middle * thin - kept).mean() >= POWER else (middle, high)
-        return high
-
+    right = RightModel.of(drawing.error[:, times], drawing.inputs, drawing.confidence)
+    rows = np.arange(0, len(drawing.error), max(1, len(drawing.error) // _DRAWS))
+    few = rows[:: max(1, len(rows) // _SIMULATED)]
     kinds = fault_kinds(motion)
     sizes = [kind.first for kind in kinds]
-    found = [VisibleFault(kind.name, np.nan, kind.unit, np.nan, np.nan, kind.most) for kind in kinds]
     for _ in range(_ROUNDS):
-        moved = shifts([kind.acts(scene, size) for kind, size in zip(kinds, sizes, strict=True)])
+        moved = drawing.shifts([kind.of(size) for kind, size in zip(kinds, sizes, strict=True)], None)
         for i, (kind, shift) in enumerate(zip(kinds, moved, strict=True)):
-            if not np.isfinite(shift).all():  # it tips, or the simulation ends early
-                sizes[i] *= 0.5
-                continue
-            grown = factor(shift)
-            distance = grown * np.linalg.norm(shift[:, :2], axis=1)
-            reached = grown * sizes[i] <= kind.most and grown < 0.999 * _GROWTH
-            size, rms, largest = grown * sizes[i], float(np.sqrt(np.mean(distance**2))), float(distance.max())
-            numbers = (size, kind.unit, rms, largest) if reached else (np.nan, kind.unit, np.nan, np.nan)
-            found[i] = VisibleFault(kind.name, *numbers, kind.most)
-            sizes[i] = min(size, kind.most)
-    return tuple(found)
+            # Where it is not finite it tips, or the simulation ends early.
+            growth = _growth(right, shift[times], drawing.error[few][:, times]) if np.isfinite(shift).all() else 0.5
+            sizes[i] = min(growth * sizes[i], kind.most)
+    search = _Search(drawing, right, times, rows, few)
+    return tuple(search.visible(kind, size) for kind, size in zip(kinds, sizes, strict=True))
+
+
+@dataclass(frozen=True)
+class _Search:
+    """The ``drawing``, its test ``right`` at some ``times``, ``rows`` of its draws, and those that are simulated."""
+
+    drawing: Drawing
+    right: RightModel
+    times: slice
+    rows: NDArray[np.intp]
+    few: NDArray[np.intp]
+
+    def visible(self, kind: FaultKind, size: float) -> VisibleFault:
+        """The fault of a kind, of about a ``size`` that shows with the nominal shift."""
+        shift, growth = self._corrected(kind, size)
+        if abs(growth - 1) > _NEAR and growth * size <= kind.most:
+            size *= growth
+            shift, growth = self._corrected(kind, size)
+        if not (growth < 0.999 * _GROWTH and growth * size <= kind.most):
+            return VisibleFault(kind.name, np.nan, kind.unit, np.nan, np.nan, kind.most)
+        distance = growth * np.linalg.norm(shift[:, :2], axis=1)
+        rms, largest = float(np.sqrt(np.mean(distance**2))), float(distance.max())
+        return VisibleFault(kind.name, growth * size, kind.unit, rms, largest, kind.most)
+
+    def _corrected(self, kind: FaultKind, size: float) -> tuple[Array, float]:
+        """Nominal shift (n, 3) of a fault and by how much it has to grow to show; NaN where it cannot be simulated."""
+        (shift,) = self.drawing.shifts([kind.of(size)], None)
+        signs = np.resize([1.0, -1.0] if kind.both else [1.0], len(self.rows))
+        own = self.drawing.shifts([kind.of(sign * size) for sign in signs[: len(self.few)]], self.few)
+        done = np.isfinite(own).all(axis=(1, 2))
+        if not (np.isfinite(shift).all() and done.any()):
+            return shift, np.nan
+        error, nominal = self.drawing.error[:, self.times], signs[:, None, None] * shift[self.times]
+        added = _growth(self.right, nominal, error[self.rows])
+        few = error[self.few[done]]
+        apart = _growth(self.right, own[done][:, self.times], few)
+        return shift, added * apart / _growth(self.right, nominal[: len(self.few)][done], few)
+
+
+def _growth(right: RightModel, shift: Array, error: Array) -> float:
+    """By how much shifts ((k,) n, 3) have to grow to show in :data:`POWER` of the draws (k, n, 3)."""
+    low, high = 0.0, _GROWTH
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if right.rejects(middle * shift + error).mean() >= POWER else (middle, high)
+    return high

@@ -144,20 +144,30 @@ def _mm(value_m: float) -> str:
 
 def _explained(e: Explanation) -> str:
     remaining = f"of {_mm(e.error_rms_m)} RMS {_mm(e.remaining_rms_m)} would remain"
+    where = f", from {e.begins_m:.2f} to {e.ends_m:.2f} m of the path on" if np.isfinite(e.begins_m) else ""
     if not e.moved:
         return "No input explains the difference: the model, or an input that is not in the table"
     inputs = _moves(e)
+    if e.factor > 1:
+        if e.explained:
+            return f"All stated deviations {e.factor:.1f} times as large would explain it; most probably off: {inputs}"
+        return (
+            f"Inputs do not explain it, not even with all deviations {e.factor:.1f} times as large{where}. So the model"
+        )
     if e.explained:
         return f"Inputs off by so much would explain it: {inputs}; {remaining}"
-    where = f", from {e.begins_m:.2f} to {e.ends_m:.2f} m of the path on" if np.isfinite(e.begins_m) else ""
     return f"Inputs do not explain it: with {inputs} {remaining}{where}. So the model, or an input not in the table"
 
 
 def _moves(e: Explanation) -> str:
-    """Moved inputs, the most probable first, by how much."""
-    return ", ".join(
-        f"{_named(name)} {value:+.1f} {'assumed ' * (name in e.assumed)}deviations" for name, value in e.moved.items()
-    )
+    """Moved inputs, the most probable first, by how much, and what may be off in place of the first."""
+    first, *others = (_move(e, name, value) for name, value in e.moved.items())
+    instead = "".join(f" or {_move(e, name, value)}" for name, value in e.instead.items())
+    return ", ".join([f"{first}{instead}{', which this run cannot separate' * bool(instead)}", *others])
+
+
+def _move(e: Explanation, name: str, value: float) -> str:
+    return f"{_named(name)} {value:+.1f} {'assumed ' * (name in e.assumed)}deviations"
 
 
 def _wrong_guess(e: Evidence) -> str:

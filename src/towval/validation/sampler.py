@@ -1,0 +1,192 @@
+"""What one draw of everything uncertain makes of a run: the tow that is to be simulated, and what would be measured.
+
+Camera, heights, registration in the first frame and tracking noise move the measured object *and* the rover that drives
+the simulation; masses, tether and friction move the simulation alone.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from zlib import crc32
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from towval.model import Array, Body, Calibration, DecimatedTrack, Finding, SimulatedMotion, TowingScene, Track
+from towval.model.errors import InputError, TowvalError
+from towval.model.geometry import compose
+from towval.model.inputs import INPUTS, Realisation
+from towval.optics.moved_view import pose_sensitivity
+from towval.validation.consequences import WIDER, widened
+from towval.validation.hinge_way import by_kept_poses, nodes_between
+from towval.validation.simulate import STICKING
+from towval.validation.simulate_many import Batch, Drawn
+
+_RATE_STEP_S = 1e-4
+
+
+@dataclass(frozen=True)
+class UncertaintySettings:
+    """Keys of ``config["uncertainty"]``.
+
+    ``samples`` drawn, a power of two; ``seed`` of the scrambled Sobol sequence; ``tolerance_m`` of integration [m];
+    ``confidence`` of the limits that a right model keeps; ``processes``, threads in truth, that simulate at once.
+    """
+
+    samples: int = 512
+    seed: int = 1
+    tolerance_m: float = 3e-6
+    confidence: float = 0.99
+    processes: int = 1
+
+    def __post_init__(self) -> None:
+        if self.samples < 64 or self.samples & (self.samples - 1):
+            raise InputError(
+                "uncertainty.samples is out of range", got=self.samples, allowed="a power of two from 64 on"
+            )
+        if not 0.5 <= self.confidence < 1:
+            raise InputError("uncertainty.confidence is out of range", got=self.confidence, allowed="0.5 up to below 1")
+        if not 1e-12 <= self.tolerance_m <= 1e-3:
+            raise InputError("uncertainty.tolerance_m is out of range", got=self.tolerance_m, allowed="1e-12 to 1e-3 m")
+        if self.processes < 1:
+            raise InputError("uncertainty.processes is out of range", got=self.processes, allowed="1 or more")
+
+
+@dataclass(frozen=True)
+class Case:
+    """One run: what was stated and what was measured.
+
+    ``deviations`` are those of :func:`towval.model.inputs.deviations`, what they do not name is exact; those of the
+    heights are the bodies' own. ``run`` is its name: inputs that runs share are drawn alike in all of them, the others
+    not. ``assumed`` are the inputs of which neither value nor deviation was stated.
+    """
+
+    scene: TowingScene
+    deviations: Mapping[str, float]
+    calibration: Calibration
+    rover: Body
+    towed: Body
+    rover_track: Track
+    rover_decimated: DecimatedTrack
+    object_track: Track
+    object_decimated: DecimatedTrack
+    simulated: SimulatedMotion
+    run: str = ""
+    assumed: tuple[str, ...] = ()
+
+    @property
+    def upstream(self) -> tuple[Finding, ...]:
+        """Findings of the stages before."""
+        parts = (
+            self.calibration, self.rover_track, self.object_track, self.rover_decimated, self.object_decimated,
+            self.simulated,
+        )  # fmt: skip
+        return tuple(each for part in parts for each in part.findings)
+
+
+@dataclass(frozen=True)
+class _Motions:
+    """How the poses of a body along its track move with the camera (n, 3, 18) and with the height of its top (n, 3)."""
+
+    pose: Array
+    by_camera: Array
+    by_height: Array
+
+    def shifted(self, camera: Array, height: float, first_frame: Array) -> Array:
+        """Poses (n, 3) for a change of the camera's parameters, of the height and of the body frame's registration."""
+        moved = self.pose + self.by_camera @ camera + self.by_height * height
+        return compose(moved, first_frame)
+
+
+class Sampler:
+    """Turns standard normal numbers into what is to be simulated and a measured motion of the object."""
+
+    def __init__(self, case: Case, settings: UncertaintySettings):
+        self.case, self.settings = case, settings
+        self.times = case.simulated.time_s
+        begin, end = self.times[[0, -1]]
+        self.nodes = nodes_between(case.rover_decimated, begin, end)
+        self.rover_moves = case.rover_decimated.poses_and_rates_at(self.nodes)
+        # How a change of the camera moves the rover's rates is told from poses a little before and after each node.
+        self.around = np.clip(self.nodes[:, None] + [0.0, -_RATE_STEP_S, _RATE_STEP_S], begin, end).T
+        self.rover = _motions(case.calibration, case.rover, case.rover_decimated.poses_at(self.around.ravel()))
+        rows = np.searchsorted(case.object_track.time_s, self.times - 1e-9)
+        self.noise_std = np.nan_to_num(case.object_track.std[rows])
+        self.object = _motions(case.calibration, case.towed, case.simulated.pose)
+        self.start = _motions(case.calibration, case.towed, case.object_decimated.poses_at(self.times[:1]))
+        self.nominal = Realisation.nominal(case.scene)
+        self.batch = Batch(
+            self.nodes, self.times, case.simulated.rung, bool(case.simulated.statistics.get(STICKING, 0.0)),
+            settings.tolerance_m, settings.processes,
+        )  # fmt: skip
+        self.knot_std = np.sqrt(np.diagonal(case.rover_decimated.covariance, axis1=1, axis2=2))
+        self.by_knots = by_kept_poses(case.rover_decimated, self.nodes)
+        self.roots = _roots(case)
+        if "tracking" in widened(case.upstream):
+            self.noise_std, self.knot_std = WIDER * self.noise_std, WIDER * self.knot_std
+        # Only what varies is drawn: each further column costs digits of the shares of all.
+        self.drawn = [name for name in INPUTS if self.roots[name].any()] or ["camera"]
+        self.stated = {name: INPUTS[name].values(case.scene) for name in self.drawn}
+        self.widths = {INPUTS[name].label: len(INPUTS[name].components) for name in self.drawn}
+        self.names = dict(zip(self.drawn, self.widths.values(), strict=True))
+        self.own = np.repeat([INPUTS[name].shared == "run" for name in self.drawn], list(self.widths.values()))
+
+    def generator(self, index: int, purpose: int) -> np.random.Generator:
+        """One generator a draw, so that the result does not depend on how draws are shared among threads."""
+        return np.random.default_rng([self.settings.seed, index, crc32(self.case.run.encode()), purpose])
+
+    def lay_out(self, index: int, draw: Array) -> tuple[Drawn | None, Array]:
+        """What is to be simulated of one draw, None where it cannot be, and measured poses (n, 3)."""
+        rng = self.generator(index, 0)
+        noise, knots = self.noise_std * rng.standard_normal(self.noise_std.shape), self._knot_noise(rng)
+        drawn, measured = self.moved(draw)
+        return drawn and drawn._replace(rover=drawn.rover + knots), measured + noise
+
+    def moved(self, draw: Array) -> tuple[Drawn | None, Array]:
+        """The same without noise: what inputs (d,) in standard normal numbers make of simulation and measurement."""
+        towed, rover = self.case.towed.name, self.case.rover.name
+        try:
+            real = self._realisation(draw)
+        except TowvalError:
+            return None, np.full_like(self.noise_std, np.nan)
+        moved = real.camera, real.height[towed], real.registration[towed]
+        seen = self.rover.shifted(real.camera, real.height[rover], real.registration[rover])
+        poses, before, after = seen.reshape(3, -1, 3)
+        rates = (after - before) / (self.around[2] - self.around[1])[:, None]
+        driven = np.concatenate([poses, rates], axis=1)
+        return Drawn(real.scene, driven, self.start.shifted(*moved)[0]), self.object.shifted(*moved)
+
+    def _realisation(self, draw: Array) -> Realisation:
+        """All inputs at the values of a draw of standard normal numbers."""
+        real = self.nominal
+        parts = np.split(draw, np.cumsum(list(self.widths.values()))[:-1])
+        for row, part in zip(map(INPUTS.__getitem__, self.drawn), parts, strict=True):
+            real = row.acts(real, self.stated[row.name] + self.roots[row.name] @ part)
+        return real
+
+    def _knot_noise(self, rng: np.random.Generator) -> Array:
+        """Noise of poses and rates (m, 6): cubics through independent noise of the kept poses of the rover's track."""
+        noise = self.knot_std * rng.standard_normal(self.knot_std.shape)
+        return np.concatenate(self.by_knots @ noise, axis=1)
+
+
+def _motions(calibration: Calibration, body: Body, pose: Array) -> _Motions:
+    return _Motions(pose, *pose_sensitivity(calibration.camera, calibration.floor, body, pose))
+
+
+def _roots(case: Case) -> dict[str, Array]:
+    """Square roots (k, k) of the covariances of the inputs, by name."""
+    stated = dict(case.deviations)
+    covariances = {"camera": case.calibration.covariance}
+    for body, track in ((case.rover, case.rover_track), (case.towed, case.object_track)):
+        stated[f"{body.name}_height"] = body.height_std_m
+        covariances[f"{body.name}_registration"] = track.start_covariance
+    roots = {name: _root(covariance) for name, covariance in covariances.items()}
+    drawn = {row.name: 0.0 if row.within else stated.get(row.name, 0.0) for row in INPUTS.values() if row.stated}
+    roots = {name: std * np.eye(len(INPUTS[name].components)) for name, std in drawn.items()} | roots
+    return roots | {name: WIDER * roots[name] for name in widened(case.upstream) if name in roots}
+
+
+def _root(covariance: ArrayLike) -> Array:
+    """A square root of a covariance that may be singular."""
+    values, vectors = np.linalg.eigh(np.asarray(covariance, dtype=np.float64))
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
