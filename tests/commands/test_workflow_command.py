@@ -1,7 +1,10 @@
 """The commands ``run`` and ``demo``: the workflow of the package on a folder, without a clone."""
 
+import os
+import signal
 import subprocess
 import sys
+import time
 from importlib import resources
 from pathlib import Path
 
@@ -74,3 +77,39 @@ def test_the_demo_overwrites_nobodys_folder(tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
     with pytest.raises(InputError, match="not empty"):
         run_demo(tmp_path)
+
+
+def in_calibration(folder):
+    """A whole call in a process group of its own, once its first stage is at work."""
+    line = [sys.executable, "-m", "towval.cli", "run", str(SAMPLE), "--set", "preset=draft"]
+    process = subprocess.Popen(line, cwd=folder, start_new_session=True, stderr=subprocess.PIPE, text=True)
+    until = time.monotonic() + 120
+    while not [*(folder / ".snakemake").glob("scripts/*.py")]:
+        assert time.monotonic() < until
+        assert process.poll() is None, process.stderr.read()
+        time.sleep(0.1)
+    time.sleep(0.5)
+    return process
+
+
+def alive(group):
+    """Whether a process of the group that is more than an entry in a table is left."""
+    states = subprocess.run(["ps", "-o", "stat=", "--pgrp", str(group)], capture_output=True, text=True, check=False)
+    return any(not state.startswith("Z") for state in states.stdout.split())
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="death of the parent is a signal on Linux only")
+@pytest.mark.parametrize("to", ["all, by SIGTERM", "the first, by SIGKILL"])
+def test_a_call_that_is_ended_leaves_nothing_that_waits_and_the_next_goes_on(tmp_path, to):
+    process = in_calibration(tmp_path)
+    number = signal.SIGKILL if "KILL" in to else signal.SIGTERM
+    (os.killpg if "all" in to else os.kill)(process.pid, number)
+    process.communicate(timeout=120)
+    assert process.returncode != 0
+    until = time.monotonic() + 60
+    while alive(process.pid):
+        assert time.monotonic() < until, "something of the call is left"
+        time.sleep(0.2)
+    done = towval(tmp_path, "run", SAMPLE, "--set", "preset=draft", "--snakemake=--until calibrate")
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "results" / "sample" / "camera.mcap").is_file()

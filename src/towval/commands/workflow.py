@@ -1,13 +1,16 @@
 """Commands run and demo: the whole workflow, which comes with the package, on a campaign folder."""
 
+import ctypes
 import json
 import os
 import re
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -21,6 +24,9 @@ from towval.io.schema import check, packaged_schema
 from towval.model.errors import InputError
 
 SNAKEMAKE = ("--rerun-incomplete", "--keep-going", "--show-failed-logs", "--quiet", "host", "reason")
+
+_SET_DEATH_SIGNAL = 1
+"""PR_SET_PDEATHSIG of Linux' prctl(2)."""
 
 _NOISE = re.compile(
     r"Assuming unrestricted|Building DAG|Using shell|Provided cores|Rules claiming|Conda environments|Job stats|job  |"
@@ -74,9 +80,7 @@ def run(
         *(f"{key}={_text(value)}" for key, value in config.items()),
     ]
     # What the stages say goes where progress goes: standard output has the outcome only.
-    with subprocess.Popen(
-        line, stdout=2, stderr=subprocess.PIPE, text=True, encoding="utf-8", errors="replace"
-    ) as workflow:
+    with _ending_with_us(line) as workflow:
         for shown in filter(lambda text: not _NOISE.match(text), _system_errors_told(workflow.stderr or ())):
             print(shown, end="", file=sys.stderr, flush=True)
     if workflow.returncode:
@@ -87,6 +91,34 @@ def run(
     summary = pd.read_csv(made / "summary.csv")
     runs = {str(row["run"]): row for row in summary.drop(columns="findings").to_dict("records")}
     return Outcome("run", ((made / "report.html").resolve(),), "", {"runs": runs}, details=_lines(summary))
+
+
+@contextmanager
+def _ending_with_us(line: Sequence[str]) -> Iterator["subprocess.Popen[str]"]:
+    """A process that does not outlive this one, whose words nobody would read: Snakemake waits for ever then.
+
+    SIGTERM is passed on, so that it ends by itself. Where this process is killed, so is that one (Linux).
+    """
+    libc = ctypes.CDLL(None) if sys.platform == "linux" else None
+
+    def die_with_parent() -> None:
+        if libc is not None:
+            libc.prctl(_SET_DEATH_SIGNAL, signal.SIGKILL)
+
+    with subprocess.Popen(  # what runs between fork and exec is one call of the system
+        line,
+        stdout=2,
+        stderr=subprocess.PIPE,
+        text=True,
+        encoding="utf-8",
+        errors="replace",
+        preexec_fn=die_with_parent if libc is not None else None,  # noqa: PLW1509  # it makes one call of the system
+    ) as process:
+        before = signal.signal(signal.SIGTERM, lambda *_: process.terminate())
+        try:
+            yield process
+        finally:
+            signal.signal(signal.SIGTERM, before)
 
 
 def run_demo(folder: Path, results: Path = Path("results"), cores: int | None = None) -> Outcome | None:
