@@ -28,7 +28,7 @@ RISE_RATIO = 2.0
 _RESIDUAL_LIMIT = 1e-3
 _LOG_BOUNDS = ((-1.0, 3.0), (-2.0, 3.0), (-2.0, 3.0))  # of γ1 / (μ_s − μ_k), γ2 v_s, γ3 v_k
 _STARTS = ((0.3, 0.7, 1.03), (0.3, 1.2, 1.03))  # within these bounds: of middling and of small rises
-_NEWTON_LIMIT, _STEP, _ROOT = 30, 1e-6, 1e-13
+_NEWTON_LIMIT, _ROOT = 30, 1e-13
 
 
 @dataclass(frozen=True)
@@ -204,22 +204,25 @@ def _fit(static: float, kinetic: float, v_s: float, v_k: float, viscous: float, 
     if rise == 0:
         return FittedLaw(Makkar(0.0, 0.0, 0.0, coulomb, SATURATED / v_s, viscous), 0.0)
 
-    def gamma_of(log_unknowns: Array) -> Array:
-        g1, g2, g3 = np.exp(log_unknowns) * (rise, 1 / v_s, 1 / v_k)
-        return np.array([g1, g2, g3, coulomb, RISE_RATIO * g2, viscous])
+    def gamma_of(log_unknowns: Array) -> tuple[float, ...]:
+        g1, g2, g3 = (
+            math.exp(log) * unit for log, unit in zip(log_unknowns.tolist(), (rise, 1 / v_s, 1 / v_k), strict=True)
+        )
+        return g1, g2, g3, coulomb, RISE_RATIO * g2, viscous
 
-    def misfits(log_unknowns: Array) -> Array:
-        """Value and slope at the peak, value at v_k, all in units of the rise."""
+    def misfits(log_unknowns: Array) -> tuple[Array, Array]:
+        """Value and slope at the peak, value at v_k, all in units of the rise; and their slopes by the unknowns."""
         gamma = gamma_of(log_unknowns)
-        peak, slope = _value_and_slope(gamma, v_s)
-        settled, _ = _value_and_slope(gamma, v_k)
-        return np.array([peak - static, slope * v_s, settled - kinetic - SETTLED_FRACTION * rise]) / rise
+        (peak, slope), by_unknowns = _at_speed(gamma, v_s)
+        (settled, _), settled_by = _at_speed(gamma, v_k)
+        values = np.array([peak - static, slope * v_s, settled - kinetic - SETTLED_FRACTION * rise])
+        return values / rise, np.array([by_unknowns[0], v_s * by_unknowns[1], settled_by[0]]) / rise
 
     found = (root for start in _STARTS if (root := _newton(misfits, np.array(start))) is not None)
     unknowns = next(found, None)
     if unknowns is None:
         unknowns = _annealed(misfits, seed)
-    residual = float(np.abs(misfits(unknowns)).max()) * rise / static
+    residual = float(np.abs(misfits(unknowns)[0]).max()) * rise / static
     gamma = gamma_of(unknowns)
     if residual > _RESIDUAL_LIMIT or gamma[1] <= gamma[2]:
         raise RefusedError(
@@ -228,18 +231,17 @@ def _fit(static: float, kinetic: float, v_s: float, v_k: float, viscous: float, 
             allowed=f"a misfit up to {_RESIDUAL_LIMIT:.0e}",
             remedy="move the friction velocity further above the stiction velocity",
         )
-    return FittedLaw(Makkar(*gamma.tolist()), residual)
+    return FittedLaw(Makkar(*gamma), residual)
 
 
-def _newton(misfits: Callable[[Array], Array], unknowns: Array) -> Array | None:
+def _newton(misfits: Callable[[Array], tuple[Array, Array]], unknowns: Array) -> Array | None:
     """The root of the misfits next to a start; None where Newton's steps do not get there."""
     for _ in range(_NEWTON_LIMIT):
-        residual = misfits(unknowns)
+        residual, slopes = misfits(unknowns)
         if np.abs(residual).max() < _ROOT:
             return unknowns
-        moved = [(misfits(unknowns + h) - misfits(unknowns - h)) / (2 * _STEP) for h in _STEP * np.eye(3)]
         try:
-            unknowns = unknowns - np.clip(np.linalg.solve(np.transpose(moved), residual), -0.5, 0.5)
+            unknowns = unknowns - np.clip(np.linalg.solve(slopes, residual), -0.5, 0.5)
         except np.linalg.LinAlgError:
             return None
         if not all(low <= value <= high for value, (low, high) in zip(unknowns, _LOG_BOUNDS, strict=True)):
@@ -247,18 +249,25 @@ def _newton(misfits: Callable[[Array], Array], unknowns: Array) -> Array | None:
     return None
 
 
-def _annealed(misfits: Callable[[Array], Array], seed: int) -> Array:
+def _annealed(misfits: Callable[[Array], tuple[Array, Array]], seed: int) -> Array:
     """Where the squares of the misfits are least, by annealing and least squares."""
     # Here, because scipy.optimize takes as long to import as all the rest of the physics.
     from scipy.optimize import dual_annealing, least_squares  # noqa: PLC0415
 
-    found = dual_annealing(lambda x: float(np.sum(misfits(x) ** 2)), _LOG_BOUNDS, seed=seed, maxiter=100)
-    polished = least_squares(misfits, found.x, xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    found = dual_annealing(lambda x: float(np.sum(misfits(x)[0] ** 2)), _LOG_BOUNDS, seed=seed, maxiter=100)
+    polished = least_squares(
+        lambda x: misfits(x)[0], found.x, lambda x: misfits(x)[1], xtol=1e-15, ftol=1e-15, gtol=1e-15
+    )
     return np.asarray(polished.x)
 
 
-def _value_and_slope(gamma: Array, v: float) -> tuple[float, float]:
+def _at_speed(gamma: tuple[float, ...], v: float) -> tuple[Array, Array]:
+    """μ and dμ/dv at a speed, and their slopes by the logarithms of γ1, of γ2 with γ5, and of γ3 (2, 3)."""
     g1, g2, g3, g4, g5, g6 = gamma
     t2, t3, t5 = math.tanh(g2 * v), math.tanh(g3 * v), math.tanh(g5 * v)
-    slope = g1 * (g2 * (1 - t2 * t2) - g3 * (1 - t3 * t3)) + g4 * g5 * (1 - t5 * t5) + g6
-    return g1 * (t2 - t3) + g4 * t5 + g6 * v, slope
+    falling = g1 * g2 * (1 - t2 * t2), g1 * g3 * (1 - t3 * t3), g4 * g5 * (1 - t5 * t5)
+    value, slope = g1 * (t2 - t3) + g4 * t5 + g6 * v, falling[0] - falling[1] + falling[2] + g6
+    steeper = [f * (1 - 2 * g * v * t) for f, g, t in zip(falling, (g2, g3, g5), (t2, t3, t5), strict=True)]
+    by_value = [g1 * (t2 - t3), v * (falling[0] + falling[2]), -v * falling[1]]
+    by_slope = [falling[0] - falling[1], steeper[0] + steeper[2], -steeper[1]]
+    return np.array([value, slope]), np.array([by_value, by_slope])

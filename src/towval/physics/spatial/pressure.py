@@ -95,21 +95,20 @@ def solve_pressure(
             x[i] = _solution(work, b, i)
         if _is_whole(soles, x):
             return BALANCED
-        _even_pressure(soles, b, work)
-    if not _balance(soles, height, b, work):
-        _even_pressure(soles, b, work)
-        contact_parts(soles, regions, frame, work)
-        unit_wrenches(soles, table, twist[0], twist[1], twist[2], work)
-        if not _balance(soles, height, b, work):
-            return _tipping(soles, work)
-    return _refine(soles, regions, table, frame, twist, height, b, work)
+    if _refine(soles, regions, table, frame, twist, height, b, work):
+        return BALANCED
+    _even_pressure(soles, b, work)
+    if _refine(soles, regions, table, frame, twist, height, b, work):
+        return BALANCED
+    all_parts(soles, work)
+    return TIPS
 
 
 @compiled(allocates=False)
 def _refine(
     soles: Soles, regions: Regions, table: Array, frame: Frame, twist: Twist, height: float, b: Loads, work: Work
-) -> int:
-    """W on the region in contact and the pressure under it in turn, until that stays."""
+) -> bool:
+    """W on the region in contact and the pressure under it in turn, until that stays; False where it does not."""
     x, allowed = work.pressure, min(_LARGEST_SHIFT, math.sqrt(work.friction_error[0]))
     for _ in range(_PASSES):
         contact_parts(soles, regions, frame, work)
@@ -119,20 +118,14 @@ def _refine(
             break
         shift = abs(x[0] - o0) + soles.numbers[RADIUS] * (abs(x[1] - o1) + abs(x[2] - o2))
         if shift * work.moments[0] <= allowed * b[0]:  # W serves on: friction errs by the square of the shift.
-            return BALANCED
-    return _tipping(soles, work)
+            return True
+    return False
 
 
 @compiled(allocates=False)
 def _even_pressure(soles: Soles, b: Loads, work: Work) -> None:
     x = work.pressure
     x[0], x[1], x[2] = b[0] * soles.numbers[PER_AREA] * soles.numbers[STRETCH], 0.0, 0.0
-
-
-@compiled(allocates=False)
-def _tipping(soles: Soles, work: Work) -> int:
-    all_parts(soles, work)
-    return TIPS
 
 
 @compiled(allocates=False)
