@@ -185,7 +185,7 @@ def _overview(name: str, what: str, result: PipelineResult | str) -> str:
     cells = ["–" if c is None else f"{c.chosen} ({_moved(c)})" for c in chosen]
     frames = len(result.measured["object"].time_s)
     cells[3] = f"{' and '.join(map(str, result.kept))} of {frames}"
-    taken = [c.what.removeprefix("effect: ") for c in _effects(result) if c.chosen == "taken"]
+    taken = [c.what.removeprefix("effect: ") for c in _effects(result) if c.chosen.startswith("taken")]
     return f"| {name} | {what} | {' | '.join(cells)} | {', '.join(taken) or 'none'} |"
 
 

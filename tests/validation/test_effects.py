@@ -52,6 +52,9 @@ def test_effects_of_a_scene_are_what_the_run_without_them_moves(sloping, samplin
     assert choices["effect: tow above the floor"].chosen == "taken"
     sticking = choices["effect: sticking"]
     assert (sticking.chosen, sticking.next) == ("left out", "taken")
+    # What moves the path by less than matters is there without need.
+    strict = {choice.what: choice.chosen for choice in sampling.effects(found, slope.change_m)}
+    assert strict["effect: slope of the floor"] == "taken without need"
 
 
 def test_an_effect_the_scene_is_without_moves_what_a_deviation_of_it_does(sloping, sampling, found):

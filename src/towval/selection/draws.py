@@ -80,8 +80,9 @@ def sample_selecting(
     change = position_rms(found.validation) / np.sqrt(2 * found.samples)
     choice = Choice("draws", f"{count}: {what}", f"{2 * count}", change, "of u_val, as expected")
     found = sampling.completed(found)
-    inputs = to_be_measured(found, case.deviations, SHARE * measurement_m)
-    return replace(found, choices=(choice, *sampling.effects(found), *inputs))
+    limit_m = SHARE * measurement_m
+    inputs = to_be_measured(found, case.deviations, limit_m)
+    return replace(found, choices=(choice, *sampling.effects(found, limit_m), *inputs))
 
 
 def _sampled(sampling: UncertaintySampling, count: int) -> tuple[RunUncertainty, float]:

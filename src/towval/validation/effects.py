@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from towval.model import Array, Choice, RunUncertainty, TowingScene
+from towval.model import Array, Choice, RunUncertainty, SimulatedMotion, TowingScene
 from towval.model.inputs import INPUTS
 from towval.physics.ladder import DYNAMICS
 from towval.validation.simulate_many import Batch, Drawn
@@ -65,7 +65,13 @@ EFFECTS = (
 
 
 def effect_choices(
-    scene: TowingScene, batch: Batch, rover: Array, start: Array, found: RunUncertainty
+    scene: TowingScene,
+    batch: Batch,
+    rover: Array,
+    start: Array,
+    found: RunUncertainty,
+    simulated: SimulatedMotion,
+    limit_m: float = 0.0,
 ) -> tuple[Choice, ...]:
     """Each effect, taken or left out, with what the other would move [m]; one more simulation for each that is taken.
 
@@ -79,11 +85,17 @@ def effect_choices(
         Pose of the object at the start.
     found : RunUncertainty
         With its draws.
+    simulated : SimulatedMotion
+        The run itself at the batch's times.
+    limit_m : float, optional
+        What may be left out: an effect that moves the path by less is taken without need.
     """
     batch = replace(batch, rung=DYNAMICS)
     taken = [effect for effect in EFFECTS if effect.acts(scene)]
-    scenes = (scene, *(effect.without(scene) for effect in taken))
-    nominal, *others = batch.simulate([Drawn(each, rover, start) for each in scenes])
+    whole = [scene] if simulated.rung != DYNAMICS else []  # else it has been simulated, and more exactly
+    scenes = (*whole, *(effect.without(scene) for effect in taken))
+    others = list(batch.simulate([Drawn(each, rover, start) for each in scenes]))
+    nominal = others.pop(0) if whole else simulated.pose
     turned = replace(batch, sticking=not batch.sticking)
     others += turned.simulate([Drawn(scene, rover, start)])
     shifts = [float(np.sqrt(np.mean(np.sum((other - nominal)[:, :2] ** 2, axis=1)))) for other in others]
@@ -92,7 +104,8 @@ def effect_choices(
     choices = []
     for effect in EFFECTS:
         if effect.what in moved:
-            choices.append(Choice(f"effect: {effect.what}", "taken", "left out", moved[effect.what], _RMS))
+            chosen = "taken" if moved[effect.what] > limit_m else "taken without need"
+            choices.append(Choice(f"effect: {effect.what}", chosen, "left out", moved[effect.what], _RMS))
             continue
         known = [by_input[name] for name in effect.inputs if name in by_input]
         if known:

@@ -184,10 +184,11 @@ class UncertaintySampling:
         nominal = errors([{}])
         return lambda moves: path.error + (errors(moves) - nominal)
 
-    def effects(self, found: RunUncertainty) -> tuple[Choice, ...]:
+    def effects(self, found: RunUncertainty, limit_m: float = 0.0) -> tuple[Choice, ...]:
         """Each effect of a lab on the path, taken or left out; see :func:`towval.validation.effects.effect_choices`."""
-        sampler = self._sampler
-        return effect_choices(self.case.scene, sampler.batch, sampler.rover_moves, sampler.start.pose[0], found)
+        sampler, case = self._sampler, self.case
+        moves, start = sampler.rover_moves, sampler.start.pose[0]
+        return effect_choices(case.scene, sampler.batch, moves, start, found, case.simulated, limit_m)
 
     def _widened(self) -> Iterator[Finding]:
         for name, codes in widened(self.case.upstream).items():
