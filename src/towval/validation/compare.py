@@ -206,7 +206,7 @@ def _tested(
     limits = dict(zip(STATISTICS, map(float, right.limits), strict=True))
     both = 0.5 * (1 + settings.bound_confidence)
     return {
-        "drawn_tests": np.column_stack([_keys(draws), (right.statistics(drawn) / right.limits).max(axis=1)]),
+        "drawn_tests": np.column_stack([_keys(draws), (right.drawn / right.limits).max(axis=1)]),
         "bounds": Bounds(
             _named(bounds(error, path.off, settings.bound_confidence)), _named(bounds(error, drawn, both))
         ),

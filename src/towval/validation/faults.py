@@ -27,7 +27,7 @@ STRIPE_M = 0.3
 
 _STRIPE_WIDTH_M = 2.0
 _TIMES, _DRAWS = 200, 256  # of a run that the search uses: the size is then known to two digits
-_SIMULATED = 48  # of these, simulated again with the fault: its share is then known to 4 %
+_SIMULATED = 32  # of these, simulated again with the fault: its share is then known to 5 %
 _NEAR = 0.1  # of one: how much a size may still change that these were simulated with
 _ROUNDS, _HALVINGS, _GROWTH = 3, 10, 4.0
 

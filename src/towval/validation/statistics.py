@@ -4,7 +4,7 @@ Errors are along and across the measured path and of the heading, (..., n, 3) [m
 (k, n, 3) are realisations of the same error. Nothing here knows where they come from.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,6 +32,9 @@ _TAIL_FROM = 0.9
 _HALVINGS = 18
 """Of the interval in which a bound is sought: to five digits."""
 
+_FOLDS = 8
+"""Parts of the draws, each held against the others: what a draw adds to its own covariance would hide it."""
+
 _FLOOR = 0.1
 """Deviation of a block's mean that counts at least, as a share of the root mean square over the run: what 512 draws
 leave open of the smallest of 72 principal directions."""
@@ -54,8 +57,9 @@ def error_sizes(error: Array) -> Array:
 def upper_limit(values: Array, confidence: float) -> float:
     """What a statistic exceeds with the probability 1 − ``confidence``, from draws (k,) of it.
 
-    Beyond nine tenths the tail counts as exponential, with the mean excess of the draws there: a quantile of 99 % rests
-    on a tenth of the draws instead of on the largest few.
+    Beyond nine tenths the tail counts as exponential, so that a quantile of 99 % rests on a tenth of the draws instead
+    of on the largest few. Its mean e is known from m of them only: the limit is that of one more draw, which is beyond
+    an excess x with the probability (1 + x / m e)⁻ᵐ.
 
     Examples
     --------
@@ -67,7 +71,8 @@ def upper_limit(values: Array, confidence: float) -> float:
     excess = values[values > start] - start
     if confidence <= _TAIL_FROM or not len(excess):
         return start
-    return start + float(excess.mean()) * float(np.log((1 - _TAIL_FROM) / (1 - confidence)))
+    beyond = np.log((1 - _TAIL_FROM) / (1 - confidence))
+    return start + float(excess.sum() * np.expm1(beyond / len(excess)))
 
 
 @dataclass(frozen=True)
@@ -89,6 +94,7 @@ class RightModel:
     weight: Array
     limits: Array
     confidence: float
+    drawn: Array
 
     @classmethod
     def of(cls, draws: Array, inputs: Array, confidence: float) -> "RightModel":
@@ -100,24 +106,34 @@ class RightModel:
             raise InputError(
                 "too few draws or times for a limit", got=draws.shape[:2], allowed="32 or more, 24 or more"
             )
-        signature = error_signature(draws)
-        covariance = np.einsum("kmi,kmj->mij", signature, signature) / len(draws)
-        sizes = error_sizes(draws)[:, _TESTED]
+        features, folds = _features(draws), np.arange(len(draws)) % _FOLDS
+        # An input's effect takes two coefficients: known in each part of the draws, or in none.
+        inputs = inputs if np.count_nonzero(folds) > 2 * inputs.shape[1] + 1 else inputs[:, :0]
+        found = cls._fitted(features, inputs, confidence)
+        drawn = np.empty((len(draws), len(STATISTICS)))
+        for fold in range(_FOLDS):
+            held = folds == fold
+            part = cls._fitted(tuple(each[~held] for each in features), inputs[~held], confidence)
+            drawn[held] = part._statistics(tuple(each[held] for each in features))
+        limits = np.array([max(upper_limit(column, confidence), 1e-9) for column in drawn.T])
+        limits *= upper_limit((drawn / limits).max(axis=1), confidence)
+        return replace(found, limits=limits, drawn=drawn)
+
+    @classmethod
+    def _fitted(cls, features: Sequence[Array], inputs: Array, confidence: float) -> "RightModel":
+        """Without limits, from :func:`_features` of draws."""
+        sizes, signature, means = features
+        covariance = np.einsum("kmi,kmj->mij", signature, signature) / len(signature)
         scale = np.sqrt(np.mean(sizes**2, axis=0))
-        means = block_means(draws)
-        flat = means.reshape(len(draws), -1)
-        rms = np.sqrt(np.mean(means**2, axis=(0, 1)))
+        rms = np.sqrt(np.mean(means.reshape(len(means), -1, 3) ** 2, axis=(0, 1)))
         rms[:2] = np.hypot(*rms[:2]) / np.sqrt(2)
-        floor = np.tile(np.maximum(_FLOOR * rms, 1e-12), means.shape[1])
-        weight = np.asarray(np.linalg.inv(flat.T @ flat / len(draws) + np.diag(floor**2)))
-        effects, columns, one_sided = _effects(flat, inputs)
+        floor = np.tile(np.maximum(_FLOOR * rms, 1e-12), means.shape[1] // 3)
+        weight = np.asarray(np.linalg.inv(means.T @ means / len(means) + np.diag(floor**2)))
+        effects, columns, one_sided = _effects(means, inputs)
         # What does not vary at all is left out by a scale that nothing reaches.
         scale = np.where(scale > 0, scale, np.inf)
-        found = cls(scale, covariance, effects, columns, one_sided, weight, np.ones(len(STATISTICS)), confidence)
-        statistics = found.statistics(draws)
-        limits = np.array([max(upper_limit(column, confidence), 1e-9) for column in statistics.T])
-        limits *= upper_limit((statistics / limits).max(axis=1), confidence)
-        return replace(found, limits=limits)
+        ones, none = np.ones(len(STATISTICS)), np.empty((0, len(STATISTICS)))
+        return cls(scale, covariance, effects, columns, one_sided, weight, ones, confidence, none)
 
     def signature(self, error: Array) -> Array:
         """Entries (..., m, 2) of the signature of errors (..., n, 3), in deviations."""
@@ -134,16 +150,25 @@ class RightModel:
 
     def statistics(self, error: Array) -> Array:
         """Size, shape and inputs (..., 3) of errors (..., n, 3); :data:`STATISTICS`."""
-        size = (error_sizes(error)[..., _TESTED] / self.size_scale).max(axis=-1)
-        shape = self.signature(error).max(axis=(-2, -1))
-        means = block_means(error)
-        scores = np.abs(self.input_scores(means.reshape(*means.shape[:-2], -1)))
+        return self._statistics(_features(error))
+
+    def _statistics(self, features: Sequence[Array]) -> Array:
+        sizes, signature, means = features
+        size = (sizes / self.size_scale).max(axis=-1)
+        shape = normalised_signature(signature, self.covariance).max(axis=(-2, -1))
+        scores = np.abs(self.input_scores(means))
         single = scores.max(axis=-1) if len(self.columns) else np.zeros_like(size)
         return np.stack([size, shape, single], axis=-1)
 
     def rejects(self, error: Array) -> Array:
         """Whether errors (..., n, 3) are none of a right model (...,)."""
         return np.asarray((self.statistics(error) > self.limits).any(axis=-1))
+
+
+def _features(error: Array) -> tuple[Array, Array, Array]:
+    """Tested sizes (..., 4), signature (..., m, 3) and block means (..., 72) of errors (..., n, 3)."""
+    means = block_means(error)
+    return error_sizes(error)[..., _TESTED], error_signature(error), means.reshape(*means.shape[:-2], -1)
 
 
 def _effects(means: Array, inputs: Array) -> tuple[Array, NDArray[np.intp], NDArray[np.bool_]]:

@@ -123,7 +123,8 @@ def statement_findings(e: Evidence, faults: tuple[VisibleFault, ...], confidence
         model=f"The model's own error is between {1e3 * model[0]:.1f} and {_mm(model[1])}",
         visible=f"Faults seen with 90 %: {'; '.join(map(fault_text, faults))}",
     )
-    if e.explanation is not None and (e.rejected or e.upper_m > e.tolerance_m):
+    # What is not rejected needs no input beyond its deviation; the likeliest one is of use all the same.
+    if e.explanation is not None and (e.rejected or (e.upper_m > e.tolerance_m and e.explanation.moved)):
         yield finding("explanation", text=_explained(e.explanation))
 
 
