@@ -43,17 +43,18 @@ def test_sizes_of_a_known_error():
 def test_the_tail_of_an_exponential_is_met():
     draws = np.random.default_rng(0).exponential(size=(200, 512))
     found = [upper_limit(each, 0.99) for each in draws]
-    assert np.mean(found) == pytest.approx(np.log(100), rel=0.02)
+    # What one more draw exceeds: the mean of the closed form over what the draws may be.
+    assert np.mean(np.exp(np.negative(found))) == pytest.approx(0.01, rel=0.05)
     # A quantile by rank scatters by 0.44 here.
     assert np.std(found) < 0.4
     assert upper_limit(draws[0], 0.9) == np.quantile(draws[0], 0.9)
 
 
 def test_a_right_model_is_rejected_once_in_a_hundred():
-    """Limits of 512 draws, held against errors that they have not seen."""
-    fresh = drawn(2000, 99)[0]
-    alarms = [RightModel.of(*drawn(K, seed), 0.99).rejects(-fresh).mean() for seed in range(5)]
-    assert 0.002 < np.mean(alarms) < 0.02
+    """Limits of 256 draws, held against errors that they have not seen; 1.3 % from the draws themselves."""
+    fresh = drawn(4000, 99)[0]
+    alarms = [RightModel.of(*drawn(256, seed), 0.99).rejects(-fresh).mean() for seed in range(12)]
+    assert np.mean(alarms) == pytest.approx(0.01, abs=0.0025)
 
 
 def test_too_few_draws_or_times_are_refused():
