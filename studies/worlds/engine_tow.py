@@ -45,7 +45,8 @@ def engine_tow(numbers: Mapping[str, Array], drive: Callable[[float], Array], st
     <worldbody><geom type="plane" size="9 9 1"/>
       <body name="hinge" mocap="true" pos="{hinge[0]} {hinge[1]} 0"><site name="hinge"/></body>
       <body name="object" pos="{start[0]} {start[1]} {_THIN_M}" euler="0 0 {np.degrees(start[2])}"><freejoint/>
-        <inertial pos="{centre[0]} {centre[1]} {-_THIN_M}" mass="{mass}" diaginertia="{inertia} {inertia} {inertia}"/>{points}
+        <inertial pos="{centre[0]} {centre[1]} {-_THIN_M}" mass="{mass}" diaginertia="{inertia} {inertia} {inertia}"/>
+        {points}
         <site name="anchor" pos="{numbers["anchor"][0]} {numbers["anchor"][1]} {-_THIN_M}"/></body></worldbody>
     <tendon><spatial stiffness="{n["stiffness"]}" damping="{n["damping"]}" springlength="0 {n["rest"]}">
       <site site="hinge"/><site site="anchor"/></spatial></tendon></mujoco>""")
