@@ -51,8 +51,8 @@ def main() -> None:
 def print_errors(results: Path, campaign: Path) -> None:
     """Print a line for each run and body."""
     columns = ("run", "body", "position mm", "heading deg", "offset removed mm", "lost", "simulated - measured mm")
-    columns = (*columns, "simulated - true at most", "bound")
-    print("{:4}{:8}{:>12}{:>12}{:>19}{:>10}{:>25}{:>26}{:>8}".format(*columns))
+    bounds = ("simulated - true at most", "bound")
+    print("{:4}{:8}{:>12}{:>12}{:>19}{:>10}{:>25}{:>26}{:>8}".format(*columns, *bounds))
     for path in sorted(campaign.glob("*_truth.csv")):
         run = path.stem.removesuffix("_truth")
         truth, comparison = pd.read_csv(path), read_comparison(results / run / "compare.mcap")
