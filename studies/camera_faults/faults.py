@@ -59,7 +59,7 @@ def _hevc(crf: float, _pixels: float) -> Mapping[str, str]:
 
 _MOVED = ("camera_moved", "camera_moved_before", "camera_not_registered", "floor_not_recognised")
 _TIME = ("stamps_contradicted", "stamps_uneven", "pictures_repeated", "pictures_missing", "time_gap")
-_CODED = ("low_texture", "edges_unsure", "edges_not_found", "start_unsure", "not_seen")
+_CODED = ("low_texture", "texture_unsure", "edges_unsure", "edges_not_found", "start_unsure", "not_seen")
 _HIDDEN = ("not_seen", "camera_not_registered", "lookalike", "covered_at_start")
 _SCALE = ("lengths_differ", "lengths_wrong", "board-size", "board-thickness", "held-differ")
 _CLICKS = ("clicks_misfit", "clicks_corrected", "clicks_turned", "start_unsure", "tether_too_short", "edges_not_found")

@@ -12,7 +12,7 @@ from studies.worlds.scenes import ceiling, rectangle
 from towval.model import Body, TrackStatus
 from towval.model.errors import InputError
 from towval.model.geometry import compose, transform
-from towval.tracking import blur, follow, outline
+from towval.tracking import blur, follow, outline, two_measurements
 from towval.tracking import noise as noise_module
 from towval.tracking.alignment import align
 from towval.tracking.blur import Shutter
@@ -341,8 +341,8 @@ def test_a_template_that_shows_less_than_a_tenth_of_a_motion_is_not_used(share, 
 
 def test_edges_are_fitted_twice_a_second_and_less_often_later(follower, monkeypatch):
     times = []
-    monkeypatch.setattr(follow, "observe_outline", lambda *_: times.append(now))
-    monkeypatch.setattr(follow, "observe_size", lambda *_: None)
+    monkeypatch.setattr(two_measurements, "observe_outline", lambda *_, **__: None)
+    monkeypatch.setattr(follow, "observe_size", lambda *_: times.append(now))
     for now in np.arange(1, 121) / 10:
         follower.follow(float(now), None)
     early = [t for t in times if t <= 5]
@@ -460,7 +460,7 @@ def test_the_scatter_is_that_of_frames_in_which_the_body_moves_and_is_bounded(fo
 
 @pytest.mark.parametrize(("shift_px", "held"), [(0.07, True), (0.15, False)])
 def test_a_rest_is_within_a_tenth_of_a_pixel(follower, monkeypatch, shift_px, held):
-    monkeypatch.setattr(follow, "observe_outline", lambda *_: None)
+    monkeypatch.setattr(two_measurements, "observe_outline", lambda *_, **__: None)
     monkeypatch.setattr(follow, "observe_size", lambda *_: None)
     follower.tracker.std_m = 0.05 * PIXEL_M
     there = follower.motion.pose
@@ -468,7 +468,7 @@ def test_a_rest_is_within_a_tenth_of_a_pixel(follower, monkeypatch, shift_px, he
         pose = compose(there, np.array([shift_px * PIXEL_M * (k % 2), 0, 0]))
         follower.tracker.answer = lambda start, pose=pose: pose
         follower.follow(0.1 * k, None)
-    follower.outline_fits = []
+    follower.outline_fits, follower.fitted_in = [], []
     assert (np.ptp(follower.track("scripted").pose[2:, 0]) < 1e-9) == held
 
 
@@ -567,7 +567,7 @@ def edge_std_px(thin_px=9.0, blank=False, floor=0.0):
     slopes += floor * slopes.max(axis=1, keepdims=True)
     slopes[blank & (stretches.normal[:, 0] < -0.9)] = 0.0
     side_px = np.where(stretches.normal[:, 0] > 0.9, thin_px, 9.0)
-    fit, _ = outline._fit_outline(slopes, stretches, PIXEL_M, side_px, sized=True)
+    fit, _ = outline._fit_outline(slopes, stretches, PIXEL_M, side_px, 0.0, sized=True)
     return np.sqrt(fit.covariance[0, 0]) / PIXEL_M
 
 

@@ -285,6 +285,11 @@ register(  # track
         "observed). Put a pattern on it: print, stickers, tape.",
     ),
     FindingType(
+        "texture_unsure", "track", WARNING, _TRACKING,
+        "Texture and outline of the top of {name} disagree by {std_mm:.1f} mm: compression, focus, or something in the "
+        "way. Its poses are between them, and as uncertain. Film at a higher bit rate, with the focus fixed.",
+    ),
+    FindingType(
         "camera_moved", "track", NOTE, NONE,
         "The camera moved: the floor is displaced by up to {shift_px:.1f} px, from {time_s:.2f} s on. The poses are "
         "corrected by it (deviation of the correction {std_px:.2f} px).",

@@ -25,6 +25,14 @@ def rotation(heading: ArrayLike) -> Array:
     return np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)
 
 
+def turned_covariance(covariance: Array, heading: ArrayLike) -> Array:
+    """Covariances (..., 3, 3) of poses, of those in frames that are turned by headings (...) [rad] against theirs."""
+    heading = np.asarray(heading, dtype=np.float64)
+    turn = np.zeros((*heading.shape, 3, 3))
+    turn[..., :2, :2], turn[..., 2, 2] = rotation(heading), 1.0
+    return np.asarray(turn @ covariance @ np.swapaxes(turn, -1, -2))
+
+
 def transform(pose: ArrayLike, points: ArrayLike) -> Array:
     """Points of a body frame in the floor frame.
 

@@ -16,8 +16,9 @@ from towval.tracking.camera_motion import ViewMotion
 from towval.tracking.noise import as_when_moving, hold_rest, scatter_factor
 from towval.tracking.outline import OutlineFit, combine_fits, observe_outline, observe_size, pose_from_clicks
 from towval.tracking.planar_target import PlanarTarget
-from towval.tracking.pose import Measurement, Motion, Tracker
+from towval.tracking.pose import Measurement, Motion, Tracker, step_between
 from towval.tracking.relocalisation import Lookalikes, Relocaliser
+from towval.tracking.two_measurements import EdgeWatch, compared, edges
 
 Luma = NDArray[np.uint8]
 TrackerMaker = Callable[[PlanarTarget, Luma, Array], Tracker]
@@ -110,6 +111,8 @@ class Follower:
         fit = observe_outline(luma, target, clicked)
         self.first_pose = clicked if fit is None else compose(clicked, fit.correction)
         self.outline_fits: list[OutlineFit] = []
+        self.fitted_in: list[int] = []
+        self.edge_watch = EdgeWatch(target)
         self.sizes: list[float] = []
         self.next_outline_s, self.outlines_fitted = time_s, 0
         self.tracker = make_tracker(target, luma, self.first_pose)
@@ -231,19 +234,26 @@ class Follower:
         return min(self.target.apart_m(known, pose) for known in (self.motion.pose, self.motion.predict(time_s)))
 
     def _keep_observation(self, time_s: float, luma: Luma, found: Measurement) -> None:
-        pose = self.motion.observe(time_s, found.pose) if time_s > self.motion.time_s else found.pose
+        due = time_s >= self.next_outline_s
+        predicted = self.motion.predict(time_s)
+        found, fit, apart = self.edge_watch.look(len(self.record), time_s, luma, found, predicted, self.tracker, due)
+        place = compose(found.pose, fit.correction) if fit is not None and apart else found.pose
+        pose = found.pose
+        if time_s > self.motion.time_s:
+            place = self.motion.observe(time_s, place)
+            pose = np.array([*pose[:2], place[2] + step_between(place, pose)[2]])
         self.record.keep_points(found.points_m, found.weights)
-        self.record.keep(time_s, pose, found.covariance, TrackStatus.TRACKED, found.inlier_fraction, found.residual)
-        if time_s >= self.next_outline_s:
-            fit = observe_outline(luma, self.target, pose)
+        if due:
             if fit is not None:
                 self.outline_fits.append(fit)
-            size = observe_size(luma, self.target, pose)
+                self.fitted_in.append(len(self.record))
+            size = observe_size(luma, self.target, place)
             if size is not None:
                 self.sizes.append(size)
             self.outlines_fitted += 1
             doublings = self.outlines_fitted // CONSTANTS.outline_doubled_after
             self.next_outline_s = time_s + CONSTANTS.outline_every_s * 2**doublings
+        self.record.keep(time_s, pose, found.covariance, TrackStatus.TRACKED, found.inlier_fraction, found.residual)
 
     def _coasting_covariance(self, time_s: float) -> Array:
         # ASSUME: while not observed the body may have stopped, or gone on twice as fast.
@@ -256,7 +266,6 @@ class Follower:
 
         ``view``: how the camera moved, where it was watched.
         """
-        fit = self._registration()
         time_s, raw, covariance, status, inliers, residual = self.record.columns()
         if view is not None:
             shift, by_view = view.of_poses(self.target.body, raw)
@@ -264,6 +273,8 @@ class Follower:
             status[(status == TrackStatus.TRACKED) & ~view.known] = TrackStatus.COASTING
         tracked = status == TrackStatus.TRACKED
         raw = raw - ahead_of_middle(time_s, np.where(tracked[:, None], raw, np.nan), self.tracker.exposure_s)
+        self._without_first(covariance, tracked)
+        raw, covariance, fit = self._with_outline(time_s, raw, covariance)
         moving = self._moving(raw, tracked)
         covariance = self._honest_covariance(time_s, raw, covariance, tracked, moving)
         most = CONSTANTS.most_rest_px * self.pixel_m * np.array([1, 1, 1 / self.target.reach_m])
@@ -295,10 +306,6 @@ class Follower:
         self, time_s: Array, pose: Array, covariance: Array, tracked: NDArray[np.bool_], moving: NDArray[np.bool_]
     ) -> Array:
         """Covariances of the pictures' residuals, widened to the scatter in time."""
-        later = np.flatnonzero(tracked)[1:]
-        if tracked[0]:
-            # The first picture made the template, so it fits itself: its noise is that of the others.
-            covariance[0] = np.median(covariance[later], axis=0) if len(later) else self.start_covariance
         factor = scatter_factor(time_s, np.where(tracked[:, None], pose, np.nan), covariance, moving)
         if tracked.any():
             # A larger factor is a motion that five pictures do not follow, not noise of the video.
@@ -306,9 +313,27 @@ class Follower:
             covariance[tracked] *= min(factor, max(1.0, most)) ** 2
         return covariance
 
-    def _registration(self) -> OutlineFit | None:
+    def _without_first(self, covariance: Array, tracked: NDArray[np.bool_]) -> None:
+        """The first picture made the template, so it fits itself: its noise is that of the others."""
+        later = np.flatnonzero(tracked)[1:]
+        if tracked[0]:
+            covariance[0] = np.median(covariance[later], axis=0) if len(later) else self.start_covariance
+
+    def _with_outline(self, time_s: Array, pose: Array, covariance: Array) -> tuple[Array, Array, OutlineFit | None]:
+        """Poses and covariances with the outline's share, and the registration."""
+        looks = self.edge_watch.looks()
+        if not len(looks.picture):
+            return pose, covariance, self._registration()
+        seen = compared(time_s, pose, covariance, looks, edges(self.target, self.first_pose))
+        fit = self._registration(seen.excess[self.fitted_in])
+        std_m = float(np.percentile(np.sqrt(np.linalg.eigvalsh(seen.excess[looks.picture, :2, :2])[:, -1]), 95))
+        if std_m > CONSTANTS.unsure_edges_px * self.pixel_m:
+            self.findings.append(finding("texture_unsure", name=self.target.body.name, std_mm=1000 * std_m))
+        return *seen.weighted(pose, covariance, np.zeros(3) if fit is None else fit.correction), fit
+
+    def _registration(self, excess: Array | None = None) -> OutlineFit | None:
         name = self.target.body.name
-        fit = combine_fits(self.outline_fits) if self.outline_fits else None
+        fit = combine_fits(self.outline_fits, excess) if self.outline_fits else None
         if fit is None or np.linalg.norm(fit.correction[:2]) >= CONSTANTS.farthest_correction_px * self.pixel_m:
             std_mm = 1000 * np.sqrt(self.start_covariance[0, 0])
             self.findings.append(finding("edges_not_found", name=name, std_mm=std_mm))

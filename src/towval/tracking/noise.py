@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from towval.model import Array
 
 _WINDOWS = (5, 9)
-_MEDIAN_CHI_SQUARED_3 = 2.366
+MEDIAN_CHI_SQUARED_3 = 2.366
 
 
 @dataclass(frozen=True)
@@ -45,26 +45,36 @@ def scatter_factor(time_s: Array, pose: Array, covariance: Array, moving: NDArra
 
 
 def _scatter(time_s: Array, pose: Array, covariance: Array, moving: NDArray[np.bool_], window: int) -> float:
-    half = window // 2
-    if len(time_s) < window:
+    misfit, rows, gain = about_quadratics(time_s, pose, window, moving)
+    if len(rows) < CONSTANTS.least_windows:
         return 0.0
+    expected = covariance[rows] * gain[:, None, None]
+    square = np.einsum("nj,nj->n", misfit, np.linalg.solve(expected, misfit[..., None])[..., 0])
+    return float(np.sqrt(np.median(square) / MEDIAN_CHI_SQUARED_3))
+
+
+def about_quadratics(
+    time_s: Array, pose: Array, window: int, counts: NDArray[np.bool_] | None = None
+) -> tuple[Array, NDArray[np.int64], Array]:
+    """Distances (m, 3) of poses (n, 3) from the quadratic through ``window`` pictures around each, and which these are.
+
+    Only pictures that count are taken, whose windows hold no gap (NaN), and of many an even choice. The last is the
+    variance (m,) that independent noise of one leaves in them.
+    """
+    half = window // 2
     rows = np.arange(half, len(time_s) - half)
-    rows = rows[moving[rows]]
+    if counts is not None:
+        rows = rows[counts[rows]]
     rows = rows[:: max(1, len(rows) // 5000)]
     index = rows[:, None] + np.arange(-half, half + 1)
     known = np.isfinite(pose[index, 0]).all(axis=1)
     rows, index = rows[known], index[known]
-    if len(rows) < CONSTANTS.least_windows:
-        return 0.0
     t = (time_s[index] - time_s[rows][:, None]) / (time_s[index[:, -1]] - time_s[index[:, 0]])[:, None]
     basis = np.stack([np.ones_like(t), t, t * t], axis=-1)
     # Row 0 of the pseudo-inverse gives the fitted value at the middle, where t = 0.
     kernel = -np.linalg.pinv(basis)[:, 0, :]
     kernel[:, half] += 1
-    misfit = np.einsum("nk,nkj->nj", kernel, pose[index])
-    expected = covariance[rows] * np.sum(kernel**2, axis=1)[:, None, None]
-    square = np.einsum("nj,nj->n", misfit, np.linalg.solve(expected, misfit[..., None])[..., 0])
-    return float(np.sqrt(np.median(square) / _MEDIAN_CHI_SQUARED_3))
+    return np.einsum("nk,nkj->nj", kernel, pose[index]), rows, np.sum(kernel**2, axis=1)
 
 
 def as_when_moving(covariance: Array, moving: NDArray[np.bool_], resting: NDArray[np.bool_]) -> Array:

@@ -46,11 +46,13 @@ class OutlineConstants:
     other_size_px: float = (
         0.35  # [px] Beyond it a length is not the stated one: edges stand off by 0.06 each, thin sides more.
     )
+    wide_px: float = 1.0  # [px] The same, where some edges are on their places and others three pixels off.
     both_px: float = 0.25  # [px] Scale of misfits at first, for edges 1.5 mm too far apart in pixels of 2.3 to 2.9 mm.
 
 
 CONSTANTS = OutlineConstants()
 
+_LEAST_SCALE_PX = 0.05  # [px] Of misfits.
 _SIZED = 1e-6  # Share of the deviation of lengths that is as good as none.
 _FITS = 8  # Rounds of the robust fit, in which the search narrows from 2 px to 0.5 px.
 _MEDIAN_CHI_3 = 1.538  # Median distance of three normal deviates from their mean.
@@ -227,39 +229,58 @@ def _side_widths(target: PlanarTarget, stretches: Stretches, pose: Array) -> Arr
     return widths
 
 
+@compiled()
+def _fit_kernel(
+    slopes: Array, offsets: Array, rows: Array, trust: Array, known: Array, pixel_m: float, first_px: float
+) -> tuple[bool, Array, Array, Array, Array, Array, float]:
+    """Rounds of the robust fit: whether it holds, correction, places, contrasts, inner, weights and scale.
+
+    ``rows`` (m, p) are the changes of the places with what is fitted, ``known`` (p,) the deviations known beforehand,
+    ``first_px`` the least scale of misfits in the first round.
+    """
+    m = len(rows)
+    ordinary, found = np.empty(m), np.zeros(rows.shape[1])
+    for i in range(m):
+        ordinary[i] = np.median(slopes[i])
+    place, contrast, inner, weight = np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(m)
+    scale = 0.0
+    for round_ in range(_FITS):
+        # The search narrows: wide enough for a click at first, then for the blur of an edge.
+        spread = pixel_m * max(0.5, 2.0 * 0.7**round_)
+        place, contrast = _peaks(slopes, ordinary, offsets, rows @ found, spread)
+        misfit = place - rows @ found
+        seen = contrast > 0
+        if seen.sum() < max(4, len(found)):
+            return False, found, place, contrast, inner, weight, scale
+        # Both of two opposite edges count at first where the size is free: a redescending weight would keep the nearer
+        # one and drop the other.
+        scale = max(1.4826 * np.median(np.abs(misfit[seen])), pixel_m * max(_LEAST_SCALE_PX, first_px * 0.7**round_))
+        inner = np.maximum(1 - (misfit / (TUKEY * scale)) ** 2, 0.0)
+        weight = trust * contrast * inner**2
+        if 3 * (weight > 0).sum() < m:
+            return False, found, place, contrast, inner, weight, scale
+        weighted = np.ascontiguousarray(rows.T * weight)
+        found[:] = np.linalg.solve(weighted @ rows + np.diag(scale**2 / known**2), weighted @ place)
+    return True, found, place, contrast, inner, weight, scale
+
+
 def _fit_outline(
-    slopes: Array, stretches: Stretches, pixel_m: float, side_px: Array, *, sized: bool = False
+    slopes: Array, stretches: Stretches, pixel_m: float, side_px: Array, first_px: float, *, sized: bool = False
 ) -> tuple[OutlineFit, float] | None:
     """Move the outline onto the edges; see :func:`observe_outline`. ``sized``: as long and wide as stated.
 
     Returns the fit, and by how much the length or the width is another than stated [m].
     """
-    # Where only a thin strip of the side is visible, its far edge blurs into the target's and shifts the steepest
-    # place: such a stretch counts little, and the possible shift is part of the deviation.
-    rows = _by_pose_and_size(stretches)
-    ordinary = np.median(slopes, axis=1)
-    middle, width, correction = stretches.middle, np.ptp(stretches.middle, axis=0), np.zeros(5)
-    reach = np.linalg.norm(middle, axis=1).max()
+    rows, width = _by_pose_and_size(stretches), np.ptp(stretches.middle, axis=0)
+    reach = np.linalg.norm(stretches.middle, axis=1).max()
     known = np.array([1, 1, 1 / reach, 0, 0]) * CONSTANTS.prior_px * pixel_m
     known[3:] = (_SIZED if sized else 1.0) * CONSTANTS.length_std_m / width
-    thin = (side_px > 0) & (side_px < CONSTANTS.thin_px)
-    trust = np.where(thin, CONSTANTS.trust_in_thin, 1.0)
-    for round_ in range(_FITS):
-        # The search narrows: wide enough for a click at first, then for the blur of an edge.
-        spread = pixel_m * max(0.5, 2.0 * 0.7**round_)
-        place, contrast = _peaks(slopes, ordinary, stretches.offsets, rows @ correction, spread)
-        misfit = place - rows @ correction
-        if (contrast > 0).sum() < 4:
-            return None
-        scale = max(1.4826 * np.median(np.abs(misfit[contrast > 0])), _least_scale(round_, pixel_m, sized))
-        inner = np.maximum(1 - (misfit / (TUKEY * scale)) ** 2, 0.0)
-        weight = trust * contrast * inner**2
-        if (weight > 0).mean() < 1 / 3:
-            return None
-        prior = scale**2 / known**2
-        information = rows.T @ (weight[:, None] * rows) + np.diag(prior)
-        correction = np.linalg.solve(information, rows.T @ (weight * place))
-    misfit = place - rows @ correction
+    trust, thin = _trust(side_px)
+    fit = _fit_kernel(slopes, stretches.offsets, rows, trust, known, pixel_m, first_px)
+    holds, correction, place, contrast, inner, weight, scale = fit
+    if not holds:
+        return None
+    misfit, prior = place - rows @ correction, scale**2 / known**2
     # The slope of Tukey's influence function: less than its weight, so that outlying edges constrain the fit less.
     steadiness = trust * contrast * inner * np.maximum(5 * inner - 4, 0.0)
     inverse = np.linalg.inv(rows.T @ (steadiness[:, None] * rows) + np.diag(prior))
@@ -274,13 +295,14 @@ def _fit_outline(
     return OutlineFit(correction[:3], (sampled + np.outer(shifted, shifted))[:3, :3]), off_m
 
 
-def _least_scale(round_: int, pixel_m: float, sized: bool = False) -> float:
-    """Least scale of misfits in a round [m].
+def _trust(side_px: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Weight of each stretch, and where only a thin strip of the side is visible.
 
-    Both of two opposite edges count at first where the size is free: a redescending weight would keep the nearer one
-    and drop the other.
+    Its far edge blurs into the target's and shifts the steepest place: such a stretch counts little, and the possible
+    shift is part of the deviation.
     """
-    return pixel_m * max(0.05, 0.0 if sized else CONSTANTS.both_px * 0.7**round_)
+    thin = (side_px > 0) & (side_px < CONSTANTS.thin_px)
+    return np.where(thin, CONSTANTS.trust_in_thin, 1.0), thin
 
 
 def _by_pose_and_size(stretches: Stretches) -> Array:
@@ -295,21 +317,25 @@ def _by_pose_and_size(stretches: Stretches) -> Array:
     return np.column_stack([normal, turned, (middle - centre) * normal])
 
 
-def observe_outline(luma: NDArray[np.uint8], target: PlanarTarget, pose: Array) -> OutlineFit | None:
+def observe_outline(
+    luma: NDArray[np.uint8], target: PlanarTarget, pose: Array, *, wide: bool = False
+) -> OutlineFit | None:
     """Correction that moves the outline at ``pose`` (3,) onto the edges of a picture.
 
-    None where fewer than a third of the stretches agree. A direction that the edges leave open (the turn of a disc) is
-    not corrected and has a standard deviation of three pixels.
+    ``wide``: of edges up to three pixels off, where others are on their places already. None where fewer than a third
+    of the stretches agree. A direction that the edges leave open (the turn of a disc) is not corrected and has a
+    standard deviation of three pixels.
     """
     pixel = target.metres_per_pixel(pose)
     stretches = stretches_of(target.body, pixel)
     slopes = _edge_slopes(luma, target, stretches, pose)
     seen = slopes, stretches, pixel, _side_widths(target, stretches, pose)
-    fit = _fit_outline(*seen)
+    first_px = CONSTANTS.wide_px if wide else 0.0
+    fit = _fit_outline(*seen, max(first_px, CONSTANTS.both_px))
     # With the size held, all edges say where the middle is; where it is free, opposite ones count the same, however
     # doubtful one of them. And faint edges may not fix the size, too.
     if fit is None or fit[1] < CONSTANTS.other_size_px * pixel:
-        fit = _fit_outline(*seen, sized=True) or fit
+        fit = _fit_outline(*seen, first_px, sized=True) or fit
     return None if fit is None else fit[0]
 
 
@@ -318,41 +344,33 @@ def observe_size(luma: NDArray[np.uint8], target: PlanarTarget, pose: Array) -> 
     pixel = target.metres_per_pixel(pose)
     stretches = stretches_of(target.body, pixel)
     slopes, middle, normal = _edge_slopes(luma, target, stretches, pose), stretches.middle, stretches.normal
-    turned = middle[:, 0] * normal[:, 1] - middle[:, 1] * normal[:, 0]
-    rows = np.column_stack([normal, turned, (middle * normal).sum(axis=1)])
-    side_px = _side_widths(target, stretches, pose)
-    trust = np.where((side_px > 0) & (side_px < CONSTANTS.thin_px), CONSTANTS.trust_in_thin, 1.0)
-    found, ordinary = np.zeros(4), np.median(slopes, axis=1)
-    for round_ in range(_FITS):
-        spread = pixel * max(0.5, 2.0 * 0.7**round_)
-        place, contrast = _peaks(slopes, ordinary, stretches.offsets, rows @ found, spread)
-        if (contrast > 0).sum() < 5:
-            return None
-        misfit = place - rows @ found
-        scale = max(1.4826 * np.median(np.abs(misfit[contrast > 0])), _least_scale(round_, pixel))
-        weight = trust * contrast * np.maximum(1 - (misfit / (TUKEY * scale)) ** 2, 0.0) ** 2
-        found = np.linalg.lstsq(np.sqrt(weight)[:, None] * rows, np.sqrt(weight) * place, rcond=1e-9)[0]
-    return float(found[3]) if (weight > 0).mean() >= 1 / 3 else None
+    rows = np.column_stack([_by_pose_and_size(stretches)[:, :3], (middle * normal).sum(axis=1)])
+    trust, _ = _trust(_side_widths(target, stretches, pose))
+    reach = np.linalg.norm(middle, axis=1).max()
+    known = np.array([1, 1, 1 / reach, np.inf]) * CONSTANTS.prior_px * pixel
+    holds, found, *_ = _fit_kernel(slopes, stretches.offsets, rows, trust, known, pixel, CONSTANTS.both_px)
+    return float(found[3]) if holds else None
 
 
-def combine_fits(fits: Sequence[OutlineFit]) -> OutlineFit:
+def combine_fits(fits: Sequence[OutlineFit], further: Array | None = None) -> OutlineFit:
     """One registration from the fits of many pictures: the mean of those that agree, weighted by information.
 
     What shifts the edges of one body (what is printed beside them, a bevel, a shadow line) is the same in all pictures
     and does not average out. So only the share of a fit's variance that differs between the pictures is averaged; the
-    errors of the rest count as fully correlated.
+    errors of the rest count as fully correlated. ``further`` (n, 3, 3): covariances of the poses at which the outlines
+    were fitted, which differ from picture to picture.
     """
     corrections = np.array([fit.correction for fit in fits])
     covariances = np.array([fit.covariance for fit in fits])
-    information = np.linalg.inv(covariances)
-    agree = _agreeing(corrections, covariances, information)
-    corrections, information = corrections[agree], information[agree]
+    information = np.linalg.inv(covariances if further is None else covariances + further)
+    agree = _agreeing(corrections, np.linalg.inv(information), information)
+    corrections, covariances, information = corrections[agree], covariances[agree], information[agree]
     spread = np.linalg.inv(information.sum(axis=0))
     mean = spread @ np.einsum("nij,nj->i", information, corrections)
     off = corrections - mean
     apart = np.einsum("ni,nij,nj->", off, information, off) / (3 * max(1, len(off) - 1))
     share = min(apart, CONSTANTS.most_apart)
-    together = spread @ _roots(information, spread).sum(axis=0)
+    together = spread @ (information @ _roots(covariances, spread)).sum(axis=0)
     covariance = (1 - share) * together @ together.T + apart * spread
     return OutlineFit(mean, covariance)
 
@@ -373,10 +391,10 @@ def _weighted_median(values: Array, weights: Array) -> float:
     return float(values[order][np.searchsorted(below, 0.5 * below[-1])])
 
 
-def _roots(information: Array, unit: Array) -> Array:
+def _roots(covariances: Array, unit: Array) -> Array:
     """Symmetric roots (n, 3, 3), taken in the units in which ``unit`` (3, 3) has a diagonal of ones."""
     scale = np.sqrt(np.diag(unit))
-    size, axes = np.linalg.eigh(information * np.outer(scale, scale))
+    size, axes = np.linalg.eigh(covariances / np.outer(scale, scale))
     root = (axes * np.sqrt(size)[:, None, :]) @ axes.transpose(0, 2, 1)
-    roots: Array = root / scale[:, None]
+    roots: Array = scale[:, None] * root
     return roots

@@ -7,6 +7,7 @@ import numpy as np
 
 from towval.model import Array, Camera
 from towval.model.errors import InputError
+from towval.model.geometry import turned_covariance
 from towval.tracking.alignment import Alignment, align
 from towval.tracking.blur import Shutter
 from towval.tracking.planar_target import PlanarTarget
@@ -94,7 +95,7 @@ class PlaneTracker(Tracker):
         step = max(1, len(template.points) // _TABLE_POINTS)
         return Measurement(
             pose=found.pose,
-            covariance=found.covariance,
+            covariance=turned_covariance(found.covariance, found.pose[2]),
             inlier_fraction=found.inlier_fraction,
             residual=found.scale,
             points_m=template.points[::step][:_TABLE_POINTS],

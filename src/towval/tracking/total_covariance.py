@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from towval.model import Array, Body, Calibration, Track
-from towval.model.geometry import rotation, transform
+from towval.model.geometry import transform, turned_covariance
 from towval.optics.moved_view import pose_sensitivity, rigid_moves
 from towval.optics.projection import project
 
@@ -24,7 +24,7 @@ def with_total(track: Track, calibration: Calibration, body: Body, view_covarian
         shared = calibration.covariance if view_covariance is None else calibration.covariance + view_covariance
         total[seen] += by_parameters @ shared @ by_parameters.transpose(0, 2, 1)
         total[seen] += body.height_std_m**2 * by_height[:, :, None] * by_height[:, None, :]
-        total[seen] += _on_floor(track.start_covariance, pose)
+        total[seen] += turned_covariance(track.start_covariance, pose[:, 2])
     return replace(track, total_covariance=total)
 
 
@@ -32,15 +32,8 @@ def with_wider_start(track: Track, spread: Array) -> Track:
     """The track with a further covariance (3, 3) of its registration in the first frame."""
     total = track.total_covariance
     if total is not None and spread.any():
-        total = total + _on_floor(spread, track.pose)
+        total = total + turned_covariance(spread, track.pose[:, 2])
     return replace(track, start_covariance=track.start_covariance + spread, total_covariance=total)
-
-
-def _on_floor(covariance: Array, pose: Array) -> Array:
-    """Covariances (n, 3, 3) of poses (n, 3), of one (3, 3) in the body frame."""
-    turn = np.tile(np.eye(3), (len(pose), 1, 1))
-    turn[:, :2, :2] = rotation(pose[:, 2])
-    return np.asarray(turn @ covariance @ turn.transpose(0, 2, 1))
 
 
 def with_readout(track: Track, calibration: Calibration, body: Body, readout_s: float, std_s: float) -> Track:

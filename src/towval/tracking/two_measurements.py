@@ -1,0 +1,257 @@
+"""Texture and outline of a top: two measurements of one pose, each of which shows what the other cannot know of itself.
+
+A codec that quantises the texture away, or a lens that goes out of focus, moves a fit to the texture by more than its
+residuals show: whatever is left of the texture agrees with some pose. The long edges of the top survive both. So the
+outline is looked at beside the texture, in every fifth picture, and in all while the two disagree. By how much they
+disagree beyond what each states, over a second, is a deviation of the texture that no model of a codec is needed for;
+with it the two are weighted.
+"""
+
+import itertools
+from array import array
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from towval.model import Array
+from towval.model.geometry import compose, turned_covariance
+from towval.tracking.noise import CONSTANTS as NOISE
+from towval.tracking.noise import MEDIAN_CHI_SQUARED_3, about_quadratics
+from towval.tracking.outline import OutlineFit, observe_outline
+from towval.tracking.planar_target import PlanarTarget
+from towval.tracking.pose import Measurement, Tracker, step_between
+from towval.tracking.template import Luma
+
+
+@dataclass(frozen=True)
+class TwoMeasurementsConstants:
+    """Tuned constants of the comparison; lengths in pixels are measured on the planar target."""
+
+    every: int = 5  # Pictures between looks at the outline, while it agrees: a fifth of a tenth of the decoding.
+    disagree: float = 3.0  # Deviations, beyond which every picture is looked at,
+    closely_s: float = 5.0  # [s] for so long: what a codec does to one motion it does to the next,
+    alone: float = 4.0  # Deviations of a picture that disagrees by itself: one in a thousand does by chance.
+    moved_px: float = 0.5  # [px] and as long once the body has moved by so much.
+    edge_std_px: float = 0.05  # [px] By which an edge may stand off the top's: 0.02 to 0.06 measured.
+    sure_px: float = 0.15  # [px] Deviation of an outline that has found its edges: sharp ones give up to 0.1.
+    window_s: float = 1.0  # [s] Over which the disagreement is averaged: bodies stop and go, focus hunts.
+    least: int = 6  # Looks in a window, for a second moment to be known to a quarter.
+
+
+CONSTANTS = TwoMeasurementsConstants()
+
+_NUMBERS = 13  # A look's row: picture, correction, covariance.
+
+
+@dataclass(frozen=True)
+class Looks:
+    """Looks at an outline.
+
+    ``picture`` (m,) numbers, ``correction`` (m, 3) from the texture's pose to the outline's, and its ``covariance``
+    (m, 3, 3), both in the body frame.
+    """
+
+    picture: Array
+    correction: Array
+    covariance: Array
+
+
+class EdgeWatch:
+    """Looks at the outline of one body beside its texture."""
+
+    def __init__(self, target: PlanarTarget):
+        self.target, self.rows, self.observed, self.closely_until_s = target, array("d"), 0, -np.inf
+        self.rests_at: Array | None = None
+
+    def look(
+        self, picture: int, time_s: float, luma: Luma, found: Measurement, predicted: Array, tracker: Tracker, due: bool
+    ) -> tuple[Measurement, OutlineFit | None, bool]:
+        """Look at the outline of a body that the texture ``found``, and that was ``predicted`` (3,), where it is due.
+
+        Returns what the texture says, sought again at the outline where the two disagreed; the outline, None where it
+        was not looked at or is not found; and whether the two disagree still.
+        """
+        self.observed += 1
+        if self.observed == 1:
+            self.rests_at = found.pose
+        elif self.rests_at is not None and self._moved(found.pose):
+            # Coded pictures of a body at rest repeat each other: that they agree says nothing of those that follow.
+            self.rests_at, self.closely_until_s = None, time_s + CONSTANTS.closely_s
+        if not due and self.observed % CONSTANTS.every and time_s > self.closely_until_s:
+            return found, None, False
+        fit = self._outline(luma, found.pose, (found.pose, predicted))
+        if fit is None:
+            return found, None, False
+        apart = self._apart(found, fit)
+        if apart > CONSTANTS.disagree:
+            self.closely_until_s = time_s + CONSTANTS.closely_s
+            place = compose(found.pose, fit.correction)
+            again = tracker.measure(luma, place)
+            nearer = None if again is None else self._outline(luma, again.pose, (place,))
+            if again is not None and nearer is not None and self._apart(again, nearer) < apart:
+                found, fit, apart = again, nearer, self._apart(again, nearer)
+        self.rows.extend((picture, *fit.correction, *fit.covariance.ravel()))
+        return found, fit, apart > CONSTANTS.disagree
+
+    def _outline(self, luma: Luma, pose: Array, places: Sequence[Array]) -> OutlineFit | None:
+        """The outline near the first of some places where its edges are sure, or else the surest, against a pose."""
+        least_m = CONSTANTS.sure_px * self.target.metres_per_pixel(pose)
+        surest, least = None, np.inf
+        for wide, place in itertools.product((False, True), places):
+            fit = observe_outline(luma, self.target, place, wide=wide)
+            std_m = np.inf if fit is None else float(np.sqrt(np.linalg.eigvalsh(fit.covariance[:2, :2])[-1]))
+            if fit is not None and std_m < least:
+                surest = OutlineFit(step_between(pose, compose(place, fit.correction)), fit.covariance)
+                least = std_m
+            if least < least_m:
+                break
+        return surest
+
+    def _moved(self, pose: Array) -> bool:
+        least_m = CONSTANTS.moved_px * self.target.metres_per_pixel(pose)
+        return self.rests_at is not None and self.target.apart_m(pose, self.rests_at) > least_m
+
+    def _apart(self, found: Measurement, fit: OutlineFit) -> float:
+        """Distance of texture and outline, in deviations."""
+        # The first picture's outline, from which both are counted, is as uncertain as this one.
+        expected = (
+            turned_covariance(found.covariance, -found.pose[2]) + 2 * fit.covariance + edges(self.target, found.pose)
+        )
+        return float(np.sqrt(fit.correction @ np.linalg.solve(expected, fit.correction) / 3))
+
+    def looks(self) -> Looks:
+        """All looks so far."""
+        rows = np.array(self.rows).reshape(-1, _NUMBERS)
+        return Looks(rows[:, 0].astype(int), rows[:, 1:4], rows[:, 4:].reshape(-1, 3, 3))
+
+
+def edges(target: PlanarTarget, pose: Array) -> Array:
+    """Covariance (3, 3) of an outline, of edges that stand off the top's."""
+    std_m = CONSTANTS.edge_std_px * target.metres_per_pixel(pose)
+    return np.diag(np.square([std_m, std_m, std_m / target.reach_m]))
+
+
+def jumps(time_s: Array, pose: Array, looks: Looks) -> tuple[Array, Array, Array]:
+    """How far the texture's and the outline's poses are from smooth curves through five pictures (n, 3) each.
+
+    The last (n,) is the variance that independent noise leaves in them; NaN where not all five were looked at.
+    """
+    of_outline = np.full_like(pose, np.nan)
+    of_outline[looks.picture] = compose(pose[looks.picture], looks.correction)
+    by_texture, by_outline, gain = np.full_like(pose, np.nan), np.full_like(pose, np.nan), np.full(len(pose), np.nan)
+    by, rows, left = about_quadratics(time_s, np.where(np.isfinite(of_outline), pose, np.nan), 5)
+    by_texture[rows], gain[rows] = by, left
+    by_outline[rows] = about_quadratics(time_s, of_outline, 5)[0]
+    return by_texture, by_outline, gain
+
+
+def outline_noise(pose: Array, looks: Looks, by_texture: Array, by_outline: Array, gain: Array) -> float:
+    """Variance of the outline's pose from picture to picture over the stated one, from :func:`jumps`.
+
+    What the motion does is the same in both and cancels in the product of the outline's jumps with the difference of
+    the two (three-cornered hat). One where not enough successive pictures were looked at.
+    """
+    rows = looks.picture[np.isfinite(gain[looks.picture])]
+    if len(rows) < NOISE.least_windows:
+        return 1.0
+    stated = np.zeros((len(pose), 3, 3))
+    stated[looks.picture] = turned_covariance(looks.covariance, pose[looks.picture, 2])
+    weighed = np.linalg.solve(stated[rows] * gain[rows, None, None], (by_outline - by_texture)[rows, :, None])[..., 0]
+    product = np.einsum("nj,nj->n", by_outline[rows], weighed)
+    return float(max(np.median(product) / MEDIAN_CHI_SQUARED_3, 1.0))
+
+
+def texture_excess(time_s: Array, apart: Array, expected: Array, looks: Looks) -> Array:
+    """Covariance (n, 3, 3) in the body frame by which the texture's exceeds what is stated, around each time (n,).
+
+    ``apart`` (m, 3): differences of outline and texture; ``expected`` (m, 3, 3): what both state for them.
+    """
+    excess = np.zeros((len(time_s), 3, 3))
+    if len(apart) < CONSTANTS.least:
+        return excess
+    at_s = time_s[looks.picture]
+    middle = np.searchsorted(at_s, time_s)
+    low = np.minimum(np.searchsorted(at_s, time_s - CONSTANTS.window_s / 2), middle - CONSTANTS.least // 2)
+    high = np.maximum(np.searchsorted(at_s, time_s + CONSTANTS.window_s / 2), middle + CONSTANTS.least // 2)
+    low = np.clip(low, 0, len(apart) - CONSTANTS.least)
+    high = np.clip(high, low + CONSTANTS.least, len(apart))
+    size = np.sqrt(np.einsum("ni,ni->n", apart, np.linalg.solve(expected, apart[..., None])[..., 0]))
+    beside = np.median(np.lib.stride_tricks.sliding_window_view(np.pad(size, 2, mode="edge"), 5), axis=1)
+    # A single picture counts for those around it no more than they do.
+    bounded = apart * np.minimum(1.0, 2 * beside / np.maximum(size, 1e-12))[:, None]
+    squares = bounded[:, :, None] * bounded[:, None, :]
+    # What shifts an outline (a strip of its side, a line of the floor beside it) stays for a while: many looks are one.
+    return _beyond(_means(squares, low, high), _means(expected, low, high), CONSTANTS.disagree**2)
+
+
+def alone(apart: Array, expected: Array) -> Array:
+    """The same (m, 3, 3) of single pictures: what texture or outline is off by, whichever it is."""
+    return _beyond(apart[:, :, None] * apart[:, None, :], expected, CONSTANTS.alone**2)
+
+
+def _beyond(seen: Array, expected: Array, least: float) -> Array:
+    """What second moments (n, 3, 3) have beyond the expected ones, in the directions where they are ``least`` times."""
+    root = np.linalg.cholesky(expected)
+    half = np.linalg.solve(root, seen)
+    size, axes = np.linalg.eigh(np.linalg.solve(root, half.transpose(0, 2, 1)))
+    factor = root @ (axes * np.sqrt(np.where(size > least, size - 1, 0.0))[:, None, :])
+    return np.asarray(factor @ factor.transpose(0, 2, 1))
+
+
+def _means(values: Array, low: Array, high: Array) -> Array:
+    total = np.concatenate([np.zeros((1, 3, 3)), np.cumsum(values, axis=0)])
+    return np.asarray((total[high] - total[low]) / (high - low)[:, None, None])
+
+
+@dataclass(frozen=True)
+class Compared:
+    """What texture and outline say of each other.
+
+    ``looks`` that were compared; ``excess`` (n, 3, 3) of the texture beyond what it states; ``of_outline`` (m, 3, 3)
+    covariance of the outline; ``lone`` (m, 3, 3) that of pictures which disagree by themselves, where it is not known
+    what is off; ``every`` (m,): looks with neighbours, for weighting one picture in five makes a track jump. All are in
+    the body frame.
+    """
+
+    looks: Looks
+    excess: Array
+    of_outline: Array
+    lone: Array
+    every: NDArray[np.bool_]
+
+    def weighted(self, pose: Array, covariance: Array, registration: Array) -> tuple[Array, Array]:
+        """Poses (n, 3) and covariances (n, 3, 3), of both together where every picture was looked at.
+
+        Given are those of the texture, in the floor frame; ``registration`` (3,) is the usual correction by outlines.
+        """
+        pose, covariance = pose.copy(), covariance + turned_covariance(self.excess, pose[:, 2])
+        at, apart = self.looks.picture[self.every], self.looks.correction[self.every] - registration
+        of_texture = turned_covariance(covariance[at], -pose[at, 2])
+        share = of_texture @ np.linalg.inv(of_texture + self.of_outline[self.every])
+        left = (np.eye(3) - share) @ of_texture
+        covariance[at] = turned_covariance((left + left.transpose(0, 2, 1)) / 2, pose[at, 2])
+        covariance[self.looks.picture] += turned_covariance(self.lone, pose[self.looks.picture, 2])
+        pose[at] = compose(pose[at], np.einsum("nij,nj->ni", share, apart))
+        return pose, covariance
+
+
+def compared(time_s: Array, pose: Array, covariance: Array, looks: Looks, of_edges: Array) -> Compared:
+    """Compare the texture's poses (n, 3) and covariances (n, 3, 3) with looks at the outline.
+
+    ``of_edges`` (3, 3): covariance of an outline whose edges stand off the top's.
+    """
+    at = looks.picture
+    by_texture, by_outline, gain = jumps(time_s, pose, looks)
+    of_outline = outline_noise(pose, looks, by_texture, by_outline, gain) * looks.covariance + of_edges
+    expected = turned_covariance(covariance[at], -pose[at, 2]) + of_outline
+    apart = looks.correction - np.median(looks.correction, axis=0)
+    excess = texture_excess(time_s, apart, expected, looks)
+    single = alone(apart, expected + excess[at])
+    # What jumps in a picture that disagrees by itself is off.
+    of_texture, of_edge = (np.linalg.norm(one[at, :2], axis=1)[:, None, None] for one in (by_texture, by_outline))
+    excess[at] += np.where(of_texture > of_edge, single, 0.0)
+    of_outline += np.where(of_texture < of_edge, single, 0.0)
+    every = np.isfinite(gain[at])
+    return Compared(looks, excess, of_outline, np.where(every[:, None, None], 0.0, single), every)

@@ -1,0 +1,149 @@
+"""Texture and outline: two measurements of one pose."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from painted import POSE, picture, target, texture
+
+from towval.model.geometry import compose, turned_covariance
+from towval.tracking import two_measurements
+from towval.tracking.follow import Follower
+from towval.tracking.outline import OutlineFit
+from towval.tracking.pose import Measurement, Tracker
+from towval.tracking.two_measurements import Compared, EdgeWatch, Looks, alone, jumps, outline_noise, texture_excess
+
+BOX = target()
+PIXEL_M = BOX.metres_per_pixel(POSE)
+GREY = texture(mean=200.0, contrast=10.0)
+SHARP = np.diag([1e-4, 1e-4, 1e-4]) ** 2
+
+
+def looks(picture_numbers, correction, std=1e-4):
+    n = len(picture_numbers)
+    return Looks(
+        np.asarray(picture_numbers), np.asarray(correction, dtype=float), np.tile(std**2 * np.eye(3), (n, 1, 1))
+    )
+
+
+def test_a_covariance_turns_with_the_frame():
+    turned = turned_covariance(np.diag([4.0, 1.0, 9.0]), np.array([0.0, np.pi / 2]))
+    assert turned[0] == pytest.approx(np.diag([4.0, 1.0, 9.0]))
+    assert turned[1] == pytest.approx(np.diag([1.0, 4.0, 9.0]))
+
+
+def test_what_two_measurements_disagree_by_is_the_deviation_of_one_around_that_time():
+    time_s, expected = np.arange(200) / 25, np.tile(1e-8 * np.eye(3), (200, 1, 1))
+    apart = np.random.default_rng(1).normal(0, 1e-4, (200, 3))
+    apart[50:100, 0] += 2e-3
+    excess = texture_excess(time_s, apart, expected, looks(np.arange(200), apart))
+    assert np.sqrt(excess[75, 0, 0]) == pytest.approx(2e-3, rel=0.1)
+    assert excess[75, 1, 1] < 0.01 * excess[75, 0, 0]
+    assert not excess[:30].any()
+    assert not excess[120:].any()
+
+
+@pytest.mark.parametrize(("deviations", "counts"), [(2.5, False), (4.0, True)])
+def test_many_looks_at_the_same_edges_are_no_more_than_one(deviations, counts):
+    apart = np.tile([deviations * 1e-4, 0, 0], (100, 1))
+    expected = np.tile(1e-8 * np.eye(3), (100, 1, 1))
+    excess = texture_excess(np.arange(100) / 25, apart, expected, looks(np.arange(100), apart))
+    assert excess.any() == counts
+
+
+def test_a_single_picture_that_disagrees_counts_by_itself():
+    apart = np.array([[0, 1e-3, 0], [0, 3e-4, 0]])
+    excess = alone(apart, np.tile(1e-8 * np.eye(3), (2, 1, 1)))
+    assert np.sqrt(excess[0, 1, 1]) == pytest.approx(1e-3, rel=0.01)
+    assert not excess[1].any()
+
+
+def test_poses_are_weighted_by_what_each_knows():
+    pose, correction = np.array([[1.0, 2.0, np.pi / 2], [0.0, 0.0, 0.0]]), np.array([[3e-3, 0.0, 0.0]])
+    own, other = np.diag([4e-6, 1e-6, 1e-6]), np.diag([2e-6, 1e-6, 1e-6])
+    covariance = np.array([turned_covariance(own, np.array(np.pi / 2)), own])
+    one = Compared(looks([0], correction), np.zeros((2, 3, 3)), other[None], np.zeros((1, 3, 3)), np.array([True]))
+    found, left = one.weighted(pose, covariance, np.zeros(3))
+    # 4 / (4 + 2) of three millimetres along the body's x, which is the floor's y.
+    assert found[0] == pytest.approx([1.0, 2.002, np.pi / 2])
+    assert turned_covariance(left[0], np.array(-np.pi / 2)) == pytest.approx(
+        np.linalg.inv(np.linalg.inv(own) + np.linalg.inv(other)), abs=1e-12
+    )
+    assert found[1] == pytest.approx(pose[1])
+    assert left[1] == pytest.approx(own)
+
+
+@pytest.mark.parametrize("jerk_m", [0.0, 2e-3])
+def test_noise_of_the_outline_is_found_through_any_motion(jerk_m):
+    rng, n = np.random.default_rng(2), 400
+    time_s = np.arange(n) / 25
+    pose = np.zeros((n, 3))
+    pose[:, 0] = 0.1 * time_s + jerk_m * rng.standard_normal(n)
+    noisy = 3e-4 * rng.standard_normal((n, 3))
+    for seen, factor in ((looks(np.arange(n), noisy), 9), (looks(np.arange(0, n, 5), noisy[::5]), 1)):
+        assert outline_noise(pose, seen, *jumps(time_s, pose, seen)) == pytest.approx(factor, rel=0.3)
+
+
+class Lying(Tracker):
+    """Finds the texture where it is, or beside that by ``lie``."""
+
+    def __init__(self):
+        self.at, self.lie = POSE, np.zeros(3)
+
+    def measure(self, luma, predicted, velocity=None):
+        return Measurement(compose(self.at, self.lie), SHARP)
+
+
+def test_the_outline_is_looked_at_in_each_fifth_picture_and_in_all_while_it_disagrees(monkeypatch):
+    watch, tracker, looked = EdgeWatch(BOX), Lying(), []
+    off = np.zeros(3)
+    monkeypatch.setattr(
+        two_measurements,
+        "observe_outline",
+        lambda luma, own, pose, wide=False: looked.append(now) or OutlineFit(off, SHARP),
+    )
+
+    def see(i):
+        nonlocal now
+        now = i
+        return watch.look(i, i / 25, None, Measurement(POSE, SHARP), POSE, tracker, False)
+
+    now = 0
+    for i in range(50):
+        _, _, apart = see(i)
+        assert not apart
+    assert np.diff(looked).tolist() == [5] * 9
+    off, looked[:] = np.array([3 * PIXEL_M, 0, 0]), []
+    for i in range(50, 60):
+        see(i)
+    assert sorted(set(looked)) == list(range(54, 60))
+
+
+def followed(lies):
+    """A box on its way whose texture lies in some pictures: how far it is off then [px], and the findings."""
+    tracker, luma = Lying(), picture(BOX, grey=GREY)
+    corners = BOX.pixels(BOX.body.top_corners_m, POSE)
+    follower = Follower(BOX, 0.0, luma, corners, lambda *_: tracker, 0.2)
+    follower.relocaliser = SimpleNamespace(find=lambda _: None)
+    follower.lookalikes = SimpleNamespace(candidates=lambda _: [], rivals=lambda *_: [], has_twin=False)
+    for i in range(1, 130):
+        moved = compose(POSE, np.array([1e-3 * i, 0, 0]))
+        tracker.at = moved
+        tracker.lie = np.array([1.5 * PIXEL_M * (i in lies), 0, 0])
+        follower.follow(i / 25, picture(BOX, moved, GREY))
+    track = follower.track("scripted")
+    true = np.array([compose(POSE, np.array([1e-3 * i, 0, 0])) for i in range(130)])
+    off_px = np.linalg.norm((track.pose - true)[:, :2], axis=1) / PIXEL_M
+    return off_px, {found.code for found in track.findings}
+
+
+def test_a_texture_that_lies_is_outvoted_by_the_edges_and_reported():
+    off_px, codes = followed(range(60, 100))
+    assert off_px[70:100].max() < 0.3
+    assert "texture_unsure" in codes
+
+
+def test_a_texture_that_jumps_in_one_picture_is_outvoted_there():
+    off_px, codes = followed([80])
+    assert off_px.max() < 0.3
+    assert "texture_unsure" not in codes
