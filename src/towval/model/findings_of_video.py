@@ -1,8 +1,39 @@
-"""The rows of the table of findings about the times of a video's pictures."""
+"""The rows of the table of findings about a video: its camera, its coding, the times of its pictures."""
 
 from towval.model.findings import NONE, NOT_JUDGED, NOTE, WARNING, Consequence, FindingType, register
 
 register(  # track
+    FindingType(
+        "texture_unsure", "track", WARNING, Consequence(widens=("tracking",)),
+        "Texture and outline of the top of {name} disagree by {std_mm:.1f} mm: compression, focus, or something in the "
+        "way. Its poses are between them, and as uncertain. Film at a higher bit rate, with the focus fixed.",
+    ),
+    FindingType(
+        "camera_moved", "track", NOTE, NONE,
+        "The camera moved: the floor is displaced by up to {shift_px:.1f} px, from {time_s:.2f} s on. The poses are "
+        "corrected by it (deviation of the correction {std_px:.2f} px).",
+    ),
+    FindingType(
+        "camera_moved_before", "track", NOTE, NONE,
+        "The camera moved between the pictures of the floor and the video: the floor is displaced by {shift_px:.1f} "
+        "px. The poses are corrected by it (deviation of the correction {std_px:.2f} px).",
+    ),
+    FindingType(
+        "floor_not_recognised", "track", WARNING, NOT_JUDGED,
+        "The floor of the video's first picture is found in {found} of {pictures} pictures of the floor: camera or "
+        "zoom changed since the calibration, or the floor did. Poses may be off by any amount; photograph the floor "
+        "board again with the camera as it films.",
+    ),
+    FindingType(
+        "camera_not_registered", "track", WARNING, NOT_JUDGED,
+        "In {percent:.1f} % of the pictures the floor could not be found again (longest time {gap_s:.2f} s, from "
+        "{time_s:.2f} s on): the camera moved too far, or the floor was hidden. Poses there are not known; fix the "
+        "camera and film again.",
+    ),
+    FindingType(
+        "camera_not_watched", "track", NOTE, NONE,
+        "The floor shows too little texture to detect a motion of the camera. Poses are right only if it stood still.",
+    ),
     FindingType(
         "pictures_missing", "track", NOTE, NONE,
         "By the stamps {count} pictures are missing (longest step {gap_s:.2f} s).",
