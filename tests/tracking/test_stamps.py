@@ -49,6 +49,21 @@ def test_dropped_pictures_under_even_stamps_are_found(share, seed):
     assert "stamps_contradicted" in codes(filmed(EVEN[kept], EVEN[: len(kept)], seed=seed))
 
 
+@pytest.mark.parametrize(("rest_s", "lost"), [(0, 60), (0, 61), (0, 103), (3.4, 120)])
+def test_a_single_lost_picture_is_found_while_the_motion_changes(rest_s, lost):
+    """One body slips and sticks, as a towed one does, or rests; the other alone says no more than that it leapt."""
+    kept = np.delete(np.arange(250), [lost])
+
+    def slipping(true_s):
+        tracks = filmed(true_s, EVEN[: len(true_s)], speeds=(0.15, 0.0))
+        along = 0.12 * (true_s - np.sin(16 * true_s) / 16) * (true_s > rest_s)
+        pose = tracks["object"].pose + along[:, None] * [1, 0, 0]
+        return tracks | {"object": replace(tracks["object"], pose=pose)}
+
+    assert codes(slipping(EVEN)) == []
+    assert codes(slipping(EVEN[kept])) == ["stamps_contradicted"]
+
+
 @pytest.mark.parametrize("share", [0.02, 0.1])
 def test_repeated_pictures_that_fill_a_loss_are_left_out(share):
     rng = np.random.default_rng(3)

@@ -27,6 +27,8 @@ class StampConstants:
     agree: float = 0.2  # Difference of this share between bodies.
     repeated: float = 0.1  # Of a step, below which the picture was repeated.
     leap: float = 3.0  # Of a body's usual speed, at which it leaves a rest only where the picture had been frozen.
+    dropped: float = 10.0  # Times as well that all bodies fit a smooth curve with a step more: 7 is the most by chance,
+    unlike: float = 25.0  # where without it they miss it by so many times their usual misfit, squared.
     least_alone: int = 3  # Jumps where a single body moves: fewer can be its own.
     jitter_s: float = 0.002  # [s] Deviation of a stamp that is reported.
     least_steps: int = 30  # In which two bodies move, for the deviation of stamps to be known.
@@ -39,6 +41,7 @@ class StampConstants:
 
 CONSTANTS = StampConstants()
 
+_SIDE = 4  # Pictures on each side of a step through which a cubic is laid.
 _ROUNDS = 4  # Of looking for repeated pictures: several of them side by side hide each other.
 
 
@@ -59,7 +62,7 @@ def check_stamps(tracks: Mapping[str, Track]) -> tuple[dict[str, Track], tuple[F
         share, moving = _shares(tracks, repeated)
     if repeated.any():
         findings.append(finding("pictures_repeated", count=int(repeated.sum()), time_s=time_s[repeated][0]))
-    leaps, jumps = _leaps(tracks, ~repeated), _common(share, moving)
+    leaps, jumps = _leaps(tracks, ~repeated) | _dropped(tracks, ~repeated), _common(share, moving)
     if _enough(jumps, moving) or leaps.any():
         jumps |= leaps
         at_s = time_s[~repeated][:-1][jumps]
@@ -174,6 +177,40 @@ def _leaps(tracks: Mapping[str, Track], kept: NDArray[np.bool_]) -> NDArray[np.b
         found.append((leap, moves))
     leaps, moving = (np.array(rows) for rows in zip(*found, strict=True))
     return np.asarray(leaps.any(axis=0) & (leaps == moving).all(axis=0))
+
+
+def _dropped(tracks: Mapping[str, Track], kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Steps (n,) in which a picture or two were lost under even stamps, while the motion changes, too.
+
+    A cubic through the eight pictures around a step follows any motion, but not one that leaps ahead by what it does in
+    a step. All bodies have to fit it better, together, where the step is taken for two or three.
+    """
+    time_s = next(iter(tracks.values())).time_s[kept]
+    count = len(time_s) - 2 * _SIDE + 1
+    dropped = np.zeros(max(len(time_s) - 1, 0), dtype=bool)
+    if count < CONSTANTS.least_steps:
+        return dropped
+    index = np.arange(count)[:, None] + np.arange(2 * _SIDE)
+    misfit = np.zeros((3, count))
+    for track in tracks.values():
+        place = np.where(track.seen[:, None], track.pose[:, :2], np.nan)[kept]
+        own = np.array([_misfit(time_s[index], place[index], extra) for extra in range(3)])
+        if np.isfinite(own[0]).any():
+            noise = np.median(track.covariance[track.seen, 0, 0])
+            # Eight pictures leave four degrees of freedom in each coordinate.
+            misfit += np.nan_to_num(own / (np.nanmedian(own[0]) + 2 * _SIDE * noise))
+    better = misfit[0] > CONSTANTS.dropped * misfit[1:].min(axis=0)
+    dropped[_SIDE - 1 : _SIDE - 1 + count] = better & (misfit[0] > CONSTANTS.unlike)
+    return dropped
+
+
+def _misfit(time_s: Array, place: Array, extra: int) -> Array:
+    """Sum of squares (m,) about cubics through places (m, 8, 2), the middle step being so many usual ones longer."""
+    since = time_s - time_s[:, :1]
+    since[:, _SIDE:] += extra * np.median(np.diff(time_s, axis=1), axis=1)[:, None]
+    basis, _ = np.linalg.qr((since / since[:, -1:])[:, :, None] ** np.arange(4))
+    left = place - basis @ (basis.transpose(0, 2, 1) @ place)
+    return np.asarray(np.sum(left**2, axis=(1, 2)))
 
 
 def _enough(jumps: NDArray[np.bool_], moving: NDArray[np.bool_]) -> bool:
