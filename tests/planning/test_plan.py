@@ -24,14 +24,15 @@ from towval.io.plan_files import (
 )
 from towval.io.records import read_simulated
 from towval.io.ros import stamped_pose
-from towval.model import TimedPath
+from towval.io.schema import check, packaged_schema
+from towval.model import Sliding, TimedPath
 from towval.model.errors import InputError
 from towval.model.geometry import compose, transform
 from towval.physics.quasistatic import quasistatic_plan
 from towval.planning import paths
 from towval.planning.plan import close_loop, hinge_of_poses, tow
 from towval.planning.planner import PlanOutcome
-from towval.planning.scene import resting_patch
+from towval.planning.scene import friction_under, plan_scene, resting_patch
 
 SAMPLE = Path(__file__).parents[2] / "data_samples" / "lab_small"
 STEP_S = 0.2
@@ -244,27 +245,37 @@ def test_the_command_line_plans_for_the_object_of_a_campaign(tmp_path, capsys):
     assert np.abs(read_simulated(Path(towed)).pose[-1] - _last_object_pose(table))[:2].max() < 0.01
 
 
-@pytest.mark.parametrize(
-    ("section", "key", "value"),
-    [
-        ("rover", "tether_hinge_height_m", 0.2),
-        ("object", "tether_anchor_height_m", 0.1),
-        ("floor", "slope_mm_per_m", [0.0, 2.0]),
-        ("friction", "across_over_along", 1.1),
-    ],
-)
-def test_what_planning_leaves_out_is_refused_by_its_key(tmp_path, capsys, section, key, value):
+def test_a_plan_knows_heights_and_slope_of_a_campaign(tmp_path):
+    """Along the line, uphill all the way: T cos = μ (N − T sin) + m g s, to what μ(v) at that speed leaves."""
     lab = tmp_path / "lab"
     shutil.copytree(SAMPLE, lab)
     document = yaml.safe_load((lab / "campaign.yaml").read_text())
-    document[section][key] = value
-    (lab / "campaign.yaml").write_text(yaml.safe_dump(document))
-    plan = tmp_path / "plan.mcap"
-    arguments = ["--path", "circle", "--campaign", str(lab), "-o", str(plan), "--csv", str(tmp_path / "plan.csv")]
-    with pytest.raises(SystemExit):
-        main(["plan", str(WORKFLOW / "plan.yaml"), *arguments])
-    assert f"{section}.{key}" in capsys.readouterr().err
-    assert not plan.exists()
+    pulls = []
+    for slope, rise in ((0.0, 0.0), (0.02, 0.2)):
+        document["floor"]["slope_mm_per_m"] = [float(1e3 * slope / np.sqrt(2))] * 2
+        document["rover"]["tether_hinge_height_m"] = rise
+        (lab / "campaign.yaml").write_text(yaml.safe_dump(document))
+        files = ["-o", str(tmp_path / "plan.mcap"), "--csv", str(tmp_path / "plan.csv")]
+        main(["plan", str(WORKFLOW / "plan.yaml"), "--path", "line", "--campaign", str(lab), *files])
+        force = pd.read_csv(tmp_path / "plan.csv")[["tether_force_x_n", "tether_force_y_n"]].to_numpy()
+        pulls.append(np.linalg.norm(force[-1]))
+    weight = 5.8 * 9.81
+    mu, tangent = pulls[0] / weight, 0.2 / np.sqrt((0.6 + pulls[0] / 800) ** 2 - 0.2**2)
+    assert pulls[1] == pytest.approx(weight * (mu + 0.02) / (1 + mu * tangent), rel=0.02)
+    assert abs(pulls[1] / pulls[0] - 1) > 0.04
+
+
+def test_a_scene_has_keys_for_what_leaves_the_plane():
+    document = quick_plan()
+    document["cube"] |= {"anchor_height_m": 0.1, "centre_of_mass_height_m": 0.2}
+    document["rover"] |= {"hinge_height_m": 0.15}
+    document |= {"slope_mm_per_m": [1.0, -2.0], "tether": document["tether"] | {"mass_kg_per_m": 0.01}}
+    check(document, packaged_schema("plan.schema.yaml"), "plan.yaml")
+    scene = plan_scene(document)
+    assert (scene.cube.anchor_height, scene.cube.centre_of_mass_height, scene.hinge_height) == (0.1, 0.2, 0.15)
+    assert scene.ground.slope.tolist() == [0.001, -0.002]
+    assert scene.tether.mass_per_length == 0.01
+    assert isinstance(friction_under(scene), Sliding)
 
 
 def test_a_plan_with_which_the_rover_does_not_arrive_is_refused_and_not_written(tmp_path, capsys):

@@ -15,14 +15,14 @@ from towval.io.provenance import provenance
 from towval.io.records import write_simulated
 from towval.io.schema import check, packaged_schema
 from towval.io.yaml_text import read_yaml
-from towval.model import Array, SimulatedMotion, TimedPath, TowingScene
+from towval.model import Array, SimulatedMotion, TimedPath
 from towval.model.errors import InputError, RefusedError
 from towval.physics.mass import towed_object
 from towval.physics.quasistatic import quasistatic_plan
 from towval.planning.paths import Curve, through_points, timed
 from towval.planning.plan import close_loop, hinge_of_poses, tow
 from towval.planning.planner import PlanCase, PlanOutcome
-from towval.planning.scene import PlanScene, plan_scene, resting_patch
+from towval.planning.scene import PlanScene, friction_under, plan_scene
 
 _REPORT_STRIDE = 10
 """Steps of the planner per reported pose of the object."""
@@ -55,11 +55,14 @@ def run(
         When the rover does not arrive; no plan is written then.
     """
     given = _scene(scene, campaign)
-    patch, path = resting_patch(given), _wanted(given, wanted)
-    nominal = quasistatic_plan(given.cube, patch, path, given.tether, times=_planner_times(given, path))
+    law, path, tether = friction_under(given), _wanted(given, wanted), given.tether
+    ground, height = given.ground, given.hinge_height
+    times = _planner_times(given, path)
+    nominal = quasistatic_plan(given.cube, law, path, tether, times=times, ground=ground, hinge_height=height)
     loop = close_loop(
-        nominal, given.cube, patch, given.tether, given.rover, given.planner, report_stride=_REPORT_STRIDE
-    )
+        nominal, given.cube, law, tether, given.rover, given.planner, report_stride=_REPORT_STRIDE, ground=ground,
+        hinge_height=height,
+    )  # fmt: skip
     found = (*nominal.findings, *loop.rover.findings, *loop.towed.findings)
     if loop.rover.outcome is not PlanOutcome.ARRIVED:
         raise RefusedError(f"the rover does not arrive: {loop.rover.outcome}", remedy=loop.rover.advice)
@@ -123,7 +126,10 @@ def run_tow(
     times, poses = read_rover_poses(recording)
     hinge = hinge_of_poses(poses, given.rover)
     start = read_object_start(recording)
-    motion = tow(times, hinge, given.cube, resting_patch(given), given.tether, start_pose=start, stride=_REPORT_STRIDE)
+    motion = tow(
+        times, hinge, given.cube, friction_under(given), given.tether, start_pose=start, stride=_REPORT_STRIDE,
+        ground=given.ground, hinge_height=given.hinge_height,
+    )  # fmt: skip
     write_simulated(output, motion, provenance("tow", scene, {recording.name: recording}))
     moved_m = float(np.linalg.norm(np.diff(motion.pose[:, :2], axis=0), axis=1).sum())
     text = f"{motion.outcome}; the object moves {moved_m:.2f} m in {np.ptp(times):.1f} s"
@@ -149,32 +155,11 @@ def _scene(document: Mapping[str, Any], campaign: Path | None) -> PlanScene:
     if campaign is None:
         return given
     lab = load_campaign(campaign).scene
-    _refuse_what_planning_leaves_out(lab)
     rover = replace(given.rover, hinge=lab.hinge)
     return replace(
-        given, cube=towed_object(lab), friction=lab.friction, tether=lab.tether, rover=rover, ground=lab.ground
-    )
-
-
-def _refuse_what_planning_leaves_out(lab: TowingScene) -> None:
-    """A plan rests on the planar model: what only the tow in three dimensions has would be left out without a word."""
-    stated = {
-        "rover.tether_hinge_height_m": lab.hinge_height,
-        "object.tether_anchor_height_m": lab.anchor_height,
-        "floor.slope_mm_per_m": float(np.abs(lab.ground.slope).max()),
-        "friction.regions": len(lab.ground.regions),
-        "friction.across_over_along": lab.friction.across_over_along - 1,
-        "friction.radius_over_planar": lab.friction.radius_over_planar - 1,
-        "tether.stiffening": lab.tether.stiffening,
-    }
-    left_out = [key for key, value in stated.items() if value]
-    if left_out:
-        raise RefusedError(
-            "planning has no model yet for what campaign.yaml states",
-            got=", ".join(left_out),
-            allowed="a tow in the plane of a level floor, with the same friction all over and in all directions",
-            remedy="plan with a copy of the campaign without these keys, and simulate the tow to see what they change",
-        )
+        given, cube=towed_object(lab), friction=lab.friction, tether=lab.tether, rover=rover, ground=lab.ground,
+        hinge_height=lab.hinge_height,
+    )  # fmt: skip
 
 
 def _wanted(scene: PlanScene, wanted: str) -> TimedPath:

@@ -181,7 +181,7 @@ def feedback(
     """
     times = checked_times(times)
     drive = spline_covering(hinge, times, "the way of the hinge")
-    in_space = _in_space(towed, law, tether, ground, hinge_height, sticking)
+    in_space = leaves_plane(towed, law, tether, ground, hinge_height, sticking)
     y = centre_state(towed, start_pose, start_twist)
     if in_space:
         return _spatial_motion(towed, (law, tether, ground, hinge_height, sticking), drive, False, y, times, accuracy)
@@ -227,7 +227,7 @@ def feedforward(
     times = checked_times(times)
     drive = spline_covering(force, times, "the force")
     instance_of(towed, "towed", TowedObject)
-    in_space = _in_space(towed, law, _NO_TETHER, ground, towed.anchor_height, sticking)
+    in_space = leaves_plane(towed, law, _NO_TETHER, ground, towed.anchor_height, sticking)
     start, stronger = centre_state(towed, start_pose, start_twist), _stronger(drive)
     if in_space:
         given = law, _NO_TETHER, ground, towed.anchor_height, sticking
@@ -256,7 +256,7 @@ def _with_open_loop_finding(motion: SimulatedMotion, moved: SimulatedMotion) -> 
     return replace(motion, findings=(*motion.findings, found))
 
 
-def _in_space(
+def leaves_plane(
     towed: TowedObject,
     law: Sliding | FrictionLaw | SlidingPatch,
     tether: Tether,

@@ -121,7 +121,7 @@ def _lay_velocities(spline: Spline, t: float, h: float, piece: int, nodes: Array
         time = t + 0.5 * h * (1 + _NODES[j])
         piece = piece_at(knots, time, piece)
         goes_on = piece < last_piece or time < knots[-1]
-        vx, vy = _moving_velocity(spline_at(knots, spline.coefficients, time, piece), goes_on)
+        vx, vy = moving_velocity(spline_at(knots, spline.coefficients, time, piece), goes_on)
         nodes[_VX, j], nodes[_VY, j] = vx, vy
         fastest = max(fastest, vx * vx + vy * vy)
     return math.sqrt(fastest)
@@ -284,7 +284,7 @@ def _solve_reported(
         piece = piece_at(spline.knots, times[i], piece)
         place = spline_at(spline.knots, spline.coefficients, times[i], piece)
         goes_on = piece < len(spline.coefficients) - 1 or times[i] < spline.knots[-1]
-        vx, vy = _moving_velocity(place, goes_on)
+        vx, vy = moving_velocity(place, goes_on)
         cos, sin = math.cos(plan.pose[i, 2]), math.sin(plan.pose[i, 2])
         guess, ux, uy = plan.twist[i, 2], cos * vx + sin * vy, cos * vy - sin * vx
         plan.twist[i, 2], _, fx, fy, _, _ = balanced_rate(patch, geometry, ux, uy, guess, False)
@@ -318,7 +318,7 @@ def _assemble(
 
 
 @compiled(allocates=False)
-def _moving_velocity(place: Place, goes_on: bool) -> tuple[float, float]:
+def moving_velocity(place: Place, goes_on: bool) -> tuple[float, float]:
     """Velocity of the path; where it rests, a creep in the direction in which it will move (or has moved)."""
     _, _, vx, vy, ax, ay = place
     speed = math.sqrt(vx * vx + vy * vy)

@@ -19,16 +19,18 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
-from towval.model import Array, Finding, FrictionLaw, Tether, TimedPath, TowedObject, locked
-from towval.model.checks import instance_of, short_repr
+from towval.model import Array, Finding, FrictionLaw, Ground, Sliding, Tether, TimedPath, TowedObject, locked
+from towval.model.checks import short_repr
 from towval.model.errors import InputError
 from towval.model.findings import finding
 from towval.model.geometry import inside_polygon
 from towval.physics.balanced_rate import ROOT_CHOSEN, ROOT_LOST
-from towval.physics.contact import footprint_size, resting_pressure
+from towval.physics.contact import footprint_polygon, footprint_size, refuse_tipping, resting_pressure
+from towval.physics.dynamics import LEVEL, leaves_plane
 from towval.physics.heading import Plan, follow
+from towval.physics.spatial.problem import as_sliding, tow_problem
+from towval.physics.spatial.steady import follow_in_space
 from towval.physics.splines import Spline, spline_covering, spline_values
-from towval.physics.tether import refuse_beyond_plane
 from towval.physics.wrench import SlidingPatch, sliding_patch
 
 if TYPE_CHECKING:
@@ -72,13 +74,15 @@ class QuasistaticMotion:
 
 def quasistatic_plan(
     towed: TowedObject,
-    law: FrictionLaw | SlidingPatch,
+    law: Sliding | FrictionLaw | SlidingPatch,
     path: TimedPath | CubicSpline,
     tether: Tether,
     *,
     point: ArrayLike = (0.0, 0.0),
     start_heading: float | None = None,
     times: ArrayLike | None = None,
+    ground: Ground = LEVEL,
+    hinge_height: float = 0.0,
 ) -> QuasistaticMotion:
     """Plan the tow that moves a point of the object along a path, without inertia.
 
@@ -86,8 +90,9 @@ def quasistatic_plan(
 
     Parameters
     ----------
-    law : FrictionLaw or SlidingPatch
-        Friction of the whole footprint, or a patch prepared with its own pressure, friction and method.
+    law : Sliding, FrictionLaw or SlidingPatch
+        Friction of the whole footprint, or a patch prepared with its own pressure, friction and method, which serves
+        the plane alone.
     path : TimedPath or CubicSpline
         Way of the tracked point P over the floor in time [m]; a path is splined.
     point : array_like (2,), optional
@@ -97,11 +102,15 @@ def quasistatic_plan(
         it starts as it will settle.
     times : array_like (n,), optional
         When to report [s]; those of the path if not given.
+    ground, hinge_height
+        As in :func:`towval.physics.dynamics.feedback`.
 
     Raises
     ------
     InputError
-        When the path never moves or does not cover the times, or the tow leaves the plane of the floor.
+        When the path never moves or does not cover the times.
+    RefusedError
+        When the object tips over on its way.
 
     Examples
     --------
@@ -114,18 +123,23 @@ def quasistatic_plan(
     array([[0.8172, 0.    ],
            [1.8172, 0.    ]])
     """
-    instance_of(towed, "towed", TowedObject)
-    instance_of(tether, "tether", Tether)
-    refuse_beyond_plane("the quasi-static model", towed, tether)
+    in_space = leaves_plane(towed, law, tether, ground, hinge_height, None)
     times = _times_of(path, times)
     spline = spline_covering(path, times, "the path")
-    patch = law if isinstance(law, SlidingPatch) else sliding_patch(resting_pressure(towed), law)
     point = locked(point, "point", (2,))
     if start_heading is None:
         start_heading = _settled_heading(spline, times[0], towed.anchor - point)
-    levers = np.concatenate([point, towed.anchor, [tether.rest_length, tether.stiffness]])
     plan = Plan(*(np.zeros((len(times), width)) for width in (3, 3, 2, 2, 2)), *np.zeros((2, len(times))))
-    panels, solves, error = follow(patch, levers, spline, times, float(start_heading), plan)
+    if isinstance(law, SlidingPatch) or not in_space:
+        patch = law if isinstance(law, SlidingPatch) else _resting_patch(towed, as_sliding(law), ground)
+        levers = np.concatenate([point, towed.anchor, [tether.rest_length, tether.stiffness]])
+        panels, solves, error = follow(patch, levers, spline, times, float(start_heading), plan)
+        statistics = {"panels": float(panels), "solves": float(solves), "heading_error_rad": error}
+    else:
+        refuse_tipping(footprint_polygon(towed.patch), towed.centre_of_mass, footprint_size(towed.patch))
+        problem = tow_problem(towed, as_sliding(law), tether, ground, hinge_height, spline)
+        levers = np.concatenate([point, np.zeros(2)]) - np.tile(towed.centre_of_mass, 2)
+        statistics = follow_in_space(problem, levers, times, float(start_heading), plan)
     findings = (*_root_findings(times, plan.status, plan.moment), *_cable_findings(towed, times, plan.direction))
     for array in plan:
         array.setflags(write=False)  # So the motion need not copy it.
@@ -138,8 +152,12 @@ def quasistatic_plan(
         hinge=TimedPath(times, plan.hinge),
         residual_moment=np.where(plan.status == ROOT_LOST, plan.moment, 0.0),
         findings=findings,
-        statistics={"panels": float(panels), "solves": float(solves), "heading_error_rad": error},
+        statistics=statistics,
     )
+
+
+def _resting_patch(towed: TowedObject, sliding: Sliding, ground: Ground) -> SlidingPatch:
+    return sliding_patch(resting_pressure(towed, ground.gravity), sliding.law)
 
 
 def _times_of(path: TimedPath | CubicSpline, times: ArrayLike | None) -> Array:

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from towval.model import Array, FrictionLaw, SimulatedMotion, Tether, TimedPath, TowedObject
+from towval.model import Array, FrictionLaw, Ground, SimulatedMotion, Sliding, Tether, TimedPath, TowedObject
 from towval.model.errors import InputError
 from towval.model.geometry import transform
-from towval.physics.dynamics import feedback
+from towval.physics.dynamics import LEVEL, feedback
 from towval.physics.quasistatic import QuasistaticMotion
 from towval.physics.wrench import SlidingPatch
 from towval.planning.kinematics import Rover
@@ -36,12 +36,14 @@ class ClosedLoop:
 def close_loop(
     nominal: QuasistaticMotion,
     towed: TowedObject,
-    law: FrictionLaw | SlidingPatch,
+    law: Sliding | FrictionLaw | SlidingPatch,
     tether: Tether,
     rover: Rover,
     settings: PlannerSettings,
     *,
     report_stride: int = 1,
+    ground: Ground = LEVEL,
+    hinge_height: float = 0.0,
 ) -> ClosedLoop:
     """Plan the rover along the nominal path of the hinge and tow the object behind it.
 
@@ -51,7 +53,7 @@ def close_loop(
     ----------
     nominal : QuasistaticMotion
         In equal time steps, which the planner adopts.
-    towed, law, tether, rover, settings
+    towed, law, tether, rover, settings, ground, hinge_height
         As in :func:`tow` and :func:`towval.planning.planner.plan_rover`.
     report_stride : int, optional
         Use every so many rows of the plan as knots of the hinge's trajectory, and report there.
@@ -71,6 +73,8 @@ def close_loop(
         start_pose=nominal.pose[0],
         start_twist=nominal.twist[0],
         stride=report_stride,
+        ground=ground,
+        hinge_height=hinge_height,
     )
     return ClosedLoop(plan, motion, deviation_rms(motion.pose[:, :2], nominal.pose[:, :2]))
 
@@ -79,12 +83,14 @@ def tow(
     times: ArrayLike,
     hinge: ArrayLike,
     towed: TowedObject,
-    law: FrictionLaw | SlidingPatch,
+    law: Sliding | FrictionLaw | SlidingPatch,
     tether: Tether,
     *,
     start_pose: ArrayLike,
     start_twist: ArrayLike = (0.0, 0.0, 0.0),
     stride: int = 1,
+    ground: Ground = LEVEL,
+    hinge_height: float = 0.0,
 ) -> SimulatedMotion:
     """Tow an object behind a hinge that passes through given points: of a plan, a track or any recording of poses.
 
@@ -92,12 +98,14 @@ def tow(
     ----------
     times, hinge : array_like (n,), (n, 2)
         Times [s] and points [m].
-    law : FrictionLaw or SlidingPatch
+    law : Sliding, FrictionLaw or SlidingPatch
         Friction of its footprint, or the patch prepared with it.
     start_pose, start_twist : array_like (3,)
         First pose of the object [m, m, rad] and its velocity [m/s, m/s, rad/s], at rest by default.
     stride : int, optional
         Use every so many points, and the last, and report at their times.
+    ground, hinge_height
+        As in :func:`towval.physics.dynamics.feedback`.
 
     Raises
     ------
@@ -109,7 +117,10 @@ def tow(
     if len(rows) < 2:
         raise InputError("the rover's plan ends before it moves", got="one pose", remedy="see the advice of the plan")
     path = TimedPath(times[rows], hinge[rows])
-    return feedback(towed, law, tether, path, start_pose, path.time_s, start_twist=start_twist)
+    return feedback(
+        towed, law, tether, path, start_pose, path.time_s, start_twist=start_twist, ground=ground,
+        hinge_height=hinge_height,
+    )  # fmt: skip
 
 
 def hinge_of_poses(pose: ArrayLike, rover: Rover) -> Array:

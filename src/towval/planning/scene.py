@@ -1,15 +1,16 @@
 """The scene of a plan: object, tether, rover, planner and curves, from ``plan.yaml``."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from towval.model import Array, FrictionSpecification, Ground, Patch, Tether, TowedObject
+from towval.model import Array, FrictionSpecification, Ground, Patch, Sliding, Tether, TowedObject
 from towval.model.geometry import polygon_area, polygon_centroid
 from towval.physics.contact import pressure_plane
 from towval.physics.friction_laws import fitted_law
+from towval.physics.spatial.tow import is_planar
 from towval.physics.wrench import SlidingPatch, sliding_patch
 from towval.planning import paths
 from towval.planning.kinematics import Rover, symmetric_rover
@@ -22,7 +23,7 @@ class PlanScene:
 
     ``cube`` is the towed object; ``friction`` the four numbers of its law; ``planner_step`` the time step of the
     rover's control [s]; ``curves`` the desired paths by name; ``duration`` [s] of a path without times;
-    ``ground``.
+    ``ground``; ``hinge_height`` above the floor [m].
     """
 
     cube: TowedObject
@@ -34,6 +35,7 @@ class PlanScene:
     curves: dict[str, paths.Curve]
     duration: float
     ground: Ground = field(default_factory=Ground, kw_only=True)
+    hinge_height: float = field(default=0.0, kw_only=True)
 
 
 def plan_scene(plan: Mapping[str, Any]) -> PlanScene:
@@ -42,9 +44,15 @@ def plan_scene(plan: Mapping[str, Any]) -> PlanScene:
     half = load["side_m"] / 2
     square = half * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     return PlanScene(
-        cube=towed_object(square, load["mass_kg"], load["centre_of_mass_m"], load["anchor_m"]),
+        cube=replace(
+            towed_object(square, load["mass_kg"], load["centre_of_mass_m"], load["anchor_m"]),
+            anchor_height=load.get("anchor_height_m", 0.0),
+            centre_of_mass_height=load.get("centre_of_mass_height_m", 0.0),
+        ),
         friction=friction_of(plan["friction"]),
-        tether=Tether(tether["rest_length_m"], tether["stiffness_n_m"]),
+        tether=Tether(
+            tether["rest_length_m"], tether["stiffness_n_m"], mass_per_length=tether.get("mass_kg_per_m", 0.0)
+        ),
         rover=symmetric_rover(
             rover["wheelbase_m"],
             rover["track_m"],
@@ -65,7 +73,10 @@ def plan_scene(plan: Mapping[str, Any]) -> PlanScene:
         planner_step=planner["time_step_s"],
         curves=_curves(plan["curves"]),
         duration=plan["quasi_static"]["duration_s"],
-        ground=Ground(gravity=plan.get("gravity_m_s2", 9.81)),
+        ground=Ground(
+            gravity=plan.get("gravity_m_s2", 9.81), slope=1e-3 * np.array(plan.get("slope_mm_per_m", (0.0, 0.0)))
+        ),
+        hinge_height=rover.get("hinge_height_m", 0.0),
     )
 
 
@@ -107,6 +118,15 @@ def _polar_radius_squared(outline: Array) -> float:
     cross = x * y1 - x1 * y
     moment = np.sum(cross * (x * x + x * x1 + x1 * x1 + y * y + y * y1 + y1 * y1)) / 12
     return float(moment / polygon_area(outline))
+
+
+def friction_under(scene: PlanScene) -> Sliding | SlidingPatch:
+    """Friction of the object: prepared for the plane of the floor where the scene does not leave it."""
+    friction = scene.friction
+    sliding = Sliding(fitted_law(friction).law, friction.across_over_along, friction.radius_over_planar)
+    if is_planar(scene.cube, sliding, scene.tether, scene.ground, scene.hinge_height, None):
+        return resting_patch(scene)
+    return sliding
 
 
 def resting_patch(scene: PlanScene) -> SlidingPatch:

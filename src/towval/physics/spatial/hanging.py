@@ -124,6 +124,34 @@ def hanging_forces(n: Array, distance: float) -> Forces:
 
 
 @compiled(allocates=False)
+def reach_under(n: Array, pull: float) -> tuple[float, float]:
+    """Distance of the hinge along the floor [m] under a horizontal pull [N], and the upward force on the object [N]."""
+    rest, rise = n[REST], n[RISE]
+    if not n[TETHER_WEIGHT] > 0:
+        tension, length = pull, rest
+        for _ in range(_NEWTON_LIMIT):
+            length = rest + _stretch_under(n, tension)[0]
+            before, tension = tension, pull / math.sqrt(1 - (rise / length) ** 2)
+            if abs(tension - before) <= _SETTLED * tension:
+                break
+        return math.sqrt(length * length - rise * rise), tension * rise / length
+    weight = n[TETHER_WEIGHT] * rest
+    upper = weight / 2 + pull * rise / rest
+    x, z, _, _, z_v, _, _ = _spans(n, pull, upper)
+    for _ in range(_NEWTON_LIMIT):
+        step, off = (rise - z) / z_v, abs(z - rise)
+        for _ in range(40):
+            x, z, _, _, slope, _, _ = _spans(n, pull, upper + step)
+            if abs(z - rise) <= off:
+                break
+            step *= 0.5
+        upper, z_v = upper + step, slope
+        if abs(step) <= 1e-9 * (pull + abs(upper)):
+            break
+    return x, upper - weight
+
+
+@compiled(allocates=False)
 def damped(n: Array, forces: Forces, rate: float) -> tuple[float, float]:
     """Horizontal and vertical force with the damping's share, which takes the pull to zero at most [N]."""
     pull, lift, _, _, e_x, e_z = forces

@@ -276,7 +276,7 @@ def _move(
             return NOT_FINITE, False, False
     rise = problem.sliding[PLATEAU] / problem.sliding[SLOPE]
     h = min(clock[_H], end - t, step_to_stop(y, march.rates0, problem.soles.numbers[RADIUS], rise))
-    if mode == SLACK or (mode == TAUT and problem.numbers[TETHER_WEIGHT] > 0):
+    if mode == SLACK or (mode == TAUT and _hangs_slack(problem, t, piece, y)):
         h = min(h, _slack_step(problem, t, piece, y))
     if h < _SMALLEST_STEP * span:
         failed = int(clock[_BALANCE])
@@ -337,6 +337,15 @@ def _step(
         ratio = k[STAGES - 1, i] / weights[i]
         error += ratio * ratio
     return math.sqrt(error / 6)
+
+
+@compiled(allocates=False)
+def _hangs_slack(problem: TowProblem, t: float, piece: int, y: Array) -> bool:
+    """Whether a tether with mass is yet to tighten, which a step must not pass over."""
+    if not problem.numbers[TETHER_WEIGHT] > 0:
+        return False
+    _, stretch, _ = tautness(problem, t, piece, y)
+    return bool(stretch < 0)
 
 
 @compiled(allocates=False)

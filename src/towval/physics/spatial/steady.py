@@ -1,0 +1,220 @@
+"""The quasi-static model of a tow in three dimensions: force, heading and hinge that draw a point along a path.
+
+As :mod:`towval.physics.quasistatic`, with the pressure solved together with the friction. Without inertia the tether's
+part along the floor is T = −(F + m g_s), g_s gravity along the floor, so the moments about G of
+:mod:`towval.physics.spatial.rates` become
+
+    (A + C W) x = (m g_n − T_z, −h m g_sx − T_z q_x, −h m g_sy − T_z q_y),   C with the anchor's height over the floor,
+
+linear in x but for T_z, which follows from |T| by the tether: one unknown, by the secant method. Balance about the
+anchor gives the heading rate, and the heading is integrated with Dormand's and Prince's rule of order eight.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from towval.model import Array
+from towval.model.compiling import compiled
+from towval.model.errors import RefusedError
+from towval.physics.balanced_rate import ROOT_CHOSEN, ROOT_FOUND, ROOT_LOST
+from towval.physics.heading import Plan, moving_velocity
+from towval.physics.spatial.hanging import reach_under
+from towval.physics.spatial.pressure import BALANCED, solve_pressure
+from towval.physics.spatial.problem import (
+    ABOVE,
+    ANCHOR_X,
+    ANCHOR_Y,
+    GRAVITY_N,
+    GRAVITY_X,
+    GRAVITY_Y,
+    HEIGHT,
+    MASS,
+    TowProblem,
+)
+from towval.physics.spatial.soles import RADIUS, Work, work_for
+from towval.physics.spatial.unit_wrenches import W
+from towval.physics.splines import piece_at, spline_at
+
+_LIFT_LIMIT, _LIFT_SETTLED = 40, 1e-13  # of the load
+_RATE_LIMIT, _RATE_SETTLED = 40, 1e-11  # of |v| over the radius of the soles
+_SCAN, _BISECTIONS = 60, 60
+_TOLERANCE, _MOST_STEP = 1e-10, 2e-3  # rad a step; of the time of the path
+_TIPPED = 1
+# What is known of an instant: heading rate, force along the floor (2), reach of the tether along the floor, moment left
+# about the anchor, status of the root; from here on place and heading of G.
+_PLACE = 6
+
+
+@compiled(allocates=False)
+def _towed(problem: TowProblem, place: Array, twist: tuple[float, float, float], work: Work, out: Array) -> float:
+    """Moment about the anchor that a twist of G leaves, NaN where nothing balances; tether (2) and reach into ``out``.
+
+    ``place`` (3,): floor position and heading of G. Twist and force in body axes.
+    """
+    n = problem.numbers
+    cos, sin = math.cos(place[2]), math.sin(place[2])
+    gx, gy = n[MASS] * (cos * n[GRAVITY_X] + sin * n[GRAVITY_Y]), n[MASS] * (cos * n[GRAVITY_Y] - sin * n[GRAVITY_X])
+    frame, weight = (place[0], place[1], cos, sin), n[MASS] * n[GRAVITY_N]
+    x, wrench = work.pressure, work.matrices[W]
+    lift = before = off_before = 0.0
+    tx = ty = 0.0
+    for k in range(_LIFT_LIMIT):
+        loads = weight - lift, -n[ABOVE] * gx - lift * n[ANCHOR_X], -n[ABOVE] * gy - lift * n[ANCHOR_Y]
+        height = n[HEIGHT] + n[ABOVE]
+        balance = solve_pressure(problem.soles, problem.regions, problem.sliding, frame, twist, height, loads, work)
+        if balance != BALANCED:
+            return math.nan
+        tx = -(wrench[0, 0] * x[0] + wrench[0, 1] * x[1] + wrench[0, 2] * x[2]) - gx
+        ty = -(wrench[1, 0] * x[0] + wrench[1, 1] * x[1] + wrench[1, 2] * x[2]) - gy
+        out[3], next_lift = reach_under(n, math.sqrt(tx * tx + ty * ty))
+        off = next_lift - lift
+        if abs(off) <= _LIFT_SETTLED * weight:
+            break
+        slope = (off - off_before) / (lift - before) if k > 0 else -1.0
+        before, off_before = lift, off
+        lift -= off / slope
+    out[1], out[2] = tx, ty
+    moment = wrench[2, 0] * x[0] + wrench[2, 1] * x[1] + wrench[2, 2] * x[2]
+    left: float = moment + n[ANCHOR_X] * ty - n[ANCHOR_Y] * tx
+    return left
+
+
+@compiled(allocates=False)
+def _left(
+    problem: TowProblem, place: Array, lever: Array, ux: float, uy: float, rate: float, work: Work, out: Array
+) -> float:
+    """The same for the velocity of P, ``lever`` (2,) from G, and a heading rate."""
+    twist = ux + rate * lever[1], uy - rate * lever[0], rate
+    moment = _towed(problem, place, twist, work, out)
+    out[0], out[4] = rate, moment
+    return moment
+
+
+@compiled(allocates=False)
+def _rate(
+    problem: TowProblem, place: Array, lever: Array, ux: float, uy: float, guess: float, work: Work, out: Array
+) -> int:
+    """Heading rate with no moment about the anchor, and forces, into ``out`` (6,); 1 where the object tips."""
+    unit = math.sqrt(ux * ux + uy * uy) / problem.soles.numbers[RADIUS]
+    last, now = guess, guess + 1e-4 * unit
+    at_last = _left(problem, place, lever, ux, uy, last, work, out)
+    if math.isnan(at_last):  # Where the rate of before tips the object it tips, though it might stand while it spins.
+        return _TIPPED
+    for _ in range(_RATE_LIMIT):
+        at_now = _left(problem, place, lever, ux, uy, now, work, out)
+        if at_now == 0 or abs(now - last) <= _RATE_SETTLED * unit:
+            return 0
+        slope = (at_now - at_last) / (now - last)
+        step = -at_now / slope
+        if not (slope < 0 and abs(step) < 0.3 * (unit + abs(now))):
+            break
+        last, at_last, now = now, at_now, now + step
+    _searched(problem, place, lever, ux, uy, guess, work, out)
+    return 0
+
+
+@compiled(allocates=False)
+def _searched(
+    problem: TowProblem, place: Array, lever: Array, ux: float, uy: float, guess: float, work: Work, out: Array
+) -> None:
+    """The root nearest to a guess, by scanning and bisection; the least moment found where there is none."""
+    unit = math.sqrt(ux * ux + uy * uy) / problem.soles.numbers[RADIUS]
+    best, least, low, high, distance = guess, np.inf, 0.0, 0.0, np.inf
+    last_rate = last = math.nan
+    for j in range(-_SCAN, _SCAN + 1):
+        rate = unit * 0.02 * math.sinh(j * 12.0 / _SCAN)
+        moment = _left(problem, place, lever, ux, uy, rate, work, out)
+        if abs(moment) < least:
+            best, least = rate, abs(moment)
+        if last > 0 and moment <= 0 and abs(0.5 * (last_rate + rate) - guess) < distance:
+            low, high, distance = last_rate, rate, abs(0.5 * (last_rate + rate) - guess)
+        last_rate, last = rate, moment
+    for _ in range(_BISECTIONS if distance < np.inf else 0):
+        best = 0.5 * (low + high)
+        if _left(problem, place, lever, ux, uy, best, work, out) > 0:
+            low = best
+        else:
+            high = best
+    _left(problem, place, lever, ux, uy, best, work, out)
+    near = abs(best - guess) < 0.1 * unit or guess == 0.0
+    out[5] = ROOT_LOST if distance == np.inf else ROOT_FOUND if near else ROOT_CHOSEN
+
+
+@compiled(allocates=False)
+def rate_at(problem: TowProblem, lever: Array, time: float, heading: float, work: Work, out: Array) -> int:
+    """Heading rate and forces at a time and a heading into ``out`` (9,), whose rate is the guess; 1: it tips.
+
+    ``lever`` (2,) from G to P in body axes; the drive of the problem is the path of P.
+    """
+    knots, coefficients = problem.drive.knots, problem.drive.coefficients
+    piece = piece_at(knots, time, 0)
+    at = spline_at(knots, coefficients, time, piece)
+    vx, vy = moving_velocity(at, piece < len(coefficients) - 1 or time < knots[-1])
+    cos, sin, place = math.cos(heading), math.sin(heading), out[_PLACE:]
+    place[0] = at[0] - cos * lever[0] + sin * lever[1]
+    place[1] = at[1] - sin * lever[0] - cos * lever[1]
+    place[2] = heading
+    out[5] = ROOT_FOUND
+    return _rate(problem, place, lever, cos * vx + sin * vy, cos * vy - sin * vx, out[0], work, out)
+
+
+@compiled(allocates=False)
+def _fill(problem: TowProblem, levers: Array, times: Array, headings: Array, work: Work, out: Array, plan: Plan) -> int:
+    """Fill the plan at all times; returns how many, fewer where the object tips. ``levers`` (4,): P and body from G."""
+    n, lever, piece = problem.numbers, levers[:2], 0
+    for i in range(len(times)):
+        if rate_at(problem, lever, times[i], headings[i], work, out) == _TIPPED:
+            return i
+        piece = piece_at(problem.drive.knots, times[i], piece)
+        at = spline_at(problem.drive.knots, problem.drive.coefficients, times[i], piece)
+        cos, sin, rate = math.cos(headings[i]), math.sin(headings[i]), out[0]
+        pull = math.sqrt(out[1] * out[1] + out[2] * out[2])
+        dx, dy = out[1] / pull, out[2] / pull
+        to_x, to_y = n[ANCHOR_X] + out[3] * dx, n[ANCHOR_Y] + out[3] * dy
+        bx, by = levers[2], levers[3]
+        x, y = out[_PLACE] + cos * bx - sin * by, out[_PLACE + 1] + sin * bx + cos * by
+        plan.pose[i, 0], plan.pose[i, 1], plan.pose[i, 2] = x, y, headings[i]
+        plan.twist[i, 0], plan.twist[i, 1] = at[2] + rate * (at[1] - y), at[3] - rate * (at[0] - x)
+        plan.twist[i, 2] = rate
+        plan.tether_force[i, 0], plan.tether_force[i, 1] = cos * out[1] - sin * out[2], sin * out[1] + cos * out[2]
+        plan.hinge[i, 0] = out[_PLACE] + cos * to_x - sin * to_y
+        plan.hinge[i, 1] = out[_PLACE + 1] + sin * to_x + cos * to_y
+        plan.direction[i, 0], plan.direction[i, 1], plan.moment[i] = dx, dy, out[4]
+        plan.status[i] = out[5]
+    return len(times)
+
+
+def follow_in_space(problem: TowProblem, levers: Array, times: Array, heading: float, plan: Plan) -> dict[str, float]:
+    """Fill the plan of a tow whose drive is the path of P; ``levers`` (4,): P and the body's origin from G, body axes.
+
+    Raises `RefusedError` where the object tips over on its way.
+    """
+    # Here, because it takes as long to import as all the rest of the physics.
+    from scipy.integrate import solve_ivp  # noqa: PLC0415
+
+    work, out = work_for(problem.soles, problem.regions), np.zeros(_PLACE + 3)
+
+    def rate(time: float, state: Array) -> float:
+        if rate_at(problem, levers[:2], time, state[0], work, out) == _TIPPED:
+            raise _tips(time)
+        return float(out[0])
+
+    span = float(times[-1] - times[0])
+    tight = {"rtol": 1e-12, "atol": _TOLERANCE, "max_step": _MOST_STEP * span}
+    found = solve_ivp(rate, (times[0], times[-1]), [heading], method="DOP853", dense_output=True, **tight)
+    out[0] = 0.0
+    filled = _fill(problem, levers, times, found.sol(times)[0], work, out, plan)
+    if filled < len(times):
+        raise _tips(times[filled])
+    return {"panels": float(len(found.t) - 1), "solves": float(found.nfev + filled)}
+
+
+def _tips(time: float) -> RefusedError:
+    return RefusedError(
+        "the object tips over on its way, or is lifted",
+        got=f"no pressure under the footprint balances the tow at {time:.2f} s",
+        remedy="check the heights of anchor, hinge and centre of mass, the slope and the friction",
+    )

@@ -1,0 +1,110 @@
+"""The quasi-static model out of the plane against closed forms, the planar model and slow dynamics."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from towval.model import FloorRegion, Ground, Patch, Sliding, Tether, TimedPath, TowedObject
+from towval.model.errors import RefusedError
+from towval.physics.dynamics import feedback
+from towval.physics.friction_laws import Coulomb
+from towval.physics.quasistatic import quasistatic_plan
+
+MASS, G, MU, HALF = 5.0, 9.81, 0.35, 0.2
+SQUARE = Patch(HALF * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]))
+FEET = Patch.of([np.array([x, y]) + 0.15 * SQUARE.outline for x in (-0.16, 0.16) for y in (-0.16, 0.16)])
+TETHER = Tether(0.6, 1000.0)
+SHARP = Coulomb(MU, 1e-9)
+ALONG = TimedPath([0.0, 10.0], [[0.0, 0.0], [1.0, 0.0]])
+
+
+def block(patch=SQUARE, anchor_height=0.0, height=0.0, centre=(0.0, 0.0)):
+    return TowedObject(patch, MASS, centre, 0.4 / 3, (0.2, 0.0), anchor_height, height)
+
+
+def test_an_inclined_tether_pulls_as_by_hand():
+    """T cos = μ (m g − T sin), with L = l0 + T/κ and sin = rise/L."""
+    rise = 0.2
+    plan = quasistatic_plan(block(anchor_height=0.1), SHARP, ALONG, TETHER, hinge_height=0.1 + rise)
+
+    def unbalanced(tension):
+        sine = rise / (0.6 + tension / 1000)
+        return tension * np.sqrt(1 - sine**2) - MU * (MASS * G - tension * sine)
+
+    tension = brentq(unbalanced, 1.0, 40.0, xtol=1e-13)
+    length = 0.6 + tension / 1000
+    reach = np.sqrt(length**2 - rise**2)
+    assert plan.tether_force[0] == pytest.approx([tension * reach / length, 0.0], rel=1e-9, abs=1e-9)
+    assert plan.hinge.position[-1] == pytest.approx([1.2 + reach, 0.0], abs=1e-9)
+
+
+def test_up_a_slope_the_pull_is_friction_and_the_weight_along_it():
+    slope = 0.03
+    plan = quasistatic_plan(block(height=0.1), SHARP, ALONG, TETHER, ground=Ground(slope=[slope, 0.0]))
+    weight = MASS * G / np.hypot(1, slope)
+    assert plan.tether_force[0] == pytest.approx([weight * (MU + slope), 0.0], rel=1e-9, abs=1e-9)
+
+
+def test_a_tether_with_mass_reaches_as_far_as_its_catenary():
+    """Between level ends d = H/EA l0 + 2 H/w asinh(w l0 / 2H), H = μ (m g + w l0/2)."""
+    chain, weight = replace(TETHER, mass_per_length=1.0), 1.0 * G
+    plan = quasistatic_plan(block(anchor_height=0.05), SHARP, ALONG, chain, hinge_height=0.05)
+    pull = MU * (MASS * G + weight * 0.6 / 2)
+    reach = pull / 1000 + 2 * pull / weight * np.arcsinh(weight * 0.6 / (2 * pull))
+    assert np.linalg.norm(plan.tether_force[-1]) == pytest.approx(pull, rel=1e-9)
+    assert plan.hinge.position[-1, 0] == pytest.approx(1.2 + reach, abs=1e-9)
+
+
+def curve(speed=0.05, count=201):
+    time = np.linspace(0, 1.2 / speed, count)
+    along = speed * time
+    return TimedPath(time, np.column_stack([along, 0.15 * np.sin(3 * along)]))
+
+
+def test_with_all_effects_off_the_plan_is_that_of_the_plane(makkar):
+    towed = block(centre=(-0.05, 0.05))
+    plane = quasistatic_plan(towed, makkar, curve(), TETHER)
+    space = quasistatic_plan(towed, makkar, curve(), TETHER, ground=Ground(slope=[1e-300, 0.0]))
+    assert "heading_error_rad" not in space.statistics
+    assert space.pose == pytest.approx(plane.pose, abs=1e-8)
+    assert space.hinge.position == pytest.approx(plane.hinge.position, abs=1e-8)
+    assert space.tether_force == pytest.approx(plane.tether_force, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("tether", "sliding"),
+    [
+        (replace(TETHER, damping=20.0), Sliding(Coulomb(MU, 1e-4))),
+        (Tether(0.6, 1000.0, 20.0, 0.2, 0.5, 20.0), Sliding(Coulomb(MU, 1e-4), 1.1, 0.9)),
+    ],
+    ids=["heights and slope", "all effects"],
+)
+def test_behind_the_planned_hinge_slow_dynamics_keep_to_the_path(tether, sliding):
+    """Four feet, heights, slope, a region of the floor: the deviation falls with the speed, for inertia is left out."""
+    towed = block(FEET, 0.1, 0.15, (0.02, -0.03))
+    ground = Ground(slope=[0.01, -0.02])
+    apart = []
+    for speed in (0.02, 0.005):
+        plan = quasistatic_plan(towed, sliding, curve(speed, 1201), tether, ground=ground, hinge_height=0.25)
+        motion = feedback(
+            towed, sliding, tether, plan.hinge, plan.pose[0], plan.time_s, start_twist=plan.twist[0], ground=ground,
+            hinge_height=0.25,
+        )  # fmt: skip
+        apart.append(np.abs(motion.pose - plan.pose).max())
+        assert motion.tether_force[600] == pytest.approx(plan.tether_force[600], rel=0.01, abs=0.05)
+    assert apart[1] < 2e-4
+    assert apart[1] < 0.5 * apart[0]
+
+
+def test_a_region_of_the_floor_raises_the_pull_within_it():
+    ground = Ground(regions=[FloorRegion([[0.9, -2], [9, -2], [9, 2], [0.9, 2]], 1.5)])
+    path = TimedPath(np.linspace(0, 20, 41), np.column_stack([np.linspace(0, 2, 41), np.zeros(41)]))
+    pulls = np.linalg.norm(quasistatic_plan(block(), SHARP, path, TETHER, ground=ground).tether_force, axis=1)
+    assert pulls[[0, -1]] == pytest.approx(MU * MASS * G * np.array([1.0, 1.5]), rel=1e-9)
+
+
+def test_an_object_that_tips_on_its_way_is_refused():
+    with pytest.raises(RefusedError, match="tips over"):
+        quasistatic_plan(block(anchor_height=0.7, height=0.3), SHARP, ALONG, TETHER, hinge_height=0.7)
