@@ -5,7 +5,7 @@ The wrench of a turning patch needs, beside μ itself, the means of μ along a r
     m_n(u) = ∫₀¹ μ(u x) xⁿ dx = H_n(u) / u^(n+1),   H_n(u) = ∫₀ᵘ μ(v) vⁿ dv,   n = 1, 2, 3.
 
 They are bounded and analytic for u > 0, with the nearest singularities at a distance of u or more. So equal parts of a
-binade serve every u alike: each of 32 parts holds polynomials of degree four (interpolated in Chebyshev's
+binade serve every u alike: each of 64 parts holds polynomials of degree four (interpolated in Chebyshev's
 points) for μ, m_1, m_2 and m_3, good to some 1e-13 for laws made of tanh. Below the table the law is linear to
 rounding, above it has reached its plateau and closed forms hold; the viscous term is linear and added there.
 """
@@ -21,7 +21,7 @@ from towval.model.compiling import compiled
 from towval.model.errors import InputError
 from towval.physics.lanes import Lanes, lanes, load_lanes, multiply_add
 
-_PARTS_LOG2 = 5  # parts of a binade: 2⁵
+_PARTS_LOG2 = 6  # parts of a binade: 2⁶
 _DEGREE = 4
 _INTERPOLATION = np.cos(np.pi * (np.arange(_DEGREE + 1) + 0.5) / (_DEGREE + 1))  # Chebyshev's points of a part
 _TO_POWERS = np.linalg.inv(np.vander(_INTERPOLATION, increasing=True))
