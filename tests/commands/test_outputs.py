@@ -138,3 +138,8 @@ def test_results_never_go_into_the_campaign_or_over_files_of_the_lab(tmp_path):
         check_results(tmp_path / "out", {"lab": Lab(lab)})
     with pytest.raises(InputError, match="brace"):
         check_results(tmp_path / "{x}", {"lab": Lab(lab)})
+    with pytest.raises(InputError, match="<b> in its path"):
+        check_results(tmp_path / "out", {"a<b>c": Lab(lab)})
+    with pytest.raises(InputError, match="repeats 'xy' twenty times"):
+        check_results(tmp_path / "out", {"lab_" + 30 * "xy": Lab(lab)})
+    check_results(tmp_path / "out", {"a<b c>" + 15 * "x": Lab(lab)})

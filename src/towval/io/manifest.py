@@ -18,6 +18,8 @@ from towval.model.errors import InputError
 MANIFEST = "files.sha256"
 _LINE = re.compile(r"([0-9a-f]{64})  (\S.*)")
 _MOST_BYTES = 16 * 2**20
+_VARIABLE = re.compile(r"<\w+>")
+_PERIODIC = re.compile(r"(.+)\1{19,}$")
 _UNLISTED = ("logs", "benchmarks")
 """Folders that hold no results."""
 
@@ -68,6 +70,21 @@ def unlisted(folder: Path, listed: Iterable[Listed]) -> Iterator[str]:
             yield name.as_posix()
 
 
+def _check_names_for_snakemake(folder: Path, lab: Iterable[Path]) -> None:
+    """Refuse what Snakemake would not take as it is written in a rule: of the results, more than of what it reads."""
+    braces = [path for path in (folder, *lab) if "{" in str(path) or "}" in str(path)]
+    variable, periodic = _VARIABLE.search(str(folder)), _PERIODIC.search(folder.name)
+    if braces:
+        fault = f"{braces[0]} has a brace in its path, which Snakemake takes for one of its own"
+    elif variable:
+        fault = f"{folder} has {variable[0]} in its path, which Snakemake takes for a variable"
+    elif periodic:
+        fault = f"the campaign's name repeats {periodic[1]!r} twenty times or more, which Snakemake refuses"
+    else:
+        return
+    raise InputError(fault, remedy="rename it")
+
+
 def check_results(results: Path, campaigns: Mapping[str, Campaign]) -> None:
     """Refuse a folder of results in which the workflow would replace files of the lab.
 
@@ -78,11 +95,7 @@ def check_results(results: Path, campaigns: Mapping[str, Campaign]) -> None:
     check_name(results, "config: results")
     for name, campaign in campaigns.items():
         lab = (*campaign.calibration_images, *campaign.floor_images, *(run.video for run in campaign.runs.values()))
-        for path in (results / name, *lab):
-            if "{" in str(path) or "}" in str(path):
-                raise InputError(
-                    f"{path} has a brace in its path, which Snakemake takes for one of its own", remedy="rename it"
-                )
+        _check_names_for_snakemake(results / name, lab)
         folder = results / name
         if folder.resolve() == campaign.folder.resolve():
             raise InputError(
