@@ -1,5 +1,6 @@
 """One call in a process of its own, with limits of time and memory, and how it ended."""
 
+import math
 import os
 import pickle
 import resource
@@ -13,6 +14,7 @@ from typing import Any
 from towval.model.errors import TowvalError
 
 SECONDS = 10
+_PATIENCE = 6  # times that on the clock: a call that waits takes no time of the processor, one on a busy machine little
 MEMORY_BYTES = 2**30
 _PAGE = 4096
 
@@ -37,7 +39,7 @@ def attempt(call: Callable[[], Any], seconds: float = SECONDS, memory_bytes: int
     Parameters
     ----------
     seconds : float
-        After which it counts as hanging [s].
+        Of the processor after which it counts as hanging, and by the clock several times that [s].
     memory_bytes : int
         Address space that it may take beyond that of this process.
     """
@@ -45,11 +47,12 @@ def attempt(call: Callable[[], Any], seconds: float = SECONDS, memory_bytes: int
     child = os.fork()
     if not child:
         os.close(reading)
+        resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(seconds), math.ceil(seconds) + 1))
         _in_child(call, writing, memory_bytes)
     os.close(writing)
-    data = _read(reading, child, seconds)
+    data = _read(reading, child, _PATIENCE * seconds)
     _, status = os.waitpid(child, 0)
-    if data is None:
+    if data is None or (os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGXCPU):
         return Outcome("hang")
     try:
         outcome: Outcome = pickle.loads(data)  # our own child wrote it

@@ -119,12 +119,12 @@ def kill_trials(place: Workplace, count: int, seed: int) -> Iterator[tuple[str, 
         except subprocess.TimeoutExpired:
             os.killpg(process.pid, number)
             text, _ = process.communicate()
-        stopped = "" if number == signal.SIGKILL else fault_of(text) if "Traceback" in text else ""
-        code, text = place.run()
-        fault = stopped or (
-            fault_of(text) or f"exit {code}" if code else "" if place.digest() == wanted else "other bytes"
-        )
-        yield f"{number.name} after {wait_s:.1f} of {lasts:.1f} s", fault and f"{fault}\n{text}"
+        fault = fault_of(text) if number == signal.SIGINT and "Traceback" in text else ""
+        code, after = place.run()
+        if not fault:
+            fault = fault_of(after) or f"exit {code}" if code else "" if place.digest() == wanted else "other bytes"
+        told = f"{number.name} after {wait_s:.1f} of {lasts:.1f} s"
+        yield told, fault and f"{fault}\n{text}\n----- the next call\n{after}"
 
 
 @contextmanager
