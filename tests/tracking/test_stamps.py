@@ -49,6 +49,18 @@ def test_dropped_pictures_under_even_stamps_are_found(share, seed):
     assert "stamps_contradicted" in codes(filmed(EVEN[kept], EVEN[: len(kept)], seed=seed))
 
 
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_dropped_pictures_are_found_where_a_deviation_holds_what_wanders_slowly(seed):
+    """Of a picture to the next a motion shows 0.02 mm, as filmed; a codec may leave it uncertain by much more."""
+
+    def unsure(tracks):
+        return {name: replace(track, covariance=2000 * track.covariance) for name, track in tracks.items()}
+
+    kept = np.flatnonzero(np.random.default_rng(seed).random(250) > 0.15)
+    assert "stamps_contradicted" in codes(unsure(filmed(EVEN[kept], EVEN[: len(kept)], seed=seed)))
+    assert codes(unsure(filmed(EVEN, EVEN, seed=seed))) == []
+
+
 @pytest.mark.parametrize(("rest_s", "lost"), [(0, 60), (0, 61), (0, 103), (3.4, 120)])
 def test_a_single_lost_picture_is_found_while_the_motion_changes(rest_s, lost):
     """One body slips and sticks, as a towed one does, or rests; the other alone says no more than that it leapt."""

@@ -58,19 +58,12 @@ def test_a_single_picture_that_disagrees_counts_by_itself():
     assert not excess[1].any()
 
 
-def test_poses_are_weighted_by_what_each_knows():
-    pose, correction = np.array([[1.0, 2.0, np.pi / 2], [0.0, 0.0, 0.0]]), np.array([[3e-3, 0.0, 0.0]])
-    own, other = np.diag([4e-6, 1e-6, 1e-6]), np.diag([2e-6, 1e-6, 1e-6])
-    covariance = np.array([turned_covariance(own, np.array(np.pi / 2)), own])
-    one = Compared(looks([0], correction), np.zeros((2, 3, 3)), other[None], np.zeros((1, 3, 3)), np.array([True]))
-    found, left = one.weighted(pose, covariance, np.zeros(3))
-    # 4 / (4 + 2) of three millimetres along the body's x, which is the floor's y.
-    assert found[0] == pytest.approx([1.0, 2.002, np.pi / 2])
-    assert turned_covariance(left[0], np.array(-np.pi / 2)) == pytest.approx(
-        np.linalg.inv(np.linalg.inv(own) + np.linalg.inv(other)), abs=1e-12
-    )
-    assert found[1] == pytest.approx(pose[1])
-    assert left[1] == pytest.approx(own)
+def test_what_the_outline_adds_is_in_the_frame_of_the_body():
+    pose, own = np.array([[1.0, 2.0, np.pi / 2], [0.0, 0.0, 0.0]]), np.diag([1e-6, 1e-6, 1e-6])
+    excess, lone = np.zeros((2, 3, 3)), np.zeros((2, 3, 3))
+    excess[0, 0, 0], lone[1, 0, 0] = 4e-6, 9e-6
+    widened = Compared(excess, lone).widened(pose, np.array([own, own]))
+    assert np.diagonal(widened, axis1=1, axis2=2) == pytest.approx(np.array([[1, 5, 1], [10, 1, 1]]) * 1e-6)
 
 
 @pytest.mark.parametrize("jerk_m", [0.0, 2e-3])
@@ -120,7 +113,7 @@ def test_the_outline_is_looked_at_in_each_fifth_picture_and_in_all_while_it_disa
 
 
 def followed(lies):
-    """A box on its way whose texture lies in some pictures: how far it is off then [px], and the findings."""
+    """A box on its way whose texture lies in some pictures: how far it is off [px], the deviations, the findings."""
     tracker, luma = Lying(), picture(BOX, grey=GREY)
     corners = BOX.pixels(BOX.body.top_corners_m, POSE)
     follower = Follower(BOX, 0.0, luma, corners, lambda *_: tracker, 0.2)
@@ -134,16 +127,20 @@ def followed(lies):
     track = follower.track("scripted")
     true = np.array([compose(POSE, np.array([1e-3 * i, 0, 0])) for i in range(130)])
     off_px = np.linalg.norm((track.pose - true)[:, :2], axis=1) / PIXEL_M
-    return off_px, {found.code for found in track.findings}
+    std_px = np.sqrt(np.trace(track.covariance[:, :2, :2], axis1=1, axis2=2)) / PIXEL_M
+    return off_px, std_px, {found.code for found in track.findings}
 
 
-def test_a_texture_that_lies_is_outvoted_by_the_edges_and_reported():
-    off_px, codes = followed(range(60, 100))
-    assert off_px[70:100].max() < 0.3
+def test_a_texture_that_lies_is_as_uncertain_as_the_edges_say_and_reported():
+    off_px, std_px, codes = followed(range(60, 100))
+    assert off_px[70:90].min() > 1
+    assert (off_px < 3 * std_px + 0.3).all()
+    assert std_px[:40].max() < 0.3
     assert "texture_unsure" in codes
 
 
-def test_a_texture_that_jumps_in_one_picture_is_outvoted_there():
-    off_px, codes = followed([80])
-    assert off_px.max() < 0.3
+def test_a_texture_that_jumps_in_one_picture_is_uncertain_there():
+    off_px, std_px, codes = followed([80])
+    assert 1 < off_px[80] < 3 * std_px[80]
+    assert np.delete(std_px, 80).max() < 0.3
     assert "texture_unsure" not in codes

@@ -6,7 +6,7 @@ register(  # track
     FindingType(
         "texture_unsure", "track", WARNING, Consequence(widens=("tracking",)),
         "Texture and outline of the top of {name} disagree by {std_mm:.1f} mm: compression, focus, or something in the "
-        "way. Its poses are between them, and as uncertain. Film at a higher bit rate, with the focus fixed.",
+        "way. Its poses are the texture's, and as uncertain. Film at a higher bit rate, with the focus fixed.",
     ),
     FindingType(
         "camera_moved", "track", NOTE, NONE,

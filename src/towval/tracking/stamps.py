@@ -23,6 +23,7 @@ class StampConstants:
     beside: int = 3  # Steps on each side that say how fast a body moves.
     steady: float = 0.25  # Change of the velocity from one side to the other, of its size, where a jump can be told.
     least_deviations: float = 25.0  # Of a pose, in a step: smaller ones are not compared.
+    least_noise: float = 0.1  # Of the stated deviation of a pose: a still picture shows none.
     jump: float = 0.3  # Of a step, beyond which it is a jump; shaking stamps reach 0.25.
     agree: float = 0.2  # Difference of this share between bodies.
     repeated: float = 0.1  # Of a step, below which the picture was repeated.
@@ -42,6 +43,9 @@ class StampConstants:
 CONSTANTS = StampConstants()
 
 _SIDE = 4  # Pictures on each side of a step through which a cubic is laid.
+_TENTH = (
+    3.490  # Tenth of chi-squared with the eight degrees of freedom that such a cubic leaves of the two coordinates.
+)
 _ROUNDS = 4  # Of looking for repeated pictures: several of them side by side hide each other.
 
 
@@ -135,12 +139,35 @@ def _share(track: Track, kept: NDArray[np.bool_]) -> tuple[Array, NDArray[np.boo
     middle = slice(c.beside, n - c.beside)
     mean, change = (before + after) / 2, np.linalg.norm(after - before, axis=1)
     speed = np.linalg.norm(mean, axis=1)
-    std = np.sqrt(np.nanmedian(np.where(track.seen, track.covariance[:, 0, 0], np.nan))) if track.seen.any() else np.inf
+    std = _noise_m(track, kept)
     with np.errstate(invalid="ignore", divide="ignore"):
         share[middle] = np.sum(velocity[middle] * mean, axis=1) / speed**2 - 1
         enough = speed * np.median(np.diff(time_s)) > c.least_deviations * std
         steady[middle] = enough & (change < c.steady * speed) & np.isfinite(share[middle])
     return share, steady
+
+
+def _noise_m(track: Track, kept: NDArray[np.bool_]) -> float:
+    """Deviation from one picture to the next [m]: as stated, or less where the motion shows less.
+
+    What is stated holds what wanders slowly, too. The motion is known where no step about it jumps, which where many
+    pictures are lost is seldom: by the tenth of the cubics that fit best, of those where the body moves.
+    """
+    if not track.seen.any():
+        return np.inf
+    stated = float(np.sqrt(np.median(track.covariance[track.seen, 0, 0])))
+    place = np.where(track.seen[:, None], track.pose[:, :2], np.nan)[kept]
+    if len(place) < 2 * _SIDE + CONSTANTS.least_steps:
+        return stated
+    index = np.arange(len(place) - 2 * _SIDE + 1)[:, None] + np.arange(2 * _SIDE)
+    misfit = _misfit(track.time_s[kept][index], place[index], 0)
+    moved = np.linalg.norm(place[index[:, -1]] - place[index[:, 0]], axis=1)
+    known = np.isfinite(misfit) & np.isfinite(moved)
+    if known.sum() < CONSTANTS.least_steps:
+        return stated
+    known &= moved >= 0.5 * np.percentile(moved[known], 75)
+    shown = float(np.sqrt(np.percentile(misfit[known], 10) / _TENTH))
+    return float(np.clip(shown, CONSTANTS.least_noise * stated, stated))
 
 
 def _common(share: Array, moving: NDArray[np.bool_]) -> NDArray[np.bool_]:

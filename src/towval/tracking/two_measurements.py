@@ -3,8 +3,8 @@
 A codec that quantises the texture away, or a lens that goes out of focus, moves a fit to the texture by more than its
 residuals show: whatever is left of the texture agrees with some pose. The long edges of the top survive both. So the
 outline is looked at beside the texture, in every fifth picture, and in all while the two disagree. By how much they
-disagree beyond what each states, over a second, is a deviation of the texture that no model of a codec is needed for;
-with it the two are weighted.
+disagree beyond what each states, over a second, is a deviation of the texture that no model of a codec is needed for.
+The poses stay the texture's: where the two disagree, an edge of something else may be taken for the top's as well.
 """
 
 import itertools
@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from towval.model import Array
 from towval.model.geometry import compose, turned_covariance
@@ -207,34 +206,18 @@ def _means(values: Array, low: Array, high: Array) -> Array:
 
 @dataclass(frozen=True)
 class Compared:
-    """What texture and outline say of each other.
+    """What the outline says of the texture.
 
-    ``looks`` that were compared; ``excess`` (n, 3, 3) of the texture beyond what it states; ``of_outline`` (m, 3, 3)
-    covariance of the outline; ``lone`` (m, 3, 3) that of pictures which disagree by themselves, where it is not known
-    what is off; ``every`` (m,): looks with neighbours, for weighting one picture in five makes a track jump. All are in
-    the body frame.
+    ``excess`` (n, 3, 3): covariance of the texture's poses beyond what it states; ``lone`` (n, 3, 3) that of pictures
+    which disagree by themselves, where it is not known what is off. Both are in the body frame.
     """
 
-    looks: Looks
     excess: Array
-    of_outline: Array
     lone: Array
-    every: NDArray[np.bool_]
 
-    def weighted(self, pose: Array, covariance: Array, registration: Array) -> tuple[Array, Array]:
-        """Poses (n, 3) and covariances (n, 3, 3), of both together where every picture was looked at.
-
-        Given are those of the texture, in the floor frame; ``registration`` (3,) is the usual correction by outlines.
-        """
-        pose, covariance = pose.copy(), covariance + turned_covariance(self.excess, pose[:, 2])
-        at, apart = self.looks.picture[self.every], self.looks.correction[self.every] - registration
-        of_texture = turned_covariance(covariance[at], -pose[at, 2])
-        share = of_texture @ np.linalg.inv(of_texture + self.of_outline[self.every])
-        left = (np.eye(3) - share) @ of_texture
-        covariance[at] = turned_covariance((left + left.transpose(0, 2, 1)) / 2, pose[at, 2])
-        covariance[self.looks.picture] += turned_covariance(self.lone, pose[self.looks.picture, 2])
-        pose[at] = compose(pose[at], np.einsum("nij,nj->ni", share, apart))
-        return pose, covariance
+    def widened(self, pose: Array, covariance: Array) -> Array:
+        """Covariances (n, 3, 3) of the texture's poses (n, 3) in the floor frame, with what the outline adds."""
+        return covariance + turned_covariance(self.excess + self.lone, pose[:, 2])
 
 
 def compared(time_s: Array, pose: Array, covariance: Array, looks: Looks, of_edges: Array) -> Compared:
@@ -249,9 +232,9 @@ def compared(time_s: Array, pose: Array, covariance: Array, looks: Looks, of_edg
     apart = looks.correction - np.median(looks.correction, axis=0)
     excess = texture_excess(time_s, apart, expected, looks)
     single = alone(apart, expected + excess[at])
-    # What jumps in a picture that disagrees by itself is off.
+    # What jumps in a picture that disagrees by itself is off; it shows where the pictures beside were looked at, too.
     of_texture, of_edge = (np.linalg.norm(one[at, :2], axis=1)[:, None, None] for one in (by_texture, by_outline))
     excess[at] += np.where(of_texture > of_edge, single, 0.0)
-    of_outline += np.where(of_texture < of_edge, single, 0.0)
-    every = np.isfinite(gain[at])
-    return Compared(looks, excess, of_outline, np.where(every[:, None, None], 0.0, single), every)
+    lone = np.zeros_like(excess)
+    lone[at] = np.where(np.isfinite(gain[at])[:, None, None], 0.0, single)
+    return Compared(excess, lone)
