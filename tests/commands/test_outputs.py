@@ -16,6 +16,7 @@ from towval.io.manifest import check_results
 from towval.io.mcap_file import check_replaceable, write_mcap
 from towval.io.records import write_tracks
 from towval.io.summary import write_summary
+from towval.io.workflow_lock import clear_stale_locks
 from towval.model.errors import InputError
 
 
@@ -143,3 +144,9 @@ def test_results_never_go_into_the_campaign_or_over_files_of_the_lab(tmp_path):
     with pytest.raises(InputError, match="repeats 'xy' twenty times"):
         check_results(tmp_path / "out", {"lab_" + 30 * "xy": Lab(lab)})
     check_results(tmp_path / "out", {"a<b c>" + 15 * "x": Lab(lab)})
+
+
+def test_a_folder_that_snakemake_cannot_write_is_refused_by_name(tmp_path):
+    (tmp_path / ".snakemake").write_text("in the way")
+    with pytest.raises(InputError, match="cannot be written"):
+        clear_stale_locks(tmp_path, tmp_path / "results")

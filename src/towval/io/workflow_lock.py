@@ -5,6 +5,8 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+from towval.model.errors import InputError
+
 try:
     import fcntl
 except ImportError:  # not on Windows, where a stale lock stays and Snakemake says what to do
@@ -20,14 +22,21 @@ def clear_stale_locks(folder: Path, results: Path) -> None:
     Every call holds a shared lock of the system on ``.snakemake/towval.lock``. Who gets it alone is alone: a lock of
     Snakemake's that is there nevertheless was left by a call that was killed, or by a power cut. Locks on other files
     may be those of another workflow and stay.
+
+    Raises `InputError` when the folder cannot be written.
     """
     if fcntl is None or _held:
         return
     try:
         (folder / ".snakemake").mkdir(exist_ok=True)
         handle = os.open(folder / ".snakemake" / "towval.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
-    except OSError:
-        return  # Snakemake says what it cannot write
+    except OSError as error:
+        raise InputError(
+            f"the folder {folder} cannot be written",
+            got=error.strerror,
+            allowed="a working folder in which Snakemake keeps its notes",
+            remedy="make room or change its rights, or call from another folder",
+        ) from None
     try:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -51,7 +51,7 @@ CAMPAIGNS = or_exit(load_campaigns)
 RESULTS = Path(config["results"])
 or_exit(check_results, RESULTS, CAMPAIGNS)
 if workflow.is_main_process:
-    clear_stale_locks(Path.cwd(), RESULTS)
+    or_exit(clear_stale_locks, Path.cwd(), RESULTS)
 
 
 wildcard_constraints:
