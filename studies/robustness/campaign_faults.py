@@ -152,13 +152,15 @@ def rewritten_text(text: bytes, rng: np.random.Generator) -> bytes:
     return (b"\xef\xbb\xbf" if rng.integers(3) == 0 else b"") + end.join(lines).encode() + end.encode()
 
 
-def write_rewritten(source: Path, folder: Path, rng: np.random.Generator) -> None:
-    """Write a copy of a campaign into ``folder`` that means the same and is written in another way."""
+def write_rewritten(source: Path, folder: Path, rng: np.random.Generator) -> str:
+    """Write a copy of a campaign into ``folder`` that means the same and is written in another way; say how."""
     _link_files(source, folder)
     text = (source / "campaign.yaml").read_bytes()
-    if rng.integers(3):
+    kind = ("lines alone", "document", "document")[rng.integers(3)]
+    if kind == "document":
         text = rewritten_document(yaml.safe_load(text), rng)
     (folder / "campaign.yaml").write_bytes(rewritten_text(text, rng))
+    return kind
 
 
 def _link_files(source: Path, folder: Path) -> None:

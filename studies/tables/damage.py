@@ -10,7 +10,8 @@ import itertools
 import shutil
 import tempfile
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -39,24 +40,47 @@ def campaign_trials(count: int, seed: int, results: Path, corpus: Path) -> Count
     """Outcomes of reading damaged campaigns, looking at their files and simulating a run with what is accepted."""
     simulated = _simulation(results)
     simulated(load_campaign(_SAMPLE))
+
+    def call(folder: Path) -> str:
+        campaign = load_campaign(folder)
+        look_at_files(campaign)
+        return "returned" if np.isfinite(simulated(campaign)).all() else "not finite"
+
+    return _trials(count, seed, corpus, campaign_faults.write_damaged, call, ("returned", "refused"))
+
+
+def rewrite_trials(count: int, seed: int, results: Path, corpus: Path) -> Counter[str]:
+    """Outcomes of reading and simulating campaigns written in another way: "same", or what is wrong."""
+    simulated = _simulation(results)
+    wanted = simulated(load_campaign(_SAMPLE))
+
+    def call(folder: Path) -> str:
+        return "same" if np.array_equal(simulated(load_campaign(folder)), wanted) else "other numbers"
+
+    return _trials(count, seed, corpus, campaign_faults.write_rewritten, call, ("same",))
+
+
+def _trials(
+    count: int,
+    seed: int,
+    corpus: Path,
+    write: Callable[[Path, Path, np.random.Generator], str],
+    call: Callable[[Path], str],
+    right: Sequence[str],
+) -> Counter[str]:
+    """Outcomes of calls on copies of the sample that ``write`` makes; those that are not right are kept."""
     outcomes: Counter[str] = Counter()
     rng = np.random.default_rng(seed)
     for i in range(count):
         with tempfile.TemporaryDirectory() as scratch:
             folder = Path(scratch) / "lab"
             folder.mkdir()
-            kind = campaign_faults.write_damaged(_SAMPLE, folder, rng)
-
-            def call(folder: Path = folder) -> str:
-                campaign = load_campaign(folder)
-                look_at_files(campaign)
-                return "finite" if np.isfinite(simulated(campaign)).all() else "not finite"
-
-            outcome = attempt(call)
-            name = outcome.kind if outcome.value in (None, "finite") else f"{outcome.kind} {outcome.value}"
+            kind = write(_SAMPLE, folder, rng)
+            outcome = attempt(partial(call, folder))
+            name = outcome.kind if outcome.value is None else str(outcome.value)
             outcomes[name] += 1
-            if not outcome.told or outcome.value == "not finite":
-                _keep(corpus, f"campaign_{seed}_{i}", kind, (folder / "campaign.yaml"), outcome)
+            if name not in right:
+                _keep(corpus, f"{write.__name__}_{seed}_{i}", kind, folder / "campaign.yaml", outcome)
             campaign_faults.removed(folder)
     return outcomes
 
@@ -66,29 +90,6 @@ def _simulation(results: Path) -> Callable[[Campaign], NDArray[np.float64]]:
     tracks = read_decimated(results / "a" / "decimate.mcap")
     times = read_tracks(results / "a" / "track.mcap", features=False)["object"].time_s[::4]
     return lambda campaign: simulate(campaign.scene, tracks["rover"], tracks["object"], times, SimulateSettings()).pose
-
-
-def rewrite_trials(count: int, seed: int, results: Path, corpus: Path) -> Counter[str]:
-    """Outcomes of reading and simulating campaigns written in another way: "same", or what is wrong."""
-    simulated = _simulation(results)
-    wanted = simulated(load_campaign(_SAMPLE))
-    outcomes: Counter[str] = Counter()
-    rng = np.random.default_rng(seed)
-    for i in range(count):
-        with tempfile.TemporaryDirectory() as scratch:
-            folder = Path(scratch) / "lab"
-            folder.mkdir()
-            campaign_faults.write_rewritten(_SAMPLE, folder, rng)
-
-            def call(folder: Path = folder) -> bool:
-                return np.array_equal(simulated(load_campaign(folder)), wanted)
-
-            outcome = attempt(call)
-            name = {True: "same", False: "other numbers"}.get(outcome.value, outcome.kind)
-            outcomes[name] += 1
-            if name != "same":
-                _keep(corpus, f"rewrite_{seed}_{i}", "rewritten", folder / "campaign.yaml", outcome)
-    return outcomes
 
 
 def look_at_files(campaign: Campaign) -> None:

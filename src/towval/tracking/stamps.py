@@ -196,8 +196,7 @@ def _leaps(tracks: Mapping[str, Track], kept: NDArray[np.bool_]) -> NDArray[np.b
             step = np.linalg.norm(np.diff(place, axis=0), axis=1)
             speed = step / np.diff(time_s)
             rested = np.linalg.norm(place[c.beside : -1] - place[: -c.beside - 1], axis=1)
-            std = np.sqrt(np.median(track.covariance[kept][seen, 0, 0]))
-            large = step[c.beside :] > c.least_deviations * std
+            large = step[c.beside :] > c.least_deviations * _noise_m(track, kept)
             fast = speed[c.beside :] > c.leap * np.percentile(speed, 95)
             moves[seen[c.beside : -1]] = large
             leap[seen[c.beside : -1]] = large & fast & (rested < c.repeated * step[c.beside :])
@@ -223,9 +222,8 @@ def _dropped(tracks: Mapping[str, Track], kept: NDArray[np.bool_]) -> NDArray[np
         place = np.where(track.seen[:, None], track.pose[:, :2], np.nan)[kept]
         own = np.array([_misfit(time_s[index], place[index], extra) for extra in range(3)])
         if np.isfinite(own[0]).any():
-            noise = np.median(track.covariance[track.seen, 0, 0])
             # Eight pictures leave four degrees of freedom in each coordinate.
-            misfit += np.nan_to_num(own / (np.nanmedian(own[0]) + 2 * _SIDE * noise))
+            misfit += np.nan_to_num(own / (np.nanmedian(own[0]) + 2 * _SIDE * _noise_m(track, kept) ** 2))
     better = misfit[0] > CONSTANTS.dropped * misfit[1:].min(axis=0)
     dropped[_SIDE - 1 : _SIDE - 1 + count] = better & (misfit[0] > CONSTANTS.unlike)
     return dropped
