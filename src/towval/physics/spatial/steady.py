@@ -76,6 +76,8 @@ def _towed(problem: TowProblem, place: Array, twist: tuple[float, float, float],
         slope = (off - off_before) / (lift - before) if k > 0 else -1.0
         before, off_before = lift, off
         lift -= off / slope
+    else:
+        return math.nan
     out[1], out[2] = tx, ty
     moment = wrench[2, 0] * x[0] + wrench[2, 1] * x[1] + wrench[2, 2] * x[2]
     left: float = moment + n[ANCHOR_X] * ty - n[ANCHOR_Y] * tx
