@@ -49,13 +49,19 @@ class Workplace:
         self.folder.mkdir(parents=True, exist_ok=True)
 
     def start(self, environment: Mapping[str, str | None] | None = None, before: Callable[[], None] | None = None,
-              wrapper: tuple[str, ...] = ()) -> "subprocess.Popen[str]":  # fmt: skip
-        """Start the workflow in a session of its own, with variables changed or (None) taken away."""
+              wrapper: tuple[str, ...] = (), by_towval: bool = False) -> "subprocess.Popen[str]":  # fmt: skip
+        """Start the workflow in a session of its own, with variables changed or (None) taken away.
+
+        By Snakemake, or by ``towval run``.
+        """
         if not (self.folder / "config.yaml").exists():
             shutil.copy(self.checkout / "config.yaml", self.folder)
         variables: dict[str, str | None] = {**self.variables(), **(environment or {})}
         line = [sys.executable, "-m", "snakemake", "--cores", "2", "--snakefile", str(self.checkout / "Snakefile")]
         line += ["--directory", ".", "--config", f"campaign={self.campaign}", *_SETTINGS]
+        if by_towval:
+            line = [sys.executable, "-m", "towval", "run", str(self.campaign), "--cores", "2"]
+            line += [word for setting in _SETTINGS for word in ("--set", setting)]
         return subprocess.Popen(
             [*wrapper, *line],
             cwd=self.folder,
@@ -105,22 +111,27 @@ def fault_of(text: str) -> str:
 
 
 def kill_trials(place: Workplace, count: int, seed: int) -> Iterator[tuple[str, str]]:
-    """Kill all processes of a call at a random moment, some by Ctrl-C, and call again; what was done, and the fault."""
+    """Kill all processes of a call at a random moment, and call again; what was done, and the fault.
+
+    Every fifth is a call of ``towval run`` that gets Ctrl-C: what Python says while it loads Snakemake itself is
+    not ours.
+    """
     begun = time.monotonic()
     wanted = place.undisturbed()
     lasts = time.monotonic() - begun
     rng = np.random.default_rng(seed)
     for i in range(count):
         place.fresh()
-        wait_s, number = rng.uniform(0.05, 1.0) * lasts, signal.SIGINT if i % 5 == 4 else signal.SIGKILL
-        process = place.start()
+        wait_s, number = rng.uniform(0.0, 1.0) * lasts, signal.SIGINT if i % 5 == 4 else signal.SIGKILL
+        by_towval = number == signal.SIGINT
+        process = place.start(by_towval=by_towval)
         try:
             text, _ = process.communicate(timeout=wait_s)
         except subprocess.TimeoutExpired:
             os.killpg(process.pid, number)
             text, _ = process.communicate()
-        fault = fault_of(text) if number == signal.SIGINT and "Traceback" in text else ""
-        code, after = place.run()
+        fault = fault_of(text) if by_towval and process.returncode > 0 else ""
+        code, after = place.run(by_towval=by_towval)
         if not fault:
             fault = fault_of(after) or f"exit {code}" if code else "" if place.digest() == wanted else "other bytes"
         told = f"{number.name} after {wait_s:.1f} of {lasts:.1f} s"

@@ -27,6 +27,10 @@ def test_a_fault_of_a_program_stays_whole(last):
     assert list(_system_errors_told(lines)) == lines
 
 
+def test_an_interruption_of_snakemake_is_no_traceback():
+    assert list(_system_errors_told(["before\n", *FRAMES, "KeyboardInterrupt\n", "after\n"])) == ["before\n", "after\n"]
+
+
 @pytest.mark.parametrize("name", ["1", "True", "[x]", "-dash", "lab", "a/b"])
 def test_a_path_is_no_number(name):
     assert _as_path(Path(name)) == f"./{name}"

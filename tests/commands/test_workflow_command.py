@@ -20,7 +20,7 @@ SAMPLE = Path(str(resources.files("towval"))) / "sample"
 def towval(folder, *arguments):
     """The command line, run in a folder."""
     return subprocess.run(
-        [sys.executable, "-m", "towval.cli", *map(str, arguments)],
+        [sys.executable, "-m", "towval", *map(str, arguments)],
         cwd=folder,
         capture_output=True,
         text=True,
@@ -81,7 +81,7 @@ def test_the_demo_overwrites_nobodys_folder(tmp_path):
 
 def in_calibration(folder):
     """A whole call in a process group of its own, once its first stage is at work."""
-    line = [sys.executable, "-m", "towval.cli", "run", str(SAMPLE), "--set", "preset=draft"]
+    line = [sys.executable, "-m", "towval", "run", str(SAMPLE), "--set", "preset=draft"]
     process = subprocess.Popen(line, cwd=folder, start_new_session=True, stderr=subprocess.PIPE, text=True)
     until = time.monotonic() + 120
     while not [*(folder / ".snakemake").glob("scripts/*.py")]:
@@ -99,13 +99,17 @@ def alive(group):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="death of the parent is a signal on Linux only")
-@pytest.mark.parametrize("to", ["all, by SIGTERM", "the first, by SIGKILL"])
+@pytest.mark.parametrize("to", ["all, by SIGTERM", "all, by SIGINT", "the first, by SIGINT", "the first, by SIGKILL"])
 def test_a_call_that_is_ended_leaves_nothing_that_waits_and_the_next_goes_on(tmp_path, to):
     process = in_calibration(tmp_path)
-    number = signal.SIGKILL if "KILL" in to else signal.SIGTERM
+    number = signal.Signals[to.split()[-1]]
     (os.killpg if "all" in to else os.kill)(process.pid, number)
-    process.communicate(timeout=120)
+    _, told = process.communicate(timeout=120)
     assert process.returncode != 0
+    if number == signal.SIGINT:
+        assert process.returncode == 130
+        assert told.endswith("towval: interrupted; what is finished stays, and the next call goes on from there\n")
+    assert "Traceback" not in told
     until = time.monotonic() + 60
     while alive(process.pid):
         assert time.monotonic() < until, "something of the call is left"
@@ -113,3 +117,14 @@ def test_a_call_that_is_ended_leaves_nothing_that_waits_and_the_next_goes_on(tmp
     done = towval(tmp_path, "run", SAMPLE, "--set", "preset=draft", "--snakemake=--until calibrate")
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "results" / "sample" / "camera.mcap").is_file()
+
+
+@pytest.mark.parametrize("imported", ["argparse", "towval.model.errors", "towval.cli", "subprocess"])
+def test_ctrl_c_at_the_start_shows_no_traceback(tmp_path, imported):
+    line = [sys.executable, "-X", "importtime", "-m", "towval", "run", str(SAMPLE)]
+    process = subprocess.Popen(line, cwd=tmp_path, start_new_session=True, stderr=subprocess.PIPE, text=True)
+    assert any(said.rstrip().endswith(f" {imported}") for said in process.stderr), "never imported"
+    os.killpg(process.pid, signal.SIGINT)
+    _, told = process.communicate(timeout=120)
+    assert process.returncode in {130, -signal.SIGINT}
+    assert "Traceback" not in told

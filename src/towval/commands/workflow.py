@@ -97,8 +97,10 @@ def run(
 def _ending_with_us(line: Sequence[str]) -> Iterator["subprocess.Popen[str]"]:
     """A process that does not outlive this one, whose words nobody would read: Snakemake waits for ever then.
 
-    SIGTERM is passed on, so that it ends by itself. Where this process is killed, so is that one (Linux).
+    SIGTERM and SIGINT are passed on as SIGTERM, so that it ends by itself; `KeyboardInterrupt` is raised when it has.
+    Where this process is killed, so is that one (Linux).
     """
+    interrupted = False
     libc = ctypes.CDLL(None) if sys.platform == "linux" else None
 
     def die_with_parent() -> None:
@@ -114,11 +116,21 @@ def _ending_with_us(line: Sequence[str]) -> Iterator["subprocess.Popen[str]"]:
         errors="replace",
         preexec_fn=die_with_parent if libc is not None else None,  # noqa: PLW1509  # it makes one call of the system
     ) as process:
-        before = signal.signal(signal.SIGTERM, lambda *_: process.terminate())
+
+        def end(number: int, _: object) -> None:
+            nonlocal interrupted
+            interrupted |= number == signal.SIGINT
+            process.terminate()
+
+        before = {number: signal.signal(number, end) for number in (signal.SIGTERM, signal.SIGINT)}
         try:
             yield process
+            process.wait()
         finally:
-            signal.signal(signal.SIGTERM, before)
+            for number, handler in before.items():
+                signal.signal(number, handler)
+        if interrupted:
+            raise KeyboardInterrupt
 
 
 def run_demo(folder: Path, results: Path = Path("results"), cores: int | None = None) -> Outcome | None:
@@ -142,7 +154,10 @@ def _as_path(path: Path) -> str:
 
 
 def _system_errors_told(lines: Iterable[str]) -> Iterator[str]:
-    """The lines, but one message for each traceback of Snakemake's own over what the system refuses it."""
+    """The lines, but one message for each traceback of Snakemake's own over what the system refuses it.
+
+    Its traceback over Ctrl-C is left out.
+    """
     held: list[str] = []
     for line in lines:
         if held or line.startswith("Traceback (most recent call last)"):
@@ -152,7 +167,8 @@ def _system_errors_told(lines: Iterable[str]) -> Iterator[str]:
             if _REFUSED.match(line):
                 said = _REFUSED.sub("", line).strip()
                 held = [f"towval: the system refuses Snakemake something: {said}\n  what to do: {_REMEDY}\n"]
-            yield from held
+            if not line.startswith("KeyboardInterrupt"):
+                yield from held
             held = []
         else:
             yield line
