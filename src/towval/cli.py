@@ -149,12 +149,7 @@ _STAGES: dict[str, tuple[str, list[_Argument]]] = {
 }  # fmt: skip
 """Help text and arguments of each stage, besides ``-o`` and ``--set``."""
 
-_FUNCTIONS = {
-    "plan": ("plan", "run_file"),
-    "tow": ("plan", "run_tow_file"),
-    "run": ("workflow", "run"),
-    "demo": ("workflow", "run_demo"),
-}
+_FUNCTIONS = {"tow": ("plan", "run_tow"), "run": ("workflow", "run"), "demo": ("workflow", "run_demo")}
 """Module and function of a stage, where they are not ``run`` in the module of its name."""
 
 _OUTPUTS = {"index": "SQLite file to write, replaced atomically; the page beside it ends in .html"}

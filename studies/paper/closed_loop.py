@@ -34,7 +34,7 @@ REPORT_STRIDE = 10
 def planned_loop(scene: PaperScene, patch: SlidingPatch, nominal: QuasistaticMotion, **settings: Any) -> ClosedLoop:
     """The cube behind the rover planned along its nominal path, with planner settings that differ from the scene's."""
     planner = replace(scene.planner, **settings)
-    return close_loop(nominal, scene.cube, patch, scene.tether, scene.rover, planner, report_stride=REPORT_STRIDE)
+    return close_loop(nominal, scene.towed, patch, scene.tether, scene.rover, planner, report_stride=REPORT_STRIDE)
 
 
 def loop_row(scene: PaperScene, patch: SlidingPatch, nominal: QuasistaticMotion, **settings: Any) -> Row:

@@ -40,7 +40,7 @@ def feedforward_motion(
     """The cube under the nominal tow force alone. SOURCE: section 2.3, case 1."""
     force = TimedPath(nominal.time_s, nominal.tether_force)
     twist = np.zeros(3) if from_rest else nominal.twist[0]
-    return feedforward(scene.cube, patch, force, nominal.pose[0], _compared_times(nominal), start_twist=twist)
+    return feedforward(scene.towed, patch, force, nominal.pose[0], _compared_times(nominal), start_twist=twist)
 
 
 def feedback_motion(
@@ -59,11 +59,11 @@ def feedback_motion(
     """
     hinge = nominal.hinge
     if at_rest_length:
-        anchor = transform(nominal.pose, scene.cube.anchor)
+        anchor = transform(nominal.pose, scene.towed.anchor)
         direction = nominal.tether_force / np.linalg.norm(nominal.tether_force, axis=1, keepdims=True)
         hinge = TimedPath(nominal.time_s, anchor + scene.tether.rest_length * direction)
     return feedback(
-        scene.cube,
+        scene.towed,
         patch,
         tether or scene.tether,
         hinge,
@@ -129,7 +129,7 @@ def stiffness_rows(
     """
     patch, specification = resting_patch(scene), timed(scene.curves[curve], time_step, mean_speed=speed)
     tethers = [replace(scene.tether, stiffness=stiffness) for stiffness in stiffnesses]
-    plans = [quasistatic_plan(scene.cube, patch, specification, tether) for tether in tethers]
+    plans = [quasistatic_plan(scene.towed, patch, specification, tether) for tether in tethers]
     rows: list[Row] = [{"curve": curve, "stiffness_n_m": tether.stiffness} for tether in tethers]
     for name, at_rest_length in (("feedback", False), ("feedback_at_rest_length", True)):
         for row, tether, nominal in zip(rows, tethers, plans, strict=True):

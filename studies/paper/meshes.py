@@ -84,11 +84,11 @@ def mesh_rows(scene: PaperScene, element_size: float | None) -> list[Row]:
     specification = timed(scene.curves["lemniscate"], scene.time_step, duration=scene.duration)
     steps = len(specification.time_s) - 1
     law = fitted_law(scene.friction).law
-    exact = sliding_patch(resting_pressure(scene.cube), law)
+    exact = sliding_patch(resting_pressure(scene.towed), law)
     cells, patch = 0, exact
     if element_size is not None:
-        loads = [(scene.cube.mass * GRAVITY_M_PER_S2, scene.cube.centre_of_mass)]
-        pressure = mesh_pressure(scene.cube.patch, loads, SIDES_PER_ELEMENT_SIZE * element_size)
+        loads = [(scene.towed.mass * GRAVITY_M_PER_S2, scene.towed.centre_of_mass)]
+        pressure = mesh_pressure(scene.towed.patch, loads, SIDES_PER_ELEMENT_SIZE * element_size)
         cells, patch = len(pressure.force), meshed_patch(pressure, law)
     count = steps if cells == 0 else int(np.clip(CELL_BUDGET / cells, LEAST_STEPS, steps))
     shown = specification.time_s[: count + 1]
@@ -113,7 +113,7 @@ def mesh_rows(scene: PaperScene, element_size: float | None) -> list[Row]:
 
 def _timed_plan(scene: PaperScene, patch: SlidingPatch, specification: TimedPath, times: Array) -> tuple[float, float]:
     start = time.process_time()
-    plan = quasistatic_plan(scene.cube, patch, specification, scene.tether, times=times)
+    plan = quasistatic_plan(scene.towed, patch, specification, scene.tether, times=times)
     return time.process_time() - start, float(plan.heading_rate[0])
 
 

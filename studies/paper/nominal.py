@@ -29,7 +29,7 @@ def cube_nominal(
     """Quasi-static motion of the cube along a curve, at a mean speed [m/s] or, without, in the paper's 600 s."""
     duration = scene.duration if speed is None else None
     specification = timed(scene.curves[curve], time_step, mean_speed=speed, duration=duration)
-    return quasistatic_plan(scene.cube, patch, specification, scene.tether)
+    return quasistatic_plan(scene.towed, patch, specification, scene.tether)
 
 
 def general_nominal(scene: PaperScene, curve: str, centre: str) -> QuasistaticMotion:

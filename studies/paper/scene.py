@@ -8,7 +8,7 @@ from typing import Any
 
 from studies.frame import Part, Row, Settings, Study
 from towval.model import FrictionSpecification, TowedObject
-from towval.planning.scene import PlanScene, friction_of, plan_scene, towed_object
+from towval.planning.scene import PlanScene, friction_of, object_with_load, plan_scene
 
 CURVES = ("line", "circle", "lemniscate", "rounded_square")
 """The four curves in the order of Fig. 4."""
@@ -34,7 +34,7 @@ def paper_scene(plan: Mapping[str, Any]) -> PaperScene:
     return PaperScene(
         **{field.name: getattr(shared, field.name) for field in fields(shared)},
         general={
-            name: towed_object(shape["outline_m"], shape["mass_kg"], centre, shape["anchor_m"])
+            name: object_with_load(shape["outline_m"], shape["mass_kg"], centre, shape["anchor_m"])
             for name, centre in shape["centres_of_mass_m"].items()
         },
         peaked_friction=friction_of(plan["peaked_friction"]),

@@ -230,7 +230,7 @@ rule plan:
         arguments=lambda wildcards, input, output: dict(
             scene=STUDY_SETTINGS.scene,
             wanted=wildcards.curve,
-            mcap=output.mcap,
+            output=output.mcap,
             csv=output.csv,
         ),
     message:

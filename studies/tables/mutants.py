@@ -1,6 +1,6 @@
 """Which tuned constants the tests notice: each is halved and doubled, and the tests that read it run.
 
-    python -m studies.tables.mutants [MODULE ...] [--jobs 2] [--seconds 4] [--tests 'test_*.py']
+    python -m studies.tables.mutants [MODULE ...] [--jobs 2] [--seconds 4] [--tests 'test_*.py'] [--sample 20 --seed 1]
 
 A first pass runs the tests of both rooms without a change and keeps which test reads which constant, and how long it
 takes. Then each mutant runs in a forked process, its quickest test first, up to the first that fails. Integers stay
@@ -15,6 +15,7 @@ import dataclasses
 import io
 import multiprocessing
 import os
+import random
 from collections import defaultdict
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,10 @@ ROOMS = ("towval.tracking", "towval.calibration")
 REPOSITORY = Path(__file__).resolve().parents[2]
 SLOW = ("test_real_clips.py",)
 """Files of tests that are left out: footage that is not everybody's."""
+
+
+Place = tuple[str, str]
+"""A room and a module of it."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -88,15 +93,31 @@ def noticed_by(work: tuple[Mutant, list[str]]) -> tuple[Mutant, str]:
     return mutant, watch.failed.rpartition("::")[2]
 
 
-def first_pass(modules: list[str], pattern: str) -> tuple[list[Mutant], Watch]:
-    """All mutants of some modules, or of all, and what the tests of both rooms read; compiles what is compiled."""
-    watch, mutants = Watch(), []
+def stratified(names: dict[Place, list[str]], size: int, seed: int) -> list[tuple[Place, str]]:
+    """So many names at random, from as many modules as there are; all of them for a size of zero."""
+    rng = random.Random(seed)
+    ranked = [
+        (rank, (place, name))
+        for place in names
+        for rank, name in enumerate(rng.sample(names[place], k=len(names[place])))
+    ]
+    rng.shuffle(ranked)
+    return [named for _, named in sorted(ranked, key=lambda pair: pair[0])][: size or None]
+
+
+def first_pass(modules: list[str], pattern: str, size: int, seed: int) -> tuple[list[Mutant], Watch]:
+    """Mutants of some modules, or of all, and what the tests of both rooms read; compiles what is compiled."""
+    watch, names = Watch(), {}
     for room in ROOMS:
         for module, constants in constants_of(room).items():
             if not modules or module in modules:
-                names = [field.name for field in dataclasses.fields(constants)]
-                mutants += [Mutant(room, module, name, factor) for name in names for factor in (0.5, 2.0)]
+                names[room, module] = [field.name for field in dataclasses.fields(constants)]
                 watch.observe(module, constants)
+    mutants = [
+        Mutant(room, module, name, factor)
+        for (room, module), name in stratified(names, size, seed)
+        for factor in (0.5, 2.0)
+    ]
     folders = [REPOSITORY / "tests" / room.rpartition(".")[2] for room in ROOMS]
     run([str(f) for folder in folders for f in sorted(folder.glob(pattern)) if f.name not in SLOW], watch)
     return mutants, watch
@@ -109,9 +130,11 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--seconds", type=float, default=4.0, help="tests that take longer are left out")
     parser.add_argument("--tests", default="test_*.py", help="files of tests, as test_*_limits.py for a quick look")
+    parser.add_argument("--sample", type=int, default=0, help="so many constants instead of all, from all modules")
+    parser.add_argument("--seed", type=int, default=1, help="of that sample")
     given = parser.parse_args()
     os.chdir(REPOSITORY)
-    mutants, watch = first_pass(given.modules, given.tests)
+    mutants, watch = first_pass(given.modules, given.tests, given.sample, given.seed)
     if watch.failed:
         parser.error(f"{watch.failed} fails without any mutant")
     work = []

@@ -21,7 +21,7 @@ from towval.io.images import read_gray
 from towval.io.video import Video
 from towval.model import Array, Calibration, Choice, Comparison, Track
 from towval.model.presets import PRESETS, STANDARD, settings_of
-from towval.selection.draws import gather, sample_selecting
+from towval.selection.draws import sample_selecting
 from towval.selection.lens import with_lens_choice
 from towval.selection.margin import measurement_std_m, seen_places
 from towval.selection.simulation import simulate_selecting
@@ -29,7 +29,7 @@ from towval.selection.tracking import PROBE_FRAMES, PROBE_STRIDE, neighbour_of_t
 from towval.tracking.track import TrackSettings, track
 from towval.validation.compare import compare
 from towval.validation.decimate import decimate
-from towval.validation.sampler import UncertaintySettings
+from towval.validation.sampler import Case, UncertaintySettings
 from towval.validation.simulate import SimulateSettings
 
 AUTO = "auto"
@@ -112,7 +112,10 @@ def run_pipeline(given: Campaign, preset: str) -> PipelineResult:
     _, motion = simulate_selecting(
         given.scene, thin["rover"], thin["object"], times, SimulateSettings(**keys), auto=auto, measurement_m=measured
     )
-    case = gather(given.scene, given.deviations, calibration, given.bodies, tracks, thin, motion)
+    rover, towed = tracks["rover"], tracks["object"]
+    case = Case(
+        given.scene, given.deviations, calibration, *given.bodies, rover, thin["rover"], towed, thin["object"], motion
+    )
     keys, auto = _keys(preset, "uncertainty")
     uncertainty = sample_selecting(case, UncertaintySettings(**keys), auto="samples" in auto, measurement_m=measured)
     comparison = compare(entry.video.stem, motion, tracks["object"], uncertainty)

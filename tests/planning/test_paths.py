@@ -62,12 +62,6 @@ def test_spline_through_points_of_a_circle_is_that_circle():
     assert curve.tightest_radius == pytest.approx(1.0, rel=1e-3)
 
 
-def test_polyline_keeps_its_kinks():
-    curve = paths.through_points([[0, 0], [1, 0], [1, 1]], smooth=False)
-    np.testing.assert_allclose(on(curve, [0.5, 1.0, 1.25]), [[0.5, 0], [1, 0], [1, 0.25]])
-    assert curve.tightest_radius == 0.0
-
-
 def test_timed_path_moves_at_the_speed_asked_for():
     path = paths.timed(paths.circle(1.0), 0.1, mean_speed=0.01)
     assert path.time_s[-1] == pytest.approx(2 * np.pi / 0.01, abs=0.05)

@@ -55,12 +55,12 @@ def wanted(scene):
 
 @pytest.fixture(scope="module")
 def nominal(scene, patch, wanted):
-    return quasistatic_plan(scene.cube, patch, wanted, scene.tether)
+    return quasistatic_plan(scene.towed, patch, wanted, scene.tether)
 
 
 @pytest.fixture(scope="module")
 def loop(scene, patch, nominal):
-    return close_loop(nominal, scene.cube, patch, scene.tether, scene.rover, scene.planner, report_stride=5)
+    return close_loop(nominal, scene.towed, patch, scene.tether, scene.rover, scene.planner, report_stride=5)
 
 
 def test_the_object_follows_the_lemniscate_behind_the_planned_rover(loop):
@@ -74,7 +74,7 @@ def test_behind_the_nominal_hinge_the_object_stays_on_its_path(scene, patch, nom
     motion = tow(
         nominal.time_s,
         nominal.hinge.position,
-        scene.cube,
+        scene.towed,
         patch,
         scene.tether,
         start_pose=nominal.pose[0],
@@ -88,8 +88,8 @@ def test_behind_the_nominal_hinge_the_object_stays_on_its_path(scene, patch, nom
 def test_a_turned_and_moved_wish_gives_the_turned_and_moved_loop(scene, patch, wanted, loop):
     frame = np.array([2.0, -3.0, 0.7])
     moved_wanted = TimedPath(wanted.time_s, transform(frame, wanted.position))
-    moved_nominal = quasistatic_plan(scene.cube, patch, moved_wanted, scene.tether)
-    moved = close_loop(moved_nominal, scene.cube, patch, scene.tether, scene.rover, scene.planner, report_stride=5)
+    moved_nominal = quasistatic_plan(scene.towed, patch, moved_wanted, scene.tether)
+    moved = close_loop(moved_nominal, scene.towed, patch, scene.tether, scene.rover, scene.planner, report_stride=5)
     np.testing.assert_allclose(moved.rover.hinge, transform(frame, loop.rover.hinge), atol=1e-6)
     # The integrator's own tolerance: its steps are not the same in another frame.
     expected = compose(frame, loop.towed.pose)
@@ -106,7 +106,7 @@ def test_a_plan_written_as_mcap_drives_the_same_object_motion(tmp_path, scene, p
     again = tow(
         times,
         hinge,
-        scene.cube,
+        scene.towed,
         patch,
         scene.tether,
         start_pose=nominal.pose[0],
@@ -169,8 +169,8 @@ def test_a_path_from_a_file_is_planned_like_any_other(tmp_path, scene, patch):
     file = tmp_path / "arc.csv"
     pd.DataFrame({"x_m": 1.5 * np.sin(angle), "y_m": 1.5 - 1.5 * np.cos(angle)}).to_csv(file, index=False)
     wanted = paths.timed(paths.through_points(read_path(file)), STEP_S, mean_speed=0.01)
-    nominal = quasistatic_plan(scene.cube, patch, wanted, scene.tether)
-    loop = close_loop(nominal, scene.cube, patch, scene.tether, scene.rover, scene.planner, report_stride=5)
+    nominal = quasistatic_plan(scene.towed, patch, wanted, scene.tether)
+    loop = close_loop(nominal, scene.towed, patch, scene.tether, scene.rover, scene.planner, report_stride=5)
     assert loop.rover.outcome is PlanOutcome.ARRIVED
     assert loop.object_rms < 0.01
 
@@ -272,7 +272,7 @@ def test_a_scene_has_keys_for_what_leaves_the_plane():
     document |= {"slope_mm_per_m": [1.0, -2.0], "tether": document["tether"] | {"mass_kg_per_m": 0.01}}
     check(document, packaged_schema("plan.schema.yaml"), "plan.yaml")
     scene = plan_scene(document)
-    assert (scene.cube.anchor_height, scene.cube.centre_of_mass_height, scene.hinge_height) == (0.1, 0.2, 0.15)
+    assert (scene.towed.anchor_height, scene.towed.centre_of_mass_height, scene.hinge_height) == (0.1, 0.2, 0.15)
     assert scene.ground.slope.tolist() == [0.001, -0.002]
     assert scene.tether.mass_per_length == 0.01
     assert isinstance(friction_under(scene), Sliding)
@@ -300,4 +300,4 @@ def test_a_scene_with_a_mistyped_key_is_refused_by_name(tmp_path, capsys):
 
 def test_a_plan_of_one_pose_cannot_tow(scene, patch, nominal):
     with pytest.raises(InputError, match="before it moves"):
-        tow(np.zeros(1), np.zeros((1, 2)), scene.cube, patch, scene.tether, start_pose=nominal.pose[0])
+        tow(np.zeros(1), np.zeros((1, 2)), scene.towed, patch, scene.tether, start_pose=nominal.pose[0])

@@ -28,6 +28,17 @@ DEFAULTS = {
     "arrival_distance": 0.02,
     "stray_distance": 1.0,
 }
+
+
+def polyline(points):
+    """Straight lines from point to point, with kinks."""
+    points = np.asarray(points, dtype=float)
+    knots = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    return paths.Curve(
+        "polyline", knots[-1], False, lambda s: np.stack([np.interp(s, knots, x) for x in points.T], axis=-1), 0.0
+    )
+
+
 CURVES = {
     "line": paths.line(1.4),
     "circle": paths.circle(1.5),
@@ -35,8 +46,8 @@ CURVES = {
     "lemniscate": paths.lemniscate(4.0),
     "tight lemniscate": paths.lemniscate(1.0),
     "rounded square": paths.rounded_square(4.0, 0.5),
-    "kink": paths.through_points([[0, 0], [2, 0], [2, 2], [4, 2]], smooth=False),
-    "cusp": paths.through_points([[0, 0], [2, 0], [0, 0.2]], smooth=False),
+    "kink": polyline([[0, 0], [2, 0], [2, 2], [4, 2]]),
+    "cusp": polyline([[0, 0], [2, 0], [0, 0.2]]),
 }
 
 
@@ -141,7 +152,7 @@ def test_a_sharp_kink_is_not_followed_and_the_advice_says_why(rover):
 
 
 def test_look_ahead_brings_the_rover_round_a_gentle_kink(rover):
-    bent = paths.through_points([[0, 0], [2, 0], [2 + 2 * np.cos(0.5), 2 * np.sin(0.5)]], smooth=False)
+    bent = polyline([[0, 0], [2, 0], [2 + 2 * np.cos(0.5), 2 * np.sin(0.5)]])
     path = paths.timed(bent, 0.1, duration=300.0)
     abrupt = plan_rover(path, rover, settings(look_ahead_steps=0, threshold=0.05))
     prepared = plan_rover(path, rover, settings(look_ahead_steps=150, threshold=0.05))

@@ -81,21 +81,16 @@ def test_everything_drawn_lies_inside_the_frame(run):
 
 
 def test_outlines_come_at_equal_steps_along_the_path(run):
-    spacing = 0.3
-    axes = figures.run_figure(run, spacing_m=spacing).axes[0]
+    axes = figures.run_figure(run).axes[0]
     outlines = [a.get_xydata() for a in axes.lines if len(a.get_xydata()) == 5 and a.get_color() == SIMULATED]
     centres = np.array([o[:4].mean(axis=0) for o in outlines])
     path = run.simulated.pose[:, :2]
     arc = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
     at = arc[[np.argmin(np.linalg.norm(path - centre, axis=1)) for centre in centres]]
-    # A sample of the path is 10 mm from the next.
-    np.testing.assert_allclose(np.diff(at[:-1]), spacing, atol=0.02)
+    # About seven outlines that do not overlap; a sample of the path is 10 mm from the next.
+    size = np.ptp(run.towed.top_corners_m, axis=0).max()
+    np.testing.assert_allclose(np.diff(at[:-1]), max(arc[-1] / 6, 1.1 * size), atol=0.02)
     assert at[-1] == pytest.approx(arc[-1])
-
-
-def test_spacing_must_be_above_zero(run):
-    with pytest.raises(InputError, match="spacing"):
-        figures.run_figure(run, spacing_m=0.0)
 
 
 def test_campaign_figure_has_a_panel_a_run_at_one_scale(run):

@@ -7,8 +7,9 @@ import pytest
 
 from report_scenes import ceiling_calibration, towed_run
 from towval.model import Choice
+from towval.report.data import Provenance, ReportData, RunReport
 from towval.report.needed import needed_rows
-from towval.report.page import Provenance, ReportData, RunReport, write_report
+from towval.report.page import write_report
 
 LENS = Choice("lens model", "k1 k2", "k1 k2 p1 p2", 1.234e-4, "RMS over the picture at 0.25 m")
 TRACKING = Choice("tracking", "plane, 1024 points", "plane, 4096 points", 2e-5, "RMS over 12 frames")

@@ -33,7 +33,7 @@ def footage(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def overlay(footage, calibration, run, tmp_path_factory):
-    return write_overlay(footage, tmp_path_factory.mktemp("overlay") / "overlay.mp4", calibration, run, crf=12)
+    return write_overlay(footage, tmp_path_factory.mktemp("overlay") / "overlay.mp4", calibration, run)
 
 
 def decoded(path):
@@ -95,7 +95,7 @@ def test_wide_footage_is_scaled_down_to_even_sizes(calibration, run, footage, tm
 
 
 def test_same_data_give_the_same_bytes(calibration, run, footage, overlay, tmp_path):
-    again = write_overlay(footage, tmp_path / "again.mp4", calibration, run, crf=12)
+    again = write_overlay(footage, tmp_path / "again.mp4", calibration, run)
     assert again.read_bytes() == overlay.read_bytes()
 
 
@@ -116,7 +116,7 @@ def test_stills_are_the_drawn_frames_of_the_wanted_times(footage, overlay, calib
 
 
 def test_pictures_are_the_wanted_time_apart(footage, calibration, run):
-    times_s = [picture.time_s for picture in drawn_pictures(footage, calibration, run, step_s=0.2)]
+    times_s = [picture.time_s for picture in drawn_pictures(footage, calibration, run)]
     assert times_s == pytest.approx(np.arange(0, FRAMES / 25, 0.2), abs=1e-9)
 
 

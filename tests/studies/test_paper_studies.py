@@ -21,7 +21,7 @@ from studies.paper.scene import paper_scene
 from studies.paper.variants import Variant, variant_rows
 from studies.registry import FIGURES, PAPER
 from towval.model.errors import InputError
-from towval.planning.scene import towed_object
+from towval.planning.scene import object_with_load
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +79,7 @@ def test_the_general_footprint_holds_the_three_centres_of_mass():
 
 def test_inertia_is_that_of_the_plate_with_steiners_term():
     square = 0.2 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    towed = towed_object(square, 5.0, [0.03, 0.04], [0.2, 0.0])
+    towed = object_with_load(square, 5.0, [0.03, 0.04], [0.2, 0.0])
     assert towed.inertia == pytest.approx(5.0 * (0.4**2 / 6 + 0.05**2))
 
 

@@ -29,9 +29,9 @@ _REPORT_STRIDE = 10
 
 
 def run(
-    scene: Mapping[str, Any],
+    scene: Mapping[str, Any] | Path,
     wanted: str,
-    mcap: Path,
+    output: Path,
     csv: Path,
     campaign: Path | None = None,
     map_file: Path | None = None,
@@ -40,8 +40,8 @@ def run(
 
     Parameters
     ----------
-    scene : mapping
-        The scene, as ``src/towval/workflow/plan.yaml`` describes it.
+    scene : mapping or Path
+        The scene, as ``src/towval/workflow/plan.yaml`` describes it, or a file that holds it.
     wanted : str
         Name of a curve of the scene, or a CSV file with columns ``x_m``, ``y_m`` and optionally ``time_s``.
     campaign : Path, optional
@@ -54,19 +54,19 @@ def run(
     RefusedError
         When the rover does not arrive; no plan is written then.
     """
-    given = _scene(scene, campaign)
+    document, given = _scene(scene, campaign)
     law, path, tether = friction_under(given), _wanted(given, wanted), given.tether
     ground, height = given.ground, given.hinge_height
     times = _planner_times(given, path)
-    nominal = quasistatic_plan(given.cube, law, path, tether, times=times, ground=ground, hinge_height=height)
+    nominal = quasistatic_plan(given.towed, law, path, tether, times=times, ground=ground, hinge_height=height)
     loop = close_loop(
-        nominal, given.cube, law, tether, given.rover, given.planner, report_stride=_REPORT_STRIDE, ground=ground,
+        nominal, given.towed, law, tether, given.rover, given.planner, report_stride=_REPORT_STRIDE, ground=ground,
         hinge_height=height,
     )  # fmt: skip
     found = (*nominal.findings, *loop.rover.findings, *loop.towed.findings)
     if loop.rover.outcome is not PlanOutcome.ARRIVED:
         raise RefusedError(f"the rover does not arrive: {loop.rover.outcome}", remedy=loop.rover.advice)
-    write_plan_mcap(mcap, loop.rover, loop.towed, provenance("plan", scene, {}))
+    write_plan_mcap(output, loop.rover, loop.towed, provenance("plan", document, {}))
     write_plan_csv(csv, loop.rover, loop.towed)
     limited = loop.rover.case != PlanCase.A
     off = {"object_rms_mm": 1e3 * loop.object_rms, "hinge_rms_mm": 1e3 * loop.rover.rms}
@@ -76,7 +76,7 @@ def run(
         f"the hinge from its own by {off['hinge_rms_mm']:.1f} mm; its bends are the rover's limit for "
         f"{100 * numbers['limited_share']:.0f} % of the time, else the path's own"
     )
-    files = (mcap, csv, *_mapped(map_file, loop.rover.hinge, loop.towed, given, path.position, limited))
+    files = (output, csv, *_mapped(map_file, loop.rover.hinge, loop.towed, given, path.position, limited))
     return Outcome("plan", files, text, numbers, found)
 
 
@@ -93,73 +93,52 @@ def _mapped(
         return ()
     from towval.report.figures.plan import plan_figure, write_map  # noqa: PLC0415  # matplotlib, for a map only
 
-    write_map(file, plan_figure(hinge, motion, scene.cube, wanted, limited))
+    write_map(file, plan_figure(hinge, motion, scene.towed, wanted, limited))
     return (file,)
 
 
-def run_file(
-    scene: Path, wanted: str, output: Path, csv: Path, campaign: Path | None = None, map_file: Path | None = None
-) -> Outcome:
-    """The same with the scene in a file."""
-    return run(_read_scene(scene), wanted, output, csv, campaign, map_file)
-
-
 def run_tow(
-    scene: Mapping[str, Any], recording: Path, output: Path, campaign: Path | None = None, map_file: Path | None = None
+    scene: Mapping[str, Any] | Path,
+    recording: Path,
+    output: Path,
+    campaign: Path | None = None,
+    map_file: Path | None = None,
 ) -> Outcome:
     """Simulate the object behind a recorded rover, from the first pose of the object in the recording.
 
-    Parameters
-    ----------
-    scene : mapping
-        The scene, as ``src/towval/workflow/plan.yaml`` describes it.
-    recording : Path
-        Any MCAP with ``/rover/pose`` and ``/object/pose`` or ``/object/pose_simulated``: a plan, a measured track.
-    output : Path
-        MCAP file to write, as by the stage simulate.
-    campaign : Path, optional
-        A campaign whose object, friction, tether and hinge replace those of the scene.
-    map_file : Path, optional
-        SVG file for a map.
+    ``recording`` is any MCAP with ``/rover/pose`` and ``/object/pose`` or ``/object/pose_simulated``: a plan, a
+    measured track. The file to write is as by the stage simulate; the rest is as in :func:`run`.
     """
-    given = _scene(scene, campaign)
+    document, given = _scene(scene, campaign)
     times, poses = read_rover_poses(recording)
     hinge = hinge_of_poses(poses, given.rover)
     start = read_object_start(recording)
     motion = tow(
-        times, hinge, given.cube, friction_under(given), given.tether, start_pose=start, stride=_REPORT_STRIDE,
+        times, hinge, given.towed, friction_under(given), given.tether, start_pose=start, stride=_REPORT_STRIDE,
         ground=given.ground, hinge_height=given.hinge_height,
     )  # fmt: skip
-    write_simulated(output, motion, provenance("tow", scene, {recording.name: recording}))
+    write_simulated(output, motion, provenance("tow", document, {recording.name: recording}))
     moved_m = float(np.linalg.norm(np.diff(motion.pose[:, :2], axis=0), axis=1).sum())
     text = f"{motion.outcome}; the object moves {moved_m:.2f} m in {np.ptp(times):.1f} s"
     files = (output, *_mapped(map_file, hinge, motion, given))
     return Outcome("tow", files, text, {"outcome": motion.outcome, "path_length_m": moved_m}, motion.findings)
 
 
-def run_tow_file(
-    scene: Path, recording: Path, output: Path, campaign: Path | None = None, map_file: Path | None = None
-) -> Outcome:
-    """The same with the scene in a file."""
-    return run_tow(_read_scene(scene), recording, output, campaign, map_file)
-
-
-def _read_scene(file: Path) -> Mapping[str, Any]:
-    document: Mapping[str, Any] = read_yaml(file)
-    check(document, packaged_schema("plan.schema.yaml"), file.name)
-    return document
-
-
-def _scene(document: Mapping[str, Any], campaign: Path | None) -> PlanScene:
+def _scene(scene: Mapping[str, Any] | Path, campaign: Path | None) -> tuple[Mapping[str, Any], PlanScene]:
+    """The scene as its document and as it is used, with what a campaign replaces."""
+    document: Any = read_yaml(scene) if isinstance(scene, Path) else scene
+    if isinstance(scene, Path):
+        check(document, packaged_schema("plan.schema.yaml"), scene.name)
     given = plan_scene(document)
     if campaign is None:
-        return given
+        return document, given
     lab = load_campaign(campaign).scene
     rover = replace(given.rover, hinge=lab.hinge)
-    return replace(
-        given, cube=towed_object(lab), friction=lab.friction, tether=lab.tether, rover=rover, ground=lab.ground,
+    given = replace(
+        given, towed=towed_object(lab), friction=lab.friction, tether=lab.tether, rover=rover, ground=lab.ground,
         hinge_height=lab.hinge_height,
     )  # fmt: skip
+    return document, given
 
 
 def _wanted(scene: PlanScene, wanted: str) -> TimedPath:

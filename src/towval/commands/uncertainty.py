@@ -4,8 +4,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from towval.commands.console import Outcome, progress
 from towval.commands.settings import settings_from, without_auto
 from towval.io.campaign import load_campaign
@@ -13,9 +11,10 @@ from towval.io.chain import check_together
 from towval.io.provenance import provenance, read_sections
 from towval.io.records import read_calibration, read_decimated, read_simulated, read_tracks, write_uncertainty
 from towval.model.inputs import INPUTS, is_left_out
-from towval.selection.draws import gather, sample_selecting
+from towval.selection.draws import sample_selecting
 from towval.selection.margin import measurement_std_m, seen_places
-from towval.validation.sampler import UncertaintySettings
+from towval.validation.metrics import position_rms
+from towval.validation.sampler import Case, UncertaintySettings
 
 
 def run(
@@ -29,16 +28,18 @@ def run(
     inputs = {"camera.mcap": camera, **{f"{stage}.mcap": path for stage, path in files.items()}}
     check_together(inputs, given.document, name)
     tracks, thin = read_tracks(files["track"]), read_decimated(files["decimate"])
-    case = gather(
+    case = Case(
         given.scene,
         given.deviations,
         read_calibration(camera),
-        given.bodies,
-        tracks,
-        thin,
-        read_simulated(files["simulate"]),
-        name,
-        tuple(row.name for row in INPUTS.values() if is_left_out(row, given.document)),
+        *given.bodies,
+        rover_track=tracks["rover"],
+        rover_decimated=thin["rover"],
+        object_track=tracks["object"],
+        object_decimated=thin["object"],
+        simulated=read_simulated(files["simulate"]),
+        run=name,
+        assumed=tuple(row.name for row in INPUTS.values() if is_left_out(row, given.document)),
     )
     measured = measurement_std_m(case.calibration, case.towed, seen_places(case.object_track))
     with progress(f"uncertainty {name}", None if auto else settings.samples, "draw") as done:
@@ -46,7 +47,7 @@ def run(
     sections = read_sections("uncertainty", given.document)
     made_of = provenance("uncertainty", settings, inputs, run=name, document=sections)
     write_uncertainty(output, uncertainty, case.simulated, made_of)
-    u_val_mm = 1e3 * float(np.sqrt(np.nanmean(np.trace(uncertainty.validation[:, :2, :2], axis1=1, axis2=2))))
+    u_val_mm = 1e3 * position_rms(uncertainty.validation)
     text = f"{uncertainty.samples} draws; a right model is off by {u_val_mm:.2g} mm RMS"
     numbers = {"samples": uncertainty.samples, "u_val_mm": u_val_mm, "shares": dict(uncertainty.shares)}
     return Outcome(f"uncertainty {name}", (output,), text, numbers, uncertainty.findings)

@@ -13,7 +13,7 @@ from jsonschema import Draft202012Validator, validators
 from jsonschema.exceptions import ValidationError
 
 from towval.io.yaml_text import SafeLoader, read_value
-from towval.model.errors import Faults, InputError
+from towval.model.errors import Faults, InputError, shortened
 from towval.model.plugins import Registry
 
 
@@ -159,8 +159,7 @@ def _name(parts: Any) -> str:
 def _short_name(parts: Any) -> str:
     """A name from the document as it is printed: in one line, and not longer than that."""
     text = _name(parts)
-    text = text if text.isprintable() else repr(text)
-    return text if len(text) <= 80 else text[:77] + "..."
+    return shortened(text if text.isprintable() else repr(text))
 
 
 def _faults(error: ValidationError) -> Iterator[tuple[str, str, Any, str]]:
@@ -181,7 +180,12 @@ def _faults(error: ValidationError) -> Iterator[tuple[str, str, Any, str]]:
             yield full, f"the key {full} is missing{meaning}", None, meaning.strip(" ()")
     else:
         allowed = _allowed(error)
-        yield key, f"{key} is {_short(instance)}; allowed: {allowed}{_meaning(_described(error))}", instance, allowed
+        yield (
+            key,
+            f"{key} is {shortened(repr(instance))}; allowed: {allowed}{_meaning(_described(error))}",
+            instance,
+            allowed,
+        )
 
 
 def _rule(error: ValidationError) -> tuple[str, Any, dict[str, Any]]:
@@ -250,8 +254,3 @@ def _meaning(schema: dict[str, Any]) -> str:
 def _suggestion(name: str, known: list[str]) -> str:
     close = difflib.get_close_matches(name[:80], known, n=1)
     return f"; did you mean {close[0]}?" if close else f"; known keys here: {', '.join(known)}"
-
-
-def _short(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 80 else text[:77] + "..."

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from towval.model.checks import Array, lock, locked, positive
+from towval.model.checks import Array, lock, positive
 from towval.model.choices import Choice
 from towval.model.errors import InputError
 from towval.model.findings import Finding
@@ -75,8 +75,7 @@ class Board:
 
     def __post_init__(self) -> None:
         positive(self, "square_m")
-        positive(self, "size_std", zero=True)
-        positive(self, "bow_std_m", zero=True)
+        positive(self, "size_std", "bow_std_m", zero=True)
         if self.kind not in ("chessboard", "charuco"):
             raise InputError("Board.kind is unknown", got=self.kind, allowed="chessboard, charuco")
         if min(self.inner_corners) < 3:
@@ -109,9 +108,8 @@ class FloorReference:
     board_thickness_std_m: float = 0.0005
 
     def __post_init__(self) -> None:
-        positive(self, "board_thickness_m", zero=True)
+        positive(self, "board_thickness_m", "board_thickness_std_m", zero=True)
         positive(self, "mark_std_px")
-        positive(self, "board_thickness_std_m", zero=True)
         lock(self, marks_px=(None, 2), marks_m=(len(self.marks_px), 2))
         given = self.origin_corner_px is not None, self.x_axis_end_corner_px is not None
         if all(given):
@@ -143,8 +141,7 @@ class View:
     def __post_init__(self) -> None:
         n = len(self.corners_px)
         lock(self, corners_px=(n, 2), board_m=(n, 2))
-        residuals = locked(self.residuals_px, "View.residuals_px", (n, 2), finite=False)
-        object.__setattr__(self, "residuals_px", residuals)
+        lock(self, finite=False, residuals_px=(n, 2))
 
 
 @dataclass(frozen=True)
@@ -188,9 +185,7 @@ class UncertaintyMap:
     def __post_init__(self) -> None:
         lock(self, pixels=(None, None, 2))
         rows, columns = self.pixels.shape[:2]
-        for name, shape in (("position_m", (rows, columns, 2)), ("covariance_m2", (rows, columns, 2, 2))):
-            value = locked(getattr(self, name), f"UncertaintyMap.{name}", shape, finite=False)
-            object.__setattr__(self, name, value)
+        lock(self, finite=False, position_m=(rows, columns, 2), covariance_m2=(rows, columns, 2, 2))
 
     @property
     def std_m(self) -> Array:

@@ -8,29 +8,15 @@ from typing import Any, TypeGuard
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from towval.model.errors import InputError
+from towval.model.errors import InputError, shortened
 
 Array = NDArray[np.float64]
 
 
 def locked(values: ArrayLike, name: str, shape: tuple[int | None, ...], *, finite: bool = True) -> Array:
-    """Return a read-only float64 copy of ``values`` after checking its shape; of a locked array, itself.
+    """A read-only float64 copy of ``values`` of a ``shape``, in which None leaves an axis free; a locked array itself.
 
-    Parameters
-    ----------
-    values : array_like
-        What to copy.
-    name : str
-        What to call it in the error.
-    shape : tuple of int or None
-        Expected shape; None leaves an axis free.
-    finite : bool, optional
-        Whether NaN and infinity are refused.
-
-    Raises
-    ------
-    InputError
-        When the shape or a value is not as asked.
+    Raises `InputError`, which calls it by its ``name``, for another shape and, where ``finite``, for NaN and infinity.
     """
     try:
         array: Array = values if _is_locked(values) else np.array(values, dtype=np.float64)
@@ -55,10 +41,19 @@ def _is_locked(values: ArrayLike) -> TypeGuard[Array]:
     )
 
 
-def lock(self: object, **shapes: tuple[int | None, ...]) -> None:
+def lock(self: object, *, finite: bool = True, **shapes: tuple[int | None, ...]) -> None:
     """Lock the named fields of a frozen dataclass in place; see :func:`locked`."""
     for name, shape in shapes.items():
-        object.__setattr__(self, name, locked(getattr(self, name), f"{type(self).__name__}.{name}", shape))
+        value = locked(getattr(self, name), f"{type(self).__name__}.{name}", shape, finite=finite)
+        object.__setattr__(self, name, value)
+
+
+def lock_whole(self: object, kind: type[np.integer[Any]], *names: str) -> None:
+    """Make read-only copies of the named fields of a frozen dataclass, whole numbers of a kind."""
+    for name in names:
+        values = np.array(getattr(self, name), dtype=kind)
+        values.setflags(write=False)
+        object.__setattr__(self, name, values)
 
 
 def positive(self: object, *names: str, zero: bool = False) -> None:
@@ -96,5 +91,4 @@ def _brief(value: Any) -> str:
         return f"<{len(value)} item{'s' * (len(value) > 1)}>"
     if hasattr(value, "__dataclass_fields__") or hasattr(value, "_fields"):
         return f"<{type(value).__name__}>"
-    text = repr(value)
-    return text if len(text) <= 80 else text[:77] + "..."
+    return shortened(repr(value))

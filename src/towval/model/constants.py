@@ -7,18 +7,7 @@ from typing import Any
 
 
 def constants_of(room: str) -> dict[str, Any]:
-    """The instances of settings classes that the modules of a room hold as ``CONSTANTS``.
-
-    Parameters
-    ----------
-    room : str
-        A package, as ``towval.tracking``.
-
-    Returns
-    -------
-    dict
-        Frozen dataclass instances by the module's name within the room.
-    """
+    """What the modules of a room (``towval.tracking``) hold as ``CONSTANTS``, by the module's name within the room."""
     folders = importlib.import_module(room).__path__
     modules = {info.name: importlib.import_module(f"{room}.{info.name}") for info in pkgutil.iter_modules(folders)}
     return {name: module.CONSTANTS for name, module in modules.items() if hasattr(module, "CONSTANTS")}

@@ -48,4 +48,3 @@ NANOSECONDS_PER_SECOND = 1_000_000_000
 
 FLOOR_FRAME = "floor"
 CAMERA_FRAME = "camera"
-BODY_NAMES = ("rover", "object")

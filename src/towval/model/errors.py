@@ -6,6 +6,11 @@ from typing import TypeVar
 Result = TypeVar("Result")
 
 
+def shortened(text: str) -> str:
+    """A text in at most 80 characters, for a message."""
+    return text if len(text) <= 80 else text[:77] + "..."
+
+
 class TowvalError(Exception):
     """Base of every error that is the input's fault and not the program's.
 

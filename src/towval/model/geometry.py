@@ -76,6 +76,18 @@ def inverse(pose: ArrayLike) -> Array:
     return np.concatenate([xy, -pose[..., 2:]], axis=-1)
 
 
+def pose_difference(pose: ArrayLike, other: ArrayLike) -> Array:
+    """Poses (..., 3) less others, the difference of the headings in (−π, π]; broadcast against each other."""
+    difference = np.subtract(pose, other, dtype=np.float64)
+    difference[..., 2] = wrapped(difference[..., 2])
+    return difference
+
+
+def rms_length(shift: ArrayLike) -> float:
+    """Root mean square length of shifts (n, 2), or of those of poses (n, 3), whose headings do not count [m]."""
+    return float(np.sqrt(np.mean(np.sum(np.asarray(shift, dtype=np.float64)[:, :2] ** 2, axis=1))))
+
+
 def rigid_fit(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = None) -> Array:
     """The pose that brings ``source`` closest to ``target`` in the weighted least-squares sense.
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from towval.model.checks import Array, lock, locked
+from towval.model.checks import Array, lock
 from towval.model.findings import Finding
 
 
@@ -48,4 +48,4 @@ class Identification:
     def __post_init__(self) -> None:
         p = len(self.parameters)
         lock(self, given=(p,), given_std=(p,), values=(p,))
-        object.__setattr__(self, "covariance", locked(self.covariance, "covariance", (p, p), finite=False))
+        lock(self, finite=False, covariance=(p, p))

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from towval.model.checks import Array, lock, locked, short_repr
+from towval.model.checks import Array, lock, short_repr
 from towval.model.choices import Choice
 from towval.model.errors import InputError
 from towval.model.findings import Finding
@@ -13,7 +13,7 @@ from towval.model.statement import Bounds, Draws, Explanation, Verdict, VisibleF
 
 @dataclass(frozen=True)
 class TimedPath:
-    """A point's way over the floor in time: ``time_s`` (n,) strictly increasing, ``position`` (n, 2) [m]."""
+    """The trajectory of a point over the floor: ``time_s`` (n,) strictly increasing, ``position`` (n, 2) [m]."""
 
     time_s: Array
     position: Array
@@ -87,9 +87,7 @@ class RunUncertainty:
     def __post_init__(self) -> None:
         n = len(self.time_s)
         lock(self, time_s=(n,))
-        for name in ("measurement", "simulation", "validation"):
-            value = locked(getattr(self, name), f"RunUncertainty.{name}", (n, 3, 3), finite=False)
-            object.__setattr__(self, name, value)
+        lock(self, finite=False, measurement=(n, 3, 3), simulation=(n, 3, 3), validation=(n, 3, 3))
 
 
 @dataclass(frozen=True)
@@ -157,11 +155,8 @@ class Comparison:
 
     def __post_init__(self) -> None:
         n = len(self.time_s)
-        lock(self, time_s=(n,))
-        for name, shape in (("error", (n, 3)), ("along_across", (n, 2)), ("ratio", (n,))):
-            object.__setattr__(self, name, locked(getattr(self, name), f"Comparison.{name}", shape, finite=False))
-
-        lock(self, drawn_tests=(None, 2))
+        lock(self, time_s=(n,), drawn_tests=(None, 2))
+        lock(self, finite=False, error=(n, 3), along_across=(n, 2), ratio=(n,))
 
     @property
     def tested_ratio(self) -> float:

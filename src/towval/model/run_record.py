@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from towval.model import Array, Body, Comparison, DecimatedTrack, RunUncertainty, SimulatedMotion, Track, locked
+from towval.model import Array, Body, Comparison, DecimatedTrack, RunUncertainty, SimulatedMotion, Track
+from towval.model.checks import lock
 from towval.model.errors import InputError
 from towval.model.geometry import transform
 
@@ -36,8 +37,7 @@ class RunRecord:
     anchor_height_m: float = 0.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "hinge", locked(self.hinge, "RunRecord.hinge", (2,)))
-        object.__setattr__(self, "anchor", locked(self.anchor, "RunRecord.anchor", (2,)))
+        lock(self, hinge=(2,), anchor=(2,))
         times = self.comparison.time_s
         if self.uncertainty is not None and not np.array_equal(self.uncertainty.time_s, times):
             raise InputError(

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from towval.model.checks import Array, lock, short_repr
+from towval.model.checks import Array, lock, lock_whole, short_repr
 
 
 class Verdict(enum.StrEnum):
@@ -42,7 +42,7 @@ class Draws:
     __repr__ = short_repr
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "rows", np.array(self.rows, dtype=np.intp))
+        lock_whole(self, np.intp, "rows")
         k, m = len(self.error), len(self.rows)
         lock(self, error=(k, m, 3), measurement=(k, m, 3), inputs=(k, sum(self.names.values())))
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from towval.model.checks import Array, lock, locked, positive
+from towval.model.checks import Array, lock, lock_whole, locked, positive
 from towval.model.choices import Choice
 from towval.model.errors import InputError
 from towval.model.findings import Finding
@@ -91,10 +91,8 @@ class Features:
     weight: Array
 
     def __post_init__(self) -> None:
-        frame = np.array(self.frame, dtype=np.int64)
-        frame.setflags(write=False)
-        object.__setattr__(self, "frame", frame)
-        lock(self, floor_m=(len(frame), 3), weight=(len(frame),))
+        lock_whole(self, np.int64, "frame")
+        lock(self, floor_m=(len(self.frame), 3), weight=(len(self.frame),))
 
 
 @dataclass(frozen=True)
@@ -130,18 +128,14 @@ class Track:
         n = len(self.time_s)
         lock(self, time_s=(n,), start_covariance=(3, 3))
         if self.total_covariance is not None:
-            total = locked(self.total_covariance, "Track.total_covariance", (n, 3, 3), finite=False)
-            object.__setattr__(self, "total_covariance", total)
-        for name, shape in (("pose", (n, 3)), ("covariance", (n, 3, 3)), ("inlier_fraction", (n,)), ("residual", (n,))):
-            object.__setattr__(self, name, locked(getattr(self, name), f"Track.{name}", shape, finite=False))
-        status = np.array(self.status, dtype=np.uint8)
-        status.setflags(write=False)
-        object.__setattr__(self, "status", status)
-        if status.shape != (n,):
-            raise InputError("Track.status has the wrong shape", got=status.shape, allowed=f"{n}")
+            lock(self, finite=False, total_covariance=(n, 3, 3))
+        lock(self, finite=False, pose=(n, 3), covariance=(n, 3, 3), inlier_fraction=(n,), residual=(n,))
+        lock_whole(self, np.uint8, "status")
+        if self.status.shape != (n,):
+            raise InputError("Track.status has the wrong shape", got=self.status.shape, allowed=f"{n}")
         if n > 1 and not (np.diff(self.time_s) > 0).all():
             raise InputError(f"the times of the {self.body} track do not increase", allowed="strictly increasing times")
-        seen = status != TrackStatus.LOST
+        seen = self.status != TrackStatus.LOST
         if not np.isfinite(self.pose[seen]).all() or np.isfinite(self.pose[~seen]).any():
             raise InputError(
                 f"the {self.body} track's poses and status disagree",

@@ -20,7 +20,7 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 
 from towval.model import Array, Patch, TowedObject, locked
-from towval.model.checks import instance_of, short_repr
+from towval.model.checks import instance_of, lock, short_repr
 from towval.model.compiling import compiled
 from towval.model.conventions import GRAVITY_M_PER_S2
 from towval.model.errors import InputError, RefusedError
@@ -63,8 +63,7 @@ class PressurePlane:
     __repr__ = short_repr
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "coefficients", locked(self.coefficients, "PressurePlane.coefficients", (3,)))
-        object.__setattr__(self, "centre", locked(self.centre, "PressurePlane.centre", (2,)))
+        lock(self, coefficients=(3,), centre=(2,))
         object.__setattr__(self, "rings", tuple(locked(r, "PressurePlane.rings", (None, 2)) for r in self.rings))
 
     @property

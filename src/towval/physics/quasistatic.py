@@ -20,7 +20,7 @@ import shapely
 from numpy.typing import ArrayLike
 
 from towval.model import Array, Finding, FrictionLaw, Ground, Sliding, Tether, TimedPath, TowedObject, locked
-from towval.model.checks import short_repr
+from towval.model.checks import lock, short_repr
 from towval.model.errors import InputError
 from towval.model.findings import finding
 from towval.model.geometry import inside_polygon
@@ -61,15 +61,7 @@ class QuasistaticMotion:
 
     def __post_init__(self) -> None:
         n = len(self.time_s)
-        for name, shape in (
-            ("time_s", (n,)),
-            ("pose", (n, 3)),
-            ("twist", (n, 3)),
-            ("heading_rate", (n,)),
-            ("tether_force", (n, 2)),
-            ("residual_moment", (n,)),
-        ):
-            object.__setattr__(self, name, locked(getattr(self, name), f"QuasistaticMotion.{name}", shape))
+        lock(self, time_s=(n,), pose=(n, 3), twist=(n, 3), heading_rate=(n,), tether_force=(n, 2), residual_moment=(n,))
 
 
 def quasistatic_plan(

@@ -13,14 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from towval.model import Array, locked
+from towval.model import Array
+from towval.model.checks import lock, positive
 from towval.model.errors import InputError
 
 WHEEL_NAMES = ("front_left", "rear_left", "rear_right", "front_right")
 """Order of the wheels of a rover, counter-clockwise from the front left."""
-
-BICYCLE_NAMES = ("front", "rear")
-"""Order of the wheels of the equivalent bicycle."""
 
 
 @dataclass(frozen=True)
@@ -38,8 +36,8 @@ class Rover:
     hinge: Array
 
     def __post_init__(self) -> None:
-        for name, shape in (("wheel_positions", (4, 2)), ("steering_ranges", (4, 2)), ("hinge", (2,))):
-            object.__setattr__(self, name, locked(getattr(self, name), f"Rover.{name}", shape))
+        lock(self, wheel_positions=(4, 2), steering_ranges=(4, 2), hinge=(2,))
+        positive(self, "wheel_radius")
         least, greatest = self.steering_ranges.T
         if not ((least < 0) & (greatest > 0) & (greatest - least < np.pi)).all():
             raise InputError(
@@ -47,8 +45,6 @@ class Rover:
                 got=f"{np.degrees(self.steering_ranges).tolist()} degrees",
                 allowed="from below zero to above zero, less than 180 degrees wide",
             )
-        if not (np.isfinite(self.wheel_radius) and self.wheel_radius > 0):
-            raise InputError("the rover's wheel radius is out of range", got=self.wheel_radius, allowed="above zero")
         if np.abs(self.axles[:, 1]).max() > 1e-9 or self.axles[0, 0] <= self.axles[1, 0]:
             raise InputError(
                 "the wheels of the rover have no equivalent bicycle",
@@ -58,7 +54,7 @@ class Rover:
 
     @property
     def axles(self) -> Array:
-        """Wheels of the equivalent bicycle (2, 2) [m]: the midpoints of the front and the rear pair."""
+        """Front and rear wheel of the equivalent bicycle (2, 2) [m]: the midpoints of the two pairs."""
         front_left, rear_left, rear_right, front_right = self.wheel_positions
         return np.array([(front_left + front_right) / 2, (rear_left + rear_right) / 2])
 

@@ -111,41 +111,22 @@ def rounded_square(side: float, corner_radius: float) -> Curve:
     return Curve("rounded_square", 4 * quarter, True, position_at, float(corner_radius))
 
 
-def through_points(points: ArrayLike, *, smooth: bool = True, name: str = "points") -> Curve:
-    """Curve through given points: a cubic spline over the chord length, or a polyline with its kinks.
+def through_points(points: ArrayLike, *, name: str = "points") -> Curve:
+    """Curve through points (n, 2) in order [m]: a cubic spline over the chord length.
 
-    Parameters
-    ----------
-    points : array_like (n, 2)
-        Points in order [m], neighbours distinct. The curve is closed, with a smooth seam, if the last point equals the
-        first.
-    smooth : bool, optional
-        Whether to fit a spline, which needs three points; otherwise straight lines join the points.
-    name : str, optional
-        Name of the curve.
-
-    Raises
-    ------
-    InputError
-        When there are too few points or neighbours coincide.
+    It is closed, with a smooth seam, if the last point equals the first. Raises `InputError` when there are fewer than
+    three points or neighbours coincide.
     """
     points = locked(points, f"points of the curve {name}", (None, 2))
-    least = 3 if smooth else 2
-    if len(points) < least:
-        raise InputError(f"the curve {name} has too few points", got=len(points), allowed=f"{least} or more")
+    if len(points) < 3:
+        raise InputError(f"the curve {name} has too few points", got=len(points), allowed="3 or more")
     chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
     if (chords == 0).any():
         where = int(np.argmin(chords))
         raise InputError(f"points {where} and {where + 1} of the curve {name} coincide", remedy="remove one of them")
     knots = np.concatenate([[0.0], np.cumsum(chords)])
     closed = bool(np.array_equal(points[0], points[-1]))
-    if not smooth:
-        return Curve(name, float(knots[-1]), closed, lambda s: _along_polyline(s, knots, points), 0.0)
     return _spline_curve(name, CubicSpline(knots, points, bc_type="periodic" if closed else "natural"), closed)
-
-
-def _along_polyline(s: Array, knots: Array, points: Array) -> Array:
-    return np.stack([np.interp(s, knots, points[:, axis]) for axis in range(2)], axis=-1)
 
 
 def _spline_curve(name: str, spline: CubicSpline, closed: bool) -> Curve:

@@ -7,13 +7,14 @@ results from its steering. SOURCE: sections 2.4.3 to 2.4.5, Fig. 3(c) and (d).
 """
 
 import enum
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from towval.model import Array, Finding, TimedPath, locked
+from towval.model.checks import lock, lock_whole, positive
 from towval.model.compiling import compiled
 from towval.model.errors import InputError
 from towval.model.findings import finding
@@ -72,12 +73,8 @@ class PlannerSettings:
     stray_distance: float
 
     def __post_init__(self) -> None:
-        for f in fields(self):
-            value = getattr(self, f.name)
-            zero = f.name in {"threshold", "look_ahead_steps", "derivative_gain", "close_distance"}
-            if not (np.isfinite(value) and (value > 0 or (zero and value == 0))):
-                allowed = "zero or more" if zero else "above zero"
-                raise InputError(f"the planner's {f.name} is out of range", got=value, allowed=allowed)
+        positive(self, "threshold", "look_ahead_steps", "derivative_gain", "close_distance", zero=True)
+        positive(self, "proportional_gain", "arrival_distance", "stray_distance")
 
 
 @dataclass(frozen=True)
@@ -106,14 +103,9 @@ class RoverPlan:
 
     def __post_init__(self) -> None:
         n = len(self.time_s)
-        shapes = {"time_s": (n,), "pose": (n, 3), "hinge": (n, 2), "twist": (n, 3), "steering": (n, 4)}
-        shapes |= {"wheel_rates": (n, 4), "bicycle_steering": (n, 2)}
-        for name, shape in shapes.items():
-            object.__setattr__(self, name, locked(getattr(self, name), f"RoverPlan.{name}", shape))
-        for name in ("case", "target"):
-            values = np.array(getattr(self, name), dtype=np.int64)
-            values.setflags(write=False)
-            object.__setattr__(self, name, values)
+        lock(self, time_s=(n,), pose=(n, 3), hinge=(n, 2), twist=(n, 3))
+        lock(self, steering=(n, 4), wheel_rates=(n, 4), bicycle_steering=(n, 2))
+        lock_whole(self, np.int64, "case", "target")
 
     def share_of(self, case: PlanCase) -> float:
         """Fraction of the steps in a case."""

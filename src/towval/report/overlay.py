@@ -25,6 +25,9 @@ from towval.report.overlay_painter import Painter
 Picture = NDArray[np.uint8]
 
 _JPEG_QUALITY = 75
+_RATE_FACTOR = "25"  # of x264: 0 to 51, lower values are better and larger
+_PICTURE_PX, _PICTURE_S = 960, 0.2  # width of the pictures for viewers and their distance in time
+_STILL_PX = 640
 
 
 def write_overlay(
@@ -34,7 +37,6 @@ def write_overlay(
     run: RunRecord,
     *,
     width_px: int = 960,
-    crf: int = 25,
     damaged: bool = False,
 ) -> FilePath:
     """Draw a run onto its footage.
@@ -45,8 +47,6 @@ def write_overlay(
         The run's video, and the MP4 to write; its folder is created if missing.
     width_px : int, optional
         Largest width of the video [px]; smaller footage keeps its size.
-    crf : int, optional
-        Constant rate factor of x264, 0 to 51; lower values are better and larger.
     damaged : bool, optional
         Use the part before the damage of a damaged source instead of refusing it.
 
@@ -64,7 +64,7 @@ def write_overlay(
     with replacing(target) as temporary, _opened(source) as film:
         stream = film.streams.video[0]
         with av.open(temporary, "w", format="mp4", options={"movflags": "+faststart"}) as output:
-            encoder = _add_encoder(output, stream, painter.size_px, crf)
+            encoder = _add_encoder(output, stream, painter.size_px)
             for frame in _drawn_frames(source, _decoded(film, damaged), stream, painter):
                 output.mux(encoder.encode(frame))
             output.mux(encoder.encode(None))
@@ -72,37 +72,25 @@ def write_overlay(
 
 
 def drawn_pictures(
-    source: FilePath,
-    calibration: Calibration,
-    run: RunRecord,
-    *,
-    step_s: float = 0.2,
-    width_px: int = 960,
-    damaged: bool = False,
+    source: FilePath, calibration: Calibration, run: RunRecord, *, damaged: bool = False
 ) -> Iterator[Still]:
-    """Pictures of the footage with the run drawn in, ``step_s`` [s] apart; otherwise as :func:`write_overlay`."""
-    painter = Painter(calibration, run, width_px)
+    """Pictures of the footage with the run drawn in, five a second; otherwise as :func:`write_overlay`."""
+    painter = Painter(calibration, run, _PICTURE_PX)
     due_s = -np.inf
     with _opened(source) as film:
         stream = film.streams.video[0]
         for frame in _decoded(film, damaged):
             time_s = float(_ticks(frame) * _time_base(stream))
             if time_s + 1e-6 >= due_s:
-                due_s = (time_s if due_s == -np.inf else due_s) + step_s
+                due_s = (time_s if due_s == -np.inf else due_s) + _PICTURE_S
                 yield _still(source, frame, time_s, painter)
 
 
 def stills(
-    source: FilePath,
-    calibration: Calibration,
-    run: RunRecord,
-    times_s: Sequence[float],
-    *,
-    width_px: int = 640,
-    damaged: bool = False,
+    source: FilePath, calibration: Calibration, run: RunRecord, times_s: Sequence[float], *, damaged: bool = False
 ) -> tuple[Still, ...]:
     """The first pictures at or after given times [s], with the run drawn in; none where the footage has ended."""
-    painter, found = Painter(calibration, run, width_px), []
+    painter, found = Painter(calibration, run, _STILL_PX), []
     with _opened(source) as film:
         stream = film.streams.video[0]
         for wanted_s in times_s:
@@ -147,10 +135,10 @@ def _check_size(source: FilePath, frame: av.VideoFrame, calibration: Calibration
 
 
 def _add_encoder(
-    output: av.container.OutputContainer, stream: av.VideoStream, size_px: tuple[int, int], crf: int
+    output: av.container.OutputContainer, stream: av.VideoStream, size_px: tuple[int, int]
 ) -> av.VideoStream:
     # A fixed number of threads: x264 gives the same bytes again only for the same number.
-    options = {"crf": str(crf), "preset": "veryfast", "profile": "high", "threads": "2"}
+    options = {"crf": _RATE_FACTOR, "preset": "veryfast", "profile": "high", "threads": "2"}
     rate = stream.average_rate or Fraction(25)
     encoder = output.add_stream("libx264", rate=rate, options=options)
     encoder.width, encoder.height = size_px

@@ -2,40 +2,21 @@
 
 from pathlib import Path as FilePath
 
-from matplotlib.figure import Figure
-
 from towval.io.atomic import write_text
 from towval.model.errors import InputError
 from towval.report import view
 from towval.report.contents import draw_figures
-from towval.report.data import InputRow, Provenance, ReportData, RunReport, StageFinding
+from towval.report.data import ReportData
 from towval.report.style import save_figure, svg_text
 from towval.report.templating import template_asset, template_environment
 
-__all__ = ["InputRow", "Provenance", "ReportData", "RunReport", "StageFinding", "report_figures", "write_report"]
-
 
 def write_report(path: FilePath, data: ReportData, figures_folder: FilePath | None = None) -> FilePath:
-    """Write the report of a campaign.
+    """Write the report of a campaign: an HTML file that loads nothing else; the same data give the same bytes.
 
-    Parameters
-    ----------
-    path : path
-        The HTML file to write; its folder is created if missing.
-    data : ReportData
-        Content of the report.
-    figures_folder : path, optional
-        Folder for the figures as PDF, SVG and PNG; by default they are in the page only.
+    With a ``figures_folder`` the figures are there as PDF, SVG and PNG, too.
 
-    Returns
-    -------
-    path
-        ``path``: one file that loads nothing else. The same data give the same bytes.
-
-    Raises
-    ------
-    InputError
-        When there is no run, two runs share a name, or a video cannot be read.
+    Raises `InputError` when there is no run, two runs share a name, or a video cannot be read.
     """
     _check(data)
     drawn = [(figure, svg_text(figure.figure)) for figure in draw_figures(data)]
@@ -57,8 +38,3 @@ def _check(data: ReportData) -> None:
     for run in data.runs:
         if run.film is not None and not run.film.is_file():
             raise InputError(f"the video {run.film.name} of run {run.record.name} is missing", got=run.film)
-
-
-def report_figures(data: ReportData) -> dict[str, Figure]:
-    """The figures of a report by file name, without those whose data are missing."""
-    return {drawn.name: drawn.figure for drawn in draw_figures(data)}

@@ -137,10 +137,10 @@ def foot_legend(figure: Figure, handles: Sequence[Artist], columns: int) -> None
     figure.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 0.03 / height), ncols=columns)
 
 
-def foot_note(figure: Figure, text: str, left_in: float = Margins.left) -> None:
-    """Add a line of text in the bottom margin, starting at the left edge of the panels [in]."""
+def foot_note(figure: Figure, text: str) -> None:
+    """Add a line of text in the bottom margin, starting at the left edge of the panels."""
     width, height = figure.get_size_inches()
-    figure.text(left_in / width, 0.04 / height, text, fontsize=7, color="#555555")
+    figure.text(Margins.left / width, 0.04 / height, text, fontsize=7, color="#555555")
 
 
 def symmetric(axes: Axes) -> None:
@@ -182,26 +182,9 @@ def frame_of(figure: Figure) -> Frame:
 def save_figure(figure: Figure, folder: FilePath, name: str, svg: str | None = None) -> tuple[FilePath, ...]:
     """Save a figure as ``name.pdf``, ``name.svg`` and ``name.png`` at its own width, each file atomically.
 
-    Parameters
-    ----------
-    figure : Figure
-        A figure of :mod:`towval.report.figures`.
-    folder : path
-        Folder to write to; created if missing.
-    name : str
-        Stem of the file names.
-    svg : str, optional
-        The figure's :func:`svg_text`, if it has been made already.
+    ``svg`` is its :func:`svg_text`, if it has been made already. The same figure gives the same bytes each time.
 
-    Returns
-    -------
-    tuple of path
-        The files written, in the order of :data:`FORMATS`. The same figure gives the same bytes each time.
-
-    Raises
-    ------
-    InputError
-        When ``folder`` cannot be written to.
+    Raises `InputError` when ``folder`` cannot be written to.
     """
     try:
         paths = tuple(folder / f"{name}.{ending}" for ending in FORMATS)

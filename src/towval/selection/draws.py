@@ -1,11 +1,11 @@
 """Model selection for the stage uncertainty: how many draws a run needs."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
-from towval.model import Body, Calibration, Choice, DecimatedTrack, RunUncertainty, SimulatedMotion, TowingScene, Track
+from towval.model import Choice, RunUncertainty
 from towval.selection.margin import SHARE
 from towval.validation.effects import to_be_measured
 from towval.validation.metrics import position_rms
@@ -19,39 +19,6 @@ BOUND_ERROR = 0.05
 """Standard error that the number of draws may leave of the bounds, over their values."""
 
 _CONFIDENCE = 0.95  # of the bounds, for their error
-
-
-def gather(
-    scene: TowingScene,
-    deviations: Mapping[str, float],
-    calibration: Calibration,
-    bodies: tuple[Body, Body],
-    tracks: Mapping[str, Track],
-    decimated: Mapping[str, DecimatedTrack],
-    simulated: SimulatedMotion,
-    run: str = "",
-    assumed: tuple[str, ...] = (),
-) -> Case:
-    """A run as the sampling sees it, from what the campaign gave and the stages found.
-
-    ``bodies`` are rover and object; ``tracks`` and ``decimated`` hold theirs under these names; ``run`` its name;
-    ``assumed`` the inputs of which nothing was stated.
-    """
-    rover, towed = bodies
-    return Case(
-        scene=scene,
-        deviations=deviations,
-        calibration=calibration,
-        rover=rover,
-        towed=towed,
-        rover_track=tracks[rover.name],
-        rover_decimated=decimated[rover.name],
-        object_track=tracks[towed.name],
-        object_decimated=decimated[towed.name],
-        simulated=simulated,
-        run=run,
-        assumed=assumed,
-    )
 
 
 def sample_selecting(

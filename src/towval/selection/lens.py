@@ -2,8 +2,6 @@
 
 from dataclasses import replace
 
-import numpy as np
-
 from towval.calibration.calibrate import CalibrateSettings, calibrate_observations
 from towval.calibration.corners import BoardObservation
 from towval.calibration.doubts import doubts_std
@@ -11,6 +9,7 @@ from towval.calibration.lens import LENS_MODELS
 from towval.calibration.observations import CalibrationObservations
 from towval.model import Board, Calibration, Choice, FloorReference
 from towval.model.errors import RefusedError
+from towval.model.geometry import rms_length
 from towval.optics.plane_uncertainty import pixel_grid
 from towval.optics.projection import to_plane
 
@@ -32,7 +31,7 @@ def with_lens_choice(
         other = calibrate_observations(seen, replace(settings, lens_models=(following,)), {})
         pixels = pixel_grid(calibration.camera.resolution_px, 16).reshape(-1, 2)
         there = [to_plane(each.camera, each.floor, pixels, height_m) for each in (calibration, other)]
-        change = float(np.sqrt(np.mean(np.sum((there[0] - there[1]) ** 2, axis=1))))
+        change = rms_length(there[0] - there[1])
     except RefusedError:
         change = float("nan")
     measure = f"RMS over the picture at {height_m:g} m"

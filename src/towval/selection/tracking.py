@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from towval.model import Array, Body, Calibration, Choice, SimulatedMotion, TowingScene, Track
+from towval.model import Body, Calibration, Choice, SimulatedMotion, TowingScene, Track
 from towval.model.errors import TowvalError
+from towval.model.geometry import rms_length
 from towval.selection.margin import SHARE, measurement_std_m, seen_places
 from towval.tracking.track import Frames, TrackSettings, track_beside
 from towval.validation.decimate import DecimateSettings, decimate
@@ -103,7 +104,7 @@ def _carried(
         # The stages decimate and simulate meet the same error and report it with its remedy.
         return float("nan")
     _, rows, others = np.intersect1d(first.time_s, second.time_s, return_indices=True)
-    return _rms(first.pose[rows] - second.pose[others])
+    return rms_length(first.pose[rows] - second.pose[others])
 
 
 def _neighbour(settings: TrackSettings) -> TrackSettings:
@@ -123,9 +124,4 @@ def _tracking_name(settings: TrackSettings) -> str:
 def _apart(one: Track, other: Track) -> float:
     """RMS distance of two tracks of the same frames [m]; infinite where they never saw the body together."""
     both = one.seen & other.seen
-    return _rms(one.pose[both] - other.pose[both]) if both.any() else float("inf")
-
-
-def _rms(gap: Array) -> float:
-    """Root mean square length [m] of shifts (n, 3), of which x and y count."""
-    return float(np.sqrt(np.mean(np.sum(gap[:, :2] ** 2, axis=1))))
+    return rms_length(one.pose[both] - other.pose[both]) if both.any() else float("inf")

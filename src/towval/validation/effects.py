@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from towval.model import Array, Choice, RunUncertainty, SimulatedMotion, TowingScene
+from towval.model.geometry import rms_length
 from towval.model.inputs import INPUTS
 from towval.physics.ladder import DYNAMICS
 from towval.validation.simulate_many import Batch, Drawn
@@ -98,7 +99,7 @@ def effect_choices(
     nominal = others.pop(0) if whole else simulated.pose
     turned = replace(batch, sticking=not batch.sticking)
     others += turned.simulate([Drawn(scene, rover, start)])
-    shifts = [float(np.sqrt(np.mean(np.sum((other - nominal)[:, :2] ** 2, axis=1)))) for other in others]
+    shifts = [rms_length(other - nominal) for other in others]
     moved = dict(zip((effect.what for effect in taken), shifts, strict=False))
     by_input = moves_of_inputs(found)
     choices = []

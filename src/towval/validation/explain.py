@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import gammaln
 
 from towval.model import Array
-from towval.model.geometry import block_means, signature_blocks, signature_entries
+from towval.model.geometry import block_means, rms_length, signature_blocks, signature_entries
 from towval.model.inputs import INPUTS
 from towval.model.statement import Explanation
 from towval.validation.consequences import WIDER
@@ -219,7 +219,7 @@ def explain(
             instead, factor = {name: named[name] for name in first[1:]}, likely
     begins, ends = place(point.error, right, length)
     return Explanation(
-        moved, bool(moved) and not right.rejects(point.error), _rms(error), _rms(point.error), begins, ends,
+        moved, bool(moved) and not right.rejects(point.error), rms_length(error), rms_length(point.error), begins, ends,
         tuple(name for name in {**moved, **instead} if name in assumed), instead, factor,
     )  # fmt: skip
 
@@ -304,7 +304,3 @@ def _wobble(error: Array) -> Array:
     """Mean square (...,) of the position about its block means [m²]."""
     blocks = (error[..., rows, :2] for rows in signature_blocks(error.shape[-2]))
     return np.asarray(sum(np.var(block, axis=-2).sum(axis=-1) * block.shape[-2] for block in blocks) / error.shape[-2])
-
-
-def _rms(error: Array) -> float:
-    return float(np.sqrt(np.mean(np.sum(error[:, :2] ** 2, axis=1))))

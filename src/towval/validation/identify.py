@@ -13,8 +13,9 @@ from scipy.stats import qmc
 from towval.model import Array, DecimatedTrack, Finding, Identification, Prediction, TowingScene, Track
 from towval.model.errors import InputError, RefusedError, TowvalError
 from towval.model.findings import finding
-from towval.model.geometry import block_means, wrapped
+from towval.model.geometry import block_means, pose_difference
 from towval.model.inputs import IDENTIFIABLE, Realisation, UncertainInput, titled
+from towval.model.run_record import measured_poses
 from towval.physics.ladder import DYNAMICS
 from towval.validation.hinge_way import hinge_way
 from towval.validation.scene_model import SceneModel
@@ -288,9 +289,7 @@ def _changed(real: Realisation, row: UncertainInput, component: int, value: floa
 def _error(run: MeasuredRun, pose: Array) -> Array:
     """Simulated minus measured (n, 3), NaN where the object was not seen."""
     rows = np.searchsorted(run.object_track.time_s, run.time_s - 1e-9)
-    error = pose - np.where(run.object_track.seen[rows, None], run.object_track.pose[rows], np.nan)
-    error[:, 2] = wrapped(error[:, 2])
-    return error
+    return pose_difference(pose, measured_poses(run.object_track)[rows])
 
 
 def _path_rms(run: MeasuredRun, pose: Array) -> float:

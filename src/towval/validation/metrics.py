@@ -7,7 +7,7 @@ from scipy.special import ndtr
 from towval.model import Array
 from towval.model.compiling import compiled
 from towval.model.errors import InputError
-from towval.model.geometry import rigid_fit, transform
+from towval.model.geometry import rigid_fit, rms_length, transform
 
 _AREA_STEPS = 2000
 _AREA_REACH = 6.0
@@ -101,8 +101,7 @@ def aligned_rms(simulated: ArrayLike, measured: ArrayLike) -> float:
     ``simulated``, ``measured`` (n, 2): positions at the same times [m], all finite, two or more that do not coincide.
     """
     simulated, measured = np.asarray(simulated, dtype=np.float64), np.asarray(measured, dtype=np.float64)
-    moved = transform(rigid_fit(simulated, measured), simulated)
-    return float(np.sqrt(np.mean(np.sum((moved - measured) ** 2, axis=1))))
+    return rms_length(transform(rigid_fit(simulated, measured), simulated) - measured)
 
 
 def error_ratio(error: ArrayLike, covariance: ArrayLike) -> Array:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from towval.model import Array, SimulatedMotion, Track
-from towval.model.geometry import rotation, wrapped
+from towval.model.geometry import pose_difference, rotation
 from towval.model.statement import Draws
 from towval.validation.statistics import upper_error
 
@@ -36,9 +36,7 @@ class PathFrame:
 
     def error(self, pose: Array) -> Array:
         """Poses (n, 3) less the measured ones, on the floor's axes; NaN where not seen."""
-        error = pose - self.pose
-        error[:, 2] = wrapped(error[:, 2])
-        return error
+        return pose_difference(pose, self.pose)
 
     def along_across(self, error: Array) -> Array:
         """Errors (..., n, 3) on the floor's axes turned to along, across (to the left) and heading."""

@@ -16,7 +16,7 @@ from scipy.stats import norm, qmc
 from towval.model import Array, Choice, Finding, RunUncertainty
 from towval.model.errors import RefusedError
 from towval.model.findings import finding
-from towval.model.geometry import wrapped
+from towval.model.geometry import pose_difference
 from towval.model.inputs import INPUTS
 from towval.model.statement import Draws
 from towval.validation.consequences import WIDER, widened
@@ -98,17 +98,17 @@ class UncertaintySampling:
         # Deviations are taken from the nominal solution, which stands where the truth stands in the campaign, not from
         # the mean of the draws: where phases wander, both sides of S − D oscillate, and the mean of the draws does not.
         nominal, u_num_m = self.case.simulated.pose, self.case.simulated.statistics["u_num_m"]
-        error = _difference(simulated, measured)
+        error = pose_difference(simulated, measured)
         shares = variance_shares(draws, error[..., :2].reshape(len(error), -1), self._sampler.widths)
         rng = np.random.default_rng([self.settings.seed, len(draws)])
         numerical = np.pad(rng.standard_normal((len(draws), 1, 2)) * u_num_m / np.sqrt(2), ((0, 0), (0, 0), (0, 1)))
         rows = np.arange(0, len(nominal), -(-len(nominal) // _KEPT_TIMES))
-        off = _difference(measured, nominal)
+        off = pose_difference(measured, nominal)
         kept = Draws(rows, (error + numerical)[:, rows], off[:, rows], draws, self._sampler.names)
         return RunUncertainty(
             time_s=self._sampler.times,
             measurement=_mean_square(off),
-            simulation=_mean_square(_difference(simulated, nominal)),
+            simulation=_mean_square(pose_difference(simulated, nominal)),
             validation=with_numerical(_mean_square(error), u_num_m),
             confidence=self.settings.confidence,
             shares=shares,
@@ -147,7 +147,7 @@ class UncertaintySampling:
                 ]
                 poses = np.array([self._outcomes[i][0][draws.rows] for i in numbers])
             moved = np.array(list(batch.simulate(drawn)))
-            return path.frame.along_across(_difference(moved, poses))[:, path.frame.seen]
+            return path.frame.along_across(pose_difference(moved, poses))[:, path.frame.seen]
 
         drawing = Drawing(path.drawn, draws.inputs, self.settings.confidence, shifts)
         return replace(known, faults=visible_faults(nominal, drawing))
@@ -179,7 +179,7 @@ class UncertaintySampling:
             laid_out = [self._sampler.moved(draw) for draw in draws]
             measured = np.array([seen[rows] for _, seen in laid_out])
             simulated = np.array(list(batch.simulate(drawn for drawn, _ in laid_out)))
-            return path.frame.along_across(_difference(simulated, measured))[:, path.frame.seen]
+            return path.frame.along_across(pose_difference(simulated, measured))[:, path.frame.seen]
 
         nominal = errors([{}])
         return lambda moves: path.error + (errors(moves) - nominal)
@@ -228,13 +228,6 @@ def with_numerical(covariance: Array, u_num_m: float) -> Array:
     at every time, half its square in each direction.
     """
     return covariance + 0.5 * u_num_m**2 * np.diag([1.0, 1.0, 0.0])
-
-
-def _difference(pose: Array, other: Array) -> Array:
-    """Poses (..., 3) less others, the heading's difference in (−π, π]."""
-    difference = pose - other
-    difference[..., 2] = wrapped(difference[..., 2])
-    return difference
 
 
 def _mean_square(error: Array) -> Array:

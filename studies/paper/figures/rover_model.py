@@ -249,7 +249,7 @@ def _cases(axes: Axes, rover: Rover) -> None:
 
 def _figure_3(plan: Mapping[str, Any], _: Mapping[str, pd.DataFrame]) -> Figure:
     scene = paper_scene(plan)
-    return rover_figure(scene.rover, scene.cube.patch.outline, scene.cube.anchor, scene.tether.rest_length)
+    return rover_figure(scene.rover, scene.towed.patch.outline, scene.towed.anchor, scene.tether.rest_length)
 
 
 FIGURE_3 = Drawing((), _figure_3)

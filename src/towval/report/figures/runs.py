@@ -38,29 +38,15 @@ _LEAST_RATIO, _LARGEST_RATIO = 0.45, 1.25
 
 
 @figure_function
-def run_figure(run: RunRecord, spacing_m: float | None = None) -> Figure:
+def run_figure(run: RunRecord) -> Figure:
     """The paper's Fig. 10 for one run, one column wide.
 
-    Parameters
-    ----------
-    spacing_m : float, optional
-        Arc length along the simulated path between two outlines of the object [m]; by default about seven outlines that
-        do not overlap.
-
-    Returns
-    -------
-    Figure
-        Rover path (blue), simulated (black) and measured (red, dashed) object path in floor coordinates [m], equal
-        scales. Frames without a pose leave gaps.
-
-    Raises
-    ------
-    InputError
-        When ``spacing_m`` is not above zero.
+    Rover path (blue), simulated (black) and measured (red, dashed) object path in floor coordinates [m], equal scales,
+    with about seven outlines of the object that do not overlap. Frames without a pose leave gaps.
     """
     figure = Figure(figsize=(COLUMN_WIDTH_IN, COLUMN_WIDTH_IN))
     axes = figure.add_subplot()
-    low, high = map_limits(draw_run(axes, run, spacing_m))
+    low, high = map_limits(draw_run(axes, run))
     map_axes(axes, low, high)
     axes.set_title(f"Run {run.name}")
     axes.set_title(_error_text(run.comparison), loc="right", color="#444444")
@@ -73,27 +59,15 @@ def run_figure(run: RunRecord, spacing_m: float | None = None) -> Figure:
 def campaign_figure(runs: Sequence[RunRecord]) -> Figure:
     """All runs of a campaign as small multiples at one scale, like the four panels of the paper's Fig. 10.
 
-    Parameters
-    ----------
-    runs : sequence of RunRecord
-        One run or more, in the order of the panels.
-
-    Returns
-    -------
-    Figure
-        Panels (a), (b), ... two to a row (three from five runs on), both columns of a page wide.
-
-    Raises
-    ------
-    InputError
-        When there is no run.
+    Panels (a), (b), ... in the order of the runs, two to a row (three from five runs on), both columns of a page wide.
+    Raises `InputError` when there is no run.
     """
     if not runs:
         raise InputError("a campaign figure needs a run", got="none", allowed="one run or more")
     columns = 1 if len(runs) == 1 else 2 if len(runs) <= 4 else 3
     figure = Figure(figsize=(PAGE_WIDTH_IN, PAGE_WIDTH_IN))
     panels = [figure.add_subplot() for _ in runs]
-    extents = [map_limits(draw_run(axes, run, None)) for axes, run in zip(panels, runs, strict=True)]
+    extents = [map_limits(draw_run(axes, run)) for axes, run in zip(panels, runs, strict=True)]
     # One scale for all panels: the largest run sets the size, the others are centred in it.
     half = np.max([(high - low) / 2 for low, high in extents], axis=0)
     for index, (axes, run, (low, high)) in enumerate(zip(panels, runs, extents, strict=True)):
@@ -112,10 +86,10 @@ def campaign_figure(runs: Sequence[RunRecord]) -> Figure:
     return figure
 
 
-def draw_run(axes: Axes, run: RunRecord, spacing_m: float | None) -> Array:
+def draw_run(axes: Axes, run: RunRecord) -> Array:
     """Draw one run into ``axes``; return the corners (2, 2) of the bounding box of all that was drawn [m]."""
     rover, measured, simulated = measured_poses(run.rover_track), measured_poses(run.object_track), run.simulated.pose
-    drawn = _draw_bodies(axes, run, _outline_times(run, spacing_m))
+    drawn = _draw_bodies(axes, run, _outline_times(run))
     axes.plot(*rover[:, :2].T, **ROVER_LINE, zorder=4)
     axes.plot(*simulated[:, :2].T, **SIMULATED_LINE, zorder=5)
     axes.plot(*measured[:, :2].T, **MEASURED_LINE, zorder=6)
@@ -147,14 +121,10 @@ def _draw_bodies(axes: Axes, run: RunRecord, times_s: Array) -> list[Array]:
     return drawn
 
 
-def _outline_times(run: RunRecord, spacing_m: float | None) -> Array:
-    """Times [s] at which the simulated object has covered multiples of the spacing; a track is noisy even at rest."""
+def _outline_times(run: RunRecord) -> Array:
+    """Times [s] at equal steps along the simulated path; a track is noisy even at rest."""
     arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(run.simulated.pose[:, :2], axis=0), axis=1))])
-    if spacing_m is None:
-        size = float(np.ptp(run.towed.top_corners_m, axis=0).max())
-        spacing_m = max(arc[-1] / 6, 1.1 * size)
-    if not spacing_m > 0:
-        raise InputError("the spacing of the outlines is out of range", got=spacing_m, allowed="above zero")
+    spacing_m = max(arc[-1] / 6, 1.1 * float(np.ptp(run.towed.top_corners_m, axis=0).max()))
     steps = np.arange(0.0, arc[-1] - 0.8 * spacing_m, spacing_m)
     times_s: Array = run.simulated.time_s[np.append(np.searchsorted(arc, steps), len(arc) - 1)]
     return times_s
