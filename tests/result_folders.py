@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 from towval.io.mcap_file import write_mcap
-from towval.io.results_index import STAGES
+from towval.model.conventions import STAGES_OF_RUN
 
 COMPARED = {"run": "a", "verdict": "agrees", "path_rms_m": 0.0015, "u_val_m": 0.003, "lost_frames": 2, "findings": []}
 
@@ -15,7 +15,7 @@ def make_run(folder: Path, *, up_to: str = "compare", version: str = "1.0.0", vi
         "settings": json.dumps({"samples": 512}),
         "versions": json.dumps({"towval": version}),
     }
-    for stage in STAGES[: STAGES.index(up_to) + 1]:
+    for stage in STAGES_OF_RUN[: STAGES_OF_RUN.index(up_to) + 1]:
         details: dict[str, object] = {"findings": []}
         if stage == "track":
             row = {"severity": "warning", "code": "blur", "text": "Blurred."}

@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 
+from studies.comparators.limit_surface import limit_surface_wrench
 from studies.real.push_data import angle_deg
 from towval.model import Array
 from towval.physics.friction_laws import Coulomb
 from towval.physics.friction_table import friction_table
-from towval.physics.limit_surface import LimitSurface, limit_surface_wrench
+from towval.physics.limit_surface import LimitSurface
 
 
 def point_limit_surface(points: ArrayLike, loads: ArrayLike) -> LimitSurface:

@@ -14,9 +14,10 @@ from pathlib import Path
 import numpy as np
 
 from towval.io.mcap_file import write_mcap
-from towval.io.results_index import STAGES, read_results, write_index
+from towval.io.results_index import read_results, write_index
 from towval.io.summary import COLUMNS
 from towval.model import Verdict
+from towval.model.conventions import STAGES_OF_RUN
 from towval.report.index_page import write_index_page
 
 RUNS_A_CAMPAIGN = 4
@@ -31,7 +32,7 @@ def write_runs(folder: Path, count: int, seed: int) -> None:
         run = campaign / "abcd"[k % RUNS_A_CAMPAIGN]
         if not (campaign / "camera.mcap").is_file():
             write_mcap(campaign / "camera.mcap", [], {"findings": []}, _provenance(rng, "calibrate"))
-        for stage in STAGES:
+        for stage in STAGES_OF_RUN:
             write_mcap(run / f"{stage}.mcap", [], _details(rng, stage, run.name), _provenance(rng, stage))
 
 

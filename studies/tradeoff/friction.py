@@ -11,6 +11,7 @@ from functools import partial
 
 import numpy as np
 
+from studies.comparators.limit_surface import surface_wrench_at_centre
 from studies.comparators.tabulated_wrench import read_wrench, wrench_table
 from studies.costs import take_turns
 from studies.frame import Part, Row, Scatter, Settings, Study
@@ -21,7 +22,7 @@ from towval.model.compiling import compiled
 from towval.model.conventions import GRAVITY_M_PER_S2
 from towval.physics.contact import resting_pressure
 from towval.physics.friction_laws import Coulomb
-from towval.physics.limit_surface import limit_surface, surface_wrench_at_centre
+from towval.physics.limit_surface import limit_surface
 from towval.physics.wrench import SlidingPatch, sliding_patch, wrench_at_origin
 
 SIDE, MASS, CENTRE, FRICTION, STICTION = 0.4, 5.0, (0.03, 0.02), 0.35, 1e-3

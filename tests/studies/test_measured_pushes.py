@@ -4,6 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from footprints import rectangle
+from oracles import SQUARE_SPIN_M
+from studies.comparators.limit_surface import limit_surface_wrench
 from studies.real.ellipsoid import fitted_ellipsoid, matrix, point_limit_surface, surface_pushing_wrench, surface_twist
 from studies.real.feet_study import SPREAD_LIMIT_DEG, WEIGHT_N, course_errors_deg, push_rows, scale_rows
 from studies.real.measured_pushes import SLOW_M
@@ -147,6 +150,17 @@ def test_the_limit_surface_is_the_one_of_the_package():
     twist = np.array([0.3, -0.2, 4.0])
     turned = surface_twist(ours, surface_pushing_wrench(ours, twist))
     assert angle_deg(turned, twist) < 1e-9
+
+
+def test_the_limit_surface_is_exact_in_translation_and_rotation():
+    law, square = Coulomb(0.35, 1e-3), rectangle(0.4, 0.4)
+    off_centre, slow = sliding_patch(pressure_plane(square, [(49.05, (0.04, 0.02))]), law), (0.06, -0.08, 0.0)
+    found = limit_surface_wrench(limit_surface(off_centre), slow)
+    assert found == pytest.approx(friction_wrench(off_centre, slow), rel=1e-9, abs=1e-9)
+    centred, spin = sliding_patch(pressure_plane(square, [(49.05, (0, 0))]), law), (0.0, 0.0, 1e3)
+    found = limit_surface_wrench(limit_surface(centred), spin)
+    assert found == pytest.approx(friction_wrench(centred, spin), rel=1e-6, abs=1e-6)
+    assert limit_surface(centred).radius == pytest.approx(SQUARE_SPIN_M, rel=1e-9)
 
 
 def test_cells_agree_with_the_boundary_integral():

@@ -46,22 +46,13 @@ _LARGE_MISFIT_PX = 6.0
 
 
 def run(campaign: Path, pictures: Path | None = None, as_json: bool = False) -> None:
-    """Check a campaign folder and print what was found.
+    """Check a campaign folder and print what was found, as lines for people or as one JSON object.
 
-    Parameters
-    ----------
-    pictures : Path, optional
-        Folder for a picture of each run's start and for the page on which starts are put right, ``start.html``; by
-        default ``check`` in the campaign folder.
-    as_json : bool
-        Print one JSON object in place of lines for people.
+    Into ``pictures``, by default ``check`` in the campaign folder, go a picture of each run's start and the page on
+    which starts are put right, ``start.html``.
 
-    Raises
-    ------
-    InputError
-        When the folder or its campaign.yaml cannot be read at all.
-    SystemExit
-        With code 1 when there are faults.
+    Raises `InputError` when the folder or its campaign.yaml cannot be read at all, and `SystemExit` with code 1 when
+    there are faults.
     """
     found = check(campaign, pictures or campaign / "check")
     print(json.dumps(found, indent=1) if as_json else for_people(found))

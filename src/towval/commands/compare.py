@@ -17,10 +17,7 @@ from towval.validation.compare import CompareSettings, compare
 def run(
     name: str, track: Path, simulated: Path, uncertainty: Path, output: Path, keys: Mapping[str, Any] | None = None
 ) -> Outcome:
-    """Compare the simulated with the measured path of the object.
-
-    ``track``, ``simulated``, ``uncertainty``: ``track.mcap``, ``simulate.mcap`` and ``uncertainty.mcap`` of the run.
-    """
+    """Compare the simulated with the measured path of the object."""
     settings = settings_from(CompareSettings, keys, "compare")
     files = {"track.mcap": track, "simulate.mcap": simulated, "uncertainty.mcap": uncertainty}
     check_together(files, run=name)

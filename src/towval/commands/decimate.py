@@ -15,10 +15,7 @@ from towval.validation.decimate import DecimateSettings, decimate
 
 
 def run(track: Path, output: Path, keys: Mapping[str, Any] | None = None) -> Outcome:
-    """Decimate the tracks of a run.
-
-    ``track``: ``track.mcap`` of the run.
-    """
+    """Decimate the tracks of a run."""
     settings = settings_from(DecimateSettings, keys, "decimate")
     run_name = check_together({"track.mcap": track})
     decimated = {name: decimate(body, settings) for name, body in read_tracks(track).items()}

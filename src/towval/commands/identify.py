@@ -20,10 +20,7 @@ from towval.validation.simulate import STICKING
 
 
 def run(campaign: Path, results: Path, output: Path, keys: Mapping[str, Any] | None = None) -> Outcome:
-    """Fit inputs to the runs of a campaign and predict each run from the others.
-
-    ``results``: folder with one folder per run, each with the results up to ``uncertainty``.
-    """
+    """Fit inputs to the runs of a campaign, with results up to uncertainty, and predict each from the others."""
     settings = settings_from(IdentifySettings, keys, "identify")
     given = load_campaign(campaign)
     runs: list[MeasuredRun] = []

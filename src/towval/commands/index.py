@@ -13,27 +13,10 @@ from towval.report.index_page import write_index_page
 def run(results: Sequence[Path], output: Path, fail_on: Sequence[str] = ()) -> Outcome:
     """Write the index of all runs below some folders: ``output`` for programs, and beside it a page for people.
 
-    Runs that are still being made count as unfinished; call again when they are done.
-
-    Parameters
-    ----------
-    results : sequence of Path
-        Folders of results, each of one campaign or of many.
-    output : Path
-        The SQLite file; the page has its name with the ending ``.html``.
-    fail_on : sequence of str
-        Verdicts, or "unfinished", that make the command fail after both files are written: for continuous
-        integration on new footage.
-
-    Raises
-    ------
-    InputError
-        When a folder is missing or holds no run, or a verdict is unknown.
-
-    Returns
-    -------
-    Outcome
-        With a failure where a run has a verdict of ``fail_on``.
+    Runs that are still being made count as unfinished; call again when they are done. ``results`` are folders of one
+    campaign each or of many; the page has the name of ``output`` with the ending ``.html``. Where a run has one of the
+    verdicts ``fail_on``, or is "unfinished", the command fails after both files are written: for continuous
+    integration on new footage.
     """
     known = (*(str(verdict) for verdict in Verdict), UNFINISHED)
     asked = [word.strip().replace("-", " ") for text in fail_on for word in text.split(",")]

@@ -30,7 +30,6 @@ VIDEO_SUFFIXES = (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".mts", ".webm")
 _SAMPLE = 6
 """Pictures of the board from which its corners are counted."""
 
-
 _USUAL_RATES_HZ = (24, 25, 30, 48, 50, 60, 100, 120, 240)
 _RATE_SHARE = 0.03
 """Of the rate: a camera that loses pictures falls short of what it was set to by this at most."""
@@ -113,23 +112,12 @@ def run(
 ) -> Outcome:
     """Write campaign.yaml for a folder with videos and pictures.
 
-    Parameters
-    ----------
-    keys : mapping, optional
-        Facts by full key of campaign.yaml (``object.mass_kg``). A top may be given as its length and width.
-    facts : Path, optional
-        A YAML file with more of them, in the sections of campaign.yaml.
-    ask : bool, optional
-        Ask for what is not known; by default on a terminal.
-    force : bool
-        Replace a campaign.yaml that is there.
-    find : bool
-        Check what was written, find where the bodies start, and write ``check/start.html``.
+    ``keys`` are facts by full key of campaign.yaml (``object.mass_kg``), a top perhaps as its length and width;
+    ``facts`` a YAML file with more of them, in its sections. Asks for what is not known where ``ask``, by default on a
+    terminal; replaces a campaign.yaml that is there with ``force``; with ``find`` checks what was written, finds where
+    the bodies start, and writes ``check/start.html``.
 
-    Raises
-    ------
-    InputError
-        When facts are missing that cannot be guessed, or the folder holds no video or picture.
+    Raises `InputError` when facts are missing that cannot be guessed, or the folder holds no video or picture.
     """
     file = folder / "campaign.yaml"
     if file.exists() and not force:

@@ -11,10 +11,7 @@ from towval.report.overlay import write_overlay
 
 
 def run(campaign: Path, name: str, camera: Path, folder: Path, output: Path, width_px: int = 960) -> Outcome:
-    """Draw a run onto its footage.
-
-    ``width_px``: largest width of the video [px].
-    """
+    """Draw a run onto its footage, at most ``width_px`` wide."""
     given = load_campaign(campaign)
     if output.resolve().is_relative_to(given.folder.resolve()):
         raise not_ours(output)  # whatever is there, or will be, is the lab's

@@ -38,21 +38,11 @@ def run(
 ) -> Outcome:
     """Plan a rover motion that makes the object follow a path, simulate the object behind it, and write both.
 
-    Parameters
-    ----------
-    scene : mapping or Path
-        The scene, as ``src/towval/workflow/plan.yaml`` describes it, or a file that holds it.
-    wanted : str
-        Name of a curve of the scene, or a CSV file with columns ``x_m``, ``y_m`` and optionally ``time_s``.
-    campaign : Path, optional
-        A campaign whose object, friction, tether and hinge replace those of the scene.
-    map_file : Path, optional
-        SVG file for a map.
+    ``scene`` is as ``src/towval/workflow/plan.yaml`` describes it, or a file that holds it; ``wanted`` the name of one
+    of its curves, or a CSV file with columns ``x_m``, ``y_m`` and optionally ``time_s``. Object, friction, tether and
+    hinge of a ``campaign`` replace those of the scene. ``map_file`` is an SVG file for a map.
 
-    Raises
-    ------
-    RefusedError
-        When the rover does not arrive; no plan is written then.
+    Raises `RefusedError` when the rover does not arrive; no plan is written then.
     """
     document, given = _scene(scene, campaign)
     law, path, tether = friction_under(given), _wanted(given, wanted), given.tether

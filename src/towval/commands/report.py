@@ -32,15 +32,7 @@ from towval.validation.campaign import campaign_verdict
 def run(
     campaign: Path, results: Path, keys: Mapping[str, Any] | None = None, identified: Path | None = None
 ) -> Outcome:
-    """Write the report of a campaign, its figures and its summary.
-
-    Parameters
-    ----------
-    results : Path
-        Folder with ``camera.mcap`` and one folder per run.
-    identified : Path, optional
-        ``identify.mcap``, shown in a section of its own.
-    """
+    """Write the report of a campaign, its figures and summary; ``identified`` inputs have a section of their own."""
     settings = settings_from(ReportSettings, keys, "report")
     given = load_campaign(campaign)
     camera = results / "camera.mcap"

@@ -5,22 +5,21 @@ from pathlib import Path
 from towval.io.campaign import Campaign
 from towval.io.chain import check_together
 from towval.io.records import read_comparison, read_decimated, read_simulated, read_tracks, read_uncertainty
+from towval.model.conventions import STAGES_OF_RUN
 from towval.model.run_record import RunRecord
-
-STAGES = ("track", "decimate", "simulate", "uncertainty", "compare")
 
 
 def files(folder: Path) -> dict[str, Path]:
     """The MCAP file of each stage in a run's folder."""
-    return {stage: folder / f"{stage}.mcap" for stage in STAGES}
+    return {stage: folder / f"{stage}.mcap" for stage in STAGES_OF_RUN}
 
 
-def named(folder: Path, camera: Path | None = None) -> dict[str, Path]:
+def named(folder: Path, camera: Path) -> dict[str, Path]:
     """The result files of a run, and the camera, by the names under which results record each other."""
-    return {path.name: path for path in files(folder).values()} | ({"camera.mcap": camera} if camera else {})
+    return {path.name: path for path in files(folder).values()} | {"camera.mcap": camera}
 
 
-def read_run(campaign: Campaign, name: str, folder: Path, camera: Path | None = None) -> RunRecord:
+def read_run(campaign: Campaign, name: str, folder: Path, camera: Path) -> RunRecord:
     """The record of a run from its result files in ``folder``.
 
     Raises `InputError` when a file is missing or damaged, when the files were not made of each other, of ``camera``

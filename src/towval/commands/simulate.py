@@ -29,19 +29,8 @@ def run(
 ) -> Outcome:
     """Simulate the towed object on the measured track of the rover.
 
-    Parameters
-    ----------
-    track : Path
-        ``track.mcap`` of the run, for the times of the output.
-    decimated : Path
-        ``decimate.mcap`` of the run, for the path of the rover and the first pose of the object.
-    camera : Path, optional
-        ``camera.mcap`` of the campaign, needed by settings that are "auto".
-
-    Raises
-    ------
-    InputError
-        When a setting is "auto" and no camera is given.
+    ``track`` gives the times of the output, ``decimated`` (``decimate.mcap``) the path of the rover and the first pose
+    of the object; settings that are "auto" need the ``camera``.
     """
     keys, auto = without_auto(keys, *SELECTED)
     settings = settings_from(SimulateSettings, keys, "simulate")

@@ -45,28 +45,12 @@ def run(
 ) -> Outcome | None:
     """Run the workflow on a campaign folder: the same as ``snakemake`` in a clone of the repository.
 
-    Parameters
-    ----------
-    results : Path
-        Folder for results; a folder with the campaign's name is made in it.
-    cores : int, optional
-        By default as many as there are.
-    keys : mapping, optional
-        Keys of config.yaml with dots for sections (``track.method``), with their values.
-    snakemake : str
-        Further options for Snakemake, as a shell takes them.
+    A folder with the campaign's name is made in ``results``; ``cores`` are all by default; ``keys`` of config.yaml have
+    dots for sections (``track.method``); ``snakemake`` holds further options, as a shell takes them. The outcome is
+    None where these asked for less than the report.
 
-    Raises
-    ------
-    InputError
-        For faults of campaign.yaml or of the keys, before anything runs.
-    SystemExit
-        With Snakemake's code when a stage fails.
-
-    Returns
-    -------
-    Outcome or None
-        None where options for Snakemake asked for less than the report.
+    Raises `InputError` for faults of campaign.yaml or of the keys, before anything runs, and `SystemExit` with
+    Snakemake's code when a stage fails.
     """
     given = load_campaign(campaign)
     config = {"campaign": _as_path(campaign), "results": _as_path(results)} | nested(keys or {})

@@ -14,10 +14,8 @@ import pandas as pd
 from towval.io.atomic import check_own, replacing
 from towval.io.mcap_file import read_details
 from towval.io.summary import COLUMNS
+from towval.model.conventions import STAGES_OF_RUN
 from towval.model.errors import InputError
-
-STAGES = ("track", "decimate", "simulate", "uncertainty", "compare")
-"""Stages of a run in their order; each leaves a file of its name."""
 
 UNFINISHED = "unfinished"
 """In place of a verdict: the run has no comparison yet."""
@@ -108,7 +106,7 @@ def _stage_of(path: Path) -> _Stage | None:
 
 def _rows_of(run: Path, camera: _Stage | None) -> Iterator[tuple[str, tuple[Any, ...]]]:
     """Rows of a run, each with the name of its table and without the key."""
-    made = {stage: content for stage in STAGES if (content := _stage_of(run / f"{stage}.mcap"))}
+    made = {stage: content for stage in STAGES_OF_RUN if (content := _stage_of(run / f"{stage}.mcap"))}
     details = {stage: content[0] for stage, content in made.items()}
     for stage, (notes, provenance, _) in {**({"calibrate": camera} if camera else {}), **made}.items():
         yield from (("findings", (stage, *row)) for row in _findings(notes))

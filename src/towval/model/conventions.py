@@ -46,5 +46,8 @@ GRAVITY_M_PER_S2 = 9.81
 
 NANOSECONDS_PER_SECOND = 1_000_000_000
 
+STAGES_OF_RUN = ("track", "decimate", "simulate", "uncertainty", "compare")
+"""Stages of a run in their order; each leaves a file of its name."""
+
 FLOOR_FRAME = "floor"
 CAMERA_FRAME = "camera"

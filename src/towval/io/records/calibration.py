@@ -4,16 +4,7 @@ from pathlib import Path
 
 from towval.io import ros
 from towval.io.mcap_file import Message, read_mcap, write_mcap
-from towval.io.records.details import (
-    arrays,
-    choices_in,
-    choices_out,
-    details_with,
-    findings_in,
-    findings_out,
-    plain,
-    result_reader,
-)
+from towval.io.records.details import arrays, choices_in, details_with, findings_in, plain, result_reader, rows_of
 from towval.model import Calibration, Camera, Floor, View
 from towval.model.conventions import CAMERA_FRAME, FLOOR_FRAME
 
@@ -36,8 +27,8 @@ def write_calibration(path: Path, calibration: Calibration, provenance: dict[str
         "covariance": calibration.covariance.tolist(),
         "corner_noise_px": calibration.corner_noise_px,
         "views": [plain(view) for view in calibration.views],
-        "findings": findings_out(calibration.findings),
-        "choices": choices_out(calibration.choices),
+        "findings": rows_of(calibration.findings),
+        "choices": rows_of(calibration.choices),
         "quality": dict(calibration.quality),
     }
     write_mcap(path, messages, details, provenance)

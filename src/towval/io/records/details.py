@@ -2,7 +2,7 @@
 
 import dataclasses
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -62,24 +62,26 @@ def arrays(plain: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def findings_out(findings: tuple[Finding, ...]) -> list[dict[str, str]]:
-    """Findings as rows of texts."""
-    return [{"severity": str(f.severity), "code": f.code, "text": f.text} for f in findings]
+def row_of(value: Any) -> dict[str, Any] | None:
+    """A dataclass of numbers, texts and mappings by the names of its fields; NaN becomes null, and so does None."""
+    if value is None:
+        return None
+    return {name: json_value(item) for name, item in dataclasses.asdict(value).items()}
 
 
-def findings_in(rows: list[dict[str, str]]) -> tuple[Finding, ...]:
-    """Findings of rows of texts."""
-    return tuple(Finding(Severity(row["severity"]), row["code"], row["text"]) for row in rows)
+def rows_of(values: Sequence[Any]) -> list[dict[str, Any] | None]:
+    """Findings, choices or visible faults as rows."""
+    return [row_of(value) for value in values]
 
 
-def faults_out(faults: tuple[VisibleFault, ...]) -> list[dict[str, Any]]:
-    """Visible faults as rows; NaN becomes null."""
-    return [{name: json_value(value) for name, value in dataclasses.asdict(fault).items()} for fault in faults]
+def findings_in(found: list[dict[str, str]]) -> tuple[Finding, ...]:
+    """Findings of rows."""
+    return tuple(Finding(Severity(each["severity"]), each["code"], each["text"]) for each in found)
 
 
-def faults_in(rows: list[dict[str, Any]]) -> tuple[VisibleFault, ...]:
+def faults_in(found: list[dict[str, Any]]) -> tuple[VisibleFault, ...]:
     """Visible faults of rows."""
-    return tuple(VisibleFault(**_with_nan(row)) for row in rows)
+    return tuple(VisibleFault(**_with_nan(each)) for each in found)
 
 
 def statement_out(comparison: Comparison) -> dict[str, Any]:
@@ -87,8 +89,8 @@ def statement_out(comparison: Comparison) -> dict[str, Any]:
     return {
         "drawn_tests": comparison.drawn_tests.tolist(),
         "bounds": dataclasses.asdict(comparison.bounds),
-        "faults": faults_out(comparison.faults),
-        "explanation": explanation_out(comparison.explanation),
+        "faults": rows_of(comparison.faults),
+        "explanation": row_of(comparison.explanation),
     }
 
 
@@ -103,31 +105,18 @@ def statement_in(details: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def explanation_out(explanation: Explanation | None) -> dict[str, Any] | None:
-    """An explanation as plain values; NaN becomes null."""
-    if explanation is None:
-        return None
-    return {name: json_value(value) for name, value in dataclasses.asdict(explanation).items()}
+def explanation_in(found: dict[str, Any] | None) -> Explanation | None:
+    """An explanation of its row."""
+    return None if found is None else Explanation(**_with_nan(found) | {"assumed": tuple(found["assumed"])})
 
 
-def explanation_in(row: dict[str, Any] | None) -> Explanation | None:
-    """An explanation of plain values."""
-    return None if row is None else Explanation(**_with_nan(row) | {"assumed": tuple(row["assumed"])})
-
-
-def _with_nan(row: dict[str, Any]) -> dict[str, Any]:
-    return {name: np.nan if value is None else value for name, value in row.items()}
-
-
-def choices_out(choices: tuple[Choice, ...]) -> list[dict[str, Any]]:
-    """Choices as rows; a change that is not known becomes null."""
-    return [{name: json_value(value) for name, value in dataclasses.asdict(choice).items()} for choice in choices]
+def _with_nan(found: dict[str, Any]) -> dict[str, Any]:
+    return {name: np.nan if value is None else value for name, value in found.items()}
 
 
 def choices_in(details: dict[str, Any]) -> tuple[Choice, ...]:
     """Choices of a file's details."""
-    rows = details["choices"]
-    return tuple(Choice(**{**row, "change_m": np.nan if row["change_m"] is None else row["change_m"]}) for row in rows)
+    return tuple(Choice(**_with_nan(each)) for each in details["choices"])
 
 
 def details_with(content: McapContent, path: Path, *names: str) -> dict[str, Any]:

@@ -7,7 +7,7 @@ import pandas as pd
 
 from towval.io import ros
 from towval.io.mcap_file import Message, read_mcap, write_mcap
-from towval.io.records.details import details_with, findings_in, findings_out, planar_poses, result_reader
+from towval.io.records.details import details_with, findings_in, planar_poses, result_reader, rows_of
 from towval.model import Identification, Prediction
 from towval.model.conventions import FLOOR_FRAME
 
@@ -36,7 +36,7 @@ def write_identification(path: Path, identified: Identification, provenance: dic
             }
             for p in identified.predictions
         ],
-        "findings": findings_out(identified.findings),
+        "findings": rows_of(identified.findings),
     }
     write_mcap(path, messages, details, provenance)
 

@@ -11,18 +11,16 @@ from towval.io import ros
 from towval.io.mcap_file import McapContent, Message, read_mcap, write_mcap
 from towval.io.records.details import (
     choices_in,
-    choices_out,
     details_with,
     explanation_in,
-    explanation_out,
     faults_in,
-    faults_out,
     findings_in,
-    findings_out,
     json_value,
     planar_poses,
     planar_twists,
     result_reader,
+    row_of,
+    rows_of,
     statement_in,
     statement_out,
 )
@@ -48,9 +46,9 @@ def write_simulated(path: Path, simulated: SimulatedMotion, provenance: dict[str
         "outcome": str(simulated.outcome),
         "advice": simulated.advice,
         "rung": str(simulated.rung),
-        "findings": findings_out(simulated.findings),
+        "findings": rows_of(simulated.findings),
         "statistics": dict(simulated.statistics),
-        "choices": choices_out(simulated.choices),
+        "choices": rows_of(simulated.choices),
     }
     write_mcap(path, messages, details, provenance)
 
@@ -99,12 +97,12 @@ def write_uncertainty(
     skipped = ("time_s", "findings", "upstream", "draws", "faults", "explanation", *_UNCERTAINTY_ARRAYS)
     names = [field.name for field in dataclasses.fields(uncertainty) if field.name not in skipped]
     details = {name: getattr(uncertainty, name) for name in names}
-    details["findings"], details["upstream"] = findings_out(uncertainty.findings), findings_out(uncertainty.upstream)
-    details["faults"] = faults_out(uncertainty.faults)
-    details["explanation"] = explanation_out(uncertainty.explanation)
+    details["findings"], details["upstream"] = rows_of(uncertainty.findings), rows_of(uncertainty.upstream)
+    details["faults"] = rows_of(uncertainty.faults)
+    details["explanation"] = row_of(uncertainty.explanation)
     if uncertainty.draws is not None:
         details["draws"] = {"rows": uncertainty.draws.rows.tolist(), "names": dict(uncertainty.draws.names)}
-    details["choices"] = choices_out(uncertainty.choices)
+    details["choices"] = rows_of(uncertainty.choices)
     write_mcap(path, messages, details, provenance)
 
 
@@ -169,7 +167,7 @@ def write_comparison(
     details = {name: json_value(getattr(comparison, name)) for name in _COMPARISON_SCALARS}
     details |= statement_out(comparison)
     details["time_ns"] = [ros.nanoseconds(t) for t in comparison.time_s]
-    details["findings"] = findings_out(comparison.findings)
+    details["findings"] = rows_of(comparison.findings)
     write_mcap(path, messages, details, provenance)
 
 

@@ -8,15 +8,7 @@ import numpy as np
 
 from towval.io import ros
 from towval.io.mcap_file import McapContent, Message, read_mcap, write_mcap
-from towval.io.records.details import (
-    choices_in,
-    choices_out,
-    findings_in,
-    findings_out,
-    planar_poses,
-    planar_twists,
-    result_reader,
-)
+from towval.io.records.details import choices_in, findings_in, planar_poses, planar_twists, result_reader, rows_of
 from towval.model import DecimatedTrack, Features, Track, TrackStatus
 from towval.model.conventions import FLOOR_FRAME
 from towval.model.errors import InputError
@@ -43,8 +35,8 @@ def write_tracks(path: Path, tracks: dict[str, Track], provenance: dict[str, str
             "start_covariance": track.start_covariance.tolist(),
             "correlation": _CORRELATION,
             "has_total": track.total_covariance is not None,
-            "findings": findings_out(track.findings),
-            "choices": choices_out(track.choices),
+            "findings": rows_of(track.findings),
+            "choices": rows_of(track.choices),
             "time_ns": [ros.nanoseconds(t) for t in track.time_s],
         }
         for name, track in tracks.items()
@@ -160,7 +152,7 @@ def write_decimated(path: Path, decimated: dict[str, DecimatedTrack], provenance
             "pauses": track.pauses.tolist(),
             "frames": track.frames,
             "misfit": track.misfit.tolist(),
-            "findings": findings_out(track.findings),
+            "findings": rows_of(track.findings),
         }
     write_mcap(path, messages, details, provenance)
 
