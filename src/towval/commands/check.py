@@ -12,19 +12,18 @@ import numpy as np
 from towval.calibration.board_search import find_boards
 from towval.calibration.calibrate import CalibrateSettings, calibrate
 from towval.calibration.corners import outer_corners
-from towval.commands.track import open_video, spread_pictures
+from towval.commands.track import known_starts, open_video, spread_pictures
 from towval.io.campaign import Campaign, Run, read_campaign
 from towval.io.campaign_text import text_in_parts
 from towval.io.images import GrayPictures, write_picture
 from towval.io.schema import key_lines
 from towval.io.video import Video
 from towval.io.yaml_text import read_yaml
-from towval.model import Array, Calibration, Severity
+from towval.model import Calibration, Severity
 from towval.model.errors import TowvalError
-from towval.optics.plane_uncertainty import position_covariance
 from towval.report.preview import draw_start
 from towval.report.start_page import FloorBoard, StartOfRun, write_start_page
-from towval.tracking.clicks import check_clicks
+from towval.selection.margin import measurement_std_m
 from towval.tracking.outline import pose_from_clicks
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.start import Tow, find_starts
@@ -111,9 +110,7 @@ def _start(given: Campaign, entry: Run, video: Video, calibration: Calibration) 
     """Where rover and object are in the first frame of a run: clicked and checked, or found."""
     luma, tow = np.ascontiguousarray(next(iter(video))[1]), Tow.of(given.scene)
     corners, doubts = {}, {}
-    for name, clicked in check_clicks(
-        [luma, video.late_picture()], calibration, given.bodies, entry.clicks_px, tow
-    ).items():
+    for name, clicked in known_starts(given, entry, luma, video, calibration).items():
         corners[name] = clicked.corners_px
         if clicked.findings:
             doubts[name] = " ".join(found.text for found in clicked.findings)
@@ -142,7 +139,7 @@ def _expected(
         row[f"{name}_pixel_mm"] = round(1e3 * target.metres_per_pixel(pose), 2)
         corners = target.pixels(body.top_corners_m, pose)
         row[f"{name}_corners_px"] = [] if name in start.doubts else np.round(corners, 1).tolist()
-        row[f"{name}_position_std_mm"] = round(1e3 * _position_std_m(target, pose, calibration), 2)
+        row[f"{name}_position_std_mm"] = round(1e3 * measurement_std_m(calibration, body, pose[None]), 2)
     write_picture(picture, draw_start(start.luma, calibration, given.scene, bodies))
     row["cpu_s"] = round(COST.run_s + COST.megapixel_s * start.luma.size / 1e6 * (video.header.frames or 0))
     return row
@@ -183,13 +180,6 @@ def _floor_board(given: Campaign) -> FloorBoard | None:
 def _states(document: dict[str, Any], key: str) -> bool:
     section, name = key.split(".")
     return name in document.get(section, {})
-
-
-def _position_std_m(target: PlanarTarget, pose: Array, calibration: Calibration) -> float:
-    """Standard deviation of a position at the start due to the calibration and the height of the top [m]."""
-    pixel = target.pixels(np.zeros((1, 2)), pose)
-    covariance = position_covariance(calibration, pixel, target.height, height_std_m=target.body.height_std_m)
-    return float(np.sqrt(np.trace(covariance[0])))
 
 
 _KEY = re.compile(r"\b(?:camera|floor|rover|object|tether|friction|runs)(?:\.\w[\w-]*|\[\d+\])+")

@@ -16,7 +16,7 @@ from towval.io.chain import check_together
 from towval.io.images import GrayPictures, write_picture
 from towval.io.provenance import provenance, read_sections
 from towval.io.records import read_calibration, write_tracks
-from towval.io.video import Video
+from towval.io.video import Luma, Video
 from towval.model import Array, Body, Calibration, Finding, Track
 from towval.model.errors import InputError
 from towval.model.findings import finding
@@ -140,19 +140,25 @@ def _readout(given: Campaign) -> tuple[float, float]:
     return camera.get("readout_s", 0.0), camera.get("readout_std_s", _READOUT_STD_S["readout_s" in camera])
 
 
-def _starts(given: Campaign, entry: Run, video: Video, calibration: Calibration, drawn: Path) -> dict[str, Clicked]:
-    """Corners of both planar targets in the first frame: clicked and checked, from the tags of a body, or found."""
-    luma, tow = np.ascontiguousarray(next(iter(video))[1]), Tow.of(given.scene)
-    starts = check_clicks([luma, video.late_picture()], calibration, given.bodies, entry.clicks_px, tow)
+def known_starts(given: Campaign, entry: Run, luma: Luma, video: Video, calibration: Calibration) -> dict[str, Clicked]:
+    """Corners of planar targets in the first frame, as far as they need no search: clicked and checked, or by tags."""
+    pictures, tow = [luma, video.late_picture()], Tow.of(given.scene)
+    starts = check_clicks(pictures, calibration, given.bodies, entry.clicks_px, tow)
     for body in given.bodies:
         if body.name not in starts and given.tags[body.name]:
             corners = clicks_from_tags(luma, body, given.tags[body.name], calibration.camera, calibration.floor)
             starts[body.name] = Clicked(corners, np.zeros((3, 3)))
+    return starts
+
+
+def _starts(given: Campaign, entry: Run, video: Video, calibration: Calibration, drawn: Path) -> dict[str, Clicked]:
+    """Corners of both planar targets in the first frame: those known, else found."""
+    starts = known_starts(given, entry, np.ascontiguousarray(next(iter(video))[1]), video, calibration)
     unclicked = [body.name for body in given.bodies if body.name not in starts]
     if not unclicked:
         return starts
     pictures = spread_pictures(video)
-    found = find_starts(pictures, calibration, given.bodies, tow)
+    found = find_starts(pictures, calibration, given.bodies, Tow.of(given.scene))
     for name in unclicked:
         if found[name].doubt:
             write_picture(drawn, starts_drawn(pictures[0], found))

@@ -80,10 +80,7 @@ class Campaign:
         return self.rover, self.object
 
     def run(self, name: str) -> Run:
-        """The run of that name.
-
-        Raises `InputError` when there is none.
-        """
+        """The run of that name; raises `InputError` when there is none."""
         try:
             return self.runs[name]
         except KeyError:
@@ -93,18 +90,10 @@ class Campaign:
 
 
 def load_campaign(folder: Path) -> Campaign:
-    """Read and check a campaign folder.
+    """Read and check a folder that holds ``campaign.yaml``.
 
-    Parameters
-    ----------
-    folder : Path
-        The folder that holds ``campaign.yaml``.
-
-    Raises
-    ------
-    InputError
-        For a key that is unknown, missing or out of range, a file that is not there, or numbers that contradict each
-        other; every message names the key.
+    Raises `InputError` for a key that is unknown, missing or out of range, a file that is not there, or numbers that
+    contradict each other; every message names the key.
     """
     folder = Path(folder)
     if not is_folder(folder):
@@ -281,10 +270,6 @@ def pictures_of(pattern: str, folder: Path, key: str) -> tuple[Path, ...]:
     return tuple(_plain(path, key) for path in found)
 
 
-def _file(folder: Path, name: str, key: str) -> Path:
-    return _plain(folder / name, key)
-
-
 def _plain(path: Path, key: str) -> Path:
     """The path of a plain file that can be read; pipes would block, and devices never end."""
     check_name(path, f"campaign.yaml: {key}")
@@ -306,7 +291,7 @@ def _plain(path: Path, key: str) -> Path:
 
 def floor_pictures_of(floor: dict[str, Any], folder: Path) -> tuple[Path, ...]:
     """Pictures of the board on the floor, that of the frame first."""
-    first = (_file(folder, floor["image"], "floor.image"),) if "image" in floor else ()
+    first = (_plain(folder / floor["image"], "floor.image"),) if "image" in floor else ()
     more = pictures_of(floor["more_images"], folder, "floor.more_images") if "more_images" in floor else ()
     return (*first, *(path for path in more if path not in first))
 
@@ -330,7 +315,7 @@ def _run(
             f"campaign.yaml: no run may be named {name}", allowed=f"a name that is none of {', '.join(_OWN_FOLDERS)}"
         )
     faults = Faults()
-    video = faults.attempt(_file, folder, entry["video"], f"runs.{name}.video")
+    video = faults.attempt(_plain, folder / entry["video"], f"runs.{name}.video")
     clicks = {}
     for body, pixels in entry.get("first_frame_clicks_px", {}).items():
         key = f"runs.{name}.first_frame_clicks_px.{body}"

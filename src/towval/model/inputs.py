@@ -30,19 +30,9 @@ from towval.model.input_types import (
 from towval.model.towing import MassSpread, TowingScene
 
 __all__ = [
-    "IDENTIFIABLE",
-    "INPUTS",
-    "LeftOut",
-    "Realisation",
-    "SearchRange",
-    "StatedDeviation",
-    "UncertainInput",
-    "deviations",
-    "is_left_out",
-    "register",
-    "stated_in",
-    "titled",
-]
+    "IDENTIFIABLE", "INPUTS", "LeftOut", "Realisation", "SearchRange", "StatedDeviation", "UncertainInput",
+    "deviations", "is_left_out", "register", "stated_in", "titled",
+]  # fmt: skip
 
 _LEAST, _MOST = 0.05, 0.9
 """What must stay above zero is drawn no lower than this share of it; the stiffening, below one, no higher than this."""

@@ -16,16 +16,8 @@ from typing import Any
 
 _MODULES = {
     "towval.model": (
-        "FloorRegion",
-        "FrictionLaw",
-        "FrictionSpecification",
-        "Ground",
-        "Patch",
-        "Sliding",
-        "Tether",
-        "TimedPath",
-        "TowedObject",
-        "TowingScene",
+        "FloorRegion", "FrictionLaw", "FrictionSpecification", "Ground", "Patch", "Sliding", "Tether", "TimedPath",
+        "TowedObject", "TowingScene",
     ),
     "towval.physics.contact": ("PressurePlane", "pressure_plane", "resting_pressure"),
     "towval.physics.contact_of_many": ("pressure_coefficients",),
@@ -39,7 +31,7 @@ _MODULES = {
     "towval.physics.tether": ("tether_force",),
     "towval.physics.trailing": ("trail",),
     "towval.physics.wrench": ("SlidingPatch", "friction_wrench", "sliding_patch"),
-}
+}  # fmt: skip
 _HOME = {name: module for module, names in _MODULES.items() for name in names}
 
 __all__ = sorted(_HOME)  # noqa: PLE0605

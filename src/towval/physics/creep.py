@@ -6,7 +6,7 @@ from towval.model import SimulatedMotion, TowedObject
 
 
 def creep_length(motion: SimulatedMotion, towed: TowedObject, stiction_velocity: float) -> float:
-    """Way of the footprint's fastest corner at speeds below the stiction velocity [m].
+    """Path length of the footprint's fastest corner at speeds below the stiction velocity [m].
 
     Below v_s a law that rises from zero at rest lets the object slide under any pull, at about ``v_s T / (μ N)``; a
     real one sticks. What adds up there is no motion of the real object. Read at the reported times, by the trapezium

@@ -133,7 +133,7 @@ def feedback(
     hinge_height: float = 0.0,
     sticking: Sticking | None = None,
 ) -> SimulatedMotion:
-    """Motion of an object towed by a tether whose hinge follows a given way (FBD).
+    """Motion of an object towed by a tether whose hinge follows a given path (FBD).
 
     SOURCE: eqs. (9) to (12).
 
@@ -143,7 +143,7 @@ def feedback(
         Friction of the whole footprint, or a patch prepared with its own pressure, friction and method, which serves
         the planar model alone.
     hinge : TimedPath, CubicSpline or Spline
-        Way of the tether's end on the rover [m]; a path is splined. It must cover ``times``.
+        Path of the tether's end on the rover [m]; its points are splined. It must cover ``times``.
     start_pose : array_like (3,)
         Pose of the body frame at ``times[0]`` [m, m, rad].
     times : array_like (n,)
@@ -167,7 +167,7 @@ def feedback(
     Raises
     ------
     InputError
-        When the times are not covered by the hinge's way, or are no times.
+        When the times are not covered by the hinge's path, or are no times.
 
     Examples
     --------
@@ -180,7 +180,7 @@ def feedback(
     ('converged', array([0.98, 0.  , 0.  ]))
     """
     times = checked_times(times)
-    drive = spline_covering(hinge, times, "the way of the hinge")
+    drive = spline_covering(hinge, times, "the path of the hinge")
     in_space = leaves_plane(towed, law, tether, ground, hinge_height, sticking)
     y = centre_state(towed, start_pose, start_twist)
     if in_space:

@@ -23,7 +23,7 @@ class MotionProblem(NamedTuple):
     """What stays the same during a motion, laid out for compiled code.
 
     ``body`` (6,): mass [kg], inertia [kg m²], place of ``patch.origin`` and of the anchor relative to G in body axes
-    [m]; ``tether`` (3,): κ [N/m], l0 [m], c [N s/m]; ``drive`` the way of the hinge [m] or the force on the anchor [N].
+    [m]; ``tether`` (3,): κ [N/m], l0 [m], c [N s/m]; ``drive`` the hinge's path [m] or the force on the anchor [N].
     """
 
     patch: SlidingPatch

@@ -26,7 +26,7 @@ from towval.model.findings import finding
 from towval.model.geometry import inside_polygon
 from towval.physics.balanced_rate import ROOT_CHOSEN, ROOT_LOST
 from towval.physics.contact import footprint_polygon, footprint_size, refuse_tipping, resting_pressure
-from towval.physics.dynamics import LEVEL, leaves_plane
+from towval.physics.dynamics import LEVEL, checked_times, leaves_plane
 from towval.physics.heading import Plan, follow
 from towval.physics.spatial.problem import as_sliding, tow_problem
 from towval.physics.spatial.steady import follow_in_space
@@ -43,7 +43,7 @@ class QuasistaticMotion:
 
     ``time_s`` (n,); ``pose`` (n, 3) of the body frame [m, m, rad]; ``twist`` (n, 3) of the body frame's origin, floor
     axes [m/s, m/s, rad/s]; ``heading_rate`` (n,) [rad/s]; ``tether_force`` (n, 2) on the object, floor axes [N];
-    ``hinge`` the nominal way of the tether's end on the rover; ``residual_moment`` (n,) about the anchor [N m], zero
+    ``hinge`` the nominal path of the tether's end on the rover; ``residual_moment`` (n,) about the anchor [N m], zero
     but where the root was lost; ``findings`` what a user has to know.
     """
 
@@ -86,7 +86,7 @@ def quasistatic_plan(
         Friction of the whole footprint, or a patch prepared with its own pressure, friction and method, which serves
         the plane alone.
     path : TimedPath or CubicSpline
-        Way of the tracked point P over the floor in time [m]; a path is splined.
+        Path of the tracked point P over the floor in time [m]; its points are splined.
     point : array_like (2,), optional
         P in the body frame [m]; its origin if not given.
     start_heading : float, optional
@@ -102,7 +102,7 @@ def quasistatic_plan(
     InputError
         When the path never moves or does not cover the times.
     RefusedError
-        When the object tips over on its way.
+        When the object tips over on its path.
 
     Examples
     --------
@@ -156,12 +156,7 @@ def _times_of(path: TimedPath | CubicSpline, times: ArrayLike | None) -> Array:
     if times is None and not hasattr(path, "time_s") and not hasattr(path, "x"):
         raise InputError("the path is of the wrong type", got=type(path).__name__, allowed="TimedPath or CubicSpline")
     given = (path.time_s if isinstance(path, TimedPath) else path.x) if times is None else times
-    given = locked(given, "times", (None,)).copy()
-    if len(given) < 2 or not (np.diff(given) > 0).all():
-        raise InputError(
-            "the times of the plan cannot be used", got=f"{len(given)} times", allowed="two or more, increasing"
-        )
-    return given
+    return checked_times(given)
 
 
 def _settled_heading(spline: Spline, start: float, lever: Array) -> float:

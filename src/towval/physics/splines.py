@@ -1,4 +1,4 @@
-"""Cubic splines of time that compiled code can read: the way of the hinge, or a force."""
+"""Cubic splines of time that compiled code can read: the path of the hinge, or a force."""
 
 from __future__ import annotations
 

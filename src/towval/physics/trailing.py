@@ -1,6 +1,6 @@
 """The object trails the hinge without inertia: the rungs of the ladder below full dynamics.
 
-The hinge's way is given, as in feedback dynamics, and the tether pulls with what friction takes. Three models of
+The hinge's path is given, as in feedback dynamics, and the tether pulls with what friction takes. Three models of
 friction: a point at the centre of pressure (the path is a tractrix), the ellipsoidal limit surface, the pressed
 patch itself.
 
@@ -95,7 +95,7 @@ def trail(
     instance_of(tether, "tether", Tether)
     refuse_beyond_plane(rung, towed, tether)
     times = checked_times(times)
-    drive = spline_covering(hinge, times, "the way of the hinge")
+    drive = spline_covering(hinge, times, "the path of the hinge")
     patch = law if isinstance(law, SlidingPatch) else sliding_patch(resting_pressure(towed), law)
     surface = limit_surface(patch)
     mean_speed = float(np.abs(drive.coefficients[:, :, 1]).mean()) * math.sqrt(2)

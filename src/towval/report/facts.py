@@ -92,13 +92,11 @@ def side_by_side(runs: list[Facts]) -> Table:
     return tuple((name, tuple(dict(facts).get(name, "") for facts in runs)) for name in names)
 
 
-def summary_cells(comparison: Comparison) -> Facts:
-    """Columns and values of a run in the summary table; the unit is part of the column's name."""
-    return campaign_cells([comparison])
+def summary_cells(comparisons: list[Comparison]) -> Facts:
+    """Columns and values of a run in the summary table; the unit is part of the column's name.
 
-
-def campaign_cells(comparisons: list[Comparison]) -> Facts:
-    """The same for several runs: root mean square over the runs, largest maximum, sums of lengths and frames."""
+    Of several runs: root mean square over the runs, largest maximum, sums of lengths and frames.
+    """
 
     def over_runs(name: str) -> float:
         values = np.array([getattr(c, name) for c in comparisons])

@@ -108,21 +108,10 @@ class ReportView:
 
 
 def build(data: ReportData, drawn: Sequence[tuple[Drawn, str]], page: FilePath) -> ReportView:
-    """Convert the data of a report and its figures into what the template shows.
+    """What the template shows: strings and markup, and ``data``, whose own strings it shows unchanged.
 
-    Parameters
-    ----------
-    data : ReportData
-        The data.
-    drawn : sequence of (Drawn, str)
-        The figures of :func:`towval.report.contents.draw_figures`, each with its SVG.
-    page : path
-        The file of the page, to which the addresses of linked films are relative.
-
-    Returns
-    -------
-    ReportView
-        Strings and markup only, except for ``data``, whose own strings the template shows unchanged.
+    ``drawn`` are the figures of :func:`towval.report.contents.draw_figures`, each with its SVG; to the file ``page``
+    the addresses of linked films are relative.
     """
     calibration, records, sheet = data.calibration, data.records, FigureSheet()
     comparisons = [record.comparison for record in records]
@@ -143,7 +132,7 @@ def build(data: ReportData, drawn: Sequence[tuple[Drawn, str]], page: FilePath) 
         findings=findings_by_part(data),
         gists=gists(records, calibration),
         tables=_tables(comparisons),
-        all_runs=facts.campaign_cells(comparisons) if len(comparisons) > 1 else (),
+        all_runs=facts.summary_cells(comparisons) if len(comparisons) > 1 else (),
         metrics=facts.side_by_side([facts.metric_facts(r) for r in records]),
         calibration=() if calibration is None else facts.calibration_facts(calibration),
         planes=((), ()) if calibration is None else facts.plane_table(calibration),
@@ -229,7 +218,7 @@ def _run_view(report: RunReport, calibration: Calibration | None, page: FilePath
         name=run.name,
         verdict=run.comparison.verdict.value,
         kind=run.comparison.verdict.value.replace(" ", "-"),
-        summary=facts.summary_cells(run.comparison),
+        summary=facts.summary_cells([run.comparison]),
         key_numbers=facts.key_numbers(run.comparison),
         statement=facts.statement(run.comparison),
         deciding=facts.deciding(run.comparison),

@@ -6,6 +6,7 @@ from numpy.typing import ArrayLike
 from towval.model import Array, Body, Calibration, Track
 from towval.optics.plane_uncertainty import position_covariance
 from towval.optics.projection import project
+from towval.validation.metrics import position_rms
 
 SHARE = 1 / 3
 """Of the measurement uncertainty that the error of a setting may reach."""
@@ -19,8 +20,7 @@ def measurement_std_m(calibration: Calibration, body: Body, places: ArrayLike) -
     places = np.asarray(places, dtype=np.float64)[:, :2]
     height = body.tracked_plane_height_m
     pixels = project(calibration.camera, calibration.floor, np.column_stack([places, np.full(len(places), height)]))
-    covariance = position_covariance(calibration, pixels, height, height_std_m=body.height_std_m)
-    return float(np.sqrt(np.mean(np.trace(covariance, axis1=1, axis2=2))))
+    return position_rms(position_covariance(calibration, pixels, height, height_std_m=body.height_std_m))
 
 
 def seen_places(tracked: Track) -> Array:

@@ -78,8 +78,8 @@ def _stripe(motion: SimulatedMotion) -> Callable[[TowingScene, float], TowingSce
     length = np.array([path_length(motion.pose[: i + 1, :2]) for i in range(len(motion.pose))])
     middle = int(np.searchsorted(length, length[-1] / 2))
     ahead = motion.pose[min(len(length) - 1, int(np.searchsorted(length, length[middle] + 0.02))), :2]
-    way = ahead - motion.pose[middle, :2]
-    direction = float(np.arctan2(way[1], way[0]))
+    step = ahead - motion.pose[middle, :2]
+    direction = float(np.arctan2(step[1], step[0]))
 
     def acts(scene: TowingScene, size: float) -> TowingScene:
         place = np.array([*motion.pose[middle, :2], direction])

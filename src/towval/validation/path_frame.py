@@ -12,7 +12,7 @@ from towval.validation.statistics import upper_error
 _LEAST_TIMES = 24  # of a signature's blocks
 
 _STEP_M = 0.01
-"""Way after which direction and length of the path are read again [m]: long against noise, short against bends."""
+"""Distance after which direction and length of the path are read again [m]: long against noise, short against bends."""
 
 
 class PathFrame:

@@ -159,7 +159,7 @@ class RunSimulation:
         self.model = SceneModel(self.scene, sticking=sticking)
 
     def _creep(self, motion: SimulatedMotion, *, standing: bool) -> float:
-        """Way below the stiction velocity [m], all in all or while the rover stands."""
+        """Path length below the stiction velocity [m], all in all or while the rover stands."""
         speed = np.linalg.norm(spline_values(self.hinge, motion.time_s)[1], axis=1)
         counted = speed < _STANDING_M_PER_S if standing else np.ones(len(speed), dtype=bool)
         still = replace(motion, twist=np.where(counted[:, None], motion.twist, 0.0))
@@ -231,7 +231,5 @@ def _hanging_findings(scene: TowingScene, motion: SimulatedMotion) -> list[Findi
 
 def _error_findings(u_num: float, settings: SimulateSettings) -> list[Finding]:
     """Where the integrator's tolerance or the regularised law moves the path by more than a simpler model may."""
-    findings = []
-    if u_num > settings.rung_tolerance_m:
-        findings.append(finding("numerical_error", u_num_mm=1000 * u_num, allowed_mm=1000 * settings.rung_tolerance_m))
-    return findings
+    allowed = settings.rung_tolerance_m
+    return [finding("numerical_error", u_num_mm=1000 * u_num, allowed_mm=1000 * allowed)] if u_num > allowed else []

@@ -192,7 +192,7 @@ def _fill(problem: TowProblem, levers: Array, times: Array, headings: Array, wor
 def follow_in_space(problem: TowProblem, levers: Array, times: Array, heading: float, plan: Plan) -> dict[str, float]:
     """Fill the plan of a tow whose drive is the path of P; ``levers`` (4,): P and the body's origin from G, body axes.
 
-    Raises `RefusedError` where the object tips over on its way.
+    Raises `RefusedError` where the object tips over on its path.
     """
     # Here, because it takes as long to import as all the rest of the physics.
     from scipy.integrate import solve_ivp  # noqa: PLC0415
