@@ -107,7 +107,7 @@ def _rules() -> list[tuple[str, str, Path]]:
 def _stage(excess: float) -> Path:
     def rule(track: Track, moments: Array) -> tuple[int, Array]:
         thin = decimate(track, DecimateSettings(excess=excess))
-        return len(thin.time_s), thin.spline()(moments)
+        return len(thin.time_s), thin.poses_at(moments)
 
     return rule
 

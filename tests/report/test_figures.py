@@ -224,7 +224,7 @@ def test_decimate_figure_counts_points_and_shows_the_distance_from_the_spline(ru
     figure = figures.decimate_figure(run)
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["measured (200)", "kept (26)"]
     misfit = next(a for a in figure.axes[1].lines if a.get_marker() == ".").get_ydata()
-    spline = run.decimated.spline()(run.rover_track.time_s)
+    spline = run.decimated.poses_at(run.rover_track.time_s)
     np.testing.assert_allclose(misfit, 1e3 * (run.rover_track.pose - spline)[:, 0], atol=1e-9)
 
 

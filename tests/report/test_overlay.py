@@ -31,6 +31,14 @@ def footage(tmp_path_factory):
     return grey_film(tmp_path_factory.mktemp("footage") / "grey.mp4", frames=FRAMES)
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _little_loss():
+    """Colours of thin lines are told apart at a higher bit rate."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("towval.report.overlay._RATE_FACTOR", "12")
+        yield
+
+
 @pytest.fixture(scope="module")
 def overlay(footage, calibration, run, tmp_path_factory):
     return write_overlay(footage, tmp_path_factory.mktemp("overlay") / "overlay.mp4", calibration, run)

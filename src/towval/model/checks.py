@@ -69,6 +69,14 @@ def positive(self: object, *names: str, zero: bool = False) -> None:
             raise InputError(f"{type(self).__name__}.{name} is out of range", got=value, allowed=allowed)
 
 
+def within(self: object, section: str, unit: str = "", /, **limits: tuple[float, float]) -> None:
+    """Refuse named settings of a section of config.yaml that are below or above their limits."""
+    for name, (low, high) in limits.items():
+        if not low <= getattr(self, name) <= high:
+            allowed = f"{low:g} to {high:g} {unit}".strip()
+            raise InputError(f"{section}.{name} is out of range", got=getattr(self, name), allowed=allowed)
+
+
 def instance_of(value: object, name: str, *kinds: type) -> None:
     """Refuse an argument that is of none of the types."""
     if not isinstance(value, kinds):

@@ -1,10 +1,7 @@
 """Bodies as the camera sees them, and their measured motion."""
 
-from __future__ import annotations
-
 import enum
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,9 +11,6 @@ from towval.model.choices import Choice
 from towval.model.errors import InputError
 from towval.model.findings import Finding
 from towval.model.geometry import transform
-
-if TYPE_CHECKING:
-    from scipy.interpolate import CubicHermiteSpline
 
 
 @dataclass(frozen=True)
@@ -185,19 +179,13 @@ class DecimatedTrack:
                 allowed="two points or more at increasing times",
             )
 
-    def spline(self) -> CubicHermiteSpline:
-        """The C1 cubic through the kept poses and rates: a callable of the time [s], with ``derivative()``."""
-        # Here, because scipy.interpolate takes longer to import than everything else a simulation needs.
-        from scipy.interpolate import CubicHermiteSpline  # noqa: PLC0415
-
-        return CubicHermiteSpline(self.time_s, self.pose, self.rate, axis=0, extrapolate=False)
-
     def poses_at(self, time_s: ArrayLike) -> Array:
-        """Poses (..., 3) [m, m, rad] of :meth:`spline` at times (...,) [s], NaN outside; without importing scipy."""
+        """Poses (..., 3) [m, m, rad] of the cubic at times (...,) [s], NaN outside."""
         return self.poses_and_rates_at(time_s)[..., :3]
 
     def poses_and_rates_at(self, time_s: ArrayLike) -> Array:
         """Poses and their rates (..., 6) [m, m, rad; per s] at times (...,) [s], NaN outside."""
+        # Not scipy's CubicHermiteSpline, which takes longer to import than all else that a simulation needs.
         asked = np.asarray(time_s, dtype=np.float64)
         piece = np.clip(np.searchsorted(self.time_s, asked, side="right") - 1, 0, len(self.time_s) - 2)
         length = np.diff(self.time_s)[:, None]

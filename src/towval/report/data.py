@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 
 from towval.model import Calibration, Finding, Identification, UncertaintyMap
-from towval.model.errors import InputError
+from towval.model.checks import within
 from towval.model.run_record import RunRecord
 
 # Browsers hold a page as one string, of at most 512 MB.
@@ -24,12 +24,7 @@ class ReportSettings:
     embed_mb: float = 60.0
 
     def __post_init__(self) -> None:
-        if not 160 <= self.overlay_width_px <= 7680:
-            raise InputError(
-                "report.overlay_width_px is out of range", got=self.overlay_width_px, allowed="160 to 7680"
-            )
-        if not 0 <= self.embed_mb <= _MOST_MB:
-            raise InputError("report.embed_mb is out of range", got=self.embed_mb, allowed=f"0 to {_MOST_MB}")
+        within(self, "report", overlay_width_px=(160, 7680), embed_mb=(0, _MOST_MB))
 
 
 @dataclass(frozen=True)

@@ -31,6 +31,9 @@ MUTED = "#8a8a8a"
 SHADE = "#ececec"
 BAND = "#c9d8ea"
 
+COVERAGE = 2.0
+"""Half width of a band in standard uncertainties: 95 % for a normal error."""
+
 FORMATS = ("pdf", "svg", "png")
 # Dates and program names that would give new bytes at every run.
 _METADATA = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": {"Software": None}}

@@ -11,6 +11,7 @@ from scipy.optimize import least_squares
 from scipy.stats import qmc
 
 from towval.model import Array, DecimatedTrack, Finding, Identification, Prediction, TowingScene, Track
+from towval.model.checks import within
 from towval.model.errors import InputError, RefusedError, TowvalError
 from towval.model.findings import finding
 from towval.model.geometry import block_means, pose_difference
@@ -60,8 +61,7 @@ class IdentifySettings:
             raise InputError(
                 "identify.parameters is out of range", got=list(self.parameters), allowed=", ".join(IDENTIFIABLE)
             )
-        if not 1e-12 <= self.tolerance_m <= 1e-3:
-            raise InputError("identify.tolerance_m is out of range", got=self.tolerance_m, allowed="1e-12 to 1e-3 m")
+        within(self, "identify", "m", tolerance_m=(1e-12, 1e-3))
 
 
 @dataclass(frozen=True)
@@ -333,8 +333,8 @@ def _trust(found: _Found, fit: _Fit, identifiable: tuple[bool, ...]) -> tuple[tu
     """``identifiable`` but for values at the end of their range, and findings on these and on the misfit."""
     names, findings = fit.settings.parameters, []
     inside = np.abs(found.values - fit.given) < fit.bound - _AT_THE_END * fit.reach
-    for name, value, within in zip(names, found.values, inside, strict=True):
-        if not within:
+    for name, value, is_inside in zip(names, found.values, inside, strict=True):
+        if not is_inside:
             reason = (
                 f"the fit ends at {value:.4g}, the end of the searched range; check its value in campaign.yaml, or "
                 "what else may be wrong"

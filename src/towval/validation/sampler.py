@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from towval.model import Array, Body, Calibration, DecimatedTrack, Finding, SimulatedMotion, TowingScene, Track
+from towval.model.checks import within
 from towval.model.errors import InputError, TowvalError
 from towval.model.geometry import compose
 from towval.model.inputs import INPUTS, Realisation
@@ -45,10 +46,8 @@ class UncertaintySettings:
             )
         if not 0.5 <= self.confidence < 1:
             raise InputError("uncertainty.confidence is out of range", got=self.confidence, allowed="0.5 up to below 1")
-        if not 1e-12 <= self.tolerance_m <= 1e-3:
-            raise InputError("uncertainty.tolerance_m is out of range", got=self.tolerance_m, allowed="1e-12 to 1e-3 m")
-        if self.processes < 1:
-            raise InputError("uncertainty.processes is out of range", got=self.processes, allowed="1 or more")
+        within(self, "uncertainty", processes=(1, 256))
+        within(self, "uncertainty", "m", tolerance_m=(1e-12, 1e-3))
 
 
 @dataclass(frozen=True)

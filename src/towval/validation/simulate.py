@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from towval.model import Array, DecimatedTrack, Finding, Severity, SimulatedMotion, TowingScene
+from towval.model.checks import within
 from towval.model.errors import InputError, RefusedError
 from towval.model.findings import finding
 from towval.model.geometry import transform
@@ -49,12 +50,7 @@ class SimulateSettings:
             raise InputError("simulate.sticking is unknown", got=self.sticking, allowed="auto, true, false")
         if self.rung not in ("auto", *RUNGS):
             raise InputError("simulate.rung is unknown", got=self.rung, allowed=", ".join(("auto", *RUNGS)))
-        if not 1e-12 <= self.tolerance_m <= 1e-3:
-            raise InputError("simulate.tolerance_m is out of range", got=self.tolerance_m, allowed="1e-12 to 1e-3 m")
-        if not 1e-9 <= self.rung_tolerance_m <= 1:
-            raise InputError(
-                "simulate.rung_tolerance_m is out of range", got=self.rung_tolerance_m, allowed="1e-9 to 1 m"
-            )
+        within(self, "simulate", "m", tolerance_m=(1e-12, 1e-3), rung_tolerance_m=(1e-9, 1.0))
 
 
 def simulate(

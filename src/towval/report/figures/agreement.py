@@ -11,6 +11,7 @@ from towval.model.geometry import rotation
 from towval.model.run_record import RunRecord
 from towval.report.style import (
     BAND,
+    COVERAGE,
     MEASURED,
     ROVER,
     SHADE,
@@ -21,9 +22,6 @@ from towval.report.style import (
     foot_note,
     symmetric,
 )
-
-_COVERAGE = 2.0
-"""Half width of a band in standard uncertainties: 95 % for a normal error."""
 
 _MARKERS = "osD^vPX*"
 
@@ -43,7 +41,7 @@ def agreement_figure(run: RunRecord) -> Figure | None:
     figure, panels = column_of_panels([0.76] * 3, Margins(bottom=0.5), title)
     std = _along_across_std(comparison, uncertainty)
     for axes, column, label in zip(panels, (0, 1), ("along (mm)", "across (mm)"), strict=False):
-        band = 1e3 * _COVERAGE * std[:, column]
+        band = 1e3 * COVERAGE * std[:, column]
         axes.fill_between(comparison.time_s, -band, band, color=BAND, linewidth=0)
         axes.axhline(0.0, color="#333333", linewidth=0.5)
         axes.plot(comparison.time_s, 1e3 * comparison.along_across[:, column], color=SIMULATED, linewidth=0.9)
@@ -119,8 +117,8 @@ def shares_figure(runs: Sequence[RunRecord]) -> Figure | None:
 
 
 def _draw_ratio(axes: Axes, comparison: Comparison) -> None:
-    axes.axhspan(0, _COVERAGE, color=SHADE, linewidth=0)
-    axes.axhline(_COVERAGE, color=MEASURED, linewidth=0.8, linestyle="--")
+    axes.axhspan(0, COVERAGE, color=SHADE, linewidth=0)
+    axes.axhline(COVERAGE, color=MEASURED, linewidth=0.8, linestyle="--")
     axes.plot(comparison.time_s, comparison.ratio, color=SIMULATED, linewidth=0.9)
     axes.set_ylim(bottom=0)
     axes.set_ylabel(r"$|E|/u_\mathrm{val}$")

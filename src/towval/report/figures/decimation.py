@@ -11,6 +11,7 @@ from towval.model.geometry import transform
 from towval.model.run_record import RunRecord
 from towval.report.style import (
     BAND,
+    COVERAGE,
     MEASURED,
     MUTED,
     ROVER,
@@ -22,9 +23,6 @@ from towval.report.style import (
     head_legend,
     symmetric,
 )
-
-_BAND = 2.0
-"""Half width of the band in standard deviations of one measured pose."""
 
 
 @figure_function
@@ -70,8 +68,8 @@ def _marks(*, paused: bool) -> list[Line2D | Patch]:
 
 def _draw_misfit(axes: Axes, track: Track, decimated: DecimatedTrack, column: int) -> None:
     time_s, measured = track.time_s[track.seen], track.pose[track.seen, column]
-    misfit = 1e3 * (measured - decimated.spline()(time_s)[:, column])
-    bound = 1e3 * _BAND * decimated.noise[column]
+    misfit = 1e3 * (measured - decimated.poses_at(time_s)[:, column])
+    bound = 1e3 * COVERAGE * decimated.noise[column]
     for start_s, end_s in decimated.pauses:
         axes.axvspan(start_s, end_s, color=SHADE, linewidth=0, zorder=0)
     axes.axhspan(-bound, bound, color=BAND, alpha=0.6, linewidth=0, zorder=1)

@@ -8,6 +8,7 @@ from towval.model import Array, SimulatedMotion
 from towval.model.run_record import RunRecord
 from towval.report.style import (
     BAND,
+    COVERAGE,
     MEASURED,
     SHADE,
     SIMULATED,
@@ -19,8 +20,6 @@ from towval.report.style import (
 )
 
 _PANELS = ((0, "$x$ (mm)", 1e3), (1, "$y$ (mm)", 1e3), (2, "heading (°)", float(np.rad2deg(1.0))))
-_COVERAGE = 2.0
-"""Half width of the band in standard uncertainties: 95 % for a normal error."""
 
 
 @figure_function
@@ -57,7 +56,7 @@ def intervals(time_s: Array, mask: Array) -> list[tuple[float, float]]:
 def _draw_error(axes: Axes, time_s: Array, error: Array, std: Array | None) -> None:
     axes.axhline(0.0, color="#333333", linewidth=0.5, zorder=2)
     if std is not None:
-        axes.fill_between(time_s, -_COVERAGE * std, _COVERAGE * std, color=BAND, linewidth=0, zorder=1.5)
+        axes.fill_between(time_s, -COVERAGE * std, COVERAGE * std, color=BAND, linewidth=0, zorder=1.5)
     axes.plot(time_s, error, color=SIMULATED, linewidth=0.9, zorder=3)
     for start_s, end_s in intervals(time_s, np.isnan(error)):
         axes.axvspan(start_s, end_s, ymax=0.035, color=MEASURED, linewidth=0, zorder=4)
