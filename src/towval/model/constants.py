@@ -10,7 +10,9 @@ def constants_of(room: str) -> dict[str, Any]:
     """What the modules of a room (``towval.tracking``) hold as ``CONSTANTS``, by the module's name within the room."""
     folders = importlib.import_module(room).__path__
     modules = {info.name: importlib.import_module(f"{room}.{info.name}") for info in pkgutil.iter_modules(folders)}
-    return {name: module.CONSTANTS for name, module in modules.items() if hasattr(module, "CONSTANTS")}
+    held = {name: getattr(module, "CONSTANTS", None) for name, module in modules.items()}
+    # Those of another module, which some import, are that module's.
+    return {name: one for name, one in held.items() if type(one).__module__ == f"{room}.{name}"}
 
 
 def constants_record(room: str) -> dict[str, dict[str, float]]:
