@@ -4,7 +4,7 @@
 
 A first pass runs the tests of both rooms without a change and keeps which test reads which constant, and how long it
 takes. Then each mutant runs in a forked process, its quickest test first, up to the first that fails. Integers stay
-integers.
+integers. ``MODULE`` is all constants of a module, or one: ``klt`` or ``klt.points``.
 """
 
 from __future__ import annotations
@@ -114,8 +114,10 @@ def first_pass(modules: list[str], pattern: str, size: int, seed: int) -> tuple[
     watch, names = Watch(), {}
     for room in ROOMS:
         for module, constants in constants_of(room).items():
-            if not modules or module in modules:
-                names[room, module] = [field.name for field in dataclasses.fields(constants)]
+            own = [field.name for field in dataclasses.fields(constants)]
+            asked = [name for name in own if not modules or {module, f"{module}.{name}"} & {*modules}]
+            if asked:
+                names[room, module] = asked
                 watch.observe(module, constants)
     mutants = [
         Mutant(room, module, name, factor)

@@ -11,6 +11,7 @@ from towval.model.geometry import transform
 from towval.optics.moved_view import moved_view, parameters_by_motion, pose_sensitivity
 from towval.optics.plane_uncertainty import shared_parameters
 from towval.optics.projection import project, to_plane
+from towval.tracking import floor_registration
 from towval.tracking.camera_motion import CameraMotion, _separated, calibration_at_start
 from towval.tracking.floor_registration import FloorRegistration
 
@@ -132,6 +133,28 @@ def test_shaking_is_kept_noise_is_not():
     slow, _, fast, own = _separated(time_s, noise + 10 * shaking + drift)
     assert np.sqrt(np.mean((slow + fast - 10 * shaking - drift) ** 2)) < 1.1
     assert 0.8 < own.mean() < 1.3
+
+
+@pytest.mark.parametrize(("step", "kept_apart"), [(8.0, False), (16.0, True)])
+def test_a_step_of_eleven_deviations_is_a_jump_of_the_camera_and_not_smoothed(step, kept_apart):
+    time_s = np.arange(400) / 25
+    noise = np.random.default_rng(0).standard_normal((400, 9))
+    slow, *_ = _separated(time_s, noise + step * (np.arange(400) >= 200)[:, None])
+    # A window over half a second that reaches across the step would be in the middle of it there.
+    assert (np.abs(slow[198:202].mean(axis=1) - [0, 0, step, step]).max() < 0.15 * step) == kept_apart
+
+
+@pytest.mark.parametrize(("scatter_px", "found"), [(3.0, True), (6.0, False)])
+def test_blocks_that_scatter_by_more_than_four_pixels_have_no_motion_in_common(scatter_px, found, monkeypatch):
+    registration = FloorRegistration(CAMERA, FLOOR, FIRST, ())
+    angles = iter(2 * np.pi * np.random.default_rng(0).random(len(registration.blocks)))
+
+    def scattered(_small, _block, expected):
+        angle = next(angles)
+        return expected + (np.array([20.0, -10.0]) + scatter_px * np.array([np.cos(angle), np.sin(angle)])) / 2
+
+    monkeypatch.setattr(floor_registration, "_search", scattered)
+    assert (registration._by_blocks(FIRST, np.zeros(9)) is not None) == found
 
 
 def test_what_is_left_of_the_motion_moves_poses_as_a_moved_camera_sees_them():

@@ -23,10 +23,11 @@ class ViewCovarianceConstants:
 
     prior_views: int = 8  # That many views' weight has the covariance of independent corners, inflated as a whole:
     # the scatter of a dozen views alone leaves single directions 2 deviations short (0 to 12 views tried).
-    undetermined: float = 1e-9  # Share of a direction's information, below which the other views do not determine it.
 
 
 CONSTANTS = ViewCovarianceConstants()
+
+_UNDETERMINED = 1e-9  # Share of the largest information, below which nothing but rounding is left of a direction's.
 
 
 def view_covariance(blocks: Sequence[Block], estimate: Estimate, active: NDArray[np.intp]) -> Array:
@@ -71,7 +72,7 @@ def _scaled(matrix: Array, unit: Array) -> Array:
 def _inverse(matrix: Array) -> Array:
     """Inverse of an information scaled to unit diagonal, without the directions that are not determined."""
     values, vectors = np.linalg.eigh(matrix)
-    kept = values > CONSTANTS.undetermined * values[-1]
+    kept = values > _UNDETERMINED * values[-1]
     return np.asarray((vectors[:, kept] / values[kept]) @ vectors[:, kept].T)
 
 
