@@ -10,10 +10,10 @@ from towval.io.campaign import load_campaign
 from towval.io.chain import check_together
 from towval.io.provenance import provenance, read_sections
 from towval.io.records import read_calibration, read_decimated, read_simulated, read_tracks, write_uncertainty
+from towval.model.geometry import position_rms
 from towval.model.inputs import INPUTS, is_left_out
 from towval.selection.draws import sample_selecting
 from towval.selection.margin import measurement_std_m, seen_places
-from towval.validation.metrics import position_rms
 from towval.validation.sampler import Case, UncertaintySettings
 
 

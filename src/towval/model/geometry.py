@@ -88,6 +88,11 @@ def rms_length(shift: ArrayLike) -> float:
     return float(np.sqrt(np.mean(np.sum(np.asarray(shift, dtype=np.float64)[:, :2] ** 2, axis=1))))
 
 
+def position_rms(covariance: Array) -> float:
+    """Root mean square of the position deviations √(σ_x² + σ_y²) of covariances (n, 3, 3) or (n, 2, 2) [m]."""
+    return float(np.sqrt(np.mean(np.trace(covariance[:, :2, :2], axis1=1, axis2=2))))
+
+
 def rigid_fit(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = None) -> Array:
     """The pose that brings ``source`` closest to ``target`` in the weighted least-squares sense.
 

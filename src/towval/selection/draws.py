@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from towval.model import Choice, RunUncertainty
+from towval.model.geometry import position_rms
 from towval.selection.margin import SHARE
 from towval.validation.effects import to_be_measured
-from towval.validation.metrics import position_rms
 from towval.validation.sampler import Case, UncertaintySettings
 from towval.validation.uncertainty import UncertaintySampling
 

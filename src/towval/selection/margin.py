@@ -4,9 +4,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from towval.model import Array, Body, Calibration, Track
+from towval.model.geometry import position_rms
 from towval.optics.plane_uncertainty import position_covariance
 from towval.optics.projection import project
-from towval.validation.metrics import position_rms
 
 SHARE = 1 / 3
 """Of the measurement uncertainty that the error of a setting may reach."""

@@ -126,8 +126,3 @@ def error_ratio(error: ArrayLike, covariance: ArrayLike) -> Array:
     known = allowed > 0.01 * np.sqrt(np.mean(allowed**2))
     ratio: Array = np.divide(distance, allowed, out=np.full(len(distance), np.nan), where=known)
     return ratio
-
-
-def position_rms(covariance: Array) -> float:
-    """Root mean square over time of the position deviation √(σ_x² + σ_y²) of covariances (n, 3, 3) [m]."""
-    return float(np.sqrt(np.mean(np.trace(covariance[:, :2, :2], axis1=1, axis2=2))))
