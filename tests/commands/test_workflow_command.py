@@ -119,7 +119,9 @@ def test_a_call_that_is_ended_leaves_nothing_that_waits_and_the_next_goes_on(tmp
     assert (tmp_path / "results" / "sample" / "camera.mcap").is_file()
 
 
-@pytest.mark.parametrize("imported", ["argparse", "towval.model.errors", "towval.commands.console", "towval.io.campaign"])
+@pytest.mark.parametrize(
+    "imported", ["argparse", "towval.model.errors", "towval.commands.console", "towval.io.campaign"]
+)
 def test_ctrl_c_at_the_start_shows_no_traceback(tmp_path, imported):
     line = [sys.executable, "-X", "importtime", "-m", "towval", "run", str(SAMPLE)]
     process = subprocess.Popen(line, cwd=tmp_path, start_new_session=True, stderr=subprocess.PIPE, text=True)
