@@ -1,5 +1,6 @@
 """The commands ``run`` and ``demo``: the workflow of the package on a folder, without a clone."""
 
+import getpass
 import os
 import signal
 import subprocess
@@ -11,7 +12,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from towval.commands.workflow import run_demo
+from towval.commands.workflow import _environment, run_demo
 from towval.model.errors import InputError
 
 SAMPLE = Path(str(resources.files("towval"))) / "sample"
@@ -71,6 +72,14 @@ def test_a_fault_of_the_campaign_is_told_before_anything_runs(tmp_path):
     assert done.returncode == 1
     assert "camera.calibration_images finds no picture" in done.stderr
     assert not (tmp_path / ".snakemake").exists()
+
+
+def test_a_user_without_a_name_is_given_one(monkeypatch):
+    for name in ("LOGNAME", "USER", "LNAME", "USERNAME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr("pwd.getpwuid", {}.__getitem__)
+    monkeypatch.setenv("LOGNAME", _environment()["LOGNAME"])
+    assert getpass.getuser() == "towval"
 
 
 def test_the_demo_overwrites_nobodys_folder(tmp_path):

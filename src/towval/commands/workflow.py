@@ -1,6 +1,7 @@
 """Commands run and demo: the whole workflow, which comes with the package, on a campaign folder."""
 
 import ctypes
+import getpass
 import json
 import os
 import re
@@ -98,6 +99,7 @@ def _ending_with_us(line: Sequence[str]) -> Iterator["subprocess.Popen[str]"]:
         text=True,
         encoding="utf-8",
         errors="replace",
+        env=_environment(),
         preexec_fn=die_with_parent if libc is not None else None,  # noqa: PLW1509  # it makes one call of the system
     ) as process:
 
@@ -115,6 +117,15 @@ def _ending_with_us(line: Sequence[str]) -> Iterator["subprocess.Popen[str]"]:
                 signal.signal(number, handler)
         if interrupted:
             raise KeyboardInterrupt
+
+
+def _environment() -> dict[str, str]:
+    """Variables for Snakemake, which asks for the user's name: a container may run as a user without one."""
+    try:
+        getpass.getuser()
+    except (KeyError, OSError):
+        return {**os.environ, "LOGNAME": "towval"}
+    return dict(os.environ)
 
 
 def run_demo(folder: Path, results: Path = Path("results"), cores: int | None = None) -> Outcome | None:
