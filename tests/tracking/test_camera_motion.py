@@ -190,3 +190,5 @@ def test_a_bump_between_calibration_and_run_is_taken_off():
     ]
     _, findings = calibration_at_start(calibration, FIRST, plain)
     assert [one.code for one in findings] == ["floor_not_recognised"]
+    _, findings = calibration_at_start(calibration, np.ascontiguousarray(floor_picture(seed=7)[::-1, ::-1]), boards)
+    assert [one.code for one in findings] == ["video_upside_down"]

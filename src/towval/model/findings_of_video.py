@@ -25,6 +25,12 @@ register(  # track
         "board again with the camera as it films.",
     ),
     FindingType(
+        "video_upside_down", "track", WARNING, NOT_JUDGED,
+        "The video shows the floor turned by 180° against the pictures of the floor: a tag for rotation in the file "
+        "does not tell how the camera hung. Poses are wrong; take the tag out of the video (ffmpeg -display_rotation 0 "
+        "-i IN -c copy OUT), or turn the pictures of the board as the video is.",
+    ),
+    FindingType(
         "camera_not_registered", "track", WARNING, NOT_JUDGED,
         "In {percent:.1f} % of the pictures the floor could not be found again (longest time {gap_s:.2f} s, from "
         "{time_s:.2f} s on): the camera moved too far, or the floor was hidden. Poses there are not known; fix the "

@@ -12,7 +12,7 @@ from towval.model import Array, Body, Calibration, Camera, Finding, Floor
 from towval.model.findings import finding
 from towval.model.geometry import transform
 from towval.optics.moved_view import VIEW_MOTION, moved_view, parameters_by_motion, pose_sensitivity, view_before
-from towval.tracking.floor_registration import FloorRegistration
+from towval.tracking.floor_registration import FloorRegistration, Registered
 from towval.tracking.template import Luma
 
 
@@ -198,8 +198,12 @@ def calibration_at_start(
         seen = FloorRegistration(camera, plane, luma, ())
         if seen.template is None:
             return calibration, ()
-        found = [one for one in (seen.register(picture, np.zeros(_SIZE), []) for picture in pictures) if one]
-        if len(found) < (len(pictures) + 1) // 2:
+        found, enough = _found(seen, pictures), (len(pictures) + 1) // 2
+        if len(found) < enough:
+            # A phone that lies flat guesses which way is up, anew for each recording.
+            turned = FloorRegistration(camera, plane, np.ascontiguousarray(luma[::-1, ::-1]), ())
+            if len(_found(turned, pictures)) >= enough:
+                return calibration, (finding("video_upside_down"),)
             return calibration, (finding("floor_not_recognised", found=len(found), pictures=len(pictures)),)
         back = np.mean([one.motion for one in found], axis=0)
         covariance = np.asarray(np.mean([one.covariance for one in found], axis=0), dtype=np.float64)
@@ -211,6 +215,11 @@ def calibration_at_start(
     widened = calibration.covariance + by_motion @ covariance @ by_motion.T
     moved = finding("camera_moved_before", shift_px=seen.shift_px(back), std_px=seen.std_px(covariance))
     return replace(calibration, camera=camera, floor=plane, covariance=widened), (moved,)
+
+
+def _found(seen: FloorRegistration, pictures: Sequence[Luma]) -> list[Registered]:
+    """Registrations of the pictures in which the floor is found near its calibrated view."""
+    return [one for one in (seen.register(picture, np.zeros(_SIZE), []) for picture in pictures) if one]
 
 
 def _separated(time_s: Array, z: Array) -> tuple[Array, Array, Array, Array]:

@@ -168,5 +168,5 @@ def _check_size(luma: Luma, calibration: Calibration) -> None:
             "the video's pictures do not have the size of the calibration's",
             got=f"{width} × {height} px",
             allowed=f"{allowed_width} × {allowed_height} px",
-            remedy="calibrate with pictures of the same camera mode as the video",
+            remedy="calibrate with pictures of the same camera mode as the video, turned as it is",
         )
