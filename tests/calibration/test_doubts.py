@@ -51,6 +51,7 @@ def test_a_bent_board_is_corrected(bow_m):
     assert position_error_mm(corrected, scene, 0.35) < 1.0
     assert position_error_mm(believed, scene, 0.35) > 2.0
     assert codes(corrected) == ["board-bent"]
+    assert corrected.quality["board_bow_mm"] == pytest.approx(abs(1e3 * bow_m), abs=0.3)
     assert f"{abs(1e3 * bow_m):.1f} ±" in corrected.findings[0].text
 
 

@@ -1,5 +1,7 @@
 """MCAP: what is written is what is read, by us and by readers that share no code with us."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from mcap.reader import make_reader
@@ -11,12 +13,14 @@ from towval.io.mcap_file import read_mcap, read_provenance, write_mcap
 from towval.model import (
     Calibration,
     Camera,
+    CameraTrack,
     Comparison,
     Features,
     Finding,
     Floor,
     Severity,
     SimulatedMotion,
+    Stamp,
     Verdict,
     View,
 )
@@ -75,6 +79,17 @@ def simulated():
     )
 
 
+def watched_camera(count):
+    """A camera that moved, was not registered twice, and whose stamps are doubted; its tops showed no edges."""
+    rng = np.random.default_rng(2)
+    picture = rng.normal(size=(count, 4))
+    picture[3:5] = np.nan
+    stamps = np.zeros(count, dtype=np.uint8)
+    stamps[[2, 7]] = Stamp.REPEATED, Stamp.CONTRADICTED
+    camera = Camera((640, 480), np.diag([500.0, 500, 1]), np.zeros(8), "none")
+    return CameraTrack(camera, Floor(np.eye(4)), rng.normal(size=(count, 9)), picture, np.abs(picture), stamps)
+
+
 def same(first, second):
     for name in first.__dataclass_fields__:
         a, b = getattr(first, name), getattr(second, name)
@@ -99,11 +114,14 @@ def test_tracks_round_trip(tmp_path, track, make_track):
     features = Features(np.array([0, 0, 0, 1, 1, 7]), points.astype(np.float32), np.ones(6))
     tracks = {"rover": make_track(circle, seed=9), "object": track}
     tracks["object"] = type(track)(**{**track.__dict__, "features": features})
+    camera = watched_camera(len(track.time_s))
+    tracks = {name: replace(each, camera=camera) for name, each in tracks.items()}
     records.write_tracks(tmp_path / "track.mcap", tracks, PROVENANCE)
     back = records.read_tracks(tmp_path / "track.mcap")
     assert back.keys() == tracks.keys()
     for name, written in tracks.items():
         same(written, back[name])
+        same(camera, back[name].camera)
     same(features, back["object"].features)
 
 

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from report_scenes import TOWED, towed_run
-from towval.report.facts import metric_facts, middle_rms_m
+from report_scenes import TOWED, ceiling_calibration, towed_run
+from towval.model import CameraTrack, Stamp
+from towval.report.facts import calibration_facts, metric_facts, middle_rms_m, scale_facts, tracking_facts
 
 OFFSET_M = np.array([0.3, 0.4])
 
@@ -35,3 +36,24 @@ def test_frames_without_a_pose_are_left_out_and_the_page_names_the_measure():
     run = replace(run, comparison=replace(run.comparison, error=error))
     assert middle_rms_m(run) == pytest.approx(0.005, rel=1e-9)
     assert dict(metric_facts(run))["Path RMS of the middle of the top, which the paper compares, mm"] == "5.00"
+
+
+def test_scale_and_motion_of_the_camera_are_stated():
+    run, full = towed_run(), ceiling_calibration()
+    n = len(run.rover_track.time_s)
+    picture = np.outer(np.linspace(0, 1, n), [3.0, -4.0, np.deg2rad(0.5), -0.02])
+    stamps = np.zeros(n, dtype=np.uint8)
+    stamps[[20, 90, 91]] = Stamp.REPEATED, Stamp.CONTRADICTED, Stamp.CONTRADICTED
+    std = np.full((n, 4), 0.03)
+    camera = CameraTrack(full.camera, full.floor, np.zeros((n, 9)), picture, std, stamps, -0.0033, 0.0011)
+    watched = replace(run, rover_track=replace(run.rover_track, camera=camera))
+    said = dict(tracking_facts(watched))
+    assert said["camera: its own motion"] == (
+        "picture shifted by up to 5.00 px (± 0.042 px), turned by 0.50°, grown by 2.00 %; corrected"
+    )
+    assert said["camera: stamps"] == "1 pictures repeated and left out, 2 stamps contradicted, of 200"
+    assert scale_facts((watched, run)) == (("Tops in run a, measured − stated size", "−0.33 ± 0.11 %"),)
+    board = {"board_size_percent": 0.021, "board_size_std_percent": 0.05, "board_bow_mm": -0.5, "board_bow_std_mm": 0.0}
+    known = dict(calibration_facts(replace(full, quality=full.quality | board)))
+    assert known["Board, measured − stated size"] == "+0.02 ± 0.050 %"
+    assert not any("bow" in name for name in known)

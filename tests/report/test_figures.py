@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from report_scenes import LOST, SLACK, ceiling_calibration, towed_run, uncertainty_of
-from towval.model import UncertaintyMap
+from towval.model import CameraTrack, Stamp, UncertaintyMap
 from towval.model.errors import InputError
 from towval.report import figures
 from towval.report.figures.errors import intervals
@@ -246,3 +246,38 @@ def test_a_folder_that_cannot_be_written_is_named(run, tmp_path):
     (tmp_path / "taken").write_text("a file where the folder should be")
     with pytest.raises(InputError, match="could not be saved"):
         save_figure(figures.decimate_figure(run), tmp_path / "taken", "figure")
+
+
+def moved_camera(run, **changes):
+    """A camera that creeps by 8 px, turns, and is not found again in ten frames."""
+    n = len(run.rover_track.time_s)
+    picture = np.outer(np.linspace(0, 1, n), [8.0, -3.0, 0.01, 0.002])
+    picture[40:50] = np.nan
+    stamps = np.zeros(n, dtype=np.uint8)
+    stamps[[20, 90]] = Stamp.REPEATED, Stamp.CONTRADICTED
+    full = ceiling_calibration()
+    fields = {"motion": np.zeros((n, 9)), "picture": picture, "picture_std": 0.02 + 0 * picture, "stamps": stamps}
+    camera = CameraTrack(full.camera, full.floor, **(fields | changes))
+    return dataclasses.replace(run, rover_track=dataclasses.replace(run.rover_track, camera=camera))
+
+
+def test_the_camera_figure_draws_what_was_corrected(run):
+    moved = moved_camera(run)
+    figure = figures.camera_figure(moved)
+    camera = moved.rover_track.camera
+    shift, turn, growth, strip = figure.axes
+    np.testing.assert_array_equal(line(shift, SIMULATED, 0.8).get_ydata(), camera.picture[:, 0])
+    np.testing.assert_array_equal(line(shift, ROVER, 0.8).get_ydata(), camera.picture[:, 1])
+    np.testing.assert_allclose(line(turn, SIMULATED, 0.8).get_ydata(), np.rad2deg(camera.picture[:, 2]))
+    np.testing.assert_allclose(line(growth, SIMULATED, 0.8).get_ydata(), 100 * camera.picture[:, 3])
+    assert len(strip.patches) >= 2
+    texts = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert texts == ["as written (198)", "repeated (1)", "contradicted (1)"]
+
+
+def test_a_camera_that_nothing_is_known_of_has_no_figure(run):
+    assert figures.camera_figure(run) is None
+    unseen = np.full((len(run.rover_track.time_s), 4), np.nan)
+    sound = np.zeros(len(unseen), dtype=np.uint8)
+    assert figures.camera_figure(moved_camera(run, picture=unseen, picture_std=unseen, stamps=sound)) is None
+    assert figures.camera_figure(moved_camera(run, picture=unseen, picture_std=unseen)) is not None

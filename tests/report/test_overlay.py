@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from report_scenes import LOST, SMALL_SIZE_PX, grey_film, small_calibration, towed_run
+from towval.model import CameraTrack, Floor
 from towval.model.errors import InputError
 from towval.model.geometry import transform
 from towval.optics.projection import project
+from towval.report.outlines import film_layers
 from towval.report.overlay import drawn_pictures, stills, write_overlay
 
 FRAMES = 80
@@ -167,3 +169,20 @@ def quarter_turned(mp4: bytes) -> bytes:
     header = mp4.index(b"tkhd")
     at = mp4.index(straight, header)
     return mp4[:at] + quarter + mp4[at + len(quarter) :]
+
+
+def test_outlines_follow_the_camera(calibration, run):
+    """A knock of 9 px in the middle of the run, and a bump before it: the view is that of each picture."""
+    motion = np.zeros((FRAMES, 9))
+    motion[30:, 7:] = 9.0, -4.0
+    floor = Floor(calibration.floor.T_camera_floor + 0.05 * np.eye(4, k=3))
+    unknown, sound = np.full((FRAMES, 4), np.nan), np.zeros(FRAMES, dtype=np.uint8)
+    camera = CameraTrack(calibration.camera, floor, motion, unknown, unknown, sound)
+    moved = dataclasses.replace(run, rover_track=dataclasses.replace(run.rover_track, camera=camera))
+    bumped = dataclasses.replace(calibration, floor=floor)
+    times = run.rover_track.time_s
+    seen, still = (film_layers(each, view, times).pixels() for each, view in ((moved, calibration), (run, bumped)))
+    for name in ("rover", "measured", "tether", "simulated path"):
+        gap = seen[name] - still[name]
+        assert np.nanmax(np.abs(gap[:30])) < 0.05, name
+        assert np.nanmax(np.abs(gap[30:] - [9, -4])) < 0.1, name

@@ -192,3 +192,28 @@ def test_a_bump_between_calibration_and_run_is_taken_off():
     assert [one.code for one in findings] == ["floor_not_recognised"]
     _, findings = calibration_at_start(calibration, np.ascontiguousarray(floor_picture(seed=7)[::-1, ::-1]), boards)
     assert [one.code for one in findings] == ["video_upside_down"]
+
+
+def test_the_record_says_what_the_motion_did_to_the_picture():
+    """Pictures warped by OpenCV, whose positive turn is anticlockwise; one in between that shows no floor."""
+    camera = watched([(0, 0)] * 6)
+    camera.register(6 / 25, np.full_like(FIRST, 90), [POSE])
+    for i in range(7, 13):
+        camera.register(i / 25, warped(floor_picture(seed=i), (12, -7), turn_deg=1.5, zoom=1.02), [POSE])
+    seen = camera.estimate().track()
+    assert np.flatnonzero(~seen.registered).tolist() == [6]
+    expected = np.array([12, -7, -np.deg2rad(1.5), np.log(1.02)])
+    unit = np.array([1, 1, 1 / 240, 1 / 240])
+    assert (np.abs(seen.picture[:6]) < 0.03 * unit).all()
+    assert (np.abs(seen.picture[7:] - expected) < 0.03 * unit).all()
+    assert (seen.picture_std[seen.registered] > 0).all()
+    assert (np.abs(seen.picture[7:] - expected) < 4 * seen.picture_std[7:] + 0.01 * unit).all()
+
+
+def test_a_floor_that_shows_nothing_leaves_no_record():
+    camera = CameraMotion(CAMERA, FLOOR, np.full_like(FIRST, 90), [BODY], [POSE])
+    for i in range(4):
+        camera.register(i / 25, np.full_like(FIRST, 90), [POSE])
+    seen = camera.estimate().track()
+    assert not seen.registered.any()
+    assert not seen.motion.any()

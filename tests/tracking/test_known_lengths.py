@@ -8,7 +8,7 @@ import pytest
 from studies.worlds.scenes import CeilingCamera, FilmedScene, small_camera, standard_scene
 from towval.model import Calibration, Floor
 from towval.optics.projection import project, to_plane
-from towval.tracking.known_lengths import OutlineSizes, length_findings
+from towval.tracking.known_lengths import OutlineSizes, length_findings, size_of_tops
 from towval.tracking.outline import observe_size
 from towval.tracking.planar_target import PlanarTarget
 
@@ -51,6 +51,9 @@ def test_a_board_of_another_size_is_named(seed, size, code):
             assert found == pytest.approx(expected, abs=0.002 + 0.2 * abs(expected))
     findings = length_findings(calibration, tops)
     assert [finding.code.startswith(code or "") for finding in findings] == ([True] if code else [])
+    found, std = size_of_tops(calibration, tops)
+    assert found == pytest.approx(expected, abs=0.002)
+    assert 0.0005 < std < 0.003
 
 
 @pytest.mark.parametrize(
@@ -86,5 +89,6 @@ def test_a_top_of_which_pictures_disagree_does_not_hide_the_other():
 def test_no_outline_no_word():
     scene = standard_scene(1)
     assert length_findings(scaled(scene, 1.0), []) == ()
+    assert np.isnan(size_of_tops(scaled(scene, 1.0), [])).all()
     tops = [OutlineSizes(PlanarTarget(scene.bodies[0], scene.camera, scene.floor), np.zeros(3), [])]
     assert length_findings(scaled(scene, 1.0), tops) == ()

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from towval.model import Track, TrackStatus
+from towval.model import Stamp, Track, TrackStatus
 from towval.tracking.stamps import check_stamps, rate_findings
 
 
@@ -82,10 +82,11 @@ def test_repeated_pictures_that_fill_a_loss_are_left_out(share):
     shown = np.arange(250)
     for i in np.flatnonzero(rng.random(250) < share):
         shown[i] = shown[i - 1] if i > 5 else i
-    tracks, findings = check_stamps(filmed(EVEN, EVEN, shown))
+    tracks, findings, stamps = check_stamps(filmed(EVEN, EVEN, shown))
     assert findings[0].code == "pictures_repeated"
     assert share > 0.02 or len(findings) == 1
     repeated = np.flatnonzero(np.diff(shown) == 0) + 1
+    assert np.array_equal(stamps == Stamp.REPEATED, ~tracks["rover"].seen)
     missed = set(repeated) - set(np.flatnonzero(~tracks["rover"].seen))
     assert len(missed) <= 0.2 * len(repeated)
 
@@ -154,3 +155,9 @@ def test_a_rate_that_nothing_confirms_must_be_one_of_a_camera(rate_hz, unusual):
     assert found == (["rate_unusual"] if unusual else [])
     assert rate_findings(1 / rate_hz, rate_hz, 10.0, float("nan")) == ()
     assert rate_findings(1 / rate_hz, None, 10.0, 10.0) == ()
+
+
+def test_the_picture_before_a_jump_is_marked():
+    kept = np.delete(np.arange(250), [80, 81, 170])
+    stamps = check_stamps(filmed(EVEN[kept], EVEN[: len(kept)]))[2]
+    assert np.flatnonzero(stamps == Stamp.CONTRADICTED).tolist() == [79, 167]

@@ -567,7 +567,7 @@ def edge_std_px(thin_px=9.0, blank=False, floor=0.0):
     slopes += floor * slopes.max(axis=1, keepdims=True)
     slopes[blank & (stretches.normal[:, 0] < -0.9)] = 0.0
     side_px = np.where(stretches.normal[:, 0] > 0.9, thin_px, 9.0)
-    fit, _ = outline._fit_outline(slopes, stretches, PIXEL_M, side_px, 0.0, sized=True)
+    fit = outline._fit_outline(slopes, stretches, PIXEL_M, side_px, 0.0, sized=True)
     return np.sqrt(fit.covariance[0, 0]) / PIXEL_M
 
 

@@ -11,7 +11,16 @@ from towval.tracking import two_measurements
 from towval.tracking.follow import Follower
 from towval.tracking.outline import OutlineFit
 from towval.tracking.pose import Measurement, Tracker
-from towval.tracking.two_measurements import Compared, EdgeWatch, Looks, alone, jumps, outline_noise, texture_excess
+from towval.tracking.two_measurements import (
+    Compared,
+    EdgeWatch,
+    Looks,
+    alone,
+    compared,
+    jumps,
+    outline_noise,
+    texture_excess,
+)
 
 BOX = target()
 PIXEL_M = BOX.metres_per_pixel(POSE)
@@ -19,10 +28,13 @@ GREY = texture(mean=200.0, contrast=10.0)
 SHARP = np.diag([1e-4, 1e-4, 1e-4]) ** 2
 
 
-def looks(picture_numbers, correction, std=1e-4):
+def looks(picture_numbers, correction, std=1e-4, size=0.0):
     n = len(picture_numbers)
     return Looks(
-        np.asarray(picture_numbers), np.asarray(correction, dtype=float), np.tile(std**2 * np.eye(3), (n, 1, 1))
+        np.asarray(picture_numbers),
+        np.asarray(correction, dtype=float),
+        np.tile(std**2 * np.eye(3), (n, 1, 1)),
+        np.zeros((n, 2)) + size,
     )
 
 
@@ -144,3 +156,23 @@ def test_a_texture_that_jumps_in_one_picture_is_uncertain_there():
     assert 1 < off_px[80] < 3 * std_px[80]
     assert np.delete(std_px, 80).max() < 0.3
     assert "texture_unsure" not in codes
+
+
+@pytest.mark.parametrize(("says", "wide"), [(True, 0.0), (True, 0.0015), (False, 0.0)])
+def test_an_outline_that_is_too_wide_is_off_itself(says, wide):
+    """One of two edges is taken for something 4 mm beside it, for a second: the middle moves by half, the width by all.
+
+    A top that is ``wide`` in all pictures was measured wrong, and says nothing.
+    """
+    rng = np.random.default_rng(4)
+    n, time_s = 200, np.arange(200) / 25
+    pose = np.column_stack([0.1 * time_s, 0 * time_s, 0 * time_s])
+    correction, size = rng.normal(0, 1e-4, (n, 3)), rng.normal(wide, 2e-4, (n, 2))
+    other = slice(80, 105)
+    correction[other, 1] += 2e-3
+    if says:
+        size[other, 1] += 4e-3
+    seen = compared(time_s, pose, np.tile(SHARP, (n, 1, 1)), looks(np.arange(n), correction, size=size), SHARP)
+    worst = np.sqrt((seen.excess + seen.lone)[:, 1, 1].max())
+    assert (worst < 1e-4) == says
+    assert says or worst == pytest.approx(2e-3, rel=0.2)

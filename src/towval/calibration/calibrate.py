@@ -207,7 +207,8 @@ def calibrate_observations(
     calibration = _judged(calibration, kept, settled.trials, chosen, (0.0, *heights_m), settings.position_limit_m)
     stated = observed.reference.mark_std_px if observed.reference is not None else np.nan
     further = (*settled.findings, *marks_findings(kept, estimate, stated))
-    return replace(calibration, findings=(*calibration.findings, *further))
+    quality = {**calibration.quality, **settled.quality}
+    return replace(calibration, findings=(*calibration.findings, *further), quality=quality)
 
 
 def _without_misfits(

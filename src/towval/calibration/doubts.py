@@ -50,13 +50,15 @@ def doubts_std(board: Board, floor: FloorReference) -> Array:
 class Settled:
     """A calibration with its doubts settled.
 
-    ``trials`` of all lens models and the ``chosen`` one; ``covariance`` (18, 18) of the camera's parameters.
+    ``trials`` of all lens models and the ``chosen`` one; ``covariance`` (18, 18) of the camera's parameters;
+    ``quality``: size, thickness and bow of the board as fitted against what is stated, with their deviations.
     """
 
     trials: Sequence[LensTrial]
     chosen: LensTrial
     covariance: Array
     findings: tuple[Finding, ...]
+    quality: dict[str, float]
 
 
 @dataclass(frozen=True)
@@ -106,7 +108,13 @@ def settle(observed: CalibrationObservations, start: Estimate, models: Sequence[
     fit = _fit(observed, chosen.estimate, chosen.model, doubts)
     covariance, camera = np.zeros((_CAMERA,) * 2), fit.active[fit.active < _CAMERA]
     covariance[np.ix_(camera, camera)] = fit.covariance[: len(camera), : len(camera)]
-    return Settled(trials, chosen, covariance, _findings(observed, fit, wrong))
+    value, std, bow_m = _fitted(fit)
+    quality = {
+        "board_size_percent": 100 * value[0], "board_size_std_percent": 100 * std[0],
+        "board_thickness_mm": 1e3 * value[4], "board_thickness_std_mm": 1e3 * std[4],
+        "board_bow_mm": 1e3 * bow_m, "board_bow_std_mm": 1e3 * std[1:4].max(),
+    }  # fmt: skip
+    return Settled(trials, chosen, covariance, _findings(observed, fit, wrong), quality)
 
 
 def without_prejudice(observed: CalibrationObservations, estimate: Estimate, model: str) -> Estimate:
@@ -151,13 +159,18 @@ def _contradiction(
     return squared > chi2.ppf(CONSTANTS.sound, len(group)), far
 
 
-def _findings(observed: CalibrationObservations, fit: _Fit, wrong: Doubts) -> tuple[Finding, ...]:
-    """What was corrected, by its name."""
+def _fitted(fit: _Fit) -> tuple[Array, Array, float]:
+    """The doubts (8,) as fitted, their deviations (8,), zero where not fitted, and the bow over all directions [m]."""
     value, std = fit.estimate.doubts, np.zeros(len(DOUBTS))
     fitted = fit.active[fit.active >= _CAMERA]
     std[fitted - _CAMERA] = np.sqrt(np.diag(fit.variance(fitted)))
     x, y, twist = value[1:4]
-    bow_m = float(np.abs(np.linalg.eigvalsh([[x, twist / 2], [twist / 2, y]])).max())
+    return value, std, float(np.abs(np.linalg.eigvalsh([[x, twist / 2], [twist / 2, y]])).max())
+
+
+def _findings(observed: CalibrationObservations, fit: _Fit, wrong: Doubts) -> tuple[Finding, ...]:
+    """What was corrected, by its name."""
+    value, std, bow_m = _fitted(fit)
     findings = []
     if bow_m > max(CONSTANTS.noticeable_bow_m, CONSTANTS.named * std[1:4].max()):
         findings.append(finding("board-bent", bow_mm=1e3 * bow_m, std_mm=1e3 * std[1:4].max()))

@@ -34,13 +34,13 @@ from towval.model.towing import (
     TowedObject,
     TowingScene,
 )
-from towval.model.tracks import Body, DecimatedTrack, Features, Tag, Track, TrackStatus
+from towval.model.tracks import Body, CameraTrack, DecimatedTrack, Features, Stamp, Tag, Track, TrackStatus
 
 __all__ = [
     "CALIBRATION_PARAMETERS", "DISTORTION_NAMES", "Array", "Board", "Body", "Bounds", "Calibration", "Camera",
-    "Choice", "Comparison", "DecimatedTrack", "Draws", "Explanation", "Features", "Finding", "Floor",
+    "CameraTrack", "Choice", "Comparison", "DecimatedTrack", "Draws", "Explanation", "Features", "Finding", "Floor",
     "FloorReference", "FloorRegion", "FrictionLaw", "FrictionSpecification", "Ground", "Identification", "Load",
-    "MassSpread", "Patch", "Prediction", "RunUncertainty", "Severity", "SimulatedMotion", "Sliding", "Tag", "Tether",
-    "TimedPath", "TowedObject", "TowingScene", "Track", "TrackStatus", "UncertaintyMap", "Verdict", "View",
+    "MassSpread", "Patch", "Prediction", "RunUncertainty", "Severity", "SimulatedMotion", "Sliding", "Stamp", "Tag",
+    "Tether", "TimedPath", "TowedObject", "TowingScene", "Track", "TrackStatus", "UncertaintyMap", "Verdict", "View",
     "VisibleFault", "check_friction_law", "locked",
 ]  # fmt: skip

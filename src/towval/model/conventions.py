@@ -51,3 +51,11 @@ STAGES_OF_RUN = ("track", "decimate", "simulate", "uncertainty", "compare")
 
 FLOOR_FRAME = "floor"
 CAMERA_FRAME = "camera"
+
+VIEW_MOTION = ("rx", "ry", "rz", "tx", "ty", "tz", "zoom", "cx", "cy")
+"""Turn about the camera's axes [rad], shift along them [m], logarithm of the focal length's factor, and shift of the
+principal point [px], which is that of a picture moved by its stabiliser."""
+
+PICTURE_MOTION = ("u", "v", "turn", "growth")
+"""What a motion of the view does to the picture of the floor: shift of its middle [px], turn, clockwise as seen [rad],
+and logarithm of its growth."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from towval.model.camera import Camera, Floor
 from towval.model.checks import Array, lock, lock_whole, locked, positive
 from towval.model.choices import Choice
 from towval.model.errors import InputError
@@ -89,6 +90,52 @@ class Features:
         lock(self, floor_m=(len(self.frame), 3), weight=(len(self.frame),))
 
 
+class Stamp(enum.IntEnum):
+    """Whether the motion of the bodies agrees with the time that a picture is stamped with."""
+
+    AS_WRITTEN = 0
+    """It does, or nothing moves."""
+    REPEATED = 1
+    """The picture is the one before."""
+    CONTRADICTED = 2
+    """All bodies jump from this picture to the next."""
+
+
+@dataclass(frozen=True)
+class CameraTrack:
+    """What a video says of its own camera: how the view moved, which stamps are doubted, and the scale.
+
+    ``camera`` and ``floor`` are the view in the first picture, ``motion`` (n, 9) what moved it since, in the order of
+    :data:`towval.model.conventions.VIEW_MOTION`. ``picture`` (n, 4) is what that did to the picture, in the order of
+    :data:`towval.model.conventions.PICTURE_MOTION`, and ``picture_std`` (n, 4) its deviation; NaN where the floor was
+    not found. ``stamps`` (n,) of :class:`Stamp`. ``size``: lengths of the tops in the pictures over the stated ones,
+    less 1, with its deviation; NaN where no edges were found.
+    """
+
+    camera: Camera
+    floor: Floor
+    motion: Array
+    picture: Array
+    picture_std: Array
+    stamps: NDArray[np.uint8]
+    size: float = float("nan")
+    size_std: float = float("nan")
+
+    def __post_init__(self) -> None:
+        n = len(self.motion)
+        lock_whole(self, np.uint8, "stamps")
+        if self.stamps.shape != (n,):
+            raise InputError("CameraTrack.stamps has the wrong shape", got=self.stamps.shape, allowed=f"{n}")
+        lock(self, motion=(n, 9))
+        for name in ("picture", "picture_std"):
+            object.__setattr__(self, name, locked(getattr(self, name), f"CameraTrack.{name}", (n, 4), finite=False))
+
+    @property
+    def registered(self) -> NDArray[np.bool_]:
+        """Pictures (n,) in which the floor was found."""
+        return np.asarray(np.isfinite(self.picture[:, 0]))
+
+
 @dataclass(frozen=True)
 class Track:
     """Measured planar poses of one body over time.
@@ -101,7 +148,7 @@ class Track:
     ``start_covariance`` (3, 3) is that of the body frame's registration in the first frame: one unknown shift and
     turn, in the body frame, common to all poses. ``total_covariance`` (n, 3, 3), where known, is that of each pose from
     all sources, most of them common to the poses of a run. ``choices``: what was chosen, and what the next would have
-    changed.
+    changed. ``camera``: what the video says of its camera, the same for all bodies.
     """
 
     body: str
@@ -117,6 +164,7 @@ class Track:
     method: str = ""
     choices: tuple[Choice, ...] = ()
     total_covariance: Array | None = None
+    camera: CameraTrack | None = None
 
     def __post_init__(self) -> None:
         n = len(self.time_s)

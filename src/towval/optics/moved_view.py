@@ -6,17 +6,18 @@ import cv2
 import numpy as np
 
 from towval.model import Array, Body, Camera, Floor
+from towval.model.conventions import VIEW_MOTION
 from towval.model.geometry import transform
 from towval.optics.plane_uncertainty import position_sensitivity, shared_parameters
-from towval.optics.projection import project
+from towval.optics.projection import project, to_plane
 
-VIEW_MOTION = ("rx", "ry", "rz", "tx", "ty", "tz", "zoom", "cx", "cy")
-"""Turn about the camera's axes [rad], shift along them [m], logarithm of the focal length's factor, and shift of the
-principal point [px], which is that of a picture moved by its stabiliser."""
+_ACROSS = np.linspace(0.1, 0.9, 5)
 
 
 def moved_view(camera: Camera, floor: Floor, motion: Array) -> tuple[Camera, Floor]:
-    """Camera and floor after a ``motion`` (9,) of the calibrated view, in the order of :data:`VIEW_MOTION`.
+    """Camera and floor after a ``motion`` (9,) of the calibrated view.
+
+    Its order is that of :data:`towval.model.conventions.VIEW_MOTION`.
 
     Examples
     --------
@@ -42,6 +43,32 @@ def view_before(camera: Camera, floor: Floor, motion: Array) -> tuple[Camera, Fl
     matrix[[0, 1], [0, 1]] *= np.exp(-motion[6])
     matrix[:2, 2] -= motion[7:]
     return replace(camera, matrix=matrix), replace(floor, T_camera_floor=T)
+
+
+def picture_motion(camera: Camera, floor: Floor, motion: Array) -> Array:
+    """What a ``motion`` (9,) of the view does to the picture of the floor (4,).
+
+    It is the similarity that fits places all over the picture best, as :data:`towval.model.conventions.PICTURE_MOTION`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> camera = Camera((640, 480), np.array([[500, 0, 319.5], [0, 500, 239.5], [0, 0, 1]]), np.zeros(8), "none")
+    >>> floor = Floor(np.array([[1.0, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 3], [0, 0, 0, 1]]))
+    >>> (picture_motion(camera, floor, np.array([0, 0, 0, 0, 0, 0, 0.01, 2, 0])).round(3) + 0.0).tolist()
+    [2.0, 0.0, 0.0, 0.01]
+    """
+    middle = (np.array(camera.resolution_px) - 1) / 2
+    grid = np.stack(np.meshgrid(*(2 * middle[:, None] * _ACROSS)), axis=-1).reshape(-1, 2)
+    places = to_plane(camera, floor, grid, 0.0)
+    seen = np.isfinite(places).all(axis=1)
+    points = np.column_stack([places[seen], np.zeros(seen.sum())])
+    before, after = ((project(*view, points) - middle) @ [1, 1j] for view in
+                     ((camera, floor), moved_view(camera, floor, motion)))  # fmt: skip
+    arms = before - before.mean()
+    scaled = np.sum(arms.conj() * after) / np.sum(np.abs(arms) ** 2)
+    shift = after.mean() - scaled * before.mean()
+    return np.array([shift.real, shift.imag, np.angle(scaled), np.log(np.abs(scaled))])
 
 
 def parameters_by_motion(camera: Camera, floor: Floor) -> Array:

@@ -16,7 +16,7 @@ from towval.model import Calibration
 from towval.model.errors import InputError
 from towval.model.plugins import Registry
 from towval.model.run_record import RunRecord
-from towval.report import figures
+from towval.report import facts, figures
 from towval.report.data import ReportData
 from towval.report.wording import millimetres
 
@@ -212,6 +212,12 @@ _RUN = {
         "tracking",
         "residual, inliers and standard deviations of the object's track over time",
         draw=lambda run: figures.tracking_figure(run.object_track, run.name),
+    ),
+    "camera_motion": RunFigure(
+        "tracking",
+        "shift, turn and growth of the picture by the camera's own motion over time, and stamps that are doubted",
+        draw=figures.camera_figure,
+        describe=lambda run: facts.camera_text(run.rover_track),
     ),
     "decimate": RunFigure(
         "tracking",

@@ -1,8 +1,10 @@
 """Text and numbers of the report: reasons for the verdicts, facts of each stage."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
-from towval.model import Calibration, Comparison, Identification
+from towval.model import Calibration, Comparison, Identification, Stamp, Track
 from towval.model.geometry import polygon_centroid, transform
 from towval.model.run_record import RunRecord
 from towval.report.wording import NOT_COMPUTED, decimal, degrees, millimetres, named_scalar
@@ -23,6 +25,13 @@ _UNCERTAINTIES = (("u_num_m", "numerical"), ("u_input_m", "inputs"), ("u_measure
 
 # Quality figures of the calibration that the page gives in a line of its own.
 _LISTED = ("views_used", "views_dropped", "camera_height_m", "camera_height_std_m", "focal_length_std_px")
+
+# What was fitted of the board beside the camera: label, key and unit.
+_OF_BOARD = (
+    ("Board, measured − stated size", "board_size", "percent", "%"),
+    ("Board, measured − stated thickness", "board_thickness", "mm", "mm"),
+    ("Board, bow", "board_bow", "mm", "mm"),
+)
 
 _WORDS = {
     "median_tilt_deg": "tilt of the held boards, median",
@@ -203,7 +212,45 @@ def tracking_facts(run: RunRecord) -> Facts:
             (f"{body}: standard deviation of position and heading, median", f"{position}, {degrees(float(std[2]))}"),
             (f"{body}: method", track.method),
         ]
-    return tuple(facts)
+    return (*facts, ("camera: its own motion", camera_text(run.rover_track)), *_stamps_facts(run.rover_track))
+
+
+def camera_text(track: Track) -> str:
+    """How far the camera moved, and how well that is known."""
+    camera = track.camera
+    if camera is None or not camera.registered.any():
+        return "the floor shows too little to tell"
+    shift = np.hypot(*camera.picture[camera.registered, :2].T)
+    turn, growth = np.abs(camera.picture[camera.registered, 2:]).max(axis=0)
+    std = np.median(np.hypot(*camera.picture_std[camera.registered, :2].T))
+    return (
+        f"picture shifted by up to {decimal(float(shift.max()))} px (± {decimal(float(std))} px), turned by "
+        f"{degrees(float(turn))}, grown by {decimal(100 * float(growth))} %; corrected"
+    )
+
+
+def _stamps_facts(track: Track) -> Facts:
+    """How many stamps are doubted."""
+    if track.camera is None:
+        return ()
+    repeated, contradicted = (int((track.camera.stamps == s).sum()) for s in (Stamp.REPEATED, Stamp.CONTRADICTED))
+    text = f"{repeated} pictures repeated and left out, {contradicted} stamps contradicted, of {len(track.time_s)}"
+    return (("camera: stamps", text),)
+
+
+def scale_facts(records: tuple[RunRecord, ...]) -> Facts:
+    """Size of the tops in the pictures of each run against the stated one: the check of the calibration's scale."""
+    seen = [(run.name, run.rover_track.camera) for run in records]
+    return tuple(
+        (f"Tops in run {name}, measured − stated size", f"{_signed(100 * c.size)} ± {decimal(100 * c.size_std)} %")
+        for name, c in seen
+        if c is not None and np.isfinite(c.size)
+    )
+
+
+def _signed(value: float) -> str:
+    # Adding zero removes the sign of -0.
+    return f"{round(value, 2) + 0.0:+.2f}".replace("-", "−")
 
 
 def decimation_facts(run: RunRecord) -> Facts:
@@ -237,8 +284,17 @@ def calibration_facts(calibration: Calibration) -> Facts:
         ("Corner noise per coordinate", f"{calibration.corner_noise_px:.3f} px"),
         ("Views used", f"{used} of {len(calibration.views)}"),
     ]
-    facts += [_labelled(name, value) for name, value in quality.items() if name not in _LISTED and " at " not in name]
-    return tuple(facts)
+    plain = [name for name in quality if name not in _LISTED and " at " not in name and not name.startswith("board_")]
+    return (*facts, *(_labelled(name, quality[name]) for name in plain), *_board_facts(quality))
+
+
+def _board_facts(quality: Mapping[str, float]) -> Facts:
+    """The board as fitted beside the camera, against what is stated of it."""
+    return tuple(
+        (label, f"{_signed(quality[f'{key}_{unit}'])} ± {decimal(quality[f'{key}_std_{unit}'])} {shown}")
+        for label, key, unit, shown in _OF_BOARD
+        if quality.get(f"{key}_std_{unit}", 0.0) > 0
+    )
 
 
 def _deviation(text: str) -> str:

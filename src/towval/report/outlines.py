@@ -1,6 +1,7 @@
 """What the page draws over the footage: outlines, tether and paths in pixels of each frame.
 
-The page does no camera mathematics: everything is projected here, with the distortion of the lens.
+The page does no camera mathematics: everything is projected here, with the distortion of the lens and the camera's own
+motion.
 """
 
 import math
@@ -11,7 +12,8 @@ from numpy.typing import NDArray
 
 from towval.model import Array, Body, Calibration
 from towval.model.geometry import transform
-from towval.model.run_record import RunRecord, measured_poses, pose_at
+from towval.model.run_record import RunRecord, measured_poses, nearest_samples, pose_at
+from towval.optics.moved_view import moved_view
 from towval.optics.projection import project
 
 MISSING = -(2**15)
@@ -52,6 +54,27 @@ class FilmLayers:
         return dict(zip(self.counts, np.split(values, ends[:-1], axis=1), strict=True))
 
 
+class _View:
+    """The view of each frame (m,) of a film: that of the calibration, moved as the camera was."""
+
+    def __init__(self, calibration: Calibration, run: RunRecord, time_s: Array):
+        watched = run.rover_track.camera
+        if watched is None:
+            self.views, self.which = [(calibration.camera, calibration.floor)], np.zeros(len(time_s), dtype=int)
+            return
+        rows = watched.motion[nearest_samples(run.rover_track.time_s, time_s)]
+        different, which = np.unique(rows, axis=0, return_inverse=True)
+        self.views = [moved_view(watched.camera, watched.floor, motion) for motion in different]
+        self.which = which.ravel()
+
+    def project(self, points: Array) -> Array:
+        """Pixels (m, k, 2) of points (m, k, 3) [m], each row in its frame."""
+        pixels = np.empty((*points.shape[:-1], 2))
+        for i, view in enumerate(self.views):
+            pixels[self.which == i] = project(*view, points[self.which == i])
+        return pixels
+
+
 def film_layers(run: RunRecord, calibration: Calibration, time_s: Array) -> FilmLayers:
     """Layers of a run at the times (m,) of the frames, on the clock of the run [s]."""
     rover = pose_at(run.rover_track.time_s, measured_poses(run.rover_track), time_s)
@@ -67,11 +90,12 @@ def film_layers(run: RunRecord, calibration: Calibration, time_s: Array) -> Film
         "simulated": _outline(run.towed, simulated),
         "tether": ends,
     }
-    pixels = {name: _bent(calibration, line) for name, line in lines.items()}
+    view = _View(calibration, run, time_s)
+    pixels = {name: _bent(view, line) for name, line in lines.items()}
     bodies = (("rover", run.rover, rover), ("measured", run.towed, measured), ("simulated", run.towed, simulated))
     for name, body, pose in bodies:
         origin = _lifted(pose[:, None, :2], body.tracked_plane_height_m)
-        pixels[f"{name} path"] = project(calibration.camera, calibration.floor, origin)
+        pixels[f"{name} path"] = view.project(origin)
     counts = {name: points.shape[1] for name, points in pixels.items()}
     unit_px, places = _as_integers(np.concatenate(list(pixels.values()), axis=1), calibration.camera.resolution_px)
     return FilmLayers(counts, unit_px, places, np.asarray(at_rest > 0))
@@ -87,11 +111,10 @@ def _lifted(points: Array, height_m: float) -> Array:
     return np.concatenate([points, np.full((*points.shape[:-1], 1), height_m)], axis=-1)
 
 
-def _bent(calibration: Calibration, lines: Array) -> Array:
+def _bent(view: _View, lines: Array) -> Array:
     """Pixels (m, k, 2) along lines (m, n, 3) [m], with as many points as the lens bends the straight edges."""
-    camera, floor = calibration.camera, calibration.floor
-    middle = project(camera, floor, 0.5 * (lines[:, 1:] + lines[:, :-1]))
-    corners = project(camera, floor, lines)
+    middle = view.project(0.5 * (lines[:, 1:] + lines[:, :-1]))
+    corners = view.project(lines)
     edge = corners[:, 1:] - corners[:, :-1]
     away = middle - corners[:, :-1]
     length = np.maximum(np.hypot(edge[..., 0], edge[..., 1]), 1e-9)
@@ -102,7 +125,7 @@ def _bent(calibration: Calibration, lines: Array) -> Array:
     share = (np.arange(pieces) / pieces)[:, None]
     steps = lines[:, :-1, None] + share * (lines[:, 1:, None] - lines[:, :-1, None])
     dense = np.concatenate([steps.reshape(len(lines), -1, 3), lines[:, -1:]], axis=1)
-    return project(camera, floor, dense)
+    return view.project(dense)
 
 
 def _as_integers(pixels: Array, resolution_px: tuple[int, int]) -> tuple[float, NDArray[np.int16]]:

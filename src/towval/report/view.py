@@ -134,7 +134,7 @@ def build(data: ReportData, drawn: Sequence[tuple[Drawn, str]], page: FilePath) 
         tables=_tables(comparisons),
         all_runs=facts.summary_cells(comparisons) if len(comparisons) > 1 else (),
         metrics=facts.side_by_side([facts.metric_facts(r) for r in records]),
-        calibration=() if calibration is None else facts.calibration_facts(calibration),
+        calibration=() if calibration is None else (*facts.calibration_facts(calibration), *facts.scale_facts(records)),
         planes=((), ()) if calibration is None else facts.plane_table(calibration),
         dropped_views=()
         if calibration is None

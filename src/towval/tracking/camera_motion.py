@@ -8,10 +8,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from towval.model import Array, Body, Calibration, Camera, Finding, Floor
+from towval.model import Array, Body, Calibration, Camera, CameraTrack, Finding, Floor, Stamp
+from towval.model.conventions import PICTURE_MOTION, VIEW_MOTION
 from towval.model.findings import finding
 from towval.model.geometry import transform
-from towval.optics.moved_view import VIEW_MOTION, moved_view, parameters_by_motion, pose_sensitivity, view_before
+from towval.optics.moved_view import moved_view, parameters_by_motion, picture_motion, pose_sensitivity, view_before
 from towval.tracking.floor_registration import FloorRegistration, Registered
 from towval.tracking.template import Luma
 
@@ -38,6 +39,7 @@ class CameraMotionConstants:
 CONSTANTS = CameraMotionConstants()
 
 _SIZE = len(VIEW_MOTION)
+_STEP = 1e-6  # Of each number of a motion, for derivatives.
 _REFERRED = 2  # Rounds: the second one knows where the first picture's points are.
 
 
@@ -45,7 +47,7 @@ _REFERRED = 2  # Rounds: the second one knows where the first picture's points a
 class ViewMotion:
     """How the view of ``camera`` and ``floor`` moved against the first picture.
 
-    ``time_s`` (n,); ``motion`` (n, 9) in the order of :data:`towval.optics.moved_view.VIEW_MOTION`, the estimate for
+    ``time_s`` (n,); ``motion`` (n, 9) in the order of :data:`towval.model.conventions.VIEW_MOTION`, the estimate for
     each picture, and ``used`` (n, 9) what bodies were tracked through; ``known`` (n,) whether the picture was
     registered; ``common`` (9, 9) the covariance that all pictures share, ``own`` (n, 9) and ``modes`` (9, 9): that of a
     picture by itself is ``modes diag(own) modesᵀ``.
@@ -81,6 +83,22 @@ class ViewMotion:
             root = by_motion @ self.modes * np.sqrt(self.own[rows])[:, None, :]
             covariance[rows] = root @ root.transpose(0, 2, 1)
         return shift, covariance
+
+    def track(self) -> CameraTrack:
+        """The motion as a record, with what it does to the picture."""
+        picture, std = (np.full((len(self.time_s), len(PICTURE_MOTION)), np.nan) for _ in range(2))
+        if self.modes.any():
+            view = self.camera, self.floor
+            steps = _STEP * np.eye(_SIZE)
+            by_motion = np.array([picture_motion(*view, step) - picture_motion(*view, -step) for step in steps]).T
+            by_motion /= 2 * _STEP
+            different, which = np.unique(self.motion, axis=0, return_inverse=True)
+            shown = np.array([picture_motion(*view, motion) for motion in different])[which.ravel()]
+            common = np.einsum("pj,jk,pk->p", by_motion, self.common, by_motion)
+            variance = common + self.own @ np.square(by_motion @ self.modes).T
+            picture[self.known], std[self.known] = shown[self.known], np.sqrt(variance[self.known])
+        stamps = np.full(len(self.time_s), Stamp.AS_WRITTEN, dtype=np.uint8)
+        return CameraTrack(self.camera, self.floor, self.motion, picture, std, stamps)
 
 
 class CameraMotion:

@@ -1,7 +1,7 @@
 """Registration of the floor: how the view moved against the first picture, from the floor's texture.
 
 The floor stands still, so every displacement of its texture is the camera's: it turned, shifted, zoomed, or a
-stabiliser moved the picture. The nine numbers of :data:`towval.optics.moved_view.VIEW_MOTION` describe all of these;
+stabiliser moved the picture. The nine numbers of :data:`towval.model.conventions.VIEW_MOTION` describe all of these;
 weak priors hold those that the floor does not determine. As in :mod:`towval.tracking.alignment` the template is
 that of the first picture, gain and bias are those of tiles, and what hides the floor is distinguished by its misfit.
 Where the floor is farther off than the slopes of its texture reach, blocks are searched first.

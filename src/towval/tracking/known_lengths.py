@@ -34,20 +34,25 @@ class OutlineSizes:
     sizes: Sequence[float]
 
 
-def length_findings(calibration: Calibration, observed: Sequence[OutlineSizes]) -> tuple[Finding, ...]:
-    """A warning where the tops have another size in the pictures than stated, given all deviations."""
+def size_of_tops(calibration: Calibration, observed: Sequence[OutlineSizes]) -> tuple[float, float]:
+    """Size of the tops in the pictures over the stated one, less 1, and its deviation; NaN where none shows edges."""
     seen = [each for each in observed if each.sizes]
     if not seen:
-        return ()
+        return np.nan, np.nan
     information = np.array([1 / _variance(each) for each in seen])
     share = information / information.sum()
     size = float(share @ [np.median(each.sizes) for each in seen])
     by_camera = share @ np.array([_size_sensitivity(calibration, each) for each in seen])
-    std = float(np.sqrt(1 / information.sum() + by_camera @ calibration.covariance @ by_camera))
-    if abs(size) < CONSTANTS.doubtful * std:
+    return size, float(np.sqrt(1 / information.sum() + by_camera @ calibration.covariance @ by_camera))
+
+
+def length_findings(calibration: Calibration, observed: Sequence[OutlineSizes]) -> tuple[Finding, ...]:
+    """A warning where the tops have another size in the pictures than stated, given all deviations."""
+    size, std = size_of_tops(calibration, observed)
+    if not abs(size) >= CONSTANTS.doubtful * std:
         return ()
     code = "lengths_wrong" if abs(size) > CONSTANTS.wrong else "lengths_differ"
-    names = " and ".join(each.target.body.name for each in seen)
+    names = " and ".join(each.target.body.name for each in observed if each.sizes)
     return (finding(code, names=names, percent=100 * size, std_percent=100 * std),)
 
 

@@ -8,7 +8,7 @@ something else was taken for it.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -85,11 +85,12 @@ class OutlineFit:
     """Correction of a pose that moves the outline onto the edges.
 
     ``correction`` (3,) is a pose in the body frame: the true body frame is ``compose(pose, correction)``;
-    ``covariance`` (3, 3) its covariance.
+    ``covariance`` (3, 3) its covariance; ``size`` (2,): by how much length and width are found other than stated [m].
     """
 
     correction: Array
     covariance: Array
+    size: Array = field(default_factory=lambda: np.zeros(2))
 
 
 def pose_from_clicks(target: PlanarTarget, clicks_px: ArrayLike) -> tuple[Array, Array, float]:
@@ -266,11 +267,8 @@ def _fit_kernel(
 
 def _fit_outline(
     slopes: Array, stretches: Stretches, pixel_m: float, side_px: Array, first_px: float, *, sized: bool = False
-) -> tuple[OutlineFit, float] | None:
-    """Move the outline onto the edges; see :func:`observe_outline`. ``sized``: as long and wide as stated.
-
-    Returns the fit, and by how much the length or the width is another than stated [m].
-    """
+) -> OutlineFit | None:
+    """Move the outline onto the edges; see :func:`observe_outline`. ``sized``: as long and wide as stated."""
     rows, width = _by_pose_and_size(stretches), np.ptp(stretches.middle, axis=0)
     reach = np.linalg.norm(stretches.middle, axis=1).max()
     known = np.array([1, 1, 1 / reach, 0, 0]) * CONSTANTS.prior_px * pixel_m
@@ -291,8 +289,7 @@ def _fit_outline(
     freedom = len(rows) / max(1, used.sum() - 3)
     shifted = inverse @ rows.T @ (weight * thin * CONSTANTS.thin_shift_px * pixel_m)
     sampled = inverse @ (scores.T @ scores * freedom + np.diag(prior) * scale**2) @ inverse
-    off_m = float(np.abs(correction[3:] * width).max())
-    return OutlineFit(correction[:3], (sampled + np.outer(shifted, shifted))[:3, :3]), off_m
+    return OutlineFit(correction[:3], (sampled + np.outer(shifted, shifted))[:3, :3], correction[3:] * width)
 
 
 def _trust(side_px: Array) -> tuple[Array, NDArray[np.bool_]]:
@@ -331,12 +328,13 @@ def observe_outline(
     slopes = _edge_slopes(luma, target, stretches, pose)
     seen = slopes, stretches, pixel, _side_widths(target, stretches, pose)
     first_px = CONSTANTS.wide_px if wide else 0.0
-    fit = _fit_outline(*seen, max(first_px, CONSTANTS.both_px))
+    free = _fit_outline(*seen, max(first_px, CONSTANTS.both_px))
     # With the size held, all edges say where the middle is; where it is free, opposite ones count the same, however
     # doubtful one of them. And faint edges may not fix the size, too.
-    if fit is None or fit[1] < CONSTANTS.other_size_px * pixel:
-        fit = _fit_outline(*seen, first_px, sized=True) or fit
-    return None if fit is None else fit[0]
+    if free is not None and np.abs(free.size).max() >= CONSTANTS.other_size_px * pixel:
+        return free
+    held = _fit_outline(*seen, first_px, sized=True) or free
+    return held if held is None or free is None else replace(held, size=free.size)
 
 
 def observe_size(luma: NDArray[np.uint8], target: PlanarTarget, pose: Array) -> float | None:

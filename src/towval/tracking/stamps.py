@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from towval.model import Array, Finding, Track, TrackStatus
+from towval.model import Array, Finding, Stamp, Track, TrackStatus
 from towval.model.findings import finding
 
 
@@ -49,10 +49,10 @@ _TENTH = (
 _ROUNDS = 4  # Of looking for repeated pictures: several of them side by side hide each other.
 
 
-def check_stamps(tracks: Mapping[str, Track]) -> tuple[dict[str, Track], tuple[Finding, ...]]:
+def check_stamps(tracks: Mapping[str, Track]) -> tuple[dict[str, Track], tuple[Finding, ...], NDArray[np.uint8]]:
     """Compare the stamps of a video with the motion of all its bodies.
 
-    Returns the tracks with repeated pictures marked as not seen, and findings.
+    Returns the tracks with repeated pictures marked as not seen, findings, and (n,) of :class:`towval.model.Stamp`.
     """
     time_s = next(iter(tracks.values())).time_s
     findings = list(_gaps(time_s))
@@ -66,16 +66,18 @@ def check_stamps(tracks: Mapping[str, Track]) -> tuple[dict[str, Track], tuple[F
         share, moving = _shares(tracks, repeated)
     if repeated.any():
         findings.append(finding("pictures_repeated", count=int(repeated.sum()), time_s=time_s[repeated][0]))
+    stamps = np.where(repeated, Stamp.REPEATED, Stamp.AS_WRITTEN).astype(np.uint8)
     leaps, jumps = _leaps(tracks, ~repeated) | _dropped(tracks, ~repeated), _common(share, moving)
     if _enough(jumps, moving) or leaps.any():
         jumps |= leaps
-        at_s = time_s[~repeated][:-1][jumps]
-        findings.append(finding("stamps_contradicted", count=int(jumps.sum()), first_s=at_s[0], last_s=at_s[-1]))
+        at = np.flatnonzero(~repeated)[:-1][jumps]
+        stamps[at] = Stamp.CONTRADICTED
+        findings.append(finding("stamps_contradicted", count=len(at), first_s=time_s[at[0]], last_s=time_s[at[-1]]))
     elif (jitter_s := _jitter_s(share, moving & ~jumps, np.diff(time_s[~repeated]))) > CONSTANTS.jitter_s:
         findings.append(finding("stamps_uneven", jitter_ms=1000 * jitter_s))
     if repeated.any():
         tracks = {name: _without(track, repeated) for name, track in tracks.items()}
-    return dict(tracks), tuple(findings)
+    return dict(tracks), tuple(findings), stamps
 
 
 def rate_findings(step_s: float, stated_hz: float | None, seen_s: float, heard_s: float) -> tuple[Finding, ...]:

@@ -14,7 +14,7 @@ from towval.model.plugins import Registry
 from towval.tracking.camera_motion import CameraMotion, ViewMotion
 from towval.tracking.follow import Follower, TrackerMaker
 from towval.tracking.klt import KltTracker
-from towval.tracking.known_lengths import OutlineSizes, length_findings
+from towval.tracking.known_lengths import OutlineSizes, length_findings, size_of_tops
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.plane_tracker import CONSTANTS as PLANE
 from towval.tracking.plane_tracker import PlaneTracker
@@ -151,8 +151,10 @@ class _Group:
         tops = [OutlineSizes(follower.target, follower.first_pose, follower.sizes) for follower in self.followers]
         findings = (*camera_findings, *_sample_findings(self.settings), *length_findings(calibration, tops))
         tracks = {one.target.body.name: one.track(self.settings.method, findings, view) for one in self.followers}
-        tracks, in_time = check_stamps(tracks)
-        return {name: replace(one, findings=(*one.findings, *in_time)) for name, one in tracks.items()}
+        tracks, in_time, stamps = check_stamps(tracks)
+        size, size_std = size_of_tops(calibration, tops)
+        camera = replace(view.track(), stamps=stamps, size=size, size_std=size_std)
+        return {name: replace(one, findings=(*one.findings, *in_time), camera=camera) for name, one in tracks.items()}
 
 
 def _sample_findings(settings: TrackSettings) -> tuple[Finding, ...]:

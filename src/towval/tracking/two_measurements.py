@@ -10,7 +10,7 @@ The poses stay the texture's: where the two disagree, an edge of something else 
 import itertools
 from array import array
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -41,7 +41,7 @@ class TwoMeasurementsConstants:
 
 CONSTANTS = TwoMeasurementsConstants()
 
-_NUMBERS = 13  # A look's row: picture, correction, covariance.
+_NUMBERS = 15  # A look's row: picture, correction, covariance, size.
 
 
 @dataclass(frozen=True)
@@ -49,12 +49,19 @@ class Looks:
     """Looks at an outline.
 
     ``picture`` (m,) numbers, ``correction`` (m, 3) from the texture's pose to the outline's, and its ``covariance``
-    (m, 3, 3), both in the body frame.
+    (m, 3, 3), both in the body frame; ``size`` (m, 2): length and width of the outline over the stated ones [m].
     """
 
     picture: Array
     correction: Array
     covariance: Array
+    size: Array
+
+    @property
+    def spread(self) -> Array:
+        """The covariance (m, 3, 3) with what the outline's size says of it."""
+        # What the top was measured wrong by is the same in all pictures.
+        return self.covariance + by_size(self.size - np.median(self.size, axis=0))
 
 
 class EdgeWatch:
@@ -91,7 +98,7 @@ class EdgeWatch:
             nearer = None if again is None else self._outline(luma, again.pose, (place,))
             if again is not None and nearer is not None and self._apart(again, nearer) < apart:
                 found, fit, apart = again, nearer, self._apart(again, nearer)
-        self.rows.extend((picture, *fit.correction, *fit.covariance.ravel()))
+        self.rows.extend((picture, *fit.correction, *fit.covariance.ravel(), *fit.size))
         return found, fit, apart > CONSTANTS.disagree
 
     def _outline(self, luma: Luma, pose: Array, places: Sequence[Array]) -> OutlineFit | None:
@@ -102,7 +109,7 @@ class EdgeWatch:
             fit = observe_outline(luma, self.target, place, wide=wide)
             std_m = np.inf if fit is None else float(np.sqrt(np.linalg.eigvalsh(fit.covariance[:2, :2])[-1]))
             if fit is not None and std_m < least:
-                surest = OutlineFit(step_between(pose, compose(place, fit.correction)), fit.covariance)
+                surest = replace(fit, correction=step_between(pose, compose(place, fit.correction)))
                 least = std_m
             if least < least_m:
                 break
@@ -114,16 +121,27 @@ class EdgeWatch:
 
     def _apart(self, found: Measurement, fit: OutlineFit) -> float:
         """Distance of texture and outline, in deviations."""
+        sizes = np.array(self.rows).reshape(-1, _NUMBERS)[:, 13:]
+        other = by_size(fit.size - np.median(sizes, axis=0)) if len(sizes) else np.zeros((3, 3))
         # The first picture's outline, from which both are counted, is as uncertain as this one.
-        expected = (
-            turned_covariance(found.covariance, -found.pose[2]) + 2 * fit.covariance + edges(self.target, found.pose)
-        )
+        of_outline = 2 * fit.covariance + other + edges(self.target, found.pose)
+        expected = turned_covariance(found.covariance, -found.pose[2]) + of_outline
         return float(np.sqrt(fit.correction @ np.linalg.solve(expected, fit.correction) / 3))
 
     def looks(self) -> Looks:
         """All looks so far."""
         rows = np.array(self.rows).reshape(-1, _NUMBERS)
-        return Looks(rows[:, 0].astype(int), rows[:, 1:4], rows[:, 4:].reshape(-1, 3, 3))
+        return Looks(rows[:, 0].astype(int), rows[:, 1:4], rows[:, 4:13].reshape(-1, 3, 3), rows[:, 13:])
+
+
+def by_size(off: Array) -> Array:
+    """Covariance (..., 3, 3) of outlines that are longer and wider than usual by ``off`` (..., 2) [m].
+
+    Where something else is taken for one of two opposite edges, the outline is off by half as much as it is too long.
+    """
+    covariance = np.zeros((*off.shape[:-1], 3, 3))
+    covariance[..., [0, 1], [0, 1]] = (off / 2) ** 2
+    return covariance
 
 
 def edges(target: PlanarTarget, pose: Array) -> Array:
@@ -156,7 +174,7 @@ def outline_noise(pose: Array, looks: Looks, by_texture: Array, by_outline: Arra
     if len(rows) < NOISE.least_windows:
         return 1.0
     stated = np.zeros((len(pose), 3, 3))
-    stated[looks.picture] = turned_covariance(looks.covariance, pose[looks.picture, 2])
+    stated[looks.picture] = turned_covariance(looks.spread, pose[looks.picture, 2])
     weighed = np.linalg.solve(stated[rows] * gain[rows, None, None], (by_outline - by_texture)[rows, :, None])[..., 0]
     product = np.einsum("nj,nj->n", by_outline[rows], weighed)
     return float(max(np.median(product) / MEDIAN_CHI_SQUARED_3, 1.0))
@@ -227,7 +245,7 @@ def compared(time_s: Array, pose: Array, covariance: Array, looks: Looks, of_edg
     """
     at = looks.picture
     by_texture, by_outline, gain = jumps(time_s, pose, looks)
-    of_outline = outline_noise(pose, looks, by_texture, by_outline, gain) * looks.covariance + of_edges
+    of_outline = outline_noise(pose, looks, by_texture, by_outline, gain) * looks.spread + of_edges
     expected = turned_covariance(covariance[at], -pose[at, 2]) + of_outline
     apart = looks.correction - np.median(looks.correction, axis=0)
     excess = texture_excess(time_s, apart, expected, looks)

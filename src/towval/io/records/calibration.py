@@ -4,26 +4,29 @@ from pathlib import Path
 
 from towval.io import ros
 from towval.io.mcap_file import Message, read_mcap, write_mcap
-from towval.io.records.details import arrays, choices_in, details_with, findings_in, plain, result_reader, rows_of
-from towval.model import Calibration, Camera, Floor, View
+from towval.io.records.details import (
+    arrays,
+    choices_in,
+    details_with,
+    findings_in,
+    plain,
+    result_reader,
+    rows_of,
+    view_in,
+    view_out,
+)
+from towval.model import Calibration, Floor, View
 from towval.model.conventions import CAMERA_FRAME, FLOOR_FRAME
 
 
 def write_calibration(path: Path, calibration: Calibration, provenance: dict[str, str]) -> None:
     """Write ``camera.mcap``: ``/camera/camera_info`` and ``/tf_static``, both at time zero."""
-    T = calibration.floor.T_camera_floor
     messages = [
         Message("/camera/camera_info", 0, ros.camera_info(0.0, CAMERA_FRAME, calibration.camera)),
         camera_place(calibration.floor, 0.0),
     ]
     details = {
-        "camera": {
-            "resolution_px": list(calibration.camera.resolution_px),
-            "matrix": calibration.camera.matrix.tolist(),
-            "distortion": calibration.camera.distortion.tolist(),
-            "lens_model": calibration.camera.lens_model,
-        },
-        "T_camera_floor": T.tolist(),
+        **view_out(calibration.camera, calibration.floor),
         "covariance": calibration.covariance.tolist(),
         "corner_noise_px": calibration.corner_noise_px,
         "views": [plain(view) for view in calibration.views],
@@ -41,11 +44,10 @@ def read_calibration(path: Path) -> Calibration:
     Raises `InputError` when the file is missing, damaged or no calibration.
     """
     details = details_with(read_mcap(path), path, "camera", "T_camera_floor", "covariance")
-    camera = dict(details["camera"])
-    camera["resolution_px"] = tuple(camera["resolution_px"])
+    camera, floor = view_in(details)
     return Calibration(
-        camera=Camera(**camera),
-        floor=Floor(details["T_camera_floor"]),
+        camera=camera,
+        floor=floor,
         covariance=details["covariance"],
         corner_noise_px=details["corner_noise_px"],
         views=tuple(View(**arrays(view)) for view in details["views"]),

@@ -10,7 +10,7 @@ import numpy as np
 
 from towval.io import ros
 from towval.io.mcap_file import McapContent
-from towval.model import Array, Bounds, Choice, Comparison, Explanation, Finding, Severity, VisibleFault
+from towval.model import Array, Bounds, Camera, Choice, Comparison, Explanation, Finding, Floor, Severity, VisibleFault
 from towval.model.errors import InputError
 
 Reader = TypeVar("Reader", bound=Callable[..., Any])
@@ -60,6 +60,25 @@ def arrays(plain: dict[str, Any]) -> dict[str, Any]:
         else item
         for key, item in plain.items()
     }
+
+
+def view_out(camera: Camera, floor: Floor) -> dict[str, Any]:
+    """A camera over a floor as plain values."""
+    return {
+        "camera": {
+            "resolution_px": list(camera.resolution_px),
+            "matrix": camera.matrix.tolist(),
+            "distortion": camera.distortion.tolist(),
+            "lens_model": camera.lens_model,
+        },
+        "T_camera_floor": floor.T_camera_floor.tolist(),
+    }
+
+
+def view_in(details: dict[str, Any]) -> tuple[Camera, Floor]:
+    """Camera and floor of plain values."""
+    camera = details["camera"]
+    return Camera(**camera | {"resolution_px": tuple(camera["resolution_px"])}), Floor(details["T_camera_floor"])
 
 
 def row_of(value: Any) -> dict[str, Any] | None:

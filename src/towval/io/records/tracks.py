@@ -1,6 +1,7 @@
 """``track.mcap`` and ``decimate.mcap`` and back."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,13 +9,33 @@ import numpy as np
 
 from towval.io import ros
 from towval.io.mcap_file import McapContent, Message, read_mcap, write_mcap
-from towval.io.records.details import choices_in, findings_in, planar_poses, planar_twists, result_reader, rows_of
-from towval.model import DecimatedTrack, Features, Track, TrackStatus
-from towval.model.conventions import FLOOR_FRAME
+from towval.io.records.details import (
+    choices_in,
+    findings_in,
+    json_value,
+    planar_poses,
+    planar_twists,
+    result_reader,
+    rows_of,
+    view_in,
+    view_out,
+)
+from towval.model import Array, CameraTrack, DecimatedTrack, Features, Stamp, Track, TrackStatus
+from towval.model.conventions import CAMERA_FRAME, FLOOR_FRAME, PICTURE_MOTION, VIEW_MOTION
 from towval.model.errors import InputError
 
 _LEVELS = {TrackStatus.TRACKED: 0, TrackStatus.COASTING: 1, TrackStatus.LOST: 2}
 """Level of a DiagnosticStatus (OK, WARN, ERROR) of a pose's status."""
+
+
+def _stamp_text(stamp: Stamp) -> str:
+    return "stamp " + stamp.name.lower().replace("_", " ")
+
+
+_STAMPS = {_stamp_text(stamp): stamp for stamp in Stamp}
+
+_MOTION = (*VIEW_MOTION, *PICTURE_MOTION, *(f"{name}_std" for name in PICTURE_MOTION))
+"""Names of the numbers on ``/camera/motion``."""
 
 _CORRELATION = (
     "the covariance on pose_frame is independent from picture to picture; what pose has beyond it (registration, "
@@ -29,7 +50,8 @@ def write_tracks(path: Path, tracks: dict[str, Track], provenance: dict[str, str
     """Write ``track.mcap``: poses, features, tf and the diagnostics of every frame."""
     messages = [message for name, track in tracks.items() for message in track_messages(name, track)]
     messages += _frame_messages(tracks)
-    details = {
+    camera = next(iter(tracks.values())).camera
+    details: dict[str, Any] = {
         name: {
             "method": track.method,
             "start_covariance": track.start_covariance.tolist(),
@@ -41,6 +63,13 @@ def write_tracks(path: Path, tracks: dict[str, Track], provenance: dict[str, str
         }
         for name, track in tracks.items()
     }
+    if camera is not None:
+        messages += _camera_messages(next(iter(tracks.values())).time_s, camera)
+        details[CAMERA_FRAME] = {
+            **view_out(camera.camera, camera.floor),
+            "size": json_value(camera.size),
+            "size_std": json_value(camera.size_std),
+        }
     write_mcap(path, messages, details, provenance)
 
 
@@ -62,8 +91,16 @@ def track_messages(name: str, track: Track) -> Iterator[Message]:
             yield Message(f"/{name}/features", ros.nanoseconds(t), cloud)
 
 
+def _camera_messages(time_s: Array, camera: CameraTrack) -> Iterator[Message]:
+    """How the view moved in every picture, and what that did to it."""
+    rows = np.column_stack([camera.motion, camera.picture, camera.picture_std])
+    for t, row in zip(time_s, rows, strict=True):
+        yield Message("/camera/motion", ros.nanoseconds(t), ros.joint_state(t, _MOTION, row, [], []))
+
+
 def _frame_messages(tracks: dict[str, Track]) -> Iterator[Message]:
-    time_s = next(iter(tracks.values())).time_s
+    first = next(iter(tracks.values()))
+    time_s, camera = first.time_s, first.camera
     for i, t in enumerate(time_s):
         poses = {name: track.pose[i] for name, track in tracks.items() if track.status[i] != TrackStatus.LOST}
         if poses:
@@ -77,6 +114,9 @@ def _frame_messages(tracks: dict[str, Track]) -> Iterator[Message]:
             )
             for name, track in tracks.items()
         ]
+        if camera is not None:
+            stamp = Stamp(camera.stamps[i])
+            entries.append((0 if stamp == Stamp.AS_WRITTEN else 1, CAMERA_FRAME, _stamp_text(stamp), {}))
         yield Message("/diagnostics", ros.nanoseconds(t), ros.diagnostics(t, entries))
 
 
@@ -89,7 +129,25 @@ def read_tracks(path: Path, *, features: bool = True) -> dict[str, Track]:
     content = read_mcap(path, without=("/tf",) if features else ("/tf", "/features"))
     if not content.details or not content.values("/diagnostics"):
         raise InputError(f"{path} holds no tracks", allowed="a file that the stage track made")
-    return {name: _track(name, content, details) for name, details in content.details.items()}
+    camera = _camera(content)
+    bodies = {name: details for name, details in content.details.items() if name != CAMERA_FRAME}
+    return {name: replace(_track(name, content, details), camera=camera) for name, details in bodies.items()}
+
+
+def _camera(content: McapContent) -> CameraTrack | None:
+    details = content.details.get(CAMERA_FRAME)
+    if details is None:
+        return None
+    rows = np.array([value.position for value in content.values("/camera/motion")])
+    motion, picture, std = np.split(rows, np.cumsum([len(VIEW_MOTION), len(PICTURE_MOTION)]), axis=1)
+    stamps = np.array([_STAMPS[_entry(value, CAMERA_FRAME).message] for value in content.values("/diagnostics")])
+    size, size_std = (np.nan if details[name] is None else details[name] for name in ("size", "size_std"))
+    return CameraTrack(*view_in(details), motion, picture, std, stamps, size, size_std)
+
+
+def _entry(diagnostics: Any, name: str) -> Any:
+    """The status of a name in a DiagnosticArray."""
+    return next(entry for entry in diagnostics.status if entry.name == name)
 
 
 def _track(name: str, content: McapContent, details: dict[str, Any]) -> Track:
@@ -109,7 +167,7 @@ def _track(name: str, content: McapContent, details: dict[str, Any]) -> Track:
     status, inliers, residual = np.zeros(n, dtype=np.uint8), np.full(n, np.nan), np.full(n, np.nan)
     for message in content.topics["/diagnostics"]:
         i = index[message.time_ns]
-        entry = next(entry for entry in message.value.status if entry.name == name)
+        entry = _entry(message.value, name)
         values = {pair.key: float(pair.value) for pair in entry.values}
         status[i], inliers[i], residual[i] = _STATUS[entry.level], values["inlier_fraction"], values["residual"]
     return Track(

@@ -1,11 +1,17 @@
-"""Quality of a track, frame by frame."""
+"""Quality of a track, and what a video says of its camera, frame by frame."""
+
+from collections.abc import Mapping
+from enum import IntEnum
+from typing import TypeVar
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch as Swatch
+from numpy.typing import NDArray
 
-from towval.model import Track, TrackStatus
+from towval.model import Array, CameraTrack, Stamp, Track, TrackStatus
+from towval.model.run_record import RunRecord
 from towval.report.figures.errors import intervals
 from towval.report.style import (
     BAND,
@@ -19,6 +25,13 @@ from towval.report.style import (
 )
 
 _STATUS_COLOURS = {TrackStatus.TRACKED: BAND, TrackStatus.COASTING: "#f2b84b", TrackStatus.LOST: MEASURED}
+
+_STAMP_COLOURS = {Stamp.AS_WRITTEN: BAND, Stamp.REPEATED: "#f2b84b", Stamp.CONTRADICTED: MEASURED}
+
+_Kind = TypeVar("_Kind", bound=IntEnum)
+
+_COVERAGE = 2.0
+"""Half width of the bands in standard deviations."""
 
 _RESIDUAL_UNITS = {"klt": " (px)", "plane": " (grey)"}
 
@@ -47,20 +60,58 @@ def tracking_figure(track: Track, run: str = "") -> Figure:
     panels[3].set_ylabel(r"$\sigma$ heading (°)")
     for axes in (panels[0], *panels[2:4]):
         axes.set_ylim(bottom=0, top=1.35 * axes.get_ylim()[1])
-    foot_legend(figure, _draw_status(panels[4], track), columns=3)
+    foot_legend(figure, _draw_strip(panels[4], track.time_s, track.status, _STATUS_COLOURS), columns=3)
     panels[4].set_xlabel("time (s)")
     panels[0].set_xlim(track.time_s[0], track.time_s[-1])
     return figure
 
 
-def _draw_status(axes: Axes, track: Track) -> list[Swatch]:
-    """Draw the strip of the status; return its legend."""
-    for status, colour in _STATUS_COLOURS.items():
-        for start_s, end_s in intervals(track.time_s, track.status == status):
+@figure_function
+def camera_figure(run: RunRecord) -> Figure | None:
+    """What the camera's own motion did to the picture of the floor over time, above a strip of the stamps.
+
+    Four panels over one time axis [s], one column wide: shift of the picture's middle [px], turn [°], growth [%], each
+    with a band of ± two deviations; stamps that the motion of the bodies contradicts, and repeated pictures. Gaps:
+    the floor was not found. None where the floor was never found and no stamp is doubted.
+    """
+    camera, time_s = run.rover_track.camera, run.rover_track.time_s
+    if camera is None or not (camera.registered.any() or camera.stamps.any()):
+        return None
+    title = f"Run {run.name}: the camera's own motion, corrected"
+    figure, panels = column_of_panels([0.8, 0.6, 0.6, 0.15], Margins(bottom=0.53), title)
+    _draw_motion(panels[0], time_s, camera, 1, 1.0, "$v$", ROVER)
+    _draw_motion(panels[0], time_s, camera, 0, 1.0, "$u$", SIMULATED)
+    panels[0].legend(loc="upper right", ncols=2)
+    _draw_motion(panels[1], time_s, camera, 2, float(np.rad2deg(1.0)), "", SIMULATED)
+    _draw_motion(panels[2], time_s, camera, 3, 100.0, "", SIMULATED)
+    for axes, label in zip(panels, ("shift (px)", "turn (°)", "growth (%)"), strict=False):
+        axes.set_ylabel(label)
+    strip = _draw_strip(panels[3], time_s, camera.stamps, _STAMP_COLOURS)
+    panels[3].set_ylabel("stamps", rotation=0, ha="center", va="center", fontsize=7)
+    foot_legend(figure, strip, columns=3)
+    panels[3].set_xlabel("time (s)")
+    panels[0].set_xlim(time_s[0], time_s[-1])
+    return figure
+
+
+def _draw_motion(
+    axes: Axes, time_s: Array, camera: CameraTrack, column: int, scale: float, label: str, colour: str
+) -> None:
+    """Draw one number of the picture's motion with its band."""
+    value, half = scale * camera.picture[:, column], _COVERAGE * scale * camera.picture_std[:, column]
+    axes.fill_between(time_s, value - half, value + half, color=BAND, linewidth=0, zorder=1.5)
+    axes.plot(time_s, value, color=colour, linewidth=0.8, label=label)
+
+
+def _draw_strip(axes: Axes, time_s: Array, values: NDArray[np.uint8], colours: Mapping[_Kind, str]) -> list[Swatch]:
+    """Draw a strip of what each frame is; return its legend."""
+    for value, colour in colours.items():
+        for start_s, end_s in intervals(time_s, values == value):
             axes.axvspan(start_s, end_s, color=colour, linewidth=0)
-    present = [status for status in _STATUS_COLOURS if (track.status == status).any()]
+    present = [value for value in colours if (values == value).any()]
     axes.set_yticks([])
     axes.grid(visible=False)
     return [
-        Swatch(color=_STATUS_COLOURS[s], label=f"{s.name.lower()} ({int((track.status == s).sum())})") for s in present
+        Swatch(color=colours[v], label=f"{v.name.lower().replace('_', ' ')} ({int((values == v).sum())})")
+        for v in present
     ]
