@@ -7,14 +7,13 @@ motion.
 import math
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from towval.model import Array, Body, Calibration
+from towval.model import Array, Body, Calibration, Camera, Floor
 from towval.model.geometry import transform
 from towval.model.run_record import RunRecord, measured_poses, nearest_samples, pose_at
-from towval.optics.moved_view import moved_view
-from towval.optics.projection import project
 
 MISSING = -(2**15)
 """Coordinate of a point that is not known or far outside the picture."""
@@ -62,6 +61,9 @@ class _View:
         if watched is None:
             self.views, self.which = [(calibration.camera, calibration.floor)], np.zeros(len(time_s), dtype=int)
             return
+        # Here, for it imports the compiler, which takes longer than all that is drawn.
+        from towval.optics.moved_view import moved_view  # noqa: PLC0415
+
         rows = watched.motion[nearest_samples(run.rover_track.time_s, time_s)]
         different, which = np.unique(rows, axis=0, return_inverse=True)
         self.views = [moved_view(watched.camera, watched.floor, motion) for motion in different]
@@ -71,8 +73,17 @@ class _View:
         """Pixels (m, k, 2) of points (m, k, 3) [m], each row in its frame."""
         pixels = np.empty((*points.shape[:-1], 2))
         for i, view in enumerate(self.views):
-            pixels[self.which == i] = project(*view, points[self.which == i])
+            pixels[self.which == i] = _projected(*view, points[self.which == i])
         return pixels
+
+
+def _projected(camera: Camera, floor: Floor, points: Array) -> Array:
+    """Pixels (..., 2) of points (..., 3) [m], NaN behind the camera, by OpenCV."""
+    T = floor.T_camera_floor
+    seen = points @ T[:3, :3].T + T[:3, 3]
+    flat = np.where(seen[..., 2:] > 0, seen, np.nan).reshape(-1, 1, 3)
+    pixels = cv2.projectPoints(flat, np.zeros(3), np.zeros(3), camera.matrix, camera.distortion)[0]
+    return np.asarray(pixels, dtype=np.float64).reshape(*points.shape[:-1], 2)
 
 
 def film_layers(run: RunRecord, calibration: Calibration, time_s: Array) -> FilmLayers:

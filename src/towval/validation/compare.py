@@ -22,10 +22,9 @@ from towval.model.findings import finding
 from towval.model.geometry import position_rms
 from towval.model.statement import Bounds, Draws
 from towval.validation.consequences import forbidding
-from towval.validation.explain import place
 from towval.validation.metrics import aligned_rms, area_metric, error_ratio, frechet_distance
 from towval.validation.path_frame import OnPath, PathFrame
-from towval.validation.statistics import SIZES, STATISTICS, RightModel, bounds
+from towval.validation.statistics import SIZES, STATISTICS, RightModel, bounds, place
 from towval.validation.verdict import Evidence, statement_findings, verdict_of
 
 TOLERANCE_M = 0.02

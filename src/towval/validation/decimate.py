@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from towval.model import Array, DecimatedTrack, Finding, Track, TrackStatus
-from towval.model.compiling import compiled
 from towval.model.errors import InputError, RefusedError
 from towval.model.findings import finding
 
@@ -205,11 +204,21 @@ def _rests(time: Array, pose: Array, sigma: Array, first: int, last: int) -> boo
 
 @dataclass(frozen=True)
 class _Fit:
-    """A C1 cubic by weighted least squares: knots (m,), nodes (m, 2, 3) of value and rate, covariance (m, 3, 3)."""
+    """A C1 cubic by weighted least squares: knots (m,), nodes (m, 2, 3) of value and rate.
+
+    ``unknowns`` (m,) are the numbers of the values, ``factors`` (3, 4, u) the bands of the equations' Cholesky factors.
+    """
 
     knots: Array
     nodes: Array
-    covariance: Array
+    unknowns: NDArray[np.intp]
+    factors: Array
+
+    @property
+    def covariance(self) -> Array:
+        """Covariances (m, 3, 3) of the values."""
+        variance = np.array([_diagonal_of_inverse(factor)[self.unknowns] for factor in self.factors])
+        return np.asarray(variance.T[:, :, None] * np.eye(3))
 
     def values(self, time: Array) -> Array:
         cell, shares = _hermite_shares(self.knots, time)
@@ -245,7 +254,7 @@ def _fit(time: Array, pose: Array, sigma: Array, kept: list[int], pauses: list[t
     concerned = np.concatenate([unknowns[cell], unknowns[cell + 1]], axis=1)
     shares *= np.concatenate([has[cell], has[cell + 1]], axis=1)
     nodes = np.empty((len(kept), 2, 3))
-    covariance = np.zeros((len(kept), 3, 3))
+    factors = []
     for c in range(3):
         weighted = shares / sigma[:, c : c + 1]
         band, right = np.zeros((4, concerned.max() + 1)), np.zeros(concerned.max() + 1)
@@ -258,26 +267,27 @@ def _fit(time: Array, pose: Array, sigma: Array, kept: list[int], pauses: list[t
         band[0] += 1e-9 * band[0].mean()
         factor = cholesky_banded(band, lower=True)
         nodes[:, :, c] = cho_solve_banded((factor, True), right)[unknowns] * has
-        covariance[:, c, c] = _diagonal_of_inverse(factor)[unknowns[:, 0]]
-    return _Fit(knots, nodes, covariance)
+        factors.append(factor)
+    return _Fit(knots, nodes, unknowns[:, 0], np.array(factors))
 
 
-@compiled()
 def _diagonal_of_inverse(factor: Array) -> Array:
     """Diagonal (n,) of the inverse of a matrix from the band (width, n) of its lower Cholesky factor.
 
     SOURCE: K. Takahashi, J. Fagan, M. Chen, *Formation of a sparse bus impedance matrix*, PICA (1973): within the band
     the inverse follows from the factor alone, from the last column to the first.
     """
-    width, n = factor.shape
-    inverse = np.zeros((width, n + width))
+    # Of Python's own numbers, which single operations are fastest with: importing a compiler takes longer.
+    (width, n), columns = factor.shape, factor.T.tolist()
+    inverse = [[0.0] * width for _ in range(n + width)]  # by column, each downwards from the diagonal
     for column in range(n - 1, -1, -1):
+        own = columns[column]
         for below in range(width - 1, -1, -1):
-            total = 1.0 / factor[0, column] if below == 0 else 0.0
+            total = 1.0 / own[0] if below == 0 else 0.0
             for k in range(1, min(width, n - column)):
-                total -= factor[k, column] * inverse[abs(below - k), column + min(below, k)]
-            inverse[below, column] = total / factor[0, column]
-    return inverse[0, :n]
+                total -= own[k] * inverse[column + min(below, k)][abs(below - k)]
+            inverse[column][below] = total / own[0]
+    return np.array([column[0] for column in inverse[:n]])
 
 
 def _fewest_knots(

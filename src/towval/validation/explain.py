@@ -14,12 +14,12 @@ import numpy as np
 from scipy.special import gammaln
 
 from towval.model import Array
-from towval.model.geometry import block_means, rms_length, signature_blocks, signature_entries
+from towval.model.geometry import block_means, rms_length, signature_blocks
 from towval.model.inputs import INPUTS
 from towval.model.statement import Explanation
 from towval.validation.consequences import WIDER
 from towval.validation.effects import EFFECTS
-from towval.validation.statistics import RightModel
+from towval.validation.statistics import RightModel, place
 
 Moves = Mapping[int, float]
 """By how many deviations columns of the draws are moved."""
@@ -260,21 +260,6 @@ def _named(moves: Moves, columns: Sequence[int], names: Sequence[str]) -> dict[s
         if moves.get(column):
             moved[names[column]] = max(moved.get(names[column], 0.0), moves[column], key=abs)
     return dict(sorted(moved.items(), key=lambda item: -abs(item[1])))
-
-
-def place(error: Array, right: RightModel, length: Array) -> tuple[float, float]:
-    """Between which lengths of the path [m] an error (n, 3) begins that is none of a right model; NaN where it is one.
-
-    The entry of the signature that exceeds its limit and ends first says when the error shows; a change also says since
-    when it has grown.
-    """
-    normalised = right.signature(error).max(axis=1)
-    exceeding = [e for e, value in zip(signature_entries(), normalised, strict=True) if value > right.limits[1]]
-    if not exceeding:
-        return float("nan"), float("nan")
-    first = min(exceeding, key=lambda entry: (entry.last, -entry.first))
-    blocks = signature_blocks(len(length))
-    return float(length[blocks[first.first][-1]]), float(length[blocks[first.last][-1]])
 
 
 def _groups(names: Sequence[str]) -> list[tuple[str, ...]]:

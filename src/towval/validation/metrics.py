@@ -5,7 +5,6 @@ from numpy.typing import ArrayLike
 from scipy.special import ndtr
 
 from towval.model import Array
-from towval.model.compiling import compiled
 from towval.model.errors import InputError
 from towval.model.geometry import rigid_fit, rms_length, transform
 
@@ -32,27 +31,17 @@ def frechet_distance(path: ArrayLike, other: ArrayLike) -> float:
     path, other = np.asarray(path, dtype=np.float64), np.asarray(other, dtype=np.float64)
     if not (len(path) and len(other) and np.isfinite(path).all() and np.isfinite(other).all()):
         raise InputError("the Fréchet distance needs two whole paths", allowed="one finite point or more each")
-    return float(_leash(path, other))
-
-
-@compiled()
-def _leash(path: Array, other: Array) -> float:
-    row = np.empty(len(other))
-    for i in range(len(path)):
-        before = 0.0  # of row i − 1 in column j − 1
-        for j in range(len(other)):
-            distance = np.hypot(path[i, 0] - other[j, 0], path[i, 1] - other[j, 1])
-            above = row[j]
-            if i == 0 and j == 0:
-                reach = distance
-            elif i == 0:
-                reach = max(row[j - 1], distance)
-            elif j == 0:
-                reach = max(above, distance)
-            else:
-                reach = max(min(above, before, row[j - 1]), distance)
-            before, row[j] = above, reach
-    return row[-1]  # type: ignore[no-any-return]  # a float once compiled
+    # The shortest leash that leads to each pair of points, by diagonals, along which none depends on another; a row of
+    # ``reach`` is a point of ``path``, with one in front that nothing leads through.
+    before, reach = np.full((2, len(path) + 1), np.inf)
+    before[0] = -np.inf
+    for diagonal in range(len(path) + len(other) - 1):
+        i = np.arange(max(0, diagonal - len(other) + 1), min(diagonal + 1, len(path)))
+        distance = np.hypot(*(path[i] - other[diagonal - i]).T)
+        here = np.full(len(path) + 1, np.inf)
+        here[i + 1] = np.maximum(np.minimum(np.minimum(reach[i], reach[i + 1]), before[i]), distance)
+        before, reach = reach, here
+    return float(reach[-1])
 
 
 def area_metric(error: ArrayLike, std: ArrayLike) -> float:

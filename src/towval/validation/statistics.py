@@ -12,7 +12,13 @@ from numpy.typing import NDArray
 
 from towval.model import Array
 from towval.model.errors import InputError
-from towval.model.geometry import block_means, error_signature, normalised_signature
+from towval.model.geometry import (
+    block_means,
+    error_signature,
+    normalised_signature,
+    signature_blocks,
+    signature_entries,
+)
 
 SIZES = ("position_rms", "position_max", "along_max", "across_max", "heading_rms", "heading_max")
 """What :func:`error_sizes` gives, in this order."""
@@ -257,3 +263,18 @@ def _edge(inside: Callable[[float], bool], high: float) -> float:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if inside(middle) else (low, middle)
     return high
+
+
+def place(error: Array, right: RightModel, length: Array) -> tuple[float, float]:
+    """Between which lengths of the path [m] an error (n, 3) begins that is none of a right model; NaN where it is one.
+
+    The entry of the signature that exceeds its limit and ends first says when the error shows; a change also says since
+    when it has grown.
+    """
+    normalised = right.signature(error).max(axis=1)
+    exceeding = [e for e, value in zip(signature_entries(), normalised, strict=True) if value > right.limits[1]]
+    if not exceeding:
+        return float("nan"), float("nan")
+    first = min(exceeding, key=lambda entry: (entry.last, -entry.first))
+    blocks = signature_blocks(len(length))
+    return float(length[blocks[first.first][-1]]), float(length[blocks[first.last][-1]])
