@@ -8,6 +8,7 @@ Schur complement, both to solve them and to get their marginal covariance, which
 import enum
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -72,7 +73,7 @@ class Block:
     std_px: float = np.nan
     on_board: Array | None = None
 
-    @property
+    @cached_property
     def by_board(self) -> Array:
         """Derivatives (n, 3, 5) of the points by the board's :data:`DOUBTS`."""
         derivative = np.zeros((len(self.points_m), 3, len(BOARD_DOUBTS)))
@@ -123,41 +124,54 @@ def camera_matrix(shared: Array) -> Array:
     return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
 
 
-def linearise(block: Block, shared: Array, place: Array, doubts: Array) -> tuple[Array, Array, Array]:
+def linearise(
+    block: Block, shared: Array, place: Array, doubts: Array, *, doubted: bool = True
+) -> tuple[Array, Array, Array]:
     """Residuals (2n,) of a block, observed minus predicted [px], u and v alternating, and the prediction's derivatives.
 
-    The derivatives are those by the ``shared`` parameters and the ``doubts`` (2n, 26) and by the ``place`` of the
-    block, which has as many elements as its placement has unknowns: (2n, 6), (2n, 3) or (2n, 0).
+    The derivatives are those by the ``shared`` parameters and the ``doubts`` (2n, 26), zero where these are not
+    ``doubted``, and by the ``place`` of the block, which has as many elements as its placement has unknowns: (2n, 6),
+    (2n, 3) or (2n, 0).
     """
     free = block.placement is Placement.FREE
-    by_board = block.by_board
-    own_points = block.points_m + by_board @ doubts[: len(BOARD_DOUBTS)]
-    pose = place if free else shared[_FLOOR_START:]
-    points, turn, moved_by_place = (own_points, np.eye(3), np.zeros(0)) if free else _on_floor(block, own_points, place)
-    intrinsics = shared[:_LENS_START].copy()
-    zoom = 1 + doubts[-3] if free else 1.0
-    intrinsics[:2] *= zoom
-    intrinsics[2:] += doubts[-2:] if free else 0.0
-    found = cv2.projectPoints(points, pose[:3], pose[3:], camera_matrix(intrinsics), shared[_LENS_START:_FLOOR_START])
-    pixels, jacobian = (np.asarray(each, dtype=np.float64) for each in found)
-    by_point: Array = (jacobian[:, 3:6] @ cv2.Rodrigues(pose[:3])[0]).reshape(-1, 2, 3)
+    residual, jacobian, turn, moved_by_place = _projected(block, shared, place, doubts)
+    rotation = cv2.Rodrigues((place if free else shared[_FLOOR_START:])[:3])[0]
+    by_point: Array = (jacobian[:, 3:6] @ rotation).reshape(-1, 2, 3)
     J_shared = np.zeros((len(jacobian), _CAMERA_END + len(DOUBTS)))
     J_shared[:, :_FLOOR_START] = jacobian[:, 6:18]
-    J_shared[:, BOARD_DOUBTS] = (by_point @ (turn @ by_board)).reshape(len(jacobian), -1)
-    if free:
-        J_shared[:, HELD_DOUBTS] = np.column_stack([jacobian[:, 6:8] @ shared[:2], jacobian[:, 8:10]])
-        J_shared[:, :2] *= zoom
-        J_place = jacobian[:, :6]
-    else:
+    if doubted:
+        J_shared[:, BOARD_DOUBTS] = (by_point @ (turn @ block.by_board)).reshape(len(jacobian), -1)
+    if not free:
         J_shared[:, _FLOOR_START:_CAMERA_END] = jacobian[:, :6]
-        J_place = np.einsum("nij,njk->nik", by_point, moved_by_place).reshape(len(jacobian), -1)
-    return (block.pixels - pixels.reshape(-1, 2)).ravel(), J_shared, J_place
+        return residual, J_shared, (by_point @ moved_by_place).reshape(len(jacobian), -1)
+    if doubted:
+        J_shared[:, HELD_DOUBTS] = np.column_stack([jacobian[:, 6:8] @ shared[:2], jacobian[:, 8:10]])
+    J_shared[:, :2] *= 1 + doubts[-3]
+    return residual, J_shared, jacobian[:, :6]
 
 
-def _on_floor(block: Block, points: Array, place: Array) -> tuple[Array, Array, Array]:
-    """Points in the floor frame (n, 3), the turn (3, 3) into it, and derivatives by the place (n, 3, 3 or 0)."""
-    if block.placement is Placement.FIXED:
-        return points, np.eye(3), np.zeros((len(points), 3, 0))
+def _projected(block: Block, shared: Array, place: Array, doubts: Array) -> tuple[Array, Array, Array, Array]:
+    """Residuals (2n,), OpenCV's derivatives (2n, 18), the turn of the points into their frame, their slopes by place.
+
+    The frame is the floor's, unless the place is free.
+    """
+    points, intrinsics = block.points_m, shared[:_LENS_START].copy()
+    if doubts.any():
+        points = points + block.by_board @ doubts[: len(BOARD_DOUBTS)]
+    turn, moved_by_place, pose = np.eye(3), np.zeros((len(points), 3, 0)), shared[_FLOOR_START:]
+    if block.placement is Placement.FREE:
+        pose = place
+        intrinsics[:2] *= 1 + doubts[-3]
+        intrinsics[2:] += doubts[-2:]
+    elif block.placement is Placement.ON_FLOOR:
+        points, turn, moved_by_place = _on_floor(points, place)
+    found = cv2.projectPoints(points, pose[:3], pose[3:], camera_matrix(intrinsics), shared[_LENS_START:_FLOOR_START])
+    pixels, jacobian = (np.asarray(each, dtype=np.float64) for each in found)
+    return (block.pixels - pixels.reshape(-1, 2)).ravel(), jacobian, turn, moved_by_place
+
+
+def _on_floor(points: Array, place: Array) -> tuple[Array, Array, Array]:
+    """Points in the floor frame (n, 3), the turn (3, 3) into it, and derivatives by the place (n, 3, 3)."""
     c, s = np.cos(place[2]), np.sin(place[2])
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     turned = points @ turn.T
@@ -181,15 +195,17 @@ class _Normal:
     def reduced(self, damping: float) -> tuple[Array, Array, list[Array]]:
         """Schur complement, its right-hand side and the gains that give the places; Marquardt's relative damping."""
         schur, right = _damped(self.AA, damping), self.Ar.copy()
-        gains: list[Array] = []
-        for AB, BB, Br in zip(self.AB, self.BB, self.Br, strict=True):
-            gain: Array = np.zeros((0, 1))
-            if len(Br):
-                block = np.linalg.solve(_damped(BB, damping), np.column_stack([AB.T, Br]))
-                gain = np.asarray(block, dtype=np.float64)
-                schur -= AB @ gain[:, :-1]
-                right -= AB @ gain[:, -1]
-            gains.append(gain)
+        gains: list[Array] = [np.zeros((0, 1))] * len(self.Br)
+        for size in {len(Br) for Br in self.Br} - {0}:  # Alike ones in one call, for a call costs more than they do.
+            alike = [i for i, Br in enumerate(self.Br) if len(Br) == size]
+            AB, BB = np.array([self.AB[i] for i in alike]), np.array([self.BB[i] for i in alike])
+            BB[:, range(size), range(size)] *= 1 + damping
+            sides = np.concatenate([AB.transpose(0, 2, 1), np.array([self.Br[i] for i in alike])[..., None]], axis=2)
+            gain = np.asarray(np.linalg.solve(BB, sides), dtype=np.float64)
+            taken = np.sum(AB @ gain, axis=0)
+            schur, right = schur - taken[:, :-1], right - taken[:, -1]
+            for i, each in zip(alike, gain, strict=True):
+                gains[i] = each
         return schur, right, gains
 
 
@@ -223,8 +239,9 @@ def _normal(
     off = np.concatenate([np.zeros(_CAMERA_END), estimate.doubts])[active]
     AA, Ar, cost = np.diag(known), -known * off, float(known @ off**2)
     AB, BB, Br = [], [], []
+    doubted = bool((active >= _CAMERA_END).any())
     for block, place, spread in zip(blocks, estimate.places, spread_px, strict=True):
-        linear = linearise(block, estimate.shared, place, estimate.doubts)
+        linear = linearise(block, estimate.shared, place, estimate.doubts, doubted=doubted)
         length = np.sqrt(linear[0][::2] ** 2 + linear[0][1::2] ** 2)
         weight, std = _huber_weight(length, spread), _std(block, estimate)
         # Huber: length² below the width, 2 width · length − width² beyond; with w = width / length both are one form.
@@ -330,7 +347,7 @@ def _solve_scaled(matrix: Array, right: Array) -> Array:
 def residuals(blocks: Sequence[Block], estimate: Estimate) -> list[Array]:
     """Observed minus predicted pixels (n, 2) of each block."""
     return [
-        linearise(block, estimate.shared, place, estimate.doubts)[0].reshape(-1, 2)
+        _projected(block, estimate.shared, place, estimate.doubts)[0].reshape(-1, 2)
         for block, place in zip(blocks, estimate.places, strict=True)
     ]
 
