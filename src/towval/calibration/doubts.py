@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import gammaincinv
 
 from towval.calibration.bundle_adjustment import BOARD_DOUBTS, DOUBTS, HELD_DOUBTS, Estimate, adjust
 from towval.calibration.lens import LensTrial, active_parameters, choose_lens, try_lenses
@@ -156,7 +156,7 @@ def _contradiction(
     value, stated = fit.estimate.doubts[own], np.where(np.isin(group, board), observed.doubts_std[own], 0.0)
     squared = float(value @ np.linalg.solve(fit.variance(group) + np.diag(stated**2), value))
     far = float(np.max(np.abs(value) / observed.doubts_std[own]))
-    return squared > chi2.ppf(CONSTANTS.sound, len(group)), far
+    return squared > 2 * gammaincinv(len(group) / 2, CONSTANTS.sound), far
 
 
 def _fitted(fit: _Fit) -> tuple[Array, Array, float]:

@@ -27,8 +27,10 @@ def with_lens_choice(
     flat = [observation for observation in flat if len(observation.corners_px) != len(reference.marks_px)]
     doubts = doubts_std(board, reference)
     seen = CalibrationObservations(calibration.camera.resolution_px, tuple(boards), tuple(flat), reference, doubts)
+    # Of one model nothing is to be chosen: no views are held out.
+    alone = replace(settings, lens_models=(following,), folds=0)
     try:
-        other = calibrate_observations(seen, replace(settings, lens_models=(following,)), {})
+        other = calibrate_observations(seen, alone, {})
         pixels = pixel_grid(calibration.camera.resolution_px, 16).reshape(-1, 2)
         there = [to_plane(each.camera, each.floor, pixels, height_m) for each in (calibration, other)]
         change = rms_length(there[0] - there[1])
