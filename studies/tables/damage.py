@@ -88,7 +88,7 @@ def _trials(
 def _simulation(results: Path) -> Callable[[Campaign], NDArray[np.float64]]:
     """A function that simulates run a of a campaign with the tracks at hand: poses [m, m, rad] of shape (N, 3)."""
     tracks = read_decimated(results / "a" / "decimate.mcap")
-    times = read_tracks(results / "a" / "track.mcap", features=False)["object"].time_s[::4]
+    times = read_tracks(results / "a" / "track.mcap")["object"].time_s[::4]
     return lambda campaign: simulate(campaign.scene, tracks["rover"], tracks["object"], times, SimulateSettings()).pose
 
 

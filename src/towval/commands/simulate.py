@@ -44,7 +44,7 @@ def run(
     inputs = {"track.mcap": track, "decimate.mcap": decimated, **({"camera.mcap": camera} if camera else {})}
     name = check_together(inputs, given.document)
     bodies = read_decimated(decimated)
-    tracked = read_tracks(track, features=False)["object"]
+    tracked = read_tracks(track)["object"]
     measured = np.inf
     if camera is not None:
         measured = measurement_std_m(read_calibration(camera), given.object, seen_places(tracked))

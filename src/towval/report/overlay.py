@@ -74,11 +74,15 @@ def write_overlay(
 def drawn_pictures(
     source: FilePath, calibration: Calibration, run: RunRecord, *, damaged: bool = False
 ) -> Iterator[Still]:
-    """Pictures of the footage with the run drawn in, five a second; otherwise as :func:`write_overlay`."""
+    """Pictures of the footage with the run drawn in, five a second; otherwise as :func:`write_overlay`.
+
+    Frames that no other is coded from are passed over undecoded: a picture is the first after its time that others need.
+    """
     painter = Painter(calibration, run, _PICTURE_PX)
     due_s = -np.inf
     with _opened(source) as film:
         stream = film.streams.video[0]
+        stream.codec_context.skip_frame = "NONREF"
         for frame in _decoded(film, damaged):
             time_s = float(_ticks(frame) * _time_base(stream))
             if time_s + 1e-6 >= due_s:
@@ -94,8 +98,9 @@ def stills(
     with _opened(source) as film:
         stream = film.streams.video[0]
         for wanted_s in times_s:
-            film.seek(int(wanted_s / _time_base(stream)), stream=stream)
-            for frame in _decoded(film, damaged):
+            wanted = int(wanted_s / _time_base(stream))
+            film.seek(wanted, stream=stream)
+            for frame in _decoded(film, damaged, wanted):
                 time_s = float(_ticks(frame) * _time_base(stream))
                 if time_s + 1e-6 >= wanted_s:
                     found.append(_still(source, frame, time_s, painter))
@@ -152,13 +157,20 @@ def _add_encoder(
     return encoder
 
 
-def _decoded(film: av.container.InputContainer, damaged: bool) -> Iterator[av.VideoFrame]:
-    """Frames of the footage; of a damaged one, where allowed, those before the damage."""
+def _decoded(film: av.container.InputContainer, damaged: bool, wanted: int | None = None) -> Iterator[av.VideoFrame]:
+    """Frames of the footage; of a damaged one, where allowed, those before the damage.
+
+    Before the time ``wanted`` those alone that others are coded from.
+    """
+    context = film.streams.video[0].codec_context
     try:
-        for frame in film.decode(film.streams.video[0]):
-            if frame.is_corrupt and damaged:
-                return
-            yield frame
+        for packet in film.demux(film.streams.video[0]):
+            if wanted is not None:
+                context.skip_frame = "NONREF" if packet.pts is not None and packet.pts < wanted - 1 else "DEFAULT"
+            for frame in packet.decode():
+                if frame.is_corrupt and damaged:
+                    return
+                yield frame
     except av.FFmpegError:
         if not damaged:
             raise

@@ -121,8 +121,8 @@ def _frame_messages(tracks: dict[str, Track]) -> Iterator[Message]:
 
 
 @result_reader
-def read_tracks(path: Path, *, features: bool = True) -> dict[str, Track]:
-    """Read ``track.mcap``: the track of each body by name, on request without its features, which take most time.
+def read_tracks(path: Path, *, features: bool = False) -> dict[str, Track]:
+    """Read ``track.mcap``: the track of each body by name, on request with its features, which take most time.
 
     Raises `InputError` when the file is missing, damaged or holds no tracks.
     """
