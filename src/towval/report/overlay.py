@@ -76,7 +76,7 @@ def drawn_pictures(
 ) -> Iterator[Still]:
     """Pictures of the footage with the run drawn in, five a second; otherwise as :func:`write_overlay`.
 
-    Frames that no other is coded from are passed over undecoded: a picture is the first after its time that others need.
+    Frames that no other is coded from are passed over: a picture is the first at or after its time that others need.
     """
     painter = Painter(calibration, run, _PICTURE_PX)
     due_s = -np.inf
