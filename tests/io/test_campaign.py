@@ -385,3 +385,14 @@ def test_videos_elsewhere_are_fine(campaign, tmp_path, lab_small):
     shutil.copy(lab_small / "a.mp4", tmp_path / "far.mp4")
     folder = campaign(lambda d: d["runs"]["a"].update(video=str(tmp_path / "far.mp4")))
     assert load_campaign(folder).run("a").video == tmp_path / "far.mp4"
+
+
+def test_repeats_are_groups_of_runs(campaign):
+    assert load_campaign(campaign(lambda d: None)).repeats == ()
+    assert load_campaign(campaign(lambda d: d.update(repeats=[["a", "b"]]))).repeats == (("a", "b"),)
+
+
+@pytest.mark.parametrize("groups", [[["a", "z"]], [["a", "b"], ["b", "a"]]])
+def test_repeats_of_no_run_or_twice_are_refused(campaign, groups):
+    with pytest.raises(InputError, match=r"repeats names(.|\n)*each of a, b"):
+        load_campaign(campaign(lambda d: d.update(repeats=groups)))

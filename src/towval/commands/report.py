@@ -23,10 +23,12 @@ from towval.io.summary import write_summary
 from towval.model import Comparison, Finding, Severity, Verdict
 from towval.model.findings import finding
 from towval.model.inputs import INPUTS, UncertainInput, is_left_out, stated_in
+from towval.model.repeats import Corridor
 from towval.optics.plane_uncertainty import uncertainty_map
 from towval.report.data import InputRow, Provenance, ReportData, ReportSettings, RunReport, StageFinding
 from towval.report.page import write_report
 from towval.validation.campaign import campaign_verdict
+from towval.validation.repeats import corridor, corridor_finding
 
 
 def run(
@@ -44,6 +46,7 @@ def run(
     if identified is not None:
         made = {f"{name}/{path.name}": path for name in given.runs for path in files(results / name).values()}
         check_made_of(identified, made, given.document)
+    repeats = _repeats(given, runs)
     together = _together([item.record.comparison for item in runs])
     data = ReportData(
         campaign=given.name,
@@ -55,7 +58,11 @@ def run(
             calibration, given.object.tracked_plane_height_m, height_std_m=given.object.height_std_m
         ),
         inputs=tuple(_inputs(given)),
-        findings=(StageFinding("campaign", together),),
+        findings=(
+            StageFinding("campaign", together),
+            *(StageFinding("campaign", corridor_finding(group)) for group in repeats),
+        ),
+        repeats=repeats,
         identification=None if identified is None else read_identification(identified),
     )
     write_summary(results / "summary.csv", [item.record.comparison for item in runs])
@@ -65,6 +72,15 @@ def run(
     text = "; ".join(f"run {name} {verdict}" for name, verdict in verdicts.items())
     return Outcome(
         "report", (results / "report.html", results / "summary.csv"), text, {"verdicts": verdicts}, (together,)
+    )
+
+
+def _repeats(given: Campaign, runs: Sequence[RunReport]) -> tuple[Corridor, ...]:
+    """The groups of repeated runs, without the runs that were not judged."""
+    records = {run.record.name: run.record for run in runs if run.record.comparison.verdict is not Verdict.NOT_JUDGED}
+    groups = [[records[name] for name in group if name in records] for group in given.repeats]
+    return tuple(
+        corridor([(record.object_track, record.comparison) for record in group]) for group in groups if len(group) > 1
     )
 
 

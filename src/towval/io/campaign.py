@@ -4,7 +4,7 @@ import glob
 import itertools
 import os
 import stat
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from functools import reduce
@@ -51,7 +51,8 @@ class Campaign:
 
     ``calibration_images`` and ``floor_images`` are files that exist; the first floor image defines the floor frame.
     ``tags`` are the markers on each body's top, by its name; ``scene`` is the input of the simulation, ``deviations``
-    the standard deviations of the uncertain inputs by name; ``document`` is the file as read.
+    the standard deviations of the uncertain inputs by name; ``repeats`` are the names of runs that repeat one drive,
+    by group; ``document`` is the file as read.
     """
 
     folder: Path
@@ -67,6 +68,7 @@ class Campaign:
     scene: TowingScene
     deviations: dict[str, float]
     runs: dict[str, Run]
+    repeats: tuple[tuple[str, ...], ...]
     document: dict[str, Any]
 
     def files(self, paths: Iterable[Path]) -> dict[str, Path]:
@@ -141,6 +143,7 @@ def read_campaign(folder: Path, document: Any) -> tuple[Campaign | None, Faults]
     corners = {body: part(body, _top, body) for body in ("rover", "object")}
     names = [*document["runs"]] if isinstance(document, dict) and isinstance(document.get("runs"), dict) else []
     runs = {str(name): part(f"runs.{name} camera.resolution_px", _run, folder, str(name), corners) for name in names}
+    read["repeats"] = part("runs repeats", _repeats)
     if faults:
         return None, faults
     return _campaign(folder, document, scene, corners, runs, read), faults
@@ -305,6 +308,18 @@ def _tags(keys: dict[str, Any]) -> tuple[Tag, ...]:
         Tag(tag["dictionary"], tag["number"], tag["size_m"], np.array([*tag["at_m"], tag.get("heading_rad", 0.0)]))
         for tag in keys.get("tags", ())
     )
+
+
+def _repeats(runs: dict[str, Any], groups: Sequence[Sequence[str]]) -> tuple[tuple[str, ...], ...]:
+    named = [name for group in groups for name in group]
+    wrong = [name for name in dict.fromkeys(named) if name not in runs or named.count(name) > 1]
+    if wrong:
+        raise InputError(
+            "campaign.yaml: repeats names what is no run, or a run twice",
+            got=", ".join(wrong),
+            allowed=f"each of {', '.join(map(str, runs))} at most once",
+        )
+    return tuple(map(tuple, groups))
 
 
 def _run(

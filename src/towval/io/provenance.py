@@ -109,7 +109,7 @@ def read_sections(
         heights = [document[body]["tracked_plane_height_m"] for body in ("rover", "object") if body in document]
         return {**{name: document[name] for name in ("camera", "floor")}, "heights": heights}
     if stage != "track":
-        return {name: part for name, part in document.items() if name != "runs"}
+        return {name: part for name, part in document.items() if name not in ("runs", "repeats")}
     names = ("camera", "floor", "rover", "object", "tether", *(("friction", "gravity_m_per_s2") if simulating else ()))
     return {**{name: document.get(name) for name in names}, f"runs.{run}": document["runs"][run]}
 

@@ -360,6 +360,24 @@ register(  # uncertainty, compare, identify
     FindingType("verdict", "compare", _NOTE_OR_WARNING, NONE, "{statement}."),
     FindingType("statement", "compare", NOTE, NONE, "{off}. {model}. {visible}."),
     FindingType("campaign_verdict", "campaign", _NOTE_OR_WARNING, NONE, "{sentence}"),
+    FindingType(
+        "repeats", "campaign", NOTE, NONE,
+        "Runs {runs} repeat one drive (measured paths at most {apart_mm:.1f} mm apart): the error common to all is "
+        "{common_mm:.1f} mm RMS, and a run scatters by {scatter_mm:.1f} mm about it, of {u_val_mm:.1f} mm that the "
+        "deviations allow.",
+    ),
+    FindingType(
+        "repeats_apart", "campaign", WARNING, NONE,
+        "Runs {runs} are no repeats of one drive: their measured paths are up to {apart_mm:.0f} mm apart (common error "
+        "{common_mm:.1f} mm RMS, scatter {scatter_mm:.1f} mm, u_val {u_val_mm:.1f} mm). Correct repeats in "
+        "campaign.yaml.",
+    ),
+    FindingType(
+        "repeats_scatter", "campaign", WARNING, NONE,
+        "Runs {runs} repeat one drive (measured paths at most {apart_mm:.1f} mm apart): the error common to all is "
+        "{common_mm:.1f} mm RMS, but a run scatters by {scatter_mm:.1f} mm about it, where the deviations allow "
+        "{u_val_mm:.1f} mm. An input changes from run to run; state its deviation, or what changed.",
+    ),
     FindingType("explanation", "compare", NOTE, NONE, "{text}."),
     FindingType(
         "tolerance_default", "compare", NOTE, NONE,

@@ -142,6 +142,14 @@ _CAMPAIGN = {
         "Outlines: object at equal arc length, rover at its start and end. Gaps: frames without a pose.",
         draw=lambda data: figures.campaign_figure(data.records),
     ),
+    "repeats": CampaignFigure(
+        "uncertainty",
+        "errors of repeated runs along and across the path over its length, and what they have in common",
+        "Simulated minus measured of runs that repeat one drive (grey), their mean (black), and the interval in which "
+        "the error common to all lies at one place with 95 %. Scatter about the mean is what changes from run to run; "
+        "a mean away from zero is the model's, or that of an input that all share.",
+        draw=lambda data: figures.repeats_figure(data.repeats),
+    ),
     "shares": CampaignFigure(
         "uncertainty",
         "shares of the error's variance by input",

@@ -6,6 +6,7 @@ from pathlib import Path as FilePath
 
 from towval.model import Calibration, Finding, Identification, UncertaintyMap
 from towval.model.checks import within
+from towval.model.repeats import Corridor
 from towval.model.run_record import RunRecord
 
 # Browsers hold a page as one string, of at most 512 MB.
@@ -78,8 +79,9 @@ class RunReport:
 class ReportData:
     """All data of a report; the page leaves out the sections of parts that are missing.
 
-    ``calibration`` and ``uncertainty`` are those of the campaign. ``findings`` are those that no result carries; the
-    others are collected from the results. Films that are together larger than ``embed_mb`` [MB] are linked.
+    ``calibration`` and ``uncertainty`` are those of the campaign; ``repeats`` of groups of runs. ``findings`` are
+    those that no result carries; the others are collected from the results. Films that are together larger than
+    ``embed_mb`` [MB] are linked.
     """
 
     campaign: str
@@ -90,6 +92,7 @@ class ReportData:
     inputs: tuple[InputRow, ...] = ()
     findings: tuple[StageFinding, ...] = ()
     identification: Identification | None = None
+    repeats: tuple[Corridor, ...] = ()
     embed_mb: float = ReportSettings.embed_mb
 
     @property
