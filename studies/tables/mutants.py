@@ -124,7 +124,7 @@ def first_pass(modules: list[str], pattern: str, size: int, seed: int) -> tuple[
         for (room, module), name in stratified(names, size, seed)
         for factor in (0.5, 2.0)
     ]
-    folders = [REPOSITORY / "tests" / room.rpartition(".")[2] for room in ROOMS]
+    folders = [REPOSITORY / "tests" / room.rpartition(".")[2] for room in dict.fromkeys(room for room, _ in names)]
     run([str(f) for folder in folders for f in sorted(folder.glob(pattern)) if f.name not in SLOW], watch)
     return mutants, watch
 
