@@ -16,14 +16,9 @@ _CLICKS = "first_frame_clicks_px"
 
 
 def campaign_text(document: Mapping[str, Any], marks: Mapping[str, str]) -> str:
-    """The text of campaign.yaml, keys in the order of the schema.
+    """The text of campaign.yaml from its sections, keys in the order of the schema.
 
-    Parameters
-    ----------
-    document : mapping
-        Sections with keys and values, as the schema describes them.
-    marks : mapping
-        By full key (``friction.kinetic``) what is added to its comment: where the value comes from, or ``GUESS``.
+    ``marks``: by full key (``friction.kinetic``) what its comment says besides: where the value is from, or ``GUESS``.
     """
     head = [
         "# Written by towval new. SI units; lengths of bodies in the body's own frame, which is that of top_corners_m.",

@@ -30,15 +30,7 @@ _ERRORS = ("along_m", "across_m", "heading_rad", "ratio")
 def write_run_file(
     path: Path, run: RunRecord, calibration: Calibration, pictures: Iterable[Still], provenance: dict[str, str]
 ) -> None:
-    """Write ``run.mcap``.
-
-    Parameters
-    ----------
-    pictures : iterable of Still
-        Pictures of the footage, of which all go into the file.
-    provenance : dict of str to str
-        What it was made of.
-    """
+    """Write ``exchange.mcap`` with all ``pictures`` of the footage."""
     start_s = float(run.rover_track.time_s[0])
     messages = [
         camera_place(calibration.floor, start_s),

@@ -32,22 +32,10 @@ class Results:
 
 
 def load(*folders: Path | str) -> Results:
-    """The results of one or several campaigns.
+    """The results of one or several campaigns: one table of each kind over all campaigns and runs.
 
-    Parameters
-    ----------
-    folders : path
-        Folders of results: ``results/lab_a``, with ``camera.mcap`` and a folder for each run.
-
-    Returns
-    -------
-    Results
-        One table of each kind over all campaigns and runs. Runs whose comparison is not there yet are left out.
-
-    Raises
-    ------
-    InputError
-        When a folder holds no result of a run.
+    ``folders`` of results are such as ``results/lab_a``, with ``camera.mcap`` and a folder for each run. Runs whose
+    comparison is not there yet are left out. Raises `InputError` when a folder holds no result of a run.
 
     Examples
     --------

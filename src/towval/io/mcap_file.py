@@ -66,18 +66,10 @@ class McapContent:
 
 
 def write_mcap(path: Path, messages: Iterable[Message], details: dict[str, Any], provenance: dict[str, str]) -> None:
-    """Write an MCAP file.
+    """Write an MCAP file; an existing one is replaced when the new one is whole.
 
-    Parameters
-    ----------
-    path : Path
-        Where to. An existing file is replaced when the new one is whole.
-    messages : iterable of Message
-        In any order; they are stored in the order of their times.
-    details : dict
-        What fits no message, JSON-able; kept as the attachment ``details.json``.
-    provenance : dict
-        Versions, configuration, hashes: texts; kept as the metadata record ``provenance``.
+    Messages are stored in the order of their times. ``details``, what fits no message, is kept as the attachment
+    ``details.json``; ``provenance``, versions, configuration and hashes as texts, as the metadata record of that name.
     """
     ordered = sorted(messages, key=lambda message: message.time_ns)
     start = ordered[0].time_ns if ordered else 0

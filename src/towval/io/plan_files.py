@@ -27,13 +27,6 @@ def write_plan_mcap(path: FilePath, plan: RoverPlan, towed: SimulatedMotion, pro
 
     ``/rover/pose`` PoseWithCovarianceStamped, ``/rover/joint_states`` JointState, ``/object/pose_simulated``
     PoseStamped, ``/tether/wrench`` WrenchStamped and ``/tf``, all in the frame ``floor``.
-
-    Parameters
-    ----------
-    towed : SimulatedMotion
-        What the object does behind it.
-    provenance : dict
-        Versions, configuration, hashes.
     """
     details = {
         "outcome": str(plan.outcome),
@@ -143,17 +136,9 @@ def read_table(path: FilePath) -> pd.DataFrame:
 
 
 def read_path(path: FilePath) -> Array | TimedPath:
-    """Points of a path from CSV with columns ``x_m`` and ``y_m``, and ``time_s`` where the path has its own times.
+    """Points (n, 2) [m] of a path from CSV with columns ``x_m`` and ``y_m``; with ``time_s`` a path with these times.
 
-    Returns
-    -------
-    ndarray (n, 2) or TimedPath
-        Points [m], for :func:`towval.planning.paths.through_points`; a timed path where times are given.
-
-    Raises
-    ------
-    InputError
-        When the file is missing or a column is.
+    Raises `InputError` when the file is missing or a column is.
     """
     table = read_table(path)
     missing = [name for name in ("x_m", "y_m") if name not in table]

@@ -53,18 +53,11 @@ def provenance(
     document: Mapping[str, Any] | None = None,
     constants: bool = False,
 ) -> dict[str, str]:
-    """Provenance of a result as JSON texts: versions, settings, and what it was made of.
+    """Provenance of a result as JSON texts: versions, settings, the run, and what it was made of.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Files by name; the SHA-256 of each, and of each plugin, is recorded.
-    run : str, optional
-        The run whose result it is.
-    document : mapping, optional
-        The parts of campaign.yaml that the stage reads, of :func:`read_sections`; the SHA-256 of each is recorded.
-    constants : bool, optional
-        Whether the tuned constants of the stage's room are recorded.
+    Recorded are the SHA-256 of each of the ``inputs`` (files by name), of each plugin, and of each part of
+    campaign.yaml that the stage reads (``document``, of :func:`read_sections`); with ``constants`` the tuned ones of
+    its room.
     """
     configuration = (
         dataclasses.asdict(settings)

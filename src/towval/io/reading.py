@@ -8,19 +8,10 @@ from towval.model.errors import InputError
 
 
 def read_bytes(path: Path, most: int, remedy: str = "check the path, or copy the file there") -> bytes:
-    """All bytes of a plain file.
+    """All bytes of a plain file; one of more than ``most`` bytes is refused before anything of it is read.
 
-    Parameters
-    ----------
-    most : int
-        Bytes that are read at most; a longer file is refused before anything of it is read.
-    remedy : str, optional
-        What to do where the file is missing.
-
-    Raises
-    ------
-    InputError
-        When the file is missing, too long, cannot be read, or is a folder, a pipe or a device.
+    Raises `InputError` when it is missing (and then names the ``remedy``), too long, cannot be read, or is a folder, a
+    pipe or a device.
     """
     path = Path(path)
     try:

@@ -90,20 +90,8 @@ _Validator: Any = validators.extend(  # type: ignore[no-untyped-call]  # the stu
 
 
 def check(document: Any, schema: dict[str, Any], where: str) -> None:
-    """Check a document against a schema.
-
-    Parameters
-    ----------
-    schema : dict
-        JSON schema; ``description`` and ``unit`` of a key are quoted in the error.
-
-    Raises
-    ------
-    InputError
-        One error that lists every fault: key, value, what is allowed, what the key means.
-    """
-    faults = faults_of(document, schema, where)
-    Faults(faults.values()).raise_any(where)
+    """Raise one `InputError` that lists every fault of a document: key, value, what is allowed, what the key means."""
+    Faults(faults_of(document, schema, where).values()).raise_any(where)
 
 
 _MOST_FAULTS = 50

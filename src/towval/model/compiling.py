@@ -53,13 +53,9 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 def compiled(allocates: bool = True, **options: Any) -> Callable[[Function], Function]:
     """Decorator factory for a function in a numerical inner loop: use as ``@compiled()``.
 
-    Parameters
-    ----------
-    allocates : bool, optional
-        Whether the function makes arrays. One that does not is spared the counting of references to arrays that it is
-        handed, a locked instruction each, which takes longer than much that is done with them.
-    **options
-        What ``numba.njit`` takes, where a function needs something else than the defaults above.
+    ``allocates``: whether the function makes arrays. One that does not is spared the counting of references to arrays
+    that it is handed, a locked instruction each, which takes longer than much that is done with them. ``options`` are
+    those of ``numba.njit``, where a function needs something else than the defaults above.
     """
     settings: dict[str, Any] = {"cache": True, "error_model": "numpy", "fastmath": False}
     # No way in from C either: nobody calls by one, and it takes a sixth of the time of compiling.

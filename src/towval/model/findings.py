@@ -81,21 +81,9 @@ def register(*rows: FindingType) -> None:
 
 
 def finding(code: str, severity: Severity | None = None, /, **values: object) -> Finding:
-    """A finding from the table.
+    """A finding by its ``code`` in :data:`FINDINGS`, with the ``values`` that the row's text names.
 
-    Parameters
-    ----------
-    code : str
-        A row of :data:`FINDINGS`.
-    severity : Severity, optional
-        One of the row's; the first by default.
-    **values
-        What the row's text names.
-
-    Raises
-    ------
-    InputError
-        For an unknown code, or a severity that the row does not have.
+    ``severity`` is one of the row's, by default the first. Raises `InputError` for an unknown code or another severity.
 
     Examples
     --------

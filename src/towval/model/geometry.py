@@ -34,20 +34,7 @@ def turned_covariance(covariance: Array, heading: ArrayLike) -> Array:
 
 
 def transform(pose: ArrayLike, points: ArrayLike) -> Array:
-    """Points of a body frame in the floor frame.
-
-    Parameters
-    ----------
-    pose : array_like (..., 3)
-        Pose of the body frame [m, m, rad].
-    points : array_like (..., 2)
-        Points in the body frame [m], broadcast against the poses.
-
-    Returns
-    -------
-    ndarray (..., 2)
-        ``R(heading) p + (x, y)`` [m].
-    """
+    """Points (..., 2) of body frames at poses (..., 3) in the floor frame [m]: ``R(heading) p + (x, y)``."""
     pose, points = np.asarray(pose, dtype=np.float64), np.asarray(points, dtype=np.float64)
     c, s = np.cos(pose[..., 2]), np.sin(pose[..., 2])
     x, y = points[..., 0], points[..., 1]
@@ -96,19 +83,9 @@ def position_rms(covariance: Array) -> float:
 def rigid_fit(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = None) -> Array:
     """The pose that brings ``source`` closest to ``target`` in the weighted least-squares sense.
 
-    Closed form in the plane: with both sets centred, ``tan(heading) = Σ w (s × t) / Σ w (s · t)``.
-
-    Parameters
-    ----------
-    source, target : array_like (n, 2)
-        Matching points [m], two or more that do not coincide.
-    weights : array_like (n,), optional
-        Weight of each pair, zero or more.
-
-    Returns
-    -------
-    ndarray (3,)
-        Pose with ``transform(pose, source) ≈ target``, heading in (−π, π].
+    Closed form in the plane: with both sets centred, ``tan(heading) = Σ w (s × t) / Σ w (s · t)``. Matching points
+    (n, 2) [m], two or more that do not coincide, with ``weights`` (n,) of zero or more; ``transform(pose, source) ≈
+    target`` with the heading in (−π, π].
     """
     source, target = np.asarray(source, dtype=np.float64), np.asarray(target, dtype=np.float64)
     w = np.ones(len(source)) if weights is None else np.asarray(weights, dtype=np.float64)
@@ -201,17 +178,8 @@ def error_signature(error: ArrayLike) -> Array:
 
     Means over 24 blocks of time, in which oscillations (stick and slip) and frame noise average out; and the changes of
     these means over 1, 2, 4 and 8 blocks, in which what is wrong from the start on (a length, a place) cancels, so that
-    an error that begins under way stands out.
-
-    Parameters
-    ----------
-    error : array_like (..., n, 3)
-        Errors of x, y and heading at n times, 24 or more; NaN where missing.
-
-    Returns
-    -------
-    ndarray (..., m, 3)
-        An entry of :func:`signature_entries` each; NaN where a block holds no error at all.
+    an error that begins under way stands out. Of errors (..., n, 3) of x, y and heading at n times, 24 or more, NaN
+    where missing: (..., m, 3), the :func:`signature_entries`; NaN where a block holds no error at all.
     """
     error = np.asarray(error, dtype=np.float64)
     means = block_means(error)
@@ -220,21 +188,12 @@ def error_signature(error: ArrayLike) -> Array:
 
 
 def normalised_signature(signature: ArrayLike, covariance: ArrayLike) -> Array:
-    """Entries of an error signature in units of their deviations, the same in every frame of the floor.
+    """Entries (..., m, 3) of an error signature in units of their deviations, the same in every frame of the floor.
 
-    Parameters
-    ----------
-    signature : array_like (..., m, 3)
-        What :func:`error_signature` gives [m, m, rad].
-    covariance : array_like (m, 3, 3)
-        Covariances of the entries [m², m rad, rad²].
-
-    Returns
-    -------
-    ndarray (..., m, 2)
-        ``√(eᵀ Σ⁻¹ e)`` of the position and ``|e| / σ`` of the heading. Where a motion starts at its measured pose its
-        deviation there is nought, and anything would stand out: each deviation counts as at least a fifth of the root
-        mean square of its kind (means, and changes of one lag).
+    (..., m, 2): ``√(eᵀ Σ⁻¹ e)`` of the position and ``|e| / σ`` of the heading, from covariances (m, 3, 3) of the
+    entries [m², m rad, rad²]. Where a motion starts at its measured pose its deviation there is nought, and anything
+    would stand out: each deviation counts as at least a fifth of the root mean square of its kind (means, and changes
+    of one lag).
     """
     signature, covariance = np.asarray(signature, dtype=np.float64), np.asarray(covariance, dtype=np.float64)
     parts, start = [], 0

@@ -36,13 +36,5 @@ PRESETS: dict[str, dict[str, dict[str, Any]]] = {
 
 
 def settings_of(preset: str, stage: str, own: dict[str, Any] | None = None) -> dict[str, Any]:
-    """Keys of a stage's section under a preset, those of config.yaml last.
-
-    Parameters
-    ----------
-    preset : str
-        A name in :data:`PRESETS`.
-    own : dict, optional
-        What config.yaml itself says in that section.
-    """
+    """Keys of a stage's section under a preset of :data:`PRESETS`, its ``own`` ones of config.yaml last."""
     return {**PRESETS[preset].get(stage, {}), **(own or {})}

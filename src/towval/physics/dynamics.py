@@ -39,6 +39,7 @@ from towval.physics.spatial.integrator import LIFTED_OFF, TIPPED_OVER
 from towval.physics.spatial.problem import as_sliding, tow_problem
 from towval.physics.spatial.tow import Sticking, is_planar, run_tow
 from towval.physics.splines import Spline, spline_covering, spline_values
+from towval.physics.steps import error_scales
 from towval.physics.wrench import SlidingPatch, sliding_patch
 
 if TYPE_CHECKING:
@@ -54,10 +55,6 @@ _FORCE_ERROR, _FORCE_SHIFT_M = 1e-3, 0.01
 """An error of the force that nobody can exclude, and how far it may move the object before that is worth a word."""
 
 _STEP_LIMIT = 2_000_000
-_VELOCITY_RATE = 10.0  # 1/s; a velocity may be wrong by the position tolerance times this
-# Where friction rises within a speed, or the tether takes up friction within a stretch, below these, errors are kept
-# smaller in proportion: else the forces would be resolved no more, and the result wrong without a sign of it.
-_FINE_SPEED, _FINE_STRETCH = 1e-3, 1e-2  # m/s, m
 
 
 class Outcome(enum.StrEnum):
@@ -342,21 +339,12 @@ def centre_state(towed: TowedObject, pose: ArrayLike, twist: ArrayLike) -> Array
 def _run(
     scene: MotionProblem, mode: int, y: Array, times: Array, accuracy: Accuracy
 ) -> tuple[Outcome, Array, NDArray[np.int64], dict[str, float]]:
-    weights = accuracy.tolerance * _error_scales(scene, mode)
+    stretch = np.inf if mode == FORCED else 1 / (scene.patch.per_force * scene.tether[0])
+    weights = accuracy.tolerance * error_scales(1 / scene.patch.table[SLOPE], stretch, scene.patch.radius)
     states, modes = np.empty((len(times), 6)), np.zeros(len(times), dtype=np.int64)
     code, filled, counts = integrate(scene, mode, y, times, weights, accuracy.step_limit, states, modes)
     statistics = dict(zip(("steps", "rejections", "mode_changes"), map(float, counts), strict=True))
     return _OUTCOMES[code], states[:filled], modes[:filled], statistics
-
-
-def _error_scales(scene: MotionProblem, mode: int) -> Array:
-    """Errors of the state (6,) that weigh as much as a metre of position."""
-    lowest_speed, stretch = 1 / scene.patch.table[SLOPE], np.inf
-    if mode != FORCED:
-        stretch = 1 / (scene.patch.per_force * scene.tether[0])
-    speed_share, stretch_share = min(1.0, lowest_speed / _FINE_SPEED), min(1.0, stretch / _FINE_STRETCH)
-    position = stretch_share * np.array([1.0, 1.0, 1 / scene.patch.radius])
-    return np.concatenate([position, position * speed_share * _VELOCITY_RATE])
 
 
 def _motion(

@@ -18,7 +18,7 @@ from towval.physics.friction_table import PLATEAU, SLOPE
 from towval.physics.motion import SLACK, TAUT, MotionProblem, acceleration_slopes, accelerations, margin, tautness
 from towval.physics.rosenbrock import NODES, STAGES, A, dense_output, solve_stage, stage_matrix
 from towval.physics.splines import piece_at
-from towval.physics.steps import GROW, following, retried, step_to_stop
+from towval.physics.steps import GROW, following, retried, safe_time, step_to_stop
 
 REACHED_END, STEP_LIMIT, STEP_TOO_SMALL, NOT_FINITE = 0, 1, 2, 3
 
@@ -186,24 +186,13 @@ def finite(rates: Array, jacobian: Array) -> bool:
 @compiled(allocates=False)
 def _slack_step(scene: MotionProblem, t: float, piece: int, y: Array) -> float:
     """Longest step [s] in which hinge and anchor cannot close the gap, at least a quarter of the spline's piece."""
-    knots, limits = scene.drive.knots, scene.drive.speed_limits
+    knots = scene.drive.knots
     # A distance: the margin of the mode is a pull over κ where the tether is damped, and may be far more.
     _, stretch, _ = tautness(scene, t, piece, y)
     gap = max(0.0, -stretch)
     anchor = math.hypot(y[3], y[4]) + abs(y[5]) * math.hypot(scene.body[4], scene.body[5])
-    floor = (knots[piece + 1] - knots[piece]) / 4
-    safe, now = 0.0, t
-    for k in range(piece, len(limits)):
-        duration = knots[k + 1] - now if k < len(limits) - 1 else np.inf
-        speed: float = limits[k] + anchor
-        closing = speed * duration
-        if closing >= gap:
-            longest: float = max(floor, safe + gap / speed)
-            return longest
-        gap -= closing
-        safe += duration
-        now = knots[k + 1]
-    return np.inf
+    quarter: float = (knots[piece + 1] - knots[piece]) / 4
+    return max(quarter, safe_time(scene.drive, t, piece, gap, anchor))
 
 
 @compiled(allocates=False)

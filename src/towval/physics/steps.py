@@ -7,9 +7,12 @@ acceleration of now the stop is known beforehand.
 
 import math
 
+import numpy as np
+
 from towval.model import Array
 from towval.model.compiling import compiled
 from towval.physics.rosenbrock import ORDER
+from towval.physics.splines import Spline
 
 SHRINK, GROW = 0.2, 6.0
 """A step is this many times the last at least and at most."""
@@ -21,6 +24,41 @@ _LEAST_ERROR = 1e-4  # below, the trend of errors is that of rounding
 _TO_STOP = 0.5
 _HEAD_ON = 0.1  # square of the sine of the angle between velocity and deceleration, below which it is a stop
 _ABOVE_RISE = 2.0  # speeds of rise above which friction is steady; below, it is linear and no step too long
+
+
+_VELOCITY_RATE = 10.0  # 1/s; a velocity may be wrong by the position tolerance times this
+# Where friction rises within a speed, or the tether takes up friction within a stretch, below these, errors are kept
+# smaller in proportion: else the forces would be resolved no more, and the result wrong without a sign of it.
+_FINE_SPEED, _FINE_STRETCH = 1e-3, 1e-2  # m/s, m
+
+
+def error_scales(rise: float, stretch: float, radius: float) -> Array:
+    """Errors of the state (6,) that weigh as much as a metre of position.
+
+    ``rise`` [m/s], over which friction rises; ``stretch`` [m] in which the tether takes up friction, infinite without
+    one; ``radius`` of the footprint [m].
+    """
+    position = min(1.0, stretch / _FINE_STRETCH) * np.array([1.0, 1.0, 1 / radius])
+    return np.concatenate([position, position * min(1.0, rise / _FINE_SPEED) * _VELOCITY_RATE])
+
+
+@compiled(allocates=False)
+def safe_time(drive: Spline, t: float, piece: int, gap: float, anchor_speed: float) -> float:
+    """Time [s] that the drive, at the speed limits of its spline, and the anchor need to close a gap [m]."""
+    knots, limits = drive.knots, drive.speed_limits
+    safe: float = 0.0
+    now = t
+    for k in range(piece, len(limits)):
+        duration = knots[k + 1] - now if k < len(limits) - 1 else np.inf
+        speed = limits[k] + anchor_speed
+        closing = speed * duration
+        if closing >= gap:
+            safe += gap / speed
+            return safe
+        gap -= closing
+        safe += duration
+        now = knots[k + 1]
+    return np.inf
 
 
 @compiled(allocates=False)

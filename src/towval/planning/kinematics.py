@@ -70,16 +70,9 @@ def symmetric_rover(
     are mirror images. The rover can then turn on the spot, and the feasible centres form the two large triangles at the
     flanks and the smaller areas under the belly that the paper describes.
 
-    Parameters
-    ----------
-    wheelbase, track : float
-        Distances between the wheels' contact points, front to rear and left to right [m].
-    wheel_radius : float
-        [m]
-    outward, inward : float
-        Steering limits, above zero [rad]; 33.7° and 93° in the paper.
-    hinge : array_like (2,), optional
-        In the rover frame [m], whose origin is the centre of the rectangle.
+    ``wheelbase`` and ``track`` are the distances between the wheels' contact points, front to rear and left to right
+    [m]; ``outward`` and ``inward`` the steering limits, above zero [rad], 33.7° and 93° in the paper; ``hinge`` (2,) is
+    in the rover frame [m], whose origin is the centre of the rectangle.
     """
     if min(wheelbase, track) <= 0:
         raise InputError("the rover's wheelbase or track is out of range", got=(wheelbase, track), allowed="above zero")

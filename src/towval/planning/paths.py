@@ -80,12 +80,7 @@ def lemniscate(width: float) -> Curve:
 def rounded_square(side: float, corner_radius: float) -> Curve:
     """Square about the origin with rounded corners, counter-clockwise from the middle of its lower side.
 
-    Parameters
-    ----------
-    side : float
-        Side of the square before rounding [m]; 4 m in the paper.
-    corner_radius : float
-        Radius of the quarter circles at the corners [m], at most half the side.
+    ``side`` [m] before rounding, 4 m in the paper; ``corner_radius`` of the quarter circles [m], at most half of it.
     """
     _require_positive(side, "square side")
     if not 0 < corner_radius <= side / 2:
@@ -163,12 +158,7 @@ def timed(
 ) -> TimedPath:
     """Trajectory along a curve at constant speed, from time zero, both ends included.
 
-    Parameters
-    ----------
-    time_step : float
-        Time step [s]; all steps are equal, so the duration is rounded to full steps.
-    mean_speed, duration : float, optional
-        Speed [m/s] or time from end to end [s]: one of the two.
+    Given is either the speed [m/s] or the duration [s], which is rounded to full time steps [s].
     """
     if mean_speed is not None and duration is None:
         _require_positive(mean_speed, "mean speed of the path")

@@ -49,19 +49,10 @@ def close_loop(
 
     SOURCE: sections 2.3 (case 2) and 2.4. The object starts with the nominal pose and velocity.
 
-    Parameters
-    ----------
-    nominal : QuasistaticMotion
-        In equal time steps, which the planner adopts.
-    towed, law, tether, rover, settings, ground, hinge_height
-        As in :func:`tow` and :func:`towval.planning.planner.plan_rover`.
-    report_stride : int, optional
-        Use every so many rows of the plan as knots of the hinge's trajectory, and report there.
+    The planner adopts the equal time steps of ``nominal``; every ``report_stride`` rows of the plan are knots of the
+    hinge's trajectory, and reported. The rest is as in :func:`tow` and :func:`towval.planning.planner.plan_rover`.
 
-    Raises
-    ------
-    InputError
-        When the plan ends before the rover has moved.
+    Raises `InputError` when the plan ends before the rover has moved.
     """
     plan = plan_rover(nominal.hinge, rover, settings)
     motion = tow(
@@ -94,23 +85,8 @@ def tow(
 ) -> SimulatedMotion:
     """Tow an object behind a hinge that passes through given points: of a plan, a track or any recording of poses.
 
-    Parameters
-    ----------
-    times, hinge : array_like (n,), (n, 2)
-        Times [s] and points [m].
-    law : Sliding, FrictionLaw or SlidingPatch
-        Friction of its footprint, or the patch prepared with it.
-    start_pose, start_twist : array_like (3,)
-        First pose of the object [m, m, rad] and its velocity [m/s, m/s, rad/s], at rest by default.
-    stride : int, optional
-        Use every so many points, and the last, and report at their times.
-    ground, hinge_height
-        As in :func:`towval.physics.dynamics.feedback`.
-
-    Raises
-    ------
-    InputError
-        When there are fewer than two points.
+    Times (n,) [s] and points (n, 2) [m], of which every ``stride`` and the last are used and reported; the rest is as
+    in :func:`towval.physics.dynamics.feedback`. Raises `InputError` when there are fewer than two points.
     """
     times, hinge = np.asarray(times, dtype=np.float64), np.asarray(hinge, dtype=np.float64)
     rows = np.unique(np.concatenate([np.arange(0, len(times), stride), [len(times) - 1]]))

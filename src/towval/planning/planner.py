@@ -115,25 +115,13 @@ class RoverPlan:
 def plan_rover(
     path: TimedPath, rover: Rover, settings: PlannerSettings, *, start: ArrayLike | None = None
 ) -> RoverPlan:
-    """Drive a rover so that its hinge follows a path.
+    """Drive a rover so that its hinge follows a path; a plan that fails ends where it failed.
 
-    Parameters
-    ----------
-    path : TimedPath
-        Nominal path of the hinge, in equal time steps; the rover moves at its mean speed, with its time step.
-    start : array_like (3,), optional
-        First pose of the rover frame [m, m, rad]; by default the hinge is on the first point, with the heading planned
-        there. ASSUME: the wheels are already steered for the first step.
+    The path is in equal time steps; the rover moves at its mean speed, with its time step. ``start`` (3,) is the first
+    pose of the rover frame [m, m, rad]; by default the hinge is on the first point, with the heading planned there.
+    ASSUME: the wheels are already steered for the first step.
 
-    Returns
-    -------
-    RoverPlan
-        A plan that fails ends where it failed.
-
-    Raises
-    ------
-    InputError
-        When the path has fewer than three points or no length.
+    Raises `InputError` when the path has fewer than three points or no length.
     """
     length = path_length(path.position)
     if len(path.time_s) < 3 or length == 0:
@@ -226,13 +214,7 @@ def heading_over_hinge(position: ArrayLike, ahead: float) -> Array:
     turns; for rotation about centres abeam of the rover's centre, where the steering reaches farthest,
     dϑ/ds = sin(φ − ϑ)/ξ with the path's heading φ and the hinge at ξ. With the hinge ahead, the rover trails like a
     cart; with it behind, the same holds backwards from the end of the path, and the rover swings out before a bend.
-
-    Parameters
-    ----------
-    position : array_like (n, 2)
-        Points of the hinge's path [m].
-    ahead : float
-        ξ, position of the hinge ahead of the rover's centre [m], negative behind it.
+    ``position`` (n, 2) are points of the hinge's path, ``ahead`` is ξ [m], negative behind the rover's centre.
     """
     position = np.asarray(position, dtype=np.float64)
     heading = path_heading(position)

@@ -31,19 +31,8 @@ _OF_RUNS = ("run", "details")
 class ReportFigure:
     """Place and texts of a figure of the report.
 
-    Parameters
-    ----------
-    section : str
-        One of :data:`SECTIONS`; ``run`` and ``details`` hold figures of one run only.
-    title : str
-        What the figure shows, for readers who do not see it.
-    caption : str
-        Text below the figure.
-
-    Raises
-    ------
-    InputError
-        When there is no such section.
+    ``section``, one of :data:`SECTIONS`, of which ``run`` and ``details`` hold figures of one run only; ``title``, what
+    the figure shows, for readers who do not see it; ``caption``, the text below it.
     """
 
     section: Section
@@ -70,15 +59,9 @@ class CampaignFigure(ReportFigure):
 class RunFigure(ReportFigure):
     """A figure of one run, in the files ``<id>_<run>.pdf``, ``.svg`` and ``.png``.
 
-    Parameters
-    ----------
-    draw : callable
-        Makes a figure of the run, or None where what it shows is missing.
-    cursor : str
-        In the sections ``run`` and ``details``: ``time`` marks the film's time over a column of panels with time [s] as
-        x axis.
-    describe : callable, optional
-        Numbers of the run for readers who do not see the figure.
+    ``draw`` makes a figure of the run, or None where what it shows is missing; ``cursor`` "time" marks the film's time
+    over a column of panels with time [s] as x axis; ``describe`` gives numbers of the run for readers who do not see
+    the figure.
     """
 
     draw: Callable[[RunRecord], Figure | None]

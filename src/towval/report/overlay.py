@@ -39,26 +39,12 @@ def write_overlay(
     width_px: int = 960,
     damaged: bool = False,
 ) -> FilePath:
-    """Draw a run onto its footage.
+    """Draw a run onto its footage: an MP4 of H.264, high profile, yuv420p, index first.
 
-    Parameters
-    ----------
-    source, target : path
-        The run's video, and the MP4 to write; its folder is created if missing.
-    width_px : int, optional
-        Largest width of the video [px]; smaller footage keeps its size.
-    damaged : bool, optional
-        Use the part before the damage of a damaged source instead of refusing it.
+    Time 0 is the first frame of the source. Footage narrower than ``width_px`` keeps its size; of a ``damaged`` source
+    the part before the damage is used.
 
-    Returns
-    -------
-    path
-        ``target``: H.264, high profile, yuv420p, index first. Time 0 is the first frame of the source.
-
-    Raises
-    ------
-    InputError
-        When the source is no video, is damaged, or has another size than the camera.
+    Raises `InputError` when the source is no video, is damaged, or has another size than the camera.
     """
     painter = Painter(calibration, run, width_px)
     with replacing(target) as temporary, _opened(source) as film:

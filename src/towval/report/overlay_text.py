@@ -30,16 +30,9 @@ class TextPainter:
     def write(
         self, picture: NDArray[np.uint8], corner_px: tuple[int, int], parts: Sequence[tuple[str, Colour]]
     ) -> None:
-        """Write coloured parts after each other from the top left ``corner_px`` (u, v), in place.
+        """Write texts with their colours after each other from the top left ``corner_px`` (u, v) of an RGB picture.
 
-        Parameters
-        ----------
-        picture : ndarray (height, width, 3)
-            RGB.
-        corner_px : tuple of int
-            Top left corner of the strip; text that does not fit is cut off.
-        parts : sequence of (str, (int, int, int))
-            Text and its colour.
+        In place; text that does not fit is cut off.
         """
         u, v = corner_px
         width = round(sum(self._font.getlength(text) for text, _ in parts)) + 2 * self._padding

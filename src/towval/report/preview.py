@@ -26,19 +26,9 @@ _AXES = ((40, 40, 230), (60, 190, 60))
 def draw_start(
     luma: NDArray[np.uint8], calibration: Calibration, scene: TowingScene, bodies: Mapping[str, tuple[Body, Array]]
 ) -> Picture:
-    """Draw where bodies start onto the first frame.
+    """The first frame, blue, green and red, with where bodies start drawn in.
 
-    Parameters
-    ----------
-    luma : ndarray (height, width)
-        The first frame.
-    bodies : mapping
-        Rover and object by name with their poses (3,) [m, m, rad]; one that is not known is left out.
-
-    Returns
-    -------
-    ndarray (height, width, 3)
-        Blue, green, red.
+    ``bodies`` are rover and object by name with their poses (3,) [m, m, rad]; one that is not known is left out.
     """
     picture = np.asarray(cv2.cvtColor(luma, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
     line = max(1, round(luma.shape[1] / 700))

@@ -79,18 +79,9 @@ class Margins:
 def column_of_panels(
     heights_in: Sequence[float], margins: Margins, title: str = "", apart: int = 0
 ) -> tuple[Figure, list[Axes]]:
-    """A figure one column wide with stacked panels that share an x axis, labelled at the lowest.
+    """A figure one column wide with stacked panels of given heights [in] that share an x axis, labelled at the lowest.
 
-    Parameters
-    ----------
-    heights_in : sequence of float
-        Heights of the panels from the top [in].
-    margins : Margins
-        Margins around and between them.
-    title : str, optional
-        Title at the top left.
-    apart : int, optional
-        Number of upper panels with an x axis of their own and space for its labels.
+    The first ``apart`` panels have an x axis of their own and space for its labels; the title is at the top left.
     """
     gaps = [Margins.bottom + margins.down if i < apart else margins.down for i in range(len(heights_in) - 1)]
     height = margins.top + sum(heights_in) + sum(gaps) + margins.bottom

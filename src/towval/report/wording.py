@@ -35,19 +35,10 @@ def _plain_number(value: float) -> str:
 
 
 def named_scalar(name: str, value: float) -> tuple[str, str]:
-    """Label and value of a scalar whose key ends with its unit (``focal_length_std_px``, ``rms_mm at 0.25 m``).
+    """Label, and value with its unit, of a scalar whose key ends with the unit (``rms_mm at 0.25 m``).
 
-    Parameters
-    ----------
-    name : str
-        Words joined by underscores, the last one a unit, ``share`` or neither; `` at`` and a place may follow.
-    value : float
-        The scalar in that unit.
-
-    Returns
-    -------
-    tuple of str
-        Label without unit, and value with unit; shares in per cent, counts without decimals.
+    The key is words joined by underscores, the last one a unit, ``share`` or neither; `` at`` and a place may follow.
+    Shares are in per cent, counts without decimals.
     """
     stem, at, place = name.partition(" at ")
     words = stem.split("_")

@@ -72,24 +72,13 @@ def effect_choices(
     start: Array,
     found: RunUncertainty,
     simulated: SimulatedMotion,
-    limit_m: float = 0.0,
+    limit_m: float,
 ) -> tuple[Choice, ...]:
     """Each effect, taken or left out, with what the other would move [m]; one more simulation for each that is taken.
 
-    Parameters
-    ----------
-    batch : Batch
-        How the run is simulated.
-    rover : ndarray (m, 6)
-        Its nominal poses and rates at the batch's times.
-    start : ndarray (3,)
-        Pose of the object at the start.
-    found : RunUncertainty
-        With its draws.
-    simulated : SimulatedMotion
-        The run itself at the batch's times.
-    limit_m : float, optional
-        What may be left out: an effect that moves the path by less is taken without need.
+    ``batch``: how the run is simulated, with nominal poses and rates (m, 6) of the ``rover`` and the object's ``start``
+    pose (3,); ``simulated`` is the run itself at the batch's times, ``found`` its uncertainty with the draws. An effect
+    that moves the path by less than ``limit_m`` is taken without need.
     """
     batch = replace(batch, rung=DYNAMICS)
     taken = [effect for effect in EFFECTS if effect.acts(scene)]

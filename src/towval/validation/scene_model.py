@@ -20,25 +20,12 @@ _HOLD = 2.0
 
 
 class SceneModel:
-    """The towed object of a scene under its weight, with the friction law that its numbers give.
+    """The object of a scene under its weight, ``towed``, with the friction ``law`` that the scene's numbers give.
 
-    Parameters
-    ----------
-    scene : TowingScene
-    sticking : bool, optional
-        Whether an object below the friction limit stays, and the law of sliding begins at its peak; else the law
-        counts at every speed, and below the limit the object creeps.
+    ``sticking``: whether an object below the friction limit stays, and the law of sliding begins at its peak; else the
+    law counts at every speed, and below the limit the object creeps.
 
-    Attributes
-    ----------
-    towed : TowedObject
-    law : FittedLaw
-        With the misfit of the numbers that were stated.
-
-    Raises
-    ------
-    InputError, RefusedError
-        When the load's weight is outside the footprint, or no law has such numbers.
+    Raises `InputError` or `RefusedError` when the load's weight is outside the footprint, or no law has such numbers.
     """
 
     def __init__(self, scene: TowingScene, *, sticking: bool = False):

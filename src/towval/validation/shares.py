@@ -16,19 +16,9 @@ def variance_shares(draws: Array, outputs: Array, inputs: dict[str, int]) -> dic
     are weighted by their variances (Lamboni, Monod and Makowski 2011). What the regression's own noise adds to a
     squared coefficient is taken off. The rest, "noise and interactions", is what no input explains alone.
 
-    Parameters
-    ----------
-    draws : ndarray (k, d)
-        Standard normal numbers.
-    outputs : ndarray (k, m)
-        Results of the draws.
-    inputs : dict of str to int
-        Names of the inputs and of how many columns of ``draws`` each is made.
-
-    Returns
-    -------
-    dict of str to float
-        By name, "noise and interactions" last; they sum to one, unless nothing varies at all.
+    ``draws`` (k, d) are standard normal numbers, ``outputs`` (k, m) their results, ``inputs`` the names of the inputs
+    with how many columns of ``draws`` each is made of. The shares by name, "noise and interactions" last, sum to one
+    unless nothing varies at all.
     """
     k, d = draws.shape
     outputs = outputs - outputs.mean(axis=0)

@@ -36,7 +36,7 @@ from towval.physics.spatial.problem import (
 from towval.physics.spatial.rates import acceleration_slopes, accelerations, natural_mode, tautness
 from towval.physics.spatial.soles import RADIUS, Work
 from towval.physics.splines import piece_at
-from towval.physics.steps import GROW, following, retried, step_to_stop
+from towval.physics.steps import GROW, following, retried, safe_time, step_to_stop
 
 STUCK = 3
 """At rest, held by friction; beside SLACK, TAUT and FORCED."""
@@ -229,25 +229,7 @@ def _resting_step(problem: TowProblem, forced: bool, t: float, piece: int, y: Ar
         gap = gap / (n[KAPPA] * (1 + n[STIFFENING])) + max(0.0, -stretch)
         if n[DAMPING] > 0:
             gap = max(0.0, -stretch)
-    return max(quarter, safe_time(problem, t, piece, gap, 0.0))
-
-
-@compiled(allocates=False)
-def safe_time(problem: TowProblem, t: float, piece: int, gap: float, anchor_speed: float) -> float:
-    """Time [s] that the drive, at the speed limits of its spline, and the anchor need to close a gap."""
-    knots, limits = problem.drive.knots, problem.drive.speed_limits
-    safe: float = 0.0
-    now = t
-    for k in range(piece, len(limits)):
-        duration = knots[k + 1] - now if k < len(limits) - 1 else np.inf
-        closing = (limits[k] + anchor_speed) * duration
-        if closing >= gap:
-            safe += gap / (limits[k] + anchor_speed)
-            return safe
-        gap -= closing
-        safe += duration
-        now = knots[k + 1]
-    return np.inf
+    return max(quarter, safe_time(problem.drive, t, piece, gap, 0.0))
 
 
 @compiled(allocates=False)
@@ -355,7 +337,7 @@ def _slack_step(problem: TowProblem, t: float, piece: int, y: Array) -> float:
     _, stretch, _ = tautness(problem, t, piece, y)
     anchor = math.hypot(y[3], y[4]) + abs(y[5]) * math.hypot(n[ANCHOR_X], n[ANCHOR_Y])
     quarter: float = (knots[piece + 1] - knots[piece]) / 4
-    return max(quarter, safe_time(problem, t, piece, max(0.0, -stretch), anchor))
+    return max(quarter, safe_time(problem.drive, t, piece, max(0.0, -stretch), anchor))
 
 
 @compiled(allocates=False)

@@ -17,11 +17,10 @@ from towval.physics.spatial.problem import GRAVITY_N, HOLD_SPEED, KAPPA, MASS, R
 from towval.physics.spatial.rates import tensions
 from towval.physics.spatial.soles import RADIUS, work_for
 from towval.physics.splines import spline_values
+from towval.physics.steps import error_scales
 
 _COUNTS = ("steps", "rejections", "mode_changes", "break_aways", "looks")
-# Where friction rises within a speed, or the tether takes up friction within a stretch, below these, errors are kept
-# smaller in proportion. With sticking the rise is below 1e-4 m/s only where an object is let go or comes to rest.
-_FINE_SPEED, _FINE_STRETCH, _VELOCITY_RATE, _FINEST_SPEED = 1e-3, 1e-2, 10.0, 1e-4
+_FINEST_SPEED = 1e-4  # m/s; with sticking friction rises faster only where an object is let go or comes to rest
 
 
 @dataclass(frozen=True)
@@ -76,7 +75,10 @@ def run_tow(problem: TowProblem, forced: bool, start: Array, times: Array, toler
     states, modes = np.empty((n, 6)), np.zeros(n, dtype=np.int64)
     # An object trails a tether stretched by some 10 mm: of an error of friction its place errs by a hundredth metre.
     work = work_for(problem.soles, problem.regions, friction_error=tolerance)
-    weights = tolerance * _error_scales(problem, forced)
+    numbers, radius = problem.numbers, problem.soles.numbers[RADIUS]
+    rise = max(1 / problem.sliding[SLOPE], _FINEST_SPEED if numbers[HOLD_SPEED] > 0 else 0.0)
+    stretch = np.inf if forced else numbers[MASS] * numbers[GRAVITY_N] / numbers[KAPPA]
+    weights = tolerance * error_scales(rise, stretch, radius)
     code, filled, counts = integrate(problem, work, forced, start, times, weights, step_limit, states, modes)
     states, tension = states[:filled], np.zeros((filled, 3))
     if forced:
@@ -91,13 +93,3 @@ def _ever_towed(problem: TowProblem, modes: NDArray[np.int64], counts: NDArray[n
     if problem.numbers[TETHER_WEIGHT] > 0:  # It pulls a little all along.
         return bool((lengths >= problem.numbers[REST]).any())
     return bool((modes == TAUT).any() or (modes == STUCK).any() or counts[2] or counts[3])
-
-
-def _error_scales(problem: TowProblem, forced: bool) -> Array:
-    """Errors of the state (6,) that weigh as much as a metre of position; as in ``dynamics``."""
-    numbers, soles = problem.numbers, problem.soles.numbers
-    rise = max(1 / problem.sliding[SLOPE], _FINEST_SPEED if numbers[HOLD_SPEED] > 0 else 0.0)
-    load = numbers[MASS] * numbers[GRAVITY_N]
-    stretch_share = 1.0 if forced else min(1.0, load / numbers[KAPPA] / _FINE_STRETCH)
-    position = stretch_share * np.array([1.0, 1.0, 1 / soles[RADIUS]])
-    return np.concatenate([position, position * min(1.0, rise / _FINE_SPEED) * _VELOCITY_RATE])

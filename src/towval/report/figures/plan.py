@@ -27,20 +27,10 @@ def plan_figure(
     wanted: Array | None = None,
     limited: NDArray[np.bool_] | None = None,
 ) -> Figure:
-    """Map of the hinge and of the object behind it, one column wide, with equal scales.
+    """Map of the hinge's path (n, 2) [m] and of the object behind it, one column wide, with equal scales.
 
-    Parameters
-    ----------
-    hinge : ndarray (n, 2)
-        Path of the hinge on the floor [m].
-    motion : SimulatedMotion
-        Of the object behind it.
-    towed : TowedObject
-        Its footprint is drawn at equal steps of time.
-    wanted : ndarray (k, 2), optional
-        Path that the object was to follow [m].
-    limited : ndarray of bool (n,), optional
-        Where the rover could not turn as tightly as the path asks: a bend there is the rover's, elsewhere the path's.
+    The footprint is drawn at equal steps of time; ``wanted`` (k, 2) is the path that the object was to follow [m].
+    Where ``limited`` (n,), the rover could not turn as tightly as the path asks: a bend there is the rover's.
     """
     figure = Figure(figsize=(COLUMN_WIDTH_IN, COLUMN_WIDTH_IN))
     axes = figure.add_subplot()
