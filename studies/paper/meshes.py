@@ -114,7 +114,7 @@ def mesh_rows(scene: PaperScene, element_size: float | None) -> list[Row]:
 def _timed_plan(scene: PaperScene, patch: SlidingPatch, specification: TimedPath, times: Array) -> tuple[float, float]:
     start = time.process_time()
     plan = quasistatic_plan(scene.towed, patch, specification, scene.tether, times=times)
-    return time.process_time() - start, float(plan.heading_rate[0])
+    return time.process_time() - start, float(plan.twist[0, 2])
 
 
 def _contact_parts(plan: Mapping[str, Any]) -> dict[str, Part]:

@@ -44,7 +44,7 @@ def main() -> None:
     resting = [(CUBE.mass * GRAVITY_M_PER_S2, CUBE.centre_of_mass)]
     exact = sliding_patch(resting_pressure(CUBE), MAKKAR)
     plan = quasistatic_plan(CUBE, exact, path, tether)
-    start = plan.pose[0, 2], plan.heading_rate[0]
+    start = plan.pose[0, 2], plan.twist[0, 2]
     wrench = seconds_a_wrench(sliding_patch(pressure_plane(CUBE.patch, LOADS), MAKKAR), 4000)
     motion = least_cpu_seconds(lambda: quasistatic_plan(CUBE, exact, path, tether))
     head = ("element [m]", "cells", "paper's", "wrench [µs]", "ratio", "QSM [s]", "timed steps", "ratio", "paper [s]")

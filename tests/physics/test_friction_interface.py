@@ -13,7 +13,7 @@ from towval.model.errors import InputError
 from towval.physics.contact import pressure_plane
 from towval.physics.dynamics import Outcome, feedback
 from towval.physics.friction_laws import LAWS, Coulomb, FittedLaw, Makkar, fitted_law
-from towval.physics.friction_table import coefficient_over_speed, friction_table, ratio_and_slope
+from towval.physics.friction_table import friction_table, ratio_and_slope
 from towval.physics.quasistatic import quasistatic_plan
 from towval.physics.wrench import friction_wrench, sliding_patch
 
@@ -91,16 +91,6 @@ def test_table_holds_the_law_and_its_slope(given):
         ratio, slope = ratio_and_slope(table, speed, 1 / speed)
         assert ratio * speed == pytest.approx(float(given.coefficient(speed)), rel=1e-9)
         assert slope == pytest.approx(float(given.slope(speed)), rel=1e-6, abs=1e-8 / speed)
-
-
-def test_scaled_law_scales_at_every_speed(law):
-    scaled = law.scaled(1.3)
-    for speed in np.geomspace(1e-8, 10, 50):
-        assert coefficient_over_speed(friction_table(scaled), speed) * speed == pytest.approx(
-            1.3 * float(law.coefficient(speed)), rel=1e-9
-        )
-    with pytest.raises(InputError):
-        law.scaled(-0.1)
 
 
 @pytest.mark.parametrize(

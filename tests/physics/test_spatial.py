@@ -269,7 +269,7 @@ def test_a_region_everywhere_is_another_coefficient():
     times, hinge = np.linspace(0, 10, 11), TimedPath([0.0, 10.0], [[0.81, 0.0], [1.3, 0.4]])
     law = Coulomb(MU, 1e-3)
     mapped = feedback(block(height=0.1), law, TETHER, hinge, (0, 0, 0), times, ground=Ground(regions=everywhere))
-    scaled = feedback(block(height=0.1), law.scaled(1.2), TETHER, hinge, (0, 0, 0), times)
+    scaled = feedback(block(height=0.1), Coulomb(1.2 * MU, 1e-3), TETHER, hinge, (0, 0, 0), times)
     assert mapped.pose == pytest.approx(scaled.pose, abs=1e-9)
     # A region that the tow crosses: the same to the integrator's tolerance, at a tighter one.
     crossing = Ground(regions=[FloorRegion([[0.1, -9], [9, -9], [9, 9], [0.1, 9]], 1.2)])

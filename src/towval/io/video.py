@@ -33,8 +33,8 @@ class VideoHeader:
 
     ``resolution_px`` (width, height) as stored, before ``rotation``; ``frames`` the number of frames the header
     claims, None where it does not say (MPEG-TS); ``end_s`` when the video ends [s] and ``rate_hz`` the average frame
-    rate, ``length_s`` of the pictures and ``sound_s`` of the sound [s], NaN where unknown; ``codec`` and
-    ``pixel_format`` by FFmpeg's names.
+    rate, ``length_s`` of the pictures and ``sound_s`` of the sound [s], NaN where unknown; ``codec`` by
+    FFmpeg's name.
     """
 
     resolution_px: tuple[int, int]
@@ -42,7 +42,6 @@ class VideoHeader:
     end_s: float
     rate_hz: float
     codec: str
-    pixel_format: str
     length_s: float = float("nan")
     sound_s: float = float("nan")
 
@@ -201,7 +200,6 @@ def _header(container: av.container.InputContainer) -> VideoHeader:
         end_s=float(((stream.start_time or 0) + stream.duration) * base) if stream.duration else nan,
         rate_hz=float(stream.average_rate) if stream.average_rate else nan,
         codec=context.name,
-        pixel_format=context.pix_fmt or "",
         length_s=float(stream.duration * base) if stream.duration else nan,
         sound_s=float(sound.duration * (sound.time_base or 0)) if sound is not None and sound.duration else nan,
     )

@@ -2,7 +2,7 @@
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Any, ClassVar
 
 import numpy as np
@@ -51,45 +51,6 @@ class FrictionLaw(ABC):
     def parameters(self) -> dict[str, Any]:
         """Parameters by name, for records."""
         return {field.name: getattr(self, field.name) for field in fields(self)}  # type: ignore[arg-type]
-
-    def scaled(self, factor: float) -> "FrictionLaw":
-        """The law with μ multiplied by a factor [1] at every speed: static and kinetic friction alike."""
-        return ScaledLaw(self, float(factor))
-
-
-@dataclass(frozen=True)
-class ScaledLaw(FrictionLaw):
-    """A law multiplied by a factor [1] at every speed."""
-
-    name: ClassVar[str] = "scaled"
-    law: FrictionLaw
-    factor: float
-
-    def __post_init__(self) -> None:
-        check_friction_law(self)
-
-    def coefficient(self, speed: ArrayLike) -> Array:
-        """μ(v) [1]."""
-        return self.factor * self.law.coefficient(speed)
-
-    def slope(self, speed: ArrayLike) -> Array:
-        """dμ/dv [s/m]."""
-        return self.factor * self.law.slope(speed)
-
-    @property
-    def speed_range(self) -> tuple[float, float]:
-        """That of the law itself [m/s]."""
-        return self.law.speed_range
-
-    @property
-    def plateau(self) -> float:
-        """μ at high speed [1]."""
-        return self.factor * self.law.plateau
-
-    @property
-    def viscous(self) -> float:
-        """Slope at high speed [s/m]."""
-        return self.factor * self.law.viscous
 
 
 def check_friction_law(law: FrictionLaw) -> None:

@@ -42,7 +42,7 @@ class QuasistaticMotion:
     """What the quasi-static model plans, on given times.
 
     ``time_s`` (n,); ``pose`` (n, 3) of the body frame [m, m, rad]; ``twist`` (n, 3) of the body frame's origin, floor
-    axes [m/s, m/s, rad/s]; ``heading_rate`` (n,) [rad/s]; ``tether_force`` (n, 2) on the object, floor axes [N];
+    axes [m/s, m/s, rad/s]; ``tether_force`` (n, 2) on the object, floor axes [N];
     ``hinge`` the nominal path of the tether's end on the rover; ``residual_moment`` (n,) about the anchor [N m], zero
     but where the root was lost; ``findings`` what a user has to know.
     """
@@ -50,7 +50,6 @@ class QuasistaticMotion:
     time_s: Array
     pose: Array
     twist: Array
-    heading_rate: Array
     tether_force: Array
     hinge: TimedPath
     residual_moment: Array
@@ -61,7 +60,7 @@ class QuasistaticMotion:
 
     def __post_init__(self) -> None:
         n = len(self.time_s)
-        lock(self, time_s=(n,), pose=(n, 3), twist=(n, 3), heading_rate=(n,), tether_force=(n, 2), residual_moment=(n,))
+        lock(self, time_s=(n,), pose=(n, 3), twist=(n, 3), tether_force=(n, 2), residual_moment=(n,))
 
 
 def quasistatic_plan(
@@ -139,7 +138,6 @@ def quasistatic_plan(
         time_s=times,
         pose=plan.pose,
         twist=plan.twist,
-        heading_rate=plan.twist[:, 2],
         tether_force=plan.tether_force,
         hinge=TimedPath(times, plan.hinge),
         residual_moment=np.where(plan.status == ROOT_LOST, plan.moment, 0.0),

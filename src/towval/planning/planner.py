@@ -83,7 +83,7 @@ class RoverPlan:
 
     ``time_s`` (n,); ``pose`` (n, 3) of the rover frame [m, m, rad]; ``hinge`` (n, 2) [m]; ``twist`` (n, 3) in the rover
     frame [m/s, m/s, rad/s]; ``steering`` (n, 4) [rad] and ``wheel_rates`` (n, 4) [rad/s] of the wheels, in the order of
-    ``WHEEL_NAMES``; ``bicycle_steering`` (n, 2) [rad]; ``case`` (n,) of :class:`PlanCase`; ``target`` (n,) index of the
+    ``WHEEL_NAMES``; ``case`` (n,) of :class:`PlanCase`; ``target`` (n,) index of the
     target point on the path; ``rms`` [m] of the hinge from the path; ``advice`` explains the ``outcome``.
     """
 
@@ -93,7 +93,6 @@ class RoverPlan:
     twist: Array
     steering: Array
     wheel_rates: Array
-    bicycle_steering: Array
     case: NDArray[np.int64]
     target: NDArray[np.int64]
     rms: float
@@ -104,7 +103,7 @@ class RoverPlan:
     def __post_init__(self) -> None:
         n = len(self.time_s)
         lock(self, time_s=(n,), pose=(n, 3), hinge=(n, 2), twist=(n, 3))
-        lock(self, steering=(n, 4), wheel_rates=(n, 4), bicycle_steering=(n, 2))
+        lock(self, steering=(n, 4), wheel_rates=(n, 4))
         lock_whole(self, np.int64, "case", "target")
 
     def share_of(self, case: PlanCase) -> float:
@@ -139,7 +138,7 @@ def plan_rover(
     speed = length / (path.time_s[-1] - path.time_s[0])
     step = (path.time_s[-1] - path.time_s[0]) / (len(path.time_s) - 1)
     circling = 2 * (2 * np.pi * region.tightest_radius) + settings.threshold
-    count, code, pose, twist, bicycle, case, target = _drive(
+    count, code, pose, twist, case, target = _drive(
         (path.position, heading),
         start,
         (rover.hinge, rover.axles[:, 0].copy(), region),
@@ -155,7 +154,6 @@ def plan_rover(
         twist=twist[rows],
         steering=steering,
         wheel_rates=wheel_rates(rover, steering, twist[rows]),
-        bicycle_steering=bicycle[rows],
         case=case[rows],
         target=target[rows],
         rms=deviation_rms(hinge, path.position),
@@ -325,13 +323,13 @@ def _drive(
     rover: tuple[Array, Array, Flanks],
     limits: tuple[float, float, float, float, float],
     gains: tuple[float, float, float, float, float],
-) -> tuple[int, int, Array, Array, Array, NDArray[np.int64], NDArray[np.int64]]:
-    """The planner's loop. Returns the rows used, the index of the outcome, poses, twists, steering, cases, targets."""
+) -> tuple[int, int, Array, Array, NDArray[np.int64], NDArray[np.int64]]:
+    """The planner's loop. Returns the rows used, the index of the outcome, poses, twists, cases, targets."""
     (position, heading), (hinge, axles, region) = path, rover
     threshold, close, arrival, stray, circling = limits
     _, _, speed, step, most_travel = gains
     last, most_steps = len(position) - 1, int(np.ceil(most_travel / (speed * step)))
-    pose, twist, bicycle = np.zeros((most_steps, 3)), np.zeros((most_steps, 3)), np.zeros((most_steps, 2))
+    pose, twist = np.zeros((2, most_steps, 3))
     case, target = np.zeros(most_steps, np.int64), np.zeros(most_steps, np.int64)
     delta, error, desired = np.zeros(2), np.zeros(2), np.zeros(2)
     pose[0] = start
@@ -353,10 +351,9 @@ def _drive(
         if k == 0:
             delta[:] = desired
         tangents = _steered(region, gains, delta, desired, error)
-        bicycle[k] = delta
         twist[k] = _twist_of_tangents(tangents, axles, hinge, speed)
         arrived, strayed = aim == last and gap <= arrival, gap > threshold + stray
         if arrived or strayed or speed * step * (k - progressed) > circling:
             code = 0 if arrived else 1 if strayed else 2
             break
-    return k + 1, code, pose, twist, bicycle, case, target
+    return k + 1, code, pose, twist, case, target

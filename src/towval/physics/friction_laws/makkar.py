@@ -92,10 +92,6 @@ class Makkar(FrictionLaw):
         """γ6 [s/m]."""
         return self.gamma6
 
-    def scaled(self, factor: float) -> "Makkar":
-        """The law with its amplitudes γ1, γ4 and γ6 multiplied by a factor [1]."""
-        return Makkar(*(self.gamma * [factor, 1, 1, factor, 1, factor]).tolist())
-
 
 def fit_specification(specification: FrictionSpecification) -> FittedLaw:
     """Makkar's law for the numbers of a specification; see :func:`fit_makkar`."""
