@@ -70,14 +70,14 @@ def run(
     with progress(f"track {name}", video.header.frames) as done:
         # The paper's method has no sample points to select.
         if "samples" in auto and settings.method == "plane":
-            thinning, simulating = (dict((later or {}).get(stage, {})) for stage in ("decimate", "simulate"))
+            decimation, simulation = (dict((later or {}).get(stage, {})) for stage in ("decimate", "simulate"))
             settings, tracks = track_selecting(
                 video,
                 *scene,
                 settings,
                 given.scene,
-                decimation=settings_from(DecimateSettings, thinning, "decimate"),
-                simulation=settings_from(SimulateSettings, without_auto(simulating, *SELECTED)[0], "simulate"),
+                decimation=settings_from(DecimateSettings, decimation, "decimate"),
+                simulation=settings_from(SimulateSettings, without_auto(simulation, *SELECTED)[0], "simulate"),
                 progress=done,
             )
         else:

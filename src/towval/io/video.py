@@ -33,15 +33,13 @@ class VideoHeader:
 
     ``resolution_px`` (width, height) as stored, before ``rotation``; ``frames`` the number of frames the header
     claims, None where it does not say (MPEG-TS); ``end_s`` when the video ends [s] and ``rate_hz`` the average frame
-    rate, ``length_s`` of the pictures and ``sound_s`` of the sound [s], NaN where unknown; ``codec`` by
-    FFmpeg's name.
+    rate, ``length_s`` of the pictures and ``sound_s`` of the sound [s], NaN where unknown.
     """
 
     resolution_px: tuple[int, int]
     frames: int | None
     end_s: float
     rate_hz: float
-    codec: str
     length_s: float = float("nan")
     sound_s: float = float("nan")
 
@@ -199,7 +197,6 @@ def _header(container: av.container.InputContainer) -> VideoHeader:
         frames=stream.frames or None,
         end_s=float(((stream.start_time or 0) + stream.duration) * base) if stream.duration else nan,
         rate_hz=float(stream.average_rate) if stream.average_rate else nan,
-        codec=context.name,
         length_s=float(stream.duration * base) if stream.duration else nan,
         sound_s=float(sound.duration * (sound.time_base or 0)) if sound is not None and sound.duration else nan,
     )

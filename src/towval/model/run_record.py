@@ -16,8 +16,8 @@ class RunRecord:
     """One run from its tracks to its comparison.
 
     ``rover`` and ``towed`` are the two bodies, ``hinge`` (2,) and ``anchor`` (2,) [m] the ends of the tether in their
-    frames; ``rover_track``, ``object_track`` what was measured, ``decimated`` the thinned track of the rover (None
-    where it was not thinned), ``simulated`` what the model says, ``comparison`` the difference, ``uncertainty``
+    frames; ``rover_track``, ``object_track`` what was measured, ``decimated`` the decimated track of the rover (None
+    where there is none), ``simulated`` what the model says, ``comparison`` the difference, ``uncertainty``
     how large it may be if the model is right, None where that was not computed. ``hinge_height_m`` and
     ``anchor_height_m`` are those of the tether's ends above the floor.
     """

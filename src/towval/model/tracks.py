@@ -197,7 +197,7 @@ class Track:
 
 @dataclass(frozen=True)
 class DecimatedTrack:
-    """A track thinned to the points that it needs: a C1 cubic through poses and their rates.
+    """A track reduced to the points that it needs: a C1 cubic through poses and their rates.
 
     ``time_s`` (m,) times of kept frames; ``pose`` (m, 3) and ``rate`` (m, 3) of the smoothing spline there [m, m, rad;
     per s]; ``covariance`` (m, 3, 3) of the kept poses; ``noise`` (3,) standard deviation of one measured pose, read off

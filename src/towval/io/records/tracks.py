@@ -217,9 +217,9 @@ def write_decimated(path: Path, decimated: dict[str, DecimatedTrack], provenance
 
 @result_reader
 def read_decimated(path: Path) -> dict[str, DecimatedTrack]:
-    """Read ``decimate.mcap``: the thinned track of each body by name.
+    """Read ``decimate.mcap``: the decimated track of each body by name.
 
-    Raises `InputError` when the file is missing, damaged or holds no thinned tracks.
+    Raises `InputError` when the file is missing, damaged or holds no decimated tracks.
     """
     content = read_mcap(path)
     if not content.details:
