@@ -13,7 +13,9 @@ from marker_pictures import picture_with
 from studies.worlds.film import cut_off, write_video
 from studies.worlds.scenes import ceiling
 from towval.commands.calibrate import run as calibrate
+from towval.commands.check import _start
 from towval.commands.track import run as track
+from towval.io.campaign import load_campaign
 from towval.io.mcap_file import read_provenance
 from towval.io.records import read_tracks, write_calibration
 from towval.io.video import Video
@@ -92,7 +94,8 @@ def test_a_start_that_is_not_certain_is_drawn_and_asked_for(campaign, camera, la
 
 def test_tags_are_as_good_as_clicks(campaign, tmp_path):
     lens, floor = ceiling((960, 540), 780.0, distortion=(-0.05,))
-    write_calibration(tmp_path / "camera.mcap", Calibration(lens, floor, np.zeros((18, 18)), 0.1), {})
+    calibration = Calibration(lens, floor, np.zeros((18, 18)), 0.1)
+    write_calibration(tmp_path / "camera.mcap", calibration, {})
     poses = {"rover": np.array([0.5, 0.3, 0.4]), "object": np.array([-0.6, -0.3, -0.2])}
     heights = {"rover": 0.42, "object": 0.25}
     tags = {
@@ -121,9 +124,14 @@ def test_tags_are_as_good_as_clicks(campaign, tmp_path):
             ]
         del document["object"]["load"]
 
-    track(campaign(change, tmp_path / "tags.mp4"), "a", tmp_path / "camera.mcap", tmp_path / "track.mcap")
+    folder = campaign(change, tmp_path / "tags.mp4")
+    given = load_campaign(folder)
+    start = _start(given, given.runs["a"], Video(tmp_path / "tags.mp4"), calibration)
+    assert start.doubts == {}, "a check of the campaign searches for no outline where tags say it"
+    track(folder, "a", tmp_path / "camera.mcap", tmp_path / "track.mcap")
     for body, found in read_tracks(tmp_path / "track.mcap").items():
         assert found.seen.all()
+        assert np.linalg.norm(start.poses[body][:2] - poses[body][:2]) < 2.5e-3
         # The tops have no edges here: the pose is that of the tags alone, half a pixel of 4.7 mm.
         assert np.linalg.norm(found.pose[:, :2] - poses[body][:2], axis=1).max() < 2.5e-3
         assert np.abs(wrapped(found.pose[:, 2] - poses[body][2])).max() < np.deg2rad(1.0)
