@@ -9,7 +9,7 @@ from towval.model import Stamp, Track, TrackStatus
 from towval.tracking.stamps import check_stamps, rate_findings
 
 
-def filmed(true_s, stamps_s, shown=None, speeds=(0.15, 0.12), bumps=0.0, seed=0):
+def filmed(true_s, stamps_s, shown=None, speeds=(0.15, 0.12), bumps=0.0, seed=0, noise_m=2e-5):
     """Tracks of two bodies photographed at ``true_s``; ``shown``: index of the picture shown at each stamp."""
     rng = np.random.default_rng(seed)
     true_s = np.asarray(true_s)[np.arange(len(stamps_s)) if shown is None else shown]
@@ -17,7 +17,7 @@ def filmed(true_s, stamps_s, shown=None, speeds=(0.15, 0.12), bumps=0.0, seed=0)
     for k, (name, speed) in enumerate(zip(("rover", "object"), speeds, strict=True)):
         along = speed * (true_s + 0.1 * np.sin(2 * true_s + k)) + bumps * np.sin(9 * true_s + 2 * k) / 9
         heading = 0.3 * np.sin(0.5 * true_s)
-        pose = np.column_stack([along, 0.2 * np.sin(0.8 * true_s), heading]) + 2e-5 * rng.standard_normal((n, 3))
+        pose = np.column_stack([along, 0.2 * np.sin(0.8 * true_s), heading]) + noise_m * rng.standard_normal((n, 3))
         ones = np.ones(n)
         cov = np.tile(np.diag([4e-10, 4e-10, 1e-9]), (n, 1, 1))
         tracks[name] = Track(name, stamps_s, pose, cov, np.full(n, TrackStatus.TRACKED), ones, ones, 1e-8 * np.eye(3))
@@ -59,6 +59,19 @@ def test_dropped_pictures_are_found_where_a_deviation_holds_what_wanders_slowly(
     kept = np.flatnonzero(np.random.default_rng(seed).random(250) > 0.15)
     assert "stamps_contradicted" in codes(unsure(filmed(EVEN[kept], EVEN[: len(kept)], seed=seed)))
     assert codes(unsure(filmed(EVEN, EVEN, seed=seed))) == []
+
+
+@pytest.mark.parametrize(("deviations", "told"), [(1.8, False), (3.5, True)])
+def test_steps_of_a_motion_without_noise_are_compared_with_a_share_of_what_is_stated(deviations, told):
+    """Both bodies move at 0.127 m/s where the picture is repeated."""
+    shown = np.arange(250)
+    shown[49] = 48
+    stated = np.diag([(0.127 / 25 / deviations) ** 2] * 2 + [1e-9])
+    tracks = {
+        name: replace(track, covariance=np.tile(stated, (250, 1, 1)))
+        for name, track in filmed(EVEN, EVEN, shown, noise_m=0.0).items()
+    }
+    assert ("pictures_repeated" in codes(tracks)) == told
 
 
 @pytest.mark.parametrize(("rest_s", "lost"), [(0, 60), (0, 61), (0, 103), (3.4, 120)])

@@ -5,6 +5,8 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from painted import POSE, picture
+from painted import target as painted_target
 
 from marker_pictures import picture_with
 from studies.worlds.scenes import ceiling, drive
@@ -18,7 +20,7 @@ from towval.tracking.co_moving import co_moving, goers
 from towval.tracking.markers import clicks_from_tags
 from towval.tracking.outline import pose_from_clicks
 from towval.tracking.outline_search import alike, symmetry_of
-from towval.tracking.start import Tow, find_starts, starts_drawn
+from towval.tracking.start import Place, Tow, _displacement, find_starts, starts_drawn
 
 LONG = Tow(np.zeros(2), np.zeros(2), 9.0)
 TIMES_S = np.linspace(0.0, 4.0, 5)
@@ -107,6 +109,23 @@ def test_what_goes_with_a_body_ends_where_the_body_ends():
     assert away.sum() == 2
     assert (beside[0] > 0.3).all()
     assert (beside[1] < 0.0).all()
+
+
+def test_a_body_has_gone_elsewhere_by_eight_pixels():
+    own = painted_target()
+    along = own.metres_per_pixel(POSE) * np.array([1.0, 0.0, 0.0])
+    still, near, far = (picture(own, POSE + gone_px * along) for gone_px in (0.0, 6.0, 11.0))
+    views = co_moving(own, POSE, [still, near, far])
+    assert [id(luma) for luma, _ in views] == [id(still), id(far)]
+
+
+def test_a_sense_of_motion_is_that_of_three_tenths_of_the_reach_of_a_body():
+    own, luma = painted_target(), np.zeros((2, 2), np.uint8)
+    gone = [(luma, np.array([share * own.reach_m, 0.0, 0.0])) for share in (0.0, 0.2, 0.4)]
+    assert _displacement(own, Place(1.0, POSE, tuple(gone[:2]))) is None
+    step = _displacement(own, Place(1.0, POSE, tuple(gone)))
+    assert step is not None
+    assert np.linalg.norm(step) == pytest.approx(0.4 * own.reach_m)
 
 
 def test_a_slack_tether_leaves_the_way_round_to_the_sense_of_motion():
