@@ -69,13 +69,7 @@ class Tow:
 
     def span_m(self, rover: Array, towed: Array) -> Array:
         """Distance (...) of the tether's ends on the floor for poses (..., 3) [m]."""
-        return np.asarray(np.linalg.norm(_point(rover, self.hinge) - _point(towed, self.anchor), axis=-1))
-
-
-def _point(pose: Array, own: Array) -> Array:
-    c, s = np.cos(pose[..., 2]), np.sin(pose[..., 2])
-    point: Array = pose[..., :2] + np.stack([c * own[0] - s * own[1], s * own[0] + c * own[1]], axis=-1)
-    return point
+        return np.asarray(np.linalg.norm(transform(rover, self.hinge) - transform(towed, self.anchor), axis=-1))
 
 
 @dataclass(frozen=True)
@@ -301,7 +295,7 @@ def _forwards(pose: Array, own: Array, step: Array | None) -> float:
     """Cosine of the angle from a direction (2,) in the body's frame to a step (2,) on the floor; one where unknown."""
     if step is None:
         return 1.0
-    ahead = _point(np.array([0.0, 0.0, pose[2]]), own)
+    ahead = transform(np.array([0.0, 0.0, pose[2]]), own)
     return float(ahead @ step / (np.linalg.norm(ahead) * np.linalg.norm(step)))
 
 
