@@ -58,7 +58,7 @@ def test_a_board_of_another_size_is_named(seed, size, code):
 
 @pytest.mark.parametrize(
     ("size", "codes"),
-    [(0.001, []), (0.0033, ["lengths_differ"]), (-0.0033, ["lengths_differ"]), (0.006, ["lengths_wrong"])],
+    [(0.0018, []), (0.0033, ["lengths_differ"]), (-0.0033, ["lengths_differ"]), (0.006, ["lengths_wrong"])],
 )
 def test_deviations_decide(size, codes):
     scene = standard_scene(1)
