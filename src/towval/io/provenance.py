@@ -187,6 +187,11 @@ def _module_files(name: str) -> list[Path]:
     folder = _source_folder(top)
     if folder is None:
         return [] if parts else _single_file(top)
+    return _files_below(folder, tuple(parts))
+
+
+@cache
+def _files_below(folder: Path, parts: tuple[str, ...]) -> list[Path]:
     found = [folder / "__init__.py"]
     for part in parts:
         if (folder / f"{part}.py").is_file():

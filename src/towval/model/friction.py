@@ -1,5 +1,6 @@
 """What every friction law tells the physics: μ and its slope over the sliding speed, and where μ stops varying."""
 
+import functools
 import math
 from abc import ABC, abstractmethod
 from dataclasses import fields
@@ -61,6 +62,11 @@ def check_friction_law(law: FrictionLaw) -> None:
     """
     if not isinstance(law, FrictionLaw):
         raise InputError("not a friction law", got=type(law).__name__, allowed="an instance of FrictionLaw")
+    _check_values(law)
+
+
+@functools.lru_cache(maxsize=32)  # A law is checked where it is made and where it is tabulated, in each of many draws.
+def _check_values(law: FrictionLaw) -> None:
     title = f"the friction law '{law.name}'"
     low, high = law.speed_range
     if not 0 < low < high < math.inf:

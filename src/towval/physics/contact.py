@@ -224,7 +224,7 @@ def footprint_size(patch: Patch) -> float:
 
 def refuse_tipping(polygon: shapely.Polygon | shapely.MultiPolygon, centre: Array, size: float) -> None:
     """Raise RefusedError where the centre of the loads is outside the convex hull of the footprint, or on its edge."""
-    hull, point = polygon.convex_hull, shapely.Point(centre)
+    hull, point = _convex_hull(polygon), shapely.Point(centre)
     distance = hull.exterior.distance(point)
     if not hull.contains(point) or distance < EDGE_DISTANCE_LIMIT * size:
         side = "on the edge of" if distance < EDGE_DISTANCE_LIMIT * size else f"{distance:.4g} m outside"
@@ -234,6 +234,11 @@ def refuse_tipping(polygon: shapely.Polygon | shapely.MultiPolygon, centre: Arra
             allowed="inside the convex hull",
             remedy="check the place and mass of the loads and the outline of the footprint",
         )
+
+
+@functools.lru_cache(maxsize=64)
+def _convex_hull(polygon: shapely.Polygon | shapely.MultiPolygon) -> shapely.Polygon:
+    return polygon.convex_hull
 
 
 def oriented_rings(polygon: shapely.Polygon | shapely.MultiPolygon) -> list[Array]:
