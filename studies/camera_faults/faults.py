@@ -59,7 +59,15 @@ def _hevc(crf: float, _pixels: float) -> Mapping[str, str]:
 
 _MOVED = ("camera_moved", "camera_moved_before", "camera_not_registered", "floor_not_recognised")
 _TIME = ("stamps_contradicted", "stamps_uneven", "pictures_repeated", "pictures_missing", "time_gap")
-_CODED = ("low_texture", "texture_unsure", "edges_unsure", "edges_not_found", "start_unsure", "not_seen")
+_CODED = (
+    "low_texture",
+    "texture_unsure",
+    "picture_warped",
+    "edges_unsure",
+    "edges_not_found",
+    "start_unsure",
+    "not_seen",
+)
 _HIDDEN = ("not_seen", "camera_not_registered", "lookalike", "covered_at_start")
 _SCALE = ("lengths_differ", "lengths_wrong", "board-size", "board-thickness", "held-differ")
 _CLICKS = ("clicks_misfit", "clicks_corrected", "clicks_turned", "start_unsure", "tether_too_short", "edges_not_found")
@@ -75,7 +83,7 @@ FAULTS = (
     Fault("rotation", (0.1, 0.5, 2), "°", _MOVED, optics.rotation),
     Fault("other zoom of video", (1, 3, 10), "%", (*_MOVED, *_SCALE), optics.other_zoom),
     Fault("mirrored video", (1, 2, 3), "", _MOVED, optics.mirrored),
-    Fault("jello", (0.3, 1, 3), "px", _MOVED, optics.jello),
+    Fault("jello", (0.3, 1, 3), "px", (*_MOVED, "picture_warped"), optics.jello),
     Fault("rolling shutter", (10, 20, 30), "ms", _MOVED, optics.rolling_shutter),
     Fault("defocus", (1.5, 3, 6), "px", _CODED, optics.defocus),
     Fault("focus hunting", (1.5, 3, 6), "px", (*_MOVED, *_CODED), optics.focus_hunting),

@@ -217,3 +217,21 @@ def test_a_floor_that_shows_nothing_leaves_no_record():
     seen = camera.estimate().track()
     assert not seen.registered.any()
     assert not seen.motion.any()
+
+
+@pytest.mark.parametrize("waves_px", [0.0, 0.15, 1.0])
+def test_pictures_read_row_by_row_by_a_shaking_camera_are_reported(waves_px):
+    """Rows displaced sideways in waves, as OpenCV draws them; the deviation of poses is that of the rows."""
+    rng = np.random.default_rng(5)
+    u, v = np.meshgrid(np.arange(480, dtype=np.float32), np.arange(360, dtype=np.float32))
+    camera = CameraMotion(CAMERA, FLOOR, FIRST, [BODY], [POSE])
+    for i in range(42):
+        wave = waves_px * np.sin(2 * np.pi * (1.7 * v / 360 + rng.random())) * (i > 0)
+        bent = cv2.remap(floor_picture(seed=i), u + wave.astype(np.float32), v, cv2.INTER_CUBIC, borderMode=4)
+        camera.register(i / 25, bent, [POSE])
+    found = camera.estimate()
+    codes = [one.code for one in camera.findings(found)]
+    _, covariance = found.of_poses(BODY, np.tile(POSE, (42, 1)))
+    std_px = np.sqrt(covariance[20, 0, 0]) / ((FLOOR.camera_position_m[2] - 0.4) / 450)
+    assert ("picture_warped" in codes) == (waves_px == 1.0)
+    assert std_px == pytest.approx(1 / np.sqrt(2), rel=0.5) if waves_px == 1.0 else std_px < 0.15

@@ -9,6 +9,12 @@ register(  # track
         "way. Its poses are the texture's, and as uncertain. Film at a higher bit rate, with the focus fixed.",
     ),
     FindingType(
+        "picture_warped", "track", WARNING, Consequence(widens=("tracking",)),
+        "Places of the still floor are displaced against each other by {scattered_px:.2f} px: a camera that shakes "
+        "while it reads its rows, or compression. The poses are as uncertain. Damp the mount, and film at a higher bit "
+        "rate.",
+    ),
+    FindingType(
         "camera_moved", "track", NOTE, NONE,
         "The camera moved: the floor is displaced by up to {shift_px:.1f} px, from {time_s:.2f} s on. The poses are "
         "corrected by it (deviation of the correction {std_px:.2f} px).",

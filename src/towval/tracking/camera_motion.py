@@ -33,6 +33,7 @@ class CameraMotionConstants:
     least_known: float = 0.5  # Of the pictures; with fewer registered the floor shows too little.
     lost_s: float = 0.25  # [s] Longest time without registration; beyond, the camera's place is not known.
     referred_px: float = 0.1  # [px] Of the floor between its pictures and the video's first: less is not corrected.
+    scattered_px: float = 0.15  # [px] Of places against each other: 0.03 to 0.07 in sound footage.
     most_unknown: float = 0.05  # Of the pictures, bridged one by one.
 
 
@@ -50,7 +51,8 @@ class ViewMotion:
     ``time_s`` (n,); ``motion`` (n, 9) in the order of :data:`towval.model.conventions.VIEW_MOTION`, the estimate for
     each picture, and ``used`` (n, 9) what bodies were tracked through; ``known`` (n,) whether the picture was
     registered; ``common`` (9, 9) the covariance that all pictures share, ``own`` (n, 9) and ``modes`` (9, 9): that of a
-    picture by itself is ``modes diag(own) modesᵀ``.
+    picture by itself is ``modes diag(own) modesᵀ``; ``scattered_px``: deviation of places of the floor against each
+    other, which no motion explains, where it counts.
     """
 
     camera: Camera
@@ -62,6 +64,7 @@ class ViewMotion:
     common: Array
     own: Array
     modes: Array
+    scattered_px: float = 0.0
 
     @cached_property
     def _by_motion(self) -> Array:
@@ -76,12 +79,16 @@ class ViewMotion:
         """What is left to add to a body's tracked poses (n, 3), and the covariance (n, 3, 3) of that by itself."""
         shift, covariance = np.zeros_like(pose), np.zeros((len(pose), 3, 3))
         left = self.motion - self.used
-        rows = np.isfinite(pose[:, 0]) & (left.any(axis=1) | self.own.any(axis=1))
+        rows = np.isfinite(pose[:, 0]) & (left.any(axis=1) | self.own.any(axis=1) | (self.scattered_px > 0))
         if rows.any():
             by_motion = pose_sensitivity(self.camera, self.floor, body, pose[rows])[0] @ self._by_motion
             shift[rows] = np.einsum("nap,np->na", by_motion, left[rows])
             root = by_motion @ self.modes * np.sqrt(self.own[rows])[:, None, :]
             covariance[rows] = root @ root.transpose(0, 2, 1)
+            # A body is displaced as a piece of the floor is that is as large.
+            std = self.scattered_px * np.linalg.norm(by_motion[:, :2, 7], axis=1)
+            turn = 1 / np.linalg.norm(body.top_corners_m, axis=1).max()
+            covariance[rows] += std[:, None, None] ** 2 * np.diag([1.0, 1.0, turn**2])
         return shift, covariance
 
     def track(self) -> CameraTrack:
@@ -171,7 +178,9 @@ class CameraMotion:
         if max(map(self.floor_seen.shift_px, motion)) < CONSTANTS.corrected_px:
             motion, own_all = zero, zero
         common = modes @ np.diag(common) @ modes.T
-        return ViewMotion(self.camera, self.floor, time_s, motion, used, known, common, own_all, modes)
+        scattered_px = max(float(np.mean(self.floor_seen.scatter or [0.0])), 0.0) ** 0.5
+        scattered_px *= scattered_px > CONSTANTS.scattered_px
+        return ViewMotion(self.camera, self.floor, time_s, motion, used, known, common, own_all, modes, scattered_px)
 
     def findings(self, found: ViewMotion) -> tuple[Finding, ...]:
         """Findings about an estimate."""
@@ -183,6 +192,8 @@ class CameraMotion:
         if gap_s > CONSTANTS.lost_s or found.known.mean() < 1 - CONSTANTS.most_unknown:
             share = 100 * (1 - found.known.mean())
             findings.append(finding("camera_not_registered", percent=share, gap_s=gap_s, time_s=at_s))
+        if found.scattered_px:
+            findings.append(finding("picture_warped", scattered_px=found.scattered_px))
         shifts = np.array([self.floor_seen.shift_px(motion) for motion in found.motion])
         if shifts.max(initial=0.0) > CONSTANTS.reported_px:
             first = float(time_s[np.argmax(shifts > CONSTANTS.reported_px)])

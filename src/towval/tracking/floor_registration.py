@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from towval.model import Array, Body, Camera, Floor
 from towval.model.compiling import compiled
@@ -52,9 +53,13 @@ class RegistrationConstants:
     least_in_view: float = 0.3  # Of the points, neither hidden nor outside the picture.
     inflated_every: int = 10  # Pictures between estimates of how much residuals of neighbours go together,
     clusters_across: int = 10  # in so many clusters along the longer side.
+    least_of_cluster: int = 6  # Points of a cluster whose own place is compared with the others',
+    least_clusters: int = 8  # and clusters, for their scatter to be known to a third.
 
 
 CONSTANTS = RegistrationConstants()
+
+MEDIAN_NORMAL = 0.6745  # Median distance of a normal deviate from its mean, in deviations.
 
 Hidden = list[tuple[Array, float]]
 
@@ -181,6 +186,7 @@ class FloorRegistration:
         c = CONSTANTS
         self.prior = np.repeat([c.prior_rad, c.prior_m, c.prior_zoom, c.prior_px], [3, 3, 1, 2])
         self.usual_correlation, self.variance_factor, self.registered = 1.0, 1.0, 0
+        self.scatter: list[float] = []
         self._set_slopes(target, self.template)
         self._set_blocks(luma, target)
 
@@ -252,6 +258,7 @@ class FloorRegistration:
             return None
         if self.registered % c.inflated_every == 0:
             self.variance_factor = self._variance_factor(information, weight, residual, scale)
+            self.scatter += self._scatter_px2(in_view, residual)
         self.registered += 1
         self.usual_correlation += (correlation - self.usual_correlation) / min(self.registered, 20)
         variance = scale * scale * self.variance_factor
@@ -268,6 +275,27 @@ class FloorRegistration:
         np.add.at(scores, self.cluster[used], (weight * residual)[used, None] * self.slopes[used])
         inverse = np.linalg.inv(information + scale * scale * np.eye(len(information)))
         return float(max(np.sum(inverse * (scores.T @ scores)) / np.sum(inverse * information) / scale**2, 1.0))
+
+    def _scatter_px2(self, seen: NDArray[np.bool_], residual: Array) -> list[float]:
+        """Variance by which clusters of points are displaced against the motion of all [px²]; none where too few show.
+
+        It is that along the worse axis of the picture, without noise. Points count by their slopes alone: a weight by
+        residuals would keep those that fit.
+        """
+        by_pixel = self.slopes[:, 7:] / CONSTANTS.prior_px
+        count = np.bincount(self.cluster[seen], minlength=self.cluster.max() + 1)
+        enough = count >= CONSTANTS.least_of_cluster
+        if enough.sum() < CONSTANTS.least_clusters:
+            return []
+        information, right = np.zeros((len(count), 2, 2)), np.zeros((len(count), 2))
+        slopes = by_pixel[seen]
+        np.add.at(information, self.cluster[seen], slopes[:, :, None] * slopes[:, None, :])
+        np.add.at(right, self.cluster[seen], slopes * residual[seen, None])
+        covariance = np.linalg.pinv(information[enough], hermitian=True)
+        displaced = np.einsum("nij,nj->ni", covariance, right[enough])
+        noise = (np.median(np.abs(residual[seen])) / MEDIAN_NORMAL) ** 2
+        by_noise = noise * np.median(np.diagonal(covariance, axis1=1, axis2=2), axis=0)
+        return [float(np.max(np.median(displaced**2, axis=0) / MEDIAN_NORMAL**2 - by_noise))]
 
     def _set_blocks(self, luma: Luma, target: PlanarTarget) -> None:
         """Blocks of the first picture at half the resolution, round its corners on the floor."""

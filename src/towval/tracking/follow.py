@@ -18,7 +18,7 @@ from towval.tracking.outline import OutlineFit, combine_fits, observe_outline, o
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.pose import Measurement, Motion, Tracker, step_between
 from towval.tracking.relocalisation import Lookalikes, Relocaliser
-from towval.tracking.two_measurements import EdgeWatch, compared, edges
+from towval.tracking.two_measurements import EdgeWatch, by_size, compared, edges
 
 Luma = NDArray[np.uint8]
 TrackerMaker = Callable[[PlanarTarget, Luma, Array], Tracker]
@@ -325,7 +325,9 @@ class Follower:
         if not len(looks.picture):
             return covariance, self._registration()
         seen = compared(time_s, pose, covariance, looks, edges(self.target, self.first_pose))
-        fit = self._registration(seen.excess[self.fitted_in])
+        sizes = np.array([one.size for one in self.outline_fits]).reshape(-1, 2)
+        of_size = by_size(sizes - np.median(looks.size, axis=0))
+        fit = self._registration(seen.excess[self.fitted_in] + of_size)
         std_m = float(np.percentile(np.sqrt(np.linalg.eigvalsh(seen.excess[looks.picture, :2, :2])[:, -1]), 95))
         if std_m > CONSTANTS.unsure_edges_px * self.pixel_m:
             self.findings.append(finding("texture_unsure", name=self.target.body.name, std_mm=1000 * std_m))
