@@ -139,24 +139,21 @@ def stretches_of(body: Body, pixel_m: float) -> Stretches:
     turns = np.arccos(np.clip((directions * np.roll(directions, 1, axis=0)).sum(axis=1), -1, 1))
     # Two pixels at a sharp corner are left out: there a profile sees two edges. A round outline has none.
     cut = np.where(turns > CONSTANTS.sharp, 2 * pixel_m, 0.0)
-    middle, along, length = [], [], []
-    for i in range(len(corners)):
-        first, last = cut[i], sizes[i] - cut[(i + 1) % len(corners)]
-        count = int(min(CONSTANTS.stretches, max((last - first) // (3 * pixel_m), last - first > pixel_m)))
-        for j in range(count):
-            middle.append(corners[i] + directions[i] * (first + (last - first) * (j + 0.5) / count))
-            along.append(directions[i])
-            length.append((last - first) / count)
-    if len(middle) < 4:
+    whole = sizes - np.roll(cut, -1) - cut
+    count = np.minimum(CONSTANTS.stretches, np.maximum(whole // (3 * pixel_m), whole > pixel_m)).astype(int)
+    edge = np.repeat(np.arange(len(corners)), count)
+    if len(edge) < 4:
         raise InputError(
             f"the planar target of {body.name} is too small in the picture to see its edges",
             got=f"{pixel_m * 1000:.1f} mm a pixel",
             remedy="film from nearer or with more pixels",
         )
-    tangent = np.array(along)
+    number = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)
+    tangent, length = directions[edge], whole[edge] / count[edge]
+    middle = corners[edge] + tangent * (cut[edge] + whole[edge] * (number + 0.5) / count[edge])[:, None]
     normal = np.stack([tangent[:, 1], -tangent[:, 0]], axis=1)
     step_m, spacing_m = CONSTANTS.step_px * pixel_m, CONSTANTS.spacing_px * pixel_m
-    return Stretches(np.array(middle), tangent, normal, np.array(length), step_m, spacing_m)
+    return Stretches(middle, tangent, normal, length, step_m, spacing_m)
 
 
 @compiled(fastmath=RELAXED)

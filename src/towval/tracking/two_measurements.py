@@ -42,6 +42,7 @@ class TwoMeasurementsConstants:
 CONSTANTS = TwoMeasurementsConstants()
 
 _NUMBERS = 15  # A look's row: picture, correction, covariance, size.
+_LAST = 512  # Looks that say how large the outline usually is: the cost of a look does not grow with the video.
 
 
 @dataclass(frozen=True)
@@ -121,7 +122,7 @@ class EdgeWatch:
 
     def _apart(self, found: Measurement, fit: OutlineFit) -> float:
         """Distance of texture and outline, in deviations."""
-        sizes = np.array(self.rows).reshape(-1, _NUMBERS)[:, 13:]
+        sizes = np.array(self.rows[-_LAST * _NUMBERS :]).reshape(-1, _NUMBERS)[:, 13:]
         other = by_size(fit.size - np.median(sizes, axis=0)) if len(sizes) else np.zeros((3, 3))
         # The first picture's outline, from which both are counted, is as uncertain as this one.
         of_outline = 2 * fit.covariance + other + edges(self.target, found.pose)
