@@ -142,7 +142,7 @@ def _result(campaign: Campaign) -> PipelineResult | str:
     try:
         return run_pipeline(campaign, AUTO)
     except TowvalError as error:
-        return " ".join(str(error).split())
+        return "; ".join(line.strip() for line in str(error).splitlines())
 
 
 def page(found: list[Scene]) -> str:
