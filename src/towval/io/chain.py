@@ -52,24 +52,9 @@ def read_origin(path: Path) -> Origin:
 def check_together(files: Mapping[str, Path], document: Mapping[str, Any] | None = None, run: str | None = None) -> str:
     """Check that results were made of each other, of one run and of one campaign.yaml.
 
-    Parameters
-    ----------
-    files : mapping
-        Results by name, as they record each other: ``camera.mcap``, ``track.mcap``, ...
-    document : mapping, optional
-        campaign.yaml as it is now.
-    run : str, optional
-        The run that is asked for.
-
-    Returns
-    -------
-    str
-        The run; empty where none of the files has one.
-
-    Raises
-    ------
-    InputError
-        For the first file that does not belong to the others; it names both, and what differs.
+    Returns the run, empty where none of the files has one. ``files`` are results by the names by which they record each
+    other (``camera.mcap``, ``track.mcap``, ...), ``document`` campaign.yaml as it is now, ``run`` the one that is asked
+    for. `InputError` for the first file that does not belong to the others names both, and what differs.
     """
     origins = {name: read_origin(path) for name, path in files.items()}
     hashes = {name: file_hash(path) for name, path in files.items()}

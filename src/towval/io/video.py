@@ -45,23 +45,14 @@ class VideoHeader:
 
 
 class Video:
-    """A video file as an iterable of ``(time_s, luma)``.
+    """A video file, of any container and codec of FFmpeg, as an iterable of ``(time_s, luma)``.
 
     ``time_s`` is the presentation time [s] exactly as stored, a start offset included; ``luma`` (height, width) uint8
     is the Y plane, turned upright where the file carries a rotation. Nothing is converted or copied for 8-bit planar
     video, so a frame's array is read-only and only one frame is held at a time. Deeper video is cut to 8 bits.
 
-    Parameters
-    ----------
-    path : path
-        The file; every container and codec of FFmpeg.
-    damaged : bool, optional
-        Go on with the good part of a damaged or truncated file. The default is to raise where the damage begins.
-
-    Raises
-    ------
-    InputError
-        When the file is missing or no video, and while iterating when it is damaged or its times do not increase.
+    `InputError` where the file is missing or no video, and while iterating where its times do not increase or, unless
+    ``damaged``, where it is damaged or truncated: then its good part is used.
     """
 
     def __init__(self, path: str | os.PathLike[str], *, damaged: bool = False):

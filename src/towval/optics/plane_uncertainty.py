@@ -48,26 +48,11 @@ def position_sensitivity(camera: Camera, floor: Floor, pixels: ArrayLike, height
 def position_covariance(
     calibration: Calibration, pixels: ArrayLike, height_m: float, *, height_std_m: float = 0.0
 ) -> Array:
-    """Covariance of positions on a plane due to the calibration and the plane's height.
+    """Covariance (..., 2, 2) of x and y [m²] on a plane, of pixels (..., 2), NaN where a ray misses the plane.
 
-    It includes what scatters from view to view, propagated through the whole calibration, but no error that all views
-    share: of the lens model's form where no corner was, of the board's size.
-
-    Parameters
-    ----------
-    calibration : Calibration
-        The calibration and its covariance.
-    pixels : array_like (..., 2)
-        Pixels [px].
-    height_m : float
-        Height of the plane over the floor [m].
-    height_std_m : float, optional
-        Standard deviation of that height [m].
-
-    Returns
-    -------
-    ndarray (..., 2, 2)
-        Covariance of x and y [m²]; NaN where a ray misses the plane.
+    It includes what scatters from view to view, propagated through the whole calibration, and the deviation of the
+    plane's height over the floor, but no error that all views share: of the lens model's form where no corner was, of
+    the board's size.
     """
     pixels = np.asarray(pixels, dtype=np.float64)
     A, h = position_sensitivity(calibration.camera, calibration.floor, pixels.reshape(-1, 2), height_m)

@@ -24,21 +24,11 @@ def _gauss(along: int) -> tuple[Array, Array]:
 
 
 def area_rules(rings: tuple[Array, ...], pressure: Array) -> tuple[Array, Array]:
-    """Nodes of several rules over a patch, the finest first.
+    """Nodes (k, 3) and rules (r, 3) over a patch, the finest rule first.
 
-    Parameters
-    ----------
-    rings : tuple of ndarray (n, 2)
-        Oriented outlines [m]: a clockwise ring is a hole of the counter-clockwise ring before it.
-    pressure : ndarray (3,)
-        At the origin [Pa] and its slopes [Pa/m].
-
-    Returns
-    -------
-    nodes : ndarray (k, 3)
-        Place (x, y) [m] and force p dS [N] of all nodes.
-    rules : ndarray (r, 3)
-        First node, number of nodes, and from how many radii of the patch on the rule serves.
+    A node is a place (x, y) [m] and the force p dS [N]; a rule is its first node, the number of its nodes, and from how
+    many radii of the patch on it serves. ``rings`` (n, 2) [m] are oriented: a clockwise one is a hole of the
+    counter-clockwise one before it. ``pressure`` (3,) is that at the origin [Pa] and its slopes [Pa/m].
     """
     triangles = np.concatenate([_triangles(polygon) for polygon in polygons_of(rings)])
     pieces = _pieces(triangles)

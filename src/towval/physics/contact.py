@@ -35,22 +35,12 @@ STEP_LIMIT = 200
 
 @dataclass(frozen=True)
 class PressurePlane:
-    """Contact pressure under an object at rest on a rigid floor.
+    """Contact pressure under an object at rest on a rigid floor, in the body frame.
 
-    Attributes
-    ----------
-    coefficients : ndarray (3,)
-        (a, b, c) [Pa/m, Pa/m, Pa] of ``p = max(0, a ξ + b η + c)`` in the body frame.
-    normal_force : float
-        Sum of the loads N [N].
-    centre : ndarray (2,)
-        Where the loads act together, which is also the centre of pressure, in the body frame [m].
-    rings : tuple of ndarray (n, 2)
-        Boundary of the part in contact [m], body frame: outer rings counter-clockwise, holes clockwise.
-    residual : float
-        Equilibrium residual over the rings, the largest of force / N and moments / (N size).
-    iterations : int
-        Newton steps taken.
+    ``coefficients`` (a, b, c) [Pa/m, Pa/m, Pa] of ``p = max(0, a ξ + b η + c)``; ``normal_force`` N [N] and where the
+    loads act together, ``centre`` (2,) [m], which is the centre of pressure; ``rings`` (n, 2) around the part in
+    contact [m], outer ones counter-clockwise, holes clockwise; ``residual`` of the equilibrium over the rings, the
+    largest of force / N and moments / (N size); ``iterations`` of Newton's method.
     """
 
     coefficients: Array
@@ -84,22 +74,10 @@ class PressurePlane:
 
 
 def resultant(loads: Iterable[tuple[float, ArrayLike]]) -> tuple[float, Array]:
-    """Sum of vertical loads and where it acts.
+    """Sum N of vertical loads [N] and where it acts (ξ_G, η_G) [m].
 
-    Parameters
-    ----------
-    loads : iterable of (float, array_like (2,))
-        Each a force on the floor [N] and its place in the body frame [m].
-
-    Returns
-    -------
-    float, ndarray (2,)
-        N [N] and (ξ_G, η_G) [m].
-
-    Raises
-    ------
-    RefusedError
-        When the loads do not press the object to the floor.
+    ``loads`` are forces on the floor [N] and their places (2,) in the body frame [m]. `RefusedError` where they do not
+    press the object to the floor.
     """
     forces = [(float(force), locked(place, "place of a load", (2,))) for force, place in loads]
     total = sum((force for force, _ in forces), start=0.0)

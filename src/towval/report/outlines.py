@@ -27,18 +27,10 @@ _MOST_PIECES = 16
 class FilmLayers:
     """Points of each frame of a film.
 
-    Parameters
-    ----------
-    counts : dict of str to int
-        Number of points a frame by layer: outlines of ``rover``, ``measured`` and ``simulated``, the ``tether`` from
-        the simulated object to the measured rover, and one point each of the paths ``rover path``, ``measured path``
-        and ``simulated path``.
-    unit_px : float
-        Unit of ``places``.
-    places : array, shape (frames, sum of counts, 2)
-        Pixels of the upright picture in ``unit_px``; `MISSING` where there is no point.
-    taut : array of bool, shape (frames,)
-        Whether the tether pulls.
+    ``counts`` of the points of a frame by layer: outlines of ``rover``, ``measured`` and ``simulated``, the ``tether``
+    from the simulated object to the measured rover, and one point each of the paths ``rover path``, ``measured path``
+    and ``simulated path``; ``places`` (frames, sum of counts, 2): pixels of the upright picture in units of
+    ``unit_px``, `MISSING` where there is no point; ``taut`` (frames,) where the tether pulls.
     """
 
     counts: dict[str, int]

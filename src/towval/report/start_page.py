@@ -58,20 +58,10 @@ def write_start_page(
     runs: Mapping[str, StartOfRun],
     floor: FloorBoard | None,
 ) -> None:
-    """Write the page.
+    """Write the page of the campaign ``name``.
 
-    Parameters
-    ----------
-    name : str
-        Name of the campaign.
-    text : sequence
-        campaign.yaml cut where the page writes, from :func:`towval.io.campaign_text.text_in_parts`.
-    bodies : mapping
-        Rover and object by name.
-    longest_m : float
-        How far apart hinge and anchor can be [m].
-    floor : FloorBoard or None
-        None where no board defines the floor frame.
+    ``text`` is campaign.yaml cut where the page writes (:func:`towval.io.campaign_text.text_in_parts`), ``longest_m``
+    how far apart hinge and anchor can be [m]; ``floor`` is None where no board defines the floor frame.
     """
     camera, hold = calibration.camera, {"rover": scene.hinge, "object": scene.anchor}
     data = {

@@ -24,21 +24,8 @@ _COVERAGE = 2.0
 def corridor(runs: Sequence[tuple[Track, Comparison]], confidence: float = 0.95) -> Corridor:
     """Common error and scatter of runs that repeat one drive, over the length of the path that all cover.
 
-    Parameters
-    ----------
-    runs : sequence of (Track, Comparison)
-        Measured track of the object and comparison of each run, two or more.
-    confidence : float
-        Of the interval of the common error, at one place.
-
-    Returns
-    -------
-    Corridor
-
-    Raises
-    ------
-    InputError
-        For fewer than two runs, or where one was not seen.
+    ``runs`` are the measured track of the object and the comparison of each, two or more, else `InputError`, as where
+    one was not seen; ``confidence`` is that of the interval of the common error at one place.
     """
     if len(runs) < 2:
         raise InputError("a corridor needs repeated runs", got=len(runs), allowed="two runs or more")
