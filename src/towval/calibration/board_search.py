@@ -23,17 +23,9 @@ def find_boards(
 ) -> tuple[list[BoardObservation], dict[str, str]]:
     """Search every picture for a board, ``threads`` of them at the same time.
 
-    Returns
-    -------
-    observations : list of BoardObservation
-        The boards found, in the order of the pictures, which are read when they are searched.
-    without_board : dict
-        Name of each other picture and the reason.
-
-    Raises
-    ------
-    InputError
-        When no picture shows the board, with the number of corners that would fit, if any does.
+    Returns the boards found, in the order of the pictures, which are read when they are searched, and the name of each
+    other picture with the reason. `InputError` where no picture shows the board, with the number of corners that would
+    fit, if any does.
     """
     with ThreadPoolExecutor(threads) as pool:
         sample = _spread(range(len(images)))

@@ -286,21 +286,10 @@ def whitened(
 def adjust(blocks: Sequence[Block], start: Estimate, active: NDArray[np.intp]) -> Estimate:
     """Fit shared parameters and places to all blocks at once, robustly.
 
-    Levenberg-Marquardt on Huber's cost; the corner noise is re-estimated from the median residual until it converges.
-
-    Parameters
-    ----------
-    blocks : sequence of Block
-        The observations.
-    start : Estimate
-        Initial values; ``noise_px`` may be NaN.
-    active : ndarray of int
-        Indices of the shared parameters and :data:`DOUBTS` to fit; the others stay. If empty, only the places move.
-
-    Returns
-    -------
-    Estimate
-        The fit, with the noise of one corner coordinate from the weighted residuals and the degrees of freedom.
+    Levenberg-Marquardt on Huber's cost; the corner noise is re-estimated from the median residual until it converges,
+    and that of the result follows from the weighted residuals and the degrees of freedom. ``start`` may have a
+    ``noise_px`` of NaN; ``active`` are the indices of the shared parameters and :data:`DOUBTS` to fit. If empty, only
+    the places move.
     """
     estimate = start if np.isfinite(start.noise_px) else replace(start, noise_px=_median_noise(blocks, start))
     for _ in range(_NOISE_ROUNDS):
@@ -375,15 +364,11 @@ def _noise(blocks: Sequence[Block], estimate: Estimate, shared_unknowns: int) ->
 
 
 def marginal_covariance(blocks: Sequence[Block], estimate: Estimate, active: NDArray[np.intp]) -> tuple[Array, float]:
-    """Covariance of the shared parameters of an :func:`adjust`, marginal over all places, and its condition number.
+    """Covariance (18, 18) of the shared parameters of an :func:`adjust`, marginal over all places.
 
-    Returns
-    -------
-    covariance : ndarray (18, 18)
-        Rows and columns of parameters that were not fitted are zero.
-    condition : float
-        Condition number of the information matrix scaled to a unit diagonal. It does not depend on units or on the
-        noise; 1 is independent parameters, beyond 1e8 a direction is practically unobserved.
+    Rows and columns of parameters that were not fitted are zero. With it comes the condition number of the information
+    matrix scaled to a unit diagonal, which depends neither on units nor on the noise: 1 is independent parameters,
+    beyond 1e8 a direction is practically unobserved.
     """
     information = _normal(blocks, estimate, active, _spread(blocks, estimate)).reduced(0.0)[0]
     scale = 1 / np.sqrt(np.maximum(np.diag(information), 1e-300))

@@ -82,30 +82,15 @@ def calibrate(
 ) -> Calibration:
     """Calibrate a camera and the floor under it.
 
-    Parameters
-    ----------
-    images : sequence of (str, ndarray of uint8)
-        Name and grey picture (height, width) of the board held in many poses. They are read when they are searched
-        and not kept, so a sequence that reads files needs memory for a few of them.
-    floor_images : sequence of (str, ndarray of uint8)
-        The board lying on the floor; the first of them fixes the floor frame unless ``floor`` has marks.
-    board, floor, settings : Board, FloorReference, CalibrateSettings
-        The board, what fixes the floor frame, and the keys of the stage.
-    heights_m : sequence of float, optional
-        Heights of the planar targets, for which the quality is stated besides the floor's [m].
+    ``images`` are names and grey pictures (height, width) uint8 of the board held in many poses, ``floor_images`` of
+    the board lying on the floor, of which the first fixes the floor frame unless ``floor`` has marks. They are read
+    when they are searched and not kept, so a sequence that reads files needs memory for a few of them. ``heights_m``
+    are those of the planar targets, for which the quality is stated besides the floor's [m]. The result holds every
+    view with its residuals or the reason why it was dropped.
 
-    Returns
-    -------
-    Calibration
-        Camera, floor, covariance, every view with its residuals or the reason why it was dropped, and findings.
-
-    Raises
-    ------
-    InputError
-        When no picture shows the board, the pictures differ in size, the floor board is missing or its corners are
-        not where ``floor`` says.
-    RefusedError
-        When too few views are left, or when the set is degenerate and ``settings`` do not accept that.
+    `InputError` where no picture shows the board, the pictures differ in size, or the floor board is missing or not
+    where ``floor`` says; `RefusedError` where too few views are left, or the set is degenerate and ``settings`` do not
+    accept that.
     """
     everything, floor_names, resolution = _listed(images, floor_images)
     observations, without_board = find_boards(everything, board, settings.threads)
@@ -185,12 +170,8 @@ def calibrate_observations(
 
     ``without_board`` are names of pictures without a board and the reason, for the record. Without a floor
     (``observed.reference`` None) the camera alone is calibrated and the floor of the result is the camera frame itself.
-    A degenerate set is in the findings, with the severity of a refusal where it is hopeless.
-
-    Raises
-    ------
-    RefusedError
-        When too few views are left, or the board that fixes the floor frame does not fit.
+    A degenerate set is in the findings, with the severity of a refusal where it is hopeless. `RefusedError` where too
+    few views are left, or the board that fixes the floor frame does not fit.
     """
     kept, start, dropped = _without_misfits(observed, settings)
     kept, start = _with_honest_marks(kept, start)

@@ -82,16 +82,9 @@ def _fit(observed: CalibrationObservations, start: Estimate, model: str, doubts:
 
 
 def settle(observed: CalibrationObservations, start: Estimate, models: Sequence[str], folds: int) -> Settled:
-    """Choose the lens and fit it with the board's doubts; then again where the views contradict what is stated.
+    """Choose the lens of ``models`` and fit it with the board's doubts; again where views contradict what is stated.
 
-    Parameters
-    ----------
-    observed : CalibrationObservations
-        The views that fit, with the deviations of the doubts.
-    start : Estimate
-        Where to start.
-    models, folds : sequence of str, int
-        Lens models to choose from, and folds of the cross-validation.
+    ``observed`` are the views that fit, with the deviations of the doubts; ``folds`` those of the cross-validation.
     """
     doubts = _open(observed, BOARD_DOUBTS)
     start, held = replace(start, doubts_std=observed.doubts_std), _open(observed, HELD_DOUBTS)

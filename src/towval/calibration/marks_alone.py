@@ -27,21 +27,9 @@ def calibrate_marks(
 ) -> Calibration:
     """Calibrate from surveyed marks alone; of the lens models that which predicts left-out marks is taken.
 
-    Parameters
-    ----------
-    resolution_px : (int, int)
-        Size of the picture.
-    reference : FloorReference
-        Pixels and places of the marks, with the deviation of a pixel; the residuals' where that is clearly larger.
-    models : sequence of str
-        Lens models to choose from, smallest first.
-    heights_m : sequence of float, optional
-        Planes for which the uncertainty of positions is stated besides the floor [m].
-
-    Raises
-    ------
-    InputError
-        For too few marks, marks on a line, or marks in left-handed coordinates.
+    ``reference`` has the deviation of a pixel; the residuals' counts where that is clearly larger. ``models`` begin
+    with the smallest; ``heights_m`` are planes for which the uncertainty of positions is stated besides the floor [m].
+    `InputError` for too few marks, marks on a line, or marks in left-handed coordinates.
     """
     width, height = resolution_px
     start = np.zeros(18)

@@ -31,20 +31,11 @@ _UNDETERMINED = 1e-9  # Share of the largest information, below which nothing bu
 
 
 def view_covariance(blocks: Sequence[Block], estimate: Estimate, active: NDArray[np.intp]) -> Array:
-    """Covariance (k, k) of the ``active`` shared parameters of an :func:`adjust`, clustered by view.
+    """Covariance (k, k) of the ``active`` shared parameters (k,) of an :func:`adjust`, clustered by view.
 
     Blocks whose deviation is stated (surveyed marks) enter with it. The board that fixes the floor frame says of x, y
     and heading what no other view repeats: that part enters with the deviation of independent corners, inflated as all
     others' is found to be.
-
-    Parameters
-    ----------
-    blocks : sequence of Block
-        The observations.
-    estimate : Estimate
-        Their fit.
-    active : ndarray of int (k,)
-        Indices of the shared parameters that were fitted.
     """
     sums = _Sums(blocks, estimate, active)
     unit = 1 / np.sqrt(np.maximum(np.diag(sums.information), 1e-300))

@@ -22,13 +22,9 @@ _SHORT = 12
 def run(results: Path, campaign: Path | None = None) -> Outcome:
     """Verify the results of a campaign, from the inputs to the page.
 
-    Every checksum within every file, every file against the list of the report, every file against those that were
-    made of it, and with ``campaign`` the pictures, videos and campaign.yaml that the first results were made of.
-
-    Raises
-    ------
-    InputError
-        One error that names every file that is not what it was, and how that shows.
+    One `InputError` names every file that is not what it was, and how that shows. Checked are every checksum within
+    every file, every file against the list of the report, every file against those that were made of it, and with
+    ``campaign`` the pictures, videos and campaign.yaml that the first results were made of.
     """
     if not results.is_dir():
         raise InputError(f"{results} is no folder of results", allowed="results/CAMPAIGN, with camera.mcap")

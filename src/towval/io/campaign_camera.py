@@ -30,11 +30,8 @@ def is_camera_alone(document: Any) -> bool:
 def camera_setup(folder: Path, document: Mapping[str, Any]) -> CameraSetup:
     """Camera and floor of a document, read from the campaign.yaml of a folder.
 
-    Raises
-    ------
-    InputError
-        For a key that is unknown, missing or out of range, pictures without a board or the reverse, and where there
-        are neither.
+    `InputError` for a key that is unknown, missing or out of range, pictures without a board or the reverse, and where
+    there are neither.
     """
     schema = campaign_schema()
     schema["required"] = ["camera", "floor"]

@@ -27,11 +27,8 @@ _BELOW = 2.0
 def towing_scene(document: Keys) -> TowingScene:
     """The scene of a campaign.yaml that its schema has checked.
 
-    Raises
-    ------
-    InputError
-        When numbers contradict each other: feet or load not at the object, a weight beside the footprint, static
-        friction below the kinetic one by more than their deviations, a mass given in two ways.
+    `InputError` where numbers contradict each other: feet or load not at the object, a weight beside the footprint,
+    static friction below the kinetic one by more than their deviations, a mass given in two ways.
     """
     towed = document["object"]
     load, patch = _load(towed), _footprint(towed)

@@ -14,21 +14,9 @@ def shortened(text: str) -> str:
 class TowvalError(Exception):
     """Base of every error that is the input's fault and not the program's.
 
-    Parameters
-    ----------
-    what : str
-        The thing that is wrong, by the name its user knows (a key, a file, a stage).
-    got : object, optional
-        The value received.
-    allowed : str, optional
-        What would have been accepted.
-    remedy : str, optional
-        What to do about it.
-
-    Attributes
-    ----------
-    key : str
-        The key of the input that it is about, where that is known (``runs.a.video``).
+    ``what`` is wrong, by the name its user knows (a key, a file, a stage); ``got`` the value received, ``allowed`` what
+    would have been accepted, ``remedy`` what to do about it; ``key`` that of the input that it is about, where that is
+    known (``runs.a.video``).
     """
 
     key = ""

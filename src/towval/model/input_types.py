@@ -169,13 +169,9 @@ def titled(component: str) -> str:
 def deviations(scene: TowingScene, document: Mapping[str, Any] | None = None) -> dict[str, float]:
     """Standard deviations of the inputs, in their units and by name.
 
-    Parameters
-    ----------
-    scene : TowingScene
-        The values that relative defaults refer to.
-    document : mapping, optional
-        campaign.yaml as read; what it does not state is at its default, and zero where the scene has no such input.
-        Without it, all values count as stated and all deviations as not.
+    Relative defaults refer to the values of ``scene``. What ``document``, campaign.yaml as read, does not state is at
+    its default, and zero where the scene has no such input. Without it, all values count as stated and all deviations
+    as not.
     """
     return {row.name: _deviation(row, row.stated, scene, document) for row in INPUTS.values() if row.stated}
 

@@ -75,17 +75,9 @@ class Registry(Mapping[str, Value]):
 
 @cache
 def load_plugins() -> tuple[Path, ...]:
-    """Import all plugins, once a process.
+    """Import all plugins, once a process; returns their source files, which belong to the provenance of each result.
 
-    Returns
-    -------
-    tuple of Path
-        Their source files, which belong to the provenance of each result.
-
-    Raises
-    ------
-    InputError
-        When a plugin cannot be imported.
+    `InputError` where a plugin cannot be imported.
     """
     listed = [name.strip() for name in os.environ.get(VARIABLE, "").split(",")]
     names = [*(point.module for point in entry_points(group=GROUP)), *filter(None, listed)]

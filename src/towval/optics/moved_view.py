@@ -80,16 +80,10 @@ def parameters_by_motion(camera: Camera, floor: Floor) -> Array:
 
 
 def pose_sensitivity(camera: Camera, floor: Floor, body: Body, pose: Array) -> tuple[Array, Array]:
-    """Change of measured poses (n, 3) with the calibration and with the height of the body's top.
+    """Change of measured poses (n, 3) with the calibration (n, 3, 18) and with the height of the body's top (n, 3).
 
-    It is that of the corners of the top at fixed pixels, fitted by a rigid motion.
-
-    Returns
-    -------
-    by_parameters : ndarray (n, 3, 18)
-        By :data:`towval.model.CALIBRATION_PARAMETERS`.
-    by_height : ndarray (n, 3)
-        By the height [1, 1, rad/m].
+    It is that of the corners of the top at fixed pixels, fitted by a rigid motion; the first by
+    :data:`towval.model.CALIBRATION_PARAMETERS`, the second in 1, 1, rad/m.
     """
     corners = transform(pose[:, None, :], body.top_corners_m)
     n, k = corners.shape[:2]

@@ -16,16 +16,10 @@ def shared_parameters(camera: Camera, floor: Floor) -> Array:
 
 
 def position_sensitivity(camera: Camera, floor: Floor, pixels: ArrayLike, height_m: float) -> tuple[Array, Array]:
-    """Derivatives of the positions of pixels (n, 2) on a plane by the calibration and by the plane's height [m].
+    """Derivatives of the places of pixels (n, 2) on a plane by the calibration (n, 2, 18) and by its height (n, 2).
 
-    The pixel of a point X on the plane is π(X, θ). At a fixed pixel ``dX/dθ = −(∂π/∂X)⁻¹ ∂π/∂θ`` within the plane.
-
-    Returns
-    -------
-    by_parameters : ndarray (n, 2, 18)
-        Derivatives by :data:`towval.model.CALIBRATION_PARAMETERS`; NaN where a ray misses the plane.
-    by_height : ndarray (n, 2)
-        Derivatives by the height [1].
+    The pixel of a point X on the plane is π(X, θ). At a fixed pixel ``dX/dθ = −(∂π/∂X)⁻¹ ∂π/∂θ`` within the plane; NaN
+    where a ray misses it. θ are :data:`towval.model.CALIBRATION_PARAMETERS`.
     """
     pixels = np.asarray(pixels, dtype=np.float64)
     position = to_plane(camera, floor, pixels, height_m)

@@ -21,12 +21,8 @@ _FRACTION_BITS = 4
 class Painter:
     """Draws the state of a run at a time onto a frame of the video.
 
-    ``width_px``: largest width of the video [px]; the footage is never scaled up.
-
-    Attributes
-    ----------
-    size_px : tuple of int
-        Width and height of the video, both even [px].
+    ``width_px`` is the largest width of the video [px]; the footage is never scaled up. ``size_px`` are its width and
+    height, both even.
     """
 
     def __init__(self, calibration: Calibration, run: RunRecord, width_px: int):

@@ -241,27 +241,11 @@ def _align_kernel(
 def align(
     luma: Luma, template: Template, precision: Array, pose: Array, target: PlanarTarget, most_scale: float
 ) -> Alignment | None:
-    """Align a template with a picture.
+    """Align a template with a picture (height, width), C-contiguous, from a pose (3,) on.
 
-    Parameters
-    ----------
-    luma : ndarray (height, width) uint8
-        The picture, C-contiguous.
-    template : Template
-        What to find.
-    precision : ndarray (n,)
-        Weight of each point known beforehand, in [0, 1].
-    pose : ndarray (3,)
-        Where to start [m, m, rad].
-    target : PlanarTarget
-        The planar target under its camera.
-    most_scale : float
-        Largest standard deviation of the inliers' residuals [grey levels].
-
-    Returns
-    -------
-    Alignment or None
-        None where too little of the template is in the picture or it leaves a direction open.
+    ``precision`` (n,) is the weight of each point known beforehand, in [0, 1]; ``most_scale`` the largest standard
+    deviation of the inliers' residuals [grey levels]. None where too little of the template is in the picture or it
+    leaves a direction open.
     """
     c = CONSTANTS
     pose, information, scores, residual, weight, scale, light, correlation, converged = _align_kernel(

@@ -34,16 +34,9 @@ def check_clicks(
 ) -> dict[str, Clicked]:
     """Check clicks on the corners of bodies against their outlines and the tether, and correct what clearly is wrong.
 
-    Parameters
-    ----------
-    pictures : sequence of ndarray (height, width) uint8
-        The first picture, then others, in which what moves with a body tells its limits.
-    bodies : sequence of Body
-        Rover and object, in this order.
-    clicks_px : mapping of str to array_like (n, 2)
-        Pixels of ``top_corners_m``, by the body's name; a body without is left out of the result.
-    tow : Tow
-        The tether's ends: with both bodies clicked, a half-turn by which alone it is long enough is corrected.
+    ``pictures`` are the first, then others, in which what moves with a body tells its limits; ``bodies`` rover and
+    object, in this order; ``clicks_px`` (n, 2) pixels of ``top_corners_m`` by the body's name: a body without is left
+    out of the result. With both bodies clicked, a half-turn by which alone the tether is long enough is corrected.
     """
     targets = [PlanarTarget(body, calibration.camera, calibration.floor) for body in bodies if body.name in clicks_px]
     checked = {target.body.name: _checked(target, pictures, clicks_px[target.body.name]) for target in targets}

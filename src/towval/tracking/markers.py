@@ -25,12 +25,8 @@ CONSTANTS = MarkerConstants()
 def clicks_from_tags(luma: NDArray[np.uint8], body: Body, tags: Sequence[Tag], camera: Camera, floor: Floor) -> Array:
     """Pixels (n, 2) of a body's corners from the tags on its planar target, to be given to ``track`` as clicks.
 
-    All tags found in the first picture ``luma`` (height, width) are used together.
-
-    Raises
-    ------
-    InputError
-        When no tag is found, a dictionary is unknown, or the tags do not fit their places.
+    All tags found in the first picture ``luma`` (height, width) are used together. `InputError` where no tag is found,
+    a dictionary is unknown, or the tags do not fit their places.
     """
     own, on_floor = [], []
     for tag in tags:

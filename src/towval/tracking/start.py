@@ -89,25 +89,14 @@ class Start:
 def find_starts(
     pictures: Sequence[Luma], calibration: Calibration, bodies: Sequence[Body], tow: Tow | None = None
 ) -> dict[str, Start]:
-    """Find the tops of bodies in the first picture, without clicks.
+    """Find the tops of bodies in the first picture, without clicks; a start with a ``doubt`` is the best guess.
 
     Outlines of known size are searched on their known planes at all headings; of places that fit, those count where
     something moved, that do not overlap, and that the tether joins. Which way round a symmetric outline lies is settled
     by the tether, else by the sense of motion: the hinge trails the rover, the anchor leads the object.
 
-    Parameters
-    ----------
-    pictures : sequence of ndarray (height, width) uint8
-        The first picture, then others spread over the video (none: what moves is not known).
-    bodies : sequence of Body
-        What to find; with ``tow`` rover and object, in this order.
-    tow : Tow, optional
-        The tether's ends.
-
-    Returns
-    -------
-    dict of str to Start
-        By the body's name. A start with a ``doubt`` is the best guess.
+    ``pictures`` are the first, then others spread over the video (none: what moves is not known); with ``tow``,
+    ``bodies`` are rover and object, in this order.
     """
     targets = [PlanarTarget(body, calibration.camera, calibration.floor) for body in bodies]
     found = _candidates(targets, pictures)

@@ -37,16 +37,11 @@ def with_wider_start(track: Track, spread: Array) -> Track:
 
 
 def with_readout(track: Track, calibration: Calibration, body: Body, readout_s: float, std_s: float) -> Track:
-    """The track of a camera that reads its rows one after another, the top one first.
+    """The track of a camera that reads its rows one after another, the top one first, in ``readout_s`` ± ``std_s`` [s].
 
     A picture's time is that of its middle row. Each corner of the top was where it is seen at the time of its own row;
     the rigid motion that fits these displacements best is taken off. The deviation of the readout enters the total
     covariance.
-
-    Parameters
-    ----------
-    readout_s, std_s : float
-        Time from the first row to the last [s], and its deviation.
     """
     by_readout = readout_sensitivity(track.time_s, track.pose, calibration, body)
     pose = track.pose - readout_s * np.nan_to_num(by_readout)

@@ -60,26 +60,13 @@ def track(
     settings: TrackSettings | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> dict[str, Track]:
-    """Track bodies through a video, in one pass over its pictures.
+    """Track bodies through a video, in one pass over its pictures; returns their tracks by name.
 
-    Parameters
-    ----------
-    frames : iterable of (float, ndarray (height, width) uint8)
-        Presentation time [s], strictly increasing, and luma of each picture.
-    clicks_px : mapping of str to array_like (n, 2)
-        For each body the pixels of ``top_corners_m`` in the first picture.
-    progress : callable, optional
-        Called with the number of pictures done after each.
+    ``frames`` are the presentation time [s], strictly increasing, and luma (height, width) uint8 of each picture;
+    ``clicks_px`` (n, 2) for each body the pixels of ``top_corners_m`` in the first; ``progress`` is called with the
+    number of pictures done after each. Poses are those of the body frame on the floor.
 
-    Returns
-    -------
-    dict of str to Track
-        A track for each body, by name. Poses are those of the body frame on the floor.
-
-    Raises
-    ------
-    InputError
-        When there is no picture, the picture's size is not the calibration's, or clicks are missing.
+    `InputError` where there is no picture, the picture's size is not the calibration's, or clicks are missing.
     """
     return track_beside(frames, calibration, bodies, clicks_px, (settings or TrackSettings(),), progress)[0]
 

@@ -71,25 +71,9 @@ def compare(
 ) -> Comparison:
     """Compare a simulated motion with the measured one, frame by frame and without aligning them.
 
-    Parameters
-    ----------
-    measured : Track
-        What the camera saw; only frames in which the object was seen count.
-    uncertainty : RunUncertainty
-        What the error may be if the model is right, at the simulated times.
-    settings : CompareSettings, optional
-        Which error matters.
-
-    Returns
-    -------
-    Comparison
-        Errors over time, their summary, bounds and the verdict in the terms of ASME V&V 20: E against u_val (see
-        :func:`towval.validation.uncertainty.with_numerical` and docs/validation.md).
-
-    Raises
-    ------
-    RefusedError
-        When no simulated frame was seen.
+    Only frames in which the object was seen count, `RefusedError` where there is none. ``uncertainty`` is what the
+    error may be if the model is right, at the simulated times. The verdict is in the terms of ASME V&V 20: E against
+    u_val (see :func:`towval.validation.uncertainty.with_numerical` and docs/validation.md).
     """
     settings = settings or CompareSettings()
     frame = PathFrame(measured, simulated.time_s)

@@ -54,27 +54,14 @@ class DecimateSettings:
 
 
 def decimate(track: Track, settings: DecimateSettings | None = None) -> DecimatedTrack:
-    """Thin a track to the poses that it needs.
+    """Reduce a track to the poses that it needs.
 
-    Parameters
-    ----------
-    track : Track
-        A measured track; lost and coasting frames take no part, and the curve bridges them.
-    settings : DecimateSettings, optional
-        Bound of the misfit and shortest pause.
+    Lost and coasting frames take no part, and the curve bridges them. Kept times are those of measured frames, with
+    smoothed poses and their rates. Between two of them the mean squared deviation of the measured poses, in units of
+    their noise, is at most ``1 + excess √(2/m)``, with m the number of measured coordinates there, and the mean
+    deviation of any four poses in a row at most 2. A stretch of three frames is not cut further.
 
-    Returns
-    -------
-    DecimatedTrack
-        Kept times (each the time of a measured frame), smoothed poses and their rates. Between two kept times the mean
-        squared deviation of the measured poses, in units of their noise, is at most ``1 + excess √(2/m)``, with m the
-        number of measured coordinates there, and the mean deviation of any four poses in a row at most 2. A stretch of
-        three frames is not cut further.
-
-    Raises
-    ------
-    RefusedError
-        When fewer than 8 frames were seen: no noise can be read off them.
+    `RefusedError` where fewer than 8 frames were seen: no noise can be read off them.
     """
     settings = settings or DecimateSettings()
     seen = np.flatnonzero(track.seen)
@@ -110,16 +97,7 @@ def noise_of(time: Array, pose: Array, reported: Array) -> Array:
 
     Smooth motion all but cancels in third differences, noise does not: their median absolute value, scaled for white
     noise, is the estimate. Where every third difference is zero (a track without noise) the smallest reported deviation
-    stands in, so that no division by zero follows.
-
-    Parameters
-    ----------
-    time : ndarray (n,)
-        Times [s]; differences over gaps longer than 1.5 typical steps take no part.
-    pose : ndarray (n, 3)
-        Measured poses [m, m, rad].
-    reported : ndarray (n, 3)
-        Deviations that the tracker reports.
+    stands in, so that no division by zero follows. Differences over gaps longer than 1.5 typical steps take no part.
     """
     step = np.diff(time)
     even = np.abs(step - np.median(step)) < 0.5 * np.median(step)

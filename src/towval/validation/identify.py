@@ -89,28 +89,18 @@ def identify(
     """Fit inputs to runs by least squares over the simulation, and predict each run from all others.
 
     The residual is the error's mean over 24 blocks of time, in which stick and slip average out, in units of the
-    deviation u_D of the measurement there. The correlation in time of measurement errors is not known here, so
-    they are counted twice: once as independent from block to block, once as one unknown for all blocks of a run (a
-    camera's, a start's). The covariance of the values is ``((JᵀJ)⁻¹ + A Σ Aᵀ) max(1, χ²) + A B Bᵀ Aᵀ`` with
-    ``A = (JᵀJ)⁻¹Jᵀ``, Σ the covariance of the residuals in the second case, χ² reduced, and the columns of B what the
-    inputs that are not fitted change by one of their deviations in campaign.yaml.
+    deviation u_D of the measurement there. The correlation in time of measurement errors is not known here, so they are
+    counted twice: once as independent from block to block, once as one unknown for all blocks of a run (a camera's, a
+    start's). The covariance of the values is ``((JᵀJ)⁻¹ + A Σ Aᵀ) max(1, χ²) + A B Bᵀ Aᵀ`` with ``A = (JᵀJ)⁻¹Jᵀ``, Σ
+    the covariance of the residuals in the second case, χ² reduced, and the columns of B what the inputs that are not
+    fitted change by one of their deviations in campaign.yaml.
 
     The sum of squares has many valleys. It is tried at what campaign.yaml says and 64 places of a Sobol sequence over
     the searched range, fits start at the best three, and the best fit counts.
 
-    Parameters
-    ----------
-    scene : TowingScene
-        What campaign.yaml says.
-    deviations : mapping
-        Standard deviations of the inputs by name. Those of fitted inputs are for comparison only.
-
-    Raises
-    ------
-    InputError
-        When no parameter is named, or the place of a load that is not there.
-    RefusedError
-        When a simulation ends early within the searched range.
+    ``deviations`` are those of the inputs by name; those of fitted inputs are for comparison only. `InputError` where
+    no parameter is named, or the place of a load that is not there; `RefusedError` where a simulation ends early within
+    the searched range.
     """
     if not settings.parameters or not runs:
         raise InputError("there is nothing to identify", allowed=f"one or more of {', '.join(IDENTIFIABLE)}, and a run")

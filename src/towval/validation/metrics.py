@@ -13,20 +13,10 @@ _AREA_REACH = 6.0
 
 
 def frechet_distance(path: ArrayLike, other: ArrayLike) -> float:
-    """Discrete Fréchet distance of two paths [m]: the shortest leash with which both can be walked without going back.
+    """Discrete Fréchet distance of paths (n, 2), (m, 2) [m]: the shortest leash with which both can be walked forwards.
 
     SOURCE: Eiter and Mannila, Computing discrete Fréchet distance, 1994. Unlike the largest distance at equal times it
-    does not count a delay along the same path.
-
-    Parameters
-    ----------
-    path, other : array_like (n, 2), (m, 2)
-        Points in the order of the walk [m], all finite.
-
-    Raises
-    ------
-    InputError
-        When a path is empty or a point is missing.
+    does not count a delay along the same path. `InputError` where a path is empty or a point is missing.
     """
     path, other = np.asarray(path, dtype=np.float64), np.asarray(other, dtype=np.float64)
     if not (len(path) and len(other) and np.isfinite(path).all() and np.isfinite(other).all()):
@@ -48,22 +38,10 @@ def area_metric(error: ArrayLike, std: ArrayLike) -> float:
     """Area between the distribution of an error over time and the one that its deviations predict, in the error's unit.
 
     SOURCE: Ferson, Oberkampf and Ginzburg, Model validation and predictive capability for the thermal challenge
-    problem, 2008: ``d = ∫ |F(x) − S(x)| dx``. S is the empirical distribution function of the error, F the mean of the
-    normal ones with the deviations at the same times. Zero for an error that scatters as predicted; ``|b|`` for an
-    error that is b all along where nothing was uncertain. It grows where the error is too large and, more slowly, where
-    it is smaller than predicted.
-
-    Parameters
-    ----------
-    error : array_like (n,)
-        The error; NaN where missing.
-    std : array_like (n,)
-        Its standard deviation at the same times, zero or more.
-
-    Returns
-    -------
-    float
-        NaN where no error is known.
+    problem, 2008: ``d = ∫ |F(x) − S(x)| dx``. S is the empirical distribution function of the error (n,), F the mean of
+    the normal ones with the deviations (n,) at the same times. Zero for an error that scatters as predicted; ``|b|``
+    for an error that is b all along where nothing was uncertain. It grows where the error is too large and, more
+    slowly, where it is smaller than predicted. Missing errors are left out; NaN where all are.
     """
     error, std = np.asarray(error, dtype=np.float64), np.asarray(std, dtype=np.float64)
     known = np.isfinite(error) & np.isfinite(std)
@@ -96,18 +74,9 @@ def aligned_rms(simulated: ArrayLike, measured: ArrayLike) -> float:
 def error_ratio(error: ArrayLike, covariance: ArrayLike) -> Array:
     """|E| / u_val of the position over time (n,) [1], with u_val = √(σ_x² + σ_y²) at that time.
 
-    Parameters
-    ----------
-    error : array_like (n, 3)
-        Simulated minus measured pose [m, m, rad]; NaN where missing.
-    covariance : array_like (n, 3, 3)
-        Its covariance if the model is right.
-
-    Returns
-    -------
-    ndarray (n,)
-        NaN where the error is missing, and where u_val is below a hundredth of its root mean square: until the object
-        moves, simulation and measurement are put on each other, and a ratio of next to nothing says nothing.
+    ``error`` (n, 3) is simulated minus measured pose, ``covariance`` (n, 3, 3) its own if the model is right. NaN where
+    the error is missing, and where u_val is below a hundredth of its root mean square: until the object moves,
+    simulation and measurement are put on each other, and a ratio of next to nothing says nothing.
     """
     error, covariance = np.asarray(error, dtype=np.float64), np.asarray(covariance, dtype=np.float64)
     distance = np.linalg.norm(error[:, :2], axis=1)

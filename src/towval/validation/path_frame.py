@@ -18,13 +18,7 @@ _STEP_M = 0.01
 class PathFrame:
     """The measured path at given times (n,) [s].
 
-    Attributes
-    ----------
-    pose : ndarray (n, 3)
-        Measured; NaN where the object was not seen.
-    seen : ndarray (n,) of bool
-    length : ndarray (n,)
-        Of the path up to there [m].
+    ``pose`` (n, 3) is NaN where the object was not ``seen`` (n,); ``length`` (n,) is that of the path up to there [m].
     """
 
     def __init__(self, measured: Track, times: Array):

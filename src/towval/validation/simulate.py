@@ -62,25 +62,10 @@ def simulate(
 ) -> SimulatedMotion:
     """Simulate the towed object behind the measured rover.
 
-    Parameters
-    ----------
-    rover, towed : DecimatedTrack
-        Decimated tracks; of the object only the first pose is used.
-    times : array_like (n,)
-        Times of the output [s]; those outside the rover's track are left out.
-    settings : SimulateSettings, optional
-        Model and tolerance of the integration.
-
-    Returns
-    -------
-    SimulatedMotion
-        On the given times that both tracks allow. ``statistics["u_num_m"]`` is the largest shift of the path that a
-        hundred times tighter tolerance and the full dynamics make.
-
-    Raises
-    ------
-    RefusedError
-        When the load's weight is outside the footprint, the tracks do not overlap, or the integration ends early.
+    Of the object's decimated track only the first pose is used. The motion is on those of the ``times`` (n,) [s] that
+    both tracks allow; ``statistics["u_num_m"]`` is the largest shift of the path that a hundred times tighter tolerance
+    and the full dynamics make. `RefusedError` where the load's weight is outside the footprint, the tracks do not
+    overlap, or the integration ends early.
     """
     return RunSimulation(scene, rover, towed, times).simulate(settings or SimulateSettings())
 

@@ -41,22 +41,9 @@ def sample_uncertainty(
 ) -> RunUncertainty:
     """Draw everything that is uncertain, simulate each draw, and describe the spread.
 
-    Parameters
-    ----------
-    settings : UncertaintySettings, optional
-        How many draws, from which seed, and how exactly each is simulated.
-    progress : callable, optional
-        Called with the number of draws done.
-
-    Returns
-    -------
-    RunUncertainty
-        Covariances over time, the draws, and the smallest faults that they leave visible.
-
-    Raises
-    ------
-    RefusedError
-        When more than 2 % of the draws cannot be simulated: the limits would be those of the easy ones.
+    The result holds covariances over time, the draws, and the smallest faults that they leave visible; ``progress`` is
+    called with the number of draws done. `RefusedError` where more than 2 % of the draws cannot be simulated: the
+    limits would be those of the easy ones.
     """
     settings = settings or UncertaintySettings()
     sampling = UncertaintySampling(case, settings, progress)
