@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammaincinv
+from scipy.special import chdtri
 
 from towval.calibration.bundle_adjustment import Estimate, adjust, marginal_covariance, residuals
 from towval.calibration.lens import LensTrial, active_parameters
@@ -193,7 +193,7 @@ def marks_std_px(observed: CalibrationObservations, estimate: Estimate) -> tuple
     residual = residuals(observed.blocks, estimate)[-1]
     freedom = max(residual.size - 6, 1)
     squares, stated = float(np.sum(residual**2)), observed.floor_reference.mark_std_px
-    return np.sqrt(squares / freedom), bool(squares > stated**2 * 2 * gammaincinv(freedom / 2, 0.999))
+    return np.sqrt(squares / freedom), bool(squares > stated**2 * chdtri(freedom, 0.001))
 
 
 def marks_findings(observed: CalibrationObservations, estimate: Estimate, stated_std_px: float) -> list[Finding]:

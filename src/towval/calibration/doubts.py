@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammaincinv
+from scipy.special import chdtri
 
 from towval.calibration.bundle_adjustment import BOARD_DOUBTS, DOUBTS, HELD_DOUBTS, Estimate, adjust
 from towval.calibration.lens import LensTrial, active_parameters, choose_lens, try_lenses
@@ -149,7 +149,7 @@ def _contradiction(
     value, stated = fit.estimate.doubts[own], np.where(np.isin(group, board), observed.doubts_std[own], 0.0)
     squared = float(value @ np.linalg.solve(fit.variance(group) + np.diag(stated**2), value))
     far = float(np.max(np.abs(value) / observed.doubts_std[own]))
-    return squared > 2 * gammaincinv(len(group) / 2, CONSTANTS.sound), far
+    return squared > chdtri(len(group), 1 - CONSTANTS.sound), far
 
 
 def _fitted(fit: _Fit) -> tuple[Array, Array, float]:

@@ -7,7 +7,7 @@ so, and positions above the floor are as uncertain as that makes them.
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.special import gammaincinv
+from scipy.special import chdtri
 
 from towval.calibration.bundle_adjustment import Block, Estimate, Placement, adjust, marginal_covariance, residuals
 from towval.calibration.lens import LensTrial, active_parameters, choose_lens
@@ -47,7 +47,7 @@ def calibrate_marks(
     chosen = choose_lens(trials)
     active, estimate = active_parameters(chosen.model, with_floor=True), chosen.estimate
     squares, freedom = float(np.sum(_residual(reference, estimate) ** 2)), 2 * len(reference.marks_px) - len(active)
-    worse = squares > reference.mark_std_px**2 * 2 * gammaincinv(freedom / 2, 0.999)
+    worse = squares > reference.mark_std_px**2 * chdtri(freedom, 0.001)
     std_px = np.sqrt(squares / freedom) if worse else reference.mark_std_px
     covariance, _ = marginal_covariance([_block(reference, std_px)], estimate, active)
     camera = Camera(resolution_px, estimate.matrix, estimate.distortion, chosen.model)
