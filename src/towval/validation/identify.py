@@ -18,7 +18,7 @@ from towval.model.geometry import block_means, pose_difference
 from towval.model.inputs import IDENTIFIABLE, Realisation, UncertainInput, titled
 from towval.model.run_record import measured_poses
 from towval.physics.ladder import DYNAMICS
-from towval.validation.hinge_way import hinge_way
+from towval.validation.hinge_trajectory import hinge_trajectory
 from towval.validation.scene_model import SceneModel
 
 _STEP = 0.1
@@ -260,7 +260,7 @@ class _Fit:
         real = base
         for (row, i), value in zip(self.parameters, values, strict=True):
             real = _changed(real, row, i, float(value))
-        hinge, start = hinge_way(run.rover, real.scene.hinge, run.time_s), run.towed.poses_at(run.time_s[0])
+        hinge, start = hinge_trajectory(run.rover, real.scene.hinge, run.time_s), run.towed.poses_at(run.time_s[0])
         model = SceneModel(real.scene, sticking=run.sticking)
         rung = run.rung if model.planar else DYNAMICS
         motion = model.motion(rung, hinge, start, run.time_s, self.settings.tolerance_m)

@@ -18,7 +18,7 @@ from towval.model.geometry import compose
 from towval.model.inputs import INPUTS, Realisation
 from towval.optics.moved_view import pose_sensitivity
 from towval.validation.consequences import WIDER, widened
-from towval.validation.hinge_way import by_kept_poses, nodes_between
+from towval.validation.hinge_trajectory import by_kept_poses, nodes_between
 from towval.validation.simulate import STICKING
 from towval.validation.simulate_many import Batch, Drawn
 

@@ -16,7 +16,7 @@ from towval.physics.ladder import DYNAMICS, RUNGS, LadderChoice, lowest_rung, pa
 from towval.physics.splines import spline_values
 from towval.physics.tether import lowest_point
 from towval.physics.trailing import TRAILING_RUNGS
-from towval.validation.hinge_way import hinge_way
+from towval.validation.hinge_trajectory import hinge_trajectory
 from towval.validation.scene_model import SceneModel
 
 STICKING = "sticking"
@@ -88,7 +88,7 @@ class RunSimulation:
             )
         self.scene, self.model = scene, SceneModel(scene)
         self.towed = self.model.towed
-        self.hinge = hinge_way(rover, scene.hinge, self.times)
+        self.hinge = hinge_trajectory(rover, scene.hinge, self.times)
         self.start_pose = towed.poses_at(self.times[0])
         self._motions: dict[tuple[bool, str, float], SimulatedMotion] = {}
 

@@ -16,7 +16,7 @@ from towval.model import Array, TowingScene
 from towval.model.errors import TowvalError
 from towval.physics.dynamics import Outcome
 from towval.physics.ladder import DYNAMICS
-from towval.validation.hinge_way import way_of
+from towval.validation.hinge_trajectory import trajectory_of
 from towval.validation.scene_model import SceneModel
 
 _WAITING = 4  # draws laid out ahead of each thread: what bounds the memory
@@ -70,7 +70,7 @@ class Batch:
         if drawn is None:
             return missing
         try:
-            hinge = way_of(drawn.scene.hinge, self.rover_times, drawn.rover)
+            hinge = trajectory_of(drawn.scene.hinge, self.rover_times, drawn.rover)
             model = SceneModel(drawn.scene, sticking=self.sticking)
             rung = self.rung if model.planar else DYNAMICS  # The others know nothing of what is not planar.
             motion = model.motion(rung, hinge, drawn.start, self.times, self.tolerance_m)

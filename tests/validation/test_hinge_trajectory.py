@@ -1,4 +1,4 @@
-"""The way of the hinge: on the arc between the nodes, at rest in pauses, jerking where the track does alone."""
+"""The trajectory of the hinge: on the arc between the nodes, at rest in pauses, jerking where the track does alone."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 from towval.model import DecimatedTrack
 from towval.model.geometry import transform
 from towval.physics.splines import spline_values
-from towval.validation.hinge_way import by_kept_poses, hinge_way, nodes_between
+from towval.validation.hinge_trajectory import by_kept_poses, hinge_trajectory, nodes_between
 
 HINGE = np.array([-0.42, 0.05])
 
@@ -32,17 +32,17 @@ def track():
 
 def test_the_hinge_stands_where_the_poses_put_it(track):
     times = np.linspace(0.3, 7.0, 300)
-    way = hinge_way(track, HINGE, times)
-    assert way.knots[[0, -1]].tolist() == [0.3, 7.0]
-    assert spline_values(way, times)[0] == pytest.approx(transform(track.poses_at(times), HINGE), abs=2e-6)
+    trajectory = hinge_trajectory(track, HINGE, times)
+    assert trajectory.knots[[0, -1]].tolist() == [0.3, 7.0]
+    assert spline_values(trajectory, times)[0] == pytest.approx(transform(track.poses_at(times), HINGE), abs=2e-6)
     kept = track.time_s[(track.time_s > 0.3) & (track.time_s < 7.0)]
-    assert set(kept) <= set(way.knots)
+    assert set(kept) <= set(trajectory.knots)
 
 
 def test_the_hinge_rests_while_the_rover_does_and_takes_no_node_for_it(track):
-    way = hinge_way(track, HINGE, track.time_s)
-    assert not np.any((way.knots > 4.0) & (way.knots < 6.0))
-    assert not spline_values(way, np.linspace(4.0, 6.0, 9))[1].any()
+    trajectory = hinge_trajectory(track, HINGE, track.time_s)
+    assert not np.any((trajectory.knots > 4.0) & (trajectory.knots < 6.0))
+    assert not spline_values(trajectory, np.linspace(4.0, 6.0, 9))[1].any()
 
 
 def test_rates_are_slopes_of_poses_and_nothing_is_known_outside(track):

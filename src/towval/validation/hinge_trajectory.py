@@ -1,4 +1,4 @@
-"""The way of the tether's hinge with the rover: cubics between the kept poses of its decimated track.
+"""The trajectory of the tether's hinge with the rover: cubics between the kept poses of its decimated track.
 
 Nodes lie where the track's own do, so that the hinge jerks where the track does and nowhere else, and between two of
 these where the rover turns: a cubic through places and velocities misses the arc of a lever l by l Δϑ⁴/384.
@@ -28,17 +28,17 @@ def nodes_between(track: DecimatedTrack, begin: float, end: float) -> Array:
     return np.append(first + within * np.repeat(length, parts), end)
 
 
-def way_of(hinge: Array, times: Array, rover: Array) -> Spline:
-    """Way of a point (2,) of the rover [m] with poses and rates (m, 6) of the rover at times (m,) [s]."""
+def trajectory_of(hinge: Array, times: Array, rover: Array) -> Spline:
+    """Trajectory of a point (2,) of the rover [m] with poses and rates (m, 6) of the rover at times (m,) [s]."""
     lever = rotation(rover[:, 2]) @ hinge
     turning = rover[:, 5:] * np.column_stack([-lever[:, 1], lever[:, 0]])
     return hermite_spline(times, rover[:, :2] + lever, rover[:, 3:5] + turning)
 
 
-def hinge_way(rover: DecimatedTrack, hinge: Array, times: Array) -> Spline:
-    """Way of the tether's hinge (2,) [m] along the rover's smoothed track, over ``times`` (n,) [s]."""
+def hinge_trajectory(rover: DecimatedTrack, hinge: Array, times: Array) -> Spline:
+    """Trajectory of the tether's hinge (2,) [m] along the rover's smoothed track, over ``times`` (n,) [s]."""
     nodes = nodes_between(rover, times[0], times[-1])
-    return way_of(hinge, nodes, rover.poses_and_rates_at(nodes))
+    return trajectory_of(hinge, nodes, rover.poses_and_rates_at(nodes))
 
 
 def by_kept_poses(track: DecimatedTrack, nodes: Array) -> Array:
