@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -70,7 +71,7 @@ class Workplace:
             stderr=subprocess.STDOUT,
             text=True,
             start_new_session=True,
-            preexec_fn=before,  # noqa: PLW1509  # this program has one thread
+            preexec_fn=partial(_prepare, before),  # noqa: PLW1509  # this program has one thread
         )
 
     def variables(self) -> dict[str, str]:
@@ -100,6 +101,13 @@ class Workplace:
             if path.is_file() and not any(part.startswith(".") or part in _ASIDE for part in name.parts):
                 digest.update(f"{name} {hashlib.sha256(path.read_bytes()).hexdigest()}\n".encode())
         return digest.hexdigest()
+
+
+def _prepare(before: Callable[[], None] | None) -> None:
+    """What a call does first: Ctrl-C reaches it also where a shell started this program in the background."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    if before is not None:
+        before()
 
 
 def fault_of(text: str) -> str:

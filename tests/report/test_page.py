@@ -9,7 +9,7 @@ import pytest
 
 from report_scenes import LOST, ceiling_calibration, towed_run, uncertainty_of
 from towval.io.summary import summary_csv, summary_latex
-from towval.model import Explanation, Finding, Severity, Verdict
+from towval.model import Finding, Severity, Verdict
 from towval.model.errors import InputError
 from towval.report.contents import draw_figures
 from towval.report.data import InputRow, Provenance, ReportData, RunReport, StageFinding
@@ -192,9 +192,9 @@ def test_uncertainty_has_its_figures_on_the_page(tmp_path):
 def judged(name, verdict, upper_m, share=""):
     run = towed_run(name, n=100)
     known = dataclasses.replace(uncertainty_of(run), shares={share: 0.6, "camera": 0.4}) if share else None
-    explanation = Explanation({}, False, 0.02, 0.02, begins_m=1.28, ends_m=1.38)
+    begins_m, ends_m = (1.28, 1.38) if upper_m > 0.02 else (np.nan, np.nan)
     comparison = dataclasses.replace(
-        run.comparison, verdict=verdict, error_upper_m=upper_m, explanation=explanation if upper_m > 0.02 else None
+        run.comparison, verdict=verdict, error_upper_m=upper_m, begins_m=begins_m, ends_m=ends_m
     )
     return dataclasses.replace(run, comparison=comparison, uncertainty=known)
 

@@ -7,7 +7,7 @@ import pytest
 from browser import Browser
 
 from report_scenes import numbered_film, small_calibration, towed_run, uncertainty_of
-from towval.model import Bounds, Explanation, Finding, Severity, Verdict
+from towval.model import Bounds, Finding, Severity, Verdict
 from towval.report.data import InputRow, Provenance, ReportData, RunReport
 from towval.report.page import write_report
 
@@ -59,11 +59,10 @@ def judged(name, verdict, **changes):
 def browser(tmp_path_factory):
     folder = tmp_path_factory.mktemp("questions")
     reason = Finding(Severity.WARNING, "verdict", "Disagrees: it begins between 1.28 m and 1.38 m of the path.")
-    begins = Explanation({}, False, 0.02, 0.02, begins_m=1.28, ends_m=1.38)
     runs = (
         judged("a", Verdict.AGREES),
         judged("b", Verdict.AGREES),
-        judged("d", Verdict.DISAGREES, error_upper_m=0.02, explanation=begins, findings=(reason,)),
+        judged("d", Verdict.DISAGREES, error_upper_m=0.02, begins_m=1.28, ends_m=1.38, findings=(reason,)),
     )
     film = numbered_film(folder / "a.mp4", 80)
     data = ReportData(

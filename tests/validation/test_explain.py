@@ -81,6 +81,17 @@ def test_what_no_input_does_is_left_to_the_model_with_its_place(world):
     assert found.ends_m >= 0.45
 
 
+def test_an_input_at_the_end_of_the_search_is_no_explanation(world):
+    error = np.zeros((N, 3))
+    error[N // 2 :, 0] = -60 * MM
+    found = world.explained(error)
+    assert not found.explained
+    assert found.moved == {}
+    assert found.remaining_rms_m == found.error_rms_m
+    assert 0.4 <= found.begins_m <= 0.55
+    assert _explained(found).startswith("No input explains the difference")
+
+
 def test_an_input_far_off_is_taken_for_what_it_does_there():
     """A height acts by its square; enlarging what one deviation does, the wrong input would leave less."""
 

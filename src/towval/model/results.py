@@ -108,8 +108,9 @@ class Comparison:
     are within their deviations".
     ``drawn_tests`` (k, 2) of each draw a key that runs of a campaign share and the largest statistic over its limit.
     ``detectable_m`` is the path error, RMS, from which on half of the kinds of ``faults`` show;
-    ``seen_share`` the share of the frames of the motion in which the object was seen; ``explanation`` what would
-    explain the error; ``warnings`` the codes of all findings that are no notes, separated by spaces.
+    ``seen_share`` the share of the frames of the motion in which the object was seen; ``begins_m`` and ``ends_m``,
+    between which lengths of the measured path the error begins [m], NaN where it is there all along; ``explanation``
+    what would explain the error; ``warnings`` the codes of all findings that are no notes, separated by spaces.
     """
 
     run: str
@@ -140,6 +141,8 @@ class Comparison:
     model_error_upper_m: float = float("nan")
     detectable_m: float = float("nan")
     seen_share: float = float("nan")
+    begins_m: float = float("nan")
+    ends_m: float = float("nan")
     size_statistic: float = float("nan")
     size_limit: float = float("nan")
     shape_statistic: float = float("nan")

@@ -114,8 +114,7 @@ def gists(records: Sequence[RunRecord], calibration: Calibration | None) -> dict
 
 def _beginning(runs: Sequence[Comparison]) -> str:
     """Where on the path the one run begins to differ; empty where unknown."""
-    begins_m = [c.explanation.begins_m for c in runs if c.explanation is not None]
-    return f", from {begins_m[0]:.1f} m on" if len(runs) == 1 and begins_m and np.isfinite(begins_m[0]) else ""
+    return f", from {runs[0].begins_m:.1f} m on" if len(runs) == 1 and np.isfinite(runs[0].begins_m) else ""
 
 
 def _who(runs: Sequence[Comparison], of: int) -> str:

@@ -125,7 +125,7 @@ def _judged(
     """The comparison with bounds, statistics, verdict and what is to be said of them."""
     tolerance_m = settings.stated_m or TOLERANCE_M
     parts = _tested(simulated, measured, uncertainty, settings)
-    drawn_tests = parts.pop("drawn_tests")
+    drawn_tests, (begins_m, ends_m) = parts.pop("drawn_tests"), parts.pop("begins")
     visible = sorted(fault.shift_rms_m if np.isfinite(fault.size) else np.inf for fault in uncertainty.faults)
     detectable_m = float(visible[(len(visible) - 1) // 2]) if visible else float("nan")
     moving = np.linalg.norm(simulated.twist[:, :2], axis=1) > _MOVING_M_PER_S
@@ -163,6 +163,8 @@ def _judged(
         model_error_upper_m=model[1],
         detectable_m=detectable_m,
         seen_share=seen_share,
+        begins_m=begins_m,
+        ends_m=ends_m,
         warnings=" ".join(codes),
         drawn_tests=drawn_tests,
         bounds=evidence.bounds,
@@ -178,7 +180,10 @@ def _tested(
 ) -> dict[str, Any]:
     """Bounds, statistics and limits, as far as there are draws and times to get them from."""
     draws = uncertainty.draws
-    nothing = {"drawn_tests": np.empty((0, 2)), "bounds": Bounds(), "statistics": {}, "limits": {}, "where": ""}
+    nothing = {
+        "drawn_tests": np.empty((0, 2)), "bounds": Bounds(), "statistics": {}, "limits": {}, "where": "",
+        "begins": (np.nan, np.nan),
+    }  # fmt: skip
     if draws is None:
         return nothing
     path = OnPath.of(measured, simulated, draws)
@@ -189,6 +194,7 @@ def _tested(
     statistics = dict(zip(STATISTICS, map(float, right.statistics(error)), strict=True))
     limits = dict(zip(STATISTICS, map(float, right.limits), strict=True))
     both = 0.5 * (1 + settings.bound_confidence)
+    begins = place(error, right, path.length)
     return {
         "drawn_tests": np.column_stack([_keys(draws), (right.drawn / right.limits).max(axis=1)]),
         "bounds": Bounds(
@@ -196,7 +202,8 @@ def _tested(
         ),
         "statistics": statistics,
         "limits": limits,
-        "where": _where(error, path.frame.pose[path.frame.seen], path.length, place(error, right, path.length)),
+        "where": _where(error, path.frame.pose[path.frame.seen], path.length, begins),
+        "begins": begins,
     }
 
 

@@ -217,9 +217,13 @@ def explain(
             named = _named(means, list(means), names)
             point, moved = _Point(means, remaining, all_off), {name: named[name] for name in first[:1]}
             instead, factor = {name: named[name] for name in first[1:]}, likely
+    explained = bool(moved) and not right.rejects(point.error)
+    farthest = max(map(abs, moved.values()), default=0.0)
+    if not explained and (farthest >= _MOST_DEVIATIONS or rms_length(point.error) >= rms_length(error)):
+        point, moved, instead = _Point({}, error, 0.0), {}, {}  # it fits a part of the error by what cannot be
     begins, ends = place(point.error, right, length)
     return Explanation(
-        moved, bool(moved) and not right.rejects(point.error), rms_length(error), rms_length(point.error), begins, ends,
+        moved, explained, rms_length(error), rms_length(point.error), begins, ends,
         tuple(name for name in {**moved, **instead} if name in assumed), instead, factor,
     )  # fmt: skip
 

@@ -146,9 +146,9 @@ def details_with(content: McapContent, path: Path, *names: str) -> dict[str, Any
     missing = [name for name in names if name not in content.details]
     if missing:
         raise InputError(
-            f"{path} was made by another stage",
+            f"{path} was made by another stage, or by another version of towval",
             got=f"no {', '.join(missing)} in its details",
-            remedy="give the file that this stage's documentation names",
+            remedy="make it again, or give the file that the documentation of this stage names",
         )
     return content.details
 
