@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from snakemake.cli import parse_config
 
 from towval.commands.workflow import _as_path, _system_errors_told
 
@@ -35,3 +36,8 @@ def test_an_interruption_of_snakemake_is_no_traceback():
 def test_a_path_is_no_number(name):
     assert _as_path(Path(name)) == f"./{name}"
     assert _as_path(Path("/") / name) == f"/{name}"
+
+
+@pytest.mark.parametrize("name", ['it\'s "quoted"', "lab'", '"lab"'])
+def test_quotes_at_the_end_of_a_path_reach_the_workflow(name):
+    assert Path(parse_config([f"campaign={_as_path(Path(name))}"])["campaign"]) == Path(name)

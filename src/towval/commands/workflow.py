@@ -144,8 +144,9 @@ def run_demo(folder: Path, results: Path = Path("results"), cores: int | None = 
 
 
 def _as_path(path: Path) -> str:
-    """A path that Snakemake takes for a text, also where it is named 1 or [x]."""
-    return str(path) if path.is_absolute() else os.path.join(".", path)
+    """A path that Snakemake takes for a text, also where it is named 1 or [x], and whole where it ends with a quote."""
+    text = str(path) if path.is_absolute() else os.path.join(".", path)
+    return f"{text}/." if text.endswith(("'", '"')) else text
 
 
 def _system_errors_told(lines: Iterable[str]) -> Iterator[str]:
