@@ -4,6 +4,7 @@ import shutil
 from importlib import resources
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 import yaml
@@ -12,6 +13,7 @@ from browser import Browser
 from towval.commands.check import check
 from towval.io.campaign import load_campaign
 from towval.io.campaign_text import FloorCorner, RunClicks, text_in_parts
+from towval.io.video import Video
 
 SAMPLE = Path(str(resources.files("towval"))) / "sample"
 COMMENT = "# measured </script><b id=injected>on Monday</b>"
@@ -115,10 +117,32 @@ def test_saved_at_once_it_is_the_campaign_that_was_read(page, folder, tmp_path):
 
 def test_the_camera_of_the_page_is_the_one_of_the_package(page, folder):
     clicks = load_campaign(folder).run("a").clicks_px["object"]
-    found = page.run("corners('object', first.object)")
+    found = page.run("clicked('object', first.object)")
     assert np.abs(np.array(found) - clicks).max() < 1.5
     there = page.run("(() => { const [u, v] = project(...toPlane(700, 120, 0.42), 0.42); return [u, v]; })()")
     assert there == pytest.approx([700, 120], abs=1e-6)
+
+
+def test_the_picture_is_shown_without_the_distortion_of_the_lens(page, folder):
+    first = next(iter(Video(folder / "a.mp4")))[1]
+    seen = page.run("""(() => {
+      const rows = [];
+      for (let x = -0.6; x <= 2.6; x += 0.02) for (let y = -0.4; y <= 1.6; y += 0.02)
+        rows.push([...filmed(x, y, 0), greyAt(runs[run].grey, ...project(x, y, 0))]);
+      return rows.map((row) => row.map((value) => Number.isNaN(value) ? -1 : value));
+    })()""")
+    u, v, shown = np.array(seen).T
+    height, width = first.shape
+    inside = (u > 1) & (v > 1) & (u < width - 2) & (v < height - 2) & (shown >= 0)
+    assert inside.sum() > 3000
+
+    def off(shift_px):
+        at = u[inside] + shift_px, v[inside]
+        there = cv2.remap(first, *(pixels.astype(np.float32)[:, None] for pixels in at), cv2.INTER_LINEAR)[:, 0]
+        return np.abs(there - shown[inside]).mean()
+
+    # A picture that is a pixel beside the camera that draws over it fits less well.
+    assert off(0) < 0.6 * off(1)
 
 
 @pytest.mark.parametrize("touch", [False, True], ids=["mouse", "finger"])

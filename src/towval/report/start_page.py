@@ -13,10 +13,13 @@ from numpy.typing import NDArray
 
 from towval.io.atomic import write_text
 from towval.io.campaign_text import FloorCorner, RunClicks
-from towval.model import Array, Body, Calibration, TowingScene
+from towval.model import Array, Body, Calibration, Camera, TowingScene
 from towval.report.preview import floor_grid
 
 _QUALITY = 88
+_OUTSIDE = 51  # The grey of the page around the picture.
+_LARGEST = 1.5
+"""Of the camera's picture: how large it may become without its distortion; what a wide lens sees beyond is left out."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +67,8 @@ def write_start_page(
     how far apart hinge and anchor can be [m]; ``floor`` is None where no board defines the floor frame.
     """
     camera, hold = calibration.camera, {"rover": scene.hinge, "object": scene.anchor}
+    shown, size = without_distortion(camera)
+    straight = cv2.initUndistortRectifyMap(camera.matrix, camera.distortion, None, shown, size, cv2.CV_16SC2)
     data = {
         "name": name,
         "text": [part if isinstance(part, str) else part._asdict() for part in text],
@@ -72,6 +77,7 @@ def write_start_page(
             "distortion": camera.distortion.tolist(),
             "T_camera_floor": calibration.floor.T_camera_floor.tolist(),
             "resolution_px": list(camera.resolution_px),
+            "shown": {"matrix": shown.tolist(), "size_px": list(size)},
         },
         "grid": [row.tolist() for row in floor_grid(calibration)],
         "bodies": {
@@ -90,7 +96,7 @@ def write_start_page(
         "floor": None if floor is None else _floor(floor),
         "runs": {
             name: {
-                "frame": _picture(start.luma),
+                "frame": _picture(cv2.remap(start.luma, *straight, cv2.INTER_LINEAR, borderValue=_OUTSIDE)),
                 "poses": {body: pose.tolist() for body, pose in start.poses.items()},
                 "told": {body: [text] for body, text in start.doubts.items()},
             }
@@ -106,6 +112,26 @@ def write_start_page(
     write_text(path, page)
 
 
+def without_distortion(camera: Camera) -> tuple[Array, tuple[int, int]]:
+    """A pinhole camera (3, 3) [px] and the size of its picture: what ``camera`` sees, without its distortion.
+
+    The focal lengths are kept, so that the middle of the picture keeps its sharpness; straight lines of the floor are
+    straight in it, and straight edges of a top as well.
+    """
+    width, height = camera.resolution_px
+    u, v = np.arange(width, dtype=float), np.arange(height, dtype=float)
+    sides = [(u, 0 * u), (u, 0 * u + height - 1), (0 * v, v), (0 * v + width - 1, v)]
+    border = np.concatenate([np.column_stack(side) for side in sides])
+    border = cv2.undistortImagePoints(border, camera.matrix, camera.distortion)[:, 0]
+    spare = 0.5 * (_LARGEST - 1) * np.array([width, height])
+    low = np.floor(np.maximum(border.min(axis=0), -spare))
+    high = np.ceil(np.minimum(border.max(axis=0), spare + np.array([width - 1, height - 1])))
+    shown = camera.matrix.copy()
+    shown[:2, 2] -= low
+    across, down = (high - low + 1).astype(int)
+    return shown, (int(across), int(down))
+
+
 def _floor(board: FloorBoard) -> dict[str, object]:
     return {
         "picture": _picture(board.luma),
@@ -118,7 +144,7 @@ def _floor(board: FloorBoard) -> dict[str, object]:
     }
 
 
-def _picture(luma: NDArray[np.uint8]) -> str:
+def _picture(luma: cv2.typing.MatLike) -> str:
     jpeg = cv2.imencode(".jpg", luma, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])[1]
     return "data:image/jpeg;base64," + base64.b64encode(jpeg.tobytes()).decode("ascii")
 

@@ -7,39 +7,39 @@ const SAMPLES = 160; // along an outline
 const byId = (id) => document.getElementById(id);
 const view = byId("view"), loupe = byId("loupe");
 
-// ---- camera: OpenCV's pinhole with the rational model
-const { matrix: K, distortion: D, T_camera_floor: T } = DATA.camera;
+// ---- camera: the picture is shown without the distortion of the lens; clicks are saved as the camera films them
+const { distortion: D, T_camera_floor: T, resolution_px: FILMED, shown: SHOWN } = DATA.camera;
 
-function distort(x, y) {
-  const [k1, k2, p1, p2, k3, k4, k5, k6] = D, r2 = x * x + y * y;
-  const radial = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)));
-  return [x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x), y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y];
+const pinhole = (M, x, y) => [M[0][0] * x + M[0][2], M[1][1] * y + M[1][2]];
+
+function ray(x, y, z) {
+  const c = [0, 1, 2].map((i) => T[i][0] * x + T[i][1] * y + T[i][2] * z + T[i][3]);
+  return [c[0] / c[2], c[1] / c[2]];
 }
 
-function project(x, y, z) {
-  const c = [0, 1, 2].map((i) => T[i][0] * x + T[i][1] * y + T[i][2] * z + T[i][3]);
-  const [a, b] = distort(c[0] / c[2], c[1] / c[2]);
-  return [K[0][0] * a + K[0][2], K[1][1] * b + K[1][2]];
+const project = (x, y, z) => pinhole(SHOWN.matrix, ...ray(x, y, z));
+
+// OpenCV's rational model.
+function filmed(x, y, z) {
+  const [k1, k2, p1, p2, k3, k4, k5, k6] = D, [a, b] = ray(x, y, z), r2 = a * a + b * b;
+  const radial = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)));
+  return pinhole(DATA.camera.matrix, a * radial + 2 * p1 * a * b + p2 * (r2 + 2 * a * a), b * radial + p1 * (r2 + 2 * b * b) + 2 * p2 * a * b);
 }
 
 function toPlane(u, v, height) {
-  const a = (u - K[0][2]) / K[0][0], b = (v - K[1][2]) / K[1][1];
-  let x = a, y = b;
-  for (let i = 0; i < 30; i++) {
-    const [p, q] = distort(x, y);
-    x += a - p; y += b - q;
-  }
+  const M = SHOWN.matrix, x = (u - M[0][2]) / M[0][0], y = (v - M[1][2]) / M[1][1];
   // The ray in floor axes, from the camera's place.
-  const ray = [0, 1, 2].map((i) => T[0][i] * x + T[1][i] * y + T[2][i]);
+  const way = [0, 1, 2].map((i) => T[0][i] * x + T[1][i] * y + T[2][i]);
   const place = [0, 1, 2].map((i) => -(T[0][i] * T[0][3] + T[1][i] * T[1][3] + T[2][i] * T[2][3]));
-  const s = (height - place[2]) / ray[2];
-  return [place[0] + s * ray[0], place[1] + s * ray[1]];
+  const s = (height - place[2]) / way[2];
+  return [place[0] + s * way[0], place[1] + s * way[1]];
 }
 
 const placed = ([x, y, h], [a, b]) => [x + Math.cos(h) * a - Math.sin(h) * b, y + Math.sin(h) * a + Math.cos(h) * b];
 const wrapped = (angle) => Math.atan2(Math.sin(angle), Math.cos(angle));
 const picture = (body, pose, point) => project(...placed(pose, point), DATA.bodies[body].height);
 const corners = (body, pose) => DATA.bodies[body].corners.map((corner) => picture(body, pose, corner));
+const clicked = (body, pose) => DATA.bodies[body].corners.map((corner) => filmed(...placed(pose, corner), DATA.bodies[body].height));
 
 // ---- state
 const runs = {};
@@ -51,7 +51,7 @@ for (const [name, given] of Object.entries(DATA.runs)) {
   for (const body of BODIES) {
     const start = given.poses[body];
     if (!start) runs[name].unplaced.add(body);
-    const [width, height] = DATA.camera.resolution_px;
+    const [width, height] = SHOWN.size_px;
     const where = toPlane(width * (body === "rover" ? 0.6 : 0.4), height / 2, DATA.bodies[body].height);
     runs[name].poses[body] = start || [...where, 0];
   }
@@ -129,7 +129,7 @@ function warnings(name) {
     const better = snapped(body, poses[body], 8), off = apart(body, poses[body], better);
     if (off > 1.8 && score(body, better) > 1.12 * score(body, poses[body])) told.push(`The outline of the ${body} is ${off.toFixed(0)} px beside edges that fit it. Snap it, or check its size and height.`);
     else if (score(body, better) < 5) told.push(`The outline of the ${body} lies on no edges.`);
-    if (corners(body, poses[body]).some(([u, v]) => u < 0 || v < 0 || u > DATA.camera.resolution_px[0] || v > DATA.camera.resolution_px[1])) told.push(`A corner of the ${body} is outside the picture.`);
+    if (clicked(body, poses[body]).some(([u, v]) => u < 0 || v < 0 || u > FILMED[0] || v > FILMED[1])) told.push(`A corner of the ${body} is outside the picture.`);
   }
   const [span, longest] = [tether(name).span, DATA.tether.longest_m];
   if (span > longest) told.push(`The tether would be ${span.toFixed(2)} m long and is ${DATA.tether.rest_length_m} m: is a body the wrong way round, or not in its place?`);
@@ -147,7 +147,7 @@ const onScreen = ([u, v]) => [(u + 0.5) * scale + offset[0], (v + 0.5) * scale +
 const inPicture = (x, y) => [(x - offset[0]) / scale - 0.5, (y - offset[1]) / scale - 0.5];
 
 function fit() {
-  const { clientWidth: w, clientHeight: h } = view, [width, height] = DATA.camera.resolution_px;
+  const { clientWidth: w, clientHeight: h } = view, [width, height] = SHOWN.size_px;
   scale = Math.min(w / width, h / height);
   offset = [(w - scale * width) / 2, (h - scale * height) / 2];
 }
@@ -357,7 +357,7 @@ view.addEventListener("wheel", (event) => { event.preventDefault(); zoom(Math.ex
 // ---- what is saved: the text of campaign.yaml with the corners put in
 const flow = (value) => Array.isArray(value) ? `[${value.map(flow).join(", ")}]` : typeof value === "number" ? String(Math.round(10 * value) / 10) : `{${Object.entries(value).map(([key, item]) => `${key}: ${flow(item)}`).join(", ")}}`;
 
-const clicks = (name) => Object.fromEntries(BODIES.map((body) => [body, corners(body, runs[name].poses[body])]));
+const clicks = (name) => Object.fromEntries(BODIES.map((body) => [body, clicked(body, runs[name].poses[body])]));
 const floorCorner = ({ floor, stated, before }) => frame && frame[floor] !== BOARD[floor] ? before + flow(BOARD.corners[frame[floor]]) : stated;
 
 function campaign() {
