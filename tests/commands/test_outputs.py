@@ -97,11 +97,20 @@ def test_what_the_system_refuses_is_one_message(number, tmp_path, capsys):
     assert log.read_text() == message
 
 
-def test_an_interruption_is_told(capsys):
+@pytest.mark.parametrize("in_compiled_code", [False, True])
+def test_an_interruption_is_told(in_compiled_code, capsys):
+    interruption: BaseException = KeyboardInterrupt()
+    if in_compiled_code:
+        interruption, interruption.__cause__ = SystemError("returned a result with an exception set"), interruption
     with pytest.raises(SystemExit) as error, errors_reported():
-        raise KeyboardInterrupt
+        raise interruption
     assert error.value.code == 130
     assert "goes on" in capsys.readouterr().err
+
+
+def test_another_error_of_compiled_code_is_not_taken_for_an_interruption():
+    with pytest.raises(SystemError, match="broken"), errors_reported():
+        raise SystemError("broken")
 
 
 def test_a_full_disk_leaves_what_was_there(tmp_path):

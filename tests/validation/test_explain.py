@@ -56,6 +56,20 @@ def world():
     return World()
 
 
+def test_a_run_of_as_few_instants_as_blocks_is_explained(world):
+    inputs = np.random.default_rng(6).standard_normal((K, 3))
+    off = world.off[:, ::4]
+    right = RightModel.of(np.array([linear(dict(enumerate(row)))[::4] for row in inputs]) + off, inputs, 0.99)
+
+    def left(moves):
+        return np.array([error + linear(each)[::4] for each in moves])
+
+    error = off[0] - linear({0: 6.0})[::4]
+    with np.errstate(divide="raise"):  # one instant has no oscillation about itself
+        found = explain(error, off, right, world.names, (), left, TIME[::4])
+    assert list(found.moved) == ["along"]
+
+
 @pytest.mark.parametrize(("column", "deviations"), [(0, 6.0), (1, -7.0), (2, 6.0)])
 def test_an_input_beyond_its_deviation_is_named_with_its_size(world, column, deviations):
     found = world.explained_true({column: deviations})

@@ -80,6 +80,7 @@ _REMEDIES = {
     errno.EISDIR: "move that folder, or choose another name",
     errno.ENOTDIR: "a part of that path is a file: choose another",
 }
+_INTERRUPTED = "towval: interrupted; what is finished stays, and the next call goes on from there"
 
 
 @contextmanager
@@ -103,7 +104,11 @@ def errors_reported(log: Path | None = None) -> Iterator[None]:
     except MemoryError:
         _end("towval: there is too little memory\n  what to do: close other programs, or allow more (ulimit -v)", log)
     except KeyboardInterrupt:
-        _end("towval: interrupted; what is finished stays, and the next call goes on from there", log, 130)
+        _end(_INTERRUPTED, log, 130)
+    except SystemError as error:
+        if not isinstance(error.__cause__, KeyboardInterrupt):  # Ctrl-C met compiled code on its way back
+            raise
+        _end(_INTERRUPTED, log, 130)
 
 
 def _of_system(error: OSError) -> InputError:
