@@ -54,8 +54,10 @@ def towed_motion(rover: Motion, start: Array, times: Array) -> Array:
     return towed_box(box, hinge, (REST_LENGTH, STIFFNESS), start, times, tolerance=1e-7)
 
 
-def board_picture(camera: Camera, floor: Floor, T_floor_board: Array, rng: np.random.Generator) -> Luma:
-    """Grey picture of the board with its face at z = 0 of ``T_floor_board``.
+def board_picture(
+    camera: Camera, floor: Floor, T_floor_board: Array, rng: np.random.Generator, behind: Array | float = 120.0
+) -> Luma:
+    """Grey picture of the board with its face at z = 0 of ``T_floor_board``, before what is ``behind`` it.
 
     Three samples a pixel and axis, each at a random place of its cell: on a regular grid an edge along the pixels' rows
     would move by thirds of a pixel, which a calibration rightly takes for a board that does not fit.
@@ -72,7 +74,7 @@ def board_picture(camera: Camera, floor: Floor, T_floor_board: Array, rng: np.ra
             columns, rows = INNER_CORNERS
             dark = (np.floor(xy).sum(axis=-1) % 2 == 0) & (xy > -1).all(axis=-1) & (xy < (columns, rows)).all(axis=-1)
             sheet = (xy > -1.8).all(axis=-1) & (xy < (columns + 0.8, rows + 0.8)).all(axis=-1)
-            total += np.where(dark, 30.0, np.where(sheet, 220.0, 120.0))
+            total += np.where(dark, 30.0, np.where(sheet, 220.0, behind))
     picture = cv2.GaussianBlur(total / 9, (0, 0), 0.6) + rng.normal(0, 2, total.shape)
     return np.clip(np.rint(picture), 0, 255).astype(np.uint8)
 
@@ -164,7 +166,7 @@ def synthetic_campaign(
         for body, error in zip((ROVER, OBJECT), height_errors, strict=True)
     )
     scene = FilmedScene(camera, floor, bodies, (rover, lambda t: towed[round(t * RATE_HZ)]), seed=seed, noise=2.0)
-    pictures = _pictures(camera, floor, rng)
+    pictures = _pictures(camera, floor, CeilingCamera(scene).ground, rng)
     clicks = {name: np.round(px, 1).tolist() for name, px in scene.clicks(rng).items()}
     corners = np.array([[0, 0, THICKNESS_M], [(INNER_CORNERS[0] - 1) * SQUARE_M, 0, THICKNESS_M]])
     return SyntheticCampaign(
@@ -177,13 +179,13 @@ def synthetic_campaign(
     )
 
 
-def _pictures(camera: Camera, floor: Floor, rng: np.random.Generator) -> dict[str, Luma]:
-    """Boards held, ``board_*.png``, and lying on the floor, ``floor*.png``, the first of these at the origin."""
+def _pictures(camera: Camera, floor: Floor, ground: Array, rng: np.random.Generator) -> dict[str, Luma]:
+    """Boards held, ``board_*.png``, and lying on the ground of the film, ``floor*.png``, the first at the origin."""
     pictures = {f"board_{k:02d}.png": board_picture(camera, floor, _held(rng, k), rng) for k in range(16)}
     flat = [(0.0, 0.0, 0.0), (-1.3, -0.7, 0.7), (1.0, 0.5, 2.1), (1.1, -0.8, -0.4), (-1.2, 0.6, 1.2), (-0.1, -0.8, 0.2)]
     for k, (x, y, heading) in enumerate(flat):
         T = _placed(np.array([x, y, THICKNESS_M]), Rotation.from_euler("z", heading))
-        pictures["floor.png" if k == 0 else f"floor_{k}.png"] = board_picture(camera, floor, T, rng)
+        pictures["floor.png" if k == 0 else f"floor_{k}.png"] = board_picture(camera, floor, T, rng, ground)
     return pictures
 
 

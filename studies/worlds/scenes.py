@@ -86,7 +86,7 @@ class FilmedScene:
 
 
 class CeilingCamera:
-    """Films a scene: :meth:`frames` yields ``(time_s, luma)``."""
+    """Films a scene: :meth:`frames` yields ``(time_s, luma)``; ``ground`` is the floor alone (height, width)."""
 
     def __init__(self, scene: FilmedScene):
         self.scene = scene
@@ -98,8 +98,8 @@ class CeilingCamera:
             to_plane(scene.camera, scene.floor, grid, b.tracked_plane_height_m).astype(np.float32) for b in scene.bodies
         ]
         floor_texture = 130 + 14 * smooth_noise(rng, (1024, 1024), 2.0) + 8 * smooth_noise(rng, (1024, 1024), 12.0)
-        self._ground = _look_up(floor_texture, self._ground_xy, 0.008)
-        self._blurred_ground = cv2.GaussianBlur(self._ground, (0, 0), scene.psf_px)
+        self.ground = _look_up(floor_texture, self._ground_xy, 0.008)
+        self._blurred_ground = cv2.GaussianBlur(self.ground, (0, 0), scene.psf_px)
         self._textures = [self._texture(rng, body) for body in scene.bodies]
         # Noise is cut from one larger field at a random place: as good as new, and cheap.
         self._noise = scene.noise * rng.standard_normal((height + 509, width + 509), dtype=np.float32)
@@ -156,7 +156,7 @@ class CeilingCamera:
         if (high - low < 3).any():
             return
         box = slice(low[1], high[1]), slice(low[0], high[0])
-        part = self._ground[box].copy()
+        part = self.ground[box].copy()
         self._draw_sides(part, body, pose, low)
         own = inverse_transform(pose, self._targets[index][box])
         (by_row_x, by_column_x), (by_row_y, by_column_y) = np.gradient(own[..., 0]), np.gradient(own[..., 1])

@@ -112,7 +112,7 @@ class _Search:
         """What speaks against an error about its block means: one value a block (an oscillation has one amplitude
         there), of unknown size, with nothing gained below what the measurement does. A block of one instant has none.
         """
-        return 24 * float(np.log(max(_wobble(error) + self.swing, np.finfo(float).tiny)))
+        return 24 * float(np.log(np.maximum(_wobble(error) + self.swing, np.finfo(float).tiny)))
 
     def _surprise(self, column: int, deviations: float) -> float:
         if not _is_stated(self.names[column]):
