@@ -13,9 +13,11 @@ Rng = np.random.Generator
 Document = dict[str, Any]
 
 
-def _repictured(folder: Path, pattern: str, change: Callable[[Array], Array], quality: int = 95) -> None:
-    """Pictures of a pattern changed; they are copies of the campaign's."""
-    for path in sorted((folder / "calibration").glob(pattern)):
+def _repictured(
+    folder: Path, pattern: str, change: Callable[[Array], Array], quality: int = 95, every: int = 1
+) -> None:
+    """Every so many of the pictures of a pattern changed; they are copies of the campaign's."""
+    for path in sorted((folder / "calibration").glob(pattern))[::every]:
         picture = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
         if picture is not None:
             cv2.imwrite(str(path), change(np.asarray(picture)), [cv2.IMWRITE_JPEG_QUALITY, quality])
@@ -45,6 +47,34 @@ def held_zoom(folder: Path, _document: Document, percent: float, _rng: Rng) -> N
     _repictured(folder, "board_*", _zoomed(percent))
 
 
+def some_held_zoom(folder: Path, _document: Document, percent: float, _rng: Rng) -> None:
+    """Every second of the held pictures was taken with another zoom."""
+    _repictured(folder, "board_*", _zoomed(percent), every=2)
+
+
+def held_crop(folder: Path, _document: Document, percent: float, _rng: Rng) -> None:
+    """The held pictures are another part of the sensor, cut off on two sides and enlarged to the same size."""
+
+    def cropped(picture: Array) -> Array:
+        height, width = picture.shape
+        kept = picture[round(height * percent / 100) :, : round(width * (1 - percent / 100))]
+        return np.asarray(cv2.resize(kept, (width, height), interpolation=cv2.INTER_CUBIC))
+
+    _repictured(folder, "board_*", cropped)
+
+
+def held_skew(folder: Path, _document: Document, px: float, rng: Rng) -> None:
+    """The board moved while a rolling shutter read it: over the picture's height it went so far to one side."""
+
+    def skewed(picture: Array) -> Array:
+        height, width = picture.shape
+        by = rng.choice([-1, 1]) * px * width / 1920 / height
+        M = np.array([[1.0, by, -by * height / 2], [0.0, 1.0, 0.0]])
+        return np.asarray(cv2.warpAffine(picture, M, (width, height), flags=cv2.INTER_LANCZOS4, borderMode=4))
+
+    _repictured(folder, "board_*", skewed)
+
+
 def set_zoom(folder: Path, document: Document, percent: float, _rng: Rng) -> None:
     """All pictures of the board were taken with another zoom than the video."""
     _repictured(folder, "*", _zoomed(percent))
@@ -53,6 +83,12 @@ def set_zoom(folder: Path, document: Document, percent: float, _rng: Rng) -> Non
     for key in ("origin_corner_px", "x_axis_end_corner_px"):
         at = centre + (1 + percent / 100) * (np.array(document["floor"][key]) - centre)
         document["floor"][key] = at.tolist()
+
+
+def some_held_flipped(folder: Path, _document: Document, kind: float, _rng: Rng) -> None:
+    """Every second of the held pictures was saved sideways mirrored (1), upside down mirrored (2), or turned (3)."""
+    flip = {1: 1, 2: 0, 3: -1}[int(kind)]
+    _repictured(folder, "board_*", lambda picture: np.asarray(cv2.flip(picture, flip)), every=2)
 
 
 def held_mirrored(folder: Path, _document: Document, kind: float, _rng: Rng) -> None:

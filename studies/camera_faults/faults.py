@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from studies.camera_faults import campaigns, light, optics, timing
+from studies.camera_faults import campaigns, light, optics, timing, unforeseen
 from studies.camera_faults.film import Film
 
 InFilm = Callable[[Film, float, np.random.Generator], Film]
@@ -57,7 +57,7 @@ def _hevc(crf: float, _pixels: float) -> Mapping[str, str]:
     return {"codec": "libx265", "crf": f"{crf:g}", "preset": "ultrafast", "x265-params": "log-level=none:pools=1"}
 
 
-_MOVED = ("camera_moved", "camera_moved_before", "camera_not_registered", "floor_not_recognised")
+_MOVED = ("camera_moved", "camera_moved_before", "camera_not_registered", "floor_not_recognised", "picture_warped")
 _TIME = ("stamps_contradicted", "stamps_uneven", "pictures_repeated", "pictures_missing", "time_gap")
 _CODED = (
     "low_texture",
@@ -83,7 +83,7 @@ FAULTS = (
     Fault("rotation", (0.1, 0.5, 2), "°", _MOVED, optics.rotation),
     Fault("other zoom of video", (1, 3, 10), "%", (*_MOVED, *_SCALE), optics.other_zoom),
     Fault("mirrored video", (1, 2, 3), "", _MOVED, optics.mirrored),
-    Fault("jello", (0.3, 1, 3), "px", (*_MOVED, "picture_warped"), optics.jello),
+    Fault("jello", (0.3, 1, 3), "px", _MOVED, optics.jello),
     Fault("rolling shutter", (10, 20, 30), "ms", _MOVED, optics.rolling_shutter),
     Fault("defocus", (1.5, 3, 6), "px", _CODED, optics.defocus),
     Fault("focus hunting", (1.5, 3, 6), "px", (*_MOVED, *_CODED), optics.focus_hunting),
@@ -99,6 +99,16 @@ FAULTS = (
     Fault("white balance", (10, 30, 60), "%", _CODED, light.white_balance),
     Fault("interlacing", (0.25, 0.5, 1), "pictures", (*_CODED, *_TIME), timing.interlaced),
     Fault("tearing", (10, 40, 70), "%", (*_CODED, *_TIME), timing.torn),
+    Fault("HDR ghosts", (0.3, 0.6, 1), "", (*_CODED, *_TIME), unforeseen.hdr_ghosts),
+    Fault("local tone mapping", (0.2, 0.5, 0.9), "", _CODED, unforeseen.local_tone),
+    Fault("stabiliser drift", (3, 10, 40), "px", _MOVED, unforeseen.stabiliser),
+    Fault("deinterlaced", (0, 0.5, 1), "pictures", (*_CODED, *_TIME, *_MOVED), unforeseen.deinterlaced),
+    Fault("blended to another rate", (0.5, 1, 1.5), "pictures", (*_CODED, *_TIME), unforeseen.blended),
+    Fault("lost slice", (0.3, 0.6, 1.5), "s", (*_CODED, *_TIME, *_MOVED), unforeseen.lost_slice),
+    Fault("stretched video", (0.3, 1, 3), "%", (*_MOVED, *_SCALE), unforeseen.stretched),
+    Fault("lens corrected in video", (0.3, 1, 3), "%", (*_MOVED, *_SCALE), unforeseen.lens_correction),
+    Fault("white balance steps", (10, 30, 60), "%", _CODED, unforeseen.balance_steps),
+    Fault("overexposed", (1.2, 1.6, 2.5), "×", _CODED, unforeseen.overexposed),
     # Light and what is in the way
     Fault("flicker", (5, 15, 30), "%", _CODED, light.flicker),
     Fault("exposure steps", (10, 30, 50), "%", _CODED, light.exposure_steps),
@@ -108,6 +118,12 @@ FAULTS = (
     Fault("person", (4, 8, 16), "%", _HIDDEN, light.person),
     Fault("banner", (3, 6, 12), "%", _HIDDEN, light.banner),
     Fault("clock", (2, 4, 8), "%", _HIDDEN, light.clock),
+    Fault("sun patch", (30, 60, 120), "%", (*_HIDDEN, *_CODED), unforeseen.sun_patch),
+    Fault("hanging cable", (4, 10, 25), "px", (*_HIDDEN, *_CODED), unforeseen.cable),
+    Fault("drop on the lens", (2, 5, 15), "%", (*_CODED, *_HIDDEN, *_MOVED), unforeseen.drop),
+    Fault("twin standing by", (1, 2, 3), "", (*_HIDDEN, *_CLICKS), unforeseen.twin),
+    Fault("board kicked", (10, 40, 150), "px", _MOVED, unforeseen.kicked_board),
+    Fault("warm air", (0.2, 0.5, 1.5), "px", _MOVED, unforeseen.haze),
     # Time
     Fault("dropped", (1, 5, 15), "%", _TIME, timing.dropped),
     Fault("repeated", (2, 10, 33), "%", _TIME, timing.repeated),
@@ -123,13 +139,18 @@ FAULTS = (
     Fault("H.264, capped", (700, 300, 150), "kbit/s", _CODED, encoding=_rate),
     Fault("MJPEG, q", (8, 16, 31), "", _CODED, encoding=_mjpeg),
     Fault("HEVC, crf", (28, 36, 44), "", _CODED, encoding=_hevc),
+    Fault("pulsing groups of pictures", (28, 33, 38), "", _CODED, encoding=unforeseen.pulsing),
     # Board and campaign
     Fault("board smaller", (0.3, 1, 3), "%", _SCALE, campaign=campaigns.board_size),
     Fault("board thinner", (1, 3, 10), "mm", _SCALE, campaign=campaigns.board_thickness),
     Fault("tops smaller", (0.3, 1, 3), "%", _SCALE, campaign=campaigns.top_size),
     Fault("other zoom of held boards", (1, 3, 10), "%", (*_SCALE, "held-flipped"), campaign=campaigns.held_zoom),
+    Fault("other zoom of every second", (1, 3, 10), "%", _SCALE, campaign=campaigns.some_held_zoom),
+    Fault("other crop of held boards", (2, 5, 15), "%", _SCALE, campaign=campaigns.held_crop),
     Fault("other zoom of all boards", (1, 3, 10), "%", (*_MOVED, *_SCALE), campaign=campaigns.set_zoom),
     Fault("held boards mirrored", (1, 2, 3), "", ("held-flipped", "held-differ"), campaign=campaigns.held_mirrored),
+    Fault("every second mirrored", (1, 2, 3), "", ("held-flipped",), campaign=campaigns.some_held_flipped),
+    Fault("held boards skewed", (1, 3, 10), "px", ("view-dropped", "halves-disagree"), campaign=campaigns.held_skew),
     Fault("boards blurred", (5, 10, 20), "px", ("views-blurred", "view-dropped"), campaign=campaigns.blurred_boards),
     Fault("boards compressed", (50, 20, 5), "quality", ("views-blurred", "view-dropped"),
           campaign=campaigns.compressed_boards),

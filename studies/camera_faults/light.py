@@ -54,7 +54,7 @@ def colour_range(film: Film, kind: float, _rng: Rng) -> Film:
     return film.seen(lambda _i, luma: table[luma])
 
 
-def _spot(film: Film, centre: Array, radius: float, softness: float) -> Array:
+def spot(film: Film, centre: Array, radius: float, softness: float) -> Array:
     """A disc (height, width) of 0 to 1; ``centre`` (2,) in shares of the picture, radius in shares of its width."""
     width, height = film.size_px
     mask = np.zeros((height, width), dtype=np.float32)
@@ -63,7 +63,7 @@ def _spot(film: Film, centre: Array, radius: float, softness: float) -> Array:
     return np.asarray(cv2.GaussianBlur(mask, (0, 0), max(1.0, softness * radius * width)))
 
 
-def _middle_of_motion(film: Film) -> Array:
+def middle_of_motion(film: Film) -> Array:
     """Where the pictures change most between first and last, in shares of the picture (2,)."""
     change = cv2.GaussianBlur(cv2.absdiff(film.picture(0), film.picture(len(film) - 1)), (0, 0), 40 * film.px)
     v, u = np.unravel_index(int(np.argmax(change)), change.shape)
@@ -72,7 +72,7 @@ def _middle_of_motion(film: Film) -> Array:
 
 def glint(film: Film, percent: float, _rng: Rng) -> Film:
     """A lamp mirrored at a place of the picture where bodies pass."""
-    bright = 230 * _spot(film, _middle_of_motion(film), percent / 100, 0.5)
+    bright = 230 * spot(film, middle_of_motion(film), percent / 100, 0.5)
     return film.seen(lambda _i, luma: rounded(luma + bright))
 
 
@@ -82,17 +82,17 @@ def glint_at_start(film: Film, percent: float, _rng: Rng) -> Film:
     texture = cv2.GaussianBlur(cv2.absdiff(film.picture(0), cv2.blur(film.picture(0), (9, 9))), (0, 0), 20 * film.px)
     v, u = np.unravel_index(int(np.argmax(moved.astype(np.float32) * texture)), moved.shape)
     place = np.array([u / film.size_px[0], v / film.size_px[1]])
-    bright = 230 * _spot(film, place, percent / 100, 0.5)
+    bright = 230 * spot(film, place, percent / 100, 0.5)
     return film.seen(lambda _i, luma: rounded(luma + bright))
 
 
 def shadow(film: Film, percent: float, rng: Rng) -> Film:
     """A person's shadow passes over the bodies."""
-    middle, way = _middle_of_motion(film), rng.uniform(-1, 1, 2)
+    middle, way = middle_of_motion(film), rng.uniform(-1, 1, 2)
 
     def shaded(i: int, luma: Luma) -> Luma:
         place = middle + (i / len(film) - 0.5) * 1.6 * way / np.linalg.norm(way)
-        return rounded(luma * (1 - percent / 100 * _spot(film, place, 0.15, 0.15)))
+        return rounded(luma * (1 - percent / 100 * spot(film, place, 0.15, 0.15)))
 
     return film.seen(shaded)
 
@@ -100,7 +100,7 @@ def shadow(film: Film, percent: float, rng: Rng) -> Film:
 def person(film: Film, percent: float, rng: Rng) -> Film:
     """Somebody walks through the picture, over bodies and floor."""
     width, height = film.size_px
-    middle, way = _middle_of_motion(film), rng.uniform(-1, 1, 2)
+    middle, way = middle_of_motion(film), rng.uniform(-1, 1, 2)
     cloth = cv2.GaussianBlur(rng.uniform(0, 255, (height, width)).astype(np.float32), (0, 0), 6 * film.px)
     cloth = (cloth - cloth.mean()) * 8 + 90
     begins = 0.35 * film.time_s[-1]
@@ -109,7 +109,7 @@ def person(film: Film, percent: float, rng: Rng) -> Film:
         gone = (film.time_s[i] - begins) * 0.4 - 0.5
         place = middle + gone * way / np.linalg.norm(way)
         shift = np.round((place - middle) * [width, height]).astype(int)
-        mask = _spot(film, place, percent / 100, 0.03)
+        mask = spot(film, place, percent / 100, 0.03)
         return rounded(luma + mask * (np.roll(cloth, shift[::-1], axis=(0, 1)) - luma))
 
     return film.seen(hidden)
@@ -118,7 +118,7 @@ def person(film: Film, percent: float, rng: Rng) -> Film:
 def banner(film: Film, percent: float, _rng: Rng) -> Film:
     """A caption stands still over what moves."""
     width, height = film.size_px
-    top = int(np.clip(_middle_of_motion(film)[1] - percent / 200, 0, 1 - percent / 100) * height)
+    top = int(np.clip(middle_of_motion(film)[1] - percent / 200, 0, 1 - percent / 100) * height)
     strip = np.full((max(8, round(percent / 100 * height)), width), 40, dtype=np.uint8)
     scale = len(strip) / 40
     words = "LAB CAMERA 1   CEILING   " * 4
@@ -135,7 +135,7 @@ def banner(film: Film, percent: float, _rng: Rng) -> Film:
 def clock(film: Film, percent: float, _rng: Rng) -> Film:
     """A time stamp whose digits change, over what moves."""
     width, height = film.size_px
-    u, v = _middle_of_motion(film)
+    u, v = middle_of_motion(film)
     scale = percent / 100 * height / 22
 
     def stamped(i: int, luma: Luma) -> Luma:

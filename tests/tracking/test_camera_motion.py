@@ -194,6 +194,19 @@ def test_a_bump_between_calibration_and_run_is_taken_off():
     assert [one.code for one in findings] == ["video_upside_down"]
 
 
+@pytest.mark.parametrize("moved", [False, True])
+def test_bands_of_light_and_dead_pixels_do_not_hide_the_floor(moved):
+    calibration = Calibration(CAMERA, FLOOR, np.zeros((18, 18)), 0.1)
+    true = moved_view(CAMERA, FLOOR, np.array([0.01, -0.015, 0.01, 0, 0, 0, 0.01, 3, 0]) * moved)
+    first, rng = floor_picture(*true, seed=7), np.random.default_rng(8)
+    first = first * (1 + 0.3 * np.sin(2 * np.pi * 1.4 * np.arange(360) / 360))[:, None]
+    first = np.clip(np.rint(first), 0, 255).astype(np.uint8)
+    first[rng.integers(0, 360, 800), rng.integers(0, 480, 800)] = 0
+    found, findings = calibration_at_start(calibration, first, [("floor.jpg", floor_picture(seed=5))])
+    assert [one.code for one in findings] == ["camera_moved_before"] * moved
+    assert np.abs(seen_through((found.camera, found.floor)) - seen_through(true)).max() < 0.15
+
+
 def test_the_record_says_what_the_motion_did_to_the_picture():
     """Pictures warped by OpenCV, whose positive turn is anticlockwise; one in between that shows no floor."""
     camera = watched([(0, 0)] * 6)

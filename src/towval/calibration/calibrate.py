@@ -16,6 +16,7 @@ from towval.calibration.adequacy import (
     view_findings,
     view_statistics,
 )
+from towval.calibration.behind_boards import as_floor_shows
 from towval.calibration.board_search import NamedImage, find_boards
 from towval.calibration.bundle_adjustment import Estimate, adjust, residuals
 from towval.calibration.corners import BoardObservation
@@ -97,7 +98,9 @@ def calibrate(
     flat = _with_origin([s for s in observations if s.name in floor_names], floor_names, floor)
     held = tuple(s for s in observations if s.name not in floor_names)
     observed = CalibrationObservations(resolution, held, tuple(flat), floor, doubts_std(board, floor))
-    calibration = calibrate_observations(observed, settings, without_board, heights_m=heights_m)
+    observed, unsure, behind = as_floor_shows(observed, everything, settings.threads)
+    calibration = calibrate_observations(observed, settings, without_board | unsure, heights_m=heights_m)
+    calibration = replace(calibration, findings=(*calibration.findings, *behind))
     refusals = [finding.text for finding in calibration.findings if finding.severity is Severity.REFUSAL]
     if refusals and not settings.accept_refused:
         raise RefusedError("the calibration views are degenerate", got=" ".join(refusals))

@@ -173,8 +173,11 @@ def _findings(observed: CalibrationObservations, fit: _Fit, wrong: Doubts) -> tu
         findings.append(finding("board-thickness", thicker_mm=1e3 * value[4], std_mm=1e3 * std[4]))
     if np.isin(HELD_DOUBTS, wrong).any():
         flip = _flip(observed.resolution_px, fit.estimate, std)
+        names = "the held pictures"
         numbers = {"percent": 100 * value[5], "std_percent": 100 * std[5], "u": value[6], "v": value[7]}
-        findings.append(finding("held-flipped", flip=flip) if flip else finding("held-differ", **numbers))
+        by = "their optical centre is on the other side"
+        turned = finding("held-flipped", names=names, flip=flip, by=by)
+        findings.append(turned if flip else finding("held-differ", names=names, **numbers))
     return tuple(findings)
 
 

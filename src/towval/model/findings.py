@@ -162,15 +162,15 @@ register(  # calibrate
         "floor.board_thickness_m. The marks are used.",
     ),
     FindingType(
-        "held-differ", "calibrate", WARNING, _CAMERA,
-        "The held pictures were taken with another zoom or crop than those of the floor: magnified by {percent:+.2f} "
-        "± {std_percent:.2f} %, shifted by ({u:.1f}, {v:.1f}) px. The camera is that of the floor's pictures, and must "
-        "be that of the videos. Take all pictures as the videos are filmed, focus and zoom locked.",
+        "held-differ", "calibrate", WARNING, NONE,
+        "Taken with another zoom or crop than the pictures of the floor: {names} (magnified by {percent:+.2f} ± "
+        "{std_percent:.2g} %, shifted by ({u:.1f}, {v:.1f}) px). That is corrected: the camera is that of the floor's "
+        "pictures, and must be that of the videos. Take all pictures as the videos are filmed, focus and zoom locked.",
     ),
     FindingType(
         "held-flipped", "calibrate", (Severity.REFUSAL,), NOT_JUDGED,
-        "The held pictures are {flip} against those of the floor: their optical centre is on the other side. Save all "
-        "pictures as the camera films, without mirroring.",
+        "Pictures of the held board are {flip} against those of the floor: {names} ({by}). Save all pictures as the "
+        "camera films, without mirroring or turning.",
     ),
     FindingType(
         "views-blurred", "calibrate", WARNING, NONE,

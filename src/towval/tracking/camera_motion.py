@@ -13,7 +13,7 @@ from towval.model.conventions import PICTURE_MOTION, VIEW_MOTION
 from towval.model.findings import finding
 from towval.model.geometry import transform
 from towval.optics.moved_view import moved_view, parameters_by_motion, picture_motion, pose_sensitivity, view_before
-from towval.tracking.floor_registration import FloorRegistration, Registered
+from towval.tracking.floor_registration import FloorRegistration, Registered, evened
 from towval.tracking.template import Luma
 
 
@@ -220,9 +220,10 @@ def calibration_at_start(
         As given where the floor's texture is where it was, else with the view of the first picture.
     findings : tuple of Finding
     """
-    pictures, camera, plane = [picture for _, picture in floor], calibration.camera, calibration.floor
-    if not pictures or any(picture.shape != luma.shape for picture in pictures):
+    camera, plane = calibration.camera, calibration.floor
+    if not floor or any(picture.shape != luma.shape for _, picture in floor):
         return calibration, ()
+    luma, pictures = evened(luma), [evened(picture) for _, picture in floor]
     for _ in range(_REFERRED):
         seen = FloorRegistration(camera, plane, luma, ())
         if seen.template is None:

@@ -55,6 +55,8 @@ class RegistrationConstants:
     clusters_across: int = 10  # in so many clusters along the longer side.
     least_of_cluster: int = 6  # Points of a cluster whose own place is compared with the others',
     least_clusters: int = 8  # and clusters, for their scatter to be known to a third.
+    evened: float = 1 / 24  # Of the picture's width: light changes over more, the floor's texture over less.
+    evened_levels: float = 40.0  # [grey levels] Deviation of the texture, of which the ends are then cut off at three.
 
 
 CONSTANTS = RegistrationConstants()
@@ -339,6 +341,20 @@ class FloorRegistration:
         """Pixels (n, 2) of places (n, 2) on the floor after a ``motion`` (9,) of the view."""
         points = np.column_stack([places, np.zeros(len(places))])
         return project(*moved_view(self.camera, self.floor, motion), points)
+
+
+def evened(luma: Luma) -> Luma:
+    """A picture (height, width) with the same brightness and contrast everywhere, and without single dead pixels.
+
+    Two pictures of one place taken at other times differ in their light, also within a tile (bands of mains light), and
+    dead pixels are the steepest points of all. Neither moves what is seen.
+    """
+    width = round(CONSTANTS.evened * luma.shape[1])
+    alive = cv2.medianBlur(luma, 3).astype(np.float32)
+    texture = alive - cv2.blur(alive, (width, width))
+    contrast = np.sqrt(cv2.blur(texture * texture, (width, width)))
+    levels = 128 + CONSTANTS.evened_levels * texture / np.maximum(contrast, CONSTANTS.least_scale)
+    return np.asarray(np.clip(np.rint(levels), 0, 255), dtype=np.uint8)
 
 
 def _halved(luma: Luma) -> Luma:

@@ -1,0 +1,223 @@
+"""What stands still behind the boards: it shows which pictures have another zoom or crop, or are turned over.
+
+A camera at a ceiling sees the floor behind every board that is held under it. Features of it (Lowe 2004) are matched
+with the first picture of the floor, the boards left out. The homography between the two (RANSAC) tells another crop
+from a turn of the camera, which is no fault of a held picture: to first order it is a zoom, a shift, and a perspective
+that the turn alone brings. No lens enters but for the focal length, roughly.
+"""
+
+from collections.abc import Collection, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from towval.calibration.board_search import NamedImage
+from towval.calibration.bundle_adjustment import DOUBTS, HELD_DOUBTS
+from towval.calibration.corners import BoardObservation
+from towval.calibration.observations import CalibrationObservations, first_guess
+from towval.model import CALIBRATION_PARAMETERS, Array, Finding
+from towval.model.findings import finding
+
+
+@dataclass(frozen=True)
+class BehindConstants:
+    """Tuned constants of the comparison of backgrounds."""
+
+    width_px: int = 400  # [px] To which pictures are reduced; the deviation of a zoom is then
+    zoom_std_percent: float = 0.005  # [%]
+    features: int = 400  # Of a picture.
+    distinct: float = 0.8  # Distance of a feature's match over that of the next: Lowe's.
+    inlier_px: float = 1.0  # [px] Of the reduced picture, from the common motion.
+    least: int = 25  # Matches that agree; of random ones up to 11 did.
+    spread: float = 0.15  # Of the picture, in the hull of these: more than a person has of it.
+    board_scale: float = 1.5  # Of a board's corners, left out with its margin.
+    differs_px: float = 1.0  # [px] At a picture's corner: 0.1 % of 1920 × 1080, or 0.1 to 0.2 mm on a top.
+    significant: float = 4.0  # Deviations of a shift.
+    lens_share: float = 0.35  # Of a turn's shift, which a lens makes look like a crop: 0.3 with that of lab_a.
+
+
+CONSTANTS = BehindConstants()
+
+_FLIPS = {
+    (False, False): "", (False, True): "upside down",
+    (True, False): "mirrored", (True, True): "upside down and mirrored",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Crop:
+    """A picture against another: how it is turned over, its zoom, the shift (2,) of its middle [px], and its noise."""
+
+    flip: str = ""
+    zoom: float = 1.0
+    shift_px: Array = field(default_factory=lambda: np.zeros(2))
+    std_px: float = 0.0
+
+    def differs(self, other: "Crop", resolution_px: tuple[int, int]) -> bool:
+        """Whether the two displace the corner of a picture otherwise."""
+        apart = np.linalg.norm(self.shift_px - other.shift_px)
+        corner = abs(self.zoom - other.zoom) * np.hypot(*resolution_px) / 2 + apart
+        return bool(corner > max(CONSTANTS.differs_px, CONSTANTS.significant * np.hypot(self.std_px, other.std_px)))
+
+    def undone(self, pixels: Array, resolution_px: tuple[int, int]) -> Array:
+        """Where pixels (n, 2) of the picture are in the other."""
+        middle = (np.array(resolution_px) - 1) / 2
+        return np.asarray(middle + (pixels - middle - self.shift_px) / self.zoom)
+
+
+@dataclass(frozen=True)
+class _Features:
+    """Places (n, 2) from the picture's middle [px], descriptors (n, 128), and by how much the picture was reduced."""
+
+    places: Array
+    descriptors: NDArray[np.float32]
+    reduced: float
+
+
+def as_floor_shows(
+    observed: CalibrationObservations, pictures: Sequence[NamedImage], threads: int
+) -> tuple[CalibrationObservations, dict[str, str], tuple[Finding, ...]]:
+    """Held boards as the camera of the floor's pictures sees them, by what stands still behind them.
+
+    ``pictures`` are those of the ``observed`` boards, among others. Also returned are the boards that are left out,
+    each with the reason, and the findings. Behind how many the floor is seen is up to the pictures: where it is behind
+    most of them, nothing is left of the held pictures' zoom and crop to doubt.
+    """
+    size = observed.resolution_px
+    if not observed.floor_boards or not observed.boards:
+        return observed, {}, ()
+    crops = _crops(observed, pictures, threads)
+    seen = {name: crop for name, crop in crops.items() if crop is not None}
+    flipped = [name for name, crop in seen.items() if crop.flip]
+    if flipped:
+        behind = "what stands still behind the boards is turned over"
+        return (
+            _undoubted(observed),
+            {},
+            (finding("held-flipped", names=_some(flipped), flip=seen[flipped[0]].flip, by=behind),),
+        )
+    differ = [name for name, crop in seen.items() if crop.differs(Crop(), size)]
+    if not differ:
+        return _undoubted(observed) if 2 * len(seen) >= len(crops) else observed, {}, ()
+    seen = {
+        name: _mean([each for each in seen.values() if not each.differs(crop, size)]) for name, crop in seen.items()
+    }
+    usual = seen[differ[0]] if len(differ) == len(seen) and not _several(seen.values(), size) else None
+    reason = "the floor behind it is not seen, and others have another zoom or crop"
+    dropped = {name: reason for name, crop in crops.items() if crop is None and usual is None}
+    kept = _undoubted(observed).without(set(dropped))
+    boards = tuple(_seen_by(each, seen.get(each.name, usual), size) for each in kept.boards)
+    most = seen[max(differ, key=lambda name: abs(seen[name].zoom - 1))]
+    numbers = {"percent": 100 * (most.zoom - 1), "std_percent": CONSTANTS.zoom_std_percent}
+    named = finding("held-differ", names=_some(differ), u=most.shift_px[0], v=most.shift_px[1], **numbers)
+    return replace(kept, boards=boards), dropped, (named,)
+
+
+def _mean(crops: Sequence[Crop]) -> Crop:
+    """One crop for all that are alike."""
+    zoom, shift = (np.median([getattr(c, name) for c in crops], axis=0) for name in ("zoom", "shift_px"))
+    return Crop("", float(zoom), shift, float(np.median([c.std_px for c in crops])))
+
+
+def _several(crops: Collection[Crop], resolution_px: tuple[int, int]) -> bool:
+    first = next(iter(crops))
+    return any(each.differs(first, resolution_px) for each in crops)
+
+
+def _some(names: Sequence[str]) -> str:
+    more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+    return ", ".join(names[:3]) + more
+
+
+def _seen_by(board: BoardObservation, crop: Crop | None, resolution_px: tuple[int, int]) -> BoardObservation:
+    if crop is None or not crop.differs(Crop(), resolution_px):
+        return board
+    return replace(board, corners_px=crop.undone(board.corners_px, resolution_px))
+
+
+def _undoubted(observed: CalibrationObservations) -> CalibrationObservations:
+    """The observations with the held pictures' zoom and crop known."""
+    held = np.isin(len(CALIBRATION_PARAMETERS) + np.arange(len(DOUBTS)), HELD_DOUBTS)
+    return replace(observed, doubts_std=np.where(held, 0.0, observed.doubts_std))
+
+
+def _crops(observed: CalibrationObservations, pictures: Sequence[NamedImage], threads: int) -> dict[str, Crop | None]:
+    """Crop of each held picture against the first of the floor; None where the floor is not seen in it."""
+    boards = {each.name: each for each in (*observed.boards, observed.floor_boards[0])}
+    focal_px = float(first_guess(observed).shared[0])
+
+    def features(i: int) -> tuple[str, tuple[_Features, ...]]:
+        name, picture = pictures[i]
+        if name not in boards:
+            return name, ()
+        corners, first = boards[name].corners_px, name == observed.floor_boards[0].name
+        return name, tuple(_features(picture, corners, mirrored=m) for m in ((False, True) if first else (False,)))
+
+    with ThreadPoolExecutor(threads) as pool:
+        found = dict(pool.map(features, range(len(pictures))))
+    floor = found[observed.floor_boards[0].name]
+    return {each.name: _crop(floor, found[each.name][0], focal_px) for each in observed.boards}
+
+
+def _features(picture: NDArray[np.uint8], corners_px: Array, *, mirrored: bool) -> _Features:
+    """Features of a picture reduced in size, without its board."""
+    reduced = max(1.0, picture.shape[1] / CONSTANTS.width_px)
+    small = cv2.resize(picture, None, fx=1 / reduced, fy=1 / reduced, interpolation=cv2.INTER_AREA)
+    hull = cv2.convexHull(corners_px.astype(np.float32)).reshape(-1, 2)
+    grown = (hull.mean(axis=0) + CONSTANTS.board_scale * (hull - hull.mean(axis=0))) / reduced
+    mask = cv2.fillConvexPoly(np.full(small.shape, 255, dtype=np.uint8), np.rint(grown).astype(np.int32), 0)
+    if mirrored:
+        small, mask = cv2.flip(small, 1), cv2.flip(mask, 1)
+    keys, descriptors = cv2.SIFT.create(nfeatures=CONSTANTS.features).detectAndCompute(small, mask)
+    places = np.array([key.pt for key in keys], dtype=np.float64).reshape(-1, 2)
+    middle = (np.array([small.shape[1], small.shape[0]]) - 1) / 2
+    found = np.zeros((0, 128)) if descriptors is None else descriptors
+    return _Features((places - middle) * reduced, np.asarray(found, dtype=np.float32), reduced)
+
+
+def _crop(floor: tuple[_Features, ...], held: _Features, focal_px: float) -> Crop | None:
+    for mirrored, reference in zip((False, True), floor, strict=True):
+        found = _common_motion(reference, held)
+        if found is not None:
+            return _crop_of(*found, focal_px, mirrored=mirrored)
+    return None
+
+
+def _common_motion(floor: _Features, held: _Features) -> tuple[Array, float] | None:
+    """Homography (3, 3) from places of one picture to the other's, and the deviation of its perspective [1 / px]."""
+    if min(len(floor.places), len(held.places)) < CONSTANTS.least:
+        return None
+    pairs = cv2.BFMatcher().knnMatch(floor.descriptors, held.descriptors, k=2)
+    near = [one for one, next_ in pairs if one.distance < CONSTANTS.distinct * next_.distance]
+    if len(near) < CONSTANTS.least:
+        return None
+    before = floor.places[[one.queryIdx for one in near]]
+    after = held.places[[one.trainIdx for one in near]]
+    H, inlier = cv2.findHomography(before, after, cv2.RANSAC, CONSTANTS.inlier_px * floor.reduced)
+    if H is None or np.linalg.det(H[:2, :2]) <= 0:
+        return None
+    agree = np.asarray(inlier).ravel() > 0
+    before, after = before[agree], after[agree]
+    area = cv2.contourArea(cv2.convexHull(after.astype(np.float32))) if len(after) else 0.0
+    picture = np.prod(np.ptp(held.places, axis=0))
+    if len(after) < CONSTANTS.least or area < CONSTANTS.spread * picture:
+        return None
+    moved = cv2.perspectiveTransform(before[:, None], H)[:, 0]
+    # Perspective displaces by the square of a place.
+    return np.asarray(H, dtype=np.float64), float(
+        np.sqrt(np.mean((moved - after) ** 2) / len(after)) / np.mean(before**2)
+    )
+
+
+def _crop_of(H: Array, bend_std: float, focal_px: float, *, mirrored: bool) -> Crop:
+    """Zoom and shift of a homography between centred pixels, less what a turn of the camera does."""
+    A, turn_px = H[:2, :2], -(focal_px**2) * H[:2, :2] @ H[2, :2]
+    shift = H[:2, 2] - turn_px
+    if np.linalg.norm(shift) < CONSTANTS.lens_share * np.linalg.norm(turn_px):
+        shift = np.zeros(2)
+    return Crop(
+        _FLIPS[mirrored, bool(A[0, 0] + A[1, 1] < 0)], float(np.sqrt(np.linalg.det(A))), shift, focal_px**2 * bend_std
+    )

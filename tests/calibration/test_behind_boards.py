@@ -1,0 +1,147 @@
+"""Held pictures of another zoom or crop, or turned over, seen by the floor behind the boards."""
+
+import re
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from studies.worlds.boards import CornerScene, calibration_set
+from towval.calibration.behind_boards import as_floor_shows
+from towval.calibration.bundle_adjustment import DOUBTS
+from towval.calibration.calibrate import CalibrateSettings, calibrate
+from towval.io.campaign import load_campaign
+from towval.model.errors import RefusedError
+
+SIZE = (1920, 1080)
+MIDDLE = (np.array(SIZE) - 1) / 2
+ZOOM = np.array([[1.03, 0.0, -40.0], [0.0, 1.03, -10.0], [0.0, 0.0, 1.0]])
+FLIPS = {
+    "mirrored": np.diag([-1.0, 1.0, 1.0]),
+    "upside down and mirrored": np.diag([1.0, -1.0, 1.0]),
+    "upside down": np.diag([-1.0, -1.0, 1.0]),
+}
+for flip in FLIPS.values():
+    flip[:2, 2] = np.where(np.diag(flip)[:2] < 0, 2 * MIDDLE, 0.0)
+
+
+def texture(seed: int) -> np.ndarray:
+    noise = np.random.default_rng(seed).uniform(0, 255, (SIZE[1], SIZE[0])).astype(np.float32)
+    blurred = cv2.GaussianBlur(noise, (0, 0), 6)
+    return np.clip(128 + 15 * (blurred - blurred.mean()), 0, 255).astype(np.uint8)
+
+
+@pytest.fixture(scope="module")
+def scene() -> CornerScene:
+    made = calibration_set(8300, floor="boards", noise_px=0.04, views=8)
+    return replace(made, seen=replace(made.seen, doubts_std=np.ones(len(DOUBTS))))
+
+
+def film(scene: CornerScene, moved: dict[str, np.ndarray], behind: dict[str, int] | None = None):
+    """Corners and pictures of the boards before a floor of texture 0, some of them moved by homographies."""
+    pictures, boards = [], []
+    for each in scene.seen.observations:
+        H = moved.get(each.name, np.eye(3))
+        corners = cv2.perspectiveTransform(each.corners_px[:, None], H)[:, 0]
+        picture = cv2.warpPerspective(texture((behind or {}).get(each.name, 0)), H, SIZE, flags=cv2.INTER_CUBIC)
+        hull = cv2.convexHull(corners.astype(np.float32)).reshape(-1, 2)
+        cv2.fillConvexPoly(picture, np.rint(hull).astype(np.int32), 255)
+        pictures.append((each.name, picture))
+        boards.append(replace(each, corners_px=corners))
+    held = len(scene.seen.boards)
+    observed = replace(scene.seen, boards=tuple(boards[:held]), floor_boards=tuple(boards[held:]))
+    return observed, pictures
+
+
+def held(scene: CornerScene) -> list[str]:
+    return [each.name for each in scene.seen.boards]
+
+
+def farthest_px(found, scene: CornerScene) -> float:
+    truth = {each.name: each.corners_px for each in scene.seen.boards}
+    return max(float(np.abs(each.corners_px - truth[each.name]).max()) for each in found.boards)
+
+
+@pytest.mark.parametrize("every", [1, 2])
+def test_another_zoom_and_crop_is_corrected_and_named(scene, every):
+    observed, pictures = film(scene, dict.fromkeys(held(scene)[::every], ZOOM))
+    assert farthest_px(observed, scene) > 20
+    found, dropped, (named,) = as_floor_shows(observed, pictures, 1)
+    assert farthest_px(found, scene) < 0.5
+    assert not dropped
+    assert named.code == "held-differ"
+    assert re.search(r"magnified by \+(3\.0|2\.99)", named.text)
+    assert held(scene)[0] in named.text
+    assert (held(scene)[1] in named.text) == (every == 1)
+    # What is known is not doubted any more; the board's own doubts are left.
+    assert (found.doubts_std > 0).tolist() == [True] * 5 + [False] * 3
+
+
+def test_a_turned_camera_took_the_same_pictures(scene):
+    K = scene.camera.matrix
+    turned = K @ cv2.Rodrigues(np.array([0.01, -0.015, 0.03]))[0] @ np.linalg.inv(K)
+    observed, pictures = film(scene, dict.fromkeys(held(scene), turned))
+    found, dropped, findings = as_floor_shows(observed, pictures, 1)
+    assert not dropped
+    assert not findings
+    assert all(a is b for a, b in zip(found.boards, observed.boards, strict=True))
+
+
+@pytest.mark.parametrize("name", FLIPS)
+def test_pictures_turned_over_are_named(scene, name):
+    observed, pictures = film(scene, dict.fromkeys(held(scene)[1::2], FLIPS[name]))
+    _, _, (named,) = as_floor_shows(observed, pictures, 1)
+    assert named.code == "held-flipped"
+    assert named.severity == "refusal"
+    assert f"are {name} against" in named.text
+    assert held(scene)[1] in named.text
+    assert held(scene)[0] not in named.text
+
+
+def test_the_command_refuses_mirrored_pictures(lab_small):
+    def pictures(pattern, change=lambda picture: picture):
+        paths = sorted((lab_small / "calibration").glob(pattern))
+        return [(path.name, np.ascontiguousarray(change(cv2.imread(str(path), 0)))) for path in paths]
+
+    given = load_campaign(lab_small)
+    flat = pictures("floor.jpg") + pictures("floor_0.jpg")
+    mirrored = pictures("board_0[0-5].jpg", lambda picture: picture[:, ::-1])
+    with pytest.raises(RefusedError, match="mirrored against those of the floor"):
+        calibrate(mirrored, flat, given.board, given.floor_reference, CalibrateSettings(("k1",), folds=3))
+
+
+def test_other_backgrounds_say_nothing(scene):
+    elsewhere = {name: 1 + i for i, name in enumerate(held(scene))}
+    observed, pictures = film(scene, {}, elsewhere)
+    assert as_floor_shows(observed, pictures, 1) == (observed, {}, ())
+
+
+def test_a_board_is_not_taken_for_the_floor(scene):
+    """On a plain floor the board is all that can be seen again, elsewhere in each picture."""
+    observed, pictures = film(scene, {})
+    plain, stamp = [], texture(5)
+    for (name, picture), each in zip(pictures, observed.observations, strict=True):
+        first = observed.floor_boards[0].corners_px
+        H = cv2.findHomography(first, each.corners_px)[0] if len(first) == len(each.corners_px) else np.eye(3)
+        board = cv2.warpPerspective(stamp, H, SIZE)
+        plain.append((name, np.where(picture == 255, board, 128).astype(np.uint8)))
+    assert as_floor_shows(observed, plain, 1) == (observed, {}, ())
+
+
+def test_a_picture_without_the_floor_follows_the_others_where_they_agree(scene):
+    names = held(scene)
+    observed, pictures = film(scene, dict.fromkeys(names, ZOOM), {names[2]: 1})
+    found, dropped, _ = as_floor_shows(observed, pictures, 1)
+    assert farthest_px(found, scene) < 0.5
+    assert not dropped
+    observed, pictures = film(scene, dict.fromkeys(names[::2], ZOOM), {names[2]: 1})
+    found, dropped, _ = as_floor_shows(observed, pictures, 1)
+    assert list(dropped) == [names[2]]
+    assert names[2] not in [each.name for each in found.boards]
+    assert farthest_px(found, scene) < 0.5
+
+
+def test_boards_without_a_picture_of_the_floor_are_as_they_were():
+    marks = calibration_set(8301, views=4)
+    assert as_floor_shows(marks.seen, [], 1) == (marks.seen, {}, ())
