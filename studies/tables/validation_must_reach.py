@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import re
 import sys
 import tempfile
 import time
@@ -103,8 +102,8 @@ def reason(result: Comparison) -> str:
 
 def place_reported(result: Comparison) -> list[float] | None:
     """Lengths of the path between which the verdict reports that the fault begins [m]."""
-    found = re.search(r"between ([\d.]+) m and ([\d.]+) m of the path", reason(result))
-    return [float(found[1]), float(found[2])] if found else None
+    place = [result.begins_m, result.ends_m]
+    return place if np.isfinite(place).all() else None
 
 
 def all_rows(runs: int, samples: int, file: Path) -> list[dict[str, Any]]:

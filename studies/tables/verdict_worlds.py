@@ -4,9 +4,9 @@
 
 ``--runs`` of each world of :mod:`studies.worlds.verdict_worlds` from seed ``--first`` on; each has its own scene and is
 measured by its own camera, drawn from the covariance, simulated, sampled and judged. Then the smallest visible fault
-that the run states, of one kind in turn, is put into its truth, and three times it. ``--worlds`` takes some of them
-only. Rows are kept in the output folder, and a second call continues there. Shares come with the interval in which they
-lie with 95 % (Clopper and Pearson); the runs of a row are independent, a run and its faults share their camera.
+of each kind that the run states is put into its truth, and three times it. ``--worlds`` takes some of them only. Rows
+are kept in the output folder, and a second call continues there. Shares come with the interval in which they lie with
+95 % (Clopper and Pearson); the runs of a row are independent, a run and its faults share their camera.
 """
 
 from __future__ import annotations
@@ -76,9 +76,8 @@ def judged_run(name: str, seed: int, samples: int) -> dict[str, Any]:
     row["model_error_m"] = largest(model_error(run, true))
     # A world with a region has no other, and one by an engine has none.
     kinds = list(FAULTS)[: 2 if world.region or world.engine else 3]
-    kind = kinds[seed % len(kinds)]
-    size = next(fault.size for fault in known.faults if fault.kind == kind)
-    row["faults"] = list(fault_rows(run, case_of, known, kind, size))
+    sizes = {fault.kind: fault.size for fault in known.faults}
+    row["faults"] = [each for kind in kinds for each in fault_rows(run, case_of, known, kind, sizes[kind])]
     return row
 
 

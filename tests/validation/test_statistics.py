@@ -66,6 +66,19 @@ def test_too_few_draws_or_times_are_refused():
         RightModel.of(error[:, :20], inputs, 0.99)
 
 
+def test_a_shift_shows_from_its_threshold_on():
+    """Of shifts, one a draw, that are noticed by size, by shape, or not at all within four times as much."""
+    right, error = RightModel.of(*drawn(256, 5), 0.99), drawn(60, 6)[0]
+    shift = np.resize([4.0, 1.0, 1e-3], 60)[:, None, None] * np.concatenate([EFFECTS] * 20) * MM
+    least = right.thresholds(shift, error)
+    assert np.isinf(least[2::3]).all()
+    shown = np.isfinite(least)
+    assert shown.sum() >= 25
+    for less, rejected in ((0.0, True), (4 / 2**10, False)):
+        times = np.where(shown, least - less, 4.0)[:, None, None]
+        np.testing.assert_array_equal(right.rejects(error + times * shift), shown & rejected)
+
+
 def test_the_effects_of_the_inputs_are_found_again():
     error, inputs = drawn(2048, 3)
     right = RightModel.of(error, inputs, 0.99)

@@ -26,10 +26,11 @@ STRIPE_M = 0.3
 """Length along the path of the floor on which the stripe's friction is another."""
 
 _STRIPE_WIDTH_M = 2.0
-_TIMES, _DRAWS = 200, 256  # of a run that the search uses: the size is then known to two digits
-_SIMULATED = 32  # of these, simulated again with the fault: its share is then known to 5 %
-_NEAR = 0.1  # of one: how much a size may still change that these were simulated with
-_ROUNDS, _HALVINGS, _GROWTH = 3, 10, 4.0
+_TIMES = 200  # of a run that the search uses
+_SIMULATED = 32  # draws that a round of the search simulates with the fault in them
+_ENOUGH = 64  # of these make the share of those that show known to 4 %
+_NEAR = 0.2  # of a size: from how far off what a fault does may be scaled to it
+_ROUNDS, _MOST_ROUNDS, _GROWTH = 3, 4, 4.0
 
 
 @dataclass(frozen=True)
@@ -112,67 +113,69 @@ def visible_faults(motion: SimulatedMotion, drawing: Drawing) -> tuple[VisibleFa
     """The smallest fault of each kind that shows in :data:`POWER` of the draws; ``motion`` is the nominal one.
 
     Sought first with the shift of the nominal run, added to the draws. What the fault does there depends on the other
-    inputs, too (a longer tether tightens later): some draws are simulated again with the fault in them, of either sign
-    where it has two, and the size is corrected by the ratio that the two ways have on these draws.
+    inputs, too (a longer tether tightens later), and does not grow with its size alone: so draws are simulated with the
+    fault in them, of either sign where it has two, others at each size that is tried.
     """
     times = slice(None, None, max(1, drawing.error.shape[1] // _TIMES))
     # The test at these times: means over fewer times are others where the object sticks and slips.
     right = RightModel.of(drawing.error[:, times], drawing.inputs, drawing.confidence)
-    rows = np.arange(0, len(drawing.error), max(1, len(drawing.error) // _DRAWS))
-    few = rows[:: max(1, len(rows) // _SIMULATED)]
-    kinds = fault_kinds(motion)
+    search, kinds = _Search(drawing, right, times), fault_kinds(motion)
     sizes = [kind.first for kind in kinds]
     for _ in range(_ROUNDS):
         moved = drawing.shifts([kind.of(size) for kind, size in zip(kinds, sizes, strict=True)], None)
         for i, (kind, shift) in enumerate(zip(kinds, moved, strict=True)):
-            # Where it is not finite it tips, or the simulation ends early.
-            growth = _growth(right, shift[times], drawing.error[few][:, times]) if np.isfinite(shift).all() else 0.5
+            shown = _visible(search.thresholds(shift[None], search.rows(0)))
+            # Where there is none it tips, or the simulation ends early.
+            growth = min(shown, _GROWTH) if np.isfinite(shift).all() else 0.5
             sizes[i] = min(growth * sizes[i], kind.most)
-    search = _Search(drawing, right, times, rows, few)
     return tuple(search.visible(kind, size) for kind, size in zip(kinds, sizes, strict=True))
 
 
 @dataclass(frozen=True)
 class _Search:
-    """The ``drawing``, its test ``right`` at some ``times``, ``rows`` of its draws, and those that are simulated."""
+    """The ``drawing`` and its test ``right`` at some ``times``."""
 
     drawing: Drawing
     right: RightModel
     times: slice
-    rows: NDArray[np.intp]
-    few: NDArray[np.intp]
+
+    def rows(self, part: int) -> NDArray[np.intp]:
+        """Draws that a round simulates: others in each."""
+        return np.arange(part, len(self.drawing.error), max(1, len(self.drawing.error) // _SIMULATED))[:_SIMULATED]
+
+    def thresholds(self, shift: Array, rows: NDArray[np.intp]) -> Array:
+        """Multiples of shifts ((k,) n, 3) from which on they show in draws (k,)."""
+        return self.right.thresholds(shift[:, self.times], self.drawing.error[rows][:, self.times])
 
     def visible(self, kind: FaultKind, size: float) -> VisibleFault:
         """The fault of a kind, of about a ``size`` that shows with the nominal shift."""
-        shift, growth = self._corrected(kind, size)
-        if abs(growth - 1) > _NEAR and growth * size <= kind.most:
-            size *= growth
-            shift, growth = self._corrected(kind, size)
-        if not (growth < 0.999 * _GROWTH and growth * size <= kind.most):
+        tried: list[tuple[float, Array]] = []
+        for part in range(_MOST_ROUNDS):
+            tried.append((size, self._sizes(kind, size, self.rows(part))))
+            if not len(tried[-1][1]):
+                break
+            size = min(_visible(tried[-1][1]), _GROWTH * size, kind.most)
+            near = [found for at, found in tried if abs(at / size - 1) <= _NEAR]
+            if sum(map(len, near)) >= _ENOUGH:
+                break
+        size = _visible(np.concatenate(near or [tried[-1][1]]))
+        if not size <= kind.most:
             return VisibleFault(kind.name, np.nan, kind.unit, np.nan, np.nan, kind.most)
-        distance = growth * np.linalg.norm(shift[:, :2], axis=1)
-        rms, largest = float(np.sqrt(np.mean(distance**2))), float(distance.max())
-        return VisibleFault(kind.name, growth * size, kind.unit, rms, largest, kind.most)
-
-    def _corrected(self, kind: FaultKind, size: float) -> tuple[Array, float]:
-        """Nominal shift (n, 3) of a fault and by how much it has to grow to show; NaN where it cannot be simulated."""
         (shift,) = self.drawing.shifts([kind.of(size)], None)
-        signs = np.resize([1.0, -1.0] if kind.both else [1.0], len(self.rows))
-        own = self.drawing.shifts([kind.of(sign * size) for sign in signs[: len(self.few)]], self.few)
-        done = np.isfinite(own).all(axis=(1, 2))
-        if not (np.isfinite(shift).all() and done.any()):
-            return shift, np.nan
-        error, nominal = self.drawing.error[:, self.times], signs[:, None, None] * shift[self.times]
-        added = _growth(self.right, nominal, error[self.rows])
-        few = error[self.few[done]]
-        apart = _growth(self.right, own[done][:, self.times], few)
-        return shift, added * apart / _growth(self.right, nominal[: len(self.few)][done], few)
+        distance = np.linalg.norm(shift[:, :2], axis=1)
+        return VisibleFault(
+            kind.name, size, kind.unit, float(np.sqrt(np.mean(distance**2))), float(distance.max()), kind.most
+        )
+
+    def _sizes(self, kind: FaultKind, size: float, rows: NDArray[np.intp]) -> Array:
+        """From which size on a fault shows in each of those draws (k,) that can be simulated with about that size."""
+        signs = np.resize([1.0, -1.0] if kind.both else [1.0], len(rows))
+        shift = self.drawing.shifts([kind.of(sign * size) for sign in signs], rows)
+        done = np.isfinite(shift).all(axis=(1, 2))
+        return size * self.thresholds(shift[done], rows[done]) if done.any() else np.empty(0)
 
 
-def _growth(right: RightModel, shift: Array, error: Array) -> float:
-    """By how much shifts ((k,) n, 3) have to grow to show in :data:`POWER` of the draws (k, n, 3)."""
-    low, high = 0.0, _GROWTH
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if right.rejects(middle * shift + error).mean() >= POWER else (middle, high)
-    return high
+def _visible(sizes: Array) -> float:
+    """What :data:`POWER` of the sizes (k,) from which on a fault shows lie below; infinite where too few show it."""
+    slowest = float(np.quantile(1 / sizes, 1 - POWER, method="weibull")) if len(sizes) else 0.0
+    return 1 / slowest if slowest > 0 else np.inf

@@ -1,6 +1,7 @@
 """Which input the variance of an error comes from: first-order Sobol indices."""
 
 import numpy as np
+from scipy.linalg import lstsq
 
 from towval.model import Array
 
@@ -23,7 +24,7 @@ def variance_shares(draws: Array, outputs: Array, inputs: dict[str, int]) -> dic
     k, d = draws.shape
     outputs = outputs - outputs.mean(axis=0)
     basis = np.concatenate([np.ones((k, 1)), draws, (draws**2 - 1) / np.sqrt(2)], axis=1)
-    coefficients, *_ = np.linalg.lstsq(basis, outputs, rcond=None)
+    coefficients, *_ = lstsq(basis, outputs, lapack_driver="gelsy")
     residual = np.sum((outputs - basis @ coefficients) ** 2, axis=0) / max(1, k - basis.shape[1])
     power = np.sum(coefficients[1:] ** 2 - residual / k, axis=1)
     by_column = power[:d] + power[d:]

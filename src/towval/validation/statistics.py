@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import lstsq
 
 from towval.model import Array
 from towval.model.errors import InputError
@@ -37,6 +38,9 @@ _TAIL_FROM = 0.9
 
 _HALVINGS = 18
 """Of the interval in which a bound is sought: to five digits."""
+
+_GROWTH, _GROWTH_HALVINGS = 4.0, 10
+"""Largest multiple of a shift that is tried, and halvings of the interval up to there: to two digits."""
 
 _FOLDS = 8
 """Parts of the draws, each held against the others: what a draw adds to its own covariance would hide it."""
@@ -170,6 +174,20 @@ class RightModel:
         """Whether errors (..., n, 3) are none of a right model (...,)."""
         return np.asarray((self.statistics(error) > self.limits).any(axis=-1))
 
+    def thresholds(self, shift: Array, error: Array) -> Array:
+        """Multiples (k,) of shifts ((k,) n, 3) from which on, added to errors (k, n, 3), they are none of a right
+        model; infinite beyond four."""
+        (_, *added), (_, *own) = _features(shift), _features(error)
+        low, high = np.zeros(len(error)), np.full(len(error), _GROWTH)
+        for _ in range(_GROWTH_HALVINGS):
+            middle = 0.5 * (low + high)
+            times = middle[:, None, None]
+            sizes = error_sizes(times * shift + error)[..., _TESTED]
+            found = self._statistics((sizes, times * added[0] + own[0], times[:, 0] * added[1] + own[1]))
+            shows = (found > self.limits).any(axis=-1)
+            low, high = np.where(shows, low, middle), np.where(shows, middle, high)
+        return np.where(high < _GROWTH, high, np.inf)
+
 
 def _features(error: Array) -> tuple[Array, Array, Array]:
     """Tested sizes (..., 4), signature (..., m, 3) and block means (..., 72) of errors (..., n, 3)."""
@@ -186,7 +204,7 @@ def _effects(means: Array, inputs: Array) -> tuple[Array, NDArray[np.intp], NDAr
     if d == 0 or k <= 2 * d + 1:
         return np.empty((0, means.shape[1])), np.empty(0, dtype=np.intp), np.empty(0, dtype=bool)
     basis = np.concatenate([np.ones((k, 1)), inputs, np.abs(inputs) - np.sqrt(2 / np.pi)], axis=1)
-    slopes, *_ = np.linalg.lstsq(basis, means, rcond=None)
+    slopes, *_ = lstsq(basis, means, lapack_driver="gelsy")
     both, size = slopes[1 : d + 1], slopes[d + 1 :]
     one_sided = (1 - 2 / np.pi) * np.sum(size**2, axis=1) > np.sum(both**2, axis=1)
     effects = np.where(one_sided[:, None], size, both)
