@@ -7,7 +7,7 @@ body's motion is known are searched as one: what lies behind an edge differs fro
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -76,14 +76,15 @@ class _Rectified:
     usual: float
 
     @classmethod
-    def of(cls, target: PlanarTarget, view: View, low: Array, size: NDArray[np.int64], cell_m: float) -> "_Rectified":
+    def of(cls, target: PlanarTarget, view: View, low: Array, size: NDArray[np.int64], cell_m: float,
+           usual: float | None = None) -> "_Rectified":  # fmt: skip
         luma, step = view
         axes = [lo + cell_m * np.arange(n) for lo, n in zip(low, size, strict=True)]
         pixels = target.picture_of(transform(step, np.stack(np.meshgrid(*axes), axis=-1))).astype(np.float32)
         u, v = np.ascontiguousarray(pixels[..., 0]), np.ascontiguousarray(pixels[..., 1])
         inside = (u >= 0) & (v >= 0) & (u < luma.shape[1] - 1) & (v < luma.shape[0] - 1)
         if not inside.any():
-            return cls(low, cell_m, np.zeros_like(u), np.zeros_like(u), 1.0)
+            return cls(low, cell_m, np.zeros_like(u), np.zeros_like(u), usual or 1.0)
         first = np.floor([u[inside].min(), v[inside].min()]).astype(int)
         last = np.ceil([u[inside].max(), v[inside].max()]).astype(int) + 1
         crop = luma[first[1] : last[1] + 1, first[0] : last[0] + 1].astype(np.float32)
@@ -93,8 +94,9 @@ class _Rectified:
         grey = cv2.remap(smooth, u - np.float32(first[0]), v - np.float32(first[1]), cv2.INTER_LINEAR)
         inside = cv2.erode(inside.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
         slope_x, slope_y = (cv2.Scharr(grey, cv2.CV_32F, *step, scale=1 / 32) * inside for step in ((1, 0), (0, 1)))
-        usual = float(np.median(np.hypot(slope_x, slope_y)[inside])) if inside.any() else 1.0
-        return cls(low, cell_m, np.asarray(slope_x), np.asarray(slope_y), max(usual, 0.25))
+        if usual is None:
+            usual = max(float(np.median(np.hypot(slope_x, slope_y)[inside])) if inside.any() else 1.0, 0.25)
+        return cls(low, cell_m, np.asarray(slope_x), np.asarray(slope_y), usual)
 
     def shown(self, x: np.float32, y: np.float32) -> Floats:
         """How far each cell, from 0 to 1, shows an edge along (x, y)."""
@@ -249,7 +251,7 @@ class OutlineSearch:
             half = int(np.ceil(self.target.reach_m / cell)) + 8
             low, size = pose[:2] - half * cell, np.array([2 * half + 1, 2 * half + 1])
             views = [
-                replace(_Rectified.of(self.target, view, low, size, cell), usual=whole.usual * cell / finest.cell_m)
+                _Rectified.of(self.target, view, low, size, cell, whole.usual * cell / finest.cell_m)
                 for view, whole in zip(self.views, finest.whole, strict=True)
             ]
             for reach, step in ((3, 1.0), (2, 0.5)):
