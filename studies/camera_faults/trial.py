@@ -24,7 +24,7 @@ from towval.model.geometry import wrapped
 MARGIN_M = 0.0005
 """Beyond three stated deviations, from which on a pose is wrong."""
 
-_SAMPLES = 64
+_SAMPLES = 256
 _CORNER_M = 0.3  # [m] From the middle of a top to its corner.
 _HD = 1920 * 1080
 
@@ -76,14 +76,17 @@ def tried(
     sound_camera: Path | None = None,
     *,
     judged: bool = True,
+    longer_m: float = 0.0,
 ) -> Result:
     """Plant a fault and run all stages in ``folder``.
 
-    ``sound_camera`` serves where no picture of it is touched; without ``judged`` the stages after the tracking, which
-    take most of the time, are left out.
+    ``sound_camera`` serves where no picture of it is touched; without ``judged`` the stages after the tracking are left
+    out; the model's tether is ``longer_m`` longer than the true one.
     """
     seed = crc32(f"{source.name} {fault.name} {strength}".encode())
     campaign = _planted(source, fault, strength, folder, np.random.default_rng(seed))
+    if longer_m:
+        _lengthen(campaign / "campaign.yaml", longer_m)
     camera, results = folder / "camera.mcap", folder / "results"
     results.mkdir()
     files = {stage: results / f"{stage}.mcap" for stage in ("track", "decimate", "simulate", "uncertainty", "compare")}
@@ -99,7 +102,14 @@ def tried(
                 _judge(campaign, source.run, camera, files)
         except TowvalError as error:
             said = f"refused: {str(error).splitlines()[0]}"
-    return _result(source, fault, camera, files, said)
+    return _result(source, fault, camera, files, said, right=not longer_m)
+
+
+def _lengthen(file: Path, longer_m: float) -> None:
+    """States another length of the tether at rest."""
+    document = yaml.safe_load(file.read_text(encoding="utf-8"))
+    document["tether"]["rest_length_m"] += longer_m
+    file.write_text(yaml.safe_dump(document, sort_keys=False), encoding="utf-8")
 
 
 def _judge(campaign: Path, run: str, camera: Path, files: dict[str, Path]) -> None:
@@ -127,7 +137,7 @@ def _planted(source: Footage, fault: Fault, strength: float, folder: Path, rng: 
     return campaign
 
 
-def _result(source: Footage, fault: Fault, camera: Path, files: dict[str, Path], said: str) -> Result:
+def _result(source: Footage, fault: Fault, camera: Path, files: dict[str, Path], said: str, *, right: bool) -> Result:
     findings: list[Finding] = list(read_calibration(camera).findings) if camera.exists() else []
     worst, rms_mm = np.nan, np.nan
     if files["track"].exists():
@@ -141,20 +151,22 @@ def _result(source: Footage, fault: Fault, camera: Path, files: dict[str, Path],
         said = read_comparison(files["compare"]).verdict.value
     # A note says that all is well.
     warned = {one.code for one in findings if one.severity is not Severity.NOTE}
-    poses, verdict = outcomes(worst, warned, said, fault.named_by)
+    poses, verdict = outcomes(worst, warned, said, fault.named_by, right=right)
     return Result(poses, verdict, worst, rms_mm, tuple(sorted(warned)), said)
 
 
-def outcomes(worst: float, codes: Set[str], said: str, named_by: Collection[str]) -> tuple[str, str]:
-    """What became of the poses, and of the verdict on a model that is right.
+def outcomes(
+    worst: float, codes: Set[str], said: str, named_by: Collection[str], *, right: bool = True
+) -> tuple[str, str]:
+    """What became of the poses, and of the verdict on a model that is right, or off by more than matters.
 
     ``worst``: largest error of a pose over what is allowed, NaN without any; ``said``: the verdict, or a refusal.
     """
     if said.startswith("refused"):
         return "reported", "reported"
     poses = "corrected" if worst <= 1 else "reported" if codes & set(named_by) else "silently wrong"
-    verdicts = {Verdict.DISAGREES.value: "silently wrong", Verdict.AGREES.value: "corrected"}
-    return poses, verdicts.get(said, "reported")
+    good, bad = (Verdict.AGREES, Verdict.DISAGREES) if right else (Verdict.DISAGREES, Verdict.AGREES)
+    return poses, {bad.value: "silently wrong", good.value: "corrected"}.get(said, "reported")
 
 
 def lateness_s(tracks: Iterable[Track], truth: pd.DataFrame) -> float:

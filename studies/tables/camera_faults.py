@@ -1,6 +1,7 @@
 """Faults of cameras, planted into footage whose truth is known, and how each ended.
 
-    python -m studies.tables.camera_faults [--quick] [--poses] [--footage FOLDER:RUN:SECONDS] [--faults creep dropped]
+    python -m studies.tables.camera_faults [--quick] [--poses] [--longer 0.04] [--footage FOLDER:RUN:SECONDS]
+                                         [--faults creep dropped]
 
 ``--footage FOLDER:RUN:SECONDS`` for each run. A cell is one fault at one strength in one run; the row that is printed
 for a fault gives, for each strength, the worst over the runs.
@@ -11,6 +12,7 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -23,9 +25,9 @@ _ORDER = ("corrected", "reported", "silently wrong")
 
 
 def rows(
-    campaign: Path, run: str, seconds: float, faults: Sequence[Fault], strengths: Sequence[int], *, judged: bool
+    campaign: Path, run: str, seconds: float, faults: Sequence[Fault], strengths: Sequence[int], **how: Any
 ) -> Iterator[dict[str, object]]:
-    """A row a cell."""
+    """A row a cell; ``how`` as :func:`tried` takes it."""
     with tempfile.TemporaryDirectory() as scratch:
         camera = Path(scratch) / "camera.mcap"
         calibrate.run(campaign, camera)
@@ -33,7 +35,7 @@ def rows(
         for fault in faults:
             for i in strengths:
                 with tempfile.TemporaryDirectory() as folder:
-                    result = tried(source, fault, fault.strengths[i], Path(folder), camera, judged=judged)
+                    result = tried(source, fault, fault.strengths[i], Path(folder), camera, **how)
                 cell = {"footage": source.name, "fault": fault.name, "strength": fault.strengths[i], "unit": fault.unit}
                 yield cell | asdict(result)
 
@@ -70,6 +72,9 @@ def main() -> None:
     parser.add_argument("--faults", nargs="+", choices=[fault.name for fault in FAULTS], metavar="FAULT")
     parser.add_argument("--quick", action="store_true", help="the middle strength alone")
     parser.add_argument("--poses", action="store_true", help="no verdict, which takes most of the time")
+    parser.add_argument(
+        "--longer", type=float, default=0.0, metavar="M", help="how much too long the model's tether is"
+    )
     parser.add_argument("--out", type=Path, default=Path("results/camera_faults.csv"))
     given = parser.parse_args()
     faults = [fault for fault in FAULTS if not given.faults or fault.name in given.faults]
@@ -78,7 +83,8 @@ def main() -> None:
     for entry in given.footage:
         folder, run, seconds = entry.split(":")
         strengths = [1] if given.quick else [0, 1, 2]
-        for cell in rows(Path(folder), run, float(seconds), faults, strengths, judged=not given.poses):
+        how = {"judged": not given.poses, "longer_m": given.longer}
+        for cell in rows(Path(folder), run, float(seconds), faults, strengths, **how):
             cells.append(cell)
             pd.DataFrame(cells).to_csv(given.out, index=False)
             print("  ".join(f"{value:.2f}" if isinstance(value, float) else f"{value}" for value in cell.values()),

@@ -235,19 +235,22 @@ def _integrated(state, hinge, cells, body, gamma, stripe, h, every):
     return states
 
 
-def nominal_calibration() -> Calibration:
-    """The camera as calibrated, with a covariance of the size of a good calibration's."""
+def nominal_calibration(scale: float = 1.0) -> Calibration:
+    """The camera as calibrated, with a covariance of the size of a good calibration's, or ``scale`` times as wide."""
     camera, floor = ceiling((960, 540), focal_px=780.0)
-    return Calibration(camera, floor, np.diag(PARAMETER_STD**2), 0.05)
+    return Calibration(camera, floor, np.diag((scale * PARAMETER_STD) ** 2), 0.05)
 
 
 class TrueCamera:
-    """A camera drawn from the calibration's covariance, and true heights; it measures poses as the pipeline would."""
+    """A camera drawn from the calibration's covariance, and true heights; it measures poses as the pipeline would.
 
-    def __init__(self, calibration: Calibration, seed: int):
+    Bodies are registered with ``scale`` times the usual deviation.
+    """
+
+    def __init__(self, calibration: Calibration, seed: int, scale: float = 1.0):
         self.rng = np.random.default_rng([seed, 3])
-        self.nominal = calibration
-        change = PARAMETER_STD * self.rng.standard_normal(18)
+        self.nominal, self.start_std = calibration, scale * START_STD
+        change = np.sqrt(np.diagonal(calibration.covariance)) * self.rng.standard_normal(18)
         camera, T = calibration.camera, np.array(calibration.floor.T_camera_floor)
         matrix = camera.matrix + np.array([[change[0], 0, change[2]], [0, change[1], change[3]], [0, 0, 0]])
         self.camera = Camera(camera.resolution_px, matrix, camera.distortion + change[4:12], "drawn")
@@ -266,6 +269,6 @@ class TrueCamera:
         seen = to_plane(self.nominal.camera, self.nominal.floor, pixels, body.tracked_plane_height_m)
         placed = np.array([rigid_fit(body.top_corners_m, s) for s in seen.reshape(n, -1, 2)])
         placed[:, 2] = np.unwrap(placed[:, 2])
-        placed = compose(placed, START_STD * error[:3])
+        placed = compose(placed, self.start_std * error[:3])
         placed += FRAME_STD * self.rng.standard_normal(placed.shape)
-        return measured_track(body.name, time_s, placed, FRAME_STD, START_STD)
+        return measured_track(body.name, time_s, placed, FRAME_STD, self.start_std)

@@ -9,7 +9,7 @@ from towval.model import Finding, Severity
 from towval.model.geometry import wrapped
 from towval.physics.mass import towed_object
 from towval.validation.consequences import WIDER, forbidding, widened
-from towval.validation.faults import fault_kinds
+from towval.validation.faults import Drawing, fault_kinds, visible_faults
 from towval.validation.sampler import UncertaintySettings
 from towval.validation.simulate_many import Drawn
 from towval.validation.statistics import RightModel
@@ -61,6 +61,17 @@ def test_nine_in_ten_of_the_smallest_visible_faults_show(case):
         distance = fault.size * np.linalg.norm(moved_by(case, sampling, kind, 1e-3)[:, :2], axis=1) / 1e-3
         if kind.both:  # the others are not linear
             assert fault.shift_rms_m == pytest.approx(np.sqrt(np.mean(distance**2)), rel=0.3)
+
+
+def test_a_fault_that_no_draw_can_be_simulated_with_is_not_visible(case):
+    rng = np.random.default_rng(4)
+    error, inputs = 1e-3 * rng.standard_normal((64, 100, 3)), rng.standard_normal((64, 2))
+
+    def shifts(acts, rows):
+        return np.full((len(acts), 100, 3), 0.01 if rows is None else np.nan)
+
+    faults = visible_faults(case.simulated, Drawing(error, inputs, 0.99, shifts))
+    assert np.isnan([fault.size for fault in faults]).all()
 
 
 def moved_by(case, sampling, kind, size):

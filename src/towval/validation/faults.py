@@ -150,15 +150,15 @@ class _Search:
     def visible(self, kind: FaultKind, size: float) -> VisibleFault:
         """The fault of a kind, of about a ``size`` that shows with the nominal shift."""
         tried: list[tuple[float, Array]] = []
+        near: list[Array] = []
         for part in range(_MOST_ROUNDS):
-            tried.append((size, self._sizes(kind, size, self.rows(part))))
-            if not len(tried[-1][1]):
-                break
-            size = min(_visible(tried[-1][1]), _GROWTH * size, kind.most)
-            near = [found for at, found in tried if abs(at / size - 1) <= _NEAR]
+            found = self._sizes(kind, size, self.rows(part))
+            tried.append((size, found))
+            size = min(_visible(found), _GROWTH * size, kind.most) if len(found) else 0.5 * size
+            near = [sizes for at, sizes in tried if abs(at / size - 1) <= _NEAR]
             if sum(map(len, near)) >= _ENOUGH:
                 break
-        size = _visible(np.concatenate(near or [tried[-1][1]]))
+        size = _visible(np.concatenate(near or [found]))
         if not size <= kind.most:
             return VisibleFault(kind.name, np.nan, kind.unit, np.nan, np.nan, kind.most)
         (shift,) = self.drawing.shifts([kind.of(size)], None)

@@ -1,0 +1,82 @@
+"""What bounds the error of a simulation whose v_s and v_k are stated 25 % too large, all else being exact.
+
+    python -m studies.tables.speeds_misstated [--first 7000] [--runs 4] [--samples 256]
+
+Runs of two worlds of :mod:`studies.worlds.verdict_worlds`, measured by the camera that these have and by one whose
+deviations are 0.3 times as large, as in the filmed lab_a. All other inputs are stated as they are, with their
+deviations.
+"""
+
+import argparse
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from studies.tables.verdict_worlds import judged, largest
+from studies.worlds.towed_runs import ROVER, TOWED, TrueCamera, nominal_calibration
+from studies.worlds.verdict_worlds import WORLDS, with_stated, world_run
+from towval.model import Body
+from towval.validation.decimate import decimate
+from towval.validation.sampler import Case, UncertaintySettings
+from towval.validation.simulate import simulate
+from towval.validation.uncertainty import UncertaintySampling
+
+SCALES = (1.0, 0.3)
+"""Of the camera's deviations, the heights' and those of the registration."""
+
+TOO_LARGE = 1.25
+
+
+def judged_run(name: str, seed: int, scale: float, samples: int) -> str:
+    """A row: the verdict, the error's RMS, u_D, the first bound, and what the simulation was off at most, in mm."""
+    run = world_run(WORLDS[name], len(WORLDS) * seed + list(WORLDS).index(name))
+    exact = {number: value.copy() for number, value in run.true.items()}
+    run = with_stated(run, **exact | {"friction_velocity": TOO_LARGE * exact["friction_velocity"]})
+    camera = TrueCamera(nominal_calibration(scale), seed, scale)
+    rover, towed = _scaled(ROVER, scale), _scaled(TOWED, scale)
+    rover_track = camera.measured(rover, run.time_s, np.array([run.drive(t) for t in run.time_s]))
+    true, thin = run.truth(), decimate(rover_track)
+    track = camera.measured(towed, run.time_s, true)
+    thin_track = decimate(track)
+    simulated = simulate(run.scene, thin, thin_track, run.time_s)
+    given = (run.scene, run.deviations, camera.nominal, rover, towed)
+    case = Case(*given, rover_track, thin, track, thin_track, simulated, f"{name} {seed}")
+    sampling = UncertaintySampling(case, UncertaintySettings(samples=samples))
+    known = sampling.with_faults(sampling.describe(samples))
+    result, path = judged(case, known), sampling.on_path(known)
+    assert path is not None
+    u_d = np.sqrt(np.mean(np.sum(path.off[..., :2] ** 2, axis=-1)))
+    found = (result.path_rms_m, u_d, result.error_upper_m, largest(simulated.pose - true))
+    return (
+        f"| {name} {seed} | {scale:g} | {result.verdict} | " + " | ".join(f"{1e3 * each:.2f}" for each in found) + " |"
+    )
+
+
+def _scaled(body: Body, scale: float) -> Body:
+    return replace(body, height_std_m=scale * body.height_std_m)
+
+
+def rows(seeds: range, samples: int) -> Iterator[str]:
+    """The table in Markdown."""
+    yield "| run | camera | verdict | E RMS | u_D | first bound | off at most |"
+    yield "|---" * 7 + "|"
+    for scale in SCALES:
+        for name in ("tether", "lab"):
+            for seed in seeds:
+                yield judged_run(name, seed, scale, samples)
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--first", type=int, default=7000)
+    parser.add_argument("--runs", type=int, default=4)
+    parser.add_argument("--samples", type=int, default=256)
+    given = parser.parse_args()
+    for row in rows(range(given.first, given.first + given.runs), given.samples):
+        print(row, flush=True)
+
+
+if __name__ == "__main__":
+    main()
