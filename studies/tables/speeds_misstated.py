@@ -13,13 +13,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from studies.tables.verdict_worlds import judged, largest
+from studies.tables.verdict_worlds import cases, judged, largest
 from studies.worlds.towed_runs import ROVER, TOWED, TrueCamera, nominal_calibration
 from studies.worlds.verdict_worlds import WORLDS, with_stated, world_run
 from towval.model import Body
-from towval.validation.decimate import decimate
-from towval.validation.sampler import Case, UncertaintySettings
-from towval.validation.simulate import simulate
+from towval.validation.sampler import UncertaintySettings
 from towval.validation.uncertainty import UncertaintySampling
 
 SCALES = (1.0, 0.3)
@@ -33,21 +31,14 @@ def judged_run(name: str, seed: int, scale: float, samples: int) -> str:
     run = world_run(WORLDS[name], len(WORLDS) * seed + list(WORLDS).index(name))
     exact = {number: value.copy() for number, value in run.true.items()}
     run = with_stated(run, **exact | {"friction_velocity": TOO_LARGE * exact["friction_velocity"]})
-    camera = TrueCamera(nominal_calibration(scale), seed, scale)
-    rover, towed = _scaled(ROVER, scale), _scaled(TOWED, scale)
-    rover_track = camera.measured(rover, run.time_s, np.array([run.drive(t) for t in run.time_s]))
-    true, thin = run.truth(), decimate(rover_track)
-    track = camera.measured(towed, run.time_s, true)
-    thin_track = decimate(track)
-    simulated = simulate(run.scene, thin, thin_track, run.time_s)
-    given = (run.scene, run.deviations, camera.nominal, rover, towed)
-    case = Case(*given, rover_track, thin, track, thin_track, simulated, f"{name} {seed}")
+    camera, true = TrueCamera(nominal_calibration(scale), seed, scale), run.truth()
+    case = cases(run, camera, f"{name} {seed}", (_scaled(ROVER, scale), _scaled(TOWED, scale)))(true)
     sampling = UncertaintySampling(case, UncertaintySettings(samples=samples))
     known = sampling.with_faults(sampling.describe(samples))
     result, path = judged(case, known), sampling.on_path(known)
     assert path is not None
     u_d = np.sqrt(np.mean(np.sum(path.off[..., :2] ** 2, axis=-1)))
-    found = (result.path_rms_m, u_d, result.error_upper_m, largest(simulated.pose - true))
+    found = (result.path_rms_m, u_d, result.error_upper_m, largest(case.simulated.pose - true))
     return (
         f"| {name} {seed} | {scale:g} | {result.verdict} | " + " | ".join(f"{1e3 * each:.2f}" for each in found) + " |"
     )

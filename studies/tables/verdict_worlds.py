@@ -16,7 +16,7 @@ import json
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,7 @@ from scipy.stats import beta
 
 from studies.worlds.towed_runs import ROVER, TOWED, TrueCamera, nominal_calibration
 from studies.worlds.verdict_worlds import WORLDS, WorldRun, half_way, scene_of, world_run
-from towval.model import Array, Comparison, RunUncertainty, Verdict
+from towval.model import Array, Body, Comparison, RunUncertainty, Verdict
 from towval.model.errors import TowvalError
 from towval.model.geometry import wrapped
 from towval.validation.compare import CompareSettings, compare
@@ -52,18 +52,8 @@ Row = tuple[str, str, str, bool]
 def judged_run(name: str, seed: int, samples: int) -> dict[str, Any]:
     """One run of a world: what was stated of it, what was true, and how faults in its truth are judged."""
     world, number = WORLDS[name], len(WORLDS) * seed + list(WORLDS).index(name)
-    run, camera = world_run(world, number), TrueCamera(nominal_calibration(), number)
-    poses = np.array([run.drive(t) for t in run.time_s])
-    rover = camera.measured(ROVER, run.time_s, poses)
-    thin, true = decimate(rover), run.truth()
-
-    def case_of(motion: Array) -> Case:
-        track = camera.measured(TOWED, run.time_s, motion)
-        thin_track = decimate(track)
-        simulated = simulate(run.scene, thin, thin_track, run.time_s)
-        given = (run.scene, run.deviations, camera.nominal, ROVER, TOWED)
-        return Case(*given, rover, thin, track, thin_track, simulated, f"{name} {seed}")
-
+    run = world_run(world, number)
+    case_of, true = cases(run, TrueCamera(nominal_calibration(), number), f"{name} {seed}"), run.truth()
     case, started = case_of(true), time.process_time()
     sampling = UncertaintySampling(case, UncertaintySettings(samples=samples))
     known = sampling.with_faults(sampling.describe(samples))
@@ -79,6 +69,24 @@ def judged_run(name: str, seed: int, samples: int) -> dict[str, Any]:
     sizes = {fault.kind: fault.size for fault in known.faults}
     row["faults"] = [each for kind in kinds for each in fault_rows(run, case_of, known, kind, sizes[kind])]
     return row
+
+
+def cases(
+    run: WorldRun, camera: TrueCamera, name: str, bodies: tuple[Body, Body] = (ROVER, TOWED)
+) -> Callable[[Array], Case]:
+    """What is stated and measured of a run by the motion (n, 3) of its object."""
+    rover, towed = bodies
+    track = camera.measured(rover, run.time_s, np.array([run.drive(t) for t in run.time_s]))
+    thin = decimate(track)
+
+    def case_of(motion: Array) -> Case:
+        seen = camera.measured(towed, run.time_s, motion)
+        thin_seen = decimate(seen)
+        simulated = simulate(run.scene, thin, thin_seen, run.time_s)
+        given = (run.scene, run.deviations, camera.nominal, rover, towed)
+        return Case(*given, track, thin, seen, thin_seen, simulated, name)
+
+    return case_of
 
 
 def judged(case: Case, known: RunUncertainty) -> Comparison:
