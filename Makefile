@@ -123,7 +123,8 @@ sbom: $(VENV)/installed $(VENV)/installed-tools
 	$(TOOLS)/cyclonedx-py environment --pyproject pyproject.toml --output-reproducible --output-file results/sbom.cdx.json $(BIN)/python
 
 audit: $(VENV)/installed-tools
-	$(TOOLS)/pip-audit --requirement requirements/run.txt --require-hashes --disable-pip --vulnerability-service osv
+	$(TOOLS)/pip-audit --requirement requirements/run.txt --require-hashes --disable-pip --vulnerability-service osv || \
+		{ echo 'make audit: a package is vulnerable, or the database at api.osv.dev cannot be reached: see above' >&2; exit 1; }
 
 $(VENV)/installed-docs: $(VENV)/installed
 	$(PIP) --editable '.[docs]'
