@@ -15,6 +15,8 @@ from towval.io.video import Video
 from towval.model import TrackStatus
 from towval.model.errors import InputError
 from towval.model.geometry import path_length, wrapped
+from towval.tracking.follow import Follower
+from towval.tracking.pose import Measurement, Tracker
 from towval.tracking.track import TrackSettings, track
 
 
@@ -157,6 +159,33 @@ def test_a_body_cannot_be_where_another_one_is():
     assert not found.seen[found.time_s > 0.5].any()
     assert distance.max() < 4 * deviation(found)
     assert tracks["rover"][0].seen.all()
+
+
+@pytest.mark.parametrize(("misfit", "found"), [(1.5, True), (8.0, False)])
+def test_a_body_that_jumped_is_taken_for_itself_only_where_it_fits_as_usual(misfit, found, monkeypatch):
+    scene = standard_scene(3, **small_camera())
+    luma, target = CeilingCamera(scene).picture(0.0), scene.target(1)
+    home = scene.motions[1](0.0)
+    there = home + np.array([0.9, 0.5, 1.0])
+
+    class Scripted(Tracker):
+        """Sees the body at home at first, then only at another place, where an arm leaves nothing else to see."""
+
+        at, misfit = home, 1.0
+
+        def measure(self, luma, predicted, velocity=None):
+            near = np.linalg.norm(predicted[:2] - self.at[:2]) < 0.1
+            return Measurement(self.at, 1e-8 * np.eye(3), residual=self.misfit) if near else None
+
+    tracker = Scripted()
+    follower = Follower(target, 0.0, luma, scene.clicks(np.random.default_rng(3))["object"], lambda *_: tracker, 1.0)
+    monkeypatch.setattr(follower, "_places", lambda luma: iter([there]))
+    monkeypatch.setattr(follower, "_unmistakable", lambda *_: True)
+    for k in range(1, 5):
+        follower.follow(0.04 * k, luma)
+    tracker.at, tracker.misfit = there, misfit
+    follower.follow(0.2, luma)
+    assert (follower.record.last_status == TrackStatus.TRACKED) == found
 
 
 def test_a_body_that_leaves_the_picture_is_lost():

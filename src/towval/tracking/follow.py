@@ -37,6 +37,7 @@ class FollowConstants:
     most_acceleration: float = 5.0  # [m/s²] ASSUME: half of gravity, more than wheels or a tether give.
     surprise_px: float = 3.0  # [px] From the prediction, beyond what acceleration explains.
     search_every_s: float = 0.23  # [s] Between searches for a lost body: both ways of it within half a second.
+    foreign: float = 3.0  # Times the usual misfit: something else, as far as a body that jumped is concerned.
     agree_px: float = 2.0  # [px] Within which a search confirms a doubtful pose.
     home: float = 0.5  # Of a body's reach from its place: nothing else can be so near.
     much_farther: float = 4.0  # Distance of a rival over that of the find for which the find counts.
@@ -52,6 +53,7 @@ CONSTANTS = FollowConstants()
 
 _NOWHERE, _UNKNOWN = np.full(3, np.nan), np.full((3, 3), np.nan)
 _NUMBERS = 16  # A frame's row: time, pose, covariance, status, share of inliers, residual.
+_LAST = 64  # Frames that say what misfit is usual.
 _MOST_TABLED = 8192  # Frames whose points are kept: every one, then every second, fourth, ...
 
 
@@ -80,6 +82,12 @@ class _Record:
         if len(self.points) > _MOST_TABLED:
             self.points_every *= 2
             self.points = [entry for entry in self.points if entry[0] % self.points_every == 0]
+
+    def usual_misfit(self) -> float:
+        """Median residual of the last observations; infinite where there is none but the first, which fits itself."""
+        rows = np.array(self.numbers[-_LAST * _NUMBERS :]).reshape(-1, _NUMBERS)
+        known = rows[(rows[:, 13] == TrackStatus.TRACKED) & (rows[:, 0] > self.numbers[0]), 15]
+        return float(np.median(known)) if len(known) else np.inf
 
     def columns(self) -> tuple[Array, Array, Array, NDArray[np.uint8], Array, Array]:
         """Times, poses (n, 3), covariances (n, 3, 3), status, share of inliers and residuals."""
@@ -186,6 +194,8 @@ class Follower:
             if found is None:
                 continue
             apart_m = 0.0 if doubtful is None else self.target.apart_m(found.pose, doubtful.pose)
+            if self._surprising(time_s, found.pose) and found.residual > CONSTANTS.foreign * self.record.usual_misfit():
+                continue
             if apart_m <= CONSTANTS.agree_px * self.pixel_m and self._unmistakable(time_s, luma, found.pose):
                 return found
         return None
