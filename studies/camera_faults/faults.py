@@ -58,7 +58,7 @@ def _hevc(crf: float, _pixels: float) -> Mapping[str, str]:
 
 
 _MOVED = ("camera_moved", "camera_moved_before", "camera_not_registered", "floor_not_recognised", "picture_warped")
-_TIME = ("stamps_contradicted", "stamps_uneven", "pictures_repeated", "pictures_missing", "time_gap")
+_TIME = ("jumped", "stamps_contradicted", "stamps_uneven", "pictures_repeated", "pictures_missing", "time_gap")
 _CODED = (
     "low_texture",
     "texture_unsure",
@@ -122,7 +122,7 @@ FAULTS = (
     Fault("hanging cable", (4, 10, 25), "px", (*_HIDDEN, *_CODED), unforeseen.cable),
     Fault("drop on the lens", (2, 5, 15), "%", (*_CODED, *_HIDDEN, *_MOVED), unforeseen.drop),
     Fault("twin standing by", (1, 2, 3), "", (*_HIDDEN, *_CLICKS), unforeseen.twin),
-    Fault("board kicked", (10, 40, 150), "px", _MOVED, unforeseen.kicked_board),
+    Fault("board kicked", (1, 2, 3), "", _MOVED, unforeseen.kicked_board),
     Fault("warm air", (0.2, 0.5, 1.5), "px", _MOVED, unforeseen.haze),
     # Time
     Fault("dropped", (1, 5, 15), "%", _TIME, timing.dropped),

@@ -23,6 +23,15 @@ def _remapped(luma: Luma, u: Array, v: Array) -> Luma:
     return np.asarray(cv2.remap(luma, *maps, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT))
 
 
+def _free_places(film: Film, size: tuple[int, int]) -> list[tuple[int, int]]:
+    """Where something so wide and high [px] hides nothing that moves, the quietest first (u, v of its top left)."""
+    width, height = film.size_px
+    pictures = [film.picture(i).astype(np.float32) for i in np.linspace(0, len(film) - 1, 9).astype(int)]
+    change = cv2.blur(np.ptp(pictures, axis=0), (9, 9))
+    places = [(int(u), int(v)) for u in np.linspace(0, width - size[0], 7) for v in np.linspace(0, height - size[1], 5)]
+    return sorted(places, key=lambda at: float(change[at[1] : at[1] + size[1], at[0] : at[0] + size[0]].max()))
+
+
 def hdr_ghosts(film: Film, share: float, _rng: Rng) -> Film:
     """Two exposures, the darker one half a picture later, are fused: bright things come from the later one."""
 
@@ -99,18 +108,14 @@ def drop(film: Film, percent: float, _rng: Rng) -> Film:
     return film.seen(wet)
 
 
-def twin(film: Film, kind: float, rng: Rng) -> Film:
-    """A copy of what moves stands by, turned by half: at the top (1), in the middle (2), below (3)."""
-    width, height = film.size_px
+def twin(film: Film, kind: float, _rng: Rng) -> Film:
+    """A copy of what moves stands by, turned by half, where nothing moves: at the quietest place (1), or another."""
     change = cv2.GaussianBlur(cv2.absdiff(film.picture(0), film.picture(len(film) - 1)), (0, 0), 10 * film.px)
     rows, columns = np.nonzero(change > 0.3 * change.max())
     top, left = (int(np.percentile(each, 3)) for each in (rows, columns))
     bottom, right = (int(np.percentile(each, 97)) for each in (rows, columns))
     patch = np.ascontiguousarray(film.picture(0)[top:bottom, left:right][::-1, ::-1])
-    share = {1: 0.05, 2: 0.5, 3: 0.95}[int(kind)]
-    u, v = (int(share * (size - side)) for size, side in ((width, patch.shape[1]), (height, patch.shape[0])))
-    if rng.integers(2):
-        u = width - patch.shape[1] - u
+    u, v = _free_places(film, (patch.shape[1], patch.shape[0]))[int(kind) - 1]
 
     def doubled(_i: int, luma: Luma) -> Luma:
         luma = luma.copy()
@@ -120,17 +125,18 @@ def twin(film: Film, kind: float, rng: Rng) -> Film:
     return film.seen(doubled)
 
 
-def kicked_board(film: Film, px: float, rng: Rng) -> Film:
-    """A large board lies on the floor, and somebody kicks it in the middle of the run."""
+def kicked_board(film: Film, kind: float, _rng: Rng) -> Film:
+    """A large board lies on the floor; in the middle of the run somebody kicks it 10 (1), 40 (2) or 150 px (3) away."""
     width, height = film.size_px
     side = max(4, round(45 * film.px))
     squares = 255 * (np.indices((6 * side, 8 * side)) // side).sum(axis=0) % 2
     board = np.where(squares, 235, 20).astype(np.uint8)
-    at = np.array([rng.uniform(0.05, 0.5) * width, rng.uniform(0.05, 0.3) * height])
-    kick = px * film.px * np.array([0.8, 0.6])
+    room = 2 * np.array(board.shape[::-1]) // 10
+    at = _free_places(film, (int(board.shape[1] + room[0]), int(board.shape[0] + room[1])))[0]
+    kick = {1: 10, 2: 40, 3: 150}[int(kind)] * film.px * np.array([0.8, 0.6])
 
     def lying(i: int, luma: Luma) -> Luma:
-        x, y = at + kick * (2 * i > len(film))
+        x, y = np.array(at) + kick * (2 * i > len(film))
         M = np.array([[1.0, 0.1, x], [-0.1, 1.0, y + 0.1 * board.shape[1]]])
         there = cv2.warpAffine(np.full_like(board, 255), M, (width, height))
         seen = cv2.warpAffine(board, M, (width, height))

@@ -194,6 +194,15 @@ def test_a_bump_between_calibration_and_run_is_taken_off():
     assert [one.code for one in findings] == ["video_upside_down"]
 
 
+@pytest.mark.parametrize(("wider", "said"), [(1.0, []), (1.015, ["floor_not_recognised"])])
+def test_a_video_with_other_pixels_than_the_pictures_is_not_recognised(wider, said):
+    calibration = Calibration(CAMERA, FLOOR, np.zeros((18, 18)), 0.1)
+    M = np.array([[wider, 0, 239.5 * (1 - wider)], [0, 1.0, 0]])
+    first = cv2.warpAffine(floor_picture(seed=7), M, (480, 360), flags=cv2.INTER_LANCZOS4, borderMode=4)
+    _, findings = calibration_at_start(calibration, first, [("floor.jpg", floor_picture(seed=5))])
+    assert [one.code for one in findings] == said
+
+
 @pytest.mark.parametrize("moved", [False, True])
 def test_bands_of_light_and_dead_pixels_do_not_hide_the_floor(moved):
     calibration = Calibration(CAMERA, FLOOR, np.zeros((18, 18)), 0.1)

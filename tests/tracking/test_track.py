@@ -16,6 +16,7 @@ from towval.model import TrackStatus
 from towval.model.errors import InputError
 from towval.model.geometry import path_length, wrapped
 from towval.tracking.follow import Follower
+from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.pose import Measurement, Tracker
 from towval.tracking.track import TrackSettings, track
 
@@ -107,6 +108,24 @@ def test_a_picture_that_the_encoder_repeats_is_no_proof_of_the_pose():
         # Equal pictures fit each other without a residual, yet each grey value is known to half a level only.
         assert (np.linalg.eigvalsh(found.covariance) > 0).all()
         assert (found.std[:, 0] > 1e-6).all()
+
+
+@pytest.mark.parametrize("still", [0, 15])
+def test_a_part_of_the_picture_that_stands_still_shows_when_its_body_jumps_on(still):
+    """Packets lost on the way: the object's part of the picture stays for 0.6 s; the rover's goes on."""
+    scene = small(challenges.metre(5, 1.6)).scene
+    bodies, times = [body for body in scene.bodies if body.name in ("rover", "object")], np.arange(60) / 25
+    frames = [(time_s, picture.copy()) for time_s, picture in CeilingCamera(scene).frames(times)]
+    target = PlanarTarget(bodies[1], scene.calibration.camera, scene.calibration.floor)
+    poses = scene.truth(times)["object"][[25, 25 + still]]
+    corners = np.concatenate([target.pixels(1.2 * bodies[1].top_corners_m, pose) for pose in poses])
+    (left, top), (right, bottom) = corners.min(axis=0).astype(int), corners.max(axis=0).astype(int)
+    assert np.linalg.norm(poses[1] - poses[0]) > 0.1 or not still
+    for i in range(25, 25 + still):
+        frames[i][1][top:bottom, left:right] = frames[25][1][top:bottom, left:right]
+    tracks = track(iter(frames), scene.calibration, bodies, scene.clicks(np.random.default_rng(0)))
+    assert ("jumped" in codes(tracks["object"])) == bool(still)
+    assert "jumped" not in codes(tracks["rover"])
 
 
 def test_a_stranger_in_the_place_of_a_body_is_not_taken_for_it():

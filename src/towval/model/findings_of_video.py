@@ -47,6 +47,12 @@ register(  # track
         "The floor shows too little texture to detect a motion of the camera. Poses are right only if it stood still.",
     ),
     FindingType(
+        "jumped", "track", WARNING, NOT_JUDGED,
+        "{name} jumps {count} times between two pictures, by up to {by_mm:.0f} mm, first at {time_s:.2f} s: more than "
+        "wheels or a tether can. A part of the picture stood still before (packets lost on the way), pictures were "
+        "lost, or something else was taken for it. Look at the video there, and record it again.",
+    ),
+    FindingType(
         "pictures_missing", "track", NOTE, NONE,
         "By the stamps {count} pictures are missing (longest step {gap_s:.2f} s).",
     ),

@@ -35,6 +35,7 @@ class CameraMotionConstants:
     referred_px: float = 0.1  # [px] Of the floor between its pictures and the video's first: less is not corrected.
     scattered_px: float = 0.15  # [px] Of places against each other: 0.03 to 0.07 in sound footage.
     most_unknown: float = 0.05  # Of the pictures, bridged one by one.
+    other_lens_px: float = 0.5  # [px] The same, against pictures of the floor: a video 1 % wider has 0.6 to 0.9.
 
 
 CONSTANTS = CameraMotionConstants()
@@ -248,8 +249,12 @@ def calibration_at_start(
 
 
 def _found(seen: FloorRegistration, pictures: Sequence[Luma]) -> list[Registered]:
-    """Registrations of the pictures in which the floor is found near its calibrated view."""
-    return [one for one in (seen.register(picture, np.zeros(_SIZE), []) for picture in pictures) if one]
+    """Registrations of the pictures in which the floor is found near its calibrated view.
+
+    None where its places are displaced against each other: by other pixels (a video made wider), by another lens.
+    """
+    found = [one for one in (seen.register(picture, np.zeros(_SIZE), []) for picture in pictures) if one]
+    return [] if np.mean(seen.scatter or [0.0]) > CONSTANTS.other_lens_px**2 else found
 
 
 def _separated(time_s: Array, z: Array) -> tuple[Array, Array, Array, Array]:

@@ -133,6 +133,7 @@ class Follower:
         self.relocaliser = Relocaliser(target, luma, self.first_pose)
         self.lookalikes = Lookalikes(target, luma, self.first_pose)
         self.mistakable = 0
+        self.jumps: list[tuple[float, float]] = []
         self.next_search_s, self.searches = time_s, 0
         self.motion = Motion(time_s, self.first_pose)
         self.record = _Record()
@@ -155,6 +156,8 @@ class Follower:
         predicted = self.motion.predict(time_s) if coasting or after_observation else self.motion.pose
         accepted = self._accepted(time_s, luma, predicted, occupied)
         if accepted is not None:
+            if after_observation and self._surprising(time_s, accepted.pose):
+                self.jumps.append((time_s, self.target.apart_m(predicted, accepted.pose)))
             self._keep_observation(time_s, luma, accepted)
         elif coasting:
             self.record.keep(time_s, predicted, self._coasting_covariance(time_s), TrackStatus.COASTING, 0.0, np.nan)
@@ -362,6 +365,9 @@ class Follower:
         if len(missed):
             counts = {"count": len(missed), "frames": len(status), "lost": lost, "bridged": len(missed) - lost}
             findings.append(finding("not_seen", name=name, **counts, first_s=missed[0], last_s=missed[-1]))
+        if self.jumps:
+            (first_s, _), farthest_m = self.jumps[0], max(by_m for _, by_m in self.jumps)
+            findings.append(finding("jumped", name=name, count=len(self.jumps), by_mm=1e3 * farthest_m, time_s=first_s))
         if self.mistakable:
             findings.append(finding("lookalike", name=name, count=self.mistakable))
         std_m = float(np.sqrt(np.median(covariance[tracked][:, 0, 0]))) if tracked.any() else np.inf

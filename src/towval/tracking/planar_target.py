@@ -86,7 +86,7 @@ class PlanarTarget:
         low, high = outline.min(axis=0) - self.reach_m, outline.max(axis=0) + self.reach_m
         if (pose[:2] < low).any() or (pose[:2] > high).any():
             return 0.0
-        return float(inside_polygon(outline, transform(pose, self.inner_points)).mean())
+        return float((_depth(transform(pose, self.inner_points), outline) > 0).mean())
 
 
 @compiled()
