@@ -194,6 +194,14 @@ def test_a_bump_between_calibration_and_run_is_taken_off():
     assert [one.code for one in findings] == ["video_upside_down"]
 
 
+def test_poses_of_a_long_video_are_differentiated_piece_by_piece():
+    poses = POSE + np.random.default_rng(3).normal(0, 0.1, (2500, 3))
+    whole = pose_sensitivity(CAMERA, FLOOR, BODY, poses)
+    pieces = [pose_sensitivity(CAMERA, FLOOR, BODY, poses[i : i + 500]) for i in range(0, 2500, 500)]
+    for each, parts in zip(whole, zip(*pieces, strict=True), strict=True):
+        np.testing.assert_allclose(each, np.concatenate(parts), rtol=1e-12)
+
+
 @pytest.mark.parametrize(("wider", "said"), [(1.0, []), (1.015, ["floor_not_recognised"])])
 def test_a_video_with_other_pixels_than_the_pictures_is_not_recognised(wider, said):
     calibration = Calibration(CAMERA, FLOOR, np.zeros((18, 18)), 0.1)

@@ -79,12 +79,19 @@ def parameters_by_motion(camera: Camera, floor: Floor) -> Array:
     return np.asarray((np.array(ends[0]) - np.array(ends[1])).T / (2 * step))
 
 
+_AT_ONCE = 1024  # Poses, whose corners' derivatives take 5 kB each: the memory of a long video stays small.
+
+
 def pose_sensitivity(camera: Camera, floor: Floor, body: Body, pose: Array) -> tuple[Array, Array]:
     """Change of measured poses (n, 3) with the calibration (n, 3, 18) and with the height of the body's top (n, 3).
 
     It is that of the corners of the top at fixed pixels, fitted by a rigid motion; the first by
     :data:`towval.model.CALIBRATION_PARAMETERS`, the second in 1, 1, rad/m.
     """
+    if len(pose) > _AT_ONCE:
+        parts = [pose_sensitivity(camera, floor, body, pose[i : i + _AT_ONCE]) for i in range(0, len(pose), _AT_ONCE)]
+        by_calibration, by_top = (np.concatenate(each) for each in zip(*parts, strict=True))
+        return by_calibration, by_top
     corners = transform(pose[:, None, :], body.top_corners_m)
     n, k = corners.shape[:2]
     height = body.tracked_plane_height_m
