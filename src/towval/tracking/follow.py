@@ -78,7 +78,7 @@ class _Record:
     def keep_points(self, points_m: Array, weights: Array) -> None:
         """Keep points of the frame that comes next; of long videos only every second, fourth, ... frame's."""
         if len(self) % self.points_every == 0:
-            self.points.append((len(self), points_m, weights))
+            self.points.append((len(self), points_m.copy(), weights))  # A view would keep the whole template.
         if len(self.points) > _MOST_TABLED:
             self.points_every *= 2
             self.points = [entry for entry in self.points if entry[0] % self.points_every == 0]
@@ -132,9 +132,8 @@ class Follower:
             )
         self.relocaliser = Relocaliser(target, luma, self.first_pose)
         self.lookalikes = Lookalikes(target, luma, self.first_pose)
-        self.mistakable = 0
+        self.mistakable, self.next_search_s, self.searches = 0, time_s, 0
         self.jumps: list[tuple[float, float]] = []
-        self.next_search_s, self.searches = time_s, 0
         self.motion = Motion(time_s, self.first_pose)
         self.record = _Record()
         self.follow(time_s, luma)
@@ -366,7 +365,7 @@ class Follower:
             counts = {"count": len(missed), "frames": len(status), "lost": lost, "bridged": len(missed) - lost}
             findings.append(finding("not_seen", name=name, **counts, first_s=missed[0], last_s=missed[-1]))
         if self.jumps:
-            (first_s, _), farthest_m = self.jumps[0], max(by_m for _, by_m in self.jumps)
+            first_s, farthest_m = self.jumps[0][0], max(by_m for _, by_m in self.jumps)
             findings.append(finding("jumped", name=name, count=len(self.jumps), by_mm=1e3 * farthest_m, time_s=first_s))
         if self.mistakable:
             findings.append(finding("lookalike", name=name, count=self.mistakable))

@@ -8,8 +8,7 @@ something else was taken for it.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -44,7 +43,9 @@ class OutlineConstants:
     noise_length_px: float = 12.0  # [px] Length of the stretches on which these were measured.
     prior_px: float = 3.0  # [px] What is known without edges, so that the turn of a disc stays where it is.
     length_std_m: float = 0.001  # [m] Of a measured length of a top: a tape measure.
-    other_size_px: float = 0.35  # [px] Beyond it a length is not the stated one: edges are 0.06 off, thin sides more.
+    other_size_px: float = (
+        0.35  # [px] Beyond it a length is not the stated one: edges stand off by 0.06 each, thin sides more.
+    )
     wide_px: float = 1.0  # [px] The same, where some edges are on their places and others three pixels off.
     both_px: float = 0.25  # [px] Scale of misfits at first, for edges 1.5 mm too far apart in pixels of 2.3 to 2.9 mm.
 
@@ -261,31 +262,19 @@ def _fit_kernel(
     return True, found, place, contrast, inner, weight, scale
 
 
-_Seen = tuple[Array, Stretches, float, Array, Array, NDArray[np.bool_]]
-
-
-def _seen(luma: NDArray[np.uint8], target: PlanarTarget, pose: Array) -> _Seen:
-    """Slopes across stretches, these, a pixel [m], what changes their places, trust, and which sides are thin."""
-    pixel = target.metres_per_pixel(pose)
-    stretches = stretches_of(target.body, pixel)
-    trust, thin = _trust(_side_widths(target, stretches, pose))
-    return _edge_slopes(luma, target, stretches, pose), stretches, pixel, _by_pose_and_size(stretches), trust, thin
-
-
-def _placed(seen: _Seen, first_px: float, *, sized: bool = False) -> tuple[Array, tuple[Any, ...]] | None:
-    """By how much length and width (2,) of the outline on the edges are other than stated [m]; and for :func:`_fit`."""
-    slopes, stretches, pixel_m, rows, trust, _ = seen
-    width, reach = np.ptp(stretches.middle, axis=0), np.linalg.norm(stretches.middle, axis=1).max()
+def _fit_outline(
+    slopes: Array, stretches: Stretches, pixel_m: float, side_px: Array, first_px: float, *, sized: bool = False
+) -> OutlineFit | None:
+    """Move the outline onto the edges; see :func:`observe_outline`. ``sized``: as long and wide as stated."""
+    rows, width = _by_pose_and_size(stretches), np.ptp(stretches.middle, axis=0)
+    reach = np.linalg.norm(stretches.middle, axis=1).max()
     known = np.array([1, 1, 1 / reach, 0, 0]) * CONSTANTS.prior_px * pixel_m
     known[3:] = (_SIZED if sized else 1.0) * CONSTANTS.length_std_m / width
+    trust, thin = _trust(side_px)
     fit = _fit_kernel(slopes, stretches.offsets, rows, trust, known, pixel_m, first_px)
-    return (fit[1][3:] * width, (*fit[1:], known)) if fit[0] else None
-
-
-def _fit(seen: _Seen, found: tuple[Any, ...], size: Array) -> OutlineFit:
-    """The fit with its covariance."""
-    _, stretches, pixel_m, rows, trust, thin = seen
-    correction, place, contrast, inner, weight, scale, known = found
+    holds, correction, place, contrast, inner, weight, scale = fit
+    if not holds:
+        return None
     misfit, prior = place - rows @ correction, scale**2 / known**2
     # The slope of Tukey's influence function: less than its weight, so that outlying edges constrain the fit less.
     steadiness = trust * contrast * inner * np.maximum(5 * inner - 4, 0.0)
@@ -297,7 +286,7 @@ def _fit(seen: _Seen, found: tuple[Any, ...], size: Array) -> OutlineFit:
     freedom = len(rows) / max(1, used.sum() - 3)
     shifted = inverse @ rows.T @ (weight * thin * CONSTANTS.thin_shift_px * pixel_m)
     sampled = inverse @ (scores.T @ scores * freedom + np.diag(prior) * scale**2) @ inverse
-    return OutlineFit(correction[:3], (sampled + np.outer(shifted, shifted))[:3, :3], size)
+    return OutlineFit(correction[:3], (sampled + np.outer(shifted, shifted))[:3, :3], correction[3:] * width)
 
 
 def _trust(side_px: Array) -> tuple[Array, NDArray[np.bool_]]:
@@ -331,20 +320,29 @@ def observe_outline(
     of the stretches agree. A direction that the edges leave open (the turn of a disc) is not corrected and has a
     standard deviation of three pixels.
     """
-    seen, first_px = _seen(luma, target, pose), CONSTANTS.wide_px if wide else 0.0
-    free = _placed(seen, max(first_px, CONSTANTS.both_px))
+    pixel = target.metres_per_pixel(pose)
+    stretches = stretches_of(target.body, pixel)
+    slopes = _edge_slopes(luma, target, stretches, pose)
+    seen = slopes, stretches, pixel, _side_widths(target, stretches, pose)
+    first_px = CONSTANTS.wide_px if wide else 0.0
+    free = _fit_outline(*seen, max(first_px, CONSTANTS.both_px))
     # With the size held, all edges say where the middle is; where it is free, opposite ones count the same, however
     # doubtful one of them. And faint edges may not fix the size, too.
-    other = free is not None and np.abs(free[0]).max() >= CONSTANTS.other_size_px * seen[2]
-    found = free if other else _placed(seen, first_px, sized=True) or free
-    return None if found is None else _fit(seen, found[1], (free or found)[0])
+    if free is not None and np.abs(free.size).max() >= CONSTANTS.other_size_px * pixel:
+        return free
+    held = _fit_outline(*seen, first_px, sized=True) or free
+    return held if held is None or free is None else replace(held, size=free.size)
 
 
 def observe_size(luma: NDArray[np.uint8], target: PlanarTarget, pose: Array) -> float | None:
     """Size of the outline in a picture over the stated one, less 1; None where fewer than a third of it is found."""
-    slopes, stretches, pixel, rows, trust, _ = _seen(luma, target, pose)
-    rows = np.column_stack([rows[:, :3], (stretches.middle * stretches.normal).sum(axis=1)])
-    known = np.array([1, 1, 1 / np.linalg.norm(stretches.middle, axis=1).max(), np.inf]) * CONSTANTS.prior_px * pixel
+    pixel = target.metres_per_pixel(pose)
+    stretches = stretches_of(target.body, pixel)
+    slopes, middle, normal = _edge_slopes(luma, target, stretches, pose), stretches.middle, stretches.normal
+    rows = np.column_stack([_by_pose_and_size(stretches)[:, :3], (middle * normal).sum(axis=1)])
+    trust, _ = _trust(_side_widths(target, stretches, pose))
+    reach = np.linalg.norm(middle, axis=1).max()
+    known = np.array([1, 1, 1 / reach, np.inf]) * CONSTANTS.prior_px * pixel
     holds, found, *_ = _fit_kernel(slopes, stretches.offsets, rows, trust, known, pixel, CONSTANTS.both_px)
     return float(found[3]) if holds else None
 
