@@ -36,14 +36,13 @@ def scene_of(kind: str) -> FilmedScene:
 
 
 def again_and_again(path: Path, frames: int) -> Iterator[tuple[float, np.ndarray]]:
-    """The pictures of a video, played until there are ``frames`` of them, 25 a second."""
-    done = 0
-    while done < frames:
-        for _, luma in Video(path):
-            yield done / 25, luma
-            done += 1
-            if done == frames:
-                return
+    """The pictures of a short video, played until there are ``frames`` of them, 25 a second.
+
+    They are decoded once: a decoder that is opened hundreds of times grows by itself.
+    """
+    pictures = [luma.copy() for _, luma in Video(path)]
+    for i in range(frames):
+        yield i / 25, pictures[i % len(pictures)]
 
 
 def peak_memory_mb() -> float:
