@@ -163,9 +163,9 @@ def test_a_rate_against_the_camera_or_the_sound_is_reported():
     (25.0, False), (29.97, False), (59.94, False), (12.0, False), (5.0, False), (1.0, False), (100 / 3, False),
     (26.0, True), (25.25, True), (28.8, True), (31.5, True),
 ])  # fmt: skip
-def test_a_rate_that_nothing_confirms_must_be_one_of_a_camera(rate_hz, unusual):
+def test_a_rate_that_nothing_confirms_is_named_and_must_be_one_of_a_camera(rate_hz, unusual):
     found = [one.code for one in rate_findings(1 / rate_hz, None, 10.0, float("nan"))]
-    assert found == (["rate_unusual"] if unusual else [])
+    assert found == ["rate_unusual" if unusual else "rate_unconfirmed"]
     assert rate_findings(1 / rate_hz, rate_hz, 10.0, float("nan")) == ()
     assert rate_findings(1 / rate_hz, None, 10.0, 10.0) == ()
 

@@ -87,4 +87,9 @@ register(  # track
         "By the stamps there are {found_hz:.2f} pictures a second, a rate at which no camera films, and neither "
         "camera.fps nor a sound track confirms it: all speeds hang on it. State camera.fps.",
     ),
+    FindingType(
+        "rate_unconfirmed", "track", WARNING, NONE,
+        "Neither camera.fps nor a sound track confirms the {found_hz:.2f} pictures a second of the stamps: of a video "
+        "filmed at 24 and stamped as 25, all speeds would be 4 % too high. State camera.fps.",
+    ),
 )  # fmt: skip

@@ -94,8 +94,8 @@ def rate_findings(step_s: float, stated_hz: float | None, seen_s: float, heard_s
     if abs(heard_s - seen_s) > max(CONSTANTS.rate * heard_s, 0.5):
         other = f"the sound lasts {heard_s:.1f} s and the pictures {seen_s:.1f} s"
         findings.append(finding("rate_contradicted", found_hz=1 / step_s, other=other))
-    if stated_hz is None and np.isnan(heard_s) and _unusual(1 / step_s):
-        findings.append(finding("rate_unusual", found_hz=1 / step_s))
+    if stated_hz is None and np.isnan(heard_s):
+        findings.append(finding("rate_unusual" if _unusual(1 / step_s) else "rate_unconfirmed", found_hz=1 / step_s))
     return tuple(findings)
 
 
