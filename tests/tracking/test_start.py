@@ -195,6 +195,20 @@ def test_clicks_the_wrong_way_round_are_turned_by_the_tether():
     assert "tether_too_short" in {each.code for each in short["object"].findings}
 
 
+@pytest.mark.parametrize("order", [[0, 3, 2, 1], [2, 1, 0, 3], [1, 2, 3, 0], [3, 0, 1, 2]])
+def test_clicks_in_another_order_are_put_in_order_and_reported(order):
+    """Mirrored, or begun at another corner; which way round is left to the tether."""
+    scene, tow = towed(5)
+    luma = spread(scene, TIMES_S[:1])[0]
+    right = scene.clicks(np.random.default_rng(5))
+    wrong = right | {"object": right["object"][order]}
+    found = check_clicks([luma], scene.calibration, scene.bodies, wrong, tow)
+    assert found["object"].findings[0].code == "clicks_reordered"
+    pose, _, _ = pose_from_clicks(scene.target(1), found["object"].corners_px)
+    assert off_px(scene, 1, pose) < 2.5
+    assert "clicks_reordered" not in {each.code for each in found["rover"].findings}
+
+
 def test_a_track_that_overstretches_the_tether_is_reported():
     scene, tow = towed(5)
     times = np.arange(10) / 5

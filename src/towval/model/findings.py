@@ -242,6 +242,12 @@ register(  # track
         "it. Check the overlay, and click again what is wrong.",
     ),
     FindingType(
+        "clicks_reordered", "track", WARNING, NOT_JUDGED,
+        "The clicks of {name} fit its outline in another order than that of top_corners_m alone: they go round the "
+        "other way (mirrored), or begin at another corner. The track starts as they fit, perhaps half a turn off. "
+        "Click its corners in the order of top_corners_m.",
+    ),
+    FindingType(
         "clicks_turned", "track", WARNING, NONE,
         "The clicks of {name} lie the wrong way round: the tether would not reach. The track starts turned; click its "
         "corners in the order of top_corners_m.",

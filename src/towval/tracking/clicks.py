@@ -10,6 +10,7 @@ from towval.model import Array, Body, Calibration, Finding, Track
 from towval.model.findings import finding
 from towval.model.geometry import compose, inverse, wrapped
 from towval.tracking.co_moving import co_moving
+from towval.tracking.follow import CONSTANTS as FOLLOW
 from towval.tracking.outline import pose_from_clicks
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.start import CONSTANTS, Place, Tow, around, ways_joined
@@ -45,9 +46,10 @@ def check_clicks(
 
 def _checked(target: PlanarTarget, pictures: Sequence[Luma], clicks_px: ArrayLike) -> Clicked:
     """Clicks (n, 2) [px] on the corners of a target, moved where its outline clearly stands elsewhere."""
-    clicks_px = np.asarray(clicks_px, dtype=np.float64)
+    given_px = np.asarray(clicks_px, dtype=np.float64)
+    clicks_px, name = _in_order(target, given_px), target.body.name
     clicked, _, _ = pose_from_clicks(target, clicks_px)
-    pixel, name = target.metres_per_pixel(clicked), target.body.name
+    pixel = target.metres_per_pixel(clicked)
     near_m = CONSTANTS.near_px * pixel
     turn = CONSTANTS.capture_turn
     alone = around(target, clicked, [(pictures[0], np.zeros(3))]).found(clicked[2], turn, CONSTANTS.most_near)
@@ -56,7 +58,8 @@ def _checked(target: PlanarTarget, pictures: Sequence[Luma], clicks_px: ArrayLik
     found = search.found(clicked[2], turn)
     best, pose = next(iter(found), (0.0, clicked))
     clear = Place(best, pose, tuple(search.views)).clear
-    off_m, findings = target.apart_m(clicked, pose), []
+    off_m = target.apart_m(clicked, pose)
+    findings = [] if clicks_px is given_px else [finding("clicks_reordered", name=name)]
     clearly = target.apart_m(beside, pose) <= near_m or here < CONSTANTS.as_good * best
     if clear and off_m > near_m and clearly:
         clicked, clicks_px = pose, target.pixels(target.body.top_corners_m, pose)
@@ -69,6 +72,20 @@ def _checked(target: PlanarTarget, pictures: Sequence[Luma], clicks_px: ArrayLik
     if rivals:
         findings.append(finding("start_unsure", name=name, std_mm=1000 * float(np.sqrt(np.trace(spread[:2, :2])))))
     return Clicked(clicks_px, spread, tuple(findings))
+
+
+def _in_order(target: PlanarTarget, clicks_px: Array) -> Array:
+    """Clicks (n, 2) [px] in the order of the target's corners: in another, where they fit only so.
+
+    They may go round the other way, as on a mirrored body, or begin at another corner. Of orders that fit as well (half
+    a turn of a rectangle) it is the first.
+    """
+    if clicks_px.shape != target.body.top_corners_m.shape:
+        return clicks_px
+    orders = [np.roll(each, k, axis=0) for each in (clicks_px, clicks_px[::-1]) for k in range(len(clicks_px))]
+    misfit, *others = (pose_from_clicks(target, each)[2] for each in orders)
+    wrong = misfit > FOLLOW.misfit_of_clicks_px and min(others) < min(FOLLOW.misfit_of_clicks_px, misfit / 4)
+    return orders[1 + int(np.argmin(others))] if wrong else clicks_px
 
 
 def _step(pose: Array, other: Array) -> Array:
