@@ -1,5 +1,6 @@
 """What the system refuses Snakemake is one message of ``towval run``; a fault of a program stays a traceback."""
 
+import signal
 from pathlib import Path
 
 import pytest
@@ -41,3 +42,8 @@ def test_a_path_is_no_number(name):
 @pytest.mark.parametrize("name", ['it\'s "quoted"', "lab'", '"lab"'])
 def test_quotes_at_the_end_of_a_path_reach_the_workflow(name):
     assert Path(parse_config([f"campaign={_as_path(Path(name))}"])["campaign"]) == Path(name)
+
+
+def test_a_traceback_that_the_end_of_the_call_cuts_off_is_left_out():
+    assert list(_system_errors_told(["before\n", *FRAMES], [signal.SIGINT])) == ["before\n"]
+    assert list(_system_errors_told(["before\n", *FRAMES])) == ["before\n", *FRAMES], "ended by nobody we know"

@@ -10,7 +10,7 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib import resources
 from pathlib import Path
@@ -65,8 +65,8 @@ def run(
         *(f"{key}={_text(value)}" for key, value in config.items()),
     ]
     # What the stages say goes where progress goes: standard output has the outcome only.
-    with _ending_with_us(line) as workflow:
-        for shown in filter(lambda text: not _NOISE.match(text), _system_errors_told(workflow.stderr or ())):
+    with _ending_with_us(line) as (workflow, ended_by):
+        for shown in filter(lambda text: not _NOISE.match(text), _system_errors_told(workflow.stderr or (), ended_by)):
             print(shown, end="", file=sys.stderr, flush=True)
     if workflow.returncode:
         raise SystemExit(workflow.returncode)
@@ -79,13 +79,13 @@ def run(
 
 
 @contextmanager
-def _ending_with_us(line: Sequence[str]) -> Iterator["subprocess.Popen[str]"]:
+def _ending_with_us(line: Sequence[str]) -> Iterator[tuple["subprocess.Popen[str]", list[int]]]:
     """A process that does not outlive this one, whose words nobody would read: Snakemake waits for ever then.
 
     SIGTERM and SIGINT are passed on as SIGTERM, so that it ends by itself; `KeyboardInterrupt` is raised when it has.
-    Where this process is killed, so is that one (Linux).
+    Where this process is killed, so is that one (Linux). Beside the process, the signals that were passed on.
     """
-    interrupted = False
+    ended_by: list[int] = []
     libc = ctypes.CDLL(None) if sys.platform == "linux" else None
 
     def die_with_parent() -> None:
@@ -104,18 +104,17 @@ def _ending_with_us(line: Sequence[str]) -> Iterator["subprocess.Popen[str]"]:
     ) as process:
 
         def end(number: int, _: object) -> None:
-            nonlocal interrupted
-            interrupted |= number == signal.SIGINT
+            ended_by.append(number)
             process.terminate()
 
         before = {number: signal.signal(number, end) for number in (signal.SIGTERM, signal.SIGINT)}
         try:
-            yield process
+            yield process, ended_by
             process.wait()
         finally:
             for number, handler in before.items():
                 signal.signal(number, handler)
-        if interrupted:
+        if signal.SIGINT in ended_by:
             raise KeyboardInterrupt
 
 
@@ -149,10 +148,10 @@ def _as_path(path: Path) -> str:
     return f"{text}/." if text.endswith(("'", '"')) else text
 
 
-def _system_errors_told(lines: Iterable[str]) -> Iterator[str]:
+def _system_errors_told(lines: Iterable[str], ended_by: Collection[int] = ()) -> Iterator[str]:
     """The lines, but one message for each traceback of Snakemake's own over what the system refuses it.
 
-    Its traceback over Ctrl-C is left out.
+    Its traceback over Ctrl-C is left out, also where the signals by which it was ``ended_by`` then cut it off.
     """
     held: list[str] = []
     for line in lines:
@@ -168,7 +167,8 @@ def _system_errors_told(lines: Iterable[str]) -> Iterator[str]:
             held = []
         else:
             yield line
-    yield from held
+    if not ended_by:
+        yield from held
 
 
 _SAID = re.compile(r"[\w.]+(Error|Exception|Interrupt|Exit)\b")
