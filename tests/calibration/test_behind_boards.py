@@ -6,12 +6,19 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from studies.worlds.boards import CornerScene, calibration_set
+from studies.worlds.campaign import OBJECT, ROVER, THICKNESS_M, bending_tow, board_picture, view
+from studies.worlds.folder import write_campaign
+from studies.worlds.scenes import CeilingCamera, FilmedScene
 from towval.calibration.behind_boards import as_floor_shows
 from towval.calibration.bundle_adjustment import DOUBTS
 from towval.calibration.calibrate import CalibrateSettings, calibrate
+from towval.commands import calibrate as calibrate_command
 from towval.io.campaign import load_campaign
+from towval.io.records import read_calibration
+from towval.model import Floor
 from towval.model.errors import RefusedError
 
 SIZE = (1920, 1080)
@@ -145,3 +152,26 @@ def test_a_picture_without_the_floor_follows_the_others_where_they_agree(scene):
 def test_boards_without_a_picture_of_the_floor_are_as_they_were():
     marks = calibration_set(8301, views=4)
     assert as_floor_shows(marks.seen, [], 1) == (marks.seen, {}, ())
+
+
+def test_a_camera_carried_round_a_board_on_the_floor_is_calibrated(tmp_path):
+    """The lens is filmed by hand before the camera is mounted: the floor behind the boards says nothing of a crop."""
+    folder, rng = tmp_path / "lab", np.random.default_rng(3)
+    write_campaign(folder, frames=2)
+    camera, _ = view()
+    rover, towed = bending_tow(2)
+    lying = np.eye(4)
+    lying[2, 3] = THICKNESS_M
+    for k in range(16):
+        about = Rotation.from_euler("z", rng.uniform(-np.pi, np.pi)).as_matrix()
+        turn = Rotation.from_euler("x", rng.uniform(0.3, 0.6)).as_matrix() @ np.diag([1.0, -1, -1]) @ about
+        place = [0.18, 0.12, 0.0] - rng.uniform(1.2, 1.9) / abs(turn[2, 2]) * turn[2]
+        T = np.eye(4)
+        T[:3, :3], T[:3, 3] = turn, -turn @ (place + np.array([*rng.uniform(-0.15, 0.15, 2), 0.0]))
+        scene = FilmedScene(camera, Floor(T), (ROVER, OBJECT), (rover, lambda _: towed[0]), seed=0)
+        picture = board_picture(camera, Floor(T), lying, rng, CeilingCamera(scene).ground)
+        cv2.imwrite(str(folder / "calibration" / f"board_{k:02d}.png"), picture)
+    calibrate_command.run(folder, tmp_path / "camera.mcap")
+    found = read_calibration(tmp_path / "camera.mcap")
+    assert found.camera.matrix[0, 0] == pytest.approx(camera.matrix[0, 0], rel=0.01)
+    assert not {"held-differ", "held-flipped"} & {each.code for each in found.findings}

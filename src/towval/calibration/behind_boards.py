@@ -36,6 +36,8 @@ class BehindConstants:
     board_scale: float = 1.5  # Of a board's corners, left out with its margin.
     differs_px: float = 1.0  # [px] At a picture's corner: 0.1 % of 1920 × 1080, or 0.1 to 0.2 mm on a top.
     significant: float = 4.0  # Deviations of a shift.
+    carried: float = 0.1  # [rad] Of a turn in the picture, and share of a picture by which views differ,
+    most_views: int = 2  # of which a camera that stays has no more: one zoom and another.
     lens_share: float = 0.35  # Of a turn's shift, which a lens makes look like a crop: 0.3 with that of lab_a.
 
 
@@ -49,18 +51,26 @@ _FLIPS = {
 
 @dataclass(frozen=True)
 class Crop:
-    """A picture against another: how it is turned over, its zoom, the shift (2,) of its middle [px], and its noise."""
+    """A picture against another: how it is turned over, its zoom, the shift (2,) of its middle [px], and its noise.
+
+    ``turn_rad`` is what is left of a turn in the picture.
+    """
 
     flip: str = ""
     zoom: float = 1.0
     shift_px: Array = field(default_factory=lambda: np.zeros(2))
     std_px: float = 0.0
+    turn_rad: float = 0.0
+
+    def displaced_px(self, other: "Crop", resolution_px: tuple[int, int]) -> float:
+        """By how much the two displace the corner of a picture otherwise."""
+        apart = float(np.linalg.norm(self.shift_px - other.shift_px))
+        return abs(self.zoom - other.zoom) * float(np.hypot(*resolution_px)) / 2 + apart
 
     def differs(self, other: "Crop", resolution_px: tuple[int, int]) -> bool:
         """Whether the two displace the corner of a picture otherwise."""
-        apart = np.linalg.norm(self.shift_px - other.shift_px)
-        corner = abs(self.zoom - other.zoom) * np.hypot(*resolution_px) / 2 + apart
-        return bool(corner > max(CONSTANTS.differs_px, CONSTANTS.significant * np.hypot(self.std_px, other.std_px)))
+        noise_px = CONSTANTS.significant * float(np.hypot(self.std_px, other.std_px))
+        return self.displaced_px(other, resolution_px) > max(CONSTANTS.differs_px, noise_px)
 
     def undone(self, pixels: Array, resolution_px: tuple[int, int]) -> Array:
         """Where pixels (n, 2) of the picture are in the other."""
@@ -84,13 +94,16 @@ def as_floor_shows(
 
     ``pictures`` are those of the ``observed`` boards, among others. Also returned are the boards that are left out,
     each with the reason, and the findings. Behind how many the floor is seen is up to the pictures: where it is behind
-    most of them, nothing is left of the held pictures' zoom and crop to doubt.
+    most of them, nothing is left of the held pictures' zoom and crop to doubt. Of a camera that was carried about, and
+    mounted later, it tells nothing.
     """
     size = observed.resolution_px
     if not observed.floor_boards or not observed.boards:
         return observed, {}, ()
     crops = _crops(observed, pictures, threads)
     seen = {name: crop for name, crop in crops.items() if crop is not None}
+    if _carried(list(seen.values()), size):
+        return observed, {}, ()
     flipped = [name for name, crop in seen.items() if crop.flip]
     if flipped:
         behind = "what stands still behind the boards is turned over"
@@ -114,6 +127,16 @@ def as_floor_shows(
     numbers = {"percent": 100 * (most.zoom - 1), "std_percent": CONSTANTS.zoom_std_percent}
     named = finding("held-differ", names=_some(differ), u=most.shift_px[0], v=most.shift_px[1], **numbers)
     return replace(kept, boards=boards), dropped, (named,)
+
+
+def _carried(crops: Sequence[Crop], resolution_px: tuple[int, int]) -> bool:
+    """Whether the camera went from place to place: it turned in its picture, or saw the floor in ever other sizes."""
+    views: list[Crop] = []
+    for crop in crops:
+        far_px = CONSTANTS.carried * float(np.hypot(*resolution_px)) / 2
+        if all(crop.displaced_px(view, resolution_px) > far_px for view in views):
+            views.append(crop)
+    return len(views) > CONSTANTS.most_views or any(abs(crop.turn_rad) > CONSTANTS.carried for crop in crops)
 
 
 def _mean(crops: Sequence[Crop]) -> Crop:
@@ -218,6 +241,12 @@ def _crop_of(H: Array, bend_std: float, focal_px: float, *, mirrored: bool) -> C
     shift = H[:2, 2] - turn_px
     if np.linalg.norm(shift) < CONSTANTS.lens_share * np.linalg.norm(turn_px):
         shift = np.zeros(2)
+    turn = float(np.arctan2(A[1, 0] - A[0, 1], A[0, 0] + A[1, 1]))
+    upside_down = abs(turn) > np.pi / 2
     return Crop(
-        _FLIPS[mirrored, bool(A[0, 0] + A[1, 1] < 0)], float(np.sqrt(np.linalg.det(A))), shift, focal_px**2 * bend_std
+        _FLIPS[mirrored, upside_down],
+        float(np.sqrt(np.linalg.det(A))),
+        shift,
+        focal_px**2 * bend_std,
+        turn - np.copysign(np.pi, turn) if upside_down else turn,
     )
