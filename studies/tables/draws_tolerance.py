@@ -21,16 +21,15 @@ REFERENCE_M = 1e-8
 TOLERANCES_M = (1e-7, 1e-6, 3e-6, 1e-5)
 
 
-def sampler_of(campaign: Path, results: Path, run: str) -> Sampler:
-    """The draws of a run as the stage makes them."""
+def case_of(campaign: Path, results: Path, run: str) -> Case:
+    """A run as the stage uncertainty reads it."""
     given, folder = load_campaign(campaign), results / run
     tracks, thin = read_tracks(folder / "track.mcap"), read_decimated(folder / "decimate.mcap")
-    case = Case(
+    return Case(
         given.scene, given.deviations, read_calibration(results / "camera.mcap"), *given.bodies,
         rover_track=tracks["rover"], rover_decimated=thin["rover"], object_track=tracks["object"],
         object_decimated=thin["object"], simulated=read_simulated(folder / "simulate.mcap"), run=run,
     )  # fmt: skip
-    return Sampler(case, UncertaintySettings())
 
 
 def main() -> None:
@@ -42,7 +41,7 @@ def main() -> None:
     given = parser.parse_args()
     print(f"{DRAWS} draws against {REFERENCE_M:g} m; CPU ms a draw, RMS and largest distance of the paths in mm")
     for run in given.runs:
-        sampler = sampler_of(given.campaign, given.results, run)
+        sampler = Sampler(case_of(given.campaign, given.results, run), UncertaintySettings())
         rng = np.random.default_rng(3)
         drawn = [sampler.lay_out(i, rng.standard_normal(sum(sampler.widths.values())))[0] for i in range(DRAWS)]
         found: dict[float, list[np.ndarray]] = {}
