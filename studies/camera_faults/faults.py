@@ -90,7 +90,7 @@ FAULTS = (
     Fault("motion blur", (20, 40, 80), "ms", _CODED, optics.motion_blur),
     # Sensor and processing
     Fault("noise", (5, 10, 20), "levels", _CODED, optics.noise),
-    Fault("temporal denoising", (0.2, 0.5, 0.7), "", _CODED, optics.temporal_denoising),
+    Fault("temporal denoising", (0.2, 0.5, 0.7), "", (*_CODED, "pictures_mixed"), optics.temporal_denoising),
     Fault("sharpening", (0.5, 1, 2), "", _CODED, optics.sharpening),
     Fault("dust, dead pixels", (10, 40, 160), "spots", (*_CODED, *_HIDDEN, *_MOVED), optics.dust),
     Fault("low resolution", (1.5, 2, 3), "×", _CODED, optics.low_resolution),

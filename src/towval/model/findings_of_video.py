@@ -9,6 +9,11 @@ register(  # track
         "way. Its poses are the texture's, and as uncertain. Film at a higher bit rate, with the focus fixed.",
     ),
     FindingType(
+        "pictures_mixed", "track", WARNING, Consequence(widens=("tracking",)),
+        "Each picture keeps {percent:.0f} % or more of the one before: noise reduction over time. Poses are late by "
+        "up to {late_ms:.0f} ms, the more the slower a body is, and as uncertain. Switch noise reduction off.",
+    ),
+    FindingType(
         "picture_warped", "track", WARNING, Consequence(widens=("tracking",)),
         "Places of the still floor are displaced against each other by {scattered_px:.2f} px: a camera that shakes "
         "while it reads its rows, or compression. The poses are as uncertain. Damp the mount, and film at a higher bit "

@@ -362,6 +362,7 @@ register(
         stated=StatedDeviation(
             "floor.board_thickness_std_m", "that thickness, and how flat the board lies", 0.05,
             FloorReference.board_thickness_std_m, "rule at its edge",
+            left_out=LeftOut("floor.board_thickness_m", "0", 0.0033, "paper to foam board of 10 mm"),
         ),
         within="camera",
     ),

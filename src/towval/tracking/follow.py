@@ -13,6 +13,7 @@ from towval.model.findings import finding
 from towval.model.geometry import compose, transform
 from towval.tracking.blur import ahead_of_middle
 from towval.tracking.camera_motion import ViewMotion
+from towval.tracking.echoes import Echoes
 from towval.tracking.noise import as_when_moving, hold_rest, scatter_factor
 from towval.tracking.outline import OutlineFit, combine_fits, observe_outline, observe_size, pose_from_clicks
 from towval.tracking.planar_target import PlanarTarget
@@ -120,9 +121,10 @@ class Follower:
         self.first_pose = clicked if fit is None else compose(clicked, fit.correction)
         self.outline_fits: list[OutlineFit] = []
         self.fitted_in: list[int] = []
-        self.edge_watch = EdgeWatch(target)
+        self.edge_watch, self.echoes = EdgeWatch(target), Echoes(target, luma, self.first_pose)
         self.sizes: list[float] = []
-        self.next_outline_s, self.outlines_fitted = time_s, 0
+        self.next_outline_s = self.next_search_s = time_s
+        self.outlines_fitted = self.mistakable = self.searches = 0
         self.tracker = make_tracker(target, luma, self.first_pose)
         if not isinstance(self.tracker, Tracker):
             raise InputError(
@@ -132,7 +134,6 @@ class Follower:
             )
         self.relocaliser = Relocaliser(target, luma, self.first_pose)
         self.lookalikes = Lookalikes(target, luma, self.first_pose)
-        self.mistakable, self.next_search_s, self.searches = 0, time_s, 0
         self.jumps: list[tuple[float, float]] = []
         self.motion = Motion(time_s, self.first_pose)
         self.record = _Record()
@@ -177,8 +178,8 @@ class Follower:
             return None
         if measured is None:
             return None
-        covered = max((self.target.covered_by(measured.pose, other) for other in occupied), default=0.0)
-        return measured if covered <= CONSTANTS.most_covered else None
+        covered = (self.target.covered_by(measured.pose, other) > CONSTANTS.most_covered for other in occupied)
+        return None if any(covered) else measured
 
     def _surprising(self, time_s: float, pose: Array) -> bool:
         """Whether a pose is farther from where the motion leads than a body can have got."""
@@ -246,12 +247,12 @@ class Follower:
         return min(self.target.apart_m(known, pose) for known in (self.motion.pose, self.motion.predict(time_s)))
 
     def _keep_observation(self, time_s: float, luma: Luma, found: Measurement) -> None:
-        due = time_s >= self.next_outline_s
-        predicted = self.motion.predict(time_s)
+        due, predicted = time_s >= self.next_outline_s, self.motion.predict(time_s)
         found, fit, apart = self.edge_watch.look(len(self.record), time_s, luma, found, predicted, self.tracker, due)
         place = compose(found.pose, fit.correction) if fit is not None and apart else found.pose
         pose = found.pose
         if time_s > self.motion.time_s:
+            self.echoes.look(luma, pose, self.motion.velocity * (time_s - self.motion.time_s))
             place = self.motion.observe(time_s, place)
             pose = np.array([*pose[:2], place[2] + step_between(place, pose)[2]])
         self.record.keep_points(found.points_m, found.weights)
@@ -395,6 +396,5 @@ def judge_clicks(body: Body, misfit_px: float, pixel_m: float) -> list[Finding]:
             allowed=f"{CONSTANTS.misfit_of_clicks_px:.0f} px",
             remedy="click its corners in the order of top_corners_m (not another body's); check its height and size",
         )
-    if misfit_px <= CONSTANTS.misfit_of_clicks_px:
-        return []
-    return [finding("clicks_misfit", name=body.name, misfit_px=misfit_px)]
+    misfits = misfit_px > CONSTANTS.misfit_of_clicks_px
+    return [finding("clicks_misfit", name=body.name, misfit_px=misfit_px)] if misfits else []

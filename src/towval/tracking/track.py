@@ -12,6 +12,7 @@ from towval.model.errors import InputError
 from towval.model.findings import finding
 from towval.model.plugins import Registry
 from towval.tracking.camera_motion import CameraMotion, ViewMotion
+from towval.tracking.echoes import echo_findings, lateness
 from towval.tracking.follow import Follower, TrackerMaker
 from towval.tracking.klt import KltTracker
 from towval.tracking.known_lengths import OutlineSizes, length_findings, size_of_tops
@@ -139,9 +140,18 @@ class _Group:
         findings = (*camera_findings, *_sample_findings(self.settings), *length_findings(calibration, tops))
         tracks = {one.target.body.name: one.track(self.settings.method, findings, view) for one in self.followers}
         tracks, in_time, stamps = check_stamps(tracks)
+        kept = max(follower.echoes.kept() for follower in self.followers)
         size, size_std = size_of_tops(calibration, tops)
         camera = replace(view.track(), stamps=stamps, size=size, size_std=size_std)
-        return {name: replace(one, findings=(*one.findings, *in_time), camera=camera) for name, one in tracks.items()}
+        return {
+            name: replace(
+                one,
+                findings=(*one.findings, *in_time, *echo_findings(one.time_s, kept)),
+                covariance=one.covariance + lateness(one.time_s, one.pose, kept),
+                camera=camera,
+            )
+            for name, one in tracks.items()
+        }
 
 
 def _sample_findings(settings: TrackSettings) -> tuple[Finding, ...]:

@@ -1,0 +1,144 @@
+"""What a picture of a moving body still shows of the pictures before it: noise reduction over time.
+
+A camera that averages its noise away keeps a share k of the picture before in each, so the body appears at its old
+places, too: at that of one picture before by k (1 − k), of two by k² (1 − k), and so on. Such pictures are late, by
+up to k / (1 − k) pictures where the body moves by less than its texture is fine, by less where it is faster, and
+texture and outline are late together. An open shutter reaches at most halfway to the next picture; a defocus or a codec
+blurs on all sides. So the place of two pictures before tells them apart: nothing else puts the body there.
+"""
+
+from array import array
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from towval.model import Array, Finding
+from towval.model.findings import finding
+from towval.tracking.blur import SharpTarget, paths
+from towval.tracking.planar_target import PlanarTarget
+from towval.tracking.pose import TUKEY
+from towval.tracking.template import Luma, make_template
+
+
+@dataclass(frozen=True)
+class EchoConstants:
+    """Tuned constants of the echoes; measured on the films of docs/camera_faults.md."""
+
+    samples: int = 400  # Points of the top that are compared.
+    least_path_px: float = 0.5  # [px] From one picture to the next: a shorter way looks like a shift.
+    first_lessons: int = 10  # Pictures in a row that are compared,
+    lesson_every: int = 5  # then one in so many.
+    least_lessons: int = 8  # For the scatter of their echoes to be known.
+    blur_px: float = 1.0  # [px] Over which a picture out of focus differs from a sharp one.
+    named: float = 0.07  # Of the picture, from two pictures back: 0.02 at most without, 0.11 where half is kept.
+    deviations: float = 3.0  # By which it is beyond that.
+
+
+CONSTANTS = EchoConstants()
+
+_NEXT, _PAST = -1, (1, 2)  # pictures back
+_ROUNDS = 4  # of the robust fit
+_NUMBERS = 6  # A lesson's row: information (2, 2) and vector (2,) of the normal equations.
+
+
+class Echoes:
+    """Collects what pictures of a body show of it at its places of one and two pictures before.
+
+    The body is at ``pose`` (3,) in the first picture, ``luma``.
+    """
+
+    def __init__(self, target: PlanarTarget, luma: Luma, pose: Array):
+        self.target, self.rows, self.seen = target, array("d"), 0
+        template = make_template(luma, target, pose, CONSTANTS.samples)
+        self.sharp = None if template is None else SharpTarget.cut(luma, target, pose, template)
+
+    def look(self, luma: Luma, pose: Array, step: Array) -> None:
+        """Take in a picture of the body at ``pose`` (3,), reached by ``step`` (3,) in its own frame [m, m, rad]."""
+        if self.sharp is None:
+            return
+        template = self.sharp.template
+        if np.hypot(step[0], step[1]) < CONSTANTS.least_path_px * template.pixel_m:
+            return
+        self.seen += 1
+        if self.seen > CONSTANTS.first_lessons and self.seen % CONSTANTS.lesson_every:
+            return
+        path = paths(template.points, step)
+        kept = self.sharp.clear(template.points, 2 * max(_PAST) * path)
+        # A pixel that shows the point p now showed p + k steps k pictures ago.
+        points = template.points[kept]
+        values, sharp = self.target.grey_values(luma, points, pose), self.sharp.read(points)
+        echoes = [self.sharp.read(points + back * path[kept]) - sharp for back in (_NEXT, *_PAST)]
+        around = CONSTANTS.blur_px * template.pixel_m * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
+        softer = np.sum([self.sharp.read(points + by) - sharp for by in around], axis=0)
+        columns = np.column_stack([values - sharp, template.slopes[kept], softer, *echoes])
+        known = np.isfinite(columns).all(axis=1)
+        if known.sum() >= CONSTANTS.samples / 4:
+            self.rows.extend(_normal(columns[known], sharp[known], template.tile[kept][known]))
+
+    def kept(self) -> float:
+        """Least share of the picture before that is kept in each; zero where the echoes do not clearly say so."""
+        rows = np.array(self.rows).reshape(-1, _NUMBERS)
+        if len(rows) < CONSTANTS.least_lessons:
+            return 0.0
+        information, vector = rows[:, :4].reshape(-1, 2, 2), rows[:, 4:]
+        if (np.linalg.pinv(information.sum(axis=0)) @ vector.sum(axis=0))[0] < 0:
+            # No picture shows less than nothing of the one before: a picture out of focus looks like that.
+            information, vector = information[:, 1:, 1:], vector[:, 1:]
+        inverse = np.linalg.pinv(information.sum(axis=0))
+        echo = inverse @ vector.sum(axis=0)
+        # Lessons scatter by more than their residuals say: a texture is no white noise.
+        std = np.sqrt(np.sum(((vector - information @ echo) @ inverse)[:, -1] ** 2))
+        # Of two pictures back and all before them, as far as the texture does not tell them apart, it is the square.
+        return float(np.sqrt(echo[-1])) if echo[-1] > CONSTANTS.named + CONSTANTS.deviations * std else 0.0
+
+
+def _normal(columns: Array, light: Array, tile: NDArray[np.int64]) -> tuple[float, ...]:
+    """Normal equations of the last two columns (n, k), for the first; the others, and the tiles' light, are free."""
+    columns, gain = columns - _by_tile(columns, tile), (light - _by_tile(light[:, None], tile)[:, 0])[:, None]
+    columns = columns - gain * _by_tile(gain * columns, tile) / np.maximum(_by_tile(gain**2, tile), 1e-9)
+    misfit, others = columns[:, 0], columns[:, 1:]
+    weight = np.ones(len(misfit))
+    for _ in range(_ROUNDS):
+        root = np.sqrt(weight)
+        left = misfit - others @ np.linalg.lstsq(others * root[:, None], misfit * root, rcond=None)[0]
+        scale = 1.4826 * float(np.median(np.abs(left))) + 1e-6
+        weight = np.clip(1 - (left / (TUKEY * scale)) ** 2, 0, None) ** 2
+    root = np.sqrt(weight)[:, None] / scale
+    basis = np.linalg.qr(others[:, :-2] * root)[0]
+    free = np.column_stack([others[:, -2:], misfit]) * root
+    free -= basis @ (basis.T @ free)
+    echoes = free[:, :2]
+    return (*(echoes.T @ echoes).ravel(), *(echoes.T @ free[:, 2]))
+
+
+def _by_tile(columns: Array, tile: NDArray[np.int64]) -> Array:
+    """Means of columns (n, k) over the tile of each row."""
+    sums = np.zeros((int(tile.max()) + 1, columns.shape[1]))
+    np.add.at(sums, tile, columns)
+    return np.asarray((sums / np.maximum(np.bincount(tile), 1)[:, None])[tile])
+
+
+def lateness(time_s: Array, pose: Array, kept: float) -> Array:
+    """Covariance (n, 3, 3) of poses (n, 3) whose pictures keep a share of those before.
+
+    Where between its time and the mean age of what its picture shows a pose belongs depends on texture and speed.
+    """
+    covariance = np.zeros((len(pose), 3, 3))
+    seen = np.flatnonzero(np.isfinite(pose[:, 0]))
+    if kept and len(seen) > 1:
+        velocity = np.gradient(pose[seen], time_s[seen], axis=0)
+        covariance[seen] = _late_s(time_s, kept) ** 2 * velocity[:, :, None] * velocity[:, None, :]
+    return covariance
+
+
+def echo_findings(time_s: Array, kept: float) -> tuple[Finding, ...]:
+    """A warning where pictures at times (n,) [s] keep a share of those before."""
+    if not kept:
+        return ()
+    return (finding("pictures_mixed", percent=100 * kept, late_ms=1000 * _late_s(time_s, kept)),)
+
+
+def _late_s(time_s: Array, kept: float) -> float:
+    """Mean age [s] of what a picture shows that keeps a share of the one before."""
+    return kept / (1 - kept) * float(np.median(np.diff(time_s)))

@@ -1,0 +1,92 @@
+"""What pictures keep of those before them."""
+
+import re
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from studies.worlds.scenes import CeilingCamera, drive, small_camera, standard_scene
+from towval.tracking.echoes import echo_findings, lateness
+from towval.tracking.track import track
+
+STEP_S = 0.04
+MOTION = drive((-0.6, 0.2, 0.1), 0.25, 0.1)  # 2 px a picture
+PICTURES = 20
+
+
+@pytest.fixture(scope="module")
+def filmed():
+    """The scene, and sharp pictures of a rover that drives, five in each step of the time."""
+    scene = replace(standard_scene(6, **small_camera()), noise=0.0)
+    scene = replace(scene, motions=(MOTION, drive((-1.2, -0.6, 0.0), 0.0)))
+    camera = CeilingCamera(scene)
+    return scene, [camera.render(i * STEP_S / 5).astype(float) for i in range(5 * PICTURES)]
+
+
+def sharp(pictures):
+    return pictures[::5]
+
+
+def denoised(kept):
+    """Each picture keeps a share of the one before: a recursive filter."""
+
+    def change(pictures):
+        seen = [pictures[0]]
+        for picture in pictures[5::5]:
+            seen.append((1 - kept) * picture + kept * seen[-1])
+        return seen
+
+    return change
+
+
+def through_a_shutter(pictures):
+    """The shutter is open from one picture to the next: the longest exposure there is."""
+    return [pictures[0], *(np.mean(pictures[i - 2 : i + 3], axis=0) for i in range(5, len(pictures), 5))]
+
+
+def out_of_focus(pictures):
+    return [pictures[0], *(cv2.GaussianBlur(each, (0, 0), 1.5) for each in pictures[5::5])]
+
+
+def tracked(scene, pictures):
+    rng = np.random.default_rng(1)
+    noisy = [np.clip(np.rint(each + rng.normal(0, 2.0, each.shape)), 0, 255).astype(np.uint8) for each in pictures]
+    clicks = scene.clicks(np.random.default_rng(2))
+    return track([(i * STEP_S, luma) for i, luma in enumerate(noisy)], scene.calibration, scene.bodies, clicks)
+
+
+@pytest.mark.parametrize("change", [sharp, through_a_shutter, out_of_focus, denoised(0.1)])
+def test_what_blurs_in_another_way_is_no_echo(filmed, change):
+    scene, pictures = filmed
+    findings = tracked(scene, change(pictures))["rover"].findings
+    assert "pictures_mixed" not in {each.code for each in findings}
+
+
+def test_a_run_through_noise_reduction_is_named_and_as_uncertain_as_it_is_late(filmed):
+    scene, pictures = filmed
+    found = tracked(scene, denoised(0.5)(pictures))
+    (named,) = [each for each in found["rover"].findings if each.code == "pictures_mixed"]
+    # The object rests: it is the rover that shows what the camera does.
+    assert named in found["object"].findings
+    assert 30 < float(re.search(r"keeps (\d+) %", named.text)[1]) < 55
+    late_m = 0.25 * STEP_S  # a picture's way
+    truth = [MOTION(i * STEP_S)[:2] for i in range(5, PICTURES)]
+    error = np.linalg.norm(found["rover"].pose[5:, :2] - truth, axis=1)
+    assert 0.1 * late_m < error.max() < late_m
+    std = np.sqrt(np.linalg.eigvalsh(found["rover"].covariance[5:, :2, :2])[:, -1])
+    assert np.all(error < 3 * std)
+
+
+def test_lateness_goes_with_the_speed():
+    time_s = np.arange(10) * STEP_S
+    pose = np.column_stack([0.3 * time_s, np.zeros(10), np.zeros(10)])
+    pose[4] = np.nan
+    covariance = lateness(time_s, pose, 0.5)
+    assert np.sqrt(covariance[[0, 3, 5], 0, 0]) == pytest.approx(0.3 * STEP_S)
+    assert not covariance[4].any()
+    assert not lateness(time_s, pose, 0.0).any()
+    (found,) = echo_findings(time_s, 0.5)
+    assert "late by up to 40 ms" in found.text
+    assert echo_findings(time_s, 0.0) == ()
