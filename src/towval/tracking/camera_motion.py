@@ -36,6 +36,7 @@ class CameraMotionConstants:
     scattered_px: float = 0.15  # [px] Of places against each other: 0.03 to 0.07 in sound footage.
     most_unknown: float = 0.05  # Of the pictures, bridged one by one.
     other_lens_px: float = 0.5  # [px] The same, against pictures of the floor: a video 1 % wider has 0.6 to 0.9.
+    wider_px: float = 0.2  # [px] Of the video at its sides: 0.05 where it is not, 0.4 to 0.7 where it is 0.1 % wider.
 
 
 CONSTANTS = CameraMotionConstants()
@@ -253,8 +254,14 @@ def _found(seen: FloorRegistration, pictures: Sequence[Luma]) -> list[Registered
 
     None where its places are displaced against each other: by other pixels (a video made wider), by another lens.
     """
-    found = [one for one in (seen.register(picture, np.zeros(_SIZE), []) for picture in pictures) if one]
-    return [] if np.mean(seen.scatter or [0.0]) > CONSTANTS.other_lens_px**2 else found
+    found, wider_px = [], []
+    for picture in pictures:
+        one = seen.register(picture, np.zeros(_SIZE), [])
+        if one is not None:
+            found.append(one)
+            wider_px.append(seen.stretch_px())
+    other_lens = np.mean(seen.scatter or [0.0]) > CONSTANTS.other_lens_px**2
+    return [] if other_lens or abs(np.median(wider_px or [0.0])) > CONSTANTS.wider_px else found
 
 
 def _separated(time_s: Array, z: Array) -> tuple[Array, Array, Array, Array]:

@@ -28,7 +28,7 @@ class EchoConstants:
     samples: int = 400  # Points of the top that are compared.
     least_path_px: float = 0.5  # [px] From one picture to the next: a shorter way looks like a shift.
     first_lessons: int = 10  # Pictures in a row that are compared,
-    lesson_every: int = 5  # then one in so many.
+    lesson_every: int = 10  # then one in so many.
     least_lessons: int = 8  # For the scatter of their echoes to be known.
     blur_px: float = 1.0  # [px] Over which a picture out of focus differs from a sharp one.
     named: float = 0.07  # Of the picture, from two pictures back: 0.02 at most without, 0.11 where half is kept.
@@ -95,13 +95,14 @@ class Echoes:
 
 def _normal(columns: Array, light: Array, tile: NDArray[np.int64]) -> tuple[float, ...]:
     """Normal equations of the last two columns (n, k), for the first; the others, and the tiles' light, are free."""
-    columns, gain = columns - _by_tile(columns, tile), (light - _by_tile(light[:, None], tile)[:, 0])[:, None]
-    columns = columns - gain * _by_tile(gain * columns, tile) / np.maximum(_by_tile(gain**2, tile), 1e-9)
+    own = (tile == np.arange(tile.max() + 1)[:, None]) / np.maximum(np.bincount(tile), 1)[:, None]
+    columns, gain = columns - (own @ columns)[tile], (light - (own @ light)[tile])[:, None]
+    columns = columns - gain * (own @ (gain * columns) / np.maximum(own @ gain**2, 1e-9))[tile]
     misfit, others = columns[:, 0], columns[:, 1:]
     weight = np.ones(len(misfit))
     for _ in range(_ROUNDS):
-        root = np.sqrt(weight)
-        left = misfit - others @ np.linalg.lstsq(others * root[:, None], misfit * root, rcond=None)[0]
+        weighed = others.T * weight
+        left = misfit - others @ (np.linalg.pinv(weighed @ others, hermitian=True) @ (weighed @ misfit))
         scale = 1.4826 * float(np.median(np.abs(left))) + 1e-6
         weight = np.clip(1 - (left / (TUKEY * scale)) ** 2, 0, None) ** 2
     root = np.sqrt(weight)[:, None] / scale
@@ -110,13 +111,6 @@ def _normal(columns: Array, light: Array, tile: NDArray[np.int64]) -> tuple[floa
     free -= basis @ (basis.T @ free)
     echoes = free[:, :2]
     return (*(echoes.T @ echoes).ravel(), *(echoes.T @ free[:, 2]))
-
-
-def _by_tile(columns: Array, tile: NDArray[np.int64]) -> Array:
-    """Means of columns (n, k) over the tile of each row."""
-    sums = np.zeros((int(tile.max()) + 1, columns.shape[1]))
-    np.add.at(sums, tile, columns)
-    return np.asarray((sums / np.maximum(np.bincount(tile), 1)[:, None])[tile])
 
 
 def lateness(time_s: Array, pose: Array, kept: float) -> Array:

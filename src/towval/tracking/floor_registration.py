@@ -23,7 +23,7 @@ from towval.tracking.interpolation import RELAXED, sample_plane_kernel
 from towval.tracking.light import CONSTANTS as LIGHT
 from towval.tracking.light import Tiles, fit_light, misfits
 from towval.tracking.planar_target import PlanarTarget
-from towval.tracking.template import Luma, Template, make_template
+from towval.tracking.template import Luma, Template, make_template, without_light
 
 
 @dataclass(frozen=True)
@@ -198,14 +198,11 @@ class FloorRegistration:
         pixels = target.pixels(template.points, np.zeros(3))
         on_floor = -position_sensitivity(self.camera, self.floor, pixels, 0.0)[0] @ B
         slopes = np.einsum("na,nap->np", template.slopes[:, :2], on_floor)
-        for row in range(template.tiles):
-            own = template.tile == row
-            light = np.column_stack([np.ones(own.sum()), template.values[own]])
-            slopes[own] -= light @ np.linalg.lstsq(light, slopes[own], rcond=None)[0]
-        self.slopes = slopes
+        self.slopes = without_light(slopes, template)
         by_motion = on_floor / template.pixel_m
         self.by_motion = by_motion / self.prior
         self.in_pixels = np.einsum("nap,naq->pq", by_motion, by_motion) / len(by_motion)
+        self.by_stretch = self.slopes[:, 7] / CONSTANTS.prior_px * (pixels[:, 0] / self.camera.matrix[0, 2] - 1)
         # Residuals of neighbours go together (compression, blur): those of a cluster count as one.
         cell = np.ptp(template.points, axis=0).max() / CONSTANTS.clusters_across
         place = np.floor((template.points - template.points.min(axis=0)) / cell).astype(int)
@@ -261,7 +258,7 @@ class FloorRegistration:
         if self.registered % c.inflated_every == 0:
             self.variance_factor = self._variance_factor(information, weight, residual, scale)
             self.scatter += self._scatter_px2(in_view, residual)
-        self.registered += 1
+        self.registered, self.last = self.registered + 1, (weight, residual, scale)
         self.usual_correlation += (correlation - self.usual_correlation) / min(self.registered, 20)
         variance = scale * scale * self.variance_factor
         whitened = np.linalg.inv(information / variance + np.eye(len(self.prior)))
@@ -298,6 +295,14 @@ class FloorRegistration:
         noise = (np.median(np.abs(residual[seen])) / MEDIAN_NORMAL) ** 2
         by_noise = noise * np.median(np.diagonal(covariance, axis1=1, axis2=2), axis=0)
         return [float(np.max(np.median(displaced**2, axis=0) / MEDIAN_NORMAL**2 - by_noise))]
+
+    def stretch_px(self) -> float:
+        """By how much the picture registered last is wider than the first, at its sides [px]: no motion does that."""
+        weight, residual, scale = self.last
+        columns = np.column_stack([self.slopes, self.by_stretch])
+        prior = np.diag([1.0] * len(self.prior) + [0.0])
+        information = (columns * weight[:, None]).T @ columns + scale * scale * prior
+        return -float(np.linalg.solve(information, columns.T @ (weight * residual))[-1])
 
     def _set_blocks(self, luma: Luma, target: PlanarTarget) -> None:
         """Blocks of the first picture at half the resolution, round its corners on the floor."""

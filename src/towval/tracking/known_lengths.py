@@ -1,7 +1,7 @@
 """The scale of a calibration, checked against what is of known size in every picture: the outlines of the tops."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -44,6 +44,16 @@ def size_of_tops(calibration: Calibration, observed: Sequence[OutlineSizes]) -> 
     size = float(share @ [np.median(each.sizes) for each in seen])
     by_camera = share @ np.array([_size_sensitivity(calibration, each) for each in seen])
     return size, float(np.sqrt(1 / information.sum() + by_camera @ calibration.covariance @ by_camera))
+
+
+def as_lengths_show(calibration: Calibration, size: float, std: float) -> Calibration:
+    """The calibration with deviations as large as the tops' ``size`` (less 1) shows, where ``std`` should explain it.
+
+    SOURCE: Birge's ratio (Phys. Rev. 40, 207, 1932): where measurements disagree, and none can be blamed, the
+    deviations of all are multiplied alike.
+    """
+    ratio = abs(size) / std if np.isfinite(size) else 0.0
+    return replace(calibration, covariance=calibration.covariance * max(1.0, ratio) ** 2)
 
 
 def length_findings(calibration: Calibration, observed: Sequence[OutlineSizes]) -> tuple[Finding, ...]:

@@ -12,7 +12,7 @@ from towval.tracking.alignment import Alignment, align
 from towval.tracking.blur import Shutter
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.pose import Measurement, Tracker
-from towval.tracking.template import Luma, Template, by_motion, make_template, slopes_at
+from towval.tracking.template import Luma, Template, by_motion, make_template, slopes_at, without_light
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class PlaneTracker(Tracker):
         small, small_camera = self._shrunk(luma, pose)
         self.coarse = make_template(small, replace(target, camera=small_camera), pose, CONSTANTS.coarse_samples)
         self.shutter = Shutter(target, luma, pose, template)
-        self.free_slopes = _without_light(template)
+        self.free_slopes = without_light(template.slopes, template)
         self.motion_like = np.linalg.pinv(self.free_slopes)
         self.response, self.blurred_response = _Response(), _Response()
         self.usual_correlation, self.aligned, self.refreshed = 1.0, 0, 0
@@ -88,7 +88,7 @@ class PlaneTracker(Tracker):
             self._learn(found)
         if found.inlier_fraction >= CONSTANTS.refresh_inliers and response.is_due():
             slopes = slopes_at(luma, self.target, found.pose, template.points, self.pixel_m)
-            free = self.free_slopes if blurred is None else _without_light(template)
+            free = self.free_slopes if blurred is None else without_light(template.slopes, template)
             response.learn(free, by_motion(template.points, slopes), found.weight)
         if velocity is not None:
             self.shutter.learn(luma, found, template, velocity)
@@ -184,13 +184,3 @@ class _Response:
         self.share += max(1 / self.learned, CONSTANTS.slowest_refresh) * (share - self.share)
         determined = np.linalg.det(self.share) > CONSTANTS.least_share
         self.whole = np.asarray(np.linalg.inv(self.share), dtype=np.float64) if determined else None
-
-
-def _without_light(template: Template) -> Array:
-    """Slopes (n, 3) less what gain and bias of the tiles can explain."""
-    slopes = template.slopes.copy()
-    for row in range(template.tiles):
-        own = template.tile == row
-        light = np.column_stack([np.ones(own.sum()), template.values[own]])
-        slopes[own] -= light @ np.linalg.lstsq(light, slopes[own], rcond=None)[0]
-    return slopes

@@ -89,6 +89,16 @@ def by_motion(points: Array, slope: Array) -> Array:
     return np.column_stack([slope, points[:, 0] * slope[:, 1] - points[:, 1] * slope[:, 0]])
 
 
+def without_light(slopes: Array, template: Template) -> Array:
+    """Slopes (n, k) at the points of a template, less what gain and bias of its tiles can explain."""
+    free = slopes.copy()
+    for row in range(template.tiles):
+        own = template.tile == row
+        light = np.column_stack([np.ones(own.sum()), template.values[own]])
+        free[own] -= light @ np.linalg.lstsq(light, free[own], rcond=None)[0]
+    return free
+
+
 def _steepest(cells: NDArray[np.int64], steepness: Array) -> NDArray[np.int64]:
     """Index of the steepest point of each cell that has any, in the order of the cells."""
     best = np.full(int(cells.max(initial=-1)) + 1, -1)

@@ -15,7 +15,7 @@ from towval.tracking.camera_motion import CameraMotion, ViewMotion
 from towval.tracking.echoes import echo_findings, lateness
 from towval.tracking.follow import Follower, TrackerMaker
 from towval.tracking.klt import KltTracker
-from towval.tracking.known_lengths import OutlineSizes, length_findings, size_of_tops
+from towval.tracking.known_lengths import OutlineSizes, as_lengths_show, length_findings, size_of_tops
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.plane_tracker import CONSTANTS as PLANE
 from towval.tracking.plane_tracker import PlaneTracker
@@ -110,8 +110,10 @@ def track_beside(
     view_motion = camera_motion.estimate()
     seen = [group.tracks(view_motion, camera_motion.findings(view_motion), calibration) for group in groups]
     by_name, of_view = {body.name: body for body in bodies}, view_motion.common_of_parameters
+    doubted = [as_lengths_show(calibration, *size_of_tops(calibration, group.tops)) for group in groups]
     return [
-        {name: with_total(one, calibration, by_name[name], of_view) for name, one in found.items()} for found in seen
+        {name: with_total(one, camera, by_name[name], of_view) for name, one in found.items()}
+        for found, camera in zip(seen, doubted, strict=True)
     ]
 
 
@@ -133,15 +135,19 @@ class _Group:
             others = [other.place for other in self.followers if other is not follower]
             follower.follow(time_s, luma, [outline for outline in others if outline is not None])
 
+    @property
+    def tops(self) -> list[OutlineSizes]:
+        """How large the tops are in the pictures."""
+        return [OutlineSizes(one.target, one.first_pose, one.sizes) for one in self.followers]
+
     def tracks(
         self, view: ViewMotion, camera_findings: tuple[Finding, ...], calibration: Calibration
     ) -> dict[str, Track]:
-        tops = [OutlineSizes(follower.target, follower.first_pose, follower.sizes) for follower in self.followers]
-        findings = (*camera_findings, *_sample_findings(self.settings), *length_findings(calibration, tops))
+        findings = (*camera_findings, *_sample_findings(self.settings), *length_findings(calibration, self.tops))
         tracks = {one.target.body.name: one.track(self.settings.method, findings, view) for one in self.followers}
         tracks, in_time, stamps = check_stamps(tracks)
         kept = max(follower.echoes.kept() for follower in self.followers)
-        size, size_std = size_of_tops(calibration, tops)
+        size, size_std = size_of_tops(calibration, self.tops)
         camera = replace(view.track(), stamps=stamps, size=size, size_std=size_std)
         return {
             name: replace(
