@@ -202,7 +202,9 @@ def test_poses_of_a_long_video_are_differentiated_piece_by_piece():
         np.testing.assert_allclose(each, np.concatenate(parts), rtol=1e-12)
 
 
-@pytest.mark.parametrize(("wider", "said"), [(1.0, []), (1.015, ["floor_not_recognised"])])
+@pytest.mark.parametrize(
+    ("wider", "said"), [(1.0, []), (1.003, ["floor_not_recognised"]), (1.015, ["floor_not_recognised"])]
+)
 def test_a_video_with_other_pixels_than_the_pictures_is_not_recognised(wider, said):
     calibration = Calibration(CAMERA, FLOOR, np.zeros((18, 18)), 0.1)
     M = np.array([[wider, 0, 239.5 * (1 - wider)], [0, 1.0, 0]])

@@ -8,7 +8,7 @@ import pytest
 from studies.worlds.scenes import CeilingCamera, FilmedScene, small_camera, standard_scene
 from towval.model import Calibration, Floor
 from towval.optics.projection import project, to_plane
-from towval.tracking.known_lengths import OutlineSizes, length_findings, size_of_tops
+from towval.tracking.known_lengths import OutlineSizes, as_lengths_show, length_findings, size_of_tops
 from towval.tracking.outline import observe_size
 from towval.tracking.planar_target import PlanarTarget
 
@@ -92,3 +92,10 @@ def test_no_outline_no_word():
     assert np.isnan(size_of_tops(scaled(scene, 1.0), [])).all()
     tops = [OutlineSizes(PlanarTarget(scene.bodies[0], scene.camera, scene.floor), np.zeros(3), [])]
     assert length_findings(scaled(scene, 1.0), tops) == ()
+
+
+def test_deviations_of_the_camera_are_as_large_as_the_tops_show():
+    calibration = scaled(standard_scene(1), 1.0)
+    for size, wider in ((0.0, 1.0), (0.001, 1.0), (-0.003, 2.0), (np.nan, 1.0)):
+        covariance = as_lengths_show(calibration, size, 0.0015).covariance
+        np.testing.assert_allclose(covariance, wider**2 * calibration.covariance)

@@ -200,7 +200,6 @@ class FloorRegistration:
         slopes = np.einsum("na,nap->np", template.slopes[:, :2], on_floor)
         self.slopes = without_light(slopes, template)
         by_motion = on_floor / template.pixel_m
-        self.by_motion = by_motion / self.prior
         self.in_pixels = np.einsum("nap,naq->pq", by_motion, by_motion) / len(by_motion)
         self.by_stretch = self.slopes[:, 7] / CONSTANTS.prior_px * (pixels[:, 0] / self.camera.matrix[0, 2] - 1)
         # Residuals of neighbours go together (compression, blur): those of a cluster count as one.
@@ -210,7 +209,7 @@ class FloorRegistration:
 
     def shift_px(self, motion: Array) -> float:
         """Root mean square displacement of the floor's points by a small ``motion`` (9,) of the view [px]."""
-        return float(np.sqrt(np.mean(np.sum((self.by_motion @ motion) ** 2, axis=1))))
+        return float(np.sqrt((motion / self.prior) @ self.in_pixels @ (motion / self.prior)))
 
     def std_px(self, covariance: Array) -> float:
         """Deviation of one coordinate of the floor's points by a ``covariance`` (9, 9) of the motion [px]."""
@@ -250,7 +249,8 @@ class FloorRegistration:
         in_view = (precision > 0) & (values >= 0)
         if in_view.mean() < c.least_in_view or not (weight > 0).any():
             return None
-        inliers = (weight[in_view] > 0.3 * np.median(weight[weight > 0])).mean()
+        positive = np.sort(weight[weight > 0])
+        inliers = np.count_nonzero(weight[in_view] > 0.3 * positive[len(positive) // 2]) / np.count_nonzero(in_view)
         if inliers < c.least_inliers or correlation < max(
             c.least_correlation, c.kept_correlation * self.usual_correlation
         ):
