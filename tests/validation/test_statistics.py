@@ -5,7 +5,16 @@ import pytest
 
 from towval.model.errors import InputError
 from towval.model.geometry import block_means
-from towval.validation.statistics import SIZES, RightModel, bounds, error_sizes, upper_error, upper_limit
+from towval.validation.statistics import (
+    SIZES,
+    RightModel,
+    bounds,
+    error_sizes,
+    holding_level,
+    truths_among_bounds,
+    upper_error,
+    upper_limit,
+)
 
 N, K = 96, 512
 MM = 1e-3
@@ -125,6 +134,36 @@ def test_the_error_of_a_bound_is_its_scatter_over_sets_of_draws():
     bound, stated = np.array(found).T
     assert np.mean(stated) == pytest.approx(np.std(bound) / np.mean(bound), rel=0.3)
     assert upper_error(shape, noise(rng, 4096), 0.95) == pytest.approx(np.mean(stated) / 4, rel=0.35)
+
+
+def right_runs(rng, k, share):
+    """Errors (k, N, 3) that are seen of truths about as large as the noise, and the noise (k, N, 3), of which they
+    contain a share."""
+    off = noise(rng, k)
+    shape = np.stack([np.sin(5 * TIME), TIME, 0.5 * TIME], axis=1)
+    return 0.5 * MM * rng.standard_normal((k, 1, 3)) * shape - share * off, off
+
+
+@pytest.mark.parametrize("share", [0.3, 0.7])
+def test_a_bound_at_the_level_found_holds_as_often_as_stated(share):
+    """Where the error contains noise the plain quantile holds too often."""
+    rng = np.random.default_rng(5)
+    held = []
+    for _ in range(8):
+        drawn, draws = right_runs(rng, 256, share)
+        levels = holding_level(truths_among_bounds(drawn, draws), 0.95)
+        for error, off in zip(*right_runs(rng, 40, share), strict=True):
+            truth = error_sizes(error + off)[1]
+            held.append([truth <= bounds(error, draws, 0.95, at)[1, 1] for at in (levels, None)])
+    at_level, plain = np.mean(held, axis=0)
+    assert at_level == pytest.approx(0.95, abs=0.02)
+    assert plain > 0.975
+
+
+def test_the_level_of_errors_that_contain_no_noise_is_the_confidence():
+    rng = np.random.default_rng(6)
+    levels = [holding_level(truths_among_bounds(*right_runs(rng, 256, 0.0)), 0.95) for _ in range(8)]
+    np.testing.assert_allclose(np.mean(levels, axis=0), 0.95, atol=0.015)
 
 
 def test_noise_of_one_direction_moves_the_bounds_by_its_quantiles():

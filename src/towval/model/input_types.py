@@ -1,7 +1,7 @@
 """What a row of the table of uncertain inputs is, and how its deviation is found; the rows: ``towval.model.inputs``."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -33,6 +33,12 @@ class Realisation:
         bodies = ("rover", "object")
         camera = np.zeros(len(CALIBRATION_PARAMETERS))
         return cls(scene, camera, dict.fromkeys(bodies, 0.0), {body: np.zeros(3) for body in bodies})
+
+    def checked(self) -> "Realisation":
+        """The same, its scene looked at as where one is made; `InputError` for values that none may have."""
+        parts = {name: getattr(self.scene, name) for name in ("load", "tether", "friction", "spread", "ground")}
+        made: dict[str, Any] = {name: replace(part) for name, part in parts.items() if part is not None}
+        return replace(self, scene=replace(self.scene, **made))
 
 
 @dataclass(frozen=True)
@@ -104,7 +110,7 @@ class UncertainInput:
     shared : {"campaign", "run"}
         Whether all runs of a campaign have the same unknown error, or each its own.
     acts : callable
-        ``(realisation, value (k,)) -> realisation`` with the input set to the value.
+        ``(realisation, value (k,)) -> realisation`` with the input set to the value; the whole is checked after.
     value : callable
         The stated value of a scene, (k,) or a number; zero for inputs whose values are changes.
     components : tuple of str, optional

@@ -7,7 +7,7 @@ is an :class:`UncertainInput` handed to :func:`register`. docs/inputs.md is this
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -41,12 +41,22 @@ _APART = 6.0
 """v_k is drawn no lower than this many times v_s: closer together, laws of Makkar's form come to an end."""
 
 
+Whole = TypeVar("Whole")
+
+
+def _with(whole: Whole, **changed: Any) -> Whole:
+    """A copy with other fields, unchecked: a draw sets thirty, and `Realisation.checked` looks at what they make."""
+    copy = object.__new__(type(whole))
+    vars(copy).update(vars(whole), **changed)
+    return copy
+
+
 def _in_scene(field: str) -> Callable[[Realisation, Array], Realisation]:
     """Sets a field of the scene, a number or a point."""
 
     def acts(real: Realisation, value: Array) -> Realisation:
         changed: dict[str, Any] = {field: value if len(value) > 1 else float(value[0])}
-        return replace(real, scene=replace(real.scene, **changed))
+        return _with(real, scene=_with(real.scene, **changed))
 
     return acts
 
@@ -56,9 +66,8 @@ def _in_part(part: str, field: str, at_least: float = -np.inf) -> Callable[[Real
 
     def acts(real: Realisation, value: Array) -> Realisation:
         bounded = np.maximum(value, at_least)
-        changed: Any = replace(getattr(real.scene, part), **{field: bounded if len(bounded) > 1 else float(bounded[0])})
-        scene: dict[str, Any] = {part: changed}
-        return replace(real, scene=replace(real.scene, **scene))
+        changed = _with(getattr(real.scene, part), **{field: bounded if len(bounded) > 1 else float(bounded[0])})
+        return _with(real, scene=_with(real.scene, **{part: changed}))
 
     return acts
 
@@ -71,15 +80,15 @@ def _size(acts: Callable[[Realisation, Array], Realisation]) -> Callable[[Realis
 def _friction(real: Realisation, value: Array) -> Realisation:
     """Kinetic and static coefficient in proportion; the row of the static one follows and sets it by itself."""
     friction, kinetic = real.scene.friction, float(value[0])
-    friction = replace(friction, kinetic=kinetic, static=friction.static * kinetic / friction.kinetic)
-    return replace(real, scene=replace(real.scene, friction=friction))
+    friction = _with(friction, kinetic=kinetic, static=friction.static * kinetic / friction.kinetic)
+    return _with(real, scene=_with(real.scene, friction=friction))
 
 
 def _static(real: Realisation, value: Array) -> Realisation:
     """Below the kinetic one there is no peak."""
     friction = real.scene.friction
-    friction = replace(friction, static=max(float(value[0]), friction.kinetic))
-    return replace(real, scene=replace(real.scene, friction=friction))
+    friction = _with(friction, static=max(float(value[0]), friction.kinetic))
+    return _with(real, scene=_with(real.scene, friction=friction))
 
 
 def _stiction_velocity(real: Realisation, value: Array) -> Realisation:
@@ -88,26 +97,26 @@ def _stiction_velocity(real: Realisation, value: Array) -> Realisation:
     settled = max(
         friction.friction_velocity, min(_APART, friction.friction_velocity / friction.stiction_velocity) * speed
     )
-    friction = replace(friction, stiction_velocity=speed, friction_velocity=settled)
-    return replace(real, scene=replace(real.scene, friction=friction))
+    friction = _with(friction, stiction_velocity=speed, friction_velocity=settled)
+    return _with(real, scene=_with(real.scene, friction=friction))
 
 
 def _friction_velocity(real: Realisation, value: Array) -> Realisation:
     friction = real.scene.friction
     least = min(_APART * friction.stiction_velocity, friction.friction_velocity)
-    friction = replace(friction, friction_velocity=max(float(value[0]), least))
-    return replace(real, scene=replace(real.scene, friction=friction))
+    friction = _with(friction, friction_velocity=max(float(value[0]), least))
+    return _with(real, scene=_with(real.scene, friction=friction))
 
 
 def _slope(real: Realisation, value: Array) -> Realisation:
-    return replace(real, scene=replace(real.scene, ground=replace(real.scene.ground, slope=value)))
+    return _with(real, scene=_with(real.scene, ground=_with(real.scene.ground, slope=value)))
 
 
 def _regions(real: Realisation, value: Array) -> Realisation:
     """One change of all factors."""
     ground = real.scene.ground
     regions = tuple(replace(region, factor=max(0.01, region.factor + float(value[0]))) for region in ground.regions)
-    return replace(real, scene=replace(real.scene, ground=replace(ground, regions=regions)))
+    return _with(real, scene=_with(real.scene, ground=_with(ground, regions=regions)))
 
 
 def _inertia(real: Realisation, value: Array) -> Realisation:
@@ -338,7 +347,7 @@ register(
         search=_share(0.1, 0.5, lambda scene: scene.body_mass * _spread(scene).gyration**2), present=_has_spread,
     ),
     UncertainInput(
-        "camera", "camera", "", "campaign", lambda real, value: replace(real, camera=value),
+        "camera", "camera", "", "campaign", lambda real, value: _with(real, camera=value),
         components=CALIBRATION_PARAMETERS,
     ),
     UncertainInput(
@@ -372,7 +381,7 @@ register(
 def _height(body: str) -> UncertainInput:
     return UncertainInput(
         f"{body}_height", f"height of the {body}", "m", "campaign",
-        lambda real, value: replace(real, height={**real.height, body: float(value[0])}),
+        lambda real, value: _with(real, height={**real.height, body: float(value[0])}),
         stated=StatedDeviation(f"{body}.tracked_plane_height_std_m", "that height", 0.1, 0.001, "tape measure"),
     )  # fmt: skip
 
@@ -380,7 +389,7 @@ def _height(body: str) -> UncertainInput:
 def _registration(body: str) -> UncertainInput:
     return UncertainInput(
         f"{body}_registration", f"{body}'s first frame", "", "run",
-        lambda real, value: replace(real, registration={**real.registration, body: value}),
+        lambda real, value: _with(real, registration={**real.registration, body: value}),
         components=tuple(f"{body}_registration_{axis}" for axis in ("x", "y", "heading")),
     )  # fmt: skip
 

@@ -57,7 +57,7 @@ def friction_table(law: FrictionLaw) -> Array:
     return _tabulated(law)
 
 
-@functools.lru_cache(maxsize=32)
+@functools.lru_cache(maxsize=96)  # The search of a visible fault simulates 64 draws with each of its kinds.
 def _tabulated(law: FrictionLaw) -> Array:
     check_friction_law(law)
     lowest, highest = law.speed_range

@@ -67,6 +67,7 @@ class _Search:
 
     def __init__(self, off: Array, right: RightModel, names: Sequence[str], assumed: Sequence[str], left: Left):
         self.right, self.names, self.left = right, names, left
+        self.known: dict[tuple[tuple[int, float], ...], Array] = {}
         self.assumed = [name in assumed for name in names]
         self.root = np.linalg.cholesky(right.weight).T
         self.samples, self.swing = len(off), float(np.mean(_wobble(off)))
@@ -175,11 +176,19 @@ class _Search:
             point.moves | dict(zip(columns, row, strict=True))
             for row in np.clip(values, least, _MOST_DEVIATIONS).tolist()
         ]
-        return [_Point(m, e, self.cost(m, e)) for m, e in zip(moves, self.left(moves), strict=True)]
+        return [_Point(m, e, self.cost(m, e)) for m, e in zip(moves, self._errors(moves), strict=True)]
+
+    def _errors(self, moves: Sequence[Moves]) -> list[Array]:
+        """What each of these leaves (n, 3), simulated once however often it is asked for."""
+        keys = [tuple(sorted((c, value) for c, value in each.items() if value)) for each in moves]
+        new = {key: each for key, each in zip(keys, moves, strict=True) if key not in self.known}
+        if new:
+            self.known |= zip(new, self.left(list(new.values())), strict=True)
+        return [self.known[key] for key in keys]
 
     def _mirrored(self, columns: Sequence[int]) -> frozenset[int]:
         """Columns that act by their size: heights and the like, about zero."""
-        moved = self.left([{}, *({c: sign * 3.0} for c in columns for sign in (1, -1))])
+        moved = self._errors([{}, *({c: sign * _TRIED[1]} for c in columns for sign in (1, -1))])
         sides = zip(columns, moved[1::2], moved[2::2], strict=True)
         return frozenset(c for c, a, b in sides if np.array_equal(a, b) and not np.array_equal(a, moved[0]))
 

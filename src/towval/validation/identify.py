@@ -273,7 +273,7 @@ def _changed(real: Realisation, row: UncertainInput, component: int, value: floa
     """A realisation with one component of an input at another value."""
     values = np.array(row.values(real.scene))
     values[component] = value
-    return row.acts(real, values)
+    return row.acts(real, values).checked()
 
 
 def _error(run: MeasuredRun, pose: Array) -> Array:

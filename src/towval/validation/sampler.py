@@ -160,7 +160,7 @@ class Sampler:
         parts = np.split(draw, np.cumsum(list(self.widths.values()))[:-1])
         for row, part in zip(map(INPUTS.__getitem__, self.drawn), parts, strict=True):
             real = row.acts(real, self.stated[row.name] + self.roots[row.name] @ part)
-        return real
+        return real.checked()
 
     def _knot_noise(self, rng: np.random.Generator) -> Array:
         """Noise of poses and rates (m, 6): cubics through independent noise of the kept poses of the rover's track."""

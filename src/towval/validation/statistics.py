@@ -42,6 +42,9 @@ _HALVINGS = 18
 _GROWTH, _GROWTH_HALVINGS = 4.0, 10
 """Largest multiple of a shift that is tried, and halvings of the interval up to there: to two digits."""
 
+_TIMES = 200
+"""Times of a run by which the level of a bound is found."""
+
 _FOLDS = 8
 """Parts of the draws, each held against the others: what a draw adds to its own covariance would hide it."""
 
@@ -56,10 +59,10 @@ it."""
 
 def error_sizes(error: Array) -> Array:
     """Sizes (..., 6) of errors (..., n, 3) over a run, :data:`SIZES` [m and rad]."""
-    square = error**2
+    square = [error[..., i] ** 2 for i in range(3)]
     parts = []
     for components, whole in _MADE_OF:
-        total = sum(square[..., i] for i in components)
+        total = sum(square[i] for i in components)
         parts.append(np.mean(total, axis=-1) if whole == "mean" else np.max(total, axis=-1))
     return np.asarray(np.sqrt(np.stack(parts, axis=-1)))
 
@@ -214,14 +217,42 @@ def _effects(means: Array, inputs: Array) -> tuple[Array, NDArray[np.intp], NDAr
     return effects[matters], np.flatnonzero(matters), one_sided[matters]
 
 
-def bounds(error: Array, draws: Array, confidence: float) -> Array:
+def truths_among_bounds(drawn: Array, draws: Array) -> Array:
+    """Where the truth lies among what :func:`bounds` takes the quantiles of, in runs that are known: shares (k, 6).
+
+    Each draw is taken for the run: what is observed is ``drawn[i]``, (k, n, 3), the truth ``drawn[i] + draws[i]``, and
+    it is larger than a share of the others' ``drawn[i] + draws[j]``, by each of :data:`SIZES`.
+
+    Examples
+    --------
+    >>> noise = 1e-3 * np.random.default_rng(1).normal(size=(512, 24, 3))
+    >>> bool(truths_among_bounds(-noise, noise).max() == 0)  # a truth of nought, of which nothing but noise is seen
+    True
+    """
+    times = slice(None, None, max(1, drawn.shape[1] // _TIMES))
+    # Only ranks count, for which single precision will do; component by component in memory it takes a third.
+    drawn, draws = (np.array(each[:, times], dtype=np.float32, order="F") for each in (drawn, draws))
+    sizes = (error_sizes(error + draws) for error in drawn)
+    return np.array([np.sum(each < each[i], axis=0) for i, each in enumerate(sizes)]) / (len(draws) - 1)
+
+
+def holding_level(shares: Array, confidence: float) -> Array:
+    """Level (...) of a quantile at which the bound holds in a share of the runs, from :func:`truths_among_bounds`.
+
+    SOURCE: R. Beran, "Prepivoting to reduce level error of confidence sets", Biometrika 74 (1987) 457.
+    """
+    return np.asarray(np.quantile(shares, confidence, axis=0, method="weibull"))
+
+
+def bounds(error: Array, draws: Array, confidence: float, levels: Array | None = None) -> Array:
     """Lower and upper bounds (2, 6) of the sizes of what is behind an observed error; each holds with ``confidence``.
 
-    The observed error is ``truth − draw``. *Upper*: the quantile of the size of ``error + draw`` over the draws. It is
-    exact for what the observed error does not contain (a camera that moves the measured rover, and with it the
-    simulation, as it moves the measured object) and for a truth that is far larger; else it is wide, for what is in the
-    observed error counts once more. *Lower*: the smallest multiple c of the observed error for which ``c error − draw``
-    is as large as what was observed in a share 1 − ``confidence`` of the draws; zero where noise alone is.
+    The observed error is ``truth − draw``. *Upper*: the quantile of the size of ``error + draw`` over the draws, at
+    ``confidence`` or the ``levels`` (6,) of :func:`holding_level`. At the former it is exact for what the observed
+    error does not contain (a camera that moves the measured rover, and with it the simulation, as it moves the measured
+    object) and for a truth that is far larger; else it is wide, for what is in the observed error counts once more.
+    *Lower*: the smallest multiple c of the observed error for which ``c error − draw`` is as large as what was observed
+    in a share 1 − ``confidence`` of the draws; zero where noise alone is.
 
     Parameters
     ----------
@@ -243,14 +274,15 @@ def bounds(error: Array, draws: Array, confidence: float) -> Array:
         square, mixed, own = np.sum(part**2, axis=-1), np.sum(part * noise, axis=-1), np.sum(noise**2, axis=-1)
         if whole == "mean":
             square, mixed, own = (value.mean(axis=-1, keepdims=True) for value in (square, mixed, own))
-        found[:, i] = _lower(square, mixed, own, 1 - confidence), _upper(square, mixed, own, confidence)
+        level = confidence if levels is None else float(levels[i])
+        found[:, i] = _lower(square, mixed, own, 1 - confidence), _upper(square, mixed, own, level)
     return found
 
 
-def _upper(square: Array, mixed: Array, own: Array, confidence: float) -> float:
+def _upper(square: Array, mixed: Array, own: Array, level: float) -> float:
     """Upper bound of one size by terms (n,), (k, n), (k, n) of ``|error + draw|²``, the largest of which counts."""
     sizes = np.sqrt(np.maximum((square + 2 * mixed + own).max(axis=-1), 0.0))
-    return float(np.quantile(sizes, confidence))
+    return float(np.quantile(sizes, level))
 
 
 def upper_error(error: Array, draws: Array, confidence: float) -> float:
