@@ -1,7 +1,5 @@
 """A scene laid out for the physics: what simulation, uncertainty and identification run alike."""
 
-import functools
-
 from numpy.typing import ArrayLike
 
 from towval.model import FrictionSpecification, SimulatedMotion, Sliding, TimedPath, TowingScene
@@ -32,7 +30,7 @@ class SceneModel:
 
     def __init__(self, scene: TowingScene, *, sticking: bool = False):
         self.scene, self.sticking, self.towed = scene, sticking, towed_object(scene)
-        self.law = _law(scene.friction, sticking)
+        self.law = _risen(scene.friction) if sticking else fitted_law(scene.friction)
 
     @property
     def planar(self) -> bool:
@@ -66,9 +64,6 @@ class SceneModel:
         return Sticking(friction.static, _HOLD * RISE_SHARE * friction.friction_velocity) if self.sticking else None
 
 
-@functools.lru_cache(maxsize=96)
-def _law(friction: FrictionSpecification, sticking: bool) -> FittedLaw:
-    if not sticking:
-        return fitted_law(friction)
+def _risen(friction: FrictionSpecification) -> FittedLaw:
     rise = RISE_SHARE * friction.friction_velocity
     return FittedLaw(risen_law(friction.static, friction.kinetic, rise, friction.friction_velocity), 0.0)

@@ -57,7 +57,7 @@ _LEAST_EFFECT = 0.02
 it."""
 
 
-def error_sizes(error: Array) -> Array:
+def error_sizes(error: NDArray[np.floating]) -> Array:
     """Sizes (..., 6) of errors (..., n, 3) over a run, :data:`SIZES` [m and rad]."""
     square = [error[..., i] ** 2 for i in range(3)]
     parts = []
@@ -231,9 +231,9 @@ def truths_among_bounds(drawn: Array, draws: Array) -> Array:
     """
     times = slice(None, None, max(1, drawn.shape[1] // _TIMES))
     # Only ranks count, for which single precision will do; component by component in memory it takes a third.
-    drawn, draws = (np.array(each[:, times], dtype=np.float32, order="F") for each in (drawn, draws))
-    sizes = (error_sizes(error + draws) for error in drawn)
-    return np.array([np.sum(each < each[i], axis=0) for i, each in enumerate(sizes)]) / (len(draws) - 1)
+    errors, others = (np.array(each[:, times], dtype=np.float32, order="F") for each in (drawn, draws))
+    sizes = (error_sizes(error + others) for error in errors)
+    return np.array([np.sum(each < each[i], axis=0) for i, each in enumerate(sizes)]) / (len(others) - 1)
 
 
 def holding_level(shares: Array, confidence: float) -> Array:
