@@ -10,8 +10,7 @@ from towval.validation.statistics import (
     RightModel,
     bounds,
     error_sizes,
-    holding_level,
-    truths_among_bounds,
+    holding_levels,
     upper_error,
     upper_limit,
 )
@@ -151,7 +150,7 @@ def test_a_bound_at_the_level_found_holds_as_often_as_stated(share):
     held = []
     for _ in range(8):
         drawn, draws = right_runs(rng, 256, share)
-        levels = holding_level(truths_among_bounds(drawn, draws), 0.95)
+        levels = holding_levels(drawn, draws, 0.95)
         for error, off in zip(*right_runs(rng, 40, share), strict=True):
             truth = error_sizes(error + off)[1]
             held.append([truth <= bounds(error, draws, 0.95, at)[1, 1] for at in (levels, None)])
@@ -162,7 +161,7 @@ def test_a_bound_at_the_level_found_holds_as_often_as_stated(share):
 
 def test_the_level_of_errors_that_contain_no_noise_is_the_confidence():
     rng = np.random.default_rng(6)
-    levels = [holding_level(truths_among_bounds(*right_runs(rng, 256, 0.0)), 0.95) for _ in range(8)]
+    levels = [holding_levels(*right_runs(rng, 256, 0.0), 0.95) for _ in range(8)]
     np.testing.assert_allclose(np.mean(levels, axis=0), 0.95, atol=0.015)
 
 

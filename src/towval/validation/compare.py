@@ -24,15 +24,7 @@ from towval.model.statement import Bounds, Draws
 from towval.validation.consequences import forbidding
 from towval.validation.metrics import aligned_rms, area_metric, error_ratio, frechet_distance
 from towval.validation.path_frame import OnPath, PathFrame
-from towval.validation.statistics import (
-    SIZES,
-    STATISTICS,
-    RightModel,
-    bounds,
-    holding_level,
-    place,
-    truths_among_bounds,
-)
+from towval.validation.statistics import SIZES, STATISTICS, RightModel, bounds, holding_levels, place
 from towval.validation.verdict import Evidence, statement_findings, verdict_of
 
 TOLERANCE_M = 0.02
@@ -203,7 +195,7 @@ def _tested(
     limits = dict(zip(STATISTICS, map(float, right.limits), strict=True))
     confidence, both = settings.bound_confidence, 0.5 * (1 + settings.bound_confidence)
     # Draws are no runs of the kind of one that is rejected: the plain quantile, which is exact for large errors.
-    levels = None if right.rejects(error) else holding_level(truths_among_bounds(drawn, path.off), confidence)
+    levels = None if right.rejects(error) else holding_levels(drawn, path.off, confidence)
     begins = place(error, right, path.length)
     return {
         "drawn_tests": np.column_stack([_keys(draws), (right.drawn / right.limits).max(axis=1)]),

@@ -217,38 +217,32 @@ def _effects(means: Array, inputs: Array) -> tuple[Array, NDArray[np.intp], NDAr
     return effects[matters], np.flatnonzero(matters), one_sided[matters]
 
 
-def truths_among_bounds(drawn: Array, draws: Array) -> Array:
-    """Where the truth lies among what :func:`bounds` takes the quantiles of, in runs that are known: shares (k, 6).
+def holding_levels(drawn: Array, draws: Array, confidence: float) -> Array:
+    """Levels (6,) of the quantiles that :func:`bounds` takes at which these hold in a share of the runs of their kind.
 
-    Each draw is taken for the run: what is observed is ``drawn[i]``, (k, n, 3), the truth ``drawn[i] + draws[i]``, and
-    it is larger than a share of the others' ``drawn[i] + draws[j]``, by each of :data:`SIZES`.
+    SOURCE: R. Beran, "Prepivoting to reduce level error of confidence sets", Biometrika 74 (1987) 457. Each draw is
+    taken for the run: what is observed is ``drawn[i]``, (k, n, 3), the truth ``drawn[i] + draws[i]``, and it is larger
+    than a share of the others' ``drawn[i] + draws[j]``, by each of :data:`SIZES`. The level is a quantile of that.
 
     Examples
     --------
     >>> noise = 1e-3 * np.random.default_rng(1).normal(size=(512, 24, 3))
-    >>> bool(truths_among_bounds(-noise, noise).max() == 0)  # a truth of nought, of which nothing but noise is seen
+    >>> bool(holding_levels(-noise, noise, 0.95).max() == 0)  # a truth of nought, of which nothing but noise is seen
     True
     """
     times = slice(None, None, max(1, drawn.shape[1] // _TIMES))
     # Only ranks count, for which single precision will do; component by component in memory it takes a third.
     errors, others = (np.array(each[:, times], dtype=np.float32, order="F") for each in (drawn, draws))
     sizes = (error_sizes(error + others) for error in errors)
-    return np.array([np.sum(each < each[i], axis=0) for i, each in enumerate(sizes)]) / (len(others) - 1)
-
-
-def holding_level(shares: Array, confidence: float) -> Array:
-    """Level (...) of a quantile at which the bound holds in a share of the runs, from :func:`truths_among_bounds`.
-
-    SOURCE: R. Beran, "Prepivoting to reduce level error of confidence sets", Biometrika 74 (1987) 457.
-    """
-    return np.asarray(np.quantile(shares, confidence, axis=0, method="weibull"))
+    below = [np.sum(each < each[i], axis=0) for i, each in enumerate(sizes)]
+    return np.asarray(np.quantile(below, confidence, axis=0, method="weibull") / (len(others) - 1))
 
 
 def bounds(error: Array, draws: Array, confidence: float, levels: Array | None = None) -> Array:
     """Lower and upper bounds (2, 6) of the sizes of what is behind an observed error; each holds with ``confidence``.
 
     The observed error is ``truth − draw``. *Upper*: the quantile of the size of ``error + draw`` over the draws, at
-    ``confidence`` or the ``levels`` (6,) of :func:`holding_level`. At the former it is exact for what the observed
+    ``confidence`` or the ``levels`` (6,) of :func:`holding_levels`. At the former it is exact for what the observed
     error does not contain (a camera that moves the measured rover, and with it the simulation, as it moves the measured
     object) and for a truth that is far larger; else it is wide, for what is in the observed error counts once more.
     *Lower*: the smallest multiple c of the observed error for which ``c error − draw`` is as large as what was observed
