@@ -78,7 +78,7 @@ def main() -> None:
         for kind, path in (("1080p", hd), ("small", small)):
             still = replace(scene_of(kind), noise=3.0)
             write_video(path, CeilingCamera(still).frames(np.arange(30) / 25), crf="20", preset="ultrafast")
-        lengths = (("small", small, 500), ("small", small, 10_000), ("small", small, 30_000))
+        lengths = (("1080p", hd, 30_000), *(("small", small, frames) for frames in (500, 10_000, 30_000)))
         for kind, path, frames in (("4k", large, 36), ("1080p", hd, 500), *lengths):
             command = [sys.executable, __file__, "--case", kind, str(path), str(frames)]
             fields = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()

@@ -117,3 +117,14 @@ def test_a_clock_that_begins_late_is_no_fault():
     assert late_s == pytest.approx(0.03)
     assert pose_errors(track, truth)[1].max() == pytest.approx(3e-3)
     assert pose_errors(track, truth, late_s)[1][1:].max() < 1e-9
+
+
+def test_an_error_of_scale_is_no_delay():
+    time_s = np.arange(100) / 25
+    away = 0.1 * (time_s - 1)
+    truth = pd.DataFrame({"t_s": time_s, "rover_x_m": away, "rover_y_m": 0.0, "rover_heading_rad": 0.0})
+    pose = np.column_stack([1.005 * away, np.zeros((100, 2))])
+    covariance, ones = np.tile(1e-8 * np.eye(3), (100, 1, 1)), np.ones(100)
+    status = np.full(100, TrackStatus.TRACKED, dtype=np.uint8)
+    track = Track("rover", time_s, pose, covariance, status, ones, ones, np.eye(3), total_covariance=covariance)
+    assert lateness_s([track], truth) == 0.0
