@@ -197,7 +197,9 @@ def _cable_findings(towed: TowedObject, times: Array, direction: Array) -> tuple
     ring = 1e-3 * size * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
     if inside_polygon(around, towed.anchor + ring).all():
         return ()  # The anchor sits within the outline, above the object: every direction crosses it.
-    across = inside_polygon(around, towed.anchor + 0.05 * size * direction)
+    ahead = direction * (0.05 * size)
+    ahead += towed.anchor
+    across = inside_polygon(around, ahead)
     if not across.any():
         return ()
     return (finding("cable_would_push", count=int(across.sum()), total=len(times), time_s=times[across][0]),)

@@ -70,7 +70,7 @@ def spline_through(path: TimedPath) -> Spline:
     pauses = _coinciding_ends(length, slope, chord)
     while True:
         coefficients = _split_at(pauses, path.position, length, slope)
-        swings = _swings(length, coefficients, slope)
+        swings = _swings(length, chord, coefficients, slope)
         if swings.max() <= _SWING_LIMIT:
             break
         may_pause = _slower_than_neighbours(speed) | (_longest_nearby(chord) < _NOISE * chord.max())
@@ -114,45 +114,42 @@ def _longest_nearby(chord: Array) -> Array:
     return np.maximum(chord, np.maximum(np.r_[0.0, chord[:-1]], np.r_[chord[1:], 0.0]))
 
 
-def _swings(length: Array, coefficients: Array, slope: Array) -> Array:
+def _swings(length: Array, chord: Array, coefficients: Array, slope: Array) -> Array:
     """How far each piece (n,) leaves its chord in the middle, over the longest of its own chord and its neighbours'."""
     aside = np.empty(len(length))
-    _leave_chords(length, coefficients, slope, aside)
+    _leave_chords(length, chord, coefficients, slope, aside)
     return aside
 
 
 @compiled(allocates=False)
-def _leave_chords(length: Array, coefficients: Array, slope: Array, aside: Array) -> None:
+def _leave_chords(length: Array, chord: Array, coefficients: Array, slope: Array, aside: Array) -> None:
     n = len(length)
     for i in range(n):
-        longest = farthest = 0.0
-        for j in range(max(i - 1, 0), min(i + 2, n)):
-            longest = max(longest, math.sqrt(slope[j, 0] ** 2 + slope[j, 1] ** 2) * length[j])
+        longest, farthest = max(chord[max(i - 1, 0)], chord[i], chord[min(i + 1, n - 1)]), 0.0
         x, y = coefficients[i, 0], coefficients[i, 1]
         for share in (0.25, 0.5, 0.75):
             s = share * length[i]
             off_x = s * (x[1] + s * (x[2] + s * x[3])) - s * slope[i, 0]
             off_y = s * (y[1] + s * (y[2] + s * y[3])) - s * slope[i, 1]
-            farthest = max(farthest, math.sqrt(off_x * off_x + off_y * off_y))
-        aside[i] = farthest / longest if longest > 0 else 0.0
+            farthest = max(farthest, off_x * off_x + off_y * off_y)
+        aside[i] = math.sqrt(farthest) / longest if longest > 0 else 0.0
 
 
 def _split_at(pauses: NDArray[np.bool_], position: Array, length: Array, slope: Array) -> Array:
     """Coefficients (n, 2, 4) of splines between the pauses, at rest where these begin and end."""
     n = len(length)
-    coefficients = np.zeros((n, 2, 4))
-    coefficients[:, :, 0] = position[:-1]
-    # The ends of a pause, where they do not quite coincide, are joined at rest.
-    coefficients[pauses, :, 2] = 3 * (slope / length[:, None])[pauses]
-    coefficients[pauses, :, 3] = -2 * (slope / length[:, None] ** 2)[pauses]
+    coefficients = np.empty((n, 2, 4))
+    if pauses.any():  # The ends of a pause, where they do not quite coincide, are joined at rest.
+        coefficients[pauses, :, 0], coefficients[pauses, :, 1] = position[:-1][pauses], 0.0
+        coefficients[pauses, :, 2] = 3 * slope[pauses] / length[pauses, None]
+        coefficients[pauses, :, 3] = -2 * slope[pauses] / length[pauses, None] ** 2
     edges = np.flatnonzero(np.diff(np.r_[True, pauses, True].astype(np.int8)))
     for first, end in zip(edges[::2], edges[1::2], strict=True):
         part = slice(first, end)
         curvature = np.zeros((end - first + 1, 2))
         at_rest = (bool(first > 0), bool(end < n))
         if end - first > 1 or any(at_rest):
-            for k in range(2):
-                _solve_curvatures(length[part], slope[part, k], at_rest, curvature[:, k])
+            _solve_curvatures(length[part], slope[part], at_rest, curvature)
         _lay_out_pieces(position[first : end + 1], length[part], slope[part], curvature, coefficients[part])
     return coefficients
 
@@ -212,7 +209,7 @@ def _bound_speeds(knots: Array, coefficients: Array, speed_limits: Array) -> Non
 
 @compiled()
 def _solve_curvatures(length: Array, slope: Array, at_rest: tuple[bool, bool], curvature: Array) -> None:
-    """Second derivatives of a coordinate at the points (n,), zero before, from the lengths and slopes of the pieces.
+    """Second derivatives at the points (n, 2), zero before, from the lengths and slopes (n - 1, 2) of the pieces.
 
     A tridiagonal system by elimination; it is diagonally dominant. An end ``at_rest`` has no velocity; another lies on
     the line through its two neighbours ("not a knot"), or is not curved where there are no three pieces to tell.
@@ -220,33 +217,34 @@ def _solve_curvatures(length: Array, slope: Array, at_rest: tuple[bool, bool], c
     n = len(curvature)
     first, last = length[0] / length[min(1, n - 2)], length[n - 2] / length[max(n - 3, 0)]
     knot_free = n > 3 and not at_rest[0], n > 3 and not at_rest[1]
-    diagonal, above = np.ones(n), np.zeros(n)
+    ratio = np.zeros(n)  # of the entry beside the diagonal to that on it, in a row
     if at_rest[0]:
-        diagonal[0], above[0], curvature[0] = 2 * length[0], length[0], 6 * slope[0]
+        ratio[0] = 0.5
+        curvature[0, 0], curvature[0, 1] = 3 * slope[0, 0] / length[0], 3 * slope[0, 1] / length[0]
     for i in range(1, n - 1):
         left, right = length[i - 1], length[i]
-        below, diagonal[i], above[i] = left, 2 * (left + right), right
+        below, diagonal, above = left, 2 * (left + right), right
         if i == 1 and knot_free[0]:
-            diagonal[i] += left + left * first
-            above[i] -= left * first
-            below = 0.0
+            diagonal, above, below = diagonal + left + left * first, above - left * first, 0.0
         if i == n - 2 and knot_free[1]:
-            diagonal[i] += right + right * last
-            below -= right * last
-            above[i] = 0.0
-        factor = below / diagonal[i - 1]
-        diagonal[i] -= factor * above[i - 1]
-        curvature[i] = 6 * (slope[i] - slope[i - 1]) - factor * curvature[i - 1]
+            diagonal, below, above = diagonal + right + right * last, below - right * last, 0.0
+        pivot = diagonal - below * ratio[i - 1]
+        ratio[i] = above / pivot
+        for k in range(2):
+            curvature[i, k] = (6 * (slope[i, k] - slope[i - 1, k]) - below * curvature[i - 1, k]) / pivot
     if at_rest[1]:
-        factor = length[n - 2] / diagonal[n - 2]
-        diagonal[n - 1] = 2 * length[n - 2] - factor * above[n - 2]
-        curvature[n - 1] = (-6 * slope[n - 2] - factor * curvature[n - 2]) / diagonal[n - 1]
+        end = length[n - 2]
+        pivot = 2 * end - end * ratio[n - 2]
+        for k in range(2):
+            curvature[n - 1, k] = (-6 * slope[n - 2, k] - end * curvature[n - 2, k]) / pivot
     for i in range(n - 2, -1, -1):
-        curvature[i] = (curvature[i] - above[i] * curvature[i + 1]) / diagonal[i]
-    if knot_free[0]:
-        curvature[0] = curvature[1] + first * (curvature[1] - curvature[2])
-    if knot_free[1]:
-        curvature[n - 1] = curvature[n - 2] + last * (curvature[n - 2] - curvature[n - 3])
+        for k in range(2):
+            curvature[i, k] -= ratio[i] * curvature[i + 1, k]
+    for k in range(2):
+        if knot_free[0]:
+            curvature[0, k] = curvature[1, k] + first * (curvature[1, k] - curvature[2, k])
+        if knot_free[1]:
+            curvature[n - 1, k] = curvature[n - 2, k] + last * (curvature[n - 2, k] - curvature[n - 3, k])
 
 
 def spline_covering(path: TimedPath | CubicSpline | Spline, times: Array, name: str) -> Spline:

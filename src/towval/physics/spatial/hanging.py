@@ -25,8 +25,15 @@ from towval.model import Array
 from towval.model.compiling import compiled
 from towval.physics.spatial.problem import DAMPING, FULL_STRETCH, KAPPA, REST, RISE, STIFFENING, TETHER_WEIGHT
 
-_SHARES, _AREAS = (each / 2 for each in np.polynomial.legendre.leggauss(5) + np.array([[1.0], [0.0]]))
-_PANEL = 1.5  # of the angle: five nodes serve 1e-9 of the stretch
+
+def _gauss(count: int) -> tuple[Array, Array]:
+    """Nodes and weights of Gauss' rule over 0 to 1."""
+    nodes, weights = np.polynomial.legendre.leggauss(count)
+    return (nodes + 1) / 2, weights / 2
+
+
+_FIVE, _TWO = _gauss(5), _gauss(2)
+_PANEL, _NEARLY_STRAIGHT = 1.5, 0.02  # of the angle: five and two nodes serve 1e-9 of the stretch
 _NEWTON_LIMIT, _SETTLED, _LEAST_SHARE = 80, 1e-15, 0.1
 _APART = 1e-5  # of the rest length: distances whose stretch gives the second slope, of damping in the Jacobian alone
 
@@ -60,11 +67,12 @@ def _spans(n: Array, pull: float, upper: float) -> tuple[float, float, float, fl
     e_h, e_v = soft * pull / weight * angle, soft * pull / weight * apart / (ra + rb)
     if n[STIFFENING] > 0:  # What is stiffer than a slack tether, over the angle in which T is smooth however slack.
         low, panels = math.asinh(b), 1 + int(angle / _PANEL)
-        for i in range(panels * len(_SHARES)):
-            panel, node = divmod(i, len(_SHARES))
-            raised = math.exp(low + angle * (panel + _SHARES[node]) / panels)
+        shares, areas = _TWO if angle < _NEARLY_STRAIGHT else _FIVE
+        for i in range(panels * len(shares)):
+            panel, node = divmod(i, len(shares))
+            raised = math.exp(low + angle * (panel + shares[node]) / panels)
             tension, here = 0.5 * pull * (raised + 1 / raised), 0.5 * pull * (raised - 1 / raised)
-            area = _AREAS[node] * angle / panels * tension / weight
+            area = areas[node] * angle / panels * tension / weight
             stretch, softness = _stretch_under(n, tension)
             cosine, sine = pull / tension, here / tension
             even, slope = area * (stretch / tension - soft), area * (softness - soft)
@@ -83,8 +91,9 @@ def _first_guess(n: Array, distance: float) -> tuple[float, float]:
     chord = math.sqrt(distance * distance + rise * rise)
     cosine, stretch = distance / chord, chord - rest
     # T = κ (e + (w l0 cos)² l0 / 24 T²): between κ e and κ e + (κ …)^(1/3)
+    taut = max(stretch, 0.0)
     bow = n[KAPPA] * (w * rest * cosine) ** 2 * rest / 24
-    tension = n[KAPPA] * max(stretch, 0.0) + bow ** (1 / 3)
+    tension = n[KAPPA] * taut * (1 + n[STIFFENING] * (taut / n[FULL_STRETCH] - 1)) + bow ** (1 / 3)
     slack = (rest * rest - rise * rise) / (distance * distance) - 1
     if slack > 0:
         steep = min(math.sqrt(3 * slack), 2 + math.log1p(slack))

@@ -222,14 +222,29 @@ def _resting_step(problem: TowProblem, forced: bool, t: float, piece: int, y: Ar
         if n[TETHER_WEIGHT] > 0:
             stretch = max(0.0, stretch)  # It pulls when slack, too, though its pull never grows faster than when taut.
         if n[DAMPING] > 0 and (stretch > 0 or n[TETHER_WEIGHT] > 0):
-            # The pull follows the hinge's velocity: within the piece, as much as that may change.
-            limit, left = problem.drive.speed_limits[piece], knots[piece + 1] - t
-            used = n[KAPPA] * (1 + n[STIFFENING]) * limit * left + 2 * n[DAMPING] * limit
-            return max(quarter, left) if used < gap else quarter
+            return max(quarter, _damped_rest(problem, t, piece, gap))
         gap = gap / (n[KAPPA] * (1 + n[STIFFENING])) + max(0.0, -stretch)
         if n[DAMPING] > 0:
             gap = max(0.0, -stretch)
     return max(quarter, safe_time(problem.drive, t, piece, gap, 0.0))
+
+
+@compiled(allocates=False)
+def _damped_rest(problem: TowProblem, t: float, piece: int, gap: float) -> float:
+    """Time [s] to the end of the last piece by which stretch and damping have not grown by a force; zero if none.
+
+    Damping follows the hinge's velocity, whose change is at most twice the largest speed.
+    """
+    n, drive = problem.numbers, problem.drive
+    way = fastest = safe = 0.0
+    for k in range(piece, len(drive.speed_limits)):
+        lasts = drive.knots[k + 1] - max(t, drive.knots[k])
+        fastest = max(fastest, drive.speed_limits[k])
+        way += drive.speed_limits[k] * lasts
+        if n[KAPPA] * (1 + n[STIFFENING]) * way + 2 * n[DAMPING] * fastest >= gap:
+            break
+        safe = drive.knots[k + 1] - t
+    return safe
 
 
 @compiled(allocates=False)

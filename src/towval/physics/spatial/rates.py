@@ -153,10 +153,14 @@ def acceleration_slopes(
     ux, uy = cos * y[3] + sin * y[4], cos * y[4] - sin * y[3]
     wrench_slopes(problem.soles, problem.sliding, ux, uy, y[5], work)
     mass, inertia = n[MASS], n[INERTIA]
+    span, pull = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    if mode == TAUT:
+        span = tether_span(problem, time, piece, y, cos, sin)
+        pull = hanging_pull(n, span[4], span[5]) if n[TETHER_WEIGHT] > 0 else taut_pull(n, span[4], span[5])
     for j in range(7):
         dtx, dty, dtz = 0.0, 0.0, 0.0
         if mode == TAUT:
-            dtx, dty, dtz = _tether_column(problem, time, piece, y, turned, j)
+            dtx, dty, dtz = _tether_column(problem, time, piece, y[5], turned, span, pull, j)
         elif mode == FORCED:
             dtx, dty = _force_column(problem, time, piece, turned, j)
         dux = uy if j == 2 else (cos if j == 3 else (sin if j == 4 else 0.0))
@@ -211,14 +215,20 @@ def _force_column(
 
 @compiled(allocates=False)
 def _tether_column(
-    problem: TowProblem, time: float, piece: int, y: Array, turned: tuple[float, float], j: int
+    problem: TowProblem,
+    time: float,
+    piece: int,
+    omega: float,
+    turned: tuple[float, float],
+    span: Span,
+    force: Pull,
+    j: int,
 ) -> tuple[float, float, float]:
     """Change of the tether's force, in body axes, with the state (0 to 5) or time (6)."""
     n, (cos, sin) = problem.numbers, turned
     qx, qy = n[ANCHOR_X], n[ANCHOR_Y]
-    lx, ly, rx, ry, distance, rate = tether_span(problem, time, piece, y, cos, sin)
-    hangs = n[TETHER_WEIGHT] > 0
-    pull, _, h_d, v_d, h_r, v_r = hanging_pull(n, distance, rate) if hangs else taut_pull(n, distance, rate)
+    lx, ly, rx, ry, distance, rate = span
+    pull, _, h_d, v_d, h_r, v_r = force
     dlx = dly = drx = dry = 0.0
     if j == 0:
         dlx, dly = -cos, sin
@@ -226,7 +236,7 @@ def _tether_column(
         dlx, dly = -sin, -cos
     elif j == 2:
         dlx, dly = ly + qy, -(lx + qx)
-        drx, dry = ry + y[5] * qx, -(rx - y[5] * qy)
+        drx, dry = ry + omega * qx, -(rx - omega * qy)
     elif j == 3:
         drx, dry = -cos, sin
     elif j == 4:
