@@ -27,6 +27,13 @@ from towval.optics.projection import project
 from towval.physics.friction_laws.makkar import Makkar, fit_specification
 
 CASES = ("", "stripe", "centre of mass", "tether", "")
+WANTED = {
+    "": Verdict.AGREES,
+    "stripe": Verdict.DISAGREES,
+    "centre of mass": Verdict.DISAGREES,
+    # Its ends are seen farther apart than the stated tether reaches: what was stated is wrong, not the model.
+    "tether": Verdict.NOT_JUDGED,
+}
 MARGIN_PX = 12
 FIRST_SEED = 999
 LARGE_M = 0.02
@@ -53,7 +60,7 @@ def rendered_rows(count: int, folder: Path) -> Iterator[Row]:
     seed = FIRST_SEED
     for fault in CASES[:count]:
         seed = filmable(seed + 1, fault)
-        wanted = Verdict.DISAGREES if fault else Verdict.AGREES
+        wanted = WANTED[fault]
         what = f"filmed, seed {seed}, {fault or 'as the model says'}"
         try:
             size, result = filmed_run(seed, fault, folder / str(seed))

@@ -16,9 +16,11 @@ from towval.model import TrackStatus
 from towval.model.errors import InputError
 from towval.model.geometry import path_length, wrapped
 from towval.tracking.follow import Follower
+from towval.tracking.outline import OutlineFit
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.pose import Measurement, Tracker
 from towval.tracking.track import TrackSettings, track
+from towval.tracking.two_measurements import EdgeWatch
 
 
 def small(challenge):
@@ -126,6 +128,25 @@ def test_a_part_of_the_picture_that_stands_still_shows_when_its_body_jumps_on(st
     tracks = track(iter(frames), scene.calibration, bodies, scene.clicks(np.random.default_rng(0)))
     assert ("jumped" in codes(tracks["object"])) == bool(still)
     assert "jumped" not in codes(tracks["rover"])
+
+
+def test_an_edge_of_something_else_that_is_taken_for_the_tops_once_is_no_jump(monkeypatch):
+    scene = small(challenges.metre(5, 1.6)).scene
+    bodies, times = [body for body in scene.bodies if body.name in ("rover", "object")], np.arange(40) / 25
+    look = EdgeWatch.look
+
+    def fooled(self, picture, time_s, luma, found, predicted, tracker, due):
+        if picture != 20:
+            return look(self, picture, time_s, luma, found, predicted, tracker, due)
+        return found, OutlineFit(np.array([0.01, 0.01, 0.08]), 1e-6 * np.eye(3)), True
+
+    monkeypatch.setattr(EdgeWatch, "look", fooled)
+    tracks = track(
+        CeilingCamera(scene).frames(times), scene.calibration, bodies, scene.clicks(np.random.default_rng(0))
+    )
+    for found in tracks.values():
+        assert found.seen.all()
+        assert "jumped" not in codes(found)
 
 
 def test_a_stranger_in_the_place_of_a_body_is_not_taken_for_it():

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from towval.model import Array, Body, Features, Finding, Track, TrackStatus
 from towval.model.errors import InputError
@@ -14,6 +14,7 @@ from towval.model.geometry import compose, transform
 from towval.tracking.blur import ahead_of_middle
 from towval.tracking.camera_motion import ViewMotion
 from towval.tracking.echoes import Echoes
+from towval.tracking.jumps import jump_findings
 from towval.tracking.noise import as_when_moving, hold_rest, scatter_factor
 from towval.tracking.outline import OutlineFit, combine_fits, observe_outline, observe_size, pose_from_clicks
 from towval.tracking.planar_target import PlanarTarget
@@ -134,7 +135,6 @@ class Follower:
             )
         self.relocaliser = Relocaliser(target, luma, self.first_pose)
         self.lookalikes = Lookalikes(target, luma, self.first_pose)
-        self.jumps: list[tuple[float, float]] = []
         self.motion = Motion(time_s, self.first_pose)
         self.record = _Record()
         self.follow(time_s, luma)
@@ -156,8 +156,6 @@ class Follower:
         predicted = self.motion.predict(time_s) if coasting or after_observation else self.motion.pose
         accepted = self._accepted(time_s, luma, predicted, occupied)
         if accepted is not None:
-            if after_observation and self._surprising(time_s, accepted.pose):
-                self.jumps.append((time_s, self.target.apart_m(predicted, accepted.pose)))
             self._keep_observation(time_s, luma, accepted)
         elif coasting:
             self.record.keep(time_s, predicted, self._coasting_covariance(time_s), TrackStatus.COASTING, 0.0, np.nan)
@@ -183,8 +181,12 @@ class Follower:
 
     def _surprising(self, time_s: float, pose: Array) -> bool:
         """Whether a pose is farther from where the motion leads than a body can have got."""
-        gone = 0.5 * CONSTANTS.most_acceleration * (time_s - self.motion.time_s) ** 2
-        return self.target.apart_m(self.motion.predict(time_s), pose) > CONSTANTS.surprise_px * self.pixel_m + 2 * gone
+        gap_s = time_s - self.motion.time_s
+        return self.target.apart_m(self.motion.predict(time_s), pose) > float(self._explained_m(gap_s))
+
+    def _explained_m(self, gap_s: ArrayLike) -> Array:
+        """How far acceleration and noise lead from where the motion would after gaps (...) [m]."""
+        return np.asarray(CONSTANTS.surprise_px * self.pixel_m + CONSTANTS.most_acceleration * np.square(gap_s))
 
     def _search(self, time_s: float, luma: Luma, doubtful: Measurement | None) -> Measurement | None:
         """Search the whole picture; a doubtful measurement is confirmed if the search leads to the same place."""
@@ -287,6 +289,8 @@ class Follower:
         tracked = status == TrackStatus.TRACKED
         raw = raw - ahead_of_middle(time_s, np.where(tracked[:, None], raw, np.nan), self.tracker.exposure_s)
         self._without_first(covariance, tracked)
+        seen, most_m = np.where(tracked[:, None], raw, np.nan), self._explained_m(np.diff(time_s)[1:])
+        self.findings += jump_findings(self.target, time_s, seen, most_m)
         covariance, fit = self._with_outline(time_s, raw, covariance)
         moving = self._moving(raw, tracked)
         covariance = self._honest_covariance(time_s, raw, covariance, tracked, moving)
@@ -321,7 +325,6 @@ class Follower:
         """Covariances of the pictures' residuals, widened to the scatter in time."""
         factor = scatter_factor(time_s, np.where(tracked[:, None], pose, np.nan), covariance, moving)
         if tracked.any():
-            # A larger factor is a motion that five pictures do not follow, not noise of the video.
             most = CONSTANTS.most_scatter_px * self.pixel_m / np.sqrt(np.median(covariance[tracked][:, 0, 0]))
             covariance[tracked] *= min(factor, max(1.0, most)) ** 2
         return covariance
@@ -365,9 +368,6 @@ class Follower:
         if len(missed):
             counts = {"count": len(missed), "frames": len(status), "lost": lost, "bridged": len(missed) - lost}
             findings.append(finding("not_seen", name=name, **counts, first_s=missed[0], last_s=missed[-1]))
-        if self.jumps:
-            first_s, farthest_m = self.jumps[0][0], max(by_m for _, by_m in self.jumps)
-            findings.append(finding("jumped", name=name, count=len(self.jumps), by_mm=1e3 * farthest_m, time_s=first_s))
         if self.mistakable:
             findings.append(finding("lookalike", name=name, count=self.mistakable))
         std_m = float(np.sqrt(np.median(covariance[tracked][:, 0, 0]))) if tracked.any() else np.inf

@@ -1,0 +1,38 @@
+import numpy as np
+import pytest
+
+from studies.worlds.scenes import small_camera, standard_scene
+from towval.tracking.jumps import jump_findings, strays
+
+SCENE = standard_scene(3, **small_camera())
+CART = SCENE.target(1)
+REACH_M = CART.reach_m
+
+
+def arc(n=200):
+    """A body on a circle of 0.5 m, its heading along it."""
+    time_s = np.cumsum(np.random.default_rng(3).uniform(0.02, 0.06, n))
+    angle = 0.4 * time_s
+    return time_s, np.column_stack([0.5 * np.cos(angle), 0.5 * np.sin(angle), angle + np.pi / 2])
+
+
+def test_a_constant_twist_leads_to_the_next_pose():
+    # What is left is the second order of a step in its own frame, 0.5 m × (0.4 × 0.06)² / 2.
+    assert strays(*arc(), REACH_M).max() < 2e-4
+
+
+@pytest.mark.parametrize("jump", [(0.05, 0.0, 0.0), (0.0, 0.0, 0.2)])
+def test_a_jump_is_found_once_and_placed(jump):
+    time_s, pose = arc()
+    pose[120:] += jump
+    (found,) = jump_findings(CART, time_s, pose, np.full(len(time_s) - 2, 0.02))
+    assert found.code == "jumped"
+    assert f"1 times between two pictures, by up to {1000 * (jump[0] + REACH_M * jump[2]):.0f} mm" in found.text
+    assert f"first at {time_s[120]:.2f} s" in found.text
+
+
+def test_a_body_that_was_hidden_in_between_has_not_jumped():
+    time_s, pose = arc()
+    pose[120:] += (0.3, 0.0, 0.0)
+    pose[118:121] = np.nan
+    assert not jump_findings(CART, time_s, pose, np.full(len(time_s) - 2, 0.02))
