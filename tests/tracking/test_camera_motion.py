@@ -128,18 +128,26 @@ def test_shaking_is_kept_noise_is_not():
     time_s = np.arange(400) / 25
     noise, shaking = rng.standard_normal((2, 400, 9))
     drift = 30 * np.linspace(0, 1, 400)[:, None]
-    _, _, fast, own = _separated(time_s, noise)
+    alike = np.ones(400)
+    _, _, fast, own = _separated(time_s, noise, alike)
     assert np.sqrt(np.mean(fast**2)) < 0.2
-    slow, _, fast, own = _separated(time_s, noise + 10 * shaking + drift)
+    slow, _, fast, own = _separated(time_s, noise + 10 * shaking + drift, alike)
     assert np.sqrt(np.mean((slow + fast - 10 * shaking - drift) ** 2)) < 1.1
     assert 0.8 < own.mean() < 1.3
+
+
+def test_pictures_in_which_the_floor_is_hard_to_see_are_not_taken_for_shaking():
+    rng = np.random.default_rng(4)
+    time_s, deviation = np.arange(400) / 25, np.where(np.arange(400) < 200, 1.0, 4.0)
+    _, _, fast, _ = _separated(time_s, deviation[:, None] * rng.standard_normal((400, 9)), deviation)
+    assert np.sqrt(np.mean(fast[200:] ** 2)) < 0.2 * 4
 
 
 @pytest.mark.parametrize(("step", "kept_apart"), [(8.0, False), (16.0, True)])
 def test_a_step_of_eleven_deviations_is_a_jump_of_the_camera_and_not_smoothed(step, kept_apart):
     time_s = np.arange(400) / 25
     noise = np.random.default_rng(0).standard_normal((400, 9))
-    slow, *_ = _separated(time_s, noise + step * (np.arange(400) >= 200)[:, None])
+    slow, *_ = _separated(time_s, noise + step * (np.arange(400) >= 200)[:, None], np.ones(400))
     # A window over half a second that reaches across the step would be in the middle of it there.
     assert (np.abs(slow[198:202].mean(axis=1) - [0, 0, step, step]).max() < 0.15 * step) == kept_apart
 

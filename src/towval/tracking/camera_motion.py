@@ -13,7 +13,8 @@ from towval.model.conventions import PICTURE_MOTION, VIEW_MOTION
 from towval.model.findings import finding
 from towval.model.geometry import transform
 from towval.optics.moved_view import moved_view, parameters_by_motion, picture_motion, pose_sensitivity, view_before
-from towval.tracking.floor_registration import FloorRegistration, Registered, evened
+from towval.tracking.floor_registration import FloorRegistration, Registered
+from towval.tracking.light import evened
 from towval.tracking.template import Luma
 
 
@@ -137,7 +138,7 @@ class CameraMotion:
         found = None
         if not self.begun:
             self.begun = True
-            self.numbers.extend((time_s, *np.zeros(2 * _SIZE), 1.0))
+            self.numbers.extend((time_s, *np.zeros(2 * _SIZE), np.nan))
             return self.view
         if self.watched:
             found = self.floor_seen.register(luma, self.raw, self.hidden_discs(poses))
@@ -149,7 +150,8 @@ class CameraMotion:
                 self.used = self.raw
                 self.view = moved_view(self.camera, self.floor, self.used)
         raw = np.full(_SIZE, np.nan) if found is None else self.raw
-        self.numbers.extend((time_s, *raw, *self.used, float(found is not None)))
+        std_px = 0.0 if found is None else self.floor_seen.std_px(found.covariance)
+        self.numbers.extend((time_s, *raw, *self.used, std_px))
         return self.view
 
     def hidden_discs(self, poses: Sequence[Array]) -> list[tuple[Array, float]]:
@@ -165,22 +167,24 @@ class CameraMotion:
     def estimate(self) -> ViewMotion:
         """The motion over all pictures, after the last."""
         rows = np.array(self.numbers).reshape(-1, 2 * _SIZE + 2)
-        time_s, raw, used, known = rows[:, 0], rows[:, 1 : _SIZE + 1], rows[:, _SIZE + 1 : -1], rows[:, -1] > 0
+        time_s, raw, used, known = rows[:, 0], rows[:, 1 : _SIZE + 1], rows[:, _SIZE + 1 : -1], rows[:, -1] != 0
         zero, flat = np.zeros_like(raw), np.zeros((_SIZE, _SIZE))
         everywhere = np.ones(len(rows), dtype=bool)
         if self.registered < max(1, CONSTANTS.least_known * (len(rows) - 1)):
             return ViewMotion(self.camera, self.floor, time_s, zero, zero, everywhere, flat, zero, flat)
         modes: Array = np.asarray(np.linalg.cholesky(self.information), dtype=np.float64)
         z: Array = np.asarray(np.linalg.solve(modes, np.where(known[:, None], raw, 0.0).T).T, dtype=np.float64)
-        slow, common, fast, own = _separated(time_s[known], z[known])
-        motion = used.copy()
-        motion[known] = (slow + fast) @ modes.T
+        # A picture is as uncertain as its own light and what hides its floor make it; the first is where all begins.
+        noise = rows[known, -1] / self.floor_seen.std_px(self.information)
+        slow, common, fast, own = _separated(time_s[known], z[known], np.nan_to_num(noise, nan=1.0))
+        seen = (slow + fast) @ modes.T
+        motion = np.stack([np.interp(time_s, time_s[known], column) for column in seen.T], axis=1)
         own_all = zero.copy()
         own_all[known] = own
         if max(map(self.floor_seen.shift_px, motion)) < CONSTANTS.corrected_px:
             motion, own_all = zero, zero
         common = modes @ np.diag(common) @ modes.T
-        scattered_px = max(float(np.mean(self.floor_seen.scatter or [0.0])), 0.0) ** 0.5
+        scattered_px = self.floor_seen.scattered_px
         scattered_px *= scattered_px > CONSTANTS.scattered_px
         return ViewMotion(self.camera, self.floor, time_s, motion, used, known, common, own_all, modes, scattered_px)
 
@@ -260,15 +264,16 @@ def _found(seen: FloorRegistration, pictures: Sequence[Luma]) -> list[Registered
         if one is not None:
             found.append(one)
             wider_px.append(seen.stretch_px())
-    other_lens = np.mean(seen.scatter or [0.0]) > CONSTANTS.other_lens_px**2
+    other_lens = seen.scattered_px > CONSTANTS.other_lens_px
     return [] if other_lens or abs(np.median(wider_px or [0.0])) > CONSTANTS.wider_px else found
 
 
-def _separated(time_s: Array, z: Array) -> tuple[Array, Array, Array, Array]:
+def _separated(time_s: Array, z: Array, noise: Array) -> tuple[Array, Array, Array, Array]:
     """Slow and fast part (n, 9) of whitened motions, variances common to all (9,) and of each by itself (n, 9).
 
-    Each part counts from where it exceeds noise: the slow one against the template's, which all pictures
-    share, the fast one against a picture's.
+    ``noise`` (n,): deviation of each picture's motion over the usual one, by which ``z`` (n, 9) is whitened. Each part
+    counts from where it exceeds noise: the slow one against the template's, which all pictures share, the fast one
+    against a picture's.
     """
     c, n = CONSTANTS, len(z)
     change = np.diff(z, axis=0, prepend=z[:1])
@@ -287,12 +292,13 @@ def _separated(time_s: Array, z: Array) -> tuple[Array, Array, Array, Array]:
 
     slow, count = mean(z, c.smoothed_s)
     fast = z - slow
-    shaking = mean(fast**2, c.judged_s)[0] * count / np.maximum(count - 1, 1)
+    variance = noise[:, None] ** 2
+    shaking = mean(fast**2 / variance, c.judged_s)[0] * count / np.maximum(count - 1, 1)
     of_fast = np.clip(1 - (c.noise_margin / np.maximum(shaking, 1e-9)) ** 2, 0.0, 1.0)
     power = mean(slow**2, np.inf)[0]
     of_slow = np.clip(1 - (c.significant**2 / np.maximum(power, 1e-9)) ** 2, 0.0, 1.0)
     common = of_slow + (1 - of_slow) * np.minimum(power, c.significant**2)
-    own = of_fast**2 + (1 - of_fast) * np.maximum(shaking - 1, 0.0) + of_slow**2 / count
+    own = variance * (of_fast**2 + (1 - of_fast) * np.maximum(shaking - 1, 0.0)) + of_slow**2 / count
     return of_slow * slow, common.mean(axis=0), of_fast * fast, own
 
 

@@ -37,13 +37,14 @@ class RegistrationConstants:
     prior_zoom: float = 0.05  # ASSUME: the focus hunts by less.
     prior_px: float = 60.0  # [px] ASSUME: what a stabiliser shifts.
     rounds: int = 12  # Most rounds; one that needs more has not converged.
-    tolerance_px: float = 0.01  # [px] Of the last step, over the picture.
+    tolerance_px: float = 0.01  # [px] Of the last step, over the picture,
+    tolerated: float = 0.1  # or of its own deviation.
     least_scale: float = 0.5  # [grey levels] Smallest scale of the residuals: rounding alone gives 0.3.
     most_scale: float = 40.0  # [grey levels] Of the residuals of inliers.
     least_inliers: float = 0.35  # Of the points in view: bodies and people may hide the rest.
     kept_correlation: float = 0.6  # Of the first pictures': less is another place.
     least_correlation: float = 0.35  # As of bodies: wrong places reach 0.3.
-    worst_std_px: float = 0.15  # [px] Deviation of the floor's shift beyond which it is not known.
+    worst_std_px: float = 0.3  # [px] Deviation of the floor's shift beyond which it is not known.
     blocks: int = 32  # Searched in a picture that is far off.
     block_px: int = 16  # [px] Half-width of a block, at half the resolution.
     reach_px: int = 40  # [px] Search from the block's place, at half the resolution.
@@ -55,8 +56,6 @@ class RegistrationConstants:
     clusters_across: int = 10  # in so many clusters along the longer side.
     least_of_cluster: int = 6  # Points of a cluster whose own place is compared with the others',
     least_clusters: int = 8  # and clusters, for their scatter to be known to a third.
-    evened: float = 1 / 24  # Of the picture's width: light changes over more, the floor's texture over less.
-    evened_levels: float = 40.0  # [grey levels] Deviation of the texture, of which the ends are then cut off at three.
 
 
 CONSTANTS = RegistrationConstants()
@@ -123,14 +122,14 @@ def _register_kernel(
     motion: Array,
     view: tuple[Array, Array, Array],
     prior: tuple[Array, Array],
-    limits: tuple[float, float, float, int],
+    limits: tuple[float, float, float, float, int],
     gains: tuple[float, float, float],
 ) -> tuple[Array, Array, Array, Array, Array, float, float, bool]:
     """Rounds of the registration: motion, information, readings, weights, residuals, scale, correlation, converged."""
     points, template, slopes, tile, tiles = shape
     T, matrix, k = view
     deviations, in_pixels = prior
-    least_scale, most_scale, tolerance_px, most_rounds = limits
+    least_scale, most_scale, tolerance_px, tolerated, most_rounds = limits
     spread, least_gain, most_gain = gains
     n, size = points.shape[0], slopes.shape[1]
     motion, flat, residual, weight = motion.copy(), np.zeros(3), np.empty(n), np.empty(n)
@@ -159,9 +158,12 @@ def _register_kernel(
         # In units of the priors their information is the unit matrix, against residuals of this scale.
         for j in range(size):
             right[j] += scale * scale * motion[j] / deviations[j]
-        step = np.linalg.solve(information + scale * scale * np.eye(size), right)
+        normal = information + scale * scale * np.eye(size)
+        step = np.linalg.solve(normal, right)
         motion -= step * deviations
-        converged = bool(step @ in_pixels @ step < tolerance_px * tolerance_px)
+        # Or small beside its deviation: the edge of a shadow keeps weights, and with them the motion, in doubt.
+        small = step @ in_pixels @ step < tolerance_px * tolerance_px
+        converged = bool(small or step @ normal @ step < (tolerated * scale) ** 2)
         if converged:
             break
     correlation = correlation_of_tiles(values, template, tile, tiles, 8, 0.5)
@@ -188,7 +190,7 @@ class FloorRegistration:
         c = CONSTANTS
         self.prior = np.repeat([c.prior_rad, c.prior_m, c.prior_zoom, c.prior_px], [3, 3, 1, 2])
         self.usual_correlation, self.variance_factor, self.registered = 1.0, 1.0, 0
-        self.scatter: list[float] = []
+        self.scatter: list[tuple[float, float]] = []
         self._set_slopes(target, self.template)
         self._set_blocks(luma, target)
 
@@ -241,7 +243,7 @@ class FloorRegistration:
             start,
             (self.floor.T_camera_floor, self.camera.matrix, self.camera.distortion),
             (self.prior, self.in_pixels),
-            (c.least_scale, c.most_scale, c.tolerance_px, c.rounds),
+            (c.least_scale, c.most_scale, c.tolerance_px, c.tolerated, c.rounds),
             (LIGHT.gain_spread, LIGHT.least_gain, LIGHT.most_gain),
         )
         if not converged or not np.isfinite(motion).all():
@@ -275,26 +277,36 @@ class FloorRegistration:
         inverse = np.linalg.inv(information + scale * scale * np.eye(len(information)))
         return float(max(np.sum(inverse * (scores.T @ scores)) / np.sum(inverse * information) / scale**2, 1.0))
 
-    def _scatter_px2(self, seen: NDArray[np.bool_], residual: Array) -> list[float]:
+    @property
+    def scattered_px(self) -> float:
+        """Deviation by which places are displaced against the motion of all [px]; zero where noise may have done it."""
+        displaced, noise = np.mean(self.scatter or [(0.0, 0.0)], axis=0)
+        return float(np.sqrt(displaced)) if displaced > noise else 0.0
+
+    def _scatter_px2(self, seen: NDArray[np.bool_], residual: Array) -> list[tuple[float, float]]:
         """Variance by which clusters of points are displaced against the motion of all [px²]; none where too few show.
 
-        It is that along the worse axis of the picture, without noise. Points count by their slopes alone: a weight by
-        residuals would keep those that fit.
+        It is that along the worse axis of the picture, without that of noise, which is given beside it. Points count by
+        their slopes alone: a weight by residuals would keep those that fit.
         """
-        by_pixel = self.slopes[:, 7:] / CONSTANTS.prior_px
+        # Their own light is fitted as well: the edge of a shadow leaves half a tile too bright, half too dark.
+        assert self.template is not None
+        by_light = np.column_stack([np.ones(len(residual)), self.template.values - self.template.values.mean()])
+        slopes = np.hstack([self.slopes[:, 7:] / CONSTANTS.prior_px, by_light])[seen]
         count = np.bincount(self.cluster[seen], minlength=self.cluster.max() + 1)
         enough = count >= CONSTANTS.least_of_cluster
         if enough.sum() < CONSTANTS.least_clusters:
             return []
-        information, right = np.zeros((len(count), 2, 2)), np.zeros((len(count), 2))
-        slopes = by_pixel[seen]
+        information, right = np.zeros((len(count), 4, 4)), np.zeros((len(count), 4))
         np.add.at(information, self.cluster[seen], slopes[:, :, None] * slopes[:, None, :])
         np.add.at(right, self.cluster[seen], slopes * residual[seen, None])
-        covariance = np.linalg.pinv(information[enough], hermitian=True)
+        covariance = np.linalg.pinv(information[enough], hermitian=True)[:, :2]
         displaced = np.einsum("nij,nj->ni", covariance, right[enough])
+        covariance = covariance[:, :, :2]
         noise = (np.median(np.abs(residual[seen])) / MEDIAN_NORMAL) ** 2
         by_noise = noise * np.median(np.diagonal(covariance, axis1=1, axis2=2), axis=0)
-        return [float(np.max(np.median(displaced**2, axis=0) / MEDIAN_NORMAL**2 - by_noise))]
+        excess = np.median(displaced**2, axis=0) / MEDIAN_NORMAL**2 - by_noise
+        return [(float(excess.max()), float(by_noise[excess.argmax()]))]
 
     def stretch_px(self) -> float:
         """By how much the picture registered last is wider than the first, at its sides [px]: no motion does that."""
@@ -346,20 +358,6 @@ class FloorRegistration:
         """Pixels (n, 2) of places (n, 2) on the floor after a ``motion`` (9,) of the view."""
         points = np.column_stack([places, np.zeros(len(places))])
         return project(*moved_view(self.camera, self.floor, motion), points)
-
-
-def evened(luma: Luma) -> Luma:
-    """A picture (height, width) with the same brightness and contrast everywhere, and without single dead pixels.
-
-    Two pictures of one place taken at other times differ in their light, also within a tile (bands of mains light), and
-    dead pixels are the steepest points of all. Neither moves what is seen.
-    """
-    width = round(CONSTANTS.evened * luma.shape[1])
-    alive = cv2.medianBlur(luma, 3).astype(np.float32)
-    texture = alive - cv2.blur(alive, (width, width))
-    contrast = np.sqrt(cv2.blur(texture * texture, (width, width)))
-    levels = 128 + CONSTANTS.evened_levels * texture / np.maximum(contrast, CONSTANTS.least_scale)
-    return np.asarray(np.clip(np.rint(levels), 0, 255), dtype=np.uint8)
 
 
 def _halved(luma: Luma) -> Luma:

@@ -1,7 +1,11 @@
-"""The light on a planar target: gain and bias of each of its tiles between a template and a picture."""
+"""The light on a planar target: gain and bias of each of its tiles between a template and a picture.
+
+And pictures without it: :func:`evened`.
+"""
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,6 +21,9 @@ class LightConstants:
     gain_spread: float = 0.5  # ASSUME: prior deviation of a gain from one; lamps and shade change it by half.
     least_gain: float = 0.2  # A tile that follows the template at no more than this does not show it.
     most_gain: float = 5.0  # The inverse of the least.
+    evened: float = 1 / 24  # Of a picture's width: light changes over more, the floor's texture over less.
+    evened_levels: float = 40.0  # [grey levels] Deviation of the texture, of which the ends are then cut off at three.
+    least_contrast: float = 0.5  # [grey levels] Of the texture: rounding alone gives 0.3.
 
 
 CONSTANTS = LightConstants()
@@ -79,3 +86,17 @@ def light_misfit(values: Array, template: Array, tile: Tiles, tiles: int, weight
     residual = np.empty(len(values))
     misfits(values, template, tile, light, residual)
     return float(np.sum(weight * (light[tile, 0] * residual) ** 2))
+
+
+def evened(luma: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """A picture (height, width) with the same brightness and contrast everywhere, and without single dead pixels.
+
+    Two pictures of one place taken at other times differ in their light, also within a tile (bands of mains light), and
+    dead pixels are the steepest points of all. Neither moves what is seen.
+    """
+    width = round(CONSTANTS.evened * luma.shape[1])
+    alive = cv2.medianBlur(luma, 3).astype(np.float32)
+    texture = alive - cv2.blur(alive, (width, width))
+    contrast = np.sqrt(cv2.blur(texture * texture, (width, width)))
+    levels = 128 + CONSTANTS.evened_levels * texture / np.maximum(contrast, CONSTANTS.least_contrast)
+    return np.asarray(np.clip(np.rint(levels), 0, 255), dtype=np.uint8)
