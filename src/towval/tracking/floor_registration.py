@@ -55,7 +55,8 @@ class RegistrationConstants:
     inflated_every: int = 10  # Pictures between estimates of how much residuals of neighbours go together,
     clusters_across: int = 10  # in so many clusters along the longer side.
     least_of_cluster: int = 6  # Points of a cluster whose own place is compared with the others',
-    least_clusters: int = 8  # and clusters, for their scatter to be known to a third.
+    least_clusters: int = 8  # and clusters, for their scatter to be known to a third,
+    beyond_noise: float = 2.0  # which counts beyond so many deviations of noise: slopes are noisy, too.
 
 
 CONSTANTS = RegistrationConstants()
@@ -281,7 +282,7 @@ class FloorRegistration:
     def scattered_px(self) -> float:
         """Deviation by which places are displaced against the motion of all [px]; zero where noise may have done it."""
         displaced, noise = np.mean(self.scatter or [(0.0, 0.0)], axis=0)
-        return float(np.sqrt(displaced)) if displaced > noise else 0.0
+        return float(np.sqrt(displaced)) if displaced > CONSTANTS.beyond_noise**2 * noise else 0.0
 
     def _scatter_px2(self, seen: NDArray[np.bool_], residual: Array) -> list[tuple[float, float]]:
         """Variance by which clusters of points are displaced against the motion of all [px²]; none where too few show.
