@@ -4,7 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
-from studies.worlds.scenes import ceiling, rectangle
+from studies.worlds import challenges
+from studies.worlds.scenes import CeilingCamera, ceiling, rectangle
 from tests.tracking.painted import texture
 from towval.model import Body, Calibration
 from towval.model.geometry import transform
@@ -141,6 +142,20 @@ def test_pictures_in_which_the_floor_is_hard_to_see_are_not_taken_for_shaking():
     time_s, deviation = np.arange(400) / 25, np.where(np.arange(400) < 200, 1.0, 4.0)
     _, _, fast, _ = _separated(time_s, deviation[:, None] * rng.standard_normal((400, 9)), deviation)
     assert np.sqrt(np.mean(fast[200:] ** 2)) < 0.2 * 4
+
+
+def test_what_noise_and_an_arm_do_to_a_plain_floor_does_not_warp_it():
+    scene, times = challenges.arm_and_tether(902).scene, np.arange(0.0, 3.0, 0.08)
+    truth, (rover, thing) = scene.truth(times), [body for body in scene.bodies if body.name in ("rover", "object")]
+    camera = None
+    for i, (time_s, luma) in enumerate(CeilingCamera(scene).frames(times)):
+        poses = [truth[body.name][i] for body in (rover, thing)]
+        camera = camera or CameraMotion(scene.camera, scene.floor, luma, (rover, thing), poses)
+        camera.register(time_s, luma, poses)
+    found = camera.estimate()
+    assert found.known.mean() > 0.9
+    assert not {"picture_warped", "camera_moved"} & {one.code for one in camera.findings(found)}
+    assert camera.floor_seen.scattered_px == 0
 
 
 @pytest.mark.parametrize(("step", "kept_apart"), [(8.0, False), (16.0, True)])

@@ -301,12 +301,13 @@ class FloorRegistration:
         information, right = np.zeros((len(count), 4, 4)), np.zeros((len(count), 4))
         np.add.at(information, self.cluster[seen], slopes[:, :, None] * slopes[:, None, :])
         np.add.at(right, self.cluster[seen], slopes * residual[seen, None])
-        covariance = np.linalg.pinv(information[enough], hermitian=True)[:, :2]
-        displaced = np.einsum("nij,nj->ni", covariance, right[enough])
-        covariance = covariance[:, :, :2]
-        noise = (np.median(np.abs(residual[seen])) / MEDIAN_NORMAL) ** 2
-        by_noise = noise * np.median(np.diagonal(covariance, axis1=1, axis2=2), axis=0)
-        excess = np.median(displaced**2, axis=0) / MEDIAN_NORMAL**2 - by_noise
+        inverse = np.linalg.pinv(information[enough], hermitian=True)
+        fitted = np.einsum("nij,nj->ni", inverse, right[enough])
+        # Of what is left: what displaces a cluster is none of its noise.
+        left = np.bincount(self.cluster[seen], residual[seen] ** 2, len(count))[enough]
+        noise = (left - np.einsum("ni,ni->n", right[enough], fitted)) / (count[enough] - 4)
+        by_noise = np.median(np.diagonal(inverse, axis1=1, axis2=2)[:, :2] * noise[:, None], axis=0)
+        excess = np.median(fitted[:, :2] ** 2, axis=0) / MEDIAN_NORMAL**2 - by_noise
         return [(float(excess.max()), float(by_noise[excess.argmax()]))]
 
     def stretch_px(self) -> float:
