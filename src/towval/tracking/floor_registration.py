@@ -37,14 +37,13 @@ class RegistrationConstants:
     prior_zoom: float = 0.05  # ASSUME: the focus hunts by less.
     prior_px: float = 60.0  # [px] ASSUME: what a stabiliser shifts.
     rounds: int = 12  # Most rounds; one that needs more has not converged.
-    tolerance_px: float = 0.01  # [px] Of the last step, over the picture,
-    tolerated: float = 0.1  # or of its own deviation.
+    tolerance_px: float = 0.01  # [px] Of the last step, over the picture.
     least_scale: float = 0.5  # [grey levels] Smallest scale of the residuals: rounding alone gives 0.3.
     most_scale: float = 40.0  # [grey levels] Of the residuals of inliers.
     least_inliers: float = 0.35  # Of the points in view: bodies and people may hide the rest.
     kept_correlation: float = 0.6  # Of the first pictures': less is another place.
     least_correlation: float = 0.35  # As of bodies: wrong places reach 0.3.
-    worst_std_px: float = 0.3  # [px] Deviation of the floor's shift beyond which it is not known.
+    worst_std_px: float = 0.15  # [px] Deviation of the floor's shift beyond which it is not known.
     blocks: int = 32  # Searched in a picture that is far off.
     block_px: int = 16  # [px] Half-width of a block, at half the resolution.
     reach_px: int = 40  # [px] Search from the block's place, at half the resolution.
@@ -123,14 +122,14 @@ def _register_kernel(
     motion: Array,
     view: tuple[Array, Array, Array],
     prior: tuple[Array, Array],
-    limits: tuple[float, float, float, float, int],
+    limits: tuple[float, float, float, int],
     gains: tuple[float, float, float],
 ) -> tuple[Array, Array, Array, Array, Array, float, float, bool]:
     """Rounds of the registration: motion, information, readings, weights, residuals, scale, correlation, converged."""
     points, template, slopes, tile, tiles = shape
     T, matrix, k = view
     deviations, in_pixels = prior
-    least_scale, most_scale, tolerance_px, tolerated, most_rounds = limits
+    least_scale, most_scale, tolerance_px, most_rounds = limits
     spread, least_gain, most_gain = gains
     n, size = points.shape[0], slopes.shape[1]
     motion, flat, residual, weight = motion.copy(), np.zeros(3), np.empty(n), np.empty(n)
@@ -159,12 +158,9 @@ def _register_kernel(
         # In units of the priors their information is the unit matrix, against residuals of this scale.
         for j in range(size):
             right[j] += scale * scale * motion[j] / deviations[j]
-        normal = information + scale * scale * np.eye(size)
-        step = np.linalg.solve(normal, right)
+        step = np.linalg.solve(information + scale * scale * np.eye(size), right)
         motion -= step * deviations
-        # Or small beside its deviation: the edge of a shadow keeps weights, and with them the motion, in doubt.
-        small = step @ in_pixels @ step < tolerance_px * tolerance_px
-        converged = bool(small or step @ normal @ step < (tolerated * scale) ** 2)
+        converged = bool(step @ in_pixels @ step < tolerance_px * tolerance_px)
         if converged:
             break
     correlation = correlation_of_tiles(values, template, tile, tiles, 8, 0.5)
@@ -244,7 +240,7 @@ class FloorRegistration:
             start,
             (self.floor.T_camera_floor, self.camera.matrix, self.camera.distortion),
             (self.prior, self.in_pixels),
-            (c.least_scale, c.most_scale, c.tolerance_px, c.tolerated, c.rounds),
+            (c.least_scale, c.most_scale, c.tolerance_px, c.rounds),
             (LIGHT.gain_spread, LIGHT.least_gain, LIGHT.most_gain),
         )
         if not converged or not np.isfinite(motion).all():
