@@ -70,7 +70,7 @@ def test_ends_at_two_heights_hang_on_one_catenary():
 
 @pytest.mark.parametrize("stiffening", [0.0, 0.4])
 @pytest.mark.parametrize(("distance", "rise"), [(0.58, 0.13), (0.6, -0.1), (0.35, 0.13), (0.615, 0.05), (0.05, 0.4)])
-@pytest.mark.parametrize("mass", [0.003, 0.1, 2.0])
+@pytest.mark.parametrize("mass", [0.003, 0.045, 0.1, 2.0])
 def test_forces_are_those_of_shooting_along_the_tether(mass, distance, rise, stiffening):
     tether = Tether(REST, KAPPA, 0.0, stiffening, mass, FULL)
     found = forces(tether, distance, rise)
