@@ -116,8 +116,8 @@ def run_pipeline(given: Campaign, preset: str) -> PipelineResult:
     case = Case(
         given.scene, given.deviations, calibration, *given.bodies, rover, thin["rover"], towed, thin["object"], motion
     )
-    keys, auto = _keys(preset, "uncertainty")
-    uncertainty = sample_selecting(case, UncertaintySettings(**keys), auto="samples" in auto, measurement_m=measured)
+    settings = UncertaintySettings(**settings_of(preset, "uncertainty"))
+    uncertainty = sample_selecting(case, settings, measurement_m=measured)
     comparison = compare(entry.video.stem, motion, tracks["object"], uncertainty)
     choices = (*calibration.choices, *tracks["object"].choices, *motion.choices, *uncertainty.choices)
     kept = tuple(len(each.time_s) for each in thin.values())

@@ -62,6 +62,13 @@ def test_runs_without_common_draws_share_the_false_alarms():
     assert np.mean(drawn(4, 0.0, 200_000).max(axis=0) > limit) < 0.02
 
 
+def test_of_runs_with_unequal_numbers_of_draws_those_that_both_have_count():
+    many, few = (with_keys(each) for each in drawn(3, 0.5, runs=2))
+    runs = [run("a", 0.5, many), run("b", 0.5, few[:256])]
+    same = [run("a", 0.5, many[:256]), run("b", 0.5, few[:256])]
+    assert campaign_verdict(runs).limit == campaign_verdict(same).limit
+
+
 def test_a_run_far_beyond_the_limit_is_named():
     tests = [with_keys(each) for each in drawn(5)]
     runs = [run(name, ratio, each) for name, ratio, each in zip("abcd", (0.5, 0.4, 3.0, 1.01), tests, strict=True)]

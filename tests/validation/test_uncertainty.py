@@ -11,13 +11,13 @@ from towval.model import Camera, Floor, Tether, Verdict
 from towval.model.errors import InputError
 from towval.model.geometry import rigid_fit, transform
 from towval.optics.projection import project, to_plane
-from towval.selection.draws import BOUND_ERROR, DRAWS, sample_selecting
+from towval.selection.draws import sample_selecting
 from towval.validation.compare import compare
 from towval.validation.path_frame import OnPath
 from towval.validation.sampler import UncertaintySettings, _motions
 from towval.validation.shares import REST, variance_shares
 from towval.validation.simulate import simulate
-from towval.validation.uncertainty import UncertaintySampling, _findings, sample_uncertainty
+from towval.validation.uncertainty import BOUND_ERROR, DRAWS, UncertaintySampling, _findings, sample_uncertainty
 from validation_case import DEVIATIONS, PARAMETER_STD
 
 
@@ -121,7 +121,17 @@ def test_a_huge_uncertainty_is_no_agreement(case):
     assert "hinge (rover.tether_hinge_std_m)" in next(f.text for f in comparison.findings if f.code == "verdict")
 
 
-@pytest.mark.parametrize("bad", [{"samples": 100}, {"confidence": 1.0}, {"tolerance_m": 1.0}, {"processes": 0}])
+@pytest.mark.parametrize(
+    "bad",
+    [
+        {"samples": 100},
+        {"samples": "many"},
+        {"samples": 64.0},
+        {"confidence": 1.0},
+        {"tolerance_m": 1.0},
+        {"processes": 0},
+    ],
+)
 def test_settings_out_of_range_are_refused(bad):
     with pytest.raises(InputError, match=f"uncertainty.{next(iter(bad))}"):
         UncertaintySettings(**bad)
@@ -152,7 +162,7 @@ def test_the_main_input_is_named_and_draws_that_fail_are_counted():
 
 
 def test_draws_are_added_until_the_bounds_are_known_well_enough(case):
-    found = sample_selecting(case, UncertaintySettings(), auto=True, measurement_m=1e-3)
+    found = sample_selecting(case, UncertaintySettings(), measurement_m=1e-3)
     path = OnPath.of(case.object_track, case.simulated, found.draws)
     left_open = path.bound_error(0.95)
     assert left_open <= BOUND_ERROR

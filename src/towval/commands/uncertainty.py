@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from towval.commands.console import Outcome, progress
-from towval.commands.settings import settings_from, without_auto
+from towval.commands.settings import settings_from
 from towval.io.campaign import load_campaign
 from towval.io.chain import check_together
 from towval.io.provenance import provenance, read_sections
@@ -21,7 +21,6 @@ def run(
     campaign: Path, name: str, camera: Path, folder: Path, output: Path, keys: Mapping[str, Any] | None = None
 ) -> Outcome:
     """Sample the uncertainty of a run."""
-    keys, auto = without_auto(keys, "samples")
     settings = settings_from(UncertaintySettings, keys, "uncertainty")
     given = load_campaign(campaign)
     files = {stage: folder / f"{stage}.mcap" for stage in ("track", "decimate", "simulate")}
@@ -42,8 +41,9 @@ def run(
         assumed=tuple(row.name for row in INPUTS.values() if is_left_out(row, given.document)),
     )
     measured = measurement_std_m(case.calibration, case.towed, seen_places(case.object_track))
-    with progress(f"uncertainty {name}", None if auto else settings.samples, "draw") as done:
-        uncertainty = sample_selecting(case, settings, auto=bool(auto), measurement_m=measured, progress=done)
+    asked = None if settings.samples == "auto" else settings.samples
+    with progress(f"uncertainty {name}", asked, "draw") as done:
+        uncertainty = sample_selecting(case, settings, measurement_m=measured, progress=done)
     sections = read_sections("uncertainty", given.document)
     made_of = provenance("uncertainty", settings, inputs, run=name, document=sections)
     write_uncertainty(output, uncertainty, case.simulated, made_of)

@@ -26,11 +26,7 @@ PRESETS: dict[str, dict[str, dict[str, Any]]] = {
         "uncertainty": {"samples": 2048, "tolerance_m": 1e-7},
     },
     # As much as this campaign needs.
-    "auto": {
-        "track": {"samples": "auto"},
-        "simulate": {"rung_tolerance_m": "auto", "tolerance_m": "auto"},
-        "uncertainty": {"samples": "auto"},
-    },
+    "auto": {"track": {"samples": "auto"}, "simulate": {"rung_tolerance_m": "auto", "tolerance_m": "auto"}},
 }
 """Settings by preset and stage; what is left out stays the stage's default."""
 

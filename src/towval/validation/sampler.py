@@ -6,6 +6,7 @@ the simulation; masses, tether and friction move the simulation alone.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 from zlib import crc32
 
 import numpy as np
@@ -29,20 +30,22 @@ _RATE_STEP_S = 1e-4
 class UncertaintySettings:
     """Keys of ``config["uncertainty"]``.
 
-    ``samples`` drawn, a power of two; ``seed`` of the scrambled Sobol sequence; ``tolerance_m`` of integration [m];
-    ``confidence`` of the limits that a right model keeps; ``processes``, threads in truth, that simulate at once.
+    ``samples`` drawn, a power of two, or "auto": as many as the bounds of a run need, from 256 to 2048; ``seed`` of the
+    scrambled Sobol sequence; ``tolerance_m`` of integration [m]; ``confidence`` of the limits that a right model keeps;
+    ``processes``, threads in truth, that simulate at once.
     """
 
-    samples: int = 512
+    samples: int | Literal["auto"] = "auto"
     seed: int = 1
     tolerance_m: float = 3e-6
     confidence: float = 0.99
     processes: int = 1
 
     def __post_init__(self) -> None:
-        if self.samples < 64 or self.samples & (self.samples - 1):
+        number = isinstance(self.samples, int) and self.samples >= 64 and not self.samples & (self.samples - 1)
+        if not number and self.samples != "auto":
             raise InputError(
-                "uncertainty.samples is out of range", got=self.samples, allowed="a power of two from 64 on"
+                "uncertainty.samples is out of range", got=self.samples, allowed="auto, or a power of two from 64 on"
             )
         if not 0.5 <= self.confidence < 1:
             raise InputError("uncertainty.confidence is out of range", got=self.confidence, allowed="0.5 up to below 1")
