@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 
 from towval.model.errors import InputError
-from towval.model.geometry import block_means
+from towval.model.geometry import block_means, signature_entries
 from towval.validation.statistics import (
     SIZES,
     RightModel,
     bounds,
     error_sizes,
     holding_levels,
+    place,
     upper_error,
     upper_limit,
 )
@@ -178,3 +179,47 @@ def test_what_noise_alone_makes_has_no_lower_bound():
     low, high = bounds(noise[0], noise[1:], 0.95)
     assert not low.any()
     assert (high < 6 * MM).all()
+
+
+@pytest.mark.parametrize("begins", [0.2, 0.42, 0.63])
+def test_a_growing_error_is_placed_where_it_begins(begins):
+    """Slope from there on, in a right model's error: its begin lies within what is reported, which is a tenth wide."""
+    (right_errors, inputs), (fresh, _) = drawn(K, 1), drawn(24, 2)
+    right = RightModel.of(right_errors, inputs, 0.99)
+    ramp = np.zeros((N, 3))
+    ramp[:, 1] = 0.05 * np.maximum(0, TIME - begins)
+    places = np.array([place(error + ramp, right, TIME) for error in fresh])
+    assert np.mean((places[:, 0] <= begins) & (begins <= places[:, 1])) > 0.8
+    assert np.median(places[:, 1] - places[:, 0]) < 0.15
+    none = np.array([place(error, right, TIME) for error in fresh])
+    assert np.mean(np.isnan(none)) > 0.95
+
+
+def test_an_error_from_the_start_on_begins_there():
+    """A mean that is too large says until when it came to be, and not since when."""
+    draws, inputs = drawn(K, 1)
+    shift = np.zeros((N, 3))
+    shift[:, 0] = 0.1
+    begins, ends = place(draws[0] + shift, RightModel.of(draws, inputs, 0.99), TIME)
+    assert begins == 0
+    assert 0 < ends < 0.05
+
+
+def test_an_error_within_a_long_change_is_placed_by_the_limit_of_the_few_changes_within_it():
+    """A small step ahead of slow growth: it exceeds not the limit of all entries, but that of the few within the change
+    that does."""
+    draws, inputs = drawn(K, 1)
+    right = RightModel.of(draws, inputs, 0.99)
+    step = np.zeros((N, 3))
+    step[N // 2 :, 1] = 1.0
+    entries = signature_entries()
+    (at,) = (i for i, e in enumerate(entries) if (e.first, e.last) == (11, 12))
+    inside = [i for i, e in enumerate(entries) if 8 <= e.first < e.last <= 15]
+    few, all_ = upper_limit(right.entries[:, inside].max(axis=1), 0.99), right.limits[1]
+    assert few < all_
+    size = 0.5 * (few + all_) / right.signature(step)[at]
+    assert right.signature(size * step)[at] < all_
+    later = 4 * np.maximum(0, TIME - 0.54)[:, None] * step * size
+    begins, ends = place(size * step + later, right, TIME)
+    assert begins <= 0.5 <= ends
+    assert ends - begins < 0.1

@@ -96,7 +96,8 @@ class RightModel:
     ``covariance`` (m, 3, 3) of the error's signature; ``effects`` (j, 72) of one deviation of an input each on the
     error's block means, and ``columns`` (j,) which inputs these are; ``one_sided`` (j,) where an input cannot be below
     zero; ``weight`` (72, 72) the inverse covariance of the block means; ``limits`` (3,) of :data:`STATISTICS`, which
-    all together are kept with ``confidence``.
+    all together are kept with ``confidence``; ``drawn`` (k, 3) these of the draws, and ``entries`` (k, m) each of the
+    entries that the shape is the largest of.
     """
 
     size_scale: Array
@@ -108,6 +109,7 @@ class RightModel:
     limits: Array
     confidence: float
     drawn: Array
+    entries: Array
 
     @classmethod
     def of(cls, draws: Array, inputs: Array, confidence: float) -> "RightModel":
@@ -123,14 +125,15 @@ class RightModel:
         # An input's effect takes two coefficients: known in each part of the draws, or in none.
         inputs = inputs if np.count_nonzero(folds) > 2 * inputs.shape[1] + 1 else inputs[:, :0]
         found = cls._fitted(features, inputs, confidence)
-        drawn = np.empty((len(draws), len(STATISTICS)))
+        drawn, entries = np.empty((len(draws), len(STATISTICS))), np.empty(features[1].shape[:2])
         for fold in range(_FOLDS):
             held = folds == fold
             part = cls._fitted(tuple(each[~held] for each in features), inputs[~held], confidence)
             drawn[held] = part._statistics(tuple(each[held] for each in features))
+            entries[held] = part._entries(features[1][held])
         limits = np.array([max(upper_limit(column, confidence), 1e-9) for column in drawn.T])
         limits *= upper_limit((drawn / limits).max(axis=1), confidence)
-        return replace(found, limits=limits, drawn=drawn)
+        return replace(found, limits=limits, drawn=drawn, entries=entries)
 
     @classmethod
     def _fitted(cls, features: Sequence[Array], inputs: Array, confidence: float) -> "RightModel":
@@ -146,11 +149,14 @@ class RightModel:
         # What does not vary at all is left out by a scale that nothing reaches.
         scale = np.where(scale > 0, scale, np.inf)
         ones, none = np.ones(len(STATISTICS)), np.empty((0, len(STATISTICS)))
-        return cls(scale, covariance, effects, columns, one_sided, weight, ones, confidence, none)
+        return cls(scale, covariance, effects, columns, one_sided, weight, ones, confidence, none, none)
 
     def signature(self, error: Array) -> Array:
-        """Entries (..., m, 2) of the signature of errors (..., n, 3), in deviations."""
-        return normalised_signature(error_signature(error), self.covariance)
+        """Entries (..., m) of the signature of errors (..., n, 3), of position or heading the larger, in deviations."""
+        return self._entries(error_signature(error))
+
+    def _entries(self, signature: Array) -> Array:
+        return np.asarray(normalised_signature(signature, self.covariance).max(axis=-1))
 
     def input_scores(self, means: Array) -> Array:
         """By how many deviations each input stands out (..., j) in block means (..., 72), all others being as drawn.
@@ -168,7 +174,7 @@ class RightModel:
     def _statistics(self, features: Sequence[Array]) -> Array:
         sizes, signature, means = features
         size = (sizes / self.size_scale).max(axis=-1)
-        shape = normalised_signature(signature, self.covariance).max(axis=(-2, -1))
+        shape = self._entries(signature).max(axis=-1)
         scores = np.abs(self.input_scores(means))
         single = scores.max(axis=-1) if len(self.columns) else np.zeros_like(size)
         return np.stack([size, shape, single], axis=-1)
@@ -313,12 +319,20 @@ def place(error: Array, right: RightModel, length: Array) -> tuple[float, float]
     """Between which lengths of the path [m] an error (n, 3) begins that is none of a right model; NaN where it is one.
 
     The entry of the signature that exceeds its limit and ends first says when the error shows; a change also says since
-    when it has grown.
+    when it has grown: since the last time before its first block, in whose mean it is already. Among the changes within
+    that time the same is asked again, with the limit that a right model keeps in these few, lower than that of all.
     """
-    normalised = right.signature(error).max(axis=1)
-    exceeding = [e for e, value in zip(signature_entries(), normalised, strict=True) if value > right.limits[1]]
-    if not exceeding:
-        return float("nan"), float("nan")
-    first = min(exceeding, key=lambda entry: (entry.last, -entry.first))
-    blocks = signature_blocks(len(length))
-    return float(length[blocks[first.first][-1]]), float(length[blocks[first.last][-1]])
+    normalised, entries = right.signature(error), signature_entries()
+    asked, limit = np.ones(len(entries), dtype=bool), right.limits[1]
+    begins, ends, blocks = float("nan"), float("nan"), signature_blocks(len(length))
+    while (exceeding := asked & (normalised > limit)).any():
+        # Of those that end together the latest change; a mean says nothing of when it came to be.
+        first = min(
+            (entries[i] for i in np.flatnonzero(exceeding)), key=lambda e: (e.last, e.first == e.last, -e.first)
+        )
+        since = first.first if first.first < first.last else 0
+        begins, ends = float(length[max(0, blocks[since][0] - 1)]), float(length[blocks[first.last][-1]])
+        asked &= [since <= e.first < e.last <= first.last and e != first for e in entries]
+        if asked.any():
+            limit = upper_limit(right.entries[:, asked].max(axis=1), right.confidence)
+    return begins, ends
