@@ -16,6 +16,12 @@ def test_what_is_locked_is_handed_on():
     assert locked(kept, "the same", (None,)) is kept
 
 
+def test_a_read_only_view_of_what_is_locked_is_handed_on():
+    whole = locked(np.arange(6.0), "numbers", (6,))
+    view = whole[2:].reshape(2, 2)
+    assert locked(view, "the same", (2, 2)) is view
+
+
 def test_a_read_only_view_of_what_can_be_written_is_copied():
     given = np.arange(3.0)
     view = given[:]

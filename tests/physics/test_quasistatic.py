@@ -91,7 +91,7 @@ def test_what_is_interpolated_is_what_is_solved(cube, makkar):
     path = lemniscate(600, 60_000)
     often = quasistatic_plan(cube, makkar, path, TETHER)
     seldom = quasistatic_plan(cube, makkar, path, TETHER, times=path.time_s[::500])
-    assert often.statistics["solves"] < 0.1 * len(often.time_s)
+    assert often.statistics["solves"] <= 2 * 9 * often.statistics["panels"] < 0.02 * len(often.time_s)
     assert often.tether_force[::500] == pytest.approx(seldom.tether_force, abs=1e-8)
     assert often.hinge.position[::500] == pytest.approx(seldom.hinge.position, abs=1e-9)
     assert often.twist[::500] == pytest.approx(seldom.twist, abs=1e-10)

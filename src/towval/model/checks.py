@@ -32,13 +32,11 @@ def locked(values: ArrayLike, name: str, shape: tuple[int | None, ...], *, finit
 
 
 def _is_locked(values: ArrayLike) -> TypeGuard[Array]:
-    """Whether values are a float64 array that owns its memory and that its maker has made read-only."""
-    return (
-        type(values) is np.ndarray
-        and values.dtype == np.float64
-        and values.flags.owndata
-        and not values.flags.writeable
-    )
+    """Whether values are a float64 array that its maker has made read-only, and so the array whose memory it shows."""
+    if type(values) is not np.ndarray or values.dtype != np.float64 or values.flags.writeable:
+        return False
+    owner = values if values.base is None else values.base
+    return type(owner) is np.ndarray and owner.flags.owndata and not owner.flags.writeable
 
 
 def lock(self: object, *, finite: bool = True, **shapes: tuple[int | None, ...]) -> None:

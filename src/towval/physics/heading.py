@@ -1,10 +1,11 @@
 """The heading of an object drawn along a path without inertia: its rate follows from balance, θ̇ = ω(t, θ).
 
 Collocation in panels: within a panel rate and forces are the polynomials of degree eight through their values at
-Chebyshev's nodes, and the heading is the rate's integral. Newton's method on all headings of a panel, with the rate's
-slope by the heading in closed form, settles them in three or four rounds. The coefficients of the two highest degrees
-bound what the polynomials miss; and since a path may jerk between the nodes, so does the distance of the path's own
-velocity, at every time of the plan, from its polynomial. A panel that misses more is halved.
+Chebyshev's nodes, and the heading is the rate's integral. Newton's method on all headings of a panel, with the slopes
+of rate and force by the heading in closed form, settles them in two rounds from the polynomials of the panel before.
+The coefficients of the two highest degrees bound what the polynomials miss; and since a path may jerk between the
+nodes, so does the distance of the path's own velocity, at every time of the plan, from its polynomial. A panel that
+misses more is halved.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from numpy.polynomial import chebyshev
 
 from towval.model import Array
 from towval.model.compiling import compiled
-from towval.physics.balanced_rate import ROOT_CHOSEN, ROOT_FOUND, Levers, balanced_rate
+from towval.physics.balanced_rate import ROOT_CHOSEN, ROOT_FOUND, ROOT_LOST, Levers, balanced_rate
 from towval.physics.splines import Spline, piece_at, spline_at
 from towval.physics.wrench import SlidingPatch
 
@@ -27,8 +28,10 @@ _DEGREE = 8
 _TOLERANCE = 1e-10  # of the heading over a panel [rad], and of force over itself
 _JERK = 1e-8  # of the largest velocity in a panel, that the velocity may differ from its polynomial between the nodes
 _ROUNDS = 12
-_FEW = 2 * (_DEGREE + 1)  # times in a panel that are solved for themselves: it took as many balances
-_SETTLED_HEADING = 1e-11  # rad
+_FEW = 2 * (_DEGREE + 1)  # times in a panel that are solved for themselves: two rounds take as many balances
+_SETTLED_HEADING = 1e-6  # rad, of a Newton step, which leaves its square as the error
+_TRUSTED = 0.3  # of the rate and |v| over the patch's radius: how far the polynomial before may lead the first guess
+_BLOCK = 64  # times whose polynomials are evaluated together
 # Of the patch's radius: how far the path goes in the first panel, and in one that is halved no further.
 _FIRST, _LEAST = 0.1, 1e-3
 _SHORTEST = 1e-9  # of the time of the path, for where it rests
@@ -44,15 +47,16 @@ _HIGHEST = _TO_CHEBYSHEV[-2:].copy()
 Place = tuple[float, float, float, float, float, float]
 """A point of the path and its two derivatives, x and y each."""
 
-# Rows of a panel: heading, rate, force (2) in body axes, velocity (2), slope of the rate by the heading.
-_THETA, _OMEGA, _FX, _FY, _VX, _VY, _TURN = range(7)
+# Rows of a panel: heading, rate, force (2) in body axes, velocity (2), slopes of rate and force by the heading.
+_THETA, _OMEGA, _FX, _FY, _VX, _VY, _TURN, _FX_TURN, _FY_TURN = range(9)
 
 
 class Plan(NamedTuple):
     """What compiled code fills in at each time.
 
     As in :class:`QuasistaticMotion`: ``pose``, ``twist``, ``tether_force``, ``hinge`` (n, 2). Beside: ``direction`` (n,
-    2) of the tow in body axes, ``moment`` (n,) left about the anchor [N m], ``status`` (n,) of the root. Zero before.
+    2) of the tow in body axes, ``moment`` (n,) left about the anchor where the root is lost [N m], ``status`` (n,) of
+    the root.
     """
 
     pose: Array
@@ -62,6 +66,13 @@ class Plan(NamedTuple):
     direction: Array
     moment: Array
     status: Array
+
+
+def room_for_plan(n: int) -> Plan:
+    """A plan of n times to be filled in, in one block: the system hands out a large one more cheaply than seven."""
+    pose, twist, force, hinge, direction, alone = np.split(np.empty(14 * n), n * np.array([3, 6, 8, 10, 12]))
+    pairs = (part.reshape(n, 2) for part in (force, hinge, direction))
+    return Plan(pose.reshape(n, 3), twist.reshape(n, 3), *pairs, *alone.reshape(2, n))
 
 
 @compiled()
@@ -77,19 +88,20 @@ def follow(
         patch.origin[0] - levers[0], patch.origin[1] - levers[1], patch.origin[0] - levers[2],
         patch.origin[1] - levers[3],
     )  # fmt: skip
-    nodes, powers = np.zeros((7, _DEGREE + 1)), np.zeros((6, _DEGREE + 2))
-    system = np.empty((_DEGREE, _DEGREE + 1))
+    nodes, powers = np.zeros((9, _DEGREE + 1)), np.zeros((6, _DEGREE + 2))
+    system, block = np.empty((_DEGREE, _DEGREE + 1)), np.empty((7, _BLOCK))
     t, span = times[0], times[-1] - times[0]
     nodes[_THETA, 0] = heading
     piece = piece_at(spline.knots, t, 0)
     h = min(span, _FIRST * patch.radius / max(spline.speed_limits[piece], _FIRST * patch.radius / span))
     filled = panels = solves = 0
-    bound = 0.0
+    bound, known = 0.0, (t, 0.0)
     while filled < len(times):
         left = times[-1] - t
         h = left if 1.01 * h >= left else h
         way = h * _lay_velocities(spline, t, h, piece, nodes)
         last = way <= _LEAST * patch.radius or h <= _SHORTEST * span
+        _guess_rates(t, h, known, powers, patch.radius, nodes)
         status, moment, count = _collocate(patch, geometry, h, panels == 0, nodes, system)
         solves += count
         error = _missed(h, nodes)
@@ -97,7 +109,8 @@ def follow(
         to, jerk = filled, np.inf
         if smooth or last:
             _lay_powers(h, nodes, powers)
-            to, jerk = _fill(plan, levers, spline, times, filled, (t, h, piece), powers, (status, moment))
+            known = (t, h)
+            to, jerk = _fill(plan, levers, spline, times, filled, (t, h, piece), powers, (status, moment), block)
         if not (last or (smooth and jerk <= _JERK)):
             h *= _SHRINK
             continue
@@ -128,18 +141,34 @@ def _lay_velocities(spline: Spline, t: float, h: float, piece: int, nodes: Array
 
 
 @compiled(allocates=False)
+def _guess_rates(t: float, h: float, known: tuple[float, float], powers: Array, radius: float, nodes: Array) -> None:
+    """Rates at the nodes of a panel, by the polynomial of a panel known (its start and length) where there is one.
+
+    Where that leads far off, and before, it turns by as much on the same way.
+    """
+    omega = nodes[_OMEGA]
+    before = math.sqrt(nodes[_VX, 0] ** 2 + nodes[_VY, 0] ** 2)
+    for j in range(1, _DEGREE + 1):
+        speed = math.sqrt(nodes[_VX, j] ** 2 + nodes[_VY, j] ** 2)
+        omega[j] = omega[0] * speed / before
+        if known[1] > 0:
+            x, led = 2 * (t + 0.5 * h * (1 + _NODES[j]) - known[0]) / known[1] - 1, 0.0
+            for k in range(_DEGREE, -1, -1):
+                led = led * x + powers[_OMEGA, k]
+            if abs(led - omega[j]) < _TRUSTED * (speed / radius + abs(omega[j])):
+                omega[j] = led
+
+
+@compiled(allocates=False)
 def _collocate(
     patch: SlidingPatch, geometry: Levers, h: float, search: bool, nodes: Array, system: Array
 ) -> tuple[int, float, int]:
-    """Headings, rates and forces at the nodes of a panel from the heading at its start and the velocities.
+    """Headings, rates and forces at the nodes of a panel from the heading at its start, velocities and guessed rates.
 
     Returns the worst status of the roots, the largest moment left, and how many balances were solved.
     """
     theta, omega, count = nodes[_THETA], nodes[_OMEGA], 0
     status, moment = ROOT_FOUND, 0.0
-    before = math.sqrt(nodes[_VX, 0] ** 2 + nodes[_VY, 0] ** 2)
-    for j in range(1, _DEGREE + 1):  # As far as known, it turns by as much on the same way.
-        omega[j] = omega[0] * math.sqrt(nodes[_VX, j] ** 2 + nodes[_VY, j] ** 2) / before
     for j in range(1, _DEGREE + 1):
         theta[j] = theta[0]
         for k in range(_DEGREE + 1):
@@ -150,9 +179,16 @@ def _collocate(
             cos, sin = math.cos(theta[j]), math.sin(theta[j])
             ux, uy = cos * nodes[_VX, j] + sin * nodes[_VY, j], cos * nodes[_VY, j] - sin * nodes[_VX, j]
             guess = 0.0 if j == 0 and rounds == 0 and search else omega[j]
-            omega[j], nodes[_TURN, j], nodes[_FX, j], nodes[_FY, j], left, found = balanced_rate(
-                patch, geometry, ux, uy, guess, search and rounds == 0
-            )
+            (
+                omega[j],
+                nodes[_TURN, j],
+                nodes[_FX, j],
+                nodes[_FY, j],
+                nodes[_FX_TURN, j],
+                nodes[_FY_TURN, j],
+                left,
+                found,
+            ) = balanced_rate(patch, geometry, ux, uy, guess, search and rounds == 0)
             count += 1
             status, moment = max(status, found), max(moment, abs(left))
         if status != ROOT_FOUND and rounds == 0 and not search:
@@ -164,7 +200,7 @@ def _collocate(
 
 @compiled(allocates=False)
 def _settle(h: float, nodes: Array, system: Array) -> float:
-    """One step of Newton's method on the headings; returns the largest change [rad], which rates follow as well."""
+    """One step of Newton's method on the headings, which rates and forces follow; returns the largest change [rad]."""
     theta, omega, turn = nodes[_THETA], nodes[_OMEGA], nodes[_TURN]
     for i in range(_DEGREE):
         left = theta[0] - theta[i + 1]
@@ -187,6 +223,8 @@ def _settle(h: float, nodes: Array, system: Array) -> float:
         system[i, _DEGREE] = change
         theta[i + 1] += change
         omega[i + 1] += change * turn[i + 1]
+        nodes[_FX, i + 1] += change * nodes[_FX_TURN, i + 1]
+        nodes[_FY, i + 1] += change * nodes[_FY_TURN, i + 1]
         largest = max(largest, abs(change))
     return largest if math.isfinite(largest) else np.inf
 
@@ -237,35 +275,48 @@ def _fill(
     panel: tuple[float, float, int],
     powers: Array,
     root: tuple[int, float],
+    block: Array,
 ) -> tuple[int, float]:
     """Fill the plan at the times within a panel (start, length, piece of the path at its start).
 
-    Returns the number of times filled in all, and how far the path's velocity is from its polynomial at most, over the
-    largest.
+    ``block`` is room for what is evaluated at some times. Returns the number of times filled in all, and
+    how far the path's velocity is from its polynomial at most, over the largest.
     """
     t, h, piece = panel
     knots, off, fastest = spline.knots, 0.0, 0.0
-    while filled < len(times) and (times[filled] <= t + h or t + h >= times[-1]):
-        time = times[filled]
-        piece = piece_at(knots, time, piece)
-        place = spline_at(knots, spline.coefficients, time, piece)
-        x = 2 * (time - t) / h - 1
-        theta, omega, fx, fy, vx, vy = powers[_THETA, _DEGREE + 1], 0.0, 0.0, 0.0, 0.0, 0.0
-        for k in range(_DEGREE, -1, -1):
-            theta = theta * x + powers[_THETA, k]
-            omega = omega * x + powers[_OMEGA, k]
-            fx = fx * x + powers[_FX, k]
-            fy = fy * x + powers[_FY, k]
-            vx = vx * x + powers[_VX, k]
-            vy = vy * x + powers[_VY, k]
-        if place[2] * place[2] + place[3] * place[3] > _CREEP * _CREEP:
-            off = max(off, abs(vx - place[2]), abs(vy - place[3]))
-        fastest = max(fastest, abs(vx), abs(vy))
-        plan.pose[filled, 2], plan.twist[filled, 2] = theta, omega
-        plan.status[filled], plan.moment[filled] = root
-        _assemble(plan, filled, levers, place, (math.cos(theta), math.sin(theta)), (fx, fy))
-        filled += 1
+    whole = t + h >= times[-1]
+    while filled < len(times) and (times[filled] <= t + h or whole):
+        count = 0
+        while count < _BLOCK and filled + count < len(times) and (times[filled + count] <= t + h or whole):
+            block[6, count] = 2 * (times[filled + count] - t) / h - 1
+            count += 1
+        _evaluate(powers, block, count)
+        for i in range(count):
+            theta, fx, fy, vx, vy = block[_THETA, i], block[_FX, i], block[_FY, i], block[_VX, i], block[_VY, i]
+            piece = piece_at(knots, times[filled], piece)
+            place = spline_at(knots, spline.coefficients, times[filled], piece)
+            if place[2] * place[2] + place[3] * place[3] > _CREEP * _CREEP:
+                off = max(off, abs(vx - place[2]), abs(vy - place[3]))
+            fastest = max(fastest, abs(vx), abs(vy))
+            plan.pose[filled, 2], plan.twist[filled, 2] = theta, block[_OMEGA, i]
+            plan.status[filled], plan.moment[filled] = root[0], root[1] if root[0] == ROOT_LOST else 0.0
+            _assemble(plan, filled, levers, place, (math.cos(theta), math.sin(theta)), (fx, fy))
+            filled += 1
     return filled, off / fastest if fastest > 0 else 0.0
+
+
+@compiled(allocates=False)
+def _evaluate(powers: Array, block: Array, count: int) -> None:
+    """The polynomials at places in a panel: the first ``count`` of the last row, into the rows before."""
+    place = block[6]
+    for row in range(6):
+        values = block[row]
+        for i in range(count):
+            values[i] = powers[row, _DEGREE + 1]
+        for k in range(_DEGREE, -1, -1):
+            power = powers[row, k]
+            for i in range(count):
+                values[i] = values[i] * place[i] + power
 
 
 @compiled(allocates=False)
@@ -287,7 +338,7 @@ def _solve_reported(
         vx, vy = moving_velocity(place, goes_on)
         cos, sin = math.cos(plan.pose[i, 2]), math.sin(plan.pose[i, 2])
         guess, ux, uy = plan.twist[i, 2], cos * vx + sin * vy, cos * vy - sin * vx
-        plan.twist[i, 2], _, fx, fy, _, _ = balanced_rate(patch, geometry, ux, uy, guess, False)
+        plan.twist[i, 2], _, fx, fy, _, _, _, _ = balanced_rate(patch, geometry, ux, uy, guess, False)
         _assemble(plan, i, levers, place, (cos, sin), (fx, fy))
 
 
@@ -303,12 +354,11 @@ def _assemble(
     px, py, ax, ay, rest_length, stiffness = levers
     (cos, sin), (fx, fy), omega = turned, friction, plan.twist[i, 2]
     pull = math.sqrt(fx * fx + fy * fy)
-    if pull > 0:
-        plan.direction[i, 0], plan.direction[i, 1] = -fx / pull, -fy / pull
-    else:
-        plan.direction[i, 0], plan.direction[i, 1] = plan.direction[max(i - 1, 0), 0], plan.direction[max(i - 1, 0), 1]
+    dx = -fx / pull if pull > 0 else plan.direction[i - 1, 0] if i > 0 else 0.0
+    dy = -fy / pull if pull > 0 else plan.direction[i - 1, 1] if i > 0 else 0.0
+    plan.direction[i, 0], plan.direction[i, 1] = dx, dy
     reach = rest_length + pull / stiffness
-    along_x, along_y = ax + reach * plan.direction[i, 0], ay + reach * plan.direction[i, 1]
+    along_x, along_y = ax + reach * dx, ay + reach * dy
     lever_x, lever_y = cos * px - sin * py, sin * px + cos * py
     x, y = place[0] - lever_x, place[1] - lever_y
     plan.pose[i, 0], plan.pose[i, 1] = x, y

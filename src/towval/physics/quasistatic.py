@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import shapely
@@ -21,13 +21,14 @@ from numpy.typing import ArrayLike
 
 from towval.model import Array, Finding, FrictionLaw, Ground, Sliding, Tether, TimedPath, TowedObject, locked
 from towval.model.checks import lock, short_repr
+from towval.model.compiling import compiled
 from towval.model.errors import InputError
 from towval.model.findings import finding
 from towval.model.geometry import inside_polygon
 from towval.physics.balanced_rate import ROOT_CHOSEN, ROOT_LOST
 from towval.physics.contact import footprint_polygon, footprint_size, refuse_tipping, resting_pressure
 from towval.physics.dynamics import LEVEL, checked_times, leaves_plane
-from towval.physics.heading import Plan, follow
+from towval.physics.heading import follow, room_for_plan
 from towval.physics.spatial.problem import as_sliding, tow_problem
 from towval.physics.spatial.steady import follow_in_space
 from towval.physics.splines import Spline, spline_covering, spline_values
@@ -120,7 +121,7 @@ def quasistatic_plan(
     point = locked(point, "point", (2,))
     if start_heading is None:
         start_heading = _settled_heading(spline, times[0], towed.anchor - point)
-    plan = Plan(*(np.zeros((len(times), width)) for width in (3, 3, 2, 2, 2)), *np.zeros((2, len(times))))
+    plan = room_for_plan(len(times))
     if isinstance(law, SlidingPatch) or not in_space:
         patch = law if isinstance(law, SlidingPatch) else _resting_patch(towed, as_sliding(law), ground)
         levers = np.concatenate([point, towed.anchor, [tether.rest_length, tether.stiffness]])
@@ -132,15 +133,15 @@ def quasistatic_plan(
         levers = np.concatenate([point, np.zeros(2)]) - np.tile(towed.centre_of_mass, 2)
         statistics = follow_in_space(problem, levers, times, float(start_heading), plan)
     findings = (*_root_findings(times, plan.status, plan.moment), *_cable_findings(towed, times, plan.direction))
-    for array in plan:
-        array.setflags(write=False)  # So the motion need not copy it.
+    for array in (times, plan.pose.base, *plan):
+        cast(Array, array).setflags(write=False)  # So the motion need not copy it.
     return QuasistaticMotion(
         time_s=times,
         pose=plan.pose,
         twist=plan.twist,
         tether_force=plan.tether_force,
         hinge=TimedPath(times, plan.hinge),
-        residual_moment=np.where(plan.status == ROOT_LOST, plan.moment, 0.0),
+        residual_moment=plan.moment,
         findings=findings,
         statistics=statistics,
     )
@@ -197,9 +198,25 @@ def _cable_findings(towed: TowedObject, times: Array, direction: Array) -> tuple
     ring = 1e-3 * size * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
     if inside_polygon(around, towed.anchor + ring).all():
         return ()  # The anchor sits within the outline, above the object: every direction crosses it.
-    ahead = direction * (0.05 * size)
-    ahead += towed.anchor
-    across = inside_polygon(around, ahead)
-    if not across.any():
+    count, first = _count_inside(around, towed.anchor, 0.05 * size, direction)
+    if count == 0:
         return ()
-    return (finding("cable_would_push", count=int(across.sum()), total=len(times), time_s=times[across][0]),)
+    return (finding("cable_would_push", count=count, total=len(times), time_s=times[first]),)
+
+
+@compiled(allocates=False)
+def _count_inside(polygon: Array, origin: Array, reach: float, direction: Array) -> tuple[int, int]:
+    """How many of the points in directions (n, 2) from an origin lie inside a polygon, and the first that does."""
+    count = first = 0
+    for i in range(len(direction)):
+        x, y = origin[0] + reach * direction[i, 0], origin[1] + reach * direction[i, 1]
+        inside, x0, y0 = False, polygon[-1, 0], polygon[-1, 1]
+        for k in range(len(polygon)):
+            x1, y1 = polygon[k, 0], polygon[k, 1]
+            if (y0 > y) != (y1 > y) and x < (x1 - x0) * (y - y0) / (y1 - y0) + x0:
+                inside = not inside
+            x0, y0 = x1, y1
+        if inside:
+            first = i if count == 0 else first
+            count += 1
+    return count, first

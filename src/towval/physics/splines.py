@@ -60,20 +60,26 @@ def spline_through(path: TimedPath) -> Spline:
     >>> spline_values(spline_through(path), np.array([3.5, 6.0]))[0][:, 0]
     array([0.05, 0.05])
     """
+    return _laid_out(path.time_s.copy(), _coefficients_through(path))
+
+
+def _coefficients_through(path: TimedPath) -> Array:
     n = len(path.time_s)
     if n < 2:
         raise InputError("a path of one point cannot be followed", got=f"{n} points", allowed="two points or more")
     length = np.diff(path.time_s)
-    slope = np.diff(path.position, axis=0) / length[:, None]
-    speed = np.hypot(slope[:, 0], slope[:, 1])
-    chord = speed * length
+    slope = np.diff(path.position, axis=0)
+    chord = np.hypot(slope[:, 0], slope[:, 1])
+    slope /= length[:, None]
     pauses = _coinciding_ends(length, slope, chord)
+    room = np.empty((n, 2, 4))
+    coefficients: Array = room[:-1]
     while True:
-        coefficients = _split_at(pauses, path.position, length, slope)
+        _split_at(pauses, path.position, length, slope, room)
         swings = _swings(length, chord, coefficients, slope)
         if swings.max() <= _SWING_LIMIT:
             break
-        may_pause = _slower_than_neighbours(speed) | (_longest_nearby(chord) < _NOISE * chord.max())
+        may_pause = _slower_than_neighbours(chord / length) | (_longest_nearby(chord) < _NOISE * chord.max())
         more = (swings > _SWING_LIMIT) & may_pause & ~pauses
         if not more.any():
             break
@@ -86,7 +92,7 @@ def spline_through(path: TimedPath) -> Spline:
             allowed=f"up to {_SWING_LIMIT}",
             remedy="give more points where the speed changes",
         )
-    return _laid_out(path.time_s.copy(), coefficients)
+    return coefficients
 
 
 def _coinciding_ends(length: Array, slope: Array, chord: Array) -> NDArray[np.bool_]:
@@ -135,23 +141,25 @@ def _leave_chords(length: Array, chord: Array, coefficients: Array, slope: Array
         aside[i] = math.sqrt(farthest) / longest if longest > 0 else 0.0
 
 
-def _split_at(pauses: NDArray[np.bool_], position: Array, length: Array, slope: Array) -> Array:
-    """Coefficients (n, 2, 4) of splines between the pauses, at rest where these begin and end."""
+def _split_at(pauses: NDArray[np.bool_], position: Array, length: Array, slope: Array, room: Array) -> None:
+    """Fill in the coefficients of splines between the pauses, at rest where these begin and end.
+
+    ``room`` (n + 1, 2, 4): a row for each of the n pieces, and one for what is known at the last point.
+    """
     n = len(length)
-    coefficients = np.empty((n, 2, 4))
+    edges = np.flatnonzero(np.diff(np.r_[True, pauses, True].astype(np.int8)))
+    for first, end in zip(edges[::2], edges[1::2], strict=True):
+        part, points = slice(first, end), room[first : end + 1]
+        points[0, :, 2] = points[-1, :, 2] = 0.0
+        at_rest = (bool(first > 0), bool(end < n))
+        if end - first > 1 or any(at_rest):
+            _solve_curvatures(length[part], slope[part], at_rest, points)
+        _lay_out_pieces(position[first : end + 1], length[part], slope[part], points)
     if pauses.any():  # The ends of a pause, where they do not quite coincide, are joined at rest.
+        coefficients = room[:-1]
         coefficients[pauses, :, 0], coefficients[pauses, :, 1] = position[:-1][pauses], 0.0
         coefficients[pauses, :, 2] = 3 * slope[pauses] / length[pauses, None]
         coefficients[pauses, :, 3] = -2 * slope[pauses] / length[pauses, None] ** 2
-    edges = np.flatnonzero(np.diff(np.r_[True, pauses, True].astype(np.int8)))
-    for first, end in zip(edges[::2], edges[1::2], strict=True):
-        part = slice(first, end)
-        curvature = np.zeros((end - first + 1, 2))
-        at_rest = (bool(first > 0), bool(end < n))
-        if end - first > 1 or any(at_rest):
-            _solve_curvatures(length[part], slope[part], at_rest, curvature)
-        _lay_out_pieces(position[first : end + 1], length[part], slope[part], curvature, coefficients[part])
-    return coefficients
 
 
 def spline_from(curve: CubicSpline) -> Spline:
@@ -185,15 +193,15 @@ def _laid_out(knots: Array, coefficients: Array) -> Spline:
 
 
 @compiled(allocates=False)
-def _lay_out_pieces(position: Array, length: Array, slope: Array, curvature: Array, coefficients: Array) -> None:
-    """Fill ``coefficients`` (n, 2, 4) from points, lengths and slopes of the pieces, and second derivatives."""
+def _lay_out_pieces(position: Array, length: Array, slope: Array, points: Array) -> None:
+    """Fill the first rows of ``points`` (n + 1, 2, 4), whose quadratic terms are second derivatives at the points."""
     for i in range(len(length)):
         for k in range(2):
-            start, end = curvature[i, k], curvature[i + 1, k]
-            coefficients[i, k, 0] = position[i, k]
-            coefficients[i, k, 1] = slope[i, k] - length[i] * (2 * start + end) / 6
-            coefficients[i, k, 2] = start / 2
-            coefficients[i, k, 3] = (end - start) / (6 * length[i])
+            start, end = points[i, k, 2], points[i + 1, k, 2]
+            points[i, k, 0] = position[i, k]
+            points[i, k, 1] = slope[i, k] - length[i] * (2 * start + end) / 6
+            points[i, k, 2] = start / 2
+            points[i, k, 3] = (end - start) / (6 * length[i])
 
 
 @compiled(allocates=False)
@@ -207,17 +215,17 @@ def _bound_speeds(knots: Array, coefficients: Array, speed_limits: Array) -> Non
         speed_limits[i] = first + length * (2 * second + length * 3 * third)
 
 
-@compiled()
-def _solve_curvatures(length: Array, slope: Array, at_rest: tuple[bool, bool], curvature: Array) -> None:
-    """Second derivatives at the points (n, 2), zero before, from the lengths and slopes (n - 1, 2) of the pieces.
+@compiled(allocates=False)
+def _solve_curvatures(length: Array, slope: Array, at_rest: tuple[bool, bool], points: Array) -> None:
+    """Second derivatives, zero at both ends before, as the quadratic terms of ``points`` (n, 2, 4), from n - 1 pieces.
 
     A tridiagonal system by elimination; it is diagonally dominant. An end ``at_rest`` has no velocity; another lies on
     the line through its two neighbours ("not a knot"), or is not curved where there are no three pieces to tell.
     """
-    n = len(curvature)
+    n, curvature, ratio = len(points), points[:, :, 2], points[:, 0, 3]
     first, last = length[0] / length[min(1, n - 2)], length[n - 2] / length[max(n - 3, 0)]
     knot_free = n > 3 and not at_rest[0], n > 3 and not at_rest[1]
-    ratio = np.zeros(n)  # of the entry beside the diagonal to that on it, in a row
+    ratio[0] = 0.0  # of the entry beside the diagonal to that on it, in a row
     if at_rest[0]:
         ratio[0] = 0.5
         curvature[0, 0], curvature[0, 1] = 3 * slope[0, 0] / length[0], 3 * slope[0, 1] / length[0]

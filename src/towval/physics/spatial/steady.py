@@ -184,8 +184,8 @@ def _fill(problem: TowProblem, levers: Array, times: Array, headings: Array, wor
         plan.tether_force[i, 0], plan.tether_force[i, 1] = cos * out[1] - sin * out[2], sin * out[1] + cos * out[2]
         plan.hinge[i, 0] = out[_PLACE] + cos * to_x - sin * to_y
         plan.hinge[i, 1] = out[_PLACE + 1] + sin * to_x + cos * to_y
-        plan.direction[i, 0], plan.direction[i, 1], plan.moment[i] = dx, dy, out[4]
-        plan.status[i] = out[5]
+        plan.direction[i, 0], plan.direction[i, 1], plan.status[i] = dx, dy, out[5]
+        plan.moment[i] = out[4] if out[5] == ROOT_LOST else 0.0
     return len(times)
 
 
