@@ -146,8 +146,9 @@ def verdict_rows(rows: list[dict[str, Any]]) -> Iterator[Row]:
 
 
 def names_the_stripe(entry: dict[str, Any]) -> bool:
-    """Whether the middle of the place reported is within 0.15 m of where the fault begins."""
-    return bool(abs(np.mean(entry["reported_m"]) - entry["begins_m"]) <= 0.15)
+    """Whether a place is reported, and its middle is within 0.15 m of where the fault begins."""
+    place = entry["reported_m"]
+    return place is not None and bool(abs(np.mean(place) - entry["begins_m"]) <= 0.15)
 
 
 def time_row(runs: int) -> Row:
