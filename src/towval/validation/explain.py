@@ -166,9 +166,14 @@ class _Search:
         if all(c in self.mirrored for c in columns):
             # Without effect to first order, so that two of them (heights of a tow) show together only.
             grid = [values for values in product((0.0, *_TRIED), repeat=len(columns)) if any(values)]
-        else:
-            grid = [tuple(row) for row in np.kron(np.r_[_TRIED, np.negative(_TRIED)][:, None], np.eye(len(columns)))]
-        return min(self._at(point, columns, np.array(grid)), key=lambda each: each.cost)
+            return min(self._at(point, columns, np.array(grid)), key=lambda each: each.cost)
+        tried = list[_Point]()
+        for way in np.vstack([np.eye(len(columns)), -np.eye(len(columns))]):
+            low, high = self._at(point, columns, np.outer(_TRIED[:2], way))
+            tried += [low, high]
+            if high.cost < max(low.cost, point.cost):  # else it leads away, and farther off even more so
+                tried += self._at(point, columns, np.outer(_TRIED[2:], way))
+        return min(tried, key=lambda each: each.cost)
 
     def _at(self, point: _Point, columns: Sequence[int], values: Array) -> list[_Point]:
         least = np.array([0.0 if c in self.mirrored else -_MOST_DEVIATIONS for c in columns])
