@@ -1,14 +1,16 @@
 """Step control: where a stop is ahead, and what the errors of two steps say about the third."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from towval.model import Tether, TimedPath
 from towval.physics.dynamics import Accuracy, feedback
-from towval.physics.friction_laws import Makkar
-from towval.physics.steps import GROW, SHRINK, following, retried, step_to_stop
+from towval.physics.friction_laws import Coulomb, Makkar
+from towval.physics.splines import hermite_spline, spline_through
+from towval.physics.steps import GROW, SHRINK, bend_ahead, following, retried, step_to_stop
 
 
 def state(velocity, acceleration):
@@ -44,6 +46,43 @@ def test_errors_that_grow_are_expected_to_grow_on():
     assert following(0.1, 0.0, 2.0, 0.1, 0.0) == pytest.approx(0.2, rel=1e-12)
     assert retried(0.1, 1e9) == pytest.approx(0.1 * SHRINK, rel=1e-12)
     assert retried(0.1, math.inf) == pytest.approx(0.01, rel=1e-12)
+
+
+def bent_drive():
+    """Cubics of half a second, along x, at whose ends the acceleration jumps by some 0.1 m/s²."""
+    time = 0.5 * np.arange(41)
+    speed = 0.05 + 0.01 * np.random.default_rng(3).standard_normal(41)
+    place = 0.8 + np.concatenate([[0.0], np.cumsum(0.25 * (speed[1:] + speed[:-1]))])
+    return hermite_spline(time, np.column_stack([place, 0 * place]), np.column_stack([speed, 0 * speed]))
+
+
+def test_a_step_ends_where_the_drive_bends():
+    time = np.array([0.0, 1.0, 2.0, 3.0])
+    along = np.array([0.0, 0.0, 0.5, 1.5])  # at rest, 1 m/s² from 1 s on, then steady
+    drive = hermite_spline(time, np.column_stack([along, 0 * along]), np.array([[0, 0], [0, 0], [1, 0], [1, 0.0]]))
+    assert bend_ahead(drive, 0.5, 0, 0.4, 1e-6) == math.inf
+    assert bend_ahead(drive, 0.5, 0, 0.6, 0.0049) == 1.0  # led off by 0.5 · 1 m/s² · (0.1 s)²
+    assert bend_ahead(drive, 0.5, 0, 0.6, 0.0051) == math.inf
+    assert bend_ahead(drive, 1.0, 1, 5.0, 1e-6) == 2.0
+    assert bend_ahead(drive, 1.0 - 1e-9, 0, 0.5, 1e-6) == math.inf  # it is there
+
+
+def test_a_drive_whose_acceleration_is_continuous_has_no_bends():
+    time = np.linspace(0.0, 10.0, 101)
+    drive = spline_through(TimedPath(time, np.column_stack([np.sin(time), np.cos(2 * time)])))
+    assert bend_ahead(drive, 0.0, 0, 10.0, 1e-9) == math.inf
+
+
+def test_few_steps_fail_at_bends_of_the_drive(cube):
+    drive, times = bent_drive(), np.linspace(0, 20, 201)
+    towed, tether = replace(cube, anchor_height=0.1, centre_of_mass_height=0.15), Tether(0.6, 800.0, damping=12.0)
+    motion, exact = (
+        feedback(towed, Coulomb(0.35, 1e-3), tether, drive, (0, 0, 0), times, hinge_height=0.2,
+                 accuracy=Accuracy(tolerance))
+        for tolerance in (1e-6, 1e-10)
+    )  # fmt: skip
+    assert motion.statistics["rejections"] < len(drive.knots)  # one and a half a bend, once
+    assert np.abs(motion.pose - exact.pose).max() < 1e-4
 
 
 def test_few_steps_fail_where_a_tether_without_damping_swings(cube):

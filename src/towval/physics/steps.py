@@ -3,6 +3,9 @@
 Where friction brings an object to rest, its law turns over within the last millimetres a second, and an error estimate
 that has not seen that lets steps run into it: on a run with stick-slip a third of all steps failed there. Along the
 acceleration of now the stop is known beforehand.
+
+Where the drive bends, its acceleration jumps, of which order and error estimate know nothing. Steps across fail, and in
+three dimensions the object may tip in them, which takes long to find out. So they end at the bend.
 """
 
 import math
@@ -12,7 +15,7 @@ import numpy as np
 from towval.model import Array
 from towval.model.compiling import compiled
 from towval.physics.rosenbrock import ORDER
-from towval.physics.splines import Spline
+from towval.physics.splines import Spline, spline_at
 
 SHRINK, GROW = 0.2, 6.0
 """A step is this many times the last at least and at most."""
@@ -26,6 +29,7 @@ _HEAD_ON = 0.1  # square of the sine of the angle between velocity and decelerat
 _ABOVE_RISE = 2.0  # speeds of rise above which friction is steady; below, it is linear and no step too long
 
 
+_AT_ONCE = 1e-3  # of a step: a bend as near is where the step begins
 _VELOCITY_RATE = 10.0  # 1/s; a velocity may be wrong by the position tolerance times this
 # Where friction rises within a speed, or the tether takes up friction within a stretch, below these, errors are kept
 # smaller in proportion: else the forces would be resolved no more, and the result wrong without a sign of it.
@@ -59,6 +63,25 @@ def safe_time(drive: Spline, t: float, piece: int, gap: float, anchor_speed: flo
         safe += duration
         now = knots[k + 1]
     return np.inf
+
+
+@compiled(allocates=False)
+def bend_ahead(drive: Spline, t: float, piece: int, h: float, least: float) -> float:
+    """Time [s] of the first knot within a step at which the drive bends so that it is led off by ``least`` [m].
+
+    Infinite where there is none.
+    """
+    knots, coefficients = drive.knots, drive.coefficients
+    for k in range(piece, len(coefficients) - 1):
+        knot: float = knots[k + 1]
+        left = t + h - knot
+        if left <= 0:
+            break
+        _, _, _, _, x_before, y_before = spline_at(knots, coefficients, knot, k)
+        jump_x, jump_y = 2 * coefficients[k + 1, 0, 2] - x_before, 2 * coefficients[k + 1, 1, 2] - y_before
+        if left * left * math.sqrt(jump_x * jump_x + jump_y * jump_y) > 2 * least and knot > t + _AT_ONCE * h:
+            return knot
+    return math.inf
 
 
 @compiled(allocates=False)

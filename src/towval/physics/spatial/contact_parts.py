@@ -95,16 +95,21 @@ def _append_ring(corners: Array, count: int, stretch: float, cut: Array, n: int)
 
 @compiled(allocates=False)
 def _add_regions(soles: Soles, regions: Regions, frame: Frame, work: Work) -> None:
-    """Append, for each piece of a region, the parts within it with the weight factor − 1."""
+    """Add, for each piece of a region, the weight factor − 1 to the parts within it, or append what lies within."""
     stretch = soles.numbers[STRETCH]
     parts, n = soles.parts.shape[0], int(work.counts[2]) if work.counts[1] > 0 else 0
     k = parts
     for piece in range(regions.pieces.shape[0]):
         for part in range(parts):
             cx, cy = soles.parts[part, CIRCLE] / stretch, soles.parts[part, CIRCLE + 1]
-            if not _may_touch(regions, piece, cx, cy, soles.parts[part, CIRCLE + 2] / min(1.0, stretch), frame):
-                continue
+            radius = soles.parts[part, CIRCLE + 2] / min(1.0, stretch)
             source, row = work.active[part], work.active[k]
+            depth = _least_depth(regions, piece, cx, cy, frame)
+            if depth < -radius:
+                continue
+            if depth > radius:  # All of it lies within.
+                source[3] += regions.pieces[piece, 2]
+                continue
             first = n
             n = _within(soles, regions, piece, source, frame, work, n)
             if n > first:
@@ -122,12 +127,13 @@ def _half_plane(regions: Regions, plane: int, frame: Frame) -> tuple[float, floa
 
 
 @compiled(allocates=False)
-def _may_touch(regions: Regions, piece: int, cx: float, cy: float, radius: float, frame: Frame) -> bool:
+def _least_depth(regions: Regions, piece: int, cx: float, cy: float, frame: Frame) -> float:
+    """How far a place in body axes lies within the half-planes of a piece, of which it is in least [m]."""
+    depth = math.inf
     for plane in range(int(regions.pieces[piece, 0]), int(regions.pieces[piece, 1])):
         c, a, b = _half_plane(regions, plane, frame)
-        if c + a * cx + b * cy < -radius:
-            return False
-    return True
+        depth = min(depth, c + a * cx + b * cy)
+    return depth
 
 
 @compiled(allocates=False)

@@ -36,7 +36,7 @@ from towval.physics.spatial.problem import (
 from towval.physics.spatial.rates import acceleration_slopes, accelerations, natural_mode, tautness
 from towval.physics.spatial.soles import RADIUS, Work
 from towval.physics.splines import piece_at
-from towval.physics.steps import GROW, following, retried, safe_time, step_to_stop
+from towval.physics.steps import GROW, bend_ahead, following, retried, safe_time, step_to_stop
 
 STUCK = 3
 """At rest, held by friction; beside SLACK, TAUT and FORCED."""
@@ -275,6 +275,8 @@ def _move(
     h = min(clock[_H], end - t, step_to_stop(y, march.rates0, problem.soles.numbers[RADIUS], rise))
     if mode == SLACK or (mode == TAUT and _hangs_slack(problem, t, piece, y)):
         h = min(h, _slack_step(problem, t, piece, y))
+    bend = np.inf if mode == FORCED else bend_ahead(problem.drive, t, piece, h, weights[0])
+    asked, h = h, min(h, bend - t)
     if h < _SMALLEST_STEP * span:
         failed = int(clock[_BALANCE])
         return STEP_TOO_SMALL if failed == BALANCED else TIPPED_OVER if failed == TIPS else LIFTED_OFF, False, False
@@ -283,8 +285,11 @@ def _move(
         counts[1] += 1
         clock[_H], clock[_GROWTH] = retried(h, error), 1.0
         return REACHED_END, False, False
-    clock[_H] = following(h, error, clock[_GROWTH], clock[_LAST_H], clock[_LAST_ERROR])
-    clock[_LAST_H], clock[_LAST_ERROR] = h, error
+    if h < asked:  # The error of a step that was cut short tells little of the next.
+        clock[_H], clock[_LAST_H] = asked, 0.0
+    else:
+        clock[_H] = following(h, error, clock[_GROWTH], clock[_LAST_H], clock[_LAST_ERROR])
+        clock[_LAST_H], clock[_LAST_ERROR] = h, error
     theta = _first_crossing(problem, mode, t, h, piece, march)
     if theta < 1:
         h *= theta
@@ -292,6 +297,7 @@ def _move(
         counts[2] += 1
         clock[_LAST_H] = 0.0
     t1 = t + h if t + h < end - _SMALLEST_STEP * span else end
+    t1 = bend if h == bend - t else t1
     _report(march, mode, t1, h, times, states, modes)
     for i in range(6):
         y[i] = march.y1[i]
