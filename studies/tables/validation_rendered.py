@@ -116,12 +116,20 @@ def filmed_run(seed: int, fault: str, folder: Path) -> tuple[float, Comparison]:
 
 
 def given_of(run: SyntheticRun) -> dict:
-    """What campaign.yaml says of the run."""
+    """What campaign.yaml says of the run.
+
+    Its tether has no damping at all, and that is stated: where nothing is, a lossless tether is as good as ruled out.
+    """
     scene = run.scene
     return {
         "mass_kg": scene.body_mass,
         "load": {"mass_kg": scene.load.mass, "at_m": scene.load.at.tolist(), "size_m": scene.load.size.tolist()},
-        "tether": {"rest_length_m": scene.tether.rest_length, "stiffness_N_per_m": scene.tether.stiffness},
+        "tether": {
+            "rest_length_m": scene.tether.rest_length,
+            "stiffness_N_per_m": scene.tether.stiffness,
+            "damping_Ns_per_m": 0.0,
+            "damping_std_Ns_per_m": 0.0,
+        },
         "friction": {
             "kinetic": scene.friction.kinetic,
             "static": scene.friction.static,
