@@ -21,8 +21,11 @@ def wrapped(angle: ArrayLike) -> Array:
 def rotation(heading: ArrayLike) -> Array:
     """Rotation matrices (..., 2, 2) for counter-clockwise headings (...) [rad]."""
     heading = np.asarray(heading, dtype=np.float64)
-    c, s = np.cos(heading), np.sin(heading)
-    return np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)
+    turn = np.empty((*heading.shape, 2, 2))
+    turn[..., 0, 0] = turn[..., 1, 1] = np.cos(heading)
+    turn[..., 1, 0] = np.sin(heading)
+    turn[..., 0, 1] = -turn[..., 1, 0]
+    return turn
 
 
 def turned_covariance(covariance: Array, heading: ArrayLike) -> Array:
@@ -38,7 +41,10 @@ def transform(pose: ArrayLike, points: ArrayLike) -> Array:
     pose, points = np.asarray(pose, dtype=np.float64), np.asarray(points, dtype=np.float64)
     c, s = np.cos(pose[..., 2]), np.sin(pose[..., 2])
     x, y = points[..., 0], points[..., 1]
-    return np.stack([c * x - s * y + pose[..., 0], s * x + c * y + pose[..., 1]], axis=-1)
+    first = c * x - s * y + pose[..., 0]
+    placed = np.empty((*np.shape(first), 2))
+    placed[..., 0], placed[..., 1] = first, s * x + c * y + pose[..., 1]
+    return placed
 
 
 def inverse_transform(pose: ArrayLike, points: ArrayLike) -> Array:

@@ -185,7 +185,8 @@ class Shutter:
         steps = _READINGS * (len(_CANDIDATES_S) - 1)
         kept = np.flatnonzero(self.sharp.clear(points, longest))
         points, path = points[kept], longest[kept]
-        readings = np.array([self.sharp.read(points + s * path) for s in np.arange(steps + 1) / steps - 0.5])
+        places = points + (np.arange(steps + 1) / steps - 0.5)[:, None, None] * path
+        readings = self.sharp.read(places.reshape(-1, 2)).reshape(steps + 1, -1)
         values = self.target.grey_values(luma, points, found.pose)
         known = np.isfinite(readings).all(axis=0) & np.isfinite(values)
         if known.sum() < CONSTANTS.least_kept * min(CONSTANTS.learned_from, len(self.sharp.template.points)):
@@ -193,7 +194,10 @@ class Shutter:
         tile, weight = template.tile[kept[known]], found.weight[kept[known]]
         self.weight += weight.sum()
         self.own_noise += weight.sum() * _noise_left(length_px)
+        readings, values = readings[:, known], values[known]
+        between = (readings[1:] + readings[:-1]) / 2
+        swept, middle = readings[steps // 2], steps // 2
         for i in range(len(_CANDIDATES_S)):
-            part = readings[(steps - _READINGS * i) // 2 : (steps + _READINGS * i) // 2 + 1, known]
-            swept = part[0] if i == 0 else (part[1:] + part[:-1]).mean(axis=0) / 2
-            self.misfit[i] += light_misfit(values[known], swept, tile, template.tiles, weight, found.scale)
+            if i:
+                swept = between[middle - i : middle + i].mean(axis=0)
+            self.misfit[i] += light_misfit(values, swept, tile, template.tiles, weight, found.scale)

@@ -121,7 +121,11 @@ class CameraMotion:
         hidden = tuple(
             transform(p, CONSTANTS.hidden_scale * b.top_corners_m) for b, p in zip(bodies, poses, strict=True)
         )
-        self.camera, self.floor, self.bodies = camera, floor, tuple(bodies)
+        self.camera, self.floor = camera, floor
+        reach = (float(np.linalg.norm(body.top_corners_m, axis=1).max()) for body in bodies)
+        self.hiding = [
+            (CONSTANTS.hidden_scale * r, b.tracked_plane_height_m) for r, b in zip(reach, bodies, strict=True)
+        ]
         self.view = camera, floor
         self.floor_seen = FloorRegistration(camera, floor, luma, hidden)
         self.raw, self.used = np.zeros(_SIZE), np.zeros(_SIZE)
@@ -150,17 +154,15 @@ class CameraMotion:
                 self.used = self.raw
                 self.view = moved_view(self.camera, self.floor, self.used)
         raw = np.full(_SIZE, np.nan) if found is None else self.raw
-        std_px = 0.0 if found is None else self.floor_seen.std_px(found.covariance)
-        self.numbers.extend((time_s, *raw, *self.used, std_px))
+        self.numbers.extend((time_s, *raw, *self.used, 0.0 if found is None else found.std_px))
         return self.view
 
     def hidden_discs(self, poses: Sequence[Array]) -> list[tuple[Array, float]]:
         """Discs of the floor that bodies hide: where they stand, and behind their tops."""
         eye = self.floor.camera_position_m
         discs = []
-        for body, pose in zip(self.bodies, poses, strict=True):
-            radius = CONSTANTS.hidden_scale * float(np.linalg.norm(body.top_corners_m, axis=1).max())
-            behind = eye[:2] + (pose[:2] - eye[:2]) * eye[2] / max(eye[2] - body.tracked_plane_height_m, 0.1 * eye[2])
+        for (radius, height), pose in zip(self.hiding, poses, strict=True):
+            behind = eye[:2] + (pose[:2] - eye[:2]) * eye[2] / max(eye[2] - height, 0.1 * eye[2])
             discs += [(pose[:2], radius), (behind, radius)]
         return discs
 

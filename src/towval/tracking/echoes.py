@@ -67,10 +67,11 @@ class Echoes:
         kept = self.sharp.clear(template.points, 2 * max(_PAST) * path)
         # A pixel that shows the point p now showed p + k steps k pictures ago.
         points = template.points[kept]
-        values, sharp = self.target.grey_values(luma, points, pose), self.sharp.read(points)
-        echoes = [self.sharp.read(points + back * path[kept]) - sharp for back in (_NEXT, *_PAST)]
-        around = CONSTANTS.blur_px * template.pixel_m * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
-        softer = np.sum([self.sharp.read(points + by) - sharp for by in around], axis=0)
+        values = self.target.grey_values(luma, points, pose)
+        around = CONSTANTS.blur_px * template.pixel_m * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])
+        places = [points + by for by in around] + [points + back * path[kept] for back in (_NEXT, *_PAST)]
+        sharp, *others = self.sharp.read(np.concatenate(places)).reshape(len(places), -1)
+        softer, echoes = np.sum(others[:4], axis=0) - 4 * sharp, [other - sharp for other in others[4:]]
         columns = np.column_stack([values - sharp, template.slopes[kept], softer, *echoes])
         known = np.isfinite(columns).all(axis=1)
         if known.sum() >= CONSTANTS.samples / 4:
@@ -102,7 +103,10 @@ def _normal(columns: Array, light: Array, tile: NDArray[np.int64]) -> tuple[floa
     weight = np.ones(len(misfit))
     for _ in range(_ROUNDS):
         weighed = others.T * weight
-        left = misfit - others @ (np.linalg.pinv(weighed @ others, hermitian=True) @ (weighed @ misfit))
+        information = weighed @ others
+        # Numerical: a direction without texture stays solvable.
+        information += np.diag(1e-9 * np.diag(information) + 1e-9)
+        left = misfit - others @ np.linalg.solve(information, weighed @ misfit)
         scale = 1.4826 * float(np.median(np.abs(left))) + 1e-6
         weight = np.clip(1 - (left / (TUKEY * scale)) ** 2, 0, None) ** 2
     root = np.sqrt(weight)[:, None] / scale

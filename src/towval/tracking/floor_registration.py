@@ -14,14 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from towval.model import Array, Body, Camera, Floor
-from towval.model.compiling import compiled
 from towval.optics.moved_view import moved_view, parameters_by_motion
 from towval.optics.plane_uncertainty import position_sensitivity
 from towval.optics.projection import project, to_plane
-from towval.tracking.alignment import correlation_of_tiles, residual_scale, reweigh
-from towval.tracking.interpolation import RELAXED, sample_plane_kernel
+from towval.tracking.floor_kernels import outside, register_kernel, shares, sums_of_clusters
 from towval.tracking.light import CONSTANTS as LIGHT
-from towval.tracking.light import Tiles, fit_light, misfits
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.template import Luma, Template, make_template, without_light
 
@@ -67,104 +64,11 @@ Hidden = list[tuple[Array, float]]
 
 @dataclass(frozen=True)
 class Registered:
-    """The view's ``motion`` (9,) in one picture and its ``covariance`` (9, 9)."""
+    """The view's ``motion`` (9,) in one picture, its ``covariance`` (9, 9), and ``std_px``: that of the floor."""
 
     motion: Array
     covariance: Array
-
-
-@compiled()
-def _turned(motion: Array, T: Array) -> Array:
-    """The floor's transform (4, 4) after the turn and shift of a ``motion`` (9,)."""
-    angle = np.sqrt(motion[0] ** 2 + motion[1] ** 2 + motion[2] ** 2)
-    x, y, z = motion[0], motion[1], motion[2]
-    # Rodrigues' formula, by its series where the angle is small.
-    a = np.sin(angle) / angle if angle > 1e-6 else 1.0
-    b = (1 - np.cos(angle)) / (angle * angle) if angle > 1e-6 else 0.5
-    R = np.array(
-        [
-            [1 - b * (y * y + z * z), b * x * y - a * z, b * x * z + a * y],
-            [b * x * y + a * z, 1 - b * (x * x + z * z), b * y * z - a * x],
-            [b * x * z - a * y, b * y * z + a * x, 1 - b * (x * x + y * y)],
-        ]
-    )
-    out = T.copy()
-    for i in range(3):
-        for j in range(4):
-            out[i, j] = R[i, 0] * T[0, j] + R[i, 1] * T[1, j] + R[i, 2] * T[2, j]
-        out[i, 3] += motion[3 + i]
-    return out
-
-
-@compiled(fastmath=RELAXED)
-def _information(slopes: Array, weight: Array, residual: Array) -> tuple[Array, Array]:
-    """Information (9, 9) and right side (9,) of the least squares."""
-    size = slopes.shape[1]
-    information, right = np.zeros((size, size)), np.zeros(size)
-    for i in range(slopes.shape[0]):
-        if weight[i] > 0:
-            for j in range(size):
-                ws = weight[i] * slopes[i, j]
-                right[j] += ws * residual[i]
-                for k in range(j + 1):
-                    information[j, k] += ws * slopes[i, k]
-    for j in range(size):
-        for k in range(j):
-            information[k, j] = information[j, k]
-    return information, right
-
-
-@compiled()
-def _register_kernel(
-    luma: Luma,
-    shape: tuple[Array, Array, Array, Tiles, int],
-    precision: Array,
-    motion: Array,
-    view: tuple[Array, Array, Array],
-    prior: tuple[Array, Array],
-    limits: tuple[float, float, float, int],
-    gains: tuple[float, float, float],
-) -> tuple[Array, Array, Array, Array, Array, float, float, bool]:
-    """Rounds of the registration: motion, information, readings, weights, residuals, scale, correlation, converged."""
-    points, template, slopes, tile, tiles = shape
-    T, matrix, k = view
-    deviations, in_pixels = prior
-    least_scale, most_scale, tolerance_px, most_rounds = limits
-    spread, least_gain, most_gain = gains
-    n, size = points.shape[0], slopes.shape[1]
-    motion, flat, residual, weight = motion.copy(), np.zeros(3), np.empty(n), np.empty(n)
-    information, values = np.zeros((size, size)), np.empty(n)
-    scale, converged = most_scale, False
-    for round_ in range(most_rounds):
-        moved = matrix.copy()
-        for j in range(2):
-            moved[j, j] *= np.exp(motion[6])
-            moved[j, 2] += motion[7 + j]
-        values = sample_plane_kernel(luma, points, flat, 0.0, _turned(motion, T), moved, k)
-        if round_ == 0:
-            for i in range(n):
-                weight[i] = precision[i] if values[i] >= 0 else 0.0
-            ridge = (scale / spread) ** 2
-            light = fit_light(values, template, tile, tiles, weight, ridge, least_gain, most_gain)
-            misfits(values, template, tile, light, residual)
-        # The light follows by one round: by the last one it stands still.
-        scale = min(max(residual_scale(residual), least_scale), most_scale)
-        reweigh(residual, precision, scale, weight)
-        light = fit_light(values, template, tile, tiles, weight, (scale / spread) ** 2, least_gain, most_gain)
-        misfits(values, template, tile, light, residual)
-        for i in range(n):
-            weight[i] *= light[tile[i], 0] ** 2
-        information, right = _information(slopes, weight, residual)
-        # In units of the priors their information is the unit matrix, against residuals of this scale.
-        for j in range(size):
-            right[j] += scale * scale * motion[j] / deviations[j]
-        step = np.linalg.solve(information + scale * scale * np.eye(size), right)
-        motion -= step * deviations
-        converged = bool(step @ in_pixels @ step < tolerance_px * tolerance_px)
-        if converged:
-            break
-    correlation = correlation_of_tiles(values, template, tile, tiles, 8, 0.5)
-    return motion, information, values, weight, residual, scale, correlation, converged
+    std_px: float
 
 
 class FloorRegistration:
@@ -200,6 +104,7 @@ class FloorRegistration:
         self.slopes = without_light(slopes, template)
         by_motion = on_floor / template.pixel_m
         self.in_pixels = np.einsum("nap,naq->pq", by_motion, by_motion) / len(by_motion)
+        self.by_motion = self.in_pixels / np.outer(self.prior, self.prior)
         self.by_stretch = self.slopes[:, 7] / CONSTANTS.prior_px * (pixels[:, 0] / self.camera.matrix[0, 2] - 1)
         # Residuals of neighbours go together (compression, blur): those of a cluster count as one.
         cell = np.ptp(template.points, axis=0).max() / CONSTANTS.clusters_across
@@ -212,8 +117,7 @@ class FloorRegistration:
 
     def std_px(self, covariance: Array) -> float:
         """Deviation of one coordinate of the floor's points by a ``covariance`` (9, 9) of the motion [px]."""
-        in_pixels = self.in_pixels / np.outer(self.prior, self.prior)
-        return float(np.sqrt(np.sum(in_pixels * covariance) / 2))
+        return float(np.sqrt(np.vdot(self.by_motion, covariance) / 2))
 
     def register(self, luma: Luma, start: Array, hidden: Hidden) -> Registered | None:
         """The view's motion in a picture, near ``start`` (9,) or up to some 80 px from it; None where it is not found.
@@ -229,11 +133,9 @@ class FloorRegistration:
     def _near(self, luma: Luma, start: Array, hidden: Hidden) -> Registered | None:
         template, c = self.template, CONSTANTS
         assert template is not None
-        precision = np.ones(len(template.points))
-        for place, radius in hidden:
-            away = template.points - place
-            precision[(away * away).sum(axis=1) < radius * radius] = 0.0
-        motion, information, values, weight, residual, scale, correlation, converged = _register_kernel(
+        discs = np.array([(*place, radius) for place, radius in hidden]).reshape(-1, 3)
+        precision = outside(template.points, discs)
+        motion, information, values, weight, residual, scale, correlation, converged = register_kernel(
             luma,
             (template.points, template.values, self.slopes, template.tile, template.tiles),
             precision,
@@ -245,32 +147,26 @@ class FloorRegistration:
         )
         if not converged or not np.isfinite(motion).all():
             return None
-        in_view = (precision > 0) & (values >= 0)
-        if in_view.mean() < c.least_in_view or not (weight > 0).any():
-            return None
-        positive = np.sort(weight[weight > 0])
-        inliers = np.count_nonzero(weight[in_view] > 0.3 * positive[len(positive) // 2]) / np.count_nonzero(in_view)
-        if inliers < c.least_inliers or correlation < max(
-            c.least_correlation, c.kept_correlation * self.usual_correlation
-        ):
+        in_view, inliers = shares(values, precision, weight)
+        least_correlation = max(c.least_correlation, c.kept_correlation * self.usual_correlation)
+        if in_view < c.least_in_view or inliers < c.least_inliers or correlation < least_correlation:
             return None
         if self.registered % c.inflated_every == 0:
             self.variance_factor = self._variance_factor(information, weight, residual, scale)
-            self.scatter += self._scatter_px2(in_view, residual)
+            self.scatter += self._scatter_px2((precision > 0) & (values >= 0), residual)
         self.registered, self.last = self.registered + 1, (weight, residual, scale)
         self.usual_correlation += (correlation - self.usual_correlation) / min(self.registered, 20)
         variance = scale * scale * self.variance_factor
         whitened = np.linalg.inv(information / variance + np.eye(len(self.prior)))
         covariance: Array = np.asarray(whitened * np.outer(self.prior, self.prior), dtype=np.float64)
-        if self.std_px(covariance) > c.worst_std_px:
-            return None
-        return Registered(motion, covariance)
+        std_px = self.std_px(covariance)
+        return None if std_px > c.worst_std_px else Registered(motion, covariance, std_px)
 
     def _variance_factor(self, information: Array, weight: Array, residual: Array, scale: float) -> float:
         """Variance of the scores of clusters over that of independent residuals of this scale."""
-        scores = np.zeros((self.cluster.max() + 1, self.slopes.shape[1]))
         used = weight > 0
-        np.add.at(scores, self.cluster[used], (weight * residual)[used, None] * self.slopes[used])
+        count = int(self.cluster.max()) + 1
+        _, scores = sums_of_clusters(self.cluster[used], count, self.slopes[used], (weight * residual)[used])
         inverse = np.linalg.inv(information + scale * scale * np.eye(len(information)))
         return float(max(np.sum(inverse * (scores.T @ scores)) / np.sum(inverse * information) / scale**2, 1.0))
 
@@ -294,9 +190,7 @@ class FloorRegistration:
         enough = count >= CONSTANTS.least_of_cluster
         if enough.sum() < CONSTANTS.least_clusters:
             return []
-        information, right = np.zeros((len(count), 4, 4)), np.zeros((len(count), 4))
-        np.add.at(information, self.cluster[seen], slopes[:, :, None] * slopes[:, None, :])
-        np.add.at(right, self.cluster[seen], slopes * residual[seen, None])
+        information, right = sums_of_clusters(self.cluster[seen], len(count), slopes, residual[seen])
         inverse = np.linalg.pinv(information[enough], hermitian=True)
         fitted = np.einsum("nij,nj->ni", inverse, right[enough])
         # Of what is left: what displaces a cluster is none of its noise.

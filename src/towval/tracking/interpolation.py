@@ -32,12 +32,15 @@ def spline_value(luma: NDArray[np.uint8], u: float, v: float) -> float:
     iu, iv = int(u), int(v)
     a0, a1, a2, a3 = _spline_weights(u - iu)
     b0, b1, b2, b3 = _spline_weights(v - iv)
-    above, upper, lower, below = luma[iv - 1], luma[iv], luma[iv + 1], luma[iv + 2]
+    # Unsigned, for a negative index would count from the end, and each reading would look which it is.
+    w, x, y, z = np.uintp(iu - 1), np.uintp(iu), np.uintp(iu + 1), np.uintp(iu + 2)
+    above, upper = luma[np.uintp(iv - 1)], luma[np.uintp(iv)]
+    lower, below = luma[np.uintp(iv + 1)], luma[np.uintp(iv + 2)]
     value: float = (
-        b0 * (a0 * above[iu - 1] + a1 * above[iu] + a2 * above[iu + 1] + a3 * above[iu + 2])
-        + b1 * (a0 * upper[iu - 1] + a1 * upper[iu] + a2 * upper[iu + 1] + a3 * upper[iu + 2])
-        + b2 * (a0 * lower[iu - 1] + a1 * lower[iu] + a2 * lower[iu + 1] + a3 * lower[iu + 2])
-        + b3 * (a0 * below[iu - 1] + a1 * below[iu] + a2 * below[iu + 1] + a3 * below[iu + 2])
+        b0 * (a0 * above[w] + a1 * above[x] + a2 * above[y] + a3 * above[z])
+        + b1 * (a0 * upper[w] + a1 * upper[x] + a2 * upper[y] + a3 * upper[z])
+        + b2 * (a0 * lower[w] + a1 * lower[x] + a2 * lower[y] + a3 * lower[z])
+        + b3 * (a0 * below[w] + a1 * below[x] + a2 * below[y] + a3 * below[z])
     )
     return value
 

@@ -83,9 +83,17 @@ def light_misfit(values: Array, template: Array, tile: Tiles, tiles: int, weight
     """
     ridge = (scale / CONSTANTS.gain_spread) ** 2
     light = fit_light(values, template, tile, tiles, weight, ridge, CONSTANTS.least_gain, CONSTANTS.most_gain)
-    residual = np.empty(len(values))
-    misfits(values, template, tile, light, residual)
-    return float(np.sum(weight * (light[tile, 0] * residual) ** 2))
+    return float(_weighed_misfit(values, template, tile, light, weight))
+
+
+@compiled(fastmath=RELAXED)
+def _weighed_misfit(values: Array, template: Array, tile: Tiles, light: Array, weight: Array) -> float:
+    total = 0.0
+    for i in range(values.shape[0]):
+        row = tile[i]
+        misfit = values[i] - light[row, 2] - light[row, 0] * (template[i] - light[row, 1])
+        total += weight[i] * misfit * misfit
+    return total
 
 
 def evened(luma: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -205,6 +205,8 @@ def _peaks(slopes: Array, ordinary: Array, offsets: Array, expected: Array, spre
     for m in range(len(slopes)):
         best, at = -1.0, 1
         for j in range(1, slopes.shape[1] - 1):
+            if slopes[m, j] <= best:
+                continue
             score = slopes[m, j] * np.exp(-0.5 * ((offsets[j] - expected[m]) / spread) ** 2)
             if score > best:
                 best, at = score, j
