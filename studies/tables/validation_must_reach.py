@@ -140,7 +140,12 @@ def verdict_rows(rows: list[dict[str, Any]]) -> Iterator[Row]:
         large = [row[fault] for row in rows if _matters(row[fault], row["u_val_m"])]
         found = [entry for entry in large if entry["verdict"] == Verdict.DISAGREES]
         good = bool(large) and len(found) >= 0.95 * len(large)
-        yield f"{fault}, larger than 3 u_val and 20 mm: disagrees", f"{len(found)} of {len(large)}", "95 %", good
+        yield (
+            f"{fault}, larger than 3 u_val and {1e3 * TOLERANCE_M:g} mm: disagrees",
+            f"{len(found)} of {len(large)}",
+            "95 %",
+            good,
+        )
         if fault == "stripe":
             named = sum(names_the_stripe(entry) for entry in found)
             yield "its place reported within 0.15 m", f"{named} of {len(found)}", "95 %", named >= 0.95 * len(found)

@@ -1,9 +1,7 @@
 """Commands run and demo: the whole workflow, which comes with the package, on a campaign folder."""
 
-import csv
 import ctypes
 import getpass
-import io
 import json
 import os
 import re
@@ -22,6 +20,7 @@ from towval.commands.console import Outcome
 from towval.commands.settings import nested
 from towval.io.campaign import load_campaign
 from towval.io.schema import check, packaged_schema
+from towval.io.summary_rows import read_summary
 from towval.model.errors import InputError
 
 SNAKEMAKE = ("--rerun-incomplete", "--keep-going", "--show-failed-logs", "--quiet", "host", "reason")
@@ -73,22 +72,8 @@ def run(
     made = results / given.name
     if not (made / "report.html").is_file():
         return None  # asked for less, by options for Snakemake
-    runs = _summary(made / "summary.csv")
+    runs = read_summary(made / "summary.csv")
     return Outcome("run", ((made / "report.html").resolve(),), "", {"runs": runs}, details=_lines(runs))
-
-
-def _summary(path: Path) -> dict[str, dict[str, Any]]:
-    """Runs of ``summary.csv`` by name, without pandas, whose import takes as long as the rest of this process."""
-    rows = csv.DictReader(io.StringIO(path.read_text(encoding="utf-8")))
-    texts = {"run", "verdict"}
-    return {
-        row["run"]: {key: text if key in texts else _number(text) for key, text in row.items() if key != "findings"}
-        for row in rows
-    }
-
-
-def _number(text: str) -> float:
-    return int(text) if text.isdigit() else float(text or "nan")
 
 
 @contextmanager
