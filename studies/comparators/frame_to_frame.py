@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import partial
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,9 +30,10 @@ class FrameToFrameKlt(Tracker):
     def measure(self, luma: Luma, predicted: Array, velocity: Array | None = None) -> Measurement | None:
         """Pose near ``predicted`` (3,) from the points of the picture before."""
         found = self.last.measure(luma, predicted, velocity)
-        if found is not None:
-            self.last = KltTracker(self.target, luma, found.pose)
-        return found
+        return None if found is None else replace(found, learn=partial(self._start_again, luma, found.pose))
+
+    def _start_again(self, luma: Luma, pose: Array) -> None:
+        self.last = KltTracker(self.target, luma, pose)
 
 
 TRACKERS.register("klt frame to frame", lambda settings: FrameToFrameKlt)

@@ -119,6 +119,7 @@ def test_under_motion_blur_errors_are_what_the_deviation_says():
         for i, time_s in enumerate(np.arange(1, 9) / 4.5):
             true = moving(time_s)
             found = tracker.measure(film.picture(time_s), true, own(TWIST, true))
+            found.learn()
             # The first pictures teach the exposure.
             if i > 1:
                 predicted.append(np.diag(found.covariance))

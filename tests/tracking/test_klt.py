@@ -33,11 +33,11 @@ def test_a_new_heading_gets_a_keyframe_and_an_old_one_does_not(filmed):
     scene, film, _ = filmed
     klt = tracker(filmed)
     for time_s in np.arange(0, 8, 0.25):
-        assert klt.measure(film.picture(time_s), scene.motions[0](time_s)) is not None
+        klt.measure(film.picture(time_s), scene.motions[0](time_s)).learn()
     turned = abs(scene.motions[0](8.0)[2] - scene.motions[0](0.0)[2])
     assert len(klt.keyframes) <= 2 + turned / np.deg2rad(10)
     count = len(klt.keyframes)
-    klt.measure(film.picture(0.5), scene.motions[0](0.5))
+    klt.measure(film.picture(0.5), scene.motions[0](0.5)).learn()
     assert len(klt.keyframes) == count
 
 
@@ -56,5 +56,7 @@ def test_a_body_smaller_than_a_window_is_followed():
     assert np.ptp(target.pixels(target.body.top_corners_m, motion(0.0)), axis=0).max() < 24
     pose = motion(0.0)
     for time_s in np.arange(1, 25) / 25:
-        pose = klt.measure(film.picture(time_s), pose).pose
+        found = klt.measure(film.picture(time_s), pose)
+        found.learn()
+        pose = found.pose
         assert np.linalg.norm(pose[:2] - motion(time_s)[:2]) < 0.5 * pixel

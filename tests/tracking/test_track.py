@@ -219,7 +219,7 @@ def test_a_body_that_jumped_is_taken_for_itself_only_where_it_fits_as_usual(misf
 
     tracker = Scripted()
     follower = Follower(target, 0.0, luma, scene.clicks(np.random.default_rng(3))["object"], lambda *_: tracker, 1.0)
-    monkeypatch.setattr(follower, "_places", lambda luma: iter([there]))
+    monkeypatch.setattr(follower, "_places", lambda *_: iter([there]))
     monkeypatch.setattr(follower, "_unmistakable", lambda *_: True)
     for k in range(1, 5):
         follower.follow(0.04 * k, luma)

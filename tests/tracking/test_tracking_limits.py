@@ -54,7 +54,7 @@ def follower():
     """A follower of the painted box whose tracker, search and rivals a test scripts."""
     own = Follower(BOX, 0.0, picture(BOX), OUTLINE, lambda *_: Scripted(lambda start: start), 0.1)
     own.relocaliser = SimpleNamespace(find=lambda _: None)
-    own.lookalikes = SimpleNamespace(candidates=lambda _: [], rivals=lambda *_: [], has_twin=False)
+    own.lookalikes = SimpleNamespace(candidates=lambda _: [], rivals=lambda *_: [], twins=[])
     return own
 
 
@@ -279,6 +279,15 @@ def test_a_pose_far_from_the_prediction_is_tried_from_the_coarse_scale(plane, mo
     assert bool(tried) == coarse
 
 
+def test_a_place_that_is_measured_and_not_taken_for_the_body_teaches_nothing():
+    tracker, faded = PlaneTracker(BOX, picture(BOX), POSE), picture(BOX, grey=texture(contrast=20.0))
+    before = tracker.template.values
+    found = tracker.measure(faded, POSE)
+    assert tracker.template.values is before
+    found.learn()
+    assert not np.array_equal(tracker.template.values, before)
+
+
 def test_the_coarse_scale_shows_a_body_of_a_hundred_pixels_with_a_few_hundred_points():
     camera, floor = ceiling((1280, 960), 1200.0)
     large = PlanarTarget(BOX.body, camera, floor)
@@ -293,14 +302,14 @@ def test_the_coarse_scale_shows_a_body_of_a_hundred_pixels_with_a_few_hundred_po
 def test_only_a_body_in_full_view_refreshes_the_template(good, share, learns):
     tracker = PlaneTracker(BOX, picture(BOX), POSE)
     before = tracker.template.values
-    tracker._learn(replace(good, inlier_fraction=share, residual=good.residual + 5.0 * (tracker.template.tile == 0)))
+    tracker._refresh(replace(good, inlier_fraction=share, residual=good.residual + 5.0 * (tracker.template.tile == 0)))
     assert (not np.array_equal(tracker.template.values, before)) == learns
 
 
 def test_the_template_is_refreshed_often_at_first_and_seldom_later(good):
     tracker = PlaneTracker(BOX, picture(BOX), POSE)
     for _ in range(61):
-        tracker._learn(replace(good, inlier_fraction=0.9))
+        tracker._refresh(replace(good, inlier_fraction=0.9))
     assert 19 <= tracker.refreshed <= 23
 
 
@@ -418,7 +427,7 @@ def test_a_search_confirms_a_doubtful_pose_only_at_the_same_place(follower, apar
     ("after_s", "stray", "known"), [(1.0, 0.4, True), (1.0, 0.7, False), (2.5, 0.1, True), (4.0, 0.1, False)]
 )
 def test_a_body_with_a_twin_is_known_again_near_its_place_and_soon(follower, after_s, stray, known):
-    follower.lookalikes.has_twin = True
+    follower.lookalikes.twins = [POSE]
     there = compose(follower.motion.pose, np.array([stray * BOX.reach_m, 0, 0]))
     assert follower._unmistakable(after_s, None, there) == known
 
@@ -434,8 +443,36 @@ def test_a_rival_must_be_much_farther_than_the_find(follower, farther, known):
 def test_two_bodies_are_not_in_one_place(follower, covered, tracked):
     edge = -0.6 + covered * 1.2
     other = transform(follower.motion.pose, np.array([[-2, -2], [edge, -2], [edge, 2], [-2, 2]], dtype=float))
-    follower.follow(0.1, None, [other])
+    follower.follow(0.1, None, [SimpleNamespace(place=other)])
     assert (follower.place is not None) == tracked
+
+
+@pytest.mark.parametrize(("known", "alone"), [(True, True), (False, False)])
+def test_where_another_tracked_body_stands_is_neither_a_rival_nor_a_twin_at_large(follower, known, alone):
+    here = follower.motion.pose
+    beside = compose(here, np.array([3.0 * BOX.reach_m, 0, 0]))
+    follower.lookalikes.rivals, follower.lookalikes.twins = (lambda *_: [beside]), [beside]
+    place = transform(beside, BOX.body.top_corners_m)
+    other = SimpleNamespace(place=place if known else None, first_pose=beside, target=BOX)
+    assert follower._unmistakable(1.0, None, compose(here, np.array([0.8 * BOX.reach_m, 0, 0])), [other]) == alone
+
+
+@pytest.mark.parametrize(("aside", "known"), [(0.2, True), (2.5, False)])
+def test_a_rival_over_the_find_is_the_body_itself_turned_and_the_motion_tells(follower, aside, known):
+    there = compose(follower.motion.pose, np.array([0.6 * BOX.reach_m, 0, 0]))
+    follower.lookalikes.rivals = lambda *_: [compose(there, np.array([0.0, aside * BOX.reach_m, np.pi]))]
+    assert follower._unmistakable(1.0, None, there) == known
+
+
+def test_of_places_that_look_as_good_the_one_at_home_is_found(follower):
+    here = follower.motion.pose
+    turned = compose(here, np.array([0.0, 0.0, np.pi]))
+    follower.tracker.answer = lambda start: None
+    follower.follow(0.1, None)
+    follower.tracker.answer = lambda start: None if np.isnan(start).any() else start
+    follower.lookalikes.candidates = lambda _: [Candidate(0.9, turned, np.ones(2)), Candidate(0.8, here, np.ones(2))]
+    follower.lookalikes.rivals = lambda _, place: [turned if abs(place[2] - here[2]) < 1 else here]
+    assert follower._search(1.0, None, None).pose == pytest.approx(here)
 
 
 @pytest.mark.parametrize(("std_px", "plain"), [(0.1, False), (0.15, True)])
@@ -620,7 +657,7 @@ def test_klt_points_keep_off_the_edges_and_are_up_to_120():
 def test_klt_makes_a_keyframe_each_ten_degrees(turn_deg, keyframes):
     tracker = KltTracker(BOX, picture(BOX), POSE)
     turned = POSE + np.array([0.0, 0.0, np.deg2rad(turn_deg)])
-    assert tracker.measure(picture(BOX, turned), turned) is not None
+    tracker.measure(picture(BOX, turned), turned).learn()
     assert len(tracker.keyframes) == keyframes
 
 

@@ -130,7 +130,7 @@ def followed(lies):
     corners = BOX.pixels(BOX.body.top_corners_m, POSE)
     follower = Follower(BOX, 0.0, luma, corners, lambda *_: tracker, 0.2)
     follower.relocaliser = SimpleNamespace(find=lambda _: None)
-    follower.lookalikes = SimpleNamespace(candidates=lambda _: [], rivals=lambda *_: [], has_twin=False)
+    follower.lookalikes = SimpleNamespace(candidates=lambda _: [], rivals=lambda *_: [], twins=[])
     for i in range(1, 130):
         moved = compose(POSE, np.array([1e-3 * i, 0, 0]))
         tracker.at = moved

@@ -48,6 +48,7 @@ def co_moving(target: PlanarTarget, pose: Array, pictures: Sequence[Luma]) -> li
             found = tracker.measure(luma, lookalikes.candidates(luma)[0].pose)
         if found is None:
             continue
+        found.learn()
         last = found.pose
         if target.apart_m(pose, last) > least_m:
             views.append((luma, compose(last, inverse(pose))))

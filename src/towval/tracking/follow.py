@@ -1,6 +1,5 @@
 """One body followed through a video: prediction, measurement, acceptance, and the record."""
 
-from array import array
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -19,7 +18,8 @@ from towval.tracking.noise import as_when_moving, hold_rest, scatter_factor
 from towval.tracking.outline import OutlineFit, combine_fits, observe_outline, observe_size, pose_from_clicks
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.pose import Measurement, Motion, Tracker, step_between
-from towval.tracking.relocalisation import Lookalikes, Relocaliser
+from towval.tracking.record import Record
+from towval.tracking.relocalisation import Candidate, Lookalikes, Relocaliser
 from towval.tracking.two_measurements import EdgeWatch, by_size, compared, edges
 
 Luma = NDArray[np.uint8]
@@ -54,48 +54,6 @@ class FollowConstants:
 CONSTANTS = FollowConstants()
 
 _NOWHERE, _UNKNOWN = np.full(3, np.nan), np.full((3, 3), np.nan)
-_NUMBERS = 16  # A frame's row: time, pose, covariance, status, share of inliers, residual.
-_LAST = 64  # Frames that say what misfit is usual.
-_MOST_TABLED = 8192  # Frames whose points are kept: every one, then every second, fourth, ...
-
-
-class _Record:
-    """What was observed, 128 bytes a frame, so that a video of any length fits in memory."""
-
-    def __init__(self) -> None:
-        self.numbers = array("d")
-        self.points: list[tuple[int, Array, Array]] = []
-        self.points_every = 1
-        self.last_status: TrackStatus | None = None
-
-    def __len__(self) -> int:
-        return len(self.numbers) // _NUMBERS
-
-    def keep(
-        self, time_s: float, pose: Array, covariance: Array, status: TrackStatus, inliers: float, residual: float
-    ) -> None:
-        self.numbers.extend((time_s, *pose, *covariance.ravel(), float(status), inliers, residual))
-        self.last_status = status
-
-    def keep_points(self, points_m: Array, weights: Array) -> None:
-        """Keep points of the frame that comes next; of long videos only every second, fourth, ... frame's."""
-        if len(self) % self.points_every == 0:
-            self.points.append((len(self), points_m.copy(), weights))  # A view would keep the whole template.
-        if len(self.points) > _MOST_TABLED:
-            self.points_every *= 2
-            self.points = [entry for entry in self.points if entry[0] % self.points_every == 0]
-
-    def usual_misfit(self) -> float:
-        """Median residual of the last observations; infinite where there is none but the first, which fits itself."""
-        rows = np.array(self.numbers[-_LAST * _NUMBERS :]).reshape(-1, _NUMBERS)
-        known = rows[(rows[:, 13] == TrackStatus.TRACKED) & (rows[:, 0] > self.numbers[0]), 15]
-        return float(np.median(known)) if len(known) else np.inf
-
-    def columns(self) -> tuple[Array, Array, Array, NDArray[np.uint8], Array, Array]:
-        """Times, poses (n, 3), covariances (n, 3, 3), status, share of inliers and residuals."""
-        rows = np.array(self.numbers).reshape(-1, _NUMBERS)
-        covariance = rows[:, 4:13].reshape(-1, 3, 3).copy()
-        return rows[:, 0], rows[:, 1:4].copy(), covariance, rows[:, 13].astype(np.uint8), rows[:, 14], rows[:, 15]
 
 
 class Follower:
@@ -135,8 +93,9 @@ class Follower:
             )
         self.relocaliser = Relocaliser(target, luma, self.first_pose)
         self.lookalikes = Lookalikes(target, luma, self.first_pose)
+        self.looked: tuple[float, list[Candidate]] | None = None
         self.motion = Motion(time_s, self.first_pose)
-        self.record = _Record()
+        self.record = Record()
         self.follow(time_s, luma)
 
     @property
@@ -145,16 +104,13 @@ class Follower:
         tracked = self.record.last_status == TrackStatus.TRACKED
         return transform(self.motion.pose, self.target.body.top_corners_m) if tracked else None
 
-    def follow(self, time_s: float, luma: Luma, occupied: Sequence[Array] = ()) -> None:
-        """Take in the next picture: predict, measure, decide, record.
-
-        ``occupied`` are the outlines (n, 2) on the floor [m] of other bodies, which cannot be this one's place.
-        """
+    def follow(self, time_s: float, luma: Luma, others: Sequence["Follower"] = ()) -> None:
+        """Take in the next picture: predict, measure, decide, record. ``others`` follow the other bodies."""
         coasting = time_s - self.motion.time_s <= self.coast_s
         # The picture after an observation is always predicted, however slow the video.
         after_observation = self.record.last_status == TrackStatus.TRACKED
         predicted = self.motion.predict(time_s) if coasting or after_observation else self.motion.pose
-        accepted = self._accepted(time_s, luma, predicted, occupied)
+        accepted = self._accepted(time_s, luma, predicted, others)
         if accepted is not None:
             self._keep_observation(time_s, luma, accepted)
         elif coasting:
@@ -162,7 +118,9 @@ class Follower:
         else:
             self.record.keep(time_s, _NOWHERE, _UNKNOWN, TrackStatus.LOST, 0.0, np.nan)
 
-    def _accepted(self, time_s: float, luma: Luma, predicted: Array, occupied: Sequence[Array]) -> Measurement | None:
+    def _accepted(
+        self, time_s: float, luma: Luma, predicted: Array, others: Sequence["Follower"]
+    ) -> Measurement | None:
         """The measurement that counts as an observation, None where the frame coasts or is lost.
 
         Every decision about a frame is made here: the tracker's own gates (None), the motion, relocalisation,
@@ -171,13 +129,18 @@ class Follower:
         measured = self.tracker.measure(luma, predicted, self.motion.velocity)
         after_gap = self.record.last_status not in (None, TrackStatus.TRACKED)
         if measured is None or self._surprising(time_s, measured.pose):
-            measured = self._search(time_s, luma, measured)
-        elif after_gap and not self._unmistakable(time_s, luma, measured.pose):
+            measured = self._search(time_s, luma, measured, others)
+        elif after_gap and not self._unmistakable(time_s, luma, measured.pose, others):
             return None
-        if measured is None:
-            return None
-        covered = (self.target.covered_by(measured.pose, other) > CONSTANTS.most_covered for other in occupied)
-        return None if any(covered) else measured
+        return None if measured is None or self._taken(measured.pose, others) else measured
+
+    def _taken(self, pose: Array, others: Sequence["Follower"]) -> bool:
+        """Whether another body stands at a pose: two cannot be in one place."""
+        places = [other.place for other in others]
+        return any(place is not None and self._over(pose, place) for place in places)
+
+    def _over(self, pose: Array, outline: Array) -> bool:
+        return self.target.covered_by(pose, outline) > CONSTANTS.most_covered
 
     def _surprising(self, time_s: float, pose: Array) -> bool:
         """Whether a pose is farther from where the motion leads than a body can have got."""
@@ -188,56 +151,77 @@ class Follower:
         """How far acceleration and noise lead from where the motion would after gaps (...) [m]."""
         return np.asarray(CONSTANTS.surprise_px * self.pixel_m + CONSTANTS.most_acceleration * np.square(gap_s))
 
-    def _search(self, time_s: float, luma: Luma, doubtful: Measurement | None) -> Measurement | None:
+    def _search(
+        self, time_s: float, luma: Luma, doubtful: Measurement | None, others: Sequence["Follower"] = ()
+    ) -> Measurement | None:
         """Search the whole picture; a doubtful measurement is confirmed if the search leads to the same place."""
         first = self.record.last_status in (None, TrackStatus.TRACKED)
         if time_s < self.next_search_s and not first:
             return None
         self.next_search_s, self.searches = time_s + CONSTANTS.search_every_s, 0 if first else self.searches + 1
-        for place in self._places(luma):
+        for place in self._places(time_s, luma):
             found = self.tracker.measure(luma, place)
             if found is None:
                 continue
             apart_m = 0.0 if doubtful is None else self.target.apart_m(found.pose, doubtful.pose)
             if self._surprising(time_s, found.pose) and found.residual > CONSTANTS.foreign * self.record.usual_misfit():
                 continue
-            if apart_m <= CONSTANTS.agree_px * self.pixel_m and self._unmistakable(time_s, luma, found.pose):
+            if apart_m <= CONSTANTS.agree_px * self.pixel_m and self._unmistakable(time_s, luma, found.pose, others):
                 return found
         return None
 
-    def _places(self, luma: Luma) -> Iterator[Array]:
+    def _places(self, time_s: float, luma: Luma) -> Iterator[Array]:
         """Candidate poses: by features, for which part of the body suffices, then by its whole appearance.
 
-        A body that stays lost is searched for by one and the other in turn, which halves the cost.
+        By appearance it is the best place and, of those as good, the one nearest to where the body was. A body that
+        stays lost is searched for by one and the other in turn, which halves the cost.
         """
         if self.searches % 2 == 0:
             place = self.relocaliser.find(luma)
             if place is not None:
                 yield place
         if self.searches == 0 or self.searches % 2 == 1:
-            yield from (candidate.pose for candidate in self.lookalikes.candidates(luma)[:1])
+            candidates = self._candidates(time_s, luma)
+            for best in candidates[:1]:
+                yield best.pose
+                as_good = self.lookalikes.rivals(candidates, best.pose) or []
+                yield from sorted(as_good, key=lambda pose: self._stray_m(time_s, pose))[:1]
 
-    def _unmistakable(self, time_s: float, luma: Luma, pose: Array) -> bool:
+    def _candidates(self, time_s: float, luma: Luma) -> list[Candidate]:
+        """What looks like the body in a picture, sought once."""
+        if self.looked is None or self.looked[0] != time_s:
+            self.looked = time_s, self.lookalikes.candidates(luma)
+        return self.looked[1]
+
+    def _unmistakable(self, time_s: float, luma: Luma, pose: Array, others: Sequence["Follower"] = ()) -> bool:
         """Whether the picture at a pose looks like the body, and nothing else that looks alike could be it.
 
-        A rival is ruled out where the tracker does not find the body at full resolution, where it is farther than a
-        body can have moved, or much farther than ``pose`` from the last or predicted place. A body with a twin may be
-        hidden while the twin is in view: it is accepted only near its place.
+        A rival is ruled out where another body is known to stand, where the tracker does not find the body at full
+        resolution, where it is farther than a body can have moved, or much farther than ``pose`` from the last or
+        predicted place: with ``pose`` near that place, or the rival over ``pose``, which then is the body itself,
+        turned. A body with a twin may be hidden while the twin is in view: it is accepted only near its place.
         """
-        rivals = self.lookalikes.rivals(self.lookalikes.candidates(luma), pose)
+        rivals = self.lookalikes.rivals(self._candidates(time_s, luma), pose)
         if rivals is None:
             return False
-        rivals = [rival for rival in rivals if self._as_sharp(luma, rival)]
-        stray, gap_s = self._stray_m(time_s, pose), time_s - self.motion.time_s
-        at_home = stray <= CONSTANTS.home * self.target.reach_m and gap_s <= CONSTANTS.remembered_s
+        rivals = [rival for rival in rivals if not self._taken(rival, others) and self._as_sharp(luma, rival)]
+        stray, remembered = self._stray_m(time_s, pose), time_s - self.motion.time_s <= CONSTANTS.remembered_s
+        at_home = remembered and stray <= CONSTANTS.home * self.target.reach_m
         nearest = min((self._stray_m(time_s, rival) for rival in rivals), default=np.inf)
         within_reach = [rival for rival in rivals if not self._surprising(time_s, rival)]
         alone = not within_reach if not self._surprising(time_s, pose) else not rivals
-        alone |= at_home and nearest > CONSTANTS.much_farther * stray
-        if alone and (at_home or not self.lookalikes.has_twin):
+        outline = transform(pose, self.target.body.top_corners_m)
+        turned = remembered and all(self._over(rival, outline) for rival in rivals)
+        alone |= (at_home or turned) and nearest > CONSTANTS.much_farther * stray
+        if alone and (at_home or not self._twin_at_large(others)):
             return True
         self.mistakable += 1
         return False
+
+    def _twin_at_large(self, others: Sequence["Follower"]) -> bool:
+        """Whether what looked like the body in the first picture may be anywhere: no tracked body stood there."""
+        tracked = [transform(one.first_pose, one.target.body.top_corners_m) for one in others if one.place is not None]
+        return any(not any(self._over(twin, place) for place in tracked) for twin in self.lookalikes.twins)
 
     def _as_sharp(self, luma: Luma, place: Array) -> bool:
         """Whether the tracker, too, finds the body at a place that looks like it coarsely."""
@@ -251,6 +235,7 @@ class Follower:
     def _keep_observation(self, time_s: float, luma: Luma, found: Measurement) -> None:
         due, predicted = time_s >= self.next_outline_s, self.motion.predict(time_s)
         found, fit, apart = self.edge_watch.look(len(self.record), time_s, luma, found, predicted, self.tracker, due)
+        found.learn()
         place = compose(found.pose, fit.correction) if fit is not None and apart else found.pose
         pose = found.pose
         if time_s > self.motion.time_s:

@@ -5,7 +5,7 @@ of pixels matches only while it has not turned much; so keyframes are kept by he
 heading that none covers yet. Each point is checked by following it back.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import cv2
@@ -130,9 +130,9 @@ class KltTracker(Tracker):
             return None
         turns = [abs(wrapped(k.heading - predicted[2])) for k in self.keyframes]
         found = self._match(self.keyframes[int(np.argmin(turns))], luma, predicted)
-        if found is not None and min(turns) > CONSTANTS.keyframe_turn:
-            self._add_keyframe(luma, found.pose)
-        return found
+        if found is None or min(turns) <= CONSTANTS.keyframe_turn:
+            return found
+        return replace(found, learn=partial(self._add_keyframe, luma, found.pose))
 
     def _match(self, key: _Keyframe, luma: Luma, predicted: Array) -> Measurement | None:
         crop, corner = self._crop(luma, predicted)

@@ -1,6 +1,7 @@
 """The default tracker: the whole planar target aligned with its template, gated, and refreshed without drift."""
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import cv2
 import numpy as np
@@ -84,14 +85,6 @@ class PlaneTracker(Tracker):
                 found = coarse
         if found is None:
             return None
-        if blurred is None:
-            self._learn(found)
-        if found.inlier_fraction >= CONSTANTS.refresh_inliers and response.is_due():
-            slopes = slopes_at(luma, self.target, found.pose, template.points, self.pixel_m)
-            free = self.free_slopes if blurred is None else without_light(template.slopes, template)
-            response.learn(free, by_motion(template.points, slopes), found.weight)
-        if velocity is not None:
-            self.shutter.learn(luma, found, template, velocity)
         step = max(1, len(template.points) // _TABLE_POINTS)
         return Measurement(
             pose=found.pose,
@@ -100,6 +93,7 @@ class PlaneTracker(Tracker):
             residual=found.scale,
             points_m=template.points[::step][:_TABLE_POINTS],
             weights=np.clip(found.weight[::step][:_TABLE_POINTS], 0, 1),
+            learn=partial(self._learn, luma, found, template, velocity),
         )
 
     def _align(self, luma: Luma, start: Array, template: Template, response: "_Response") -> Alignment | None:
@@ -143,7 +137,20 @@ class PlaneTracker(Tracker):
         matched = found.inlier_fraction >= CONSTANTS.least_inliers and found.correlation >= least
         return bool(found.converged and matched and worst_m <= CONSTANTS.worst_std_px * self.pixel_m)
 
-    def _learn(self, found: Alignment) -> None:
+    def _learn(self, luma: Luma, found: Alignment, template: Template, velocity: Array | None) -> None:
+        """Learn from a picture in which ``template``, the sharp or the blurred one, was found."""
+        sharp = template is self.template
+        response = self.response if sharp else self.blurred_response
+        if found.inlier_fraction >= CONSTANTS.refresh_inliers and response.is_due():
+            slopes = slopes_at(luma, self.target, found.pose, template.points, self.pixel_m)
+            free = self.free_slopes if sharp else without_light(template.slopes, template)
+            response.learn(free, by_motion(template.points, slopes), found.weight)
+        if velocity is not None:
+            self.shutter.learn(luma, found, template, velocity)
+        if sharp:
+            self._refresh(found)
+
+    def _refresh(self, found: Alignment) -> None:
         """Refresh the template's grey values and the usual correlation; the template's place stays."""
         self.aligned += 1
         skipped = self.refreshed > 10 and self.aligned % CONSTANTS.refresh_every

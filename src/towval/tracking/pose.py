@@ -1,6 +1,7 @@
 """The measurement of one picture, the robust rigid fit, and the prediction of the next pose."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
@@ -21,7 +22,9 @@ class Measurement:
 
     ``pose`` (3,) [m, m, rad]; ``covariance`` (3, 3). Optional: ``inlier_fraction``, share of points that agree;
     ``residual``, root mean square misfit (pixels for KLT, grey levels for plane alignment); ``points_m`` (k, 2) in the
-    body frame with ``weights`` (k,) in [0, 1], some of the points that were used.
+    body frame with ``weights`` (k,) in [0, 1], some of the points that were used; ``learn`` takes over from the picture
+    what the tracker needs and is called where the pose counts as an observation. Places are measured to be ruled out,
+    too, so :meth:`Tracker.measure` itself must learn nothing.
 
     Raises `InputError` when an array has another shape.
     """
@@ -32,6 +35,7 @@ class Measurement:
     residual: float = math.nan
     points_m: Array = field(default_factory=lambda: np.zeros((0, 2)))
     weights: Array = field(default_factory=lambda: np.zeros(0))
+    learn: Callable[[], None] = lambda: None
 
     def __post_init__(self) -> None:
         count = len(self.weights)

@@ -155,10 +155,10 @@ class Lookalikes:
         return low, _grid(low - self.target.reach_m, high + self.target.reach_m, self.cell_m)
 
     @cached_property
-    def has_twin(self) -> bool:
-        """Whether the first picture shows something else that looks like the body."""
+    def twins(self) -> list[Array]:
+        """Poses (3,) of what else looks like the body in the first picture."""
         rivals = self.rivals(self._candidates(self.first, *self._rectified), self.pose) or []
-        return any(np.linalg.norm(r[:2] - self.pose[:2]) > self.target.reach_m / 2 for r in rivals)
+        return [r for r in rivals if np.linalg.norm(r[:2] - self.pose[:2]) > self.target.reach_m / 2]
 
     def candidates(self, luma: Luma) -> list[Candidate]:
         """Where in a picture something looks like the body, best first, to a cell and some degrees."""

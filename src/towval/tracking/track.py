@@ -132,8 +132,7 @@ class _Group:
 
     def follow(self, time_s: float, luma: Luma) -> None:
         for follower in self.followers:
-            others = [other.place for other in self.followers if other is not follower]
-            follower.follow(time_s, luma, [outline for outline in others if outline is not None])
+            follower.follow(time_s, luma, [other for other in self.followers if other is not follower])
 
     @property
     def tops(self) -> list[OutlineSizes]:
