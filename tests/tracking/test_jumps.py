@@ -2,11 +2,12 @@ import numpy as np
 import pytest
 
 from studies.worlds.scenes import small_camera, standard_scene
-from towval.tracking.jumps import jump_findings, strays
+from towval.tracking.jumps import jump_findings, stray_std, strays
 
 SCENE = standard_scene(3, **small_camera())
 CART = SCENE.target(1)
 REACH_M = CART.reach_m
+SURE = np.zeros((200, 3, 3))
 
 
 def arc(n=200):
@@ -25,7 +26,7 @@ def test_a_constant_twist_leads_to_the_next_pose():
 def test_a_jump_is_found_once_and_placed(jump):
     time_s, pose = arc()
     pose[120:] += jump
-    (found,) = jump_findings(CART, time_s, pose, np.full(len(time_s) - 2, 0.02))
+    (found,) = jump_findings(CART, time_s, pose, SURE, np.full(len(time_s) - 2, 0.02))
     assert found.code == "jumped"
     assert f"1 times between two pictures, by up to {1000 * (jump[0] + REACH_M * jump[2]):.0f} mm" in found.text
     assert f"first at {time_s[120]:.2f} s" in found.text
@@ -35,4 +36,22 @@ def test_a_body_that_was_hidden_in_between_has_not_jumped():
     time_s, pose = arc()
     pose[120:] += (0.3, 0.0, 0.0)
     pose[118:121] = np.nan
-    assert not jump_findings(CART, time_s, pose, np.full(len(time_s) - 2, 0.02))
+    assert not jump_findings(CART, time_s, pose, SURE, np.full(len(time_s) - 2, 0.02))
+
+
+@pytest.mark.parametrize(("std_m", "jumped"), [(0.003, True), (0.02, False)])
+def test_poses_that_are_known_to_be_unsure_have_not_jumped(std_m, jumped):
+    time_s, pose = arc()
+    pose[120] += (0.06, 0.0, 0.0)
+    unsure = SURE.copy()
+    unsure[118:123] = np.diag([std_m**2, std_m**2, 0.0])
+    assert bool(jump_findings(CART, time_s, pose, unsure, np.full(len(time_s) - 2, 0.02))) == jumped
+
+
+def test_the_deviation_of_a_stray_is_that_of_noisy_poses():
+    rng = np.random.default_rng(4)
+    time_s = 0.04 * np.arange(4000)
+    noise = rng.normal(0, [1e-3, 2e-3, 0.0], (4000, 3))
+    covariance = np.tile(np.diag([1e-6, 4e-6, 0.0]), (4000, 1, 1))
+    measured = np.sqrt(np.mean(strays(time_s, noise, REACH_M) ** 2))
+    assert stray_std(time_s, covariance, REACH_M).mean() == pytest.approx(measured, rel=0.05)

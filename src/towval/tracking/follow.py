@@ -274,14 +274,14 @@ class Follower:
         tracked = status == TrackStatus.TRACKED
         raw = raw - ahead_of_middle(time_s, np.where(tracked[:, None], raw, np.nan), self.tracker.exposure_s)
         self._without_first(covariance, tracked)
-        seen, most_m = np.where(tracked[:, None], raw, np.nan), self._explained_m(np.diff(time_s)[1:])
-        self.findings += jump_findings(self.target, time_s, seen, most_m)
         covariance, fit = self._with_outline(time_s, raw, covariance)
         moving = self._moving(raw, tracked)
         covariance = self._honest_covariance(time_s, raw, covariance, tracked, moving)
         most = CONSTANTS.most_rest_px * self.pixel_m * np.array([1, 1, 1 / self.target.reach_m])
         pose = hold_rest(time_s, raw, covariance, tracked, most)
         covariance = as_when_moving(covariance, tracked & moving, tracked & ~moving)
+        seen, most_m = np.where(tracked[:, None], raw, np.nan), self._explained_m(np.diff(time_s)[1:])
+        self.findings += jump_findings(self.target, time_s, seen, covariance, most_m)
         if fit is not None:
             pose = compose(pose, fit.correction)
         return Track(
