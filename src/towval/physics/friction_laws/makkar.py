@@ -10,7 +10,6 @@ asymptote for five coefficients. The rest is settled as follows:
 
 import functools
 import math
-from collections.abc import Callable
 from dataclasses import astuple, dataclass, fields
 from typing import ClassVar
 
@@ -19,14 +18,17 @@ from numpy.typing import ArrayLike
 
 from towval.model import Array, FrictionLaw, FrictionSpecification, check_friction_law
 from towval.model.checks import positive
+from towval.model.compiling import compiled
 from towval.model.errors import InputError, RefusedError
 from towval.physics.friction_laws.fitted import SATURATED, TANH_LINEAR, TANH_SATURATED, FittedLaw
+from towval.physics.rosenbrock import inverse_3
 
 SETTLED_FRACTION = 0.01
 RISE_RATIO = 2.0
 
 _RESIDUAL_LIMIT = 1e-3
 _LOG_BOUNDS = ((-1.0, 3.0), (-2.0, 3.0), (-2.0, 3.0))  # of γ1 / (μ_s − μ_k), γ2 v_s, γ3 v_k
+_LOG_BOUNDS_ARRAY = np.array(_LOG_BOUNDS)
 _STARTS = ((0.3, 0.7, 1.03), (0.3, 1.2, 1.03))  # within these bounds: of middling and of small rises
 _NEWTON_LIMIT, _ROOT = 30, 1e-13
 
@@ -200,26 +202,13 @@ def _fit(static: float, kinetic: float, v_s: float, v_k: float, viscous: float, 
     if rise == 0:
         return FittedLaw(Makkar(0.0, 0.0, 0.0, coulomb, SATURATED / v_s, viscous), 0.0)
 
-    def gamma_of(log_unknowns: Array) -> tuple[float, ...]:
-        g1, g2, g3 = (
-            math.exp(log) * unit for log, unit in zip(log_unknowns.tolist(), (rise, 1 / v_s, 1 / v_k), strict=True)
-        )
-        return g1, g2, g3, coulomb, RISE_RATIO * g2, viscous
-
-    def misfits(log_unknowns: Array) -> tuple[Array, Array]:
-        """Value and slope at the peak, value at v_k, all in units of the rise; and their slopes by the unknowns."""
-        gamma = gamma_of(log_unknowns)
-        (peak, slope), by_unknowns = _at_speed(gamma, v_s)
-        (settled, _), settled_by = _at_speed(gamma, v_k)
-        values = np.array([peak - static, slope * v_s, settled - kinetic - SETTLED_FRACTION * rise])
-        return values / rise, np.array([by_unknowns[0], v_s * by_unknowns[1], settled_by[0]]) / rise
-
-    found = (root for start in _STARTS if (root := _newton(misfits, np.array(start))) is not None)
+    numbers = static, kinetic, v_s, v_k, viscous
+    found = (root for start in _STARTS if np.isfinite(root := _newton(numbers, *start)).all())
     unknowns = next(found, None)
     if unknowns is None:
-        unknowns = _annealed(misfits, seed)
-    residual = float(np.abs(misfits(unknowns)[0]).max()) * rise / static
-    gamma = gamma_of(unknowns)
+        unknowns = _annealed(numbers, seed)
+    residual = float(np.abs(_misfits(numbers, *unknowns)[0]).max()) * rise / static
+    gamma = _gamma(numbers, *unknowns)
     if residual > _RESIDUAL_LIMIT or gamma[1] <= gamma[2]:
         raise RefusedError(
             "no friction law of Makkar's form meets the four numbers",
@@ -230,40 +219,74 @@ def _fit(static: float, kinetic: float, v_s: float, v_k: float, viscous: float, 
     return FittedLaw(Makkar(*gamma), residual)
 
 
-def _newton(misfits: Callable[[Array], tuple[Array, Array]], unknowns: Array) -> Array | None:
-    """The root of the misfits next to a start; None where Newton's steps do not get there."""
+Numbers = tuple[float, float, float, float, float]
+"""Static and kinetic coefficient, v_s, v_k and the viscous slope."""
+
+
+@compiled()
+def _gamma(numbers: Numbers, g1: float, g2: float, g3: float) -> tuple[float, float, float, float, float, float]:
+    """The six coefficients, from logarithms of γ1, γ2 and γ3 in their units."""
+    static, kinetic, v_s, v_k, viscous = numbers
+    first, second = math.exp(g1) * (static - kinetic), math.exp(g2) / v_s
+    return first, second, math.exp(g3) / v_k, kinetic - viscous * v_k, RISE_RATIO * second, viscous
+
+
+@compiled()
+def _misfits(numbers: Numbers, g1: float, g2: float, g3: float) -> tuple[Array, Array]:
+    """Value and slope at the peak, value at v_k, all in units of the rise (3,); and their slopes by the unknowns."""
+    static, kinetic, v_s, v_k, _ = numbers
+    rise = static - kinetic
+    values, slopes = np.empty(3), np.empty((3, 3))
+    gamma = _gamma(numbers, g1, g2, g3)
+    peak, slope = _at_speed(gamma, v_s, slopes[0], slopes[1])
+    settled, _ = _at_speed(gamma, v_k, slopes[2], np.empty(3))
+    slopes[1] *= v_s
+    values[0], values[1], values[2] = peak - static, slope * v_s, settled - kinetic - SETTLED_FRACTION * rise
+    return values / rise, slopes / rise
+
+
+@compiled()
+def _newton(numbers: Numbers, g1: float, g2: float, g3: float) -> Array:
+    """The root (3,) of the misfits next to a start; NaN where Newton's steps do not get there."""
+    unknowns, inverse = np.array([g1, g2, g3]), np.empty((3, 3))
     for _ in range(_NEWTON_LIMIT):
-        residual, slopes = misfits(unknowns)
+        residual, slopes = _misfits(numbers, unknowns[0], unknowns[1], unknowns[2])
         if np.abs(residual).max() < _ROOT:
             return unknowns
-        try:
-            unknowns = unknowns - np.clip(np.linalg.solve(slopes, residual), -0.5, 0.5)
-        except np.linalg.LinAlgError:
-            return None
-        if not all(low <= value <= high for value, (low, high) in zip(unknowns, _LOG_BOUNDS, strict=True)):
-            return None
-    return None
+        if not inverse_3(slopes, inverse):
+            break
+        for i in range(3):
+            step = inverse[i, 0] * residual[0] + inverse[i, 1] * residual[1] + inverse[i, 2] * residual[2]
+            unknowns[i] -= min(max(step, -0.5), 0.5)
+        low, high = _LOG_BOUNDS_ARRAY[:, 0], _LOG_BOUNDS_ARRAY[:, 1]
+        if not ((unknowns >= low) & (unknowns <= high)).all():
+            break
+    return np.full(3, np.nan)
 
 
-def _annealed(misfits: Callable[[Array], tuple[Array, Array]], seed: int) -> Array:
+def _annealed(numbers: Numbers, seed: int) -> Array:
     """Where the squares of the misfits are least, by annealing and least squares."""
     # Here, because scipy.optimize takes as long to import as all the rest of the physics.
     from scipy.optimize import dual_annealing, least_squares  # noqa: PLC0415
 
-    found = dual_annealing(lambda x: float(np.sum(misfits(x)[0] ** 2)), _LOG_BOUNDS, seed=seed, maxiter=100)
-    polished = least_squares(
-        lambda x: misfits(x)[0], found.x, lambda x: misfits(x)[1], xtol=1e-15, ftol=1e-15, gtol=1e-15
-    )
+    def residuals(x: Array) -> Array:
+        return np.asarray(_misfits(numbers, *x)[0])
+
+    found = dual_annealing(lambda x: float(np.sum(residuals(x) ** 2)), _LOG_BOUNDS, seed=seed, maxiter=100)
+    polished = least_squares(residuals, found.x, lambda x: _misfits(numbers, *x)[1], xtol=1e-15, ftol=1e-15, gtol=1e-15)
     return np.asarray(polished.x)
 
 
-def _at_speed(gamma: tuple[float, ...], v: float) -> tuple[Array, Array]:
-    """μ and dμ/dv at a speed, and their slopes by the logarithms of γ1, of γ2 with γ5, and of γ3 (2, 3)."""
+@compiled()
+def _at_speed(
+    gamma: tuple[float, float, float, float, float, float], v: float, by_value: Array, by_slope: Array
+) -> tuple[float, float]:
+    """μ and dμ/dv at a speed; their slopes by the logarithms of γ1, of γ2 with γ5, and of γ3 into two arrays (3,)."""
     g1, g2, g3, g4, g5, g6 = gamma
     t2, t3, t5 = math.tanh(g2 * v), math.tanh(g3 * v), math.tanh(g5 * v)
-    falling = g1 * g2 * (1 - t2 * t2), g1 * g3 * (1 - t3 * t3), g4 * g5 * (1 - t5 * t5)
-    value, slope = g1 * (t2 - t3) + g4 * t5 + g6 * v, falling[0] - falling[1] + falling[2] + g6
-    steeper = [f * (1 - 2 * g * v * t) for f, g, t in zip(falling, (g2, g3, g5), (t2, t3, t5), strict=True)]
-    by_value = [g1 * (t2 - t3), v * (falling[0] + falling[2]), -v * falling[1]]
-    by_slope = [falling[0] - falling[1], steeper[0] + steeper[2], -steeper[1]]
-    return np.array([value, slope]), np.array([by_value, by_slope])
+    f2, f3, f5 = g1 * g2 * (1 - t2 * t2), g1 * g3 * (1 - t3 * t3), g4 * g5 * (1 - t5 * t5)
+    by_value[0], by_value[1], by_value[2] = g1 * (t2 - t3), v * (f2 + f5), -v * f3
+    by_slope[0] = f2 - f3
+    by_slope[1] = f2 * (1 - 2 * g2 * v * t2) + f5 * (1 - 2 * g5 * v * t5)
+    by_slope[2] = -f3 * (1 - 2 * g3 * v * t3)
+    return g1 * (t2 - t3) + g4 * t5 + g6 * v, f2 - f3 + f5 + g6
