@@ -165,8 +165,11 @@ class _Search:
         """The best point with these columns at one of few values each."""
         if all(c in self.mirrored for c in columns):
             # Without effect to first order, so that two of them (heights of a tow) show together only.
-            grid = [values for values in product((0.0, *_TRIED), repeat=len(columns)) if any(values)]
-            return min(self._at(point, columns, np.array(grid)), key=lambda each: each.cost)
+            near, far = ([row for row in product((0.0, *_TRIED[:n]), repeat=len(columns)) if any(row)] for n in (2, 4))
+            best = min(self._at(point, columns, np.array(near)), key=lambda each: each.cost)
+            if all(best.moves[c] < _TRIED[1] for c in columns):
+                return best
+            return min(self._at(point, columns, np.array(far)), key=lambda each: each.cost)
         tried = list[_Point]()
         for way in np.vstack([np.eye(len(columns)), -np.eye(len(columns))]):
             low, high = self._at(point, columns, np.outer(_TRIED[:2], way))
@@ -306,5 +309,6 @@ def _surprise(deviations: float, assumed: bool) -> float:
 
 def _wobble(error: Array) -> Array:
     """Mean square (...,) of the position about its block means [m²]."""
-    blocks = (error[..., rows, :2] for rows in signature_blocks(error.shape[-2]))
-    return np.asarray(sum(np.var(block, axis=-2).sum(axis=-1) * block.shape[-2] for block in blocks) / error.shape[-2])
+    position = error[..., :2]
+    means = np.repeat(block_means(position), [len(rows) for rows in signature_blocks(error.shape[-2])], axis=-2)
+    return np.asarray(np.mean(np.sum((position - means) ** 2, axis=-1), axis=-1))
