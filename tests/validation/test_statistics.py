@@ -76,16 +76,24 @@ def test_too_few_draws_or_times_are_refused():
 
 
 def test_a_shift_shows_from_its_threshold_on():
-    """Of shifts, one a draw, that are noticed by size, by shape, or not at all within four times as much."""
+    """Of shifts, one a draw, that are noticed by size, by shape, or only a thousand of them."""
     right, error = RightModel.of(*drawn(256, 5), 0.99), drawn(60, 6)[0]
+    error[7] *= 10
     shift = np.resize([4.0, 1.0, 1e-3], 60)[:, None, None] * np.concatenate([EFFECTS] * 20) * MM
     least = right.thresholds(shift, error)
-    assert np.isinf(least[2::3]).all()
-    shown = np.isfinite(least)
-    assert shown.sum() >= 25
-    for less, rejected in ((0.0, True), (4 / 2**10, False)):
-        times = np.where(shown, least - less, 4.0)[:, None, None]
-        np.testing.assert_array_equal(right.rejects(error + times * shift), shown & rejected)
+    alone = right.rejects(error)
+    np.testing.assert_array_equal(least == 0, alone)
+    assert 0 < alone.sum() < 6
+    assert np.median(least[2::3]) > 500 * np.median(least[1::3])
+    for share, rejected in ((1 + 1e-6, True), (1 - 1e-6, False)):
+        times = share * least[~alone, None, None]
+        assert (right.rejects(error[~alone] + times * shift[~alone]) == rejected).all()
+
+
+def test_no_multiple_of_nothing_shows():
+    right, error = RightModel.of(*drawn(256, 5), 0.99), drawn(60, 6)[0]
+    least = right.thresholds(0 * error, error)
+    assert set(least[~right.rejects(error)]) == {np.inf}
 
 
 def test_the_effects_of_the_inputs_are_found_again():

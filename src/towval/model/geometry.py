@@ -173,10 +173,12 @@ def signature_blocks(n: int) -> list[NDArray[np.intp]]:
 def block_means(values: ArrayLike) -> Array:
     """Means (..., 24, m) of values (..., n, m) over the blocks of a signature, of what is there; else NaN."""
     values = np.asarray(values, dtype=np.float64)
-    blocks = [values[..., rows, :] for rows in signature_blocks(values.shape[-2])]
-    counts = [np.isfinite(block).sum(axis=-2) for block in blocks]
-    sums = [np.nansum(block, axis=-2) for block in blocks]
-    return np.stack([np.where(c > 0, s / np.maximum(c, 1), np.nan) for s, c in zip(sums, counts, strict=True)], axis=-2)
+    sizes = np.array([len(rows) for rows in signature_blocks(values.shape[-2])])
+    starts = np.minimum(np.cumsum(sizes) - sizes, values.shape[-2] - 1)
+    there = np.isfinite(values)
+    sums = np.add.reduceat(np.where(there, values, 0.0), starts, axis=-2)
+    counts = np.add.reduceat(there.astype(np.intp), starts, axis=-2) * (sizes > 0)[:, None]
+    return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
 
 
 def error_signature(error: ArrayLike) -> Array:

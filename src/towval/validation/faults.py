@@ -27,8 +27,10 @@ STRIPE_M = 0.3
 
 _STRIPE_WIDTH_M = 2.0
 _TIMES = 200  # of a run that the search uses
-_SIMULATED = 32  # draws that a round of the search simulates with the fault in them
-_ENOUGH = 64  # of these make the share of those that show known to 4 %
+_SIMULATED = 24  # draws that a round of the search simulates with the fault in them
+_KNOWN = 0.05  # standard error of the logarithm of a size from these
+_NEIGHBOURS = 2  # to both sides, whose sizes over the expected ones count for a draw
+_LEAST = 1e-3  # multiple of a shift: some draws are rejected without a fault
 _NEAR = 0.2  # of a size: from how far off what a fault does may be scaled to it
 _ROUNDS, _MOST_ROUNDS, _GROWTH = 3, 4, 4.0
 
@@ -113,8 +115,10 @@ def visible_faults(motion: SimulatedMotion, drawing: Drawing) -> tuple[VisibleFa
     """The smallest fault of each kind that shows in :data:`POWER` of the draws; ``motion`` is the nominal one.
 
     Sought first with the shift of the nominal run, added to the draws. What the fault does there depends on the other
-    inputs, too (a longer tether tightens later), and does not grow with its size alone: so draws are simulated with the
-    fault in them, of either sign where it has two, others at each size that is tried.
+    inputs, too (a longer tether tightens later), and does not grow with its size alone: so some draws are simulated
+    with the fault in them, of either sign where it has two, others at each size that is tried. They are spread over the
+    sizes at which it shows with the nominal shift; the ratio of those at which it does show to these serves for the
+    draws about them. For most of the spread among draws is that of their errors.
     """
     times = slice(None, None, max(1, drawing.error.shape[1] // _TIMES))
     # The test at these times: means over fewer times are others where the object sticks and slips.
@@ -124,7 +128,7 @@ def visible_faults(motion: SimulatedMotion, drawing: Drawing) -> tuple[VisibleFa
     for _ in range(_ROUNDS):
         moved = drawing.shifts([kind.of(size) for kind, size in zip(kinds, sizes, strict=True)], None)
         for i, (kind, shift) in enumerate(zip(kinds, moved, strict=True)):
-            shown = _visible(search.thresholds(shift[None], search.rows(0)))
+            shown = _visible(search.shows(shift[None], search.all[::8]))
             # Where there is none it tips, or the simulation ends early.
             growth = min(shown, _GROWTH) if np.isfinite(shift).all() else 0.5
             sizes[i] = min(growth * sizes[i], kind.most)
@@ -139,43 +143,76 @@ class _Search:
     right: RightModel
     times: slice
 
-    def rows(self, part: int) -> NDArray[np.intp]:
-        """Draws that a round simulates: others in each."""
-        return np.arange(part, len(self.drawing.error), max(1, len(self.drawing.error) // _SIMULATED))[:_SIMULATED]
+    @property
+    def all(self) -> NDArray[np.intp]:
+        """All draws."""
+        return np.arange(len(self.drawing.error))
 
-    def thresholds(self, shift: Array, rows: NDArray[np.intp]) -> Array:
-        """Multiples of shifts ((k,) n, 3) from which on they show in draws (k,)."""
-        return self.right.thresholds(shift[:, self.times], self.drawing.error[rows][:, self.times])
+    def shows(self, shift: Array, rows: NDArray[np.intp]) -> Array:
+        """One over the multiples of shifts ((k,) n, 3) from which on they show in draws (k,)."""
+        found = self.right.thresholds(shift[:, self.times], self.drawing.error[rows][:, self.times])
+        return 1 / np.maximum(found, _LEAST)
 
     def visible(self, kind: FaultKind, size: float) -> VisibleFault:
         """The fault of a kind, of about a ``size`` that shows with the nominal shift."""
-        tried: list[tuple[float, Array]] = []
-        near: list[Array] = []
+        tried: list[_Round] = []
+        found = np.inf
         for part in range(_MOST_ROUNDS):
-            found = self._sizes(kind, size, self.rows(part))
-            tried.append((size, found))
-            size = min(_visible(found), _GROWTH * size, kind.most) if len(found) else 0.5 * size
-            near = [sizes for at, sizes in tried if abs(at / size - 1) <= _NEAR]
-            if sum(map(len, near)) >= _ENOUGH:
+            tried.append(self._round(kind, min(size, kind.most), part))
+            latest = tried[-1].found
+            near = [each for each in tried if abs(each.size / min(latest, kind.most) - 1) <= _NEAR]
+            found = _visible(np.concatenate([each.shows for each in near])) if near else latest
+            if near and np.sum([each.error**-2 for each in near]) >= _KNOWN**-2:
                 break
-        size = _visible(np.concatenate(near or [found]))
-        if not size <= kind.most:
+            size = min(found, _GROWTH * tried[-1].size) if np.isfinite(tried[-1].error) else 0.5 * tried[-1].size
+        if not found <= kind.most:
             return VisibleFault(kind.name, np.nan, kind.unit, np.nan, np.nan, kind.most)
-        (shift,) = self.drawing.shifts([kind.of(size)], None)
+        (shift,) = self.drawing.shifts([kind.of(found)], None)
         distance = np.linalg.norm(shift[:, :2], axis=1)
         return VisibleFault(
-            kind.name, size, kind.unit, float(np.sqrt(np.mean(distance**2))), float(distance.max()), kind.most
+            kind.name, found, kind.unit, float(np.sqrt(np.mean(distance**2))), float(distance.max()), kind.most
         )
 
-    def _sizes(self, kind: FaultKind, size: float, rows: NDArray[np.intp]) -> Array:
-        """From which size on a fault shows in each of those draws (k,) that can be simulated with about that size."""
-        signs = np.resize([1.0, -1.0] if kind.both else [1.0], len(rows))
-        shift = self.drawing.shifts([kind.of(sign * size) for sign in signs], rows)
+    def _round(self, kind: FaultKind, size: float, part: int) -> "_Round":
+        """Simulate some draws with a fault of a size in them."""
+        signs = np.resize([1.0, -1.0] if kind.both else [1.0], len(self.all))
+        both = np.unique(signs)
+        nominal = self.drawing.shifts([kind.of(sign * size) for sign in both], None)
+        expected = np.ones(len(signs))
+        if np.isfinite(nominal).all():
+            expected = np.maximum(self.shows(nominal[np.searchsorted(both, signs)], self.all), 0.5 / _GROWTH)
+        order, count = np.argsort(expected, kind="stable"), min(_SIMULATED, len(signs))
+        rows = order[((np.arange(count) + (part + 0.5) / _MOST_ROUNDS) * len(order) / count).astype(int)]
+        shift = self.drawing.shifts([kind.of(sign * size) for sign in signs[rows]], rows)
         done = np.isfinite(shift).all(axis=(1, 2))
-        return size * self.thresholds(shift[done], rows[done]) if done.any() else np.empty(0)
+        rows, shift = rows[done], shift[done]
+        if not done.any():
+            return _Round(size, np.zeros(1), np.inf)
+        ratio = self.shows(shift, rows) / expected[rows]
+        nearest = np.searchsorted(np.sort(expected), expected) * len(rows) // len(order)
+        about = nearest[:, None] + np.arange(-_NEIGHBOURS, _NEIGHBOURS + 1)
+        shows = expected[:, None] * ratio[np.clip(about, 0, len(rows) - 1)]
+        spread = np.std(np.log(np.maximum(ratio, 0.5 / _GROWTH)))
+        return _Round(size, shows.ravel() / size, max(float(spread), 1e-3) / np.sqrt(len(rows)))
 
 
-def _visible(sizes: Array) -> float:
-    """What :data:`POWER` of the sizes (k,) from which on a fault shows lie below; infinite where too few show it."""
-    slowest = float(np.quantile(1 / sizes, 1 - POWER, method="weibull")) if len(sizes) else 0.0
+@dataclass(frozen=True)
+class _Round:
+    """Of a ``size`` that was tried: one over the sizes at which a fault ``shows`` (k,) in the draws, the standard error
+    of their logarithms, infinite where none could be simulated."""
+
+    size: float
+    shows: Array
+    error: float
+
+    @property
+    def found(self) -> float:
+        """The size that shows in :data:`POWER` of the draws."""
+        return _visible(self.shows)
+
+
+def _visible(shows: Array) -> float:
+    """The size at which a fault shows in :data:`POWER` of draws, of one over their sizes (k,); infinite where too few
+    show it."""
+    slowest = float(np.quantile(shows, 1 - POWER, method="weibull"))
     return 1 / slowest if slowest > 0 else np.inf

@@ -13,13 +13,7 @@ from scipy.linalg import lstsq
 
 from towval.model import Array
 from towval.model.errors import InputError
-from towval.model.geometry import (
-    block_means,
-    error_signature,
-    normalised_signature,
-    signature_blocks,
-    signature_entries,
-)
+from towval.model.geometry import error_signature, normalised_signature, signature_blocks, signature_entries
 
 SIZES = ("position_rms", "position_max", "along_max", "across_max", "heading_rms", "heading_max")
 """What :func:`error_sizes` gives, in this order."""
@@ -38,9 +32,6 @@ _TAIL_FROM = 0.9
 
 _HALVINGS = 18
 """Of the interval in which a bound is sought: to five digits."""
-
-_GROWTH, _GROWTH_HALVINGS = 4.0, 10
-"""Largest multiple of a shift that is tried, and halvings of the interval up to there: to two digits."""
 
 _TIMES = 200
 """Times of a run by which the level of a bound is found."""
@@ -185,23 +176,42 @@ class RightModel:
 
     def thresholds(self, shift: Array, error: Array) -> Array:
         """Multiples (k,) of shifts ((k,) n, 3) from which on, added to errors (k, n, 3), they are none of a right
-        model; infinite beyond four."""
-        (_, *added), (_, *own) = _features(shift), _features(error)
-        low, high = np.zeros(len(error)), np.full(len(error), _GROWTH)
-        for _ in range(_GROWTH_HALVINGS):
-            middle = 0.5 * (low + high)
-            times = middle[:, None, None]
-            sizes = error_sizes(times * shift + error)[..., _TESTED]
-            found = self._statistics((sizes, times * added[0] + own[0], times[:, 0] * added[1] + own[1]))
-            shows = (found > self.limits).any(axis=-1)
-            low, high = np.where(shows, low, middle), np.where(shows, middle, high)
-        return np.where(high < _GROWTH, high, np.inf)
+        model; zero where these alone are none."""
+        parts, shifts = (error, error_signature(error)), (shift, error_signature(shift))
+        own, added = self._squares(*parts), self._squares(*shifts)
+        more, less = (self._squares(*(p + sign * s for p, s in zip(parts, shifts, strict=True))) for sign in (1, -1))
+        cross = (more - less) / 4
+        left = np.maximum(1 - own, 0)
+        root = np.sqrt(cross**2 + added * left)
+        with np.errstate(divide="ignore", invalid="ignore"):  # what does not grow is never too large
+            found = np.where(cross > 0, left / (cross + root), (root - cross) / added)
+        return np.asarray(np.fmin.reduce(np.where(left > 0, found, 0.0), axis=-1, initial=np.inf))
+
+    def _squares(self, error: Array, signature: Array) -> Array:
+        """Squares (..., m) of all that the statistics of errors are the largest of, over their limits."""
+        position, turn = np.sum(error[..., :2] ** 2, axis=-1), error[..., 2] ** 2
+        parts = [
+            np.mean(position, axis=-1, keepdims=True) / self.size_scale[0] ** 2,
+            position / self.size_scale[1] ** 2,
+            np.mean(turn, axis=-1, keepdims=True) / self.size_scale[2] ** 2,
+            turn / self.size_scale[3] ** 2,
+            *np.moveaxis(normalised_signature(signature, self.covariance) ** 2, -1, 0),
+            self.input_scores(_block_means_of(signature)) ** 2,
+        ]
+        limits = np.repeat(self.limits, [4, 2, 1])
+        return np.concatenate([part / limit**2 for part, limit in zip(parts, limits, strict=True)], axis=-1)
 
 
 def _features(error: Array) -> tuple[Array, Array, Array]:
     """Tested sizes (..., 4), signature (..., m, 3) and block means (..., 72) of errors (..., n, 3)."""
-    means = block_means(error)
-    return error_sizes(error)[..., _TESTED], error_signature(error), means.reshape(*means.shape[:-2], -1)
+    signature = error_signature(error)
+    return error_sizes(error)[..., _TESTED], signature, _block_means_of(signature)
+
+
+def _block_means_of(signature: Array) -> Array:
+    """The means (..., 72) that a signature begins with."""
+    means = signature[..., : len(signature_blocks(0)), :]
+    return means.reshape(*means.shape[:-2], -1)
 
 
 def _effects(means: Array, inputs: Array) -> tuple[Array, NDArray[np.intp], NDArray[np.bool_]]:
