@@ -53,7 +53,15 @@ def _stretched(original: Callable[..., Any]) -> Callable[..., Any]:
     )
 
 
-SETS = Check(_sets, {"the lens is left out": replaced(calibration_table, "calibrate_observations", _stretched)})
+SETS = Check(
+    _sets,
+    {
+        "the lens is left out": replaced(calibration_table, "calibrate_observations", _stretched),
+        "corners are taken to be a tenth less noisy": replaced(
+            calibration_table, "NOISE_PX", lambda noise: 0.9 * noise
+        ),
+    },
+)
 
 
 def _silent(original: Callable[..., Any]) -> Callable[..., Any]:
@@ -107,4 +115,10 @@ def _boards() -> Values:
     return found
 
 
-BOARDS = Check(_boards, {"the board is believed": replaced(_HERE, "believed", lambda _: lambda scene: scene)})
+BOARDS = Check(
+    _boards,
+    {
+        "the board is believed": replaced(_HERE, "believed", lambda _: lambda scene: scene),
+        "findings are dropped": replaced(_HERE, "calibrate_observations", _silent),
+    },
+)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import pandas as pd
@@ -11,7 +12,7 @@ import pandas as pd
 from studies.charts import medians
 from studies.comparators import lab_tow_models
 from studies.evidence.ledger import Check, Values
-from studies.evidence.planting import given, moved, replaced, result_of
+from studies.evidence.planting import both, given, moved, replaced, result_of
 from studies.frame import Part, Study
 from studies.tradeoff import calibration, decimation, dynamics, effects, friction, presets, tracking
 from towval.io.campaign import Campaign
@@ -36,20 +37,38 @@ def points(study: Study, parts: Iterable[Part]) -> Callable[[], Values]:
     return measure
 
 
+_TENFOLD = result_of(lambda timed: {name: replace(each, cpu_s=10 * each.cpu_s) for name, each in timed.items()})
+
+
 FRICTION = Check(
     points(friction.STUDY, [{"element_sizes_m": [0.01], "parts": [64], "rounds": 2}]),
-    {"friction is 1 % too large": replaced(
-        friction, "Coulomb", lambda _: lambda coefficient, stiction: Coulomb(1.01 * coefficient, stiction)
-    )},
-)  # fmt: skip
+    {
+        "friction is 1 % too large": replaced(
+            friction, "Coulomb", lambda _: lambda coefficient, stiction: Coulomb(1.01 * coefficient, stiction)
+        ),
+        "the clock counts tenfold": replaced(friction, "take_turns", _TENFOLD),
+    },
+)
+
+
+def _tethered_longer(original: Any) -> Any:
+    return lambda box, hinge, tether, *rest, **kwargs: original(
+        box, hinge, (tether[0] + 0.05, tether[1]), *rest, **kwargs
+    )
+
 
 DYNAMICS = Check(
     points(dynamics.STUDY, [{"period_s": 40.0, "panels": 12, "mujoco_steps_s": [0.002], "rounds": 2}]),
-    {"the tolerance counts a thousand-fold": replaced(
-        dynamics, "Accuracy", lambda _: lambda tolerance: Accuracy(1000 * tolerance)
-    )},
+    {
+        "the tolerance counts a thousand-fold": replaced(
+            dynamics, "Accuracy", lambda _: lambda tolerance: Accuracy(1000 * tolerance)
+        ),
+        "the truth's tether is 5 cm longer, and the clock counts tenfold": both(
+            replaced(dynamics, "towed_box", _tethered_longer), replaced(dynamics, "take_turns", _TENFOLD)
+        ),
+    },
     needs=("mujoco",),
-)  # fmt: skip
+)
 
 EFFECTS = Check(
     points(effects.STUDY, [{"tow": tow, "rounds": 2} for tow in ("paper", "level tow", "four feet")]),
@@ -69,6 +88,10 @@ DECIMATION = Check(
             decimation, "DecimateSettings", lambda _: lambda excess=3.0: DecimateSettings(excess=100 * excess)
         ),
         "the noise is twice as large": replaced(decimation, "NOISE", lambda noise: 2 * noise),
+        "films are half as long, and the clock counts tenfold": both(
+            replaced(decimation, "DURATION_S", lambda duration: duration / 2),
+            replaced(decimation, "time", lambda clock: SimpleNamespace(process_time=lambda: 10 * clock.process_time())),
+        ),
     },
 )
 

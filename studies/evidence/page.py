@@ -41,7 +41,7 @@ def write_ledger(outcomes: Sequence[Path], memory: Path, outputs: Sequence[Path]
     Raises
     ------
     TowvalError
-        A row that was made now does not hold, or a group has a fault that none of its rows notices; after writing.
+        A row that was made now does not hold or is failed by no fault, or no row notices a fault; after writing.
     """
     groups = read_groups()
     before = json.loads(memory.read_text(encoding="utf-8"))["groups"] if memory.is_file() else {}
@@ -83,14 +83,16 @@ def judged(group: Group, outcomes: Sequence[Mapping[str, Any]], before: Mapping[
 
 
 def faults_of(name: str, group: Mapping[str, Any]) -> list[str]:
-    """What is wrong with a group that was made: rows that do not hold, faults that no row notices."""
+    """What is wrong with a group that was made: rows that do not hold or that no fault fails, faults unnoticed."""
     wrong = [
         f"{name}, {row['name']}: {row['measured']}, not {row['stated']}" for row in group["rows"] if not row["holds"]
     ]
     controls = [control for row in group["rows"] for control in row["controls"]]
     noticed = {control["fault"] for control in controls if control["noticed"]}
     unnoticed = {control["fault"] for control in controls} - noticed
-    return wrong + [f"{name}: no row notices that {fault}" for fault in sorted(unnoticed)]
+    wrong += [f"{name}: no row notices that {fault}" for fault in sorted(unnoticed)]
+    idle = [row["name"] for row in group["rows"] if not any(control["noticed"] for control in row["controls"])]
+    return wrong + [f"{name}, {row}: no fault fails it" for row in idle]
 
 
 def _stated(each: Any) -> dict[str, Any]:

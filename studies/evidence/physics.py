@@ -13,7 +13,7 @@ from studies.comparators import mujoco_engine, mujoco_loads, work_precision
 from studies.comparators.tow_scenes import TowScene, lap_scene
 from studies.costs import least_cpu_seconds
 from studies.evidence.ledger import Check, Values
-from studies.evidence.planting import numbers_of, repeated, replaced, result_of
+from studies.evidence.planting import both, numbers_of, repeated, replaced, result_of
 from studies.tables import physics_must_reach, physics_stability
 from towval.model import FrictionSpecification
 from towval.physics import contact
@@ -115,6 +115,9 @@ LOADS = Check(
         "the tether lifts nothing": replaced(
             mujoco_loads, "engine_loads", result_of(lambda loads: replace(loads, tow=loads.tow * [1.0, 1.0, 0.0]))
         ),
+        "the engine's loads are 1 % too large": replaced(
+            mujoco_loads, "engine_loads", result_of(lambda loads: replace(loads, loads=1.01 * loads.loads))
+        ),
     },
     needs=("mujoco",),
 )
@@ -165,6 +168,10 @@ SPEED = Check(
     {
         "every wrench is computed ten times": replaced(physics_must_reach, "many_wrenches", repeated(10)),
         "the quasi-static model runs ten times": replaced(physics_must_reach, "quasistatic_plan", repeated(10)),
+        "every mesh is summed three times, and its headings are 1 mrad off": both(
+            replaced(physics_must_reach, "many_mesh_wrenches", repeated(3)),
+            replaced(physics_must_reach, "plan_on_mesh", result_of(lambda found: found + 1e-3)),
+        ),
     },
 )
 
@@ -186,10 +193,13 @@ def _stability() -> Values:
 
 STABILITY = Check(
     _stability,
-    {"the default tolerance is a hundred times as wide": replaced(
-        physics_stability, "DEFAULT_TOLERANCE_M", lambda tolerance: 100 * tolerance
-    )},
-)  # fmt: skip
+    {
+        "the default tolerance is a hundred times as wide": replaced(
+            physics_stability, "DEFAULT_TOLERANCE_M", lambda tolerance: 100 * tolerance
+        ),
+        "no scene starts with a slack tether": replaced(physics_stability, "STARTS", lambda _: {"straight": 0.0}),
+    },
+)
 
 
 def _law() -> Values:
@@ -206,12 +216,17 @@ def _law() -> Values:
     }
 
 
+def _sooner(original: Any) -> Any:
+    return lambda peak, rise, decay, *rest: original(peak, rise, 1.05 * decay, *rest)
+
+
 LAW = Check(
     _law,
     {
         "Stribeck's part has settled at v_k to a tenth, not a hundredth": replaced(
             makkar, "SETTLED_FRACTION", lambda _: 0.1
-        )
+        ),
+        "the law behind loses its Stribeck part 5 % sooner": replaced(_HERE, "Makkar", _sooner),
     },
 )
 
@@ -225,5 +240,11 @@ def _cold() -> Values:
 
 
 COLD = Check(
-    _cold, {"every process is started four times": replaced(physics_must_reach.subprocess, "run", repeated(4))}
+    _cold,
+    {
+        "every process is started four times": replaced(physics_must_reach.subprocess, "run", repeated(4)),
+        "the clock counts threefold": replaced(
+            physics_must_reach, "children_cpu_seconds", result_of(lambda spent: 3 * spent)
+        ),
+    },
 )

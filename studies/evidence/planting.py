@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import replace
 from typing import Any
 from unittest.mock import patch
@@ -12,6 +12,8 @@ from unittest.mock import patch
 import numpy as np
 
 from studies.evidence.ledger import Values
+from towval.model import Array, Track
+from towval.model.tracks import TrackStatus
 
 Planting = Callable[[], AbstractContextManager[object]]
 
@@ -48,6 +50,38 @@ def repeated(times: int) -> Callable[[Any], Any]:
 def moved(*by: float) -> Callable[[Any], Any]:
     """A tracker's ``measure`` whose poses are off by so much [m, m, rad]."""
     return result_of(lambda found: found and replace(found, pose=found.pose + np.array(by)))
+
+
+def both(*faults: Planting) -> Planting:
+    """Several faults at once."""
+
+    @contextmanager
+    def planted() -> Iterator[None]:
+        with ExitStack() as stack:
+            for fault in faults:
+                stack.enter_context(fault())
+            yield
+
+    return planted
+
+
+def flawed(position_m: float, heading_rad: float) -> Callable[[Any], Any]:
+    """What tracks bodies: poses of each scatter by so much, and every twentieth is lost."""
+
+    def wrong(tracks: Mapping[str, Track]) -> dict[str, Track]:
+        rng = np.random.default_rng(1)
+        return {
+            body: _scattered(track, rng.normal(size=track.pose.shape) * [position_m, position_m, heading_rad])
+            for body, track in tracks.items()
+        }
+
+    return result_of(wrong)
+
+
+def _scattered(track: Track, by: Array) -> Track:
+    by[10::20] = np.nan
+    status = np.where(np.isnan(by[:, 0]), TrackStatus.LOST, track.status).astype(np.uint8)
+    return replace(track, pose=track.pose + by, status=status)
 
 
 def numbers_of(rows: Iterable[tuple[str, str, str, bool]]) -> Values:

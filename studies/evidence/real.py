@@ -11,7 +11,7 @@ import pandas as pd
 
 from studies.evidence.compute import shared_folder
 from studies.evidence.ledger import Check, Values
-from studies.evidence.planting import moved, numbers_of, replaced, result_of
+from studies.evidence.planting import flawed, moved, numbers_of, replaced, result_of
 from studies.real import clips, displaced_windows, feet_study, jackknife, measured_pushes
 from studies.real.push_data import PROGRAMMED_HEIGHT_M, TIP_HEIGHT_M, PushLog, read_logs
 from towval.calibration import view_covariance
@@ -41,6 +41,10 @@ def _feet() -> list[PushLog]:
 
 def _wider(logs: list[PushLog]) -> list[PushLog]:
     return [replace(log, feet=1.1 * log.feet) for log in logs]
+
+
+def _mirrored(logs: list[PushLog]) -> list[PushLog]:
+    return [replace(log, feet=log.feet * [-1, 1]) for log in logs[1:]]
 
 
 def _pushes() -> Values:
@@ -81,6 +85,7 @@ PUSHES = Check(
     {
         "feet are taken 10 % too far apart": replaced(_HERE, "push_logs", result_of(_wider)),
         "the push transfers no load": replaced(feet_study, "push_rows", _without_transfer),
+        "feet are mirrored, and a log is left out": replaced(_HERE, "push_logs", result_of(_mirrored)),
     },
     needs=("real/mlab_pushes",),
 )
@@ -92,13 +97,27 @@ def _push_fits() -> Values:
     return numbers_of([*measured_pushes.scale_lines(feet), *measured_pushes.slow_rows(feet, faces[0])])
 
 
+def _turning_less(logs: list[PushLog]) -> list[PushLog]:
+    return [replace(log, twist=log.twist * [1, 1, 0.9]) for log in logs]
+
+
+def _forces_unsure(logs: list[PushLog]) -> list[PushLog]:
+    rng = np.random.default_rng(1)
+    wrenches = [log.wrench * (1 + 0.1 * rng.normal(size=log.wrench.shape)) for log in logs]
+    twists = [log.twist * [1, 1, 0.5 if k % 2 else 1.0] for k, log in enumerate(logs)]
+    return [replace(log, wrench=w, twist=v) for log, w, v in zip(logs, wrenches, twists, strict=True)]
+
+
 PUSH_FITS = Check(
     _push_fits,
-    {"a tenth of every twist's turning is lost": replaced(
-        _HERE, "push_logs", result_of(lambda logs: [replace(log, twist=log.twist * [1, 1, 0.9]) for log in logs])
-    )},
+    {
+        "a tenth of every twist's turning is lost": replaced(_HERE, "push_logs", result_of(_turning_less)),
+        "forces scatter by a tenth, the turning of every second log by half": replaced(
+            _HERE, "push_logs", result_of(_forces_unsure)
+        ),
+    },
     needs=("real/mlab_pushes",),
-)  # fmt: skip
+)
 
 
 def _windows() -> Values:
@@ -159,7 +178,16 @@ def _rounded(reference: FloorReference) -> FloorReference:
 
 
 MARKS = Check(
-    _marks, {"marks are read to 4 px": replaced(_HERE, "survey", result_of(_rounded))}, needs=("real/surveyed_floor",)
+    _marks,
+    {
+        "marks are read to 4 px": replaced(_HERE, "survey", result_of(_rounded)),
+        "a mark is left out": replaced(
+            _HERE,
+            "survey",
+            result_of(lambda all_of: replace(all_of, marks_px=all_of.marks_px[1:], marks_m=all_of.marks_m[1:])),
+        ),
+    },
+    needs=("real/surveyed_floor",),
 )
 
 
@@ -211,6 +239,9 @@ def _clips() -> Values:
 
 CLIPS = Check(
     _clips,
-    {"lost bodies are not searched for": replaced(Follower, "_search", lambda _: lambda *args, **kwargs: None)},
+    {
+        "lost bodies are not searched for": replaced(Follower, "_search", lambda _: lambda *args, **kwargs: None),
+        "poses scatter by 8 px and 20°, every twentieth is lost": replaced(clips, "track", flawed(8e-3, 0.35)),
+    },
     needs=("real/sliding_pucks", "real/rover_overhead_4fps"),
 )

@@ -17,8 +17,10 @@ import pandas as pd
 from studies.frame import Part, Row, Settings, Study, loaded
 from studies.paper import closed_loop, dynamics, meshes, nominal
 from studies.paper.claims import CLAIMS
+from studies.paper.loop_checks import BREAKING_THRESHOLDS
 from studies.registry import PAPER
 from towval.model import TimedPath
+from towval.planning.planner import PlanCase, PlanOutcome
 
 Plan = dict[str, Any]
 
@@ -97,6 +99,34 @@ def _object_on_its_path(original: Callable[..., Any]) -> Callable[..., Any]:
         return replace(found, towed=replace(found.towed, pose=motion.pose[at]))
 
     return loop
+
+
+def _aside_in_case_b(original: Callable[..., Any]) -> Callable[..., Any]:
+    """The object is 0.1 m beside its nominal path while the rover is in case B, and on it otherwise."""
+    on_its_path = _object_on_its_path(original)
+
+    def loop(*args: Any, **settings: Any) -> Any:
+        found = on_its_path(*args, **settings)
+        at = np.searchsorted(found.rover.time_s, found.towed.time_s).clip(max=len(found.rover.case) - 1)
+        aside = np.where(found.rover.case[at] == PlanCase.B, 0.1, 0.0)
+        return replace(found, towed=replace(found.towed, pose=found.towed.pose + aside[:, None] * [0.0, 1.0, 0.0]))
+
+    return loop
+
+
+def _lost_unless(setting: str, good: Callable[[float], bool]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """The rover arrives with good values of a setting of the planner; with others it is stuck, the object 1 m off."""
+
+    def wrong(original: Callable[..., Any]) -> Callable[..., Any]:
+        def loop(*args: Any, **settings: Any) -> Any:
+            found = original(*args, **settings)
+            if good(settings[setting]):
+                return replace(found, rover=replace(found.rover, outcome=PlanOutcome.ARRIVED))
+            return replace(found, rover=replace(found.rover, outcome=PlanOutcome.STUCK), object_rms=1.0)
+
+        return loop
+
+    return wrong
 
 
 def _half_the_turn(original: Callable[..., Any]) -> Callable[..., Any]:
@@ -212,12 +242,9 @@ CONTROLS = (
         "planner stays in case A", "the rover is sent along a line, where nothing is challenging", _NOMINAL,
         _curve({"lemniscate": "line"}), ("loop",),
     ),
-    *(
-        Control(
-            f"case {letter} shows in the object's path", "the object stays on its path whatever the rover does", _LOOP,
-            _object_on_its_path, ("loop",),
-        )
-        for letter in "BC"
+    Control(
+        "case C shows in the object's path", "the object stays on its path whatever the rover does", _LOOP,
+        _object_on_its_path, ("loop",),
     ),
     Control(
         "case A reaches its point", "arcs are driven with half the turn", _LOOP, _half_the_turn, ("loop",),
@@ -259,18 +286,6 @@ CONTROLS = (
         _names(dynamics, "feedforward_motion"), _given(from_rest=False), ("starts",),
     ),
     Control(
-        "best thresholds", "the threshold is 0.08 m, whatever is asked for", _LOOP, _given(threshold=0.08),
-        ("thresholds",),
-    ),
-    Control(
-        "single thresholds break the controller", "the rover is sent along a line instead", _NOMINAL,
-        _curve({"lemniscate": "line"}), ("thresholds", "wheelbases"),
-    ),
-    Control(
-        "orientation must be planned", "the look-ahead is 350 steps, whatever is asked for", _LOOP,
-        _given(look_ahead_steps=350), ("surface",),
-    ),
-    Control(
         "lemniscate is erratic", "the rover is sent along the circle instead", _NOMINAL,
         _curve({"lemniscate": "circle"}), ("thresholds",),
     ),
@@ -279,10 +294,6 @@ CONTROLS = (
     ),
     Control(
         "errors of the surfaces", "the two curves are exchanged", _NOMINAL, _SWAPPED, ("surface",),
-    ),
-    Control(
-        "feasible look-aheads", "the look-ahead is 350 steps, whatever is asked for", _LOOP,
-        _given(look_ahead_steps=350), ("surface",),
     ),
     Control(
         "towing along a path works", "the rover is led along the object's path", _NOMINAL, _hinge_on_the_object,
@@ -311,6 +322,25 @@ OPPOSITES = (
     Control(
         "deviation vanishes with the time step", "the deviation is multiplied by the time step", _LOOP_ROW,
         _step_for_radius, ("planner_steps",),
+    ),
+    Control(
+        "case B shows in the object's path", "the object is 0.1 m aside while the rover is in case B", _LOOP,
+        _aside_in_case_b, ("loop",),
+    ),
+    Control(
+        "best thresholds", "the rover is stuck with other thresholds than 0.1 to 0.4 m, the object 1 m off", _LOOP,
+        _lost_unless("threshold", lambda threshold: 0.1 <= threshold <= 0.4), ("thresholds",),
+    ),
+    Control(
+        "single thresholds break the controller", "the rover is stuck with these two, and with no other", _LOOP,
+        _lost_unless("threshold", lambda threshold: threshold not in BREAKING_THRESHOLDS), ("thresholds", "wheelbases"),
+    ),
+    *(
+        Control(
+            claim, "the rover arrives with look-aheads of 300 to 400 steps, and with no other", _LOOP,
+            _lost_unless("look_ahead_steps", lambda steps: 300 <= steps <= 400), ("surface",),
+        )
+        for claim in ("feasible look-aheads", "orientation must be planned")
     ),
 )  # fmt: skip
 """For claims that are not reproduced the other way round: a change with which the check holds, so that it can."""

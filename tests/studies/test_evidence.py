@@ -94,6 +94,8 @@ def test_a_row_that_does_not_hold_and_a_fault_that_nobody_notices_end_with_an_er
     made = [json.loads(path.read_text(encoding="utf-8")) for path in outcomes(tmp_path)]
     assert faults_of("bar", judged(strict, made, {})) == ["bar, length: 2.0, not 1.5"]
     assert faults_of("bar", judged(lax, made, {})) == ["bar: no row notices that it is longer"]
+    unrefused = judged(replace(GROUP, statements=(*lax.statements, *strict.statements)), made[:2], {})
+    assert faults_of("bar", unrefused)[-1] == "bar, length: no fault fails it"
     monkeypatch.setattr("studies.evidence.page.read_groups", lambda: {"bar": strict})
     with pytest.raises(TowvalError, match="does not hold"):
         write_ledger(outcomes(tmp_path), tmp_path / "none.json", [tmp_path / "evidence.json"])
