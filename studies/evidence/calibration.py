@@ -37,15 +37,6 @@ def _sets() -> Values:
     return {name: float(value) for name, value in found.items()}
 
 
-def _flags() -> Values:
-    kinds = {"degenerate": calibration_table.DEGENERATE, "good": calibration_table.GOOD}
-    found: dict[str, float] = {}
-    for name, sets in kinds.items():
-        codes = [calibration_table.flagged(seed, keys) for keys in sets.values() for seed in range(6000, 6010)]
-        found |= {f"{name} sets": float(len(codes)), f"{name} sets, flagged": float(sum(map(bool, codes)))}
-    return found
-
-
 def _stretched(original: Callable[..., Any]) -> Callable[..., Any]:
     """The lens is left out: corners are taken for those of a pinhole."""
     return lambda seen, settings, *rest, **kwargs: original(
@@ -66,9 +57,6 @@ SETS = Check(
 
 def _silent(original: Callable[..., Any]) -> Callable[..., Any]:
     return lambda *args, **kwargs: replace(original(*args, **kwargs), findings=())
-
-
-FLAGS = Check(_flags, {"findings are dropped": replaced(calibration_table, "calibrate_observations", _silent)})
 
 
 def _normalised() -> Values:

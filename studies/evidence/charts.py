@@ -12,14 +12,12 @@ import pandas as pd
 from studies.charts import medians
 from studies.comparators import lab_tow_models
 from studies.evidence.ledger import Check, Values
-from studies.evidence.planting import both, given, moved, replaced, result_of
+from studies.evidence.planting import both, given, replaced, result_of
 from studies.frame import Part, Study
-from studies.tradeoff import calibration, decimation, dynamics, effects, friction, presets, tracking
-from towval.io.campaign import Campaign
+from studies.tradeoff import decimation, dynamics, effects, friction
 from towval.model import Ground
 from towval.physics.dynamics import Accuracy
 from towval.physics.friction_laws import Coulomb
-from towval.tracking.plane_tracker import PlaneTracker
 from towval.validation.decimate import DecimateSettings
 
 
@@ -93,45 +91,4 @@ DECIMATION = Check(
             replaced(decimation, "time", lambda clock: SimpleNamespace(process_time=lambda: 10 * clock.process_time())),
         ),
     },
-)
-
-
-def _pinhole(original: Any) -> Any:
-    return lambda seen, settings, *rest: original(seen, replace(settings, lens_models=("none",)), *rest)
-
-
-CALIBRATION = Check(
-    points(
-        calibration.STUDY,
-        [
-            {"seed": seed, "views": [6, 12], "models": ["k1", "k1 k2", "rational", calibration.CHOSEN]}
-            for seed in range(1, 11)
-        ],
-    ),
-    {"the lens is left out": replaced(calibration, "calibrate_observations", _pinhole)},
-)
-
-
-TRACKING = Check(
-    points(tracking.STUDY, [{"seed": seed, "seconds": 2.0, "variants": [[1.0, 1]], "rounds": 2} for seed in (3, 4, 5)]),
-    {"poses are 0.28 mm off": replaced(PlaneTracker, "measure", moved(2e-4, 2e-4, 0.0))},
-)
-
-
-def _longer(campaign: Campaign) -> Campaign:
-    tether = campaign.scene.tether
-    return replace(
-        campaign, scene=replace(campaign.scene, tether=replace(tether, rest_length=1.05 * tether.rest_length))
-    )
-
-
-PRESETS = Check(
-    points(
-        presets.STUDY,
-        [
-            {"presets": ["draft", "standard", "fine", "auto"], "frames": 80, "rounds": 2, "seed": seed}
-            for seed in (0, 1, 2)
-        ],
-    ),
-    {"the tether is stated 5 % too long": replaced(presets, "load_campaign", result_of(_longer))},
 )
