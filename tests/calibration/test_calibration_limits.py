@@ -9,6 +9,7 @@ import pytest
 from board_pictures import chessboard_pattern, pattern_to_image, picture, true_corners
 from studies.worlds.boards import calibration_set
 from towval.calibration.adequacy import ViewStatistics, view_findings
+from towval.calibration.behind_boards import _common_motion, _Features
 from towval.calibration.bundle_adjustment import adjust
 from towval.calibration.calibrate import CalibrateSettings, calibrate_observations
 from towval.calibration.corners import observe_charuco, refine
@@ -122,3 +123,15 @@ def test_a_charuco_board_needs_eight_corners_in_view(rows, enough):
     # Rows of squares from the top, 80 px each: so many rows of three inner corners are in view.
     image[40 + 80 * (rows + 1) :] = 255
     assert (observe_charuco("a", image, board) is not None) == enough
+
+
+@pytest.mark.parametrize(("count", "tells"), [(20, False), (30, True)])
+def test_what_stands_behind_a_board_tells_by_25_matches_that_agree(count, tells):
+    rng = np.random.default_rng(count)
+    places, descriptors = rng.uniform(-500, 500, (count, 2)), rng.standard_normal((count, 128)).astype(np.float32)
+    found = _common_motion(
+        _Features(places, descriptors, 1.0), _Features(places + np.array([30.0, 0.0]), descriptors, 1.0)
+    )
+    assert (found is not None) == tells
+    if found:
+        np.testing.assert_allclose(found[0][:2, 2] / found[0][2, 2], [30.0, 0.0], atol=1e-3)

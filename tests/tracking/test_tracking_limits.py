@@ -18,7 +18,7 @@ from towval.tracking.alignment import align
 from towval.tracking.blur import Shutter
 from towval.tracking.follow import Follower
 from towval.tracking.klt import KltTracker
-from towval.tracking.light import light_misfit
+from towval.tracking.light import evened, light_misfit
 from towval.tracking.noise import hold_rest, scatter_factor
 from towval.tracking.outline import OutlineFit, combine_fits, observe_outline, pose_from_clicks, stretches_of
 from towval.tracking.planar_target import PlanarTarget
@@ -766,3 +766,15 @@ def test_headings_are_tried_finely_enough(lookalikes):
     turn = np.rad2deg(best.pose[2] - turned[2] + np.pi) % 360 - 180
     assert abs(turn) < 5
     assert best.correlation > 0.8
+
+
+def test_light_over_an_eighth_of_the_picture_is_evened_and_texture_over_a_thirtieth_stays():
+    """Of three waves along a picture, each in parts of what it was, as the finest one."""
+    width, cycles = 960, np.array([8, 30, 60])
+    along = 2 * np.pi * np.outer(cycles, np.arange(width)) / width
+    size = np.array([20.0, 6.0, 6.0])
+    seen = evened(np.tile(np.round(128 + size @ np.sin(along)), (240, 1)).astype(np.uint8))[120] - 128.0
+    left = np.hypot(np.sin(along) @ seen, np.cos(along) @ seen) / size
+    light, texture, fine = left
+    assert light < 0.3 * fine
+    assert texture > 0.9 * fine
