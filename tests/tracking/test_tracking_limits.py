@@ -16,6 +16,7 @@ from towval.tracking import blur, follow, outline, two_measurements
 from towval.tracking import noise as noise_module
 from towval.tracking.alignment import align
 from towval.tracking.blur import Shutter
+from towval.tracking.camera_motion import CameraMotion
 from towval.tracking.follow import Follower
 from towval.tracking.klt import KltTracker
 from towval.tracking.light import evened, light_misfit
@@ -778,3 +779,21 @@ def test_light_over_an_eighth_of_the_picture_is_evened_and_texture_over_a_thirti
     light, texture, fine = left
     assert light < 0.3 * fine
     assert texture > 0.9 * fine
+
+
+@pytest.mark.parametrize(("shift_px", "codes"), [(0.2, []), (0.4, ["camera_moved"])])
+def test_a_motion_of_the_camera_is_reported_from_three_tenths_of_a_pixel_on(shift_px, codes):
+    floor_seen = SimpleNamespace(shift_px=lambda motion: motion[0], std_px=lambda covariance: 0.02)
+    watching = SimpleNamespace(watched=True, registered=9, floor_seen=floor_seen)
+    motion = np.linspace(0.0, shift_px, 10)[:, None]
+    found = SimpleNamespace(
+        time_s=0.1 * np.arange(10), known=np.ones(10, dtype=bool), scattered_px=0.0, motion=motion, common=np.eye(1)
+    )
+    assert [each.code for each in CameraMotion.findings(watching, found)] == codes
+
+
+@pytest.mark.parametrize(("deviations", "by_itself"), [(3.0, False), (5.0, True)])
+def test_a_picture_disagrees_by_itself_from_four_deviations_on(deviations, by_itself):
+    apart, expected = np.zeros((3, 3)), np.tile(1e-6 * np.eye(3), (3, 1, 1))
+    apart[1, 0] = 1e-3 * deviations
+    assert two_measurements.alone(apart, expected).any() == by_itself
