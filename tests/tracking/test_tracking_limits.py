@@ -22,6 +22,7 @@ from towval.tracking.klt import KltTracker
 from towval.tracking.light import evened, light_misfit
 from towval.tracking.noise import hold_rest, scatter_factor
 from towval.tracking.outline import OutlineFit, combine_fits, observe_outline, pose_from_clicks, stretches_of
+from towval.tracking.outline_search import OutlineSearch
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.plane_tracker import PlaneTracker, _Response
 from towval.tracking.pose import Measurement, Tracker
@@ -797,3 +798,16 @@ def test_a_picture_disagrees_by_itself_from_four_deviations_on(deviations, by_it
     apart, expected = np.zeros((3, 3)), np.tile(1e-6 * np.eye(3), (3, 1, 1))
     apart[1, 0] = 1e-3 * deviations
     assert two_measurements.alone(apart, expected).any() == by_itself
+
+
+def test_places_of_an_outline_are_one_where_less_than_five_pixels_apart():
+    pixel_m, along_px = 1e-3, np.array([0.0, 4.0, 7.0])
+    poses = [np.array([pixel_m * at, 0.0, 0.0]) for at in along_px]
+    level = SimpleNamespace(cell_m=1e-4, places=lambda headings: [(1.0 - 100 * pose[0], pose) for pose in poses])
+    search = SimpleNamespace(
+        levels=[level], order=1, target=SimpleNamespace(reach_m=0.01), pixel_m=pixel_m,
+        sharpened=lambda pose, cell_m: (1.0 - 100 * pose[0], pose), apart_m=lambda a, b: abs(a[0] - b[0]),
+    )  # fmt: skip
+    search._distinct = lambda found, apart_m: OutlineSearch._distinct(search, found, apart_m)
+    found = OutlineSearch.found(search, 0.0, 0.1, 9)
+    assert [round(pose[0] / pixel_m) for _, pose in found] == [0, 7]
