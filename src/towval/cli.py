@@ -152,7 +152,10 @@ _STAGES: dict[str, tuple[str, list[_Argument]]] = {
 _FUNCTIONS = {"tow": ("plan", "run_tow"), "run": ("workflow", "run"), "demo": ("workflow", "run_demo")}
 """Module and function of a stage, where they are not ``run`` in the module of its name."""
 
-_OUTPUTS = {"index": "SQLite file to write, replaced atomically; the page beside it ends in .html"}
+_OUTPUTS = {
+    "index": "SQLite file to write, replaced atomically; the page beside it ends in .html",
+    "overlay": "MP4 file to write, replaced atomically",
+}
 _WITHOUT_OUTPUT = ("report", "verify", "run", "demo", "check", "new")
 _SETTINGS = {"run": "config.yaml, as track.method", "new": "campaign.yaml, as object.mass_kg"}
 _WITHOUT_SETTINGS = ("exchange", "overlay", "plan", "tow", "index", "verify", "demo", "check")
@@ -206,7 +209,7 @@ def main(arguments: list[str] | None = None) -> None:
     stage = given.pop("stage")
     as_json = stage != "check" and given.pop("as_json")
     with errors_reported():
-        if stage not in (*_OUTPUTS, *_WITHOUT_OUTPUT, "overlay"):
+        if stage not in (*_OUTPUTS, *_WITHOUT_OUTPUT):
             check_replaceable(given["output"], stage)
         if "keys" in given:
             given["keys"] = _keys(given["keys"])

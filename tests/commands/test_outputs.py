@@ -71,6 +71,13 @@ def test_a_film_never_replaces_footage(lab_small, tmp_path, capsys):
     assert "is not replaced" in refused(capsys, "overlay", lab_small, "--run", "a", *paths, "-o", lab_small / "a.mp4")
 
 
+@pytest.mark.parametrize(("command", "kind"), [("track", "MCAP"), ("overlay", "MP4"), ("index", "SQLite")])
+def test_the_help_names_the_kind_of_file_that_is_written(command, kind, capsys):
+    with pytest.raises(SystemExit):
+        main([command, "--help"])
+    assert f"{kind} file to write" in " ".join(capsys.readouterr().out.split())
+
+
 def test_commands_without_a_result_of_their_own_are_not_held_up(lab_small, tmp_path):
     with pytest.raises(SystemExit) as error:
         main(["check", "--help"])
