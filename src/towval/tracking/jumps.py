@@ -8,9 +8,7 @@ from towval.model.findings import finding
 from towval.model.geometry import compose, inverse
 from towval.tracking.planar_target import PlanarTarget
 
-_DEVIATIONS = (
-    3.0  # Of the poses' own: one stray in some hundreds is beyond by chance, and motion explains a part of it.
-)
+_DEVIATIONS = 3.0  # Of the poses' own: one stray in some hundreds is beyond by chance.
 
 
 def strays(time_s: Array, pose: Array, reach_m: float) -> Array:
