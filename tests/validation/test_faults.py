@@ -74,6 +74,46 @@ def test_a_fault_that_no_draw_can_be_simulated_with_is_not_visible(case):
     assert np.isnan([fault.size for fault in faults]).all()
 
 
+def longer_tether_shifts(case, error, factor, nominal=1.0):
+    """Shifts of a made drawing: a longer tether moves all along by its length times a factor that is asked for."""
+    rest = case.scene.tether.rest_length
+
+    def shifts(acts, rows):
+        sizes = np.array([act(case.scene).tether.rest_length - rest for act in acts])
+        moved = np.zeros((len(acts), *error.shape[1:]))
+        moved[..., 0] = (sizes * (nominal if rows is None else factor()))[:, None]
+        return moved
+
+    return shifts
+
+
+def test_a_fault_that_the_nominal_run_cannot_have_is_told_by_all_draws(case):
+    """With nothing to order the draws by, each counts: the first of them show a fault late."""
+    rng = np.random.default_rng(5)
+    error, inputs = 1e-3 * rng.standard_normal((256, 100, 3)), np.empty((256, 0))
+    error[:24] *= 0.2  # well within the limits
+    right, along = RightModel.of(error, inputs, 0.99), np.zeros((256, 100, 3))
+    along[..., 0] = np.resize([1.0, -1.0], 256)[:, None]  # the signs are dealt in turn
+    wanted = np.quantile(right.thresholds(along, error), 0.9)
+    shifts = longer_tether_shifts(case, error, lambda: 1.0, nominal=np.nan)
+    found = visible_faults(case.simulated, Drawing(error, inputs, 0.99, shifts))[0]
+    assert found.kind == "rest length"
+    assert found.size == pytest.approx(wanted, rel=0.05)
+
+
+def test_the_largest_counts_where_the_rounds_of_the_search_do_not_agree(case):
+    rng = np.random.default_rng(6)
+    error, inputs = 1e-3 * rng.standard_normal((256, 100, 3)), np.empty((256, 0))
+
+    def found_with(factor):
+        drawing = Drawing(error, inputs, 0.99, longer_tether_shifts(case, error, factor))
+        return visible_faults(case.simulated, drawing)[0].size
+
+    # The rounds find 3, 1/2, 2 and 1/4 of what the nominal run says, at sizes that none of the others found.
+    rounds = iter([1 / 3, 2.0, 1 / 2, 4.0])
+    assert found_with(lambda: next(rounds, 1.0)) == pytest.approx(3 * found_with(lambda: 1.0), rel=0.05)
+
+
 def moved_by(case, sampling, kind, size):
     """By how much a fault moves the nominal path (n, 3)."""
     sampler = sampling._sampler

@@ -154,7 +154,8 @@ class _Search:
         return 1 / np.maximum(found, _LEAST)
 
     def visible(self, kind: FaultKind, size: float) -> VisibleFault:
-        """The fault of a kind, of about a ``size`` that shows with the nominal shift."""
+        """The fault of a kind, of about a ``size`` that shows with the nominal shift; the largest of those found where
+        they do not agree."""
         tried: list[_Round] = []
         found = np.inf
         for part in range(_MOST_ROUNDS):
@@ -165,6 +166,8 @@ class _Search:
             if near and np.sum([each.error**-2 for each in near]) >= _KNOWN**-2:
                 break
             size = min(found, _GROWTH * tried[-1].size) if np.isfinite(tried[-1].error) else 0.5 * tried[-1].size
+        else:
+            found = max((each.found for each in tried if np.isfinite(each.error)), default=np.inf)
         if not found <= kind.most:
             return VisibleFault(kind.name, np.nan, kind.unit, np.nan, np.nan, kind.most)
         (shift,) = self.drawing.shifts([kind.of(found)], None)
@@ -182,18 +185,18 @@ class _Search:
         if np.isfinite(nominal).all():
             expected = np.maximum(self.shows(nominal[np.searchsorted(both, signs)], self.all), 0.5 / _GROWTH)
         order, count = np.argsort(expected, kind="stable"), min(_SIMULATED, len(signs))
-        rows = order[((np.arange(count) + (part + 0.5) / _MOST_ROUNDS) * len(order) / count).astype(int)]
-        shift = self.drawing.shifts([kind.of(sign * size) for sign in signs[rows]], rows)
+        ranks = ((np.arange(count) + (part + 0.5) / _MOST_ROUNDS) * len(order) / count).astype(int)
+        shift = self.drawing.shifts([kind.of(sign * size) for sign in signs[order[ranks]]], order[ranks])
         done = np.isfinite(shift).all(axis=(1, 2))
-        rows, shift = rows[done], shift[done]
+        ranks, shift = ranks[done], shift[done]
         if not done.any():
             return _Round(size, np.zeros(1), np.inf)
-        ratio = self.shows(shift, rows) / expected[rows]
-        nearest = np.searchsorted(np.sort(expected), expected) * len(rows) // len(order)
+        ratio = self.shows(shift, order[ranks]) / expected[order[ranks]]
+        nearest = np.searchsorted((ranks[1:] + ranks[:-1]) / 2, np.arange(len(order)))
         about = nearest[:, None] + np.arange(-_NEIGHBOURS, _NEIGHBOURS + 1)
-        shows = expected[:, None] * ratio[np.clip(about, 0, len(rows) - 1)]
+        shows = expected[order][:, None] * ratio[np.clip(about, 0, len(ranks) - 1)]
         spread = np.std(np.log(np.maximum(ratio, 0.5 / _GROWTH)))
-        return _Round(size, shows.ravel() / size, max(float(spread), 1e-3) / np.sqrt(len(rows)))
+        return _Round(size, shows.ravel() / size, max(float(spread), 1e-3) / np.sqrt(len(ranks)))
 
 
 @dataclass(frozen=True)
