@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -31,6 +31,7 @@ SIGNS = {RIGHT: ("", "#1d1d1b"), FLAGGED: ("!", "#1d1d1b"), SILENT: ("×", "#fff
 """Cells by judgement: face, and sign in its colour; light, middle and dark, so that they can be told apart in grey."""
 
 _LINE_IN = 0.16
+_FRAME_PT = 1.2
 _LINE_STEP_PX = 3.0
 _AWAY, _AWAY_DEFAULT = 3.5, 5.0
 """From a point to its label [pt], and from one with the ring of the default."""
@@ -236,7 +237,14 @@ def _marks_and_lines(axes: Axes, px_per_point: float) -> list[Bbox]:
 
 
 @figure_function
-def map_chart(table: pd.DataFrame, title: str, axes_labels: dict[str, tuple[str, str]], note: str) -> Figure:
+def map_chart(
+    table: pd.DataFrame,
+    title: str,
+    axes_labels: dict[str, tuple[str, str]],
+    note: str,
+    take: str = "",
+    default: Mapping[str, Mapping[str, float]] | None = None,
+) -> Figure:
     """Maps of judgements, a cell a pair of values, in the order of the values.
 
     Parameters
@@ -249,26 +257,34 @@ def map_chart(table: pd.DataFrame, title: str, axes_labels: dict[str, tuple[str,
         Labels of x and y by the name of a map.
     note : str
         What counts as right and as flagged.
+    take : str, optional
+        What to conclude, above the note.
+    default : mapping, optional
+        By the name of a map, the values on its axes x or y that are defaults: their cells are framed.
     """
     names = [name for name in axes_labels if (table["map"] == name).any()]
     columns = 4 if len(names) > 6 else 3
-    notes = _wrapped(f"{note} {_machine(table)}")
+    framed = default or {}
+    advice = _wrapped(take, 122) if take else []
+    notes = advice + _wrapped(f"{note} {_machine(table)}")
     margins = Margins(left=0.72, right=0.1, top=0.62, bottom=0.62 + _LINE_IN * (1 + len(notes)), across=0.62, down=0.72)
     figure = Figure(figsize=(PAGE_WIDTH_IN, 3.0))
     axes = [figure.add_subplot() for _ in names]
     place_maps(figure, axes, 0.95, margins, columns)
     for name, own in zip(names, axes, strict=True):
-        _draw_map(own, table[table["map"] == name])
+        _draw_map(own, table[table["map"] == name], framed.get(name, {}))
         own.set_title(_shortened(name), fontsize=7.5)
         own.set_xlabel(_set(axes_labels[name][0]), fontsize=7.5)
         own.set_ylabel(_set(axes_labels[name][1]), fontsize=7.5)
     _title(figure, title)
     handles = [Swatch(facecolor=FACES[name], edgecolor="#777777", label=f"{name}  {SIGNS[name][0]}") for name in FACES]
-    _foot(figure, handles, 3, notes)
+    if framed:
+        handles.append(Swatch(facecolor="none", edgecolor="#000000", lw=_FRAME_PT, label="default"))
+    _foot(figure, handles, 4, notes, advice=len(advice))
     return figure
 
 
-def _draw_map(axes: Axes, rows: pd.DataFrame) -> None:
+def _draw_map(axes: Axes, rows: pd.DataFrame, default: Mapping[str, float]) -> None:
     rows = rows.assign(x=rows["x"].map(_value), y=rows["y"].map(_value))
     across, up = _ordered(rows["x"]), _ordered(rows["y"])
     for row in rows.itertuples():
@@ -277,6 +293,10 @@ def _draw_map(axes: Axes, rows: pd.DataFrame) -> None:
         sign, colour = SIGNS[row.judgement]
         axes.text(x, y, sign, color=colour, ha="center", va="center_baseline", fontsize=7)
     axes.set(xlim=(-0.5, len(across) - 0.5), ylim=(-0.5, len(up) - 0.5))
+    if default.get("x") in across:
+        axes.add_patch(_frame(across.index(default["x"]) - 0.5, -0.5, 1, len(up)))
+    if default.get("y") in up:
+        axes.add_patch(_frame(-0.5, up.index(default["y"]) - 0.5, len(across), 1))
     axes.grid(visible=False)
     for axis, values in ((axes.xaxis, across), (axes.yaxis, up)):
         every = math.ceil(len(values) / 6)
@@ -287,6 +307,10 @@ def _draw_map(axes: Axes, rows: pd.DataFrame) -> None:
 
 def _cell(x: int, y: int, face: str) -> Rectangle:
     return Rectangle((x - 0.5, y - 0.5), 1, 1, facecolor=face, edgecolor="white", lw=0.6)
+
+
+def _frame(x: float, y: float, width: float, height: float) -> Rectangle:
+    return Rectangle((x, y), width, height, fill=False, edgecolor="#000000", lw=_FRAME_PT, zorder=4, clip_on=False)
 
 
 def _ordered(values: pd.Series) -> list:

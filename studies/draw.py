@@ -45,5 +45,5 @@ def figure_of(source: Study | Drawing, plan: Mapping[str, Any], tables: Mapping[
         note = f"{chart.note} {chart.truth}".strip()
         return scatter_chart(table, chart.title, (chart.cost, chart.error), note, chart.take, front=chart.front)
     if isinstance(chart, Maps):
-        return map_chart(table, chart.title, chart.axes, chart.note)
+        return map_chart(table, chart.title, chart.axes, chart.note, chart.take, chart.default)
     raise ValueError("this study has no chart of its own")

@@ -66,12 +66,15 @@ class Scatter:
 class Maps:
     """Maps of judgements: rows have ``map``, ``x``, ``y`` and the columns of :func:`judged`.
 
-    ``axes`` give the labels of x and y by the name of the map.
+    ``axes`` give the labels of x and y by the name of the map, ``take`` says in a line what to conclude; ``default``
+    holds, by the name of a map, the values that are defaults of the package, as ``{"x": value}`` or ``{"y": value}``.
     """
 
     title: str
     axes: dict[str, tuple[str, str]]
     note: str
+    take: str
+    default: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from studies.charts import FLAGGED, RIGHT, SILENT, medians, unbeaten
-from studies.frame import Scatter, loaded
+from studies.frame import Maps, Scatter, loaded
 from towval.io.atomic import write_text
 from towval.io.plan_files import read_table
 from towval.report.inline import FigureSheet
@@ -47,7 +47,7 @@ def front_view(name: str, chart: Scatter, table: pd.DataFrame, svg: Markup) -> C
     rows = medians(table)
     default = rows[rows["default"].astype(float) > 0]
     named = "; ".join(f"{row.series}, {row.setting}" for row in default.drop_duplicates("setting").itertuples())
-    summary = f"{chart.take} {len(rows)} points".strip() + (f", default: {named}." if named else ".")
+    summary = f"{chart.take} {len(rows)} points".strip() + (f", default: {named}. {_beside(rows)}" if named else ".")
     panels = [unbeaten(part) for _, part in rows.groupby("panel", sort=False)]
     best = pd.concat(panels) if chart.front else rows.iloc[:0]
     cells = tuple(
@@ -58,12 +58,32 @@ def front_view(name: str, chart: Scatter, table: pd.DataFrame, svg: Markup) -> C
     return ChartView(name, chart.title, summary, svg, f"{name}.csv", "Pareto front", columns, cells)
 
 
-def map_view(name: str, title: str, table: pd.DataFrame, svg: Markup) -> ChartView:
+def better_than_default(rows: pd.DataFrame) -> pd.DataFrame:
+    """Rows of :func:`studies.charts.medians` that cost less than their panel's default, with quartiles below its."""
+    found = [
+        panel[(panel["cost"] < default.cost) & (panel["high"] < default.low)]
+        for _, panel in rows.groupby("panel", sort=False)
+        for default in panel[panel["default"].astype(float) > 0].itertuples()
+    ]
+    return pd.concat(found) if found else rows.iloc[:0]
+
+
+def _beside(rows: pd.DataFrame) -> str:
+    """What is better than the default in cost and error alike, beyond the scatter of the seeds."""
+    better = better_than_default(rows)
+    if better.empty:
+        return "Nothing is cheaper than the default and better beyond scatter."
+    named = ", ".join(
+        f"{row.series} {row.setting}".strip() + (f" ({row.panel})" if row.panel else "") for row in better.itertuples()
+    )
+    return f"Cheaper than the default and better beyond scatter: {named}."
+
+
+def map_view(name: str, chart: Maps, table: pd.DataFrame, svg: Markup) -> ChartView:
     """Maps of judgements, with the cells that are silently wrong as a table."""
     counts = table["judgement"].value_counts()
-    summary = (
-        ", ".join(f"{counts.get(kind, 0)} {kind}" for kind in (RIGHT, FLAGGED, SILENT)) + f" of {len(table)} cells."
-    )
+    cells_by_kind = ", ".join(f"{counts.get(kind, 0)} {kind}" for kind in (RIGHT, FLAGGED, SILENT))
+    summary = f"{chart.take} {cells_by_kind} of {len(table)} cells."
     wrong = table[table["judgement"] == SILENT]
     cells = tuple(
         (row["map"], f"{row['x']}", f"{row['y']}", f"{row['error']:.3g}")
@@ -73,7 +93,7 @@ def map_view(name: str, title: str, table: pd.DataFrame, svg: Markup) -> ChartVi
         f", the first {_MOST_ROWS}" if len(wrong) > _MOST_ROWS else ""
     )
     columns = ("map", "x", "y", "error [m]")
-    return ChartView(name, title, summary, svg, f"{name}.csv", title_of_rows, columns, cells)
+    return ChartView(name, chart.title, summary, svg, f"{name}.csv", title_of_rows, columns, cells)
 
 
 def write_study_page(path: Path, products: Sequence[ProductView], sheet: FigureSheet) -> None:
@@ -137,7 +157,7 @@ def _view(name: str, reference: str, folder: Path, sheet: FigureSheet) -> ChartV
     svg = sheet.inline(read_svg(folder / f"{name}.svg"), name)
     if isinstance(chart, Scatter):
         return front_view(name, chart, table, svg)
-    return map_view(name, chart.title, table, svg)
+    return map_view(name, chart, table, svg)
 
 
 def _markdown(views: Sequence[ChartView]) -> str:

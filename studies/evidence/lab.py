@@ -5,10 +5,13 @@ from __future__ import annotations
 import os
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from studies.evidence.compute import shared_folder
@@ -17,8 +20,9 @@ from studies.evidence.planting import Planting, both, flawed, replaced, result_o
 from studies.tables.accuracy import errors
 from studies.tables.validation_must_reach import place_reported
 from studies.tables.validation_rendered import judged
-from towval.commands import track
+from towval.commands import compare, simulate, track
 from towval.io.records import read_tracks
+from towval.model import RunUncertainty, TowingScene, Track
 
 _HERE = sys.modules[__name__]
 
@@ -81,9 +85,37 @@ def _stating(**instead: str) -> Planting:
     return replaced(_HERE, "stated", result_of(changed))
 
 
+def _longer(original: Any) -> Any:
+    """What simulates, with a tether that is 5 mm too long."""
+
+    def wrong(scene: TowingScene, *args: Any, **kwargs: Any) -> Any:
+        tether = replace(scene.tether, rest_length=scene.tether.rest_length + 5e-3)
+        return original(replace(scene, tether=tether), *args, **kwargs)
+
+    return wrong
+
+
+def _halved(found: RunUncertainty) -> RunUncertainty:
+    return replace(found, validation=found.validation / 4)
+
+
+def _late(tracks: Mapping[str, Track]) -> dict[str, Track]:
+    rover = tracks["rover"]
+    return {**tracks, "rover": replace(rover, pose=np.concatenate([rover.pose[:1], rover.pose[:-1]]))}
+
+
 LAB_A = Check(
     _campaign("lab_a"),
-    {"board stated 1 % too large, tether 3 cm too long": _stating(square_m="0.0404", rest_length_m="0.63")},
+    {
+        "board stated 0.3 % too large": _stating(square_m="0.04012"),
+        "the tether is 5 mm too long in the simulation alone, u_val is halved": both(
+            replaced(simulate, "simulate_selecting", _longer), replaced(compare, "read_uncertainty", result_of(_halved))
+        ),
+        "the rover's poses are a frame late": replaced(track, "track", result_of(_late)),
+        "poses scatter by 1 mm and 0.1°, some are lost; friction is 20 times as unsure": both(
+            replaced(track, "track", flawed(1e-3, 2e-3)), _stating(kinetic_std="0.1")
+        ),
+    },
     needs=("footage/lab_a",),
 )
 

@@ -23,6 +23,7 @@ from towval.tracking.follow import Follower
 from towval.tracking.plane_tracker import PlaneTracker
 
 _HERE = sys.modules[__name__]
+_IN_THE_SET_DEG = 1e-6
 _HEIGHTS = {"0": 0.0, "12.5 mm": PROGRAMMED_HEIGHT_M, "15 mm": TIP_HEIGHT_M, "18 mm": 0.018}
 
 
@@ -67,7 +68,8 @@ def _about_a_foot(rows: pd.DataFrame) -> dict[str, float]:
     near = rows[rows.wrench_spread_deg > feet_study.SPREAD_LIMIT_DEG]
     far = rows[rows.wrench_spread_deg <= feet_study.SPREAD_LIMIT_DEG]
     found = {"pushes about a foot": float(len(near))} | _both("about a foot, wrench from twist", near.wrench_deg)
-    found |= _both("about a foot, wrench against the set", near.set_error_deg)
+    found["about a foot, wrench in the set"] = 100 * float(np.mean(near.set_error_deg < _IN_THE_SET_DEG))
+    found["about a foot, wrench against the set, mean"] = float(np.mean(near.set_error_deg))
     found |= _both("about a foot, twist from wrench", near.twist_deg)
     found |= _both("not about a foot, wrench from twist", far.wrench_deg)
     for column, used in (("size", far), ("wrench", rows), ("power", rows)):

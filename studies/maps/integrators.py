@@ -24,6 +24,7 @@ from studies.worlds.reference import Box, towed_box
 from towval.model import Array, FrictionLaw, Patch, Tether, TimedPath, TowedObject
 from towval.physics.dynamics import Accuracy, Outcome, feedback
 from towval.physics.friction_laws import Coulomb
+from towval.validation.simulate import SimulateSettings
 
 SIDE, MASS, CENTRE, INERTIA, FRICTION, REST_LENGTH = 0.4, 5.0, (0.03, 0.02), 0.15, 0.35, 0.6
 CUBE = TowedObject(
@@ -137,6 +138,7 @@ def _parts(settings: Settings) -> dict[str, Part]:
 
 _STIFFNESS, _STICTION = "stiffness κ [N/m]", "stiction velocity v_s [m/s]"
 _TOLERANCE, _STEP = "tolerance", "time step [s]"
+_OWN = tuple(f"towval, {start}" for start in STARTS)
 _SETTING = {"towval": "tolerance [m]", "LSODA": _TOLERANCE, "Runge-Kutta 4": _STEP, "semi-implicit Euler": _STEP}
 
 STUDY = Study(
@@ -149,5 +151,8 @@ STUDY = Study(
         note="Right: within 1 mm of the reference at all times. Flagged: a named outcome other than converged, or the "
         "stage's own estimate of its error above 1 mm; for SciPy, no success; for fixed steps, values that are not "
         "finite.",
+        take="Take the package's integrator at its default tolerance: what it does not solve, it names. Fixed steps "
+        "and SciPy's end without a word beside the reference.",
+        default={name: {"y": SimulateSettings().tolerance_m} for name in (*_OWN, "towval, over v_s")},
     ),
 )

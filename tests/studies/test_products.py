@@ -6,16 +6,17 @@ import time
 import numpy as np
 import pandas as pd
 import pytest
+from markupsafe import Markup
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Annotation
 
-from studies.charts import medians, scatter_chart, unbeaten
+from studies.charts import RIGHT, map_chart, medians, scatter_chart, unbeaten
 from studies.comparators.smoothers import douglas_peucker, rts_smoother, smoothing_spline
 from studies.compute import gather, run_part
 from studies.costs import least_cpu_seconds, take_turns, wall_and_cpu_seconds
 from studies.draw import draw_chart, figure_of
-from studies.frame import Judgement, Settings, judged, loaded
-from studies.page import write_page
+from studies.frame import Judgement, Scatter, Settings, judged, loaded
+from studies.page import front_view, write_page
 from studies.registry import FIGURES, PAPER, STABILITY, TRADEOFF
 from studies.tradeoff.friction import CENTRE, FRICTION, MASS, SIDE, true_wrench
 
@@ -200,6 +201,36 @@ def test_a_chart_of_error_against_cost_says_what_to_take_and_what_its_truth_is(c
     drawn = loaded(TRADEOFF[chart]).chart
     assert drawn.take.startswith("Take")
     assert "ruth" in drawn.truth or "share" in drawn.truth
+
+
+@pytest.mark.parametrize("chart", STABILITY)
+def test_a_map_says_what_to_conclude(chart):
+    assert loaded(STABILITY[chart]).chart.take.endswith(".")
+
+
+def test_the_default_of_a_map_is_framed():
+    rows = pd.DataFrame({"map": "m", "x": [1.0, 2.0, 1.0, 2.0], "y": [1.0, 1.0, 5.0, 5.0], "judgement": RIGHT})
+    figure = map_chart(rows, "Title", {"m": ("x", "y")}, "Note.", "Take it.", {"m": {"y": 5.0, "x": 7.0}})
+    (axes,) = figure.axes
+    (frame,) = [patch for patch in axes.patches if not patch.get_fill()]
+    assert frame.get_bbox().bounds == (-0.5, 0.5, 2.0, 1.0)
+    assert "default" in [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+@pytest.mark.parametrize(
+    ("cost", "errors", "beaten"),
+    [(0.5, [1.0, 1.1, 1.2], True), (0.5, [1.0, 2.5, 4.0], False), (3.0, [1.0, 1.1, 1.2], False)],
+)
+def test_the_page_names_what_is_cheaper_than_the_default_and_better_beyond_scatter(cost, errors, beaten):
+    given = [("standard", 1.0, [2.0, 3.0, 4.0], True), ("other", cost, errors, False)]
+    rows = [
+        {"panel": "", "series": name, "setting": "x", "cost": spent, "error": error, "default": default}
+        for name, spent, each, default in given
+        for error in each
+    ]
+    view = front_view("chart", Scatter("Title", "cost", "error", "Note."), pd.DataFrame(rows), Markup(""))
+    assert ("better beyond scatter: other x." in view.summary) == beaten
+    assert ("Nothing is cheaper" in view.summary) != beaten
 
 
 def test_advice_stands_out_and_scatter_is_drawn_between_the_quartiles():
