@@ -23,6 +23,7 @@ from studies.tables.validation_rendered import judged
 from towval.commands import compare, simulate, track
 from towval.io.records import read_tracks
 from towval.model import RunUncertainty, TowingScene, Track
+from towval.validation import compare as validation_compare
 
 _HERE = sys.modules[__name__]
 
@@ -108,8 +109,10 @@ LAB_A = Check(
     _campaign("lab_a"),
     {
         "board stated 0.3 % too large": _stating(square_m="0.04012"),
-        "the tether is 5 mm too long in the simulation alone, u_val is halved": both(
-            replaced(simulate, "simulate_selecting", _longer), replaced(compare, "read_uncertainty", result_of(_halved))
+        "the tether is 5 mm too long in the simulation alone, u_val and the tolerance are halved": both(
+            replaced(simulate, "simulate_selecting", _longer),
+            replaced(compare, "read_uncertainty", result_of(_halved)),
+            replaced(validation_compare, "TOLERANCE_M", lambda tolerance: tolerance / 2),
         ),
         "the rover's poses are a frame late": replaced(track, "track", result_of(_late)),
         "poses scatter by 1 mm and 0.1°, some are lost; friction is 20 times as unsure": both(
