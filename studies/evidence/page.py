@@ -22,7 +22,7 @@ compares both.
 - *Holds* is the stated number's tolerance against what was measured at the date and commit given. Where the data or a
   program is not at hand, and for what takes too long, the last outcome stands, with its date.
 - *Control* plants a fault in the program or its input and decides the row again; "noticed" where the row then fails, as
-  it must.
+  it must. Groups that are made by hand say in words what a wrong program would give: no run decides that.
 """
 
 

@@ -154,7 +154,7 @@ STUDY = Study(
         cost="",
         error="RMS distance [mm]",
         note="Distance of measured and simulated path from ground truth, and from each other, medians and quartiles "
-        "over ten arcs: ten seconds, 0.8 m of path, camera at 4 m.",
+        "over ten arcs: ten seconds, 0.9 m of path, camera at 4 m.",
         take="State the standard deviations of what you measured: no stage can detect these faults in the data. Masses "
         "and the object's frame matter most.",
         front=False,
