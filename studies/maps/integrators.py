@@ -152,7 +152,7 @@ STUDY = Study(
         "stage's own estimate of its error above 1 mm; for SciPy, no success; for fixed steps, values that are not "
         "finite.",
         take="Take the package's integrator at its default tolerance: what it does not solve, it names. Fixed steps "
-        "and SciPy's end without a word beside the reference.",
+        "and SciPy's LSODA can end beside the reference without a word.",
         default={name: {"y": SimulateSettings().tolerance_m} for name in (*_OWN, "towval, over v_s")},
     ),
 )

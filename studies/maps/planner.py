@@ -103,7 +103,7 @@ STUDY = Study(
             "curvature and steering": ("curvature of the path [1/m]", "outer steering range [deg]"),
         },
         note="Right: arrived, 50 mm RMS or less from the path. Flagged: strayed, stuck, or a warning of the planner.",
-        take="Take the paper's d_t = 0.2 m, the default, and a look-ahead of some hundred steps; a path with more "
+        take="Take the paper's threshold of 0.2 m, the default; the look-ahead hardly matters, and a path with more "
         "curvature needs more steering. What the planner cannot follow, it says.",
         default={f"d_t and ϑ_lh, {curve}": {"x": SETTINGS.threshold} for curve in ("lemniscate", "rounded square")},
     ),
