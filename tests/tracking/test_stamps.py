@@ -89,6 +89,29 @@ def test_a_single_lost_picture_is_found_while_the_motion_changes(rest_s, lost):
     assert codes(slipping(EVEN[kept])) == ["stamps_contradicted"]
 
 
+@pytest.mark.parametrize(("true_step", "seed"), [(-10, 0), (-3, 1), (-1, 2), (-1.5, 3), (0.5, 4)])
+def test_a_step_of_another_length_than_stamped_is_found(true_step, seed):
+    """The second of two clips begins before the first one ends, or the clock is set."""
+    stepped = EVEN + (true_step - 1) / 25 * (np.arange(250) >= 125)
+    assert codes(filmed(stepped, EVEN, seed=seed)) == ["stamps_contradicted"]
+
+
+def test_pictures_that_are_late_in_turn_are_as_uncertain():
+    """By 3 ms, under a noise that hides it in any one step."""
+    late = np.resize([-0.003, 0.003], 250)
+    stated = np.tile(np.diag([16e-8, 16e-8, 1e-9]), (250, 1, 1))
+    even, uneven = (
+        {name: replace(track, covariance=stated) for name, track in filmed(EVEN + each, EVEN, noise_m=4e-4).items()}
+        for each in (0 * late, late)
+    )
+    assert codes(even) == []
+    tracks, findings, _ = check_stamps(uneven)
+    assert [one.code for one in findings] == ["stamps_uneven"]
+    speed = np.gradient(uneven["rover"].pose[:, 0], EVEN)
+    added = np.sqrt((tracks["rover"].covariance - uneven["rover"].covariance)[:, 0, 0])
+    assert np.median(added / np.abs(speed)) == pytest.approx(0.003, rel=0.2)
+
+
 @pytest.mark.parametrize("share", [0.02, 0.1])
 def test_repeated_pictures_that_fill_a_loss_are_left_out(share):
     rng = np.random.default_rng(3)

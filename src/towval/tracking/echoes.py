@@ -18,6 +18,7 @@ from towval.model.findings import finding
 from towval.tracking.blur import SharpTarget, paths
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.pose import TUKEY
+from towval.tracking.stamps import delayed
 from towval.tracking.template import Luma, make_template
 
 
@@ -122,12 +123,7 @@ def lateness(time_s: Array, pose: Array, kept: float) -> Array:
 
     Where between its time and the mean age of what its picture shows a pose belongs depends on texture and speed.
     """
-    covariance = np.zeros((len(pose), 3, 3))
-    seen = np.flatnonzero(np.isfinite(pose[:, 0]))
-    if kept and len(seen) > 1:
-        velocity = np.gradient(pose[seen], time_s[seen], axis=0)
-        covariance[seen] = _late_s(time_s, kept) ** 2 * velocity[:, :, None] * velocity[:, None, :]
-    return covariance
+    return delayed(time_s, pose, _late_s(time_s, kept) if kept else 0.0)
 
 
 def echo_findings(time_s: Array, kept: float) -> tuple[Finding, ...]:

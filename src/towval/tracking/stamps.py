@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from towval.model import Array, Finding, Stamp, Track, TrackStatus
 from towval.model.findings import finding
+from towval.tracking.noise import about_quadratics
 
 
 @dataclass(frozen=True)
@@ -46,13 +47,16 @@ _SIDE = 4  # Pictures on each side of a step through which a cubic is laid.
 _TENTH = (
     3.490  # Tenth of chi-squared with the eight degrees of freedom that such a cubic leaves of the two coordinates.
 )
+_ALTERNATION = 48 / 35  # Share of it by which each picture is beside the quadratic through five.
+_OTHER_STEPS = np.setdiff1d(np.arange(-12, 2.5, 0.5), [0.0])  # That a step may be longer by, in usual ones.
 _ROUNDS = 4  # Of looking for repeated pictures: several of them side by side hide each other.
 
 
 def check_stamps(tracks: Mapping[str, Track]) -> tuple[dict[str, Track], tuple[Finding, ...], NDArray[np.uint8]]:
     """Compare the stamps of a video with the motion of all its bodies.
 
-    Returns the tracks with repeated pictures marked as not seen, findings, and (n,) of :class:`towval.model.Stamp`.
+    Returns the tracks with repeated pictures marked as not seen, as uncertain as uneven stamps leave them; findings;
+    and (n,) of :class:`towval.model.Stamp`.
     """
     time_s = next(iter(tracks.values())).time_s
     findings = list(_gaps(time_s))
@@ -73,8 +77,13 @@ def check_stamps(tracks: Mapping[str, Track]) -> tuple[dict[str, Track], tuple[F
         at = np.flatnonzero(~repeated)[:-1][jumps]
         stamps[at] = Stamp.CONTRADICTED
         findings.append(finding("stamps_contradicted", count=len(at), first_s=time_s[at[0]], last_s=time_s[at[-1]]))
-    elif (jitter_s := _jitter_s(share, moving & ~jumps, np.diff(time_s[~repeated]))) > CONSTANTS.jitter_s:
-        findings.append(finding("stamps_uneven", jitter_ms=1000 * jitter_s))
+    else:
+        shaken_s = _jitter_s(share, moving & ~jumps, np.diff(time_s[~repeated]))
+        jitter_s = max(shaken_s, _fields_s(tracks, ~repeated))
+        if jitter_s > CONSTANTS.jitter_s:
+            findings.append(finding("stamps_uneven", jitter_ms=1000 * jitter_s))
+            tracks = {name: replace(track, covariance=track.covariance + delayed(time_s, track.pose, jitter_s))
+                      for name, track in tracks.items()}  # fmt: skip
     if repeated.any():
         tracks = {name: _without(track, repeated) for name, track in tracks.items()}
     return dict(tracks), tuple(findings), stamps
@@ -208,10 +217,11 @@ def _leaps(tracks: Mapping[str, Track], kept: NDArray[np.bool_]) -> NDArray[np.b
 
 
 def _dropped(tracks: Mapping[str, Track], kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Steps (n,) in which a picture or two were lost under even stamps, while the motion changes, too.
+    """Steps (n,) that took another time than their stamps say, while the motion changes, too.
 
-    A cubic through the eight pictures around a step follows any motion, but not one that leaps ahead by what it does in
-    a step. All bodies have to fit it better, together, where the step is taken for two or three.
+    Pictures were lost under even stamps, a second clip begins before the first one ends, or a clock was set. A cubic
+    through the eight pictures around a step follows any motion, but no leap ahead or back. All bodies have to fit it
+    better, together, where the step is taken for a longer or a shorter one.
     """
     time_s = next(iter(tracks.values())).time_s[kept]
     count = len(time_s) - 2 * _SIDE + 1
@@ -219,23 +229,30 @@ def _dropped(tracks: Mapping[str, Track], kept: NDArray[np.bool_]) -> NDArray[np
     if count < CONSTANTS.least_steps:
         return dropped
     index = np.arange(count)[:, None] + np.arange(2 * _SIDE)
-    misfit = np.zeros((3, count))
+    misfit, bodies = np.zeros(count), []
     for track in tracks.values():
         place = np.where(track.seen[:, None], track.pose[:, :2], np.nan)[kept]
-        own = np.array([_misfit(time_s[index], place[index], extra) for extra in range(3)])
-        if np.isfinite(own[0]).any():
+        own = _misfit(time_s[index], place[index], 0)
+        if np.isfinite(own).any():
             # Eight pictures leave four degrees of freedom in each coordinate.
-            misfit += np.nan_to_num(own / (np.nanmedian(own[0]) + 2 * _SIDE * _noise_m(track, kept) ** 2))
-    better = misfit[0] > CONSTANTS.dropped * misfit[1:].min(axis=0)
-    dropped[_SIDE - 1 : _SIDE - 1 + count] = better & (misfit[0] > CONSTANTS.unlike)
+            usual = float(np.nanmedian(own)) + 2 * _SIDE * _noise_m(track, kept) ** 2
+            misfit += np.nan_to_num(own / usual)
+            bodies.append((place, usual))
+    at = np.flatnonzero(misfit > CONSTANTS.unlike)
+    rows = index[at]
+    others = [
+        [np.nan_to_num(_misfit(time_s[rows], place[rows], extra) / usual) for place, usual in bodies]
+        for extra in _OTHER_STEPS
+    ]
+    dropped[_SIDE - 1 + at] = misfit[at] > CONSTANTS.dropped * np.sum(others, axis=1).min(axis=0)
     return dropped
 
 
-def _misfit(time_s: Array, place: Array, extra: int) -> Array:
-    """Sum of squares (m,) about cubics through places (m, 8, 2), the middle step being so many usual ones longer."""
+def _misfit(time_s: Array, place: Array, extra: float) -> Array:
+    """Sum of squares (m,) about cubics through places (m, 8, 2), the middle step being longer by so many usual ones."""
     since = time_s - time_s[:, :1]
     since[:, _SIDE:] += extra * np.median(np.diff(time_s, axis=1), axis=1)[:, None]
-    basis, _ = np.linalg.qr((since / since[:, -1:])[:, :, None] ** np.arange(4))
+    basis, _ = np.linalg.qr((since / np.abs(since).max(axis=1, keepdims=True))[:, :, None] ** np.arange(4))
     left = place - basis @ (basis.transpose(0, 2, 1) @ place)
     return np.asarray(np.sum(left**2, axis=(1, 2)))
 
@@ -254,6 +271,39 @@ def _jitter_s(share: Array, moving: NDArray[np.bool_], step_s: Array) -> float:
     late -= late.mean(axis=1, keepdims=True)
     (a, common), (_, b) = late @ late.T / both.sum()
     return float(np.sqrt(common / 2)) if common > CONSTANTS.correlated * np.sqrt(a * b) else 0.0
+
+
+def _fields_s(tracks: Mapping[str, Track], kept: NDArray[np.bool_]) -> float:
+    """Deviation of a picture's time [s] where pictures are early and late in turn in the motion of two bodies, or zero.
+
+    Two fields that are made into pictures are so, by too little to show in any one step.
+    """
+    if len(tracks) < 2:
+        return 0.0
+    one, other = [_late_in_turn_s(track, kept) for track in tracks.values()][:2]
+    # Noise of the two bodies is not common to them.
+    return float(np.sqrt(max(one * other, 0.0)))
+
+
+def _late_in_turn_s(track: Track, kept: NDArray[np.bool_]) -> float:
+    """By how much [s] every second picture is ahead of smooth motion, and the others behind; zero where few show."""
+    time_s, pose = track.time_s[kept], np.where(track.seen[kept, None], track.pose[kept], np.nan)
+    ahead, rows, _ = about_quadratics(time_s, pose, 5)
+    if len(rows) < CONSTANTS.least_steps:
+        return 0.0
+    velocity = np.gradient(pose[:, :2], time_s, axis=0)[rows]
+    along = np.sum(velocity * ahead[:, :2], axis=1) * (1 - 2 * (rows % 2))
+    return float(along.sum() / max(np.sum(velocity**2), 1e-12) / _ALTERNATION)
+
+
+def delayed(time_s: Array, pose: Array, late_s: float) -> Array:
+    """Covariance (n, 3, 3) of poses (n, 3) at times (n,) that are early or late by a deviation [s]."""
+    covariance = np.zeros((len(pose), 3, 3))
+    seen = np.flatnonzero(np.isfinite(pose[:, 0]))
+    if late_s and len(seen) > 1:
+        velocity = np.gradient(pose[seen], time_s[seen], axis=0)
+        covariance[seen] = late_s**2 * velocity[:, :, None] * velocity[:, None, :]
+    return covariance
 
 
 def _without(track: Track, repeated: NDArray[np.bool_]) -> Track:
