@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -92,3 +93,62 @@ def interlaced(film: Film, later: float, _rng: Rng) -> Film:
         return luma
 
     return film.seen(woven)
+
+
+def joined(film: Film, pictures: float, _rng: Rng) -> Film:
+    """Two clips are joined under even stamps: between them the camera wrote to its card and lost so many pictures.
+
+    Where it is less than none, the second clip begins before the first one ends.
+    """
+    middle, lost = len(film) // 2, int(pictures)
+    left = np.concatenate([np.arange(middle), np.arange(middle + lost, len(film))])
+    return _chosen(film, left, np.arange(len(left), dtype=np.float64) * film.step_s)
+
+
+def clock_set(film: Film, milliseconds: float, _rng: Rng) -> Film:
+    """In the middle of the run the camera's clock is set: all stamps from there on are late."""
+    return replace(film, time_s=film.time_s + milliseconds / 1e3 * (2 * np.arange(len(film)) > len(film)))
+
+
+def slower_in_low_light(film: Film, percent: float, _rng: Rng) -> Film:
+    """From the middle of the run on the camera exposes longer, films more slowly, and stamps as before."""
+    middle = len(film) // 2
+    places = np.arange(len(film), dtype=np.float64)
+    places[middle:] = middle + (places[middle:] - middle) * (1 + percent / 100)
+    places = places[places < len(film) - 1]
+    chosen = (lambda i: rounded(film.between(0, float(places[i]))), lambda i: film.chroma(int(places[i])))
+    return Film(film.time_s[: len(places)], *chosen, film.lens)
+
+
+def rounded_stamps(film: Film, milliseconds: float, _rng: Rng) -> Film:
+    """Stamps are cut off to a coarse clock, as some containers have it."""
+    tick_s = milliseconds / 1e3
+    return replace(film, time_s=tick_s * np.floor(film.time_s / tick_s + 1e-6))
+
+
+def fields_swapped(film: Film, later: float, rng: Rng) -> Film:
+    """A field is lost in the middle of an interlaced run: from there on the even rows are the later ones."""
+    before, after = interlaced(film, later, rng), interlaced(film, -later, rng)
+    return film.seen(lambda i, _luma: (after if 2 * i > len(film) else before).picture(i))
+
+
+def invented(film: Film, between: float, _rng: Rng) -> Film:
+    """So many pictures between two real ones are invented from their optical flow, as smooth playback does."""
+    every = int(between) + 1
+    flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
+    v, u = np.indices(film.picture(0).shape, dtype=np.float32)
+    last: dict[int, Array] = {}
+
+    def smooth(i: int, luma: Luma) -> Luma:
+        first = i - i % every
+        share = np.float32((i % every) / every)
+        if not share or first + every >= len(film):
+            return luma
+        if first not in last:
+            last.clear()
+            still = np.zeros((*luma.shape, 2), dtype=np.float32)
+            last[first] = np.asarray(flow.calc(film.picture(first), film.picture(first + every), still))
+        to_u, to_v = share * last[first][..., 0], share * last[first][..., 1]
+        return np.asarray(cv2.remap(film.picture(first), u - to_u, v - to_v, cv2.INTER_CUBIC, borderMode=4))
+
+    return film.seen(smooth)

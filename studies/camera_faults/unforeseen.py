@@ -236,6 +236,104 @@ def overexposed(film: Film, gain: float, _rng: Rng) -> Film:
     return film.seen(lambda i, luma: rounded(luma * rise[i]))
 
 
+def replenished(film: Film, levels: float, _rng: Rng) -> Film:
+    """A surveillance camera sends only blocks of 16 px that changed by so much, and all of them every two seconds."""
+    width, height = film.size_px
+    every, sent = max(1, round(2 / film.step_s)), _Sent()
+
+    def kept(i: int, luma: Luma) -> Luma:
+        if i % every == 0 or sent.number != i - 1:
+            start = i - i % every
+            sent.number, sent.luma = start, film.picture(start).copy()
+        while sent.number < i:
+            sent.number += 1
+            now = film.picture(sent.number)
+            change = cv2.absdiff(now, sent.luma).astype(np.float32)
+            blocks = cv2.resize(change, (-(-width // 16), -(-height // 16)), interpolation=cv2.INTER_AREA) > levels
+            new = cv2.resize(blocks.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST) > 0
+            sent.luma = np.where(new, now, sent.luma)
+        return sent.luma
+
+    return film.seen(kept)
+
+
+class _Sent:
+    """The picture that was sent last, and its number."""
+
+    number, luma = -2, np.zeros((0, 0), dtype=np.uint8)
+
+
+def double_image(film: Film, share: float, _rng: Rng) -> Film:
+    """A window before the camera mirrors the picture once more, 7 px beside itself."""
+    M = np.array([[1.0, 0, 7 * film.px], [0, 1, 3 * film.px]])
+
+    def mirrored(_i: int, luma: Luma) -> Luma:
+        again = cv2.warpAffine(luma.astype(np.float32), M, film.size_px, borderMode=cv2.BORDER_REFLECT)
+        return rounded((luma + share * again) / (1 + share))
+
+    return film.seen(mirrored)
+
+
+def posterised(film: Film, levels: float, _rng: Rng) -> Film:
+    """Few grey levels, as a screen recorder or an animated picture has them."""
+    step = 256 / levels
+    return film.seen(lambda _i, luma: rounded((np.floor(luma / step) + 0.5) * step))
+
+
+def lines_skipped(film: Film, factor: float, _rng: Rng) -> Film:
+    """The sensor reads only some of its rows and columns, without a filter: fine texture aliases."""
+    width, height = film.size_px
+    small = round(width / factor), round(height / factor)
+
+    def skipped(_i: int, luma: Luma) -> Luma:
+        read = cv2.resize(luma, small, interpolation=cv2.INTER_NEAREST)
+        return np.asarray(cv2.resize(read, (width, height), interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
+
+    return film.seen(skipped)
+
+
+def pointer(film: Film, px: float, _rng: Rng) -> Film:
+    """A recorded screen: the mouse pointer lies over what moves, follows it for a while, and rests."""
+    arrow = px * film.px * np.array([[0, 0], [0, 1], [0.28, 0.78], [0.6, 0.75]])
+    change = [cv2.GaussianBlur(cv2.absdiff(film.picture(i), film.picture(0)), (0, 0), 12 * film.px)
+              for i in range(0, len(film), 5)]  # fmt: skip
+    at = np.array([np.unravel_index(int(np.argmax(each)), each.shape)[::-1] for each in change], dtype=np.float64)
+
+    def pointed(i: int, luma: Luma) -> Luma:
+        place = at[min(i, len(film) // 2) // 5 : min(i, len(film) // 2) // 5 + 1] + arrow
+        shape = [np.rint(16 * place).astype(np.int32)]
+        luma = luma.copy()
+        cv2.fillPoly(luma, shape, 255, cv2.LINE_AA, 4)
+        cv2.polylines(luma, shape, True, 0, 1, cv2.LINE_AA, 4)
+        return luma
+
+    return film.seen(pointed)
+
+
+def insect(film: Film, percent: float, _rng: Rng) -> Film:
+    """An insect crawls over the lens, out of focus, where bodies pass."""
+    width, height = film.size_px
+    middle = middle_of_motion(film) * film.size_px
+    blot = np.asarray(spot(film, np.array([0.5, 0.5]), percent / 100, 0.3), dtype=np.float32)
+
+    def crawled(i: int, luma: Luma) -> Luma:
+        way = 0.1 * width * np.array([np.sin(0.9 * film.time_s[i]), np.cos(1.3 * film.time_s[i])])
+        shift = middle + way - [width / 2, height / 2]
+        dark = cv2.warpAffine(blot, np.column_stack([np.eye(2), shift]), (width, height))
+        return rounded(luma * (1 - 0.85 * dark))
+
+    return film.seen(crawled)
+
+
+def hood(film: Film, percent: float, _rng: Rng) -> Film:
+    """From the middle of the run on the lens hood hangs into the picture from one side, out of focus."""
+    width, height = film.size_px
+    mask = np.zeros((height, width), dtype=np.float32)
+    mask[:, : round(percent / 100 * width)] = 1
+    soft = cv2.GaussianBlur(mask, (0, 0), 40 * film.px)
+    return film.seen(lambda i, luma: rounded(luma * (1 - soft)) if 2 * i > len(film) else luma)
+
+
 def pulsing(crf: float, _pixels: float) -> Mapping[str, str]:
     """Whole pictures every half second, far better than those between: the picture breathes from group to group."""
     return {"crf": f"{crf:g}", "preset": "veryfast", "g": "12", "x264-params": "ipratio=3:keyint=12:scenecut=0"}
