@@ -76,7 +76,7 @@ def look(parent: psutil.Process, seen: dict[int, Seen]) -> None:
     """Note what the jobs below a process have spent. (Snakemake's own benchmarks look every half a minute.)"""
     with suppress(psutil.Error):
         for child in parent.children():
-            with suppress(psutil.Error, FileNotFoundError):
+            with suppress(psutil.Error, OSError, IndexError):  # it may begin or end just now
                 if child.pid not in seen:
                     # A job is a copy of the workflow's script in which the name of the stage's function was written.
                     stage = re.search(rb"towval\.commands\.(\w+):", Path(child.cmdline()[-1]).read_bytes())
