@@ -105,7 +105,9 @@ def test_what_goes_with_a_body_ends_where_the_body_ends():
     # The two edges towards the camera's foot show the body's sides, which go with it.
     away = (outward * (scene.floor.camera_position_m[:2] - edges)).sum(axis=1) < 0
     along = np.linspace(-0.4, 0.4, 9)[:, None, None] * (np.roll(corners, -1, axis=0) - corners)
-    beside = [going.at(edges + along + sign * 3 * pixel * outward).mean(axis=0)[away] for sign in (-1, 1)]
+    inside, outside = (edges + along + sign * 3 * pixel * outward for sign in (-1, 1))
+    cells = [np.round((places - going.low) / going.cell_m).astype(int) for places in (inside, outside)]
+    beside = [going.share[cell[..., 1], cell[..., 0]].mean(axis=0)[away] for cell in cells]
     assert away.sum() == 2
     assert (beside[0] > 0.3).all()
     assert (beside[1] < 0.0).all()

@@ -9,9 +9,9 @@ import numpy as np
 from towval.model import Array
 from towval.model.errors import InputError
 from towval.model.geometry import compose, inverse, transform
-from towval.tracking.outline_search import Goers, View
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.plane_tracker import PlaneTracker
+from towval.tracking.rectified import Goers, View
 from towval.tracking.relocalisation import Lookalikes
 from towval.tracking.template import Luma
 

@@ -14,8 +14,9 @@ from towval.model.errors import InputError
 from towval.model.geometry import compose, transform
 from towval.tracking.co_moving import co_moving, goers
 from towval.tracking.outline import combine_fits, observe_outline
-from towval.tracking.outline_search import OutlineSearch, View, alike
+from towval.tracking.outline_search import OutlineSearch, alike
 from towval.tracking.planar_target import PlanarTarget
+from towval.tracking.rectified import View
 from towval.tracking.relocalisation import visible_part
 from towval.tracking.template import Luma
 

@@ -1,0 +1,88 @@
+"""Pictures on a target's plane: how far edges show, and where what goes with a body ends, beside plain numpy."""
+
+import numpy as np
+import pytest
+from painted import POSE, picture, target
+from scipy.ndimage import map_coordinates
+
+from towval.model.geometry import rotation, transform
+from towval.tracking.outline_search import OutlineSearch
+from towval.tracking.rectified import CONSTANTS, Goers, Rectified, edges_limit, edges_shown
+
+BOX = target()
+CORNERS = BOX.body.top_corners_m
+CELL_M = BOX.metres_per_pixel(POSE)
+LUMA = picture(BOX, grey=lambda xy: np.full(len(xy), 160.0))
+
+
+def read(image, low, cell_m, points):
+    """Values of an image (rows, columns) between its cells at points (..., 2), zero outside."""
+    x, y = np.moveaxis((points - low) / cell_m, -1, 0)
+    return map_coordinates(image.astype(float), [y, x], order=1, mode="constant")
+
+
+def edge_points(pose):
+    """The points (edges, n, 2) at which edges are read, and their normals (edges, 2) to the outside."""
+    share = ((np.arange(CONSTANTS.points_of_edge) + 0.5) / CONSTANTS.points_of_edge)[:, None]
+    edges = np.roll(CORNERS, -1, axis=0) - CORNERS
+    points = np.stack([corner + share * edge for corner, edge in zip(CORNERS, edges, strict=True)])
+    along = edges / np.linalg.norm(edges, axis=1, keepdims=True) @ rotation(pose[2]).T
+    return transform(pose, points), np.column_stack([along[:, 1], -along[:, 0]])
+
+
+def poses_about(count):
+    return POSE + np.random.default_rng(5).normal(size=(count, 3)) * [5 * CELL_M, 5 * CELL_M, 0.1]
+
+
+def test_edges_show_as_computed_with_numpy():
+    rng = np.random.default_rng(3)
+    low = POSE[:2] - 1.0
+    views = [Rectified(low, 0.01, rng.normal(size=(200, 200, 2)).astype(np.float32), usual) for usual in (0.5, 2.0)]
+    poses = poses_about(7)
+    expected = np.zeros((7, 4))
+    for n, pose in enumerate(poses):
+        points, normals = edge_points(pose)
+        for view in views:
+            across = np.abs(sum(read(view.slopes[..., i], low, 0.01, points) * normals[:, None, i] for i in range(2)))
+            expected[n] += (across / (across + CONSTANTS.steep * view.usual)).mean(axis=1) / 2
+    np.testing.assert_allclose(edges_shown(BOX, views, poses), expected, rtol=1e-5)
+
+
+def test_what_goes_ends_at_edges_as_computed_with_numpy():
+    rng = np.random.default_rng(4)
+    going = Goers(POSE[:2] - 1.0, 0.01, rng.uniform(-1, 1, (200, 200)).astype(np.float32))
+    poses = poses_about(7)
+    limits, known = edges_limit(BOX, going, poses, CELL_M)
+    for n, pose in enumerate(poses):
+        points, normals = edge_points(pose)
+        beside = CONSTANTS.beside_px * CELL_M * normals[:, None]
+        inner, outer = (read(going.share, going.low, 0.01, points + sign * beside).mean(axis=1) for sign in (-1, 1))
+        np.testing.assert_allclose(limits[n], np.clip((inner - outer) / 2, 0, 1), atol=1e-6)
+        to_camera = BOX.floor.camera_position_m[:2] - points.mean(axis=1)
+        np.testing.assert_array_equal(known[n], (to_camera * normals).sum(axis=1) <= 0)
+
+
+def test_the_edges_of_a_painted_top_show():
+    low, size = POSE[:2] - 1.0, np.full(2, round(2 / CELL_M), np.int64)
+    view = Rectified.of(BOX, (LUMA, np.zeros(3)), low, size, CELL_M)
+    elsewhere = POSE + np.array([8 * CELL_M, 8 * CELL_M, 0.0])
+    here, beside = edges_shown(BOX, [view], np.array([POSE, elsewhere]))
+    assert here.min() > 0.8
+    assert beside.max() < 0.4
+
+
+def test_nothing_shows_outside_the_picture():
+    low, size = POSE[:2] - 1.0, np.full(2, round(2 / CELL_M), np.int64)
+    view = Rectified.of(BOX, (LUMA, np.zeros(3)), low, size, CELL_M)
+    assert not edges_shown(BOX, [view], POSE + np.array([[5.0, 0.0, 0.0]])).any()
+    assert not Rectified.of(BOX, (LUMA, np.array([50.0, 0.0, 0.0])), low, size, CELL_M).slopes.any()
+
+
+@pytest.mark.parametrize("reach_px", [20.0, 400.0])
+def test_a_narrow_search_finds_what_a_wide_one_does(reach_px):
+    reach_m = reach_px * CELL_M
+    search = OutlineSearch(BOX, [(LUMA, np.zeros(3))], POSE[:2] - reach_m, POSE[:2] + reach_m)
+    assert search.narrow == (reach_px < 100)
+    score, pose = search.found(POSE[2] + 0.03, 0.1)[0]
+    assert score > 0.8
+    assert BOX.apart_m(pose, POSE) < 1.5 * CELL_M
