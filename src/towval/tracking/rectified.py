@@ -51,7 +51,7 @@ class Rectified:
         luma, step = view
         axes = [lo + cell_m * np.arange(n) for lo, n in zip(low, size, strict=True)]
         places = np.stack(np.meshgrid(*axes), axis=-1)
-        pixels = target.pixels(places.reshape(-1, 2), step).astype(np.float32).reshape(places.shape)
+        pixels: Floats = target.pixels(places.reshape(-1, 2), step).astype(np.float32).reshape(places.shape)
         u, v = np.ascontiguousarray(pixels[..., 0]), np.ascontiguousarray(pixels[..., 1])
         inside = (u >= 0) & (v >= 0) & (u < luma.shape[1] - 1) & (v < luma.shape[0] - 1)
         if not inside.any():
@@ -156,7 +156,8 @@ def _shown_kernel(
                     dy = w00 * view[j, i, 1] + w01 * view[j, i1, 1] + w10 * view[j1, i, 1] + w11 * view[j1, i1, 1]
                     across = abs(dx * uy - dy * ux)
                     shown[n, e] += across / (across + steep[v])
-    return shown / (count * slopes.shape[0])
+    shown /= count * slopes.shape[0]
+    return shown
 
 
 @compiled(fastmath=RELAXED)
