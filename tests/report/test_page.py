@@ -11,8 +11,8 @@ from report_scenes import LOST, ceiling_calibration, towed_run, uncertainty_of
 from towval.io.summary import summary_csv, summary_latex
 from towval.model import Finding, Severity, Verdict
 from towval.model.errors import InputError
-from towval.report.contents import draw_figures
 from towval.report.data import InputRow, Provenance, ReportData, RunReport, StageFinding
+from towval.report.drawing import draw_figures
 from towval.report.facts import calibration_facts, plane_table, side_by_side, verdict_reason
 from towval.report.page import write_report
 from towval.report.result import measure_first, sentence

@@ -30,6 +30,8 @@ from towval.report.page import write_report
 from towval.validation.campaign import campaign_verdict
 from towval.validation.repeats import corridor, corridor_finding
 
+_PROCESSES = 2  # that draw figures, as the rule of the workflow says
+
 
 def run(
     campaign: Path, results: Path, keys: Mapping[str, Any] | None = None, identified: Path | None = None
@@ -66,7 +68,7 @@ def run(
         identification=None if identified is None else read_identification(identified),
     )
     write_summary(results / "summary.csv", [item.record.comparison for item in runs])
-    write_report(results / "report.html", data, results / "figures")
+    write_report(results / "report.html", data, results / "figures", _PROCESSES)
     write_manifest(results / MANIFEST, _made(results, given, identified))
     verdicts = {item.record.name: item.record.comparison.verdict.value for item in runs}
     text = "; ".join(f"run {name} {verdict}" for name, verdict in verdicts.items())

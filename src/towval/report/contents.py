@@ -5,7 +5,7 @@ campaign, here or in a plugin. The page, the files in ``figures`` and the texts 
 follow from the entry.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -72,31 +72,6 @@ class RunFigure(ReportFigure):
 CAMPAIGN_FIGURES: Registry[CampaignFigure] = Registry("figure of the campaign")
 RUN_FIGURES: Registry[RunFigure] = Registry("figure of a run")
 """Figures by id, the stem of their file names; within a section in the order of the page."""
-
-
-@dataclass(frozen=True)
-class Drawn:
-    """A drawn figure: stem of its file names, entry, figure, title; ``run`` is empty for the campaign's."""
-
-    name: str
-    entry: ReportFigure
-    figure: Figure
-    title: str
-    run: str = ""
-
-
-def draw_figures(data: ReportData) -> Iterator[Drawn]:
-    """Draw the figures of a report: the campaign's, then those of each run, without those whose data are missing."""
-    for name, entry in CAMPAIGN_FIGURES.items():
-        figure = entry.draw(data)
-        if figure is not None:
-            yield Drawn(name, entry, figure, f"{entry.title[:1].upper()}{entry.title[1:]}.")
-    for run in data.records:
-        for name, run_entry in RUN_FIGURES.items():
-            figure = run_entry.draw(run)
-            if figure is not None:
-                title = f"Run {run.name}: {run_entry.title}. {run_entry.describe(run)}".rstrip()
-                yield Drawn(f"{name}_{run.name}", run_entry, figure, title, run.name)
 
 
 def _of_calibration(draw: Callable[[Calibration], Figure]) -> Callable[[ReportData], Figure | None]:

@@ -5,24 +5,22 @@ from pathlib import Path as FilePath
 from towval.io.atomic import write_text
 from towval.model.errors import InputError
 from towval.report import view
-from towval.report.contents import draw_figures
 from towval.report.data import ReportData
-from towval.report.style import save_figure, svg_text
+from towval.report.drawing import draw_figures
 from towval.report.templating import template_asset, template_environment
 
 
-def write_report(path: FilePath, data: ReportData, figures_folder: FilePath | None = None) -> FilePath:
+def write_report(
+    path: FilePath, data: ReportData, figures_folder: FilePath | None = None, processes: int = 1
+) -> FilePath:
     """Write the report of a campaign: an HTML file that loads nothing else; the same data give the same bytes.
 
-    With a ``figures_folder`` the figures are there as PDF, SVG and PNG, too.
+    With a ``figures_folder`` the figures are there as PDF, SVG and PNG, too. ``processes`` draw at once.
 
     Raises `InputError` when there is no run, two runs share a name, or a video cannot be read.
     """
     _check(data)
-    drawn = [(figure, svg_text(figure.figure)) for figure in draw_figures(data)]
-    if figures_folder is not None:
-        for figure, svg in drawn:
-            save_figure(figure.figure, figures_folder, figure.name, svg=svg)
+    drawn = draw_figures(data, figures_folder, processes)
     template = template_environment().get_template("report.html.j2")
     text = template.render(
         view=view.build(data, drawn, path), css=template_asset("report.css"), script=template_asset("report.js")

@@ -45,8 +45,14 @@ _Drawn = TypeVar("_Drawn", bound=Figure | None)
 @contextmanager
 def house_style() -> Iterator[None]:
     """Apply the settings of ``towval.mplstyle`` within a ``with`` block."""
-    with as_file(files("towval.report") / "towval.mplstyle") as path, matplotlib.rc_context(fname=path):
+    with matplotlib.rc_context(_house_settings()):
         yield
+
+
+@functools.cache
+def _house_settings() -> matplotlib.RcParams:
+    with as_file(files("towval.report") / "towval.mplstyle") as path:
+        return matplotlib.rc_params_from_file(path, use_default_template=False)
 
 
 def figure_function(draw: Callable[_Arguments, _Drawn]) -> Callable[_Arguments, _Drawn]:

@@ -12,15 +12,16 @@ from towval.io.summary import summary_csv, summary_latex
 from towval.model import Calibration, Comparison, Finding, Severity
 from towval.model.run_record import RunRecord, Still, nearest_samples
 from towval.report import facts
-from towval.report.contents import SECTIONS, Drawn, RunFigure
+from towval.report.contents import SECTIONS, RunFigure
 from towval.report.data import ReportData, RunReport
+from towval.report.drawing import Drawn
 from towval.report.facts import Facts, Rows, Table
 from towval.report.film import FilmView, deciding_time, embedded, film_view, frame_times, run_times, series
 from towval.report.inline import FigureSheet
 from towval.report.needed import NeededRow, needed_rows
 from towval.report.overlay import stills
 from towval.report.result import ResultRow, gists, legend, result_rows, sentence
-from towval.report.style import Frame, frame_of
+from towval.report.style import Frame
 
 _SEVERITIES = (Severity.REFUSAL, Severity.WARNING, Severity.NOTE)
 _TOGETHER = "campaign_verdict"
@@ -107,16 +108,16 @@ class ReportView:
     data: ReportData
 
 
-def build(data: ReportData, drawn: Sequence[tuple[Drawn, str]], page: FilePath) -> ReportView:
+def build(data: ReportData, drawn: Sequence[Drawn], page: FilePath) -> ReportView:
     """What the template shows: strings and markup, and ``data``, whose own strings it shows unchanged.
 
-    ``drawn`` are the figures of :func:`towval.report.contents.draw_figures`, each with its SVG; to the file ``page``
-    the addresses of linked films are relative.
+    ``drawn`` are the figures of :func:`towval.report.drawing.draw_figures`; to the file ``page`` the addresses of
+    linked films are relative.
     """
     calibration, records, sheet = data.calibration, data.records, FigureSheet()
     comparisons = [record.comparison for record in records]
-    shown = [(figure, svg) for figure, svg in drawn if figure.entry.section != "files"]
-    figures = [(figure.entry.section, _figure_view(figure, svg, sheet)) for figure, svg in shown]
+    shown = [figure for figure in drawn if figure.entry.section != "files"]
+    figures = [(figure.entry.section, _figure_view(figure, sheet)) for figure in shown]
     embed = embedded([run.film for run in data.runs if run.film is not None], data.embed_mb)
     return ReportView(
         campaign=data.campaign,
@@ -183,10 +184,11 @@ def collect_findings(data: ReportData) -> tuple[FindingView, ...]:
     return tuple(sorted(views, key=lambda view: _SEVERITIES.index(Severity(view.severity))))
 
 
-def _figure_view(drawn: Drawn, svg: str, sheet: FigureSheet) -> FigureView:
+def _figure_view(drawn: Drawn, sheet: FigureSheet) -> FigureView:
     cursor = drawn.entry.cursor if isinstance(drawn.entry, RunFigure) else ""
-    frame = frame_of(drawn.figure) if cursor else None
-    return FigureView(sheet.inline(svg, drawn.name), drawn.title, drawn.entry.caption, drawn.run, cursor, frame)
+    return FigureView(
+        sheet.inline(drawn.svg, drawn.name), drawn.title, drawn.entry.caption, drawn.run, cursor, drawn.frame
+    )
 
 
 def _tables(comparisons: list[Comparison]) -> Facts:

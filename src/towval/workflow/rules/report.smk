@@ -75,6 +75,7 @@ rule report:
         results("{campaign}", "benchmarks", "report.tsv")
     conda:
         "../envs/towval.yaml"
+    threads: 2
     params:
         call="towval.commands.report:run",
         code=code("towval.commands.report"),
