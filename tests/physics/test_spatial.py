@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from oracles import LAP_FINAL_POSE, SQUARE_SPIN_M
+from studies.tables.lap_effects import LAP, tows
 from towval.model import FloorRegion, Ground, Patch, Sliding, Tether, TimedPath, TowedObject
 from towval.model.errors import InputError, RefusedError
 from towval.model.geometry import transform
@@ -24,6 +25,7 @@ WEIGHT = MASS * GRAVITY
 SHARP = Coulomb(MU, 1e-9)
 TETHER = Tether(0.6, 1000.0, 10.0)
 LEVEL = Ground()
+SLANTED = FloorRegion([[0.01, -9], [9, -8], [9, 9], [-0.03, 9]], 1.4)  # its edge passes under the object at 0
 SQUARE = Patch(HALF * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]))
 FEET = Patch.of([np.array([x, y]) + 0.15 * SQUARE.outline for x in (-0.16, 0.16) for y in (-0.16, 0.16)])
 
@@ -198,14 +200,17 @@ def test_friction_lets_go_at_its_limit():
 
 
 @pytest.mark.parametrize("patch", [SQUARE, FEET], ids=["sole", "feet"])
+@pytest.mark.parametrize(
+    "regions", [(), (FloorRegion([[0.01, -9], [9, -8], [9, 9], [-0.03, 9]], 1.4),)], ids=["", "region"]
+)
 @pytest.mark.parametrize(("across", "lever", "mass"), [(1.0, 1.0, 0.0), (1.04, 0.8, 0.0), (1.04, 0.8, 1.0)])
-def test_slopes_are_those_of_differences(patch, across, lever, mass):
+def test_slopes_are_those_of_differences(patch, across, lever, mass, regions):
     rng, time = np.random.default_rng(1), np.linspace(0, 40, 401)
     drive = spline_through(TimedPath(time, np.column_stack([0.7 + 0.05 * time, 0.1 * np.sin(0.2 * time)])))
     towed = TowedObject(patch, MASS, [0.03, -0.02], 0.13, [0.2, 0.01], 0.1, 0.12)
     law = Sliding(Makkar(0.06, 400, 40, 0.35, 800, 0), across, lever)
     tether = Tether(0.6, 1000, 10, 0.2, mass, 20.0)
-    problem = tow_problem(towed, law, tether, Ground(slope=[0.003, 0.01]), 0.15, drive)
+    problem = tow_problem(towed, law, tether, Ground(slope=[0.003, 0.01], regions=regions), 0.15, drive)
     work, checked = work_for(problem.soles, problem.regions), 0
     for state in rng.normal(size=(40, 6)) * (0.01, 0.01, 0.3, 0.02, 0.02, 0.3) + (0, 0, 0, 0.05, 0, 0):
         for mode in (TAUT, SLACK, FORCED):
@@ -262,6 +267,14 @@ def test_friction_of_all_effects_is_that_of_quadrature(across):
             expected += [fx.sum(), fy.sum(), (x * fy - y * fx).sum()]
         # The grid does not follow the region's edge: that is its error.
         assert found == pytest.approx(expected, abs=2e-3 * MU * WEIGHT)
+
+
+def test_the_edge_of_a_region_costs_hardly_a_step():
+    tows_of = tows(LAP.towed)
+    steps = [
+        tows_of[name].run().statistics["steps"] for name in ("and a damping of 5 N s/m", "and a region of the floor")
+    ]
+    assert steps[1] < 1.1 * steps[0]
 
 
 def test_a_region_everywhere_is_another_coefficient():

@@ -5,8 +5,8 @@ floor, so heights enter by the pressure alone. In body axes about G, with the te
 loads without friction are ``b = (m g_n − T_z, −T_z q_x + h T_x, −T_z q_y + h T_y)``, h the anchor's height over G.
 
 Slopes: a change du of the twist moves the friction by ``g = J du`` at a fixed pressure; the pressure moves by
-``dx = S (db − C g)``, so friction moves by ``g + W dx``. The edge of the contact adds nothing, for p = 0 there. Left
-out is how regions of the floor move under the soles; the step control bears it.
+``dx = S (db − C g)``, so friction moves by ``g + W dx``. The edge of the contact adds nothing, for p = 0 there. A
+region of the floor whose edge passes under the soles adds to g as the body moves and turns: a difference quotient.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import math
 from towval.model import Array
 from towval.model.compiling import compiled
 from towval.physics.motion import FORCED, SLACK, TAUT
+from towval.physics.spatial.contact_parts import Frame, contact_parts
 from towval.physics.spatial.hanging import damped, hanging_forces, hanging_pull
 from towval.physics.spatial.pressure import BALANCED, solve_pressure
 from towval.physics.spatial.problem import (
@@ -37,9 +38,12 @@ from towval.physics.spatial.problem import (
     TETHER_WEIGHT,
     TowProblem,
 )
-from towval.physics.spatial.soles import Work
-from towval.physics.spatial.unit_wrenches import J, S, W, wrench_slopes
+from towval.physics.spatial.soles import RADIUS, Work
+from towval.physics.spatial.unit_wrenches import MOVED, SCRATCH, J, S, W, unit_wrenches, wrench_slopes
 from towval.physics.splines import piece_at, spline_at
+
+_SHIFT = 1e-7  # of the soles' radius, and as much in radians
+_NO_EDGE = 3  # in place of x, y and heading
 
 Span = tuple[float, float, float, float, float, float]
 """From anchor to hinge along the floor, its rate, both as vectors in body axes; their length and the rate of that."""
@@ -152,6 +156,9 @@ def acceleration_slopes(
     cos, sin = turned
     ux, uy = cos * y[3] + sin * y[4], cos * y[4] - sin * y[3]
     wrench_slopes(problem.soles, problem.sliding, ux, uy, y[5], work)
+    on_edge = work.counts[0] > problem.soles.parts.shape[0]
+    if on_edge:
+        _region_slopes(problem, (y[0], y[1], cos, sin), (ux, uy, y[5]), work)
     mass, inertia = n[MASS], n[INERTIA]
     span, pull = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     if mode == TAUT:
@@ -165,7 +172,7 @@ def acceleration_slopes(
             dtx, dty = _force_column(problem, time, piece, turned, j)
         dux = uy if j == 2 else (cos if j == 3 else (sin if j == 4 else 0.0))
         duy = -ux if j == 2 else (-sin if j == 3 else (cos if j == 4 else 0.0))
-        a, b, c = _column(n, work, (dux, duy, 1.0 if j == 5 else 0.0), (dtx, dty, dtz))
+        a, b, c = _column(n, work, (dux, duy, 1.0 if j == 5 else 0.0), (dtx, dty, dtz), j if on_edge else _NO_EDGE)
         along, across = (cos * a - sin * b) / mass, (sin * a + cos * b) / mass
         if j == 2:  # The force turns with the body.
             along -= rates[4] - n[GRAVITY_Y]
@@ -178,14 +185,55 @@ def acceleration_slopes(
 
 
 @compiled(allocates=False)
+def _region_slopes(problem: TowProblem, frame: Frame, twist: tuple[float, float, float], work: Work) -> None:
+    """Slopes of the friction by place and heading into column j of ``work.matrices[MOVED]``, over what lies where.
+
+    By differences: the friction of a part within a region bends where a corner passes the edge, so that no more digits
+    would help.
+    """
+    x, wrench, kept, moved = work.pressure, work.matrices[W], work.matrices[SCRATCH], work.matrices[MOVED]
+    px, py, cos, sin = frame
+    _copy(wrench, kept)
+    length = _SHIFT * problem.soles.numbers[RADIUS]
+    for j in range(3):
+        step = _SHIFT if j == 2 else length
+        if j == 0:
+            shifted = px + step, py, cos, sin
+        elif j == 1:
+            shifted = px, py + step, cos, sin
+        else:
+            shifted = px, py, cos - step * sin, sin + step * cos
+        contact_parts(problem.soles, problem.regions, shifted, work)
+        unit_wrenches(problem.soles, problem.sliding, twist[0], twist[1], twist[2], work)
+        for i in range(3):
+            moved[i, j] = 0.0
+            for m in range(3):
+                moved[i, j] += (wrench[i, m] - kept[i, m]) * x[m] / step
+    _copy(kept, wrench)
+
+
+@compiled(allocates=False)
+def _copy(source: Array, out: Array) -> None:
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = source[i, j]
+
+
+@compiled(allocates=False)
 def _column(
-    n: Array, work: Work, du: tuple[float, float, float], dt: tuple[float, float, float]
+    n: Array, work: Work, du: tuple[float, float, float], dt: tuple[float, float, float], moved: int
 ) -> tuple[float, float, float]:
-    """Change of force (body axes) and moment with the twist and the tether's force."""
+    """Change of force (body axes) and moment with the twist and the tether's force.
+
+    ``moved``: which of place and heading changes over the edge of a region, :data:`_NO_EDGE` where none does.
+    """
     slopes, wrench, s = work.matrices[J], work.matrices[W], work.matrices[S]
     g0 = slopes[0, 0] * du[0] + slopes[0, 1] * du[1] + slopes[0, 2] * du[2]
     g1 = slopes[1, 0] * du[0] + slopes[1, 1] * du[1] + slopes[1, 2] * du[2]
     g2 = slopes[2, 0] * du[0] + slopes[2, 1] * du[1] + slopes[2, 2] * du[2]
+    if moved < _NO_EDGE:
+        over = work.matrices[MOVED]
+        g0, g1, g2 = g0 + over[0, moved], g1 + over[1, moved], g2 + over[2, moved]
     r0 = -dt[2]
     r1 = n[ABOVE] * dt[0] - n[ANCHOR_X] * dt[2] - n[HEIGHT] * g0
     r2 = n[ABOVE] * dt[1] - n[ANCHOR_Y] * dt[2] - n[HEIGHT] * g1

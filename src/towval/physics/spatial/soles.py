@@ -58,12 +58,13 @@ class Regions(NamedTuple):
 class Work(NamedTuple):
     """Arrays that compiled code writes to; one set serves one motion.
 
-    ``matrices`` (5, 3, 3): wrench of the basis pressures W, inverse of the equilibrium S, slopes by the twist J, the
-    equilibrium itself, scratch; ``pressure`` (3,): at G [Pa] and its slopes [Pa/m]; ``moments`` (6,) of the area in
-    contact; ``active`` (m, 8) and ``counts`` (3,): the parts that friction acts on, see ``contact_parts``; ``cut``
-    their edges where they are cut; ``sums`` (edges, 13) of the last pass over the boundary; ``accumulated`` (9,);
-    ``corners`` (2, c, 2) of rings being clipped; ``cut_nodes`` (k, 3) over the area of cut parts, as ``Soles.nodes``;
-    ``friction_error`` (1,) relative, that may be left where the contact is cut.
+    ``matrices`` (6, 3, 3): wrench of the basis pressures W, inverse of the equilibrium S, slopes by the twist J, the
+    equilibrium itself, scratch, slopes by place and heading over the edge of a region; ``pressure`` (3,): at G [Pa] and
+    its slopes [Pa/m]; ``moments`` (6,) of the area in contact; ``active`` (m, 8) and ``counts`` (3,): the parts that
+    friction acts on, see ``contact_parts``; ``cut`` their edges where they are cut; ``sums`` (edges, 13) of the last
+    pass over the boundary; ``accumulated`` (9,); ``corners`` (2, c, 2) of rings being clipped; ``cut_nodes`` (k, 3)
+    over the area of cut parts, as ``Soles.nodes``; ``friction_error`` (1,) relative, that may be left where the contact
+    is cut.
     """
 
     matrices: Array
@@ -153,7 +154,7 @@ def work_for(soles: Soles, regions: Regions, friction_error: float = 1e-12) -> W
     kept = 3 * n + 4  # A cut adds an edge to an edge at most, and a ring's seam.
     corners = kept * (1 + most)
     work = Work(
-        matrices=np.zeros((5, 3, 3)),
+        matrices=np.zeros((6, 3, 3)),
         pressure=np.zeros(3),
         moments=soles.numbers[MOMENTS : MOMENTS + 6].copy(),
         active=np.zeros((p * (1 + pieces), 8)),

@@ -31,7 +31,7 @@ from towval.physics.spatial.soles import (
 )
 
 _NEAR = 4.0  # radii of a sole, as in ``wrench``
-W, S, J, EQUILIBRIUM, SCRATCH = 0, 1, 2, 3, 4  # of Work.matrices
+W, S, J, EQUILIBRIUM, SCRATCH, MOVED = 0, 1, 2, 3, 4, 5  # of Work.matrices
 _LEFT_OUT, _BOUNDARY, _NODES, _CUT_NODES = 0.0, 1.0, 2.0, 3.0  # how an active part was integrated
 
 # Nodes along each side of a piece of a cut part, by the reaches of the rules over whole ones.
