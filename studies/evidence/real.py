@@ -232,6 +232,7 @@ def _clips() -> Values:
     found = {
         "discs, share of frames": min(errors.tracked for errors in pucks),
         "discs, farthest from the colour fit": max(errors.most_px for errors in pucks),
+        "discs, RMS from the colour fit": max(errors.rms_px for errors in pucks),
         "discs, axis": max(errors.axis_deg for errors in pucks),
         "robot, farthest from the arrow": max(float(distance.max()) for _, distance in robots),
     }

@@ -274,7 +274,7 @@ class Follower:
         tracked = status == TrackStatus.TRACKED
         raw = raw - ahead_of_middle(time_s, np.where(tracked[:, None], raw, np.nan), self.tracker.exposure_s)
         self._without_first(covariance, tracked)
-        covariance, fit = self._with_outline(time_s, raw, covariance)
+        raw, covariance, fit = self._with_outline(time_s, raw, covariance)
         moving = self._moving(raw, tracked)
         covariance = self._honest_covariance(time_s, raw, covariance, tracked, moving)
         most = CONSTANTS.most_rest_px * self.pixel_m * np.array([1, 1, 1 / self.target.reach_m])
@@ -320,11 +320,11 @@ class Follower:
         if tracked[0]:
             covariance[0] = np.median(covariance[later], axis=0) if len(later) else self.start_covariance
 
-    def _with_outline(self, time_s: Array, pose: Array, covariance: Array) -> tuple[Array, OutlineFit | None]:
-        """Covariances with what the outline says of them, and the registration."""
+    def _with_outline(self, time_s: Array, pose: Array, covariance: Array) -> tuple[Array, Array, OutlineFit | None]:
+        """Poses and covariances with what the outline says of them, and the registration."""
         looks = self.edge_watch.looks()
         if not len(looks.picture):
-            return covariance, self._registration()
+            return pose, covariance, self._registration()
         seen = compared(time_s, pose, covariance, looks, edges(self.target, self.first_pose))
         sizes = np.array([one.size for one in self.outline_fits]).reshape(-1, 2)
         of_size = by_size(sizes - np.median(looks.size, axis=0))
@@ -332,7 +332,7 @@ class Follower:
         std_m = float(np.percentile(np.sqrt(np.linalg.eigvalsh(seen.excess[looks.picture, :2, :2])[:, -1]), 95))
         if std_m > CONSTANTS.unsure_edges_px * self.pixel_m:
             self.findings.append(finding("texture_unsure", name=self.target.body.name, std_mm=1000 * std_m))
-        return seen.widened(pose, covariance), fit
+        return compose(pose, seen.steps), seen.widened(pose, covariance), fit
 
     def _registration(self, excess: Array | None = None) -> OutlineFit | None:
         name = self.target.body.name

@@ -4,7 +4,8 @@ A codec that quantises the texture away, or a lens that goes out of focus, moves
 residuals show: whatever is left of the texture agrees with some pose. The long edges of the top survive both. So the
 outline is looked at beside the texture, in every fifth picture, and in all while the two disagree. By how much they
 disagree beyond what each states, over a second, is a deviation of the texture that no model of a codec is needed for.
-The poses stay the texture's: where the two disagree, an edge of something else may be taken for the top's as well.
+Where the two disagree, an edge of something else may be taken for the top's as well. So the poses stay the texture's,
+but where those of the outline are the smoother ones; the deviation stays in either case.
 """
 
 import itertools
@@ -13,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from towval.model import Array
 from towval.model.geometry import compose, turned_covariance
@@ -37,6 +39,9 @@ class TwoMeasurementsConstants:
     sure_px: float = 0.15  # [px] Deviation of an outline that has found its edges: sharp ones give up to 0.1.
     window_s: float = 1.0  # [s] Over which the disagreement is averaged: bodies stop and go, focus hunts.
     least: int = 6  # Looks in a window, for a second moment to be known to a quarter.
+    curve: int = 15  # Pictures through which the curve goes by which one of the two is told to be off,
+    apart: float = 1.5  # Deviations from which on the two have parted,
+    smoother: float = 2.0  # where the mean square of its distances is so many times the other's.
 
 
 CONSTANTS = TwoMeasurementsConstants()
@@ -195,7 +200,7 @@ def texture_excess(time_s: Array, apart: Array, expected: Array, looks: Looks) -
     high = np.maximum(np.searchsorted(at_s, time_s + CONSTANTS.window_s / 2), middle + CONSTANTS.least // 2)
     low = np.clip(low, 0, len(apart) - CONSTANTS.least)
     high = np.clip(high, low + CONSTANTS.least, len(apart))
-    size = np.sqrt(np.einsum("ni,ni->n", apart, np.linalg.solve(expected, apart[..., None])[..., 0]))
+    size = _sizes(apart, expected)
     beside = np.median(np.lib.stride_tricks.sliding_window_view(np.pad(size, 2, mode="edge"), 5), axis=1)
     # A single picture counts for those around it no more than they do.
     bounded = apart * np.minimum(1.0, 2 * beside / np.maximum(size, 1e-12))[:, None]
@@ -207,6 +212,11 @@ def texture_excess(time_s: Array, apart: Array, expected: Array, looks: Looks) -
 def alone(apart: Array, expected: Array) -> Array:
     """The same (m, 3, 3) of single pictures: what texture or outline is off by, whichever it is."""
     return _beyond(apart[:, :, None] * apart[:, None, :], expected, CONSTANTS.alone**2)
+
+
+def _sizes(apart: Array, expected: Array) -> Array:
+    """Sizes (m,) of differences (m, 3) in their deviations."""
+    return np.asarray(np.sqrt(np.einsum("ni,ni->n", apart, np.linalg.solve(expected, apart[..., None])[..., 0])))
 
 
 def _beyond(seen: Array, expected: Array, least: float) -> Array:
@@ -223,16 +233,60 @@ def _means(values: Array, low: Array, high: Array) -> Array:
     return np.asarray((total[high] - total[low]) / (high - low)[:, None, None])
 
 
+def steps_to_smoother(time_s: Array, pose: Array, looks: Looks, apart: Array, of_outline: Array, far: Array) -> Array:
+    """Steps (n, 3) in the body frame from the texture's poses to the outline's, while the texture is what is off.
+
+    Whatever a body does is in both measurements: of two that disagree for a while the one is off whose poses are
+    farther from smooth curves, from before they part until they meet again. ``apart`` (m, 3) are the differences,
+    ``of_outline`` (m, 3, 3) their covariance by the outline, ``far`` (m,) their size in deviations.
+    """
+    at = looks.picture
+    by_outline = np.full_like(pose, np.nan)
+    by_outline[at] = compose(pose[at], apart)
+    both = np.where(np.isfinite(by_outline), pose, np.nan), by_outline
+    (texture, rows, _), (outline, _, _) = (about_quadratics(time_s, each, CONSTANTS.curve) for each in both)
+    squares = np.column_stack([np.sum(off[:, :2] ** 2, axis=1) for off in (texture, outline)])
+    total, steps = np.concatenate([np.zeros((1, 2)), np.cumsum(squares, axis=0)]), np.zeros_like(pose)
+    known = steps_to_outline(apart, of_outline)
+    for first, last in _stretches(far > CONSTANTS.apart):
+        ends = np.searchsorted(rows, [at[first] - CONSTANTS.curve // 2, at[last] + CONSTANTS.curve // 2 + 1])
+        of_texture, of_edges = total[ends[1]] - total[ends[0]]
+        if of_texture > CONSTANTS.smoother * of_edges:
+            pictures, seen = np.arange(at[first], at[last] + 1), at[first : last + 1]
+            steps[pictures] = np.column_stack([np.interp(pictures, seen, one) for one in known[first : last + 1].T])
+    return steps
+
+
+def _stretches(holds: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """First and last index (k, 2) of each stretch in which something holds."""
+    turns = np.diff(np.concatenate([[False], holds, [False]]).astype(np.int8))
+    return np.column_stack([np.flatnonzero(turns == 1), np.flatnonzero(turns == -1) - 1])
+
+
+def steps_to_outline(apart: Array, of_outline: Array) -> Array:
+    """Steps (m, 3) from the texture's poses to the outline's: the part of ``apart`` (m, 3) that the outline can know.
+
+    ``of_outline`` (m, 3, 3): covariance of the outline. In a direction that it leaves open (the turn of a disc) the
+    texture's pose stays.
+    """
+    look, half = np.arange(len(apart)), CONSTANTS.curve // 2
+    around = np.maximum(look - half, 0), np.minimum(look + half + 1, len(apart))
+    seen = _means((apart**2)[:, :, None] * np.eye(3), *around)
+    return np.asarray(np.einsum("nij,nj->ni", seen @ np.linalg.inv(seen + of_outline), apart))
+
+
 @dataclass(frozen=True)
 class Compared:
     """What the outline says of the texture.
 
     ``excess`` (n, 3, 3): covariance of the texture's poses beyond what it states; ``lone`` (n, 3, 3) that of pictures
-    which disagree by themselves, where it is not known what is off. Both are in the body frame.
+    which disagree by themselves, where it is not known what is off; ``steps`` (n, 3) to poses that are the outline's
+    where the texture's are off. All are in the body frame.
     """
 
     excess: Array
     lone: Array
+    steps: Array
 
     def widened(self, pose: Array, covariance: Array) -> Array:
         """Covariances (n, 3, 3) of the texture's poses (n, 3) in the floor frame, with what the outline adds."""
@@ -256,4 +310,4 @@ def compared(time_s: Array, pose: Array, covariance: Array, looks: Looks, of_edg
     excess[at] += np.where(of_texture > of_edge, single, 0.0)
     lone = np.zeros_like(excess)
     lone[at] = np.where(np.isfinite(gain[at])[:, None, None], 0.0, single)
-    return Compared(excess, lone)
+    return Compared(excess, lone, steps_to_smoother(time_s, pose, looks, apart, of_outline, _sizes(apart, expected)))
