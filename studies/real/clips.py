@@ -54,10 +54,10 @@ def outline_from(calibration: Calibration, clicks: Array) -> Array:
 class PuckErrors:
     """A disc against its colour blob: constant ``offset_px`` (2,), the rest's RMS by coordinate and largest size [px].
 
-    The blobs lie 1.0 to 1.6 px up and left of the edges in the luma whichever way a disc is turned: the reference's own
-    error. A disc keeps its radius: the RMS leaves out blobs whose radius is off by half a pixel, part of a lamp's
-    reflection or of the other disc. ``axis_deg`` is the median error of the axis through the dots, which has no
-    direction and whose blob fit scatters by some degrees; ``tracked`` is the share of frames.
+    The blobs lie one pixel right of and below the centroid of the filled disc in the luma, as if they counted pixels
+    from one, where ours count from zero. A disc keeps its radius: the RMS leaves out blobs whose radius is off by half
+    a pixel, part of a lamp's reflection or of the other disc. ``axis_deg`` is the median error of the axis through the
+    dots, which has no direction and whose blob fit scatters by some degrees; ``tracked`` is the share of frames.
     """
 
     offset_px: Array

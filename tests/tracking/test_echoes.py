@@ -6,9 +6,12 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from painted import POSE
+from painted import picture as painted_picture
+from painted import target as painted_target
 
 from studies.worlds.scenes import CeilingCamera, drive, small_camera, standard_scene
-from towval.tracking.echoes import echo_findings, lateness
+from towval.tracking.echoes import Echoes, echo_findings, lateness
 from towval.tracking.track import track
 
 STEP_S = 0.04
@@ -90,3 +93,15 @@ def test_lateness_goes_with_the_speed():
     (found,) = echo_findings(time_s, 0.5)
     assert "late by up to 40 ms" in found.text
     assert echo_findings(time_s, 0.0) == ()
+
+
+def test_after_ten_pictures_one_in_ten_is_compared():
+    own = painted_target()
+    luma, along = painted_picture(own), np.array([own.metres_per_pixel(POSE), 0.0, 0.0])
+    echoes = Echoes(own, luma, POSE)
+    looked = []
+    for i in range(1, 51):
+        before = len(echoes.rows)
+        echoes.look(luma, POSE, along)
+        looked += [i] if len(echoes.rows) > before else []
+    assert looked == [*range(1, 11), 20, 30, 40, 50]

@@ -3,6 +3,8 @@
 import cv2
 import numpy as np
 import pytest
+from painted import POSE
+from painted import target as painted_target
 
 from studies.worlds.scenes import CeilingCamera, drive, small_camera, standard_scene
 from towval.model.geometry import inside_polygon, inverse_transform
@@ -42,3 +44,17 @@ def test_a_body_that_stays_is_no_overlay(scene):
     # It drives after ten seconds only; the noise is another in each picture.
     first, again = film.picture(0.0), film.picture(0.0)
     assert standing_still(first, again, target, MOTIONS[1](0.0)) == []
+
+
+@pytest.mark.parametrize(("apart_px", "outlines"), [(12, 1), (24, 2)])
+def test_letters_within_fifteen_pixels_are_one_banner(apart_px, outlines):
+    """Two squares with a check pattern, on a top whose own texture is another in the last picture."""
+    own, rng = painted_target(), np.random.default_rng(3)
+    corners = np.round(own.pixels(own.body.top_corners_m, POSE)).astype(int)
+    first, last = (rng.integers(60, 180, (240, 320)).astype(np.uint8) for _ in range(2))
+    v, u = corners.mean(axis=0).astype(int)[::-1]
+    letter = np.kron(np.indices((7, 7)).sum(axis=0) % 2, np.full((2, 2), 255)).astype(np.uint8)
+    for luma in (first, last):
+        for left in (u - apart_px // 2 - 14, u + apart_px // 2):
+            luma[v - 7 : v + 7, left : left + 14] = letter
+    assert len(standing_still(first, last, own, POSE)) == outlines

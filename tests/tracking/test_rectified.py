@@ -79,10 +79,9 @@ def test_nothing_shows_outside_the_picture():
 
 
 @pytest.mark.parametrize("reach_px", [20.0, 400.0])
-def test_a_narrow_search_finds_what_a_wide_one_does(reach_px):
+def test_a_search_finds_the_outline_to_a_pixel(reach_px):
     reach_m = reach_px * CELL_M
     search = OutlineSearch(BOX, [(LUMA, np.zeros(3))], POSE[:2] - reach_m, POSE[:2] + reach_m)
-    assert search.narrow == (reach_px < 100)
     score, pose = search.found(POSE[2] + 0.03, 0.1)[0]
     assert score > 0.8
     assert BOX.apart_m(pose, POSE) < 1.5 * CELL_M

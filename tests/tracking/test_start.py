@@ -113,6 +113,17 @@ def test_what_goes_with_a_body_ends_where_the_body_ends():
     assert (beside[1] < 0.0).all()
 
 
+def test_what_differs_by_six_grey_levels_tells_two_thirds_of_what_it_could():
+    """A grey top goes 60 px on a floor that is 6 grey levels off in the later picture: share d / (d + 3)."""
+    own = painted_target()
+    step = np.array([60 * own.metres_per_pixel(POSE), 0.0, 0.0])
+    first = np.full((240, 320), 100, np.uint8)
+    later = picture(own, compose(step, POSE), lambda xy: np.full(len(xy), 100.0), around=106.0)
+    going = goers(own, [(first, np.zeros(3)), (later, step)], POSE[:2] - 0.2, POSE[:2] + 0.2)
+    middle = np.array(going.share.shape) // 2
+    assert going.share[tuple(middle)] == pytest.approx(6 / (6 + 3), abs=0.02)
+
+
 def test_a_body_has_gone_elsewhere_by_eight_pixels():
     own = painted_target()
     along = own.metres_per_pixel(POSE) * np.array([1.0, 0.0, 0.0])

@@ -57,6 +57,13 @@ def test_what_two_measurements_disagree_by_is_the_deviation_of_one_around_that_t
     assert not excess[120:].any()
 
 
+def test_a_disagreement_counts_for_half_a_second_around_it():
+    time_s, expected, apart = np.arange(200) / 25, np.tile(1e-8 * np.eye(3), (200, 1, 1)), np.zeros((200, 3))
+    apart[100:125, 0] = 5e-3
+    counted = texture_excess(time_s, apart, expected, looks(np.arange(200), apart))[:, 0, 0] > 0
+    assert np.flatnonzero(counted)[[0, -1]] == pytest.approx([100 - 12, 124 + 12], abs=1)
+
+
 @pytest.mark.parametrize(("deviations", "counts"), [(2.5, False), (4.0, True)])
 def test_many_looks_at_the_same_edges_are_no_more_than_one(deviations, counts):
     apart = np.tile([deviations * 1e-4, 0, 0], (100, 1))

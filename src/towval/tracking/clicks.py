@@ -54,7 +54,7 @@ def _checked(target: PlanarTarget, pictures: Sequence[Luma], clicks_px: ArrayLik
     turn = CONSTANTS.capture_turn
     alone = around(target, clicked, [(pictures[0], np.zeros(3))]).found(clicked[2], turn, CONSTANTS.most_near)
     search = around(target, clicked, co_moving(target, alone[0][1] if alone else clicked, pictures))
-    here, beside = search.sharpened(clicked, 2 * search.pixel_m)
+    here, beside = search.sharpened(clicked, 2 * pixel)
     found = search.found(clicked[2], turn)
     best, pose = next(iter(found), (0.0, clicked))
     clear = Place(best, pose, tuple(search.views)).clear

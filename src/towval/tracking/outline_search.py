@@ -32,7 +32,6 @@ class OutlineSearchConstants:
     unmoved: float = 0.5  # Weight of a place where nothing moved over what is added where all of it did.
     worst_candidate: float = 0.6  # Of the best score: where tops are spotted, the right place is not the best at first.
     margin_cells: int = 8  # Around a pose to be followed to finer cells: twice three cells, and what slopes need.
-    narrow: float = 4.0  # Times a body's reach: up to this width one picture takes less time than a window a place.
     apart_px: float = 5.0  # [px] Places nearer than this are one.
 
 
@@ -138,13 +137,11 @@ class OutlineSearch:
         moved: NDArray[np.bool_] | None = None,
         goers: Goers | None = None,
     ):
-        self.target, self.views, self.goers, self.low, self.high = target, views, goers, low, high
+        self.target, self.views, self.goers = target, views, goers
         corners = target.body.top_corners_m
         self.order, _ = symmetry_of(corners)
         self.pixel_m = target.metres_per_pixel(np.array([*(low + high) / 2, 0.0]))
         longest, wide = float(np.ptp(corners, axis=0).max()), float((high - low).max())
-        self.narrow = wide < CONSTANTS.narrow * target.reach_m
-        self.kept: dict[float, list[Rectified]] = {}
         self.levels = [
             _Level(target, views, low, high, max(longest / cells, self.pixel_m, wide / CONSTANTS.most_cells), moved)
             for cells in (CONSTANTS.cells_of_body, CONSTANTS.coarse_cells_of_body)
@@ -185,7 +182,7 @@ class OutlineSearch:
         """Score and pose (3,) of the best place within two cells of ``cell_m``, to a pixel."""
         cell, score = cell_m, 0.0
         while True:
-            pixel = self.pixel_m if self.narrow else self.target.metres_per_pixel(pose)
+            pixel = self.target.metres_per_pixel(pose)
             cell = max(cell / 2, pixel)
             views = self._rectified(pose, cell)
             for reach, step in ((3, 1.0), (2, 0.5)):
@@ -199,20 +196,14 @@ class OutlineSearch:
                 return score, pose
 
     def _rectified(self, pose: Array, cell_m: float) -> list[Rectified]:
-        """The pictures around a pose; in a narrow search, where such windows would overlap, all of them, kept."""
-        if cell_m in self.kept:
-            return self.kept[cell_m]
-        low, high = (self.low, self.high) if self.narrow else (pose[:2], pose[:2])
-        margin = np.ceil(self.target.reach_m / cell_m) + CONSTANTS.margin_cells
-        size = np.ceil((high - low) / cell_m).astype(int) + 2 * int(margin) + 1
+        """The pictures around a pose, which is in the middle of a cell: so no place is read blurrier than another."""
+        half = int(np.ceil(self.target.reach_m / cell_m)) + CONSTANTS.margin_cells
+        low, size = pose[:2] - half * cell_m, np.array([2 * half + 1, 2 * half + 1])
         finest = self.levels[0]
-        views = [
-            Rectified.of(self.target, view, low - margin * cell_m, size, cell_m, whole.usual * cell_m / finest.cell_m)
+        return [
+            Rectified.of(self.target, view, low, size, cell_m, whole.usual * cell_m / finest.cell_m)
             for view, whole in zip(self.views, finest.whole, strict=True)
         ]
-        if self.narrow:
-            self.kept[cell_m] = views
-        return views
 
     def _scores(self, views: Sequence[Rectified], poses: Array) -> Array:
         """Scores (n,) of poses (n, 3), as :meth:`_Level.places`; the body's limit counts where it is known, too."""
