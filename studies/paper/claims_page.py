@@ -57,13 +57,13 @@ def markdown(rows: Sequence[Mapping[str, str]]) -> str:
         "| section | claim | outcome | class |",
         "|---|---|---|---|",
     ]
-    lines += [f"| {row['where']} | {row['name']} | {row['outcome']} | {row['kind']} |" for row in rows]
+    lines += [f"| {row['where']} | {row['name']} | {row['outcome']} | {row['kind'] or '–'} |" for row in rows]
     for row in rows:
         lines += ["", f"## {row['name']}", "", f"Section {row['where']}: “{row['statement']}”", ""]
         lines += [
             f"- Check: {row['check']}",
             f"- Ours: {row['numbers']}.",
-            f"- Outcome: **{row['outcome']}**, {row['kind']}.",
+            f"- Outcome: **{row['outcome']}**{', ' if row['kind'] else ''}{row['kind']}.",
         ]
         optional = {"Control": "control", "Other settings": "variants", "Note": "note", "To decide it": "takes"}
         lines += [f"- {title}: {row[name]}" for title, name in optional.items() if row[name]]

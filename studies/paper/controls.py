@@ -20,6 +20,7 @@ from studies.paper.claims import CLAIMS
 from studies.paper.loop_checks import BREAKING_THRESHOLDS
 from studies.registry import PAPER
 from towval.model import TimedPath
+from towval.planning import planner
 from towval.planning.planner import PlanCase, PlanOutcome
 
 Plan = dict[str, Any]
@@ -208,12 +209,22 @@ def _step_for_radius(original: Callable[..., Any]) -> Callable[..., Any]:
     return row
 
 
+def _five_times_as_tight(original: Callable[..., Any]) -> Callable[..., Any]:
+    """The centres about which the rover can turn begin at a fifth of their distance from it."""
+
+    def region(rover: Any) -> Any:
+        found = original(rover)
+        return found._replace(offsets=found.offsets / 5, corners=found.corners / 5, tips=found.tips / 5)
+
+    return region
+
+
 def _names(module: Any, function: str) -> str:
     return f"{module.__name__}.{function}"
 
 
 _LOOP, _NOMINAL, _LOOP_ROW = (_names(closed_loop, name) for name in ("planned_loop", "cube_nominal", "loop_row"))
-_FEEDBACK = _names(dynamics, "feedback_motion")
+_FEEDBACK, _FLANKS = _names(dynamics, "feedback_motion"), _names(planner, "flanks")
 _SWAPPED = _curve({"lemniscate": "rounded_square", "rounded_square": "lemniscate"})
 
 CONTROLS = (
@@ -226,8 +237,8 @@ CONTROLS = (
         _first_centre, ("nominal",),
     ),
     Control(
-        "planner stays in case A", "the rover is sent along a line, where nothing is challenging", _NOMINAL,
-        _curve({"lemniscate": "line"}), ("loop",),
+        "planner stays in case A", "the rover is taken to turn five times as tightly as it can", _FLANKS,
+        _five_times_as_tight, ("loop",),
     ),
     Control(
         "case C shows in the object's path", "the object stays on its path whatever the rover does", _LOOP,
@@ -355,7 +366,7 @@ def control_rows(plan: Plan, name: str, fault: str) -> list[Row]:
 
 
 def _module(name: str) -> Any:
-    return {module.__name__: module for module in (closed_loop, dynamics, meshes, nominal)}[name]
+    return {module.__name__: module for module in (closed_loop, dynamics, meshes, nominal, planner)}[name]
 
 
 def _parts(settings: Settings) -> dict[str, Part]:

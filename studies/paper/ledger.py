@@ -73,7 +73,9 @@ def decided(claims: Sequence[Claim], tables: Tables) -> list[dict[str, str]]:
     for claim in claims:
         result, numbers = claim.decide(tables)
         texts = {name: getattr(claim, name) for name in ("name", "where", "statement", "check", "note", "takes")}
-        rows.append(texts | {"kind": str(claim.kind), "outcome": str(result), "numbers": numbers})
+        # How an outcome came about says nothing where there is none.
+        kind = "" if result is ClaimOutcome.UNDECIDED else str(claim.kind)
+        rows.append(texts | {"kind": kind, "outcome": str(result), "numbers": numbers})
         rows[-1] |= {"control": _control_of(claim, tables), "variants": _variants_of(claim, result, tables)}
     return rows
 
