@@ -83,7 +83,7 @@ def test_what_the_outline_adds_is_in_the_frame_of_the_body():
     pose, own = np.array([[1.0, 2.0, np.pi / 2], [0.0, 0.0, 0.0]]), np.diag([1e-6, 1e-6, 1e-6])
     excess, lone = np.zeros((2, 3, 3)), np.zeros((2, 3, 3))
     excess[0, 0, 0], lone[1, 0, 0] = 4e-6, 9e-6
-    widened = Compared(excess, lone, np.zeros((2, 3))).widened(pose, np.array([own, own]))
+    widened = Compared(excess, lone, np.zeros((2, 3)), np.zeros((2, 3, 3))).widened(pose, np.array([own, own]))
     assert np.diagonal(widened, axis1=1, axis2=2) == pytest.approx(np.array([[1, 5, 1], [10, 1, 1]]) * 1e-6)
 
 
@@ -202,15 +202,16 @@ def motions(off_of, seed=6):
     seen = compared(
         time_s, texture, np.tile(2e-5**2 * np.eye(3), (200, 1, 1)), looks(np.arange(200), correction), SHARP
     )
-    return truth, texture, compose(texture, seen.steps), seen.excess
+    return truth, texture, compose(texture, seen.steps), seen
 
 
 def test_a_texture_that_wanders_gives_way_to_a_smooth_outline():
-    truth, texture, pose, excess = motions("texture")
+    truth, texture, pose, seen = motions("texture")
     before, after = (np.sqrt(np.mean((each - truth)[85:125, :2] ** 2)) for each in (texture, pose))
     assert after < 0.2 * before
     assert np.array_equal(pose[:60], texture[:60])
-    assert excess[100, 1, 1] > 1e-3**2
+    assert seen.excess[100, 1, 1] > 1e-3**2
+    assert np.sqrt(seen.of_steps[100, 1, 1]) == pytest.approx(np.hypot(1e-4, 1e-4), rel=0.2)
 
 
 @pytest.mark.parametrize("off_of", ["outline", "neither"])
@@ -223,11 +224,15 @@ def test_too_few_looks_tell_nothing_of_smoothness():
     time_s, few = np.arange(9) / 25, np.tile([2e-3, 0, 0], (9, 1)) * (-1.0) ** np.arange(9)[:, None]
     pose = np.column_stack([0.1 * time_s, 0 * time_s, 0 * time_s])
     covariance = np.tile(SHARP, (9, 1, 1))
-    assert not steps_to_smoother(time_s, pose, looks(np.arange(9), few), few, covariance, np.full(9, 20.0)).any()
+    steps, spread = steps_to_smoother(time_s, pose, looks(np.arange(9), few), few, covariance, np.full(9, 20.0))
+    assert not steps.any()
+    assert not spread.any()
 
 
 def test_a_heading_that_edges_leave_open_stays():
     apart = np.tile([1e-3, 0.0, 0.5], (40, 1))
-    steps = steps_to_outline(apart, np.tile(np.diag([1e-8, 1e-8, 1e4]), (40, 1, 1)))
+    steps, spread = steps_to_outline(apart, np.tile(np.diag([1e-8, 1e-8, 1e4]), (40, 1, 1)))
     assert steps[:, 0] == pytest.approx(1e-3, rel=0.02)
     assert np.abs(steps[:, 2]).max() < 1e-3
+    assert np.sqrt(spread[:, 0, 0]) == pytest.approx(1e-4, rel=0.02)
+    assert np.sqrt(spread[:, 2, 2]).max() < 1e-2

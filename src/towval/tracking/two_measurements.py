@@ -233,8 +233,10 @@ def _means(values: Array, low: Array, high: Array) -> Array:
     return np.asarray((total[high] - total[low]) / (high - low)[:, None, None])
 
 
-def steps_to_smoother(time_s: Array, pose: Array, looks: Looks, apart: Array, of_outline: Array, far: Array) -> Array:
-    """Steps (n, 3) in the body frame from the texture's poses to the outline's, while the texture is what is off.
+def steps_to_smoother(
+    time_s: Array, pose: Array, looks: Looks, apart: Array, of_outline: Array, far: Array
+) -> tuple[Array, Array]:
+    """Steps (n, 3) from the texture's poses to the outline's, while the texture is what is off; covariance (n, 3, 3).
 
     Whatever a body does is in both measurements: of two that disagree for a while the one is off whose poses are
     farther from smooth curves, from before they part until they meet again. ``apart`` (m, 3) are the differences,
@@ -247,14 +249,15 @@ def steps_to_smoother(time_s: Array, pose: Array, looks: Looks, apart: Array, of
     (texture, rows, _), (outline, _, _) = (about_quadratics(time_s, each, CONSTANTS.curve) for each in both)
     squares = np.column_stack([np.sum(off[:, :2] ** 2, axis=1) for off in (texture, outline)])
     total, steps = np.concatenate([np.zeros((1, 2)), np.cumsum(squares, axis=0)]), np.zeros_like(pose)
-    known = steps_to_outline(apart, of_outline)
+    spread, (known, of_known) = np.zeros((len(pose), 3, 3)), steps_to_outline(apart, of_outline)
     for first, last in _stretches(far > CONSTANTS.apart):
         ends = np.searchsorted(rows, [at[first] - CONSTANTS.curve // 2, at[last] + CONSTANTS.curve // 2 + 1])
         of_texture, of_edges = total[ends[1]] - total[ends[0]]
         if of_texture > CONSTANTS.smoother * of_edges:
             pictures, seen = np.arange(at[first], at[last] + 1), at[first : last + 1]
             steps[pictures] = np.column_stack([np.interp(pictures, seen, one) for one in known[first : last + 1].T])
-    return steps
+            spread[pictures] = of_known[first + np.searchsorted(seen, pictures)]
+    return steps, spread
 
 
 def _stretches(holds: NDArray[np.bool_]) -> NDArray[np.int64]:
@@ -263,8 +266,10 @@ def _stretches(holds: NDArray[np.bool_]) -> NDArray[np.int64]:
     return np.column_stack([np.flatnonzero(turns == 1), np.flatnonzero(turns == -1) - 1])
 
 
-def steps_to_outline(apart: Array, of_outline: Array) -> Array:
+def steps_to_outline(apart: Array, of_outline: Array) -> tuple[Array, Array]:
     """Steps (m, 3) from the texture's poses to the outline's: the part of ``apart`` (m, 3) that the outline can know.
+
+    With the covariance (m, 3, 3) that the outline's brings into them.
 
     ``of_outline`` (m, 3, 3): covariance of the outline. In a direction that it leaves open (the turn of a disc) the
     texture's pose stays.
@@ -272,7 +277,8 @@ def steps_to_outline(apart: Array, of_outline: Array) -> Array:
     look, half = np.arange(len(apart)), CONSTANTS.curve // 2
     around = np.maximum(look - half, 0), np.minimum(look + half + 1, len(apart))
     seen = _means((apart**2)[:, :, None] * np.eye(3), *around)
-    return np.asarray(np.einsum("nij,nj->ni", seen @ np.linalg.inv(seen + of_outline), apart))
+    gain = seen @ np.linalg.inv(seen + of_outline)
+    return np.einsum("nij,nj->ni", gain, apart), gain @ of_outline @ gain.transpose(0, 2, 1)
 
 
 @dataclass(frozen=True)
@@ -281,16 +287,17 @@ class Compared:
 
     ``excess`` (n, 3, 3): covariance of the texture's poses beyond what it states; ``lone`` (n, 3, 3) that of pictures
     which disagree by themselves, where it is not known what is off; ``steps`` (n, 3) to poses that are the outline's
-    where the texture's are off. All are in the body frame.
+    where the texture's are off, and ``of_steps`` (n, 3, 3) their covariance. All are in the body frame.
     """
 
     excess: Array
     lone: Array
     steps: Array
+    of_steps: Array
 
     def widened(self, pose: Array, covariance: Array) -> Array:
         """Covariances (n, 3, 3) of the texture's poses (n, 3) in the floor frame, with what the outline adds."""
-        return covariance + turned_covariance(self.excess + self.lone, pose[:, 2])
+        return covariance + turned_covariance(self.excess + self.lone + self.of_steps, pose[:, 2])
 
 
 def compared(time_s: Array, pose: Array, covariance: Array, looks: Looks, of_edges: Array) -> Compared:
@@ -310,4 +317,5 @@ def compared(time_s: Array, pose: Array, covariance: Array, looks: Looks, of_edg
     excess[at] += np.where(of_texture > of_edge, single, 0.0)
     lone = np.zeros_like(excess)
     lone[at] = np.where(np.isfinite(gain[at])[:, None, None], 0.0, single)
-    return Compared(excess, lone, steps_to_smoother(time_s, pose, looks, apart, of_outline, _sizes(apart, expected)))
+    far = _sizes(apart, expected)
+    return Compared(excess, lone, *steps_to_smoother(time_s, pose, looks, apart, of_outline, far))
