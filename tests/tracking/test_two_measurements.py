@@ -236,3 +236,22 @@ def test_a_heading_that_edges_leave_open_stays():
     assert np.abs(steps[:, 2]).max() < 1e-3
     assert np.sqrt(spread[:, 0, 0]) == pytest.approx(1e-4, rel=0.02)
     assert np.sqrt(spread[:, 2, 2]).max() < 1e-2
+
+
+def rough(texture_std, far):
+    """Steps of a body at rest whose texture and outline scatter, the outline by 0.1 mm."""
+    rng, n = np.random.default_rng(8), 600
+    texture, outline = rng.normal(0, texture_std, (n, 3)), rng.normal(0, 1e-4, (n, 3))
+    apart = compose(inverse(texture), outline)
+    seen = looks(np.arange(n), apart)
+    return steps_to_smoother(np.arange(n) / 25, texture, seen, apart, np.tile(SHARP, (n, 1, 1)), np.full(n, far))[0]
+
+
+@pytest.mark.parametrize(("ratio", "followed"), [(1.4, False), (2.8, True)])
+def test_an_outline_is_followed_that_is_smoother_by_half(ratio, followed):
+    assert rough(np.sqrt(ratio) * 1e-4, 5.0).any() == followed
+
+
+@pytest.mark.parametrize(("far", "followed"), [(1.2, False), (2.0, True)])
+def test_two_have_parted_from_one_and_a_half_deviations_on(far, followed):
+    assert rough(1e-3, far).any() == followed
