@@ -150,11 +150,14 @@ def page(found: list[Scene]) -> str:
     lines = [
         "# Model no more than a scene needs",
         "",
-        "Made by `python -m studies.tables.five_scenes --output docs/scenes.md`; do not edit. Each scene went",
-        "through the whole pipeline with `preset: auto`, from the pictures of the board to the verdict. Three",
-        "were filmed for this page, 800 × 450 pixels of 6 mm, and move by the package's own dynamics: the page",
-        "says what was chosen, not how right it is ([evidence](evidence.md) does). In brackets what the next",
-        "finer choice, or the one before, would have moved.",
+        "This page shows, for five scenes, what `preset: auto` selected, and how far the alternative would have moved",
+        "positions. Each scene went through the whole pipeline, from the pictures of the board to the verdict.",
+        "",
+        "Three scenes were filmed for this page, at 800 × 450 pixels of 6 mm. They move by the package's own",
+        "dynamics, so the page says what was selected, not how right it is ([evidence](evidence.md) says that). The",
+        "numbers in brackets are what the next finer choice, or the one before, would have moved.",
+        "",
+        "Made by `python -m studies.tables.five_scenes --output docs/scenes.md`; do not edit.",
         "",
         "| scene | what | "
         + " | ".join((_RUNG, _LENS, _POINTS, "poses kept", _TOLERANCE, _DRAWS))
@@ -171,7 +174,7 @@ def page(found: list[Scene]) -> str:
             lines.append(f"Refused: {result}.")
             continue
         lines += [_conclusion(result), ""]
-        lines += ["| what | chosen | beside it | would move positions by |", "|---|---|---|---|"]
+        lines += ["| what | chosen | compared with | would move positions by |", "|---|---|---|---|"]
         lines += [f"| {c.what} | {c.chosen} | {c.next} | {_moved(c)} {c.measure} |" for c in result.choices]
     return "\n".join(lines) + "\n"
 
@@ -193,7 +196,7 @@ def _conclusion(result: PipelineResult) -> str:
     """What mattered most of what was taken, and of what was left out, against the uncertainty of the measurement."""
     measurement = result.comparison.u_measurement_m
     parts = [f"u_D is {1e3 * measurement:.2f} mm; the verdict: {result.comparison.verdict}."]
-    for state, words in (("taken", "taken because it moves the path"), ("left out", "left out")):
+    for state, words in (("taken", "that were taken"), ("left out", "that were left out")):
         own = sorted((c for c in _effects(result) if c.chosen == state), key=lambda c: -np.nan_to_num(c.change_m))
         if own:
             most = own[0]
