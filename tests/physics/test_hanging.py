@@ -9,7 +9,7 @@ from oracles import LAP_FINAL_POSE
 from towval.model import Ground, Patch, Sliding, Tether, TimedPath, TowedObject
 from towval.physics.dynamics import Accuracy, Outcome, feedback
 from towval.physics.friction_laws import Coulomb, risen_law
-from towval.physics.spatial.hanging import damped, hanging_forces, hanging_pull
+from towval.physics.spatial.hanging import damped, following_forces, hanging_forces, hanging_pull
 from towval.physics.spatial.problem import tether_numbers
 from towval.physics.spatial.tow import Sticking
 from towval.physics.tether import lowest_point
@@ -122,6 +122,16 @@ def test_forces_reach_the_hinge_whatever_the_tether():
     assert checked > 200
 
 
+@pytest.mark.parametrize("stiffening", [0.0, 0.8])
+def test_forces_followed_from_place_to_place_are_those_found_afresh(stiffening):
+    """Small steps and large ones, from slack to taut and back."""
+    numbers, last = tether_numbers(Tether(REST, KAPPA, 0.0, stiffening, 0.5, 20.0), 0.1, G), np.zeros(5)
+    reach = np.sqrt(REST**2 - 0.1**2)
+    steps = np.concatenate([np.linspace(0.8, 1.02, 200), [0.5, 1.01, 1.0100001, 0.3], np.linspace(1.02, 0.7, 50)])
+    for distance in reach * steps:
+        assert following_forces(numbers, distance, last) == pytest.approx(hanging_forces(numbers, distance), rel=1e-11)
+
+
 def test_without_mass_it_is_the_straight_tether():
     distance, rise = 0.61, 0.13
     length = np.hypot(distance, rise)
@@ -146,8 +156,8 @@ def test_damping_takes_up_energy_alone_and_never_pushes():
     assert damped(thread, of_thread, 0.1)[0] - of_thread[0] == pytest.approx(straight, rel=1e-6)
     step = 1e-6
     for distance in (0.59, 0.599, 0.602):
-        found = hanging_pull(numbers, distance, 0.05)
-        ends = [hanging_pull(numbers, distance + s * step, 0.05)[:2] for s in (1, -1)]
+        found = hanging_pull(numbers, distance, 0.05, np.zeros(5))
+        ends = [hanging_pull(numbers, distance + s * step, 0.05, np.zeros(5))[:2] for s in (1, -1)]
         assert found[2:4] == pytest.approx((np.array(ends[0]) - ends[1]) / (2 * step), rel=1e-5)
 
 

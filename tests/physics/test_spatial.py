@@ -277,6 +277,12 @@ def test_the_edge_of_a_region_costs_hardly_a_step():
     assert steps[1] < 1.1 * steps[0]
 
 
+def test_at_rest_under_a_slack_tether_with_mass_few_looks_are_enough():
+    """Its pull grows slowly until it is taut: the step at rest is from the pull itself, not from the stiffness."""
+    looks = [tows(LAP.towed)[name].run().statistics["looks"] for name in ("and a damping of 5 N s/m", "and sticking")]
+    assert max(looks) < 150
+
+
 def test_a_region_everywhere_is_another_coefficient():
     everywhere = [FloorRegion([[-9, -9], [9, -9], [9, 9], [-9, 9]], 1.2)]
     times, hinge = np.linspace(0, 10, 11), TimedPath([0.0, 10.0], [[0.81, 0.0], [1.3, 0.4]])

@@ -83,7 +83,7 @@ class Bounds:
 class Explanation:
     """Which inputs, moved by how many of their deviations, would explain the error, and what would remain.
 
-    ``moved`` by name, the farthest off first: true value = stated value + so many deviations; ``explained``
+    ``moved`` by name, the most probable first: true value = stated value + so many deviations; ``explained``
     whether the remainder is what a right model leaves; ``error_rms_m`` before and ``remaining_rms_m`` after, RMS of the
     position; ``begins_m`` and ``ends_m``, between which lengths of the path the remainder begins [m], NaN
     where it does not stand out; ``assumed``, which of the named inputs have a value that nobody stated; ``instead``,

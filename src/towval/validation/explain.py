@@ -1,9 +1,8 @@
 """Which inputs, moved by how many of their deviations, would explain the error of a run, and what would remain.
 
-A choice among models of what is off, by their probabilities: few inputs, moved in the scene with the run simulated
-again, since an input far off its value does not act as one within its deviation does; or none in particular, but all
-stated deviations too small by one factor (Birge 1932), where the draws tell which inputs are off most probably. What
-the run cannot separate is named together.
+Few inputs are sought over wide ranges first, moved in the scene with the run simulated again, since an input far off
+its value does not act as one within its deviation does. From there and from the stated values all inputs are moved
+together (:mod:`towval.validation.causes`). What the run cannot separate is named together.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -11,13 +10,12 @@ from dataclasses import dataclass
 from itertools import chain, product
 
 import numpy as np
-from scipy.special import gammaln
 
 from towval.model import Array
 from towval.model.geometry import block_means, rms_length, signature_blocks
 from towval.model.inputs import INPUTS
 from towval.model.statement import Explanation
-from towval.validation.consequences import WIDER
+from towval.validation.causes import MOST_DEVIATIONS, Causes, Mode, Unknowns, off_by_name, surprise
 from towval.validation.effects import EFFECTS
 from towval.validation.statistics import RightModel, place
 
@@ -28,29 +26,14 @@ Left = Callable[[Sequence[Moves]], Array]
 """Errors (k, n, 3) of the run, along and across its path, that k moves leave; NaN where one cannot be simulated."""
 
 _MOST_INPUTS = 3
-_MOST_DEVIATIONS = 20.0
-"""An input farther off than that is no explanation."""
-
 _TRIED = (2.0, 4.0, 6.0, 9.0)  # deviations to both sides; an oscillation keeps step with another over about two
 _REFINED = 4  # inputs that look best after that, whose deviations are then sought
 _FIRST_STEP, _LAST_STEP = 2.0, 0.25  # of that search
 _WORTH = 0.5  # of the cost: what a step has to gain; a fifth of what one deviation of an input makes
-
-_STATED, _ASSUMED = (2, 1.0), (1, WIDER)
-"""Degrees of freedom and scale of Student's t that true values follow, in deviations: of an input that was measured,
-and of one whose value and deviation were assumed. Stated deviations of 3,200 measured quantities are exceeded like
-that, t of two degrees down to Cauchy's (Bailey 2017, Not normal: the uncertainties of scientific measurements)."""
-
-_FACTORS = np.geomspace(1.0, 4.4, 23)
-"""Of all stated deviations together: the scale of t of two degrees, 95 % of which lies below."""
-
-_BEYOND = 2.0
-"""Deviations from which on an input counts as off."""
+_LEAST_SWING = 1e-18  # m²: one instant a block has no oscillation
 
 _NAMED = 0.9
 """Probability with which the first input is among those that are named for it."""
-
-_SAMPLES = 4000
 
 
 @dataclass(frozen=True)
@@ -70,12 +53,7 @@ class _Search:
         self.known: dict[tuple[tuple[int, float], ...], Array] = {}
         self.assumed = [name in assumed for name in names]
         self.root = np.linalg.cholesky(right.weight).T
-        self.samples, self.swing = len(off), float(np.mean(_wobble(off)))
-        stated = [_is_stated(names[c]) and not one for c, one in zip(right.columns, right.one_sided, strict=True)]
-        self.columns = right.columns[stated]
-        effects = right.effects[stated] @ self.root.T
-        shares, self.axes = np.linalg.eigh(effects.T @ effects)
-        self.effects, self.spread = effects @ self.axes, 1 + np.outer(_FACTORS**2 - 1, np.maximum(shares, 0))
+        self.samples, self.swing = len(off), max(float(np.mean(_wobble(off))), _LEAST_SWING)
         known = set(right.columns.tolist())
         # A covariance has many columns (the camera's 18): those that the error does not depend on are not tried.
         open_ = [c for c, name in enumerate(names) if c in known or _is_stated(name)]
@@ -93,53 +71,52 @@ class _Search:
         moved = [c for c, value in moves.items() if value]
         chosen = sum(any(c in moved for c in group) for group in self.groups)
         choice = 2 * chosen * np.log(len(self.groups)) + sum(self._surprise(c, moves[c]) for c in moved)
-        return float(self._by_factor(error)[0]) + self._swing(error) + float(choice)
+        return self._means(error) + self._swing(error) + float(choice)
 
-    def all_off(self, error: Array) -> tuple[float, float]:
-        """The same where all stated deviations are too small by one factor, and that factor, the most probable."""
-        costs = self._by_factor(error) + 6 * np.log(_FACTORS) + 2 / _FACTORS**2 - 2
-        return float(costs.min() + self._swing(error)), float(_FACTORS[np.argmin(costs)])
-
-    def _by_factor(self, error: Array) -> Array:
-        """What speaks against each factor by the 72 block means of an error.
+    def _means(self, error: Array) -> float:
+        """What speaks against the 72 block means of an error, the inputs being within their deviations.
 
         Predictive density of one more draw: Student's t, with the degrees of freedom that the draws leave.
         """
-        square = np.sum((self._white(error) @ self.axes) ** 2 / self.spread, axis=-1)
-        size = self.samples * np.log1p(square / max(self.samples - len(self.axes) + 1, 1))
-        return np.asarray(np.log(self.spread).sum(axis=-1) + size)
+        square = float(np.sum(self._white(error) ** 2))
+        return self.samples * float(np.log1p(square / max(self.samples - len(self.root) + 1, 1)))
 
     def _swing(self, error: Array) -> float:
         """What speaks against an error about its block means: one value a block (an oscillation has one amplitude
         there), of unknown size, with nothing gained below what the measurement does. A block of one instant has none.
         """
-        return 24 * float(np.log(np.maximum(_wobble(error) + self.swing, np.finfo(float).tiny)))
+        return 24 * float(np.log(_wobble(error) + self.swing))
 
     def _surprise(self, column: int, deviations: float) -> float:
-        if not _is_stated(self.names[column]):
-            return deviations**2
-        return _surprise(deviations, self.assumed[column])
+        (kind,) = self.unknowns([column]).freedoms()
+        return surprise(deviations, *kind)
 
-    def off_most_probably(self, error: Array, factor: float) -> tuple[dict[int, float], list[str]]:
-        """By how much each input is off if all are by a common factor, and of which inputs one at least is far off.
+    def unknowns(self, columns: Sequence[int]) -> Unknowns:
+        """What is known of these columns."""
+        names = [self.names[c] for c in columns]
+        computed = [not _is_stated(name) for name in names]
+        return Unknowns(
+            columns, names, [self.assumed[c] for c in columns], computed, [c in self.mirrored for c in columns]
+        )
 
-        Posterior of the linear model of the draws' regression: its mean, and the fewest inputs that are beyond two
-        deviations, to the side of the mean, with the probability :data:`_NAMED`; the best :data:`_MOST_INPUTS` where
-        none are.
-        """
-        square, gain = factor**2, self.effects / self.spread[np.searchsorted(_FACTORS, factor)]
-        mean = -square * gain @ (self._white(error) @ self.axes)
-        values, vectors = np.linalg.eigh(square * np.eye(len(mean)) - square**2 * gain @ self.effects.T)
-        noise = np.random.default_rng(1).standard_normal((_SAMPLES, len(mean)))
-        drawn = mean + noise * np.sqrt(np.maximum(values, 0)) @ vectors.T
-        beyond = np.sign(mean) * drawn > _BEYOND
-        names = [self.names[c] for c in self.columns]
-        off = {name: beyond[:, [other == name for other in names]].any(axis=1) for name in names}
-        found, none = list[str](), np.ones(_SAMPLES, dtype=bool)
-        while len(found) < min(_MOST_INPUTS, len(off)) and none.mean() > 1 - _NAMED:
-            found.append(max((name for name in off if name not in found), key=lambda each: np.mean(none & off[each])))
-            none &= ~off[found[-1]]
-        return dict(zip(self.columns.tolist(), mean.tolist(), strict=True)), found
+    def modes(self, starts: Sequence[_Point]) -> tuple[list[Mode], list[str]]:
+        """Maxima with all stated inputs that matter and those that were moved free, if a right model leaves the error;
+        and their names."""
+        moved, known = {c for point in starts for c, value in point.moves.items() if value}, self.right.columns
+        stated = np.array([_is_stated(self.names[c]) for c in known], dtype=bool)
+        unknowns = self.unknowns(sorted({*known[stated].tolist(), *moved}))
+
+        def errors(tried: Array) -> Array:
+            return np.array(self._errors([dict(zip(unknowns.columns, row, strict=True)) for row in tried.tolist()]))
+
+        causes = Causes(self.right, self.right.effects[stated & ~self.right.one_sided], self.swing, unknowns, errors)
+        places = [np.zeros(len(unknowns.columns))]
+        places += [np.array([point.moves.get(c, 0.0) for c in unknowns.columns]) for point in starts]
+        own = [causes.mode(place, common=False) for place in places]
+        found = [mode for mode in own if mode is not None]
+        common = {id(each): each for each in found[:1] + sorted(found, key=lambda each: each.cost)[:1]}
+        found += [m for m in (causes.mode(each.off, common=True) for each in common.values()) if m is not None]
+        return [mode for mode in found if not self.right.rejects(mode.error)], list(unknowns.names)
 
     def better(self, point: _Point, columns: Sequence[int]) -> _Point:
         """The best point found from ``point`` on by moving these columns: by their gradients, and to both sides."""
@@ -179,10 +156,10 @@ class _Search:
         return min(tried, key=lambda each: each.cost)
 
     def _at(self, point: _Point, columns: Sequence[int], values: Array) -> list[_Point]:
-        least = np.array([0.0 if c in self.mirrored else -_MOST_DEVIATIONS for c in columns])
+        least = np.array([0.0 if c in self.mirrored else -MOST_DEVIATIONS for c in columns])
         moves = [
             point.moves | dict(zip(columns, row, strict=True))
-            for row in np.clip(values, least, _MOST_DEVIATIONS).tolist()
+            for row in np.clip(values, least, MOST_DEVIATIONS).tolist()
         ]
         return [_Point(m, e, self.cost(m, e)) for m, e in zip(moves, self._errors(moves), strict=True)]
 
@@ -226,19 +203,20 @@ def explain(
         Of the path [m], at the same times.
     """
     search = _Search(off, right, names, assumed, left)
-    (point, moved, instead), factor = _few(search, error), 1.0
-    all_off, likely = search.all_off(error)
-    if likely > 1 and all_off < point.cost:
-        means, first = search.off_most_probably(error, likely)
-        (remaining,) = left([means])
-        if np.isfinite(remaining).all() and not right.rejects(remaining):
-            named = _named(means, list(means), names)
-            point, moved = _Point(means, remaining, all_off), {name: named[name] for name in first[:1]}
-            instead, factor = {name: named[name] for name in first[1:]}, likely
+    point, moved, others = _few(search, error)
+    instead = {name: value for p, columns in others for name, value in _named(p.moves, columns, names).items()}
+    factor = 1.0
+    if moved or right.rejects(error):
+        modes, free = search.modes([point, *(other for other, _ in others)])
+        if modes:
+            best = min(modes, key=lambda mode: mode.cost)
+            moved, instead = _most_probable(modes, best, free, 0.0 if right.rejects(error) else _NAMED)
+            point, factor = _Point({}, best.error, best.cost), best.factor
     explained = bool(moved) and not right.rejects(point.error)
     farthest = max(map(abs, moved.values()), default=0.0)
-    if not explained and (farthest >= _MOST_DEVIATIONS or rms_length(point.error) >= rms_length(error)):
-        point, moved, instead = _Point({}, error, 0.0), {}, {}  # it fits a part of the error by what cannot be
+    of_no_use = farthest >= MOST_DEVIATIONS or rms_length(point.error) >= rms_length(error)
+    if not moved or (not explained and of_no_use):  # it fits a part of the error by what cannot be
+        point, moved, instead, factor = _Point({}, error, 0.0), {}, {}, 1.0
     begins, ends = place(point.error, right, length)
     return Explanation(
         moved, explained, rms_length(error), rms_length(point.error), begins, ends,
@@ -246,10 +224,36 @@ def explain(
     )  # fmt: skip
 
 
-def _few(search: _Search, error: Array) -> tuple[_Point, dict[str, float], dict[str, float]]:
-    """The best point with few inputs moved, their moves by name, and what may be off in place of the only one."""
+def _most_probable(
+    modes: Sequence[Mode], best: Mode, names: Sequence[str], least: float
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Inputs that are far off, the most probable or all that are with :data:`_NAMED`; and the fewest, at most
+    :data:`_MOST_INPUTS` in all, of which together with the first one at least is far off with that probability.
+
+    None where the most probable is not so with the probability ``least``.
+    """
+    off = off_by_name(modes, names)
+    ranked = sorted(off, key=lambda name: -off[name].mean())
+    if not ranked or off[ranked[0]].mean() < least:
+        return {}, {}
+    sure = [name for name in ranked if off[name].mean() >= _NAMED] or ranked[:1]
+    found, none = [ranked[0]], ~off[ranked[0]]
+    while len(found) < min(_MOST_INPUTS, len(off)) and none.mean() > 1 - _NAMED:
+        found.append(max((name for name in off if name not in found), key=lambda name: np.mean(none & off[name])))
+        none &= ~off[found[-1]]
+    farthest = dict[str, float]()
+    for name, value in zip(names, best.off.tolist(), strict=True):
+        farthest[name] = max(farthest.get(name, 0.0), value, key=abs)
+    return {name: farthest[name] for name in sure}, {name: farthest[name] for name in found[1:]}
+
+
+_Others = list[tuple[_Point, list[int]]]
+
+
+def _few(search: _Search, error: Array) -> tuple[_Point, dict[str, float], _Others]:
+    """The best point with few inputs moved, their moves by name, and points, with columns, in place of the only one."""
     right, point, chosen = search.right, _Point({}, error, search.cost({}, error)), list[list[int]]()
-    instead: dict[str, float] = {}
+    others: _Others = []
     while len(chosen) < _MOST_INPUTS and not (chosen and not right.rejects(point.error)):
         groups = [columns for columns in search.groups if columns not in chosen]
         tried = [(search.from_grid(point, columns), columns) for columns in groups]
@@ -258,21 +262,17 @@ def _few(search: _Search, error: Array) -> tuple[_Point, dict[str, float], dict[
         better = sorted((e for e in refined if e[0].cost < point.cost), key=lambda each: each[0].cost)
         if not better:
             break
-        instead = {} if chosen else _as_probable(better, search.names)
+        others = [] if chosen else _as_probable(better)
         point = better[0][0]
         chosen.append(better[0][1])
-    return point, _named(point.moves, [*chain(*chosen)], search.names), instead
+    return point, _named(point.moves, [*chain(*chosen)], search.names), others
 
 
-def _as_probable(tried: Sequence[tuple[_Point, list[int]]], names: Sequence[str]) -> dict[str, float]:
+def _as_probable(tried: _Others) -> _Others:
     """What may be off in place of the first of what was tried: the fewest that together with it hold the truth with the
     probability :data:`_NAMED`, all being alike before."""
     weight = np.exp(-0.5 * np.array([point.cost - tried[0][0].cost for point, _ in tried]))
-    count = int(np.searchsorted(np.cumsum(weight) / weight.sum(), _NAMED)) + 1
-    others: dict[str, float] = {}
-    for point, columns in tried[1:count]:
-        others |= _named(point.moves, columns, names)
-    return others
+    return tried[1 : int(np.searchsorted(np.cumsum(weight) / weight.sum(), _NAMED)) + 1]
 
 
 def _named(moves: Moves, columns: Sequence[int], names: Sequence[str]) -> dict[str, float]:
@@ -294,17 +294,6 @@ def _groups(names: Sequence[str]) -> list[tuple[str, ...]]:
 def _is_stated(name: str) -> bool:
     """Whether somebody stated or should have stated its deviation; else it was computed from data, and tested there."""
     return name not in INPUTS or INPUTS[name].stated is not None
-
-
-def _surprise(deviations: float, assumed: bool) -> float:
-    """Twice the negative logarithm of how probable it is that an input is so many deviations off, about there.
-
-    A density times √(2π), the width over which a normal one is spread.
-    """
-    freedom, scale = _ASSUMED if assumed else _STATED
-    peak = gammaln((freedom + 1) / 2) - gammaln(freedom / 2) - 0.5 * np.log(freedom * np.pi) - np.log(scale)
-    tail = (freedom + 1) / 2 * np.log1p((deviations / scale) ** 2 / freedom)
-    return float(-2 * (peak - tail + 0.5 * np.log(2 * np.pi)))
 
 
 def _wobble(error: Array) -> Array:

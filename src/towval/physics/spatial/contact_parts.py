@@ -9,7 +9,7 @@ import math
 
 from towval.model import Array
 from towval.model.compiling import compiled
-from towval.physics.spatial.soles import CIRCLE, FIRST, PLAIN, STRETCH, Regions, Soles, Work, all_parts
+from towval.physics.spatial.soles import CIRCLE, FIRST, PIECE, PLAIN, STRETCH, Regions, Soles, Work, all_parts
 
 Frame = tuple[float, float, float, float]
 """Place (x, y) of G on the floor [m], cosine and sine of the heading."""
@@ -114,12 +114,13 @@ def _add_regions(soles: Soles, regions: Regions, frame: Frame, work: Work) -> No
             n = _within(soles, regions, piece, source, frame, work, n)
             if n > first:
                 row[0], row[1], row[2], row[3], row[4] = first, n, 1.0, regions.pieces[piece, 2], part
+                row[PIECE] = piece
                 k += 1
     work.counts[0] = k
 
 
 @compiled(allocates=False)
-def _half_plane(regions: Regions, plane: int, frame: Frame) -> tuple[float, float, float]:
+def half_plane(regions: Regions, plane: int, frame: Frame) -> tuple[float, float, float]:
     """A half-plane of the floor in body axes about G: c, a, b of ``c + a x + b y >= 0``."""
     x, y, cos, sin = frame
     nx, ny, c = regions.planes[plane, 0], regions.planes[plane, 1], regions.planes[plane, 2]
@@ -131,7 +132,7 @@ def _least_depth(regions: Regions, piece: int, cx: float, cy: float, frame: Fram
     """How far a place in body axes lies within the half-planes of a piece, of which it is in least [m]."""
     depth = math.inf
     for plane in range(int(regions.pieces[piece, 0]), int(regions.pieces[piece, 1])):
-        c, a, b = _half_plane(regions, plane, frame)
+        c, a, b = half_plane(regions, plane, frame)
         depth = min(depth, c + a * cx + b * cy)
     return depth
 
@@ -154,7 +155,7 @@ def _within(soles: Soles, regions: Regions, piece: int, source: Array, frame: Fr
             work.corners[0, i, 0], work.corners[0, i, 1] = edges[start + i, PLAIN], edges[start + i, PLAIN + 1]
         now = 0
         for plane in range(int(regions.pieces[piece, 0]), int(regions.pieces[piece, 1])):
-            c, a, b = _half_plane(regions, plane, frame)
+            c, a, b = half_plane(regions, plane, frame)
             kept = _clipped_ring(work.corners[now], kept, c, a, b, work.corners[1 - now])
             now = 1 - now
         n = _append_ring(work.corners[now], kept, stretch, work.cut, n)

@@ -35,6 +35,7 @@ def _gauss(count: int) -> tuple[Array, Array]:
 _FIVE, _TWO = _gauss(5), _gauss(2)
 _PANEL, _NEARLY_STRAIGHT = 1.5, 0.02  # of the angle: five and two nodes serve 1e-9 of the stretch
 _NEWTON_LIMIT, _SETTLED, _LEAST_SHARE = 80, 1e-15, 0.1
+_NEAR = 0.5  # of the last pull: how much it may change for it to be the first guess
 _APART = 1e-5  # of the rest length: distances whose stretch gives the second slope, of damping in the Jacobian alone
 
 Forces = tuple[float, float, float, float, float, float]
@@ -106,6 +107,29 @@ def _first_guess(n: Array, distance: float) -> tuple[float, float]:
 def hanging_forces(n: Array, distance: float) -> Forces:
     """Forces of a tether with mass at the anchor, from the hinge's horizontal distance."""
     pull, upper = _first_guess(n, distance)
+    return _forces_from(n, distance, pull, upper)
+
+
+@compiled(allocates=False)
+def following_forces(n: Array, distance: float, last: Array) -> Forces:
+    """The same, sought from those at the distance before: ``last`` (5,) is that distance and its forces and slopes.
+
+    It is zero before the first, and written to. What is found is the same to the last digits, in a third of the steps.
+    """
+    apart = distance - last[0]
+    if abs(apart * last[3]) < _NEAR * last[1]:
+        found = _forces_from(
+            n, distance, last[1] + apart * last[3], last[2] + apart * last[4] + n[TETHER_WEIGHT] * n[REST]
+        )
+    else:
+        found = hanging_forces(n, distance)
+    last[0], last[1], last[2], last[3], last[4] = distance, found[0], found[1], found[2], found[3]
+    return found
+
+
+@compiled(allocates=False)
+def _forces_from(n: Array, distance: float, pull: float, upper: float) -> Forces:
+    """Newton's method from two forces."""
     x, z, x_h, x_v, z_v, e_h, e_v = _spans(n, pull, upper)
     for _ in range(_NEWTON_LIMIT):
         off_x, off_z = x - distance, z - n[RISE]
@@ -171,9 +195,11 @@ def damped(n: Array, forces: Forces, rate: float) -> tuple[float, float]:
 
 
 @compiled(allocates=False)
-def hanging_pull(n: Array, distance: float, rate: float) -> tuple[float, float, float, float, float, float]:
+def hanging_pull(
+    n: Array, distance: float, rate: float, last: Array
+) -> tuple[float, float, float, float, float, float]:
     """The forces with damping, their slopes by the distance and by its rate; see ``rates.Pull``."""
-    forces = hanging_forces(n, distance)
+    forces = following_forces(n, distance, last)
     _, _, h_d, v_d, e_x, e_z = forces
     pull, lift = damped(n, forces, rate)
     if not n[DAMPING] > 0:
@@ -182,8 +208,9 @@ def hanging_pull(n: Array, distance: float, rate: float) -> tuple[float, float, 
     if not pull > 0:  # The damping is as large as the pull allows.
         return pull, lift, 0.0, v_d, 0.0, 0.0
     apart = _APART * n[REST]
-    _, _, _, _, further_x, further_z = hanging_forces(n, distance + apart)
-    _, _, _, _, nearer_x, nearer_z = hanging_forces(n, distance - apart)
+    upper = forces[1] + n[TETHER_WEIGHT] * n[REST]
+    _, _, _, _, further_x, further_z = _forces_from(n, distance + apart, forces[0], upper)
+    _, _, _, _, nearer_x, nearer_z = _forces_from(n, distance - apart, forces[0], upper)
     h_d += n[DAMPING] * rate * (further_x * further_x - nearer_x * nearer_x) / (2 * apart)
     v_d += n[DAMPING] * rate * (further_x * further_z - nearer_x * nearer_z) / (2 * apart)
     return pull, lift, h_d, v_d, h_r, v_r

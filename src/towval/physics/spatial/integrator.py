@@ -19,6 +19,7 @@ from towval.physics.friction_table import PLATEAU, SLOPE
 from towval.physics.integrator import NOT_FINITE, REACHED_END, STEP_LIMIT, STEP_TOO_SMALL, finite
 from towval.physics.motion import FORCED, SLACK, TAUT
 from towval.physics.rosenbrock import NODES, STAGES, A, dense_output, solve_stage, stage_matrix
+from towval.physics.spatial.hanging import reach_under
 from towval.physics.spatial.holding import holding_margin
 from towval.physics.spatial.pressure import BALANCED, TIPS
 from towval.physics.spatial.problem import (
@@ -29,11 +30,19 @@ from towval.physics.spatial.problem import (
     HOLD_SPEED,
     KAPPA,
     MASS,
+    RISE,
     STIFFENING,
     TETHER_WEIGHT,
     TowProblem,
 )
-from towval.physics.spatial.rates import acceleration_slopes, accelerations, natural_mode, tautness
+from towval.physics.spatial.rates import (
+    acceleration_slopes,
+    accelerations,
+    natural_mode,
+    tautness,
+    tether_pull,
+    tether_span,
+)
 from towval.physics.spatial.soles import RADIUS, Work
 from towval.physics.splines import piece_at
 from towval.physics.steps import GROW, bend_ahead, following, retried, safe_time, step_to_stop
@@ -219,18 +228,32 @@ def _resting_step(problem: TowProblem, forced: bool, t: float, piece: int, y: Ar
         gap = _SAFE_SHARE * problem.holding[PLATEAU] * n[MASS] * n[GRAVITY_N]
     if not forced:
         _, stretch, _ = tautness(problem, t, piece, y)
-        if n[TETHER_WEIGHT] > 0:
-            stretch = max(0.0, stretch)  # It pulls when slack, too, though its pull never grows faster than when taut.
-        if n[DAMPING] > 0 and (stretch > 0 or n[TETHER_WEIGHT] > 0):
-            return max(quarter, _damped_rest(problem, t, piece, gap))
-        gap = gap / (n[KAPPA] * (1 + n[STIFFENING])) + max(0.0, -stretch)
-        if n[DAMPING] > 0:
-            gap = max(0.0, -stretch)
+        stiffness, slack = n[KAPPA] * (1 + n[STIFFENING]), max(0.0, -stretch)
+        if n[TETHER_WEIGHT] > 0:  # It pulls when slack, too.
+            stiffness, slack = _hanging_stiffness(problem, t, piece, y, gap), 0.0
+        if n[DAMPING] > 0 and slack == 0:
+            return max(quarter, _damped_rest(problem, t, piece, stiffness, gap))
+        gap = slack if n[DAMPING] > 0 else gap / stiffness + slack
     return max(quarter, safe_time(problem.drive, t, piece, gap, 0.0))
 
 
 @compiled(allocates=False)
-def _damped_rest(problem: TowProblem, t: float, piece: int, gap: float) -> float:
+def _hanging_stiffness(problem: TowProblem, t: float, piece: int, y: Array, gap: float) -> float:
+    """Most that the force of a tether with mass grows by, over the distance [N/m], until it has grown by ``gap`` [N].
+
+    The pull grows faster and faster with the distance: up to there it stays below the chord.
+    """
+    n = problem.numbers
+    _, _, _, _, distance, _ = tether_span(problem, t, piece, y, math.cos(y[2]), math.sin(y[2]))
+    pull, _ = tether_pull(n, distance, 0.0)
+    along = gap * distance / math.sqrt(distance * distance + n[RISE] * n[RISE])
+    further, _ = reach_under(n, pull + along)
+    stiffest: float = n[KAPPA] * (1 + n[STIFFENING])
+    return min(gap / max(further - distance, 1e-9 * distance), stiffest)
+
+
+@compiled(allocates=False)
+def _damped_rest(problem: TowProblem, t: float, piece: int, stiffness: float, gap: float) -> float:
     """Time [s] to the end of the last piece by which stretch and damping have not grown by a force; zero if none.
 
     Damping follows the hinge's velocity, whose change is at most twice the largest speed.
@@ -241,7 +264,7 @@ def _damped_rest(problem: TowProblem, t: float, piece: int, gap: float) -> float
         lasts = drive.knots[k + 1] - max(t, drive.knots[k])
         fastest = max(fastest, drive.speed_limits[k])
         way += drive.speed_limits[k] * lasts
-        if n[KAPPA] * (1 + n[STIFFENING]) * way + 2 * n[DAMPING] * fastest >= gap:
+        if stiffness * way + 2 * n[DAMPING] * fastest >= gap:
             break
         safe = drive.knots[k + 1] - t
     return safe

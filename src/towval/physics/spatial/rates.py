@@ -6,7 +6,7 @@ loads without friction are ``b = (m g_n − T_z, −T_z q_x + h T_x, −T_z q_y 
 
 Slopes: a change du of the twist moves the friction by ``g = J du`` at a fixed pressure; the pressure moves by
 ``dx = S (db − C g)``, so friction moves by ``g + W dx``. The edge of the contact adds nothing, for p = 0 there. A
-region of the floor whose edge passes under the soles adds to g as the body moves and turns: a difference quotient.
+region of the floor whose edge passes under the soles adds to g as the body moves and turns.
 """
 
 from __future__ import annotations
@@ -16,8 +16,7 @@ import math
 from towval.model import Array
 from towval.model.compiling import compiled
 from towval.physics.motion import FORCED, SLACK, TAUT
-from towval.physics.spatial.contact_parts import Frame, contact_parts
-from towval.physics.spatial.hanging import damped, hanging_forces, hanging_pull
+from towval.physics.spatial.hanging import damped, following_forces, hanging_forces, hanging_pull
 from towval.physics.spatial.pressure import BALANCED, solve_pressure
 from towval.physics.spatial.problem import (
     ABOVE,
@@ -38,11 +37,11 @@ from towval.physics.spatial.problem import (
     TETHER_WEIGHT,
     TowProblem,
 )
-from towval.physics.spatial.soles import RADIUS, Work
-from towval.physics.spatial.unit_wrenches import MOVED, SCRATCH, J, S, W, unit_wrenches, wrench_slopes
+from towval.physics.spatial.region_edges import region_slopes
+from towval.physics.spatial.soles import Work
+from towval.physics.spatial.unit_wrenches import MOVED, J, S, W, wrench_slopes
 from towval.physics.splines import piece_at, spline_at
 
-_SHIFT = 1e-7  # of the soles' radius, and as much in radians
 _NO_EDGE = 3  # in place of x, y and heading
 
 Span = tuple[float, float, float, float, float, float]
@@ -114,7 +113,7 @@ def accelerations(problem: TowProblem, mode: int, time: float, piece: int, y: Ar
     if mode == TAUT:
         lx, ly, _, _, distance, rate = tether_span(problem, time, piece, y, cos, sin)
         if n[TETHER_WEIGHT] > 0:
-            pull, tz = damped(n, hanging_forces(n, distance), rate)
+            pull, tz = damped(n, following_forces(n, distance, work.hanging), rate)
         else:
             pull, tz, _, _, _, _ = taut_pull(n, distance, rate)
         tx, ty = pull * lx / distance, pull * ly / distance
@@ -158,12 +157,14 @@ def acceleration_slopes(
     wrench_slopes(problem.soles, problem.sliding, ux, uy, y[5], work)
     on_edge = work.counts[0] > problem.soles.parts.shape[0]
     if on_edge:
-        _region_slopes(problem, (y[0], y[1], cos, sin), (ux, uy, y[5]), work)
+        frame, twist = (y[0], y[1], cos, sin), (ux, uy, y[5])
+        region_slopes(problem.soles, problem.regions, problem.sliding, frame, twist, work)
     mass, inertia = n[MASS], n[INERTIA]
     span, pull = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     if mode == TAUT:
         span = tether_span(problem, time, piece, y, cos, sin)
-        pull = hanging_pull(n, span[4], span[5]) if n[TETHER_WEIGHT] > 0 else taut_pull(n, span[4], span[5])
+        hangs = n[TETHER_WEIGHT] > 0
+        pull = hanging_pull(n, span[4], span[5], work.hanging) if hangs else taut_pull(n, span[4], span[5])
     for j in range(7):
         dtx, dty, dtz = 0.0, 0.0, 0.0
         if mode == TAUT:
@@ -182,41 +183,6 @@ def acceleration_slopes(
         else:
             time_slope[0], time_slope[1], time_slope[2] = along, across, c / inertia
     return balance
-
-
-@compiled(allocates=False)
-def _region_slopes(problem: TowProblem, frame: Frame, twist: tuple[float, float, float], work: Work) -> None:
-    """Slopes of the friction by place and heading into column j of ``work.matrices[MOVED]``, over what lies where.
-
-    By differences: the friction of a part within a region bends where a corner passes the edge, so that no more digits
-    would help.
-    """
-    x, wrench, kept, moved = work.pressure, work.matrices[W], work.matrices[SCRATCH], work.matrices[MOVED]
-    px, py, cos, sin = frame
-    _copy(wrench, kept)
-    length = _SHIFT * problem.soles.numbers[RADIUS]
-    for j in range(3):
-        step = _SHIFT if j == 2 else length
-        if j == 0:
-            shifted = px + step, py, cos, sin
-        elif j == 1:
-            shifted = px, py + step, cos, sin
-        else:
-            shifted = px, py, cos - step * sin, sin + step * cos
-        contact_parts(problem.soles, problem.regions, shifted, work)
-        unit_wrenches(problem.soles, problem.sliding, twist[0], twist[1], twist[2], work)
-        for i in range(3):
-            moved[i, j] = 0.0
-            for m in range(3):
-                moved[i, j] += (wrench[i, m] - kept[i, m]) * x[m] / step
-    _copy(kept, wrench)
-
-
-@compiled(allocates=False)
-def _copy(source: Array, out: Array) -> None:
-    for i in range(3):
-        for j in range(3):
-            out[i, j] = source[i, j]
 
 
 @compiled(allocates=False)

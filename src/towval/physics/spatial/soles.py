@@ -28,6 +28,7 @@ START, PLAIN, EDGE_COLUMNS = 0, 5, 9
 FIRST, END, CIRCLE, NODES = 0, 1, 2, 5
 # Numbers of the soles: stretch ρ, radius, one over the stretched area, share of the lever arm, six moments of the area.
 STRETCH, RADIUS, PER_AREA, LEVER, MOMENTS = 0, 1, 2, 3, 4
+PIECE = 8  # column of an active part: the piece of a region that it lies within
 
 
 class Soles(NamedTuple):
@@ -60,11 +61,11 @@ class Work(NamedTuple):
 
     ``matrices`` (6, 3, 3): wrench of the basis pressures W, inverse of the equilibrium S, slopes by the twist J, the
     equilibrium itself, scratch, slopes by place and heading over the edge of a region; ``pressure`` (3,): at G [Pa] and
-    its slopes [Pa/m]; ``moments`` (6,) of the area in contact; ``active`` (m, 8) and ``counts`` (3,): the parts that
+    its slopes [Pa/m]; ``moments`` (6,) of the area in contact; ``active`` (m, 9) and ``counts`` (3,): the parts that
     friction acts on, see ``contact_parts``; ``cut`` their edges where they are cut; ``sums`` (edges, 13) of the last
     pass over the boundary; ``accumulated`` (9,); ``corners`` (2, c, 2) of rings being clipped; ``cut_nodes`` (k, 3)
     over the area of cut parts, as ``Soles.nodes``; ``friction_error`` (1,) relative, that may be left where the contact
-    is cut.
+    is cut; ``hanging`` (5,) the last distance of a tether with mass and its forces, see ``following_forces``.
     """
 
     matrices: Array
@@ -78,6 +79,7 @@ class Work(NamedTuple):
     corners: Array
     cut_nodes: Array
     friction_error: Array
+    hanging: Array
 
 
 def soles(patch: Patch, centre: Array, across_over_along: float = 1.0, radius_over_planar: float = 1.0) -> Soles:
@@ -157,7 +159,7 @@ def work_for(soles: Soles, regions: Regions, friction_error: float = 1e-12) -> W
         matrices=np.zeros((6, 3, 3)),
         pressure=np.zeros(3),
         moments=soles.numbers[MOMENTS : MOMENTS + 6].copy(),
-        active=np.zeros((p * (1 + pieces), 8)),
+        active=np.zeros((p * (1 + pieces), 9)),
         counts=np.zeros(3),
         cut=np.zeros((kept + pieces * corners, EDGE_COLUMNS)),
         sums=np.zeros((n + kept + pieces * corners, 13)),
@@ -165,6 +167,7 @@ def work_for(soles: Soles, regions: Regions, friction_error: float = 1e-12) -> W
         corners=np.zeros((2, corners, 2)),
         cut_nodes=np.zeros((25 * (kept + pieces * corners), 3)),
         friction_error=np.array([friction_error]),
+        hanging=np.zeros(5),
     )
     all_parts(soles, work)
     return work

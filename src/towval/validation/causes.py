@@ -1,0 +1,212 @@
+"""What is off most probably, all inputs of a run together, by simulating the run again.
+
+The probability of moved inputs x, given the error that they leave, is that of the block means of this error, of its
+oscillation about them, and of x. Its maxima are found by Gauss and Newton's method with derivatives taken in the scene,
+for an error of many deviations is no linear matter; about each maximum it is taken for normal (Laplace). Inputs are
+off either each by itself, rarely and then far (Student's t), or all by one factor (normal, Birge 1932).
+
+SOURCE: Bishop, Pattern Recognition and Machine Learning (Springer 2006), 4.4, Laplace's approximation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import gammaln, logsumexp
+
+from towval.model import Array
+from towval.model.geometry import block_means, signature_blocks
+from towval.validation.consequences import WIDER
+from towval.validation.statistics import RightModel
+
+MOST_DEVIATIONS = 20.0
+"""An input farther off than that is no explanation."""
+
+BEYOND = 2.0
+"""Deviations from which on an input counts as off."""
+
+_STATED, _ASSUMED, _COMPUTED = (2.0, 1.0), (1.0, WIDER), (np.inf, 1.0)
+"""Degrees of freedom and scale of Student's t that true values follow, in deviations: of an input that was measured, of
+one whose value and deviation were assumed, and of one that was computed from data and tested there. Stated deviations
+of 3,200 measured quantities are exceeded like that, t of two degrees down to Cauchy's (Bailey 2017, Not normal: the
+uncertainties of scientific measurements)."""
+
+_FACTORS = np.geomspace(1.0, 4.4, 23)
+"""Of all stated deviations together: the scale of t of two degrees, 95 % of which lies below."""
+
+_LEAST_NOISE = 0.02  # of the variance of the draws: what derivatives in the scene err by
+_DIFFERENCE, _ENOUGH, _STEPS = 0.5, 0.5, 8  # deviations that a derivative is taken over; gain of the last step; steps
+_DAMPINGS, _SHARES = (0.0, 0.3, 1.0, 3.0, 10.0), (1.0, 0.5)  # Levenberg's, and of each step, tried at once
+_SAMPLES = 4000
+
+
+_Errors = Callable[[Array], Array]
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """Inputs that may be off: columns of the draws, names; which were assumed, computed, act by their size."""
+
+    columns: Sequence[int]
+    names: Sequence[str]
+    assumed: Sequence[bool]
+    computed: Sequence[bool]
+    mirrored: Sequence[bool]
+
+    def freedoms(self) -> Array:
+        """Degrees of freedom and scale (d, 2) of each."""
+        kinds = zip(self.assumed, self.computed, strict=True)
+        return np.array([_COMPUTED if computed else _ASSUMED if assumed else _STATED for assumed, computed in kinds])
+
+    def allowed(self, off: Array) -> Array:
+        """Values (..., d) within what is sought."""
+        return np.clip(off, np.where(self.mirrored, 0.0, -MOST_DEVIATIONS), MOST_DEVIATIONS)
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A maximum: how far inputs are off (d,), the covariance of that, the error (n, 3) that is left, twice the negative
+    logarithm of the probability about it, and the factor of all stated deviations, 1 where each is off by itself."""
+
+    off: Array
+    covariance: Array
+    error: Array
+    cost: float
+    factor: float
+
+
+class Causes:
+    """The search for maxima.
+
+    ``effects`` (j, 72) of the stated inputs as in ``right``; ``swing``: mean square of the measurement about its block
+    means [m²]; ``errors`` gives what moved inputs (k, d) leave (k, n, 3), NaN where that cannot be simulated.
+    """
+
+    def __init__(
+        self, right: RightModel, effects: Array, swing: float, unknowns: Unknowns, errors: Callable[[Array], Array]
+    ):
+        self.right, self.unknowns, self.errors, self.swing = right, unknowns, errors, swing
+        root = np.linalg.cholesky(right.weight).T
+        shares, axes = np.linalg.eigh((effects @ root.T).T @ (effects @ root.T))
+        noise = np.maximum(1 - shares, _LEAST_NOISE)
+        self.whiten = (root.T @ axes / np.sqrt(noise)).T
+        self.level = float(np.log(noise).sum())
+        self.freedoms = unknowns.freedoms()
+
+    def mode(self, start: Array, *, common: bool) -> Mode | None:
+        """The maximum that Gauss and Newton's method leads to; all off by a common factor, or each by itself.
+
+        None where the scene cannot be simulated about it.
+        """
+        off, factor = self.unknowns.allowed(start), 2.0 if common else 1.0
+        error, cost = self._best(off[None], factor, common)[1:]
+        for _ in range(_STEPS):
+            slopes = self._slopes(off, error)
+            if slopes is None:
+                return None
+            curvature, gradient = slopes
+            if common:
+                factor = self._factor(off, curvature, gradient)
+                cost = self._cost(off, error, factor, common)
+            pull = self._pull(off, factor, common)
+            normal, down = curvature + np.diag(pull), gradient + pull * off
+            steps = [np.linalg.solve(normal + damping * np.diag(np.diag(normal)), -down) for damping in _DAMPINGS]
+            tried = self.unknowns.allowed(off + np.array([share * step for step in steps for share in _SHARES]))
+            best, left, least = self._best(tried, factor, common)
+            if not least < cost - _ENOUGH:
+                break
+            off, error, cost = best, left, least
+        _, determinant = np.linalg.slogdet(normal)
+        return Mode(off, np.asarray(np.linalg.inv(normal), np.float64), error, cost + float(determinant), factor)
+
+    def _best(self, tried: Array, factor: float, common: bool) -> tuple[Array, Array, float]:
+        left = self.errors(tried)
+        costs = [self._cost(off, error, factor, common) for off, error in zip(tried, left, strict=True)]
+        least = int(np.argmin(costs))
+        return tried[least], left[least], costs[least]
+
+    def _cost(self, off: Array, error: Array, factor: float, common: bool) -> float:
+        if not np.isfinite(error).all():
+            return np.inf
+        means, about = self._parts(error)
+        blocks = len(signature_blocks(0))
+        fit = self.level + float(means @ means) + blocks * float(np.log(np.mean(about**2) * 2 + self.swing))
+        if common:
+            scale = np.where(self.unknowns.computed, 1.0, factor)
+            prior = float(np.sum((off / scale) ** 2 + 2 * np.log(scale))) + _rarity(factor)
+        else:
+            prior = sum(surprise(value, *kind) for value, kind in zip(off, self.freedoms, strict=True))
+        return fit + prior
+
+    def _parts(self, error: Array) -> tuple[Array, Array]:
+        """Block means (..., 72) in deviations of what no stated input does, positions (..., 2 n) about them [m]."""
+        means = block_means(error)
+        repeated = np.repeat(means[..., :2], [len(rows) for rows in signature_blocks(error.shape[-2])], axis=-2)
+        flat = means.reshape(*means.shape[:-2], -1)
+        return flat @ self.whiten.T, (error[..., :2] - repeated).reshape(*error.shape[:-2], -1)
+
+    def _slopes(self, off: Array, error: Array) -> tuple[Array, Array] | None:
+        """Curvature (d, d) and half the gradient (d,) of what speaks against the error, by the inputs."""
+        sides = _DIFFERENCE * np.repeat(np.eye(len(off)), 2, axis=0)
+        sides[1::2] *= -1
+        tried = self.unknowns.allowed(off + sides)
+        left = self.errors(tried)
+        if not np.isfinite(left).all():
+            return None
+        apart = np.sum(tried[0::2] - tried[1::2], axis=1)[:, None]
+        means, about = (((part[0::2] - part[1::2]) / apart) for part in self._parts(left))
+        here, swings = self._parts(error)
+        # An oscillation has one amplitude a block, of unknown size.
+        weight = len(signature_blocks(0)) / (len(swings) / 2 * (2 * np.mean(swings**2) + self.swing))
+        return means @ means.T + weight * about @ about.T, means @ here + weight * about @ swings
+
+    def _pull(self, off: Array, factor: float, common: bool) -> Array:
+        """Half the gradient of the inputs' own improbability over their value: their weight (d,)."""
+        if common:
+            return 1 / np.where(self.unknowns.computed, 1.0, factor) ** 2
+        freedom, scale = self.freedoms.T
+        return np.asarray(1 / (scale**2 + (off**2 - scale**2) / (freedom + 1)))
+
+    def _factor(self, off: Array, curvature: Array, gradient: Array) -> float:
+        """The most probable of the factors, by the linear problem about a point."""
+        costs = []
+        for factor in _FACTORS:
+            scale = np.where(self.unknowns.computed, 1.0, factor)
+            normal, down = curvature + np.diag(scale**-2.0), gradient + off / scale**2
+            gain = float(down @ np.linalg.solve(normal, down))
+            _, determinant = np.linalg.slogdet(normal)
+            costs.append(np.sum((off / scale) ** 2 + 2 * np.log(scale)) - gain + determinant + _rarity(factor))
+        return float(_FACTORS[np.argmin(costs)])
+
+
+def off_by_name(modes: Sequence[Mode], names: Sequence[str]) -> dict[str, NDArray[np.bool_]]:
+    """Whether each input is far off, to the side of the most probable mode, in samples (k,) of all modes together."""
+    costs = np.array([mode.cost for mode in modes])
+    weights = np.exp(-0.5 * costs - logsumexp(-0.5 * costs))
+    best, rng = modes[int(np.argmin(costs))], np.random.default_rng(1)
+    drawn = []
+    for mode, weight in zip(modes, weights, strict=True):
+        values, vectors = np.linalg.eigh(mode.covariance)
+        noise = rng.standard_normal((round(_SAMPLES * weight), len(mode.off)))
+        drawn.append(mode.off + noise * np.sqrt(np.maximum(values, 0)) @ vectors.T)
+    beyond = np.sign(best.off) * np.concatenate(drawn) > BEYOND
+    return {name: beyond[:, [other == name for other in names]].any(axis=1) for name in dict.fromkeys(names)}
+
+
+def surprise(deviations: float, freedom: float, scale: float) -> float:
+    """Twice the negative logarithm of how probable it is that an input is so many deviations off, about there.
+
+    A density times √(2π), the width over which a normal one is spread; Student's t with so many degrees of freedom.
+    """
+    if np.isinf(freedom):
+        return float(deviations**2)
+    peak = gammaln((freedom + 1) / 2) - gammaln(freedom / 2) - 0.5 * np.log(freedom * np.pi) - np.log(scale)
+    tail = (freedom + 1) / 2 * np.log1p((deviations / scale) ** 2 / freedom)
+    return float(-2 * (peak - tail + 0.5 * np.log(2 * np.pi)))
+
+
+def _rarity(factor: float) -> float:
+    return float(6 * np.log(factor) + 2 / factor**2 - 2)
