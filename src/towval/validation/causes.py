@@ -95,6 +95,7 @@ class Causes:
         self.whiten = (root.T @ axes / np.sqrt(noise)).T
         self.level = float(np.log(noise).sum())
         self.freedoms = unknowns.freedoms()
+        self.stated = ~(np.array(unknowns.assumed, dtype=bool) | np.array(unknowns.computed, dtype=bool))
 
     def mode(self, start: Array, *, common: bool) -> Mode | None:
         """The maximum that Gauss and Newton's method leads to; all off by a common factor, or each by itself.
@@ -134,12 +135,15 @@ class Causes:
         means, about = self._parts(error)
         blocks = len(signature_blocks(0))
         fit = self.level + float(means @ means) + blocks * float(np.log(np.mean(about**2) * 2 + self.swing))
+        own = sum(surprise(value, *kind) for value, kind in zip(off, self._kinds(factor, common), strict=True))
+        return fit + own + _rarity(factor)
+
+    def _kinds(self, factor: float, common: bool) -> Array:
+        """Degrees of freedom and scale (d, 2) of each; a common factor is that of what was stated."""
+        kinds = self.freedoms.copy()
         if common:
-            scale = np.where(self.unknowns.computed, 1.0, factor)
-            prior = float(np.sum((off / scale) ** 2 + 2 * np.log(scale))) + _rarity(factor)
-        else:
-            prior = sum(surprise(value, *kind) for value, kind in zip(off, self.freedoms, strict=True))
-        return fit + prior
+            kinds[self.stated] = np.inf, factor
+        return kinds
 
     def _parts(self, error: Array) -> tuple[Array, Array]:
         """Block means (..., 72) in deviations of what no stated input does, positions (..., 2 n) about them [m]."""
@@ -165,20 +169,19 @@ class Causes:
 
     def _pull(self, off: Array, factor: float, common: bool) -> Array:
         """Half the gradient of the inputs' own improbability over their value: their weight (d,)."""
-        if common:
-            return 1 / np.where(self.unknowns.computed, 1.0, factor) ** 2
-        freedom, scale = self.freedoms.T
+        freedom, scale = self._kinds(factor, common).T
         return np.asarray(1 / (scale**2 + (off**2 - scale**2) / (freedom + 1)))
 
     def _factor(self, off: Array, curvature: Array, gradient: Array) -> float:
         """The most probable of the factors, by the linear problem about a point."""
         costs = []
         for factor in _FACTORS:
-            scale = np.where(self.unknowns.computed, 1.0, factor)
-            normal, down = curvature + np.diag(scale**-2.0), gradient + off / scale**2
+            pull = self._pull(off, float(factor), common=True)
+            normal, down = curvature + np.diag(pull), gradient + pull * off
             gain = float(down @ np.linalg.solve(normal, down))
             _, determinant = np.linalg.slogdet(normal)
-            costs.append(np.sum((off / scale) ** 2 + 2 * np.log(scale)) - gain + determinant + _rarity(factor))
+            spread = 2 * np.log(factor) * np.count_nonzero(self.stated)
+            costs.append(np.sum(pull * off**2) + spread - gain + determinant + _rarity(factor))
         return float(_FACTORS[np.argmin(costs)])
 
 
@@ -202,7 +205,7 @@ def surprise(deviations: float, freedom: float, scale: float) -> float:
     A density times √(2π), the width over which a normal one is spread; Student's t with so many degrees of freedom.
     """
     if np.isinf(freedom):
-        return float(deviations**2)
+        return float((deviations / scale) ** 2 + 2 * np.log(scale))
     peak = gammaln((freedom + 1) / 2) - gammaln(freedom / 2) - 0.5 * np.log(freedom * np.pi) - np.log(scale)
     tail = (freedom + 1) / 2 * np.log1p((deviations / scale) ** 2 / freedom)
     return float(-2 * (peak - tail + 0.5 * np.log(2 * np.pi)))

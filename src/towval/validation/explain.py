@@ -105,6 +105,8 @@ class _Search:
         moved, known = {c for point in starts for c, value in point.moves.items() if value}, self.right.columns
         stated = np.array([_is_stated(self.names[c]) for c in known], dtype=bool)
         unknowns = self.unknowns(sorted({*known[stated].tolist(), *moved}))
+        if not unknowns.columns:
+            return [], []
 
         def errors(tried: Array) -> Array:
             return np.array(self._errors([dict(zip(unknowns.columns, row, strict=True)) for row in tried.tolist()]))
