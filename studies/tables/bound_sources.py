@@ -2,9 +2,10 @@
 
     python -m studies.tables.bound_sources path/to/campaign path/to/results/campaign RUN... [--draws 64]
 
-For each source of error of the measurement, alone: u_D, RMS over the path; and how far it moves the *simulation*, which
-is driven by the measured rover and begins at the measured object, at most along the path (median and 95 % of draws).
-With all stated inputs exact, the latter is what a simulation may be off, however well the comparison is made. Then the
+For each source of error of the measurement, alone: u_D, RMS over the path; how far it moves the *simulation*, which is
+driven by the measured rover and begins at the measured object, at most along the path (median and 95 % of draws); and
+the standard deviation that it leaves the error of the run, RMS. With all stated inputs exact, the second is what a
+simulation may be off, however well the comparison is made. Then, where the folder has the truth of the run, the
 part of the simulation's true error that is left with the true rover and the true start, and, along the principal
 directions of u_D over rover and object of all runs, what the tracks are off in deviations.
 """
@@ -80,7 +81,10 @@ class _Source:
 
 
 def source_rows(case: Case, count: int) -> Iterator[str]:
-    """A row a source: u_D, and by how much the simulation is moved, in mm."""
+    """A row a source: u_D, by how much the simulation is moved, and how the error of the run scatters, in mm."""
+    track, times = case.object_track, case.simulated.time_s
+    seen = np.column_stack([np.interp(times, track.time_s, column) for column in track.pose.T])
+    error = pose_difference(case.simulated.pose, seen)[:, :2]
     everything = tuple(name for names in SOURCES.values() for name in names)
     for source, names in {**SOURCES, "all": everything}.items():
         drawing = _Source(case, source, names, noisy=source == "all" or not names)
@@ -88,7 +92,9 @@ def source_rows(case: Case, count: int) -> Iterator[str]:
         nominal, *moved = drawing.sampler.batch.simulate([drawing.nominal(), *drawn])
         off = pose_difference(np.array(measured), case.simulated.pose)[..., :2]
         most = np.linalg.norm(pose_difference(np.array(moved), nominal)[..., :2], axis=-1).max(axis=-1)
-        found = np.sqrt(np.mean(np.sum(off**2, axis=-1))), *np.nanquantile(most, [0.5, 0.95])
+        errors = error + pose_difference(np.array(moved), np.array(measured))[..., :2]
+        scatter = np.nanstd(np.sqrt(np.nanmean(np.sum(errors**2, axis=-1), axis=-1)))
+        found = np.sqrt(np.mean(np.sum(off**2, axis=-1))), *np.nanquantile(most, [0.5, 0.95]), scatter
         yield f"| {source} | " + " | ".join(f"{1e3 * value:.2f}" for value in found) + " |"
 
 
@@ -171,17 +177,18 @@ def main() -> None:
     parser.add_argument("runs", nargs="+")
     parser.add_argument("--draws", type=int, default=64)
     given = parser.parse_args()
-    cases = {
-        run: (case_of(given.campaign, given.results, run), pd.read_csv(given.campaign / f"{run}_truth.csv"))
-        for run in given.runs
-    }
-    for run, (case, truth) in cases.items():
-        print(f"\n| {run}: source | u_D, mm | moves the simulation at most by, mm | 95 % |\n|---|---|---|---|")
+    cases = {run: case_of(given.campaign, given.results, run) for run in given.runs}
+    truths = {run: pd.read_csv(file) for run in given.runs if (file := given.campaign / f"{run}_truth.csv").exists()}
+    for run, case in cases.items():
+        print(f"\n| {run}: source | u_D, mm | moves the simulation at most by, mm | 95 % | scatter of the error, mm |")
+        print("|---|---|---|---|---|")
         print("\n".join(source_rows(case, given.draws)))
-        print(f"\n| {run}: simulated − true | at most, mm | RMS, mm |\n|---|---|---|")
-        print("\n".join(left_rows(case, truth)))
-    print("\n| share of u_D's variance | error of the tracks, deviations |\n|---|---|")
-    print("\n".join(principal_rows(cases)))
+        if run in truths:
+            print(f"\n| {run}: simulated − true | at most, mm | RMS, mm |\n|---|---|---|")
+            print("\n".join(left_rows(case, truths[run])))
+    if truths:
+        print("\n| share of u_D's variance | error of the tracks, deviations |\n|---|---|")
+        print("\n".join(principal_rows({run: (cases[run], truth) for run, truth in truths.items()})))
 
 
 if __name__ == "__main__":
