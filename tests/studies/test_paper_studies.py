@@ -101,6 +101,15 @@ def test_every_figure_has_content_and_labels_within_its_page(name, plan, tables)
             assert not text.get_text() or (box.x0 >= page.x0 - 1 and box.x1 <= page.x1 + 1), text.get_text()
 
 
+def test_panels_that_share_a_scale_show_all_points(plan, tables):
+    """In Fig. 6 the errors over the time step are below those over the speed."""
+    drawing = loaded(FIGURES["figure_6"])
+    figure = figure_of(drawing, plan, {study: pd.read_csv(tables[study]) for study in drawing.tables})
+    for axes in figure.subfigs[0].axes[:3]:
+        low, high = axes.get_ylim()
+        assert all(low <= value <= high for line in axes.lines for value in line.get_ydata())
+
+
 def test_a_figure_is_saved_in_three_formats(plan, tables, tmp_path):
     draw_chart("table_1", FIGURES["table_1"], plan, {"meshes": tables["meshes"]}, tmp_path)
     assert {file.suffix for file in tmp_path.iterdir()} == {".pdf", ".svg", ".png"}

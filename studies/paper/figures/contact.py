@@ -44,7 +44,7 @@ def contact_figure(table: pd.DataFrame, outline: Array, load: Array) -> Figure:
     _reduced(panels[1], table, outline, corners[cells["contact"].to_numpy() > 0])
     for axes in panels[:2]:
         axes.plot(*load, "o", color=SPECIFICATION, markersize=3.5)
-        axes.annotate("load", load, xytext=(4, -3), textcoords="offset points", fontsize=7, color=SPECIFICATION)
+        axes.annotate("load", load, xytext=(-3, 4), textcoords="offset points", fontsize=7, color=SPECIFICATION)
     limits = limits_around(outline)
     for axes in panels[:2]:
         axes.set_aspect("equal")

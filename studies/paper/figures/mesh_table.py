@@ -16,7 +16,7 @@ HEADINGS = (
     "QSM compute time (s)\npaper",
     "QSM compute time (s)\nours",
     "Timed steps",
-    "Error of the\nheading rate",
+    "Relative error of\nthe heading rate",
 )
 
 

@@ -60,9 +60,9 @@ def dynamics_figure(
     figure = Figure(figsize=(PAGE_WIDTH_IN, 4.9), layout="constrained")
     upper, lower = np.asarray(figure.subfigures(2, 1, height_ratios=[1, 1.15])).tolist()
     above, below = upper.subplots(1, 3), lower.subplots(1, 2, width_ratios=[1, 1.35])
+    above[1].sharey(above[0])
     _errors(above[0], speeds, "mean_speed_m_s", r"mean speed $\bar{v}$ [m/s]")
     _errors(above[1], time_steps, "time_step_s", r"time step $t_s$ [s]")
-    above[1].sharey(above[0])
     _stiffness(above[2], stiffnesses)
     for axes, curve in zip(below, ("rounded_square", "lemniscate"), strict=True):
         _feedforward_paths(axes, paths[paths["curve"] == curve], side)
