@@ -10,16 +10,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.backend_bases import RendererBase
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch as Swatch
 from matplotlib.patches import Rectangle
-from matplotlib.text import Annotation
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
-from matplotlib.transforms import Bbox
 
+from studies.labels import place_labels
 from towval.report.style import PAGE_WIDTH_IN, Margins, figure_function, foot_legend, place_maps
 
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "*")
@@ -32,20 +29,8 @@ SIGNS = {RIGHT: ("", "#1d1d1b"), FLAGGED: ("!", "#1d1d1b"), SILENT: ("×", "#fff
 
 _LINE_IN = 0.16
 _FRAME_PT = 1.2
-_LINE_STEP_PX = 3.0
 _AWAY, _AWAY_DEFAULT = 3.5, 5.0
 """From a point to its label [pt], and from one with the ring of the default."""
-_AROUND = (
-    (1.0, 0.8, "left", "bottom"),
-    (-1.0, 0.8, "right", "bottom"),
-    (1.0, -0.8, "left", "top"),
-    (-1.0, -0.8, "right", "top"),
-    (1.4, 0.0, "left", "center"),
-    (-1.4, 0.0, "right", "center"),
-    (0.0, 1.3, "center", "bottom"),
-    (0.0, -1.3, "center", "top"),
-)
-"""Places of a label around its point, the best first: steps right and up in its distance, and its alignment."""
 _DECADE = 10.0
 _ROOM = 1.15  # Factor of space below and above all points.
 _HALF_DECADE = math.sqrt(10)
@@ -62,7 +47,9 @@ def scatter_chart(
     ----------
     table : DataFrame
         Columns ``panel``, ``series``, ``setting``, ``cost``, ``error``, ``default``; rows that repeat the first three
-        are drawn as their median, with a line from the lower to the upper quartile of the error.
+        are drawn as their median, with a line from the lower to the upper quartile of the error. The series with the
+        default comes first, so that it has the same colour and mark in all charts. ``short`` says that a row is of the
+        short variant of its study.
     title : str
         Of the chart.
     labels : (str, str)
@@ -75,15 +62,15 @@ def scatter_chart(
         Draw the Pareto front and label the points; else join the points of a series.
     """
     rows = medians(table)
-    panels, series = list(dict.fromkeys(rows["panel"])), list(dict.fromkeys(rows["series"]))
+    panels = list(dict.fromkeys(rows["panel"]))
+    series = list(dict.fromkeys(rows.sort_values("default", ascending=False, kind="stable")["series"]))
     columns = {1: 1, 2: 2, 4: 2}.get(len(panels), 3)
-    advice = _wrapped(take, 122) if take else []
-    notes = advice + _wrapped(f"{note} {_machine(table)}")
-    legend_rows = math.ceil(len(series) / 4)
+    advice, notes = _notes(table, take, f"{_repeats(rows)} {note}")
+    legend_rows = math.ceil(len(_handles(series, front=front)) / 4)
     margins = Margins(
         left=0.62,
         right=0.1,
-        top=0.42,
+        top=0.42 if labels[0] and any(panels) else 0.3,
         bottom=0.62 + _LINE_IN * (legend_rows + len(notes)),
         across=0.5 if columns > 1 else 0.1,
         down=0.62,
@@ -99,15 +86,15 @@ def scatter_chart(
             own.set_ylabel(labels[1])
     _same_decades(axes)
     _title(figure, title)
-    _foot(figure, _handles(series, front=front), 4, notes, advice=len(advice))
-    _place_labels(figure, axes)
+    _foot(figure, _handles(series, front=front), 4, notes, advice=advice)
+    place_labels(figure, axes)
     return figure
 
 
 def medians(table: pd.DataFrame) -> pd.DataFrame:
     """One row a panel, series and setting (where points are joined: and cost), with median cost and error.
 
-    ``low`` and ``high`` are the quartiles of the error.
+    ``low`` and ``high`` are the quartiles of the error, ``seeds`` the number of rows of the table behind it.
     """
     usable = table[(table["cost"] > 0) & (table["error"] > 0)].assign(panel=table["panel"].astype(object).fillna(""))
     usable = usable.assign(setting=usable["setting"].astype(object).fillna("").astype(str))
@@ -117,7 +104,7 @@ def medians(table: pd.DataFrame) -> pd.DataFrame:
     groups = usable.groupby(keys, sort=False)
     rows = groups["error"].agg(["median", lambda error: error.quantile(0.25), lambda error: error.quantile(0.75)])
     rows.columns = pd.Index(["error", "low", "high"])
-    rows["default"] = groups["default"].max()
+    rows["default"], rows["seeds"] = groups["default"].max(), groups.size()
     if "cost" not in keys:
         rows["cost"] = groups["cost"].median()
     return rows.reset_index()
@@ -166,7 +153,7 @@ def _handles(series: Sequence[str], *, front: bool) -> list[Line2D]:
     style: dict[str, Any] = {"ms": 4.5, "mec": "white", "mew": 0.4}
     shapes = zip(itertools.cycle(MARKERS), itertools.cycle(COLOURS))
     handles = [
-        Line2D([], [], ls="" if front else "-", marker=marker, color=colour, label=name, **style)
+        Line2D([], [], ls="" if front else "-", marker=marker, color=colour, label=_set(name), **style)
         for name, (marker, colour) in zip(series, shapes, strict=False)
     ]
     if front:
@@ -190,50 +177,6 @@ def _same_decades(axes: Sequence[Axes]) -> None:
                 axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
             else:
                 axis.set_major_locator(LogLocator(numticks=20))
-
-
-def _place_labels(figure: Figure, axes: Sequence[Axes]) -> None:
-    """Put each label beside its point, clear of marks, lines and labels before it.
-
-    A label without such a place is not shown; the table has the settings of all points.
-    """
-    renderer = FigureCanvasAgg(figure).get_renderer()
-    for own in axes:
-        frame, taken = own.get_window_extent(renderer), _marks_and_lines(own, figure.dpi / 72)
-        for label in (text for text in own.texts if isinstance(text, Annotation)):
-            box = _free_place(label, frame, taken, renderer)
-            label.set_visible(box is not None)
-            if box is not None:
-                taken.append(box)
-
-
-def _free_place(label: Annotation, frame: Bbox, taken: Sequence[Bbox], renderer: RendererBase) -> Bbox | None:
-    """Move a label to the first place around its point that is free; its box there, or None."""
-    away = max(abs(step) for step in label.xyann)
-    for across, up, horizontal, vertical in _AROUND:
-        label.xyann = (across * away, up * away)
-        label.set(horizontalalignment=horizontal, verticalalignment=vertical)
-        label.update_positions(renderer)
-        box = label.get_window_extent(renderer)
-        inside = frame.x0 <= box.x0 and box.x1 <= frame.x1 and frame.y0 <= box.y0 and box.y1 <= frame.y1
-        if inside and not any(box.overlaps(other) for other in taken):
-            return box
-    return None
-
-
-def _marks_and_lines(axes: Axes, px_per_point: float) -> list[Bbox]:
-    """Boxes [px] around the marks of a panel and along its lines."""
-    boxes = []
-    for line in axes.lines:
-        points = axes.transData.transform(np.column_stack(line.get_data()).astype(float))
-        if line.get_marker() != "None":
-            radius = 0.5 * line.get_markersize() * px_per_point
-            boxes += [Bbox.from_extents(*(point - radius), *(point + radius)) for point in points]
-        if line.get_linestyle() != "None":
-            for start, end in itertools.pairwise(points):
-                steps = np.linspace(0, 1, max(2, int(np.hypot(*(end - start)) / _LINE_STEP_PX)))
-                boxes += [Bbox.from_extents(*point, *point) for point in start + steps[:, None] * (end - start)]
-    return boxes
 
 
 @figure_function
@@ -264,10 +207,9 @@ def map_chart(
     """
     names = [name for name in axes_labels if (table["map"] == name).any()]
     columns = 4 if len(names) > 6 else 3
-    framed = default or {}
-    advice = _wrapped(take, 122) if take else []
-    notes = advice + _wrapped(f"{note} {_machine(table)}")
-    margins = Margins(left=0.72, right=0.1, top=0.62, bottom=0.62 + _LINE_IN * (1 + len(notes)), across=0.62, down=0.72)
+    framed = {name: values for name, values in (default or {}).items() if name in names}
+    advice, notes = _notes(table, take, note)
+    margins = Margins(left=0.72, right=0.1, top=0.5, bottom=0.62 + _LINE_IN * (1 + len(notes)), across=0.62, down=0.72)
     figure = Figure(figsize=(PAGE_WIDTH_IN, 3.0))
     axes = [figure.add_subplot() for _ in names]
     place_maps(figure, axes, 0.95, margins, columns)
@@ -280,7 +222,7 @@ def map_chart(
     handles = [Swatch(facecolor=FACES[name], edgecolor="#777777", label=f"{name}  {SIGNS[name][0]}") for name in FACES]
     if framed:
         handles.append(Swatch(facecolor="none", edgecolor="#000000", lw=_FRAME_PT, label="default"))
-    _foot(figure, handles, 4, notes, advice=len(advice))
+    _foot(figure, handles, 4, notes, advice=advice)
     return figure
 
 
@@ -339,7 +281,7 @@ def _number(value: float | str) -> str:
 
 
 def _shortened(name: str) -> str:
-    return _set(name.replace("semi-implicit", "semi-impl.").replace(" of the picture", ""))
+    return _set(name.replace("semi-implicit", "semi-impl."))
 
 
 def _set(text: str) -> str:
@@ -372,13 +314,29 @@ def _foot(
     legend.set_bbox_to_anchor((0.5, (0.1 + _LINE_IN * 0.85 * len(notes)) / height))
 
 
-def _machine(table: pd.DataFrame) -> str:
-    """Machine and versions, as the table's columns say."""
+def short_variant(table: pd.DataFrame) -> str:
+    """What is to be said of a table with rows of the short variant of a study; nothing of a whole one."""
+    if "short" not in table or not table["short"].any():
+        return ""
+    return "Short variant: few settings and seeds; what to take rests on the whole study."
+
+
+def _notes(table: pd.DataFrame, take: str, note: str) -> tuple[int, list[str]]:
+    """Lines below a chart, and how many of them, the first, say what to take."""
+    advice = _wrapped(take, 152) if take else []
     parts = [str(table[name].iloc[0]) for name in ("machine", "versions") if name in table]
-    return f"{'; '.join(parts)}." if parts else ""
+    made = f"{'; '.join(parts)}." if parts else ""
+    lines = advice + _wrapped(f"{short_variant(table)} {note} {made}", 160)
+    return len(advice), [_set(line) for line in lines]
 
 
-def _wrapped(text: str, width: int = 138) -> list[str]:
+def _repeats(rows: pd.DataFrame) -> str:
+    """On how many seeds the points of a chart stand, where on more than one."""
+    fewest, most = rows["seeds"].min(), rows["seeds"].max()
+    return "" if most == 1 else f"Medians and quartiles over {most if fewest == most else f'{fewest} to {most}'} seeds."
+
+
+def _wrapped(text: str, width: int) -> list[str]:
     lines, line = [], ""
     for word in text.split():
         if len(line) + len(word) + 1 > width:

@@ -13,7 +13,7 @@ from studies.machine import machine, version_line
 from towval.io.plan_files import read_table, write_table
 
 
-def run_part(study: str, part: Mapping[str, Any], output: Path) -> None:
+def run_part(study: str, part: Mapping[str, Any], output: Path, *, short: bool = False) -> None:
     """Compute one part of a study and write its rows, with machine and versions.
 
     Parameters
@@ -24,10 +24,12 @@ def run_part(study: str, part: Mapping[str, Any], output: Path) -> None:
         What the part varies.
     output : Path
         CSV to write.
+    short : bool, optional
+        The part is one of the study's short variant: the rows say so, and with them chart and page.
     """
     found: Study = loaded(study)
     rows = pd.DataFrame(found.rows(**part))
-    write_table(output, rows.assign(machine=machine(), versions=version_line()))
+    write_table(output, rows.assign(short=short, machine=machine(), versions=version_line()))
 
 
 def gather(parts: Sequence[Path], output: Path) -> None:

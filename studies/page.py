@@ -11,7 +11,7 @@ import pandas as pd
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from studies.charts import FLAGGED, RIGHT, SILENT, medians, unbeaten
+from studies.charts import FLAGGED, RIGHT, SILENT, medians, short_variant, unbeaten
 from studies.frame import Maps, Scatter, loaded
 from towval.io.atomic import write_text
 from towval.io.plan_files import read_table
@@ -22,11 +22,12 @@ _MOST_ROWS = 60
 
 @dataclass(frozen=True)
 class ChartView:
-    """A chart as the page shows it."""
+    """A chart as the page shows it: ``counts`` beside the picture, which says itself what to take."""
 
     name: str
     title: str
     summary: str
+    counts: str
     svg: Markup
     table: str
     rows_title: str
@@ -47,7 +48,7 @@ def front_view(name: str, chart: Scatter, table: pd.DataFrame, svg: Markup) -> C
     rows = medians(table)
     default = rows[rows["default"].astype(float) > 0]
     named = "; ".join(f"{row.series}, {row.setting}" for row in default.drop_duplicates("setting").itertuples())
-    summary = f"{chart.take} {len(rows)} points".strip() + (f", default: {named}. {_beside(rows)}" if named else ".")
+    points = f"{len(rows)} points" + (f", default: {named}. {_beside(rows)}" if named else ".")
     panels = [unbeaten(part) for _, part in rows.groupby("panel", sort=False)]
     best = pd.concat(panels) if chart.front else rows.iloc[:0]
     cells = tuple(
@@ -55,7 +56,12 @@ def front_view(name: str, chart: Scatter, table: pd.DataFrame, svg: Markup) -> C
         for row in best.to_dict("records")
     )
     columns = ("panel", "method", "setting", "cost", "error")
-    return ChartView(name, chart.title, summary, svg, f"{name}.csv", "Pareto front", columns, cells)
+    summary = _summary(chart, table, points)
+    return ChartView(name, chart.title, summary, points, svg, f"{name}.csv", "Pareto front", columns, cells)
+
+
+def _summary(chart: Scatter | Maps, table: pd.DataFrame, counts: str) -> str:
+    return " ".join(filter(None, (chart.take, short_variant(table), counts)))
 
 
 def better_than_default(rows: pd.DataFrame) -> pd.DataFrame:
@@ -83,7 +89,7 @@ def map_view(name: str, chart: Maps, table: pd.DataFrame, svg: Markup) -> ChartV
     """Maps of judgements, with the cells that are silently wrong as a table."""
     counts = table["judgement"].value_counts()
     cells_by_kind = ", ".join(f"{counts.get(kind, 0)} {kind}" for kind in (RIGHT, FLAGGED, SILENT))
-    summary = f"{chart.take} {cells_by_kind} of {len(table)} cells."
+    counted = f"{cells_by_kind} of {len(table)} cells."
     wrong = table[table["judgement"] == SILENT]
     cells = tuple(
         (row["map"], f"{row['x']}", f"{row['y']}", f"{row['error']:.3g}")
@@ -93,7 +99,8 @@ def map_view(name: str, chart: Maps, table: pd.DataFrame, svg: Markup) -> ChartV
         f", the first {_MOST_ROWS}" if len(wrong) > _MOST_ROWS else ""
     )
     columns = ("map", "x", "y", "error [m]")
-    return ChartView(name, chart.title, summary, svg, f"{name}.csv", title_of_rows, columns, cells)
+    summary = _summary(chart, table, counted)
+    return ChartView(name, chart.title, summary, counted, svg, f"{name}.csv", title_of_rows, columns, cells)
 
 
 def write_study_page(path: Path, products: Sequence[ProductView], sheet: FigureSheet) -> None:

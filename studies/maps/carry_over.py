@@ -153,8 +153,8 @@ STUDY = Study(
         title="Effect of input faults on the paths",
         cost="",
         error="RMS distance [mm]",
-        note="Distance of measured and simulated path from ground truth, and from each other, medians and quartiles "
-        "over ten arcs: ten seconds, 0.9 m of path, camera at 4 m.",
+        note="Distance of measured and simulated path from ground truth, and from each other, on random arcs: ten "
+        "seconds, 0.9 m of path, camera at 4 m.",
         take="State the standard deviations of what you measured: no stage can detect these faults in the data. Masses "
         "and the object's frame matter most.",
         front=False,

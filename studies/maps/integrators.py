@@ -137,7 +137,7 @@ def _parts(settings: Settings) -> dict[str, Part]:
 
 
 _STIFFNESS, _STICTION = "stiffness κ [N/m]", "stiction velocity v_s [m/s]"
-_TOLERANCE, _STEP = "tolerance", "time step [s]"
+_TOLERANCE, _STEP = "relative tolerance", "time step [s]"
 _OWN = tuple(f"towval, {start}" for start in STARTS)
 _SETTING = {"towval": "tolerance [m]", "LSODA": _TOLERANCE, "Runge-Kutta 4": _STEP, "semi-implicit Euler": _STEP}
 

@@ -111,7 +111,8 @@ STUDY = Study(
         },
         note="Right: within 1 mm of the truth on bristles at all times. Flagged: a named outcome other than converged, "
         "a refusal, over 1 mm between the default tolerance and a hundredth of it, or an error within twice what "
-        "a deviation of the static coefficient (2 %) moves the path: the stated uncertainty covers it.",
+        "a deviation of the static coefficient (2 %) moves the path: the stated uncertainty covers it. Nothing "
+        "here has a default.",
         take="Model what sticks, heights and slope as they are; keep the tether low: close to tipping the stick-slip "
         "is decided by micrometres of the contact.",
     ),

@@ -110,7 +110,7 @@ STUDY = Study(
         },
         note="Right: feedforward within 10 mm RMS of the nominal path; creep below 1 mm under half of the limit of "
         "friction. Flagged: a named outcome; 0.1 % more force that moves the object by over 10 mm; the check for "
-        "creep.",
+        "creep. Nothing here has a default.",
         take="Do not feed forward: a tow in an open loop stays near the wanted path by chance alone, and is flagged "
         "everywhere. A regularised law creeps at rest by about half of v_s times the duration.",
     ),

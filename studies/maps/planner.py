@@ -31,9 +31,10 @@ SETTINGS = PlannerSettings(
 
 ALLOWED_M = FOLLOWED * SETTINGS.arrival_distance
 DURATION_S, STEP_S = 600.0, 0.1
+OUTWARD_DEG = 33.7
 
 
-def rover(outward_deg: float = 33.7) -> Rover:
+def rover(outward_deg: float = OUTWARD_DEG) -> Rover:
     """The rover of src/towval/workflow/plan.yaml with another outer steering range."""
     return symmetric_rover(0.4, 0.4, 0.1, outward=np.radians(outward_deg), inward=np.radians(93.0))
 
@@ -88,7 +89,7 @@ def _parts(settings: Settings) -> dict[str, Part]:
         for curve in ("lemniscate", "rounded square")
     }
     radii = [0.3, 1.0] if settings.quick else [0.15, 0.2, 0.3, 0.5, 0.8, 1.2, 2.0]
-    ranges = [15.0, 45.0] if settings.quick else [10.0, 20.0, 33.7, 45.0, 60.0, 75.0]
+    ranges = [15.0, 33.7] if settings.quick else [10.0, 20.0, 33.7, 45.0, 60.0, 75.0]
     return parts | {"steering": {"what": "steering", "radii_m": radii, "outward_deg": ranges}}
 
 
@@ -105,6 +106,7 @@ STUDY = Study(
         note="Right: arrived, 50 mm RMS or less from the path. Flagged: strayed, stuck, or a warning of the planner.",
         take="Take the paper's threshold of 0.2 m, the default; the look-ahead hardly matters, and a path with more "
         "curvature needs more steering. What the planner cannot follow, it says.",
-        default={f"d_t and ϑ_lh, {curve}": {"x": SETTINGS.threshold} for curve in ("lemniscate", "rounded square")},
+        default={f"d_t and ϑ_lh, {curve}": {"x": SETTINGS.threshold} for curve in ("lemniscate", "rounded square")}
+        | {"curvature and steering": {"y": OUTWARD_DEG}},
     ),
 )

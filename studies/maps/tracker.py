@@ -128,7 +128,7 @@ STUDY = Study(
     parts=_parts,
     rows=tracker_rows,
     chart=Maps(
-        title="Tracker",
+        title="Tracker: blur, noise, hidden tops, light and compression",
         axes={
             "blur and stride": ("blur [px]", "every n-th frame"),
             "noise and texture": ("noise [grey levels]", "contrast [grey levels]"),

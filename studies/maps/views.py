@@ -65,7 +65,7 @@ STUDY = Study(
     parts=_parts,
     rows=view_rows,
     chart=Maps(
-        title="Calibration",
+        title="Calibration: number, tilt and spread of the boards",
         axes={_name(share): ("tilt of the boards [deg]", "number of views") for share in (1.0, 0.3)},
         note="Right: 5 mm RMS or less on the floor and on a plane at 0.35 m, camera at 4 m. Flagged: a warning or a "
         "refusal. The worst of two random cameras; corner noise 0.15 px, seven boards on the floor.",

@@ -34,6 +34,7 @@ rule paper_part:
             study=STUDIES[wildcards.study],
             part=parts_of(wildcards.study)[wildcards.part],
             output=output[0],
+            short=STUDY_SETTINGS.quick,
         ),
     message:
         "study {wildcards.study}: part {wildcards.part}"

@@ -157,7 +157,8 @@ STUDY = Study(
         title="Decimation of a track with bends and a pause, and the tow simulated behind it",
         cost="",
         error="RMS error of the path [mm]",
-        note="Noise of a pose: 0.3 mm and 0.5 mrad. Labels: excess, n, distance or density of the jerk.",
+        note="Left the error of the rover's path, right that of the path simulated behind it. Noise of a pose: "
+        "0.3 mm and 0.5 mrad. Labels: excess, n, distance or density of the jerk.",
         take="Take the stage's rule with an excess of 3, the default: nothing that thins is better, and it needs no "
         "number of the lab. A smoother whose density is right simulates a quarter better, one that is wrong two "
         "to three times worse; a spline is as good at twenty times the time.",

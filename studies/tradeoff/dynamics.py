@@ -122,7 +122,7 @@ def _power(tolerance: float) -> str:
 
 def _parts(settings: Settings) -> dict[str, Part]:
     if settings.quick:
-        return {"lap": {"period_s": 20.0, "panels": 6, "mujoco_steps_s": [1e-2], "rounds": 2}}
+        return {"lap": {"period_s": 20.0, "panels": 12, "mujoco_steps_s": [1e-2], "rounds": 2}}
     return {"lap": {"period_s": 40.0, "panels": 12, "mujoco_steps_s": [1e-2, 5e-3, 2e-3], "rounds": 3}}
 
 
@@ -133,7 +133,7 @@ STUDY = Study(
         title="A lap of a towed cube",
         cost="CPU time [s]",
         error="RMS error of the path [mm]",
-        note="Labels: tolerance, time step or rung.",
+        note="Labels: tolerance (towval: [m] a step), time step or rung.",
         take="Take 1e-7 m a step, the default: the loosest tolerance at the reference's own accuracy, for little more "
         "time than 1e-6 m. A rung without inertia, where its millimetres may be borne.",
         truth="Truth: Gauss quadrature and SciPy's Radau, accurate to 1e-3 mm, without code of the package. One scene: "

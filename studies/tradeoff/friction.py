@@ -221,12 +221,12 @@ STUDY = Study(
     rows=friction_rows,
     chart=Scatter(
         title="Friction wrench of a pressed square",
-        cost="CPU time a wrench [s]",
-        error="RMS error of force and moment [μN, μN·a/2]",
-        note="24 twists with centres of rotation inside, near and far from the patch.",
+        cost="CPU time per wrench [s]",
+        error=r"RMS error of force / $\mu N$ and moment / $\mu N a/2$",
+        note="RMS over 24 twists with centres of rotation inside, near and far from the patch of side a, pressed by N.",
         take="Take the boundary integral, the default: right to rounding, and cheaper than nodes or meshes of any use. "
-        "Edges cut in pieces gain nothing. A table or an ellipsoid is faster where a part in a thousand, or "
-        "twenty, is enough.",
+        "Edges cut in pieces gain nothing. A table is faster where an error of a part in a thousand is enough, an "
+        "ellipsoid where one in twenty is.",
         truth="Truth: graded Gauss quadrature in NumPy, without code of the package.",
     ),
 )

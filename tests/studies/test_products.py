@@ -10,7 +10,7 @@ from markupsafe import Markup
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Annotation
 
-from studies.charts import RIGHT, map_chart, medians, scatter_chart, unbeaten
+from studies.charts import COLOURS, MARKERS, RIGHT, map_chart, medians, scatter_chart, unbeaten
 from studies.comparators.smoothers import douglas_peucker, rts_smoother, smoothing_spline
 from studies.compute import gather, run_part
 from studies.costs import least_cpu_seconds, take_turns, wall_and_cpu_seconds
@@ -34,7 +34,7 @@ def folder(tmp_path_factory):
         for name, part in loaded(CHARTED[chart]).parts(Settings(quick=True)).items():
             if parts is None or name in parts:
                 written.append(folder / "blocks" / chart / f"{name}.csv")
-                run_part(CHARTED[chart], part, written[-1])
+                run_part(CHARTED[chart], part, written[-1], short=True)
         table = folder / f"{chart}.csv"
         gather(written, table)
         draw_chart(chart, CHARTED[chart], {}, {chart: table}, folder)
@@ -175,6 +175,12 @@ def test_labels_lie_beside_each_other(folder, chart):
         boxes = [text.get_window_extent() for text in (*shown, *(text for text in named if text.get_text()))]
         assert all(whole.x0 <= box.x0 and box.x1 <= whole.x1 for box in boxes)
         assert not any(a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i])
+    figure.set_dpi(300)  # as saved: at 100 dots an inch letters are wider than in print
+    canvas.draw()
+    whole = figure.get_window_extent()
+    lines = [text.get_window_extent() for text in figure.texts]
+    assert all(whole.x0 <= box.x0 and box.x1 <= whole.x1 for box in lines)
+    assert not any(a.overlaps(b) for i, a in enumerate(lines) for b in lines[:i])
 
 
 def test_labels_make_room_for_marks_and_for_each_other():
@@ -196,6 +202,43 @@ def test_labels_make_room_for_marks_and_for_each_other():
         assert axes.get_window_extent().contains(box.x1, box.y1)
 
 
+def test_a_crowded_label_is_led_to_its_point():
+    """Five points within the width of a label: all are named, and no line to a point crosses a name."""
+    settings = [f"setting {k}" for k in range(5)]
+    rows = pd.DataFrame({"panel": "", "series": settings, "setting": settings, "default": False, "error": 1.0})
+    figure = scatter_chart(rows.assign(cost=1 + 0.02 * np.arange(5)), "Title", ("cost", "error"), "Note.")
+    FigureCanvasAgg(figure).draw()
+    (axes,) = figure.axes
+    shown = {text.get_text(): text.get_window_extent() for text in axes.texts if text.get_visible()}
+    assert len(shown) == 5
+    leads = [axes.transData.transform(np.column_stack(line.get_data())) for line in axes.lines if line.get_lw() == 0.5]
+    assert 0 < len(leads) < 5
+    for start, end in leads:
+        steps = start + np.linspace(0, 0.8, 200)[:, None] * (end - start)
+        assert not any(box.contains(*step) for box in shown.values() for step in steps)
+
+
+def test_the_series_with_the_default_looks_alike_in_all_charts():
+    rows = pd.DataFrame({"panel": "", "series": ["a", "b"], "setting": "x", "cost": 1.0, "error": [1.0, 2.0]})
+    for default in ("a", "b"):
+        figure = scatter_chart(rows.assign(default=rows["series"] == default), "Title", ("cost", "error"), "Note.")
+        handles = {line.get_label(): line for line in figure.legends[0].legend_handles}
+        assert (handles[default].get_color(), handles[default].get_marker()) == (COLOURS[0], MARKERS[0])
+
+
+@pytest.mark.parametrize("short", [True, False])
+def test_a_chart_of_the_short_variant_says_so_and_how_many_seeds_it_has(short):
+    """Below the picture and on the page: what to take was concluded from the whole study."""
+    rows = pd.DataFrame({"panel": "", "series": "a", "setting": "x", "default": True, "cost": 1.0, "error": [1.0, 2]})
+    for count in (1, 2):
+        given = rows[:count].assign(short=short)
+        below = " ".join(text.get_text() for text in scatter_chart(given, "Title", ("c", "e"), "Note.").texts)
+        assert ("Short variant" in below) == short
+        assert ("over 2 seeds" in below) == (count == 2)
+        view = front_view("chart", Scatter("Title", "cost", "error", "Note.", "Take x."), given, Markup(""))
+        assert view.summary.startswith("Take x. Short variant" if short else "Take x. 1 point")
+
+
 @pytest.mark.parametrize("chart", TRADEOFF)
 def test_a_chart_of_error_against_cost_says_what_to_take_and_what_its_truth_is(chart):
     drawn = loaded(TRADEOFF[chart]).chart
@@ -215,6 +258,8 @@ def test_the_default_of_a_map_is_framed():
     (frame,) = [patch for patch in axes.patches if not patch.get_fill()]
     assert frame.get_bbox().bounds == (-0.5, 0.5, 2.0, 1.0)
     assert "default" in [text.get_text() for text in figure.legends[0].get_texts()]
+    figure = map_chart(rows, "Title", {"m": ("x", "y")}, "Note.", "Take it.", {"another map": {"y": 5.0}})
+    assert "default" not in [text.get_text() for text in figure.legends[0].get_texts()]
 
 
 @pytest.mark.parametrize(
@@ -243,7 +288,7 @@ def test_advice_stands_out_and_scatter_is_drawn_between_the_quartiles():
     assert line[:, 1].tolist() == [2.0, 4.0]
     weights = {text.get_text(): text.get_weight() for text in figure.texts}
     assert weights["Take x."] == "bold"
-    assert weights["Note."] != "bold"
+    assert weights["Medians and quartiles over 5 seeds. Note."] != "bold"
 
 
 def test_repeated_points_are_drawn_as_their_median():
