@@ -7,6 +7,7 @@ index does not read messages. Prints wall and CPU seconds to read them and to wr
 
 import argparse
 import json
+import shutil
 import tempfile
 import time
 from pathlib import Path
@@ -63,6 +64,23 @@ def _details(rng: np.random.Generator, stage: str, run: str) -> dict[str, object
     return details
 
 
+def measured(count: int, folder: Path) -> dict[str, float]:
+    """CPU and wall times [s] to index synthetic runs, sizes of both files [MB], and the number of findings."""
+    results, output = folder / "results", folder / "index.sqlite"
+    write_runs(results, count, seed=1)
+    start = time.perf_counter(), time.process_time()
+    index = read_results([results])
+    read = time.perf_counter(), time.process_time()
+    write_index(output, index)
+    write_index_page(output.with_suffix(".html"), index)
+    end = time.perf_counter(), time.process_time()
+    found: dict[str, float] = {}
+    for what, begin, done in (("read", start, read), ("written", read, end)):
+        found |= {f"{what}, CPU": done[1] - begin[1], f"{what}, wall": done[0] - begin[0]}
+    found |= {path.name: path.stat().st_size / 1e6 for path in (output, output.with_suffix(".html"))}
+    return found | {"findings": len(index.findings)}
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -70,18 +88,11 @@ def main() -> None:
     parser.add_argument("--keep", type=Path)
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as temporary:
-        results, output = Path(temporary) / "results", (given.keep or Path(temporary)) / "index.sqlite"
-        write_runs(results, given.runs, seed=1)
-        start = time.perf_counter(), time.process_time()
-        index = read_results([results])
-        read = time.perf_counter(), time.process_time()
-        write_index(output, index)
-        write_index_page(output.with_suffix(".html"), index)
-        end = time.perf_counter(), time.process_time()
-        sizes = [path.stat().st_size / 1e6 for path in (output, output.with_suffix(".html"))]
-        for what, begin, done in (("read", start, read), ("written", read, end)):
-            print(f"{given.runs} runs {what}: {done[0] - begin[0]:.1f} s, CPU {done[1] - begin[1]:.1f} s")
-        print(f"index.sqlite {sizes[0]:.1f} MB, index.html {sizes[1]:.1f} MB")
+        for what, value in measured(given.runs, Path(temporary)).items():
+            print(f"{given.runs} runs, {what:14} {value:8.3g}")
+        if given.keep:
+            for ending in ("sqlite", "html"):
+                shutil.copy(Path(temporary) / f"index.{ending}", given.keep)
 
 
 if __name__ == "__main__":

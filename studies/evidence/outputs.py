@@ -1,0 +1,98 @@
+"""Checks of the sizes of what people open: the report of a campaign, and the index of many runs with its page."""
+
+from __future__ import annotations
+
+import base64
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import pandas as pd
+from markupsafe import Markup
+
+from studies.evidence.compute import REPOSITORY
+from studies.evidence.ledger import Check, Values
+from studies.evidence.planting import both, repeated, replaced
+from studies.tables import index_scale
+from studies.tables.validation_rendered import judged
+from towval.commands import report
+from towval.io import results_index
+from towval.report import facts, film, index_page, inline
+
+_RUNS = 250
+
+
+def page_of_report() -> Values:
+    """Size of the report on the sample campaign, with its films and without, and the words of its text."""
+    campaign = REPOSITORY / "data_samples" / "lab_small"
+    with TemporaryDirectory() as folder:
+        results = Path(folder) / "results"
+        for name in ("a", "b"):
+            judged(campaign, results, name)
+        report.run(campaign, results)
+        page = (results / "report.html").read_text(encoding="utf-8")
+    films = sum((campaign / f"{name}.mp4").stat().st_size for name in ("a", "b"))
+    text = re.sub(r"(?s)<(script|style|svg)\b.*?</\1>|<[^>]*>", " ", page)
+    size = len(page.encode("utf-8"))
+    return {
+        "page": size / 1e6,
+        "page without films": (size - 7 / 6 * films) / 1e6,
+        "words, with those that are folded": len(text.split()),
+    }
+
+
+def index_of_runs() -> Values:
+    """Costs [ms] and sizes [kB] a run of the index of many synthetic runs, and how many findings are in it."""
+    with TemporaryDirectory() as folder:
+        found = index_scale.measured(_RUNS, Path(folder))
+    return {what: value if what == "findings" else 1e3 * value / _RUNS for what, value in found.items()}
+
+
+def _base64(_: Any) -> Any:
+    return lambda content: Markup(base64.b64encode(content).decode("ascii"))
+
+
+def _counted_twice(original: Any) -> Any:
+    """Findings of a stage, those that stand by body once more."""
+
+    def wrong(notes: dict[str, Any]) -> Iterator[tuple[str, str, str]]:
+        yield from original(notes)
+        for part in notes.values():
+            if isinstance(part, dict):
+                yield from original(part)
+
+    return wrong
+
+
+def _twelve_digits(original: Any) -> Any:
+    """What runs were made of, with fingerprints of twelve digits in place of eight."""
+
+    def wrong(index: Any) -> tuple[pd.DataFrame, pd.Series]:
+        keys, labels = original(index)
+        return keys, labels.str.replace(r"(\t[0-9a-f]{8})$", r"\g<1>0000", regex=True)
+
+    return wrong
+
+
+REPORT = Check(
+    page_of_report,
+    {
+        "films are written as base64": replaced(film, "packed", _base64),
+        "places in the figures keep all digits": replaced(inline, "_shortened", lambda _: lambda found: found[0]),
+        "the verdict's reasons stand among the findings once more": replaced(facts, "VERDICT_CODES", lambda _: ()),
+    },
+)
+
+INDEX = Check(
+    index_of_runs,
+    {
+        "each table reads the files anew": replaced(results_index, "read_details", repeated(4)),
+        "each table writes the files anew": both(
+            replaced(index_scale, "write_index", repeated(4)), replaced(index_scale, "write_index_page", repeated(4))
+        ),
+        "findings of a body count twice": replaced(results_index, "_findings", _counted_twice),
+        "fingerprints on the page have twelve digits": replaced(index_page, "_made_of", _twelve_digits),
+    },
+)
