@@ -1,8 +1,8 @@
 """How long the next step of the integrators is: from the errors of the last two, and no further than to a stop.
 
 Where friction brings an object to rest, its law turns over within the last millimetres a second, and an error estimate
-that has not seen that lets steps run into it: on a run with stick-slip a third of all steps failed there. Along the
-acceleration of now the stop is known beforehand.
+that has not seen that lets steps run into it: on a run with stick-slip more than a quarter of all steps failed there.
+Along the acceleration of now the stop is known beforehand.
 
 Where the drive bends, its acceleration jumps, of which order and error estimate know nothing. Steps across fail, and in
 three dimensions the object may tip in them, which takes long to find out. So they end at the bend.

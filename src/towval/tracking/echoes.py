@@ -32,7 +32,7 @@ class EchoConstants:
     lesson_every: int = 10  # then one in so many.
     least_lessons: int = 8  # For the scatter of their echoes to be known.
     blur_px: float = 1.0  # [px] Over which a picture out of focus differs from a sharp one.
-    named: float = 0.07  # Of the picture, from two pictures back: 0.02 at most without, 0.11 where half is kept.
+    named: float = 0.07  # Of the picture, from two pictures back: 0.05 at most without, 0.13 where half is kept.
     deviations: float = 3.0  # By which it is beyond that.
 
 
