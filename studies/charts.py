@@ -66,7 +66,8 @@ def scatter_chart(
     series = list(dict.fromkeys(rows.sort_values("default", ascending=False, kind="stable")["series"]))
     columns = {1: 1, 2: 2, 4: 2}.get(len(panels), 3)
     advice, notes = _notes(table, take, f"{_repeats(rows)} {note}")
-    legend_rows = math.ceil(len(_handles(series, front=front)) / 4)
+    handles = _handles(series, front=front, default=bool(rows["default"].astype(float).max() > 0))
+    legend_rows = math.ceil(len(handles) / 4)
     margins = Margins(
         left=0.62,
         right=0.1,
@@ -86,7 +87,7 @@ def scatter_chart(
             own.set_ylabel(labels[1])
     _same_decades(axes)
     _title(figure, title)
-    _foot(figure, _handles(series, front=front), 4, notes, advice=advice)
+    _foot(figure, handles, 4, notes, advice=advice)
     place_labels(figure, axes)
     return figure
 
@@ -149,7 +150,7 @@ def _draw_panel(axes: Axes, rows: pd.DataFrame, series: Sequence[str], *, front:
     axes.margins(x=0.1, y=0.1)
 
 
-def _handles(series: Sequence[str], *, front: bool) -> list[Line2D]:
+def _handles(series: Sequence[str], *, front: bool, default: bool) -> list[Line2D]:
     style: dict[str, Any] = {"ms": 4.5, "mec": "white", "mew": 0.4}
     shapes = zip(itertools.cycle(MARKERS), itertools.cycle(COLOURS))
     handles = [
@@ -158,6 +159,7 @@ def _handles(series: Sequence[str], *, front: bool) -> list[Line2D]:
     ]
     if front:
         handles.append(Line2D([], [], color="#777777", lw=0.8, ls="--", label="Pareto front"))
+    if front and default:
         handles.append(Line2D([], [], ls="", marker="o", mfc="none", mec="#000000", ms=8, label="default"))
     return handles
 

@@ -75,14 +75,15 @@ def better_than_default(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def _beside(rows: pd.DataFrame) -> str:
-    """What is better than the default in cost and error alike, beyond the scatter of the seeds."""
+    """What is better than the default in cost and error alike, beyond scatter where there are several seeds."""
     better = better_than_default(rows)
+    by_how_much = "better beyond scatter" if rows["seeds"].max() > 1 else "better"
     if better.empty:
-        return "Nothing is cheaper than the default and better beyond scatter."
+        return f"Nothing is cheaper than the default and {by_how_much}."
     named = ", ".join(
         f"{row.series} {row.setting}".strip() + (f" ({row.panel})" if row.panel else "") for row in better.itertuples()
     )
-    return f"Cheaper than the default and better beyond scatter: {named}."
+    return f"Cheaper than the default and {by_how_much}: {named}."
 
 
 def map_view(name: str, chart: Maps, table: pd.DataFrame, svg: Markup) -> ChartView:

@@ -295,3 +295,19 @@ def test_repeated_points_are_drawn_as_their_median():
     repeated = {"panel": "", "series": "a", "setting": "x", "default": False}
     rows = pd.DataFrame(repeated | {"cost": [1.0, 2.0, 9.0], "error": [3.0, 5.0, 4.0]})
     assert medians(rows)[["cost", "error"]].to_numpy().tolist() == [[2.0, 4.0]]
+
+
+@pytest.mark.parametrize("default", [True, False])
+def test_the_legend_names_a_default_only_where_one_is_drawn(default):
+    rows = pd.DataFrame({"panel": "", "series": list("ab"), "setting": "one", "default": [default, False]})
+    figure = scatter_chart(rows.assign(cost=[1.0, 2.0], error=[2.0, 1.0]), "Title", ("cost", "error"), "Note.")
+    assert ("default" in [text.get_text() for text in figure.legends[-1].get_texts()]) == default
+
+
+@pytest.mark.parametrize("seeds", [1, 3])
+def test_the_page_speaks_of_scatter_only_where_seeds_repeat(seeds):
+    rows = pd.DataFrame({"panel": "", "series": list("ab"), "setting": "one", "default": [True, False]})
+    table = pd.concat([rows.assign(cost=[1.0, 2.0], error=[2.0, 1.0])] * seeds)
+    counts = front_view("name", Scatter("Title", "cost", "error", "Note."), table, Markup("")).counts
+    assert "Nothing is cheaper" in counts
+    assert ("scatter" in counts) == (seeds > 1)
