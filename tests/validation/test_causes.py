@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import quad
 
 from towval.model.geometry import block_means
-from towval.validation.causes import Causes, Mode, Unknowns, off_by_name, surprise
+from towval.validation.causes import Causes, Mode, Unknowns, distinct, off_by_name, surprise
 from towval.validation.statistics import RightModel
 
 N, K, MM, D = 96, 512, 1e-3, 4
@@ -107,6 +107,19 @@ def test_maxima_that_are_as_probable_count_alike():
     off = off_by_name([mode([6.0, 0.1], 1.0), mode([0.0, 5.0], 1.0 + 2 * np.log(3))], ["one", "other"])
     assert off["one"].mean() == pytest.approx(0.75, abs=1e-3)
     assert off["other"].mean() == pytest.approx(0.25, abs=1e-3)
+
+
+def test_a_maximum_that_was_found_twice_counts_once():
+    def mode(off, cost, factor=1.0):
+        return Mode(np.array(off), 0.04 * np.eye(2), np.zeros((N, 3)), cost, factor)
+
+    first, again, other, common = (
+        mode([6.0, 0.0], 1.0),
+        mode([6.1, 0.1], 1.2),
+        mode([0.0, 5.0], 3.0),
+        mode([6, 0], 2, 1.5),
+    )
+    assert distinct([again, other, first, common]) == [first, common, other]
 
 
 @pytest.mark.parametrize(("freedom", "scale"), [(np.inf, 1.0), (2.0, 1.0), (1.0, 2.0)])

@@ -185,6 +185,17 @@ class Causes:
         return float(_FACTORS[np.argmin(costs)])
 
 
+def distinct(modes: Sequence[Mode]) -> list[Mode]:
+    """Each maximum once, as the most probable of those found of it: they lie within a deviation of their covariance."""
+    found: list[Mode] = []
+    for mode in sorted(modes, key=lambda each: each.cost):
+        same = [each for each in found if (each.factor == 1) == (mode.factor == 1)]
+        apart = [mode.off - each.off for each in same]
+        if all(away @ np.linalg.solve(each.covariance, away) > 1 for each, away in zip(same, apart, strict=True)):
+            found.append(mode)
+    return found
+
+
 def off_by_name(modes: Sequence[Mode], names: Sequence[str]) -> dict[str, NDArray[np.bool_]]:
     """Whether each input is far off, to the side of the most probable mode, in samples (k,) of all modes together."""
     costs = np.array([mode.cost for mode in modes])

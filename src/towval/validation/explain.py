@@ -15,7 +15,7 @@ from towval.model import Array
 from towval.model.geometry import block_means, rms_length, signature_blocks
 from towval.model.inputs import INPUTS
 from towval.model.statement import Explanation
-from towval.validation.causes import MOST_DEVIATIONS, Causes, Mode, Unknowns, off_by_name, surprise
+from towval.validation.causes import MOST_DEVIATIONS, Causes, Mode, Unknowns, distinct, off_by_name, surprise
 from towval.validation.effects import EFFECTS
 from towval.validation.statistics import RightModel, place
 
@@ -118,7 +118,8 @@ class _Search:
         found = [mode for mode in own if mode is not None]
         common = {id(each): each for each in found[:1] + sorted(found, key=lambda each: each.cost)[:1]}
         found += [m for m in (causes.mode(each.off, common=True) for each in common.values()) if m is not None]
-        return [mode for mode in found if not self.right.rejects(mode.error)], list(unknowns.names)
+        left = [mode for mode in distinct(found) if not self.right.rejects(mode.error)]
+        return left, list(unknowns.names)
 
     def better(self, point: _Point, columns: Sequence[int]) -> _Point:
         """The best point found from ``point`` on by moving these columns: by their gradients, and to both sides."""
