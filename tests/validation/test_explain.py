@@ -178,6 +178,16 @@ def test_where_all_deviations_are_too_small_that_is_said_and_an_input_that_is_fa
     assert "times as large would explain it" in _explained(found)
 
 
+@pytest.mark.parametrize(("deviations", "named"), [(2.0, []), (2.2, []), (2.6, ["along"])])
+def test_where_the_test_does_not_reject_an_input_is_named_only_if_it_is_off_for_certain(world, deviations, named):
+    """Off is beyond two deviations; which side of that 2.0 and 2.2 are on, the draws leave open."""
+    error = world.rest - linear({0: deviations})
+    assert not world.right.rejects(error)
+    found = world.explained(error)
+    assert list(found.moved) == named
+    assert found.explained == bool(named)
+
+
 def test_what_cannot_be_simulated_is_no_explanation(world):
     error = world.rest - linear({0: 6.0})
 

@@ -181,6 +181,13 @@ def block_means(values: ArrayLike) -> Array:
     return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
 
 
+def about_block_means(values: ArrayLike) -> Array:
+    """Values (..., n, m) less the means of their blocks: the oscillation about them."""
+    values = np.asarray(values, dtype=np.float64)
+    sizes = [len(rows) for rows in signature_blocks(values.shape[-2])]
+    return np.asarray(values - np.repeat(block_means(values), sizes, axis=-2))
+
+
 def error_signature(error: ArrayLike) -> Array:
     """Size and changes of an error over a motion: what a fault of the model moves, and what noise and phase do not.
 

@@ -18,14 +18,14 @@ from numpy.typing import NDArray
 from scipy.special import gammaln, logsumexp
 
 from towval.model import Array
-from towval.model.geometry import block_means, signature_blocks
+from towval.model.geometry import about_block_means, block_means, signature_blocks
 from towval.validation.consequences import WIDER
 from towval.validation.statistics import RightModel
 
 MOST_DEVIATIONS = 20.0
 """An input farther off than that is no explanation."""
 
-BEYOND = 2.0
+_BEYOND = 2.0
 """Deviations from which on an input counts as off."""
 
 _STATED, _ASSUMED, _COMPUTED = (2.0, 1.0), (1.0, WIDER), (np.inf, 1.0)
@@ -41,9 +41,6 @@ _LEAST_NOISE = 0.02  # of the variance of the draws: what derivatives in the sce
 _DIFFERENCE, _ENOUGH, _STEPS = 0.5, 0.5, 8  # deviations that a derivative is taken over; gain of the last step; steps
 _DAMPINGS, _SHARES = (0.0, 0.3, 1.0, 3.0, 10.0), (1.0, 0.5)  # Levenberg's, and of each step, tried at once
 _SAMPLES = 4000
-
-
-_Errors = Callable[[Array], Array]
 
 
 @dataclass(frozen=True)
@@ -147,10 +144,9 @@ class Causes:
 
     def _parts(self, error: Array) -> tuple[Array, Array]:
         """Block means (..., 72) in deviations of what no stated input does, positions (..., 2 n) about them [m]."""
-        means = block_means(error)
-        repeated = np.repeat(means[..., :2], [len(rows) for rows in signature_blocks(error.shape[-2])], axis=-2)
-        flat = means.reshape(*means.shape[:-2], -1)
-        return flat @ self.whiten.T, (error[..., :2] - repeated).reshape(*error.shape[:-2], -1)
+        means, about = block_means(error), about_block_means(error[..., :2])
+        flat, swings = (part.reshape(*error.shape[:-2], -1) for part in (means, about))
+        return flat @ self.whiten.T, swings
 
     def _slopes(self, off: Array, error: Array) -> tuple[Array, Array] | None:
         """Curvature (d, d) and half the gradient (d,) of what speaks against the error, by the inputs."""
@@ -206,7 +202,7 @@ def off_by_name(modes: Sequence[Mode], names: Sequence[str]) -> dict[str, NDArra
         values, vectors = np.linalg.eigh(mode.covariance)
         noise = rng.standard_normal((round(_SAMPLES * weight), len(mode.off)))
         drawn.append(mode.off + noise * np.sqrt(np.maximum(values, 0)) @ vectors.T)
-    beyond = np.sign(best.off) * np.concatenate(drawn) > BEYOND
+    beyond = np.sign(best.off) * np.concatenate(drawn) > _BEYOND
     return {name: beyond[:, [other == name for other in names]].any(axis=1) for name in dict.fromkeys(names)}
 
 

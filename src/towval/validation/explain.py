@@ -12,7 +12,7 @@ from itertools import chain, product
 import numpy as np
 
 from towval.model import Array
-from towval.model.geometry import block_means, rms_length, signature_blocks
+from towval.model.geometry import about_block_means, block_means, rms_length, signature_blocks
 from towval.model.inputs import INPUTS
 from towval.model.statement import Explanation
 from towval.validation.causes import MOST_DEVIATIONS, Causes, Mode, Unknowns, distinct, off_by_name, surprise
@@ -85,7 +85,7 @@ class _Search:
         """What speaks against an error about its block means: one value a block (an oscillation has one amplitude
         there), of unknown size, with nothing gained below what the measurement does. A block of one instant has none.
         """
-        return 24 * float(np.log(_wobble(error) + self.swing))
+        return len(signature_blocks(0)) * float(np.log(_wobble(error) + self.swing))
 
     def _surprise(self, column: int, deviations: float) -> float:
         (kind,) = self.unknowns([column]).freedoms()
@@ -116,8 +116,9 @@ class _Search:
         places += [np.array([point.moves.get(c, 0.0) for c in unknowns.columns]) for point in starts]
         own = [causes.mode(place, common=False) for place in places]
         found = [mode for mode in own if mode is not None]
-        common = {id(each): each for each in found[:1] + sorted(found, key=lambda each: each.cost)[:1]}
-        found += [m for m in (causes.mode(each.off, common=True) for each in common.values()) if m is not None]
+        nearest, best = found[:1], sorted(found, key=lambda each: each.cost)[:1]
+        common = [causes.mode(each.off, common=True) for each in nearest + best]
+        found += [mode for mode in common if mode is not None]
         left = [mode for mode in distinct(found) if not self.right.rejects(mode.error)]
         return left, list(unknowns.names)
 
@@ -301,6 +302,4 @@ def _is_stated(name: str) -> bool:
 
 def _wobble(error: Array) -> Array:
     """Mean square (...,) of the position about its block means [m²]."""
-    position = error[..., :2]
-    means = np.repeat(block_means(position), [len(rows) for rows in signature_blocks(error.shape[-2])], axis=-2)
-    return np.asarray(np.mean(np.sum((position - means) ** 2, axis=-1), axis=-1))
+    return np.asarray(np.mean(np.sum(about_block_means(error[..., :2]) ** 2, axis=-1), axis=-1))
