@@ -5,7 +5,7 @@ The wrench of a turning patch needs, beside μ itself, the means of μ along a r
     m_n(u) = ∫₀¹ μ(u x) xⁿ dx = H_n(u) / u^(n+1),   H_n(u) = ∫₀ᵘ μ(v) vⁿ dv,   n = 1, 2, 3.
 
 They are bounded and analytic for u > 0, with the nearest singularities at a distance of u or more. So equal parts of a
-binade serve every u alike: each of 64 parts holds polynomials of degree four (interpolated in Chebyshev's
+binade serve every u alike: each of 16 parts holds polynomials of degree six (interpolated in Chebyshev's
 points) for μ, m_1, m_2 and m_3, good to some 1e-13 for laws made of tanh. Below the table the law is linear to
 rounding, above it has reached its plateau and closed forms hold; the viscous term is linear and added there.
 """
@@ -21,17 +21,18 @@ from towval.model.compiling import compiled
 from towval.model.errors import InputError
 from towval.physics.lanes import Lanes, lanes, load_lanes, multiply_add
 
-_PARTS_LOG2 = 6  # parts of a binade: 2⁶
-_DEGREE = 4
+_PARTS_LOG2 = 4  # parts of a binade: 2⁴
+_DEGREE = 6
 _INTERPOLATION = np.cos(np.pi * (np.arange(_DEGREE + 1) + 0.5) / (_DEGREE + 1))  # Chebyshev's points of a part
 _TO_POWERS = np.linalg.inv(np.vander(_INTERPOLATION, increasing=True))
-_GAUSS, _GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(6)
+_NODES = 8  # of a part
+_GAUSS, _GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(_NODES)
 # What is known at Gauss' nodes, at a part's points and integrated up to these, by the polynomial through it.
-_THROUGH_NODES = np.linalg.inv(np.polynomial.legendre.legvander(_GAUSS, 5)).T
-_AT_POINTS = _THROUGH_NODES @ np.polynomial.legendre.legvander(_INTERPOLATION, 5).T
+_THROUGH_NODES = np.linalg.inv(np.polynomial.legendre.legvander(_GAUSS, _NODES - 1)).T
+_AT_POINTS = _THROUGH_NODES @ np.polynomial.legendre.legvander(_INTERPOLATION, _NODES - 1).T
 _TO_POINTS = np.stack(
     [
-        np.polynomial.legendre.legint(row, lbnd=-1) @ np.polynomial.legendre.legvander(_INTERPOLATION, 6).T
+        np.polynomial.legendre.legint(row, lbnd=-1) @ np.polynomial.legendre.legvander(_INTERPOLATION, _NODES).T
         for row in _THROUGH_NODES
     ]
 )
@@ -107,7 +108,7 @@ def _integrals(slope: float, starts: Array, integrand: Array) -> Array:
 def _local_polynomials(at_nodes: Array, starts: Array, widths: Array, integrals: Array) -> Array:
     """Monomial coefficients of μ, m_1, m_2, m_3 in each part's variable −1 … 1 (parts, degree + 1, 4).
 
-    μ comes at Gauss' nodes (parts, 6), the integrals at the points of the parts (3, parts, degree + 1).
+    μ comes at Gauss' nodes (parts, nodes), the integrals at the points of the parts (3, parts, degree + 1).
     """
     speed = starts[:, None] + widths[:, None] * (_INTERPOLATION + 1) / 2
     square = speed * speed
