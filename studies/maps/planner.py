@@ -78,7 +78,7 @@ def rows_of(what: str, **keys: Any) -> list[Row]:
 
 def _parts(settings: Settings) -> dict[str, Part]:
     thresholds = [0.05, 0.2, 1.0] if settings.quick else [0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0, 1.5]
-    look_aheads = [0, 350] if settings.quick else [0, 50, 100, 200, 300, 400, 500, 600]
+    look_aheads = [0, 350] if settings.quick else [0, 50, 100, 200, 300, 350, 400, 500, 600]
     parts: dict[str, Part] = {
         curve.replace(" ", "_"): {
             "what": "threshold",
@@ -106,7 +106,10 @@ STUDY = Study(
         note="Right: arrived, 50 mm RMS or less from the path. Flagged: strayed, stuck, or a warning of the planner.",
         take="Take the paper's threshold of 0.2 m, the default; the look-ahead hardly matters, and a path with more "
         "curvature needs more steering. What the planner cannot follow, it says.",
-        default={f"d_t and ϑ_lh, {curve}": {"x": SETTINGS.threshold} for curve in ("lemniscate", "rounded square")}
+        default={
+            f"d_t and ϑ_lh, {curve}": {"x": SETTINGS.threshold, "y": SETTINGS.look_ahead_steps}
+            for curve in ("lemniscate", "rounded square")
+        }
         | {"curvature and steering": {"y": OUTWARD_DEG}},
     ),
 )
