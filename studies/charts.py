@@ -16,6 +16,7 @@ from matplotlib.patches import Patch as Swatch
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
 
+from studies.frame import Scatter
 from studies.labels import place_labels
 from towval.report.style import PAGE_WIDTH_IN, Margins, figure_function, foot_legend, place_maps
 
@@ -65,7 +66,7 @@ def scatter_chart(
     panels = list(dict.fromkeys(rows["panel"]))
     series = list(dict.fromkeys(rows.sort_values("default", ascending=False, kind="stable")["series"]))
     columns = {1: 1, 2: 2, 4: 2}.get(len(panels), 3)
-    advice, notes = _notes(table, take, f"{_repeats(rows)} {note}")
+    first, notes = _notes(table, take, f"{_repeats(rows)} {note}")
     handles = _handles(series, front=front, default=bool(rows["default"].astype(float).max() > 0))
     legend_rows = math.ceil(len(handles) / 4)
     margins = Margins(
@@ -87,7 +88,7 @@ def scatter_chart(
             own.set_ylabel(labels[1])
     _same_decades(axes)
     _title(figure, title)
-    _foot(figure, handles, 4, notes, advice=advice)
+    _foot(figure, handles, 4, notes, advice=first)
     place_labels(figure, axes)
     return figure
 
@@ -109,6 +110,13 @@ def medians(table: pd.DataFrame) -> pd.DataFrame:
     if "cost" not in keys:
         rows["cost"] = groups["cost"].median()
     return rows.reset_index()
+
+
+def advice(chart: Scatter, table: pd.DataFrame) -> str:
+    """What to take, and why by the numbers of a table; those of the short variant of a study are no reason."""
+    if chart.why is None or short_variant(table):
+        return chart.take
+    return f"{chart.take} {chart.why(medians(table))}"
 
 
 def unbeaten(rows: pd.DataFrame) -> pd.DataFrame:
@@ -210,7 +218,7 @@ def map_chart(
     names = [name for name in axes_labels if (table["map"] == name).any()]
     columns = 4 if len(names) > 6 else 3
     framed = {name: values for name, values in (default or {}).items() if name in names}
-    advice, notes = _notes(table, take, note)
+    first, notes = _notes(table, take, note)
     margins = Margins(left=0.72, right=0.1, top=0.5, bottom=0.62 + _LINE_IN * (1 + len(notes)), across=0.62, down=0.72)
     figure = Figure(figsize=(PAGE_WIDTH_IN, 3.0))
     axes = [figure.add_subplot() for _ in names]
@@ -224,7 +232,7 @@ def map_chart(
     handles = [Swatch(facecolor=FACES[name], edgecolor="#777777", label=f"{name}  {SIGNS[name][0]}") for name in FACES]
     if framed:
         handles.append(Swatch(facecolor="none", edgecolor="#000000", lw=_FRAME_PT, label="default"))
-    _foot(figure, handles, 4, notes, advice=advice)
+    _foot(figure, handles, 4, notes, advice=first)
     return figure
 
 
@@ -325,11 +333,11 @@ def short_variant(table: pd.DataFrame) -> str:
 
 def _notes(table: pd.DataFrame, take: str, note: str) -> tuple[int, list[str]]:
     """Lines below a chart, and how many of them, the first, say what to take."""
-    advice = _wrapped(take, 152) if take else []
+    first = _wrapped(take, 152) if take else []
     parts = [str(table[name].iloc[0]) for name in ("machine", "versions") if name in table]
     made = f"{'; '.join(parts)}." if parts else ""
-    lines = advice + _wrapped(f"{short_variant(table)} {note} {made}", 160)
-    return len(advice), [_set(line) for line in lines]
+    lines = first + _wrapped(f"{short_variant(table)} {note} {made}", 160)
+    return len(first), [_set(line) for line in lines]
 
 
 def _repeats(rows: pd.DataFrame) -> str:

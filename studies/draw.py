@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 from matplotlib.figure import Figure
 
-from studies.charts import map_chart, scatter_chart
+from studies.charts import advice, map_chart, scatter_chart
 from studies.frame import Drawing, Maps, Scatter, Study, loaded
 from towval.io.plan_files import read_table
 from towval.report.style import save_figure
@@ -43,7 +43,8 @@ def figure_of(source: Study | Drawing, plan: Mapping[str, Any], tables: Mapping[
     (table,), chart = tables.values(), source.chart
     if isinstance(chart, Scatter):
         note = f"{chart.note} {chart.truth}".strip()
-        return scatter_chart(table, chart.title, (chart.cost, chart.error), note, chart.take, front=chart.front)
+        labels = (chart.cost, chart.error)
+        return scatter_chart(table, chart.title, labels, note, advice(chart, table), front=chart.front)
     if isinstance(chart, Maps):
         return map_chart(table, chart.title, chart.axes, chart.note, chart.take, chart.default)
     raise ValueError("this study has no chart of its own")

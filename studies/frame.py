@@ -47,8 +47,9 @@ def judged(error: float, allowed: float, flags: list[str]) -> Row:
 class Scatter:
     """A chart of error against cost: rows have ``panel``, ``series``, ``setting``, ``cost``, ``error``, ``default``.
 
-    ``take`` says in a line what to take and why, and why the default is what it is where another is cheaper or better;
-    ``truth`` what the errors are against, and what code that shares with what is measured. Rows that differ by their
+    ``take`` says in a line what to take; ``why`` the reasons, with numbers from the rows of
+    :func:`studies.charts.medians`, and why the default is what it is where another is cheaper or better; ``truth`` what
+    the errors are against, and what code that shares with what is measured. Rows that differ by their
     seed alone are drawn as median and quartiles. Without ``cost`` the panels' names are the costs. Without ``front``
     the points of a series are joined, and no Pareto front is drawn.
     """
@@ -58,6 +59,7 @@ class Scatter:
     error: str
     note: str
     take: str = ""
+    why: Callable[[pd.DataFrame], str] | None = None
     truth: str = ""
     front: bool = True
 
@@ -112,6 +114,22 @@ class Study:
     parts: Callable[[Settings], dict[str, Part]]
     rows: Callable[..., list[Row]]
     chart: Scatter | Maps | None = None
+
+
+def point(rows: pd.DataFrame, series: str, setting: str, panel: str = "") -> Any:
+    """The row of one method and setting in a table with one row each.
+
+    Raises
+    ------
+    KeyError
+        There is none.
+    """
+    return rows.set_index(["panel", "series", "setting"]).loc[(panel, series, setting)]
+
+
+def default_point(rows: pd.DataFrame, panel: str = "") -> Any:
+    """The row of the default in a panel."""
+    return rows[(rows["panel"] == panel) & (rows["default"].astype(float) > 0)].iloc[0]
 
 
 def loaded(reference: str) -> Any:

@@ -11,7 +11,7 @@ import pandas as pd
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from studies.charts import FLAGGED, RIGHT, SILENT, medians, short_variant, unbeaten
+from studies.charts import FLAGGED, RIGHT, SILENT, advice, medians, short_variant, unbeaten
 from studies.frame import Maps, Scatter, loaded
 from towval.io.atomic import write_text
 from towval.io.plan_files import read_table
@@ -56,12 +56,12 @@ def front_view(name: str, chart: Scatter, table: pd.DataFrame, svg: Markup) -> C
         for row in best.to_dict("records")
     )
     columns = ("panel", "method", "setting", "cost", "error")
-    summary = _summary(chart, table, points)
+    summary = _summary(advice(chart, table), table, points)
     return ChartView(name, chart.title, summary, points, svg, f"{name}.csv", "Pareto front", columns, cells)
 
 
-def _summary(chart: Scatter | Maps, table: pd.DataFrame, counts: str) -> str:
-    return " ".join(filter(None, (chart.take, short_variant(table), counts)))
+def _summary(take: str, table: pd.DataFrame, counts: str) -> str:
+    return " ".join(filter(None, (take, short_variant(table), counts)))
 
 
 def better_than_default(rows: pd.DataFrame) -> pd.DataFrame:
@@ -100,7 +100,7 @@ def map_view(name: str, chart: Maps, table: pd.DataFrame, svg: Markup) -> ChartV
         f", the first {_MOST_ROWS}" if len(wrong) > _MOST_ROWS else ""
     )
     columns = ("map", "x", "y", "error [m]")
-    summary = _summary(chart, table, counted)
+    summary = _summary(chart.take, table, counted)
     return ChartView(name, chart.title, summary, counted, svg, f"{name}.csv", title_of_rows, columns, cells)
 
 

@@ -10,7 +10,7 @@ from markupsafe import Markup
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Annotation
 
-from studies.charts import COLOURS, MARKERS, RIGHT, map_chart, medians, scatter_chart, unbeaten
+from studies.charts import COLOURS, MARKERS, RIGHT, advice, map_chart, medians, scatter_chart, unbeaten
 from studies.comparators.smoothers import douglas_peucker, rts_smoother, smoothing_spline
 from studies.compute import gather, run_part
 from studies.costs import least_cpu_seconds, take_turns, wall_and_cpu_seconds
@@ -244,6 +244,56 @@ def test_a_chart_of_error_against_cost_says_what_to_take_and_what_its_truth_is(c
     drawn = loaded(TRADEOFF[chart]).chart
     assert drawn.take.startswith("Take")
     assert "ruth" in drawn.truth or "share" in drawn.truth
+
+
+FEET, TOW, STAGE = "four feet", "CPU time of thinning and simulating [s]", "selected by the stage"
+PLANES = ("floor", "top at 0.35 m")
+NAMED = {
+    "friction": [
+        ("", "boundary integral", "edges whole"), ("", "boundary integral", "edges in 2"),
+        ("", "boundary integral", "edges in 4"), ("", "mesh (Table 1)", "1 mm"),
+        ("", "limit surface", "ellipsoid"), ("", "table of wrenches", "128 × 64"),
+    ],
+    "dynamics": [
+        ("", "towval, dynamics", "1e-7"), ("", "towval, dynamics", "1e-6"), ("", "towval, no inertia", "tractrix"),
+        ("", "towval, no inertia", "limit surface"),
+    ],
+    "calibration": [
+        *((panel, STAGE, f"{views} views") for views in (12, 4, 20) for panel in PLANES),
+        *((panel, lens, "12 views") for lens in ("k1", "k1 k2", "rational") for panel in PLANES),
+    ],
+    "tracking": [("", name, "all") for name in ("plane, 1024 points", "plane, 4096 points", "plane, 256 points")]
+    + [("", "KLT, anchored", "all")],
+    "decimation": [
+        (TOW, "stage decimate", "3"), (TOW, "stage decimate", "10"), (TOW, "RTS smoother, white jerk", "0.1"),
+        (TOW, "RTS smoother, white jerk", "0.001"), (TOW, "Douglas-Peucker, linear", "1 mm"),
+        (TOW, "smoothing spline", "cross-validated"),
+    ],
+    "presets": [("measured path", name, name) for name in ("standard", "draft", "fine", "auto")],
+    "effects": [
+        (FEET, "all taken", "all"), (FEET, "all taken", "rise 0.01 mm/s"), (FEET, "one left out", "no slope"),
+        (FEET, "one left out", "no heights"),
+    ],
+}  # fmt: skip
+"""Points that each chart's reasons name, the default first."""
+
+
+@pytest.mark.parametrize("chart", TRADEOFF)
+def test_the_reasons_below_a_chart_follow_from_its_rows(chart):
+    rows = pd.DataFrame(NAMED[chart], columns=["panel", "series", "setting"])
+    errors = 1.7 * 2.0 ** -np.arange(len(rows))
+    rows = rows.assign(error=errors, cost=np.linspace(1, 2, len(rows)), default=rows.index == 0)
+    if chart == "dynamics":
+        rows = pd.concat([rows, rows.iloc[-1:].assign(series="SciPy Radau", setting="1e-6", cost=7.0, error=1e-3)])
+        rows = rows.reset_index(drop=True)
+    drawn = loaded(TRADEOFF[chart]).chart
+    said = advice(drawn, rows)
+    assert said.startswith(drawn.take + " ")
+    for k in rows.index:
+        changed = rows.copy()
+        changed.loc[k, ["error", "cost"]] *= [0.3, 3.0]
+        assert advice(drawn, changed) != said, rows.loc[k]
+    assert advice(drawn, rows.assign(short=True)) == drawn.take
 
 
 @pytest.mark.parametrize("chart", STABILITY)
