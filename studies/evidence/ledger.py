@@ -25,7 +25,7 @@ Values = Mapping[str, float | str]
 
 
 class EvidenceClass(enum.StrEnum):
-    """How far from us the truth is that a number is held against."""
+    """How far from us the truth is with which a number is compared."""
 
     OWN = "own synthetic"
     """Made by our worlds, which share no code with what is measured but where the row says so."""

@@ -195,21 +195,23 @@ def table(rows: list[dict[str, Any]]) -> Iterator[Row]:
     yield share("deviations 2 × too large: rejected", [row["run"]["rejected"] for row in large], 0.0, 0.01)
     caught = [row for row in small if row["run"]["rejected"]]
     yield share(
-        "of the rejected with deviations too small: put down to inputs",
+        "of the rejected with deviations too small: explained by named inputs",
         [row["run"]["explained"] for row in caught],
         0.8,
     )
-    yield share("of these, one of those named first is off by two deviations, that way", list(map(named, caught)), 0.8)
+    yield share(
+        "of these, a named input is off by two deviations, in the stated direction", list(map(named, caught)), 0.8
+    )
     same = [(row, other) for row in caught for other in caught if row["world"] == other["world"] and row is not other]
     yield share(
-        "the same by chance: held against the inputs of the other runs", [named(a, b["off"]) for a, b in same], 0
+        "the same by chance: compared with the inputs of the other runs", [named(a, b["off"]) for a, b in same], 0
     )
     sizes = [len(row["run"]["named"]) for row in caught]
-    yield "inputs named first, mean", f"{np.mean(sizes) if sizes else 0:.1f}", "", True
+    yield "inputs named, mean", f"{np.mean(sizes) if sizes else 0:.1f}", "", True
 
 
 def named(row: dict[str, Any], off: dict[str, list[float]] | None = None) -> bool:
-    """Whether one of the inputs named first is beyond two of its stated deviations, to the stated side."""
+    """Whether one of the named inputs is beyond two of its stated deviations, to the stated side."""
     known = row["off"] if off is None else off
     found = row["run"]["named"].items()
     return any(part * np.sign(value) > 2 for name, value in found for part in known.get(name, [0.0]))

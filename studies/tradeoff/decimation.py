@@ -163,7 +163,8 @@ def _why(rows: pd.DataFrame) -> str:
         f"The tow is then {default.error:.2g} mm off, over all excesses {stage.min():.2g} to {stage.max():.2g} mm; by "
         f"the best other rule that thins ({best.series}, {best.setting}) {best.error:.2g} mm. A smoother needs a "
         f"density that no lab states: with 1e-5 to 0.1 it is {smoothed.min():.1f} to {smoothed.max():.1f} times as far "
-        f"off. A spline is {spline.error / default.error:.1f} times as far off, in {spline.cost / default.cost:.0f} times the time."
+        f"off. A spline is {spline.error / default.error:.1f} times as far off, in {spline.cost / default.cost:.0f} "
+        "times the time."
     )
 
 

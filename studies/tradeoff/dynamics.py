@@ -132,12 +132,12 @@ def _why(rows: pd.DataFrame) -> str:
     default, looser = default_point(rows), point(rows, "towval, dynamics", "1e-6")
     rungs = rows[rows["series"] == "towval, no inertia"]
     times, errors, looser_time = rungs["cost"] / default.cost, rungs["error"], looser.cost / default.cost
-    others = rows[~rows["series"].str.startswith("towval") & (rows["error"] < _AS_GOOD_MM)]
+    others = rows[~rows["series"].str.startswith("towval") & (rows["error"] < _AS_GOOD_MM)]["cost"] / default.cost
     return (
-        f"It takes {1e3 * default.cost:.0f} ms and is off by {default.error:.1g} mm; 1e-6 m by "
-        f"{looser.error:.1g} mm, in {looser_time:.0%} of its time. The rungs without inertia take {times.min():.0%} to "
-        f"{times.max():.0%} of it and are off by {errors.min():.2g} to {errors.max():.2g} mm. Of the other programs, those within {_AS_GOOD_MM:g} mm take "
-        f"{others['cost'].min() / default.cost:.0f} times as long or longer."
+        f"It takes {1e3 * default.cost:.0f} ms and is off by {default.error:.1g} mm; 1e-6 m by {looser.error:.1g} mm, "
+        f"in {looser_time:.0%} of its time. The rungs without inertia take {times.min():.0%} to {times.max():.0%} of "
+        f"it and are off by {errors.min():.2g} to {errors.max():.2g} mm. Of the other programs, those within "
+        f"{_AS_GOOD_MM:g} mm take {others.min():.0f} times as long or longer."
     )
 
 

@@ -163,8 +163,8 @@ def _why(rows: pd.DataFrame) -> str:
     return (
         f"Draft takes {times['draft']:.0%} of its time, fine {times['fine']:.0%}, auto {times[AUTO]:.0%}. Measured "
         f"paths are off by: {errors}; frames of floor and body make most of it, which no preset changes. Draft's 64 "
-        "draws leave the verdict's limits uncertain; auto is not the default, so that campaigns have the same settings and "
-        "can be compared."
+        "draws leave the verdict's limits uncertain; auto is not the default, so that campaigns have the same settings "
+        "and can be compared."
     )
 
 

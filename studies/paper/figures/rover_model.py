@@ -18,6 +18,7 @@ from studies.paper.figures.drawing import (
     REGION,
     REGION_EDGE,
     ROVER_PATH,
+    SPECIFICATION,
     TETHER,
     arrow,
     bare_axes,
@@ -145,7 +146,7 @@ def _towing(axes: Axes, rover: Rover, outline: Array, anchor: Array, rest_length
     for place, name, shift in ((hinge, r"$P_r$", (6, -5)), (knot, r"$Q_T$", (6, -4))):
         _dot(axes, place)
         _label(axes, place, name, shift)
-    _path(axes, pose, twist, hinge, ROVER_PATH, r"$s_r(t)$", 0.75, (4, 0))
+    _path(axes, pose, twist, hinge, SPECIFICATION, r"$s_r(t)$", 0.75, (4, 0))
     _path(axes, np.array([*body[:2], pose[2] + 0.15]), twist, body[:2], OBJECT_PATH, r"$s_o(t)$", 0.3, (-28, 2))
     _steering_range(axes, rover, pose)
     axes.autoscale_view()
@@ -198,8 +199,8 @@ def _step(axes: Axes, rover: Rover) -> None:
     axes.plot(*(centre + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)).T, color=ROVER_PATH, lw=1.3)
     share = np.linspace(-0.25, 1.3, 120)[:, None]
     nominal = start[:2] + share * (end - start)[:2] + 0.07 * np.sin(2 * np.pi * share) * np.array([-0.5, 0.85])
-    axes.plot(*nominal.T, color="#c8322b", lw=0.9, ls=(0, (5, 2)))
-    _label(axes, nominal[-1], r"$s_r$", (4, 0), color="#c8322b")
+    axes.plot(*nominal.T, color=SPECIFICATION, lw=0.9, ls=(0, (5, 2)))
+    _label(axes, nominal[-1], r"$s_r$", (4, 0), color=SPECIFICATION)
     for pose, name, shift in ((start, r"$P_0,\vartheta_0$", (16, -16)), (end, r"$P_1,\vartheta_1$", (20, -10))):
         _dot(axes, pose[:2])
         _label(axes, pose[:2], name, shift)
