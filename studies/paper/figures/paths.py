@@ -142,7 +142,7 @@ def loop_figure(table: pd.DataFrame) -> Figure:
     handles = [Line2D([], [], color=SPECIFICATION, lw=2.6, alpha=0.55, label="nominal path")]
     handles += [
         Line2D(
-            [], [], color=colour, label=f"case {case} ({100 * numbers[f'case_{case.lower()}_share']:.0f} % of steps)"
+            [], [], color=colour, label=f"case {case} ({100 * numbers[f'case_{case.lower()}_share']:.1f} % of steps)"
         )
         for case, colour in CASE_COLOURS.items()
     ]
