@@ -100,7 +100,7 @@ REPORT = Check(
 INDEX = Check(
     index_of_runs,
     {
-        "each table reads the files anew": replaced(results_index, "read_details", repeated(3)),
+        "each table reads the files anew": replaced(results_index, "read_details", repeated(5)),
         "each table writes the files anew": both(
             replaced(index_scale, "write_index", repeated(4)), replaced(index_scale, "write_index_page", repeated(4))
         ),

@@ -12,7 +12,7 @@ from paper_plan import paper_plan, quick_plan
 from studies.compute import gather, run_part
 from studies.draw import draw_chart, figure_of
 from studies.frame import Settings, loaded
-from studies.paper import model_checks
+from studies.paper import meshes, model_checks
 from studies.paper.claims import CLAIMS
 from studies.paper.claims_page import markdown, write_ledger
 from studies.paper.closed_loop import surface_grid
@@ -108,6 +108,17 @@ def test_panels_that_share_a_scale_show_all_points(plan, tables):
     for axes in figure.subfigs[0].axes[:3]:
         low, high = axes.get_ylim()
         assert all(low <= value <= high for line in axes.lines for value in line.get_ydata())
+
+
+def test_the_time_of_a_mesh_does_not_depend_on_how_many_of_its_steps_are_timed(plan, monkeypatch):
+    """What is done once for a mesh would count for as many times as the timed steps are scaled by."""
+    scene = paper_scene(Settings(plan=plan).scene)
+    seconds = []
+    for budget in (3e5, 2e7):
+        monkeypatch.setattr(meshes, "CELL_BUDGET", budget)
+        (row,) = meshes.mesh_rows(scene, 0.0075)
+        seconds.append(row["seconds"])
+    assert seconds[0] == pytest.approx(seconds[1], rel=0.6)
 
 
 def test_a_figure_is_saved_in_three_formats(plan, tables, tmp_path):

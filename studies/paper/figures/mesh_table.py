@@ -45,7 +45,10 @@ def mesh_table_figure(table: pd.DataFrame) -> Figure:
             axes.text(place, line + 0.55, text, fontsize=7.5, va="center")
     for height, width in ((-1.9, 0.9), (0.0, 0.5), (len(rows) + 0.15, 0.9)):
         axes.axhline(height, color="#222222", lw=width)
-    note = f"Seconds are for {_steps(table):,} steps; meshes were timed over the steps listed, and scaled."
+    note = (
+        f"Seconds are for {_steps(table):,} steps. A mesh balances the moment at each, is timed over the steps listed, "
+        "and scaled; the boundary integral balances it at the nodes of few panels."
+    )
     axes.text(0.0, len(rows) + 0.75, note, fontsize=7, va="center", color="#555555")
     return figure
 
