@@ -3,7 +3,7 @@
 Finite volumes: a loop over cells that evaluates Makkar's law, three tanh, in each. No allocation, no indirection, the
 arithmetic free to be reordered; tanh comes from one exponential, which is faster than the C library's own. The
 quasi-static model takes one Newton step at each time from the extrapolated rate, with the slope summed in the same
-loop, as the package does with the boundary integral: the wrench is all that differs.
+loop. The package solves the balance at the nodes of panels and interpolates: its gain in time is both.
 """
 
 from __future__ import annotations

@@ -91,9 +91,10 @@ def _twelve_digits(original: Any) -> Any:
 REPORT = Check(
     page_of_report,
     {
-        "films are written as base64": replaced(film, "packed", _base64),
+        "films are written as base64, the verdict's reasons stand among the findings once more": both(
+            replaced(film, "packed", _base64), replaced(facts, "VERDICT_CODES", lambda _: ())
+        ),
         "places in the figures keep all digits": replaced(inline, "_shortened", lambda _: lambda found: found[0]),
-        "the verdict's reasons stand among the findings once more": replaced(facts, "VERDICT_CODES", lambda _: ()),
     },
 )
 
