@@ -1,4 +1,4 @@
-"""The verdict on all runs of a campaign together: one false alarm rate for all, what runs share counted once."""
+"""The verdict on all runs of a campaign together, with one joint false alarm rate and shared inputs counted once."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,16 +10,16 @@ from towval.model.statement import Verdict
 from towval.validation.statistics import upper_limit
 
 _SHARED_DRAWS = 0.9
-"""Share of the draws that all runs must have in common, else each is drawn for itself and the limits are added up."""
+"""Share of the draws that all runs must have in common; with fewer, each run gets a part of the false alarm rate."""
 
 
 @dataclass(frozen=True)
 class CampaignVerdict:
     """The verdict on several runs.
 
-    ``ratio``, the largest share of its limits that the test of a run reaches; ``limit`` that right models keep in all
-    runs together with ``confidence``; ``runs`` that were judged, and ``beyond`` those that exceed the limit;
-    ``sentence`` for people.
+    ``ratio``: the largest ratio over the runs of a tested statistic to its limit; ``limit``: what right models keep to
+    in all runs together with ``confidence``; ``runs`` that were judged; ``beyond``: those that exceed the limit;
+    ``sentence``: the verdict in words.
     """
 
     verdict: Verdict
@@ -35,7 +35,7 @@ def campaign_verdict(comparisons: Sequence[Comparison], confidence: float = 0.99
     """Judge all runs together.
 
     Draw i of every run has the same values of the inputs that they share, so the largest ratio over the runs of draw i
-    is one realisation of the campaign: its quantile is the limit that a right model keeps in all runs at once.
+    is one realisation of the campaign; its quantile is the limit that a right model keeps in all runs at once.
     """
     judged = [c for c in comparisons if c.verdict is not Verdict.NOT_JUDGED and len(c.drawn_tests)]
     if not judged:
@@ -67,7 +67,7 @@ def _joint_limit(tests: Sequence[Array], confidence: float) -> float:
     by_key = [dict(zip(keys.tolist(), ratios.tolist(), strict=True)) for keys, ratios in (each.T for each in tests)]
     common = set(by_key[0]).intersection(*by_key[1:])
     if len(common) < _SHARED_DRAWS * min(map(len, tests)):
-        # Runs that were not drawn together: each may raise a false alarm in its share of the whole.
+        # Runs that were not drawn together: each gets an equal part of the false alarm rate.
         alone = 1 - (1 - confidence) / len(tests)
         return max(upper_limit(each[:, 1], alone) for each in tests)
     largest = np.array([max(each[key] for each in by_key) for key in sorted(common)])

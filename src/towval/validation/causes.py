@@ -1,9 +1,9 @@
-"""What is off most probably, all inputs of a run together, by simulating the run again.
+"""The most probable deviations of all inputs of a run together, found by simulating the run again.
 
-The probability of moved inputs x, given the error that they leave, is that of the block means of this error, of its
-oscillation about them, and of x. Its maxima are found by Gauss and Newton's method with derivatives taken in the scene,
-for an error of many deviations is no linear matter; about each maximum it is taken for normal (Laplace). Inputs are
-off either each by itself, rarely and then far (Student's t), or all by one factor (normal, Birge 1932).
+The probability of input deviations x is the product of those of the block means of the error that they leave, of its
+oscillation about them, and of x. Its maxima are found by the Gauss-Newton method with derivatives from simulations,
+because an input that is many deviations off does not act linearly; about each maximum it is taken as normal (Laplace).
+Inputs are off independently, rarely and then far (Student's t), or all by one factor (normal, Birge 1932).
 
 SOURCE: Bishop, Pattern Recognition and Machine Learning (Springer 2006), 4.4, Laplace's approximation.
 """
@@ -23,29 +23,31 @@ from towval.validation.consequences import WIDER
 from towval.validation.statistics import RightModel
 
 MOST_DEVIATIONS = 20.0
-"""An input farther off than that is no explanation."""
+"""The search moves an input by at most this many deviations."""
 
 _BEYOND = 2.0
-"""Deviations from which on an input counts as off."""
+"""An input counts as off from this many deviations."""
 
 _STATED, _ASSUMED, _COMPUTED = (2.0, 1.0), (1.0, WIDER), (np.inf, 1.0)
-"""Degrees of freedom and scale of Student's t that true values follow, in deviations: of an input that was measured, of
-one whose value and deviation were assumed, and of one that was computed from data and tested there. Stated deviations
-of 3,200 measured quantities are exceeded like that, t of two degrees down to Cauchy's (Bailey 2017, Not normal: the
-uncertainties of scientific measurements)."""
+"""Degrees of freedom and scale [deviations] of the Student's t distribution of true values: of an input that was
+measured, of one whose value and deviation were assumed, and of one that was computed from data and tested there. In
+3,200 measured quantities stated deviations were exceeded as in t of two degrees down to Cauchy's (Bailey 2017, Not
+normal: the uncertainties of scientific measurements)."""
 
 _FACTORS = np.geomspace(1.0, 4.4, 23)
-"""Of all stated deviations together: the scale of t of two degrees, 95 % of which lies below."""
+"""Factors tried on all stated deviations: the random scale of the normals that mix to Student's t of two degrees, to 95
+%."""
 
-_LEAST_NOISE = 0.02  # of the variance of the draws: what derivatives in the scene err by
-_DIFFERENCE, _ENOUGH, _STEPS = 0.5, 0.5, 8  # deviations that a derivative is taken over; gain of the last step; steps
-_DAMPINGS, _SHARES = (0.0, 0.3, 1.0, 3.0, 10.0), (1.0, 0.5)  # Levenberg's, and of each step, tried at once
+_LEAST_NOISE = 0.02  # error of the derivatives, as a share of the variance of the draws
+_DIFFERENCE, _ENOUGH, _STEPS = 0.5, 0.5, 8  # half-width of difference quotients; least gain of a step; most steps
+_DAMPINGS, _SHARES = (0.0, 0.3, 1.0, 3.0, 10.0), (1.0, 0.5)  # Levenberg's dampings, shares of each step: all tried
 _SAMPLES = 4000
 
 
 @dataclass(frozen=True)
 class Unknowns:
-    """Inputs that may be off: columns of the draws, names; which were assumed, computed, act by their size."""
+    """Inputs that may be off: columns of the draws, names; whether assumed, computed, acting by their absolute
+    value."""
 
     columns: Sequence[int]
     names: Sequence[str]
@@ -59,14 +61,15 @@ class Unknowns:
         return np.array([_COMPUTED if computed else _ASSUMED if assumed else _STATED for assumed, computed in kinds])
 
     def allowed(self, off: Array) -> Array:
-        """Values (..., d) within what is sought."""
+        """Values (..., d) clipped to the searched range."""
         return np.clip(off, np.where(self.mirrored, 0.0, -MOST_DEVIATIONS), MOST_DEVIATIONS)
 
 
 @dataclass(frozen=True)
 class Mode:
-    """A maximum: how far inputs are off (d,), the covariance of that, the error (n, 3) that is left, twice the negative
-    logarithm of the probability about it, and the factor of all stated deviations, 1 where each is off by itself."""
+    """A maximum: how far inputs are off (d,), the covariance of that, the error (n, 3) that remains, twice the negative
+    logarithm of the probability about it, and the factor on all stated deviations, 1 where they are off
+    independently."""
 
     off: Array
     covariance: Array
@@ -76,10 +79,10 @@ class Mode:
 
 
 class Causes:
-    """The search for maxima.
+    """The search for maxima of the probability.
 
     ``effects`` (j, 72) of the stated inputs as in ``right``; ``swing``: mean square of the measurement about its block
-    means [m²]; ``errors`` gives what moved inputs (k, d) leave (k, n, 3), NaN where that cannot be simulated.
+    means [m²]; ``errors`` returns what moved inputs (k, d) leave (k, n, 3), NaN where that cannot be simulated.
     """
 
     def __init__(
@@ -95,7 +98,7 @@ class Causes:
         self.stated = ~(np.array(unknowns.assumed, dtype=bool) | np.array(unknowns.computed, dtype=bool))
 
     def mode(self, start: Array, *, common: bool) -> Mode | None:
-        """The maximum that Gauss and Newton's method leads to; all off by a common factor, or each by itself.
+        """The maximum that the Gauss-Newton method reaches, with all inputs off by a common factor or independently.
 
         None where the scene cannot be simulated about it.
         """
@@ -143,13 +146,14 @@ class Causes:
         return kinds
 
     def _parts(self, error: Array) -> tuple[Array, Array]:
-        """Block means (..., 72) in deviations of what no stated input does, positions (..., 2 n) about them [m]."""
+        """Block means (..., 72) in deviations of what no stated input causes, positions (..., 2 n) about them [m]."""
         means, about = block_means(error), about_block_means(error[..., :2])
         flat, swings = (part.reshape(*error.shape[:-2], -1) for part in (means, about))
         return flat @ self.whiten.T, swings
 
     def _slopes(self, off: Array, error: Array) -> tuple[Array, Array] | None:
-        """Curvature (d, d) and half the gradient (d,) of what speaks against the error, by the inputs."""
+        """Curvature (d, d) and half the gradient (d,) of the cost of an error by the inputs, None where not
+        simulated."""
         sides = _DIFFERENCE * np.repeat(np.eye(len(off)), 2, axis=0)
         sides[1::2] *= -1
         tried = self.unknowns.allowed(off + sides)
@@ -159,17 +163,17 @@ class Causes:
         apart = np.sum(tried[0::2] - tried[1::2], axis=1)[:, None]
         means, about = (((part[0::2] - part[1::2]) / apart) for part in self._parts(left))
         here, swings = self._parts(error)
-        # An oscillation has one amplitude a block, of unknown size.
+        # An oscillation has one amplitude per block, of unknown size.
         weight = len(signature_blocks(0)) / (len(swings) / 2 * (2 * np.mean(swings**2) + self.swing))
         return means @ means.T + weight * about @ about.T, means @ here + weight * about @ swings
 
     def _pull(self, off: Array, factor: float, common: bool) -> Array:
-        """Half the gradient of the inputs' own improbability over their value: their weight (d,)."""
+        """Weights (d,) of the inputs' own costs: half of each gradient, divided by the input's value."""
         freedom, scale = self._kinds(factor, common).T
         return np.asarray(1 / (scale**2 + (off**2 - scale**2) / (freedom + 1)))
 
     def _factor(self, off: Array, curvature: Array, gradient: Array) -> float:
-        """The most probable of the factors, by the linear problem about a point."""
+        """The most probable of the factors, for the problem linearised about a point."""
         costs = []
         for factor in _FACTORS:
             pull = self._pull(off, float(factor), common=True)
@@ -182,7 +186,7 @@ class Causes:
 
 
 def distinct(modes: Sequence[Mode]) -> list[Mode]:
-    """Each maximum once, as the most probable of those found of it: they lie within a deviation of their covariance."""
+    """Each maximum once, by its most probable mode: modes within one deviation (of their covariance) are the same."""
     found: list[Mode] = []
     for mode in sorted(modes, key=lambda each: each.cost):
         same = [each for each in found if (each.factor == 1) == (mode.factor == 1)]
@@ -193,7 +197,7 @@ def distinct(modes: Sequence[Mode]) -> list[Mode]:
 
 
 def off_by_name(modes: Sequence[Mode], names: Sequence[str]) -> dict[str, NDArray[np.bool_]]:
-    """Whether each input is far off, to the side of the most probable mode, in samples (k,) of all modes together."""
+    """Whether each input is far off, to the side of the most probable mode, in random values (k,) from all modes."""
     costs = np.array([mode.cost for mode in modes])
     weights = np.exp(-0.5 * costs - logsumexp(-0.5 * costs))
     best, rng = modes[int(np.argmin(costs))], np.random.default_rng(1)
@@ -207,9 +211,9 @@ def off_by_name(modes: Sequence[Mode], names: Sequence[str]) -> dict[str, NDArra
 
 
 def surprise(deviations: float, freedom: float, scale: float) -> float:
-    """Twice the negative logarithm of how probable it is that an input is so many deviations off, about there.
+    """Twice the negative logarithm of the probability density of an input being so many deviations off.
 
-    A density times √(2π), the width over which a normal one is spread; Student's t with so many degrees of freedom.
+    The density is that of Student's t times √(2π), so that the standard normal gives the square of the deviations.
     """
     if np.isinf(freedom):
         return float((deviations / scale) ** 2 + 2 * np.log(scale))

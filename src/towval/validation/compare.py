@@ -28,18 +28,18 @@ from towval.validation.statistics import SIZES, STATISTICS, RightModel, bounds, 
 from towval.validation.verdict import Evidence, statement_findings, verdict_of
 
 TOLERANCE_M = 0.02
-"""Error that matters where nobody says so."""
+"""Tolerance where none is stated."""
 
 _MOVING_M_PER_S = 2e-3
-"""Speed from which on the simulated object moves: above what a regularised law creeps."""
+"""Speed from which the simulated object counts as moving: above the creep of a regularised law."""
 
 
 @dataclass(frozen=True)
 class CompareSettings:
     """Keys of ``config["compare"]``.
 
-    ``tolerance_m`` is the error of the path that matters to whoever asks [m], by default :data:`TOLERANCE_M`;
-    ``resolution_m`` its former name. ``bound_confidence`` of the bounds.
+    ``tolerance_m`` is the error of the path that matters for the intended use [m], by default :data:`TOLERANCE_M`;
+    ``resolution_m`` its former name. ``bound_confidence`` is that of the bounds.
     """
 
     tolerance_m: float | None = None
@@ -71,9 +71,9 @@ def compare(
 ) -> Comparison:
     """Compare a simulated motion with the measured one, frame by frame and without aligning them.
 
-    Only frames in which the object was seen count, `RefusedError` where there is none. ``uncertainty`` is what the
-    error may be if the model is right, at the simulated times. The verdict is in the terms of ASME V&V 20: E against
-    u_val (see :func:`towval.validation.uncertainty.with_numerical` and docs/validation.md).
+    Only frames in which the object was seen count; `RefusedError` where there is none. ``uncertainty`` describes the
+    error of a right model at the simulated times. The verdict is in the terms of ASME V&V 20: E against u_val (see
+    :func:`towval.validation.uncertainty.with_numerical` and docs/validation.md).
     """
     settings = settings or CompareSettings()
     frame = PathFrame(measured, simulated.time_s)
@@ -122,7 +122,7 @@ def _judged(
     uncertainty: RunUncertainty,
     settings: CompareSettings,
 ) -> Comparison:
-    """The comparison with bounds, statistics, verdict and what is to be said of them."""
+    """The comparison with bounds, statistics, verdict and findings added."""
     tolerance_m = settings.stated_m or TOLERANCE_M
     parts = _tested(simulated, measured, uncertainty, settings)
     drawn_tests, (begins_m, ends_m) = parts.pop("drawn_tests"), parts.pop("begins")
@@ -178,7 +178,7 @@ def _judged(
 def _tested(
     simulated: SimulatedMotion, measured: Track, uncertainty: RunUncertainty, settings: CompareSettings
 ) -> dict[str, Any]:
-    """Bounds, statistics and limits, as far as there are draws and times to get them from."""
+    """Bounds, statistics and limits; empty where there are no draws or too few times."""
     draws = uncertainty.draws
     nothing = {
         "drawn_tests": np.empty((0, 2)), "bounds": Bounds(), "statistics": {}, "limits": {}, "where": "",
@@ -194,7 +194,7 @@ def _tested(
     statistics = dict(zip(STATISTICS, map(float, right.statistics(error)), strict=True))
     limits = dict(zip(STATISTICS, map(float, right.limits), strict=True))
     confidence, both = settings.bound_confidence, 0.5 * (1 + settings.bound_confidence)
-    # Draws are no runs of the kind of one that is rejected: the plain quantile, which is exact for large errors.
+    # The draws do not represent a run that is rejected: there the plain quantile is used, exact for large errors.
     levels = None if right.rejects(error) else holding_levels(drawn, path.off, confidence)
     begins = place(error, right, path.length)
     return {
@@ -208,7 +208,7 @@ def _tested(
 
 
 def _keys(draws: Draws) -> Array:
-    """A number (k,) of each draw that is the same in all runs of a campaign: its first input, which they share."""
+    """A key (k,) of each draw that is the same in all runs of a campaign: its first input, which they share."""
     return draws.inputs[:, 0] if draws.inputs.shape[1] else np.arange(len(draws.inputs), dtype=np.float64)
 
 

@@ -1,4 +1,4 @@
-"""What the findings of earlier stages mean for a run: deviations that count wider, or no verdict."""
+"""Consequences of earlier stages' findings for a run: wider deviations, or no verdict."""
 
 from collections.abc import Iterable
 
@@ -6,7 +6,7 @@ from towval.model import Finding, Severity
 from towval.model.findings import FINDINGS
 
 WIDER = 3.0
-"""Factor on deviations that a finding calls too small: on two real sets of boards they were so by 1.6 to 3.6."""
+"""Factor on deviations that a finding calls too small: on two real sets of boards they were too small by 1.6 to 3.6."""
 
 
 def _reported(findings: Iterable[Finding]) -> Iterable[Finding]:
@@ -14,7 +14,7 @@ def _reported(findings: Iterable[Finding]) -> Iterable[Finding]:
 
 
 def widened(findings: Iterable[Finding]) -> dict[str, tuple[str, ...]]:
-    """Inputs whose deviations count :data:`WIDER` times, each with the codes that say so."""
+    """Inputs whose deviations are multiplied by :data:`WIDER`, each with the codes of the findings that cause it."""
     inputs: dict[str, dict[str, None]] = {}
     for each in _reported(findings):
         for name in FINDINGS[each.code].consequence.widens:

@@ -1,8 +1,8 @@
-"""Stage decimate: thin densely packed poses to those that the measured noise can distinguish.
+"""Stage decimate: reduce densely packed poses to those that the measurement noise can distinguish.
 
-Where a rover stands or creeps, its track piles up poses that differ by noise alone. A pause becomes one pose with two
-ends; elsewhere a C1 cubic through as few kept times as possible replaces the poses. The rule, its bound and its limits
-are in docs/decimation.md.
+Where a rover stands or creeps, its track accumulates poses that differ by noise alone. A pause becomes one pose with
+two ends; elsewhere a C1 cubic through as few kept times as possible replaces the poses. The rule, its bound and its
+limits are in docs/decimation.md.
 """
 
 import itertools
@@ -24,23 +24,23 @@ _THIRD_DIFFERENCE_GAIN = np.sqrt(20.0)
 
 _MINIMUM_FRAMES = 8
 _REST_FRAMES = 27
-"""Frames of the shortest rest: over its length, 3 deviations of its slope are then 3 √(12/27) = 2 deviations of one
-pose, which is all the creep that can hide in it."""
+"""Frames of the shortest rest: 3 deviations of its slope then are 3 √(12/27) = 2 deviations of one pose over its
+length, which is the largest creep that can hide in it."""
 
 _SHORTEST_STRETCH = 3
-"""Frames between two kept times below which a stretch is not cut any further."""
+"""Frames between two kept times below which a stretch is not cut further."""
 
 _RUN = 4
 _RUN_BOUND = 2.0
-"""The mean misfit of any 4 frames in a row may be 2 deviations of one frame, which is 4 of the mean's own."""
+"""The mean misfit of any 4 frames in a row may be 2 deviations of one frame, which is 4 deviations of the mean."""
 
 
 @dataclass(frozen=True)
 class DecimateSettings:
     """Keys of ``config["decimate"]``.
 
-    ``excess`` is how many standard deviations of its own scatter the mean squared misfit of a stretch between two kept
-    times may lie above one; ``pause_s`` the shortest rest that counts as a pause [s], and never less than 27 frames.
+    The mean squared misfit of a stretch between two kept times may exceed one by ``excess`` standard deviations of its
+    own scatter. ``pause_s`` is the shortest rest that counts as a pause [s], and never less than 27 frames.
     """
 
     excess: float = 3.0
@@ -56,12 +56,12 @@ class DecimateSettings:
 def decimate(track: Track, settings: DecimateSettings | None = None) -> DecimatedTrack:
     """Reduce a track to the poses that it needs.
 
-    Lost and coasting frames take no part, and the curve bridges them. Kept times are those of measured frames, with
+    Lost and coasting frames are left out, and the curve bridges them. Kept times are those of measured frames, with
     smoothed poses and their rates. Between two of them the mean squared deviation of the measured poses, in units of
     their noise, is at most ``1 + excess √(2/m)``, with m the number of measured coordinates there, and the mean
     deviation of any four poses in a row at most 2. A stretch of three frames is not cut further.
 
-    `RefusedError` where fewer than 8 frames were seen: no noise can be read off them.
+    `RefusedError` where fewer than 8 frames were seen: too few to estimate the noise.
     """
     settings = settings or DecimateSettings()
     seen = np.flatnonzero(track.seen)
@@ -93,11 +93,11 @@ def decimate(track: Track, settings: DecimateSettings | None = None) -> Decimate
 
 
 def noise_of(time: Array, pose: Array, reported: Array) -> Array:
-    """Standard deviation of one pose (3,) [m, m, rad], read off the track itself.
+    """Standard deviation of one pose (3,) [m, m, rad], estimated from the track itself.
 
-    Smooth motion all but cancels in third differences, noise does not: their median absolute value, scaled for white
-    noise, is the estimate. Where every third difference is zero (a track without noise) the smallest reported deviation
-    stands in, so that no division by zero follows. Differences over gaps longer than 1.5 typical steps take no part.
+    Smooth motion nearly cancels in third differences, noise does not: their median absolute value, scaled for white
+    noise, is the estimate. Where this median is zero (a track without noise), the smallest reported deviation is used,
+    so that no division by zero follows. Differences over gaps longer than 1.5 typical steps are left out.
     """
     step = np.diff(time)
     even = np.abs(step - np.median(step)) < 0.5 * np.median(step)
@@ -109,14 +109,14 @@ def noise_of(time: Array, pose: Array, reported: Array) -> Array:
 
 
 def _frame_sigma(reported: Array, noise: Array) -> Array:
-    """Deviation of each pose (n, 3): the track's noise, larger where the tracker says that a frame was worse."""
+    """Deviation of each pose (n, 3): the track's noise, larger where the tracker reports that a frame was worse."""
     typical = np.median(reported, axis=0)
     relative = np.where(typical > 0, reported / np.where(typical > 0, typical, 1.0), 1.0)
     return noise * np.maximum(relative, 1.0)
 
 
 def find_pauses(time: Array, pose: Array, sigma: Array, shortest: float) -> list[tuple[int, int]]:
-    """Stretches in which the body stands still: index pairs (first, last), in order and apart from each other.
+    """Stretches in which the body stands still: index pairs (first, last), in order and without overlap.
 
     A stretch rests when one constant pose explains it: its mean squared misfit is within 3 deviations of one, and a
     straight line explains it no better (slope within 3 deviations of zero, in each coordinate). A stretch of the
@@ -170,7 +170,7 @@ def _rests(time: Array, pose: Array, sigma: Array, first: int, last: int) -> boo
     m = deviation.size
     if np.mean(weight * deviation**2) > 1 + 3 * np.sqrt(2 / m):
         return False
-    # The newest poses must agree too: a departure is diluted in the mean of a long rest.
+    # The newest poses must agree too: the start of a motion is diluted in the mean of a long rest.
     tail = slice(-_RUN, None)
     if np.any(np.abs(deviation[tail].mean(axis=0)) > 4 / np.sqrt(weight[tail].sum(axis=0))):
         return False
@@ -184,7 +184,8 @@ def _rests(time: Array, pose: Array, sigma: Array, first: int, last: int) -> boo
 class _Fit:
     """A C1 cubic by weighted least squares: knots (m,), nodes (m, 2, 3) of value and rate.
 
-    ``unknowns`` (m,) are the numbers of the values, ``factors`` (3, 4, u) the bands of the equations' Cholesky factors.
+    ``unknowns`` (m,): index of each value among the unknowns; ``factors`` (3, 4, u): bands of the Cholesky factors of
+    the normal equations.
     """
 
     knots: Array
@@ -205,7 +206,7 @@ class _Fit:
 
 
 def _hermite_shares(knots: Array, time: Array) -> tuple[NDArray[np.intp], Array]:
-    """The cell (n,) of each time, and the shares (n, 4) of value and rate at its first and last knot in the cubic."""
+    """The cell (n,) of each time, and the weights (n, 4) of value and rate at its first and last knot in the cubic."""
     cell = np.clip(np.searchsorted(knots, time, side="right") - 1, 0, len(knots) - 2)
     width = knots[cell + 1] - knots[cell]
     s = (time - knots[cell]) / width
@@ -214,7 +215,8 @@ def _hermite_shares(knots: Array, time: Array) -> tuple[NDArray[np.intp], Array]
 
 
 def _unknowns(kept: list[int], pauses: list[tuple[int, int]]) -> tuple[NDArray[np.intp], Array]:
-    """Which unknown is the value and which the rate (m, 2) of each knot, and how far (m, 2): at rest no rate is.
+    """Index of the unknown (m, 2) that is the value and the rate of each knot, and factors on them (m, 2): 0 for the
+    rate at rest.
 
     Both ends of a pause share one value.
     """
@@ -225,7 +227,8 @@ def _unknowns(kept: list[int], pauses: list[tuple[int, int]]) -> tuple[NDArray[n
 
 
 def _fit(time: Array, pose: Array, sigma: Array, kept: list[int], pauses: list[tuple[int, int]]) -> _Fit:
-    """The joint fit. A pose concerns four unknowns in a row, so that the equations are a band: cost is linear."""
+    """Fit all knots jointly. A pose depends on four successive unknowns, so the equations are banded and the cost is
+    linear."""
     knots = time[kept]
     unknowns, has = _unknowns(kept, pauses)
     cell, shares = _hermite_shares(knots, time)
@@ -241,7 +244,8 @@ def _fit(time: Array, pose: Array, sigma: Array, kept: list[int], pauses: list[t
             lower = below >= 0
             np.add.at(band, (below[lower], concerned[lower, other]), (weighted[:, one] * weighted[:, other])[lower])
         np.add.at(right, concerned, weighted * (pose[:, c] / sigma[:, c])[:, None])
-        # A stretch with fewer poses than unknowns leaves a rate open; a weak pull towards zero curvature closes it.
+        # A stretch with fewer poses than unknowns leaves a rate undetermined; a weak pull of all unknowns to zero fixes
+        # it.
         band[0] += 1e-9 * band[0].mean()
         factor = cholesky_banded(band, lower=True)
         nodes[:, :, c] = cho_solve_banded((factor, True), right)[unknowns] * has
@@ -255,7 +259,7 @@ def _diagonal_of_inverse(factor: Array) -> Array:
     SOURCE: K. Takahashi, J. Fagan, M. Chen, *Formation of a sparse bus impedance matrix*, PICA (1973): within the band
     the inverse follows from the factor alone, from the last column to the first.
     """
-    # Of Python's own numbers, which single operations are fastest with: importing a compiler takes longer.
+    # Python's own numbers, which are fastest for single operations: importing a compiler would take longer.
     (width, n), columns = factor.shape, factor.T.tolist()
     inverse = [[0.0] * width for _ in range(n + width)]  # by column, each downwards from the diagonal
     for column in range(n - 1, -1, -1):
@@ -271,10 +275,10 @@ def _diagonal_of_inverse(factor: Array) -> Array:
 def _fewest_knots(
     time: Array, pose: Array, sigma: Array, pauses: list[tuple[int, int]], excess: float
 ) -> tuple[_Fit, NDArray[np.int64]]:
-    """The fewest kept frames for which one C1 cubic holds the bound in every stretch.
+    """Kept frames, as few as a greedy search finds, with which one C1 cubic keeps the bound in every stretch.
 
-    Stretches are made as long as a cubic of their own allows, from the left; the joint fit, whose pieces must also meet
-    with one rate, is then cut where it breaks the bound.
+    From the left, stretches are made as long as a separate cubic allows; the joint fit, whose pieces must also meet
+    with the same rate, is then cut where it exceeds the bound.
     """
     kept = _longest_stretches(time, pose, sigma, pauses, excess)
     resting = {first for first, _ in pauses}
@@ -294,7 +298,7 @@ def _fewest_knots(
 def _longest_stretches(
     time: Array, pose: Array, sigma: Array, pauses: list[tuple[int, int]], excess: float
 ) -> list[int]:
-    """Frames between which one cubic, free at both ends, explains the poses; pauses are stretches of their own."""
+    """Frames between which one cubic, free at both ends, explains the poses; each pause is a stretch."""
     ends = dict(pauses)
     starts = [*sorted(ends), len(time) - 1]
     kept = [0]
@@ -327,7 +331,8 @@ def _cubic_misfit(time: Array, pose: Array, sigma: Array) -> Array:
 
 
 def _within_bound(misfit: Array, excess: float) -> bool:
-    """Whether a stretch's misfits (n, 3), in units of noise, are no more than noise: all in all, and frame by frame."""
+    """Whether a stretch's misfits (n, 3), in units of noise, are within the bounds on their mean square and on runs of
+    frames."""
     if np.mean(misfit**2) > 1 + excess * np.sqrt(2 / misfit.size):
         return False
     if len(misfit) < _RUN:

@@ -1,7 +1,7 @@
-"""The ladder of effects: what each effect of a lab moves the path of a run, and what would have to be known better.
+"""The effects of a lab: by how much each moves the path of a run, and which inputs should be measured better.
 
-An effect that the scene has is left out of one more simulation. For one that the scene is without, the draws already
-tell: the share of the error's variance that its inputs explain is what one standard deviation of them moves.
+An effect that the scene has is left out in one more simulation. For one that the scene does not have, the draws
+suffice: the share of the error's variance that its inputs explain gives the shift by one standard deviation of them.
 """
 
 from collections.abc import Mapping
@@ -18,15 +18,15 @@ from towval.validation.simulate_many import Batch, Drawn
 
 _RMS = "RMS over the path"
 _MOST_INPUTS = 5
-"""Inputs to be known better that get a row: a table of all thirty is not read."""
+"""Most inputs to be measured better that get a row: nobody reads a table of all thirty."""
 
 
 @dataclass(frozen=True)
 class Effect:
     """An effect of a lab.
 
-    ``what`` for people; ``inputs`` by which it is uncertain; ``neutral`` the fields of the scene, as (part, field,
-    value), that are at their value where it is absent.
+    ``what``: its name in the report; ``inputs`` by which it is uncertain; ``neutral``: fields of the scene, as (part,
+    field, value), with their values where the effect is absent.
     """
 
     what: str
@@ -62,7 +62,8 @@ EFFECTS = (
     Effect("stiffening of the tether", ("stiffening",), (("tether", "stiffening", 0.0),)),
     Effect("mass of the tether", ("tether_mass",), (("tether", "mass_per_length", 0.0),)),
 )  # fmt: skip
-"""What a level and even floor, a flat sole, a tow in the floor plane and an ideal tether leave out."""
+"""Effects that the model of a level and even floor, a flat sole, a tow in the floor plane and an ideal tether leaves
+out."""
 
 
 def effect_choices(
@@ -74,11 +75,12 @@ def effect_choices(
     simulated: SimulatedMotion,
     limit_m: float,
 ) -> tuple[Choice, ...]:
-    """Each effect, taken or left out, with what the other would move [m]; one more simulation for each that is taken.
+    """Each effect, taken or left out, with the shift by the other choice [m]; one more simulation for each that is
+    taken.
 
     ``batch``: how the run is simulated, with nominal poses and rates (m, 6) of the ``rover`` and the object's ``start``
     pose (3,); ``simulated`` is the run itself at the batch's times, ``found`` its uncertainty with the draws. An effect
-    that moves the path by less than ``limit_m`` is taken without need.
+    that moves the path by less than ``limit_m`` is reported as taken without need.
     """
     batch = replace(batch, rung=DYNAMICS)
     taken = [effect for effect in EFFECTS if effect.acts(scene)]
@@ -106,7 +108,7 @@ def effect_choices(
 
 
 def to_be_measured(found: RunUncertainty, deviations: Mapping[str, float], limit_m: float) -> tuple[Choice, ...]:
-    """Up to five inputs of which one standard deviation moves simulated less measured path by more than a limit [m]."""
+    """Up to five inputs of which one standard deviation moves the error of the path by more than a limit [m]."""
     choices = []
     for name, move in sorted(moves_of_inputs(found).items(), key=lambda item: -item[1]):
         row = INPUTS[name]
@@ -118,7 +120,7 @@ def to_be_measured(found: RunUncertainty, deviations: Mapping[str, float], limit
 
 
 def moves_of_inputs(found: RunUncertainty) -> dict[str, float]:
-    """What one standard deviation of each drawn input moves simulated less measured path, RMS [m], by name."""
+    """Shift of the error of the path by one standard deviation of each drawn input, RMS [m], by name."""
     if found.draws is None:
         return {}
     variance = float(found.draws.error[..., :2].var(axis=0).sum(axis=1).mean())

@@ -1,8 +1,8 @@
 """Which inputs, moved by how many of their deviations, would explain the error of a run, and what would remain.
 
-Few inputs are sought over wide ranges first, moved in the scene with the run simulated again, since an input far off
-its value does not act as one within its deviation does. From there and from the stated values all inputs are moved
-together (:mod:`towval.validation.causes`). What the run cannot separate is named together.
+Few inputs are searched over wide ranges first, with the run simulated again for each move, since the effect of an input
+far from its value is not linear. From there and from the stated values all inputs are moved together
+(:mod:`towval.validation.causes`). Inputs that the run cannot separate are named together.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -20,25 +20,25 @@ from towval.validation.effects import EFFECTS
 from towval.validation.statistics import RightModel, place
 
 Moves = Mapping[int, float]
-"""By how many deviations columns of the draws are moved."""
+"""Number of deviations by which columns of the draws are moved."""
 
 Left = Callable[[Sequence[Moves]], Array]
 """Errors (k, n, 3) of the run, along and across its path, that k moves leave; NaN where one cannot be simulated."""
 
 _MOST_INPUTS = 3
-_TRIED = (2.0, 4.0, 6.0, 9.0)  # deviations to both sides; an oscillation keeps step with another over about two
-_REFINED = 4  # inputs that look best after that, whose deviations are then sought
+_TRIED = (2.0, 4.0, 6.0, 9.0)  # deviations to both sides; oscillations stay in phase over about two
+_REFINED = 4  # best inputs after that, whose deviations are then refined
 _FIRST_STEP, _LAST_STEP = 2.0, 0.25  # of that search
-_WORTH = 0.5  # of the cost: what a step has to gain; a fifth of what one deviation of an input makes
-_LEAST_SWING = 1e-18  # m²: one instant a block has no oscillation
+_WORTH = 0.5  # least reduction of the cost by a step; one deviation of an input costs about 1
+_LEAST_SWING = 1e-18  # m²; a block of one instant has no oscillation
 
 _NAMED = 0.9
-"""Probability with which the first input is among those that are named for it."""
+"""Probability with which at least one of the inputs that are named in place of each other is off."""
 
 
 @dataclass(frozen=True)
 class _Point:
-    """Moved inputs, the error (n, 3) that they leave, and what speaks against them."""
+    """Moved inputs, the error (n, 3) that they leave, and their cost."""
 
     moves: dict[int, float]
     error: Array
@@ -46,7 +46,7 @@ class _Point:
 
 
 class _Search:
-    """What speaks against moved inputs, and the search for those against which least does."""
+    """The cost of moved inputs, and the search for those with the lowest cost."""
 
     def __init__(self, off: Array, right: RightModel, names: Sequence[str], assumed: Sequence[str], left: Left):
         self.right, self.names, self.left = right, names, left
@@ -61,10 +61,10 @@ class _Search:
         self.groups = [each for group in _groups(names) if (each := [c for c in open_ if names[c] in group])]
 
     def cost(self, moves: Moves, error: Array) -> float:
-        """Twice the negative logarithm of the probability density of what remains (n, 3), times what is known of the
-        moved inputs, the others being within their deviations; lower is more probable.
+        """Twice the negative logarithm of the probability density of the remaining error (n, 3) and of the moved
+        inputs, with the others within their deviations; lower is more probable.
 
-        Each moved input is one of many that might have been.
+        Each moved group of inputs is one of many that might have been moved, which adds to the cost.
         """
         if not np.isfinite(error).all():
             return np.inf
@@ -74,7 +74,7 @@ class _Search:
         return self._means(error) + self._swing(error) + float(choice)
 
     def _means(self, error: Array) -> float:
-        """What speaks against the 72 block means of an error, the inputs being within their deviations.
+        """Cost of the 72 block means of an error, with the inputs within their deviations.
 
         Predictive density of one more draw: Student's t, with the degrees of freedom that the draws leave.
         """
@@ -82,9 +82,8 @@ class _Search:
         return self.samples * float(np.log1p(square / max(self.samples - len(self.root) + 1, 1)))
 
     def _swing(self, error: Array) -> float:
-        """What speaks against an error about its block means: one value a block (an oscillation has one amplitude
-        there), of unknown size, with nothing gained below what the measurement does. A block of one instant has none.
-        """
+        """Cost of an error about its block means: one value per block (an oscillation has one amplitude there), of
+        unknown size, with no gain below the oscillation of the measurement. A block of one instant has none."""
         return len(signature_blocks(0)) * float(np.log(_wobble(error) + self.swing))
 
     def _surprise(self, column: int, deviations: float) -> float:
@@ -92,7 +91,7 @@ class _Search:
         return surprise(deviations, *kind)
 
     def unknowns(self, columns: Sequence[int]) -> Unknowns:
-        """What is known of these columns."""
+        """These columns, with what is known of their inputs."""
         names = [self.names[c] for c in columns]
         computed = [not _is_stated(name) for name in names]
         return Unknowns(
@@ -100,8 +99,8 @@ class _Search:
         )
 
     def modes(self, starts: Sequence[_Point]) -> tuple[list[Mode], list[str]]:
-        """Maxima with all stated inputs that matter and those that were moved free, if a right model leaves the error;
-        and their names."""
+        """Maxima with all stated inputs that matter and all moved ones free, as far as a right model may leave the
+        remaining error; and the names of these inputs."""
         moved, known = {c for point in starts for c, value in point.moves.items() if value}, self.right.columns
         stated = np.array([_is_stated(self.names[c]) for c in known], dtype=bool)
         unknowns = self.unknowns(sorted({*known[stated].tolist(), *moved}))
@@ -123,7 +122,7 @@ class _Search:
         return left, list(unknowns.names)
 
     def better(self, point: _Point, columns: Sequence[int]) -> _Point:
-        """The best point found from ``point`` on by moving these columns: by their gradients, and to both sides."""
+        """The best point reached from ``point`` by moving these columns, along their gradients and to both sides."""
         step = _FIRST_STEP
         while step >= _LAST_STEP:
             at = np.array([point.moves.get(c, 0.0) for c in columns])
@@ -143,9 +142,9 @@ class _Search:
         return point
 
     def from_grid(self, point: _Point, columns: Sequence[int]) -> _Point:
-        """The best point with these columns at one of few values each."""
+        """The best point with each of these columns at one of few values."""
         if all(c in self.mirrored for c in columns):
-            # Without effect to first order, so that two of them (heights of a tow) show together only.
+            # Without effect to first order, so that two of them (heights of a tow) may show only together.
             near, far = ([row for row in product((0.0, *_TRIED[:n]), repeat=len(columns)) if any(row)] for n in (2, 4))
             best = min(self._at(point, columns, np.array(near)), key=lambda each: each.cost)
             if all(best.moves[c] < _TRIED[1] for c in columns):
@@ -155,7 +154,7 @@ class _Search:
         for way in np.vstack([np.eye(len(columns)), -np.eye(len(columns))]):
             low, high = self._at(point, columns, np.outer(_TRIED[:2], way))
             tried += [low, high]
-            if high.cost < max(low.cost, point.cost):  # else it leads away, and farther off even more so
+            if high.cost < max(low.cost, point.cost):  # else the cost grows this way, and farther off even more
                 tried += self._at(point, columns, np.outer(_TRIED[2:], way))
         return min(tried, key=lambda each: each.cost)
 
@@ -168,7 +167,7 @@ class _Search:
         return [_Point(m, e, self.cost(m, e)) for m, e in zip(moves, self._errors(moves), strict=True)]
 
     def _errors(self, moves: Sequence[Moves]) -> list[Array]:
-        """What each of these leaves (n, 3), simulated once however often it is asked for."""
+        """The error (n, 3) that each of these moves leaves; each is simulated only once."""
         keys = [tuple(sorted((c, value) for c, value in each.items() if value)) for each in moves]
         new = {key: each for key, each in zip(keys, moves, strict=True) if key not in self.known}
         if new:
@@ -176,7 +175,7 @@ class _Search:
         return [self.known[key] for key in keys]
 
     def _mirrored(self, columns: Sequence[int]) -> frozenset[int]:
-        """Columns that act by their size: heights and the like, about zero."""
+        """Columns that act by their absolute value: heights and the like, about zero."""
         moved = self._errors([{}, *({c: sign * _TRIED[1]} for c in columns for sign in (1, -1))])
         sides = zip(columns, moved[1::2], moved[2::2], strict=True)
         return frozenset(c for c, a, b in sides if np.array_equal(a, b) and not np.array_equal(a, moved[0]))
@@ -189,10 +188,11 @@ class _Search:
 def explain(
     error: Array, off: Array, right: RightModel, names: Sequence[str], assumed: Sequence[str], left: Left, length: Array
 ) -> Explanation:
-    """What would explain an error (n, 3), along and across the path.
+    """The inputs that would explain an error (n, 3), along and across the path.
 
-    One input after the other is moved, the most probable first, until the remainder is what a right model leaves, no
-    other is probable, or three are moved; unless it is more probable that all are off by a common factor.
+    Inputs are moved one after another, the most probable first, until a right model may leave the remaining error, no
+    further move is more probable, or three are moved. From there all inputs are moved together, independently or by a
+    common factor, and the most probable result counts.
 
     Parameters
     ----------
@@ -219,7 +219,7 @@ def explain(
     explained = bool(moved) and not right.rejects(point.error)
     farthest = max(map(abs, moved.values()), default=0.0)
     of_no_use = farthest >= MOST_DEVIATIONS or rms_length(point.error) >= rms_length(error)
-    if not moved or (not explained and of_no_use):  # it fits a part of the error by what cannot be
+    if not moved or (not explained and of_no_use):  # it fits a part of the error with implausible inputs
         point, moved, instead, factor = _Point({}, error, 0.0), {}, {}, 1.0
     begins, ends = place(point.error, right, length)
     return Explanation(
@@ -231,10 +231,10 @@ def explain(
 def _most_probable(
     modes: Sequence[Mode], best: Mode, names: Sequence[str], least: float
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """Inputs that are far off, the most probable or all that are with :data:`_NAMED`; and the fewest, at most
-    :data:`_MOST_INPUTS` in all, of which together with the first one at least is far off with that probability.
+    """Inputs that are far off with the probability :data:`_NAMED`, or else the most probable one; and the fewest
+    others, at most :data:`_MOST_INPUTS` in all, so that with that probability the first or one of them is far off.
 
-    None where the most probable is not so with the probability ``least``.
+    None where the first is far off with less than the probability ``least``.
     """
     off = off_by_name(modes, names)
     ranked = sorted(off, key=lambda name: -off[name].mean())
@@ -255,7 +255,8 @@ _Others = list[tuple[_Point, list[int]]]
 
 
 def _few(search: _Search, error: Array) -> tuple[_Point, dict[str, float], _Others]:
-    """The best point with few inputs moved, their moves by name, and points, with columns, in place of the only one."""
+    """The best point with few inputs moved, their moves by name, and, where only one is moved, other points with
+    columns."""
     right, point, chosen = search.right, _Point({}, error, search.cost({}, error)), list[list[int]]()
     others: _Others = []
     while len(chosen) < _MOST_INPUTS and not (chosen and not right.rejects(point.error)):
@@ -273,14 +274,14 @@ def _few(search: _Search, error: Array) -> tuple[_Point, dict[str, float], _Othe
 
 
 def _as_probable(tried: _Others) -> _Others:
-    """What may be off in place of the first of what was tried: the fewest that together with it hold the truth with the
-    probability :data:`_NAMED`, all being alike before."""
+    """Alternatives to the first point: the fewest that together with it contain the truth with the probability
+    :data:`_NAMED`, if all were equally probable before."""
     weight = np.exp(-0.5 * np.array([point.cost - tried[0][0].cost for point, _ in tried]))
     return tried[1 : int(np.searchsorted(np.cumsum(weight) / weight.sum(), _NAMED)) + 1]
 
 
 def _named(moves: Moves, columns: Sequence[int], names: Sequence[str]) -> dict[str, float]:
-    """Moved inputs, the farthest off first, by the largest move of their columns."""
+    """Moved inputs with the largest move of their columns, the farthest off first."""
     moved: dict[str, float] = {}
     for column in columns:
         if moves.get(column):
@@ -289,14 +290,14 @@ def _named(moves: Moves, columns: Sequence[int], names: Sequence[str]) -> dict[s
 
 
 def _groups(names: Sequence[str]) -> list[tuple[str, ...]]:
-    """Inputs that are moved together: those of one effect, and each other by itself."""
+    """Inputs that are moved together: those of one effect; every other input is moved alone."""
     together = [effect.inputs for effect in EFFECTS if sum(name in names for name in effect.inputs) > 1]
     alone = [name for name in dict.fromkeys(names) if not any(name in group for group in together)]
     return [*together, *((name,) for name in alone)]
 
 
 def _is_stated(name: str) -> bool:
-    """Whether somebody stated or should have stated its deviation; else it was computed from data, and tested there."""
+    """Whether its deviation is one that a user states; else it was computed from data, and tested there."""
     return name not in INPUTS or INPUTS[name].stated is not None
 
 

@@ -1,6 +1,6 @@
-"""Faults put into a run on purpose: the smallest of each kind that its uncertainty leaves visible.
+"""Faults put into a run on purpose: the smallest of each kind that is visible despite the uncertainty.
 
-A fault is put into the scene and simulated; the shift of the path that it makes is added to the draws of a right
+A fault is put into the scene and simulated; the shift of the path that it causes is added to the draws of a right
 model's error, and its size is changed until nine in ten of them are rejected.
 """
 
@@ -20,18 +20,18 @@ Acts = Callable[[TowingScene], TowingScene]
 """A change of a scene."""
 
 POWER = 0.9
-"""Share of the draws in which a visible fault is seen."""
+"""Share of the draws in which a visible fault is detected."""
 
 STRIPE_M = 0.3
-"""Length along the path of the floor on which the stripe's friction is another."""
+"""Length along the path of the stripe of floor with another friction."""
 
 _STRIPE_WIDTH_M = 2.0
-_TIMES = 200  # of a run that the search uses
+_TIMES = 200  # about as many times of a run are used by the search
 _SIMULATED = 24  # draws that a round of the search simulates with the fault in them
-_KNOWN = 0.05  # standard error of the logarithm of a size from these
-_NEIGHBOURS = 2  # to both sides, whose sizes over the expected ones count for a draw
-_LEAST = 1e-3  # multiple of a shift: some draws are rejected without a fault
-_NEAR = 0.2  # of a size: from how far off what a fault does may be scaled to it
+_KNOWN = 0.05  # standard error of the logarithm of a size at which the search ends
+_NEIGHBOURS = 2  # simulated draws on each side whose ratios to the expected size are used for a draw
+_LEAST = 1e-3  # smallest multiple of a shift: some draws are rejected without a fault
+_NEAR = 0.2  # relative distance of sizes within which the effect of a fault may be scaled
 _ROUNDS, _MOST_ROUNDS, _GROWTH = 3, 4, 4.0
 
 
@@ -101,8 +101,8 @@ class Drawing:
     """The draws of a right model's error that faults are put into.
 
     ``error`` (k, n, 3) at the times at which the object was seen, along and across the path; ``inputs`` (k, d) that it
-    comes from; ``confidence`` of the test of a right model; ``shifts(acts, rows)`` by how much a changed scene moves
-    the simulated path (m, n, 3) of the draws with these numbers, and of the nominal run where there are none.
+    comes from; ``confidence`` of the test of a right model; ``shifts(acts, rows)``: by how much a changed scene moves
+    the simulated path (m, n, 3) of the draws with these numbers, or of the nominal run where ``rows`` is None.
     """
 
     error: Array
@@ -114,14 +114,14 @@ class Drawing:
 def visible_faults(motion: SimulatedMotion, drawing: Drawing) -> tuple[VisibleFault, ...]:
     """The smallest fault of each kind that shows in :data:`POWER` of the draws; ``motion`` is the nominal one.
 
-    Sought first with the shift of the nominal run, added to the draws. What the fault does there depends on the other
-    inputs, too (a longer tether tightens later), and does not grow with its size alone: so some draws are simulated
-    with the fault in them, of either sign where it has two, others at each size that is tried. They are spread over the
-    sizes at which it shows with the nominal shift; the ratio of those at which it does show to these serves for the
-    draws about them. For most of the spread among draws is that of their errors.
+    At first the shift of the nominal run is added to the draws. But the effect of a fault also depends on the other
+    inputs (a longer tether tightens later), and is not proportional to its size: so, at each size that is tried, other
+    draws are simulated with the fault in them, of either sign where it has two. They are spread over the sizes at which
+    it shows with the nominal shift; the ratio of the size at which it does show to this size is used for the draws near
+    them too, because most of the spread among draws is that of their errors.
     """
     times = slice(None, None, max(1, drawing.error.shape[1] // _TIMES))
-    # The test at these times: means over fewer times are others where the object sticks and slips.
+    # The test at these times: where the object sticks and slips, means over fewer times differ.
     right = RightModel.of(drawing.error[:, times], drawing.inputs, drawing.confidence)
     search, kinds = _Search(drawing, right, times), fault_kinds(motion)
     sizes = [kind.first for kind in kinds]
@@ -129,7 +129,7 @@ def visible_faults(motion: SimulatedMotion, drawing: Drawing) -> tuple[VisibleFa
         moved = drawing.shifts([kind.of(size) for kind, size in zip(kinds, sizes, strict=True)], None)
         for i, (kind, shift) in enumerate(zip(kinds, moved, strict=True)):
             shown = _visible(search.shows(shift[None], search.all[::8]))
-            # Where there is none it tips, or the simulation ends early.
+            # A shift that is not finite: the object tips, or the simulation ends early.
             growth = min(shown, _GROWTH) if np.isfinite(shift).all() else 0.5
             sizes[i] = min(growth * sizes[i], kind.most)
     return tuple(search.visible(kind, size) for kind, size in zip(kinds, sizes, strict=True))
@@ -149,13 +149,13 @@ class _Search:
         return np.arange(len(self.drawing.error))
 
     def shows(self, shift: Array, rows: NDArray[np.intp]) -> Array:
-        """One over the multiples of shifts ((k,) n, 3) from which on they show in draws (k,)."""
+        """Reciprocals of the multiples of shifts ((k,) n, 3) from which they show in draws (k,)."""
         found = self.right.thresholds(shift[:, self.times], self.drawing.error[rows][:, self.times])
         return 1 / np.maximum(found, _LEAST)
 
     def visible(self, kind: FaultKind, size: float) -> VisibleFault:
-        """The fault of a kind, of about a ``size`` that shows with the nominal shift; the largest of those found where
-        they do not agree."""
+        """The visible fault of a kind, searched from a ``size`` that shows with the nominal shift; the largest of those
+        found where they do not agree."""
         tried: list[_Round] = []
         found = np.inf
         for part in range(_MOST_ROUNDS):
@@ -201,8 +201,8 @@ class _Search:
 
 @dataclass(frozen=True)
 class _Round:
-    """Of a ``size`` that was tried: one over the sizes at which a fault ``shows`` (k,) in the draws, the standard error
-    of their logarithms, infinite where none could be simulated."""
+    """Result for a ``size``: reciprocals of the sizes at which a fault ``shows`` (k,) in the draws, and the standard
+    error of their logarithms, infinite where none could be simulated."""
 
     size: float
     shows: Array
@@ -215,7 +215,7 @@ class _Round:
 
 
 def _visible(shows: Array) -> float:
-    """The size at which a fault shows in :data:`POWER` of draws, of one over their sizes (k,); infinite where too few
-    show it."""
+    """The size at which a fault shows in :data:`POWER` of the draws, from the reciprocals of its sizes (k,) in them;
+    infinite where too few show it."""
     slowest = float(np.quantile(shows, 1 - POWER, method="weibull"))
     return 1 / slowest if slowest > 0 else np.inf

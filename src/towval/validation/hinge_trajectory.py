@@ -1,7 +1,7 @@
 """The trajectory of the tether's hinge with the rover: cubics between the kept poses of its decimated track.
 
-Nodes lie where the track's own do, so that the hinge jerks where the track does and nowhere else, and between two of
-these where the rover turns: a cubic through places and velocities misses the arc of a lever l by l Δϑ⁴/384.
+Nodes lie at the track's own, so that the acceleration of the hinge jumps only where that of the track does, and between
+two of these where the rover turns: a cubic through positions and velocities misses the arc of a lever l by l Δϑ⁴/384.
 """
 
 from dataclasses import replace
@@ -16,7 +16,7 @@ _TURN = 0.05  # rad between two nodes; for a lever of 0.4 m the arc is then miss
 
 
 def nodes_between(track: DecimatedTrack, begin: float, end: float) -> Array:
-    """Times (m,) of the nodes from ``begin`` to ``end`` [s], both among them."""
+    """Times (m,) of the nodes from ``begin`` to ``end`` [s], both included."""
     inside = track.time_s[(track.time_s > begin) & (track.time_s < end)]
     ends = np.concatenate([[begin], inside, [end]])
     moving = track.poses_and_rates_at(ends)
@@ -42,12 +42,12 @@ def hinge_trajectory(rover: DecimatedTrack, hinge: Array, times: Array) -> Splin
 
 
 def by_kept_poses(track: DecimatedTrack, nodes: Array) -> Array:
-    """How values and slopes (2, m, k) at nodes follow from values at the k kept times of a track."""
+    """Matrices (2, m, k) from values at the k kept times of a track to values and slopes at nodes."""
     values, slopes = np.empty((2, len(nodes), len(track.time_s)))
     for j in range(len(track.time_s)):
         unit = np.zeros((len(track.time_s), 3))
         unit[j] = 1.0
-        # Slopes over both neighbours, in which a short piece beside a long one does not swing.
+        # Slopes over both neighbours, with which a short piece next to a long one does not oscillate.
         slope = np.gradient(unit, axis=0) / np.gradient(track.time_s)[:, None]
         at_nodes = replace(track, pose=unit, rate=slope).poses_and_rates_at(nodes)
         values[:, j], slopes[:, j] = at_nodes[:, 0], at_nodes[:, 3]

@@ -1,6 +1,6 @@
 """Identification: inputs of the simulation fitted to measured runs, and each run predicted from the others.
 
-Kept apart from the validation: the blind comparison uses what campaign.yaml says and nothing from here.
+Separate from the validation: the blind comparison uses the values of campaign.yaml and nothing from here.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,25 +22,26 @@ from towval.validation.hinge_trajectory import hinge_trajectory
 from towval.validation.scene_model import SceneModel
 
 _STEP = 0.1
-"""Step of the difference quotients, in units of a parameter's scale: below it the phase of stick and slip is noise."""
+"""Step of the difference quotients, in units of a parameter's scale: below it the phase of stick and slip adds
+noise."""
 
 _PLACES, _SEED = 64, 1
-"""Places at which the sum of squares is tried before a fit, and the seed of the sequence that they are from."""
+"""Number of points at which the sum of squares is computed before a fit, and the seed of their sequence."""
 
 _STARTS = 3
-"""Of these places, the best ones from which fits are started."""
+"""Number of the best of these points, from which fits are started."""
 
 _AT_THE_END = 1e-3
-"""Share of the searched range within which a value counts as being at its end."""
+"""A value counts as being at the end of the searched range within this share of half the range."""
 
 _MISFIT = 2.0
-"""Root mean square of what a fit leaves, in deviations of the measurement, that the runs are no longer explained by."""
+"""Root mean square of a fit's residuals, in deviations of the measurement, above which it does not explain the runs."""
 
 _VAGUE_SHARE = 0.25
-"""A deviation of more than this share of the searched range fixes nothing."""
+"""A value with a deviation of more than this share of half the searched range is not identified."""
 
 _TIED = 0.98
-"""Correlation of two values from which on only a combination of them is known."""
+"""Correlation of two values above which only a combination of them is known."""
 
 
 @dataclass(frozen=True)
@@ -90,17 +91,17 @@ def identify(
 
     The residual is the error's mean over 24 blocks of time, in which stick and slip average out, in units of the
     deviation u_D of the measurement there. The correlation in time of measurement errors is not known here, so they are
-    counted twice: once as independent from block to block, once as one unknown for all blocks of a run (a camera's, a
-    start's). The covariance of the values is ``((JᵀJ)⁻¹ + A Σ Aᵀ) max(1, χ²) + A B Bᵀ Aᵀ`` with ``A = (JᵀJ)⁻¹Jᵀ``, Σ
-    the covariance of the residuals in the second case, χ² reduced, and the columns of B what the inputs that are not
-    fitted change by one of their deviations in campaign.yaml.
+    counted twice: once as independent between blocks, once as one unknown for all blocks of a run (such as the camera's
+    or the start's). The covariance of the values is ``((JᵀJ)⁻¹ + A Σ Aᵀ) max(1, χ²) + A B Bᵀ Aᵀ`` with
+    ``A = (JᵀJ)⁻¹Jᵀ``, Σ the covariance of the residuals in the second case, χ² reduced, and in the columns of B the
+    changes of the residuals by one deviation of each input that is not fitted, as in campaign.yaml.
 
-    The sum of squares has many valleys. It is tried at what campaign.yaml says and 64 places of a Sobol sequence over
-    the searched range, fits start at the best three, and the best fit counts.
+    The sum of squares has many minima. It is computed at the values of campaign.yaml and at 64 points of a Sobol
+    sequence over the searched range; fits start at the best three, and the best fit counts.
 
     ``deviations`` are those of the inputs by name; those of fitted inputs are for comparison only. `InputError` where
-    no parameter is named, or the place of a load that is not there; `RefusedError` where a simulation ends early within
-    the searched range.
+    no parameter is named, or one of a load that the campaign does not have; `RefusedError` where a simulation ends
+    early within the searched range.
     """
     if not settings.parameters or not runs:
         raise InputError("there is nothing to identify", allowed=f"one or more of {', '.join(IDENTIFIABLE)}, and a run")
@@ -149,7 +150,8 @@ def identify(
 
 @dataclass(frozen=True)
 class _Found:
-    """Fitted values (p,), and there the residuals (m,) and their slopes (m, p), parameters in units of their scales."""
+    """Fitted values (p,); the residuals (m,) and their derivatives (m, p) there, by parameters in units of their
+    scales."""
 
     values: Array
     residual: Array
@@ -171,7 +173,7 @@ class _Fit:
         self.given = np.array([row.values(scene)[i] for row, i in self.parameters])
         self.scale = np.array([row.searched(scene, "step")[i] for row, i in self.parameters])
         self.reach = np.array([row.searched(scene, "reach")[i] for row, i in self.parameters])
-        # The difference quotients look a step beyond a value: the bounds stay that far from the range's ends.
+        # Difference quotients go a step beyond a value, so the bounds stay that far from the ends of the range.
         self.bound = self.reach - _STEP * self.scale
         sequence = qmc.Sobol(len(self.given), scramble=True, rng=np.random.default_rng(_SEED)).random(_PLACES)
         self.places = np.vstack([self.given, self.given + (2 * sequence - 1) * self.bound])
@@ -179,7 +181,7 @@ class _Fit:
         self._whitening: dict[str, Array] = {}
 
     def starts(self, runs: Sequence[MeasuredRun]) -> Array:
-        """Places (k, p) in the searched range to start from, the best for these runs first."""
+        """Points (k, p) in the searched range to start from, the best for these runs first."""
         for run in runs:
             if run.name not in self._at_places:
                 self._at_places[run.name] = np.array([self._squares(run, values) for values in self.places])
@@ -210,11 +212,11 @@ class _Fit:
         try:
             return float(np.sum(self._residuals([run], self.nominal, values) ** 2))
         except TowvalError:
-            # No place to start from. Where all are like this, the fit meets the same error and tells it.
+            # Not a start. Where no point is one, the fit meets the same error and raises it.
             return float("inf")
 
     def _by_others(self, runs: Sequence[MeasuredRun], values: Array) -> list[Array]:
-        """What one deviation of each input that is not fitted changes the residuals (m,) by."""
+        """Changes of the residuals (m,) by one deviation of each input that is not fitted."""
         columns = []
         for name, (row, i) in IDENTIFIABLE.items():
             std = self.deviations.get(row.name, 0.0)
@@ -228,7 +230,7 @@ class _Fit:
         return columns
 
     def covariance(self, found: _Found, runs: Sequence[MeasuredRun]) -> Array:
-        """Covariance (p, p) of the values fitted to these runs; NaN where they do not tell all of them apart."""
+        """Covariance (p, p) of the values fitted to these runs; NaN where the runs do not determine all of them."""
         jacobian, residual = found.jacobian, found.residual
         p = jacobian.shape[1]
         if np.linalg.matrix_rank(jacobian) < p:
@@ -248,7 +250,7 @@ class _Fit:
             if run.name not in self._whitening:
                 self._whitening[run.name] = _whitening(run)
             means = block_means(_error(run, self._poses(run, base, values)))
-            # A block in which the object was never seen says nothing.
+            # A block in which the object was never seen counts as zero.
             parts.append(np.einsum("kij,kj->ki", self._whitening[run.name], np.nan_to_num(means)).ravel())
         return np.concatenate(parts)
 
@@ -293,7 +295,7 @@ def _whitening(run: MeasuredRun) -> Array:
 
 
 def _identifiability(names: Sequence[str], covariance: Array, reach: Array) -> tuple[tuple[bool, ...], list[Finding]]:
-    """Which values the runs fix, and a finding for each that they do not."""
+    """Which values the runs determine, and a finding for each that they do not."""
     if not np.isfinite(covariance).all():
         reason = "the simulated paths do not change with all of them"
         return (False,) * len(names), [finding("not_identifiable", names=", ".join(names), reason=reason)]
@@ -320,7 +322,7 @@ def _identifiability(names: Sequence[str], covariance: Array, reach: Array) -> t
 
 
 def _trust(found: _Found, fit: _Fit, identifiable: tuple[bool, ...]) -> tuple[tuple[bool, ...], list[Finding]]:
-    """``identifiable`` but for values at the end of their range, and findings on these and on the misfit."""
+    """``identifiable`` except for values at the end of their range, and findings on these and on the misfit."""
     names, findings = fit.settings.parameters, []
     inside = np.abs(found.values - fit.given) < fit.bound - _AT_THE_END * fit.reach
     for name, value, is_inside in zip(names, found.values, inside, strict=True):

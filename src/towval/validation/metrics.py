@@ -1,4 +1,4 @@
-"""How far two motions of a body are apart, as single numbers: discrete Fréchet distance, area metric, aligned error."""
+"""Distances between two motions of a body as single numbers: discrete Fréchet distance, area metric, aligned error."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,8 +21,8 @@ def frechet_distance(path: ArrayLike, other: ArrayLike) -> float:
     path, other = np.asarray(path, dtype=np.float64), np.asarray(other, dtype=np.float64)
     if not (len(path) and len(other) and np.isfinite(path).all() and np.isfinite(other).all()):
         raise InputError("the Fréchet distance needs two whole paths", allowed="one finite point or more each")
-    # The shortest leash that leads to each pair of points, by diagonals, along which none depends on another; a row of
-    # ``reach`` is a point of ``path``, with one in front that nothing leads through.
+    # The shortest leash that reaches each pair of points, by diagonals, whose pairs do not depend on each other; a row
+    # of ``reach`` is a point of ``path``, after one that cannot be passed.
     before, reach = np.full((2, len(path) + 1), np.inf)
     before[0] = -np.inf
     for diagonal in range(len(path) + len(other) - 1):
@@ -40,8 +40,8 @@ def area_metric(error: ArrayLike, std: ArrayLike) -> float:
     SOURCE: Ferson, Oberkampf and Ginzburg, Model validation and predictive capability for the thermal challenge
     problem, 2008: ``d = ∫ |F(x) − S(x)| dx``. S is the empirical distribution function of the error (n,), F the mean of
     the normal ones with the deviations (n,) at the same times. Zero for an error that scatters as predicted; ``|b|``
-    for an error that is b all along where nothing was uncertain. It grows where the error is too large and, more
-    slowly, where it is smaller than predicted. Missing errors are left out; NaN where all are.
+    for a constant error b without uncertainty. It grows where the error is too large and, more slowly, where it is
+    smaller than predicted. Missing errors are left out; NaN where all are.
     """
     error, std = np.asarray(error, dtype=np.float64), np.asarray(std, dtype=np.float64)
     known = np.isfinite(error) & np.isfinite(std)
@@ -54,16 +54,16 @@ def area_metric(error: ArrayLike, std: ArrayLike) -> float:
     edges = np.linspace(-reach, reach, _AREA_STEPS + 1)
     middle = 0.5 * (edges[1:] + edges[:-1])
     empirical = np.searchsorted(errors, middle, side="right") / len(errors)
-    # A deviation of zero is a step, which a tiny one represents as well.
+    # A deviation of zero gives a step, which a tiny one represents as well.
     predicted = ndtr(middle[:, None] / np.maximum(stds, 1e-12 * reach)).mean(axis=1)
     return float(np.abs(predicted - empirical).sum() * (edges[1] - edges[0]))
 
 
 def aligned_rms(simulated: ArrayLike, measured: ArrayLike) -> float:
-    """Root mean square distance [m] after the rigid motion of the whole path that makes it least.
+    """Root mean square distance [m] after the rigid motion of the whole path that minimises it.
 
-    A generous number: it hides every error that a shift and a turn of the floor frame explain. To be shown beside the
-    unaligned one, and marked as aligned.
+    It hides every error that a shift and a rotation of the floor frame explain, so it is shown with the unaligned one,
+    and marked as aligned.
 
     ``simulated``, ``measured`` (n, 2): positions at the same times [m], all finite, two or more that do not coincide.
     """
@@ -74,9 +74,9 @@ def aligned_rms(simulated: ArrayLike, measured: ArrayLike) -> float:
 def error_ratio(error: ArrayLike, covariance: ArrayLike) -> Array:
     """|E| / u_val of the position over time (n,) [1], with u_val = √(σ_x² + σ_y²) at that time.
 
-    ``error`` (n, 3) is simulated minus measured pose, ``covariance`` (n, 3, 3) its own if the model is right. NaN where
-    the error is missing, and where u_val is below a hundredth of its root mean square: until the object moves,
-    simulation and measurement are put on each other, and a ratio of next to nothing says nothing.
+    ``error`` (n, 3) is simulated minus measured pose, ``covariance`` (n, 3, 3) that of a right model's error. NaN where
+    the error is missing, and where u_val is below a hundredth of its root mean square: until the object moves, the
+    simulation is set to the measured pose, and a ratio of tiny numbers means nothing.
     """
     error, covariance = np.asarray(error, dtype=np.float64), np.asarray(covariance, dtype=np.float64)
     distance = np.linalg.norm(error[:, :2], axis=1)

@@ -1,4 +1,4 @@
-"""The measured path as a frame for errors: along, across, and how far along."""
+"""The measured path as a frame for errors: directions along and across it, and its length."""
 
 from dataclasses import dataclass
 
@@ -9,16 +9,17 @@ from towval.model.geometry import pose_difference, rotation
 from towval.model.statement import Draws
 from towval.validation.statistics import upper_error
 
-_LEAST_TIMES = 24  # of a signature's blocks
+_LEAST_TIMES = 24  # number of blocks of a signature
 
 _STEP_M = 0.01
-"""Distance after which direction and length of the path are read again [m]: long against noise, short against bends."""
+"""Distance after which direction and length of the path are updated [m]: long against noise, short against bends."""
 
 
 class PathFrame:
     """The measured path at given times (n,) [s].
 
-    ``pose`` (n, 3) is NaN where the object was not ``seen`` (n,); ``length`` (n,) is that of the path up to there [m].
+    ``pose`` (n, 3) is NaN where the object was not ``seen`` (n,); ``length`` (n,) is that of the path up to each time
+    [m].
     """
 
     def __init__(self, measured: Track, times: Array):
@@ -38,7 +39,7 @@ class PathFrame:
         return np.concatenate([shift, error[..., 2:]], axis=-1)
 
     def covariance(self, floor: Array) -> Array:
-        """Covariances (n, 2, 2) of positions on the floor's axes turned the same."""
+        """Covariances (n, 2, 2) of positions on the floor's axes turned in the same way."""
         return np.asarray(self._turn.transpose(0, 2, 1) @ floor @ self._turn)
 
 
@@ -46,8 +47,8 @@ class PathFrame:
 class OnPath:
     """Error and draws of a run along and across the measured path, at the n times at which the object was seen.
 
-    ``error`` (n, 3) simulated minus measured; ``drawn`` (k, n, 3) what it is if the model is right; ``off`` (k, n, 3)
-    measured minus true; [m, m, rad].
+    ``error`` (n, 3) simulated minus measured; ``drawn`` (k, n, 3) draws of a right model's error; ``off`` (k, n, 3)
+    draws of measured minus true; [m, m, rad].
     """
 
     frame: PathFrame
@@ -65,14 +66,14 @@ class OnPath:
         return cls(frame, *(frame.along_across(each)[..., frame.seen, :] for each in parts))
 
     def bound_error(self, confidence: float) -> float:
-        """The larger standard error of the upper bounds of the largest error, of the simulation's and of the model's,
-        over their values [1]: what the number of draws leaves open."""
+        """Relative standard error [1] of the upper bound of the largest error due to the number of draws: the larger of
+        the simulation's and the model's."""
         model = upper_error(self.error, self.drawn, 0.5 * (1 + confidence))
         return max(upper_error(self.error, self.off, confidence), model)
 
     @property
     def length(self) -> Array:
-        """Length of the path (n,) up to there [m]."""
+        """Length of the path (n,) up to each time [m]."""
         return self.frame.length[self.frame.seen]
 
 
@@ -94,7 +95,7 @@ def _directions(pose: Array) -> Array:
 
 
 def _arc_length(pose: Array) -> Array:
-    """Arc length (n,) of the measured path [m], read at steps longer than the noise, so that a rest adds nothing."""
+    """Arc length (n,) of the measured path [m], summed in steps longer than the noise, so that a rest adds nothing."""
     length, total, corner = np.zeros(len(pose)), 0.0, None
     for i, position in enumerate(pose[:, :2]):
         if np.isfinite(position[0]):

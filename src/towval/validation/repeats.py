@@ -1,4 +1,4 @@
-"""Runs that repeat one drive: the error that they have in common, and how they scatter about it."""
+"""Runs that repeat one drive: their common error, and their scatter about it."""
 
 from collections.abc import Sequence
 
@@ -18,14 +18,14 @@ _APART = 0.1
 """Share of the path's length by which measured paths of one drive may differ."""
 
 _COVERAGE = 2.0
-"""Standard deviations within which the scatter of repeats is taken for what the deviations allow."""
+"""Scatter of repeats over u_val up to which the deviations allow it."""
 
 
 def corridor(runs: Sequence[tuple[Track, Comparison]], confidence: float = 0.95) -> Corridor:
     """Common error and scatter of runs that repeat one drive, over the length of the path that all cover.
 
-    ``runs`` are the measured track of the object and the comparison of each, two or more, else `InputError`, as where
-    one was not seen; ``confidence`` is that of the interval of the common error at one place.
+    ``runs``: measured track of the object and comparison of each of two or more runs; `InputError` where there are
+    fewer, or one in which it was not seen. ``confidence`` is that of the interval of the common error at one place.
     """
     if len(runs) < 2:
         raise InputError("a corridor needs repeated runs", got=len(runs), allowed="two runs or more")
@@ -57,7 +57,7 @@ def corridor(runs: Sequence[tuple[Track, Comparison]], confidence: float = 0.95)
 
 
 def corridor_finding(found: Corridor) -> Finding:
-    """What repeats say: a warning where they are none, or scatter by more than the deviations allow."""
+    """The finding on repeats: a warning where their paths differ, or scatter by more than the deviations allow."""
     code = "repeats_scatter" if found.scatter_m > _COVERAGE * found.u_val_m else "repeats"
     return finding(
         "repeats_apart" if found.apart_m > _APART * found.length_m[-1] else code,
@@ -70,7 +70,7 @@ def corridor_finding(found: Corridor) -> Finding:
 
 
 def _over_length(frame: PathFrame, columns: Array, length: Array) -> Array:
-    """Columns (n, m) over times as columns (k, m) over the length of the path; while it rests, their mean."""
+    """Columns (n, m) over times as columns (k, m) over the length of the path; their mean where the object rests."""
     seen = frame.seen & np.isfinite(columns).all(axis=1)
     places, group = np.unique(frame.length[seen], return_inverse=True)
     count = np.bincount(group)

@@ -1,4 +1,4 @@
-"""What one draw of everything uncertain makes of a run: the tow that is to be simulated, and what would be measured.
+"""Turns one draw of the uncertain inputs into a tow to simulate and the motion that would be measured.
 
 Camera, heights, registration in the first frame and tracking noise move the measured object *and* the rover that drives
 the simulation; masses, tether and friction move the simulation alone.
@@ -30,9 +30,9 @@ _RATE_STEP_S = 1e-4
 class UncertaintySettings:
     """Keys of ``config["uncertainty"]``.
 
-    ``samples`` drawn, a power of two, or "auto": as many as the bounds of a run need, from 256 to 2048; ``seed`` of the
-    scrambled Sobol sequence; ``tolerance_m`` of integration [m]; ``confidence`` of the limits that a right model keeps;
-    ``processes``, threads in truth, that simulate at once.
+    ``samples``: number of draws, a power of two, or "auto": as many as the bounds of a run need, from 256 to 2048;
+    ``seed`` of the scrambled Sobol sequence; ``tolerance_m`` of integration [m]; ``confidence`` of the limits that a
+    right model keeps; ``processes``: number of simulation threads.
     """
 
     samples: int | Literal["auto"] = "auto"
@@ -57,9 +57,9 @@ class UncertaintySettings:
 class Case:
     """One run: what was stated and what was measured.
 
-    ``deviations`` are those of :func:`towval.model.inputs.deviations`, what they do not name is exact; those of the
-    heights are the bodies' own. ``run`` is its name: inputs that runs share are drawn alike in all of them, the others
-    not. ``assumed`` are the inputs of which neither value nor deviation was stated.
+    ``deviations`` are those of :func:`towval.model.inputs.deviations`; inputs without one are exact, and those of the
+    heights are in the bodies. ``run`` is its name: inputs that runs share have the same draws in all of them, the
+    others do not. ``assumed`` are the inputs of which neither value nor deviation was stated.
     """
 
     scene: TowingScene
@@ -87,7 +87,8 @@ class Case:
 
 @dataclass(frozen=True)
 class _Motions:
-    """How the poses of a body along its track move with the camera (n, 3, 18) and with the height of its top (n, 3)."""
+    """Poses of a body along its track, and their derivatives by the camera (n, 3, 18) and the height of its target (n,
+    3)."""
 
     pose: Array
     by_camera: Array
@@ -100,7 +101,7 @@ class _Motions:
 
 
 class Sampler:
-    """Turns standard normal numbers into what is to be simulated and a measured motion of the object."""
+    """Turns standard normal numbers into a tow to simulate and a measured motion of the object."""
 
     def __init__(self, case: Case, settings: UncertaintySettings):
         self.case, self.settings = case, settings
@@ -108,7 +109,7 @@ class Sampler:
         begin, end = self.times[[0, -1]]
         self.nodes = nodes_between(case.rover_decimated, begin, end)
         self.rover_moves = case.rover_decimated.poses_and_rates_at(self.nodes)
-        # How a change of the camera moves the rover's rates is told from poses a little before and after each node.
+        # The effect of a camera change on the rover's rates is computed from poses shortly before and after each node.
         self.around = np.clip(self.nodes[:, None] + [0.0, -_RATE_STEP_S, _RATE_STEP_S], begin, end).T
         self.rover = _motions(case.calibration, case.rover, case.rover_decimated.poses_at(self.around.ravel()))
         rows = np.searchsorted(case.object_track.time_s, self.times - 1e-9)
@@ -125,7 +126,7 @@ class Sampler:
         self.roots = _roots(case)
         if "tracking" in widened(case.upstream):
             self.noise_std, self.knot_std = WIDER * self.noise_std, WIDER * self.knot_std
-        # Only what varies is drawn: each further column costs digits of the shares of all.
+        # Only what varies is drawn: each further column makes the shares of all less accurate.
         self.drawn = [name for name in INPUTS if self.roots[name].any()] or ["camera"]
         self.stated = {name: INPUTS[name].values(case.scene) for name in self.drawn}
         self.widths = {INPUTS[name].label: len(INPUTS[name].components) for name in self.drawn}
@@ -133,18 +134,18 @@ class Sampler:
         self.own = np.repeat([INPUTS[name].shared == "run" for name in self.drawn], list(self.widths.values()))
 
     def generator(self, index: int, purpose: int) -> np.random.Generator:
-        """One generator a draw, so that the result does not depend on how draws are shared among threads."""
+        """One generator per draw, so that the result does not depend on how draws are shared among threads."""
         return np.random.default_rng([self.settings.seed, index, crc32(self.case.run.encode()), purpose])
 
     def lay_out(self, index: int, draw: Array) -> tuple[Drawn | None, Array]:
-        """What is to be simulated of one draw, None where it cannot be, and measured poses (n, 3)."""
+        """The tow to simulate of one draw, None where it cannot be simulated, and measured poses (n, 3)."""
         rng = self.generator(index, 0)
         noise, knots = self.noise_std * rng.standard_normal(self.noise_std.shape), self._knot_noise(rng)
         drawn, measured = self.moved(draw)
         return drawn and drawn._replace(rover=drawn.rover + knots), measured + noise
 
     def moved(self, draw: Array) -> tuple[Drawn | None, Array]:
-        """The same without noise: what inputs (d,) in standard normal numbers make of simulation and measurement."""
+        """The same without noise, for inputs (d,) given as standard normal numbers."""
         towed, rover = self.case.towed.name, self.case.rover.name
         try:
             real = self._realisation(draw)

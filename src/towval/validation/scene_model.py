@@ -1,4 +1,4 @@
-"""A scene laid out for the physics: what simulation, uncertainty and identification run alike."""
+"""A scene prepared for the physics, in the same way for simulation, uncertainty and identification."""
 
 from numpy.typing import ArrayLike
 
@@ -13,17 +13,18 @@ from towval.physics.splines import Spline
 from towval.physics.wrench import SlidingPatch, sliding_patch
 
 RISE_SHARE = 1e-4
-"""Of v_k: speed over which the law of an object that sticks rises [1]; the peak lies some of it up."""
+"""Speed over which the friction law of an object that sticks rises, as a share of v_k [1]; its peak lies at a few of
+it."""
 
 _HOLD = 2.0
-"""In these speeds: below it friction may hold."""
+"""Speed below which friction may hold the object, as a multiple of the speed of this rise."""
 
 
 class SceneModel:
     """The object of a scene under its weight, ``towed``, with the friction ``law`` that the scene's numbers give.
 
-    ``sticking``: whether an object below the friction limit stays, and the law of sliding begins at its peak; else the
-    law counts at every speed, and below the limit the object creeps.
+    ``sticking``: whether an object below the friction limit stays at rest, and the law of sliding begins at its peak;
+    else the law applies at every speed, and below the limit the object creeps.
 
     Raises `InputError` or `RefusedError` when the load's weight is outside the footprint, or no law has such numbers.
     """
@@ -34,7 +35,7 @@ class SceneModel:
 
     @property
     def planar(self) -> bool:
-        """Whether no effect is on that the rungs below the dynamics leave out."""
+        """Whether the scene has no effect that the rungs below the dynamics leave out."""
         scene = self.scene
         return is_planar(self.towed, self._sliding(), scene.tether, scene.ground, scene.hinge_height, self._hold())
 
@@ -44,7 +45,7 @@ class SceneModel:
         """Motion of the object by a rung of the ladder, as far as it goes.
 
         ``hinge`` is the path of the tether's hinge [m], ``start`` (3,) the object's pose at ``times[0]`` [s],
-        ``tolerance_m`` of a step [m]. Rungs below the dynamics know the planar model alone.
+        ``tolerance_m`` of a step [m]. Rungs below the dynamics use the planar model only.
         """
         scene = self.scene
         law: Sliding | SlidingPatch = self._sliding()

@@ -1,4 +1,4 @@
-"""Which input the variance of an error comes from: first-order Sobol indices."""
+"""Shares of an error's variance by input: first-order Sobol indices."""
 
 import numpy as np
 from scipy.linalg import lstsq
@@ -14,12 +14,12 @@ def variance_shares(draws: Array, outputs: Array, inputs: dict[str, int]) -> dic
 
     The outputs are regressed on Hermite polynomials of degree one and two of each draw, which are orthonormal for
     standard normal draws, so that a squared coefficient is a share of variance (Sudret 2008); indices of many outputs
-    are weighted by their variances (Lamboni, Monod and Makowski 2011). What the regression's own noise adds to a
-    squared coefficient is taken off. The rest, "noise and interactions", is what no input explains alone.
+    are weighted by their variances (Lamboni, Monod and Makowski 2011). The contribution of the regression's own noise
+    to a squared coefficient is subtracted. The rest, "noise and interactions", is what no input explains alone.
 
-    ``draws`` (k, d) are standard normal numbers, ``outputs`` (k, m) their results, ``inputs`` the names of the inputs
-    with how many columns of ``draws`` each is made of. The shares by name, "noise and interactions" last, sum to one
-    unless nothing varies at all.
+    ``draws`` (k, d) are standard normal numbers, ``outputs`` (k, m) their results, ``inputs`` the number of columns of
+    ``draws`` by the name of the input. The shares by name, "noise and interactions" last, sum to one unless nothing
+    varies at all.
     """
     k, d = draws.shape
     outputs = outputs - outputs.mean(axis=0)

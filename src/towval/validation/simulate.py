@@ -1,4 +1,5 @@
-"""Stage simulate: the motion that the model predicts behind the measured rover (FBD, the paper's 2.3)."""
+"""Stage simulate: the motion that the model predicts for the object behind the measured rover (FBD, the paper's
+2.3)."""
 
 from dataclasses import dataclass, replace
 
@@ -20,10 +21,10 @@ from towval.validation.hinge_trajectory import hinge_trajectory
 from towval.validation.scene_model import SceneModel
 
 STICKING = "sticking"
-"""Name in the statistics of whether the model sticks, 1 or 0."""
+"""Name of the statistic that is 1 where the model sticks, else 0."""
 
 _PARKED_CREEP_M = 5e-3
-"""Creep while the rover stands from which on the object sticks: on all runs of the samples it is below 3 mm."""
+"""Creep while the rover stands above which the object is made to stick: on all runs of the samples it is below 3 mm."""
 
 _STANDING_M_PER_S = 1e-3
 _LAW_RESIDUAL = 1e-3
@@ -35,9 +36,9 @@ class SimulateSettings:
     """Keys of ``config["simulate"]``.
 
     ``rung`` of the ladder of models, one of :data:`towval.physics.ladder.RUNGS`, or "auto": the simplest whose path
-    stays within ``rung_tolerance_m`` [m] of every fuller one's on this very run. ``tolerance_m`` is the error that the
-    integrator accepts in one step [m]. ``sticking``: whether an object below the friction limit stays, true or false,
-    or "auto": where it else creeps by more than 5 mm while the rover stands.
+    stays within ``rung_tolerance_m`` [m] of those of all fuller ones on this run. ``tolerance_m`` is the error that the
+    integrator accepts in one step [m]. ``sticking``: whether an object below the friction limit stays at rest, true or
+    false, or "auto": where it would otherwise creep by more than 5 mm while the rover stands.
     """
 
     rung: str = "auto"
@@ -62,16 +63,16 @@ def simulate(
 ) -> SimulatedMotion:
     """Simulate the towed object behind the measured rover.
 
-    Of the object's decimated track only the first pose is used. The motion is on those of the ``times`` (n,) [s] that
-    both tracks allow; ``statistics["u_num_m"]`` is the largest shift of the path that a hundred times tighter tolerance
-    and the full dynamics make. `RefusedError` where the load's weight is outside the footprint, the tracks do not
-    overlap, or the integration ends early.
+    Of the object's decimated track only the first pose is used. The motion is given at those of the ``times`` (n,) [s]
+    that both tracks cover; ``statistics["u_num_m"]`` is the root sum of squares of the largest shifts of the path by a
+    hundred times tighter tolerance and by the full dynamics. `RefusedError` where the load's weight is outside the
+    footprint, the tracks do not overlap, or the integration ends early.
     """
     return RunSimulation(scene, rover, towed, times).simulate(settings or SimulateSettings())
 
 
 class RunSimulation:
-    """One run, prepared once; each model is integrated once a tolerance, however often it is asked for.
+    """One run, prepared once; each model is integrated only once per tolerance.
 
     Parameters and errors are those of :func:`simulate`.
     """
@@ -101,13 +102,13 @@ class RunSimulation:
         return self._motions[key]
 
     def path_shift_m(self, rung: str, tolerance_m: float, finer_m: float) -> float:
-        """How far a finer tolerance moves the path, at most [m]."""
+        """Largest shift of the path by a finer tolerance [m]."""
         both = (_whole(self.motion(rung, tolerance), self.times) for tolerance in (tolerance_m, finer_m))
         path, finer = (motion.pose[:, :2] for motion in both)
         return float(np.linalg.norm(path - finer, axis=1).max())
 
     def simulate(self, settings: SimulateSettings) -> SimulatedMotion:
-        """The motion with settings, its numerical uncertainty and what is to be said of it."""
+        """The motion with settings, its numerical uncertainty and findings."""
         tolerance = settings.tolerance_m
         self._choose_sticking(settings.sticking, tolerance)
         choice = lowest_rung(self.towed, settings.rung_tolerance_m, lambda rung: self.motion(rung, tolerance))
@@ -132,7 +133,7 @@ class RunSimulation:
         return replace(motion, findings=findings, statistics=statistics)
 
     def _choose_sticking(self, asked: bool | str, tolerance: float) -> None:
-        """Takes the model that sticks where asked to, or where the other creeps far while the rover stands."""
+        """Select the model that sticks where asked to, or where the other creeps too far while the rover stands."""
         sticking = bool(asked)
         if asked == "auto":
             self.model = SceneModel(self.scene)
@@ -140,14 +141,15 @@ class RunSimulation:
         self.model = SceneModel(self.scene, sticking=sticking)
 
     def _creep(self, motion: SimulatedMotion, *, standing: bool) -> float:
-        """Path length below the stiction velocity [m], all in all or while the rover stands."""
+        """Length of the path below the stiction velocity [m], in total or while the rover stands."""
         speed = np.linalg.norm(spline_values(self.hinge, motion.time_s)[1], axis=1)
         counted = speed < _STANDING_M_PER_S if standing else np.ones(len(speed), dtype=bool)
         still = replace(motion, twist=np.where(counted[:, None], motion.twist, 0.0))
         return creep_length(still, self.towed, self.scene.friction.stiction_velocity)
 
     def _creep_findings(self, motion: SimulatedMotion, settings: SimulateSettings) -> list[Finding]:
-        """Where the regularised law moves the path by more than a simpler model may; a warning if at a stop."""
+        """A finding where the regularised law creeps by more than a simpler model may differ; a warning if while
+        standing."""
         if self.model.sticking:
             return []
         crept, parked = self._creep(motion, standing=False), self._creep(motion, standing=True)
@@ -157,7 +159,7 @@ class RunSimulation:
         return [finding("creep", severity, crept_mm=1000 * crept, parked_mm=1000 * parked)]
 
     def _rung_finding(self, choice: LadderChoice, rung: str, to_dynamics: dict[str, float]) -> Finding:
-        """What this scene needed: the rung taken, and what the next simpler and the fullest would have changed."""
+        """The rung used on this scene, and the shift of the path by the next simpler rung and by the full dynamics."""
         names = rung_names()
         place = names.index(rung)
         changes = [
@@ -198,7 +200,7 @@ def _whole(motion: SimulatedMotion, times: Array) -> SimulatedMotion:
 
 
 def _hanging_findings(scene: TowingScene, motion: SimulatedMotion) -> list[Finding]:
-    """Where a tether with mass would hang through the floor."""
+    """A finding where a tether with mass would hang through the floor."""
     if not scene.tether.mass_per_length > 0:
         return []
     rise = scene.hinge_height - scene.anchor_height
@@ -211,6 +213,6 @@ def _hanging_findings(scene: TowingScene, motion: SimulatedMotion) -> list[Findi
 
 
 def _error_findings(u_num: float, settings: SimulateSettings) -> list[Finding]:
-    """Where the integrator's tolerance or the regularised law moves the path by more than a simpler model may."""
+    """A finding where the integrator's tolerance moves the path by more than a simpler model may."""
     allowed = settings.rung_tolerance_m
     return [finding("numerical_error", u_num_mm=1000 * u_num, allowed_mm=1000 * allowed)] if u_num > allowed else []

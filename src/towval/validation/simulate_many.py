@@ -1,7 +1,7 @@
 """Many simulations of one run on all cores: the draws of the uncertainty, or scenes to compare.
 
-The loop over time is compiled and holds no lock of the interpreter, so threads share the cores. What a draw gives
-depends on the draw alone: the same bits whatever the number of threads.
+The loop over time is compiled and releases the interpreter's lock, so threads share the cores. The result of a draw
+depends on the draw alone: it is bit-identical for any number of threads.
 """
 
 from collections import deque
@@ -19,7 +19,7 @@ from towval.physics.ladder import DYNAMICS
 from towval.validation.hinge_trajectory import trajectory_of
 from towval.validation.scene_model import SceneModel
 
-_WAITING = 4  # draws laid out ahead of each thread: what bounds the memory
+_WAITING = 4  # draws prepared ahead per thread, which bounds the memory
 
 
 class Drawn(NamedTuple):
@@ -37,9 +37,9 @@ class Drawn(NamedTuple):
 class Batch:
     """What many simulations have in common.
 
-    ``rover_times`` (m,) of the rover's poses and ``times`` (n,) of the output [s]; ``rung`` of the ladder, which planar
-    scenes are simulated by, all others by the dynamics; whether they are ``sticking``; ``tolerance_m`` of a step [m];
-    ``threads`` that simulate at once.
+    ``rover_times`` (m,) of the rover's poses and ``times`` (n,) of the output [s]; ``rung`` of the ladder for planar
+    scenes (all others are simulated by the dynamics); whether objects are ``sticking``; ``tolerance_m`` of a step [m];
+    number of simulation ``threads``.
     """
 
     rover_times: Array
@@ -72,7 +72,7 @@ class Batch:
         try:
             hinge = trajectory_of(drawn.scene.hinge, self.rover_times, drawn.rover)
             model = SceneModel(drawn.scene, sticking=self.sticking)
-            rung = self.rung if model.planar else DYNAMICS  # The others know nothing of what is not planar.
+            rung = self.rung if model.planar else DYNAMICS  # The other rungs apply to planar scenes only.
             motion = model.motion(rung, hinge, drawn.start, self.times, self.tolerance_m)
         except TowvalError:
             return missing

@@ -1,7 +1,7 @@
 """Statistics of an error over a run against draws of what it may be: sizes, limits of a right model, bounds.
 
 Errors are along and across the measured path and of the heading, (..., n, 3) [m, m, rad], without missing times. Draws
-(k, n, 3) are realisations of the same error. Nothing here knows where they come from.
+(k, n, 3) are realisations of the same error, of any origin.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,36 +16,36 @@ from towval.model.errors import InputError
 from towval.model.geometry import error_signature, normalised_signature, signature_blocks, signature_entries
 
 SIZES = ("position_rms", "position_max", "along_max", "across_max", "heading_rms", "heading_max")
-"""What :func:`error_sizes` gives, in this order."""
+"""Sizes returned by :func:`error_sizes`, in this order."""
 
 _MADE_OF = (((0, 1), "mean"), ((0, 1), "max"), ((0,), "max"), ((1,), "max"), ((2,), "mean"), ((2,), "max"))
 """Components of each size, and whether it is their mean square or their largest."""
 
 STATISTICS = ("size", "shape", "input")
-"""What :meth:`RightModel.statistics` gives, in this order."""
+"""Statistics returned by :meth:`RightModel.statistics`, in this order."""
 
 _TESTED = (0, 1, 4, 5)
 """Sizes that the test uses: of position and heading."""
 
 _TAIL_FROM = 0.9
-"""Quantile from which on the tail of a statistic counts as exponential."""
+"""Quantile above which the tail of a statistic counts as exponential."""
 
 _HALVINGS = 18
-"""Of the interval in which a bound is sought: to five digits."""
+"""Halvings of the interval in which a bound is searched: five digits."""
 
 _TIMES = 200
-"""Times of a run by which the level of a bound is found."""
+"""About as many times of a run are used to find the level of a bound."""
 
 _FOLDS = 8
-"""Parts of the draws, each held against the others: what a draw adds to its own covariance would hide it."""
+"""Parts of the draws, each tested against the others, as a draw would be hidden by its own part of the covariance."""
 
 _FLOOR = 0.1
-"""Deviation of a block's mean that counts at least, as a share of the root mean square over the run: what 512 draws
-leave open of the smallest of 72 principal directions."""
+"""Least deviation of a block's mean, as a share of the root mean square over the run: with 512 draws the smallest of 72
+principal directions is uncertain by this."""
 
 _LEAST_EFFECT = 0.02
-"""Effect of one deviation of an input, as a share of the error's root mean square, below which nothing is put down to
-it."""
+"""Effect of one deviation of an input, as a share of the error's root mean square, below which the input is left
+out."""
 
 
 def error_sizes(error: NDArray[np.floating]) -> Array:
@@ -59,11 +59,11 @@ def error_sizes(error: NDArray[np.floating]) -> Array:
 
 
 def upper_limit(values: Array, confidence: float) -> float:
-    """What a statistic exceeds with the probability 1 − ``confidence``, from draws (k,) of it.
+    """The value that a statistic exceeds with the probability 1 − ``confidence``, from draws (k,) of it.
 
-    Beyond nine tenths the tail counts as exponential, so that a quantile of 99 % rests on a tenth of the draws instead
-    of on the largest few. Its mean e is known from m of them only: the limit is that of one more draw, which is beyond
-    an excess x with the probability (1 + x / m e)⁻ᵐ.
+    Above the quantile of nine tenths the tail counts as exponential, so that a quantile of 99 % rests on a tenth of the
+    draws instead of on the largest few. Its mean e is estimated from m of them only: the limit is that of one more
+    draw, which exceeds an excess x with the probability (1 + x / m e)⁻ᵐ.
 
     Examples
     --------
@@ -81,14 +81,14 @@ def upper_limit(values: Array, confidence: float) -> float:
 
 @dataclass(frozen=True)
 class RightModel:
-    """What a right model's error keeps: its size, its shape and what single inputs do to it, at one joint confidence.
+    """Limits of a right model's error in its size, its shape and the effects of single inputs, at one joint confidence.
 
     ``size_scale`` (4,) root mean squares over the draws of RMS and largest error of position and heading;
     ``covariance`` (m, 3, 3) of the error's signature; ``effects`` (j, 72) of one deviation of an input each on the
     error's block means, and ``columns`` (j,) which inputs these are; ``one_sided`` (j,) where an input cannot be below
     zero; ``weight`` (72, 72) the inverse covariance of the block means; ``limits`` (3,) of :data:`STATISTICS`, which
-    all together are kept with ``confidence``; ``drawn`` (k, 3) these of the draws, and ``entries`` (k, m) each of the
-    entries that the shape is the largest of.
+    are all kept together with ``confidence``; ``drawn`` (k, 3) the statistics of the draws, and ``entries`` (k, m)
+    those entries of the signature whose largest is the shape.
     """
 
     size_scale: Array
@@ -106,14 +106,14 @@ class RightModel:
     def of(cls, draws: Array, inputs: Array, confidence: float) -> "RightModel":
         """From draws (k, n, 3) of the error and the standard normal inputs (k, d) that they come from.
 
-        `InputError` where there are fewer than 32, or less than 24 times.
+        `InputError` where there are fewer than 32, or fewer than 24 times.
         """
         if len(draws) < 32 or draws.shape[1] < 24:
             raise InputError(
                 "too few draws or times for a limit", got=draws.shape[:2], allowed="32 or more, 24 or more"
             )
         features, folds = _features(draws), np.arange(len(draws)) % _FOLDS
-        # An input's effect takes two coefficients: known in each part of the draws, or in none.
+        # The effect of an input takes two coefficients: it is fitted in each part of the draws, or in none.
         inputs = inputs if np.count_nonzero(folds) > 2 * inputs.shape[1] + 1 else inputs[:, :0]
         found = cls._fitted(features, inputs, confidence)
         drawn, entries = np.empty((len(draws), len(STATISTICS))), np.empty(features[1].shape[:2])
@@ -128,7 +128,7 @@ class RightModel:
 
     @classmethod
     def _fitted(cls, features: Sequence[Array], inputs: Array, confidence: float) -> "RightModel":
-        """Without limits, from :func:`_features` of draws."""
+        """The model without limits, from :func:`_features` of draws."""
         sizes, signature, means = features
         covariance = np.einsum("kmi,kmj->mij", signature, signature) / len(signature)
         scale = np.sqrt(np.mean(sizes**2, axis=0))
@@ -137,20 +137,20 @@ class RightModel:
         floor = np.tile(np.maximum(_FLOOR * rms, 1e-12), means.shape[1] // 3)
         weight = np.asarray(np.linalg.inv(means.T @ means / len(means) + np.diag(floor**2)))
         effects, columns, one_sided = _effects(means, inputs)
-        # What does not vary at all is left out by a scale that nothing reaches.
+        # An infinite scale leaves out what does not vary at all.
         scale = np.where(scale > 0, scale, np.inf)
         ones, none = np.ones(len(STATISTICS)), np.empty((0, len(STATISTICS)))
         return cls(scale, covariance, effects, columns, one_sided, weight, ones, confidence, none, none)
 
     def signature(self, error: Array) -> Array:
-        """Entries (..., m) of the signature of errors (..., n, 3), of position or heading the larger, in deviations."""
+        """Entries (..., m) of the signature of errors (..., n, 3) in deviations, the larger of position and heading."""
         return self._entries(error_signature(error))
 
     def _entries(self, signature: Array) -> Array:
         return np.asarray(normalised_signature(signature, self.covariance).max(axis=-1))
 
     def input_scores(self, means: Array) -> Array:
-        """By how many deviations each input stands out (..., j) in block means (..., 72), all others being as drawn.
+        """By how many deviations each input stands out (..., j) in block means (..., 72), with all others as drawn.
 
         Generalised least squares: ``s' V⁻¹ E / √(s' V⁻¹ s)`` with the effect s of the input and V of all that is drawn.
         """
@@ -171,24 +171,24 @@ class RightModel:
         return np.stack([size, shape, single], axis=-1)
 
     def rejects(self, error: Array) -> Array:
-        """Whether errors (..., n, 3) are none of a right model (...,)."""
+        """Whether errors (..., n, 3) are rejected as those of a right model (...,)."""
         return np.asarray((self.statistics(error) > self.limits).any(axis=-1))
 
     def thresholds(self, shift: Array, error: Array) -> Array:
-        """Multiples (k,) of shifts ((k,) n, 3) from which on, added to errors (k, n, 3), they are none of a right
-        model; zero where these alone are none."""
+        """Least multiples (k,) of shifts ((k,) n, 3) that, added to errors (k, n, 3), are rejected as those of a right
+        model; zero where the errors alone are."""
         parts, shifts = (error, error_signature(error)), (shift, error_signature(shift))
         own, added = self._squares(*parts), self._squares(*shifts)
         more, less = (self._squares(*(p + sign * s for p, s in zip(parts, shifts, strict=True))) for sign in (1, -1))
         cross = (more - less) / 4
         left = np.maximum(1 - own, 0)
         root = np.sqrt(cross**2 + added * left)
-        with np.errstate(divide="ignore", invalid="ignore"):  # what does not grow is never too large
+        with np.errstate(divide="ignore", invalid="ignore"):  # what does not grow never exceeds a limit
             found = np.where(cross > 0, left / (cross + root), (root - cross) / added)
         return np.asarray(np.fmin.reduce(np.where(left > 0, found, 0.0), axis=-1, initial=np.inf))
 
     def _squares(self, error: Array, signature: Array) -> Array:
-        """Squares (..., m) of all that the statistics of errors are the largest of, over their limits."""
+        """Squares (..., m) of all terms whose largest are the statistics of errors, over their limits."""
         position, turn = np.sum(error[..., :2] ** 2, axis=-1), error[..., 2] ** 2
         parts = [
             np.mean(position, axis=-1, keepdims=True) / self.size_scale[0] ** 2,
@@ -215,9 +215,11 @@ def _block_means_of(signature: Array) -> Array:
 
 
 def _effects(means: Array, inputs: Array) -> tuple[Array, NDArray[np.intp], NDArray[np.bool_]]:
-    """Effects (j, b) of one deviation of those inputs that matter, which (j,), and whether they act one-sidedly (j,).
+    """Effects (j, b) of one deviation of those inputs that matter, their columns (j,), and whether they are one-sided
+    (j,).
 
-    Block means (k, b) are regressed on the inputs (k, d); an input that cannot be below zero acts by its size.
+    Block means (k, b) are regressed on the inputs (k, d); an input that cannot be below zero acts by its absolute
+    value.
     """
     k, d = inputs.shape
     if d == 0 or k <= 2 * d + 1:
@@ -234,11 +236,11 @@ def _effects(means: Array, inputs: Array) -> tuple[Array, NDArray[np.intp], NDAr
 
 
 def holding_levels(drawn: Array, draws: Array, confidence: float) -> Array:
-    """Levels (6,) of the quantiles that :func:`bounds` takes at which these hold in a share of the runs of their kind.
+    """Levels (6,) of the quantiles in :func:`bounds` with which the bounds hold in a share ``confidence`` of such runs.
 
-    SOURCE: R. Beran, "Prepivoting to reduce level error of confidence sets", Biometrika 74 (1987) 457. Each draw is
-    taken for the run: what is observed is ``drawn[i]``, (k, n, 3), the truth ``drawn[i] + draws[i]``, and it is larger
-    than a share of the others' ``drawn[i] + draws[j]``, by each of :data:`SIZES`. The level is a quantile of that.
+    SOURCE: R. Beran, "Prepivoting to reduce level error of confidence sets", Biometrika 74 (1987) 457. Each draw serves
+    as the run: the observed error is ``drawn[i]``, (k, n, 3), the truth ``drawn[i] + draws[i]``, which is larger than a
+    share of the others' ``drawn[i] + draws[j]``, by each of :data:`SIZES`. The level is a quantile of these shares.
 
     Examples
     --------
@@ -247,7 +249,7 @@ def holding_levels(drawn: Array, draws: Array, confidence: float) -> Array:
     True
     """
     times = slice(None, None, max(1, drawn.shape[1] // _TIMES))
-    # Only ranks count, for which single precision will do; component by component in memory it takes a third.
+    # Only ranks matter, so single precision suffices; component by component in memory it takes a third of the time.
     errors, others = (np.array(each[:, times], dtype=np.float32, order="F") for each in (drawn, draws))
     sizes = (error_sizes(error + others) for error in errors)
     below = [np.sum(each < each[i], axis=0) for i, each in enumerate(sizes)]
@@ -255,14 +257,15 @@ def holding_levels(drawn: Array, draws: Array, confidence: float) -> Array:
 
 
 def bounds(error: Array, draws: Array, confidence: float, levels: Array | None = None) -> Array:
-    """Lower and upper bounds (2, 6) of the sizes of what is behind an observed error; each holds with ``confidence``.
+    """Lower and upper bounds (2, 6) of the sizes of the true error behind an observed one; each holds with
+    ``confidence``.
 
     The observed error is ``truth − draw``. *Upper*: the quantile of the size of ``error + draw`` over the draws, at
     ``confidence`` or the ``levels`` (6,) of :func:`holding_levels`. At the former it is exact for what the observed
     error does not contain (a camera that moves the measured rover, and with it the simulation, as it moves the measured
-    object) and for a truth that is far larger; else it is wide, for what is in the observed error counts once more.
-    *Lower*: the smallest multiple c of the observed error for which ``c error − draw`` is as large as what was observed
-    in a share 1 − ``confidence`` of the draws; zero where noise alone is.
+    object) and for a truth that is far larger; else it is wide, because what the observed error contains is counted
+    twice. *Lower*: the smallest multiple c of the observed error for which ``c error − draw`` is as large as what was
+    observed in a share 1 − ``confidence`` of the draws; zero where noise alone is.
 
     Parameters
     ----------
@@ -296,9 +299,10 @@ def _upper(square: Array, mixed: Array, own: Array, level: float) -> float:
 
 
 def upper_error(error: Array, draws: Array, confidence: float) -> float:
-    """Standard error of the upper bound of the largest position error over its value [1], by the number of draws.
+    """Relative standard error [1] of the upper bound of the largest position error due to the number of draws.
 
-    The rank of a quantile is binomial: half the distance of the values one standard deviation of it above and below.
+    The rank of a quantile is binomial: half the distance between the values one standard deviation of it above and
+    below.
     """
     sizes = np.sort(error_sizes(error + draws)[:, SIZES.index("position_max")])
     ranks = confidence + np.array([-1, 1]) * np.sqrt(confidence * (1 - confidence) / len(sizes))
@@ -317,7 +321,7 @@ def _lower(square: Array, mixed: Array, own: Array, share: float) -> float:
 
 
 def _edge(inside: Callable[[float], bool], high: float) -> float:
-    """The end of an interval from zero on, before ``high``, by halving."""
+    """The end, before ``high``, of an interval that starts at zero, by halving."""
     low = 0.0
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
@@ -326,17 +330,18 @@ def _edge(inside: Callable[[float], bool], high: float) -> float:
 
 
 def place(error: Array, right: RightModel, length: Array) -> tuple[float, float]:
-    """Between which lengths of the path [m] an error (n, 3) begins that is none of a right model; NaN where it is one.
+    """Lengths of the path [m] between which an error (n, 3) begins that a right model does not have; NaN where it may.
 
-    The entry of the signature that exceeds its limit and ends first says when the error shows; a change also says since
-    when it has grown: since the last time before its first block, in whose mean it is already. Among the changes within
-    that time the same is asked again, with the limit that a right model keeps in these few, lower than that of all.
+    Of the entries of the signature that exceed their limit, the one that ends first tells when the error shows; a
+    change also tells since when it has grown: since the last time before its first block, whose mean already contains
+    it. The search is repeated among the changes within that time, with the limit for these few, which is lower than
+    that for all.
     """
     normalised, entries = right.signature(error), signature_entries()
     asked, limit = np.ones(len(entries), dtype=bool), right.limits[1]
     begins, ends, blocks = float("nan"), float("nan"), signature_blocks(len(length))
     while (exceeding := asked & (normalised > limit)).any():
-        # Of those that end together the latest change; a mean says nothing of when it came to be.
+        # Of those that end together, the latest change; a mean does not tell when the error began.
         first = min(
             (entries[i] for i in np.flatnonzero(exceeding)), key=lambda e: (e.last, e.first == e.last, -e.first)
         )

@@ -30,12 +30,12 @@ from towval.validation.simulate_many import Batch, Drawn
 from towval.validation.statistics import RightModel, error_sizes
 
 DRAWS = (256, 512, 1024, 2048)
-"""What "auto" chooses from, cheapest first; with 128 a right model exceeds its limits of 1 % in 2 % of runs."""
+"""Numbers of draws that "auto" selects from; with 128 a right model exceeds its limits of 1 % in 2 % of runs."""
 
 BOUND_ERROR = 0.05
-"""Standard error that the number of draws may leave of the bounds, over their values."""
+"""Largest relative standard error of the bounds that the number of draws may cause."""
 
-_BOUND_CONFIDENCE = 0.95  # of the bounds, for their error
+_BOUND_CONFIDENCE = 0.95  # of the bounds whose error is estimated
 
 _DROPPED_SHARE = 0.02
 _KEPT_TIMES = 1000
@@ -51,7 +51,7 @@ def sample_uncertainty(
 
     The result holds covariances over time, the draws, and the smallest faults that they leave visible; ``progress`` is
     called with the number of draws done. `RefusedError` where more than 2 % of the draws cannot be simulated: the
-    limits would be those of the easy ones.
+    limits would hold for the easy ones only.
     """
     settings = settings or UncertaintySettings()
     sampling = UncertaintySampling(case, settings, progress)
@@ -59,7 +59,7 @@ def sample_uncertainty(
 
 
 class UncertaintySampling:
-    """Draws of all that is uncertain in a run, and where each leads; asking for more keeps those that were made.
+    """Draws of all uncertain inputs of a run, and their results; a larger number adds to those that were made.
 
     ``case``, ``settings``, ``progress``: as in :func:`sample_uncertainty`.
     """
@@ -74,16 +74,19 @@ class UncertaintySampling:
         self._outcomes: list[tuple[Array, Array]] = []
 
     def sampled(self) -> tuple[RunUncertainty, float]:
-        """The spread of as many draws as the settings say, and the error that they leave of the bounds [1].
+        """The spread of the number of draws in the settings, and the relative error of the bounds due to this number
+        [1].
 
         Under "auto" draws are added until the standard error of both upper bounds of the largest error, the
-        simulation's and the model's, is :data:`BOUND_ERROR` of them. The error is 0 where there are no bounds.
+        simulation's and the model's, is at most :data:`BOUND_ERROR` of them, or no more are allowed. The error is 0
+        where there are no bounds.
         """
         auto = self.settings.samples == "auto"
         count = DRAWS[0] if auto else int(self.settings.samples)
         found, error = self._with_error(count)
         while auto and error > BOUND_ERROR and count < DRAWS[-1]:
-            # It falls with the root of the number; the first estimate is rough, so no step is longer than four times.
+            # The error falls with the root of the number; the first estimate is rough, so one step at most quadruples
+            # it.
             needed = min(count * (error / BOUND_ERROR) ** 2, 4 * count)
             count = next((each for each in DRAWS if count < each >= needed), DRAWS[-1])
             found, error = self._with_error(count)
@@ -110,8 +113,8 @@ class UncertaintySampling:
         return self._described(draws[done], simulated[done], measured[done], int(np.count_nonzero(~done)))
 
     def _described(self, draws: Array, simulated: Array, measured: Array, dropped: int) -> RunUncertainty:
-        # Deviations are taken from the nominal solution, which stands where the truth stands in the campaign, not from
-        # the mean of the draws: where phases wander, both sides of S − D oscillate, and the mean of the draws does not.
+        # Deviations are taken from the nominal solution, which corresponds to the truth in a campaign, not from the
+        # mean of the draws: where phases drift, both sides of S − D oscillate, and the mean of the draws does not.
         nominal, u_num_m = self.case.simulated.pose, self.case.simulated.statistics["u_num_m"]
         error = pose_difference(simulated, measured)
         shares = variance_shares(draws, error[..., :2].reshape(len(error), -1), self._sampler.widths)
@@ -135,11 +138,11 @@ class UncertaintySampling:
         )
 
     def completed(self, known: RunUncertainty) -> RunUncertainty:
-        """The same with the smallest faults that show in nine of ten of its draws, and what explains the error."""
+        """Add the smallest faults that show in nine of ten draws, and what explains the error."""
         return self.explained(self.with_faults(known))
 
     def with_faults(self, known: RunUncertainty) -> RunUncertainty:
-        """The same with the smallest faults that show in nine of ten of its draws."""
+        """Add the smallest faults that show in nine of ten draws."""
         path, draws = self.on_path(known), known.draws
         if path is None or draws is None:
             return known
@@ -168,7 +171,7 @@ class UncertaintySampling:
         return replace(known, faults=visible_faults(nominal, drawing))
 
     def explained(self, known: RunUncertainty) -> RunUncertainty:
-        """The same with what explains an error that a right model leaves not, or that no draw of the measurement is."""
+        """Add what explains an error that is rejected, or larger than in any draw of the measurement."""
         path, draws = self.on_path(known), known.draws
         if path is None or draws is None:
             return known
@@ -185,7 +188,7 @@ class UncertaintySampling:
         return None if draws is None else OnPath.of(self.case.object_track, self.case.simulated, draws)
 
     def _left(self, batch: Batch, rows: NDArray[np.intp], path: OnPath) -> Left:
-        """The error of the run with inputs moved and the run simulated again, as :func:`explain` asks for it."""
+        """The error of the run with inputs moved and the run simulated again, as :func:`explain` needs it."""
 
         def errors(moves: Sequence[Moves]) -> Array:
             draws = np.zeros((len(moves), self._sequence.d))
@@ -216,7 +219,7 @@ class UncertaintySampling:
             return
         uniform = self._sequence.random(samples - made)
         draws = norm.ppf(np.clip(uniform, _SMALLEST, 1 - _SMALLEST))
-        # The sequence is that of all runs of a campaign: what each run has of its own is drawn apart.
+        # All runs of a campaign use the same sequence; inputs that each run has separately are drawn separately.
         own = self._sampler.own
         for i in range(len(draws)):
             draws[i, own] = self._sampler.generator(made + i, 1).standard_normal(np.count_nonzero(own))
@@ -238,9 +241,9 @@ class UncertaintySampling:
 def with_numerical(covariance: Array, u_num_m: float) -> Array:
     """Covariances (..., 3, 3) of the error over the draws with the numerical uncertainty of the simulation added.
 
-    This is where u_val² = u_num² + u_input² + u_D² is formed, for the table, the test and the plots alike; errors that
+    This is where u_val² = u_num² + u_input² + u_D² is formed, for the table, the test and the plots; errors that
     simulation and measurement share are counted once, since the draws are of their difference. ``u_num_m`` [m] counts
-    at every time, half its square in each direction.
+    at every time, with half of its square in each direction.
     """
     return covariance + 0.5 * u_num_m**2 * np.diag([1.0, 1.0, 0.0])
 

@@ -14,7 +14,7 @@ _LEAST_SEEN = 0.5
 """Share of the frames of the motion in which the object must have been seen."""
 
 _LEAST_MOVED = 2.0
-"""Length of the path, in errors that matter, below which a run says nothing."""
+"""Length of the path, in tolerances, below which a run is not judged."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Evidence:
 
     @property
     def upper_m(self) -> float:
-        """Upper bound of what the simulation was off at most [m]."""
+        """Upper bound of the largest position error of the simulation [m]."""
         return self.bounds.simulation["position_max"][1] if self.bounds.simulation else float("nan")
 
     @property
@@ -63,7 +63,8 @@ def verdict_of(e: Evidence) -> tuple[Verdict, Finding]:
         return Verdict.DISAGREES, finding("verdict", Severity.WARNING, statement=statement)
     guess = _wrong_guess(e)
     if e.rejected and guess:
-        # Within the tolerance here, but an input is a wrong guess: elsewhere it may do more, and the model is untried.
+        # Within the tolerance here, but a wrongly assumed input may have a larger effect elsewhere, and the model is
+        # untested.
         statement = (
             f"Cannot tell whether the model is right: a difference is detected ({tested}), under {upper:.1f} mm where "
             f"{tolerance:g} mm matter, and {guess} would explain it, whose value is assumed: state it"
@@ -123,13 +124,13 @@ def statement_findings(e: Evidence, faults: tuple[VisibleFault, ...], confidence
         model=f"The model's own error is between {1e3 * model[0]:.1f} and {_mm(model[1])}",
         visible=f"Faults seen with 90 %: {'; '.join(map(fault_text, faults))}",
     )
-    # What is not rejected needs no input beyond its deviation; the likeliest one is of use all the same.
+    # Without a rejection no input need be off; the most probable one is still useful to know.
     if e.explanation is not None and (e.rejected or (e.upper_m > e.tolerance_m and e.explanation.moved)):
         yield finding("explanation", text=_explained(e.explanation))
 
 
 def fault_text(fault: VisibleFault) -> str:
-    """A fault with its size and what it does to the path, for people."""
+    """A fault with its size and the shift of the path that it causes, in words."""
     if not np.isfinite(fault.size):
         return f"{fault.kind} none up to {_sized(fault.searched, fault.unit)}"
     return f"{fault.kind} {_sized(fault.size, fault.unit)} ({_mm(fault.shift_rms_m)} RMS)"
@@ -161,7 +162,7 @@ def _explained(e: Explanation) -> str:
 
 
 def _moves(e: Explanation) -> str:
-    """Moved inputs, the most probable first, by how much, and what may be off in place of the first."""
+    """Moved inputs, the most probable first, by how much, and those that may be off in place of the first."""
     first, *others = (_move(e, name, value) for name, value in e.moved.items())
     instead = "".join(f" or {_move(e, name, value)}" for name, value in e.instead.items())
     return ", ".join([f"{first}{instead}{', which this run cannot separate' * bool(instead)}", *others])
@@ -172,7 +173,7 @@ def _move(e: Explanation, name: str, value: float) -> str:
 
 
 def _wrong_guess(e: Evidence) -> str:
-    """The input that explains a difference first, where nobody stated its value."""
+    """The first of the inputs that explain a difference, where its value is assumed; else empty."""
     moved = list(e.explanation.moved) if e.explanation and e.explanation.explained else []
     return _named(moved[0]) if e.explanation and moved and moved[0] in e.explanation.assumed else ""
 
