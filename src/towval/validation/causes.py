@@ -29,13 +29,13 @@ _BEYOND = 2.0
 """An input counts as off from this many deviations."""
 
 _STATED, _ASSUMED, _COMPUTED = (2.0, 1.0), (1.0, WIDER), (np.inf, 1.0)
-"""Degrees of freedom and scale [deviations] of the Student's t distribution of true values: of an input that was
-measured, of one whose value and deviation were assumed, and of one that was computed from data and tested there. In
-3,200 measured quantities stated deviations were exceeded as in t of two degrees down to Cauchy's (Bailey 2017, Not
-normal: the uncertainties of scientific measurements)."""
+"""Degrees of freedom and scale of Student's t of true values, in deviations: of an input that was measured, of one
+whose value and deviation were assumed, and of one that was computed from data and tested there. Stated deviations of
+3,200 measured quantities are exceeded as in t of two degrees down to Cauchy's (Bailey 2017, Not normal: the
+uncertainties of scientific measurements)."""
 
 _FACTORS = np.geomspace(1.0, 4.4, 23)
-"""Factors tried on all stated deviations: the random scale of the normals that mix to Student's t of two degrees, to 95
+"""Factors tried on all stated deviations: the random scale of normals that gives Student's t of two degrees, to 95
 %."""
 
 _LEAST_NOISE = 0.02  # error of the derivatives, as a share of the variance of the draws
@@ -46,8 +46,7 @@ _SAMPLES = 4000
 
 @dataclass(frozen=True)
 class Unknowns:
-    """Inputs that may be off: columns of the draws, names; whether assumed, computed, acting by their absolute
-    value."""
+    """Inputs that may be off: columns of the draws, names; whether assumed, computed, acting by absolute value."""
 
     columns: Sequence[int]
     names: Sequence[str]
@@ -68,8 +67,7 @@ class Unknowns:
 @dataclass(frozen=True)
 class Mode:
     """A maximum: how far inputs are off (d,), the covariance of that, the error (n, 3) that remains, twice the negative
-    logarithm of the probability about it, and the factor on all stated deviations, 1 where they are off
-    independently."""
+    logarithm of the probability about it, and the factor on all stated deviations, 1 without a common one."""
 
     off: Array
     covariance: Array
@@ -152,8 +150,7 @@ class Causes:
         return flat @ self.whiten.T, swings
 
     def _slopes(self, off: Array, error: Array) -> tuple[Array, Array] | None:
-        """Curvature (d, d) and half the gradient (d,) of the cost of an error by the inputs, None where not
-        simulated."""
+        """Curvature (d, d) and half the gradient (d,) of the cost of an error by the inputs, if it can be simulated."""
         sides = _DIFFERENCE * np.repeat(np.eye(len(off)), 2, axis=0)
         sides[1::2] *= -1
         tried = self.unknowns.allowed(off + sides)
@@ -211,9 +208,9 @@ def off_by_name(modes: Sequence[Mode], names: Sequence[str]) -> dict[str, NDArra
 
 
 def surprise(deviations: float, freedom: float, scale: float) -> float:
-    """Twice the negative logarithm of the probability density of an input being so many deviations off.
+    """Twice the negative logarithm of Student's density of an input being so many deviations off.
 
-    The density is that of Student's t times √(2π), so that the standard normal gives the square of the deviations.
+    The density is multiplied by √(2π), so that the standard normal gives the square of the deviations.
     """
     if np.isinf(freedom):
         return float((deviations / scale) ** 2 + 2 * np.log(scale))

@@ -1,8 +1,8 @@
 """Stage decimate: reduce densely packed poses to those that the measurement noise can distinguish.
 
-Where a rover stands or creeps, its track accumulates poses that differ by noise alone. A pause becomes one pose with
-two ends; elsewhere a C1 cubic through as few kept times as possible replaces the poses. The rule, its bound and its
-limits are in docs/decimation.md.
+Where a rover stands or creeps, its track collects poses that differ by noise alone. A pause becomes one pose with two
+ends; elsewhere a C1 cubic through as few kept times as possible replaces the poses. The rule, its bound and its limits
+are in docs/decimation.md.
 """
 
 import itertools
@@ -184,8 +184,7 @@ def _rests(time: Array, pose: Array, sigma: Array, first: int, last: int) -> boo
 class _Fit:
     """A C1 cubic by weighted least squares: knots (m,), nodes (m, 2, 3) of value and rate.
 
-    ``unknowns`` (m,): index of each value among the unknowns; ``factors`` (3, 4, u): bands of the Cholesky factors of
-    the normal equations.
+    ``unknowns`` (m,): index of each value's unknown; ``factors`` (3, 4, u): banded Cholesky factors of the equations.
     """
 
     knots: Array
@@ -215,8 +214,7 @@ def _hermite_shares(knots: Array, time: Array) -> tuple[NDArray[np.intp], Array]
 
 
 def _unknowns(kept: list[int], pauses: list[tuple[int, int]]) -> tuple[NDArray[np.intp], Array]:
-    """Index of the unknown (m, 2) that is the value and the rate of each knot, and factors on them (m, 2): 0 for the
-    rate at rest.
+    """Indices (m, 2) of the unknowns of value and rate of each knot, and factors on them (m, 2), 0 for a rate at rest.
 
     Both ends of a pause share one value.
     """
@@ -227,8 +225,7 @@ def _unknowns(kept: list[int], pauses: list[tuple[int, int]]) -> tuple[NDArray[n
 
 
 def _fit(time: Array, pose: Array, sigma: Array, kept: list[int], pauses: list[tuple[int, int]]) -> _Fit:
-    """Fit all knots jointly. A pose depends on four successive unknowns, so the equations are banded and the cost is
-    linear."""
+    """Fit all knots jointly. A pose depends on four successive unknowns: the equations are banded, the cost linear."""
     knots = time[kept]
     unknowns, has = _unknowns(kept, pauses)
     cell, shares = _hermite_shares(knots, time)
@@ -244,8 +241,7 @@ def _fit(time: Array, pose: Array, sigma: Array, kept: list[int], pauses: list[t
             lower = below >= 0
             np.add.at(band, (below[lower], concerned[lower, other]), (weighted[:, one] * weighted[:, other])[lower])
         np.add.at(right, concerned, weighted * (pose[:, c] / sigma[:, c])[:, None])
-        # A stretch with fewer poses than unknowns leaves a rate undetermined; a weak pull of all unknowns to zero fixes
-        # it.
+        # A stretch with fewer poses than unknowns leaves a rate undetermined; a weak pull to zero fixes it.
         band[0] += 1e-9 * band[0].mean()
         factor = cholesky_banded(band, lower=True)
         nodes[:, :, c] = cho_solve_banded((factor, True), right)[unknowns] * has
@@ -331,7 +327,7 @@ def _cubic_misfit(time: Array, pose: Array, sigma: Array) -> Array:
 
 
 def _within_bound(misfit: Array, excess: float) -> bool:
-    """Whether a stretch's misfits (n, 3), in units of noise, are within the bounds on their mean square and on runs of
+    """Whether a stretch's misfits (n, 3), in units of noise, are within the bounds for all and for each run of
     frames."""
     if np.mean(misfit**2) > 1 + excess * np.sqrt(2 / misfit.size):
         return False

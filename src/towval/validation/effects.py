@@ -62,8 +62,7 @@ EFFECTS = (
     Effect("stiffening of the tether", ("stiffening",), (("tether", "stiffening", 0.0),)),
     Effect("mass of the tether", ("tether_mass",), (("tether", "mass_per_length", 0.0),)),
 )  # fmt: skip
-"""Effects that the model of a level and even floor, a flat sole, a tow in the floor plane and an ideal tether leaves
-out."""
+"""Effects that a level and even floor, a flat sole, a tow in the floor plane and an ideal tether do not have."""
 
 
 def effect_choices(
@@ -75,8 +74,7 @@ def effect_choices(
     simulated: SimulatedMotion,
     limit_m: float,
 ) -> tuple[Choice, ...]:
-    """Each effect, taken or left out, with the shift by the other choice [m]; one more simulation for each that is
-    taken.
+    """Each effect, taken or left out, with the shift by the other choice [m]; one more simulation for each taken.
 
     ``batch``: how the run is simulated, with nominal poses and rates (m, 6) of the ``rover`` and the object's ``start``
     pose (3,); ``simulated`` is the run itself at the batch's times, ``found`` its uncertainty with the draws. An effect

@@ -191,8 +191,7 @@ def explain(
     """The inputs that would explain an error (n, 3), along and across the path.
 
     Inputs are moved one after another, the most probable first, until a right model may leave the remaining error, no
-    further move is more probable, or three are moved. From there all inputs are moved together, independently or by a
-    common factor, and the most probable result counts.
+    other is probable, or three are moved. From there all are moved together, independently or by a common factor.
 
     Parameters
     ----------
@@ -255,8 +254,7 @@ _Others = list[tuple[_Point, list[int]]]
 
 
 def _few(search: _Search, error: Array) -> tuple[_Point, dict[str, float], _Others]:
-    """The best point with few inputs moved, their moves by name, and, where only one is moved, other points with
-    columns."""
+    """The best point with few inputs moved, their moves by name, and, for a single one, alternatives with columns."""
     right, point, chosen = search.right, _Point({}, error, search.cost({}, error)), list[list[int]]()
     others: _Others = []
     while len(chosen) < _MOST_INPUTS and not (chosen and not right.rejects(point.error)):

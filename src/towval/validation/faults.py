@@ -154,8 +154,8 @@ class _Search:
         return 1 / np.maximum(found, _LEAST)
 
     def visible(self, kind: FaultKind, size: float) -> VisibleFault:
-        """The visible fault of a kind, searched from a ``size`` that shows with the nominal shift; the largest of those
-        found where they do not agree."""
+        """The visible fault of a kind, searched from a ``size`` that shows with the nominal shift; the largest where
+        rounds differ."""
         tried: list[_Round] = []
         found = np.inf
         for part in range(_MOST_ROUNDS):
@@ -215,7 +215,7 @@ class _Round:
 
 
 def _visible(shows: Array) -> float:
-    """The size at which a fault shows in :data:`POWER` of the draws, from the reciprocals of its sizes (k,) in them;
-    infinite where too few show it."""
+    """The size at which a fault shows in :data:`POWER` of the draws, from one over its sizes (k,); infinite where too
+    few show it."""
     slowest = float(np.quantile(shows, 1 - POWER, method="weibull"))
     return 1 / slowest if slowest > 0 else np.inf

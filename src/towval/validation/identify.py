@@ -22,8 +22,7 @@ from towval.validation.hinge_trajectory import hinge_trajectory
 from towval.validation.scene_model import SceneModel
 
 _STEP = 0.1
-"""Step of the difference quotients, in units of a parameter's scale: below it the phase of stick and slip adds
-noise."""
+"""Step of the difference quotients, in units of a parameter's scale: below it the phase of stick-slip is noise."""
 
 _PLACES, _SEED = 64, 1
 """Number of points at which the sum of squares is computed before a fit, and the seed of their sequence."""
@@ -100,8 +99,8 @@ def identify(
     sequence over the searched range; fits start at the best three, and the best fit counts.
 
     ``deviations`` are those of the inputs by name; those of fitted inputs are for comparison only. `InputError` where
-    no parameter is named, or one of a load that the campaign does not have; `RefusedError` where a simulation ends
-    early within the searched range.
+    no parameter is named, or one of a load that is absent; `RefusedError` where a simulation ends early within the
+    searched range.
     """
     if not settings.parameters or not runs:
         raise InputError("there is nothing to identify", allowed=f"one or more of {', '.join(IDENTIFIABLE)}, and a run")
@@ -150,8 +149,7 @@ def identify(
 
 @dataclass(frozen=True)
 class _Found:
-    """Fitted values (p,); the residuals (m,) and their derivatives (m, p) there, by parameters in units of their
-    scales."""
+    """Fitted values (p,); the residuals (m,) and their derivatives (m, p) there, with parameters in their scales."""
 
     values: Array
     residual: Array

@@ -62,8 +62,7 @@ def area_metric(error: ArrayLike, std: ArrayLike) -> float:
 def aligned_rms(simulated: ArrayLike, measured: ArrayLike) -> float:
     """Root mean square distance [m] after the rigid motion of the whole path that minimises it.
 
-    It hides every error that a shift and a rotation of the floor frame explain, so it is shown with the unaligned one,
-    and marked as aligned.
+    It hides every error that a shift and a turn of the floor frame explain; so it is shown with the unaligned one.
 
     ``simulated``, ``measured`` (n, 2): positions at the same times [m], all finite, two or more that do not coincide.
     """

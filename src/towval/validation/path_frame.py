@@ -18,8 +18,7 @@ _STEP_M = 0.01
 class PathFrame:
     """The measured path at given times (n,) [s].
 
-    ``pose`` (n, 3) is NaN where the object was not ``seen`` (n,); ``length`` (n,) is that of the path up to each time
-    [m].
+    ``pose`` (n, 3) is NaN where the object was not ``seen`` (n,); ``length`` (n,) is that of the path so far [m].
     """
 
     def __init__(self, measured: Track, times: Array):
@@ -73,7 +72,7 @@ class OnPath:
 
     @property
     def length(self) -> Array:
-        """Length of the path (n,) up to each time [m]."""
+        """Length of the path (n,) so far [m]."""
         return self.frame.length[self.frame.seen]
 
 

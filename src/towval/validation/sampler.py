@@ -87,8 +87,7 @@ class Case:
 
 @dataclass(frozen=True)
 class _Motions:
-    """Poses of a body along its track, and their derivatives by the camera (n, 3, 18) and the height of its target (n,
-    3)."""
+    """Poses of a body along its track, and their derivatives by camera (n, 3, 18) and height of the target (n, 3)."""
 
     pose: Array
     by_camera: Array

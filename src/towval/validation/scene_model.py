@@ -13,8 +13,7 @@ from towval.physics.splines import Spline
 from towval.physics.wrench import SlidingPatch, sliding_patch
 
 RISE_SHARE = 1e-4
-"""Speed over which the friction law of an object that sticks rises, as a share of v_k [1]; its peak lies at a few of
-it."""
+"""Speed over which the law of an object that sticks rises, as a share of v_k [1]; the peak is at a few of it."""
 
 _HOLD = 2.0
 """Speed below which friction may hold the object, as a multiple of the speed of this rise."""

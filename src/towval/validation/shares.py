@@ -18,8 +18,8 @@ def variance_shares(draws: Array, outputs: Array, inputs: dict[str, int]) -> dic
     to a squared coefficient is subtracted. The rest, "noise and interactions", is what no input explains alone.
 
     ``draws`` (k, d) are standard normal numbers, ``outputs`` (k, m) their results, ``inputs`` the number of columns of
-    ``draws`` by the name of the input. The shares by name, "noise and interactions" last, sum to one unless nothing
-    varies at all.
+    ``draws`` by the name of the input. The shares by name, "noise and interactions" last, sum to one if anything
+    varies.
     """
     k, d = draws.shape
     outputs = outputs - outputs.mean(axis=0)

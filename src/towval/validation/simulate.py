@@ -1,5 +1,4 @@
-"""Stage simulate: the motion that the model predicts for the object behind the measured rover (FBD, the paper's
-2.3)."""
+"""Stage simulate: the motion that the model predicts behind the measured rover (FBD, the paper's 2.3)."""
 
 from dataclasses import dataclass, replace
 
@@ -36,7 +35,7 @@ class SimulateSettings:
     """Keys of ``config["simulate"]``.
 
     ``rung`` of the ladder of models, one of :data:`towval.physics.ladder.RUNGS`, or "auto": the simplest whose path
-    stays within ``rung_tolerance_m`` [m] of those of all fuller ones on this run. ``tolerance_m`` is the error that the
+    stays within ``rung_tolerance_m`` [m] of every fuller one's on this run. ``tolerance_m`` is the error that the
     integrator accepts in one step [m]. ``sticking``: whether an object below the friction limit stays at rest, true or
     false, or "auto": where it would otherwise creep by more than 5 mm while the rover stands.
     """
@@ -148,8 +147,7 @@ class RunSimulation:
         return creep_length(still, self.towed, self.scene.friction.stiction_velocity)
 
     def _creep_findings(self, motion: SimulatedMotion, settings: SimulateSettings) -> list[Finding]:
-        """A finding where the regularised law creeps by more than a simpler model may differ; a warning if while
-        standing."""
+        """A finding where the regularised law creeps farther than a simpler model may differ; a warning if at rest."""
         if self.model.sticking:
             return []
         crept, parked = self._creep(motion, standing=False), self._creep(motion, standing=True)

@@ -44,8 +44,7 @@ _FLOOR = 0.1
 principal directions is uncertain by this."""
 
 _LEAST_EFFECT = 0.02
-"""Effect of one deviation of an input, as a share of the error's root mean square, below which the input is left
-out."""
+"""Effect of one deviation of an input, as a share of the error's root mean square, below which it is left out."""
 
 
 def error_sizes(error: NDArray[np.floating]) -> Array:
@@ -215,11 +214,10 @@ def _block_means_of(signature: Array) -> Array:
 
 
 def _effects(means: Array, inputs: Array) -> tuple[Array, NDArray[np.intp], NDArray[np.bool_]]:
-    """Effects (j, b) of one deviation of those inputs that matter, their columns (j,), and whether they are one-sided
+    """Effects (j, b) of one deviation of the inputs that matter, their columns (j,), and whether they are one-sided
     (j,).
 
-    Block means (k, b) are regressed on the inputs (k, d); an input that cannot be below zero acts by its absolute
-    value.
+    Block means (k, b) are regressed on the inputs (k, d); one that cannot be below zero acts by its absolute value.
     """
     k, d = inputs.shape
     if d == 0 or k <= 2 * d + 1:
@@ -236,7 +234,7 @@ def _effects(means: Array, inputs: Array) -> tuple[Array, NDArray[np.intp], NDAr
 
 
 def holding_levels(drawn: Array, draws: Array, confidence: float) -> Array:
-    """Levels (6,) of the quantiles in :func:`bounds` with which the bounds hold in a share ``confidence`` of such runs.
+    """Levels (6,) of the quantiles in :func:`bounds` with which they hold in a share ``confidence`` of such runs.
 
     SOURCE: R. Beran, "Prepivoting to reduce level error of confidence sets", Biometrika 74 (1987) 457. Each draw serves
     as the run: the observed error is ``drawn[i]``, (k, n, 3), the truth ``drawn[i] + draws[i]``, which is larger than a
@@ -257,8 +255,7 @@ def holding_levels(drawn: Array, draws: Array, confidence: float) -> Array:
 
 
 def bounds(error: Array, draws: Array, confidence: float, levels: Array | None = None) -> Array:
-    """Lower and upper bounds (2, 6) of the sizes of the true error behind an observed one; each holds with
-    ``confidence``.
+    """Lower and upper bounds (2, 6) of the sizes of what is behind an observed error; each holds with ``confidence``.
 
     The observed error is ``truth − draw``. *Upper*: the quantile of the size of ``error + draw`` over the draws, at
     ``confidence`` or the ``levels`` (6,) of :func:`holding_levels`. At the former it is exact for what the observed
@@ -301,8 +298,7 @@ def _upper(square: Array, mixed: Array, own: Array, level: float) -> float:
 def upper_error(error: Array, draws: Array, confidence: float) -> float:
     """Relative standard error [1] of the upper bound of the largest position error due to the number of draws.
 
-    The rank of a quantile is binomial: half the distance between the values one standard deviation of it above and
-    below.
+    The rank of a quantile is binomial: half the distance of the values one standard deviation of it above and below.
     """
     sizes = np.sort(error_sizes(error + draws)[:, SIZES.index("position_max")])
     ranks = confidence + np.array([-1, 1]) * np.sqrt(confidence * (1 - confidence) / len(sizes))
@@ -333,9 +329,8 @@ def place(error: Array, right: RightModel, length: Array) -> tuple[float, float]
     """Lengths of the path [m] between which an error (n, 3) begins that a right model does not have; NaN where it may.
 
     Of the entries of the signature that exceed their limit, the one that ends first tells when the error shows; a
-    change also tells since when it has grown: since the last time before its first block, whose mean already contains
-    it. The search is repeated among the changes within that time, with the limit for these few, which is lower than
-    that for all.
+    change also tells since when it has grown: the last time before its first block, whose mean already contains it. The
+    search is repeated among the changes within that time, with the lower limit for these few.
     """
     normalised, entries = right.signature(error), signature_entries()
     asked, limit = np.ones(len(entries), dtype=bool), right.limits[1]

@@ -74,19 +74,17 @@ class UncertaintySampling:
         self._outcomes: list[tuple[Array, Array]] = []
 
     def sampled(self) -> tuple[RunUncertainty, float]:
-        """The spread of the number of draws in the settings, and the relative error of the bounds due to this number
-        [1].
+        """The spread of as many draws as set, and the relative error of the bounds due to their number [1].
 
         Under "auto" draws are added until the standard error of both upper bounds of the largest error, the
-        simulation's and the model's, is at most :data:`BOUND_ERROR` of them, or no more are allowed. The error is 0
-        where there are no bounds.
+        simulation's and the model's, is at most :data:`BOUND_ERROR` of them, or 2048 are made. The error is 0 without
+        bounds.
         """
         auto = self.settings.samples == "auto"
         count = DRAWS[0] if auto else int(self.settings.samples)
         found, error = self._with_error(count)
         while auto and error > BOUND_ERROR and count < DRAWS[-1]:
-            # The error falls with the root of the number; the first estimate is rough, so one step at most quadruples
-            # it.
+            # The error falls with the root of the number; the first estimate is rough, so a step is at most fourfold.
             needed = min(count * (error / BOUND_ERROR) ** 2, 4 * count)
             count = next((each for each in DRAWS if count < each >= needed), DRAWS[-1])
             found, error = self._with_error(count)

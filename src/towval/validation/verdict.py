@@ -63,8 +63,7 @@ def verdict_of(e: Evidence) -> tuple[Verdict, Finding]:
         return Verdict.DISAGREES, finding("verdict", Severity.WARNING, statement=statement)
     guess = _wrong_guess(e)
     if e.rejected and guess:
-        # Within the tolerance here, but a wrongly assumed input may have a larger effect elsewhere, and the model is
-        # untested.
+        # Within the tolerance here, but a wrong assumption may do more elsewhere, and the model is untested.
         statement = (
             f"Cannot tell whether the model is right: a difference is detected ({tested}), under {upper:.1f} mm where "
             f"{tolerance:g} mm matter, and {guess} would explain it, whose value is assumed: state it"
