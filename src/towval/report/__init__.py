@@ -1,1 +1,1 @@
-"""What people look at: figures, the overlay video, the page."""
+"""Output for readers: figures, the overlay video, the page."""

@@ -22,7 +22,7 @@ from towval.report.wording import millimetres
 
 Section = Literal["run", "details", "campaign", "uncertainty", "calibration", "tracking", "simulation", "files"]
 SECTIONS: tuple[Section, ...] = get_args(Section)
-"""Sections of the page that hold figures: ``run`` beside the film of each run, ``details`` folded below it,
+"""Sections of the page that hold figures: ``run`` next to the film of each run, ``details`` folded below it,
 ``campaign`` on the first screen; figures of ``files`` are in the folder only."""
 _OF_RUNS = ("run", "details")
 
@@ -31,8 +31,8 @@ _OF_RUNS = ("run", "details")
 class ReportFigure:
     """Place and texts of a figure of the report.
 
-    ``section``, one of :data:`SECTIONS`, of which ``run`` and ``details`` hold figures of one run only; ``title``, what
-    the figure shows, for readers who do not see it; ``caption``, the text below it.
+    ``section``: one of :data:`SECTIONS`, of which ``run`` and ``details`` hold figures of one run only; ``title``: what
+    the figure shows, for readers who do not see it; ``caption``: the text below it.
     """
 
     section: Section
@@ -49,7 +49,7 @@ class ReportFigure:
 class CampaignFigure(ReportFigure):
     """A figure of the whole campaign, in the files ``<id>.pdf``, ``.svg`` and ``.png``.
 
-    ``draw`` makes a figure of the report's data, or None where what it shows is missing.
+    ``draw`` makes a figure of the report's data; None where the data for it are missing.
     """
 
     draw: Callable[[ReportData], Figure | None]
@@ -59,7 +59,7 @@ class CampaignFigure(ReportFigure):
 class RunFigure(ReportFigure):
     """A figure of one run, in the files ``<id>_<run>.pdf``, ``.svg`` and ``.png``.
 
-    ``draw`` makes a figure of the run, or None where what it shows is missing; ``cursor`` "time" marks the film's time
+    ``draw`` makes a figure of the run; None where the data for it are missing; ``cursor`` "time" marks the film's time
     over a column of panels with time [s] as x axis; ``describe`` gives numbers of the run for readers who do not see
     the figure.
     """

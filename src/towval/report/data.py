@@ -9,7 +9,7 @@ from towval.model.checks import within
 from towval.model.repeats import Corridor
 from towval.model.run_record import RunRecord
 
-# Browsers hold a page as one string, of at most 512 MB.
+# Browsers hold a page as one string of at most 512 MB.
 _MOST_MB = 400
 
 
@@ -17,8 +17,8 @@ _MOST_MB = 400
 class ReportSettings:
     """Keys of ``config["report"]``.
 
-    ``overlay_width_px`` is the largest width of the overlay videos [px]; films that are together larger than
-    ``embed_mb`` [MB] are linked, not embedded.
+    ``overlay_width_px`` is the largest width of the overlay videos [px]; films of more than ``embed_mb`` [MB] in all
+    are linked.
     """
 
     overlay_width_px: int = 960
@@ -44,7 +44,7 @@ class InputRow:
 
 @dataclass(frozen=True)
 class StageFinding:
-    """A finding of a stage whose result holds none itself, such as ``campaign``; ``run`` is empty for all runs."""
+    """A finding of a stage whose result holds no findings, such as ``campaign``; ``run`` is empty for all runs."""
 
     stage: str
     finding: Finding
@@ -68,7 +68,7 @@ class Provenance:
 
 @dataclass(frozen=True)
 class RunReport:
-    """A run of the report and its footage, if any; ``damaged`` allows to show the good part of a damaged one."""
+    """A run of the report and its footage, if any; ``damaged`` allows showing the intact part of damaged footage."""
 
     record: RunRecord
     film: FilePath | None = None
@@ -79,9 +79,8 @@ class RunReport:
 class ReportData:
     """All data of a report; the page leaves out the sections of parts that are missing.
 
-    ``calibration`` and ``uncertainty`` are those of the campaign; ``repeats`` of groups of runs. ``findings`` are
-    those that no result carries; the others are collected from the results. Films that are together larger than
-    ``embed_mb`` [MB] are linked.
+    ``calibration`` and ``uncertainty`` are those of the campaign; ``repeats`` of groups of runs. ``findings`` are those
+    that no result holds; others come from the results. Films of more than ``embed_mb`` [MB] in all are linked.
     """
 
     campaign: str

@@ -1,4 +1,4 @@
-"""Drawing of the report's figures, several at once."""
+"""Drawing of the report's figures, in parallel."""
 
 import multiprocessing
 import sys
@@ -19,9 +19,9 @@ from towval.report.style import Frame, frame_of, save_figure, svg_text
 
 @dataclass(frozen=True)
 class Drawn:
-    """A drawn figure: stem of its file names, the entry by which it was drawn, its title and ``<svg>`` element.
+    """A drawn figure: stem of its file names, the entry that describes it, its title and ``<svg>`` element.
 
-    ``run`` is empty for the campaign's; ``frame`` is given where a cursor marks a time on it.
+    ``run`` is empty for the campaign's figures; ``frame`` is given where a cursor marks a time on the figure.
     """
 
     name: str
@@ -33,12 +33,12 @@ class Drawn:
 
 
 _Result = tuple[str, str, Frame | None] | None
-"""Title, SVG and frame of a figure; None where what it shows is missing."""
+"""Title, SVG and frame of a figure; None where its data are missing."""
 
 
 @dataclass(frozen=True)
 class _Task:
-    """A figure to be drawn, and its title, which may be asked for where there is a figure; ``cursor`` as the entry."""
+    """A figure to draw, and its title, which may be requested only where there is a figure; ``cursor`` as there."""
 
     name: str
     entry: ReportFigure
@@ -61,8 +61,8 @@ class _Task:
 def draw_figures(data: ReportData, folder: FilePath | None = None, processes: int = 1) -> list[Drawn]:
     """Draw the figures of a report: the campaign's, then those of each run, without those whose data are missing.
 
-    With a ``folder`` each is there as PDF, SVG and PNG, too. ``processes`` draw at once, where the system lets one
-    process go on as several (Linux); the figures do not depend on their number.
+    With a ``folder``, each is also saved there as PDF, SVG and PNG. On Linux, up to ``processes`` forked processes draw
+    in parallel; the figures do not depend on their number.
 
     Raises `InputError` when ``folder`` cannot be written to, `MemoryError` when the system has ended a process.
     """
@@ -93,11 +93,11 @@ def _title(entry: RunFigure, run: RunRecord) -> str:
 
 
 _shared: list[tuple[list[_Task], FilePath | None]] = []
-"""In a process that draws: the tasks of all and their folder, in memory since before it was divided from its parent."""
+"""In a drawing process: all tasks and their folder, in memory since before the fork."""
 
 
 def _done_at_once(tasks: list[_Task], folder: FilePath | None, processes: int) -> list[_Result]:
-    # A process begun afresh would import for as long as it then draws.
+    # A new process would need as long for its imports as it then draws.
     divided = multiprocessing.get_context("fork")
     shared = tasks, folder
     try:

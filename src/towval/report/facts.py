@@ -23,10 +23,10 @@ VERDICT_CODES = ("verdict", "statement", "explanation", "tolerance_default")
 
 _UNCERTAINTIES = (("u_num_m", "numerical"), ("u_input_m", "inputs"), ("u_measurement_m", "measurement"))
 
-# Quality figures of the calibration that the page gives in a line of its own.
+# Quality figures of the calibration that have a line of their own on the page.
 _LISTED = ("views_used", "views_dropped", "camera_height_m", "camera_height_std_m", "focal_length_std_px")
 
-# What was fitted of the board beside the camera: label, key and unit.
+# Parameters of the board fitted together with the camera: label, key and unit.
 _OF_BOARD = (
     ("Board, measured − stated size", "board_size", "percent", "%"),
     ("Board, measured − stated thickness", "board_thickness", "mm", "mm"),
@@ -44,10 +44,10 @@ _WORDS = {
     "mode_changes": "transitions between slack and taut",
     "u_num_m": "numerical uncertainty u_num",
 }
-"""Labels of scalars whose key is not clear enough."""
+"""Labels of scalars whose keys are not clear enough."""
 
 _TO_DYNAMICS = " to dynamics, m"
-"""Suffix of the statistics that give the difference of a simpler model from the dynamics."""
+"""Suffix of the statistics that give a simpler model's difference from the dynamics."""
 
 # Columns of the calibration's table by height: keys and labels.
 _AT_HEIGHT = {
@@ -58,7 +58,7 @@ _AT_HEIGHT = {
 
 
 def verdict_reason(comparison: Comparison) -> str:
-    """Reason for a run's verdict: the comparison's own, else the uncertainties that are missing."""
+    """Reason for a run's verdict: that of the comparison, else the uncertainties that are missing."""
     stated = _stated(comparison, "verdict")
     if stated:
         return " ".join(stated)
@@ -69,12 +69,12 @@ def verdict_reason(comparison: Comparison) -> str:
 
 
 def statement(comparison: Comparison) -> tuple[str, ...]:
-    """What the simulation was off, what of it can be the model's, which faults show, and what explains the error."""
+    """Bounds of the simulation's and the model's error, visible faults, and what explains the error."""
     return _stated(comparison, "statement", "explanation")
 
 
 def deciding(c: Comparison) -> tuple[tuple[str, str, float], ...]:
-    """What the verdict rests on: name, value and limit as text, value over limit; without what was not computed."""
+    """The basis of the verdict: name, value and limit as text, value over limit; without what was not computed."""
     lengths = (("Error at most", c.error_upper_m), ("Faults seen from", c.detectable_m))
     statistics = (
         ("Size of the error", c.size_statistic, c.size_limit),
@@ -104,7 +104,7 @@ def side_by_side(runs: list[Facts]) -> Table:
 def summary_cells(comparisons: list[Comparison]) -> Facts:
     """Columns and values of a run in the summary table; the unit is part of the column's name.
 
-    Of several runs: root mean square over the runs, largest maximum, sums of lengths and frames.
+    For several runs: root mean square over the runs, largest maximum, sums of lengths and frames.
     """
 
     def over_runs(name: str) -> float:
@@ -127,7 +127,7 @@ def summary_cells(comparisons: list[Comparison]) -> Facts:
 
 
 def metric_facts(run: RunRecord) -> Facts:
-    """Further measures of the error of a run; the last one, after alignment, says so."""
+    """Further measures of the error of a run; the last one is marked as aligned."""
     c = run.comparison
     known = c.ratio[np.isfinite(c.ratio)]
     share = c.path_rms_m / c.path_length_m if c.path_length_m > 0 else float("nan")
@@ -150,7 +150,7 @@ def metric_facts(run: RunRecord) -> Facts:
 def middle_rms_m(run: RunRecord) -> float:
     """Root mean square distance of the geometric centre of the object's top, simulated from measured, unaligned [m].
 
-    All other measures are of the origin of the body's frame; the two differ where that is not the centre.
+    All other measures refer to the origin of the body frame; the two differ where that is not the centre.
     """
     simulated, middle = run.simulated.pose, polygon_centroid(run.towed.top_corners_m)
     apart = transform(simulated, middle) - transform(simulated - run.comparison.error, middle)
@@ -216,7 +216,7 @@ def tracking_facts(run: RunRecord) -> Facts:
 
 
 def camera_text(track: Track) -> str:
-    """How far the camera moved, and how well that is known."""
+    """How far the camera moved, and the standard deviation of that."""
     camera = track.camera
     if camera is None or not camera.registered.any():
         return "the floor shows too little to tell"
@@ -230,7 +230,7 @@ def camera_text(track: Track) -> str:
 
 
 def _stamps_facts(track: Track) -> Facts:
-    """How many stamps are doubted."""
+    """Number of doubtful time stamps."""
     if track.camera is None:
         return ()
     repeated, contradicted = (int((track.camera.stamps == s).sum()) for s in (Stamp.REPEATED, Stamp.CONTRADICTED))
@@ -239,7 +239,7 @@ def _stamps_facts(track: Track) -> Facts:
 
 
 def scale_facts(records: tuple[RunRecord, ...]) -> Facts:
-    """Size of the tops in the pictures of each run against the stated one: the check of the calibration's scale."""
+    """Measured size of the tops in each run against the stated one: the check of the calibration's scale."""
     seen = [(run.name, run.rover_track.camera) for run in records]
     return tuple(
         (f"Tops in run {name}, measured − stated size", f"{_signed(100 * c.size)} ± {decimal(100 * c.size_std)} %")
@@ -289,7 +289,7 @@ def calibration_facts(calibration: Calibration) -> Facts:
 
 
 def _board_facts(quality: Mapping[str, float]) -> Facts:
-    """The board as fitted beside the camera, against what is stated of it."""
+    """The board as fitted together with the camera, against its stated values."""
     return tuple(
         (label, f"{_signed(quality[f'{key}_{unit}'])} ± {decimal(quality[f'{key}_std_{unit}'])} {shown}")
         for label, key, unit, shown in _OF_BOARD
@@ -328,7 +328,7 @@ def identified_rows(found: Identification) -> Rows:
 
 
 def predicted_rows(found: Identification) -> Rows:
-    """One row per run left out: name, values fitted without it, path error with stated inputs and as predicted."""
+    """One row per run left out: name, values fitted without it, path error with stated inputs and with these values."""
     std = np.sqrt(np.diag(found.covariance))
     return tuple(
         (

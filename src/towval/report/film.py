@@ -1,4 +1,4 @@
-"""Footage of a run on the page: embedded or linked as it is, its frame times, and what is drawn over it."""
+"""Footage of a run on the page: embedded or linked unchanged, its frame times, and what is drawn over it."""
 
 import json
 import os
@@ -22,9 +22,9 @@ from towval.report.outlines import film_layers
 class FilmView:
     """A film for the template.
 
-    ``content`` are the bytes of the file as :func:`towval.report.inline.packed` writes them, None where the page refers
-    to ``address`` instead; ``kind`` its media type and coding in words; ``layers`` the numbers and ``places`` the
-    points that the page draws.
+    ``content``: the bytes of the file as written by :func:`towval.report.inline.packed`, None where the page refers to
+    ``address`` instead; ``kind``: its media type; ``coding``: its coding in words; ``layers``: the numbers and
+    ``places`` the points that the page draws.
     """
 
     name: str
@@ -55,7 +55,7 @@ def frame_times(path: FilePath) -> tuple[Array, str]:
 
 
 def run_times(run: RunRecord, presented_s: Array) -> Array:
-    """Times (m,) of the frames of a film on the clock of the run [s]: its track has a row a frame."""
+    """Times (m,) of the frames of a film on the clock of the run [s]: its track has one row per frame."""
     own = run.rover_track.time_s
     return own if len(own) == len(presented_s) else presented_s
 
@@ -106,7 +106,7 @@ def deciding_time(run: RunRecord) -> float:
 
 
 def embedded(paths: Sequence[FilePath], budget_mb: float) -> bool:
-    """Whether films are small enough together to be part of the page."""
+    """Whether films are small enough in total to be part of the page."""
     return sum(path.stat().st_size for path in paths) <= 1e6 * budget_mb
 
 
@@ -118,7 +118,7 @@ def _address(path: FilePath, page: FilePath) -> str:
 
 
 def _json(value: object) -> Markup:
-    # Numbers and names of our own; "<" is escaped all the same, for the text stands in a script element.
+    # Numbers and names from this package; "<" is escaped nevertheless, because the text is part of a script element.
     return Markup(json.dumps(value, separators=(",", ":")).replace("<", "\\u003c"))
 
 

@@ -24,7 +24,7 @@ _NUMBERS = {
     "cpu_s": 1,
     "wall_s": 1,
 }
-"""Columns of numbers on the page and their factors: to millimetres, degrees and percent."""
+"""Numeric columns of the page and their factors: to millimetres, degrees and percent."""
 
 _WORDS = ("source", "campaign", "run", "state", "verdict", "version", "main_input")
 _KEY = ["source", "campaign", "run"]
@@ -33,7 +33,7 @@ _KEY = ["source", "campaign", "run"]
 def write_index_page(path: Path, index: ResultsIndex) -> None:
     """Write the page: it loads nothing else, and the same index gives the same bytes.
 
-    The page's own script filters, draws and compares; all runs travel as columns with each distinct text once.
+    The page's own script filters, draws and compares; runs are embedded as columns with each distinct text once.
     """
     template = template_environment().get_template("index.html.j2")
     runs = index.runs
@@ -66,7 +66,7 @@ def _columns(index: ResultsIndex) -> dict[str, Any]:
 
 
 def _made_of(index: ResultsIndex) -> tuple[pd.DataFrame, pd.Series]:
-    """What each run was made of, as texts "what<tab>fingerprint": input files, settings and version, no results."""
+    """Origin of each run, as texts "what<tab>fingerprint": input files, settings and version, without results."""
     inputs = index.inputs[~index.inputs["input"].str.endswith(".mcap")]
     settings = index.settings
     labels = [
@@ -79,7 +79,7 @@ def _made_of(index: ResultsIndex) -> tuple[pd.DataFrame, pd.Series]:
 
 
 def _sets(runs: pd.DataFrame, keys: pd.DataFrame, texts: pd.Series) -> dict[str, Any]:
-    """Per run the codes of its distinct texts, and the texts."""
+    """The codes of each run's distinct texts, and the texts."""
     codes, distinct = pd.factorize(texts, sort=True)
     place = pd.Series(range(len(runs)), index=pd.MultiIndex.from_frame(runs[_KEY]))
     rows = place.reindex(pd.MultiIndex.from_frame(keys[_KEY])).to_numpy()
@@ -96,6 +96,6 @@ def _rounded(value: float | None, factor: float) -> float | None:
 
 
 def _embedded(data: dict[str, Any]) -> Markup:
-    """JSON that cannot end the script element it stands in, whatever a name of a run contains."""
+    """JSON that cannot end the script element around it, whatever the name of a run contains."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     return Markup(text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e"))

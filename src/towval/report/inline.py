@@ -1,4 +1,4 @@
-"""Figures within the page: SVG that shares glyphs and styles, and bytes written as text."""
+"""Figures within the page: SVG with shared glyphs and styles, and bytes encoded as text."""
 
 import re
 
@@ -11,14 +11,14 @@ _HASHED = re.compile(r"m[0-9a-f]{10}")
 _EMPTY = re.compile(r"<metadata>.*?</metadata>|<!--.*?-->|<style.*?</style>|<defs>\s*</defs>", re.DOTALL)
 _PLACES = re.compile(r' (d|x|y)="([^"]*)"')
 _PACKED = 7
-# NUL, carriage return and "<" do not survive in a script element; a character above 127 stands for each.
+# NUL, carriage return and "<" do not survive in a script element; each is replaced by a character above 127.
 _UNSAFE = ((b"\x00", b"\xc2\x80"), (b"\r", b"\xc2\x8d"), (b"<", b"\xc2\xbc"))
 
 
 class FigureSheet:
-    """Figures of one page, which hold each glyph and each style once.
+    """Figures of one page; each glyph and each style is stored once.
 
-    ``glyphs`` and ``styles`` are what the page needs besides the figures, complete once all are inlined.
+    ``glyphs`` and ``styles`` are what the page needs in addition to the figures; complete once all figures are inlined.
     """
 
     def __init__(self) -> None:
@@ -29,7 +29,7 @@ class FigureSheet:
     def inline(self, svg: str, name: str) -> Markup:
         """A figure of matplotlib as an element without fixed size; ``name`` makes its ids unique on the page.
 
-        Places are rounded to a hundredth of a point.
+        Coordinates are rounded to a hundredth of a point.
         """
         svg = _GLYPH.sub(self._glyph, svg)
         svg = _EMPTY.sub("", _EMPTY.sub("", svg))
@@ -78,7 +78,7 @@ def _shortened(attribute: re.Match[str]) -> str:
 def packed(content: bytes) -> Markup:
     """Bytes as text of a script element: eight characters hold seven bytes, a sixth more than the bytes themselves.
 
-    The page turns them back (`unpacked` in report.js). Base64 would be a third more.
+    The page decodes them (`unpacked` in report.js). Base64 would take a third more.
     """
     padded = np.frombuffer(content + bytes(-len(content) % _PACKED), np.uint8).reshape(-1, _PACKED)
     step = 1 << 20

@@ -1,4 +1,4 @@
-"""Table "Model selection" of the report: what each stage chose, and the effect of its next choice."""
+"""Table "Model selection" of the report: each stage's choice, and the effect of the next one."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from towval.report.wording import NOT_COMPUTED
 
 @dataclass(frozen=True)
 class NeededRow:
-    """A choice as text: where, what, chosen, next, its effect [mm], how that was measured, and its share of u_D."""
+    """A choice as text: where, what, chosen, next, effect [mm], how that was measured, and its share of u_D."""
 
     where: str
     what: str
@@ -25,7 +25,7 @@ class NeededRow:
 def needed_rows(calibration: Calibration | None, records: tuple[RunRecord, ...]) -> tuple[NeededRow, ...]:
     """The choices of a campaign: those of the calibration, then by run those of tracking, simulation and uncertainty.
 
-    ``share`` is the change over the measurement uncertainty of the run; for the calibration, over the least of all.
+    ``share`` is the change over the measurement uncertainty of the run; for the calibration, over the smallest of all.
     """
     measured = {record.name: record.comparison.u_measurement_m for record in records}
     least = np.nanmin(list(measured.values())) if any(np.isfinite(list(measured.values()))) else np.nan

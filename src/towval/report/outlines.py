@@ -18,7 +18,7 @@ from towval.model.run_record import RunRecord, measured_poses, nearest_samples, 
 MISSING = -(2**15)
 """Coordinate of a point that is not known or far outside the picture."""
 _LARGEST = 2**15 - 1
-# An edge is drawn as chords that stay this close to its picture, which the lens bends.
+# Edges are drawn as chords at most this far from their picture, which the lens bends.
 _BOW_PX = 0.2
 _MOST_PIECES = 16
 
@@ -27,10 +27,10 @@ _MOST_PIECES = 16
 class FilmLayers:
     """Points of each frame of a film.
 
-    ``counts`` of the points of a frame by layer: outlines of ``rover``, ``measured`` and ``simulated``, the ``tether``
-    from the simulated object to the measured rover, and one point each of the paths ``rover path``, ``measured path``
-    and ``simulated path``; ``places`` (frames, sum of counts, 2): pixels of the upright picture in units of
-    ``unit_px``, `MISSING` where there is no point; ``taut`` (frames,) where the tether pulls.
+    ``counts``: points per frame by layer: outlines of ``rover``, ``measured`` and ``simulated``, the ``tether`` from
+    the simulated object to the measured rover, and one point each of the paths ``rover path``, ``measured path`` and
+    ``simulated path``; ``places`` (frames, sum of counts, 2): pixels of the upright picture in units of ``unit_px``,
+    `MISSING` where there is no point; ``taut`` (frames,): whether the tether pulls.
     """
 
     counts: dict[str, int]
@@ -46,14 +46,14 @@ class FilmLayers:
 
 
 class _View:
-    """The view of each frame (m,) of a film: that of the calibration, moved as the camera was."""
+    """The view of each frame (m,) of a film: that of the calibration, moved with the camera."""
 
     def __init__(self, calibration: Calibration, run: RunRecord, time_s: Array):
         watched = run.rover_track.camera
         if watched is None:
             self.views, self.which = [(calibration.camera, calibration.floor)], np.zeros(len(time_s), dtype=int)
             return
-        # Here, for it imports the compiler, which takes longer than all that is drawn.
+        # Imported here, because it imports the compiler, which takes longer than all the drawing.
         from towval.optics.moved_view import moved_view  # noqa: PLC0415
 
         rows = watched.motion[nearest_samples(run.rover_track.time_s, time_s)]
@@ -115,7 +115,7 @@ def _lifted(points: Array, height_m: float) -> Array:
 
 
 def _bent(view: _View, lines: Array) -> Array:
-    """Pixels (m, k, 2) along lines (m, n, 3) [m], with as many points as the lens bends the straight edges."""
+    """Pixels (m, k, 2) along lines (m, n, 3) [m], with as many points as the lens's bending of the edges requires."""
     middle = view.project(0.5 * (lines[:, 1:] + lines[:, :-1]))
     corners = view.project(lines)
     edge = corners[:, 1:] - corners[:, :-1]
@@ -123,7 +123,7 @@ def _bent(view: _View, lines: Array) -> Array:
     length = np.maximum(np.hypot(edge[..., 0], edge[..., 1]), 1e-9)
     bow = np.abs(edge[..., 0] * away[..., 1] - edge[..., 1] * away[..., 0]) / length
     largest = float(np.max(np.nan_to_num(bow), initial=0.0))
-    # The bow of a piece falls with the square of their number.
+    # The bow of a piece falls with the square of the number of pieces.
     pieces = min(_MOST_PIECES, max(1, math.ceil(math.sqrt(largest / _BOW_PX))))
     share = (np.arange(pieces) / pieces)[:, None]
     steps = lines[:, :-1, None] + share * (lines[:, 1:, None] - lines[:, :-1, None])
@@ -132,7 +132,7 @@ def _bent(view: _View, lines: Array) -> Array:
 
 
 def _as_integers(pixels: Array, resolution_px: tuple[int, int]) -> tuple[float, NDArray[np.int16]]:
-    """Unit [px], a power of two, and pixels in it; points further out than half a picture are missing."""
+    """Unit [px], a power of two, and pixels in it; points farther outside than half a picture are missing."""
     reach = 1.5 * max(resolution_px)
     unit_px = 2.0 ** math.ceil(math.log2(reach / _LARGEST))
     known = np.isfinite(pixels).all(axis=-1, keepdims=True) & (np.abs(pixels) <= reach).all(axis=-1, keepdims=True)

@@ -1,7 +1,7 @@
 """Overlay video: simulated and measured outlines drawn onto the footage.
 
-The outlines are those of the planar targets at their height. The video is H.264 that phones and browsers play, scaled
-down, with the presentation times of the source.
+The outlines are those of the planar targets at their height. The video is H.264 for phones and browsers, scaled down,
+with the presentation times of the source.
 """
 
 from collections.abc import Iterator, Sequence
@@ -25,8 +25,8 @@ from towval.report.overlay_painter import Painter
 Picture = NDArray[np.uint8]
 
 _JPEG_QUALITY = 75
-_RATE_FACTOR = "25"  # of x264: 0 to 51, lower values are better and larger
-_PICTURE_PX, _PICTURE_S = 960, 0.2  # width of the pictures for viewers and their distance in time
+_RATE_FACTOR = "25"  # of x264: 0 to 51; lower values are better and give larger files
+_PICTURE_PX, _PICTURE_S = 960, 0.2  # width of the pictures for viewers, and time between them
 _STILL_PX = 640
 
 
@@ -62,7 +62,7 @@ def drawn_pictures(
 ) -> Iterator[Still]:
     """Pictures of the footage with the run drawn in, five a second; otherwise as :func:`write_overlay`.
 
-    Frames that no other is coded from are passed over: a picture is the first at or after its time that others need.
+    Frames that no other is coded from are skipped: a picture is the first at or after its time that others need.
     """
     painter = Painter(calibration, run, _PICTURE_PX)
     due_s = -np.inf
@@ -79,7 +79,7 @@ def drawn_pictures(
 def stills(
     source: FilePath, calibration: Calibration, run: RunRecord, times_s: Sequence[float], *, damaged: bool = False
 ) -> tuple[Still, ...]:
-    """The first pictures at or after given times [s], with the run drawn in; none where the footage has ended."""
+    """The first pictures at or after given times [s], with the run drawn in; none after the end of the footage."""
     painter, found = Painter(calibration, run, _STILL_PX), []
     with _opened(source) as film:
         stream = film.streams.video[0]
@@ -128,7 +128,7 @@ def _check_size(source: FilePath, frame: av.VideoFrame, calibration: Calibration
 def _add_encoder(
     output: av.container.OutputContainer, stream: av.VideoStream, size_px: tuple[int, int]
 ) -> av.VideoStream:
-    # A fixed number of threads: x264 gives the same bytes again only for the same number.
+    # A fixed number of threads: the bytes of x264 depend on it.
     options = {"crf": _RATE_FACTOR, "preset": "veryfast", "profile": "high", "threads": "2"}
     rate = stream.average_rate or Fraction(25)
     encoder = output.add_stream("libx264", rate=rate, options=options)
@@ -146,7 +146,7 @@ def _add_encoder(
 def _decoded(film: av.container.InputContainer, damaged: bool, wanted: int | None = None) -> Iterator[av.VideoFrame]:
     """Frames of the footage; of a damaged one, where allowed, those before the damage.
 
-    Before the time ``wanted`` those alone that others are coded from.
+    Before the time ``wanted``, only those that others are coded from.
     """
     context = film.streams.video[0].codec_context
     try:
@@ -197,7 +197,7 @@ def _quarter_turns(frame: av.VideoFrame) -> int:
 
 
 def _as_rgb(frame: av.VideoFrame, size_px: tuple[int, int]) -> Picture:
-    # Without a stated colour matrix: BT.709 for HD, BT.601 below, as is customary.
+    # Where no colour matrix is stated: BT.709 for HD, BT.601 below, as is customary.
     unspecified = frame.colorspace not in (Colorspace.ITU709, Colorspace.ITU601)
     matrix = (Colorspace.ITU709 if frame.height >= 720 else Colorspace.ITU601) if unspecified else frame.colorspace
     size = size_px if _quarter_turns(frame) % 2 == 0 else size_px[::-1]

@@ -1,4 +1,4 @@
-"""Outlines, trails, tether and text of a run, drawn onto one frame of its footage."""
+"""Outlines, paths, tether and text of a run, drawn onto one frame of its footage."""
 
 import cv2
 import numpy as np
@@ -21,7 +21,7 @@ _FRACTION_BITS = 4
 class Painter:
     """Draws the state of a run at a time onto a frame of the video.
 
-    ``width_px`` is the largest width of the video [px]; the footage is never scaled up. ``size_px`` are its width and
+    ``width_px`` is the largest width of the video [px]; the footage is never enlarged. ``size_px`` are its width and
     height, both even.
     """
 

@@ -11,11 +11,11 @@ from PIL import Image, ImageDraw, ImageFont
 Colour = tuple[int, int, int]
 
 _SHADE = 0.35
-"""Brightness of the footage under the text, relative."""
+"""Brightness of the footage under the text, relative to the rest."""
 
 
 class TextPainter:
-    """Writes single lines on darkened strips; digits have equal widths, so that changing numbers do not jump.
+    """Writes single lines on darkened strips; digits have equal widths, so that changing numbers do not move.
 
     ``size_px``: font size [px].
     """
@@ -30,7 +30,7 @@ class TextPainter:
     def write(
         self, picture: NDArray[np.uint8], corner_px: tuple[int, int], parts: Sequence[tuple[str, Colour]]
     ) -> None:
-        """Write texts with their colours after each other from the top left ``corner_px`` (u, v) of an RGB picture.
+        """Write texts with their colours one after another from the top left ``corner_px`` (u, v) of an RGB picture.
 
         In place; text that does not fit is cut off.
         """
@@ -47,7 +47,7 @@ class TextPainter:
 
 
 def _font_file() -> Path:
-    """DejaVu Sans as matplotlib ships it, found without importing matplotlib, which takes longer than the writing."""
+    """DejaVu Sans as shipped with matplotlib, found without importing matplotlib, which would take longer."""
     spec = find_spec("matplotlib")
     assert spec is not None  # a dependency of this package
     assert spec.origin is not None

@@ -13,9 +13,9 @@ from towval.report.templating import template_asset, template_environment
 def write_report(
     path: FilePath, data: ReportData, figures_folder: FilePath | None = None, processes: int = 1
 ) -> FilePath:
-    """Write the report of a campaign: an HTML file that loads nothing else; the same data give the same bytes.
+    """Write the report of a campaign: one HTML file that loads nothing else; the same data give the same bytes.
 
-    With a ``figures_folder`` the figures are there as PDF, SVG and PNG, too. ``processes`` draw at once.
+    With a ``figures_folder``, the figures are also saved there as PDF, SVG and PNG. ``processes`` draw in parallel.
 
     Raises `InputError` when there is no run, two runs share a name, or a video cannot be read.
     """

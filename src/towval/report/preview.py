@@ -1,4 +1,4 @@
-"""The start of a run: tops, body axes, hinge, anchor, tether and a grid of the floor over the first frame."""
+"""The start of a run: tops, body axes, hinge, anchor, tether and a floor grid drawn over the first frame."""
 
 import itertools
 from collections.abc import Mapping
@@ -15,7 +15,7 @@ from towval.report.overlay_painter import stroke
 Picture = NDArray[np.uint8]
 
 GRID_M = 0.5
-"""Distance of the lines of the floor grid [m]."""
+"""Spacing of the floor grid [m]."""
 _PIECE_M = 0.025
 
 _GRID, _TETHER = (150, 150, 150), (80, 214, 255)
@@ -26,9 +26,9 @@ _AXES = ((40, 40, 230), (60, 190, 60))
 def draw_start(
     luma: NDArray[np.uint8], calibration: Calibration, scene: TowingScene, bodies: Mapping[str, tuple[Body, Array]]
 ) -> Picture:
-    """The first frame, blue, green and red, with where bodies start drawn in.
+    """The first frame as a blue, green and red picture, with the start poses of the bodies drawn in.
 
-    ``bodies`` are rover and object by name with their poses (3,) [m, m, rad]; one that is not known is left out.
+    ``bodies`` are rover and object by name with their poses (3,) [m, m, rad]; unknown ones are left out.
     """
     picture = np.asarray(cv2.cvtColor(luma, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
     line = max(1, round(luma.shape[1] / 700))
@@ -55,7 +55,7 @@ def draw_start(
 
 
 def floor_grid(calibration: Calibration) -> list[Array]:
-    """Lines (2, 2) [m] of a square grid over the floor that the picture shows."""
+    """Lines (2, 2) [m] of a square grid over the part of the floor in the picture."""
     width, height = calibration.camera.resolution_px
     border = np.array([[0, 0], [width - 1, 0], [width - 1, height - 1], [0, height - 1]], dtype=float)
     seen = to_plane(calibration.camera, calibration.floor, border, 0.0)

@@ -1,4 +1,4 @@
-"""First screen of the report: the result in a sentence, a row a run, and a line about each folded part."""
+"""First screen of the report: the result in a sentence, one row per run, and a line about each folded part."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ class ResultRow:
 
 
 def sentence(records: Sequence[RunRecord]) -> str:
-    """What was found, by verdict, and which input to measure better first."""
+    """The result by verdict, and which input to measure better first."""
     by_verdict = {v: [r.comparison for r in records if r.comparison.verdict is v] for v in Verdict}
     agree = by_verdict.pop(Verdict.AGREES)
     parts = []
@@ -64,7 +64,7 @@ def measure_first(records: Sequence[RunRecord]) -> str:
 
 
 def result_rows(records: Sequence[RunRecord]) -> tuple[ResultRow, ...]:
-    """A row a run."""
+    """One row per run."""
     return tuple(_row(record.comparison) for record in records)
 
 
@@ -82,7 +82,7 @@ def _row(c: Comparison) -> ResultRow:
 
 
 def legend(records: Sequence[RunRecord]) -> str:
-    """What the columns mean, and which error matters."""
+    """Meaning of the columns, and the tolerance."""
     text = (
         "Error: simulated minus measured position and heading, RMS over the run. Bound: what the simulated position "
         "was off at most, at the confidence that each run states; the number to cite. Detectable: half of the kinds of "
@@ -113,12 +113,12 @@ def gists(records: Sequence[RunRecord], calibration: Calibration | None) -> dict
 
 
 def _beginning(runs: Sequence[Comparison]) -> str:
-    """Where on the path the one run begins to differ; empty where unknown."""
+    """Where on the path a single run begins to differ; empty for several runs or where unknown."""
     return f", from {runs[0].begins_m:.1f} m on" if len(runs) == 1 and np.isfinite(runs[0].begins_m) else ""
 
 
 def _who(runs: Sequence[Comparison], of: int) -> str:
-    """How many runs, by name where that is shorter."""
+    """The number of runs, or their names where that is shorter."""
     if len(runs) == of:
         return {1: f"run {runs[0].run}", 2: "both runs"}.get(of, f"all {of} runs")
     return f"{len(runs)} runs" if len(runs) > 2 else _named(runs)

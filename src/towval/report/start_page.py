@@ -1,4 +1,4 @@
-"""The page on which the starts of runs are put right: one file that opens offline and saves campaign.yaml."""
+"""The page for correcting the start poses of runs: one file that opens offline and saves campaign.yaml."""
 
 import base64
 import json
@@ -17,16 +17,16 @@ from towval.model import Array, Body, Calibration, Camera, TowingScene
 from towval.report.preview import floor_grid
 
 _QUALITY = 88
-_OUTSIDE = 51  # The grey of the page around the picture.
+_OUTSIDE = 51  # Grey of the page around the picture.
 _LARGEST = 1.5
-"""Of the camera's picture: how large it may become without its distortion; what a wide lens sees beyond is left out."""
+"""Largest size of the picture without distortion over that of the camera; what a wide lens sees beyond is left out."""
 
 
 @dataclass(frozen=True)
 class StartOfRun:
-    """The first frame of a run and where its bodies are: poses (3,) [m, m, rad] by name; those not found are missing.
+    """The first frame of a run and the poses (3,) [m, m, rad] of its bodies by name; those not found are missing.
 
-    ``doubts`` says what is not certain, by the body's name.
+    ``doubts``: what is uncertain, by the body's name.
     """
 
     luma: NDArray[np.uint8]
@@ -36,10 +36,10 @@ class StartOfRun:
 
 @dataclass(frozen=True)
 class FloorBoard:
-    """The board that defines the floor frame: the picture around it, and its outer corners (4, 2) [px], going round.
+    """The board that defines the floor frame: the picture around it, and its outer corners (4, 2) [px] in cyclic order.
 
     ``offset_px`` is where the picture begins in that of the camera; ``origin`` and ``end`` are the corners at the
-    origin and at the end of the x axis; ``depends`` names the keys of campaign.yaml given in the axes of the floor.
+    origin and at the end of the x axis; ``depends`` names the keys of campaign.yaml in the axes of the floor.
     """
 
     luma: NDArray[np.uint8]
@@ -64,7 +64,7 @@ def write_start_page(
     """Write the page of the campaign ``name``.
 
     ``text`` is campaign.yaml cut where the page writes (:func:`towval.io.campaign_text.text_in_parts`), ``longest_m``
-    how far apart hinge and anchor can be [m]; ``floor`` is None where no board defines the floor frame.
+    the largest distance of hinge and anchor [m]; ``floor`` is None where no board defines the floor frame.
     """
     camera, hold = calibration.camera, {"rover": scene.hinge, "object": scene.anchor}
     shown, size = without_distortion(camera)
@@ -103,7 +103,7 @@ def write_start_page(
             for name, start in runs.items()
         },
     }
-    # Within a script element only "<" could end it.
+    # Only "<" could end a script element.
     written = json.dumps(data, allow_nan=False).replace("<", "\\u003c")
     page = _asset("start.html")
     scripts = ("SCRIPT", _asset("start.js")), ("FLOOR", _asset("start_floor.js"))
@@ -113,10 +113,10 @@ def write_start_page(
 
 
 def without_distortion(camera: Camera) -> tuple[Array, tuple[int, int]]:
-    """A pinhole camera (3, 3) [px] and the size of its picture: what ``camera`` sees, without its distortion.
+    """A pinhole camera (3, 3) [px] and the size of its picture, which shows the view of ``camera`` without distortion.
 
-    The focal lengths are kept, so that the middle of the picture keeps its sharpness; straight lines of the floor are
-    straight in it, and straight edges of a top as well.
+    The focal lengths are kept, so that the middle of the picture keeps its sharpness; straight lines of the floor and
+    straight edges of a top are straight in it.
     """
     width, height = camera.resolution_px
     u, v = np.arange(width, dtype=float), np.arange(height, dtype=float)

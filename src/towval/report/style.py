@@ -35,7 +35,7 @@ COVERAGE = 2.0
 """Half width of a band in standard uncertainties: 95 % for a normal error."""
 
 FORMATS = ("pdf", "svg", "png")
-# Dates and program names that would give new bytes at every run.
+# Dates and program names, which would change the bytes in every run.
 _METADATA = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": {"Software": None}}
 
 _Arguments = ParamSpec("_Arguments")
@@ -71,7 +71,7 @@ class Margins:
     """Margins around and between the panels of a figure [in].
 
     They are fixed, not fitted to the labels: panels of all figures line up on a page, and their positions are known
-    without drawing and the same in every format.
+    without drawing and are the same in every format.
     """
 
     left: float = 0.55
@@ -87,7 +87,7 @@ def column_of_panels(
 ) -> tuple[Figure, list[Axes]]:
     """A figure one column wide with stacked panels of given heights [in] that share an x axis, labelled at the lowest.
 
-    The first ``apart`` panels have an x axis of their own and space for its labels; the title is at the top left.
+    The first ``apart`` panels have separate x axes and space for their labels; the title is at the top left.
     """
     gaps = [Margins.bottom + margins.down if i < apart else margins.down for i in range(len(heights_in) - 1)]
     height = margins.top + sum(heights_in) + sum(gaps) + margins.bottom
@@ -158,10 +158,10 @@ def _share(rectangle: tuple[float, float, float, float], figure: Figure) -> tupl
 
 @dataclass(frozen=True)
 class Frame:
-    """Position and limits of the panels of a figure, with which a page marks a time on it.
+    """Position and limits of the panels of a figure, for marking a time on it in a page.
 
     ``left``, ``right``, ``top`` and ``bottom`` are shares of the figure's width and height from its upper left corner,
-    around all panels; ``x_low`` and ``x_high`` limit the shared x axis.
+    around all panels; ``x_low`` and ``x_high`` are the limits of the shared x axis.
     """
 
     left: float
@@ -182,7 +182,7 @@ def frame_of(figure: Figure) -> Frame:
 def save_figure(figure: Figure, folder: FilePath, name: str, svg: str | None = None) -> tuple[FilePath, ...]:
     """Save a figure as ``name.pdf``, ``name.svg`` and ``name.png`` at its own width, each file atomically.
 
-    ``svg`` is its :func:`svg_text`, if it has been made already. The same figure gives the same bytes each time.
+    ``svg`` is its :func:`svg_text`, if already made. The same figure gives the same bytes each time.
 
     Raises `InputError` when ``folder`` cannot be written to.
     """

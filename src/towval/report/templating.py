@@ -13,7 +13,7 @@ _UNCERTAINTY = re.compile(r"\bu_(num|input|D|val)\b")
 
 
 def template_environment() -> Environment:
-    """The templates, in which every text of a campaign is escaped and a missing value is an error."""
+    """The templates; every text of a campaign is escaped, and a missing value is an error."""
     environment = Environment(
         loader=PackageLoader("towval.report"),
         autoescape=True,
@@ -26,11 +26,11 @@ def template_environment() -> Environment:
 
 
 def _symbols(text: str) -> Markup:
-    """A text with ``u_val`` and the like as symbols with a subscript, and codes of findings as words."""
+    """A text with ``u_val`` and the like as symbols with a subscript, and codes of findings as plain words."""
     text = _CODE.sub(lambda code: code[0].replace("_", " ") if code[0] in FINDINGS else code[0], text)
     return Markup(_UNCERTAINTY.sub(r"<i>u</i><sub>\1</sub>", str(escape(text))))
 
 
 def template_asset(name: str) -> Markup:
-    """A style sheet or script of the package, never data, so inserted without escaping."""
+    """A style sheet or script of the package; never data, so it is inserted without escaping."""
     return Markup((files("towval.report") / "templates" / name).read_text(encoding="utf-8"))

@@ -34,12 +34,12 @@ _PARTS = {
     "uncertainty": "uncertainty",
     "identify": "identification",
 }
-"""Part of the page by stage; the others' findings stand with the numbers."""
+"""Part of the page by stage; findings of other stages are shown with the numbers."""
 
 
 @dataclass(frozen=True)
 class FigureView:
-    """A figure on the page; ``title`` is for readers who do not see it, ``frame`` given where a cursor marks it."""
+    """A figure on the page; ``title`` is for readers who do not see it, ``frame`` given where a cursor marks a time."""
 
     svg: Markup
     title: str
@@ -109,10 +109,10 @@ class ReportView:
 
 
 def build(data: ReportData, drawn: Sequence[Drawn], page: FilePath) -> ReportView:
-    """What the template shows: strings and markup, and ``data``, whose own strings it shows unchanged.
+    """The content of the template: strings and markup, and ``data``, whose own strings it shows unchanged.
 
-    ``drawn`` are the figures of :func:`towval.report.drawing.draw_figures`; to the file ``page`` the addresses of
-    linked films are relative.
+    ``drawn`` are the figures of :func:`towval.report.drawing.draw_figures`; films are linked relative to the file
+    ``page``.
     """
     calibration, records, sheet = data.calibration, data.records, FigureSheet()
     comparisons = [record.comparison for record in records]
@@ -150,7 +150,7 @@ def build(data: ReportData, drawn: Sequence[Drawn], page: FilePath) -> ReportVie
 
 
 def findings_by_part(data: ReportData) -> dict[str, tuple[FindingView, ...]]:
-    """Findings by the part of the page that holds them, the gravest first."""
+    """Findings by the part of the page that holds them, the most severe first."""
     parts: dict[str, list[FindingView]] = {}
     for view in collect_findings(data):
         parts.setdefault(_PARTS.get(view.stage, "numbers"), []).append(view)
@@ -192,7 +192,7 @@ def _figure_view(drawn: Drawn, sheet: FigureSheet) -> FigureView:
 
 
 def _tables(comparisons: list[Comparison]) -> Facts:
-    """Names and contents of the summary to download, as data URIs."""
+    """Names and contents of the summaries for download, as data URIs."""
     contents = (
         ("summary.csv", "text/csv", summary_csv(comparisons)),
         ("summary.tex", "text/plain", summary_latex(comparisons)),
@@ -201,7 +201,7 @@ def _tables(comparisons: list[Comparison]) -> Facts:
 
 
 def _confidence(records: Sequence[RunRecord]) -> str:
-    """Share of runs with a correct model that stay below the limit of the verdict; empty where none was judged."""
+    """Share of runs with a right model that stay below the limits of the verdict; empty without uncertainties."""
     shares = {f"{100 * record.uncertainty.confidence:g} %" for record in records if record.uncertainty is not None}
     return " or ".join(sorted(shares))
 

@@ -8,7 +8,7 @@ _UNITS = {"px": "px", "px2": "px²", "mm": "mm", "m": "m", "deg": "°", "rad": "
 
 
 def decimal(value: float) -> str:
-    """A number with one decimal from 10 on, two from 0.1 on, two significant digits below."""
+    """A number with one decimal from 10 on, two from 0.1 on, two significant digits below that."""
     if not math.isfinite(value):
         return NOT_COMPUTED
     if abs(value) >= 0.1 or value == 0:
@@ -28,7 +28,7 @@ def degrees(value_rad: float) -> str:
 
 
 def _plain_number(value: float) -> str:
-    """A count unchanged; other numbers with decimals, or from 1000 on to two significant digits."""
+    """A count unchanged; other numbers with decimals, or to two significant digits from 1000 on."""
     if float(value).is_integer():
         return f"{value:.0f}"
     return f"{float(f'{value:.1e}'):.0f}" if abs(value) >= 1000 else decimal(value)
@@ -38,7 +38,7 @@ def named_scalar(name: str, value: float) -> tuple[str, str]:
     """Label, and value with its unit, of a scalar whose key ends with the unit (``rms_mm at 0.25 m``).
 
     The key is words joined by underscores, the last one a unit, ``share`` or neither; `` at`` and a place may follow.
-    Shares are in per cent, counts without decimals.
+    Shares are in percent, counts without decimals.
     """
     stem, at, place = name.partition(" at ")
     words = stem.split("_")

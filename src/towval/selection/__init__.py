@@ -1,6 +1,6 @@
-"""Model no more than a scene needs: probes on the scene that choose a setting, or say what the next would change.
+"""Select no more model than a scene needs: probes on the scene select a setting, or measure the effect of the next one.
 
-Each function goes with a stage. What was chosen, what would have been next and how far that moves positions becomes a
-:class:`~towval.model.Choice` in the stage's file. Under "auto" the cheapest setting is taken whose difference to the
+Each module belongs to a stage. The selected setting, the next one and the difference of positions between them become a
+:class:`~towval.model.Choice` in the stage's file. Under "auto" the cheapest setting is taken whose difference from the
 next finer one is below a third of the measurement uncertainty: then it adds less than 6 % to that.
 """

@@ -1,4 +1,4 @@
-"""Model selection for the stage uncertainty: how many draws a run took, and which inputs and effects count."""
+"""Model selection for the stage uncertainty: the number of draws of a run, and which inputs and effects matter."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -16,13 +16,13 @@ from towval.validation.uncertainty import UncertaintySampling
 def sample_selecting(
     case: Case, settings: UncertaintySettings, *, measurement_m: float, progress: Callable[[int], None] | None = None
 ) -> RunUncertainty:
-    """Sample the uncertainty of a run; the choices say what its draws leave open, and what each effect would move."""
+    """Sample the uncertainty of a run; its choices state the error left by the draws, and the shift by each effect."""
     sampling = UncertaintySampling(case, settings, progress)
     found, error = sampling.sampled()
-    # A few draws may have been left out; what was asked for is a power of two.
+    # A few draws may have been left out; the number requested is a power of two.
     count = 1 << (found.samples - 1).bit_length()
     what = f"bounds known to {100 * error:.1f} % (one standard error)"
-    # The standard deviation of a root mean square over n normal draws.
+    # Standard deviation of a root mean square over n normal draws.
     change = position_rms(found.validation) / np.sqrt(2 * found.samples)
     choice = Choice("draws", f"{count}: {what}", f"{2 * count}", change, "of u_val, as expected")
     found = sampling.completed(found)

@@ -1,4 +1,4 @@
-"""Model selection for the stage calibrate: what the next larger lens model would have changed."""
+"""Model selection for the stage calibrate: the effect of the next larger lens model."""
 
 from dataclasses import replace
 
@@ -17,7 +17,7 @@ from towval.optics.projection import to_plane
 def with_lens_choice(
     calibration: Calibration, board: Board, reference: FloorReference, settings: CalibrateSettings, height_m: float
 ) -> Calibration:
-    """The calibration with what the next larger lens model would have changed on the plane of a target."""
+    """The calibration with the effect of the next larger lens model on a target's plane, or of the next smaller."""
     models, chosen = list(LENS_MODELS), calibration.camera.lens_model
     place = models.index(chosen)
     following = models[place + 1] if place + 1 < len(models) else models[place - 1]
@@ -27,7 +27,7 @@ def with_lens_choice(
     flat = [observation for observation in flat if len(observation.corners_px) != len(reference.marks_px)]
     doubts = doubts_std(board, reference)
     seen = CalibrationObservations(calibration.camera.resolution_px, tuple(boards), tuple(flat), reference, doubts)
-    # Of one model nothing is to be chosen: no views are held out.
+    # With one model there is nothing to select: no views are held out.
     alone = replace(settings, lens_models=(following,), folds=0)
     try:
         other = calibrate_observations(seen, alone, {})

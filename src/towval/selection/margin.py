@@ -1,4 +1,4 @@
-"""The margin that choices are held against: a third of the measurement uncertainty."""
+"""The limit for the effect of a setting: a third of the measurement uncertainty."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -9,13 +9,13 @@ from towval.optics.plane_uncertainty import position_covariance
 from towval.optics.projection import project
 
 SHARE = 1 / 3
-"""Of the measurement uncertainty that the error of a setting may reach."""
+"""Share of the measurement uncertainty that the error of a setting may reach."""
 
 
 def measurement_std_m(calibration: Calibration, body: Body, places: ArrayLike) -> float:
-    """Standard uncertainty of a body's measured place [m], root mean square over places (n, 2) on the floor [m].
+    """Standard uncertainty √(σ_x² + σ_y²) of a body's measured position [m], root mean square over places (n, 2) [m].
 
-    It holds calibration and the height of the top, what all poses of a run share. √(σ_x² + σ_y²).
+    It contains the calibration and the height of the top, which all poses of a run share.
     """
     places = np.asarray(places, dtype=np.float64)[:, :2]
     height = body.tracked_plane_height_m

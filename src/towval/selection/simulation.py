@@ -15,7 +15,7 @@ SELECTED = ("rung_tolerance_m", "tolerance_m")
 """Settings of the stage that may be "auto"."""
 
 TOLERANCES_M = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
-"""What "auto" chooses from, cheapest first."""
+"""Values that "auto" selects from, cheapest first."""
 
 
 def simulate_selecting(
@@ -28,9 +28,9 @@ def simulate_selecting(
     auto: Sequence[str],
     measurement_m: float,
 ) -> tuple[SimulateSettings, SimulatedMotion]:
-    """Simulate a run with what it needs; the motion says what the next model and tolerance would have changed.
+    """Simulate a run with the settings that it needs; its choices state the effect of the next model and tolerance.
 
-    ``auto`` holds the names of the settings to be chosen, "rung_tolerance_m" and "tolerance_m", against the measurement
+    ``auto`` holds the names of the settings to select, "rung_tolerance_m" and "tolerance_m", against the measurement
     uncertainty ``measurement_m`` [m]; the rest is as in :func:`towval.validation.simulate.simulate`.
     """
     limit = SHARE * measurement_m
@@ -52,7 +52,7 @@ def simulate_selecting(
 
 
 def _rung_choice(motion: SimulatedMotion) -> Choice:
-    """Against the full dynamics or, for these, the quasi-static patch."""
+    """The rung compared with the full dynamics or, for the dynamics, with the next simpler rung."""
     simpler = rung_names()[-2]
     following, lower = (simpler, simpler) if motion.rung == DYNAMICS else (DYNAMICS, motion.rung)
     change = motion.statistics[f"{lower} to dynamics, m"]

@@ -15,14 +15,14 @@ from towval.validation.decimate import DecimateSettings, decimate
 from towval.validation.simulate import SimulateSettings, simulate
 
 TRACK_SAMPLES = (1024, 4096)
-"""What "auto" chooses from, cheapest first.
+"""Values that "auto" selects from, cheapest first.
 
 Fewer than 1024 points are left out: 256 save 2 % of the time of decoding (docs/selection.md); their effect is small
-against the measurement uncertainty but not against the frame's own noise, which the verdict is sensitive to.
+against the measurement uncertainty but not against the noise of single frames, to which the verdict is sensitive.
 """
 
 PROBE_FRAMES, PROBE_STRIDE = 12, 4
-"""How many frames a setting that is given is compared on with its neighbour, and at what stride from the first."""
+"""Number of frames on which a given setting is compared with its neighbour, and their stride from the first."""
 
 
 def neighbour_of_tracking(
@@ -32,9 +32,9 @@ def neighbour_of_tracking(
     clicks_px: Mapping[str, ArrayLike],
     settings: TrackSettings,
 ) -> dict[str, Choice]:
-    """What the next finer tracking would have changed, for each body, tried on some frames from the first on.
+    """The effect of the next finer tracking for each body, from some frames beginning with the first.
 
-    For the finest it is the one before. The parameters are those of :func:`towval.tracking.track.track`.
+    For the finest, the next coarser one is tried. The parameters are those of :func:`towval.tracking.track.track`.
     """
     other = _neighbour(settings)
     found, beside = track_beside(iter(frames), calibration, bodies, clicks_px, (settings, other))
@@ -59,10 +59,10 @@ def track_selecting(
     simulation: SimulateSettings | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> tuple[TrackSettings, dict[str, Track]]:
-    """Track with as many points as the run needs; the tracks say what the other number would have changed.
+    """Track with as many points as the run needs; choices of the tracks state the effect of the other number.
 
     All of :data:`TRACK_SAMPLES` follow the bodies through the whole video, in one pass, and both tracks drive the
-    simulation of ``scene``: stick and slip may multiply what a track adds, and no part of a run shows that. The smaller
+    simulation of ``scene``: stick and slip may amplify their difference, which no part of a run shows. The smaller
     number is taken where neither a measured path nor the simulated one moves by more than a third of the measurement
     uncertainty. ``decimation`` and ``simulation`` are the settings of these stages, by default their own; the other
     parameters are those of :func:`towval.tracking.track.track`.
@@ -72,7 +72,7 @@ def track_selecting(
     cheap, fine = (replace(settings, samples=count) for count in TRACK_SAMPLES)
     tracks, finer = track_beside(frames, calibration, bodies, clicks_px, (cheap, fine), progress)
     places = {body.name: seen_places(tracks[body.name]) for body in bodies}
-    # Nothing is small enough beside a body that the smaller number never saw.
+    # No difference is small enough for a body that the smaller number of points never saw.
     limits = {
         body.name: SHARE * measurement_std_m(calibration, body, places[body.name]) if len(places[body.name]) else 0.0
         for body in bodies
@@ -97,18 +97,18 @@ def track_selecting(
 def _carried(
     simulated: Callable[[Mapping[str, Track]], SimulatedMotion], one: Mapping[str, Track], other: Mapping[str, Track]
 ) -> float:
-    """RMS distance of the paths that two sets of tracks are simulated to [m]; NaN where one cannot be simulated."""
+    """RMS distance [m] of the paths simulated from two sets of tracks; NaN where one cannot be simulated."""
     try:
         first, second = simulated(one), simulated(other)
     except TowvalError:
-        # The stages decimate and simulate meet the same error and report it with its remedy.
+        # The stages decimate and simulate raise the same error and report it with its remedy.
         return float("nan")
     _, rows, others = np.intersect1d(first.time_s, second.time_s, return_indices=True)
     return rms_length(first.pose[rows] - second.pose[others])
 
 
 def _neighbour(settings: TrackSettings) -> TrackSettings:
-    """The plane method for the paper's points, else the next number of points, for the largest the one before."""
+    """The plane method for the paper's points, else the next number of points, or the previous one for the largest."""
     if settings.method != "plane":
         return replace(settings, method="plane")
     following = 4 * settings.samples

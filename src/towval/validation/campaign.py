@@ -17,9 +17,9 @@ _SHARED_DRAWS = 0.9
 class CampaignVerdict:
     """The verdict on several runs.
 
-    ``ratio``: the largest ratio over the runs of a tested statistic to its limit; ``limit``: what right models keep to
-    in all runs together with ``confidence``; ``runs`` that were judged; ``beyond``: those that exceed the limit;
-    ``sentence``: the verdict in words.
+    ``ratio``: the largest ratio of a tested statistic to its limit over the runs; ``limit``: what right models keep in
+    all runs together with ``confidence``; ``runs`` that were judged; ``beyond``: those above it; ``sentence``: it in
+    words.
     """
 
     verdict: Verdict

@@ -1,9 +1,9 @@
 """The most probable deviations of all inputs of a run together, found by simulating the run again.
 
 The probability of input deviations x is the product of those of the block means of the error that they leave, of its
-oscillation about them, and of x. Its maxima are found by the Gauss-Newton method with derivatives from simulations,
-because an input that is many deviations off does not act linearly; about each maximum it is taken as normal (Laplace).
-Inputs are off independently, rarely and then far (Student's t), or all by one factor (normal, Birge 1932).
+oscillation about them, and of x. Its maxima are found by the Gauss-Newton method with derivatives from simulations, as
+an error of many deviations is not linear; about each maximum it is taken as normal (Laplace). Inputs are off
+independently, rarely and then far (Student's t), or all by one factor (normal, Birge 1932).
 
 SOURCE: Bishop, Pattern Recognition and Machine Learning (Springer 2006), 4.4, Laplace's approximation.
 """
@@ -150,7 +150,7 @@ class Causes:
         return flat @ self.whiten.T, swings
 
     def _slopes(self, off: Array, error: Array) -> tuple[Array, Array] | None:
-        """Curvature (d, d) and half the gradient (d,) of the cost of an error by the inputs, if it can be simulated."""
+        """Curvature (d, d) and half the gradient (d,) of the cost of an error by the inputs; None if not simulated."""
         sides = _DIFFERENCE * np.repeat(np.eye(len(off)), 2, axis=0)
         sides[1::2] *= -1
         tried = self.unknowns.allowed(off + sides)

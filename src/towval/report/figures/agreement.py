@@ -1,4 +1,4 @@
-"""Error beside its validation uncertainty, and the inputs that this uncertainty comes from."""
+"""Error with its validation uncertainty, and the shares of its variance by input."""
 
 from collections.abc import Sequence
 
@@ -32,7 +32,7 @@ def agreement_figure(run: RunRecord) -> Figure | None:
 
     Three panels over one time axis [s]: the error along and across the measured path [mm] with bands of ± two standard
     validation uncertainties, and ``|E| / u_val`` of the position with a line at two, left out where ``u_val`` is below
-    a hundredth of its usual size. None where the uncertainty was not computed.
+    a hundredth of its root mean square. None where the uncertainty was not computed.
     """
     if run.uncertainty is None:
         return None
@@ -56,10 +56,10 @@ def agreement_figure(run: RunRecord) -> Figure | None:
 
 @figure_function
 def statistics_figure(run: RunRecord) -> Figure | None:
-    """The test of the run: its statistics in shares of their limits, beside those of right models, one column wide.
+    """The test of the run: its statistics over their limits, with those of right models, one column wide.
 
-    A histogram of the largest share that each draw of a right model reaches [%], a line at the limit, and the run's
-    size, shape and input as marks. None where nothing was tested.
+    A histogram [% of draws] of the largest statistic over its limit in each draw of a right model, a line at the limit,
+    and the run's size, shape and input as marks. None where nothing was tested.
     """
     c = run.comparison
     if not len(c.drawn_tests):

@@ -55,7 +55,7 @@ def coverage_figure(calibration: Calibration) -> Figure:
 
 @figure_function
 def reprojection_figure(calibration: Calibration) -> Figure:
-    """Root mean square reprojection error and tilt of each view; dropped views carry the reason.
+    """Root mean square reprojection error and tilt of each view; dropped views are labelled with the reason.
 
     One row per view, one column wide: errors [px] on the left with the corner noise of all views, tilts between board
     and image plane [°] on the right. Views without tilt do not determine the focal length.
@@ -159,5 +159,5 @@ def _frame_image(axes: Axes, calibration: Calibration) -> tuple[int, int]:
 
 
 def _shown(name: str) -> str:
-    """The name of a picture, short enough to stand beside a plot."""
+    """The name of a picture, shortened to fit next to a plot."""
     return name if len(name) <= 28 else f"{name[:12]}…{name[-15:]}"

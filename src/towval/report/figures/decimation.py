@@ -60,7 +60,7 @@ def _draw_plan(axes: Axes, run: RunRecord, decimated: DecimatedTrack) -> None:
 
 
 def _marks(*, paused: bool) -> list[Line2D | Patch]:
-    """What is drawn over time besides the measured points."""
+    """Legend of what is drawn over time in addition to the measured points."""
     ticks = Line2D([], [], linestyle="none", marker="|", color=MEASURED, markersize=6, label="time of a kept pose")
     band = Patch(color=BAND, alpha=0.6, linewidth=0, label=r"$\pm\,2\sigma$ of a pose")
     return [ticks, band, *([Patch(color=SHADE, linewidth=0, label="pause")] if paused else [])]

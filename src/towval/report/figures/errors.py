@@ -47,7 +47,7 @@ def error_figure(run: RunRecord) -> Figure:
 
 
 def intervals(time_s: Array, mask: Array) -> list[tuple[float, float]]:
-    """Start and end [s] of each group of samples with ``mask`` (n,) set, half an interval wider on each side."""
+    """Start and end [s] of each group of times with ``mask`` (n,) set, half an interval wider on each side."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
     bounds = np.concatenate([time_s[:1], (time_s[1:] + time_s[:-1]) / 2, time_s[-1:]])
     return [(float(bounds[i]), float(bounds[j])) for i, j in edges.reshape(-1, 2)]

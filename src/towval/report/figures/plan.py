@@ -1,4 +1,4 @@
-"""Map of a plan or a tow: the object behind the rover, and whose each bend of the rover's path is."""
+"""Map of a plan or a tow: the object behind the rover, and the bends that are due to the rover's limit."""
 
 from pathlib import Path
 
@@ -29,8 +29,8 @@ def plan_figure(
 ) -> Figure:
     """Map of the hinge's path (n, 2) [m] and of the object behind it, one column wide, with equal scales.
 
-    The footprint is drawn at equal steps of time; ``wanted`` (k, 2) is the path that the object was to follow [m].
-    Where ``limited`` (n,), the rover could not turn as tightly as the path asks: a bend there is the rover's.
+    The footprint is drawn at equal steps of time; ``wanted`` (k, 2) is the desired path of the object [m]. Where
+    ``limited`` (n,), the rover could not turn as tightly as the path requires: a bend there is due to the rover.
     """
     figure = Figure(figsize=(COLUMN_WIDTH_IN, COLUMN_WIDTH_IN))
     axes = figure.add_subplot()
@@ -63,9 +63,9 @@ def plan_figure(
 
 
 def write_map(path: Path, figure: Figure) -> None:
-    """Write a map as SVG, over nothing but an older one.
+    """Write a map as SVG; only an older map is overwritten.
 
-    Raises `InputError` where the name does not end in ``.svg``, or a file of others stands there.
+    Raises `InputError` where the name does not end in ``.svg``, or another kind of file has this name.
     """
     if path.suffix != ".svg":
         raise InputError("the map cannot be written", got=path.name, allowed="a name that ends in .svg")

@@ -1,4 +1,4 @@
-"""Errors of repeated runs, and what they have in common."""
+"""Errors of repeated runs, and their common error."""
 
 from collections.abc import Sequence
 
@@ -12,7 +12,7 @@ _RUN = "#999999"
 
 @figure_function
 def repeats_figure(groups: Sequence[Corridor]) -> Figure | None:
-    """Errors along and across the path [mm] over its length [m], two panels a group; None where nothing is repeated.
+    """Errors along and across the path [mm] over its length [m], two panels per group; None where no run is repeated.
 
     Thin lines are runs, the thick one their mean; the band holds the error common to all at one place with 95 %.
     """

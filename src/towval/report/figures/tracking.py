@@ -1,4 +1,4 @@
-"""Quality of a track, and what a video says of its camera, frame by frame."""
+"""Quality of a track, and motion of the camera in a video, frame by frame."""
 
 from collections.abc import Mapping
 from enum import IntEnum
@@ -68,7 +68,7 @@ def tracking_figure(track: Track, run: str = "") -> Figure:
 
 @figure_function
 def camera_figure(run: RunRecord) -> Figure | None:
-    """What the camera's own motion did to the picture of the floor over time, above a strip of the stamps.
+    """Effect of the camera's own motion on the picture of the floor over time, above a strip of the time stamps.
 
     Four panels over one time axis [s], one column wide: shift of the picture's middle [px], turn [°], growth [%], each
     with a band of ± two deviations; stamps that the motion of the bodies contradicts, and repeated pictures. Gaps:
@@ -97,14 +97,14 @@ def camera_figure(run: RunRecord) -> Figure | None:
 def _draw_motion(
     axes: Axes, time_s: Array, camera: CameraTrack, column: int, scale: float, label: str, colour: str
 ) -> None:
-    """Draw one number of the picture's motion with its band."""
+    """Draw one component of the picture's motion with its band."""
     value, half = scale * camera.picture[:, column], _COVERAGE * scale * camera.picture_std[:, column]
     axes.fill_between(time_s, value - half, value + half, color=BAND, linewidth=0, zorder=1.5)
     axes.plot(time_s, value, color=colour, linewidth=0.8, label=label)
 
 
 def _draw_strip(axes: Axes, time_s: Array, values: NDArray[np.uint8], colours: Mapping[_Kind, str]) -> list[Swatch]:
-    """Draw a strip of what each frame is; return its legend."""
+    """Draw the kind of each frame as a strip; return its legend."""
     for value, colour in colours.items():
         for start_s, end_s in intervals(time_s, values == value):
             axes.axvspan(start_s, end_s, color=colour, linewidth=0)
