@@ -18,8 +18,8 @@ class CampaignVerdict:
     """The verdict on several runs.
 
     ``ratio``: the largest ratio of a tested statistic to its limit over the runs; ``limit``: what right models keep in
-    all runs together with ``confidence``; ``runs`` that were judged; ``beyond``: those above it; ``sentence``: it in
-    words.
+    all runs together with ``confidence``; ``runs``: those judged; ``beyond``: those above the limit; ``sentence`` to be
+    read.
     """
 
     verdict: Verdict

@@ -2,7 +2,7 @@
 
 The probability of input deviations x is the product of those of the block means of the error that they leave, of its
 oscillation about them, and of x. Its maxima are found by the Gauss-Newton method with derivatives from simulations, as
-an error of many deviations is not linear; about each maximum it is taken as normal (Laplace). Inputs are off
+the effect of many deviations is not linear; about each maximum it is taken as normal (Laplace). Inputs are off
 independently, rarely and then far (Student's t), or all by one factor (normal, Birge 1932).
 
 SOURCE: Bishop, Pattern Recognition and Machine Learning (Springer 2006), 4.4, Laplace's approximation.
@@ -29,14 +29,13 @@ _BEYOND = 2.0
 """An input counts as off from this many deviations."""
 
 _STATED, _ASSUMED, _COMPUTED = (2.0, 1.0), (1.0, WIDER), (np.inf, 1.0)
-"""Degrees of freedom and scale of Student's t of true values, in deviations: of an input that was measured, of one
+"""Degrees of freedom and scale of Student's t for true values, in deviations: of an input that was measured, of one
 whose value and deviation were assumed, and of one that was computed from data and tested there. Stated deviations of
 3,200 measured quantities are exceeded as in t of two degrees down to Cauchy's (Bailey 2017, Not normal: the
 uncertainties of scientific measurements)."""
 
 _FACTORS = np.geomspace(1.0, 4.4, 23)
-"""Factors tried on all stated deviations: the random scale of normals that gives Student's t of two degrees, to 95
-%."""
+"""Factors tried on all stated deviations: Student's t of two degrees mixes normals of such scales (95 % below 4.4)."""
 
 _LEAST_NOISE = 0.02  # error of the derivatives, as a share of the variance of the draws
 _DIFFERENCE, _ENOUGH, _STEPS = 0.5, 0.5, 8  # half-width of difference quotients; least gain of a step; most steps

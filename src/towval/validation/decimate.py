@@ -294,7 +294,7 @@ def _fewest_knots(
 def _longest_stretches(
     time: Array, pose: Array, sigma: Array, pauses: list[tuple[int, int]], excess: float
 ) -> list[int]:
-    """Frames between which one cubic, free at both ends, explains the poses; each pause is a stretch."""
+    """Frames between which one cubic, free at both ends, explains the poses; each pause is one such stretch."""
     ends = dict(pauses)
     starts = [*sorted(ends), len(time) - 1]
     kept = [0]
@@ -327,8 +327,7 @@ def _cubic_misfit(time: Array, pose: Array, sigma: Array) -> Array:
 
 
 def _within_bound(misfit: Array, excess: float) -> bool:
-    """Whether a stretch's misfits (n, 3), in units of noise, are within the bounds for all and for each run of
-    frames."""
+    """Whether a stretch's misfits (n, 3), in units of noise, keep the bounds over all and over each run of frames."""
     if np.mean(misfit**2) > 1 + excess * np.sqrt(2 / misfit.size):
         return False
     if len(misfit) < _RUN:

@@ -191,7 +191,8 @@ def explain(
     """The inputs that would explain an error (n, 3), along and across the path.
 
     Inputs are moved one after another, the most probable first, until a right model may leave the remaining error, no
-    other is probable, or three are moved. From there all are moved together, independently or by a common factor.
+    other is probable, or three are moved. From there all inputs are moved together, independently or by a common
+    factor, and the most probable result counts.
 
     Parameters
     ----------

@@ -149,7 +149,7 @@ def identify(
 
 @dataclass(frozen=True)
 class _Found:
-    """Fitted values (p,); the residuals (m,) and their derivatives (m, p) there, with parameters in their scales."""
+    """Fitted values (p,), and there the residuals (m,) and derivatives (m, p), parameters in units of their scales."""
 
     values: Array
     residual: Array

@@ -105,7 +105,7 @@ class RightModel:
     def of(cls, draws: Array, inputs: Array, confidence: float) -> "RightModel":
         """From draws (k, n, 3) of the error and the standard normal inputs (k, d) that they come from.
 
-        `InputError` where there are fewer than 32, or fewer than 24 times.
+        `InputError` where there are fewer than 32 draws or 24 times.
         """
         if len(draws) < 32 or draws.shape[1] < 24:
             raise InputError(
@@ -214,8 +214,7 @@ def _block_means_of(signature: Array) -> Array:
 
 
 def _effects(means: Array, inputs: Array) -> tuple[Array, NDArray[np.intp], NDArray[np.bool_]]:
-    """Effects (j, b) of one deviation of the inputs that matter, their columns (j,), and whether they are one-sided
-    (j,).
+    """Effects (j, b) of one deviation of the inputs that matter, their columns (j,), and which are one-sided (j,).
 
     Block means (k, b) are regressed on the inputs (k, d); one that cannot be below zero acts by its absolute value.
     """

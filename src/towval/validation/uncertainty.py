@@ -77,8 +77,7 @@ class UncertaintySampling:
         """The spread of as many draws as set, and the relative error of the bounds due to their number [1].
 
         Under "auto" draws are added until the standard error of both upper bounds of the largest error, the
-        simulation's and the model's, is at most :data:`BOUND_ERROR` of them, or 2048 are made. The error is 0 without
-        bounds.
+        simulation's and the model's, is at most :data:`BOUND_ERROR` of them, or 2048 are made. It is 0 without bounds.
         """
         auto = self.settings.samples == "auto"
         count = DRAWS[0] if auto else int(self.settings.samples)
