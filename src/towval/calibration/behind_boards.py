@@ -95,7 +95,7 @@ def as_floor_shows(
     ``pictures`` are those of the ``observed`` boards, among others. Also returned are the boards that are left out,
     each with the reason, and the findings. Behind how many the floor is seen is up to the pictures: where it is behind
     most of them, nothing is left of the held pictures' zoom and crop to doubt. Of a camera that was carried about, and
-    mounted later, it tells nothing.
+    mounted later, it shows nothing.
     """
     size = observed.resolution_px
     if not observed.floor_boards or not observed.boards:

@@ -182,7 +182,7 @@ def _findings(observed: CalibrationObservations, fit: _Fit, wrong: Doubts) -> tu
 
 
 def _flip(resolution_px: tuple[int, int], estimate: Estimate, std: Array) -> str:
-    """How the held pictures are turned over against the others, as far as their principal point tells; empty if not."""
+    """How the held pictures are flipped against the others, judging by their principal point; empty if they are not."""
     if not (std[6:] > 0).all():
         return ""
     over = np.array(resolution_px) - 1 - 2 * estimate.shared[2:4]

@@ -113,7 +113,7 @@ def placed(observed: CalibrationObservations, estimate: Estimate) -> Estimate:
 def with_floor(observed: CalibrationObservations, estimate: Estimate, flat: Sequence[Array]) -> Estimate:
     """A first guess of the floor, from marks or from the poses (6,) of boards that lie ``flat`` on it.
 
-    Raises `InputError` where neither tells, and for marks that are on one line or in left-handed coordinates.
+    Raises `InputError` where neither decides, and for marks that are on one line or in left-handed coordinates.
     """
     reference, shared = observed.floor_reference, estimate.shared.copy()
     if observed.marks >= 4:

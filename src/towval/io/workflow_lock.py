@@ -13,7 +13,7 @@ except ImportError:  # not on Windows, where a stale lock stays and Snakemake sa
     fcntl = None  # type: ignore[assignment]
 
 _held: list[int] = []
-"""Open for as long as this process lives; the system lets go of it however the process ends."""
+"""Open while this process lives; the system releases it however the process ends."""
 
 
 def clear_stale_locks(folder: Path, results: Path) -> None:

@@ -32,7 +32,7 @@ def locked(values: ArrayLike, name: str, shape: tuple[int | None, ...], *, finit
 
 
 def _is_locked(values: ArrayLike) -> TypeGuard[Array]:
-    """Whether values are a float64 array that its maker has made read-only, and so the array whose memory it shows."""
+    """Whether values are a read-only float64 array whose underlying memory is read-only as well."""
     if type(values) is not np.ndarray or values.dtype != np.float64 or values.flags.writeable:
         return False
     owner = values if values.base is None else values.base
@@ -58,7 +58,7 @@ def positive(self: object, *names: str, zero: bool = False) -> None:
     """Refuse named fields that are not finite and above zero, or zero itself where ``zero`` allows it."""
     for name in names:
         value = getattr(self, name)
-        # Floats first: an abstract base class takes long to ask.
+        # Floats first: the check against an abstract base class is slow.
         if type(value) is not float and (isinstance(value, bool) or not isinstance(value, numbers.Real)):
             raise InputError(f"{type(self).__name__}.{name} is no number", got=_brief(value), allowed="a number")
         number = float(value)

@@ -1,4 +1,4 @@
-"""What a stage chose, and what it would have taken next."""
+"""What a stage chose, and the alternative next to it."""
 
 from dataclasses import dataclass
 

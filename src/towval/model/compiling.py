@@ -1,14 +1,13 @@
 """How this package compiles its inner loops.
 
-Compiled code is kept on disk, so that only the first call after installing compiles. Numba knows a function's machine
-code by the file the function stands in; but that code holds what other files contributed as well, and would outlive an
-edit there. So each folder of sources has a cache named after the content of all files that may contribute: its own,
-those of its subfolders, and all files of this package that compile anything. After an edit of other files what is
-compiled stays.
+Compiled code is cached on disk, so only the first call after installation compiles. Numba identifies cached code by the
+file that defines the function, but inlined code from other files would then survive an edit of those files. Each source
+folder therefore has a cache named after the contents of all files that may contribute: its own, those of its subfolders
+and every file of this package that compiles anything. Edits of other files leave the cache valid.
 
-Divisions follow IEEE 754 instead of raising, for a check at each would cost more than the division. Products and sums
-are rounded one by one: where the compiler may contract them, the digits depend on what it inlines, and that on whether
-a function was compiled just now or read from the disk. A function that takes liberties with arithmetic says so.
+Division by zero follows IEEE 754 instead of raising, because a check would cost more than the division. Products and
+sums are rounded separately: if the compiler were free to fuse them, the last digits would depend on what it inlines,
+and that on whether a function was just compiled or read from the cache. Exceptions are marked where they are made.
 """
 
 import atexit
@@ -28,13 +27,13 @@ import numba
 from numba import njit
 
 _CONFIG: Any = numba.config  # Its attributes are set at run time.
-_KEPT = 3  # Caches of a folder: a branch and the one it came from, and one to spare.
+_KEPT = 3  # Caches kept per folder: those of two branches and one spare.
 
 
 def _import_numba_without_scipy() -> None:
-    """Import what numba imports at the first compiled call, without scipy.linalg.
+    """Import the modules that numba loads at the first compiled call, except scipy.linalg.
 
-    Numba imports that only to see whether its np.correlate can use BLAS, and it takes as long as a whole simulation.
+    Numba imports it only to check whether np.correlate can use BLAS, and the import takes as long as a simulation.
     """
     name = "scipy.linalg.cython_blas"
     if name not in sys.modules:
@@ -53,12 +52,12 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 def compiled(allocates: bool = True, **options: Any) -> Callable[[Function], Function]:
     """Decorator factory for a function in a numerical inner loop: use as ``@compiled()``.
 
-    ``allocates``: whether the function makes arrays. One that does not is spared the counting of references to arrays
-    that it is handed, a locked instruction each, which takes longer than much that is done with them. ``options`` are
-    those of ``numba.njit``, where a function needs something else than the defaults above.
+    ``allocates``: whether the function creates arrays. If not, reference counting of its array arguments is switched
+    off: each count is a locked instruction, which often takes longer than the work on the array. ``options`` are those
+    of ``numba.njit``, for a function that needs other settings than the defaults.
     """
     settings: dict[str, Any] = {"cache": True, "error_model": "numpy", "fastmath": False}
-    # No way in from C either: nobody calls by one, and it takes a sixth of the time of compiling.
+    # No C wrapper: nothing calls it, and it takes a sixth of the compile time.
     settings |= {"_nrt": allocates, "no_cfunc_wrapper": True, "nogil": True} | options
 
     def compile_later(function: Function) -> Function:
@@ -75,14 +74,14 @@ def compiled(allocates: bool = True, **options: Any) -> Callable[[Function], Fun
 
 @cache
 def _compiling_files() -> tuple[Path, ...]:
-    """Files of this package that compile functions, which others may inline."""
+    """Files of this package that compile functions, which other files may inline."""
     files = sorted(Path(__file__).resolve().parents[1].rglob("*.py"))
     return tuple(path for path in files if b"towval.model.compiling import" in path.read_bytes())
 
 
 @cache
 def _private_folder() -> Path:
-    """A folder of the user's own for compiled code; one of this process where there is no home to write to."""
+    """The user's own folder for compiled code; a temporary one for this process if the home is not writable."""
     try:
         folder = Path.home() / ".cache" / "towval"
         folder.mkdir(parents=True, exist_ok=True)
@@ -90,7 +89,7 @@ def _private_folder() -> Path:
             return folder
     except (OSError, RuntimeError):
         pass
-    # Never one that others could have made before: compiled code is run.
+    # Never a folder that another user could have created before: its code is executed.
     kept = tempfile.TemporaryDirectory(prefix="towval-")
     atexit.register(kept.cleanup)
     return Path(kept.name)

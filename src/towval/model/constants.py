@@ -11,7 +11,7 @@ def constants_of(package: str) -> dict[str, Any]:
     folders = importlib.import_module(package).__path__
     modules = {info.name: importlib.import_module(f"{package}.{info.name}") for info in pkgutil.iter_modules(folders)}
     held = {name: getattr(module, "CONSTANTS", None) for name, module in modules.items()}
-    # Those of another module, which some import, are that module's.
+    # Constants imported from another module belong to that module.
     return {name: one for name, one in held.items() if type(one).__module__ == f"{package}.{name}"}
 
 

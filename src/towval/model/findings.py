@@ -1,4 +1,4 @@
-"""What a stage can remark on: one table, a row a code, from which every :class:`Finding` is made.
+"""The findings that stages can report: one table, one row per code, from which every :class:`Finding` is made.
 
 A new finding is a :class:`FindingType` handed to :func:`register`, and a call of :func:`finding` where it arises.
 docs/findings.md is this table in print.
@@ -21,7 +21,7 @@ class Severity(enum.StrEnum):
 
 @dataclass(frozen=True)
 class Finding:
-    """A remark of a stage on its input or result; make one with :func:`finding`.
+    """A stage's remark on its input or result; created by :func:`finding`.
 
     ``code`` is a row of the table, ``text`` a full sentence with numbers and what to do.
     """

@@ -1,4 +1,4 @@
-"""What every friction law tells the physics: μ and its slope over the sliding speed, and where μ stops varying."""
+"""The interface of a friction law: μ and its slope over the sliding speed, and the speed above which μ is constant."""
 
 import functools
 import math
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from towval.model.checks import Array
 from towval.model.errors import InputError
 
-_TO_ROUNDING = 1e-6  # of the largest μ: how well a law keeps to its own limits
+_TO_ROUNDING = 1e-6  # relative to the largest μ: how closely a law must meet its own limits
 
 
 class FrictionLaw(ABC):
@@ -55,10 +55,10 @@ class FrictionLaw(ABC):
 
 
 def check_friction_law(law: FrictionLaw) -> None:
-    """Refuse what cannot be computed with.
+    """Refuse a law that the physics cannot compute with.
 
     Raises `InputError` when ``law`` is no friction law; when μ is not finite and positive at a speed above zero or its
-    slope at rest not finite and positive; or when μ does not keep to its own limits at low and high speed.
+    slope at rest not finite and positive; or when μ does not meet its stated limits at low and high speed.
     """
     if not isinstance(law, FrictionLaw):
         raise InputError("not a friction law", got=type(law).__name__, allowed="an instance of FrictionLaw")

@@ -189,11 +189,11 @@ def about_block_means(values: ArrayLike) -> Array:
 
 
 def error_signature(error: ArrayLike) -> Array:
-    """Size and changes of an error over a motion: what a fault of the model moves, and what noise and phase do not.
+    """Size and changes of an error over a motion: sensitive to faults of the model, insensitive to noise and phase.
 
     Means over 24 blocks of time, in which oscillations (stick and slip) and frame noise average out; and the changes of
-    these means over 1, 2, 4 and 8 blocks, in which what is wrong from the start on (a length, a place) cancels, so that
-    an error that begins under way stands out. Of errors (..., n, 3) of x, y and heading at n times, 24 or more, NaN
+    these means over 1, 2, 4 and 8 blocks, in which errors present from the start (a length, a place) cancel, so that
+    an error that begins later stands out. Of errors (..., n, 3) of x, y and heading at n times, 24 or more, NaN
     where missing: (..., m, 3), the :func:`signature_entries`; NaN where a block holds no error at all.
     """
     error = np.asarray(error, dtype=np.float64)

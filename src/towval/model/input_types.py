@@ -1,4 +1,4 @@
-"""What a row of the table of uncertain inputs is, and how its deviation is found; the rows: ``towval.model.inputs``."""
+"""Type of a row of the table of uncertain inputs, and its deviation; the rows are in ``towval.model.inputs``."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -35,7 +35,7 @@ class Realisation:
         return cls(scene, camera, dict.fromkeys(bodies, 0.0), {body: np.zeros(3) for body in bodies})
 
     def checked(self) -> "Realisation":
-        """The same, its scene looked at as where one is made; `InputError` for values that none may have."""
+        """The same with its scene validated; raises `InputError` for values that no scene may have."""
         parts = {name: getattr(self.scene, name) for name in ("load", "tether", "friction", "spread", "ground")}
         made: dict[str, Any] = {name: replace(part) for name, part in parts.items() if part is not None}
         return replace(self, scene=replace(self.scene, **made))
@@ -43,7 +43,7 @@ class Realisation:
 
 @dataclass(frozen=True)
 class LeftOut:
-    """What is taken for an input whose value campaign.yaml may leave out.
+    """Value and deviation assumed for an input that campaign.yaml may leave out.
 
     ``key`` of the value; ``value`` that is taken, as text; ``std`` its standard deviation, times ``scale`` of the scene
     where there is one, which ``scale_text`` names; ``why`` that much.
@@ -215,7 +215,7 @@ def _deviation(
     if not row.present(scene):
         return 0.0
     value = float(row.values(scene)[0])
-    # A share of nothing is nothing: a stated zero is known no better than one that is left out.
+    # A relative deviation of zero would be zero: a stated zero is known no better than a missing value.
     if document is not None and stated.left_out and (is_left_out(row, document) or (stated.relative and value == 0)):
         scale = stated.left_out.scale
         return stated.left_out.std * stated.unit_in_si * (scale(scene) if scale else 1.0)

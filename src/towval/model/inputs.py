@@ -1,4 +1,4 @@
-"""Uncertain inputs: one table, a row an input.
+"""Uncertain inputs: one table, one row per input.
 
 From it the schema and the reader of campaign.yaml take key and default of each stated deviation, the uncertainty
 analysis what to draw and how it acts, the identification what can be fitted, and the report what to list. A new input
@@ -45,7 +45,7 @@ Whole = TypeVar("Whole")
 
 
 def _with(whole: Whole, **changed: Any) -> Whole:
-    """A copy with other fields, unchecked: a draw sets thirty, and `Realisation.checked` looks at what they make."""
+    """A copy with other fields, not validated: a draw sets thirty, and `Realisation.checked` validates the result."""
     copy = object.__new__(type(whole))
     vars(copy).update(vars(whole), **changed)
     return copy
@@ -73,12 +73,12 @@ def _in_part(part: str, field: str, at_least: float = -np.inf) -> Callable[[Real
 
 
 def _size(acts: Callable[[Realisation, Array], Realisation]) -> Callable[[Realisation, Array], Realisation]:
-    """For what cannot be below zero: the size of the value, so that about zero draws scatter to one side."""
+    """Absolute value, for inputs that cannot be negative: around zero the draws scatter to one side."""
     return lambda real, value: acts(real, np.abs(value))
 
 
 def _friction(real: Realisation, value: Array) -> Realisation:
-    """Kinetic and static coefficient in proportion; the row of the static one follows and sets it by itself."""
+    """Scales kinetic and static coefficient together; the row of the static one comes later and sets it separately."""
     friction, kinetic = real.scene.friction, float(value[0])
     friction = _with(friction, kinetic=kinetic, static=friction.static * kinetic / friction.kinetic)
     return _with(real, scene=_with(real.scene, friction=friction))

@@ -9,7 +9,7 @@ from typing import Any
 STANDARD = "standard"
 
 PRESETS: dict[str, dict[str, dict[str, Any]]] = {
-    # A first look within the time that decoding takes.
+    # A first look in about the time of decoding.
     "draft": {
         "calibrate": {"lens_models": ["k1 k2"], "folds": 3},
         "simulate": {"rung_tolerance_m": 2e-3, "tolerance_m": 1e-5},
@@ -18,14 +18,14 @@ PRESETS: dict[str, dict[str, dict[str, Any]]] = {
     },
     # The stages' own defaults.
     STANDARD: {},
-    # Numbers to publish: nothing that the method adds should show beside what was measured.
+    # For publication: errors of the method should be negligible against the measurement.
     "fine": {
         "calibrate": {"folds": 12},
         "track": {"samples": 4096},
         "simulate": {"rung": "dynamics", "tolerance_m": 1e-9},
         "uncertainty": {"samples": 2048, "tolerance_m": 1e-7},
     },
-    # As much as this campaign needs.
+    # As accurate as this campaign needs.
     "auto": {"track": {"samples": "auto"}, "simulate": {"rung_tolerance_m": "auto", "tolerance_m": "auto"}},
 }
 """Settings by preset and stage; what is left out stays the stage's default."""

@@ -1,4 +1,4 @@
-"""What runs that repeat one drive have in common."""
+"""The common error of runs that repeat the same drive."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""What simulation, uncertainty analysis and comparison give."""
+"""Results of the simulation, the uncertainty analysis and the comparison."""
 
 from dataclasses import dataclass, field
 
@@ -58,7 +58,7 @@ class SimulatedMotion:
 
 @dataclass(frozen=True)
 class RunUncertainty:
-    """What is known of the error of one run, in the terms of ASME V&V 20.
+    """What is known about the error of one run, in the terms of ASME V&V 20.
 
     ``time_s`` (n,); covariances (n, 3, 3) of x, y and heading [m², m rad, rad²]: ``measurement`` of the measured pose,
     ``simulation`` of the simulated one due to all that it was given, ``validation`` of their difference, in which what

@@ -1,4 +1,4 @@
-"""All that is known of one run, as the figures, the overlay video and the report draw it."""
+"""Everything known about one run, as used by the figures, the overlay video and the report."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""What may be said of a run: its draws, the faults that would show, the verdict and what would explain the error."""
+"""What can be stated about a run: its draws, the faults that would show, the verdict, and what explains the error."""
 
 import enum
 from collections.abc import Mapping
@@ -25,7 +25,7 @@ class Verdict(enum.StrEnum):
 
 @dataclass(frozen=True)
 class Draws:
-    """Realisations of all that is uncertain in a run.
+    """Draws of all uncertain inputs of a run.
 
     ``rows`` (m,) of the run's times they are kept at; ``error`` (k, m, 3) simulated minus measured and ``measurement``
     (k, m, 3) measured minus true pose, both on the floor's axes [m, m, rad], if the model is right; ``inputs`` (k, d)
@@ -88,8 +88,8 @@ class Explanation:
     position; ``begins_m`` and ``ends_m``, between which lengths of the path the remainder begins [m], NaN
     where it does not stand out; ``assumed``, which of the named inputs have a value that nobody stated; ``instead``,
     what may be off in place of the first of ``moved``, from which this run cannot tell it; ``factor``, by which all
-    stated deviations are too small besides, 1 where they are not: with a larger one, ``moved`` and ``instead`` are
-    the inputs that are off most probably.
+    stated deviations are also too small, 1 if they are not; if it is larger, ``moved`` and ``instead`` name the
+    inputs that are most probably off.
     """
 
     moved: Mapping[str, float]

@@ -229,10 +229,10 @@ class MassSpread:
 
 @dataclass(frozen=True)
 class TowingScene:
-    """All that the simulation is given besides the rover's track.
+    """Everything the simulation needs in addition to the rover's track.
 
     ``patch``, ``load`` and ``anchor`` (2,) in the object's frame, ``hinge`` (2,) in the rover's [m]; ``body_mass`` [kg]
-    of the object without its load, ``spread`` as said or, where None, evenly over the footprint; ``anchor_height``,
+    of the object without its load, ``spread`` of that mass, evenly over the footprint if None; ``anchor_height``,
     ``hinge_height`` and ``centre_of_mass_height`` (of the object with its load) above the floor [m]; ``ground``.
     """
 

@@ -103,7 +103,7 @@ class Stamp(enum.IntEnum):
 
 @dataclass(frozen=True)
 class CameraTrack:
-    """What a video says of its own camera: how the view moved, which stamps are doubted, and the scale.
+    """What a video shows about its own camera: how the view moved, which time stamps are doubtful, and the scale.
 
     ``camera`` and ``floor`` are the view in the first picture, ``motion`` (n, 9) what moved it since, in the order of
     :data:`towval.model.conventions.VIEW_MOTION`. ``picture`` (n, 4) is what that did to the picture, in the order of
@@ -233,7 +233,7 @@ class DecimatedTrack:
 
     def poses_and_rates_at(self, time_s: ArrayLike) -> Array:
         """Poses and their rates (..., 6) [m, m, rad; per s] at times (...,) [s], NaN outside."""
-        # Not scipy's CubicHermiteSpline, which takes longer to import than all else that a simulation needs.
+        # Not scipy's CubicHermiteSpline: its import takes longer than all other imports of a simulation.
         asked = np.asarray(time_s, dtype=np.float64)
         piece = np.clip(np.searchsorted(self.time_s, asked, side="right") - 1, 0, len(self.time_s) - 2)
         length = np.diff(self.time_s)[:, None]

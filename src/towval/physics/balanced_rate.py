@@ -1,6 +1,6 @@
 """The heading rate at which the moment about the anchor vanishes, for a velocity of the tracked point.
 
-One Newton step from a good guess leaves an error of second order; where that does not settle, roots are searched.
+One Newton step from a good guess leaves an error of second order; if that does not converge, roots are searched.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Creep at rest: how far a regularised friction law let an object slide where a real one would have stuck."""
+"""Creep at rest: how far an object slid under a regularised friction law where a real one would have stuck."""
 
 import numpy as np
 
@@ -9,8 +9,8 @@ def creep_length(motion: SimulatedMotion, towed: TowedObject, stiction_velocity:
     """Path length of the footprint's fastest corner at speeds below the stiction velocity [m].
 
     Below v_s a law that rises from zero at rest lets the object slide under any pull, at about ``v_s T / (μ N)``; a
-    real one sticks. What adds up there is no motion of the real object. Read at the reported times, by the trapezium
-    rule.
+    real one sticks. The accumulated creep is no motion of the real object. Evaluated at the reported times by the
+    trapezium rule.
 
     ``stiction_velocity``: speed at which friction is fully there [m/s].
 

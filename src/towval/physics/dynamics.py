@@ -208,8 +208,8 @@ def feedforward(
     SOURCE: eqs. (9) to (11). The force [N], floor axes, comes as a "path" of its two components; the rest is as in
     :func:`feedback`. ``tether_length`` of the result is NaN-free zero: there is no tether.
 
-    A force does not fix a path: where friction no longer rises with speed, the least error of it adds up. So the motion
-    is computed again under 0.1 % more force, and the finding "open_loop" says how far that leads away.
+    A force does not determine a path: where friction no longer rises with speed, any error in force accumulates. So the
+    motion is computed again with 0.1 % more force, and the finding "open_loop" states how far it departs.
 
     Examples
     --------
@@ -244,7 +244,7 @@ def _stronger(force: Spline) -> Spline:
 
 
 def _with_open_loop_finding(motion: SimulatedMotion, moved: SimulatedMotion) -> SimulatedMotion:
-    """A motion, with a finding where a little more force leads far away."""
+    """A motion, with a finding if slightly more force leads far away."""
     both = min(len(motion.time_s), len(moved.time_s))
     apart_m = float(np.linalg.norm(motion.pose[:both, :2] - moved.pose[:both, :2], axis=1).max())
     if apart_m <= _FORCE_SHIFT_M:

@@ -1,4 +1,4 @@
-"""Integrals along one edge of a sliding patch, by Gauss nodes whose number is known beforehand.
+"""Integrals along one edge of a sliding patch, by Gauss rules whose order is known in advance.
 
 In ``t = |d| sinh q`` along an edge at distance d from the instantaneous centre of rotation C the integrands of
 ``wrench`` are analytic for |Im q| < π/2, whatever the law and wherever C lies. So a bound of the error follows from the
@@ -20,7 +20,7 @@ from towval.physics.lanes import Lanes, lanes, multiply, multiply_add, unpacked
 # large: what comes out (tests, studies/tables/physics_must_reach.py) is some 1,000 times better.
 _ERROR_BOUND = 1e-7
 _MOST_PAIRS = 8  # of nodes on a panel of an edge
-_CELLS, _LONGEST_ALPHA = 128, 0.6  # lengths of panels told apart
+_CELLS, _LONGEST_ALPHA = 128, 0.6  # panel lengths that are distinguished
 _LOWEST_ORDER, _ORDERS = -40, 64  # binary orders of what an edge's integrand may reach, over μN
 _NEGLIGIBLE = 1e-13  # of the edge's length: with C so close to its line, it adds nothing
 

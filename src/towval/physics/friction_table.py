@@ -1,4 +1,4 @@
-"""The radial integrals of a friction law, tabulated once and read in nanoseconds.
+"""Radial integrals of a friction law, tabulated once and evaluated in nanoseconds.
 
 The wrench of a turning patch needs, beside μ itself, the means of μ along a ray from the instantaneous centre,
 
@@ -38,7 +38,7 @@ _TO_POINTS = np.stack(
 )
 _MISFIT_LIMIT = 1e-8  # relative, of a tabulated law; a smooth one stays below 1e-11
 
-# The table is one flat array, so that compiled code passes it on for nothing: a head, then the polynomials.
+# The table is one flat array, which compiled code passes on at no cost: a head, then the polynomials.
 LOWEST, HIGHEST, SLOPE, VISCOUS, FIRST_PART, PLATEAU = 0, 1, 2, 3, 4, 5  # then c_1, c_2, c_3
 _HEAD = 9
 
@@ -72,7 +72,7 @@ def _tabulated(law: FrictionLaw) -> Array:
     starts: Array = (binade * (1 + np.arange(parts) / parts)).ravel()
     widths: Array = (binade * np.full(parts, 1 / parts)).ravel()
     speed = starts[:, None] + widths[:, None] * (_GAUSS + 1) / 2
-    values = law.coefficient(speed)  # What takes most of the time.
+    values = law.coefficient(speed)  # Takes most of the time.
     first = values * speed * (widths[:, None] / 2)
     integrand = np.stack([first, first * speed, first * speed * speed])
     integrals = _integrals(slope, starts, integrand)

@@ -1,4 +1,4 @@
-"""The planar body on its patch, drawn by a tether or a given force: rates, slopes and events, compiled.
+"""The planar body on its patch, pulled by a tether or a given force: rates, slopes and events, compiled.
 
 SOURCE: eqs. (9) to (12), with the centre of mass G as the point Π. State ``y = (x_G, y_G, ϑ, ẋ_G, ẏ_G, ω)`` in the
 floor frame.

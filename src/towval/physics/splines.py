@@ -13,7 +13,7 @@ from towval.model.compiling import compiled
 from towval.model.errors import InputError
 
 if TYPE_CHECKING:
-    # Not at run time: scipy.interpolate takes as long to import as all the rest of the physics.
+    # Not at run time: importing scipy.interpolate takes as long as importing the rest of the physics.
     from scipy.interpolate import CubicSpline
 
 

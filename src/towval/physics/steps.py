@@ -1,11 +1,11 @@
-"""How long the next step of the integrators is: from the errors of the last two, and no further than to a stop.
+"""Step size control of the integrators: from the errors of the last two steps, and not beyond a stop.
 
-Where friction brings an object to rest, its law turns over within the last millimetres a second, and an error estimate
-that has not seen that lets steps run into it: on a run with stick-slip more than a quarter of all steps failed there.
-Along the acceleration of now the stop is known beforehand.
+When friction brings an object to rest, its law reverses within the last few millimetres per second, which the error
+estimate of the step before cannot see: on a run with stick-slip more than a quarter of all steps failed there. The
+present acceleration predicts the stop.
 
-Where the drive bends, its acceleration jumps, of which order and error estimate know nothing. Steps across fail, and in
-three dimensions the object may tip in them, which takes long to find out. So they end at the bend.
+Where the drive bends, its acceleration jumps, which violates the assumptions of order and error estimate. Steps across
+a bend fail, and in three dimensions the object may tip in them, which is expensive to detect. So steps end at bends.
 """
 
 import math
@@ -21,7 +21,7 @@ SHRINK, GROW = 0.2, 6.0
 """A step is this many times the last at least and at most."""
 
 _SAFETY = 0.9
-_TREND = 0.7  # 0: the next error is as the last, 1: it changes once more as it did; measured: fewest failures
+_TREND = 0.7  # 0: the next error equals the last, 1: it changes by the same ratio again; measured: fewest failures
 _LEAST_ERROR = 1e-4  # below, the trend of errors is that of rounding
 # Share of the time to the stop that a step may take. With 0.6 two steps fail where one does with 0.5; 0.4 saves none.
 _TO_STOP = 0.5
@@ -31,8 +31,8 @@ _ABOVE_RISE = 2.0  # speeds of rise above which friction is steady; below, it is
 
 _AT_ONCE = 1e-3  # of a step: a bend as near is where the step begins
 _VELOCITY_RATE = 10.0  # 1/s; a velocity may be wrong by the position tolerance times this
-# Where friction rises within a speed, or the tether takes up friction within a stretch, below these, errors are kept
-# smaller in proportion: else the forces would be resolved no more, and the result wrong without a sign of it.
+# If friction rises over a speed, or the tether reaches the friction force over a stretch, below these, tolerances are
+# tightened in proportion: otherwise the forces would not be resolved and the result silently wrong.
 _FINE_SPEED, _FINE_STRETCH = 1e-3, 1e-2  # m/s, m
 
 

@@ -75,7 +75,7 @@ def lowest_point(tether: Tether, distance: float, rise: float, gravity: float = 
 def refuse_beyond_plane(model: str, towed: TowedObject, tether: Tether) -> None:
     """Raise InputError where a tow leaves the plane of the floor, or its tether the straight linear spring.
 
-    The models of :mod:`towval.physics.trailing` know neither; the height of the centre of mass changes nothing in them.
+    The models of :mod:`towval.physics.trailing` support neither; the height of the centre of mass has no effect there.
     """
     stated = {
         "anchor height [m]": towed.anchor_height,

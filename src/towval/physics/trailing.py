@@ -1,4 +1,4 @@
-"""The object trails the hinge without inertia: the rungs of the ladder below full dynamics.
+"""The object follows the hinge without inertia: the rungs of the ladder below full dynamics.
 
 The hinge's path is given, as in feedback dynamics, and the tether pulls with what friction takes. Three models of
 friction: a point at the centre of pressure (the path is a tractrix), the ellipsoidal limit surface, the pressed

@@ -45,7 +45,7 @@ class SlidingPatch(NamedTuple):
     1/N [1/N]; ``table`` the friction law; ``anisotropy`` (3,) the entries xx, xy, yy of A in the friction on a node of
     these rules, ``−p dS μ(w) A v / w`` with ``w = √(vᵀ A v)``.
 
-    Without circles the nodes over the area serve wherever C lies: so a mesh takes the same interface.
+    Without circles the nodes over the area serve wherever C lies, so that a mesh fits the same interface.
     """
 
     origin: Array

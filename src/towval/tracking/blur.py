@@ -30,12 +30,12 @@ class BlurConstants:
     """Tuned constants of motion blur, set on seeds 100 to 109 of studies/tables/tracking_accuracy.py."""
 
     learned_from: int = 400  # Points, the first of the template: an even choice.
-    least_path_px: float = 3.0  # [px] During the longest candidate, for a picture to tell the candidates apart.
+    least_path_px: float = 3.0  # [px] During the longest candidate, so that a picture distinguishes the candidates.
     first_lessons: int = 10  # Pictures in a row that the exposure is learned from,
     lesson_every: int = 10  # then one in so many.
     blurred_px: float = 0.5  # [px] Less motion is as sharp as the smoothing of the readings.
     reading_px: float = 1.5  # [px] Between readings of the sharp target; each is smoothed over 1.4 px.
-    changed_px: float = 0.5  # [px] Change of the motion for which the blurred template is made anew.
+    changed_px: float = 0.5  # [px] Change of the motion beyond which the blurred template is recomputed.
     least_kept: float = 0.6  # Of the points: with fewer the blur is a large part of the body.
 
 

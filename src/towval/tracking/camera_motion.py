@@ -1,4 +1,4 @@
-"""The camera's own motion through a video: registered in every picture, smoothed as far as it is noise, taken off."""
+"""The camera's own motion through a video: registered in every picture, smoothed where it is noise, and corrected."""
 
 from array import array
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ class CameraMotionConstants:
     hidden_scale: float = 1.3  # Of a body's outline: its sides and shadow hide the floor, too.
     followed_px: float = 0.25  # [px] From the view that bodies are tracked through, from which on it follows the floor.
     smoothed_s: float = 0.5  # [s] Mounts creep, floors settle: slower than this.
-    judged_s: float = 2.0  # [s] In which shaking is told from noise.
+    judged_s: float = 2.0  # [s] Window in which shaking is distinguished from noise.
     significant: float = 3.0  # Deviations of one picture: less is the template's own noise.
     corrected_px: float = 0.05  # [px] Of the floor, the largest over the run: less is not corrected.
     noise_margin: float = 2.0  # Times its variance that noise is taken for: what is left of shaking is that small.
@@ -238,7 +238,7 @@ def calibration_at_start(
             return calibration, ()
         found, enough = _found(seen, pictures), (len(pictures) + 1) // 2
         if len(found) < enough:
-            # A phone that lies flat guesses which way is up, anew for each recording.
+            # A phone that lies flat guesses which way is up, separately for each recording.
             turned = FloorRegistration(camera, plane, np.ascontiguousarray(luma[::-1, ::-1]), ())
             if len(_found(turned, pictures)) >= enough:
                 return calibration, (finding("video_upside_down"),)

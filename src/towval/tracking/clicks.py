@@ -35,7 +35,7 @@ def check_clicks(
 ) -> dict[str, Clicked]:
     """Check clicks on the corners of bodies against their outlines and the tether, and correct what clearly is wrong.
 
-    ``pictures`` are the first, then others, in which what moves with a body tells its limits; ``bodies`` rover and
+    ``pictures`` are the first, then others, in which what moves with a body shows its extent; ``bodies`` rover and
     object, in this order; ``clicks_px`` (n, 2) pixels of ``top_corners_m`` by the body's name: a body without is left
     out of the result. With both bodies clicked, a half-turn by which alone the tether is long enough is corrected.
     """

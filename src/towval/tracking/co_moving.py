@@ -58,9 +58,9 @@ def co_moving(target: PlanarTarget, pose: Array, pictures: Sequence[Luma]) -> li
 
 
 def goers(target: PlanarTarget, views: Sequence[View], low: Array, high: Array) -> Goers:
-    """What of the first picture from ``low`` to ``high`` (2,) [m] on a target's plane goes with it to the other views.
+    """Which part of the first picture, ``low`` to ``high`` (2,) [m] on a target's plane, moves with it to other views.
 
-    A cell that goes differs less from the cell that the motion leads it to than from the one in its old place.
+    A cell that moves along differs less from the cell at its new place than from the one at its old place.
     """
     cell_m = target.metres_per_pixel(np.array([*(low + high) / 2, 0.0]))
     axes = [np.arange(lo, hi, cell_m) for lo, hi in zip(low, high, strict=True)]

@@ -1,10 +1,10 @@
-"""What a picture of a moving body still shows of the pictures before it: noise reduction over time.
+"""Echoes: what temporal noise reduction leaves of earlier pictures in the picture of a moving body.
 
 A camera that averages its noise away keeps a share k of the picture before in each, so the body appears at its old
 places, too: at that of one picture before by k (1 − k), of two by k² (1 − k), and so on. Such pictures are late, by
 up to k / (1 − k) pictures where the body moves by less than its texture is fine, by less where it is faster, and
 texture and outline are late together. An open shutter reaches at most halfway to the next picture; a defocus or a codec
-blurs on all sides. So the place of two pictures before tells them apart: nothing else puts the body there.
+blurs on all sides. So the place of two pictures before distinguishes the echo: nothing else puts the body there.
 """
 
 from array import array
@@ -40,7 +40,7 @@ CONSTANTS = EchoConstants()
 
 _NEXT, _PAST = -1, (1, 2)  # pictures back
 _ROUNDS = 4  # of the robust fit
-_NUMBERS = 6  # A lesson's row: information (2, 2) and vector (2,) of the normal equations.
+_NUMBERS = 6  # Row of one sample: information (2, 2) and vector (2,) of the normal equations.
 
 
 class Echoes:
@@ -89,7 +89,7 @@ class Echoes:
             information, vector = information[:, 1:, 1:], vector[:, 1:]
         inverse = np.linalg.pinv(information.sum(axis=0))
         echo = inverse @ vector.sum(axis=0)
-        # Lessons scatter by more than their residuals say: a texture is no white noise.
+        # Samples scatter by more than their residuals suggest: texture is not white noise.
         std = np.sqrt(np.sum(((vector - information @ echo) @ inverse)[:, -1] ** 2))
         # Of two pictures back and all before them, as far as the texture does not tell them apart, it is the square.
         return float(np.sqrt(echo[-1])) if echo[-1] > CONSTANTS.named + CONSTANTS.deviations * std else 0.0

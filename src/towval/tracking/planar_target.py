@@ -21,7 +21,7 @@ _POINTS_ACROSS = 12
 class PlanarTarget:
     """The tracked plane of a ``body`` under a calibrated ``camera`` over a ``floor``.
 
-    Camera and floor are those of the present picture: where the camera moves they are set anew, for all who hold it.
+    Camera and floor are those of the current picture: when the camera moves they are updated for all holders.
     """
 
     body: Body

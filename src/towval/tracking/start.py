@@ -41,7 +41,7 @@ class StartConstants:
     slack_m: float = 0.015  # [m] as much that measured ends may be too far apart.
     pull_m_per_s2: float = 9.81  # [m/s²] Of the tether over the object's mass, at most: its weight.
     most_covered: float = 0.3  # Of a top over another body.
-    went: float = 0.3  # Of a body's reach: a displacement that tells its sense of motion,
+    went: float = 0.3  # Of a body's reach: a displacement that shows its sense of motion,
     forwards: float = 0.5  # within 60° of the direction of the pull.
 
 

@@ -17,7 +17,7 @@ Frame = tuple[float, float, float, float]
 
 @compiled(allocates=False)
 def contact_parts(soles: Soles, regions: Regions, frame: Frame, work: Work) -> None:
-    """Set the active parts for ``work.pressure``; ``work.counts[1]`` tells whether anything is cut."""
+    """Set the active parts for ``work.pressure``; ``work.counts[1]`` is set if anything is cut."""
     x, edges = work.pressure, soles.edges
     whole = True
     for e in range(edges.shape[0]):

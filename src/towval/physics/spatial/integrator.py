@@ -1,8 +1,8 @@
 """Integration of a :class:`~towval.physics.spatial.problem.TowProblem`: slack, taut, at rest, and the events between.
 
-As :mod:`towval.physics.integrator`, with one more mode: at rest nothing is integrated. The object stays until what
-friction has to bear exceeds what it can (``holding``); that moment is found by regula falsi. It comes to rest where its
-speed is below that at which the law of sliding has risen, and friction can hold it.
+As :mod:`towval.physics.integrator`, with one more mode: at rest nothing is integrated. The object stays until the load
+exceeds the friction limit (``holding``); that moment is found by regula falsi. It comes to rest once its speed is below
+that at which the sliding law has risen and friction can hold it.
 """
 
 from __future__ import annotations
@@ -53,11 +53,11 @@ TIPPED_OVER, LIFTED_OFF = 4, 5
 """Further outcomes beside those of the planar integrator."""
 
 _SMALLEST_STEP, _LOOKS = 1e-14, 4
-_HELD_AGAIN = 1e-4  # margin at which an object comes to rest: below, it would leave again at once
-# While at rest a step may use up this share of the margin: a pull at the anchor also turns the object, which some three
-# times as little pull may suffice for.
+_HELD_AGAIN = 1e-4  # margin at which an object comes to rest: below, it would break away again at once
+# A step at rest may use up this share of the margin: a pull at the anchor also turns the object, for which a third of
+# the pull can suffice.
 _SAFE_SHARE = 0.3
-_MOMENT_OF_RELEASE = 1e-9  # margin at which an object is let go
+_MOMENT_OF_RELEASE = 1e-9  # margin at which an object breaks away
 
 
 class March(NamedTuple):
@@ -113,7 +113,7 @@ def integrate(
     """Integrate from ``times[0]`` and fill ``states`` (n, 6) and ``modes`` (n,) at the times.
 
     Returns the outcome, the number of times filled, and counts: steps, rejections, changes between slack and taut,
-    moments at which friction let go, looks at whether it holds.
+    break-aways, checks of whether friction holds.
     """
     march = march_from(start)
     y, clock, counts = march.y, march.clock, march.counts
@@ -182,7 +182,7 @@ def _report(
 def _rest(
     problem: TowProblem, work: Work, forced: bool, march: March, times: Array, states: Array, modes: NDArray[np.int64]
 ) -> bool:
-    """Stay at rest for a step; True where friction lets go at its end."""
+    """Stay at rest for a step; True if the object breaks away at its end."""
     t, y, counts = march.clock[_T], march.y, march.counts
     piece = piece_at(problem.drive.knots, t, int(march.clock[_PIECE]))
     march.clock[_PIECE] = piece
@@ -308,7 +308,7 @@ def _move(
         counts[1] += 1
         clock[_H], clock[_GROWTH] = retried(h, error), 1.0
         return REACHED_END, False, False
-    if h < asked:  # The error of a step that was cut short tells little of the next.
+    if h < asked:  # The error of a shortened step says little about the next.
         clock[_H], clock[_LAST_H] = asked, 0.0
     else:
         clock[_H] = following(h, error, clock[_GROWTH], clock[_LAST_H], clock[_LAST_ERROR])

@@ -6,7 +6,7 @@ and W their friction wrench, balance of force and moments at the height of the c
     (A + C W) x = b,   C = [[0, 0, 0], [h_G, 0, 0], [0, h_G, 0]],
 
 b the loads without friction. Linear while the region stays. A region that the plane itself cuts off is found by
-Newton's method for a given W, in which only the moments A are computed anew; then W on that region, and again. The
+Newton's method for a given W, in which only the moments A are recomputed; then W on that region, and so on. The
 pressure is zero where the region ends, so friction misses what a shift of the pressure moves by that to second order:
 ``Work.friction_error`` says how much of it may be missed.
 """
@@ -24,7 +24,7 @@ from towval.physics.spatial.soles import MOMENTS, PER_AREA, PLAIN, RADIUS, STRET
 from towval.physics.spatial.unit_wrenches import EQUILIBRIUM, S, W, unit_wrenches
 
 BALANCED, TIPS, LIFTED = 0, 1, 2
-"""Whether there is a pressure; not, for the object tips over; nor, for nothing presses it to the floor."""
+"""A pressure balances the loads; none does and the object tips over; nothing presses it to the floor."""
 
 LEAST_CONTACT = 1e-3
 """Share of the footprint in contact below which an object is said to tip: Newton takes ever more steps towards zero."""
