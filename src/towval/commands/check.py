@@ -34,7 +34,7 @@ class CostConstants:
     """Processor time of a campaign, measured on two cores of 2026 with lab_a (docs/scaling.md)."""
 
     campaign_s: float = 15.0
-    run_s: float = 20.0  # Starts of the stages, and 256 to 512 draws.
+    run_s: float = 20.0  # Start-up of the stages, and 256 to 512 draws.
     megapixel_s: float = 0.02  # A frame, tracked and drawn, by its megapixels.
 
 

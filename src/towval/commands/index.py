@@ -1,4 +1,4 @@
-"""Command index: results of many campaigns → index.sqlite and index.html, one row a run."""
+"""Command index: results of many campaigns → index.sqlite and index.html, one row per run."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Command new: videos, pictures and measured facts → campaign.yaml, with what can be worked out from the pictures."""
+"""Command new: videos, pictures and measured facts → campaign.yaml, completed with what the pictures show."""
 
 import re
 import sys
@@ -190,7 +190,7 @@ def _look_at_files(draft: Draft) -> None:
 
 
 def _fill(draft: Draft, ask: bool) -> None:
-    """What nobody stated: asked for, guessed, or missing."""
+    """Fill in what was not stated: ask for it, guess it, or report it as missing."""
     missing = Faults()
     for fact in FACTS:
         if draft.known(fact.key) is None:

@@ -14,7 +14,7 @@ def run(campaign: Path, name: str, camera: Path, folder: Path, output: Path, wid
     """Draw a run onto its footage, at most ``width_px`` wide."""
     given = load_campaign(campaign)
     if output.resolve().is_relative_to(given.folder.resolve()):
-        raise not_ours(output)  # whatever is there, or will be, is the lab's
+        raise not_ours(output)  # everything in the campaign folder belongs to the lab
     record = read_run(given, name, folder, camera)
     entry, calibration = given.run(name), read_calibration(camera)
     write_overlay(entry.video, output, calibration, record, width_px=width_px, damaged=entry.damaged_video)

@@ -78,7 +78,7 @@ def run(
 
 @contextmanager
 def _ending_with_us(line: Sequence[str]) -> Iterator[tuple["subprocess.Popen[str]", list[int]]]:
-    """A process that does not outlive this one, whose words nobody would read: Snakemake waits for ever then.
+    """A process that ends with this one: with nobody reading its output Snakemake would wait for ever.
 
     SIGTERM and SIGINT are passed on as SIGTERM, so that it ends by itself; `KeyboardInterrupt` is raised when it has.
     Where this process is killed, so is that one (Linux). Beside the process, the signals that were passed on.
@@ -147,7 +147,7 @@ def _as_path(path: Path) -> str:
 
 
 def _system_errors_told(lines: Iterable[str], ended_by: Collection[int] = ()) -> Iterator[str]:
-    """The lines, but one message for each traceback of Snakemake's own over what the system refuses it.
+    """The lines, with one message in place of each of Snakemake's tracebacks over an error of the system.
 
     Its traceback over Ctrl-C is left out, also where the signals by which it was ``ended_by`` then cut it off.
     """
@@ -181,7 +181,7 @@ def _text(value: Any) -> str:
 
 
 def _lines(runs: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
-    """One line a run: the verdict, the error, and the uncertainty with which it is known."""
+    """One line per run: the verdict, the error and its uncertainty."""
     return tuple(
         f"run {name}: {row['verdict']}, simulated minus measured path {1e3 * row['path_rms_m']:.1f} mm RMS, "
         f"u_val {1e3 * row['u_val_m']:.1f} mm"

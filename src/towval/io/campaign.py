@@ -1,4 +1,4 @@
-"""The campaign folder: what a lab hands in, read from ``campaign.yaml`` and checked before anything is computed."""
+"""The campaign folder of a lab: read from ``campaign.yaml`` and checked before anything is computed."""
 
 import glob
 import itertools
@@ -115,7 +115,7 @@ def load_campaign(folder: Path) -> Campaign:
 def read_campaign(folder: Path, document: Any) -> tuple[Campaign | None, Faults]:
     """The campaign that a document, read from campaign.yaml, describes; None and every fault where it has any.
 
-    What a faulty part of the document leaves open is not checked further, everything else is.
+    Checks that depend on a faulty part of the document are left out, all others are made.
     """
     wrong = faults_of(document, campaign_schema(), "campaign.yaml")
     faults = Faults(wrong.values())
@@ -231,7 +231,7 @@ def board_of(keys: dict[str, Any]) -> Board:
 
 
 def floor_reference_of(floor: dict[str, Any]) -> FloorReference:
-    """What section floor fixes the floor frame by."""
+    """The reference for the floor frame that section floor states."""
     board_keys = [key for key in ("image", "origin_corner_px", "x_axis_end_corner_px") if key in floor]
     marks = floor.get("surveyed_marks", [])
     if len(board_keys) not in (0, 3) or not (board_keys or marks):

@@ -1,4 +1,4 @@
-"""A campaign that is a camera and a floor so far: what ``towval calibrate`` needs, without bodies and runs."""
+"""A campaign with only a camera and a floor: all that ``towval calibrate`` needs, without bodies and runs."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

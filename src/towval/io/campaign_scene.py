@@ -223,7 +223,7 @@ _MOST_DAMPING = 20.0
 
 
 def _check_proportions(scene: TowingScene, towed: Keys) -> None:
-    """Ask about numbers that are each possible but not together: mostly a unit, or a comma."""
+    """Question numbers that are possible alone but not together: usually a wrong unit or a misplaced point."""
     top = abs(polygon_area(np.array(towed["top_corners_m"], dtype=float)))
     bodies = {"object.mass_kg": (scene.body_mass, top * towed["tracked_plane_height_m"])}
     if scene.load.mass > 0:

@@ -105,6 +105,6 @@ def _clicks_cut(text: str, run: str, entry: Any) -> tuple[int, int, RunClicks]:
 
 
 def _end(text: str, value: Any) -> int:
-    """Where a value ends in the text; one in block style does where the next key begins."""
+    """Where a value ends in the text; in block style that is where the next key begins."""
     end: int = value.end_mark.index
     return end if value.flow_style else len(text[:end].rstrip())

@@ -1,4 +1,4 @@
-"""One MCAP file a run for viewers: the film, the camera, both bodies, the tether, errors and tension together.
+"""One MCAP file per run for viewers: film, camera, both bodies, tether, errors and tension together.
 
 The stages' own files each hold what one stage found; a viewer wants them side by side in one file. Layouts that open it
 are in the folder ``layouts``.

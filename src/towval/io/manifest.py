@@ -1,6 +1,6 @@
 """The list of a campaign's results with their SHA-256, and whether a folder still is what its list says.
 
-The list is in the form of ``sha256sum``, whose ``--check`` reads it, too.
+The list has the format of ``sha256sum``, so that ``sha256sum --check`` reads it, too.
 """
 
 import re

@@ -57,7 +57,7 @@ def provenance(
 
     Recorded are the SHA-256 of each of the ``inputs`` (files by name), of each plugin, and of each part of
     campaign.yaml that the stage reads (``document``, of :func:`read_sections`); with ``constants`` the tuned ones of
-    its room.
+    its subpackage.
     """
     configuration = (
         dataclasses.asdict(settings)
@@ -110,7 +110,7 @@ def read_sections(
 def content_hash(path: Path, cache: Path) -> str:
     """:func:`file_hash`, kept in the file ``cache`` as long as size, times and inode of ``path`` stay the same.
 
-    A copy with an older date, which keeps the size perhaps, still changes the time of the last change of the inode.
+    Even a copy with an older date and the same size changes the change time of the inode.
     """
     status = path.stat()
     key, mark = str(path.resolve()), [status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino]
@@ -121,7 +121,7 @@ def content_hash(path: Path, cache: Path) -> str:
     except (OSError, ValueError, LookupError, TypeError):
         known = {}
     digest = file_hash(path)
-    # What changed a moment ago may change again within the same tick of the file system's clock.
+    # A file changed a moment ago may change again within the same tick of the file system's clock.
     if time.time_ns() - status.st_ctime_ns > _SETTLED_NS and isinstance(known, dict):
         with suppress(OSError):  # a cache that cannot be written costs time only
             write_text(cache, json.dumps(known | {key: [mark, digest]}, sort_keys=True))
@@ -175,8 +175,8 @@ def _imported(path: Path, _mtime_ns: int) -> tuple[Path, ...]:
     return (*found, *(file for literal in set(_FILE_NAME.findall(text)) for file in _data_file(path.parent, literal)))
 
 
-# Read by pattern, for a syntax tree of every module takes a second at each call of the workflow. What stands in a text
-# and looks like an import counts too, which costs at most a rerun.
+# Matched by pattern: parsing every module would take a second at each call of the workflow. A text that looks like an
+# import counts, too, which costs at most a rerun.
 _COMMENT = re.compile(r"#[^\n]*")
 _IMPORT = re.compile(r"^\s*(?:from[ \t]+([\w.]+)[ \t]+import\b[ \t]*(\([^)]*\)|[^\n;]*)|import[ \t]+([^\n;]*))", re.M)
 _FILE_NAME = re.compile(r"""["']([^"'\n]{1,100}\.\w+)["']""")

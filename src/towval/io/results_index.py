@@ -1,4 +1,4 @@
-"""Many folders of results as tables: a row a run, and with it its findings, inputs and costs; kept as SQLite."""
+"""Many folders of results as tables: one row per run, with its findings, inputs and costs; kept as SQLite."""
 
 import csv
 import json

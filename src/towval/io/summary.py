@@ -1,4 +1,4 @@
-"""The summary of a campaign, a row a run: ``summary.csv`` and the same for LaTeX."""
+"""The summary of a campaign, one row per run: ``summary.csv`` and the same for LaTeX."""
 
 import math
 from collections.abc import Sequence

@@ -138,8 +138,8 @@ class Video:
     def _pts_in_coding_order(self) -> bool:
         """Whether the times are stored in coding order although pictures are coded out of order.
 
-        AVI does that, and careless writers of MP4. All times are there then, but on the wrong pictures; in increasing
-        order they are right.
+        AVI does that, and some writers of MP4. All times are then present, but on the wrong pictures; sorted, they are
+        right.
         """
         with self._open() as container:
             stream = container.streams.video[0]

@@ -1,4 +1,4 @@
-"""YAML read as plain data within bounds: keys are texts, none is given twice, and nothing small unfolds into much."""
+"""YAML read as plain data within bounds: keys are texts, none is given twice, and aliases expand within a limit."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The stages' results as MCAP files and back: one pair of functions a file of ``results/``.
+"""The stages' results as MCAP files and back: one pair of functions per file of ``results/``.
 
 Topics are those of docs/formats.md. What fits no ROS message (findings, covariances of parameters, names of outcomes)
 is in the file's attachment ``details.json``.
