@@ -38,7 +38,7 @@ _Result = tuple[str, str, Frame | None] | None
 
 @dataclass(frozen=True)
 class _Task:
-    """A figure to draw, and its title, which may be requested only where there is a figure; ``cursor`` as there."""
+    """A figure to draw, its title (to be requested only where there is a figure), and the ``cursor`` of its entry."""
 
     name: str
     entry: ReportFigure

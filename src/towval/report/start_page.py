@@ -39,7 +39,7 @@ class FloorBoard:
     """The board that defines the floor frame: the picture around it, and its outer corners (4, 2) [px] in cyclic order.
 
     ``offset_px`` is where the picture begins in that of the camera; ``origin`` and ``end`` are the corners at the
-    origin and at the end of the x axis; ``depends`` names the keys of campaign.yaml in the axes of the floor.
+    origin and at the end of the x axis; ``depends``: keys of campaign.yaml with values in the axes of the floor.
     """
 
     luma: NDArray[np.uint8]

@@ -17,7 +17,7 @@ from towval.optics.projection import to_plane
 def with_lens_choice(
     calibration: Calibration, board: Board, reference: FloorReference, settings: CalibrateSettings, height_m: float
 ) -> Calibration:
-    """The calibration with the effect of the next larger lens model on a target's plane, or of the next smaller."""
+    """The calibration with the effect of the next larger lens model (if any, else smaller) on a target's plane."""
     models, chosen = list(LENS_MODELS), calibration.camera.lens_model
     place = models.index(chosen)
     following = models[place + 1] if place + 1 < len(models) else models[place - 1]

@@ -24,6 +24,6 @@ def measurement_std_m(calibration: Calibration, body: Body, places: ArrayLike) -
 
 
 def seen_places(tracked: Track) -> Array:
-    """Places (n, 2) of a track's frames in which the body was seen [m], at most fifty of them."""
+    """Places (n, 2) of a track's frames in which the body was seen [m], fewer than a hundred of them."""
     places = tracked.pose[tracked.seen, :2]
     return places[:: max(1, len(places) // 50)]

@@ -18,8 +18,7 @@ class CampaignVerdict:
     """The verdict on several runs.
 
     ``ratio``: the largest ratio of a tested statistic to its limit over the runs; ``limit``: what right models keep in
-    all runs together with ``confidence``; ``runs``: those judged; ``beyond``: those above the limit; ``sentence`` to be
-    read.
+    all runs together with ``confidence``; ``runs`` judged; ``beyond``: those above; ``sentence``: the verdict in words.
     """
 
     verdict: Verdict

@@ -136,7 +136,7 @@ class Causes:
         return fit + own + _rarity(factor)
 
     def _kinds(self, factor: float, common: bool) -> Array:
-        """Degrees of freedom and scale (d, 2) of each; a common factor is that of what was stated."""
+        """Degrees of freedom and scale (d, 2) of each; a common factor is the scale of the stated ones."""
         kinds = self.freedoms.copy()
         if common:
             kinds[self.stated] = np.inf, factor

@@ -34,7 +34,7 @@ class Effect:
     neutral: tuple[tuple[str, str, Any], ...]
 
     def acts(self, scene: TowingScene) -> bool:
-        """Whether the scene has it."""
+        """Whether the scene has this effect."""
         return any(
             len(found) > 0 if name == "regions" else np.any(np.asarray(found) != value)
             for part, name, value in self.neutral
@@ -42,7 +42,7 @@ class Effect:
         )
 
     def without(self, scene: TowingScene) -> TowingScene:
-        """The scene without it."""
+        """The scene without this effect."""
         for part, name, value in self.neutral:
             neutral: dict[str, Any] = {name: value}
             scene = replace(scene, **({part: replace(getattr(scene, part), **neutral)} if part else neutral))

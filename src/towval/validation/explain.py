@@ -99,8 +99,8 @@ class _Search:
         )
 
     def modes(self, starts: Sequence[_Point]) -> tuple[list[Mode], list[str]]:
-        """Maxima with all stated inputs that matter and all moved ones free, as far as a right model may leave the
-        remaining error; and the names of these inputs."""
+        """Maxima whose remaining error is not rejected, with all stated inputs that matter and all moved ones free; and
+        the names of these inputs."""
         moved, known = {c for point in starts for c, value in point.moves.items() if value}, self.right.columns
         stated = np.array([_is_stated(self.names[c]) for c in known], dtype=bool)
         unknowns = self.unknowns(sorted({*known[stated].tolist(), *moved}))
@@ -234,7 +234,7 @@ def _most_probable(
     """Inputs that are far off with the probability :data:`_NAMED`, or else the most probable one; and the fewest
     others, at most :data:`_MOST_INPUTS` in all, so that with that probability the first or one of them is far off.
 
-    None where the first is far off with less than the probability ``least``.
+    Both are empty where the first is far off with less than the probability ``least``.
     """
     off = off_by_name(modes, names)
     ranked = sorted(off, key=lambda name: -off[name].mean())

@@ -117,8 +117,8 @@ def visible_faults(motion: SimulatedMotion, drawing: Drawing) -> tuple[VisibleFa
     At first the shift of the nominal run is added to the draws. But the effect of a fault also depends on the other
     inputs (a longer tether tightens later), and is not proportional to its size: so, at each size that is tried, other
     draws are simulated with the fault in them, of either sign where it has two. They are spread over the sizes at which
-    it shows with the nominal shift; the ratio of the size at which it does show to this size is used for the draws near
-    them too, because most of the spread among draws is that of their errors.
+    it shows with the nominal shift, and the ratio of the actual size to this one is also used for draws of similar
+    size, because most of the spread among draws is that of their errors.
     """
     times = slice(None, None, max(1, drawing.error.shape[1] // _TIMES))
     # The test at these times: where the object sticks and slips, means over fewer times differ.

@@ -1,7 +1,7 @@
 """The trajectory of the tether's hinge with the rover: cubics between the kept poses of its decimated track.
 
-Nodes lie at the track's own, so that the acceleration of the hinge jumps only where that of the track does, and between
-two of these where the rover turns: a cubic through positions and velocities misses the arc of a lever l by l Δϑ⁴/384.
+Nodes are those of the track, so that the acceleration of the hinge jumps only where that of the track does, and times
+between them where the rover turns: a cubic through positions and velocities misses the arc of a lever l by l Δϑ⁴/384.
 """
 
 from dataclasses import replace

@@ -29,7 +29,7 @@ class PathFrame:
         self._turn = rotation(np.nan_to_num(_directions(self.pose)))
 
     def error(self, pose: Array) -> Array:
-        """Poses (n, 3) less the measured ones, on the floor's axes; NaN where not seen."""
+        """Poses (n, 3) minus the measured ones, on the floor's axes; NaN where not seen."""
         return pose_difference(pose, self.pose)
 
     def along_across(self, error: Array) -> Array:
@@ -57,7 +57,7 @@ class OnPath:
 
     @classmethod
     def of(cls, measured: Track, simulated: SimulatedMotion, draws: Draws) -> "OnPath | None":
-        """Of a run; None where it was seen at fewer times than a signature needs."""
+        """Error and draws of a run; None where it was seen at fewer times than a signature needs."""
         frame = PathFrame(measured, simulated.time_s[draws.rows])
         if np.count_nonzero(frame.seen) < _LEAST_TIMES:
             return None
@@ -77,7 +77,8 @@ class OnPath:
 
 
 def _directions(pose: Array) -> Array:
-    """Direction (n,) of the measured path [rad]; where the object rests, its last one; NaN where it never moves."""
+    """Direction (n,) of the measured path [rad], that of the next step or else of the last; NaN where it never
+    moves."""
     direction = np.full(len(pose), np.nan)
     seen = np.flatnonzero(np.isfinite(pose[:, 0]))
     if not len(seen):

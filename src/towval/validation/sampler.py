@@ -77,7 +77,7 @@ class Case:
 
     @property
     def upstream(self) -> tuple[Finding, ...]:
-        """Findings of the stages before."""
+        """Findings of the earlier stages."""
         parts = (
             self.calibration, self.rover_track, self.object_track, self.rover_decimated, self.object_decimated,
             self.simulated,

@@ -23,7 +23,7 @@ STICKING = "sticking"
 """Name of the statistic that is 1 where the model sticks, else 0."""
 
 _PARKED_CREEP_M = 5e-3
-"""Creep while the rover stands above which the object is made to stick: on all runs of the samples it is below 3 mm."""
+"""Creep while the rover stands, above which sticking is simulated: on all runs of the samples it is below 3 mm."""
 
 _STANDING_M_PER_S = 1e-3
 _LAW_RESIDUAL = 1e-3
@@ -107,7 +107,7 @@ class RunSimulation:
         return float(np.linalg.norm(path - finer, axis=1).max())
 
     def simulate(self, settings: SimulateSettings) -> SimulatedMotion:
-        """The motion with settings, its numerical uncertainty and findings."""
+        """The motion with these settings, its numerical uncertainty and findings."""
         tolerance = settings.tolerance_m
         self._choose_sticking(settings.sticking, tolerance)
         choice = lowest_rung(self.towed, settings.rung_tolerance_m, lambda rung: self.motion(rung, tolerance))

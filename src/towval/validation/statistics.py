@@ -325,17 +325,17 @@ def _edge(inside: Callable[[float], bool], high: float) -> float:
 
 
 def place(error: Array, right: RightModel, length: Array) -> tuple[float, float]:
-    """Lengths of the path [m] between which an error (n, 3) begins that a right model does not have; NaN where it may.
+    """Lengths of the path [m] between which an error (n, 3) begins; NaN where its shape keeps the limit.
 
-    Of the entries of the signature that exceed their limit, the one that ends first tells when the error shows; a
-    change also tells since when it has grown: the last time before its first block, whose mean already contains it. The
-    search is repeated among the changes within that time, with the lower limit for these few.
+    The first to end of the signature's entries above the limit shows when the error has begun at the latest; if it is a
+    change, also when at the earliest: at the last time before its first block, whose mean already contains the error.
+    The search is repeated among the changes within that time, with the lower limit for these few.
     """
     normalised, entries = right.signature(error), signature_entries()
     asked, limit = np.ones(len(entries), dtype=bool), right.limits[1]
     begins, ends, blocks = float("nan"), float("nan"), signature_blocks(len(length))
     while (exceeding := asked & (normalised > limit)).any():
-        # Of those that end together, the latest change; a mean does not tell when the error began.
+        # Of those that end together, the latest change; a mean does not show when the error began.
         first = min(
             (entries[i] for i in np.flatnonzero(exceeding)), key=lambda e: (e.last, e.first == e.last, -e.first)
         )

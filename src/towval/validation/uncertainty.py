@@ -74,7 +74,7 @@ class UncertaintySampling:
         self._outcomes: list[tuple[Array, Array]] = []
 
     def sampled(self) -> tuple[RunUncertainty, float]:
-        """The spread of as many draws as set, and the relative error of the bounds due to their number [1].
+        """The spread of as many draws as the settings say, and the relative error of the bounds that is left [1].
 
         Under "auto" draws are added until the standard error of both upper bounds of the largest error, the
         simulation's and the model's, is at most :data:`BOUND_ERROR` of them, or 2048 are made. It is 0 without bounds.
