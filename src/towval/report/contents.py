@@ -1,4 +1,4 @@
-"""Figures of the report: one entry states what a figure shows, where it stands and how it is drawn.
+"""Figures of the report: one entry states what a figure shows, where it is placed and how it is drawn.
 
 A new figure is a function of typed data and one line, ``RUN_FIGURES.register(id, RunFigure(...))`` or the same for the
 campaign, here or in a plugin. The page, the files in ``figures`` and the texts for readers who do not see the figure

@@ -77,8 +77,7 @@ class OnPath:
 
 
 def _directions(pose: Array) -> Array:
-    """Direction (n,) of the measured path [rad], that of the next step or else of the last; NaN where it never
-    moves."""
+    """Direction (n,) of the measured path [rad]: that of the next step, at the end of the last; NaN if none is."""
     direction = np.full(len(pose), np.nan)
     seen = np.flatnonzero(np.isfinite(pose[:, 0]))
     if not len(seen):
