@@ -56,7 +56,19 @@ def _tethered_longer(original: Any) -> Any:
 
 
 DYNAMICS = Check(
-    points(dynamics.STUDY, [{"period_s": 40.0, "panels": 12, "mujoco_steps_s": [0.002], "rounds": 2}]),
+    points(
+        dynamics.STUDY,
+        [
+            {
+                "period_s": 40.0,
+                "panels": 12,
+                "scipy": {"Radau": [1e-4], "LSODA": [1e-6]},
+                "steps_s": [5e-4],
+                "mujoco_steps_s": [0.002],
+                "rounds": 2,
+            }
+        ],
+    ),
     {
         "the tolerance counts a thousand-fold": replaced(
             dynamics, "Accuracy", lambda _: lambda tolerance: Accuracy(1000 * tolerance)

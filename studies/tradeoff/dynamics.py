@@ -7,7 +7,7 @@ The scene is the cube of tests/oracles.py on its lap, driven in 40 s. The refere
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 
 import numpy as np
@@ -44,8 +44,18 @@ def lemniscate(time_s: float | Array, period_s: float) -> Array:
     return np.stack([np.cos(tau), np.sin(tau) * np.cos(tau)], axis=-1) / (1 + np.sin(tau) ** 2)[..., None]
 
 
-def dynamics_rows(period_s: float, panels: int, mujoco_steps_s: list[float], rounds: int) -> list[Row]:
-    """A row a method: CPU seconds of a lap, RMS and largest error of the path, and where it stopped early."""
+def dynamics_rows(
+    period_s: float,
+    panels: int,
+    scipy: Mapping[str, list[float]],
+    steps_s: list[float],
+    mujoco_steps_s: list[float],
+    rounds: int,
+) -> list[Row]:
+    """A row a method: CPU seconds of a lap, RMS and largest error of the path, and where it stopped early.
+
+    ``scipy`` gives the tolerances of SciPy's methods by their names, ``steps_s`` the steps of the explicit rules [s].
+    """
     scene = lap_scene(period_s)
     times = scene.times
     box = Box((SIDE, SIDE), MASS, (0.0, 0.0), INERTIA, (SIDE / 2, 0.0), FRICTION, STICTION)
@@ -60,7 +70,7 @@ def dynamics_rows(period_s: float, panels: int, mujoco_steps_s: list[float], rou
         tolerance=1e-8,
         longest_step_s=0.1,
     )
-    methods = {(series, setting): call for series, setting, call in _methods(scene, mujoco_steps_s)}
+    methods = {(series, setting): call for series, setting, call in _methods(scene, scipy, steps_s, mujoco_steps_s)}
     timed = take_turns({f"{series}|{setting}": call for (series, setting), call in methods.items()}, rounds)
     rows = []
     for (series, setting), result in zip(methods, timed.values(), strict=True):
@@ -84,7 +94,9 @@ def dynamics_rows(period_s: float, panels: int, mujoco_steps_s: list[float], rou
     return rows
 
 
-def _methods(scene: TowScene, mujoco_steps_s: list[float]) -> Iterator[tuple[str, str, _Call]]:
+def _methods(
+    scene: TowScene, scipy: Mapping[str, list[float]], steps_s: list[float], mujoco_steps_s: list[float]
+) -> Iterator[tuple[str, str, _Call]]:
     cube, law, times = scene.towed, Coulomb(FRICTION, STICTION), scene.times
     given = (cube, law, scene.tether, scene.hinge, scene.start_pose, times)
     compiled_scene, state = tethered_scene(*given[:4]), state_at_rest(cube, scene.start_pose)
@@ -105,10 +117,10 @@ def _methods(scene: TowScene, mujoco_steps_s: list[float]) -> Iterator[tuple[str
         yield "towval, dynamics", _power(tolerance), partial(own, tolerance)
     for rung in TRAILING_RUNGS:
         yield "towval, no inertia", rung, partial(trailing, rung)
-    for method in ("Radau", "BDF", "LSODA"):
-        for tolerance in (1e-4, 1e-6, 1e-8):
+    for method, tolerances in scipy.items():
+        for tolerance in tolerances:
             yield f"SciPy {method}", _power(tolerance), partial(by_scipy, method, tolerance)
-    for step in (5e-4, 2.5e-4):
+    for step in steps_s:
         yield "Runge-Kutta 4", f"{1e3 * step:g} ms", partial(by_steps, RUNGE_KUTTA_4, step)
         yield "semi-implicit Euler", f"{1e3 * step:g} ms", partial(by_steps, SEMI_IMPLICIT_EULER, step)
     if mujoco_engine.is_installed():
@@ -123,9 +135,11 @@ def _power(tolerance: float) -> str:
 
 
 def _parts(settings: Settings) -> dict[str, Part]:
+    scipy = {method: [1e-4, 1e-6, 1e-8] for method in ("Radau", "BDF", "LSODA")}
+    given = {"panels": 12, "scipy": scipy, "steps_s": [5e-4, 2.5e-4]}
     if settings.quick:
-        return {"lap": {"period_s": 20.0, "panels": 12, "mujoco_steps_s": [1e-2], "rounds": 2}}
-    return {"lap": {"period_s": 40.0, "panels": 12, "mujoco_steps_s": [1e-2, 5e-3, 2e-3], "rounds": 3}}
+        return {"lap": {**given, "period_s": 20.0, "mujoco_steps_s": [1e-2], "rounds": 2}}
+    return {"lap": {**given, "period_s": 40.0, "mujoco_steps_s": [1e-2, 5e-3, 2e-3], "rounds": 3}}
 
 
 def _why(rows: pd.DataFrame) -> str:
