@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backend_bases import RendererBase
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Annotation
@@ -106,6 +107,10 @@ def _marks_and_lines(axes: Axes, px_per_point: float) -> list[Bbox]:
         if line.get_linestyle() != "None":
             for start, end in itertools.pairwise(points):
                 boxes += _along(start, end)
+    for bars in axes.collections:
+        if isinstance(bars, LineCollection):
+            for bar in bars.get_segments():
+                boxes += _along(*axes.transData.transform(bar))
     return boxes
 
 

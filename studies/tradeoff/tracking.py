@@ -80,7 +80,7 @@ def tracking_rows(seed: int, seconds: float, variants: list[list[float]], rounds
 
 def _label(scale: float, stride: int) -> str:
     parts = [f"{100 * scale:.0f} % size"] if scale != 1 else []
-    parts += [f"every {stride}."] if stride != 1 else []
+    parts += [f"one in {stride}"] if stride != 1 else []
     return ", ".join(parts) or "all"
 
 

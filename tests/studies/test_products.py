@@ -184,17 +184,21 @@ def test_labels_lie_beside_each_other(folder, chart):
 
 
 def test_labels_make_room_for_marks_and_for_each_other():
-    """Three points side by side, nearer than a label is wide, and one at the right edge."""
+    """Three points side by side, nearer than a label is wide, and one at the right edge, all with their quartiles."""
     rows = pd.DataFrame(
         {"panel": "", "series": list("abcd"), "setting": ["one", "two", "three", "last"], "default": False}
         | {"cost": [1.0, 1.02, 1.04, 2.0], "error": [1.0, 1.01, 1.0, 0.5]}
     )
+    rows = pd.concat([rows.assign(error=spread * rows["error"]) for spread in (0.8, 1.0, 1.25)])
     figure = scatter_chart(rows, "Title", ("cost", "error"), "Note.")
     FigureCanvasAgg(figure).draw()
     (axes,) = figure.axes
     labels = [text for text in axes.texts if text.get_visible()]
     assert {text.get_text() for text in labels} == {"one", "two", "three", "last"}
     marks = [point for line in axes.lines for point in axes.transData.transform(np.column_stack(line.get_data()))]
+    bars = [axes.transData.transform(bar) for lines in axes.collections for bar in lines.get_segments()]
+    assert any(np.ptp(bar, axis=0).max() > 20 for bar in bars)
+    marks += [point for start, end in bars for point in start + np.linspace(0, 1, 50)[:, None] * (end - start)]
     for label in labels:
         box = label.get_window_extent()
         assert not any(box.contains(*mark) for mark in marks)
