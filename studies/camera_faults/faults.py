@@ -58,7 +58,15 @@ def _hevc(crf: float, _pixels: float) -> Mapping[str, str]:
 
 
 _MOVED = ("camera_moved", "camera_moved_before", "camera_not_registered", "floor_not_recognised", "picture_warped")
-_TIME = ("jumped", "stamps_contradicted", "stamps_uneven", "pictures_repeated", "pictures_missing", "time_gap")
+_TIME = (
+    "jumped",
+    "stamps_contradicted",
+    "stamps_uneven",
+    "pictures_invented",
+    "pictures_repeated",
+    "pictures_missing",
+    "time_gap",
+)
 _CODED = (
     "low_texture",
     "texture_unsure",

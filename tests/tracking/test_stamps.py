@@ -96,6 +96,15 @@ def test_a_step_of_another_length_than_stamped_is_found(true_step, seed):
     assert codes(filmed(stepped, EVEN, seed=seed)) == ["stamps_contradicted"]
 
 
+def test_a_clock_that_was_set_is_found_at_the_odd_step_it_leaves():
+    """By half a picture's time, under noise that hides it from those who do not know where to look."""
+    later, found = EVEN + 0.02 * (np.arange(250) >= 125), []
+    for seed in range(200, 210):
+        found.append("stamps_contradicted" in codes(filmed(EVEN, later, seed=seed, noise_m=2e-4)))
+        assert "stamps_contradicted" not in codes(filmed(later, later, seed=seed, noise_m=2e-4))
+    assert sum(found) >= 9
+
+
 def test_pictures_that_are_late_in_turn_are_as_uncertain():
     """By 3 ms, under a noise that hides it in any one step."""
     late = np.resize([-0.003, 0.003], 250)

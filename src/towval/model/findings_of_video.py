@@ -83,6 +83,12 @@ register(  # track
         "exposures or hide that these are uneven. Use the camera's original file.",
     ),
     FindingType(
+        "pictures_invented", "track", WARNING, Consequence(widens=("tracking",)),
+        "All bodies go straight from one picture to the {period}th after it: the pictures between were made up by "
+        "smooth playback or a converter to another rate. The poses are as uncertain as what bodies may have done "
+        "between the real ones. Use the camera's original file.",
+    ),
+    FindingType(
         "rate_contradicted", "track", WARNING, NOT_JUDGED,
         "The stamps give {found_hz:.2f} pictures a second, but {other}: the time scale of the run is unknown. Use the "
         "camera's original file, or correct camera.fps.",

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from towval.model import Array, Finding, Stamp, Track, TrackStatus
 from towval.model.findings import finding
@@ -31,6 +31,9 @@ class StampConstants:
     leap: float = 3.0  # Of a body's usual speed, at which it leaves a rest only where the picture had been frozen.
     dropped: float = 10.0  # Times as well that all bodies fit a smooth curve with a step more: 7 is the most by chance,
     unlike: float = 25.0  # where without it they miss it by so many times their usual misfit, squared.
+    odd: float = 0.1  # Of a step, by which its stamps miss a whole number of usual ones: bodies are asked
+    dropped_odd: float = 5.0  # whether that whole number fits them so many times as well,
+    unlike_odd: float = 6.0  # at less of a misfit: of all steps it is this one, and of all lengths this.
     least_alone: int = 3  # Jumps where a single body moves: fewer can be its own.
     jitter_s: float = 0.002  # [s] Deviation of a stamp that is reported.
     least_steps: int = 30  # In which two bodies move, for the deviation of stamps to be known.
@@ -49,6 +52,7 @@ _TENTH = (
 )
 _ALTERNATION = 48 / 35  # Share of it by which each picture is beside the quadratic through five.
 _OTHER_STEPS = np.setdiff1d(np.arange(-12, 2.5, 0.5), [0.0])  # That a step may be longer by, in usual ones.
+_Bodies = list[tuple[Array, float]]  # Places (n, 2) of each body, and its usual misfit.
 _ROUNDS = 4  # Of looking for repeated pictures: several of them side by side hide each other.
 
 
@@ -245,13 +249,29 @@ def _dropped(tracks: Mapping[str, Track], kept: NDArray[np.bool_]) -> NDArray[np
         for extra in _OTHER_STEPS
     ]
     dropped[_SIDE - 1 + at] = misfit[at] > CONSTANTS.dropped * np.sum(others, axis=1).min(axis=0)
-    return dropped
+    return dropped | _odd(time_s, index, misfit, bodies)
 
 
-def _misfit(time_s: Array, place: Array, extra: float) -> Array:
+def _odd(time_s: Array, index: NDArray[np.int64], misfit: Array, bodies: _Bodies) -> NDArray[np.bool_]:
+    """Steps (n,) that are no whole number of usual ones by their stamps, and are one by the motion of the ``bodies``.
+
+    A clock that was set leaves such a step. ``index`` (m, 8): pictures around the steps; ``misfit`` (m,) as they are.
+    """
+    odd = np.zeros(len(time_s) - 1, dtype=bool)
+    steps = np.diff(time_s)[index[:, :-1]]
+    length = steps[:, _SIDE - 1] / np.median(steps, axis=1)
+    extra = np.maximum(np.round(length), 1) - length
+    at = np.flatnonzero((np.abs(extra) > CONSTANTS.odd) & (misfit > CONSTANTS.unlike_odd))
+    rows = index[at]
+    whole = sum((np.nan_to_num(_misfit(time_s[rows], place[rows], extra[at]) / usual) for place, usual in bodies), 0.0)
+    odd[_SIDE - 1 + at] = misfit[at] > CONSTANTS.dropped_odd * whole
+    return odd
+
+
+def _misfit(time_s: Array, place: Array, extra: ArrayLike) -> Array:
     """Sum of squares (m,) about cubics through places (m, 8, 2), the middle step being longer by so many usual ones."""
     since = time_s - time_s[:, :1]
-    since[:, _SIDE:] += extra * np.median(np.diff(time_s, axis=1), axis=1)[:, None]
+    since[:, _SIDE:] += np.asarray(extra)[..., None] * np.median(np.diff(time_s, axis=1), axis=1)[:, None]
     basis, _ = np.linalg.qr((since / np.abs(since).max(axis=1, keepdims=True))[:, :, None] ** np.arange(4))
     left = place - basis @ (basis.transpose(0, 2, 1) @ place)
     return np.asarray(np.sum(left**2, axis=(1, 2)))

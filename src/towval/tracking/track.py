@@ -14,6 +14,7 @@ from towval.model.plugins import Registry
 from towval.tracking.camera_motion import CameraMotion, ViewMotion
 from towval.tracking.echoes import echo_findings, lateness
 from towval.tracking.follow import Follower, TrackerMaker
+from towval.tracking.invented import check_invented
 from towval.tracking.klt import KltTracker
 from towval.tracking.known_lengths import OutlineSizes, as_lengths_show, length_findings, size_of_tops
 from towval.tracking.planar_target import PlanarTarget
@@ -145,13 +146,14 @@ class _Group:
         findings = (*camera_findings, *_sample_findings(self.settings), *length_findings(calibration, self.tops))
         tracks = {one.target.body.name: one.track(self.settings.method, findings, view) for one in self.followers}
         tracks, in_time, stamps = check_stamps(tracks)
+        tracks, of_rhythm = check_invented(tracks)
         kept = max(follower.echoes.kept() for follower in self.followers)
         size, size_std = size_of_tops(calibration, self.tops)
         camera = replace(view.track(), stamps=stamps, size=size, size_std=size_std)
         return {
             name: replace(
                 one,
-                findings=(*one.findings, *in_time, *echo_findings(one.time_s, kept)),
+                findings=(*one.findings, *in_time, *of_rhythm, *echo_findings(one.time_s, kept)),
                 covariance=one.covariance + lateness(one.time_s, one.pose, kept),
                 camera=camera,
             )

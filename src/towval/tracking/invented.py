@@ -1,0 +1,85 @@
+"""Pictures that were invented between real ones: all bodies go straight and evenly from one real picture to the next.
+
+Smooth playback, a converter to another rate, or a camera short of time makes pictures up from those before and after.
+Texture and outline agree in them, and stamps are even, but bodies are not where they were. What shows is the rhythm:
+the motion bends at every so-many-th picture and hardly at any between.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from towval.model import Array, Finding, Track
+from towval.model.findings import finding
+
+
+@dataclass(frozen=True)
+class InventedConstants:
+    """Tuned constants of the search for invented pictures."""
+
+    periods: tuple[int, ...] = (3, 4, 5, 6, 8, 10, 12)  # Pictures from one real one to the next.
+    least_bends: int = 8  # Real pictures at which a body moves, for a median.
+    rhythm: float = 3.0  # Bend at real pictures over that at the others: 1.3 at most where all are real, else 6.
+    moving: float = 0.3  # Of a body's usual speed, from which on it moves.
+
+
+CONSTANTS = InventedConstants()
+
+
+def check_invented(tracks: Mapping[str, Track]) -> tuple[dict[str, Track], tuple[Finding, ...]]:
+    """Look for pictures that were invented.
+
+    Returns the tracks, as uncertain as bodies may have been elsewhere between two real pictures; and the findings.
+    """
+    bends = [one for one in map(_bends_of_moving, tracks.values()) if np.isfinite(one).any()]
+    rhythms = {
+        period: max(min((_rhythm(one, period, phase) for one in bends), default=0.0) for phase in range(period))
+        for period in CONSTANTS.periods
+    }
+    period = max(rhythms, key=lambda one: rhythms[one])
+    if rhythms[period] < CONSTANTS.rhythm:
+        return dict(tracks), ()
+    tracks = {name: replace(one, covariance=one.covariance + _between(one, period)) for name, one in tracks.items()}
+    return dict(tracks), (finding("pictures_invented", period=period),)
+
+
+def _bends(track: Track) -> Array:
+    """By how much each step exceeds the one before (n, 3) [m, m, rad]; NaN where that is not known."""
+    bends = np.full_like(track.pose, np.nan)
+    bends[1:-1] = np.diff(np.where(track.seen[:, None], track.pose, np.nan), 2, axis=0)
+    return bends
+
+
+def _bends_of_moving(track: Track) -> Array:
+    """Sizes (n,) [m] of the bends of a body's path where it moves; NaN elsewhere."""
+    bend = np.asarray(np.linalg.norm(_bends(track)[:, :2], axis=1))
+    way = np.full(len(bend), np.nan)
+    way[1:-1] = np.linalg.norm(track.pose[2:, :2] - track.pose[:-2, :2], axis=1)
+    known = np.isfinite(bend)
+    if known.any():
+        bend[known & (way < CONSTANTS.moving * np.percentile(way[known], 75))] = np.nan
+    return bend
+
+
+def _rhythm(bend: Array, period: int, phase: int) -> float:
+    """Median of the bends (n,) at every so-many-th picture over the largest of those at the others."""
+    at = [bend[(phase + i) % period :: period] for i in range(period)]
+    at = [one[np.isfinite(one)] for one in at]
+    if min(len(one) for one in at) < CONSTANTS.least_bends:
+        return 0.0
+    # From the last invented picture to the next real one bodies leap by what the invention was off by.
+    real, *between, _ = (float(np.median(one)) for one in at)
+    return real / max((*between, 1e-9))
+
+
+def _between(track: Track, period: int) -> Array:
+    """Covariance (n, 3, 3) of poses that lie on chords of the true path, from one real picture to the next.
+
+    A chord of n pictures is off by at most n / 8 of the change of the step along it. That shows at its ends only, and
+    may have turned back between them, so that all bends of two chords before and after count.
+    """
+    around = 2 * period
+    bends = np.pad(np.nan_to_num(_bends(track)), ((around, around), (0, 0)))
+    near = np.lib.stride_tricks.sliding_window_view(bends, 2 * around + 1, axis=0)
+    return np.asarray((period / 8) ** 2 * near @ near.transpose(0, 2, 1))

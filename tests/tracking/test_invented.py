@@ -1,0 +1,50 @@
+"""Invented pictures: of two bodies on smooth paths only every so-many-th picture is real, the others lie between."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.tracking.test_stamps import EVEN, filmed
+from towval.tracking.invented import check_invented
+
+
+def _true_and_shown(every, seed, noise_m=1e-4):
+    """Tracks of an oscillating tow as it was, and with straight lines between every so-many-th picture."""
+    true = filmed(EVEN, EVEN, bumps=0.05, seed=seed, noise_m=noise_m)
+    index = np.arange(len(EVEN))
+    last = index[-1] // every * every
+    real = np.minimum(index // every * every, last - every)
+    share = ((index - real) / every)[:, None]
+    shown = {
+        name: replace(one, pose=(1 - share) * one.pose[real] + share * one.pose[real + every])
+        for name, one in true.items()
+    }
+    return true, shown
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("every", [3, 4, 8])
+def test_invented_pictures_are_named_and_as_uncertain_as_they_are_off(every, seed):
+    true, shown = _true_and_shown(every, seed)
+    tracks, (found,) = check_invented(shown)
+    assert found.code == "pictures_invented"
+    assert f"to the {every}th" in found.text
+    for name, track in tracks.items():
+        std = np.sqrt(np.linalg.eigvalsh(track.covariance[:, :2, :2])[:, -1])
+        off = np.linalg.norm((track.pose - true[name].pose)[:, :2], axis=1)
+        inner = slice(every, -every)
+        assert (off[inner] < 3 * std[inner] + 5e-4).all()
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("noise_m", [2e-5, 1e-4, 4e-4])
+def test_pictures_that_are_all_real_are_not_named(noise_m, seed):
+    tracks, findings = check_invented(_true_and_shown(4, seed, noise_m)[0])
+    assert findings == ()
+    assert all(np.allclose(one.covariance, one.covariance[0]) for one in tracks.values())
+
+
+def test_one_body_that_bends_in_a_rhythm_is_not_enough():
+    true, shown = _true_and_shown(4, 0)
+    assert check_invented({"rover": shown["rover"], "object": true["object"]})[1] == ()
