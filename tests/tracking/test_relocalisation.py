@@ -6,6 +6,7 @@ import pytest
 from studies.worlds.scenes import CeilingCamera, ceiling, drive, small_camera, standard_scene
 from towval.model import Body
 from towval.model.geometry import transform, wrapped
+from towval.tracking import relocalisation
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.relocalisation import Lookalikes, Relocaliser
 
@@ -21,6 +22,22 @@ def test_a_body_is_found_wherever_it_went():
         # Good enough to start an alignment from: two pixels of 4.7 mm, and of 1 % of the body's half length in heading.
         assert np.linalg.norm(found[:2] - motion(time_s)[:2]) < 9e-3
         assert np.sin(found[2] - motion(time_s)[2]) == pytest.approx(0.0, abs=0.02)
+
+
+def test_tiles_hold_the_features_of_the_whole_picture(monkeypatch):
+    """Of those that are smaller than a body; and none of them twice, where tiles overlap."""
+    scene = standard_scene(31, **small_camera())
+    luma = CeilingCamera(scene).picture(0.0)
+    finder = Relocaliser(scene.target(0), luma, scene.motions[0](0.0))
+    pixels = finder._rectified[1]
+    whole = []
+    for side in (10 * max(pixels.shape), 150):
+        monkeypatch.setattr(relocalisation, "CONSTANTS", replace(relocalisation.CONSTANTS, tile_cells=side))
+        places, descriptors = finder._features(luma, pixels)
+        assert len(places) == len(descriptors) <= relocalisation.CONSTANTS.features
+        whole.append({tuple(place) for place in np.round(places).astype(int)})
+    assert len(whole[0] & whole[1]) > 0.95 * len(whole[0])
+    assert len(whole[1]) < 1.05 * len(whole[0])
 
 
 def test_where_it_is_not_it_is_not_found():

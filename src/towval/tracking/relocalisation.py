@@ -32,6 +32,8 @@ class RelocalisationConstants:
     least_matches: int = 6  # Three times what a similarity needs.
     scale_tolerance: float = 0.06  # A body keeps its size on its plane: any other scale is a false match.
     features: int = 3000  # The strongest of a picture.
+    tile_cells: int = 400  # Side of the tiles in which features are sought: pyramids take 300 bytes a cell.
+    overlap_cells: int = 48  # Of tiles on each side: what is beyond describes only features that are larger.
     coarse_cells_of_body: int = 24  # The same two, for the correlation.
     most_coarse_cells: int = 400
     turn: float = np.deg2rad(7.5)  # [rad] Between headings: a cell and a half at the rim,
@@ -76,7 +78,29 @@ class Relocaliser:
     def _rectified(self) -> tuple[Array, Floats]:
         """Corner of the visible part of the plane [m], and the pixel of each of its cells; made when first needed."""
         low, high = visible_part(self.target, CONSTANTS.most_cells * self.cell_m)
-        return low, self.target.picture_of(_grid(low, high, self.cell_m)).astype(np.float32)
+        grid, rows = _grid(low, high, self.cell_m), CONSTANTS.tile_cells
+        pixels = np.empty(grid.shape, dtype=np.float32)
+        for first in range(0, len(grid), rows):
+            pixels[first : first + rows] = self.target.picture_of(grid[first : first + rows])
+        return low, pixels
+
+    def _features(self, luma: Luma, pixels: Floats) -> tuple[Array, Floats]:
+        """Cells (m, 2) of the strongest features of the rectified picture, and their descriptors; tile by tile."""
+        side, overlap = CONSTANTS.tile_cells, CONSTANTS.overlap_cells
+        found: list[tuple[float, Array, Floats]] = []
+        for row in range(0, pixels.shape[0], side):
+            for column in range(0, pixels.shape[1], side):
+                above, left = max(row - overlap, 0), max(column - overlap, 0)
+                part = pixels[above : row + side + overlap, left : column + side + overlap]
+                points, descriptors = self.detector.detectAndCompute(_resampled(luma, part), None)
+                for i, point in enumerate(points):
+                    u, v = point.pt[0] + left, point.pt[1] + above
+                    if column <= u < column + side and row <= v < row + side:
+                        found.append((point.response, np.array([u, v]), descriptors[i]))
+        found.sort(key=lambda one: -one[0])
+        kept = found[: CONSTANTS.features]
+        places = np.array([place for _, place, _ in kept]).reshape(-1, 2)
+        return places, np.array([own for *_, own in kept], dtype=np.float32).reshape(-1, self.detector.descriptorSize())
 
     def find(self, luma: Luma) -> Array | None:
         """Pose (3,) of the body anywhere in a picture, to a few pixels; None where too few features agree."""
@@ -84,15 +108,15 @@ class Relocaliser:
         if own_descriptors is None or len(points_m) < CONSTANTS.least_matches:
             return None
         corner, pixels = self._rectified
-        points, descriptors = self.detector.detectAndCompute(_resampled(luma, pixels), None)
-        if descriptors is None or len(points) < CONSTANTS.least_matches:
+        points, descriptors = self._features(luma, pixels)
+        if len(points) < CONSTANTS.least_matches:
             return None
         pairs = cv2.BFMatcher().knnMatch(own_descriptors, descriptors, k=2)
         good = [p[0] for p in pairs if len(p) == 2 and p[0].distance < _RATIO * p[1].distance]
         if len(good) < CONSTANTS.least_matches:
             return None
         source = points_m[[match.queryIdx for match in good]]
-        target = corner + self.cell_m * np.array([points[match.trainIdx].pt for match in good])
+        target = corner + self.cell_m * points[[match.trainIdx for match in good]]
         similarity, inliers = cv2.estimateAffinePartial2D(
             source, target, method=cv2.RANSAC, ransacReprojThreshold=CONSTANTS.tolerance_cells * self.cell_m
         )
