@@ -7,7 +7,7 @@ that of the first picture, gain and bias are those of tiles, and what hides the 
 Where the floor is farther off than the slopes of its texture reach, blocks are searched first.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -20,7 +20,7 @@ from towval.optics.projection import project, to_plane
 from towval.tracking.floor_kernels import outside, register_kernel, shares, sums_of_clusters
 from towval.tracking.light import CONSTANTS as LIGHT
 from towval.tracking.planar_target import PlanarTarget
-from towval.tracking.template import Luma, Template, make_template, without_light
+from towval.tracking.template import Luma, Template, make_template, slopes_at, without_light
 
 
 @dataclass(frozen=True)
@@ -49,6 +49,7 @@ class RegistrationConstants:
     least_blocks: int = 8  # That agree.
     least_in_view: float = 0.3  # Of the points, neither hidden nor outside the picture.
     inflated_every: int = 10  # Pictures between estimates of how much residuals of neighbours go together,
+    least_shared: float = 0.3  # Of the template's information: less is no texture, and is refused by correlation.
     clusters_across: int = 10  # in so many clusters along the longer side.
     least_of_cluster: int = 6  # Points of a cluster whose own place is compared with the others',
     least_clusters: int = 8  # and clusters, for their scatter to be known to a third,
@@ -100,8 +101,8 @@ class FloorRegistration:
         B = parameters_by_motion(self.camera, self.floor) * self.prior
         pixels = target.pixels(template.points, np.zeros(3))
         on_floor = -position_sensitivity(self.camera, self.floor, pixels, 0.0)[0] @ B
-        slopes = np.einsum("na,nap->np", template.slopes[:, :2], on_floor)
-        self.slopes = without_light(slopes, template)
+        self.target, self.on_floor = target, on_floor
+        self.slopes = self._by_motion_of_view(template.slopes[:, :2], template)
         by_motion = on_floor / template.pixel_m
         self.in_pixels = np.einsum("nap,naq->pq", by_motion, by_motion) / len(by_motion)
         self.by_motion = self.in_pixels / np.outer(self.prior, self.prior)
@@ -110,6 +111,9 @@ class FloorRegistration:
         cell = np.ptp(template.points, axis=0).max() / CONSTANTS.clusters_across
         place = np.floor((template.points - template.points.min(axis=0)) / cell).astype(int)
         self.cluster = np.unique(place[:, 0] * 1000 + place[:, 1], return_inverse=True)[1].ravel()
+
+    def _by_motion_of_view(self, slopes: Array, template: Template) -> Array:
+        return without_light(np.einsum("na,nap->np", slopes, self.on_floor), template)
 
     def shift_px(self, motion: Array) -> float:
         """Root mean square displacement of the floor's points by a small ``motion`` (9,) of the view [px]."""
@@ -153,6 +157,7 @@ class FloorRegistration:
             return None
         if self.registered % c.inflated_every == 0:
             self.variance_factor = self._variance_factor(information, weight, residual, scale)
+            self.variance_factor /= self._shared_texture(luma, motion, information, weight, scale) ** 2
             self.scatter += self._scatter_px2((precision > 0) & (values >= 0), residual)
         self.registered, self.last = self.registered + 1, (weight, residual, scale)
         self.usual_correlation += (correlation - self.usual_correlation) / min(self.registered, 20)
@@ -169,6 +174,22 @@ class FloorRegistration:
         _, scores = sums_of_clusters(self.cluster[used], count, self.slopes[used], (weight * residual)[used])
         inverse = np.linalg.inv(information + scale * scale * np.eye(len(information)))
         return float(max(np.sum(inverse * (scores.T @ scores)) / np.sum(inverse * information) / scale**2, 1.0))
+
+    def _shared_texture(self, luma: Luma, motion: Array, information: Array, weight: Array, scale: float) -> float:
+        """Share of the template's information that the picture's own slopes confirm.
+
+        The rest is noise of the first picture, whose slopes look like texture and hold nothing.
+        """
+        assert self.template is not None
+        camera, floor = moved_view(self.camera, self.floor, motion)
+        target = replace(self.target, camera=camera, floor=floor)
+        slopes = slopes_at(luma, target, np.zeros(3), self.template.points, self.template.pixel_m)
+        used = (weight > 0) & np.isfinite(slopes).all(axis=1)
+        seen = self._by_motion_of_view(np.where(used[:, None], slopes, 0.0), self.template)[used]
+        weighed = (self.slopes * weight[:, None])[used].T
+        inverse = np.linalg.inv(information + scale * scale * np.eye(len(information)))
+        shared = np.sum(inverse * (weighed @ seen)) / np.sum(inverse * (weighed @ self.slopes[used]))
+        return float(np.clip(shared, CONSTANTS.least_shared, 1.0))
 
     @property
     def scattered_px(self) -> float:

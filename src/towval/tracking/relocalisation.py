@@ -45,6 +45,7 @@ class RelocalisationConstants:
 
 CONSTANTS = RelocalisationConstants()
 
+_ROWS = 100
 _RATIO = 0.8  # SOURCE: D. Lowe, IJCV 60 (2004): nearest over second nearest neighbour.
 
 
@@ -78,16 +79,15 @@ class Relocaliser:
     def _rectified(self) -> tuple[Array, Floats]:
         """Corner of the visible part of the plane [m], and the pixel of each of its cells; made when first needed."""
         low, high = visible_part(self.target, CONSTANTS.most_cells * self.cell_m)
-        grid, rows = _grid(low, high, self.cell_m), CONSTANTS.tile_cells
-        pixels = np.empty(grid.shape, dtype=np.float32)
-        for first in range(0, len(grid), rows):
-            pixels[first : first + rows] = self.target.picture_of(grid[first : first + rows])
-        return low, pixels
+        x, y = _axes(low, high, self.cell_m)
+        # Some rows at a time: all cells in float64 would be the largest thing in memory.
+        rows = (np.stack(np.meshgrid(x, y[i : i + _ROWS]), axis=-1) for i in range(0, len(y), _ROWS))
+        return low, np.concatenate([self.target.picture_of(each).astype(np.float32) for each in rows])
 
     def _features(self, luma: Luma, pixels: Floats) -> tuple[Array, Floats]:
         """Cells (m, 2) of the strongest features of the rectified picture, and their descriptors; tile by tile."""
         side, overlap = CONSTANTS.tile_cells, CONSTANTS.overlap_cells
-        found: list[tuple[float, Array, Floats]] = []
+        found: list[tuple[float, Array, NDArray[np.uint8]]] = []
         for row in range(0, pixels.shape[0], side):
             for column in range(0, pixels.shape[1], side):
                 above, left = max(row - overlap, 0), max(column - overlap, 0)
@@ -96,7 +96,8 @@ class Relocaliser:
                 for i, point in enumerate(points):
                     u, v = point.pt[0] + left, point.pt[1] + above
                     if column <= u < column + side and row <= v < row + side:
-                        found.append((point.response, np.array([u, v]), descriptors[i]))
+                        # SIFT gives whole numbers to 255.
+                        found.append((point.response, np.array([u, v]), descriptors[i].astype(np.uint8)))
         found.sort(key=lambda one: -one[0])
         kept = found[: CONSTANTS.features]
         places = np.array([place for _, place, _ in kept]).reshape(-1, 2)
@@ -251,8 +252,11 @@ def visible_part(target: PlanarTarget, most_m: float = np.inf) -> tuple[Array, A
 
 def _grid(low: Array, high: Array, cell_m: float) -> Array:
     """Points (rows, columns, 2) [m] from ``low`` to ``high``, ``cell_m`` apart, x along the columns."""
-    axes = [lo + cell_m * np.arange(int(np.ceil((hi - lo) / cell_m)) + 1) for lo, hi in zip(low, high, strict=True)]
-    return np.stack(np.meshgrid(*axes), axis=-1)
+    return np.stack(np.meshgrid(*_axes(low, high, cell_m)), axis=-1)
+
+
+def _axes(low: Array, high: Array, cell_m: float) -> list[Array]:
+    return [lo + cell_m * np.arange(int(np.ceil((hi - lo) / cell_m)) + 1) for lo, hi in zip(low, high, strict=True)]
 
 
 def _resampled(luma: Luma, pixels: Array | Floats) -> Luma:
