@@ -40,7 +40,7 @@ class RegistrationConstants:
     least_inliers: float = 0.35  # Of the points in view: bodies and people may hide the rest.
     kept_correlation: float = 0.6  # Of the first pictures': less is another place.
     least_correlation: float = 0.35  # As of bodies: wrong places reach 0.3.
-    worst_std_px: float = 0.15  # [px] Deviation of the floor's shift beyond which it is not known.
+    worst_std_px: float = 0.3  # [px] Deviation of the floor's shift beyond which it is not known.
     blocks: int = 32  # Searched in a picture that is far off.
     block_px: int = 16  # [px] Half-width of a block, at half the resolution.
     reach_px: int = 40  # [px] Search from the block's place, at half the resolution.
