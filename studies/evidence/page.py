@@ -108,6 +108,8 @@ def markdown(groups: Mapping[str, Group], found: Mapping[str, Mapping[str, Any]]
         count = Counter("none" if "holds" not in row else str(row["holds"]) for _, row in own)
         names = {group.name for group, _ in own}
         lines.append(f"| {kind} | {len(names)} | {len(own)} | {count['True']} | {count['False']} | {count['none']} |")
+    spent = sum(group.get("cpu_s", 0.0) for group in found.values()) / 60
+    lines += ["", f"Checks and their controls took {spent:.0f} minutes of CPU time in all, each as last made."]
     lines += ["", "| group | class | made | rows | hold | control noticed by | date | commit |", "|---" * 8 + "|"]
     lines += [_overview(groups[name], group) for name, group in found.items()]
     for name, group in found.items():

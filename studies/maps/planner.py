@@ -104,8 +104,9 @@ STUDY = Study(
             "curvature and steering": ("curvature of the path [1/m]", "outer steering range [deg]"),
         },
         note="Right: arrived, 50 mm RMS or less from the path. Flagged: strayed, stuck, or a warning of the planner.",
-        take="Take the paper's threshold of 0.2 m, the default: with it any look-ahead up to 500 steps is right. A "
-        "path with more curvature needs more steering. What the planner cannot follow, it says.",
+        take="Take the paper's threshold of 0.2 m with a look-ahead of 350 steps, the defaults; at 0.2 m any "
+        "look-ahead up to 500 steps is right. A path with more curvature needs more steering. What the planner cannot "
+        "follow, it says.",
         default={
             f"d_t and ϑ_lh, {curve}": {"x": SETTINGS.threshold, "y": SETTINGS.look_ahead_steps}
             for curve in ("lemniscate", "rounded square")

@@ -83,6 +83,8 @@ def test_the_page_shows_what_holds_and_what_noticed_the_faults(tmp_path, monkeyp
     assert [control["noticed"] for control in first["controls"]] == [True, True]
     assert [control["noticed"] for control in second["controls"]] == [False, True]
     assert "| length | 2.0 m | ± 0.1 | 2 | 2.2, noticed |" in page.read_text(encoding="utf-8")
+    hours = {"bar": {"cpu_s": 3600.0, "rows": []}, "rod": {"cpu_s": 1800.0, "rows": []}}
+    assert "took 90 minutes of CPU time" in markdown({"bar": GROUP, "rod": replace(GROUP, name="rod")}, hours)
     # What is not made again keeps what is known of it.
     write_ledger([], data, [data])
     assert json.loads(data.read_text(encoding="utf-8"))["groups"]["bar"]["rows"][0] == first
