@@ -147,7 +147,7 @@ _STAGES: dict[str, tuple[str, list[_Argument]]] = {
         ("--fail-on", {"action": "append", "default": [], "metavar": "VERDICT", "help": _FAIL_ON}),
     ]),
 }  # fmt: skip
-"""Help text and arguments of each stage, besides ``-o`` and ``--set``."""
+"""Help text and arguments of each stage, in addition to ``-o``, ``--set`` and ``--json``."""
 
 _FUNCTIONS = {"tow": ("plan", "run_tow"), "run": ("workflow", "run"), "demo": ("workflow", "run_demo")}
 """Module and function of a stage, where they are not ``run`` in the module of its name."""

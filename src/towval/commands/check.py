@@ -62,7 +62,7 @@ def run(campaign: Path, pictures: Path | None = None, as_json: bool = False) -> 
 def check(folder: Path, pictures: Path) -> dict[str, Any]:
     """Faults, warnings and expectations of a campaign folder, as JSON takes them; draws each run's start.
 
-    Faults are in the order of campaign.yaml; those of pictures and videos come after it.
+    Faults are in the order of campaign.yaml; those that name no line of it come last.
     """
     file = folder / "campaign.yaml"
     document = read_yaml(file)

@@ -131,7 +131,7 @@ def _end(message: str, log: Path | None, code: int = 1) -> NoReturn:
 
 @contextmanager
 def progress(label: str, total: int | None, unit: str = "frame") -> Iterator[Callable[[int], None]]:
-    """A progress bar on a terminal, a line every 10 % elsewhere; yields a function of the count done."""
+    """A progress bar on a terminal, else a line every 10 % of a known total; yields a function of the count done."""
     if sys.stderr.isatty():
         from tqdm import tqdm  # noqa: PLC0415  # not at start-up: only a terminal needs it
 

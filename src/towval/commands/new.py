@@ -32,7 +32,7 @@ _SAMPLE = 6
 
 _USUAL_RATES_HZ = (24, 25, 30, 48, 50, 60, 100, 120, 240)
 _RATE_SHARE = 0.03
-"""Of the rate: a camera that loses pictures falls short of what it was set to by this at most."""
+"""Largest relative difference between a usual rate and that of the video, which may have lost pictures."""
 
 
 @dataclass(frozen=True)
@@ -287,7 +287,7 @@ def _look_at_boards(draft: Draft) -> None:
         )
     columns = board.inner_corners[0]
     ends = np.array([seen.corners_px[i] for i in (0, columns - 1, -columns, -1)])
-    # Of the two long rows the lower in the picture, from left to right.
+    # Of the board's first and last row the lower in the picture, from left to right.
     row = max((ends[:2], ends[2:]), key=lambda row: row[:, 1].sum())
     origin, end = row[np.argsort(row[:, 0])]
     draft.put("floor.origin_corner_px", [round(float(x), 1) for x in origin], "Chosen: the lower left corner found.")

@@ -97,7 +97,7 @@ def run_tow(
     """Simulate the object behind a recorded rover, from the first pose of the object in the recording.
 
     ``recording`` is any MCAP with ``/rover/pose`` and ``/object/pose`` or ``/object/pose_simulated``: a plan, a
-    measured track. The file to write is as by the stage simulate; the rest is as in :func:`run`.
+    measured track. ``output`` is in the format of simulate.mcap; the rest is as in :func:`run`.
     """
     document, given = _scene(scene, campaign)
     times, poses = read_rover_poses(recording)

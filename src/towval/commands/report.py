@@ -103,7 +103,7 @@ def _made(results: Path, given: Campaign, identified: Path | None) -> list[Path]
 
 
 def _provenance(given: Campaign, results: Path) -> Provenance:
-    """What the results themselves say: nothing here is what the disk holds now, but for campaign.yaml as printed."""
+    """What the results record of their inputs; campaign.yaml and the hashes of it and of the results are as of now."""
     made = [results / "camera.mcap", *(path for name in given.runs for path in files(results / name).values())]
     origins = {path: read_origin(path) for path in made}
     made_names = {path.name for path in made}
@@ -143,7 +143,7 @@ def _settings(origins: Mapping[Path, Origin]) -> dict[str, str]:
 
 
 def _inputs(given: Campaign) -> Iterator[InputRow]:
-    """The inputs of the simulation with their sampled deviations, then gravity, which is taken as exact."""
+    """The inputs that have a deviation in campaign.yaml, with it, then gravity, which is taken as exact."""
     heights = {f"{body.name}_height": body.tracked_plane_height_m for body in given.bodies}
     heights["board_thickness"] = given.floor_reference.board_thickness_m
     for row in INPUTS.values():

@@ -37,7 +37,7 @@ def without_auto(keys: Mapping[str, Any] | None, *choosable: str) -> tuple[dict[
 
 
 def nested(keys: Mapping[str, Any], document: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """A document with sections from keys with dots (``object.mass_kg``), over another ``document``, which stays."""
+    """A document with sections from keys with dots (``object.mass_kg``), over a copy of ``document``."""
     result: dict[str, Any] = deepcopy(dict(document or {}))
     for key, value in keys.items():
         *names, last = key.split(".")

@@ -52,7 +52,7 @@ def run(
 ) -> Outcome:
     """Track rover and object through the video of a run.
 
-    ``later`` holds the sections decimate and simulate of the configuration, with which the probe of "auto" goes on.
+    ``later`` holds the sections decimate and simulate of the configuration, which the probe of "auto" uses.
     """
     keys, auto = without_auto(keys, "samples")
     settings = settings_from(TrackSettings, keys, "track")
@@ -116,7 +116,7 @@ def _seen(tracked: Track) -> dict[str, float]:
 def open_video(given: Campaign, entry: Run) -> Video:
     """The video of a run.
 
-    Raises `InputError` when it is no video, or of another size than the calibration pictures.
+    Raises `InputError` when it is no video, or of another size than the calibration pictures, upright or turned.
     """
     video = Video(entry.video, damaged=entry.damaged_video)
     if tuple(video.header.resolution_px) not in (given.resolution_px, given.resolution_px[::-1]):

@@ -24,7 +24,7 @@ def run(results: Path, campaign: Path | None = None) -> Outcome:
 
     One `InputError` names every file that is not what it was, and how that shows. Checked are every checksum within
     every file, every file against the list of the report, every file against those that were made of it, and with
-    ``campaign`` the pictures, videos and campaign.yaml that the first results were made of.
+    ``campaign`` the pictures, videos and campaign.yaml that the results were made of.
     """
     if not results.is_dir():
         raise InputError(f"{results} is no folder of results", allowed="results/CAMPAIGN, with camera.mcap")
@@ -123,7 +123,7 @@ def _changed_inputs(campaign: Path, origins: dict[Path, Origin]) -> Iterator[str
 
 
 def _derivations(results: Path, origins: dict[Path, Origin]) -> Iterator[str]:
-    """A line a result and a figure: what it was made of."""
+    """One line per result and figure: what it was made of."""
     for path, origin in origins.items():
         made_of = ", ".join(f"{name} {digest[:_SHORT]}" for name, digest in origin.inputs.items())
         yield f"{path.relative_to(results)} {file_hash(path)[:_SHORT]} from {made_of}"

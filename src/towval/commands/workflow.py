@@ -33,7 +33,7 @@ _NOISE = re.compile(
     r"---|\w+ +\d+$|Select jobs|Execute \d+ jobs|\[\w{3} \w{3} +\d+ [\d:]+ \d{4}\]$|Finished jobid|localrule all|"
     r"    (input|jobid|resources|tmpdir): |Complete log|Elapsed time|Storing output|$"
 )
-"""Lines of Snakemake that say nothing to who waits; any other line is shown."""
+"""Lines of Snakemake that tell a waiting user nothing; all others are shown."""
 
 
 def run(
@@ -78,10 +78,10 @@ def run(
 
 @contextmanager
 def _ending_with_us(line: Sequence[str]) -> Iterator[tuple["subprocess.Popen[str]", list[int]]]:
-    """A process that ends with this one: with nobody reading its output Snakemake would wait for ever.
+    """A process that ends with this one: with nobody reading its output Snakemake would wait forever.
 
-    SIGTERM and SIGINT are passed on as SIGTERM, so that it ends by itself; `KeyboardInterrupt` is raised when it has.
-    Where this process is killed, so is that one (Linux). Beside the process, the signals that were passed on.
+    SIGTERM and SIGINT are passed on as SIGTERM, so that it can clean up; `KeyboardInterrupt` is raised after SIGINT.
+    If this process is killed, so is that one (Linux). Yields the process and the signals that were passed on.
     """
     ended_by: list[int] = []
     libc = ctypes.CDLL(None) if sys.platform == "linux" else None

@@ -1,4 +1,4 @@
-"""Files that are whole or not there: written beside their place under a temporary name, then renamed."""
+"""Writes files whole or not at all: under a temporary name in the same folder, then renamed."""
 
 import os
 import stat
@@ -50,7 +50,7 @@ def check_plain(path: Path) -> None:
 
 
 def check_own(path: Path, mark: str) -> None:
-    """Refuse to replace a file without the mark of ours near its beginning: somebody else's of the same name.
+    """Refuse to replace a file that lacks our mark near its beginning: it is somebody else's of the same name.
 
     Raises `InputError`; nothing is checked where there is no file.
     """
@@ -71,7 +71,7 @@ def not_ours(path: Path) -> InputError:
 
 
 def write_text(path: Path, text: str, *, own: str = "") -> None:
-    """Write a UTF-8 text file, whole or not at all; ``own`` is the mark of a file that may be replaced."""
+    """Write a UTF-8 text file, whole or not at all; ``own``, if given, is the mark of files it may replace."""
     check_own(path, own)
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")

@@ -36,7 +36,7 @@ _OWN_FOLDERS = ("figures", "logs", "benchmarks")
 class Run:
     """One run: its name, its video and where the corners of the tops are in the first frame, by body's name [px].
 
-    ``damaged_video`` allows to go on with the good part of a damaged video.
+    ``damaged_video`` allows the use of the good part of a damaged video.
     """
 
     name: str
@@ -133,7 +133,7 @@ def read_campaign(folder: Path, document: Any) -> tuple[Campaign | None, Faults]
         except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
             if not wrong:
                 raise
-            return None  # of faults that are reported, or of one beyond those that are
+            return None  # caused by a fault that is reported, or by one beyond the most that are
 
     read["calibration_images"] = part("camera.calibration_images", pictures_of, folder, "camera.calibration_images")
     read["board"] = part("camera.board", board_of)
@@ -362,7 +362,7 @@ def _clicks(pixels: Any, corners: Array | None, resolution_px: list[int], key: s
 
 
 def _check_clicks(clicks: Array, resolution_px: list[int], key: str) -> None:
-    """Clicks far outside the image, or on one spot, were not made on the first frame."""
+    """Refuse clicks far outside the image, on one spot or with crossing outline: not made on the first frame."""
     size = np.array(resolution_px)
     if (clicks < -0.5 * size).any() or (clicks > 1.5 * size).any():
         raise InputError(

@@ -30,8 +30,8 @@ def is_camera_alone(document: Any) -> bool:
 def camera_setup(folder: Path, document: Mapping[str, Any]) -> CameraSetup:
     """Camera and floor of a document, read from the campaign.yaml of a folder.
 
-    `InputError` for a key that is unknown, missing or out of range, pictures without a board or the reverse, and where
-    there are neither.
+    Raises `InputError` for a key that is unknown, missing or out of range, for pictures without a board or the reverse,
+    and where there are neither these nor surveyed marks.
     """
     schema = campaign_schema()
     schema["required"] = ["camera", "floor"]

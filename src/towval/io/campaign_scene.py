@@ -27,8 +27,8 @@ _BELOW = 2.0
 def towing_scene(document: Keys) -> TowingScene:
     """The scene of a campaign.yaml that its schema has checked.
 
-    `InputError` where numbers contradict each other: feet or load not at the object, a weight beside the footprint,
-    static friction below the kinetic one by more than their deviations, a mass given in two ways.
+    Raises `InputError` where numbers contradict each other (footprint, load, masses, tether, friction and its regions)
+    or the object would slide down the floor or tip over.
     """
     towed = document["object"]
     load, patch = _load(towed), _footprint(towed)
@@ -151,7 +151,7 @@ def _friction(friction: Keys) -> FrictionSpecification:
 
 
 def _centre_of_mass_height(document: Keys) -> float:
-    """As given; else half the height of the top, but on the floor where the tow is, too."""
+    """The stated height; else half that of the top if a height of the tether's ends or a slope is stated, else 0."""
     towed, rover = document["object"], document["rover"]
     heights = "tether_anchor_height_m" in towed or "tether_hinge_height_m" in rover
     default = 0.5 * towed["tracked_plane_height_m"] if heights or "slope_mm_per_m" in document["floor"] else 0.0
@@ -205,7 +205,7 @@ def _load(towed: Keys) -> Load:
 
 
 def _check_load(towed: Keys, load: Load) -> None:
-    """The load must stand on the top."""
+    """Refuse a load whose centre is not on the top."""
     top = np.array(towed["top_corners_m"], dtype=float)
     if "load" in towed and not inside_polygon(top, load.at):
         raise InputError(
@@ -290,7 +290,7 @@ def _check_tether(scene: TowingScene) -> None:
 
 
 def _check_tipping(scene: TowingScene) -> None:
-    """Towed straight ahead the centre of pressure must stay within the footprint, and the object must not slide down.
+    """Refuse an object that slides down the slope, or whose centre of pressure leaves the footprint's hull when towed.
 
     Under a pull with the horizontal part ``T = μ N`` and the slope tan β, ``N = W / (1 + μ tan β)``, and the moment
     about the centre of mass puts the centre of pressure ``μ (h_a − q tan β)`` ahead of it, q the lever of the anchor.

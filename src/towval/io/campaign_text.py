@@ -18,7 +18,7 @@ _CLICKS = "first_frame_clicks_px"
 def campaign_text(document: Mapping[str, Any], marks: Mapping[str, str]) -> str:
     """The text of campaign.yaml from its sections, keys in the order of the schema.
 
-    ``marks``: by full key (``friction.kinetic``) what its comment says besides: where the value is from, or ``GUESS``.
+    ``marks``: by full key (``friction.kinetic``) what else its comment says: where the value is from, or ``GUESS``.
     """
     head = [
         "# Written by towval new. SI units; lengths of bodies in the body's own frame, which is that of top_corners_m.",
@@ -50,7 +50,7 @@ def _comment(text: str, indent: str) -> list[str]:
 
 
 class RunClicks(NamedTuple):
-    """Where the clicks of a run belong in the text, in flow style, and what has to stand before them."""
+    """Where the clicks of a run belong in the text, in flow style, and the text to write before them."""
 
     run: str
     before: str
@@ -59,7 +59,7 @@ class RunClicks(NamedTuple):
 class FloorCorner(NamedTuple):
     """Where a corner of the floor board stands in the text: "origin" or "end" of the x axis, as it is written now.
 
-    ``before`` has to stand before another one, in flow style.
+    ``before`` is to be written before a new value in flow style.
     """
 
     floor: str

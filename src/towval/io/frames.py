@@ -21,7 +21,7 @@ class Results:
     ``summary`` one row a run, with errors, uncertainties and verdict, as in ``summary.csv``; ``tracks`` measured poses
     of rover and object with standard deviations, one row a body and frame, NaN where lost; ``simulated`` motion of the
     object, tether force and length; ``errors`` simulated minus measured, in floor axes and along and across the path,
-    with the uncertainty u_val of the position; ``findings`` of all stages.
+    with the uncertainty u_val of the position; ``findings`` of all stages but decimate.
     """
 
     summary: pd.DataFrame

@@ -24,7 +24,7 @@ _UNLISTED = ("logs", "benchmarks")
 """Folders that hold no results."""
 
 LATER = ("exchange.mcap", "lichtblick.json", "rerun.rbl", "start.png", "identify.mcap", "identify.csv", MANIFEST)
-"""Files that may be made after the list, or without it; the first five are checked in other ways."""
+"""Files that may be made after the list, or without it; all but ``start.png`` and the list are checked elsewhere."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def unlisted(folder: Path, listed: Iterable[Listed]) -> Iterator[str]:
 
 
 def _check_names_for_snakemake(folder: Path, lab: Iterable[Path]) -> None:
-    """Refuse what Snakemake would not take as it is written in a rule: of the results, more than of what it reads."""
+    """Refuse paths that Snakemake would misread in a rule; variables and repetition matter in that of results only."""
     braces = [path for path in (folder, *lab) if "{" in str(path) or "}" in str(path)]
     variable, periodic = _VARIABLE.search(str(folder)), _PERIODIC.search(folder.name)
     if braces:

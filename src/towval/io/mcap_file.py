@@ -113,7 +113,7 @@ def is_own(path: Path) -> bool:
 
 
 def check_replaceable(path: Path, stage: str) -> None:
-    """Refuse to write a result over anything but an earlier result of the same stage.
+    """Refuse to write a result over anything but an earlier result of the same stage or a damaged result of any.
 
     What a stage reads was made by another stage, or is no result at all: no call destroys its own input.
 
@@ -190,7 +190,7 @@ _REMEDY = "run the stage that makes it"
 
 @contextmanager
 def _damage_told(path: Path) -> Iterator[None]:
-    """What goes wrong while a file is read becomes an error of the input."""
+    """Turn what goes wrong while a file is read into an `InputError`."""
     try:
         yield
     except _DAMAGE as error:

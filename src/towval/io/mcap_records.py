@@ -25,7 +25,7 @@ MOST_BYTES = 4 * 2**30
 """Of a file: an hour of two tracked bodies with all their features, four times over."""
 
 MOST_GROWTH = 64
-"""Bytes of all chunks, uncompressed, a byte of the file; our files: 2 to 12."""
+"""Bytes of all chunks, uncompressed, per byte of the file; our files: 2 to 12."""
 
 ALWAYS_ALLOWED = 16 * 2**20
 """Bytes of chunks, uncompressed, that any file may hold, however small it is."""
@@ -44,7 +44,7 @@ _KINDS = {
 
 
 def checked_records(data: bytes, *, messages: bool = True) -> Iterator[McapRecord]:
-    """Header, schemas, channels, messages, attachments and metadata of the data section, those in chunks on request.
+    """Header, schemas, channels, messages, attachments and metadata of the data section; chunks only if ``messages``.
 
     Raises `mcap.exceptions.McapError` and what reading of damaged bytes raises, before the first record where the
     file as a whole is damaged.

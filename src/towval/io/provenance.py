@@ -132,7 +132,7 @@ _SETTLED_NS = 2_000_000_000
 
 
 def module_hash(name: str) -> str:
-    """Fingerprint of a module and of every module of its own and of this package that it imports, directly or not.
+    """Fingerprint of a module and of all it imports, directly or not, but installed libraries.
 
     Workflow rules carry it as a parameter: an edit in a module then reruns the rules that use it, and no others. Data
     files that lie beside a module (schemas, templates, styles) count where the module names them.

@@ -15,7 +15,7 @@ def read_bytes(path: Path, most: int, remedy: str = "check the path, or copy the
     """
     path = Path(path)
     try:
-        # A pipe without a writer would block the call for ever.
+        # A pipe without a writer would block the call forever.
         handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0))
         with open(handle, "rb") as stream:
             status = os.fstat(handle)
@@ -39,7 +39,7 @@ def is_plain_file(path: Path) -> bool:
 
 
 def check_name(path: Path, what: str) -> None:
-    """Refuse a name with line breaks or other control signs, or in no encoding: it could not be printed."""
+    """Refuse a name with line breaks, other control characters or undecodable bytes: it could not be printed."""
     if not str(path).isprintable():
         raise InputError(f"{what} has a name that cannot be printed", got=repr(str(path)), remedy="rename it")
 
@@ -53,7 +53,7 @@ def is_folder(path: Path) -> bool:
 
 
 def kind_of(mode: int) -> str:
-    """What a file is that is no plain one."""
+    """The kind of a file that is not a plain one."""
     kinds = {stat.S_IFDIR: "a folder", stat.S_IFIFO: "a pipe", stat.S_IFSOCK: "a socket"}
     return kinds.get(stat.S_IFMT(mode), "a device")
 

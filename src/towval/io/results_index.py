@@ -35,8 +35,8 @@ _SHAPES = {
 class ResultsIndex:
     """Runs of many campaigns. A table each of runs, findings, inputs and settings.
 
-    Every table begins with ``source`` (the folder that was given), ``campaign`` and ``run``. ``runs`` has those of
-    ``summary.csv`` besides; a run without a comparison has the verdict "unfinished" and in ``state`` its last stage.
+    Every table begins with ``source`` (the folder that was given), ``campaign`` and ``run``. ``runs`` adds those of
+    ``summary.csv`` but the findings, and in ``state`` the last stage; without a comparison the verdict is "unfinished".
     """
 
     runs: pd.DataFrame

@@ -1,4 +1,4 @@
-"""YAML documents checked against a schema: every fault of a document is collected and reported in its user's words."""
+"""Checks YAML documents against a schema: collects their faults and reports them in the user's words."""
 
 import difflib
 import importlib
@@ -18,7 +18,7 @@ from towval.model.plugins import Registry
 
 
 def with_plain_values(value: Any) -> Any:
-    """A value that another program read from YAML, in which each text that is a number or yes or no becomes one."""
+    """A value that another program read from YAML, with numbers and booleans that it left as texts converted."""
     if isinstance(value, dict):
         return {key: with_plain_values(item) for key, item in value.items()}
     if isinstance(value, list):
@@ -77,7 +77,7 @@ def _is_point(value: Any) -> bool:
 
 
 def _is_finite(_checker: Any, value: Any) -> bool:
-    """NaN and infinity, which YAML knows, are on neither side of any limit."""
+    """Whether a value is a finite number: NaN would pass all limits, infinity those on one side."""
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= _LARGEST
 
 
@@ -90,16 +90,16 @@ _Validator: Any = validators.extend(  # type: ignore[no-untyped-call]  # the stu
 
 
 def check(document: Any, schema: dict[str, Any], where: str) -> None:
-    """Raise one `InputError` that lists every fault of a document: key, value, what is allowed, what the key means."""
+    """Raise one `InputError` that lists the faults of a document: key, value, what is allowed, what the key means."""
     Faults(faults_of(document, schema, where).values()).raise_any(where)
 
 
 _MOST_FAULTS = 50
-"""Of a document, that are listed."""
+"""Errors of the schema that are listed."""
 
 
 def faults_of(document: Any, schema: dict[str, Any], where: str) -> dict[str, InputError]:
-    """Every fault of a document by its key (``runs.a.video``), in the order of the document; each once."""
+    """Faults of a document by key (``runs.a.video``), in its order, each once: those of at most 50 schema errors."""
     errors = list(itertools.islice(_Validator(schema).iter_errors(document), _MOST_FAULTS))
     errors.sort(key=lambda error: _place(document, error))
     faults: dict[str, InputError] = {}
@@ -145,7 +145,7 @@ def _name(parts: Any) -> str:
 
 
 def _short_name(parts: Any) -> str:
-    """A name from the document as it is printed: in one line, and not longer than that."""
+    """A name from the document as it is printed: in one line, shortened."""
     text = _name(parts)
     return shortened(text if text.isprintable() else repr(text))
 

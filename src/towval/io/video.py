@@ -51,8 +51,8 @@ class Video:
     is the Y plane, turned upright where the file carries a rotation. Nothing is converted or copied for 8-bit planar
     video, so a frame's array is read-only and only one frame is held at a time. Deeper video is cut to 8 bits.
 
-    `InputError` where the file is missing or no video, and while iterating where its times do not increase or, unless
-    ``damaged``, where it is damaged or truncated: then its good part is used.
+    Raises `InputError` where the file is missing or no video; while iterating, where times are missing or do not
+    increase, no frame is good, or the file is damaged or truncated: with ``damaged`` its good part is used instead.
     """
 
     def __init__(self, path: str | os.PathLike[str], *, damaged: bool = False):
@@ -112,7 +112,7 @@ class Video:
     def late_picture(self) -> Luma:
         """A picture far from the first (height, width): the last keyframe, or where that is the first, the last one.
 
-        The first one where the end of the file is damaged.
+        The second keyframe where the header states no end; the first picture where nothing late can be decoded.
         """
         with self._open() as container:
             stream = container.streams.video[0]

@@ -1,4 +1,4 @@
-"""Locks that a killed workflow leaves behind: distinguished from those of one that is alive, and removed."""
+"""Removes the locks that a killed workflow leaves behind, and keeps those of one that is still running."""
 
 import os
 import sys
@@ -19,9 +19,9 @@ _held: list[int] = []
 def clear_stale_locks(folder: Path, results: Path) -> None:
     """Remove Snakemake's locks on ``results`` where no other call of this workflow is alive in ``folder``.
 
-    Every call holds a shared lock of the system on ``.snakemake/towval.lock``. Who gets it alone is alone: a lock of
-    Snakemake's that is there nevertheless was left by a call that was killed, or by a power cut. Locks on other files
-    may be those of another workflow and stay.
+    Every call holds a shared lock of the system on ``.snakemake/towval.lock``. A call that gets it exclusively is the
+    only one: a lock of Snakemake's that is there nevertheless was left by a killed call, or by a power cut. Locks on
+    other files may be those of another workflow and stay.
 
     Raises `InputError` when the folder cannot be written.
     """

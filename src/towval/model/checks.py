@@ -14,9 +14,9 @@ Array = NDArray[np.float64]
 
 
 def locked(values: ArrayLike, name: str, shape: tuple[int | None, ...], *, finite: bool = True) -> Array:
-    """A read-only float64 copy of ``values`` of a ``shape``, in which None leaves an axis free; a locked array itself.
+    """A read-only float64 copy of ``values``, or ``values`` if locked already; None in ``shape`` leaves an axis free.
 
-    Raises `InputError`, which calls it by its ``name``, for another shape and, where ``finite``, for NaN and infinity.
+    Raises `InputError` with the ``name`` for no numbers, another shape and, where ``finite``, NaN and infinity.
     """
     try:
         array: Array = values if _is_locked(values) else np.array(values, dtype=np.float64)
@@ -55,7 +55,7 @@ def lock_whole(self: object, kind: type[np.integer[Any]], *names: str) -> None:
 
 
 def positive(self: object, *names: str, zero: bool = False) -> None:
-    """Refuse named fields that are not finite and above zero, or zero itself where ``zero`` allows it."""
+    """Refuse named fields that are not finite numbers above zero; ``zero`` allows zero as well."""
     for name in names:
         value = getattr(self, name)
         # Floats first: the check against an abstract base class is slow.

@@ -1,4 +1,4 @@
-"""The interface of a friction law: μ and its slope over the sliding speed, and the speed above which μ is constant."""
+"""The interface of a friction law: μ and its slope over the sliding speed, and the speeds beyond which μ is linear."""
 
 import functools
 import math
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from towval.model.checks import Array
 from towval.model.errors import InputError
 
-_TO_ROUNDING = 1e-6  # relative to the largest μ: how closely a law must meet its own limits
+_TO_ROUNDING = 1e-6  # relative to μ there: how closely a law must meet its limits at both ends of its speed range
 
 
 class FrictionLaw(ABC):
@@ -57,8 +57,8 @@ class FrictionLaw(ABC):
 def check_friction_law(law: FrictionLaw) -> None:
     """Refuse a law that the physics cannot compute with.
 
-    Raises `InputError` when ``law`` is no friction law; when μ is not finite and positive at a speed above zero or its
-    slope at rest not finite and positive; or when μ does not meet its stated limits at low and high speed.
+    Raises `InputError` when ``law`` is no friction law or its speed range unusable; when μ at a speed above zero or its
+    slope at rest is not finite and positive; or when μ does not meet its stated limits at low and high speed.
     """
     if not isinstance(law, FrictionLaw):
         raise InputError("not a friction law", got=type(law).__name__, allowed="an instance of FrictionLaw")

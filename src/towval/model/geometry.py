@@ -29,7 +29,7 @@ def rotation(heading: ArrayLike) -> Array:
 
 
 def turned_covariance(covariance: Array, heading: ArrayLike) -> Array:
-    """Covariances (..., 3, 3) of poses, of those in frames that are turned by headings (...) [rad] against theirs."""
+    """Covariances (..., 3, 3) of poses, turned by headings (...) [rad]: from body axes to floor axes."""
     heading = np.asarray(heading, dtype=np.float64)
     turn = np.zeros((*heading.shape, 3, 3))
     turn[..., :2, :2], turn[..., 2, 2] = rotation(heading), 1.0
@@ -152,7 +152,7 @@ _LAGS = (1, 2, 4, 8)
 
 @dataclass(frozen=True)
 class SignatureEntry:
-    """One entry of an error signature: the mean over block ``last``, less that over ``first`` unless they are one."""
+    """One entry of an error signature: the mean over block ``last``, less that over ``first`` if another."""
 
     first: int
     last: int
@@ -166,7 +166,7 @@ def signature_entries() -> tuple[SignatureEntry, ...]:
 
 
 def signature_blocks(n: int) -> list[NDArray[np.intp]]:
-    """Which of ``n`` times make each of the 24 blocks of a signature."""
+    """Indices of the ``n`` times in each of the 24 blocks of a signature."""
     return np.array_split(np.arange(n), _BLOCKS)
 
 

@@ -122,7 +122,7 @@ class UncertainInput:
     present : callable
         Whether a scene has this input at all.
     within : str, optional
-        The input whose covariance, given by a stage, holds what this one does; it is not drawn by itself then.
+        The input whose covariance, given by a stage, includes the effect of this one, which is then not drawn.
     """
 
     name: str
@@ -196,7 +196,7 @@ def _section(document: Mapping[str, Any], key: str) -> Any:
 
 
 def is_left_out(row: UncertainInput, document: Mapping[str, Any]) -> bool:
-    """Whether a document states neither the value of an input nor its deviation, and so takes both as they are here."""
+    """Whether a document states neither the value of an input nor its deviation, so that both are defaults."""
     stated = row.stated
     return (
         stated is not None

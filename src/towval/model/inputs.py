@@ -35,10 +35,10 @@ __all__ = [
 ]  # fmt: skip
 
 _LEAST, _MOST = 0.05, 0.9
-"""What must stay above zero is drawn no lower than this share of it; the stiffening, below one, no higher than this."""
+"""Least ratio, and least share of a stated stiction velocity or gyration, that is drawn; and most stiffening."""
 
 _APART = 6.0
-"""v_k is drawn no lower than this many times v_s: closer together, laws of Makkar's form come to an end."""
+"""v_k is drawn no lower than this many times v_s, or their stated ratio if less: closer, Makkar's form ends."""
 
 
 Whole = TypeVar("Whole")
@@ -85,7 +85,7 @@ def _friction(real: Realisation, value: Array) -> Realisation:
 
 
 def _static(real: Realisation, value: Array) -> Realisation:
-    """Below the kinetic one there is no peak."""
+    """Set the static coefficient, no lower than the kinetic one: at that value the law has no peak."""
     friction = real.scene.friction
     friction = _with(friction, static=max(float(value[0]), friction.kinetic))
     return _with(real, scene=_with(real.scene, friction=friction))
@@ -113,7 +113,7 @@ def _slope(real: Realisation, value: Array) -> Realisation:
 
 
 def _regions(real: Realisation, value: Array) -> Realisation:
-    """One change of all factors."""
+    """Add one change to the factors of all regions."""
     ground = real.scene.ground
     regions = tuple(replace(region, factor=max(0.01, region.factor + float(value[0]))) for region in ground.regions)
     return _with(real, scene=_with(real.scene, ground=_with(ground, regions=regions)))
@@ -133,7 +133,7 @@ def _has_spread(scene: TowingScene) -> bool:
 
 
 def _in_camera(real: Realisation, _: Array) -> Realisation:
-    """Nothing: the covariance of the camera holds it."""
+    """Change nothing: the covariance of the camera includes this input."""
     return real
 
 

@@ -1,4 +1,4 @@
-"""Presets: what `preset` in config.yaml sets, one table. A key that config.yaml gives itself counts more.
+"""Presets: what `preset` in config.yaml sets, one table. Keys stated in config.yaml override it.
 
 "auto" as a value lets the stage choose by a quick probe on the campaign itself: the cheapest setting whose error stays
 below a third of the measurement uncertainty.

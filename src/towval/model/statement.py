@@ -54,7 +54,7 @@ class Draws:
 
 @dataclass(frozen=True)
 class VisibleFault:
-    """The smallest fault of a kind that the run shows with 90 %.
+    """The smallest fault of a kind that the test of the run detects in nine of ten draws.
 
     ``kind`` with ``size`` in ``unit``; ``shift_rms_m`` and ``shift_max_m``, by how much it moves the path [m]. NaN
     where none was found up to ``searched``.

@@ -63,8 +63,8 @@ class Tether:
     """An elastic tether that can only pull, eq. (12) of the paper.
 
     ``rest_length`` [m], ``stiffness`` κ [N/m], ``damping`` [N s/m] (zero in the paper); ``stiffening`` σ [1], from 0 up
-    to below 1, the share of the stiffness at ``full_load`` [N] that a slack tether does not yet have:
-    ``T = κ e ((1 − σ) + σ κ e / full_load)`` for a stretch e, so that κ is the chord up to the full load;
+    to below 1, the share by which the stiffness of a slack tether is below κ:
+    ``T = κ e ((1 − σ) + σ κ e / full_load)`` for a stretch e, so that κ is the chord up to ``full_load`` [N];
     ``mass_per_length`` [kg/m], which makes it sag (zero: a straight line).
     """
 

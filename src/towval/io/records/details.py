@@ -40,7 +40,7 @@ def json_value(value: Any) -> Any:
 
 
 def plain(value: Any) -> dict[str, Any]:
-    """A dataclass of arrays, numbers and texts as JSON-able values; NaN becomes null."""
+    """A dataclass of arrays (n, m), numbers and texts as JSON values; NaN becomes null."""
     plain = {}
     for field in dataclasses.fields(value):
         item = getattr(value, field.name)
@@ -51,7 +51,7 @@ def plain(value: Any) -> dict[str, Any]:
 
 
 def arrays(plain: dict[str, Any]) -> dict[str, Any]:
-    """Undo :func:`plain`: lists become arrays and null becomes NaN."""
+    """Undo :func:`plain` for arrays (n, 2): lists become arrays and null becomes NaN."""
     return {
         key: np.array(item, dtype=np.float64).reshape(len(item), 2)
         if isinstance(item, list)
