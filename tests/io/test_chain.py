@@ -197,6 +197,15 @@ def test_the_list_names_what_changed_went_or_came(tmp_path):
     assert list(unlisted(tmp_path, rows)) == ["new.txt"]
 
 
+def test_a_film_that_is_drawn_after_the_list_is_no_fault(tmp_path):
+    """`towval overlay` writes it beside the results of a run on request."""
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / "track.mcap").write_bytes(b"track")
+    write_manifest(tmp_path / MANIFEST, [tmp_path / "a" / "track.mcap"])
+    (tmp_path / "a" / "overlay.mp4").write_bytes(b"film")
+    assert list(unlisted(tmp_path, read_manifest(tmp_path / MANIFEST))) == []
+
+
 def test_one_byte_of_the_list_never_passes(tmp_path):
     (tmp_path / "one.txt").write_text("1")
     (tmp_path / "two.txt").write_text("2")

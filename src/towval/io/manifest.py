@@ -23,8 +23,11 @@ _PERIODIC = re.compile(r"(.+)\1{19,}$")
 _UNLISTED = ("logs", "benchmarks")
 """Folders that hold no results."""
 
-LATER = ("exchange.mcap", "lichtblick.json", "rerun.rbl", "start.png", "identify.mcap", "identify.csv", MANIFEST)
-"""Files that may be made after the list, or without it; all but ``start.png`` and the list are checked elsewhere."""
+LATER = (
+    "exchange.mcap", "lichtblick.json", "rerun.rbl", "overlay.mp4", "start.png", "identify.mcap", "identify.csv",
+    MANIFEST,
+)  # fmt: skip
+"""Files that may be made after the list, or without it; all but pictures, films and the list are checked elsewhere."""
 
 
 @dataclass(frozen=True)
