@@ -14,13 +14,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from towval.model import Array, Body
-from towval.model.compiling import compiled
 from towval.model.errors import InputError
-from towval.model.geometry import polygon_area, rigid_fit, transform
-from towval.optics.projection import project
-from towval.tracking.interpolation import RELAXED, plane_pixels_kernel, plane_to_camera, spline_value
+from towval.model.geometry import rigid_fit, transform
+from towval.tracking.interpolation import plane_to_camera
+from towval.tracking.outline_kernels import (
+    covariance_kernel,
+    fit_kernel,
+    side_widths_kernel,
+    slopes_kernel,
+    stretches_kernel,
+)
 from towval.tracking.planar_target import PlanarTarget
-from towval.tracking.pose import TUKEY
 
 
 @dataclass(frozen=True)
@@ -52,9 +56,7 @@ class OutlineConstants:
 
 CONSTANTS = OutlineConstants()
 
-_LEAST_SCALE_PX = 0.05  # [px] Of misfits.
 _SIZED = 1e-6  # Share of the deviation of lengths that is as good as none.
-_FITS = 8  # Rounds of the robust fit, in which the search narrows from 2 px to 0.5 px.
 _MEDIAN_CHI_3 = 1.538  # Median distance of three normal deviates from their mean.
 
 
@@ -130,57 +132,14 @@ def pose_from_clicks(target: PlanarTarget, clicks_px: ArrayLike) -> tuple[Array,
 
 def stretches_of(body: Body, pixel_m: float) -> Stretches:
     """Cut the outline of a body into stretches for a picture whose pixels are ``pixel_m`` wide on the target."""
-    corners = body.top_corners_m
-    if polygon_area(corners) < 0:
-        corners = corners[::-1]
-    edges = np.roll(corners, -1, axis=0) - corners
-    sizes = np.linalg.norm(edges, axis=1)
-    directions = edges / sizes[:, None]
-    turns = np.arccos(np.clip((directions * np.roll(directions, 1, axis=0)).sum(axis=1), -1, 1))
-    # Two pixels at a sharp corner are left out: there a profile sees two edges. A round outline has none.
-    cut = np.where(turns > CONSTANTS.sharp, 2 * pixel_m, 0.0)
-    whole = sizes - np.roll(cut, -1) - cut
-    count = np.minimum(CONSTANTS.stretches, np.maximum(whole // (3 * pixel_m), whole > pixel_m)).astype(int)
-    edge = np.repeat(np.arange(len(corners)), count)
-    if len(edge) < 4:
+    found = stretches_kernel(body.top_corners_m, pixel_m, CONSTANTS.sharp, CONSTANTS.stretches)
+    if len(found[0]) < 4:
         raise InputError(
             f"the planar target of {body.name} is too small in the picture to see its edges",
             got=f"{pixel_m * 1000:.1f} mm a pixel",
             remedy="film from nearer or with more pixels",
         )
-    number = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)
-    tangent, length = directions[edge], whole[edge] / count[edge]
-    middle = corners[edge] + tangent * (cut[edge] + whole[edge] * (number + 0.5) / count[edge])[:, None]
-    normal = np.stack([tangent[:, 1], -tangent[:, 0]], axis=1)
-    step_m, spacing_m = CONSTANTS.step_px * pixel_m, CONSTANTS.spacing_px * pixel_m
-    return Stretches(middle, tangent, normal, length, step_m, spacing_m)
-
-
-@compiled(fastmath=RELAXED)
-def _profiles_kernel(
-    luma: NDArray[np.uint8],
-    lines: tuple[Array, Array, Array, Array, float],
-    offsets: Array,
-    columns: Array,
-    matrix: Array,
-    k: Array,
-) -> Array:
-    """Mean grey value of each stretch at each offset (m, k); NaN where it leaves the picture."""
-    middle, along, normal, length, spacing = lines
-    profiles = np.zeros((middle.shape[0], offsets.shape[0]))
-    for m in range(middle.shape[0]):
-        count = max(1, int(length[m] / spacing))
-        points = np.empty((count, 2))
-        for j in range(offsets.shape[0]):
-            for i in range(count):
-                place = length[m] * ((i + 0.5) / count - 0.5)
-                points[i, 0] = middle[m, 0] + place * along[m, 0] + offsets[j] * normal[m, 0]
-                points[i, 1] = middle[m, 1] + place * along[m, 1] + offsets[j] * normal[m, 1]
-            pixels = plane_pixels_kernel(points, columns, matrix, k)
-            for i in range(count):
-                value = spline_value(luma, pixels[i, 0], pixels[i, 1])
-                profiles[m, j] += value / count if value >= 0 else np.nan
-    return profiles
+    return Stretches(*found, CONSTANTS.step_px * pixel_m, CONSTANTS.spacing_px * pixel_m)
 
 
 def _edge_slopes(luma: NDArray[np.uint8], target: PlanarTarget, s: Stretches, pose: Array) -> Array:
@@ -189,79 +148,15 @@ def _edge_slopes(luma: NDArray[np.uint8], target: PlanarTarget, s: Stretches, po
     around = np.concatenate([[offsets[0] - s.step], offsets, [offsets[-1] + s.step]])
     columns = plane_to_camera(np.asarray(pose, dtype=np.float64), target.height, target.floor.T_camera_floor)
     lines = s.middle, s.along, s.normal, s.length, s.spacing
-    profiles = _profiles_kernel(luma, lines, around, columns, camera.matrix, camera.distortion)
-    slopes: Array = np.nan_to_num(np.abs(profiles[:, 2:] - profiles[:, :-2]) / 2)
-    return slopes
-
-
-@compiled()
-def _peaks(slopes: Array, ordinary: Array, offsets: Array, expected: Array, spread: float) -> tuple[Array, Array]:
-    """Offset of the steepest place of each stretch near where it is expected, and how far it stands out.
-
-    ``ordinary`` (m,) is the usual steepness along each profile. A place that is steepest only because the profile ends
-    there is no peak and does not stand out.
-    """
-    place, contrast = np.zeros(len(slopes)), np.zeros(len(slopes))
-    for m in range(len(slopes)):
-        best, at = -1.0, 1
-        for j in range(1, slopes.shape[1] - 1):
-            if slopes[m, j] <= best:
-                continue
-            score = slopes[m, j] * np.exp(-0.5 * ((offsets[j] - expected[m]) / spread) ** 2)
-            if score > best:
-                best, at = score, j
-        left, peak, right = slopes[m, at - 1], slopes[m, at], slopes[m, at + 1]
-        bend = left - 2 * peak + right
-        if bend < 0 and peak >= left and peak >= right:
-            place[m] = offsets[at] + 0.5 * (left - right) / bend * (offsets[1] - offsets[0])
-            contrast[m] = min(max(peak / (ordinary[m] + 0.5) - 1, 0.0), 5.0)
-    return place, contrast
+    return slopes_kernel(luma, lines, around, columns, camera.matrix, camera.distortion)
 
 
 def _side_widths(target: PlanarTarget, stretches: Stretches, pose: Array) -> Array:
     """Visible width of the body's side outside each stretch (m,) [px] if it reaches the floor; ≤ 0 where hidden."""
-    beyond = stretches.middle + stretches.step * stretches.normal
-    on_edge, outside = (transform(pose, points) for points in (stretches.middle, beyond))
-    edge, out = target.picture_of(on_edge), target.picture_of(outside)
-    foot = project(target.camera, target.floor, np.column_stack([on_edge, np.zeros(len(on_edge))]))
-    outward = (out - edge) / np.linalg.norm(out - edge, axis=1, keepdims=True)
-    widths: Array = ((foot - edge) * outward).sum(axis=1)
-    return widths
-
-
-@compiled()
-def _fit_kernel(
-    slopes: Array, offsets: Array, rows: Array, trust: Array, known: Array, pixel_m: float, first_px: float
-) -> tuple[bool, Array, Array, Array, Array, Array, float]:
-    """Rounds of the robust fit: whether it holds, correction, places, contrasts, inner, weights and scale.
-
-    ``rows`` (m, p) are the changes of the places with what is fitted, ``known`` (p,) the deviations known beforehand,
-    ``first_px`` the least scale of misfits in the first round.
-    """
-    m = len(rows)
-    ordinary, found = np.empty(m), np.zeros(rows.shape[1])
-    for i in range(m):
-        ordinary[i] = np.median(slopes[i])
-    place, contrast, inner, weight = np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(m)
-    scale = 0.0
-    for round_ in range(_FITS):
-        # The search narrows: wide enough for a click at first, then for the blur of an edge.
-        spread = pixel_m * max(0.5, 2.0 * 0.7**round_)
-        place, contrast = _peaks(slopes, ordinary, offsets, rows @ found, spread)
-        misfit = place - rows @ found
-        seen = contrast > 0
-        if seen.sum() < max(4, len(found)):
-            return False, found, place, contrast, inner, weight, scale
-        # Both of two opposite edges count at first where the size is free: a redescending weight would keep the nearer
-        # one and drop the other.
-        scale = max(1.4826 * np.median(np.abs(misfit[seen])), pixel_m * max(_LEAST_SCALE_PX, first_px * 0.7**round_))
-        inner = np.maximum(1 - (misfit / (TUKEY * scale)) ** 2, 0.0)
-        weight = trust * contrast * inner**2
-        if 3 * (weight > 0).sum() < m:
-            return False, found, place, contrast, inner, weight, scale
-        weighted = np.ascontiguousarray(rows.T * weight)
-        found[:] = np.linalg.solve(weighted @ rows + np.diag(scale**2 / known**2), weighted @ place)
-    return True, found, place, contrast, inner, weight, scale
+    seen, T, camera = (stretches.middle, stretches.normal, stretches.step), target.floor.T_camera_floor, target.camera
+    return side_widths_kernel(
+        seen, np.asarray(pose, dtype=np.float64), target.height, T, camera.matrix, camera.distortion
+    )
 
 
 def _fit_outline(
@@ -273,22 +168,13 @@ def _fit_outline(
     known = np.array([1, 1, 1 / reach, 0, 0]) * CONSTANTS.prior_px * pixel_m
     known[3:] = (_SIZED if sized else 1.0) * CONSTANTS.length_std_m / width
     trust, thin = _trust(side_px)
-    fit = _fit_kernel(slopes, stretches.offsets, rows, trust, known, pixel_m, first_px)
-    holds, correction, place, contrast, inner, weight, scale = fit
+    holds, correction, *_ = fit = fit_kernel(slopes, stretches.offsets, rows, trust, known, pixel_m, first_px)
     if not holds:
         return None
-    misfit, prior = place - rows @ correction, scale**2 / known**2
-    # The slope of Tukey's influence function: less than its weight, so that outlying edges constrain the fit less.
-    steadiness = trust * contrast * inner * np.maximum(5 * inner - 4, 0.0)
-    inverse = np.linalg.inv(rows.T @ (steadiness[:, None] * rows) + np.diag(prior))
-    averaged = np.sqrt(CONSTANTS.noise_length_px * pixel_m / stretches.length)
-    noise = pixel_m * averaged * (CONSTANTS.edge_noise_px + CONSTANTS.faint_noise_px / np.maximum(contrast, 0.1))
-    scores = rows * (weight * np.maximum(np.abs(misfit), noise))[:, None]
-    used = weight > 0
-    freedom = len(rows) / max(1, used.sum() - 3)
-    shifted = inverse @ rows.T @ (weight * thin * CONSTANTS.thin_shift_px * pixel_m)
-    sampled = inverse @ (scores.T @ scores * freedom + np.diag(prior) * scale**2) @ inverse
-    return OutlineFit(correction[:3], (sampled + np.outer(shifted, shifted))[:3, :3], correction[3:] * width)
+    clear = CONSTANTS.edge_noise_px * pixel_m * np.sqrt(CONSTANTS.noise_length_px * pixel_m / stretches.length)
+    noise, shift = (clear, CONSTANTS.faint_noise_px / CONSTANTS.edge_noise_px), CONSTANTS.thin_shift_px * pixel_m
+    covariance = covariance_kernel(rows, fit[1:], trust, known, noise, np.where(thin, shift, 0.0))
+    return OutlineFit(correction[:3], covariance[:3, :3], correction[3:] * width)
 
 
 def _trust(side_px: Array) -> tuple[Array, NDArray[np.bool_]]:
@@ -345,7 +231,7 @@ def observe_size(luma: NDArray[np.uint8], target: PlanarTarget, pose: Array) -> 
     trust, _ = _trust(_side_widths(target, stretches, pose))
     reach = np.linalg.norm(middle, axis=1).max()
     known = np.array([1, 1, 1 / reach, np.inf]) * CONSTANTS.prior_px * pixel
-    holds, found, *_ = _fit_kernel(slopes, stretches.offsets, rows, trust, known, pixel, CONSTANTS.both_px)
+    holds, found, *_ = fit_kernel(slopes, stretches.offsets, rows, trust, known, pixel, CONSTANTS.both_px)
     return float(found[3]) if holds else None
 
 

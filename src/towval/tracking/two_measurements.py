@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from towval.model import Array
+from towval.model.compiling import compiled
 from towval.model.geometry import compose, turned_covariance
 from towval.tracking.noise import CONSTANTS as NOISE
 from towval.tracking.noise import MEDIAN_CHI_SQUARED_3, about_quadratics
@@ -128,7 +129,7 @@ class EdgeWatch:
     def _apart(self, found: Measurement, fit: OutlineFit) -> float:
         """Distance of texture and outline, in deviations."""
         sizes = np.array(self.rows[-_LAST * _NUMBERS :]).reshape(-1, _NUMBERS)[:, 13:]
-        other = by_size(fit.size - np.median(sizes, axis=0)) if len(sizes) else np.zeros((3, 3))
+        other = by_size(fit.size - _medians(sizes)) if len(sizes) else np.zeros((3, 3))
         # The first picture's outline, from which both are counted, is as uncertain as this one.
         of_outline = 2 * fit.covariance + other + edges(self.target, found.pose)
         expected = turned_covariance(found.covariance, -found.pose[2]) + of_outline
@@ -138,6 +139,12 @@ class EdgeWatch:
         """All looks so far."""
         rows = np.array(self.rows).reshape(-1, _NUMBERS)
         return Looks(rows[:, 0].astype(int), rows[:, 1:4], rows[:, 4:13].reshape(-1, 3, 3), rows[:, 13:])
+
+
+@compiled()
+def _medians(columns: Array) -> Array:
+    """Medians (2,) of two columns (n, 2)."""
+    return np.array([np.median(columns[:, 0].copy()), np.median(columns[:, 1].copy())])
 
 
 def by_size(off: Array) -> Array:

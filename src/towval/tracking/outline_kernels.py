@@ -1,0 +1,210 @@
+"""The compiled parts of the edge fit: stretches of an outline, their profiles in a picture, and the robust fit."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from towval.model import Array
+from towval.model.compiling import compiled
+from towval.optics.projection import project_kernel
+from towval.tracking.interpolation import RELAXED, plane_pixels_kernel, spline_value
+from towval.tracking.pose import TUKEY
+
+_LEAST_SCALE_PX = 0.05  # [px] Of misfits.
+_FITS = 8  # Rounds of the robust fit, in which the search narrows from 2 px to 0.5 px.
+
+
+@compiled()
+def stretches_kernel(corners: Array, pixel_m: float, sharp: float, most: int) -> tuple[Array, Array, Array, Array]:
+    """Middle, direction and outward normal (m, 2), and length (m,) of the stretches of an outline.
+
+    ``corners`` run in either sense. An edge has at most ``most`` stretches of at least three pixels each. At corners
+    that turn by more than ``sharp`` [rad], two pixels of both edges are left out: there a profile sees two edges. A
+    round outline has no such corners.
+    """
+    n = corners.shape[0]
+    area = 0.0
+    for i in range(n):
+        area += corners[i - 1, 0] * corners[i, 1] - corners[i - 1, 1] * corners[i, 0]
+    if area < 0:
+        corners = corners[::-1].copy()
+    tangent, size, cut = np.empty((n, 2)), np.empty(n), np.zeros(n)
+    for i in range(n):
+        edge = corners[(i + 1) % n] - corners[i]
+        size[i] = np.sqrt(edge[0] * edge[0] + edge[1] * edge[1])
+        tangent[i] = edge / size[i]
+    for i in range(n):
+        across = tangent[i, 0] * tangent[i - 1, 0] + tangent[i, 1] * tangent[i - 1, 1]
+        if np.arccos(min(max(across, -1.0), 1.0)) > sharp:
+            cut[i] = 2 * pixel_m
+    whole, count = np.empty(n), np.empty(n, np.int64)
+    for i in range(n):
+        whole[i] = size[i] - cut[(i + 1) % n] - cut[i]
+        count[i] = min(most, max(int(whole[i] // (3 * pixel_m)), int(whole[i] > pixel_m)))
+    m = count.sum()
+    middle, along, normal, length = np.empty((m, 2)), np.empty((m, 2)), np.empty((m, 2)), np.empty(m)
+    k = 0
+    for i in range(n):
+        for number in range(count[i]):
+            place = cut[i] + whole[i] * (number + 0.5) / count[i]
+            middle[k] = corners[i] + tangent[i] * place
+            along[k] = tangent[i]
+            normal[k, 0], normal[k, 1] = tangent[i, 1], -tangent[i, 0]
+            length[k] = whole[i] / count[i]
+            k += 1
+    return middle, along, normal, length
+
+
+@compiled(fastmath=RELAXED)
+def slopes_kernel(
+    luma: NDArray[np.uint8],
+    lines: tuple[Array, Array, Array, Array, float],
+    offsets: Array,
+    columns: Array,
+    matrix: Array,
+    k: Array,
+) -> Array:
+    """Steepness (m, n − 2) of the mean grey value of each stretch, between the neighbours of each of n offsets.
+
+    ``lines``: middle, direction, normal and length of the stretches, and the distance between the profiles of one
+    [m]. Zero where a profile leaves the picture.
+    """
+    middle, along, normal, length, spacing = lines
+    profile = np.empty(offsets.shape[0])
+    slopes = np.zeros((middle.shape[0], offsets.shape[0] - 2))
+    for m in range(middle.shape[0]):
+        count = max(1, int(length[m] / spacing))
+        points = np.empty((offsets.shape[0] * count, 2))
+        for j in range(offsets.shape[0]):
+            for i in range(count):
+                place = length[m] * ((i + 0.5) / count - 0.5)
+                points[j * count + i, 0] = middle[m, 0] + place * along[m, 0] + offsets[j] * normal[m, 0]
+                points[j * count + i, 1] = middle[m, 1] + place * along[m, 1] + offsets[j] * normal[m, 1]
+        pixels = plane_pixels_kernel(points, columns, matrix, k)
+        for j in range(offsets.shape[0]):
+            profile[j] = 0.0
+            for i in range(j * count, (j + 1) * count):
+                value = spline_value(luma, pixels[i, 0], pixels[i, 1])
+                profile[j] += value / count if value >= 0 else np.nan
+        for j in range(slopes.shape[1]):
+            slope = abs(profile[j + 2] - profile[j]) / 2
+            slopes[m, j] = slope if slope >= 0 else 0.0
+    return slopes
+
+
+@compiled()
+def side_widths_kernel(
+    stretches: tuple[Array, Array, float], pose: Array, height: float, T: Array, matrix: Array, k: Array
+) -> Array:
+    """Visible width of the body's side outside each stretch (m,) [px] if it reaches the floor; ≤ 0 where hidden.
+
+    ``stretches``: middle and normal (m, 2), and a small distance [m] that shows which way is outward in the picture.
+    """
+    middle, normal, step = stretches
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    points, widths = np.empty((3, 3)), np.empty(middle.shape[0])
+    for m in range(middle.shape[0]):
+        for i in range(2):
+            x, y = middle[m, 0] + i * step * normal[m, 0], middle[m, 1] + i * step * normal[m, 1]
+            points[i, 0], points[i, 1], points[i, 2] = c * x - s * y + pose[0], s * x + c * y + pose[1], height
+        points[2, 0], points[2, 1], points[2, 2] = points[0, 0], points[0, 1], 0.0
+        edge, out, foot = project_kernel(points, T, matrix, k)
+        u, v = out[0] - edge[0], out[1] - edge[1]
+        widths[m] = ((foot[0] - edge[0]) * u + (foot[1] - edge[1]) * v) / np.sqrt(u * u + v * v)
+    return widths
+
+
+@compiled()
+def _peaks(slopes: Array, ordinary: Array, offsets: Array, expected: Array, spread: float) -> tuple[Array, Array]:
+    """Offset of the steepest place of each stretch near where it is expected, and how far it stands out.
+
+    ``ordinary`` (m,) is the usual steepness along each profile. A place that is steepest only because the profile ends
+    there is no peak and does not stand out.
+    """
+    place, contrast = np.zeros(len(slopes)), np.zeros(len(slopes))
+    for m in range(len(slopes)):
+        best, at = -1.0, 1
+        for j in range(1, slopes.shape[1] - 1):
+            if slopes[m, j] <= best:
+                continue
+            score = slopes[m, j] * np.exp(-0.5 * ((offsets[j] - expected[m]) / spread) ** 2)
+            if score > best:
+                best, at = score, j
+        left, peak, right = slopes[m, at - 1], slopes[m, at], slopes[m, at + 1]
+        bend = left - 2 * peak + right
+        if bend < 0 and peak >= left and peak >= right:
+            place[m] = offsets[at] + 0.5 * (left - right) / bend * (offsets[1] - offsets[0])
+            contrast[m] = min(max(peak / (ordinary[m] + 0.5) - 1, 0.0), 5.0)
+    return place, contrast
+
+
+@compiled()
+def fit_kernel(
+    slopes: Array, offsets: Array, rows: Array, trust: Array, known: Array, pixel_m: float, first_px: float
+) -> tuple[bool, Array, Array, Array, Array, Array, float]:
+    """Rounds of the robust fit: whether it holds, correction, places, contrasts, inner, weights and scale.
+
+    ``rows`` (m, p) are the changes of the places with what is fitted, ``known`` (p,) the deviations known beforehand,
+    ``first_px`` the least scale of misfits in the first round.
+    """
+    m = len(rows)
+    ordinary, found = np.empty(m), np.zeros(rows.shape[1])
+    for i in range(m):
+        ordinary[i] = np.median(slopes[i])
+    place, contrast, inner, weight = np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(m)
+    scale = 0.0
+    for round_ in range(_FITS):
+        # The search narrows: wide enough for a click at first, then for the blur of an edge.
+        spread = pixel_m * max(0.5, 2.0 * 0.7**round_)
+        place, contrast = _peaks(slopes, ordinary, offsets, rows @ found, spread)
+        misfit = place - rows @ found
+        seen = contrast > 0
+        if seen.sum() < max(4, len(found)):
+            return False, found, place, contrast, inner, weight, scale
+        # Both of two opposite edges count at first where the size is free: a redescending weight would keep the nearer
+        # one and drop the other.
+        scale = max(1.4826 * np.median(np.abs(misfit[seen])), pixel_m * max(_LEAST_SCALE_PX, first_px * 0.7**round_))
+        inner = np.maximum(1 - (misfit / (TUKEY * scale)) ** 2, 0.0)
+        weight = trust * contrast * inner**2
+        if 3 * (weight > 0).sum() < m:
+            return False, found, place, contrast, inner, weight, scale
+        weighted = np.ascontiguousarray(rows.T * weight)
+        found[:] = np.linalg.solve(weighted @ rows + np.diag(scale**2 / known**2), weighted @ place)
+    return True, found, place, contrast, inner, weight, scale
+
+
+@compiled()
+def covariance_kernel(
+    rows: Array,
+    fitted: tuple[Array, Array, Array, Array, Array, float],
+    trust: Array,
+    known: Array,
+    noise: tuple[Array, float],
+    shift: Array,
+) -> Array:
+    """Covariance (p, p) of a correction, from the misfits of the edges.
+
+    ``fitted``: correction, places, contrasts, inner, weights and scale of :func:`fit_kernel`; ``noise``: deviation of
+    each stretch on a clear edge [m], and by how much more it is at a contrast of one [share]; ``shift`` (m,): by how
+    much all the edges may be shifted together [m].
+    """
+    correction, place, contrast, inner, weight, scale = fitted
+    clear, faint = noise
+    m, p = rows.shape
+    misfit, prior = place - rows @ correction, scale**2 / known**2
+    # The slope of Tukey's influence function: less than its weight, so that outlying edges constrain the fit less.
+    steadiness = trust * contrast * inner * np.maximum(5 * inner - 4, 0.0)
+    steady, scores, together = np.empty((p, m)), np.empty((p, m)), np.zeros(p)
+    used = 0
+    for i in range(m):
+        used += weight[i] > 0
+        least = clear[i] * (1 + faint / max(contrast[i], 0.1))
+        for j in range(p):
+            steady[j, i] = rows[i, j] * steadiness[i]
+            scores[j, i] = rows[i, j] * weight[i] * max(abs(misfit[i]), least)
+            together[j] += rows[i, j] * weight[i] * shift[i]
+    inverse = np.linalg.inv(steady @ rows + np.diag(prior))
+    freedom = m / max(1, used - 3)
+    shifted = inverse @ together
+    middle = scores @ scores.T * freedom + np.diag(prior * scale**2)
+    covariance: Array = inverse @ middle @ inverse + np.outer(shifted, shifted)
+    return covariance
