@@ -183,6 +183,17 @@ def test_wrong_clicks_are_corrected_and_reported(shift_px):
         assert [each.code for each in found.findings] == ["clicks_corrected"]
 
 
+@pytest.mark.parametrize(("shift_px", "kept"), [(1.5, True), (3.0, False)])
+def test_clicks_within_two_pixels_of_the_outline_are_kept(shift_px, kept):
+    scene, _ = towed(3)
+    luma = spread(scene, TIMES_S[:1])[0]
+    for index, body in enumerate(scene.bodies):
+        corners_px = scene.target(index).pixels(body.top_corners_m, scene.motions[index](0.0))
+        clicks = corners_px + np.array([shift_px, 0.0])
+        found = check_clicks([luma], scene.calibration, scene.bodies, {body.name: clicks}, LONG)[body.name]
+        assert np.array_equal(found.corners_px, clicks) == kept
+
+
 def test_clicks_of_the_base_are_corrected_or_doubted():
     scene, _ = towed(4)
     luma = spread(scene, TIMES_S[:1])[0]

@@ -811,3 +811,9 @@ def test_places_of_an_outline_are_one_where_less_than_five_pixels_apart():
     search._distinct = lambda found, apart_m: OutlineSearch._distinct(search, found, apart_m)
     found = OutlineSearch.found(search, 0.0, 0.1, 9)
     assert [round(pose[0] / pixel_m) for _, pose in found] == [0, 7]
+
+
+def test_some_twenty_places_of_an_outline_are_followed():
+    search = SimpleNamespace(apart_m=lambda a, b: abs(a[0] - b[0]))
+    places = [(1.0 - 0.001 * i, np.array([float(i), 0.0, 0.0])) for i in range(60)]
+    assert 15 < len(OutlineSearch._distinct(search, places, 0.5)) < 30

@@ -144,19 +144,14 @@ def read_provenance(path: Path) -> dict[str, str]:
 
 def read_details(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
     """Details and provenance of an MCAP file alone, without decoding its messages; as :func:`read_mcap` raises."""
-    details: dict[str, Any] = {}
-    provenance: dict[str, str] = {}
-    with _damage_told(path):
-        for record in checked_records(read_bytes(path, MOST_BYTES, _REMEDY), messages=False):
-            if isinstance(record, records.Attachment) and record.name == _DETAILS:
-                details = dict(json.loads(record.data))
-            elif isinstance(record, records.Metadata) and record.name == _PROVENANCE:
-                provenance = record.metadata
-    return details, provenance
+    content = read_mcap(path, messages=False)
+    return content.details, content.provenance
 
 
-def read_mcap(path: Path, without: tuple[str, ...] = ()) -> McapContent:
+def read_mcap(path: Path, without: tuple[str, ...] = (), *, messages: bool = True) -> McapContent:
     """Read an MCAP file, verifying its checksums; topics that end in one of ``without`` are not decoded.
+
+    Without ``messages`` none is read, and no chunk unpacked.
 
     Raises `InputError` when the file is missing, damaged, too large for its kind, or holds a message of a type that is
     not ROS 2's.
@@ -167,7 +162,7 @@ def read_mcap(path: Path, without: tuple[str, ...] = ()) -> McapContent:
     names: dict[int, str] = {}
     channels: dict[int, tuple[str, str]] = {}
     with _damage_told(path):
-        for record in checked_records(read_bytes(path, MOST_BYTES, _REMEDY)):
+        for record in checked_records(read_bytes(path, MOST_BYTES, _REMEDY), messages=messages):
             if isinstance(record, records.Message):
                 topic, kind = channels[record.channel_id]
                 if topic.endswith(without):

@@ -44,7 +44,7 @@ _KINDS = {
 
 
 def checked_records(data: bytes, *, messages: bool = True) -> Iterator[McapRecord]:
-    """Header, schemas, channels, messages, attachments and metadata of the data section; chunks only if ``messages``.
+    """Header, schemas, channels, attachments and metadata of the data section, and unless ``messages`` is false these.
 
     Raises `mcap.exceptions.McapError` and what reading of damaged bytes raises, before the first record where the
     file as a whole is damaged.
@@ -57,7 +57,8 @@ def checked_records(data: bytes, *, messages: bool = True) -> Iterator[McapRecor
             return
         stream = ReadDataStream(BytesIO(data[start:end]))
         if opcode == Opcode.MESSAGE:
-            yield Message.read(stream, end - start)
+            if messages:
+                yield Message.read(stream, end - start)
         elif opcode in _KINDS:
             record = _KINDS[Opcode(opcode)].read(stream)  # type: ignore[attr-defined]  # every kind of record has it
             if not isinstance(record, Chunk):

@@ -99,33 +99,27 @@ def stamped_twist(time_s: float, frame: str, twist: Array) -> Any:
 
 def transforms(time_s: float, frame: str, poses: dict[str, Array]) -> Any:
     """A tf message with the pose of each child frame on the floor."""
-    return make(
-        "tf2_msgs/msg/TFMessage",
-        transforms=[
-            make(
-                "geometry_msgs/msg/TransformStamped",
-                header=header(time_s, frame),
-                child_frame_id=child,
-                transform=make(
-                    "geometry_msgs/msg/Transform",
-                    translation=vector(pose[0], pose[1]),
-                    rotation=heading_quaternion(pose[2]),
-                ),
-            )
-            for child, pose in poses.items()
-        ],
-    )
+    children = [
+        _transform(time_s, frame, child, vector(pose[0], pose[1]), heading_quaternion(pose[2]))
+        for child, pose in poses.items()
+    ]
+    return make("tf2_msgs/msg/TFMessage", transforms=children)
 
 
 def rigid_transform(time_s: float, frame: str, child: str, shift: Array, quaternion_xyzw: Sequence[float]) -> Any:
     """A tf message with one transform in space."""
     x, y, z, w = map(float, quaternion_xyzw)
     rotation = make("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w)
-    transform = make("geometry_msgs/msg/Transform", translation=vector(*shift), rotation=rotation)
-    stamped = make(
-        "geometry_msgs/msg/TransformStamped", header=header(time_s, frame), child_frame_id=child, transform=transform
+    return make("tf2_msgs/msg/TFMessage", transforms=[_transform(time_s, frame, child, vector(*shift), rotation)])
+
+
+def _transform(time_s: float, frame: str, child: str, translation: Any, rotation: Any) -> Any:
+    return make(
+        "geometry_msgs/msg/TransformStamped",
+        header=header(time_s, frame),
+        child_frame_id=child,
+        transform=make("geometry_msgs/msg/Transform", translation=translation, rotation=rotation),
     )
-    return make("tf2_msgs/msg/TFMessage", transforms=[stamped])
 
 
 def camera_info(time_s: float, frame: str, camera: Camera) -> Any:

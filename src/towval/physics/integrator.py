@@ -16,7 +16,7 @@ from towval.model import Array
 from towval.model.compiling import compiled
 from towval.physics.friction_table import PLATEAU, SLOPE
 from towval.physics.motion import SLACK, TAUT, MotionProblem, acceleration_slopes, accelerations, margin, tautness
-from towval.physics.rosenbrock import NODES, STAGES, A, dense_output, solve_stage, stage_matrix
+from towval.physics.rosenbrock import NODES, STAGES, dense_output, end_of_step, solve_stage, stage_matrix, stage_state
 from towval.physics.splines import piece_at
 from towval.physics.steps import GROW, following, retried, safe_time, step_to_stop
 
@@ -152,24 +152,12 @@ def _step(
         rates[i], stage_y[i] = work.rates0[i], y[i]
     for stage in range(STAGES):
         if stage > 0:
-            for i in range(6):
-                if stage < 6:
-                    total = y[i]
-                    for j in range(stage):
-                        total += A[stage, j] * k[j, i]
-                    stage_y[i] = total
-                else:
-                    stage_y[i] += k[stage - 1, i]
+            stage_state(stage, y, k, stage_y)
             stage_time = t + NODES[stage] * h
             piece = piece_at(scene.drive.knots, stage_time, piece)
             accelerations(scene, mode, stage_time, piece, stage_y, rates)
         solve_stage(stage, h, work.jacobian, work.inverse, work.time_slope, rates, k)
-    error = 0.0
-    for i in range(6):
-        work.y1[i] = stage_y[i] + k[STAGES - 1, i]
-        ratio = k[STAGES - 1, i] / weights[i]
-        error += ratio * ratio
-    return math.sqrt(error / 6)
+    return end_of_step(stage_y, k, weights, work.y1)
 
 
 @compiled(allocates=False)

@@ -8,6 +8,8 @@ With ``y = (q, q̇)`` the stage equations ``(I/(hγ) − J) k = r`` halve: for J
 ``(I/(hγ) − D − hγ K) k_v = r_v + hγ K r_q`` and ``k_q = hγ (r_q + k_v)``.
 """
 
+import math
+
 import numpy as np
 
 from towval.model import Array
@@ -87,6 +89,30 @@ def stage_matrix(h: float, jacobian: Array, inverse: Array, scratch: Array) -> b
         for j in range(3):
             scratch[i, j] = (1 / hg if i == j else 0.0) - jacobian[i, 3 + j] - hg * jacobian[i, j]
     return inverse_3(scratch, inverse)
+
+
+@compiled(allocates=False)
+def stage_state(stage: int, y: Array, k: Array, out: Array) -> None:
+    """State (6,) of a stage after the first into ``out``, which holds that of the stage before."""
+    for i in range(6):
+        if stage < 6:
+            total = y[i]
+            for j in range(stage):
+                total += A[stage, j] * k[j, i]
+            out[i] = total
+        else:
+            out[i] += k[stage - 1, i]
+
+
+@compiled(allocates=False)
+def end_of_step(stage_y: Array, k: Array, weights: Array, out: Array) -> float:
+    """State (6,) after a step into ``out``; returns the step's error over the weights (root mean square)."""
+    error = 0.0
+    for i in range(6):
+        out[i] = stage_y[i] + k[STAGES - 1, i]
+        ratio = k[STAGES - 1, i] / weights[i]
+        error += ratio * ratio
+    return math.sqrt(error / 6)
 
 
 @compiled(allocates=False)

@@ -18,7 +18,7 @@ from towval.model.compiling import compiled
 from towval.physics.friction_table import PLATEAU, SLOPE
 from towval.physics.integrator import NOT_FINITE, REACHED_END, STEP_LIMIT, STEP_TOO_SMALL, finite
 from towval.physics.motion import FORCED, SLACK, TAUT
-from towval.physics.rosenbrock import NODES, STAGES, A, dense_output, solve_stage, stage_matrix
+from towval.physics.rosenbrock import NODES, STAGES, dense_output, end_of_step, solve_stage, stage_matrix, stage_state
 from towval.physics.spatial.hanging import reach_under
 from towval.physics.spatial.holding import holding_margin
 from towval.physics.spatial.pressure import BALANCED, TIPS
@@ -342,14 +342,7 @@ def _step(
         rates[i], stage_y[i] = march.rates0[i], y[i]
     for stage in range(STAGES):
         if stage > 0:
-            for i in range(6):
-                if stage < 6:
-                    total = y[i]
-                    for j in range(stage):
-                        total += A[stage, j] * k[j, i]
-                    stage_y[i] = total
-                else:
-                    stage_y[i] += k[stage - 1, i]
+            stage_state(stage, y, k, stage_y)
             stage_time = t + NODES[stage] * h
             piece = piece_at(problem.drive.knots, stage_time, piece)
             balance = accelerations(problem, mode, stage_time, piece, stage_y, work, rates)
@@ -357,12 +350,7 @@ def _step(
             if balance != BALANCED:
                 return np.inf
         solve_stage(stage, h, slopes, march.matrices[0], time_slope, rates, k)
-    error = 0.0
-    for i in range(6):
-        march.y1[i] = stage_y[i] + k[STAGES - 1, i]
-        ratio = k[STAGES - 1, i] / weights[i]
-        error += ratio * ratio
-    return math.sqrt(error / 6)
+    return end_of_step(stage_y, k, weights, march.y1)
 
 
 @compiled(allocates=False)
