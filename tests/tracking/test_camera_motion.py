@@ -87,6 +87,17 @@ def test_a_warped_picture_is_found(shift, turn, zoom):
     assert np.abs(seen_through(moved_view(CAMERA, FLOOR, found.motion)) - expected).max() < 0.1
 
 
+@pytest.mark.parametrize(("shift_px", "found"), [(9.0, 6), (12.0, 0)])
+def test_a_floor_of_strong_contrast_is_registered_from_about_ten_pixels_off(shift_px, found):
+    """Residuals so far off reach the largest scale; blocks are searched only where this registration fails."""
+    plain = floor_picture(noise=0.0).astype(float)
+    strong = np.clip(np.round(128 + 4 * (plain - plain.mean())), 0, 255).astype(np.uint8)
+    registration = FloorRegistration(CAMERA, FLOOR, strong, ())
+    shifts = [(shift_px * np.cos(turn), shift_px * np.sin(turn)) for turn in range(6)]
+    views = [registration._near(warped(strong, shift), np.zeros(9), []) for shift in shifts]
+    assert sum(view is not None for view in views) == found
+
+
 @pytest.mark.parametrize(("hidden", "known"), [(0.4, True), (0.9, False)])
 def test_part_of_the_floor_may_be_hidden(hidden, known):
     registration = FloorRegistration(CAMERA, FLOOR, FIRST, ())

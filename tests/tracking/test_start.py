@@ -183,15 +183,17 @@ def test_wrong_clicks_are_corrected_and_reported(shift_px):
         assert [each.code for each in found.findings] == ["clicks_corrected"]
 
 
-@pytest.mark.parametrize(("shift_px", "kept"), [(1.5, True), (3.0, False)])
-def test_clicks_within_two_pixels_of_the_outline_are_kept(shift_px, kept):
-    scene, _ = towed(3)
+@pytest.mark.parametrize(("apart_px", "kept"), [(1.5, True), (3.0, False)])
+def test_clicks_within_two_pixels_of_the_outline_are_kept(apart_px, kept):
+    scene, _ = towed(6)
     luma = spread(scene, TIMES_S[:1])[0]
     for index, body in enumerate(scene.bodies):
-        corners_px = scene.target(index).pixels(body.top_corners_m, scene.motions[index](0.0))
-        clicks = corners_px + np.array([shift_px, 0.0])
-        found = check_clicks([luma], scene.calibration, scene.bodies, {body.name: clicks}, LONG)[body.name]
-        assert np.array_equal(found.corners_px, clicks) == kept
+        target, true = scene.target(index), scene.motions[index](0.0)
+        far_px = target.pixels(body.top_corners_m, true) + np.array([6.0, 0.0])
+        outline, _ = checked(scene, index, luma, far_px)
+        beside = compose(outline, np.array([apart_px * target.metres_per_pixel(true), 0.0, 0.0]))
+        clicks_px = target.pixels(body.top_corners_m, beside)
+        assert np.array_equal(checked(scene, index, luma, clicks_px)[1].corners_px, clicks_px) == kept
 
 
 def test_clicks_of_the_base_are_corrected_or_doubted():
