@@ -9,6 +9,7 @@ import pandas as pd
 from towval.io import ros
 from towval.io.atomic import check_own, replacing
 from towval.io.mcap_file import Message, read_mcap, write_mcap
+from towval.io.records.details import planar_poses
 from towval.model import Array, SimulatedMotion, TimedPath
 from towval.model.conventions import FLOOR_FRAME
 from towval.model.errors import InputError
@@ -75,9 +76,7 @@ def read_rover_poses(path: FilePath) -> tuple[Array, Array]:
             allowed="the topic /rover/pose",
         )
     places = [getattr(message, "pose", message) for message in messages]
-    heading = np.unwrap([ros.heading_of(place.orientation) for place in places])
-    xy = [[place.position.x, place.position.y] for place in places]
-    return content.times_s("/rover/pose"), np.column_stack([xy, heading])
+    return content.times_s("/rover/pose"), planar_poses(places)
 
 
 def read_object_start(path: FilePath) -> Array:
@@ -88,8 +87,7 @@ def read_object_start(path: FilePath) -> Array:
     content = read_mcap(path)
     for topic in ("/object/pose", "/object/pose_simulated"):
         for value in content.values(topic):
-            place = getattr(value.pose, "pose", value.pose)
-            return np.array([place.position.x, place.position.y, ros.heading_of(place.orientation)])
+            return planar_poses([getattr(value.pose, "pose", value.pose)])[0]
     raise InputError(
         f"{path} has no poses of the object",
         got=", ".join(sorted(content.topics)) or "no topics",

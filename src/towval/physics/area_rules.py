@@ -17,8 +17,8 @@ _RULES = ((6, 0.0), (5, 7.0), (4, 20.0))
 
 
 @functools.cache
-def _gauss(along: int) -> tuple[Array, Array]:
-    """Nodes and weights on the unit interval."""
+def gauss_rule(along: int) -> tuple[Array, Array]:
+    """Nodes and weights (along,) of Gauss' rule over 0 to 1."""
     nodes, weights = np.polynomial.legendre.leggauss(along)
     return (nodes + 1) / 2, weights / 2
 
@@ -99,7 +99,7 @@ def _turns_left(corners: Array) -> bool:
 
 def _gauss_nodes(pieces: Array, pressure: Array, along: int) -> Array:
     """Nodes over pieces (k, 3): place and force p dS, ``along`` squared in each."""
-    nodes, weights = _gauss(along)
+    nodes, weights = gauss_rule(along)
     # The unit square on the piece by the bilinear map; on a doubled corner it is Duffy's.
     u, v = (grid.reshape(-1, 1) for grid in np.meshgrid(nodes, nodes, indexing="ij"))
     a, b, c, d = (corner[:, None] for corner in np.moveaxis(pieces, 1, 0))

@@ -114,13 +114,8 @@ def risen_law(static: float, kinetic: float, rise_velocity: float, friction_velo
     >>> risen_law(0.4, 0.35, 1e-5, 0.01).coefficient([1e-4, 0.01, 0.1]).round(4)
     array([0.3987, 0.3505, 0.35  ])
     """
+    _check_rise(static, kinetic)
     rise = static - kinetic
-    if rise < 0:
-        raise InputError(
-            "static friction is below kinetic friction",
-            got=f"static {static} < kinetic {kinetic}",
-            allowed="static equal to kinetic or above",
-        )
     falling = math.atanh(1 - SETTLED_FRACTION) / friction_velocity if rise > 0 else 0.0
     rising = 1 / rise_velocity
     return Makkar(rise, rising if rise > 0 else 0.0, falling, kinetic, rising, 0.0)
@@ -176,12 +171,7 @@ def _check_specification(static: float, kinetic: float, v_s: float, v_k: float, 
             got=f"static {static}, kinetic {kinetic}, velocities {v_s} and {v_k} m/s, viscous {viscous} s/m",
             allowed="finite numbers above zero; viscous zero or more",
         )
-    if static < kinetic:
-        raise InputError(
-            "static friction is below kinetic friction",
-            got=f"static {static} < kinetic {kinetic}",
-            allowed="static equal to kinetic or above",
-        )
+    _check_rise(static, kinetic)
     if v_s >= v_k:
         raise InputError(
             "the stiction velocity is not below the friction velocity",
@@ -193,6 +183,15 @@ def _check_specification(static: float, kinetic: float, v_s: float, v_k: float, 
             "viscous friction alone exceeds the kinetic coefficient at the friction velocity",
             got=f"{viscous} s/m × {v_k} m/s ≥ {kinetic}",
             allowed=f"viscous below {kinetic / v_k:.4g} s/m",
+        )
+
+
+def _check_rise(static: float, kinetic: float) -> None:
+    if static < kinetic:
+        raise InputError(
+            "static friction is below kinetic friction",
+            got=f"static {static} < kinetic {kinetic}",
+            allowed="static equal to kinetic or above",
         )
 
 

@@ -19,20 +19,12 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from towval.model import Array
 from towval.model.compiling import compiled
+from towval.physics.area_rules import gauss_rule
 from towval.physics.spatial.problem import DAMPING, FULL_STRETCH, KAPPA, REST, RISE, STIFFENING, TETHER_WEIGHT
 
-
-def _gauss(count: int) -> tuple[Array, Array]:
-    """Nodes and weights of Gauss' rule over 0 to 1."""
-    nodes, weights = np.polynomial.legendre.leggauss(count)
-    return (nodes + 1) / 2, weights / 2
-
-
-_FIVE, _TWO = _gauss(5), _gauss(2)
+_FIVE, _TWO = gauss_rule(5), gauss_rule(2)
 _PANEL, _NEARLY_STRAIGHT = 1.5, 0.02  # of the angle: five and two nodes serve 1e-9 of the stretch
 _NEWTON_LIMIT, _SETTLED, _LEAST_SHARE = 80, 1e-15, 0.1
 _NEAR = 0.5  # of the last pull: how much it may change for it to be the first guess
