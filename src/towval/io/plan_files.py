@@ -87,7 +87,7 @@ def read_object_start(path: FilePath) -> Array:
     content = read_mcap(path)
     for topic in ("/object/pose", "/object/pose_simulated"):
         for value in content.values(topic):
-            return planar_poses([getattr(value.pose, "pose", value.pose)])[0]
+            return np.asarray(planar_poses([getattr(value.pose, "pose", value.pose)])[0])
     raise InputError(
         f"{path} has no poses of the object",
         got=", ".join(sorted(content.topics)) or "no topics",
