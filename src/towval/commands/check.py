@@ -108,9 +108,9 @@ def _calibrated(given: Campaign) -> Calibration:
 
 def _start(given: Campaign, entry: Run, video: Video, calibration: Calibration) -> StartOfRun:
     """Where rover and object are in the first frame of a run: clicked and checked, or found."""
-    luma, tow = np.ascontiguousarray(next(iter(video))[1]), Tow.of(given.scene)
+    luma, tow = video.first_picture(), Tow.of(given.scene)
     corners, doubts = {}, {}
-    for name, clicked in known_starts(given, entry, luma, video, calibration).items():
+    for name, clicked in known_starts(given, entry, (luma, video.late_picture()), calibration).items():
         corners[name] = clicked.corners_px
         if clicked.findings:
             doubts[name] = " ".join(found.text for found in clicked.findings)

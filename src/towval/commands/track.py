@@ -1,7 +1,6 @@
 """Command track: a video → track.mcap."""
 
-import itertools
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -62,10 +61,11 @@ def run(
     video = open_video(given, entry)
     calibration = read_calibration(camera)
     floors = GrayPictures(given.floor_images[:_MOST_FLOORS], given.resolution_px)
-    calibration, since = calibration_at_start(calibration, next(iter(video))[1], floors)
-    starts = _starts(given, entry, video, calibration, output.with_name("start.png"))
+    first_and_late = video.first_picture(), video.late_picture()
+    calibration, since = calibration_at_start(calibration, first_and_late[0], floors)
+    starts = _starts(given, entry, video, first_and_late, calibration, output.with_name("start.png"))
     clicks = {name: start.corners_px for name, start in starts.items()}
-    bodies = [_uncovered(body, starts, video, calibration) for body in given.bodies]
+    bodies = [_uncovered(body, starts, first_and_late, calibration) for body in given.bodies]
     scene = (calibration, bodies, clicks)
     with progress(f"track {name}", video.header.frames) as done:
         # The paper's method has no sample points to select.
@@ -81,9 +81,8 @@ def run(
                 progress=done,
             )
         else:
-            tracks = track(video, *scene, settings, progress=done)
-            again = Video(entry.video, damaged=entry.damaged_video)
-            few = list(itertools.islice(again, 0, PROBE_FRAMES * PROBE_STRIDE, PROBE_STRIDE))
+            few: list[tuple[float, Luma]] = []
+            tracks = track(_keeping(few, video), *scene, settings, progress=done)
             choices = neighbour_of_tracking(few, *scene, settings)
             tracks = {body: replace(found, choices=(choices[body],)) for body, found in tracks.items()}
     tow = overstretched(tracks["rover"], tracks["object"], Tow.of(given.scene))
@@ -104,6 +103,14 @@ def run(
         for body, tracked in tracks.items()
     ]
     return Outcome(f"track {name}", (output,), "; ".join(texts), numbers, findings)
+
+
+def _keeping(few: list[tuple[float, Luma]], video: Iterable[tuple[float, Luma]]) -> Iterator[tuple[float, Luma]]:
+    """The frames of a video; those on which tracking is compared with its neighbour are copied to ``few``."""
+    for i, (time_s, luma) in enumerate(video):
+        if i < PROBE_FRAMES * PROBE_STRIDE and i % PROBE_STRIDE == 0:
+            few.append((time_s, luma.copy()))
+        yield time_s, luma
 
 
 def _seen(tracked: Track) -> dict[str, float]:
@@ -140,10 +147,12 @@ def _readout(given: Campaign) -> tuple[float, float]:
     return camera.get("readout_s", 0.0), camera.get("readout_std_s", _READOUT_STD_S["readout_s" in camera])
 
 
-def known_starts(given: Campaign, entry: Run, luma: Luma, video: Video, calibration: Calibration) -> dict[str, Clicked]:
+def known_starts(
+    given: Campaign, entry: Run, first_and_late: tuple[Luma, Luma], calibration: Calibration
+) -> dict[str, Clicked]:
     """Corners of planar targets in the first frame, as far as they need no search: clicked and checked, or by tags."""
-    pictures, tow = [luma, video.late_picture()], Tow.of(given.scene)
-    starts = check_clicks(pictures, calibration, given.bodies, entry.clicks_px, tow)
+    luma, tow = first_and_late[0], Tow.of(given.scene)
+    starts = check_clicks(first_and_late, calibration, given.bodies, entry.clicks_px, tow)
     for body in given.bodies:
         if body.name not in starts and given.tags[body.name]:
             corners = clicks_from_tags(luma, body, given.tags[body.name], calibration.camera, calibration.floor)
@@ -151,9 +160,11 @@ def known_starts(given: Campaign, entry: Run, luma: Luma, video: Video, calibrat
     return starts
 
 
-def _starts(given: Campaign, entry: Run, video: Video, calibration: Calibration, drawn: Path) -> dict[str, Clicked]:
+def _starts(
+    given: Campaign, entry: Run, video: Video, first_and_late: tuple[Luma, Luma], calibration: Calibration, drawn: Path
+) -> dict[str, Clicked]:
     """Corners of both planar targets in the first frame: those known, else found."""
-    starts = known_starts(given, entry, np.ascontiguousarray(next(iter(video))[1]), video, calibration)
+    starts = known_starts(given, entry, first_and_late, calibration)
     unclicked = [body.name for body in given.bodies if body.name not in starts]
     if not unclicked:
         return starts
@@ -167,11 +178,13 @@ def _starts(given: Campaign, entry: Run, video: Video, calibration: Calibration,
     return starts
 
 
-def _uncovered(body: Body, starts: dict[str, Clicked], video: Video, calibration: Calibration) -> Body:
+def _uncovered(
+    body: Body, starts: dict[str, Clicked], first_and_late: tuple[Luma, Luma], calibration: Calibration
+) -> Body:
     """A body without the parts of its top over which something stands still in the first frame; with a finding."""
     target, start = PlanarTarget(body, calibration.camera, calibration.floor), starts[body.name]
     pose, _, _ = pose_from_clicks(target, start.corners_px)
-    outlines = standing_still(next(iter(video))[1], video.late_picture(), target, pose)
+    outlines = standing_still(*first_and_late, target, pose)
     if not outlines:
         return body
     share = sum(abs(polygon_area(outline)) for outline in outlines) / abs(polygon_area(body.top_corners_m))

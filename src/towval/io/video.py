@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 from pathlib import Path
 
 import av
@@ -90,7 +91,7 @@ class Video:
         self.decoded_frames, self.last_time_s, self.findings = 0, float("nan"), ()
         with self._open() as container:
             stream = container.streams.video[0]
-            pts = sorted(self._stored_pts()) if self._pts_in_coding_order() else None
+            pts = sorted(self._stored_pts()) if self._pts_in_coding_order else None
             stream.thread_type = "AUTO"
             stream.codec_context.thread_count = min(_MOST_THREADS, os.cpu_count() or 1)
             try:
@@ -109,6 +110,10 @@ class Video:
         elif self.decoded_frames == 0:
             raise InputError(f"{self.path.name} holds no frame that decodes", remedy="copy the file again")
 
+    def first_picture(self) -> Luma:
+        """The first picture (height, width)."""
+        return np.ascontiguousarray(next(iter(self))[1])
+
     def late_picture(self) -> Luma:
         """A picture far from the first (height, width): the last keyframe, or where that is the first, the last one.
 
@@ -124,7 +129,7 @@ class Video:
                     late = upright(luma_plane(frame), frame.rotation)
                     if (frame.pts or 0) > (stream.start_time or 0) and frame.key_frame:
                         break
-        return np.ascontiguousarray(next(iter(self))[1] if late is None else late)
+        return self.first_picture() if late is None else np.ascontiguousarray(late)
 
     def _reached_the_end(self) -> bool:
         """Whether the last frame is where the header says the video ends: AVI counts repeated pictures as frames."""
@@ -135,6 +140,7 @@ class Video:
             packets = container.demux(container.streams.video[0])
             return [packet.pts for packet in packets if packet.pts is not None]
 
+    @cached_property
     def _pts_in_coding_order(self) -> bool:
         """Whether the times are stored in coding order although pictures are coded out of order.
 
