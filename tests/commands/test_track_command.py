@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import yaml
 
+import towval.io.video
 from marker_pictures import picture_with
 from studies.worlds.film import cut_off, write_video
 from studies.worlds.scenes import ceiling
@@ -18,7 +19,7 @@ from towval.commands.track import run as track
 from towval.io.campaign import load_campaign
 from towval.io.mcap_file import read_provenance
 from towval.io.records import read_tracks, write_calibration
-from towval.io.video import Video
+from towval.io.video import Video, luma_plane
 from towval.model import Calibration, Tag
 from towval.model.errors import InputError
 from towval.model.geometry import wrapped
@@ -153,12 +154,15 @@ def test_a_cut_off_video_is_used_only_where_that_is_allowed(campaign, camera, la
         assert "video_damaged" in {finding.code for finding in found.findings}
 
 
-def test_the_papers_points_leave_nothing_to_choose(campaign, camera, lab_small, tmp_path):
-    video = tmp_path / "short.mp4"
+def test_the_papers_points_leave_nothing_to_choose(campaign, camera, lab_small, tmp_path, monkeypatch):
+    video, decoded = tmp_path / "short.mp4", []
     write_video(video, itertools.islice(Video(lab_small / "a.mp4"), 20), crf="20")
+    monkeypatch.setattr(towval.io.video, "luma_plane", lambda frame: decoded.append(frame.pts) or luma_plane(frame))
     track(campaign(lambda d: None, video), "a", camera, tmp_path / "t.mcap", {"method": "klt", "samples": "auto"})
     constants = json.loads(read_provenance(tmp_path / "t.mcap")["constants"])
     assert constants["klt"] == dataclasses.asdict(klt.CONSTANTS)
     assert len(constants) > 10
     for found in read_tracks(tmp_path / "t.mcap").values():
         assert [(choice.chosen, choice.next) for choice in found.choices] == [("KLT points", "plane, 1024 points")]
+    # The first frame, those up to a late one (the last, in so short a video), and the pass.
+    assert len(decoded) == 1 + 20 + 20
