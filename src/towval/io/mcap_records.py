@@ -44,7 +44,7 @@ _KINDS = {
 
 
 def checked_records(data: bytes, *, messages: bool = True) -> Iterator[McapRecord]:
-    """Header, schemas, channels, attachments and metadata of the data section, and unless ``messages`` is false these.
+    """Header, schemas, channels, attachments and metadata of the data section, and with ``messages`` its messages.
 
     Raises `mcap.exceptions.McapError` and what reading of damaged bytes raises, before the first record where the
     file as a whole is damaged.

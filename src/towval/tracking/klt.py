@@ -32,6 +32,7 @@ class KltConstants:
     quality: float = 0.01  # Of the best corner's: OpenCV's samples' value.
     spacing_px: float = 6.0  # [px] Between points: nearer ones share most of a window.
     block_px: int = 5  # [px] Of the corner measure.
+    refined_px: int = 3  # [px] Half-width of the window of the subpixel refinement.
     least_body_px: float = 130.0  # [px] Length to which a small body is magnified: a window must be a part of it.
     margin_px: int = 8  # [px] Kept from the edges, behind which the background moves differently.
     points: int = 120  # Of a keyframe: twice what the feature table holds.
@@ -43,6 +44,7 @@ class KltConstants:
 CONSTANTS = KltConstants()
 
 _STOP = cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT
+_REFINE = (_STOP, 20, 0.01)  # Iterations of the subpixel refinement and the step [px] at which they end.
 _TABLE_POINTS = 60
 
 
@@ -114,6 +116,7 @@ class KltTracker(Tracker):
         corners = cv2.goodFeaturesToTrack(crop, c.points, c.quality, c.spacing_px, mask=mask, blockSize=c.block_px)
         if corners is None or len(corners) < c.least_points:
             return
+        corners = cv2.cornerSubPix(crop, corners, (c.refined_px, c.refined_px), (-1, -1), _REFINE)
         pixels = corners.reshape(-1, 2).astype(np.float64)
         on_plane = self.target.floor_xy(self._out_of_crop(pixels, corner))
         self.keyframes.append(_Keyframe(crop, pixels, inverse_transform(pose, on_plane), float(pose[2])))
