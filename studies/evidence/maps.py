@@ -87,7 +87,7 @@ PLANNER = Check(
     {
         "a plan that strays says that it arrived": replaced(planner, "plan_rover", result_of(_says_nothing)),
         "wheels steer half as far": replaced(
-            planner, "rover", lambda original: lambda outward_deg=33.7: original(0.5 * outward_deg)
+            planner, "rover", lambda original: lambda outward_deg=planner.OUTWARD_DEG: original(0.5 * outward_deg)
         ),
     },
 )

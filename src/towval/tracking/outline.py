@@ -16,14 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from towval.model import Array, Body
 from towval.model.errors import InputError
 from towval.model.geometry import rigid_fit, transform
-from towval.tracking.interpolation import plane_to_camera
-from towval.tracking.outline_kernels import (
-    covariance_kernel,
-    fit_kernel,
-    side_widths_kernel,
-    slopes_kernel,
-    stretches_kernel,
-)
+from towval.tracking.interpolation import plane_pixels_kernel, plane_to_camera
+from towval.tracking.outline_kernels import covariance_kernel, fit_kernel, slopes_kernel, stretches_kernel
 from towval.tracking.planar_target import PlanarTarget
 
 
@@ -153,10 +147,12 @@ def _edge_slopes(luma: NDArray[np.uint8], target: PlanarTarget, s: Stretches, po
 
 def _side_widths(target: PlanarTarget, stretches: Stretches, pose: Array) -> Array:
     """Visible width of the body's side outside each stretch (m,) [px] if it reaches the floor; ≤ 0 where hidden."""
-    seen, T, camera = (stretches.middle, stretches.normal, stretches.step), target.floor.T_camera_floor, target.camera
-    return side_widths_kernel(
-        seen, np.asarray(pose, dtype=np.float64), target.height, T, camera.matrix, camera.distortion
-    )
+    middle, camera = stretches.middle, target.camera
+    edge, outside = target.pixels(middle, pose), target.pixels(middle + stretches.step * stretches.normal, pose)
+    on_floor = plane_to_camera(np.asarray(pose, dtype=np.float64), 0.0, target.floor.T_camera_floor)
+    foot, outward = plane_pixels_kernel(middle, on_floor, camera.matrix, camera.distortion), outside - edge
+    widths: Array = ((foot - edge) * outward).sum(axis=1) / np.hypot(*outward.T)
+    return widths
 
 
 def _fit_outline(

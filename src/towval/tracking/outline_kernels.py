@@ -5,7 +5,6 @@ from numpy.typing import NDArray
 
 from towval.model import Array
 from towval.model.compiling import compiled
-from towval.optics.projection import project_kernel
 from towval.tracking.interpolation import RELAXED, plane_pixels_kernel, spline_value
 from towval.tracking.pose import TUKEY
 
@@ -89,28 +88,6 @@ def slopes_kernel(
             slope = abs(profile[j + 2] - profile[j]) / 2
             slopes[m, j] = slope if slope >= 0 else 0.0
     return slopes
-
-
-@compiled()
-def side_widths_kernel(
-    stretches: tuple[Array, Array, float], pose: Array, height: float, T: Array, matrix: Array, k: Array
-) -> Array:
-    """Visible width of the body's side outside each stretch (m,) [px] if it reaches the floor; ≤ 0 where hidden.
-
-    ``stretches``: middle and normal (m, 2), and a small distance [m] that shows which way is outward in the picture.
-    """
-    middle, normal, step = stretches
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    points, widths = np.empty((3, 3)), np.empty(middle.shape[0])
-    for m in range(middle.shape[0]):
-        for i in range(2):
-            x, y = middle[m, 0] + i * step * normal[m, 0], middle[m, 1] + i * step * normal[m, 1]
-            points[i, 0], points[i, 1], points[i, 2] = c * x - s * y + pose[0], s * x + c * y + pose[1], height
-        points[2, 0], points[2, 1], points[2, 2] = points[0, 0], points[0, 1], 0.0
-        edge, out, foot = project_kernel(points, T, matrix, k)
-        u, v = out[0] - edge[0], out[1] - edge[1]
-        widths[m] = ((foot[0] - edge[0]) * u + (foot[1] - edge[1]) * v) / np.sqrt(u * u + v * v)
-    return widths
 
 
 @compiled()
