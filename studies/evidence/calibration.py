@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from studies.evidence.ledger import Check, Values
-from studies.evidence.planting import replaced
+from studies.evidence.planting import both, given, replaced
 from studies.evidence.real import DEVIATIONS_WRONG
 from studies.real import jackknife
 from studies.tables import calibration_table
@@ -55,8 +55,34 @@ SETS = Check(
 )
 
 
+def _flags() -> Values:
+    """How many degenerate and how many good sets are flagged, and how many of each there are."""
+    found: dict[str, float] = {}
+    for name, kinds in (("degenerate", calibration_table.DEGENERATE), ("good", calibration_table.GOOD)):
+        flagged = [bool(calibration_table.flagged(seed, keys)) for keys in kinds.values() for seed in range(5000, 5010)]
+        found |= {f"{name} sets": float(len(flagged)), f"{name} sets flagged": float(sum(flagged))}
+    return found
+
+
 def _silent(original: Callable[..., Any]) -> Callable[..., Any]:
     return lambda *args, **kwargs: replace(original(*args, **kwargs), findings=())
+
+
+FLAGS = Check(
+    _flags,
+    {
+        "findings are dropped, and sets of three views are left out": both(
+            replaced(calibration_table, "calibrate_observations", _silent),
+            replaced(calibration_table, "DEGENERATE", lambda kinds: {k: v for k, v in kinds.items() if k != "3 views"}),
+        ),
+        "boards are held level, and sets of 20 views are left out": both(
+            replaced(calibration_table, "calibration_set", given(tilt_deg=(0.0, 0.0))),
+            replaced(
+                calibration_table, "GOOD", lambda kinds: {k: v for k, v in kinds.items() if not k.startswith("20")}
+            ),
+        ),
+    },
+)
 
 
 def _normalised() -> Values:

@@ -7,14 +7,16 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from studies.charts import medians
 from studies.comparators import lab_tow_models
 from studies.evidence.ledger import Check, Values
 from studies.evidence.planting import both, given, replaced, result_of
-from studies.frame import Part, Study
-from studies.tradeoff import decimation, dynamics, effects, friction
+from studies.frame import Part, Settings, Study
+from studies.maps import carry_over
+from studies.tradeoff import calibration, decimation, dynamics, effects, friction
 from towval.model import Ground
 from towval.physics.dynamics import Accuracy
 from towval.physics.friction_laws import Coulomb
@@ -78,6 +80,60 @@ DYNAMICS = Check(
         ),
     },
     needs=("mujoco",),
+)
+
+
+def _carried_over() -> Values:
+    """Median of simulated − measured over the arcs, and how far the quartiles are from it, by fault and size."""
+    rows = [row for part in carry_over.STUDY.parts(Settings()).values() for row in carry_over.STUDY.rows(**part)]
+    found: dict[str, float] = {}
+    apart: dict[str, float] = {}
+    for (fault, size), arcs in pd.DataFrame(rows).query("series == 'simulated - measured'").groupby(["panel", "cost"]):
+        low, middle, high = np.percentile(arcs.error, [25, 50, 75])
+        found[f"{fault} {size:g}"] = float(middle)
+        kind = {"rover's frame off by [mm]": "rover's frame"}.get(fault, "most")
+        kind = "1 frame per second" if (fault, size) == ("frame rate [Hz]", 1) else kind
+        apart[kind] = max(apart.get(kind, 0.0), 100 * float(max(middle - low, high - middle) / middle))
+    return found | {f"quartiles from the median, {kind}": most for kind, most in apart.items()}
+
+
+def _half_as_large(faults: dict[str, Any]) -> dict[str, Any]:
+    """Faults of half the size that is said; another frame rate is as it is said."""
+    halved = {name: lambda run, size, fault=fault: fault(run, size / 2) for name, fault in faults.items()}
+    return halved | {"frame rate [Hz]": faults["frame rate [Hz]"]}
+
+
+ERRORS_OF_INPUT = Check(
+    _carried_over,
+    {
+        "errors are half as large as they are said to be": replaced(carry_over, "FAULTS", _half_as_large),
+        "poses scatter by three times as much": replaced(carry_over, "NOISE", lambda noise: 3 * noise),
+    },
+)
+
+
+def _lenses() -> Values:
+    """Points of the chart, and the quartiles of what the stage selects."""
+    rows = [row for part in calibration.STUDY.parts(Settings()).values() for row in calibration.STUDY.rows(**part)]
+    found: dict[str, float] = {}
+    for row in medians(pd.DataFrame(rows)).to_dict("records"):
+        name = ", ".join(str(row[key]) for key in ("panel", "series", "setting"))
+        found |= {f"{name}: error": row["error"], f"{name}: cost": row["cost"]}
+        found |= {f"{name}: lower quartile": row["low"], f"{name}: upper quartile": row["high"]}
+    return found
+
+
+LENSES = Check(
+    _lenses,
+    {
+        "corners are three times as noisy, the clock counts tenfold": both(
+            replaced(calibration, "calibration_set", given(noise_px=0.45)),
+            replaced(calibration, "take_turns", _TENFOLD),
+        ),
+        "every lens model is taken for k1": replaced(
+            calibration, "_calibrated", lambda original: lambda scene, _: original(scene, "k1")
+        ),
+    },
 )
 
 EFFECTS = Check(

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import enum
 import importlib.util
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -45,7 +45,8 @@ class Effort(enum.StrEnum):
     WHOLE = "whole"
     """With ``snakemake evidence``."""
     LONG = "long"
-    """By hand, with the command of the row, whose date and commit stand in the table."""
+    """When it is asked for by ``--config long=[GROUP]``; without a check by hand, with the command of the row, whose
+    date and commit stand in the table."""
 
 
 @dataclass(frozen=True)
@@ -115,8 +116,8 @@ class Group:
     """Statements that one computation decides.
 
     ``says`` what is stated; ``data`` on what; ``shares`` what the truth shares with the program, if anything;
-    ``command`` makes the numbers by hand; ``check`` is a reference ``module:NAME``, none for a long one; ``control``
-    says of a long one what a wrong program would give; ``last`` when and at which commit a long one was last run;
+    ``command`` makes the numbers by hand; ``check`` is a reference ``module:NAME``. A long group may have none: then
+    ``control`` says what a wrong program would give, and ``last`` when and at which commit it was last run by hand.
     ``conditions`` are numbers of the documents that are no results.
     """
 
@@ -158,11 +159,33 @@ def _group(name: str, entry: Mapping[str, Any]) -> Group:
         raise InputError(
             f"the group {name} of the ledger cannot be read", got=str(error), remedy="mend rows.yaml"
         ) from None
-    if (group.effort is Effort.LONG) != (not group.check):
-        raise InputError(f"the group {name} is long and has a check, or neither", remedy="mend rows.yaml")
-    if not group.check and not (group.last and group.control):
-        raise InputError(f"the group {name} says no date or no control", remedy="mend rows.yaml")
+    if not group.check and group.effort is not Effort.LONG:
+        raise InputError(f"the group {name} is not long and has no check", remedy="mend rows.yaml")
+    if bool(group.check) == bool(group.last and group.control):
+        raise InputError(
+            f"the group {name} has neither a check nor a date and a control by hand, or both", remedy="mend rows.yaml"
+        )
     return group
+
+
+def made_now(groups: Mapping[str, Group], efforts: Iterable[Effort], long: Iterable[str]) -> dict[str, Group]:
+    """Groups whose checks run now: long ones that are named, and no others then; else those of some efforts.
+
+    Raises
+    ------
+    InputError
+        A name is not that of a long group with a check.
+    """
+    able = {name: group for name, group in groups.items() if group.check}
+    named, chosen = set(long), set(efforts)
+    if not named:
+        return {name: group for name, group in able.items() if group.effort in chosen}
+    known = {name for name, group in able.items() if group.effort is Effort.LONG}
+    if named - known:
+        raise InputError(
+            "there is no such long check", got=", ".join(sorted(named - known)), allowed=", ".join(sorted(known))
+        )
+    return {name: able[name] for name in able if name in named}
 
 
 def _statement(name: str, text: str) -> Statement:

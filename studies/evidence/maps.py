@@ -6,14 +6,18 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from studies.comparators import lab_tow_models
 from studies.evidence.ledger import Check, Values
-from studies.evidence.planting import both, replaced, result_of
+from studies.evidence.planting import both, given, replaced, result_of
 from studies.frame import Judgement, Part, Row, Settings, Study
-from studies.maps import integrators, lab_tows, open_loop, planner
+from studies.maps import integrators, lab_tows, open_loop, planner, tracker, views
 from studies.tables import physics_stability_space
+from towval.model import Array, Ground, SimulatedMotion, Track
 from towval.model.findings import Severity
-from towval.physics.dynamics import Accuracy
+from towval.model.tracks import TrackStatus
+from towval.physics.dynamics import STANDARD, Accuracy
 from towval.planning.planner import PlanOutcome
 
 
@@ -26,15 +30,20 @@ def _counted(study: Study, parts: Callable[[], Iterable[Part]], names: Mapping[s
     """Cells of some parts by judgement; ``names`` of the rows by the beginning of the map's name."""
 
     def measure() -> Values:
-        rows = [row for part in parts() for row in study.rows(**part)]
-        found: dict[str, float] = {}
-        for start, name in names.items():
-            own = [row for row in rows if row["map"].startswith(start)]
-            found |= {f"{name}, {each}": float(sum(row["judgement"] == each for row in own)) for each in Judgement}
-            found[f"{name}, flagged within the error allowed"] = float(sum(map(_overcautious, own)))
-        return found
+        return _judgements([row for part in parts() for row in study.rows(**part)], names)
 
     return measure
+
+
+def _judgements(rows: list[Row], names: Mapping[str, str]) -> dict[str, float]:
+    found: dict[str, float] = {}
+    for start, name in names.items():
+        own = [row for row in rows if row["map"].startswith(start)]
+        found |= {f"{name}, {each}": float(sum(row["judgement"] == each for row in own)) for each in Judgement}
+        found[f"{name}, flagged within the error allowed"] = float(sum(map(_overcautious, own)))
+        silent = [row["error"] for row in own if row["judgement"] == Judgement.SILENTLY_WRONG]
+        found[f"{name}, largest silent error"] = 1e3 * max(silent, default=0.0)
+    return found
 
 
 def _overcautious(row: Row) -> bool:
@@ -47,13 +56,22 @@ def _fixed(tolerance: float) -> Callable[[Any], Any]:
 
 
 INTEGRATOR = Check(
-    _counted(integrators.STUDY, lambda: _parts(integrators.STUDY, methods=["towval"]), {"towval": "integrator"}),
+    _counted(
+        integrators.STUDY,
+        lambda: _parts(integrators.STUDY),
+        {"towval": "integrator"} | {name: name for name in ("LSODA", "Runge-Kutta 4", "semi-implicit Euler")},
+    ),
     {
-        "every run has a tolerance of 1 cm, also the one that checks another": replaced(
-            integrators, "Accuracy", _fixed(1e-2)
+        "every run has a tolerance of 1 cm, also the one that checks another; steps of others count threefold, and the "
+        "success of LSODA is read as a failure": both(
+            replaced(integrators, "Accuracy", _fixed(1e-2)),
+            replaced(integrators, "fixed_steps", lambda original: lambda *given: original(*given[:-1], 3 * given[-1])),
+            replaced(integrators, "scipy_steps", result_of(lambda found: (not found[0], *found[1:]))),
         )
     },
 )
+
+_EARLY_S = 6.0
 
 _UNNOTICED = result_of(lambda motion: replace(motion, findings=()))
 
@@ -95,12 +113,100 @@ PLANNER = Check(
 TOWS = Check(
     _counted(
         lab_tows.STUDY,
-        lambda: [part for part in _parts(lab_tows.STUDY) if part["over"] != "rests"],
-        {"tether": "stiffness and damping", "heights": "heights"},
+        lambda: _parts(lab_tows.STUDY),
+        {"tether": "stiffness and damping", "heights": "heights", "rests": "standstill and speed"},
     ),
     {
         "the model's tether is 5 mm too long": replaced(
             lab_tow_models, "Tether", lambda tether: lambda length, *rest: tether(length + 0.005, *rest)
+        )
+    },
+)
+
+
+def _close_to_tipping() -> Values:
+    found: dict[str, float] = {}
+    for name, heights in {"anchor at 0.4 m, hinge on the floor": (0.4, 0.0), "at 0.5 and 0.2 m": (0.5, 0.2)}.items():
+        tow = lab_tows.varied("heights", *heights)
+        times, truth = lab_tows.on_bristles(tow, lab_tows.DEFLECTION_M)
+        present = lab_tow_models.present_effects(tow)
+        motion, finer = (
+            lab_tow_models.modelled(tow, present, times, Accuracy(STANDARD.tolerance / part)) for part in (1, 100)
+        )
+        for how, each in {"from the truth": motion, "from the truth, a hundredth of the tolerance": finer}.items():
+            found[f"{name}, {how}"] = _farthest_mm(each, truth)
+        found[f"{name}, moved by static friction"] = 1e3 * lab_tows.moved_by_static_friction_m(tow, motion)
+        slipping, early = tuple(each for each in present if each != "sticking"), times[times <= _EARLY_S]
+        regularised = lab_tow_models.modelled(tow, slipping, early)
+        found[f"{name}, regularised, first 6 s"] = _farthest_mm(regularised, truth[: len(early)])
+    undamped = lab_tows.varied("tether", 100.0, 0.0)
+    present = lab_tow_models.present_effects(undamped)
+    for deflection in (0.6, 2.5, 10.0):
+        times, truth = lab_tows.on_bristles(undamped, 1e-6 * deflection, lab_tows.TRUTH_STEP_S / 2)
+        motion = lab_tow_models.modelled(undamped, present, times)
+        found[f"undamped, bristles of {deflection:g} µm"] = _farthest_mm(motion, truth)
+    return found
+
+
+def _farthest_mm(motion: SimulatedMotion, truth: Array) -> float:
+    return 1e3 * float(lab_tow_models.distances_m(motion, truth).max())
+
+
+CLOSE_TO_TIPPING = Check(
+    _close_to_tipping,
+    {
+        "the model's tether is 5 mm too long": replaced(
+            lab_tow_models, "Tether", lambda tether: lambda length, *rest: tether(length + 0.005, *rest)
+        ),
+        "the floor's slope is left out of the model, a deviation of the static coefficient is 1 %": both(
+            replaced(lab_tow_models, "feedback", given(ground=Ground())),
+            replaced(lab_tows, "STATIC_STD", lambda std: std / 2),
+        ),
+    },
+)
+
+
+def _tracker() -> Values:
+    """Cells of all maps, what the worst of them are off by, and a cell of another seed."""
+    rows = [row for part in _parts(tracker.STUDY) for row in tracker.STUDY.rows(**part)]
+    found = _judgements(rows, {name: name for name in tracker.CHANGES})
+    stated = [row["flags"].split() for row in rows if "stated_deviation" in row["flags"]]
+    found["within four stated deviations"] = float(len(stated))
+    found["within four stated deviations, with another flag"] = float(sum(len(flags) > 1 for flags in stated))
+    for contrast in (35, 3):
+        (cell,) = [row for row in rows if (row["map"], row["x"], row["y"]) == ("noise and texture", 24, contrast)]
+        found[f"noise of 24 on a texture of {contrast}"] = 1e3 * cell["error"]
+    (other,) = tracker.tracker_rows("compression", [30.0], [1.0], 41)
+    return found | {"seed 41, crf 30, noise of 1": 1e3 * other["error"]}
+
+
+def _late_and_silent(tracks: Mapping[str, Track]) -> dict[str, Track]:
+    """Poses a frame late, none of them lost, and nothing found."""
+    return {
+        body: replace(
+            track,
+            pose=np.concatenate([track.pose[:1], track.pose[:-1]]),
+            status=np.full_like(track.status, TrackStatus.TRACKED),
+            findings=(),
+        )
+        for body, track in tracks.items()
+    }
+
+
+TRACKER = Check(
+    _tracker,
+    {"poses are a frame late, and nothing is said of any": replaced(tracker, "track", result_of(_late_and_silent))},
+)
+
+VIEWS = Check(
+    _counted(
+        views.STUDY,
+        lambda: _parts(views.STUDY),
+        {"boards over 100 %": "over the whole image", "boards over 30 %": "in the middle 30 %"},
+    ),
+    {
+        "findings are dropped": replaced(
+            views, "calibrate_observations", result_of(lambda found: replace(found, findings=()))
         )
     },
 )

@@ -22,7 +22,8 @@ compares both.
 - *Holds* is the stated number's tolerance against what was measured at the date and commit given. Where the data or a
   program is not at hand, and for what takes too long, the last outcome stands, with its date.
 - *Control* plants a fault in the program or its input and decides the row again; "noticed" where the row then fails, as
-  it must. Groups that are made by hand say in words what a wrong program would give: no run decides that.
+  it must. Long checks are not made with the others but when asked for, `snakemake evidence --config long=[GROUP]`.
+  Groups that are made by hand say in words what a wrong program would give: no run decides that.
 """
 
 
@@ -108,8 +109,11 @@ def markdown(groups: Mapping[str, Group], found: Mapping[str, Mapping[str, Any]]
         count = Counter("none" if "holds" not in row else str(row["holds"]) for _, row in own)
         names = {group.name for group, _ in own}
         lines.append(f"| {kind} | {len(names)} | {len(own)} | {count['True']} | {count['False']} | {count['none']} |")
-    spent = sum(group.get("cpu_s", 0.0) for group in found.values()) / 60
-    lines += ["", f"Checks and their controls took {spent:.0f} minutes of CPU time in all, each as last made."]
+    spent = {False: 0.0, True: 0.0}
+    for name, group in found.items():
+        spent[groups[name].effort is Effort.LONG] += group.get("cpu_s", 0.0) / 60
+    lines += ["", f"Checks and their controls took {spent[False]:.0f} minutes of CPU time in all, each as last made."]
+    lines += [f"Long ones, which are made when asked for, took {spent[True]:.0f} more."]
     lines += ["", "| group | class | made | rows | hold | control noticed by | date | commit |", "|---" * 8 + "|"]
     lines += [_overview(groups[name], group) for name, group in found.items()]
     for name, group in found.items():
@@ -122,7 +126,8 @@ def _overview(group: Group, found: Mapping[str, Any]) -> str:
     holding = sum(bool(row.get("holds")) for row in rows) if any("holds" in row for row in rows) else "–"
     noticing = sum(any(control["noticed"] for control in row.get("controls", ())) for row in rows)
     cells = (
-        f"[{group.name}](#{group.name.replace('_', '-')})", group.kind, group.effort, len(rows), holding,
+        f"[{group.name}](#{group.name.replace('_', '-')})", group.kind, group.effort if group.check else "by hand",
+        len(rows), holding,
         noticing if group.check else "see there", found.get("date", "never"), found.get("commit", "–"),
     )  # fmt: skip
     return f"| {' | '.join(str(cell) for cell in cells)} |"
@@ -133,10 +138,11 @@ def _section(group: Group, found: Mapping[str, Any]) -> list[str]:
     lines += [f"- Data: {group.data} Class: {group.kind}."]
     lines += [f"- Shared with the program: {group.shares}"] if group.shares else []
     when = f"{found.get('date', 'never')}, commit {found.get('commit', '–')}"
-    by_hand = " by hand: too long to be made each time" if group.effort is Effort.LONG else ""
+    by = "" if group.check else " by hand: too long to be made each time"
+    if group.check and group.effort is Effort.LONG:
+        by = f" by its own command, `snakemake evidence --config long=[{group.name}]`"
     lines += [
-        f"- Made{by_hand}: {when}"
-        + (f", {found['cpu_s']:g} s of CPU time with its controls." if "cpu_s" in found else ".")
+        f"- Made{by}: {when}" + (f", {found['cpu_s']:g} s of CPU time with its controls." if "cpu_s" in found else ".")
     ]
     lines += [f"- Command: `{group.command}`"]
     if group.control:

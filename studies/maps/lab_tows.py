@@ -33,14 +33,23 @@ def tow_rows(over: str, x: float, ys: list[float]) -> list[Row]:
     """Cells of a column of a map: "tether", "heights" or "rests"."""
     rows = []
     for y in ys:
-        tow = _VARIED[over](four_feet(3), x, y)
-        finer = replace(tow, towed=replace(tow.towed, deflection=DEFLECTION_M))
+        tow = varied(over, x, y)
         try:
-            times, truth = finer.truth(TRUTH_STEP_S)
+            times, truth = on_bristles(tow, DEFLECTION_M)
         except RefusedError:  # It tips.
             times, truth = np.arange(0.0, tow.duration, tow.report_s), None
         rows.append({"map": over, "x": x, "y": y} | _judged(tow, times, truth))
     return rows
+
+
+def varied(over: str, x: float, y: float) -> LabTow:
+    """The tow on four feet of a cell of a map: "tether", "heights" or "rests"."""
+    return _VARIED[over](four_feet(3), x, y)
+
+
+def on_bristles(tow: LabTow, deflection_m: float, step_s: float = TRUTH_STEP_S) -> tuple[Array, Array]:
+    """Times (n,) [s] and true poses (n, 3) on bristles that bend by so much before they slide."""
+    return replace(tow, towed=replace(tow.towed, deflection=deflection_m)).truth(step_s)
 
 
 def _judged(tow: LabTow, times: Array, truth: Array | None) -> Row:
@@ -53,12 +62,12 @@ def _judged(tow: LabTow, times: Array, truth: Array | None) -> Row:
     if not flags and distances_m(motion, finer.pose).max() > ALLOWED_M:
         flags = ["numerical_error"]
     error = float(distances_m(motion, truth).max()) if truth is not None else np.inf
-    if not flags and ALLOWED_M < error < COVERAGE * _moved_by_static_friction_m(tow, motion):
+    if not flags and ALLOWED_M < error < COVERAGE * moved_by_static_friction_m(tow, motion):
         flags = ["u_input"]
     return judged(error, ALLOWED_M, flags)
 
 
-def _moved_by_static_friction_m(tow: LabTow, motion: SimulatedMotion) -> float:
+def moved_by_static_friction_m(tow: LabTow, motion: SimulatedMotion) -> float:
     """How far one deviation of the static coefficient moves the path, the lesser of both signs [m]."""
     moved = []
     for sign in (-1, 1):

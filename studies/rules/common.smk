@@ -2,7 +2,7 @@ from towval.io.yaml_text import read_yaml
 from studies import registry
 from studies.frame import Settings, loaded, module_of
 from studies.evidence.compute import REPOSITORY, shared_folder
-from studies.evidence.ledger import ROWS, read_groups
+from studies.evidence.ledger import ROWS, Effort, made_now, read_groups
 
 PLAN = or_exit(read_yaml, Path(workflow.basedir) / "src" / "towval" / "workflow" / "plan.yaml")
 or_exit(check, PLAN, packaged_schema("plan.schema.yaml"), "plan")
@@ -47,17 +47,16 @@ def tables_by_name(files):
 
 
 EVIDENCE = or_exit(read_groups)
-WANTED_EFFORTS = ("quick",) if STUDY_SETTINGS.quick else ("quick", "whole")
+WANTED_EFFORTS = (Effort.QUICK,) if STUDY_SETTINGS.quick else (Effort.QUICK, Effort.WHOLE)
 
 
 def checks_to_make():
     """Groups whose checks run now, with the names of their faults, the program as it is first."""
     found = {}
-    for name, group in EVIDENCE.items():
-        if group.effort in WANTED_EFFORTS:
-            check = or_exit(loaded, group.check)
-            if not check.missing(shared_folder()):
-                found[name] = ["", *check.faults]
+    for name, group in or_exit(made_now, EVIDENCE, WANTED_EFFORTS, config.get("long", ())).items():
+        check = or_exit(loaded, group.check)
+        if not check.missing(shared_folder()):
+            found[name] = ["", *check.faults]
     return found
 
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from studies.comparators.tow_scenes import lap_scene
-from studies.costs import take_turns
+from studies.costs import Timed, take_turns
 from towval.model import FloorRegion, Ground, Patch, SimulatedMotion, Sliding, Tether, TowedObject
 from towval.physics import Coulomb, feedback
 from towval.physics.dynamics import LEVEL
@@ -75,15 +75,19 @@ def on_four_feet(towed: TowedObject) -> TowedObject:
     return replace(towed, patch=Patch(first, further=tuple(others)))
 
 
+def timed_laps(rounds: int) -> dict[str, Timed[SimulatedMotion]]:
+    """All laps, by sole and by what they take in, timed in turns."""
+    calls: dict[str, Callable[[], SimulatedMotion]] = {}
+    for sole, towed in (("one sole", LAP.towed), ("four feet", on_four_feet(LAP.towed))):
+        calls |= {f"{sole}: {name}": tow.run for name, tow in tows(towed).items()}
+    return take_turns(calls, rounds)
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rounds", type=int, default=12, help="the least of so many is taken")
-    rounds = parser.parse_args().rounds
-    calls: dict[str, Callable[[], SimulatedMotion]] = {}
-    for sole, towed in (("one sole", LAP.towed), ("four feet", on_four_feet(LAP.towed))):
-        calls |= {f"{sole}: {name}": tow.run for name, tow in tows(towed).items()}
-    timed = take_turns(calls, rounds)
+    timed = timed_laps(parser.parse_args().rounds)
     for name, spent in timed.items():
         planar = timed[f"{name.split(':')[0]}: planar"].cpu_s
         steps = spent.result.statistics["steps"]

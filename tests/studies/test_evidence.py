@@ -8,7 +8,7 @@ import pytest
 
 from studies.evidence import compute
 from studies.evidence.documents import passages, unfounded
-from studies.evidence.ledger import Check, Effort, EvidenceClass, Group, Statement, read_groups
+from studies.evidence.ledger import Check, Effort, EvidenceClass, Group, Statement, made_now, read_groups
 from studies.evidence.page import faults_of, judged, markdown, write_ledger
 from studies.evidence.planting import given, numbers_of, repeated, replaced, result_of
 from studies.frame import loaded
@@ -186,6 +186,49 @@ def test_every_row_that_was_made_holds_and_has_a_control_that_fails(repository):
     made = {name: group for name, group in found.items() if GROUPS[name].check and "date" in group}
     assert len(made) > 10
     assert [fault for name, group in made.items() for fault in faults_of(name, group)] == []
+
+
+def test_long_checks_are_made_when_they_are_asked_for():
+    groups = {
+        name: replace(GROUP, name=name, effort=effort, check=check)
+        for name, effort, check in (
+            ("bar", Effort.QUICK, "a:B"), ("rod", Effort.WHOLE, "a:B"), ("lap", Effort.LONG, "a:B"),
+            ("hand", Effort.LONG, ""),
+        )
+    }  # fmt: skip
+    assert list(made_now(groups, [Effort.QUICK], ())) == ["bar"]
+    assert list(made_now(groups, [Effort.QUICK, Effort.WHOLE], ())) == ["bar", "rod"]
+    assert list(made_now(groups, [Effort.QUICK, Effort.WHOLE], ["lap"])) == ["lap"]
+    for wrong in ("hand", "bar", "none"):
+        with pytest.raises(InputError, match=wrong):
+            made_now(groups, [Effort.QUICK], [wrong])
+
+
+def test_the_page_tells_long_checks_from_what_is_made_by_hand():
+    long = replace(GROUP, effort=Effort.LONG)
+    by_hand = replace(long, name="rod", check="", control="None.", last={"date": "today"})
+    groups = {"bar": long, "rod": by_hand}
+    page = markdown(groups, {"bar": {"cpu_s": 600.0, "rows": []}, "rod": {"rows": []}})
+    assert "took 0 minutes of CPU time" in page
+    assert "when asked for, took 10 more" in page
+    assert "Made by its own command, `snakemake evidence --config long=[bar]`" in page
+    assert "Made by hand" in page
+    assert "| [rod](#rod) | own synthetic | by hand |" in page
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [("effort: long", "effort: quick"), ("  control: a\n", ""), ("  control: a\n", "  control: a\n  check: a:B\n")],
+)
+def test_a_group_has_a_check_or_says_its_control_and_date(tmp_path, old, new):
+    text = "bar:\n  says: x\n  class: cost\n  effort: long\n  data: d\n  command: c\n  control: a\n"
+    text += "  last: {date: '2026-11-24'}\n  states: {length: 2 m at most}\n"
+    path = tmp_path / "rows.yaml"
+    path.write_text(text, encoding="utf-8")
+    assert read_groups(path)["bar"].last
+    path.write_text(text.replace(old, new), encoding="utf-8")
+    with pytest.raises(InputError, match="the group bar"):
+        read_groups(path)
 
 
 def test_a_table_that_cannot_be_read_is_refused_by_name(tmp_path):
