@@ -24,7 +24,7 @@ from towval.commands import report
 from towval.io import results_index
 from towval.report import facts, film, index_page, inline
 
-_RUNS = 250
+_RUNS, _MANY = 250, 10_000
 _NUMBERS, _PARSED = 810, 300
 
 
@@ -54,6 +54,12 @@ def index_of_runs() -> Values:
     costs = {f"{what} over parsing": found[f"{what}, CPU"] / (_RUNS * parsing_s()) for what in ("read", "written")}
     sizes = {name: 1e3 * found[name] / _RUNS for name in ("index.sqlite", "index.html")}
     return costs | sizes | {"findings": found["findings"]}
+
+
+def index_of_many() -> Values:
+    """Costs [s] and sizes [MB] of the index of ten thousand synthetic runs."""
+    with TemporaryDirectory() as folder:
+        return index_scale.measured(_MANY, Path(folder))
 
 
 def parsing_s() -> float:
@@ -107,5 +113,18 @@ INDEX = Check(
         ),
         "findings of a body count twice": replaced(results_index, "_findings", _counted_twice),
         "fingerprints on the page have twelve digits": replaced(index_page, "_made_of", _twelve_digits),
+    },
+)
+
+INDEX_OF_MANY = Check(
+    index_of_many,
+    {
+        "each table reads and writes files anew, a body's findings count twice, fingerprints have twelve digits": both(
+            replaced(results_index, "read_details", repeated(5)),
+            replaced(index_scale, "write_index", repeated(4)),
+            replaced(index_scale, "write_index_page", repeated(4)),
+            replaced(results_index, "_findings", _counted_twice),
+            replaced(index_page, "_made_of", _twelve_digits),
+        )
     },
 )
