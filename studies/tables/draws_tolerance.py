@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import argparse
 import time
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,30 @@ def case_of(campaign: Path, results: Path, run: str) -> Case:
     )  # fmt: skip
 
 
+@dataclass(frozen=True)
+class DrawnPaths:
+    """What draws at a tolerance of a step [m] cost each [s], and the RMS and largest distance of their paths [m]."""
+
+    tolerance_m: float
+    cpu_s: float
+    off_m: float
+    most_m: float
+
+
+def drawn_paths(case: Case) -> Iterator[DrawnPaths]:
+    """The same draws of a run at each tolerance, against those at :data:`REFERENCE_M`."""
+    sampler = Sampler(case, UncertaintySettings())
+    rng = np.random.default_rng(3)
+    drawn = [sampler.lay_out(i, rng.standard_normal(sum(sampler.widths.values())))[0] for i in range(DRAWS)]
+    exact = [*replace(sampler.batch, tolerance_m=REFERENCE_M).simulate(drawn)]
+    for tolerance in TOLERANCES_M:
+        start = time.process_time()
+        found = [*replace(sampler.batch, tolerance_m=tolerance).simulate(drawn)]
+        spent = time.process_time() - start
+        apart = np.linalg.norm(np.subtract(found, exact)[..., :2], axis=-1)
+        yield DrawnPaths(tolerance, spent / DRAWS, float(np.sqrt(np.nanmean(apart**2))), float(np.nanmax(apart)))
+
+
 def main() -> None:
     """Print CPU time and error of the paths at each tolerance, for each run."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -41,18 +66,9 @@ def main() -> None:
     given = parser.parse_args()
     print(f"{DRAWS} draws against {REFERENCE_M:g} m; CPU ms a draw, RMS and largest distance of the paths in mm")
     for run in given.runs:
-        sampler = Sampler(case_of(given.campaign, given.results, run), UncertaintySettings())
-        rng = np.random.default_rng(3)
-        drawn = [sampler.lay_out(i, rng.standard_normal(sum(sampler.widths.values())))[0] for i in range(DRAWS)]
-        found: dict[float, list[np.ndarray]] = {}
-        for tolerance in (REFERENCE_M, *TOLERANCES_M):
-            batch = replace(sampler.batch, tolerance_m=tolerance)
-            start = time.process_time()
-            found[tolerance] = [*batch.simulate(drawn)]
-            spent = time.process_time() - start
-            apart = np.linalg.norm(np.subtract(found[tolerance], found[REFERENCE_M])[..., :2], axis=-1)
-            off, most = 1e3 * np.sqrt(np.nanmean(apart**2)), 1e3 * np.nanmax(apart)
-            print(f"{run:4}{tolerance:8g}{1e3 * spent / DRAWS:8.1f}{off:9.4f}{most:9.4f}", flush=True)
+        for each in drawn_paths(case_of(given.campaign, given.results, run)):
+            numbers = f"{1e3 * each.cpu_s:8.1f}{1e3 * each.off_m:9.4f}{1e3 * each.most_m:9.4f}"
+            print(f"{run:4}{each.tolerance_m:8g}{numbers}", flush=True)
 
 
 if __name__ == "__main__":
