@@ -17,11 +17,11 @@ import pandas as pd
 from studies.evidence.compute import shared_folder
 from studies.evidence.ledger import Check, Values
 from studies.evidence.planting import Planting, both, flawed, replaced, result_of
-from studies.tables.accuracy import errors
+from studies.tables.accuracy import errors, off_at_most
 from studies.tables.validation_must_reach import place_reported
 from studies.tables.validation_rendered import judged
 from towval.commands import compare, simulate, track
-from towval.io.records import read_tracks
+from towval.io.records import read_simulated, read_tracks
 from towval.model import RunUncertainty, TowingScene, Track
 from towval.validation import compare as validation_compare
 
@@ -72,6 +72,8 @@ def _run(campaign: Path, results: Path, run: str) -> dict[str, float | str]:
             position, heading, _, lost, _ = errors(found_track, truth)
             found |= {f"run {run}, {body}, position": position, f"run {run}, {body}, heading": heading}
             found[f"run {run}, {body}, frames lost"] = float(lost)
+        simulated = read_simulated(results / run / "simulate.mcap")
+        found[f"run {run}, simulated − true, at most"] = off_at_most(simulated, truth)
     return found
 
 

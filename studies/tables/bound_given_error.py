@@ -9,6 +9,7 @@ draw is moved to what it would be, given E, by the draws' linear regression on t
 
 import argparse
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -54,10 +55,21 @@ def _blocks(error: Array) -> Array:
     return means.reshape(*means.shape[:-2], -1)
 
 
-def rows(seeds: range, samples: int) -> Iterator[str]:
-    """The table in Markdown, in mm."""
-    yield "| run | u_D | given E | first bound | given E | off at most |"
-    yield "|---" * 6 + "|"
+@dataclass(frozen=True)
+class Known:
+    """What is known of a run's error [mm]: u_D and the first bound as drawn, and both given E; what it is at most."""
+
+    world: str
+    seed: int
+    u_d: float
+    u_d_given: float
+    bound: float
+    bound_given: float
+    off: float
+
+
+def known_errors(seeds: range, samples: int) -> Iterator[Known]:
+    """Each world's runs."""
     for name in TRIED:
         for seed in seeds:
             number = len(WORLDS) * seed + list(WORLDS).index(name)
@@ -72,7 +84,7 @@ def rows(seeds: range, samples: int) -> Iterator[str]:
             before, after, off = given_error(path, known.draws.inputs)
             upper = (bounds(path.error, each, _CONFIDENCE)[1, SIZES.index("position_max")] for each in (path.off, off))
             found = (before, after, *upper, largest(case.simulated.pose - true))
-            yield f"| {name} {seed} | " + " | ".join(f"{1e3 * each:.2f}" for each in found) + " |"
+            yield Known(name, seed, *(1e3 * float(each) for each in found))
 
 
 def main() -> None:
@@ -82,8 +94,11 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=4)
     parser.add_argument("--samples", type=int, default=512)
     given = parser.parse_args()
-    for row in rows(range(given.first, given.first + given.runs), given.samples):
-        print(row, flush=True)
+    print("| run | u_D | given E | first bound | given E | off at most |")
+    print("|---" * 6 + "|")
+    for each in known_errors(range(given.first, given.first + given.runs), given.samples):
+        numbers = (each.u_d, each.u_d_given, each.bound, each.bound_given, each.off)
+        print(f"| {each.world} {each.seed} | " + " | ".join(f"{number:.2f}" for number in numbers) + " |", flush=True)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,101 @@
+"""Checks on synthetic runs with all stages: presets, and what the error of a run tells of the measurement's own."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pandas as pd
+
+from studies.costs import Timed
+from studies.evidence.ledger import Check, Values
+from studies.evidence.planting import both, flawed, replaced, result_of
+from studies.frame import Settings
+from studies.tables import bound_given_error
+from studies.tradeoff import presets
+from towval.model import RunUncertainty
+
+
+def _presets() -> Values:
+    """Medians and quartiles by preset, one round, and in how many campaigns the model agrees."""
+    parts = presets.STUDY.parts(Settings()).values()
+    table = pd.DataFrame([row for part in parts for row in presets.STUDY.rows(**part | {"rounds": 1})])
+    found: dict[str, float] = {}
+    for (preset, quantity), runs in table.groupby(["setting", "panel"]):
+        quartiles = runs.error.quantile([0.25, 0.5, 0.75])
+        for name, value in zip(("lower quartile", "median", "upper quartile"), quartiles, strict=True):
+            found[f"{preset}, {quantity}, {name}"] = float(value)
+        found |= {
+            f"{preset}, CPU": float(runs.cost.median()),
+            f"{preset}, agrees": float((runs.verdict == "agrees").sum()),
+        }
+    return found
+
+
+def _longer(original: Any) -> Any:
+    """What simulates, with a tether that is 5 % too long."""
+
+    def wrong(scene: Any, *args: Any, **keys: Any) -> Any:
+        tether = replace(scene.tether, rest_length=1.05 * scene.tether.rest_length)
+        return original(replace(scene, tether=tether), *args, **keys)
+
+    return wrong
+
+
+def _halved(found: RunUncertainty) -> RunUncertainty:
+    return replace(found, validation=found.validation / 4)
+
+
+def _tenfold(timed: dict[str, Timed[Any]]) -> dict[str, Timed[Any]]:
+    return {name: replace(each, cpu_s=10 * each.cpu_s) for name, each in timed.items()}
+
+
+PRESETS = Check(
+    _presets,
+    {
+        "the simulated tether is 5 % too long, poses scatter by 3 mm, u_val is halved, the clock counts tenfold": both(
+            replaced(presets, "simulate_selecting", _longer),
+            replaced(presets, "track", flawed(3e-3, 1e-3)),
+            replaced(presets, "sample_selecting", result_of(_halved)),
+            replaced(presets, "take_turns", result_of(_tenfold)),
+        )
+    },
+)
+
+
+def _known_errors() -> Values:
+    """Of each world u_D and u_D given E, least and most; of each seed both bounds and what is off at most [mm]."""
+    found: dict[str, float] = {}
+    for each in bound_given_error.known_errors(range(6200, 6204), 512):
+        for name, value in (("u_D", each.u_d), ("u_D given E", each.u_d_given)):
+            least, most = f"{each.world}, {name}, least", f"{each.world}, {name}, most"
+            found |= {least: min(found.get(least, value), value), most: max(found.get(most, value), value)}
+        run = f"{each.world} {each.seed}"
+        found |= {f"{run}, first bound": each.bound, f"{run}, first bound given E": each.bound_given}
+        found[f"{run}, off at most"] = each.off
+    return found
+
+
+def _stated_longer(original: Any) -> Any:
+    """What is stated and measured of a run, with a tether that is 1 cm longer than the true one."""
+
+    def wrong(run: Any, *args: Any, **keys: Any) -> Any:
+        stated = {**run.stated, "rest": run.stated["rest"] + 0.01}
+        return original(replace(run, stated=stated), *args, **keys)
+
+    return wrong
+
+
+GIVEN_ERROR = Check(
+    _known_errors,
+    {
+        "tethers are stated 1 cm too long, deviations of the camera half as large": both(
+            replaced(bound_given_error, "cases", _stated_longer),
+            replaced(
+                bound_given_error,
+                "nominal_calibration",
+                result_of(lambda camera: replace(camera, covariance=camera.covariance / 4)),
+            ),
+        )
+    },
+)
