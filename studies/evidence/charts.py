@@ -13,10 +13,10 @@ import pandas as pd
 from studies.charts import medians
 from studies.comparators import lab_tow_models
 from studies.evidence.ledger import Check, Values
-from studies.evidence.planting import both, given, replaced, result_of
+from studies.evidence.planting import both, flawed, given, replaced, result_of
 from studies.frame import Part, Settings, Study
 from studies.maps import carry_over
-from studies.tradeoff import calibration, decimation, dynamics, effects, friction
+from studies.tradeoff import calibration, decimation, dynamics, effects, friction, tracking
 from towval.model import Ground
 from towval.physics.dynamics import Accuracy
 from towval.physics.friction_laws import Coulomb
@@ -112,19 +112,23 @@ ERRORS_OF_INPUT = Check(
 )
 
 
-def _lenses() -> Values:
-    """Points of the chart, and the quartiles of what the stage selects."""
-    rows = [row for part in calibration.STUDY.parts(Settings()).values() for row in calibration.STUDY.rows(**part)]
-    found: dict[str, float] = {}
-    for row in medians(pd.DataFrame(rows)).to_dict("records"):
-        name = ", ".join(str(row[key]) for key in ("panel", "series", "setting"))
-        found |= {f"{name}: error": row["error"], f"{name}: cost": row["cost"]}
-        found |= {f"{name}: lower quartile": row["low"], f"{name}: upper quartile": row["high"]}
-    return found
+def _spreads(study: Study) -> Callable[[], Values]:
+    """All points of a chart, with the quartiles of their errors."""
+
+    def measure() -> Values:
+        found: dict[str, float] = {}
+        rows = [row for part in study.parts(Settings()).values() for row in study.rows(**part)]
+        for row in medians(pd.DataFrame(rows)).to_dict("records"):
+            name = ", ".join(str(row[key]) for key in ("panel", "series", "setting") if row[key])
+            found |= {f"{name}: error": row["error"], f"{name}: cost": row["cost"]}
+            found |= {f"{name}: lower quartile": row["low"], f"{name}: upper quartile": row["high"]}
+        return found
+
+    return measure
 
 
 LENSES = Check(
-    _lenses,
+    _spreads(calibration.STUDY),
     {
         "corners are three times as noisy, the clock counts tenfold": both(
             replaced(calibration, "calibration_set", given(noise_px=0.45)),
@@ -133,6 +137,25 @@ LENSES = Check(
         "every lens model is taken for k1": replaced(
             calibration, "_calibrated", lambda original: lambda scene, _: original(scene, "k1")
         ),
+    },
+)
+
+TRACKERS = Check(
+    _spreads(tracking.STUDY),
+    {
+        "poses scatter by 1 mm, every twentieth is lost, the clock of the trackers counts tenfold": both(
+            replaced(tracking, "track", flawed(1e-3, 1e-3)),
+            replaced(
+                tracking,
+                "take_turns",
+                result_of(
+                    lambda timed: {
+                        name: each if name == "decoding" else replace(each, cpu_s=10 * each.cpu_s)
+                        for name, each in timed.items()
+                    }
+                ),
+            ),
+        )
     },
 )
 
