@@ -42,6 +42,16 @@ def _longer(original: Any) -> Any:
     return wrong
 
 
+def _flawed_selected(original: Any) -> Any:
+    """What tracks with settings of its choice, with poses that scatter."""
+
+    def wrong(*args: Any) -> Any:
+        settings, tracks = original(*args)
+        return settings, flawed(3e-3, 1e-3)(lambda: tracks)()
+
+    return wrong
+
+
 def _halved(found: RunUncertainty) -> RunUncertainty:
     return replace(found, validation=found.validation / 4)
 
@@ -56,6 +66,7 @@ PRESETS = Check(
         "the simulated tether is 5 % too long, poses scatter by 3 mm, u_val is halved, the clock counts tenfold": both(
             replaced(presets, "simulate_selecting", _longer),
             replaced(presets, "track", flawed(3e-3, 1e-3)),
+            replaced(presets, "track_selecting", _flawed_selected),
             replaced(presets, "sample_selecting", result_of(_halved)),
             replaced(presets, "take_turns", result_of(_tenfold)),
         )
