@@ -64,13 +64,16 @@ def test_a_moved_view_is_found_to_a_twentieth_of_a_pixel(motion):
     assert np.abs(gap).max() < 4 * registration.std_px(found.covariance)
 
 
-@pytest.mark.parametrize(("noise", "contrast"), [(2.0, 1.0), (2.0, 0.3), (3.0, 0.2)])
-def test_a_still_view_scatters_by_what_is_stated_however_little_of_its_slopes_is_texture(noise, contrast):
+@pytest.mark.parametrize(
+    ("noise", "contrast", "light"),
+    [(2.0, 1.0, 1.0), (2.0, 0.3, 1.0), (3.0, 0.2, 1.0), (2.0, 1.0, 0.3), (2.0, 0.3, 0.5), (2.0, 0.7, 1.3)],
+)
+def test_a_still_view_scatters_by_what_is_stated_in_any_light_and_on_weak_texture(noise, contrast, light):
     """Two pictures of one floor, each pair with noise of its own; of a weak texture most slopes are noise."""
     plain = 128 + contrast * (floor_picture(noise=0.0).astype(float) - 128)
-    pairs = noise * np.random.default_rng(7).standard_normal((12, 2, *plain.shape))
+    pairs = np.array([plain, light * plain]) + noise * np.random.default_rng(7).standard_normal((12, 2, *plain.shape))
     sizes = []
-    for first, other in np.clip(np.round(plain + pairs), 0, 255).astype(np.uint8):
+    for first, other in np.clip(np.round(pairs), 0, 255).astype(np.uint8):
         found = FloorRegistration(CAMERA, FLOOR, first, ()).register(other, np.zeros(9), [])
         sizes.append(np.linalg.solve(np.linalg.cholesky(found.covariance), found.motion))
     assert 0.6 < np.sqrt(np.mean(np.square(sizes))) < 1.2

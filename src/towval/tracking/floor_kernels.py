@@ -102,8 +102,11 @@ def register_kernel(
     prior: tuple[Array, Array],
     limits: tuple[float, float, float, int],
     gains: tuple[float, float, float],
-) -> tuple[Array, Array, Array, Array, Array, float, float, bool]:
-    """Rounds of the registration: motion, information, readings, weights, residuals, scale, correlation, converged."""
+) -> tuple[Array, Array, Array, Array, Array, Array, float, float, bool]:
+    """Rounds of the registration: motion, information, readings, gains, weights, residuals, scale, correlation, converged.
+
+    The gains are those of the points' tiles.
+    """
     points, template, slopes, tile, tiles = shape
     T, matrix, k = view
     deviations, in_pixels = prior
@@ -111,7 +114,7 @@ def register_kernel(
     spread, least_gain, most_gain = gains
     n, size = points.shape[0], slopes.shape[1]
     motion, flat, residual, weight = motion.copy(), np.zeros(3), np.empty(n), np.empty(n)
-    information, values = np.zeros((size, size)), np.empty(n)
+    information, values, gain = np.zeros((size, size)), np.empty(n), np.empty(n)
     scale, converged = most_scale, False
     for round_ in range(most_rounds):
         moved = matrix.copy()
@@ -130,8 +133,14 @@ def register_kernel(
         reweigh(residual, precision, scale, weight)
         light = fit_light(values, template, tile, tiles, weight, (scale / spread) ** 2, least_gain, most_gain)
         misfits(values, template, tile, light, residual)
+        # Residuals are in the template's light, noise is in the picture's: where light is less, residuals scatter more.
+        total = brightness = 1e-9
         for i in range(n):
-            weight[i] *= light[tile[i], 0] ** 2
+            gain[i] = light[tile[i], 0]
+            total += weight[i]
+            brightness += weight[i] * gain[i] ** 2
+        for i in range(n):
+            weight[i] *= gain[i] ** 2 * total / brightness
         information, right = _information(slopes, weight, residual)
         # In units of the priors their information is the unit matrix, against residuals of this scale.
         for j in range(size):
@@ -142,4 +151,4 @@ def register_kernel(
         if converged:
             break
     correlation = correlation_of_tiles(values, template, tile, tiles, 8, 0.5)
-    return motion, information, values, weight, residual, scale, correlation, converged
+    return motion, information, values, gain, weight, residual, scale, correlation, converged

@@ -139,7 +139,7 @@ class FloorRegistration:
         assert template is not None
         discs = np.array([(*place, radius) for place, radius in hidden]).reshape(-1, 3)
         precision = outside(template.points, discs)
-        motion, information, values, weight, residual, scale, correlation, converged = register_kernel(
+        motion, information, values, gain, weight, residual, scale, correlation, converged = register_kernel(
             luma,
             (template.points, template.values, self.slopes, template.tile, template.tiles),
             precision,
@@ -157,7 +157,7 @@ class FloorRegistration:
             return None
         if self.registered % c.inflated_every == 0:
             self.variance_factor = self._variance_factor(information, weight, residual, scale)
-            self.variance_factor /= self._shared_texture(luma, motion, information, weight, scale) ** 2
+            self.variance_factor /= self._shared_texture(luma, motion, information, gain, weight, scale) ** 2
             self.scatter += self._scatter_px2((precision > 0) & (values >= 0), residual)
         self.registered, self.last = self.registered + 1, (weight, residual, scale)
         self.usual_correlation += (correlation - self.usual_correlation) / min(self.registered, 20)
@@ -175,17 +175,20 @@ class FloorRegistration:
         inverse = np.linalg.inv(information + scale * scale * np.eye(len(information)))
         return float(max(np.sum(inverse * (scores.T @ scores)) / np.sum(inverse * information) / scale**2, 1.0))
 
-    def _shared_texture(self, luma: Luma, motion: Array, information: Array, weight: Array, scale: float) -> float:
+    def _shared_texture(
+        self, luma: Luma, motion: Array, information: Array, gain: Array, weight: Array, scale: float
+    ) -> float:
         """Share of the template's information that the picture's own slopes confirm.
 
-        The rest is noise of the first picture, whose slopes look like texture and hold nothing.
+        The rest is noise of the first picture, whose slopes look like texture and hold nothing. The picture's slopes
+        count as in the template's light: what less light takes from them is in the weights already.
         """
         assert self.template is not None
         camera, floor = moved_view(self.camera, self.floor, motion)
         target = replace(self.target, camera=camera, floor=floor)
         slopes = slopes_at(luma, target, np.zeros(3), self.template.points, self.template.pixel_m)
         used = (weight > 0) & np.isfinite(slopes).all(axis=1)
-        seen = self._by_motion_of_view(np.where(used[:, None], slopes, 0.0), self.template)[used]
+        seen = self._by_motion_of_view(np.where(used[:, None], slopes / gain[:, None], 0.0), self.template)[used]
         weighed = (self.slopes * weight[:, None])[used].T
         inverse = np.linalg.inv(information + scale * scale * np.eye(len(information)))
         shared = np.sum(inverse * (weighed @ seen)) / np.sum(inverse * (weighed @ self.slopes[used]))
