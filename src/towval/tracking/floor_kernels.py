@@ -103,10 +103,7 @@ def register_kernel(
     limits: tuple[float, float, float, int],
     gains: tuple[float, float, float],
 ) -> tuple[Array, Array, Array, Array, Array, Array, float, float, bool]:
-    """Rounds of the registration: motion, information, readings, gains, weights, residuals, scale, correlation, converged.
-
-    The gains are those of the points' tiles.
-    """
+    """Rounds of the fit: motion, information, readings, gains, weights, residuals, scale, correlation, converged."""
     points, template, slopes, tile, tiles = shape
     T, matrix, k = view
     deviations, in_pixels = prior
