@@ -108,6 +108,18 @@ def test_part_of_the_floor_may_be_hidden(hidden, known):
     assert (found is not None) == known
 
 
+def test_rows_that_shake_do_not_carry_a_camera_off():
+    """Each picture shakes by 0.7 px while its rows are read, as no motion of the view explains."""
+    rows, columns = np.mgrid[:360, :480].astype(np.float32)
+    registration, places = FloorRegistration(CAMERA, FLOOR, FIRST, ()), []
+    for i in range(12):
+        shaken = columns + 0.7 * np.sin(2 * np.pi * (1.5 * rows / 360 + 0.21 * i)).astype(np.float32)
+        luma = cv2.remap(floor_picture(seed=i), shaken, rows, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT)
+        found = registration.register(luma, np.zeros(9), [])
+        places.append(found.motion[3:6] / np.sqrt(np.diag(found.covariance)[3:6]))
+    assert np.sqrt(np.mean(np.square(places))) < 1.0
+
+
 def test_another_floor_is_not_found():
     registration = FloorRegistration(CAMERA, FLOOR, FIRST, ())
     other = np.random.default_rng(0).integers(60, 180, FIRST.shape).astype(np.uint8)

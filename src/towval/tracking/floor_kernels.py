@@ -101,6 +101,7 @@ def register_kernel(
     view: tuple[Array, Array, Array],
     prior: tuple[Array, Array],
     limits: tuple[float, float, float, int],
+    variance_factor: float,
     gains: tuple[float, float, float],
 ) -> tuple[Array, Array, Array, Array, Array, Array, float, float, bool]:
     """Rounds of the fit: motion, information, readings, gains, weights, residuals, scale, correlation, converged."""
@@ -139,10 +140,12 @@ def register_kernel(
         for i in range(n):
             weight[i] *= gain[i] ** 2 * total / brightness
         information, right = _information(slopes, weight, residual)
-        # In units of the priors their information is the unit matrix, against residuals of this scale.
+        # In units of the priors their information is the unit matrix, against residuals of this scale, as many times as
+        # such residuals of neighbours go together.
+        variance = scale * scale * variance_factor
         for j in range(size):
-            right[j] += scale * scale * motion[j] / deviations[j]
-        step = np.linalg.solve(information + scale * scale * np.eye(size), right)
+            right[j] += variance * motion[j] / deviations[j]
+        step = np.linalg.solve(information + variance * np.eye(size), right)
         motion -= step * deviations
         converged = bool(step @ in_pixels @ step < tolerance_px * tolerance_px)
         if converged:

@@ -147,6 +147,7 @@ class FloorRegistration:
             (self.floor.T_camera_floor, self.camera.matrix, self.camera.distortion),
             (self.prior, self.in_pixels),
             (c.least_scale, c.most_scale, c.tolerance_px, c.rounds),
+            self.variance_factor,
             (LIGHT.gain_spread, LIGHT.least_gain, LIGHT.most_gain),
         )
         if not converged or not np.isfinite(motion).all():
