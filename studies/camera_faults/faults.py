@@ -123,6 +123,7 @@ FAULTS = (
     Fault("lines skipped", (1.3, 1.7, 2.5), "×", _CODED, unforeseen.lines_skipped),
     # Light and what is in the way
     Fault("flicker", (5, 15, 30), "%", _CODED, light.flicker),
+    Fault("fine flicker", (5, 15, 30), "%", _CODED, light.fine_flicker),
     Fault("exposure steps", (10, 30, 50), "%", _CODED, light.exposure_steps),
     Fault("glint in the way", (1, 3, 6), "%", _HIDDEN, light.glint),
     Fault("glint at the start", (1, 3, 6), "%", _HIDDEN, light.glint_at_start),

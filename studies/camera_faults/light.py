@@ -11,10 +11,19 @@ Rng = np.random.Generator
 
 def flicker(film: Film, percent: float, _rng: Rng) -> Film:
     """Mains light and a rolling shutter: bands that move through the picture."""
+    return _banded(film, percent, 1.4)
+
+
+def fine_flicker(film: Film, percent: float, _rng: Rng) -> Film:
+    """The same with a slower readout: bands as narrow as a body."""
+    return _banded(film, percent, 3.3)
+
+
+def _banded(film: Film, percent: float, bands: float) -> Film:
     rows = np.arange(film.size_px[1]) / film.size_px[1]
 
     def lit(i: int, luma: Luma) -> Luma:
-        band = 1 + percent / 100 * np.sin(2 * np.pi * (1.4 * rows + 0.37 * i))
+        band = 1 + percent / 100 * np.sin(2 * np.pi * (bands * rows + 0.37 * i))
         return rounded(luma * band[:, None])
 
     return film.seen(lit)

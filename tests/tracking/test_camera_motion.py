@@ -133,6 +133,24 @@ def watched(shifts):
     return camera
 
 
+@pytest.mark.parametrize("share", [0.15, 0.3])
+def test_bands_of_mains_light_hide_no_motion(share):
+    """Bands that roll through the picture, finer than the tiles within which the light is taken for even."""
+    bands = 2 * np.pi * 3.3 * np.arange(360) / 360
+    lit = [1 + share * np.sin(bands + 2 * np.pi * 0.37 * i)[:, None] for i in range(8)]
+    pictures = [
+        np.clip(warped(floor_picture(seed=i), (0.5 * i, 0)) * lit[i], 0, 255).astype(np.uint8) for i in range(8)
+    ]
+    camera = CameraMotion(CAMERA, FLOOR, pictures[0], [BODY], [POSE])
+    for i, luma in enumerate(pictures):
+        camera.register(i / 25, luma, [POSE])
+    found = camera.estimate()
+    assert found.known.all()
+    for i, motion in enumerate(found.motion):
+        moved = seen_through(moved_view(CAMERA, FLOOR, motion)) - seen_through((CAMERA, FLOOR))
+        assert np.abs(moved - [0.5 * i, 0]).max() < 0.2
+
+
 def test_noise_is_not_taken_for_motion():
     camera = watched(np.zeros((12, 2)))
     found = camera.estimate()

@@ -13,7 +13,7 @@ from towval.model.conventions import PICTURE_MOTION, VIEW_MOTION
 from towval.model.findings import finding
 from towval.model.geometry import transform
 from towval.optics.moved_view import moved_view, parameters_by_motion, picture_motion, pose_sensitivity, view_before
-from towval.tracking.floor_registration import FloorRegistration, Registered
+from towval.tracking.floor_registration import FloorRegistration, Hidden, Registered
 from towval.tracking.light import evened
 from towval.tracking.template import Luma
 
@@ -32,6 +32,7 @@ class CameraMotionConstants:
     jump: float = 8.0  # Robust deviations of the change from picture to picture: a knock, a zoom step.
     reported_px: float = 0.3  # [px] Mean shift of the floor that is reported.
     least_known: float = 0.5  # Of the pictures; with fewer registered the floor shows too little.
+    sure_px: float = 0.06  # [px] Deviation of a registration, 0.01 to 0.04 in even light, beyond which light is evened.
     lost_s: float = 0.25  # [s] Longest time without registration; beyond, the camera's place is not known.
     referred_px: float = 0.1  # [px] Of the floor between its pictures and the video's first: less is not corrected.
     scattered_px: float = 0.15  # [px] Of places against each other: 0.03 to 0.07 in sound footage.
@@ -128,6 +129,8 @@ class CameraMotion:
         ]
         self.view = camera, floor
         self.floor_seen = FloorRegistration(camera, floor, luma, hidden)
+        self.first, self.hidden_at_first = luma, hidden
+        self.in_even_light: FloorRegistration | None = None
         self.raw, self.used = np.zeros(_SIZE), np.zeros(_SIZE)
         self.numbers, self.information, self.registered = array("d"), np.zeros((_SIZE, _SIZE)), 0
         self.begun = False
@@ -145,7 +148,7 @@ class CameraMotion:
             self.numbers.extend((time_s, *np.zeros(2 * _SIZE), np.nan))
             return self.view
         if self.watched:
-            found = self.floor_seen.register(luma, self.raw, self.hidden_discs(poses))
+            found = self._registered(luma, self.hidden_discs(poses))
         if found is not None:
             self.raw = found.motion
             self.registered += 1
@@ -157,7 +160,19 @@ class CameraMotion:
         self.numbers.extend((time_s, *raw, *self.used, 0.0 if found is None else found.std_px))
         return self.view
 
-    def hidden_discs(self, poses: Sequence[Array]) -> list[tuple[Array, float]]:
+    def _registered(self, luma: Luma, hidden: Hidden) -> Registered | None:
+        found = self.floor_seen.register(luma, self.raw, hidden)
+        if found is not None and found.std_px < CONSTANTS.sure_px:
+            return found
+        # Bands of mains light, shadows and glare differ within a tile, too; to even all pictures would cost too much.
+        if self.in_even_light is None:
+            self.in_even_light = FloorRegistration(self.camera, self.floor, evened(self.first), self.hidden_at_first)
+        even = None
+        if self.in_even_light.template is not None:
+            even = self.in_even_light.register(evened(luma), self.raw, hidden)
+        return min((seen for seen in (found, even) if seen is not None), key=lambda seen: seen.std_px, default=None)
+
+    def hidden_discs(self, poses: Sequence[Array]) -> Hidden:
         """Discs of the floor that bodies hide: where they stand, and behind their tops."""
         eye = self.floor.camera_position_m
         discs = []
@@ -186,7 +201,9 @@ class CameraMotion:
         if max(map(self.floor_seen.shift_px, motion)) < CONSTANTS.corrected_px:
             motion, own_all = zero, zero
         common = modes @ np.diag(common) @ modes.T
-        scattered_px = self.floor_seen.scattered_px
+        scattered_px = max(
+            seen.scattered_px for seen in (self.floor_seen, self.in_even_light) if seen and seen.template
+        )
         scattered_px *= scattered_px > CONSTANTS.scattered_px
         return ViewMotion(self.camera, self.floor, time_s, motion, used, known, common, own_all, modes, scattered_px)
 
