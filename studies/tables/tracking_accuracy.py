@@ -99,8 +99,8 @@ HEADER = (
 )
 
 
-def row(name: str, body: str, results: list[dict[str, float]]) -> str:
-    """One line of the table."""
+def summary(results: list[dict[str, float]]) -> dict[str, float]:
+    """A body of a scene over all seeds: medians, the worst frame, how many are warned of, and predicted over actual."""
 
     def median(key: str) -> float:
         values = [result[key] for result in results if key in result]
@@ -110,8 +110,18 @@ def row(name: str, body: str, results: list[dict[str, float]]) -> str:
         pairs = [(r[f"predicted_{kind}"], r[f"actual_{kind}"]) for r in results if f"actual_{kind}" in r]
         return float(np.sqrt(np.divide(*np.mean(pairs, axis=0)))) if pairs else np.nan
 
-    required, warned = REQUIRED[name], int(sum(result["warned"] for result in results))
-    worst = max(result["worst_mm"] for result in results)
+    medians = ("position_mm", "scatter_mm", "heading_deg", "drift_mm_per_m", "tracked")
+    return {key: median(key) for key in medians} | {
+        "worst_mm": max(result["worst_mm"] for result in results),
+        "warned": sum(result["warned"] for result in results),
+        "position_ratio": ratio("position"),
+        "heading_ratio": ratio("heading"),
+    }
+
+
+def row(name: str, body: str, results: list[dict[str, float]]) -> str:
+    """One line of the table."""
+    required, found = REQUIRED[name], summary(results)
     misses = [
         f"{key} above {limit}"
         for key, limit in (
@@ -119,14 +129,15 @@ def row(name: str, body: str, results: list[dict[str, float]]) -> str:
             ("heading_deg", required.heading_deg),
             ("drift_mm_per_m", required.drift_mm_per_m),
         )
-        if median(key) > limit
+        if found[key] > limit
     ]
-    misses += ["silent error"] if worst > SILENT_MM else []
-    misses += ["not always warned"] if body in required.flagged and warned < len(results) else []
+    misses += ["silent error"] if found["worst_mm"] > SILENT_MM else []
+    misses += ["not always warned"] if body in required.flagged and found["warned"] < len(results) else []
     return (
-        f"{name:19}{body:8}{median('position_mm'):7.3f}{median('scatter_mm'):9.3f}{median('heading_deg'):8.4f}"
-        f"{median('drift_mm_per_m'):7.3f}{median('tracked'):9.3f}{worst:10.3f}{warned:6d}/{len(results):2d}"
-        f"{ratio('position'):13.2f}{ratio('heading'):6.2f}  {'MISSED: ' + ', '.join(misses) if misses else 'reached'}"
+        f"{name:19}{body:8}{found['position_mm']:7.3f}{found['scatter_mm']:9.3f}{found['heading_deg']:8.4f}"
+        f"{found['drift_mm_per_m']:7.3f}{found['tracked']:9.3f}{found['worst_mm']:10.3f}"
+        f"{found['warned']:6.0f}/{len(results):2d}{found['position_ratio']:13.2f}{found['heading_ratio']:6.2f}"
+        f"  {'MISSED: ' + ', '.join(misses) if misses else 'reached'}"
     )
 
 
