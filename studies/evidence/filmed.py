@@ -1,24 +1,36 @@
-"""Checks of what is simulated on the filmed runs of lab_a and lab_c: the draws' tolerance, and a tether with mass."""
+"""Checks of what is measured and simulated on the filmed runs of lab_a and lab_c."""
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from studies.evidence.compute import shared_folder
+from studies.costs import least_cpu_seconds
+from studies.evidence.compute import REPOSITORY, shared_folder
+from studies.evidence.lab import restated, stated
 from studies.evidence.ledger import Check, Values
-from studies.evidence.planting import replaced
-from studies.tables import draws_tolerance
-from towval.commands import calibrate, decimate, simulate, track
-from towval.model import TowingScene
+from studies.evidence.planting import both, replaced, result_of, tethered_longer
+from studies.tables import bound_sources, draws_tolerance
+from studies.tables.validation_rendered import judged
+from towval.commands import calibrate, decimate, identify, simulate, track
+from towval.io.records import read_tracks
+from towval.io.records.identification import read_identification
+from towval.model import Array, Body, DecimatedTrack, TowingScene, Track
+from towval.tracking import follow, known_lengths
 from towval.validation import simulate as validation_simulate
-from towval.validation.sampler import Case
+from towval.validation.hinge_trajectory import trajectory_of
+from towval.validation.sampler import Case, Sampler, UncertaintySettings
+from towval.validation.scene_model import SceneModel
+from towval.validation.simulate_many import Batch, Drawn
 
 _HERE = sys.modules[__name__]
 _MASSES_G_PER_M = (5, 20, 100, 500)
@@ -89,6 +101,178 @@ TETHER_MASS = Check(
     {
         "the tether is half as heavy as it is said to be": replaced(
             _HERE, "with_mass", lambda original: lambda scene, mass: original(scene, 0.5 * mass)
+        )
+    },
+    needs=("footage/lab_a", "footage/lab_c"),
+)
+
+
+_STEPPED = 100
+"""Draws whose steps are counted."""
+
+
+def _steps() -> Values:
+    """Steps that draws of lab_c g try and that fail, and the CPU time of a draw [ms]: medians."""
+    ((_, case),) = filmed("lab_c", "g")
+    sampler = Sampler(case, UncertaintySettings())
+    batch, rng = sampler.batch, np.random.default_rng(3)
+    tried, failed, spent = [], [], []
+    for i in range(_STEPPED):
+        drawn, _ = sampler.lay_out(i, rng.standard_normal(sum(sampler.widths.values())))
+        if drawn is not None:
+            hinge = trajectory_of(drawn.scene.hinge, batch.rover_times, drawn.rover)
+            model = SceneModel(drawn.scene, sticking=batch.sticking)
+            counts = model.motion(batch.rung, hinge, drawn.start, batch.times, batch.tolerance_m).statistics
+            tried.append(counts["steps"] + counts["rejections"])
+            failed.append(counts["rejections"])
+            spent.append(least_cpu_seconds(partial(_simulated, batch, drawn), 2))
+    return {
+        "steps tried": float(np.median(tried)),
+        "of these fail": float(np.median(failed)),
+        "a draw": 1e3 * float(np.median(spent)),
+    }
+
+
+def _simulated(batch: Batch, drawn: Drawn) -> list[Array]:
+    return list(batch.simulate([drawn]))
+
+
+STEPS = Check(
+    _steps,
+    {
+        "a step may be off by 0.01 µm in place of 3 µm": replaced(
+            _HERE, "UncertaintySettings", lambda settings: lambda: settings(tolerance_m=1e-8)
+        )
+    },
+    needs=("footage/lab_c",),
+)
+
+_ALONE = 64
+"""Draws of each source by itself."""
+
+_HEIGHTS, _SIZE = "heights of the tops", "size of the board"
+_BETTER = {_SIZE: 1 / 5, _HEIGHTS: 0.3}
+"""Deviations of a board measured to 0.1 ‰ and of heights to 0.3 mm, over the default ones."""
+
+
+def _bound_sources() -> Values:
+    """What each source does to the runs [mm], what is left with the truth, and errors of tracks along directions."""
+    found: dict[str, float] = {}
+    for name, runs, known in (("lab_a", "ab", "ab"), ("lab_c", "gh", "g")):
+        cases = {case.run: case for _, case in filmed(name, runs)}
+        truths = {run: pd.read_csv(shared_folder() / "footage" / name / f"{run}_truth.csv") for run in known}
+        for run, case in cases.items():
+            effects = list(bound_sources.source_effects(case, _ALONE))
+            for each in effects:
+                at = f"{name} {run}, {each.source}"
+                found |= {f"{at}, u_D": each.u_d, f"{at}, median": each.median, f"{at}, 95 %": each.most}
+                found[f"{at}, scatter"] = each.scatter
+            better = [each.u_d * _BETTER.get(each.source, 1.0) for each in effects if each.source != "all"]
+            found[f"{name} {run}, board known to 0.1 ‰ and heights to 0.3 mm, u_D"] = float(np.linalg.norm(better))
+            for left in bound_sources.left(case, truths[run]) if run in truths else ():
+                found[f"{name} {run}, {left.tracks}, simulated − true at most"] = left.most
+        directions = bound_sources.principal_directions((cases[run], truth) for run, truth in truths.items())
+        for k, (share, error) in enumerate(zip(directions.shares, directions.errors, strict=True), 1):
+            found |= {f"{name}, direction {k}, share": share, f"{name}, direction {k}, error": error}
+        found[f"{name}, sum of squares, larger than in"] = directions.larger
+    return found
+
+
+def _less_sure(original: Any) -> Any:
+    """Runs whose measurement is less sure than is said, in other proportions, and whose tether is 5 mm longer."""
+
+    def track_of(track: Track) -> Track:
+        return replace(track, covariance=25 * track.covariance, start_covariance=16 * track.start_covariance)
+
+    def thin(kept: DecimatedTrack) -> DecimatedTrack:
+        return replace(kept, covariance=25 * kept.covariance)
+
+    def higher(body: Body) -> Body:
+        return replace(body, height_std_m=3 * body.height_std_m)
+
+    def wrong(*args: Any) -> Iterator[tuple[str, Case]]:
+        for run, case in original(*args):
+            yield run, replace(
+                case,
+                scene=tethered_longer(5e-3)(lambda scene: scene)(case.scene),
+                calibration=replace(case.calibration, covariance=4 * case.calibration.covariance),
+                rover=higher(case.rover), towed=higher(case.towed),
+                rover_track=track_of(case.rover_track), object_track=track_of(case.object_track),
+                rover_decimated=thin(case.rover_decimated),
+            )  # fmt: skip
+
+    return wrong
+
+
+BOUND_SOURCES = Check(
+    _bound_sources,
+    {
+        "board, camera and lens are 2 times as uncertain, heights 3, registration 4, noise 5 times, and the simulated "
+        "tether is 5 mm too long": both(
+            replaced(_HERE, "filmed", _less_sure), replaced(bound_sources, "by_size", result_of(lambda size: 2 * size))
+        )
+    },
+    needs=("footage/lab_a", "footage/lab_c"),
+)
+
+
+def _identified() -> Values:
+    """The ratio of friction across to along by both runs of lab_c, and how it predicts one from the other [mm RMS]."""
+    with TemporaryDirectory() as folder:
+        campaign, results = shared_folder() / "footage" / "lab_c", Path(folder)
+        for run in "gh":
+            judged(campaign, results, run)
+        output = results / "identify.mcap"
+        identify.run(campaign, results, output, {"parameters": ["across_over_along"]})
+        fit = read_identification(output)
+    found = {"ratio by both": float(fit.values[0]), "its deviation": float(np.sqrt(fit.covariance[0, 0]))}
+    for each in fit.predictions:
+        found[f"{each.run}, ratio as stated"] = 1e3 * each.given_rms_m
+        found[f"{each.run}, ratio identified on the other run"] = 1e3 * each.predicted_rms_m
+    misfits = [float(number) for each in fit.findings for number in re.findall(r"residual is ([\d.]+)", each.text)]
+    return found | {"residual": max(misfits, default=0.0)}
+
+
+IDENTIFIED = Check(
+    _identified,
+    {"the tether is taken 5 mm too long": replaced(identify, "identify", tethered_longer(5e-3))},
+    needs=("footage/lab_c",),
+)
+
+
+def _known_lengths() -> Values:
+    """Sizes of the tops over the stated ones, less 1, and their deviations [%], with boards as stated and smaller."""
+    found: dict[str, float] = {}
+    samples, footage = REPOSITORY / "data_samples", shared_folder() / "footage"
+    for source, run, boards in (
+        (samples / "lab_small", "a", (100.0, 99.7, 99.0)),
+        (footage / "lab_a", "a", (100.0, 99.7, 99.0)),
+        (footage / "lab_c", "g", (100.0,)),
+    ):
+        for board in boards:
+            with TemporaryDirectory() as folder:
+                campaign, camera, output = (Path(folder) / name for name in ("campaign", "camera.mcap", "track.mcap"))
+                restated(source, campaign, _boards_of(stated(source), board))
+                calibrate.run(campaign, camera)
+                track.run(campaign, run, camera, output)
+                seen = read_tracks(output)["rover"].camera
+            if seen is not None:
+                at = f"{source.name} {run}, board of {board:g} %"
+                found |= {at: 100 * seen.size, f"{at}, deviation": 100 * seen.size_std}
+    return found
+
+
+def _boards_of(text: str, percent: float) -> str:
+    """What campaign.yaml says, of a board that has so much of the size that is stated."""
+    return re.sub(r"square_m: ([\d.]+)", lambda square: f"square_m: {float(square[1]) / (percent / 100):.6g}", text)
+
+
+KNOWN_LENGTHS = Check(
+    _known_lengths,
+    {
+        "outlines come out 0.2 % larger, tops are measured to 3 mm": both(
+            replaced(follow, "observe_size", result_of(lambda size: None if size is None else size + 2e-3)),
+            replaced(known_lengths, "OUTLINE", lambda said: replace(said, length_std_m=3 * said.length_std_m)),
         )
     },
     needs=("footage/lab_a", "footage/lab_c"),

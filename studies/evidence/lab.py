@@ -9,20 +9,19 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from studies.evidence.compute import shared_folder
 from studies.evidence.ledger import Check, Values
-from studies.evidence.planting import Planting, both, flawed, replaced, result_of
+from studies.evidence.planting import Planting, both, flawed, replaced, result_of, tethered_longer
 from studies.tables.accuracy import errors, off_at_most
 from studies.tables.validation_must_reach import place_reported
 from studies.tables.validation_rendered import judged
 from towval.commands import compare, simulate, track
 from towval.io.records import read_simulated, read_tracks
-from towval.model import RunUncertainty, TowingScene, Track
+from towval.model import RunUncertainty, Track
 from towval.validation import compare as validation_compare
 
 _HERE = sys.modules[__name__]
@@ -33,6 +32,15 @@ def stated(campaign: Path) -> str:
     return (campaign / "campaign.yaml").read_text(encoding="utf-8")
 
 
+def restated(source: Path, campaign: Path, text: str) -> None:
+    """A campaign with the pictures and videos of another, whose campaign.yaml says something else."""
+    campaign.mkdir(parents=True)
+    for entry in source.iterdir():
+        if entry.name != "campaign.yaml":
+            os.symlink(entry, campaign / entry.name)
+    (campaign / "campaign.yaml").write_text(text, encoding="utf-8")
+
+
 def _campaign(name: str) -> Callable[[], Values]:
     """Errors of the tracks against the truth, and what is said of each run."""
 
@@ -41,11 +49,7 @@ def _campaign(name: str) -> Callable[[], Values]:
         found: dict[str, float | str] = {}
         with TemporaryDirectory() as folder:
             campaign, results = Path(folder) / name, Path(folder) / "results"
-            campaign.mkdir()
-            for entry in source.iterdir():
-                if entry.name != "campaign.yaml":
-                    os.symlink(entry, campaign / entry.name)
-            (campaign / "campaign.yaml").write_text(stated(source), encoding="utf-8")
+            restated(source, campaign, stated(source))
             for run in re.findall(r"(?m)^  (\w+):\n    video:", stated(source)):
                 found |= _run(campaign, results, run)
         return found
@@ -88,16 +92,6 @@ def _stating(**instead: str) -> Planting:
     return replaced(_HERE, "stated", result_of(changed))
 
 
-def _longer(original: Any) -> Any:
-    """What simulates, with a tether that is 5 mm too long."""
-
-    def wrong(scene: TowingScene, *args: Any, **kwargs: Any) -> Any:
-        tether = replace(scene.tether, rest_length=scene.tether.rest_length + 5e-3)
-        return original(replace(scene, tether=tether), *args, **kwargs)
-
-    return wrong
-
-
 def _halved(found: RunUncertainty) -> RunUncertainty:
     return replace(found, validation=found.validation / 4)
 
@@ -114,7 +108,7 @@ LAB_A = Check(
             _stating(square_m="0.04012"), replaced(track, "track", result_of(_late))
         ),
         "the tether is 5 mm too long in the simulation alone, u_val and the tolerance are halved": both(
-            replaced(simulate, "simulate_selecting", _longer),
+            replaced(simulate, "simulate_selecting", tethered_longer(5e-3)),
             replaced(compare, "read_uncertainty", result_of(_halved)),
             replaced(validation_compare, "TOLERANCE_M", lambda tolerance: tolerance / 2),
         ),

@@ -12,7 +12,7 @@ from unittest.mock import patch
 import numpy as np
 
 from studies.evidence.ledger import Values
-from towval.model import Array, Track
+from towval.model import Array, TowingScene, Track
 from towval.model.tracks import TrackStatus
 
 Planting = Callable[[], AbstractContextManager[object]]
@@ -50,6 +50,19 @@ def repeated(times: int) -> Callable[[Any], Any]:
 def moved(*by: float) -> Callable[[Any], Any]:
     """A tracker's ``measure`` whose poses are off by so much [m, m, rad]."""
     return result_of(lambda found: found and replace(found, pose=found.pose + np.array(by)))
+
+
+def tethered_longer(by_m: float) -> Callable[[Any], Any]:
+    """What takes a scene first, with a tether that is so much longer [m]."""
+
+    def wrong(original: Any) -> Any:
+        def longer(scene: TowingScene, *args: Any, **kwargs: Any) -> Any:
+            tether = replace(scene.tether, rest_length=scene.tether.rest_length + by_m)
+            return original(replace(scene, tether=tether), *args, **kwargs)
+
+        return longer
+
+    return wrong
 
 
 def both(*faults: Planting) -> Planting:

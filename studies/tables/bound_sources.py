@@ -11,9 +11,10 @@ directions of u_D over rover and object of all runs, what the tracks are off in 
 """
 
 import argparse
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -80,8 +81,18 @@ class _Source:
             yield self.sampler.lay_out(i, draw) if self.noisy else self.sampler.moved(draw)
 
 
-def source_rows(case: Case, count: int) -> Iterator[str]:
-    """A row a source: u_D, by how much the simulation is moved, and how the error of the run scatters, in mm."""
+class SourceEffect(NamedTuple):
+    """What a source does [mm]: u_D; how far it moves the simulation at most, median and 95 %; the error's scatter."""
+
+    source: str
+    u_d: float
+    median: float
+    most: float
+    scatter: float
+
+
+def source_effects(case: Case, count: int) -> Iterator[SourceEffect]:
+    """The effect of each source by itself, and of all of them, over so many draws."""
     track, times = case.object_track, case.simulated.time_s
     seen = np.column_stack([np.interp(times, track.time_s, column) for column in track.pose.T])
     error = pose_difference(case.simulated.pose, seen)[:, :2]
@@ -95,11 +106,20 @@ def source_rows(case: Case, count: int) -> Iterator[str]:
         errors = error + pose_difference(np.array(moved), np.array(measured))[..., :2]
         scatter = np.nanstd(np.sqrt(np.nanmean(np.sum(errors**2, axis=-1), axis=-1)))
         found = np.sqrt(np.mean(np.sum(off**2, axis=-1))), *np.nanquantile(most, [0.5, 0.95]), scatter
-        yield f"| {source} | " + " | ".join(f"{1e3 * value:.2f}" for value in found) + " |"
+        yield SourceEffect(source, *(1e3 * float(value) for value in found))
 
 
-def left_rows(case: Case, truth: pd.DataFrame) -> Iterator[str]:
-    """How far the simulation is off, as it is and with true rover or true start, in mm."""
+class Left(NamedTuple):
+    """How far a simulation is off at most and RMS [mm], and when it is off most [s]."""
+
+    tracks: str
+    most: float
+    at_s: float
+    rms: float
+
+
+def left(case: Case, truth: pd.DataFrame) -> Iterator[Left]:
+    """How far the simulation is off, as it is and with true rover or true start."""
     model = SceneModel(case.scene, sticking=bool(case.simulated.statistics[STICKING]))
     rover, start = (_true_track(thin, truth) for thin in (case.rover_decimated, case.object_decimated))
     measured = case.rover_decimated, case.object_decimated
@@ -115,7 +135,7 @@ def left_rows(case: Case, truth: pd.DataFrame) -> Iterator[str]:
         true = true_poses(truth, "object", motion.time_s)
         off = np.linalg.norm(pose_difference(motion.pose, true)[:, :2], axis=1)
         most, rms = 1e3 * off.max(), 1e3 * np.sqrt(np.mean(off**2))
-        yield f"| {what} | {most:.2f} at {motion.time_s[off.argmax()]:.1f} s | {rms:.2f} |"
+        yield Left(what, float(most), float(motion.time_s[off.argmax()]), float(rms))
 
 
 def _true_track(thin: DecimatedTrack, truth: pd.DataFrame) -> DecimatedTrack:
@@ -125,11 +145,24 @@ def _true_track(thin: DecimatedTrack, truth: pd.DataFrame) -> DecimatedTrack:
     return replace(thin, time_s=times, pose=poses, rate=rates, covariance=nothing)
 
 
-def principal_rows(cases: Mapping[str, tuple[Case, pd.DataFrame]]) -> Iterator[str]:
-    """Shares of the variance of u_D along its principal directions, and the errors of all tracks in deviations."""
+class Directions(NamedTuple):
+    """Shares of u_D's variance along its first principal directions [%], and what the tracks are off along these.
+
+    This is in deviations, without a sign: a direction has none. ``larger`` is the share of draws than which the sum of
+    squares over all directions is larger [%].
+    """
+
+    shares: list[float]
+    errors: list[float]
+    larger: float
+
+
+def principal_directions(cases: Iterable[tuple[Case, pd.DataFrame]]) -> Directions:
+    """The errors of the tracks of all runs beside their stated covariance."""
+    cases = list(cases)
     errors: list[Array] = []
     moves: list[Array] = []
-    for number, (case, truth) in enumerate(cases.values()):
+    for number, (case, truth) in enumerate(cases):
         bodies = (case.rover, case.rover_track), (case.towed, case.object_track)
         for i, (body, track) in enumerate(bodies):
             shared, own = _moves(case, body, track)
@@ -140,10 +173,13 @@ def principal_rows(cases: Mapping[str, tuple[Case, pd.DataFrame]]) -> Iterator[s
             errors.append(_error(track, truth))
     found, root = np.concatenate(errors), np.concatenate(moves)
     values, directions = np.linalg.eigh(root @ root.T)
-    for value, direction in list(zip(values, directions.T, strict=True))[:-5:-1]:
-        yield f"| {100 * value / values.sum():.0f} % | {direction @ found / np.sqrt(value):+.2f} |"
+    largest = list(zip(values, directions.T, strict=True))[:-5:-1]
     squares = np.random.default_rng(1).standard_normal((20_000, len(values))) ** 2 @ values.clip(0)
-    yield f"| sum of squares: larger than in | {100 * np.mean(squares < found @ found):.0f} % of draws |"
+    return Directions(
+        [float(100 * value / values.sum()) for value, _ in largest],
+        [float(abs(direction @ found) / np.sqrt(value)) for value, direction in largest],
+        float(100 * np.mean(squares < found @ found)),
+    )
 
 
 def _rows(track: Track) -> Array:
@@ -182,13 +218,18 @@ def main() -> None:
     for run, case in cases.items():
         print(f"\n| {run}: source | u_D, mm | moves the simulation at most by, mm | 95 % | scatter of the error, mm |")
         print("|---|---|---|---|---|")
-        print("\n".join(source_rows(case, given.draws)))
+        for effect in source_effects(case, given.draws):
+            print(f"| {effect.source} | " + " | ".join(f"{value:.2f}" for value in effect[1:]) + " |")
         if run in truths:
             print(f"\n| {run}: simulated − true | at most, mm | RMS, mm |\n|---|---|---|")
-            print("\n".join(left_rows(case, truths[run])))
+            for each in left(case, truths[run]):
+                print(f"| {each.tracks} | {each.most:.2f} at {each.at_s:.1f} s | {each.rms:.2f} |")
     if truths:
         print("\n| share of u_D's variance | error of the tracks, deviations |\n|---|---|")
-        print("\n".join(principal_rows({run: (cases[run], truth) for run, truth in truths.items()})))
+        directions = principal_directions((cases[run], truth) for run, truth in truths.items())
+        for share, error in zip(directions.shares, directions.errors, strict=True):
+            print(f"| {share:.0f} % | {error:.2f} |")
+        print(f"| sum of squares: larger than in | {directions.larger:.0f} % of draws |")
 
 
 if __name__ == "__main__":
