@@ -2,21 +2,18 @@
 
 import math
 import re
-from dataclasses import replace
 from importlib import resources
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import yaml
 
-from towval.commands import new
 from towval.commands.new import run
 from towval.io.campaign import load_campaign
-from towval.io.video import Video
 from towval.io.yaml_text import read_yaml
 from towval.model.errors import InputError
+from towval.model.inputs import INPUTS, Realisation
 
 SAMPLE = Path(str(resources.files("towval"))) / "sample"
 FACTS = {
@@ -128,17 +125,30 @@ def test_a_folder_without_footage_is_told(footage, gone, words):
         run(footage, FACTS, ask=False, find=False)
 
 
-@pytest.mark.parametrize(("average_hz", "written"), [(29.69, 30), (24.98, 25), (27.2, None)])
-def test_the_rate_that_the_camera_was_set_to_is_a_guess_and_not_what_the_pictures_came_at(
-    footage, monkeypatch, average_hz, written
-):
-    """Two runs of a camera that loses pictures differ in their mean rates; neither is what it was set to."""
-    header = replace(Video(footage / "a.mp4").header, rate_hz=average_hz)
-    monkeypatch.setattr(new, "Video", lambda _path: SimpleNamespace(header=header))
+def test_the_rate_of_the_camera_is_not_guessed_from_the_stamps_that_it_has_to_confirm(footage):
+    outcome = run(footage, FACTS, ask=False, find=False)
+    assert "fps" not in yaml.safe_load((footage / "campaign.yaml").read_text())["camera"]
+    assert "not stated: camera.fps" in outcome.text
+    outcome = run(footage, FACTS | {"camera.fps": 25}, ask=False, find=False, force=True)
+    assert yaml.safe_load((footage / "campaign.yaml").read_text())["camera"]["fps"] == 25
+    assert "not stated" not in outcome.text
+
+
+def test_guesses_can_be_drawn(footage):
+    """A guess has a wide deviation; four of them reach below zero, where no scene can be."""
     run(footage, FACTS, ask=False, find=False)
-    text = (footage / "campaign.yaml").read_text()
-    assert yaml.safe_load(text)["camera"].get("fps") == written
-    assert ("GUESS: the usual rate" in text) == (written is not None)
+    campaign = load_campaign(footage)
+    guessed = {key.rpartition(".")[2] for key in yaml.safe_load((footage / "campaign.yaml").read_text())["rover"]}
+    assert "tether_hinge_std_m" in guessed
+    for name, std in campaign.deviations.items():
+        for many in (-4, 4):
+            value = INPUTS[name].values(campaign.scene) + many * std
+            INPUTS[name].acts(Realisation.nominal(campaign.scene), value).checked()
+
+
+def test_a_folder_that_is_not_there_is_told_as_that(tmp_path):
+    with pytest.raises(InputError, match="is no folder"):
+        run(tmp_path / "lap", FACTS, ask=False, find=False)
 
 
 def test_videos_of_one_name_are_two_runs(footage):

@@ -56,9 +56,17 @@ def test_what_cannot_be_below_zero_scatters_to_one_side(name):
     assert numbers(below) == numbers(above)
 
 
-@pytest.mark.parametrize("name", ["across_over_along", "radius_over_planar", "regions", "inertia", "stiction_velocity"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "across_over_along", "radius_over_planar", "regions", "inertia", "stiction_velocity",
+        "friction", "body_mass", "rest_length", "stiffness",
+    ],
+)  # fmt: skip
 def test_a_draw_far_out_leaves_a_scene_that_can_be_simulated(name):
-    assert np.isfinite(numbers(drawn(name, -10.0 * max(1.0, INPUTS[name].values(SCENE)[0])))).all()
+    row = INPUTS[name]
+    far = row.acts(Realisation.nominal(SCENE), row.values(SCENE) - 10.0 * max(1.0, row.values(SCENE)[0]))
+    assert np.isfinite(numbers(far.checked().scene)).all()
 
 
 def test_static_friction_is_drawn_by_itself_and_goes_along_where_kinetic_is_identified():

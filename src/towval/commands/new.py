@@ -30,22 +30,20 @@ VIDEO_SUFFIXES = (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".mts", ".webm")
 _SAMPLE = 6
 """Pictures of the board from which its corners are counted."""
 
-_USUAL_RATES_HZ = (24, 25, 30, 48, 50, 60, 100, 120, 240)
-_RATE_SHARE = 0.03
-"""Largest relative difference between a usual rate and that of the video, which may have lost pictures."""
-
 
 @dataclass(frozen=True)
 class Fact:
-    """A key that every campaign needs.
+    """A key that every campaign needs, or should have.
 
     ``guess`` gives a value and a reason where nobody measured it, from what is known of the same section; ``std`` is
-    the key of its standard deviation in that section and the deviation of the guess.
+    the key of its standard deviation in that section and the deviation of the guess; a key that is not ``needed`` is
+    left out where nobody states it.
     """
 
     key: str
     guess: Callable[[Mapping[str, Any]], tuple[Any, str]] | None = None
     std: tuple[str, float] | None = None
+    needed: bool = True
 
 
 def _end(at: float, where: str) -> Callable[[Mapping[str, Any]], tuple[Any, str]]:
@@ -56,18 +54,19 @@ def _end(at: float, where: str) -> Callable[[Mapping[str, Any]], tuple[Any, str]
 
 
 FACTS = (
+    Fact("camera.fps", needed=False),  # A guess from the stamps would confirm the stamps.
     Fact("camera.board.type", lambda _: ("chessboard", "the usual kind")),
     Fact("camera.board.square_m"),
     Fact("rover.tracked_plane_height_m"),
     Fact("rover.top_corners_m"),
-    Fact("rover.tether_hinge_m", _end(-1, "rear")),
+    Fact("rover.tether_hinge_m", _end(-1, "rear"), ("tether_hinge_std_m", 0.05)),
     Fact("object.tracked_plane_height_m"),
     Fact("object.top_corners_m"),
     Fact("object.footprint_m", lambda body: (body["top_corners_m"], "the outline of its top")),
     Fact("object.mass_kg"),
-    Fact("object.tether_anchor_m", _end(1, "front")),
+    Fact("object.tether_anchor_m", _end(1, "front"), ("tether_anchor_std_m", 0.02)),
     Fact("tether.rest_length_m"),
-    Fact("tether.stiffness_N_per_m", lambda _: (1000.0, "a thin cord"), ("stiffness_std_N_per_m", 500.0)),
+    Fact("tether.stiffness_N_per_m", lambda _: (1000.0, "a thin cord"), ("stiffness_std_N_per_m", 300.0)),
     Fact("friction.kinetic", lambda _: (0.35, "wood on a hard floor"), ("kinetic_std", 0.1)),
     Fact("friction.static", lambda keys: (1.1 * keys["kinetic"], "a tenth above kinetic"), ("static_std", 0.1)),
     Fact("friction.stiction_velocity_m_per_s", lambda _: (0.005, "usual"), ("stiction_velocity_std_m_per_s", 0.003)),
@@ -138,6 +137,8 @@ def run(
     guessed = [key for key, mark in draft.marks.items() if mark.startswith(GUESS)]
     runs = list(draft.document["runs"])
     text = f"{len(runs)} runs; guessed, so measure first: {', '.join(guessed) or 'nothing'}"
+    unstated = [fact.key for fact in FACTS if not fact.needed and draft.known(fact.key) is None]
+    text += f"; not stated: {', '.join(unstated)}" if unstated else ""
     numbers = {"runs": runs, "guessed": guessed, "check": checked}
     return Outcome("new", (file,), text, numbers, details=(for_people(checked),) if checked else ())
 
@@ -160,11 +161,13 @@ def _with_starts(text: str, runs: Mapping[str, Any]) -> str:
 
 
 def _look_at_files(draft: Draft) -> None:
-    """Videos, pictures, resolution and frame rate."""
+    """Videos, pictures and resolution."""
     found = sorted(path.relative_to(draft.folder) for path in draft.folder.rglob("*") if path.is_file())
     videos = [path for path in found if path.suffix.lower() in VIDEO_SUFFIXES]
     pictures = [path for path in found if path.suffix.lower() in IMAGE_SUFFIXES and path.parts[0] != "check"]
     if not draft.known("runs"):
+        if not draft.folder.is_dir():
+            raise InputError(f"{draft.folder} is no folder", remedy="give the folder with the videos and pictures")
         if not videos:
             raise InputError(f"{draft.folder} holds no video", allowed=f"files ending in {', '.join(VIDEO_SUFFIXES)}")
         for path in videos:
@@ -174,9 +177,6 @@ def _look_at_files(draft: Draft) -> None:
             draft.put(f"runs.{name}", {"video": path.as_posix()})
     header = Video(draft.folder / next(iter(draft.document["runs"].values()))["video"]).header
     draft.put("camera.resolution_px", list(header.resolution_px), "From the first video.")
-    rate = min(_USUAL_RATES_HZ, key=lambda usual: abs(usual - header.rate_hz))
-    if abs(header.rate_hz / rate - 1) < _RATE_SHARE:
-        draft.put("camera.fps", rate, f"{GUESS}: the usual rate nearest to the first video's {header.rate_hz:.4g}.")
     if not pictures and not draft.known("camera.calibration_images"):
         raise InputError(f"{draft.folder} holds no picture of the board", allowed=", ".join(IMAGE_SUFFIXES))
     flat = [path for path in pictures if "floor" in path.stem.lower()]
@@ -196,14 +196,14 @@ def _fill(draft: Draft, ask: bool) -> None:
         if draft.known(fact.key) is None:
             section = draft.known(fact.key.rpartition(".")[0]) or {}
             guessed = _guessed(fact, section)
-            value = _asked(fact.key, guessed) if ask else None
+            value = _asked(fact, guessed) if ask else None
             if value is not None:
                 draft.put(fact.key, value)
             elif guessed:
                 draft.put(fact.key, guessed[0], f"{GUESS}: {guessed[1]}.")
                 if fact.std:
                     draft.put(f"{fact.key.rpartition('.')[0]}.{fact.std[0]}", fact.std[1], f"{GUESS}: of a guess.")
-            elif fact.guess is None:
+            elif fact.guess is None and fact.needed:
                 missing.append(_unknown(fact.key))
         value = draft.known(fact.key)
         if fact.key.endswith("top_corners_m") and np.shape(value) == (2,):
@@ -241,13 +241,15 @@ def _unknown(key: str) -> InputError:
     return InputError(f"{key} is not known: {_meaning(key)[1]}", remedy=f"give it: --set {key}={example}")
 
 
-def _asked(key: str, guessed: tuple[Any, str] | None) -> Any:
-    """An answer from the terminal that the schema accepts; None where it is left empty and there is a guess."""
+def _asked(fact: Fact, guessed: tuple[Any, str] | None) -> Any:
+    """An answer from the terminal that the schema accepts; None where it is left empty and may be."""
+    key = fact.key
     schema, meaning = _meaning(key)
+    empty = f" (empty: a guess, {guessed[0]})" if guessed else "" if fact.needed else " (empty: not known)"
     while True:
-        answer = input(f"{key}: {meaning}{f' (empty: a guess, {guessed[0]})' if guessed else ''}: ").strip()
+        answer = input(f"{key}: {meaning}{empty}: ").strip()
         if not answer:
-            if guessed:
+            if guessed or not fact.needed:
                 return None
             continue
         try:

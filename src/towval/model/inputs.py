@@ -35,7 +35,7 @@ __all__ = [
 ]  # fmt: skip
 
 _LEAST, _MOST = 0.05, 0.9
-"""Least ratio, and least share of a stated stiction velocity or gyration, that is drawn; and most stiffening."""
+"""Least ratio, and least share of a stated value that must be positive, that is drawn; and most stiffening."""
 
 _APART = 6.0
 """v_k is drawn no lower than this many times v_s, or their stated ratio if less: closer, Makkar's form ends."""
@@ -70,6 +70,13 @@ def _in_part(part: str, field: str, at_least: float = -np.inf) -> Callable[[Real
         return _with(real, scene=_with(real.scene, **{part: changed}))
 
     return acts
+
+
+def _positive(
+    acts: Callable[[Realisation, Array], Realisation], stated: Callable[[TowingScene], float]
+) -> Callable[[Realisation, Array], Realisation]:
+    """Keep a positive input above a small share of the value it has: a wide deviation reaches below zero."""
+    return lambda real, value: acts(real, np.maximum(value, _LEAST * stated(real.scene)))
 
 
 def _size(acts: Callable[[Realisation, Array], Realisation]) -> Callable[[Realisation, Array], Realisation]:
@@ -153,7 +160,8 @@ _END = SearchRange(lambda _: 2e-3, lambda _: 0.05)
 
 register(
     UncertainInput(
-        "friction", "friction", "", "campaign", _friction, lambda scene: scene.friction.kinetic,
+        "friction", "friction", "", "campaign", _positive(_friction, lambda scene: scene.friction.kinetic),
+        lambda scene: scene.friction.kinetic,
         stated=StatedDeviation(
             "friction.kinetic_std", "the kinetic friction coefficient", 1, 0.005,
             "inclined plane or spring balance, ten pulls",
@@ -185,7 +193,8 @@ register(
         search=_share(0.1, 0.9, lambda scene: scene.friction.friction_velocity),
     ),
     UncertainInput(
-        "body_mass", "mass of the object", "kg", "campaign", _in_scene("body_mass"), lambda scene: scene.body_mass,
+        "body_mass", "mass of the object", "kg", "campaign",
+        _positive(_in_scene("body_mass"), lambda scene: scene.body_mass), lambda scene: scene.body_mass,
         stated=StatedDeviation("object.mass_std_kg", "that mass", 1000, 0.01, _SCALE, relative=True),
         search=_share(0.02, 0.5, lambda scene: scene.body_mass),
     ),
@@ -212,13 +221,15 @@ register(
         StatedDeviation("rover.tether_hinge_std_m", "each coordinate of that place", 0.5, 0.001, _TAPE), _END,
     ),
     UncertainInput(
-        "rest_length", "rest length", "m", "campaign", _in_part("tether", "rest_length"),
+        "rest_length", "rest length", "m", "campaign",
+        _positive(_in_part("tether", "rest_length"), lambda scene: scene.tether.rest_length),
         lambda scene: scene.tether.rest_length,
         stated=StatedDeviation("tether.rest_length_std_m", "that length", 1, 0.001, "tape measure, no load"),
         search=_share(0.004, 0.3, lambda scene: scene.tether.rest_length),
     ),
     UncertainInput(
-        "stiffness", "stiffness", "N/m", "campaign", _in_part("tether", "stiffness"),
+        "stiffness", "stiffness", "N/m", "campaign",
+        _positive(_in_part("tether", "stiffness"), lambda scene: scene.tether.stiffness),
         lambda scene: scene.tether.stiffness,
         stated=StatedDeviation("tether.stiffness_std_N_per_m", "the stiffness", 1e7, 0.02,
             "stretched by 30 mm or more under a mass known to 1 %, read to 0.5 mm", relative=True,
