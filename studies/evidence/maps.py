@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from studies.comparators import lab_tow_models
+from studies.comparators.break_away import break_away_s
 from studies.evidence.ledger import Check, Values
 from studies.evidence.planting import both, given, replaced, result_of
 from studies.frame import Judgement, Part, Row, Settings, Study
@@ -162,6 +163,27 @@ CLOSE_TO_TIPPING = Check(
             replaced(lab_tow_models, "feedback", given(ground=Ground())),
             replaced(lab_tows, "STATIC_STD", lambda std: std / 2),
         ),
+    },
+)
+
+
+def _break_away() -> Values:
+    """When the tow close to tipping breaks away [s], and how far the limit surface computed apart is from that [ms]."""
+    tow = lab_tows.varied("heights", 0.4, 0.0)
+    tow = replace(tow, slope=(0.0, 0.0), towed=replace(tow.towed, across_over_along=1.0))
+    times = np.arange(0.0, 2.0, 2e-4)
+    motion = lab_tow_models.modelled(tow, lab_tow_models.present_effects(tow), times)
+    at_rest = (motion.pose == motion.pose[0]).all(axis=1)
+    simulated, apart = float(times[at_rest.argmin()]), break_away_s(tow, 1.6)
+    return {"breaks away": simulated, "against the limit surface computed apart": 1e3 * abs(simulated - apart)}
+
+
+BREAK_AWAY = Check(
+    _break_away,
+    {
+        "the model's static friction is 1 % too small": replaced(
+            lab_tow_models, "Sticking", lambda sticking: lambda static, speed: sticking(0.99 * static, speed)
+        )
     },
 )
 
