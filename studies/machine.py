@@ -1,9 +1,10 @@
-"""What a result was computed on: processor, cores and versions, as found at run time."""
+"""What a result was computed on: processor, cores and versions, and other programs, as found at run time."""
 
 from __future__ import annotations
 
 import os
 import platform
+import shutil
 from pathlib import Path
 
 from towval.io.provenance import versions
@@ -20,6 +21,11 @@ def version_line() -> str:
     """Versions that speed depends on, in one line."""
     found = versions()
     return ", ".join(f"{name} {found[name]}" for name in _SHOWN if name in found)
+
+
+def program_path(name: str) -> str | None:
+    """Where a program of others is, in the folder that ``TOWVAL_VIEWERS`` names or on the path, if anywhere."""
+    return shutil.which(name, path=os.pathsep.join([os.environ.get("TOWVAL_VIEWERS", ""), os.environ["PATH"]]))
 
 
 def _processor() -> str:

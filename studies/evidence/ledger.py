@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from studies.machine import program_path
 from towval.io.yaml_text import read_yaml
 from towval.model.errors import InputError
 
@@ -54,7 +55,8 @@ class Check:
     """A computation that makes the numbers of a group anew.
 
     ``measure`` returns them by name; ``faults`` give, by their description, a context in which the program is wrong;
-    ``needs`` are modules, and folders below the one that ``TOWVAL_SHARED`` names, without which it cannot run.
+    ``needs`` are modules and programs, and folders below the one that ``TOWVAL_SHARED`` names, without which it cannot
+    run.
     """
 
     measure: Callable[[], Values]
@@ -62,11 +64,11 @@ class Check:
     needs: tuple[str, ...] = ()
 
     def missing(self, shared: Path) -> list[str]:
-        """What is needed and not here: names with a slash are folders, the others modules."""
+        """What is needed and not here: names with a slash are folders, the others modules or programs."""
         return [
             name
             for name in self.needs
-            if not ((shared / name).is_dir() if "/" in name else importlib.util.find_spec(name) is not None)
+            if not ((shared / name).is_dir() if "/" in name else importlib.util.find_spec(name) or program_path(name))
         ]
 
 

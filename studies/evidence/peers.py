@@ -7,7 +7,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from studies.evidence.ledger import Check, Values
-from studies.evidence.planting import both, given, replaced
+from studies.evidence.planting import both, given, replaced, result_of
 from studies.tables import peers
 from studies.worlds.scenes import FilmedScene
 
@@ -57,4 +57,21 @@ PEERS = Check(
         ),
     },
     needs=("mujoco",),
+)
+
+
+def _evo() -> Values:
+    """What evo and this package differ by in the RMS distance of two paths [mm]."""
+    return {row.program.partition(", ")[2]: row.error_mm for row in peers.evo_rows()}
+
+
+EVO = Check(
+    _evo,
+    {
+        "ours is 0.1 % too large": both(
+            replaced(peers, "error_sizes", result_of(lambda sizes: 1.001 * sizes)),
+            replaced(peers, "aligned_rms", result_of(lambda apart: 1.001 * apart)),
+        )
+    },
+    needs=("evo_ape",),
 )

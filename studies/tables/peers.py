@@ -11,9 +11,7 @@ camera model all share; for the lap a computation by quadrature and SciPy's Rada
 from __future__ import annotations
 
 import argparse
-import os
 import re
-import shutil
 import subprocess
 import time
 from collections.abc import Callable, Iterator
@@ -30,6 +28,7 @@ from studies.comparators.lugre_patch import LuGre, lugre_places
 from studies.comparators.opencv_peers import klt_poses, opencv_calibration, rms_error_m
 from studies.comparators.tow_scenes import lap_scene
 from studies.costs import cpu_seconds
+from studies.machine import program_path
 from studies.tables.calibration_table import position_errors_m
 from studies.tradeoff.dynamics import FRICTION, INERTIA, MASS, SIDE, STICTION, lemniscate
 from studies.worlds.boards import calibration_set
@@ -155,7 +154,7 @@ def lap_rows() -> Iterator[PeerRow]:
 def evo_rows() -> Iterator[PeerRow]:
     """The RMS distance of a path from another at equal times, by evo and by ours: what they differ by."""
     task = "RMS distance of two paths: difference of the results"
-    command = shutil.which("evo_ape", path=os.pathsep.join([os.environ.get("TOWVAL_VIEWERS", ""), os.environ["PATH"]]))
+    command = program_path("evo_ape")
     if command is None:
         yield PeerRow(task, "evo", np.nan, np.nan, np.nan, np.nan, "not installed")
         return

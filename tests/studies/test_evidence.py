@@ -112,11 +112,11 @@ def test_ways_to_plant_a_fault():
     assert numbers_of([("speed", "", "46 × (2.03 s)", True)]) == {"speed": 46.0, "speed, 2": 2.03}
 
 
-def test_what_is_needed_and_not_here_is_named(tmp_path):
-    assert Check(_measure, {}, needs=("real/nothing", "no_such_module", "json")).missing(tmp_path) == [
-        "real/nothing",
-        "no_such_module",
-    ]
+def test_what_is_needed_and_not_here_is_named(tmp_path, monkeypatch):
+    (tmp_path / "a_program").touch(mode=0o755)
+    monkeypatch.setenv("TOWVAL_VIEWERS", str(tmp_path))
+    needs = ("real/nothing", "no_such_module", "json", "a_program")
+    assert Check(_measure, {}, needs=needs).missing(tmp_path) == ["real/nothing", "no_such_module"]
 
 
 PAGE = """# Bar
