@@ -11,12 +11,11 @@ from scipy.interpolate import CubicSpline
 
 import towval.physics
 from towval.model import Patch, Tether, TimedPath
-from towval.model.errors import InputError, RefusedError
+from towval.model.errors import InputError
 from towval.physics import (
     choose_rung,
     feedback,
     friction_wrench,
-    pressure_coefficients,
     pressure_plane,
     quasistatic_plan,
     resting_pressure,
@@ -55,26 +54,12 @@ def test_many_wrenches_are_those_of_each_twist_and_cost_little(cube, makkar):
     assert together < one / 3  # Measured: 0.5 µs a twist against 10 µs; the rest is for a busy machine.
 
 
-def test_many_pressures_are_those_of_each_load(square):
-    rng = np.random.default_rng(5)
-    centres, forces = rng.uniform(-0.19, 0.19, (60, 2)), rng.uniform(1, 100, 60)
-    together = pressure_coefficients(square, forces, centres)
-    for row, force, centre in zip(together, forces, centres, strict=True):
-        expected = pressure_plane(square, [(force, centre)]).coefficients
-        assert row == pytest.approx(expected, abs=1e-10 * np.abs(expected).max())
-    with pytest.raises(RefusedError, match="tips over"):
-        pressure_coefficients(square, forces, centres + np.array([0.3, 0.0]))
-    with pytest.raises(RefusedError, match="press"):
-        pressure_coefficients(square, -forces, centres)
-
-
 def test_wrong_types_are_input_errors(cube, makkar, lap, square):
     law, tether, hinge, start = lap
     patch, times = sliding_patch(resting_pressure(cube), makkar), [0.0, 1.0]
     for call in (
         lambda: pressure_plane([[0, 0], [1, 0], [0, 1]], [(1.0, (0.1, 0.1))]),
         lambda: pressure_plane(square, [(1.0, "here")]),
-        lambda: pressure_coefficients("square", [1.0], [[0.0, 0.0]]),
         lambda: resting_pressure(square),
         lambda: sliding_patch(square, makkar),
         lambda: sliding_patch(resting_pressure(cube), 0.35),

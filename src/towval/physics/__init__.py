@@ -20,7 +20,6 @@ _MODULES = {
         "TowedObject", "TowingScene",
     ),
     "towval.physics.contact": ("PressurePlane", "pressure_plane", "resting_pressure"),
-    "towval.physics.contact_of_many": ("pressure_coefficients",),
     "towval.physics.creep": ("creep_length",),
     "towval.physics.dynamics": ("Accuracy", "Outcome", "feedback", "feedforward"),
     "towval.physics.friction_laws": ("LAWS", "Coulomb", "Makkar", "fit_makkar", "fitted_law", "risen_law"),

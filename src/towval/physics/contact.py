@@ -26,11 +26,11 @@ from towval.model.conventions import GRAVITY_M_PER_S2
 from towval.model.errors import InputError, RefusedError
 from towval.model.geometry import polygon_area
 
-RESIDUAL_LIMIT = 1e-10
+_RESIDUAL_LIMIT = 1e-10
 """Largest equilibrium residual that is vouched for, as a part of N and of N times the footprint's size."""
 
-EDGE_DISTANCE_LIMIT = 1e-9  # of the size: closer to the hull's edge the contact is a line, and no pressure is finite
-STEP_LIMIT = 200
+_EDGE_DISTANCE_LIMIT = 1e-9  # of the size: closer to the hull's edge the contact is a line, and no pressure is finite
+_STEP_LIMIT = 200
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class PressurePlane:
     ``coefficients`` (a, b, c) [Pa/m, Pa/m, Pa] of ``p = max(0, a ξ + b η + c)``; ``normal_force`` N [N] and where the
     loads act together, ``centre`` (2,) [m], which is the centre of pressure; ``rings`` (n, 2) around the part in
     contact [m], outer ones counter-clockwise, holes clockwise; ``residual`` of the equilibrium over the rings, the
-    largest of force / N and moments / (N size); ``iterations`` of Newton's method.
+    largest of force / N and moments / (N size).
     """
 
     coefficients: Array
@@ -48,7 +48,6 @@ class PressurePlane:
     centre: Array
     rings: tuple[Array, ...]
     residual: float
-    iterations: int
 
     __repr__ = short_repr
 
@@ -118,39 +117,27 @@ def pressure_plane(patch: Patch, loads: Sequence[tuple[float, ArrayLike]]) -> Pr
     0.75
     """
     instance_of(patch, "patch", Patch)
-    polygon = footprint_polygon(patch)
+    polygon, size = footprint_polygon(patch), footprint_size(patch)
     normal_force, centre = resultant(loads)
-    size = footprint_size(patch)
-    refuse_tipping(polygon, centre, size)
+    refuse_tipping(patch, centre)
     rings = oriented_rings(polygon)
     vertices = (np.concatenate(rings) - centre) / size
     ring_ends = np.cumsum([len(ring) for ring in rings], dtype=np.int64)
     plane = np.empty(3)
-    iterations = solve_plane(vertices, ring_ends, STEP_LIMIT, plane)
+    solve_plane(vertices, ring_ends, _STEP_LIMIT, plane)
     contact = _in_contact(rings, polygon, plane, centre, size)
     residual = _residual(contact, plane, centre, size)
-    if not residual <= RESIDUAL_LIMIT:
-        raise not_converged(residual)
-    coefficients = in_body_frame(plane, normal_force, centre, size)
-    return PressurePlane(coefficients, normal_force, centre, contact, residual, iterations)
-
-
-def not_converged(residual: float) -> RefusedError:
-    """The error of a pressure whose equilibrium is not met."""
-    return RefusedError(
-        "the pressure under the footprint did not converge",
-        got=f"residual {residual:.2e}",
-        allowed=f"at most {RESIDUAL_LIMIT:.0e}",
-        remedy="check the footprint for slivers much thinner than its size",
-    )
-
-
-def in_body_frame(plane: Array, force: ArrayLike, centre: Array, size: float) -> Array:
-    """Coefficients (..., 3) of planes (..., 3) for unit force and size about the centres of pressure (..., 2)."""
-    force = np.asarray(force)[..., None]
-    gradient = plane[..., 1:] * force / size**3
-    constant = plane[..., :1] * force / size**2 - np.sum(gradient * centre, axis=-1, keepdims=True)
-    return np.concatenate([gradient, constant], axis=-1)
+    if not residual <= _RESIDUAL_LIMIT:
+        raise RefusedError(
+            "the pressure under the footprint did not converge",
+            got=f"residual {residual:.2e}",
+            allowed=f"at most {_RESIDUAL_LIMIT:.0e}",
+            remedy="check the footprint for slivers much thinner than its size",
+        )
+    # The plane is that of unit force on a footprint of unit size, about the centre of pressure.
+    slopes = plane[1:] * normal_force / size**3
+    coefficients = np.array([*slopes, plane[0] * normal_force / size**2 - np.sum(slopes * centre)])
+    return PressurePlane(coefficients, normal_force, centre, contact, residual)
 
 
 def resting_pressure(towed: TowedObject, gravity: float = GRAVITY_M_PER_S2) -> PressurePlane:
@@ -200,12 +187,12 @@ def footprint_size(patch: Patch) -> float:
     return float(np.linalg.norm(np.ptp(patch.corners, axis=0)))
 
 
-def refuse_tipping(polygon: shapely.Polygon | shapely.MultiPolygon, centre: Array, size: float) -> None:
+def refuse_tipping(patch: Patch, centre: Array) -> None:
     """Raise RefusedError where the centre of the loads is outside the convex hull of the footprint, or on its edge."""
-    hull, point = _convex_hull(polygon), shapely.Point(centre)
-    distance = hull.exterior.distance(point)
-    if not hull.contains(point) or distance < EDGE_DISTANCE_LIMIT * size:
-        side = "on the edge of" if distance < EDGE_DISTANCE_LIMIT * size else f"{distance:.4g} m outside"
+    hull, point = _convex_hull(footprint_polygon(patch)), shapely.Point(centre)
+    distance, least = hull.exterior.distance(point), _EDGE_DISTANCE_LIMIT * footprint_size(patch)
+    if not hull.contains(point) or distance < least:
+        side = "on the edge of" if distance < least else f"{distance:.4g} m outside"
         raise RefusedError(
             "the object tips over: its loads act outside the footprint",
             got=f"{tuple(centre.tolist())} m, {side} the convex hull of the footprint",
@@ -247,7 +234,7 @@ def _residual(contact: tuple[Array, ...], plane: Array, centre: Array, size: flo
     vertices = (np.concatenate(contact) - centre) / size
     moments = np.empty(6)
     clipped_moments(vertices, np.cumsum([len(ring) for ring in contact]), 1.0, 0.0, 0.0, moments)
-    return max(map(abs, imbalance(moments, *plane)))
+    return max(map(abs, _imbalance(moments, *plane)))
 
 
 @compiled(allocates=False)
@@ -314,28 +301,28 @@ def _plane_on(m: Array) -> tuple[float, float, float]:
 
 
 @compiled(allocates=False)
-def imbalance(m: Array, c: float, a: float, b: float) -> tuple[float, float, float]:
+def _imbalance(m: Array, c: float, a: float, b: float) -> tuple[float, float, float]:
     """Force and moments ∫p, ∫xp, ∫yp of a plane over a region with moments ``m``, less the unit load at the origin."""
     return m[0] * c + m[1] * a + m[2] * b - 1.0, m[1] * c + m[3] * a + m[4] * b, m[2] * c + m[4] * a + m[5] * b
 
 
 @compiled()
-def solve_plane(vertices: Array, ring_ends: NDArray[np.int64], step_limit: int, best: Array) -> int:
-    """Minimise Φ for unit force at the origin; the plane (pressure there, slopes) into ``best``. Returns the steps."""
+def solve_plane(vertices: Array, ring_ends: NDArray[np.int64], step_limit: int, best: Array) -> None:
+    """Minimise Φ for unit force at the origin; the plane (pressure there, slopes) into ``best``."""
     m = np.empty(6)
     clipped_moments(vertices, ring_ends, 1.0, 0.0, 0.0, m)
     c, a, b = _plane_on(m)
     clipped_moments(vertices, ring_ends, c, a, b, m)
     best_residual = np.inf
-    for iteration in range(step_limit):
-        g0, g1, g2 = imbalance(m, c, a, b)
+    for _ in range(step_limit):
+        g0, g1, g2 = _imbalance(m, c, a, b)
         residual = max(abs(g0), abs(g1), abs(g2))
         # Newton doubles the digits; once it no longer halves a small residual, rounding is all that is left.
-        settled = best_residual < RESIDUAL_LIMIT and residual > 0.5 * best_residual
+        settled = best_residual < _RESIDUAL_LIMIT and residual > 0.5 * best_residual
         if residual < best_residual:
             best[0], best[1], best[2], best_residual = c, a, b, residual
         if settled or best_residual < 1e-15:
-            return iteration
+            return
         full_c, full_a, full_b = _plane_on(m)
         dc, da, db = full_c - c, full_a - a, full_b - b
         descent = abs(g0 * dc + g1 * da + g2 * db)
@@ -343,13 +330,12 @@ def solve_plane(vertices: Array, ring_ends: NDArray[np.int64], step_limit: int, 
         while True:
             trial_c, trial_a, trial_b = c + fraction * dc, a + fraction * da, b + fraction * db
             clipped_moments(vertices, ring_ends, trial_c, trial_a, trial_b, m)
-            t0, t1, t2 = imbalance(m, trial_c, trial_a, trial_b)
+            t0, t1, t2 = _imbalance(m, trial_c, trial_a, trial_b)
             # Φ is convex: its slope along the step grows from −descent; where it has come to +descent / 2 we went
             # too far. Slopes, unlike values of Φ, keep their digits near the solution.
             if m[0] > 0 and t0 * dc + t1 * da + t2 * db <= 0.5 * descent + 1e-15:
                 break
             fraction *= 0.5
             if fraction < 1e-12:
-                return iteration
+                return
         c, a, b = trial_c, trial_a, trial_b
-    return step_limit

@@ -30,7 +30,7 @@ from towval.model.conventions import GRAVITY_M_PER_S2
 from towval.model.errors import InputError
 from towval.model.findings import finding
 from towval.model.geometry import transform
-from towval.physics.contact import footprint_polygon, footprint_size, refuse_tipping, resting_pressure
+from towval.physics.contact import refuse_tipping, resting_pressure
 from towval.physics.friction_laws import Coulomb
 from towval.physics.friction_table import SLOPE
 from towval.physics.integrator import NOT_FINITE, REACHED_END, STEP_LIMIT, STEP_TOO_SMALL, integrate
@@ -292,7 +292,7 @@ def _spatial_motion(
 ) -> SimulatedMotion:
     law, tether, ground, hinge_height, sticking = given
     hold = (sticking.static, sticking.speed) if sticking else (0.0, 0.0)
-    refuse_tipping(footprint_polygon(towed.patch), towed.centre_of_mass, footprint_size(towed.patch))
+    refuse_tipping(towed.patch, towed.centre_of_mass)
     problem = tow_problem(towed, as_sliding(law), tether, ground, hinge_height, drive, hold)
     run = run_tow(problem, forced, start, times, accuracy.tolerance, accuracy.step_limit)
     outcome = _OUTCOMES[run.code]
@@ -311,6 +311,15 @@ def checked_times(times: ArrayLike) -> Array:
     return times
 
 
+def resting_patch(
+    towed: TowedObject, law: Sliding | FrictionLaw | SlidingPatch, gravity: float = GRAVITY_M_PER_S2
+) -> SlidingPatch:
+    """The footprint under an object's weight with its friction; a patch that is prepared already, as it is."""
+    if isinstance(law, SlidingPatch):
+        return law
+    return sliding_patch(resting_pressure(towed, gravity), as_sliding(law).law)
+
+
 def motion_scene(
     towed: TowedObject,
     law: Sliding | FrictionLaw | SlidingPatch,
@@ -321,9 +330,7 @@ def motion_scene(
     """A towed object, what it slides on and what draws it, laid out for the compiled right-hand side."""
     instance_of(towed, "towed", TowedObject)
     instance_of(tether, "tether", Tether)
-    patch = (
-        law if isinstance(law, SlidingPatch) else sliding_patch(resting_pressure(towed, gravity), as_sliding(law).law)
-    )
+    patch = resting_patch(towed, law, gravity)
     body = [towed.mass, towed.inertia, *(patch.origin - towed.centre_of_mass), *(towed.anchor - towed.centre_of_mass)]
     return MotionProblem(patch, np.array(body), np.array([tether.stiffness, tether.rest_length, tether.damping]), drive)
 

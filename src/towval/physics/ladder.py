@@ -18,12 +18,11 @@ from numpy.typing import ArrayLike
 from towval.model import FrictionLaw, Ground, SimulatedMotion, Sliding, Tether, TimedPath, TowedObject
 from towval.model.errors import InputError
 from towval.model.plugins import Registry
-from towval.physics.contact import resting_pressure
-from towval.physics.dynamics import LEVEL, STANDARD, Accuracy, Outcome, feedback
+from towval.physics.dynamics import LEVEL, STANDARD, Accuracy, Outcome, feedback, resting_patch
 from towval.physics.spatial.tow import Sticking
 from towval.physics.splines import Spline
 from towval.physics.trailing import LIMIT_SURFACE, PATCH, TRACTRIX, trail
-from towval.physics.wrench import SlidingPatch, sliding_patch
+from towval.physics.wrench import SlidingPatch
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
@@ -147,8 +146,7 @@ def choose_rung(
     >>> choose_rung(*scene, 0.05).rung
     'tractrix'
     """
-    patch = law if isinstance(law, SlidingPatch) else sliding_patch(resting_pressure(towed), law)
-    scene = (towed, patch, tether, hinge, start_pose, times)
+    scene = (towed, resting_patch(towed, law), tether, hinge, start_pose, times)
     return lowest_rung(towed, tolerance_m, lambda rung: simulate_rung(rung, *scene, accuracy=accuracy))
 
 

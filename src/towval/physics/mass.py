@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from towval.model import Array, MassSpread, Patch, TowedObject, TowingScene
+from towval.model import MassSpread, Patch, TowedObject, TowingScene
 from towval.model.geometry import polygon_area, polygon_centroid, polygon_second_moment
 
 
@@ -32,14 +32,12 @@ def towed_object(scene: TowingScene) -> TowedObject:
     >>> towed.mass, towed.centre_of_mass.round(3).tolist()
     (10.0, [0.05, 0.0])
     """
-    centre, second, area = _moments(scene)
-    load = scene.load
+    own, load = scene.spread or spread_over(scene.patch), scene.load
     mass = scene.body_mass + load.mass
-    centre_of_mass = (scene.body_mass * centre + load.mass * load.at) / mass
-    about_own_centres = scene.body_mass * second / area + load.mass * np.sum(load.size[:2] ** 2) / 12
-    steiner = scene.body_mass * np.sum((centre - centre_of_mass) ** 2) + load.mass * np.sum(
-        (load.at - centre_of_mass) ** 2
-    )
+    centre_of_mass = (scene.body_mass * own.centre + load.mass * load.at) / mass
+    about_own_centres = scene.body_mass * own.gyration**2 + load.mass * np.sum(load.size[:2] ** 2) / 12
+    apart = own.centre - centre_of_mass, load.at - centre_of_mass
+    steiner = scene.body_mass * np.sum(apart[0] ** 2) + load.mass * np.sum(apart[1] ** 2)
     return TowedObject(
         scene.patch,
         mass,
@@ -60,21 +58,9 @@ def spread_over(patch: Patch) -> MassSpread:
     >>> square.centre.round(3).tolist(), round(square.gyration**2, 6)  # (a² + b²) / 12
     ([0.15, 0.15], 0.015)
     """
-    centre, second, area = _area_moments(patch)
-    return MassSpread(centre, float(np.sqrt(second / area)))
-
-
-def _moments(scene: TowingScene) -> tuple[Array, float, float]:
-    """Centre of the object's own mass [m]; and second moment and area, whose quotient is its gyration squared [m²]."""
-    if scene.spread is None:
-        return _area_moments(scene.patch)
-    return scene.spread.centre, scene.spread.gyration**2, 1.0
-
-
-def _area_moments(patch: Patch) -> tuple[Array, float, float]:
     rings = [*patch.outlines, *patch.holes]
     signs = np.array([1.0] * len(patch.outlines) + [-1.0] * len(patch.holes))
     areas = signs * np.array([abs(polygon_area(ring)) for ring in rings])
     centre = areas @ np.array([polygon_centroid(ring) for ring in rings]) / areas.sum()
     second = signs @ np.array([abs(polygon_second_moment(ring, centre)) for ring in rings])
-    return centre, float(second), float(areas.sum())
+    return MassSpread(centre, float(np.sqrt(float(second) / float(areas.sum()))))

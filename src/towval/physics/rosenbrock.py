@@ -81,6 +81,16 @@ def inverse_3(m: Array, out: Array) -> bool:
     return True
 
 
+@compiled(allocates=False, inline="always")
+def product_3(m: Array, x: Array | tuple[float, float, float]) -> tuple[float, float, float]:
+    """Product of a 3 × 3 matrix with three numbers."""
+    return (
+        m[0, 0] * x[0] + m[0, 1] * x[1] + m[0, 2] * x[2],
+        m[1, 0] * x[0] + m[1, 1] * x[1] + m[1, 2] * x[2],
+        m[2, 0] * x[0] + m[2, 1] * x[1] + m[2, 2] * x[2],
+    )
+
+
 @compiled(allocates=False)
 def stage_matrix(h: float, jacobian: Array, inverse: Array, scratch: Array) -> bool:
     """Invert ``I/(hγ) − D − hγ K`` into ``inverse``; ``jacobian`` (3, 6) is [K D]. False where that fails."""

@@ -79,7 +79,8 @@ def _coefficients_through(path: TimedPath) -> Array:
         swings = _swings(length, chord, coefficients, slope)
         if swings.max() <= _SWING_LIMIT:
             break
-        may_pause = _slower_than_neighbours(chord / length) | (_longest_nearby(chord) < _NOISE * chord.max())
+        speed, longest = chord / length, np.maximum(chord, _larger_neighbour(chord))
+        may_pause = (speed < _SLOW * _larger_neighbour(speed)) | (longest < _NOISE * chord.max())
         more = (swings > _SWING_LIMIT) & may_pause & ~pauses
         if not more.any():
             break
@@ -105,19 +106,14 @@ def _coinciding_ends(length: Array, slope: Array, chord: Array) -> NDArray[np.bo
     if found.any():
         before, after = np.roll(slope, 1, axis=0), np.roll(slope, -1, axis=0)
         before[0] = after[-1] = 0.0
-        usual = np.maximum(np.r_[0.0, length[:-1]], np.r_[length[1:], 0.0])
-        found &= (np.sum(before * after, axis=1) >= 0) | (length >= _LONGER * usual)
+        found &= (np.sum(before * after, axis=1) >= 0) | (length >= _LONGER * _larger_neighbour(length))
     return found
 
 
-def _slower_than_neighbours(speed: Array) -> NDArray[np.bool_]:
-    slower: NDArray[np.bool_] = speed < _SLOW * np.maximum(np.r_[0.0, speed[:-1]], np.r_[speed[1:], 0.0])
-    return slower
-
-
-def _longest_nearby(chord: Array) -> Array:
-    """The longest of each chord (n,) and its two neighbours."""
-    return np.maximum(chord, np.maximum(np.r_[0.0, chord[:-1]], np.r_[chord[1:], 0.0]))
+def _larger_neighbour(values: Array) -> Array:
+    """The larger of the two neighbours of each value (n,); zero stands beyond the ends."""
+    larger: Array = np.maximum(np.r_[0.0, values[:-1]], np.r_[values[1:], 0.0])
+    return larger
 
 
 def _swings(length: Array, chord: Array, coefficients: Array, slope: Array) -> Array:

@@ -24,13 +24,12 @@ from towval.model.checks import instance_of
 from towval.model.compiling import compiled
 from towval.model.findings import finding
 from towval.model.geometry import rotation, transform
-from towval.physics.contact import resting_pressure
-from towval.physics.dynamics import ADVICE, Outcome, checked_times
+from towval.physics.dynamics import ADVICE, Outcome, checked_times, resting_patch
 from towval.physics.friction_table import coefficient_over_speed
 from towval.physics.limit_surface import limit_surface
 from towval.physics.splines import Spline, piece_at, spline_at, spline_covering
 from towval.physics.tether import refuse_beyond_plane
-from towval.physics.wrench import SlidingPatch, sliding_patch, wrench_and_slopes
+from towval.physics.wrench import SlidingPatch, wrench_and_slopes
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
@@ -96,7 +95,7 @@ def trail(
     refuse_beyond_plane(rung, towed, tether)
     times = checked_times(times)
     drive = spline_covering(hinge, times, "the path of the hinge")
-    patch = law if isinstance(law, SlidingPatch) else sliding_patch(resting_pressure(towed), law)
+    patch = resting_patch(towed, law)
     surface = limit_surface(patch)
     mean_speed = float(np.abs(drive.coefficients[:, :, 1]).mean()) * math.sqrt(2)
     numbers = [tether.stiffness, tether.rest_length, surface.normal_force, surface.radius**2, _SLOWEST * mean_speed]

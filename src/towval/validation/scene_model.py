@@ -3,14 +3,13 @@
 from numpy.typing import ArrayLike
 
 from towval.model import FrictionSpecification, SimulatedMotion, Sliding, TimedPath, TowingScene
-from towval.physics.contact import resting_pressure
-from towval.physics.dynamics import Accuracy
+from towval.physics.dynamics import Accuracy, resting_patch
 from towval.physics.friction_laws import FittedLaw, fitted_law, risen_law
 from towval.physics.ladder import DYNAMICS, simulate_rung
 from towval.physics.mass import towed_object
 from towval.physics.spatial.tow import Sticking, is_planar
 from towval.physics.splines import Spline
-from towval.physics.wrench import SlidingPatch, sliding_patch
+from towval.physics.wrench import SlidingPatch
 
 RISE_SHARE = 1e-4
 """Speed over which the law of an object that sticks rises, as a share of v_k [1]; the peak is at a few of it."""
@@ -49,7 +48,7 @@ class SceneModel:
         scene = self.scene
         law: Sliding | SlidingPatch = self._sliding()
         if rung != DYNAMICS:
-            law = sliding_patch(resting_pressure(self.towed, scene.ground.gravity), self.law.law)
+            law = resting_patch(self.towed, self.law.law, scene.ground.gravity)
         return simulate_rung(
             rung, self.towed, law, scene.tether, hinge, start, times, accuracy=Accuracy(tolerance_m),
             ground=scene.ground, hinge_height=scene.hinge_height, sticking=self._hold(),

@@ -21,7 +21,7 @@ from towval.model.checks import positive
 from towval.model.compiling import compiled
 from towval.model.errors import InputError, RefusedError
 from towval.physics.friction_laws.fitted import SATURATED, TANH_LINEAR, TANH_SATURATED, FittedLaw
-from towval.physics.rosenbrock import inverse_3
+from towval.physics.rosenbrock import inverse_3, product_3
 
 SETTLED_FRACTION = 0.01
 RISE_RATIO = 2.0
@@ -254,8 +254,7 @@ def _newton(numbers: Numbers, g1: float, g2: float, g3: float) -> Array:
             return unknowns
         if not inverse_3(slopes, inverse):
             break
-        for i in range(3):
-            step = inverse[i, 0] * residual[0] + inverse[i, 1] * residual[1] + inverse[i, 2] * residual[2]
+        for i, step in enumerate(product_3(inverse, residual)):
             unknowns[i] -= min(max(step, -0.5), 0.5)
         low, high = _LOG_BOUNDS_ARRAY[:, 0], _LOG_BOUNDS_ARRAY[:, 1]
         if not ((unknowns >= low) & (unknowns <= high)).all():

@@ -17,7 +17,7 @@ import numpy as np
 
 from towval.model import Array
 from towval.model.compiling import compiled
-from towval.physics.rosenbrock import inverse_3
+from towval.physics.rosenbrock import inverse_3, product_3
 from towval.physics.spatial.contact_parts import Frame, contact_parts
 from towval.physics.spatial.pressure import BALANCED, Loads, solve_pressure
 from towval.physics.spatial.problem import (
@@ -86,13 +86,10 @@ def _resting_pressure(problem: TowProblem, frame: Frame, b: Loads, work: Work) -
 @compiled(allocates=False)
 def _gradient(problem: TowProblem, work: Work, xi: Vector) -> Vector:
     """Slopes of D by (v_x, v_y, ω r), r the radius of the soles: minus the friction's wrench."""
-    x, matrix, radius = work.pressure, work.matrices[W], problem.soles.numbers[RADIUS]
+    radius = problem.soles.numbers[RADIUS]
     unit_wrenches(problem.soles, problem.holding, xi[0], xi[1], xi[2] / radius, work)
-    return (
-        -(matrix[0, 0] * x[0] + matrix[0, 1] * x[1] + matrix[0, 2] * x[2]),
-        -(matrix[1, 0] * x[0] + matrix[1, 1] * x[1] + matrix[1, 2] * x[2]),
-        -(matrix[2, 0] * x[0] + matrix[2, 1] * x[1] + matrix[2, 2] * x[2]) / radius,
-    )
+    fx, fy, moment = product_3(work.matrices[W], work.pressure)
+    return -fx, -fy, -moment / radius
 
 
 @compiled(allocates=False)
@@ -145,17 +142,8 @@ def _newton_step(problem: TowProblem, work: Work, xi: Vector, g: Vector, w: Vect
             m[i, j] = fill * xi[i] * xi[j] - slopes[i, j] * share
     if not inverse_3(m, s):
         return False
-    u0, u1, u2 = _times(s, g)
-    v0, v1, v2 = _times(s, w)
+    u0, u1, u2 = product_3(s, g)
+    v0, v1, v2 = product_3(s, w)
     multiplier = (u0 * w[0] + u1 * w[1] + u2 * w[2]) / (v0 * w[0] + v1 * w[1] + v2 * w[2])
     m[0, 0], m[0, 1], m[0, 2] = multiplier * v0 - u0, multiplier * v1 - u1, multiplier * v2 - u2
     return bool(np.isfinite(multiplier))
-
-
-@compiled(allocates=False, inline="always")
-def _times(m: Array, x: Vector) -> Vector:
-    return (
-        m[0, 0] * x[0] + m[0, 1] * x[1] + m[0, 2] * x[2],
-        m[1, 0] * x[0] + m[1, 1] * x[1] + m[1, 2] * x[2],
-        m[2, 0] * x[0] + m[2, 1] * x[1] + m[2, 2] * x[2],
-    )

@@ -18,7 +18,7 @@ import math
 from towval.model import Array
 from towval.model.compiling import compiled
 from towval.physics.contact import clipped_moments
-from towval.physics.rosenbrock import inverse_3
+from towval.physics.rosenbrock import inverse_3, product_3
 from towval.physics.spatial.contact_parts import Frame, contact_parts
 from towval.physics.spatial.soles import MOMENTS, PER_AREA, PLAIN, RADIUS, STRETCH, Regions, Soles, Work, all_parts
 from towval.physics.spatial.unit_wrenches import EQUILIBRIUM, S, W, unit_wrenches
@@ -57,18 +57,9 @@ def _equilibrium(height: float, work: Work) -> bool:
 
 
 @compiled(allocates=False)
-def _solution(work: Work, b: Loads, row: int) -> float:
-    s = work.matrices[S]
-    solved: float = s[row, 0] * b[0] + s[row, 1] * b[1] + s[row, 2] * b[2]
-    return solved
-
-
-@compiled(allocates=False)
 def _residual(work: Work, b: Loads, radius: float) -> float:
-    m, x = work.matrices[EQUILIBRIUM], work.pressure
-    force = m[0, 0] * x[0] + m[0, 1] * x[1] + m[0, 2] * x[2] - b[0]
-    about_y = (m[1, 0] * x[0] + m[1, 1] * x[1] + m[1, 2] * x[2] - b[1]) / radius
-    about_x = (m[2, 0] * x[0] + m[2, 1] * x[1] + m[2, 2] * x[2] - b[2]) / radius
+    force, about_y, about_x = product_3(work.matrices[EQUILIBRIUM], work.pressure)
+    force, about_y, about_x = force - b[0], (about_y - b[1]) / radius, (about_x - b[2]) / radius
     return math.sqrt(force * force + about_y * about_y + about_x * about_x)
 
 
@@ -91,8 +82,7 @@ def solve_pressure(
         unit_wrenches(soles, table, twist[0], twist[1], twist[2], work)
         if not _equilibrium(height, work):
             return TIPS
-        for i in range(3):
-            x[i] = _solution(work, b, i)
+        x[0], x[1], x[2] = product_3(work.matrices[S], b)
         if _is_whole(soles, x):
             return BALANCED
     if _refine(soles, regions, table, frame, twist, height, b, work):
@@ -154,7 +144,7 @@ def _balance(soles: Soles, height: float, b: Loads, work: Work) -> bool:
         if residual <= enough:
             break
         o0, o1, o2 = x[0], x[1], x[2]
-        n0, n1, n2 = _solution(work, b, 0), _solution(work, b, 1), _solution(work, b, 2)
+        n0, n1, n2 = product_3(work.matrices[S], b)
         fraction, before = 1.0, residual
         while fraction > 1e-9:
             x[0], x[1], x[2] = o0 + fraction * (n0 - o0), o1 + fraction * (n1 - o1), o2 + fraction * (n2 - o2)

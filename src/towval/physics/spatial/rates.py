@@ -16,6 +16,7 @@ import math
 from towval.model import Array
 from towval.model.compiling import compiled
 from towval.physics.motion import FORCED, SLACK, TAUT
+from towval.physics.rosenbrock import product_3
 from towval.physics.spatial.hanging import damped, following_forces, hanging_forces, hanging_pull
 from towval.physics.spatial.pressure import BALANCED, solve_pressure
 from towval.physics.spatial.problem import (
@@ -124,10 +125,8 @@ def accelerations(problem: TowProblem, mode: int, time: float, piece: int, y: Ar
     twist = cos * y[3] + sin * y[4], cos * y[4] - sin * y[3], omega
     frame = y[0], y[1], cos, sin
     balance = solve_pressure(problem.soles, problem.regions, problem.sliding, frame, twist, n[HEIGHT], loads, work)
-    x, wrench = work.pressure, work.matrices[W]
-    fx = wrench[0, 0] * x[0] + wrench[0, 1] * x[1] + wrench[0, 2] * x[2] + tx
-    fy = wrench[1, 0] * x[0] + wrench[1, 1] * x[1] + wrench[1, 2] * x[2] + ty
-    moment = wrench[2, 0] * x[0] + wrench[2, 1] * x[1] + wrench[2, 2] * x[2] + n[ANCHOR_X] * ty - n[ANCHOR_Y] * tx
+    fx, fy, moment = product_3(work.matrices[W], work.pressure)
+    fx, fy, moment = fx + tx, fy + ty, moment + n[ANCHOR_X] * ty - n[ANCHOR_Y] * tx
     rates[0], rates[1], rates[2] = y[3], y[4], omega
     rates[3] = (cos * fx - sin * fy) / n[MASS] + n[GRAVITY_X]
     rates[4] = (sin * fx + cos * fy) / n[MASS] + n[GRAVITY_Y]
@@ -193,19 +192,15 @@ def _column(
 
     ``moved``: which of place and heading changes over the edge of a region, :data:`_NO_EDGE` where none does.
     """
-    slopes, wrench, s = work.matrices[J], work.matrices[W], work.matrices[S]
-    g0 = slopes[0, 0] * du[0] + slopes[0, 1] * du[1] + slopes[0, 2] * du[2]
-    g1 = slopes[1, 0] * du[0] + slopes[1, 1] * du[1] + slopes[1, 2] * du[2]
-    g2 = slopes[2, 0] * du[0] + slopes[2, 1] * du[1] + slopes[2, 2] * du[2]
+    wrench = work.matrices[W]
+    g0, g1, g2 = product_3(work.matrices[J], du)
     if moved < _NO_EDGE:
         over = work.matrices[MOVED]
         g0, g1, g2 = g0 + over[0, moved], g1 + over[1, moved], g2 + over[2, moved]
     r0 = -dt[2]
     r1 = n[ABOVE] * dt[0] - n[ANCHOR_X] * dt[2] - n[HEIGHT] * g0
     r2 = n[ABOVE] * dt[1] - n[ANCHOR_Y] * dt[2] - n[HEIGHT] * g1
-    x0 = s[0, 0] * r0 + s[0, 1] * r1 + s[0, 2] * r2
-    x1 = s[1, 0] * r0 + s[1, 1] * r1 + s[1, 2] * r2
-    x2 = s[2, 0] * r0 + s[2, 1] * r1 + s[2, 2] * r2
+    x0, x1, x2 = product_3(work.matrices[S], (r0, r1, r2))
     return (
         g0 + wrench[0, 0] * x0 + wrench[0, 1] * x1 + wrench[0, 2] * x2 + dt[0],
         g1 + wrench[1, 0] * x0 + wrench[1, 1] * x1 + wrench[1, 2] * x2 + dt[1],

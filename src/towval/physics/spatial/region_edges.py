@@ -12,17 +12,15 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from towval.model import Array
 from towval.model.compiling import compiled
+from towval.physics.area_rules import gauss_rule
 from towval.physics.friction_table import coefficient_over_speed
 from towval.physics.spatial.contact_parts import Frame, half_plane
 from towval.physics.spatial.soles import LEVER, PIECE, PLAIN, RADIUS, STRETCH, Regions, Soles, Work
 from towval.physics.spatial.unit_wrenches import MOVED
 
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
-_ALONG, _SHARE = (_NODES + 1) / 2, _WEIGHTS / 2
+_ALONG, _SHARE = gauss_rule(12)
 _LEAST_SCALE = 0.01  # of an edge: over which its nodes lie densest where the centre of rotation is on it
 _ON_EDGE = 1e-9  # of the radius of the soles: what a corner that was cut off lies beside the line that cut it
 

@@ -21,6 +21,7 @@ from towval.model.compiling import compiled
 from towval.model.errors import RefusedError
 from towval.physics.balanced_rate import ROOT_CHOSEN, ROOT_FOUND, ROOT_LOST
 from towval.physics.heading import Plan, moving_velocity
+from towval.physics.rosenbrock import product_3
 from towval.physics.spatial.hanging import reach_under
 from towval.physics.spatial.pressure import BALANCED, solve_pressure
 from towval.physics.spatial.problem import (
@@ -58,17 +59,16 @@ def _towed(problem: TowProblem, place: Array, twist: tuple[float, float, float],
     cos, sin = math.cos(place[2]), math.sin(place[2])
     gx, gy = n[MASS] * (cos * n[GRAVITY_X] + sin * n[GRAVITY_Y]), n[MASS] * (cos * n[GRAVITY_Y] - sin * n[GRAVITY_X])
     frame, weight = (place[0], place[1], cos, sin), n[MASS] * n[GRAVITY_N]
-    x, wrench = work.pressure, work.matrices[W]
     lift = before = off_before = 0.0
-    tx = ty = 0.0
+    tx = ty = moment = 0.0
     for k in range(_LIFT_LIMIT):
         loads = weight - lift, -n[ABOVE] * gx - lift * n[ANCHOR_X], -n[ABOVE] * gy - lift * n[ANCHOR_Y]
         height = n[HEIGHT] + n[ABOVE]
         balance = solve_pressure(problem.soles, problem.regions, problem.sliding, frame, twist, height, loads, work)
         if balance != BALANCED:
             return math.nan
-        tx = -(wrench[0, 0] * x[0] + wrench[0, 1] * x[1] + wrench[0, 2] * x[2]) - gx
-        ty = -(wrench[1, 0] * x[0] + wrench[1, 1] * x[1] + wrench[1, 2] * x[2]) - gy
+        fx, fy, moment = product_3(work.matrices[W], work.pressure)
+        tx, ty = -fx - gx, -fy - gy
         out[3], next_lift = reach_under(n, math.sqrt(tx * tx + ty * ty))
         off = next_lift - lift
         if abs(off) <= _LIFT_SETTLED * weight:
@@ -79,7 +79,6 @@ def _towed(problem: TowProblem, place: Array, twist: tuple[float, float, float],
     else:
         return math.nan
     out[1], out[2] = tx, ty
-    moment = wrench[2, 0] * x[0] + wrench[2, 1] * x[1] + wrench[2, 2] * x[2]
     left: float = moment + n[ANCHOR_X] * ty - n[ANCHOR_Y] * tx
     return left
 
