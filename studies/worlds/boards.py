@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 
 from towval.calibration.corners import BoardObservation, facing_camera
-from towval.calibration.observations import CalibrationObservations, lifted
+from towval.calibration.observations import CalibrationObservations
 from towval.model import Array, Camera, Floor, FloorReference
-from towval.model.geometry import transform
+from towval.model.geometry import lifted, transform
 from towval.optics.projection import project, project_kernel, to_plane
 
 

@@ -90,7 +90,8 @@ def test_the_size_of_the_board_is_as_uncertain_as_stated_on_the_floor():
         stds = doubts_std(replace(BOARD, size_std=size_std), scene.seen.reference)
         calibration = calibrated(replace(scene, seen=replace(scene.seen, doubts_std=stds)))
         std_m.append(uncertainty_map(calibration, 0.0, columns=12).std_m)
-    positions = uncertainty_map(calibration, 0.0, columns=12).position_m
+    pixels = uncertainty_map(calibration, 0.0, columns=12).pixels
+    positions = to_plane(calibration.camera, calibration.floor, pixels, 0.0)
     distance = np.linalg.norm(positions, axis=-1)
     np.testing.assert_allclose(np.sqrt(std_m[1] ** 2 - std_m[0] ** 2), 0.002 * distance, rtol=0.1, atol=2e-4)
 

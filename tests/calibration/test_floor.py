@@ -71,5 +71,5 @@ def test_a_board_is_found_where_it_lies():
     scene = calibration_set(32, floor="boards", noise_px=0.0)
     exact = Estimate(shared_parameters(scene.camera, scene.floor), ())
     first = scene.seen.floor_boards[0]
-    place = place_on_floor(first, exact, 0.003)
+    place = place_on_floor(first.board_m, first.corners_px, exact, 0.003)
     np.testing.assert_allclose(place, 0, atol=1e-6)

@@ -204,7 +204,7 @@ def test_uncertainty_figure_spans_the_deviations_of_the_map(calibration):
     pixels = np.stack(np.meshgrid([0.0, 960, 1919], [0.0, 1079]), axis=-1)
     std_m = np.array([[1e-3, 5e-4, 1e-3], [1e-3, np.nan, 1e-3]])
     covariance_m2 = 0.5 * std_m[..., None, None] ** 2 * np.eye(2)
-    grid = UncertaintyMap(0.25, pixels, np.zeros((2, 3, 2)), covariance_m2)
+    grid = UncertaintyMap(0.25, pixels, covariance_m2)
     np.testing.assert_allclose(grid.std_m, std_m)
     filled = figures.uncertainty_figure(calibration, grid).axes[0].collections[0]
     assert filled.get_clim() == (pytest.approx(0.5), pytest.approx(1.0))
@@ -212,7 +212,7 @@ def test_uncertainty_figure_spans_the_deviations_of_the_map(calibration):
 
 def test_uncertainty_map_checks_its_shape():
     with pytest.raises(InputError, match=r"UncertaintyMap\.covariance_m2"):
-        UncertaintyMap(0.25, np.zeros((2, 3, 2)), np.zeros((2, 3, 2)), np.zeros((3, 2, 2, 2)))
+        UncertaintyMap(0.25, np.zeros((2, 3, 2)), np.zeros((3, 2, 2, 2)))
 
 
 def test_tracking_figure_counts_frames_by_status(run):

@@ -7,7 +7,7 @@ from scipy.ndimage import map_coordinates
 
 from towval.model.geometry import rotation, transform
 from towval.tracking.outline_search import OutlineSearch
-from towval.tracking.rectified import CONSTANTS, Goers, Rectified, edges_limit, edges_shown
+from towval.tracking.rectified import CONSTANTS, MovingAlong, Rectified, edges_limit, edges_shown
 
 BOX = target()
 CORNERS = BOX.body.top_corners_m
@@ -50,7 +50,7 @@ def test_edges_show_as_computed_with_numpy():
 
 def test_what_goes_ends_at_edges_as_computed_with_numpy():
     rng = np.random.default_rng(4)
-    going = Goers(POSE[:2] - 1.0, 0.01, rng.uniform(-1, 1, (200, 200)).astype(np.float32))
+    going = MovingAlong(POSE[:2] - 1.0, 0.01, rng.uniform(-1, 1, (200, 200)).astype(np.float32))
     poses = poses_about(7)
     limits, known = edges_limit(BOX, going, poses, CELL_M)
     for n, pose in enumerate(poses):

@@ -16,7 +16,7 @@ from towval.model.errors import InputError
 from towval.model.geometry import compose, transform
 from towval.optics.projection import project
 from towval.tracking.clicks import check_clicks, overstretched
-from towval.tracking.co_moving import co_moving, goers
+from towval.tracking.co_moving import co_moving, moving_along
 from towval.tracking.markers import clicks_from_tags
 from towval.tracking.outline import pose_from_clicks
 from towval.tracking.outline_search import alike, symmetry_of
@@ -99,7 +99,7 @@ def test_what_goes_with_a_body_ends_where_the_body_ends():
     assert target.apart_m(compose(step, motion(0.0)), motion(2.0)) < 0.3 * pixel
     low, high = motion(0.0)[:2] - 0.6, motion(0.0)[:2] + 0.6
     corners, middle = transform(motion(0.0), target.body.top_corners_m), motion(0.0)[:2]
-    going = goers(target, views, low, high)
+    going = moving_along(target, views, low, high)
     edges = (corners + np.roll(corners, -1, axis=0)) / 2
     outward = (edges - middle) / np.linalg.norm(edges - middle, axis=1, keepdims=True)
     # The two edges towards the camera's foot show the body's sides, which go with it.
@@ -119,7 +119,7 @@ def test_what_differs_by_six_grey_levels_tells_two_thirds_of_what_it_could():
     step = np.array([60 * own.metres_per_pixel(POSE), 0.0, 0.0])
     first = np.full((240, 320), 100, np.uint8)
     later = picture(own, compose(step, POSE), lambda xy: np.full(len(xy), 100.0), around=106.0)
-    going = goers(own, [(first, np.zeros(3)), (later, step)], POSE[:2] - 0.2, POSE[:2] + 0.2)
+    going = moving_along(own, [(first, np.zeros(3)), (later, step)], POSE[:2] - 0.2, POSE[:2] + 0.2)
     middle = np.array(going.share.shape) // 2
     assert going.share[tuple(middle)] == pytest.approx(6 / (6 + 3), abs=0.02)
 

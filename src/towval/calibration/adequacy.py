@@ -1,7 +1,7 @@
 """Whether a set of views is adequate: tilt, coverage and number of views, two halves compared, surveyed marks."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -13,7 +13,12 @@ from towval.calibration.lens import LensTrial, active_parameters
 from towval.calibration.observations import CalibrationObservations
 from towval.model import Array, Calibration, Camera, Finding, Floor, Severity
 from towval.model.findings import finding
-from towval.optics.plane_uncertainty import pixel_grid, position_sensitivity, uncertainty_map
+from towval.optics.plane_uncertainty import (
+    camera_position_covariance,
+    pixel_grid,
+    position_sensitivity,
+    uncertainty_map,
+)
 from towval.optics.projection import to_plane
 
 
@@ -138,7 +143,7 @@ def _half(
     first = [] if observed.marks else [flat[0]]
     chosen = [*boards, *first, *flat[len(first) + start :: 2], *range(len(observed.observations), len(observed.blocks))]
     blocks = [observed.blocks[i] for i in chosen]
-    fitted = adjust(blocks, replace(estimate, places=tuple(estimate.places[i] for i in chosen)), active)
+    fitted = adjust(blocks, estimate.of(chosen), active)
     camera = Camera(observed.resolution_px, fitted.matrix, fitted.distortion, "")
     return camera, Floor(fitted.T_camera_floor), marginal_covariance(blocks, fitted, active)[0]
 
@@ -164,6 +169,15 @@ def blur_findings(observed: CalibrationObservations) -> list[Finding]:
         return []
     worst = max(width, key=lambda name: width[name])
     return [finding("views-blurred", names=", ".join(width), worst=worst, edge_px=width[worst])]
+
+
+def floor_quality(calibration: Calibration, heights_m: Sequence[float]) -> dict[str, float]:
+    """Height of the camera with its deviation, and the deviation of positions on planes at some heights [m]."""
+    return {
+        "camera_height_m": float(calibration.floor.camera_position_m[2]),
+        "camera_height_std_m": float(np.sqrt(camera_position_covariance(calibration)[2, 2])),
+        **{f"position_std_mm at {z:.3f} m": 1e3 * uncertainty_map(calibration, z).rms_m for z in heights_m},
+    }
 
 
 def floor_findings(

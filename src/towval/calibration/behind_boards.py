@@ -93,9 +93,9 @@ def as_floor_shows(
     """Held boards as the camera of the floor's pictures sees them, by what stands still behind them.
 
     ``pictures`` are those of the ``observed`` boards, among others. Also returned are the boards that are left out,
-    each with the reason, and the findings. Behind how many the floor is seen is up to the pictures: where it is behind
-    most of them, nothing is left of the held pictures' zoom and crop to doubt. Of a camera that was carried about, and
-    mounted later, it shows nothing.
+    each with the reason, and the findings. Where the floor is seen behind most of the held boards, their zoom and crop
+    are known and no longer fitted. If the boards were filmed before the camera was mounted, nothing follows from what
+    is behind them.
     """
     size = observed.resolution_px
     if not observed.floor_boards or not observed.boards:
@@ -130,7 +130,7 @@ def as_floor_shows(
 
 
 def _carried(crops: Sequence[Crop], resolution_px: tuple[int, int]) -> bool:
-    """Whether the camera went from place to place: it turned in its picture, or saw the floor in ever other sizes."""
+    """Whether the camera was moved between the pictures: it turned, or saw the floor at more than two sizes."""
     views: list[Crop] = []
     for crop in crops:
         far_px = CONSTANTS.carried * float(np.hypot(*resolution_px)) / 2
@@ -162,7 +162,7 @@ def _seen_by(board: BoardObservation, crop: Crop | None, resolution_px: tuple[in
 
 
 def _undoubted(observed: CalibrationObservations) -> CalibrationObservations:
-    """The observations with the held pictures' zoom and crop known."""
+    """The observations with zoom and crop of the held pictures taken as known."""
     held = np.isin(len(CALIBRATION_PARAMETERS) + np.arange(len(DOUBTS)), HELD_DOUBTS)
     return replace(observed, doubts_std=np.where(held, 0.0, observed.doubts_std))
 

@@ -6,7 +6,7 @@ Schur complement, both to solve them and to get their marginal covariance, which
 """
 
 import enum
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from towval.model import CALIBRATION_PARAMETERS, Array
 
 DOUBTS = ("size", "bow_x", "bow_y", "bow_xy", "thickness", "held_zoom", "held_u", "held_v")
-"""What is taken for known unless it is fitted, too, with a deviation stated before.
+"""Parameters that are taken as known unless they are fitted as well, each with its stated deviation.
 
 The board's size over the stated one, less 1; the rise of its surface between middle and ends [m], along its longer
 side, across, and twisted; its thickness less the stated one [m]; the magnification of the held pictures over that of
@@ -99,10 +99,14 @@ class Estimate:
     doubts: Array = field(default_factory=lambda: np.zeros(len(DOUBTS)))
     doubts_std: Array = field(default_factory=lambda: np.zeros(len(DOUBTS)))
 
+    def of(self, blocks: Iterable[int]) -> "Estimate":
+        """The estimate of some of the blocks, by their numbers."""
+        return replace(self, places=tuple(self.places[i] for i in blocks))
+
     @property
     def matrix(self) -> Array:
         """Camera matrix (3, 3) [px]."""
-        return camera_matrix(self.shared)
+        return _camera_matrix(self.shared)
 
     @property
     def distortion(self) -> Array:
@@ -118,7 +122,7 @@ class Estimate:
         return T
 
 
-def camera_matrix(shared: Array) -> Array:
+def _camera_matrix(shared: Array) -> Array:
     """Camera matrix (3, 3) [px] of shared parameters (18,)."""
     fx, fy, cx, cy = shared[:4]
     return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
@@ -165,7 +169,7 @@ def _projected(block: Block, shared: Array, place: Array, doubts: Array) -> tupl
         intrinsics[2:] += doubts[-2:]
     elif block.placement is Placement.ON_FLOOR:
         points, turn, moved_by_place = _on_floor(points, place)
-    found = cv2.projectPoints(points, pose[:3], pose[3:], camera_matrix(intrinsics), shared[_LENS_START:_FLOOR_START])
+    found = cv2.projectPoints(points, pose[:3], pose[3:], _camera_matrix(intrinsics), shared[_LENS_START:_FLOOR_START])
     pixels, jacobian = (np.asarray(each, dtype=np.float64) for each in found)
     return (block.pixels - pixels.reshape(-1, 2)).ravel(), jacobian, turn, moved_by_place
 

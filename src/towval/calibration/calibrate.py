@@ -9,6 +9,7 @@ from towval.calibration.adequacy import (
     blur_findings,
     compare_halves,
     floor_findings,
+    floor_quality,
     halves_findings,
     marks_findings,
     marks_std_px,
@@ -27,7 +28,6 @@ from towval.calibration.observations import CalibrationObservations, first_guess
 from towval.model import Board, Calibration, Camera, Finding, Floor, FloorReference, Severity, View
 from towval.model.errors import InputError, RefusedError
 from towval.model.findings import finding
-from towval.optics.plane_uncertainty import camera_position_covariance, uncertainty_map
 
 _JUDGING_MODELS = ("none", "k1", "k1 k2", "k1 k2 p1 p2 k3", "rational")
 """Lens models fitted in turn before any view is judged: a misfit that remains with the largest is the view's."""
@@ -235,7 +235,7 @@ def _with_honest_marks(
 ) -> tuple[CalibrationObservations, Estimate]:
     """Surveyed marks with the standard deviation of their residuals, where that is clearly more than stated.
 
-    And more than the doubts explain: a board of another size than stated does not make the marks worse.
+    Residuals that a board of another size than stated explains do not count.
     """
     std_px, worse = marks_std_px(observed, estimate) if observed.marks else (np.nan, False)
     if worse:
@@ -317,10 +317,7 @@ def _judged(
         findings += floor_findings(kept, calibration, heights_m, limit_m)
         if kept.marks:
             quality["marks_rms_px"], _ = marks_std_px(kept, chosen.estimate)
-        quality["camera_height_m"] = float(calibration.floor.camera_position_m[2])
-        quality["camera_height_std_m"] = float(np.sqrt(camera_position_covariance(calibration)[2, 2]))
-        for height in heights_m:
-            quality[f"position_std_mm at {height:.3f} m"] = 1e3 * uncertainty_map(calibration, height).rms_m
+        quality |= floor_quality(calibration, heights_m)
         for plane in halves:
             quality[f"halves_difference_mm at {plane.height_m:.3f} m"] = 1e3 * plane.found_m
             quality[f"halves_expected_mm at {plane.height_m:.3f} m"] = 1e3 * plane.expected_m

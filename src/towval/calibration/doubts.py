@@ -1,4 +1,4 @@
-"""What is taken for known and may not be: size, bow and thickness of the board, zoom and crop of the held pictures.
+"""Stated values that may be wrong: size, bow and thickness of the board, zoom and crop of the held pictures.
 
 The board's doubts are fitted beside the camera, with their stated deviations, which thereby enter its covariance. What
 the views contradict is fitted without prejudice and reported.
@@ -111,7 +111,7 @@ def settle(observed: CalibrationObservations, start: Estimate, models: Sequence[
 
 
 def without_prejudice(observed: CalibrationObservations, estimate: Estimate, model: str) -> Estimate:
-    """A fit in which whatever can be doubted is what the pictures say, to judge them by."""
+    """A fit that leaves everything that can be doubted to the pictures, whatever is stated; views are judged by it."""
     doubts = _open(observed, np.union1d(BOARD_DOUBTS, HELD_DOUBTS))
     active = np.concatenate([active_parameters(model, observed.reference is not None), doubts])
     return adjust(observed.blocks, replace(estimate, doubts_std=LOOSE), active)

@@ -70,8 +70,7 @@ def floor_from_boards(origin_pose: Array, all_poses: Sequence[Array], thickness_
     return np.concatenate([cv2.Rodrigues(rotation)[0].ravel(), origin_pose[3:] - thickness_m * normal])
 
 
-def place_on_floor(observation: BoardObservation, estimate: Estimate, thickness_m: float) -> Array:
-    """Where a board lies (3,): x, y [m] and heading [rad] in the floor frame."""
+def place_on_floor(points_m: Array, pixels: Array, estimate: Estimate, height_m: float) -> Array:
+    """Where a flat set of points (n, 2) [m], seen at ``pixels`` (n, 2), lies in the floor frame (3,) [m, m, rad]."""
     camera = estimate.T_camera_floor, estimate.matrix, np.ascontiguousarray(estimate.distortion)
-    corners_m = to_plane_kernel(np.ascontiguousarray(observation.corners_px), thickness_m, *camera)
-    return rigid_fit(observation.board_m, corners_m)
+    return rigid_fit(points_m, to_plane_kernel(np.ascontiguousarray(pixels), height_m, *camera))

@@ -87,18 +87,14 @@ def try_lens(
     for fold in range(min(folds, len(movable))):
         left_out = movable[fold::folds]
         kept = [i for i in range(len(blocks)) if i not in left_out]
-        fitted = adjust([blocks[i] for i in kept], _part(estimate, kept), active)
-        test = replace(fitted, places=tuple(estimate.places[i] for i in left_out))
+        fitted = adjust([blocks[i] for i in kept], estimate.of(kept), active)
+        test = replace(fitted, places=estimate.of(left_out).places)
         test_blocks = [blocks[i] for i in left_out]
         placed = adjust(test_blocks, test, np.array([], dtype=np.intp))
         for i, residual in zip(left_out, residuals(test_blocks, placed), strict=True):
             scores[i] = np.sqrt(np.mean(residual**2))
     condition = marginal_covariance(blocks, estimate, active)[1]
     return LensTrial(model, scores[movable], estimate, condition)
-
-
-def _part(estimate: Estimate, chosen: Sequence[int]) -> Estimate:
-    return replace(estimate, places=tuple(estimate.places[i] for i in chosen))
 
 
 def try_lenses(

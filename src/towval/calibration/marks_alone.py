@@ -5,17 +5,19 @@ so, and positions above the floor are as uncertain as that makes them.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.special import chdtri
 
+from towval.calibration.adequacy import floor_quality
 from towval.calibration.bundle_adjustment import Block, Estimate, Placement, adjust, marginal_covariance, residuals
 from towval.calibration.lens import LensTrial, active_parameters, choose_lens
-from towval.calibration.observations import CalibrationObservations, lifted, with_floor
+from towval.calibration.observations import CalibrationObservations, with_floor
 from towval.model import Array, Calibration, Camera, Floor, FloorReference, View
 from towval.model.errors import InputError
 from towval.model.findings import finding
-from towval.optics.plane_uncertainty import camera_position_covariance, uncertainty_map
+from towval.model.geometry import lifted
 from towval.optics.projection import to_plane
 
 _SPARE = 2
@@ -93,17 +95,12 @@ def _reported(
         "held_out_rms_mm": 1e3 * left_out_m,
         "condition_number": chosen.condition,
         "focal_length_std_px": focal_std,
-        "camera_height_m": float(calibration.floor.camera_position_m[2]),
-        "camera_height_std_m": float(np.sqrt(camera_position_covariance(calibration)[2, 2])),
+        **floor_quality(calibration, heights_m),
     }
-    quality |= {f"position_std_mm at {z:.3f} m": 1e3 * uncertainty_map(calibration, z).rms_m for z in heights_m}
     percent = 100 * focal_std / calibration.camera.matrix[0, 0]
     numbers = {"count": len(residual), "left_out_mm": 1e3 * left_out_m, "focal_percent": percent}
-    return Calibration(
-        camera=calibration.camera,
-        floor=calibration.floor,
-        covariance=calibration.covariance,
-        corner_noise_px=calibration.corner_noise_px,
+    return replace(
+        calibration,
         views=(View("surveyed marks", reference.marks_px, reference.marks_m, residual, np.nan, on_floor=True),),
         findings=(finding("marks-alone", **numbers),),
         quality=quality,

@@ -6,13 +6,12 @@ from dataclasses import dataclass, field, replace
 import cv2
 import numpy as np
 
-from towval.calibration.bundle_adjustment import DOUBTS, Block, Estimate, Placement, camera_matrix, residuals
+from towval.calibration.bundle_adjustment import DOUBTS, Block, Estimate, Placement, residuals
 from towval.calibration.corners import BoardObservation, facing_camera
 from towval.calibration.floor import floor_from_boards, place_on_floor, pose_of_plane
 from towval.model import Array, FloorReference
 from towval.model.errors import InputError
-from towval.model.geometry import rigid_fit
-from towval.optics.projection import to_plane_kernel
+from towval.model.geometry import lifted
 
 
 @dataclass(frozen=True)
@@ -73,11 +72,6 @@ class CalibrationObservations:
         )
 
 
-def lifted(points: Array, height: float) -> Array:
-    """Plane points (n, 2) as (n, 3) at a height."""
-    return np.column_stack([points, np.full(len(points), height)])
-
-
 def first_guess(observed: CalibrationObservations) -> Estimate:
     """Camera without distortion, floor and places, to start the adjustment from.
 
@@ -96,8 +90,8 @@ def first_guess(observed: CalibrationObservations) -> Estimate:
 
 def placed(observed: CalibrationObservations, estimate: Estimate) -> Estimate:
     """The same camera with the floor and all places estimated again, each board by itself."""
-    matrix, distortion = camera_matrix(estimate.shared), estimate.distortion
-    poses = [pose_of_plane(lifted(s.board_m, 0.0), s.corners_px, matrix, distortion)[0] for s in observed.observations]
+    view = estimate.matrix, estimate.distortion
+    poses = [pose_of_plane(lifted(s.board_m, 0.0), s.corners_px, *view)[0] for s in observed.observations]
     free, flat = poses[: len(observed.boards)], poses[len(observed.boards) :]
     if observed.reference is None:
         return replace(estimate, places=tuple(free))
@@ -106,7 +100,7 @@ def placed(observed: CalibrationObservations, estimate: Estimate) -> Estimate:
     places = [np.zeros(0) for _ in observed.blocks[len(observed.boards) :]]
     for i, observation in enumerate(observed.floor_boards):
         if observed.blocks[len(observed.boards) + i].placement is not Placement.FIXED:
-            places[i] = place_on_floor(observation, estimate, thickness)
+            places[i] = place_on_floor(observation.board_m, observation.corners_px, estimate, thickness)
     return replace(estimate, places=(*free, *places))
 
 
@@ -152,14 +146,11 @@ def _check_marks(reference: FloorReference) -> None:
 
 def _turned_to_marks(reference: FloorReference, estimate: Estimate) -> Estimate:
     """The floor of the boards, rotated and shifted so that the marks have their surveyed coordinates."""
-    T = estimate.T_camera_floor
-    marks_px = np.ascontiguousarray(reference.marks_px)
-    on_floor = to_plane_kernel(marks_px, 0.0, T, estimate.matrix, estimate.distortion.copy())
-    x, y, heading = rigid_fit(reference.marks_m, on_floor)
+    x, y, heading = place_on_floor(reference.marks_m, reference.marks_px, estimate, 0.0)
     turn = np.eye(4)
     turn[:2, :2] = [[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]]
     turn[:2, 3] = x, y
-    T = T @ turn
+    T = estimate.T_camera_floor @ turn
     shared = estimate.shared.copy()
     shared[12:] = np.concatenate([cv2.Rodrigues(T[:3, :3])[0].ravel(), T[:3, 3]])
     return replace(estimate, shared=shared)

@@ -173,19 +173,18 @@ class Calibration:
 class UncertaintyMap:
     """Position uncertainty on a plane over a grid of pixels.
 
-    ``height_m`` of the plane over the floor; ``pixels`` (rows, columns, 2); ``position_m`` (rows, columns, 2) where
-    their rays meet the plane, NaN where they miss it; ``covariance_m2`` (rows, columns, 2, 2) of those positions.
+    ``height_m`` of the plane over the floor; ``pixels`` (rows, columns, 2); ``covariance_m2`` (rows, columns, 2, 2) of
+    the positions where their rays meet the plane, NaN where they miss it.
     """
 
     height_m: float
     pixels: Array
-    position_m: Array
     covariance_m2: Array
 
     def __post_init__(self) -> None:
         lock(self, pixels=(None, None, 2))
         rows, columns = self.pixels.shape[:2]
-        lock(self, finite=False, position_m=(rows, columns, 2), covariance_m2=(rows, columns, 2, 2))
+        lock(self, finite=False, covariance_m2=(rows, columns, 2, 2))
 
     @property
     def std_m(self) -> Array:

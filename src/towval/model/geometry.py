@@ -55,6 +55,11 @@ def inverse_transform(pose: ArrayLike, points: ArrayLike) -> Array:
     return np.stack([c * x + s * y, -s * x + c * y], axis=-1)
 
 
+def lifted(points: Array, height: float) -> Array:
+    """Points (..., 2) over the floor as points (..., 3) at a height [m]."""
+    return np.concatenate([points, np.full((*points.shape[:-1], 1), height)], axis=-1)
+
+
 def compose(first: ArrayLike, second: ArrayLike) -> Array:
     """Pose ``T_AC = T_AB T_BC`` of two poses (..., 3); headings add and stay unwrapped."""
     first, second = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)

@@ -41,6 +41,11 @@ class Body:
         obstructions = tuple(locked(o, f"{self.name} obstruction", (None, 2)) for o in self.obstructions)
         object.__setattr__(self, "obstructions", obstructions)
 
+    @property
+    def reach_m(self) -> float:
+        """Distance of the farthest corner of the top from the origin of the body frame [m]."""
+        return float(np.linalg.norm(self.top_corners_m, axis=1).max())
+
 
 @dataclass(frozen=True)
 class Tag:
@@ -188,6 +193,10 @@ class Track:
     def seen(self) -> NDArray[np.bool_]:
         """Frames that were seen, neither lost nor coasting (n,)."""
         return np.asarray(self.status == TrackStatus.TRACKED)
+
+    def rows_at(self, time_s: ArrayLike) -> NDArray[np.intp]:
+        """Rows (m,) of the frames at times (m,) [s], which may be off by rounding; the last one for later times."""
+        return np.minimum(np.searchsorted(self.time_s, np.asarray(time_s) - 1e-9), len(self.time_s) - 1)
 
     @property
     def std(self) -> Array:

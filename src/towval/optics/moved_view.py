@@ -7,7 +7,7 @@ import numpy as np
 
 from towval.model import Array, Body, Camera, Floor
 from towval.model.conventions import VIEW_MOTION
-from towval.model.geometry import transform
+from towval.model.geometry import lifted, transform
 from towval.optics.plane_uncertainty import position_sensitivity, shared_parameters
 from towval.optics.projection import project, to_plane
 
@@ -95,7 +95,7 @@ def pose_sensitivity(camera: Camera, floor: Floor, body: Body, pose: Array) -> t
     corners = transform(pose[:, None, :], body.top_corners_m)
     n, k = corners.shape[:2]
     height = body.tracked_plane_height_m
-    points = np.concatenate([corners, np.full((n, k, 1), height)], axis=-1).reshape(-1, 3)
+    points = lifted(corners, height).reshape(-1, 3)
     by_camera, by_height = position_sensitivity(camera, floor, project(camera, floor, points), height)
     moves = np.concatenate([by_camera, by_height[:, :, None]], axis=2).reshape(n, k, 2, -1)
     by_pose = rigid_moves(corners, pose, moves)

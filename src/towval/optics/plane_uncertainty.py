@@ -5,6 +5,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from towval.model import CALIBRATION_PARAMETERS, Array, Calibration, Camera, Floor, UncertaintyMap
+from towval.model.geometry import lifted
 from towval.optics.projection import to_plane
 
 
@@ -28,7 +29,7 @@ def position_sensitivity(camera: Camera, floor: Floor, pixels: ArrayLike, height
     by_height = np.full((len(pixels), 2), np.nan)
     if not hit.any():
         return by_parameters, by_height
-    points = np.column_stack([position[hit], np.full(hit.sum(), height_m)])
+    points = lifted(position[hit], height_m)
     pose = shared_parameters(camera, floor)[12:]
     _, jacobian = cv2.projectPoints(points, pose[:3], pose[3:], camera.matrix, camera.distortion)
     jacobian = jacobian.reshape(-1, 2, jacobian.shape[1])
@@ -67,9 +68,8 @@ def uncertainty_map(
 ) -> UncertaintyMap:
     """Position uncertainty over the whole image, on the floor or on a body's plane; see :func:`position_covariance`."""
     pixels = pixel_grid(calibration.camera.resolution_px, columns)
-    position = to_plane(calibration.camera, calibration.floor, pixels, height_m)
     covariance = position_covariance(calibration, pixels, height_m, height_std_m=height_std_m)
-    return UncertaintyMap(height_m, pixels, position, covariance)
+    return UncertaintyMap(height_m, pixels, covariance)
 
 
 def camera_position_covariance(calibration: Calibration) -> Array:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from towval.model import Array, Body, Calibration, Camera, Floor
-from towval.model.geometry import transform
+from towval.model.geometry import lifted, transform
 from towval.model.run_record import RunRecord, measured_poses, nearest_samples, pose_at
 
 MISSING = -(2**15)
@@ -86,7 +86,7 @@ def film_layers(run: RunRecord, calibration: Calibration, time_s: Array) -> Film
     tension = np.linalg.norm(run.simulated.tether_force, axis=1)[:, None]
     at_rest = pose_at(run.simulated.time_s, tension, time_s)[..., 0]
     hinge, anchor = transform(rover, run.hinge), transform(simulated, run.anchor)
-    ends = np.stack([_lifted(anchor, run.anchor_height_m), _lifted(hinge, run.hinge_height_m)], axis=1)
+    ends = np.stack([lifted(anchor, run.anchor_height_m), lifted(hinge, run.hinge_height_m)], axis=1)
     lines = {
         "rover": _outline(run.rover, rover),
         "measured": _outline(run.towed, measured),
@@ -97,7 +97,7 @@ def film_layers(run: RunRecord, calibration: Calibration, time_s: Array) -> Film
     pixels = {name: _bent(view, line) for name, line in lines.items()}
     bodies = (("rover", run.rover, rover), ("measured", run.towed, measured), ("simulated", run.towed, simulated))
     for name, body, pose in bodies:
-        origin = _lifted(pose[:, None, :2], body.tracked_plane_height_m)
+        origin = lifted(pose[:, None, :2], body.tracked_plane_height_m)
         pixels[f"{name} path"] = view.project(origin)
     counts = {name: points.shape[1] for name, points in pixels.items()}
     unit_px, places = _as_integers(np.concatenate(list(pixels.values()), axis=1), calibration.camera.resolution_px)
@@ -107,11 +107,7 @@ def film_layers(run: RunRecord, calibration: Calibration, time_s: Array) -> Film
 def _outline(body: Body, poses: Array) -> Array:
     """Closed outlines (m, n + 1, 3) [m] of a body's top at poses (m, 3)."""
     closed = np.vstack([body.top_corners_m, body.top_corners_m[:1]])
-    return _lifted(transform(poses[:, None], closed), body.tracked_plane_height_m)
-
-
-def _lifted(points: Array, height_m: float) -> Array:
-    return np.concatenate([points, np.full((*points.shape[:-1], 1), height_m)], axis=-1)
+    return lifted(transform(poses[:, None], closed), body.tracked_plane_height_m)
 
 
 def _bent(view: _View, lines: Array) -> Array:

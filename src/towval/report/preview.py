@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from towval.model import Array, Body, Calibration, TowingScene
-from towval.model.geometry import transform
+from towval.model.geometry import lifted, transform
 from towval.optics.projection import project, to_plane
 from towval.report.overlay_painter import stroke
 
@@ -34,9 +34,8 @@ def draw_start(
     line = max(1, round(luma.shape[1] / 700))
 
     def draw(points: Array, height: float, colour: tuple[int, int, int], width: int) -> None:
-        pieces = _dense(np.asarray(points, dtype=float))
-        lifted = np.column_stack([pieces, np.full(len(pieces), height)])
-        stroke(picture, project(calibration.camera, calibration.floor, lifted), colour, width)
+        dense = lifted(_dense(np.asarray(points, dtype=float)), height)
+        stroke(picture, project(calibration.camera, calibration.floor, dense), colour, width)
 
     for row in floor_grid(calibration):
         draw(row, 0.0, _GRID, 1)

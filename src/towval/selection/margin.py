@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from towval.model import Array, Body, Calibration, Track
-from towval.model.geometry import position_rms
+from towval.model.geometry import lifted, position_rms
 from towval.optics.plane_uncertainty import position_covariance
 from towval.optics.projection import project
 
@@ -19,7 +19,7 @@ def measurement_std_m(calibration: Calibration, body: Body, places: ArrayLike) -
     """
     places = np.asarray(places, dtype=np.float64)[:, :2]
     height = body.tracked_plane_height_m
-    pixels = project(calibration.camera, calibration.floor, np.column_stack([places, np.full(len(places), height)]))
+    pixels = project(calibration.camera, calibration.floor, lifted(places, height))
     return position_rms(position_covariance(calibration, pixels, height, height_std_m=body.height_std_m))
 
 

@@ -91,8 +91,7 @@ class ViewMotion:
             covariance[rows] = root @ root.transpose(0, 2, 1)
             # A body is displaced as a piece of the floor is that is as large.
             std = self.scattered_px * np.linalg.norm(by_motion[:, :2, 7], axis=1)
-            turn = 1 / np.linalg.norm(body.top_corners_m, axis=1).max()
-            covariance[rows] += std[:, None, None] ** 2 * np.diag([1.0, 1.0, turn**2])
+            covariance[rows] += std[:, None, None] ** 2 * np.diag([1.0, 1.0, (1 / body.reach_m) ** 2])
         return shift, covariance
 
     def track(self) -> CameraTrack:
@@ -123,10 +122,7 @@ class CameraMotion:
             transform(p, CONSTANTS.hidden_scale * b.top_corners_m) for b, p in zip(bodies, poses, strict=True)
         )
         self.camera, self.floor = camera, floor
-        reach = (float(np.linalg.norm(body.top_corners_m, axis=1).max()) for body in bodies)
-        self.hiding = [
-            (CONSTANTS.hidden_scale * r, b.tracked_plane_height_m) for r, b in zip(reach, bodies, strict=True)
-        ]
+        self.hiding = [(CONSTANTS.hidden_scale * body.reach_m, body.tracked_plane_height_m) for body in bodies]
         self.view = camera, floor
         self.floor_seen = FloorRegistration(camera, floor, luma, hidden)
         self.first, self.hidden_at_first = luma, hidden

@@ -8,12 +8,12 @@ from numpy.typing import ArrayLike
 
 from towval.model import Array, Body, Calibration, Finding, Track
 from towval.model.findings import finding
-from towval.model.geometry import compose, inverse, wrapped
 from towval.tracking.co_moving import co_moving
 from towval.tracking.follow import CONSTANTS as FOLLOW
 from towval.tracking.outline import pose_from_clicks
 from towval.tracking.planar_target import PlanarTarget
-from towval.tracking.start import CONSTANTS, Place, Tow, around, ways_joined
+from towval.tracking.pose import step_between
+from towval.tracking.start import CONSTANTS, Place, Tow, around, joined_orientations
 from towval.tracking.template import Luma
 
 
@@ -66,7 +66,7 @@ def _checked(target: PlanarTarget, pictures: Sequence[Luma], clicks_px: ArrayLik
         if off_m > CONSTANTS.reported_px * pixel:
             findings.append(finding("clicks_corrected", name=name, off_px=off_m / pixel))
     as_good = [other for score, other in found if score >= CONSTANTS.as_good * max(best, here)]
-    rivals = [_step(clicked, other) for other in as_good if target.apart_m(clicked, other) > near_m]
+    rivals = [step_between(clicked, other) for other in as_good if target.apart_m(clicked, other) > near_m]
     spread = np.array(rivals).reshape(-1, 3)
     spread = spread.T @ spread / (len(rivals) + 1)
     if rivals:
@@ -88,18 +88,12 @@ def _in_order(target: PlanarTarget, clicks_px: Array) -> Array:
     return orders[1 + int(np.argmin(others))] if wrong else clicks_px
 
 
-def _step(pose: Array, other: Array) -> Array:
-    """From one pose (3,) to another, in the frame of the first, the shorter way round."""
-    *moved, turned = compose(inverse(pose), other)
-    return np.array([*moved, wrapped(turned)])
-
-
 def _right_way_round(targets: Sequence[PlanarTarget], checked: dict[str, Clicked], tow: Tow) -> dict[str, Clicked]:
     """The clicks of rover and object, turned where only so the tether is long enough; with findings."""
     poses = [pose_from_clicks(target, checked[target.body.name].corners_px)[0] for target in targets]
     if tow.span_m(*poses) <= tow.longest_m:
         return checked
-    joined = list(ways_joined(targets, poses, tow))
+    joined = list(joined_orientations(targets, poses, tow))
     settled = dict(checked)
     for i, target in enumerate(targets):
         name, span_m = target.body.name, float(tow.span_m(*poses))

@@ -1,4 +1,4 @@
-"""Where a body of the first picture is in others: the same top, moved rigidly on its plane."""
+"""Where a body of the first picture is in other pictures, and which part of the picture moves with it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from towval.model.errors import InputError
 from towval.model.geometry import compose, inverse, transform
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.plane_tracker import PlaneTracker
-from towval.tracking.rectified import Goers, View
+from towval.tracking.rectified import MovingAlong, View
 from towval.tracking.relocalisation import Lookalikes
 from towval.tracking.template import Luma
 
@@ -20,20 +20,20 @@ from towval.tracking.template import Luma
 class CoMovingConstants:
     """Tuned constants; lengths in pixels are measured on the planar target."""
 
-    least_px: float = 8.0  # [px] Gone by so much, a body has other lines of the floor beside its edges.
+    least_px: float = 8.0  # [px] A body that has moved so far has other lines of the floor beside its edges.
     window_px: float = 2.0  # [px] Deviation of the window in which pictures are compared.
-    least_difference: float = 3.0  # [grey levels] Which noise alone makes: below it the pictures do not tell.
-    most_views: int = 4  # Pictures in which a body is looked for no further: luck falls with their root.
+    least_difference: float = 3.0  # [grey levels] Difference of two pictures due to noise alone.
+    most_views: int = 4  # Pictures that suffice: what agrees by chance falls with the root of their number.
 
 
 CONSTANTS = CoMovingConstants()
 
 
 def co_moving(target: PlanarTarget, pose: Array, pictures: Sequence[Luma]) -> list[View]:
-    """The first picture and those of the others in which what is at ``pose`` (3,) in the first has gone elsewhere.
+    """The first picture, and those others in which the body at ``pose`` (3,) in the first is found at another place.
 
-    The first alone where nothing has, or the top is too plain to be recognised. A step is that of the floor's frame: a
-    body at a pose in the first picture is at ``compose(step, pose)``, whichever frame was chosen for the body.
+    Only the first where it stays in its place, or its top has too little texture to be recognised. The step of a view
+    is in the floor frame: a body at ``pose`` in the first picture is at ``compose(step, pose)`` in that of the view.
     """
     views: list[View] = [(pictures[0], np.zeros(3))]
     try:
@@ -57,7 +57,7 @@ def co_moving(target: PlanarTarget, pose: Array, pictures: Sequence[Luma]) -> li
     return views
 
 
-def goers(target: PlanarTarget, views: Sequence[View], low: Array, high: Array) -> Goers:
+def moving_along(target: PlanarTarget, views: Sequence[View], low: Array, high: Array) -> MovingAlong:
     """Which part of the first picture, ``low`` to ``high`` (2,) [m] on a target's plane, moves with it to other views.
 
     A cell that moves along differs less from the cell at its new place than from the one at its old place.
@@ -79,4 +79,4 @@ def goers(target: PlanarTarget, views: Sequence[View], low: Array, high: Array) 
     gone = differing([step for _, step in views[1:]])
     stayed = differing([np.zeros(3)] * (len(views) - 1))
     share = (stayed - gone) / (stayed + gone + CONSTANTS.least_difference)
-    return Goers(low, cell_m, share.astype(np.float32))
+    return MovingAlong(low, cell_m, share.astype(np.float32))

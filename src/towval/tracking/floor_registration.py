@@ -20,7 +20,7 @@ from towval.optics.projection import project, to_plane
 from towval.tracking.floor_kernels import outside, register_kernel, shares, sums_of_clusters
 from towval.tracking.light import CONSTANTS as LIGHT
 from towval.tracking.planar_target import PlanarTarget
-from towval.tracking.template import Luma, Template, make_template, slopes_at, without_light
+from towval.tracking.template import Luma, Template, make_template, shrunk, slopes_at, without_light
 
 
 @dataclass(frozen=True)
@@ -235,7 +235,7 @@ class FloorRegistration:
 
     def _set_blocks(self, luma: Luma, target: PlanarTarget) -> None:
         """Blocks of the first picture at half the resolution, round its corners on the floor."""
-        small, reach = _halved(luma), CONSTANTS.block_px
+        small, reach = shrunk(luma, 2), CONSTANTS.block_px
         mask = np.zeros_like(small)
         for outline, value in ((target.body.top_corners_m, 255), *((o, 0) for o in target.body.obstructions)):
             pixels = (target.pixels(outline, np.zeros(3)) - 0.5) / 2
@@ -251,7 +251,7 @@ class FloorRegistration:
         """A motion (9,) to which most blocks agree; None where too few do."""
         if len(self.blocks) < CONSTANTS.least_blocks:
             return None
-        small, expected = _halved(luma), self._pixels(self.block_places, start)
+        small, expected = shrunk(luma, 2), self._pixels(self.block_places, start)
         found = [_search(small, block, (at - 0.5) / 2) for block, at in zip(self.blocks, expected, strict=True)]
         seen = np.array([place is not None for place in found])
         if seen.sum() < CONSTANTS.least_blocks:
@@ -275,12 +275,6 @@ class FloorRegistration:
         """Pixels (n, 2) of places (n, 2) on the floor after a ``motion`` (9,) of the view."""
         points = np.column_stack([places, np.zeros(len(places))])
         return project(*moved_view(self.camera, self.floor, motion), points)
-
-
-def _halved(luma: Luma) -> Luma:
-    size = luma.shape[1] // 2, luma.shape[0] // 2
-    even = luma[: 2 * size[1], : 2 * size[0]]
-    return np.asarray(cv2.resize(even, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
 def _search(small: Luma, block: Luma, at: Array) -> Array | None:

@@ -12,6 +12,7 @@ import numpy as np
 
 from towval.model import Array, Finding, Track
 from towval.model.findings import finding
+from towval.model.run_record import measured_poses
 
 
 @dataclass(frozen=True)
@@ -47,18 +48,18 @@ def check_invented(tracks: Mapping[str, Track]) -> tuple[dict[str, Track], tuple
 def _bends(track: Track) -> Array:
     """By how much each step exceeds the one before (n, 3) [m, m, rad]; NaN where that is not known."""
     bends = np.full_like(track.pose, np.nan)
-    bends[1:-1] = np.diff(np.where(track.seen[:, None], track.pose, np.nan), 2, axis=0)
+    bends[1:-1] = np.diff(measured_poses(track), 2, axis=0)
     return bends
 
 
 def _bends_of_moving(track: Track) -> Array:
     """Sizes (n,) [m] of the bends of a body's path where it moves; NaN elsewhere."""
     bend = np.asarray(np.linalg.norm(_bends(track)[:, :2], axis=1))
-    way = np.full(len(bend), np.nan)
-    way[1:-1] = np.linalg.norm(track.pose[2:, :2] - track.pose[:-2, :2], axis=1)
+    step = np.full(len(bend), np.nan)
+    step[1:-1] = np.linalg.norm(track.pose[2:, :2] - track.pose[:-2, :2], axis=1)
     known = np.isfinite(bend)
     if known.any():
-        bend[known & (way < CONSTANTS.moving * np.percentile(way[known], 75))] = np.nan
+        bend[known & (step < CONSTANTS.moving * np.percentile(step[known], 75))] = np.nan
     return bend
 
 

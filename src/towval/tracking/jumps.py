@@ -1,4 +1,4 @@
-"""Steps of a body from picture to picture that wheels or a tether cannot make, looked for in its whole track."""
+"""Jumps in a finished track: steps from picture to picture that neither wheels nor a tether can cause."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,13 +8,13 @@ from towval.model.findings import finding
 from towval.model.geometry import compose, inverse
 from towval.tracking.planar_target import PlanarTarget
 
-_DEVIATIONS = 3.0  # Of the poses' own: one stray in some hundreds is beyond by chance.
+_DEVIATIONS = 3.0  # Of the poses' own noise, which one step in some hundreds exceeds by chance.
 
 
 def strays(time_s: Array, pose: Array, reach_m: float) -> Array:
-    """How far the third of three poses in a row is from where the twist between the first two leads (n - 2,) [m].
+    """Distance of each pose from where the motion between the two poses before it leads (n - 2,) [m].
 
-    A bound for any point within ``reach_m`` of the body's origin; NaN where one of the three poses (n, 3) is.
+    An upper bound for any point within ``reach_m`` of the body's origin; NaN where one of the three poses is.
     """
     length = np.diff(time_s)
     step = compose(inverse(pose[:-2]), pose[1:-1]) * (length[1:] / length[:-1])[:, None]
@@ -23,7 +23,7 @@ def strays(time_s: Array, pose: Array, reach_m: float) -> Array:
 
 
 def stray_std(time_s: Array, covariance: Array, reach_m: float) -> Array:
-    """Deviation (n - 2,) [m] of :func:`strays` that poses of covariances (n, 3, 3) have by themselves."""
+    """Standard deviation (n - 2,) [m] of :func:`strays` due to the noise of the poses, of covariances (n, 3, 3)."""
     variance, length = np.einsum("nii->ni", covariance), np.diff(time_s)
     on = (length[1:] / length[:-1])[:, None]
     x, y, heading = (variance[2:] + (1 + on) ** 2 * variance[1:-1] + on**2 * variance[:-2]).T
@@ -31,9 +31,9 @@ def stray_std(time_s: Array, covariance: Array, reach_m: float) -> Array:
 
 
 def jump_findings(target: PlanarTarget, time_s: Array, pose: Array, covariance: Array, most_m: Array) -> list[Finding]:
-    """The finding of a body whose poses (n, 3) stray beyond what motion explains (n - 2,) [m], if they do.
+    """A finding where poses (n, 3) stray by more than accelerations explain, ``most_m`` (n - 2,) [m], and their noise.
 
-    Poses that are known to be unsure, by their ``covariance`` (n, 3, 3), stray without a jump of the body.
+    ``covariance`` (n, 3, 3) is that of the poses.
     """
     stray_m = strays(time_s, pose, target.reach_m)
     unsure_m = _DEVIATIONS * stray_std(time_s, covariance, target.reach_m)

@@ -16,9 +16,7 @@ from towval.model import Array
 from towval.model.geometry import inverse_transform, wrapped
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.pose import Measurement, Tracker, robust_rigid_fit
-from towval.tracking.template import Luma
-
-Floats = NDArray[np.float32]
+from towval.tracking.template import Floats, Luma
 
 
 @dataclass(frozen=True)

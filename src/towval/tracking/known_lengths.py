@@ -47,7 +47,7 @@ def size_of_tops(calibration: Calibration, observed: Sequence[OutlineSizes]) -> 
 
 
 def as_lengths_show(calibration: Calibration, size: float, std: float) -> Calibration:
-    """The calibration with deviations as large as the tops' ``size`` (less 1) shows, where ``std`` should explain it.
+    """The calibration, its deviations enlarged until they explain the ``size`` of the tops (less 1), known to ``std``.
 
     SOURCE: Birge's ratio (Phys. Rev. 40, 207, 1932): where measurements disagree, and none can be blamed, the
     deviations of all are multiplied alike.
@@ -67,9 +67,9 @@ def length_findings(calibration: Calibration, observed: Sequence[OutlineSizes]) 
 
 
 def _variance(observed: OutlineSizes) -> float:
-    """Of one top's size, but for the camera: measured lengths, height, edges, and what pictures differ in.
+    """Variance of one top's size without that of the camera: lengths, height, edges, and scatter between pictures.
 
-    An edge that is sought a pixel beside its place is found in some pictures, and in others something else.
+    The scatter grows where something else than the edge is found in some of the pictures.
     """
     body, T = observed.target.body, observed.target.floor.T_camera_floor
     diagonal = float(np.linalg.norm(np.ptp(body.top_corners_m, axis=0)))

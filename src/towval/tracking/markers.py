@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from towval.model import Array, Body, Camera, Floor, Tag
 from towval.model.errors import InputError
-from towval.model.geometry import rigid_fit, transform
+from towval.model.geometry import lifted, rigid_fit, transform
 from towval.optics.projection import project, to_plane
 
 
@@ -51,8 +51,7 @@ def clicks_from_tags(luma: NDArray[np.uint8], body: Body, tags: Sequence[Tag], c
             allowed=f"{1000 * CONSTANTS.worst_misfit * smallest:.1f} mm",
             remedy="check size, place and heading of each tag, and the height of the planar target",
         )
-    corners = transform(pose, body.top_corners_m)
-    return project(camera, floor, np.column_stack([corners, np.full(len(corners), body.tracked_plane_height_m)]))
+    return project(camera, floor, lifted(transform(pose, body.top_corners_m), body.tracked_plane_height_m))
 
 
 def _detect(luma: NDArray[np.uint8], tag: Tag) -> Array | None:

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from towval.model import Array
 from towval.model.geometry import compose, rotation, wrapped
 from towval.tracking.planar_target import PlanarTarget
-from towval.tracking.rectified import Floats, Goers, Rectified, View, edges_limit, edges_shown
+from towval.tracking.rectified import MovingAlong, Rectified, View, edges_limit, edges_shown
+from towval.tracking.template import Floats
 
 
 @dataclass(frozen=True)
@@ -125,7 +126,7 @@ class _Level:
 class OutlineSearch:
     """Pictures searched for a target with its origin from ``low`` to ``high`` (2,) [m] in the first of the ``views``.
 
-    ``moved`` (height, width) says where something moved, ``goers`` what goes with the body, where that is known.
+    ``moved`` (height, width) says where something moved, ``moving_along`` what moves with the body; None where unknown.
     """
 
     def __init__(
@@ -135,9 +136,9 @@ class OutlineSearch:
         low: Array,
         high: Array,
         moved: NDArray[np.bool_] | None = None,
-        goers: Goers | None = None,
+        moving_along: MovingAlong | None = None,
     ):
-        self.target, self.views, self.goers = target, views, goers
+        self.target, self.views, self.moving_along = target, views, moving_along
         corners = target.body.top_corners_m
         self.order, _ = symmetry_of(corners)
         self.pixel_m = target.metres_per_pixel(np.array([*(low + high) / 2, 0.0]))
@@ -210,7 +211,7 @@ class OutlineSearch:
         corners = self.target.body.top_corners_m
         lengths = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
         shown = edges_shown(self.target, views, poses)
-        if self.goers is not None:
-            limits, known = edges_limit(self.target, self.goers, poses, self.pixel_m)
+        if self.moving_along is not None:
+            limits, known = edges_limit(self.target, self.moving_along, poses, self.pixel_m)
             shown = np.where(known, (shown + limits) / 2, shown)
         return np.asarray(np.exp(np.log(shown + CONSTANTS.least_edge) @ (lengths / lengths.sum())))

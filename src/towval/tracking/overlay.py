@@ -1,4 +1,7 @@
-"""What stands still over a body in the first picture, a banner or a time stamp, is none of it."""
+"""Finds what is drawn over a video (a banner, a time stamp) where it covers a body in the first picture.
+
+It stands still while the body moves on, and must not become part of the body's template.
+"""
 
 from dataclasses import dataclass
 
@@ -9,31 +12,29 @@ from numpy.typing import NDArray
 from towval.model import Array
 from towval.model.geometry import inverse_transform
 from towval.tracking.planar_target import PlanarTarget
-from towval.tracking.template import Luma
-
-Floats = NDArray[np.float32]
+from towval.tracking.template import Floats, Luma
 
 
 @dataclass(frozen=True)
 class OverlayConstants:
-    """Tuned constants of what stands still."""
+    """Tuned constants of the search for overlays."""
 
-    window_px: int = 9  # [px] Of a comparison: a letter of a time stamp.
+    window_px: int = 9  # [px] Width of the compared windows: a letter of a time stamp.
     least_contrast: float = 6.0  # [grey levels] Deviation in a window: twice a camera's noise.
     same: float = 0.9  # Correlation of two pictures of the same thing,
     other: float = 0.5  # and at most of two pictures of different ones.
-    gap_px: int = 15  # [px] Between letters: closed, so that digits that count are left out with the others.
-    least_share: float = 0.02  # Of the top: less does not lead a tracker astray.
-    least_changed: float = 0.2  # Of the top's texture: else the body never left its place.
+    gap_px: int = 15  # [px] Gaps between letters that are closed, so that digits that change are included.
+    least_share: float = 0.02  # Of the top: a smaller overlay does not disturb a tracker.
+    least_changed: float = 0.2  # Share of the top's texture that must change; else the body never left its place.
 
 
 CONSTANTS = OverlayConstants()
 
 
 def standing_still(first: Luma, last: Luma, target: PlanarTarget, pose: Array) -> list[Array]:
-    """Outlines (n, 2) in the body frame [m] of what is in the same place of the first and the last picture.
+    """Outlines (n, 2) in the body frame [m] of what covers a body and is the same in the first and the last picture.
 
-    ``pose`` (3,) is the body's in the first picture. Empty where the body itself is in its place in the last picture.
+    ``pose`` (3,) is the body's in the first picture. Empty where the body has not moved, so that nothing can be told.
     """
     corners = np.round(target.pixels(target.body.top_corners_m, pose)).astype(np.int32)
     pad = CONSTANTS.window_px

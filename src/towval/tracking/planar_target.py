@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from towval.model import Array, Body, Camera, Floor
 from towval.model.compiling import compiled
-from towval.model.geometry import inside_polygon, transform
+from towval.model.geometry import inside_polygon, lifted, transform
 from towval.optics.projection import project, to_plane
 from towval.tracking.interpolation import plane_pixels_kernel, plane_to_camera, sample_plane_kernel
 from towval.tracking.pose import step_between
@@ -35,8 +35,8 @@ class PlanarTarget:
 
     @cached_property
     def reach_m(self) -> float:
-        """Distance of its farthest corner from the origin of the body frame [m]."""
-        return float(np.linalg.norm(self.body.top_corners_m, axis=1).max())
+        """As of the body, which is asked for in every picture [m]."""
+        return self.body.reach_m
 
     def pixels(self, points: Array, pose: Array) -> Array:
         """Pixels (n, 2) of points (n, 2) [m] of the body frame at a ``pose`` (3,)."""
@@ -52,8 +52,7 @@ class PlanarTarget:
 
     def picture_of(self, floor_xy: Array) -> Array:
         """Pixels (..., 2) of points at the plane's height over the floor (..., 2) [m]."""
-        height = np.full((*floor_xy.shape[:-1], 1), self.height)
-        return project(self.camera, self.floor, np.concatenate([floor_xy, height], axis=-1))
+        return project(self.camera, self.floor, lifted(floor_xy, self.height))
 
     def floor_xy(self, pixels: ArrayLike) -> Array:
         """Where the rays of pixels (..., 2) meet the tracked plane (..., 2) [m]; NaN where they miss it."""

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from towval.model import Array, TrackStatus
 
 _NUMBERS = 16  # A frame's row: time, pose, covariance, status, share of inliers, residual.
-_LAST = 64  # Frames that say what misfit is usual.
+_LAST = 64  # Frames from which the usual misfit is computed.
 _MOST_TABLED = 8192  # Frames whose points are kept: every one, then every second, fourth, ...
 
 

@@ -12,9 +12,8 @@ from towval.model.compiling import compiled
 from towval.model.geometry import polygon_area
 from towval.tracking.interpolation import RELAXED
 from towval.tracking.planar_target import PlanarTarget
-from towval.tracking.template import Luma
+from towval.tracking.template import Floats, Luma
 
-Floats = NDArray[np.float32]
 View = tuple[Luma, Array]
 """A picture (height, width) and the motion (3,) on the floor that led the body there from the first one [m, m, rad]."""
 
@@ -26,7 +25,7 @@ class RectifiedConstants:
     blur_cells: float = 0.7  # So that what lies between two headings or cells still matches.
     steep: float = 2.0  # Of the usual slope of the picture: half the weight of a sharp edge.
     points_of_edge: int = 24  # At which an edge is read.
-    beside_px: float = 2.5  # [px] From an edge, where it is asked what goes with the body.
+    beside_px: float = 2.5  # [px] From an edge, on both sides of which is read what moves along with the body.
 
 
 CONSTANTS = RectifiedConstants()
@@ -76,10 +75,10 @@ class Rectified:
 
 
 @dataclass(frozen=True)
-class Goers:
-    """What goes with a body: ``share`` (rows, columns) of cells ``cell_m`` apart from ``low`` (2,) on [m].
+class MovingAlong:
+    """What moves along with a body: ``share`` (rows, columns) of cells ``cell_m`` apart from ``low`` (2,) on [m].
 
-    From −1 (stays) to 1 (goes); zero where the pictures do not tell.
+    From −1 (stays) to 1 (moves along); zero where the pictures do not tell.
     """
 
     low: Array
@@ -96,16 +95,18 @@ def edges_shown(target: PlanarTarget, views: Sequence[Rectified], poses: Array) 
     return shown
 
 
-def edges_limit(target: PlanarTarget, goers: Goers, poses: Array, pixel_m: float) -> tuple[Array, NDArray[np.bool_]]:
-    """How far what goes with the body ends at its edges (n, edges), from 0 to 1, at poses (n, 3), and where that tells.
+def edges_limit(
+    target: PlanarTarget, moving_along: MovingAlong, poses: Array, pixel_m: float
+) -> tuple[Array, NDArray[np.bool_]]:
+    """How far what moves along ends at a body's edges (n, edges), from 0 to 1, at poses (n, 3), and where that counts.
 
-    A body's side goes with it: at an edge beyond which a side shows only the slope tells.
+    The side of a body moves along as well, so it does not count at edges beyond which the side is visible.
     """
     corners = np.ascontiguousarray(target.body.top_corners_m)
     beside_m = CONSTANTS.beside_px * pixel_m * float(np.sign(polygon_area(corners)))
     limits: Array
     limits, facing = _limits_kernel(
-        goers.share, goers.low, goers.cell_m, corners, poses, beside_m,
+        moving_along.share, moving_along.low, moving_along.cell_m, corners, poses, beside_m,
         target.floor.camera_position_m[:2], CONSTANTS.points_of_edge,
     )  # fmt: skip
     return limits, facing <= 0
@@ -164,7 +165,7 @@ def _shown_kernel(
 def _limits_kernel(
     share: Floats, low: Array, cell_m: float, corners: Array, poses: Array, beside_m: float, camera: Array, count: int
 ) -> tuple[Array, Array]:
-    """Half of what goes inside minus outside of each edge (n, edges), in 0 to 1, and how far it faces the camera."""
+    """Half of what moves along inside minus outside of edges (n, edges), 0 to 1, and how far they face the camera."""
     limits, facing = np.zeros((len(poses), len(corners))), np.zeros((len(poses), len(corners)))
     for n in range(len(poses)):
         c, s = np.cos(poses[n, 2]), np.sin(poses[n, 2])

@@ -16,9 +16,7 @@ from numpy.typing import NDArray
 from towval.model import Array, Camera
 from towval.model.geometry import transform, wrapped
 from towval.tracking.planar_target import PlanarTarget, usable_points
-
-Luma = NDArray[np.uint8]
-Floats = NDArray[np.float32]
+from towval.tracking.template import Floats, Luma, shrunk
 
 
 @dataclass(frozen=True)
@@ -150,13 +148,7 @@ class Lookalikes:
         self.seen, self.target = target, replace(target, camera=_shrunk_camera(target, self.factor))
         reach = target.reach_m * np.ones(2)
         self.own = _grid(-reach, reach, self.cell_m)
-        self.pose, self.first = pose, self._shrunk(luma)
-
-    def _shrunk(self, luma: Luma) -> Luma:
-        height, width = luma.shape
-        size = width // self.factor, height // self.factor
-        whole = luma[: size[1] * self.factor, : size[0] * self.factor]
-        return np.asarray(cv2.resize(whole, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+        self.pose, self.first = pose, shrunk(luma, self.factor)
 
     @cached_property
     def _templates(self) -> list[tuple[float, Floats, Floats]]:
@@ -190,7 +182,7 @@ class Lookalikes:
         low, pixels = self._rectified
         if self.seen.floor is not self.target.floor:  # The camera moved.
             pixels = replace(self.seen, camera=_shrunk_camera(self.seen, self.factor)).picture_of(self._places[1])
-        return self._candidates(self._shrunk(luma), low, pixels)
+        return self._candidates(shrunk(luma, self.factor), low, pixels)
 
     def _candidates(self, small: Luma, low: Array, pixels: Array) -> list[Candidate]:
         view = _blurred(_resampled(small, pixels))

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from towval.model import Array, Body, Calibration, TowingScene
 from towval.model.errors import InputError
 from towval.model.geometry import compose, transform
-from towval.tracking.co_moving import co_moving, goers
+from towval.tracking.co_moving import co_moving, moving_along
 from towval.tracking.outline import combine_fits, observe_outline
-from towval.tracking.outline_search import OutlineSearch, alike
+from towval.tracking.outline_search import OutlineSearch, alike, symmetry_of
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.rectified import View
 from towval.tracking.relocalisation import visible_part
@@ -206,8 +206,8 @@ def around(target: PlanarTarget, pose: Array, views: Sequence[View]) -> OutlineS
     reach = CONSTANTS.capture_px * target.metres_per_pixel(pose)
     low, high = pose[:2] - reach, pose[:2] + reach
     beyond = 1.5 * target.reach_m
-    going = goers(target, views, low - beyond, high + beyond) if len(views) > 1 else None
-    return OutlineSearch(target, views, low, high, goers=going)
+    going = moving_along(target, views, low - beyond, high + beyond) if len(views) > 1 else None
+    return OutlineSearch(target, views, low, high, moving_along=going)
 
 
 def _together(
@@ -220,7 +220,7 @@ def _together(
             target.covered_by(place.pose, transform(other.pose, beside.body.top_corners_m)) > CONSTANTS.most_covered
             for (target, place), (beside, other) in itertools.permutations(zip(targets, trial, strict=True), 2)
         )
-        joined = tow is None or any(True for _ in ways_joined(targets, [place.pose for place in trial], tow))
+        joined = tow is None or any(True for _ in joined_orientations(targets, [place.pose for place in trial], tow))
         if not covered:
             ranked.append((joined, sum(log(max(place.score, 1e-9)) for place in trial), trial))
     if not ranked:
@@ -246,11 +246,10 @@ def _together(
     return choice, doubts
 
 
-def ways_joined(targets: Sequence[PlanarTarget], poses: Sequence[Array], tow: Tow) -> Iterator[list[Array]]:
-    """The ways round of symmetric outlines at which the tether is long enough."""
-    for trial in itertools.product(
-        *(alike(t.body.top_corners_m, pose) for t, pose in zip(targets, poses, strict=True))
-    ):
+def joined_orientations(targets: Sequence[PlanarTarget], poses: Sequence[Array], tow: Tow) -> Iterator[list[Array]]:
+    """Poses of symmetric outlines, turned onto themselves, at which the tether is long enough."""
+    turned = (alike(target.body.top_corners_m, pose) for target, pose in zip(targets, poses, strict=True))
+    for trial in itertools.product(*turned):
         if tow.span_m(*trial[:2]) <= tow.longest_m:
             yield list(trial)
 
@@ -258,21 +257,20 @@ def ways_joined(targets: Sequence[PlanarTarget], poses: Sequence[Array], tow: To
 def _turned(targets: Sequence[PlanarTarget], choice: Sequence[Place], tow: Tow | None) -> tuple[list[Array], str]:
     """The poses the right way round, and why that is not certain."""
     poses = [place.pose for place in choice]
-    ways = [alike(target.body.top_corners_m, pose) for target, pose in zip(targets, poses, strict=True)]
-    if all(len(way) == 1 for way in ways):
+    if all(symmetry_of(target.body.top_corners_m)[0] == 1 for target in targets):
         return poses, ""
     if tow is None:
         return poses, "a symmetric outline does not show which way round it lies"
-    joined = list(ways_joined(targets, poses, tow))
+    joined = list(joined_orientations(targets, poses, tow))
     if len(joined) == 1:
         return joined[0], ""
     if not joined:
         return poses, "the tether does not reach from the rover to the object"
-    directions = np.array([-tow.hinge, tow.anchor])
+    ahead = np.array([-tow.hinge, tow.anchor])
     steps = [_displacement(target, place) for target, place in zip(targets, choice, strict=True)]
     forwards = []
     for trial in joined:
-        cosines = [_forwards(pose, way, step) for pose, way, step in zip(trial, directions, steps, strict=True)]
+        cosines = [_forwards(pose, own, step) for pose, own, step in zip(trial, ahead, steps, strict=True)]
         if min(cosines) > CONSTANTS.forwards:
             forwards.append(trial)
     if len(forwards) == 1:

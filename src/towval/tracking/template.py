@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,6 +11,14 @@ from towval.model.compiling import compiled
 from towval.tracking.planar_target import PlanarTarget, usable_points
 
 Luma = NDArray[np.uint8]
+Floats = NDArray[np.float32]
+
+
+def shrunk(luma: Luma, factor: int) -> Luma:
+    """A picture (height, width) a whole number of times smaller; rows and columns left over are cut off."""
+    size = luma.shape[1] // factor, luma.shape[0] // factor
+    whole = luma[: size[1] * factor, : size[0] * factor]
+    return np.asarray(cv2.resize(whole, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from towval.model import Array, Body, Calibration, Track
-from towval.model.geometry import transform, turned_covariance
+from towval.model.geometry import lifted, transform, turned_covariance
 from towval.optics.moved_view import pose_sensitivity, rigid_moves
 from towval.optics.projection import project
 
@@ -59,8 +59,7 @@ def readout_sensitivity(time_s: Array, pose: Array, calibration: Calibration, bo
         return np.where(np.isfinite(pose), 0.0, np.nan)
     pose, velocity = pose[seen], np.gradient(pose[seen], time_s[seen], axis=0)
     corners = transform(pose[:, None, :], body.top_corners_m)
-    height = np.full((*corners.shape[:2], 1), body.tracked_plane_height_m)
-    rows = project(calibration.camera, calibration.floor, np.concatenate([corners, height], axis=-1))[..., 1]
+    rows = project(calibration.camera, calibration.floor, lifted(corners, body.tracked_plane_height_m))[..., 1]
     late = rows / (calibration.camera.resolution_px[1] - 1) - 0.5
     arm = corners - pose[:, None, :2]
     moving = velocity[:, None, :2] + velocity[:, None, 2:] * np.stack([-arm[..., 1], arm[..., 0]], axis=-1)

@@ -1,11 +1,11 @@
-"""Texture and outline of a top: two measurements of one pose, each of which shows what the other cannot know of itself.
+"""Texture and outline of a top measure the same pose: compared, they show errors that neither can see by itself.
 
 A codec that quantises the texture away, or a lens that goes out of focus, moves a fit to the texture by more than its
 residuals show: whatever is left of the texture agrees with some pose. The long edges of the top survive both. So the
-outline is looked at beside the texture, in every fifth picture, and in all while the two disagree. By how much they
-disagree beyond what each states, over a second, is a deviation of the texture that no model of a codec is needed for.
-Where the two disagree, an edge of something else may be taken for the top's as well. So the poses stay the texture's,
-but where those of the outline are the smoother ones; the deviation stays in either case.
+outline is measured beside the texture, in every fifth picture, and in all while the two disagree. Their disagreement
+over a second, beyond what the covariances of both explain, is added to the covariance of the texture's poses; no model
+of the codec is needed. It may also be the outline that is wrong, where an edge of something else is taken for the
+top's. So the texture's poses are kept unless those of the outline are smoother; the covariance is added in either case.
 """
 
 import itertools
@@ -31,10 +31,10 @@ from towval.tracking.template import Luma
 class TwoMeasurementsConstants:
     """Tuned constants of the comparison; lengths in pixels are measured on the planar target."""
 
-    every: int = 5  # Pictures between looks at the outline, while it agrees: a fifth of a tenth of the decoding.
-    disagree: float = 3.0  # Deviations, beyond which every picture is looked at,
-    closely_s: float = 5.0  # [s] for so long: what a codec does to one motion it does to the next,
-    alone: float = 4.0  # Deviations of a picture that disagrees by itself: one in a thousand does by chance.
+    every: int = 5  # Pictures between looks at the outline while it agrees; all looks cost 2 % of the decoding.
+    disagree: float = 3.0  # Deviations beyond which every picture is looked at,
+    closely_s: float = 5.0  # [s] for so long: a codec that distorts one motion distorts the next,
+    alone: float = 4.0  # Deviations of a single picture that disagrees: one in a thousand does by chance.
     moved_px: float = 0.5  # [px] and as long once the body has moved by so much.
     edge_std_px: float = 0.05  # [px] By which an edge may stand off the top's: 0.02 to 0.06 measured.
     sure_px: float = 0.15  # [px] Deviation of an outline that has found its edges: sharp ones give up to 0.1.
@@ -217,7 +217,7 @@ def texture_excess(time_s: Array, apart: Array, expected: Array, looks: Looks) -
 
 
 def alone(apart: Array, expected: Array) -> Array:
-    """The same (m, 3, 3) of single pictures: what texture or outline is off by, whichever it is."""
+    """The same (m, 3, 3) for single pictures, in which either the texture or the outline is wrong."""
     return _beyond(apart[:, :, None] * apart[:, None, :], expected, CONSTANTS.alone**2)
 
 
