@@ -34,9 +34,7 @@ def polyline(points):
     """Straight lines from point to point, with kinks."""
     points = np.asarray(points, dtype=float)
     knots = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    return paths.Curve(
-        "polyline", knots[-1], False, lambda s: np.stack([np.interp(s, knots, x) for x in points.T], axis=-1), 0.0
-    )
+    return paths.Curve("polyline", knots[-1], lambda s: np.stack([np.interp(s, knots, x) for x in points.T], axis=-1))
 
 
 CURVES = {

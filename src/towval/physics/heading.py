@@ -99,8 +99,8 @@ def follow(
     while filled < len(times):
         left = times[-1] - t
         h = left if 1.01 * h >= left else h
-        way = h * _lay_velocities(spline, t, h, piece, nodes)
-        last = way <= _LEAST * patch.radius or h <= _SHORTEST * span
+        travel = h * _lay_velocities(spline, t, h, piece, nodes)
+        last = travel <= _LEAST * patch.radius or h <= _SHORTEST * span
         _guess_rates(t, h, known, powers, patch.radius, nodes)
         status, moment, count = _collocate(patch, geometry, h, panels == 0, nodes, system)
         solves += count
@@ -118,7 +118,7 @@ def follow(
             solves += to - filled
             _solve_reported(patch, geometry, levers, spline, times, (filled, to, piece), plan)
         filled, panels = to, panels + 1
-        bound += _TOLERANCE * error + jerk * way / patch.radius
+        bound += _TOLERANCE * error + jerk * travel / patch.radius
         t = t + h if h < left else times[-1]
         piece = piece_at(spline.knots, t, piece)
         nodes[_THETA, 0], nodes[_OMEGA, 0] = nodes[_THETA, _DEGREE], nodes[_OMEGA, _DEGREE]

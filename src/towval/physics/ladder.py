@@ -62,16 +62,14 @@ def rung_names() -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class LadderChoice:
-    """The rung that is enough for a scene, and by how much.
+    """The rung that is enough for a scene.
 
-    ``rung`` its name; ``motion`` what it computed; ``margin_m`` the tolerance less the largest difference from any rung
-    above [m], zero for the top; ``to_dynamics_m`` the difference of each rung that was run from the top [m];
-    ``tolerance_m`` what was asked.
+    ``rung`` its name; ``motion`` what it computed; ``to_dynamics_m`` the difference of each rung that was run from the
+    top [m]; ``tolerance_m`` what was asked.
     """
 
     rung: str
     motion: SimulatedMotion
-    margin_m: float
     to_dynamics_m: dict[str, float]
     tolerance_m: float
 
@@ -157,18 +155,17 @@ def lowest_rung(towed: TowedObject, tolerance_m: float, run: Callable[[str], Sim
             "the tolerance of the ladder is out of range", got=tolerance_m, allowed="above zero, in metres"
         )
     *simpler, top = rung_names()
-    reference = run(top)
-    motions, to_dynamics, chosen, margin = {top: reference}, {}, top, 0.0
+    motions, to_dynamics, chosen = {top: run(top)}, {}, top
     for rung in reversed(simpler):
         motion = run(rung)
         differences = {name: path_difference(towed, motion, above) for name, above in motions.items()}
         motions[rung], to_dynamics[rung] = motion, differences[top]
         largest = max(differences.values())
         if largest <= tolerance_m:
-            chosen, margin = rung, tolerance_m - largest
+            chosen = rung
         if largest > 2 * tolerance_m:
             break
-    return LadderChoice(chosen, motions[chosen], margin, to_dynamics, tolerance_m)
+    return LadderChoice(chosen, motions[chosen], to_dynamics, tolerance_m)
 
 
 def path_difference(towed: TowedObject, one: SimulatedMotion, other: SimulatedMotion) -> float:

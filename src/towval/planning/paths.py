@@ -23,16 +23,12 @@ SPLINE_NODES_PER_SPAN = 12
 class Curve:
     """A plane curve by arc length.
 
-    ``length`` [m]; ``closed`` if it ends where it begins; ``position_at`` maps arc lengths (n,) [m] in [0, length] to
-    positions (n, 2) [m]; ``tightest_radius`` [m] the smallest radius of curvature, infinite for a line and zero for a
-    curve with kinks.
+    ``length`` [m]; ``position_at`` maps arc lengths (n,) [m] in [0, length] to positions (n, 2) [m].
     """
 
     name: str
     length: float
-    closed: bool
     position_at: Callable[[Array], Array]
-    tightest_radius: float
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.length) and self.length > 0):
@@ -43,7 +39,7 @@ def line(length: float, direction: float = np.pi / 4) -> Curve:
     """Straight line of a length [m] from the origin along ``direction`` [rad]; in the paper 1.4 m, diagonal."""
     _require_positive(length, "line length")
     unit = np.array([np.cos(direction), np.sin(direction)])
-    return Curve("line", float(length), False, lambda s: s[:, None] * unit, np.inf)
+    return Curve("line", float(length), lambda s: s[:, None] * unit)
 
 
 def circle(radius: float) -> Curve:
@@ -53,14 +49,14 @@ def circle(radius: float) -> Curve:
     def position_at(s: Array) -> Array:
         return radius * np.stack([np.cos(s / radius), np.sin(s / radius)], axis=-1)
 
-    return Curve("circle", 2 * np.pi * radius, True, position_at, float(radius))
+    return Curve("circle", 2 * np.pi * radius, position_at)
 
 
 def lemniscate(width: float) -> Curve:
     """Bernoulli's lemniscate of a width [m], from its right tip upwards; in the paper 2 m wide.
 
     With half width a, ``x = a cos τ/(1 + sin²τ)``, ``y = x sin τ``. Its arc length is an elliptic integral,
-    ``s = a F(τ | −1)``, inverted here by Newton's method; the tightest radius, a/3, is at the tips.
+    ``s = a F(τ | −1)``, inverted here by Newton's method.
     """
     _require_positive(width, "lemniscate width")
     half = width / 2
@@ -74,7 +70,7 @@ def lemniscate(width: float) -> Curve:
         scale = half * np.cos(angle) / (1 + np.sin(angle) ** 2)
         return np.stack([scale, scale * np.sin(angle)], axis=-1)
 
-    return Curve("lemniscate", 4 * half * quarter, True, position_at, half / 3)
+    return Curve("lemniscate", 4 * half * quarter, position_at)
 
 
 def rounded_square(side: float, corner_radius: float) -> Curve:
@@ -103,7 +99,7 @@ def rounded_square(side: float, corner_radius: float) -> Curve:
         turn = index * np.pi / 2
         return np.stack([x * np.cos(turn) - y * np.sin(turn), x * np.sin(turn) + y * np.cos(turn)], axis=-1)
 
-    return Curve("rounded_square", 4 * quarter, True, position_at, float(corner_radius))
+    return Curve("rounded_square", 4 * quarter, position_at)
 
 
 def through_points(points: ArrayLike, *, name: str = "points") -> Curve:
@@ -121,11 +117,11 @@ def through_points(points: ArrayLike, *, name: str = "points") -> Curve:
         raise InputError(f"points {where} and {where + 1} of the curve {name} coincide", remedy="remove one of them")
     knots = np.concatenate([[0.0], np.cumsum(chords)])
     closed = bool(np.array_equal(points[0], points[-1]))
-    return _spline_curve(name, CubicSpline(knots, points, bc_type="periodic" if closed else "natural"), closed)
+    return _spline_curve(name, CubicSpline(knots, points, bc_type="periodic" if closed else "natural"))
 
 
-def _spline_curve(name: str, spline: CubicSpline, closed: bool) -> Curve:
-    velocity, acceleration = spline.derivative(), spline.derivative(2)
+def _spline_curve(name: str, spline: CubicSpline) -> Curve:
+    velocity = spline.derivative()
     nodes, weights = np.polynomial.legendre.leggauss(SPLINE_NODES_PER_SPAN)
 
     def length_between(start: Array, end: Array) -> Array:
@@ -146,11 +142,7 @@ def _spline_curve(name: str, spline: CubicSpline, closed: bool) -> Curve:
         position: Array = spline(parameter)
         return position
 
-    dense = np.linspace(spline.x[0], spline.x[-1], 32 * len(spline.x))
-    (vx, vy), (ax, ay) = velocity(dense).T, acceleration(dense).T
-    bend = np.abs(vx * ay - vy * ax)
-    radius = np.hypot(vx, vy)[bend > 0] ** 3 / bend[bend > 0]
-    return Curve(name, float(lengths[-1]), closed, position_at, float(radius.min(initial=np.inf)))
+    return Curve(name, float(lengths[-1]), position_at)
 
 
 def timed(

@@ -124,8 +124,7 @@ def _judged(
 ) -> Comparison:
     """The comparison with bounds, statistics, verdict and findings added."""
     tolerance_m = settings.stated_m or TOLERANCE_M
-    parts = _tested(simulated, measured, uncertainty, settings)
-    drawn_tests, (begins_m, ends_m) = parts.pop("drawn_tests"), parts.pop("begins")
+    tested, drawn_tests, (begins_m, ends_m) = _tested(simulated, measured, uncertainty, settings)
     visible = sorted(fault.shift_rms_m if np.isfinite(fault.size) else np.inf for fault in uncertainty.faults)
     detectable_m = float(visible[(len(visible) - 1) // 2]) if visible else float("nan")
     moving = np.linalg.norm(simulated.twist[:, :2], axis=1) > _MOVING_M_PER_S
@@ -141,7 +140,7 @@ def _judged(
         shares=uncertainty.shares,
         explanation=uncertainty.explanation,
         hidden=tuple(fault.kind for fault in uncertainty.faults if not fault.shift_rms_m <= tolerance_m),
-        **parts,
+        **tested,
     )
     verdict, reason = verdict_of(evidence)
     said = statement_findings(evidence, uncertainty.faults, settings.bound_confidence)
@@ -177,18 +176,16 @@ def _judged(
 
 def _tested(
     simulated: SimulatedMotion, measured: Track, uncertainty: RunUncertainty, settings: CompareSettings
-) -> dict[str, Any]:
-    """Bounds, statistics and limits; empty where there are no draws or too few times."""
+) -> tuple[dict[str, Any], Array, tuple[float, float]]:
+    """The tested part of the evidence, the draws of the test (k, 2), and between which lengths the error begins [m].
+
+    Empty, and NaN, where there are no draws or too few times.
+    """
     draws = uncertainty.draws
-    nothing = {
-        "drawn_tests": np.empty((0, 2)), "bounds": Bounds(), "statistics": {}, "limits": {}, "where": "",
-        "begins": (np.nan, np.nan),
-    }  # fmt: skip
-    if draws is None:
-        return nothing
-    path = OnPath.of(measured, simulated, draws)
-    if path is None:
-        return nothing
+    path = None if draws is None else OnPath.of(measured, simulated, draws)
+    if draws is None or path is None:
+        nothing = {"bounds": Bounds(), "statistics": {}, "limits": {}, "where": ""}
+        return nothing, np.empty((0, 2)), (np.nan, np.nan)
     error, drawn = path.error, path.drawn
     right = RightModel.of(drawn, draws.inputs, uncertainty.confidence)
     statistics = dict(zip(STATISTICS, map(float, right.statistics(error)), strict=True))
@@ -197,14 +194,13 @@ def _tested(
     # The draws do not represent a run that is rejected: there the plain quantile is used, exact for large errors.
     levels = None if right.rejects(error) else holding_levels(drawn, path.off, confidence)
     begins = place(error, right, path.length)
-    return {
-        "drawn_tests": np.column_stack([_keys(draws), (right.drawn / right.limits).max(axis=1)]),
+    tested = {
         "bounds": Bounds(_named(bounds(error, path.off, confidence, levels)), _named(bounds(error, drawn, both))),
         "statistics": statistics,
         "limits": limits,
         "where": _where(error, path.frame.pose[path.frame.seen], path.length, begins),
-        "begins": begins,
     }
+    return tested, np.column_stack([_keys(draws), (right.drawn / right.limits).max(axis=1)]), begins
 
 
 def _keys(draws: Draws) -> Array:

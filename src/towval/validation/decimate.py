@@ -7,7 +7,9 @@ are in docs/decimation.md.
 
 import itertools
 from bisect import bisect_right
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -133,7 +135,7 @@ def find_pauses(time: Array, pose: Array, sigma: Array, shortest: float) -> list
         if not _rests(time, pose, sigma, first, last):
             first += 1
             continue
-        last = _grown(time, pose, sigma, first, last)
+        last = _farthest(partial(_rests, time, pose, sigma, first), last, last - first, n - 1)
         pauses.append((first, last))
         first = last + 1
     return _without_creep(pauses)
@@ -150,13 +152,11 @@ def _without_creep(pauses: list[tuple[int, int]]) -> list[tuple[int, int]]:
     return [max(chain, key=lambda pause: pause[1] - pause[0]) for chain in chains]
 
 
-def _grown(time: Array, pose: Array, sigma: Array, first: int, last: int) -> int:
-    """The last index up to which the rest that starts at ``first`` holds: doubling steps, then halving."""
-    step = last - first
+def _farthest(holds: Callable[[int], bool], last: int, step: int, limit: int) -> int:
+    """The last index, up to a limit, at which something holds that does at ``last``: doubling steps, then halving."""
     while step >= 1:
-        if last + step < len(time) and _rests(time, pose, sigma, first, last + step):
-            last += step
-            step *= 2
+        if last + step <= limit and holds(last + step):
+            last, step = last + step, 2 * step
         else:
             step //= 2
     return last
@@ -304,15 +304,15 @@ def _longest_stretches(
             kept.append(ends[first])
             continue
         limit = starts[bisect_right(starts, first)]
-        last, step = min(first + _SHORTEST_STRETCH, limit), _SHORTEST_STRETCH
-        while step >= 1:
-            trial = slice(first, last + step + 1)
-            if last + step <= limit and _within_bound(_cubic_misfit(time[trial], pose[trial], sigma[trial]), excess):
-                last, step = last + step, step * 2
-            else:
-                step //= 2
-        kept.append(last)
+        holds = partial(_is_one_cubic, time, pose, sigma, excess, first)
+        kept.append(_farthest(holds, min(first + _SHORTEST_STRETCH, limit), _SHORTEST_STRETCH, limit))
     return kept
+
+
+def _is_one_cubic(time: Array, pose: Array, sigma: Array, excess: float, first: int, last: int) -> bool:
+    """Whether one cubic explains the poses from the first frame to the last."""
+    stretch = slice(first, last + 1)
+    return _within_bound(_cubic_misfit(time[stretch], pose[stretch], sigma[stretch]), excess)
 
 
 def _cubic_misfit(time: Array, pose: Array, sigma: Array) -> Array:

@@ -151,11 +151,11 @@ class _Search:
                 return best
             return min(self._at(point, columns, np.array(far)), key=lambda each: each.cost)
         tried = list[_Point]()
-        for way in np.vstack([np.eye(len(columns)), -np.eye(len(columns))]):
-            low, high = self._at(point, columns, np.outer(_TRIED[:2], way))
+        for direction in np.vstack([np.eye(len(columns)), -np.eye(len(columns))]):
+            low, high = self._at(point, columns, np.outer(_TRIED[:2], direction))
             tried += [low, high]
             if high.cost < max(low.cost, point.cost):  # else the cost grows this way, and farther off even more
-                tried += self._at(point, columns, np.outer(_TRIED[2:], way))
+                tried += self._at(point, columns, np.outer(_TRIED[2:], direction))
         return min(tried, key=lambda each: each.cost)
 
     def _at(self, point: _Point, columns: Sequence[int], values: Array) -> list[_Point]:

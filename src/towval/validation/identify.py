@@ -278,8 +278,8 @@ def _changed(real: Realisation, row: UncertainInput, component: int, value: floa
 
 def _error(run: MeasuredRun, pose: Array) -> Array:
     """Simulated minus measured (n, 3), NaN where the object was not seen."""
-    rows = np.searchsorted(run.object_track.time_s, run.time_s - 1e-9)
-    return pose_difference(pose, measured_poses(run.object_track)[rows])
+    track = run.object_track
+    return pose_difference(pose, measured_poses(track)[track.rows_at(run.time_s)])
 
 
 def _path_rms(run: MeasuredRun, pose: Array) -> float:

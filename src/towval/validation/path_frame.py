@@ -6,6 +6,7 @@ import numpy as np
 
 from towval.model import Array, SimulatedMotion, Track
 from towval.model.geometry import pose_difference, rotation
+from towval.model.run_record import measured_poses
 from towval.model.statement import Draws
 from towval.validation.statistics import upper_error
 
@@ -22,8 +23,8 @@ class PathFrame:
     """
 
     def __init__(self, measured: Track, times: Array):
-        self.rows = np.minimum(np.searchsorted(measured.time_s, times - 1e-9), len(measured.time_s) - 1)
-        self.pose = np.where(measured.seen[self.rows, None], measured.pose[self.rows], np.nan)
+        self.rows = measured.rows_at(times)
+        self.pose = measured_poses(measured)[self.rows]
         self.seen = np.isfinite(self.pose[:, 0])
         self.length = _arc_length(self.pose)
         self._turn = rotation(np.nan_to_num(_directions(self.pose)))

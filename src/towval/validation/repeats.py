@@ -20,12 +20,15 @@ _APART = 0.1
 _COVERAGE = 2.0
 """Scatter of repeats over u_val up to which the deviations allow it."""
 
+_CONFIDENCE = 0.95
+"""Of the interval of the common error at one place."""
 
-def corridor(runs: Sequence[tuple[Track, Comparison]], confidence: float = 0.95) -> Corridor:
+
+def corridor(runs: Sequence[tuple[Track, Comparison]]) -> Corridor:
     """Common error and scatter of runs that repeat one drive, over the length of the path that all cover.
 
     ``runs``: measured track of the object and comparison of each of two or more runs; `InputError` where there are
-    fewer, or one in which it was not seen. ``confidence`` is that of the interval of the common error at one place.
+    fewer, or one in which it was not seen.
     """
     if len(runs) < 2:
         raise InputError("a corridor needs repeated runs", got=len(runs), allowed="two runs or more")
@@ -42,7 +45,7 @@ def corridor(runs: Sequence[tuple[Track, Comparison]], confidence: float = 0.95)
     ]
     errors, paths = np.array(columns)[..., :2], np.array(columns)[..., 2:]
     std = errors.std(axis=0, ddof=1)
-    half_width = stdtrit(len(runs) - 1, 0.5 * (1 + confidence)) / np.sqrt(len(runs)) * std
+    half_width = stdtrit(len(runs) - 1, 0.5 * (1 + _CONFIDENCE)) / np.sqrt(len(runs)) * std
     apart = np.linalg.norm(paths[:, None] - paths[None], axis=-1)
     return Corridor(
         runs=tuple(comparison.run for _, comparison in runs),

@@ -111,8 +111,7 @@ class Sampler:
         # The effect of a camera change on the rover's rates is computed from poses shortly before and after each node.
         self.around = np.clip(self.nodes[:, None] + [0.0, -_RATE_STEP_S, _RATE_STEP_S], begin, end).T
         self.rover = _motions(case.calibration, case.rover, case.rover_decimated.poses_at(self.around.ravel()))
-        rows = np.searchsorted(case.object_track.time_s, self.times - 1e-9)
-        self.noise_std = np.nan_to_num(case.object_track.std[rows])
+        self.noise_std = np.nan_to_num(case.object_track.std[case.object_track.rows_at(self.times)])
         self.object = _motions(case.calibration, case.towed, case.simulated.pose)
         self.start = _motions(case.calibration, case.towed, case.object_decimated.poses_at(self.times[:1]))
         self.nominal = Realisation.nominal(case.scene)

@@ -259,12 +259,12 @@ def _damped_rest(problem: TowProblem, t: float, piece: int, stiffness: float, ga
     Damping follows the hinge's velocity, whose change is at most twice the largest speed.
     """
     n, drive = problem.numbers, problem.drive
-    way = fastest = safe = 0.0
+    travel = fastest = safe = 0.0
     for k in range(piece, len(drive.speed_limits)):
         lasts = drive.knots[k + 1] - max(t, drive.knots[k])
         fastest = max(fastest, drive.speed_limits[k])
-        way += drive.speed_limits[k] * lasts
-        if stiffness * way + 2 * n[DAMPING] * fastest >= gap:
+        travel += drive.speed_limits[k] * lasts
+        if stiffness * travel + 2 * n[DAMPING] * fastest >= gap:
             break
         safe = drive.knots[k + 1] - t
     return safe
