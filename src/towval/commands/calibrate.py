@@ -1,6 +1,6 @@
 """Command calibrate: board pictures → camera.mcap."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -8,13 +8,11 @@ from towval.calibration.calibrate import CalibrateSettings, calibrate
 from towval.calibration.marks_alone import calibrate_marks
 from towval.commands.console import Outcome
 from towval.commands.settings import settings_from
-from towval.io.campaign import load_campaign
-from towval.io.campaign_camera import CameraSetup, camera_setup, is_camera_alone
+from towval.io.campaign import Campaign, names_in
+from towval.io.campaign_camera import CameraSetup, load_camera
 from towval.io.images import GrayPictures
 from towval.io.provenance import provenance, read_sections
-from towval.io.reading import is_plain_file
 from towval.io.records import write_calibration
-from towval.io.yaml_text import read_yaml
 from towval.model import Calibration
 from towval.selection.lens import with_lens_choice
 
@@ -22,19 +20,13 @@ from towval.selection.lens import with_lens_choice
 def run(campaign: Path, output: Path, keys: Mapping[str, Any] | None = None) -> Outcome:
     """Calibrate the camera and the floor of a campaign; its campaign.yaml may have these two sections only."""
     settings = settings_from(CalibrateSettings, keys, "calibrate")
-    document: Any = read_yaml(campaign / "campaign.yaml") if is_plain_file(campaign / "campaign.yaml") else None
-    if is_camera_alone(document):
-        given, heights_m = camera_setup(campaign, document), []
-    else:
-        full = load_campaign(campaign)
-        document, heights_m = full.document, [body.tracked_plane_height_m for body in full.bodies]
-        given = CameraSetup(
-            full.resolution_px, full.calibration_images, full.board, full.floor_images, full.floor_reference
-        )
-    calibration = _calibrated(given, settings, heights_m)
-    pictures = (*given.calibration_images, *given.floor_images)
-    inputs = {str(path.relative_to(campaign) if path.is_relative_to(campaign) else path): path for path in pictures}
-    sections = read_sections("calibrate", document)
+    given = load_camera(campaign)
+    calibration = calibrated(given, settings)
+    if given.board is not None:
+        height_m = given.bodies[-1].tracked_plane_height_m if given.bodies else 0.0
+        calibration = with_lens_choice(calibration, given.board, given.floor_reference, settings, height_m)
+    inputs = names_in(campaign, (*given.calibration_images, *given.floor_images))
+    sections = read_sections("calibrate", given.document)
     write_calibration(output, calibration, provenance("calibrate", settings, inputs, document=sections, constants=True))
     numbers = {"lens_model": calibration.camera.lens_model, **calibration.quality}
     return Outcome("calibrate", (output,), _how_good(calibration), numbers, calibration.findings)
@@ -48,10 +40,12 @@ def _how_good(calibration: Calibration) -> str:
     return f"{views}lens {calibration.camera.lens_model}" + (f"; positions {known} above the floor" if known else "")
 
 
-def _calibrated(given: CameraSetup, settings: CalibrateSettings, heights_m: Sequence[float]) -> Calibration:
+def calibrated(given: Campaign | CameraSetup, settings: CalibrateSettings) -> Calibration:
+    """Camera and floor from the pictures of a campaign, or from surveyed marks where there is no board."""
+    heights_m = [body.tracked_plane_height_m for body in given.bodies]
     if given.board is None:
         return calibrate_marks(given.resolution_px, given.floor_reference, settings.lens_models, heights_m=heights_m)
-    calibration = calibrate(
+    return calibrate(
         GrayPictures(given.calibration_images, given.resolution_px),
         GrayPictures(given.floor_images, given.resolution_px),
         given.board,
@@ -59,5 +53,3 @@ def _calibrated(given: CameraSetup, settings: CalibrateSettings, heights_m: Sequ
         settings,
         heights_m=heights_m,
     )
-    height_m = heights_m[-1] if heights_m else 0.0
-    return with_lens_choice(calibration, given.board, given.floor_reference, settings, height_m)

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from towval.calibration.board_search import find_boards
-from towval.calibration.calibrate import CalibrateSettings, calibrate
+from towval.calibration.calibrate import CalibrateSettings
 from towval.calibration.corners import outer_corners
+from towval.commands.calibrate import calibrated
 from towval.commands.track import known_starts, open_video, spread_pictures
 from towval.io.campaign import Campaign, Run, read_campaign
 from towval.io.campaign_text import text_in_parts
@@ -72,7 +73,7 @@ def check(folder: Path, pictures: Path) -> dict[str, Any]:
     runs: dict[str, Any] = {}
     if given is not None:
         videos = {name: faults.attempt(open_video, given, entry) for name, entry in given.runs.items()}
-        calibration = faults.attempt(_calibrated, given)
+        calibration = faults.attempt(calibrated, given, CalibrateSettings())
         if calibration is not None:
             warnings += [found.text for found in calibration.findings if found.severity is Severity.WARNING]
             starts: dict[str, StartOfRun] = {}
@@ -93,17 +94,6 @@ def check(folder: Path, pictures: Path) -> dict[str, Any]:
         "runs": runs,
         "cpu_s": round(COST.campaign_s + sum(row["cpu_s"] for row in runs.values())),
     }
-
-
-def _calibrated(given: Campaign) -> Calibration:
-    return calibrate(
-        GrayPictures(given.calibration_images, given.resolution_px),
-        GrayPictures(given.floor_images, given.resolution_px),
-        given.board,
-        given.floor_reference,
-        CalibrateSettings(),
-        heights_m=[body.tracked_plane_height_m for body in given.bodies],
-    )
 
 
 def _start(given: Campaign, entry: Run, video: Video, calibration: Calibration) -> StartOfRun:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from towval.commands.console import Outcome, progress
 from towval.commands.settings import settings_from, without_auto
-from towval.io.campaign import Campaign, Run, load_campaign
+from towval.io.campaign import Campaign, Run, load_campaign, names_in
 from towval.io.chain import check_together
 from towval.io.images import GrayPictures, write_picture
 from towval.io.provenance import provenance, read_sections
@@ -93,7 +93,8 @@ def run(
         found = with_readout(with_wider_start(found, start.spread), calibration, body, *_readout(given))
         tracks[body.name] = replace(found, findings=findings)
     sections = read_sections("track", given.document, name, simulating="samples" in auto)
-    inputs = given.files([entry.video, *given.floor_images[:_MOST_FLOORS]]) | {"camera.mcap": camera}
+    seen = entry.video, *given.floor_images[:_MOST_FLOORS]
+    inputs = names_in(given.folder, seen) | {"camera.mcap": camera}
     made_of = provenance("track", settings, inputs, run=name, document=sections, constants=True)
     write_tracks(output, tracks, made_of)
     findings = tuple(dict.fromkeys(one for tracked in tracks.values() for one in tracked.findings))

@@ -5,7 +5,7 @@ from importlib.resources import files as packaged
 from pathlib import Path
 
 from towval.commands.console import Outcome
-from towval.io.campaign import load_campaign
+from towval.io.campaign import load_campaign, names_in
 from towval.io.chain import Origin, changed_sections, read_origin
 from towval.io.exchange import LAYOUTS
 from towval.io.manifest import MANIFEST, read_manifest, unlisted
@@ -110,7 +110,7 @@ def _faults_beside(results: Path) -> Iterator[str]:
 def _changed_inputs(campaign: Path, origins: dict[Path, Origin]) -> Iterator[str]:
     given = load_campaign(campaign)
     lab = [*given.calibration_images, *given.floor_images, *(run.video for run in given.runs.values())]
-    now = {name: file_hash(path) for name, path in given.files(lab).items()}
+    now = {name: file_hash(path) for name, path in names_in(given.folder, lab).items()}
     for path, origin in origins.items():
         if origin.stage == "calibrate" and origin.inputs.keys() - now.keys():
             yield f"{path.name} was made with {sorted(origin.inputs.keys() - now.keys())[0]}, which is not used now"

@@ -71,11 +71,6 @@ class Campaign:
     repeats: tuple[tuple[str, ...], ...]
     document: dict[str, Any]
 
-    def files(self, paths: Iterable[Path]) -> dict[str, Path]:
-        """Files of the campaign by their names in it, for the record; those elsewhere by their paths."""
-        here = self.folder
-        return {str(path.relative_to(here) if path.is_relative_to(here) else path): path for path in paths}
-
     @property
     def bodies(self) -> tuple[Body, Body]:
         """Rover and object."""
@@ -89,6 +84,11 @@ class Campaign:
             raise InputError(
                 f"the campaign {self.name} has no such run", got=name, allowed=", ".join(self.runs)
             ) from None
+
+
+def names_in(folder: Path, files: Iterable[Path]) -> dict[str, Path]:
+    """Files by their names in a folder, for the record; those elsewhere by their paths."""
+    return {str(path.relative_to(folder) if path.is_relative_to(folder) else path): path for path in files}
 
 
 def load_campaign(folder: Path) -> Campaign:

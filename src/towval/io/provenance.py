@@ -74,11 +74,11 @@ def provenance(
         "settings": json.dumps(configuration, sort_keys=True),
         "inputs_sha256": json.dumps(hashes, sort_keys=True),
         "campaign_sha256": json.dumps(sections, sort_keys=True),
-        **({"constants": json.dumps(constants_record(_ROOMS[stage]))} if constants else {}),
+        **({"constants": json.dumps(constants_record(_SUBPACKAGES[stage]))} if constants else {}),
     }
 
 
-_ROOMS = {"calibrate": "towval.calibration", "track": "towval.tracking"}
+_SUBPACKAGES = {"calibrate": "towval.calibration", "track": "towval.tracking"}
 
 
 def canonical(keys: Any) -> str:

@@ -1,5 +1,6 @@
 """Figures within the page: SVG with shared glyphs and styles, and bytes encoded as text."""
 
+import base64
 import re
 
 import numpy as np
@@ -73,6 +74,11 @@ def _shortened(attribute: re.Match[str]) -> str:
     text = re.sub(r"-?\d+\.\d{3,}", lambda number: f"{float(number[0]):.2f}".rstrip("0").rstrip("."), attribute[2])
     text = re.sub(r"\s*([A-Za-z])\s*", r"\1", re.sub(r"\s+", " ", text)).strip()
     return f' {attribute[1]}="{text}"'
+
+
+def data_uri(kind: str, content: bytes) -> str:
+    """Bytes of a media type as an address that holds them."""
+    return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"
 
 
 def packed(content: bytes) -> Markup:

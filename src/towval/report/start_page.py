@@ -1,10 +1,8 @@
 """The page for correcting the start poses of runs: one file that opens offline and saves campaign.yaml."""
 
-import base64
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 
 import cv2
@@ -14,7 +12,9 @@ from numpy.typing import NDArray
 from towval.io.atomic import write_text
 from towval.io.campaign_text import FloorCorner, RunClicks
 from towval.model import Array, Body, Calibration, Camera, TowingScene
+from towval.report.inline import data_uri
 from towval.report.preview import floor_grid
+from towval.report.templating import template_asset
 
 _QUALITY = 88
 _OUTSIDE = 51  # Grey of the page around the picture.
@@ -105,9 +105,9 @@ def write_start_page(
     }
     # Only "<" could end a script element.
     written = json.dumps(data, allow_nan=False).replace("<", "\\u003c")
-    page = _asset("start.html")
-    scripts = ("SCRIPT", _asset("start.js")), ("FLOOR", _asset("start_floor.js"))
-    for mark, content in (("CSS", _asset("start.css")), *scripts, ("DATA", written)):
+    page = str(template_asset("start.html"))
+    scripts = ("SCRIPT", template_asset("start.js")), ("FLOOR", template_asset("start_floor.js"))
+    for mark, content in (("CSS", template_asset("start.css")), *scripts, ("DATA", written)):
         page = page.replace(f"/*{mark}*/", content)
     write_text(path, page)
 
@@ -146,8 +146,4 @@ def _floor(board: FloorBoard) -> dict[str, object]:
 
 def _picture(luma: cv2.typing.MatLike) -> str:
     jpeg = cv2.imencode(".jpg", luma, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])[1]
-    return "data:image/jpeg;base64," + base64.b64encode(jpeg.tobytes()).decode("ascii")
-
-
-def _asset(name: str) -> str:
-    return files("towval.report").joinpath("templates", name).read_text(encoding="utf-8")
+    return data_uri("image/jpeg", jpeg.tobytes())

@@ -1,6 +1,5 @@
 """Content of the page, ready for the template: figures and films as text, findings in order of severity."""
 
-import base64
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path as FilePath
@@ -17,7 +16,7 @@ from towval.report.data import ReportData, RunReport
 from towval.report.drawing import Drawn
 from towval.report.facts import Facts, Rows, Table
 from towval.report.film import FilmView, deciding_time, embedded, film_view, frame_times, run_times, series
-from towval.report.inline import FigureSheet
+from towval.report.inline import FigureSheet, data_uri
 from towval.report.needed import NeededRow, needed_rows
 from towval.report.overlay import stills
 from towval.report.result import ResultRow, gists, legend, result_rows, sentence
@@ -71,7 +70,6 @@ class RunView:
     key_numbers: Facts
     statement: tuple[str, ...]
     deciding: tuple[tuple[str, str, float], ...]
-    times_s: tuple[float, float]
     frames: int
     series: Markup
     film: FilmView | None
@@ -197,7 +195,7 @@ def _tables(comparisons: list[Comparison]) -> Facts:
         ("summary.csv", "text/csv", summary_csv(comparisons)),
         ("summary.tex", "text/plain", summary_latex(comparisons)),
     )
-    return tuple((name, f"data:{kind};base64,{_base64(text.encode())}") for name, kind, text in contents)
+    return tuple((name, data_uri(kind, text.encode())) for name, kind, text in contents)
 
 
 def _confidence(records: Sequence[RunRecord]) -> str:
@@ -224,13 +222,8 @@ def _run_view(report: RunReport, calibration: Calibration | None, page: FilePath
         key_numbers=facts.key_numbers(run.comparison),
         statement=facts.statement(run.comparison),
         deciding=facts.deciding(run.comparison),
-        times_s=(float(time_s[0]), float(time_s[-1])),
         frames=len(time_s),
         series=series(run, presented_s, time_s),
         film=film,
-        stills=tuple((f"{s.time_s:.2f} s", "data:image/jpeg;base64," + _base64(s.jpeg)) for s in pictures),
+        stills=tuple((f"{s.time_s:.2f} s", data_uri("image/jpeg", s.jpeg)) for s in pictures),
     )
-
-
-def _base64(content: bytes) -> str:
-    return base64.b64encode(content).decode("ascii")

@@ -105,8 +105,8 @@ def _draw_bodies(axes: Axes, run: RunRecord, times_s: Array) -> list[Array]:
     for time_s in times_s:
         towed = pose_at(run.simulated.time_s, run.simulated.pose, time_s)
         seen = pose_at(run.object_track.time_s, measured, time_s)
-        tower = pose_at(run.rover_track.time_s, rover, time_s)
-        tether = np.array([transform(towed, run.anchor), transform(tower, run.hinge)])
+        towing = pose_at(run.rover_track.time_s, rover, time_s)
+        tether = np.array([transform(towed, run.anchor), transform(towing, run.hinge)])
         axes.plot(*tether.T, color=MUTED, linewidth=0.45, zorder=2)
         outline, visible_outline = outline_at(run.towed, towed), outline_at(run.towed, seen)
         axes.fill(*outline.T, facecolor="black", alpha=0.05, zorder=1)
