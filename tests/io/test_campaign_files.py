@@ -8,7 +8,7 @@ import zlib
 import pytest
 import yaml
 
-from towval.io.campaign import load_campaign
+from towval.io.campaign import load_campaign, names_in
 from towval.io.images import read_gray
 from towval.io.video import Video
 from towval.model.errors import InputError
@@ -103,7 +103,7 @@ def test_absolute_and_upward_paths_are_read_where_they_are_written(lab, tmp_path
 
     campaign = load_campaign(changed(lab, change))
     assert len(campaign.calibration_images) == 20
-    assert set(campaign.files([campaign.runs["a"].video])) == {"../a.mp4"}
+    assert set(names_in(campaign.folder, [campaign.runs["a"].video])) == {"../a.mp4"}
 
 
 def png(width, height, data=b""):
