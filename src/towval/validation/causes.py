@@ -1,9 +1,10 @@
-"""The most probable deviations of all inputs of a run together, found by simulating the run again.
+"""By how many deviations all inputs of a run are most probably off together, found by simulating the run again.
 
-The probability of input deviations x is the product of those of the block means of the error that they leave, of its
-oscillation about them, and of x. Its maxima are found by the Gauss-Newton method with derivatives from simulations, as
-the effect of many deviations is not linear; about each maximum it is taken as normal (Laplace). Inputs are off
-independently, rarely and then far (Student's t), or all by one factor (normal, Birge 1932).
+The probability of deviations x is the product of three: that of the block means of the error that remains, that of its
+oscillation about them, and that of x itself. Either each input is off on its own, rarely and then far (Student's t), or
+all stated deviations are too small by one factor (normal, Birge 1932). The maxima are found by the Gauss-Newton method;
+its derivatives are taken anew at each step by simulations, since the effect of an input far from its value is not
+linear. About each maximum the probability is taken as normal (Laplace).
 
 SOURCE: Bishop, Pattern Recognition and Machine Learning (Springer 2006), 4.4, Laplace's approximation.
 """
@@ -45,7 +46,10 @@ _SAMPLES = 4000
 
 @dataclass(frozen=True)
 class Unknowns:
-    """Inputs that may be off: columns of the draws, names; whether assumed, computed, acting by absolute value."""
+    """Inputs that may be off: their columns in the draws, their names, and how each is known.
+
+    ``assumed``: nobody stated it; ``computed``: from data; ``mirrored``: both of its signs have the same effect.
+    """
 
     columns: Sequence[int]
     names: Sequence[str]
@@ -54,7 +58,7 @@ class Unknowns:
     mirrored: Sequence[bool]
 
     def freedoms(self) -> Array:
-        """Degrees of freedom and scale (d, 2) of each."""
+        """Degrees of freedom and scale (d, 2) of Student's t for each input."""
         kinds = zip(self.assumed, self.computed, strict=True)
         return np.array([_COMPUTED if computed else _ASSUMED if assumed else _STATED for assumed, computed in kinds])
 
@@ -65,8 +69,12 @@ class Unknowns:
 
 @dataclass(frozen=True)
 class Mode:
-    """A maximum: how far inputs are off (d,), the covariance of that, the error (n, 3) that remains, twice the negative
-    logarithm of the probability about it, and the factor on all stated deviations, 1 without a common one."""
+    """A maximum of the probability.
+
+    ``off`` (d,): by how many deviations each input is off, with its ``covariance`` (d, d); ``error`` (n, 3) that
+    remains; ``cost``: twice the negative logarithm of the probability in the whole neighbourhood; ``factor`` on all
+    stated deviations, 1 where each input is off on its own.
+    """
 
     off: Array
     covariance: Array
@@ -95,9 +103,9 @@ class Causes:
         self.stated = ~(np.array(unknowns.assumed, dtype=bool) | np.array(unknowns.computed, dtype=bool))
 
     def mode(self, start: Array, *, common: bool) -> Mode | None:
-        """The maximum that the Gauss-Newton method reaches, with all inputs off by a common factor or independently.
+        """The maximum that the Gauss-Newton method reaches from ``start``; None where a simulation on the way fails.
 
-        None where the scene cannot be simulated about it.
+        ``common``: whether all stated deviations are too small by one factor, or each input is off on its own.
         """
         off, factor = self.unknowns.allowed(start), 2.0 if common else 1.0
         error, cost = self._best(off[None], factor, common)[1:]
@@ -136,20 +144,20 @@ class Causes:
         return fit + own + _rarity(factor)
 
     def _kinds(self, factor: float, common: bool) -> Array:
-        """Degrees of freedom and scale (d, 2) of each; a common factor is the scale of the stated ones."""
+        """As :meth:`Unknowns.freedoms`; where the factor is common, stated inputs are normal with it as their scale."""
         kinds = self.freedoms.copy()
         if common:
             kinds[self.stated] = np.inf, factor
         return kinds
 
     def _parts(self, error: Array) -> tuple[Array, Array]:
-        """Block means (..., 72) in deviations of what no stated input causes, positions (..., 2 n) about them [m]."""
+        """Block means (..., 72) in deviations of what no stated input causes; positions about them (..., 2 n) [m]."""
         means, about = block_means(error), about_block_means(error[..., :2])
         flat, swings = (part.reshape(*error.shape[:-2], -1) for part in (means, about))
         return flat @ self.whiten.T, swings
 
     def _slopes(self, off: Array, error: Array) -> tuple[Array, Array] | None:
-        """Curvature (d, d) and half the gradient (d,) of the cost of an error by the inputs; None if not simulated."""
+        """Gauss-Newton matrix (d, d) and half the gradient (d,) of an error's cost; None if a simulation fails."""
         sides = _DIFFERENCE * np.repeat(np.eye(len(off)), 2, axis=0)
         sides[1::2] *= -1
         tried = self.unknowns.allowed(off + sides)
@@ -164,12 +172,12 @@ class Causes:
         return means @ means.T + weight * about @ about.T, means @ here + weight * about @ swings
 
     def _pull(self, off: Array, factor: float, common: bool) -> Array:
-        """Weights (d,) of the inputs' own costs: half of each gradient, divided by the input's value."""
+        """Half the gradient of each input's own cost over its value (d,): the curvature that replaces Student's t."""
         freedom, scale = self._kinds(factor, common).T
         return np.asarray(1 / (scale**2 + (off**2 - scale**2) / (freedom + 1)))
 
     def _factor(self, off: Array, curvature: Array, gradient: Array) -> float:
-        """The most probable of the factors, for the problem linearised about a point."""
+        """The most probable of :data:`_FACTORS`, for the problem linearised at ``off``."""
         costs = []
         for factor in _FACTORS:
             pull = self._pull(off, float(factor), common=True)
@@ -182,7 +190,7 @@ class Causes:
 
 
 def distinct(modes: Sequence[Mode]) -> list[Mode]:
-    """Each maximum once, by its most probable mode: modes within one deviation (of their covariance) are the same."""
+    """Modes without repetition: of those within one deviation of each other, the most probable one."""
     found: list[Mode] = []
     for mode in sorted(modes, key=lambda each: each.cost):
         same = [each for each in found if (each.factor == 1) == (mode.factor == 1)]
@@ -193,7 +201,7 @@ def distinct(modes: Sequence[Mode]) -> list[Mode]:
 
 
 def off_by_name(modes: Sequence[Mode], names: Sequence[str]) -> dict[str, NDArray[np.bool_]]:
-    """Whether each input is far off, to the side of the most probable mode, in random values (k,) from all modes."""
+    """For each input, in which of k random values from all modes it is far off, to the side of the best mode."""
     costs = np.array([mode.cost for mode in modes])
     weights = np.exp(-0.5 * costs - logsumexp(-0.5 * costs))
     best, rng = modes[int(np.argmin(costs))], np.random.default_rng(1)
@@ -219,4 +227,8 @@ def surprise(deviations: float, freedom: float, scale: float) -> float:
 
 
 def _rarity(factor: float) -> float:
+    """Twice the negative logarithm of the density of a factor, over that of 1.
+
+    It is the density of the scales whose normals together are Student's t of two degrees of freedom.
+    """
     return float(6 * np.log(factor) + 2 / factor**2 - 2)

@@ -23,7 +23,7 @@ Moves = Mapping[int, float]
 """Number of deviations by which columns of the draws are moved."""
 
 Left = Callable[[Sequence[Moves]], Array]
-"""Errors (k, n, 3) of the run, along and across its path, that k moves leave; NaN where one cannot be simulated."""
+"""Simulates the run with k sets of moves: its errors (k, n, 3) along and across the path, NaN where that fails."""
 
 _MOST_INPUTS = 3
 _TRIED = (2.0, 4.0, 6.0, 9.0)  # deviations to both sides; oscillations stay in phase over about two
@@ -38,7 +38,7 @@ _NAMED = 0.9
 
 @dataclass(frozen=True)
 class _Point:
-    """Moved inputs, the error (n, 3) that they leave, and their cost."""
+    """Moved inputs, the error (n, 3) of the run simulated with them, and their cost."""
 
     moves: dict[int, float]
     error: Array
@@ -61,10 +61,10 @@ class _Search:
         self.groups = [each for group in _groups(names) if (each := [c for c in open_ if names[c] in group])]
 
     def cost(self, moves: Moves, error: Array) -> float:
-        """Twice the negative logarithm of the probability density of the remaining error (n, 3) and of the moved
-        inputs, with the others within their deviations; lower is more probable.
+        """Twice the negative logarithm of the joint density of the moved inputs and the error (n, 3) that remains.
 
-        Each moved group of inputs is one of many that might have been moved, which adds to the cost.
+        Inputs that are not moved are within their deviations. Each moved group is one of many that might have been
+        moved, which adds to the cost.
         """
         if not np.isfinite(error).all():
             return np.inf
@@ -74,16 +74,18 @@ class _Search:
         return self._means(error) + self._swing(error) + float(choice)
 
     def _means(self, error: Array) -> float:
-        """Cost of the 72 block means of an error, with the inputs within their deviations.
+        """Cost of the 72 block means of an error (n, 3), as of one more draw.
 
-        Predictive density of one more draw: Student's t, with the degrees of freedom that the draws leave.
+        The draws are normal with a covariance estimated from them, so one more follows Student's t.
         """
         square = float(np.sum(self._white(error) ** 2))
         return self.samples * float(np.log1p(square / max(self.samples - len(self.root) + 1, 1)))
 
     def _swing(self, error: Array) -> float:
-        """Cost of an error about its block means: one value per block (an oscillation has one amplitude there), of
-        unknown size, with no gain below the oscillation of the measurement. A block of one instant has none."""
+        """Cost of the oscillation of an error (n, 3) about its block means: one amplitude per block, of unknown size.
+
+        An oscillation far below that of the measurement is not rewarded any more.
+        """
         return len(signature_blocks(0)) * float(np.log(_wobble(error) + self.swing))
 
     def _surprise(self, column: int, deviations: float) -> float:
@@ -99,8 +101,10 @@ class _Search:
         )
 
     def modes(self, starts: Sequence[_Point]) -> tuple[list[Mode], list[str]]:
-        """Maxima whose remaining error is not rejected, with all stated inputs that matter and all moved ones free; and
-        the names of these inputs."""
+        """Maxima of the probability whose error is not rejected, and the names of the inputs that were free to move.
+
+        Free are the inputs moved at one of the ``starts`` and all stated ones that matter.
+        """
         moved, known = {c for point in starts for c, value in point.moves.items() if value}, self.right.columns
         stated = np.array([_is_stated(self.names[c]) for c in known], dtype=bool)
         unknowns = self.unknowns(sorted({*known[stated].tolist(), *moved}))
@@ -142,7 +146,7 @@ class _Search:
         return point
 
     def from_grid(self, point: _Point, columns: Sequence[int]) -> _Point:
-        """The best point with each of these columns at one of few values."""
+        """The best of the points with these columns at a few values far apart."""
         if all(c in self.mirrored for c in columns):
             # Without effect to first order, so that two of them (heights of a tow) may show only together.
             near, far = ([row for row in product((0.0, *_TRIED[:n]), repeat=len(columns)) if any(row)] for n in (2, 4))
@@ -175,7 +179,7 @@ class _Search:
         return [self.known[key] for key in keys]
 
     def _mirrored(self, columns: Sequence[int]) -> frozenset[int]:
-        """Columns that act by their absolute value: heights and the like, about zero."""
+        """Columns of which both signs have the same effect, such as a height about zero."""
         moved = self._errors([{}, *({c: sign * _TRIED[1]} for c in columns for sign in (1, -1))])
         sides = zip(columns, moved[1::2], moved[2::2], strict=True)
         return frozenset(c for c, a, b in sides if np.array_equal(a, b) and not np.array_equal(a, moved[0]))
@@ -188,23 +192,24 @@ class _Search:
 def explain(
     error: Array, off: Array, right: RightModel, names: Sequence[str], assumed: Sequence[str], left: Left, length: Array
 ) -> Explanation:
-    """The inputs that would explain an error (n, 3), along and across the path.
+    """The inputs that would explain an error (n, 3) along and across the path, and what they leave unexplained.
 
-    Inputs are moved one after another, the most probable first, until a right model may leave the remaining error, no
-    other is probable, or three are moved. From there all inputs are moved together, independently or by a common
-    factor, and the most probable result counts.
+    First inputs are moved one by one, the most probable first, until the error that remains may be a right model's, no
+    other input makes it more probable, or three are moved. From there all inputs are moved together, each on its own or
+    all deviations by one factor, and the most probable result counts.
 
     Parameters
     ----------
     off : ndarray (k, n, 3)
-        Draws of what the measurement is off.
+        Draws of the measurement's error, measured minus true.
     names : sequence of str
         Name of the input of each column of the draws.
     assumed : sequence of str
         Inputs of which neither value nor deviation was stated.
     left : callable
+        Simulates the run with moved inputs, see :data:`Left`.
     length : ndarray (n,)
-        Of the path [m], at the same times.
+        Length of the path so far [m].
     """
     search = _Search(off, right, names, assumed, left)
     point, moved, others = _few(search, error)
@@ -231,10 +236,11 @@ def explain(
 def _most_probable(
     modes: Sequence[Mode], best: Mode, names: Sequence[str], least: float
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """Inputs that are far off with the probability :data:`_NAMED`, or else the most probable one; and the fewest
-    others, at most :data:`_MOST_INPUTS` in all, so that with that probability the first or one of them is far off.
+    """The inputs that are to blame, and those that may be instead of the first, with their deviations in ``best``.
 
-    Both are empty where the first is far off with less than the probability ``least``.
+    To blame are the inputs that are far off with the probability :data:`_NAMED`, or else the most probable one. With
+    that probability the first or one of the others is far off; these are as few as that takes, and with the first at
+    most :data:`_MOST_INPUTS`. None is to blame where the first is less probable than ``least``.
     """
     off = off_by_name(modes, names)
     ranked = sorted(off, key=lambda name: -off[name].mean())
@@ -255,7 +261,10 @@ _Others = list[tuple[_Point, list[int]]]
 
 
 def _few(search: _Search, error: Array) -> tuple[_Point, dict[str, float], _Others]:
-    """The best point with few inputs moved, their moves by name, and, for a single one, alternatives with columns."""
+    """The best point with few groups of inputs moved, and their moves by name.
+
+    Where one group is enough, also the points with their columns that are about as probable as the best.
+    """
     right, point, chosen = search.right, _Point({}, error, search.cost({}, error)), list[list[int]]()
     others: _Others = []
     while len(chosen) < _MOST_INPUTS and not (chosen and not right.rejects(point.error)):
@@ -273,14 +282,16 @@ def _few(search: _Search, error: Array) -> tuple[_Point, dict[str, float], _Othe
 
 
 def _as_probable(tried: _Others) -> _Others:
-    """Alternatives to the first point: the fewest that together with it contain the truth with the probability
-    :data:`_NAMED`, if all were equally probable before."""
+    """The points after the first, as many as it takes for one of all to be right with the probability :data:`_NAMED`.
+
+    All are taken as equally probable before the run was seen; the best come first.
+    """
     weight = np.exp(-0.5 * np.array([point.cost - tried[0][0].cost for point, _ in tried]))
     return tried[1 : int(np.searchsorted(np.cumsum(weight) / weight.sum(), _NAMED)) + 1]
 
 
 def _named(moves: Moves, columns: Sequence[int], names: Sequence[str]) -> dict[str, float]:
-    """Moved inputs with the largest move of their columns, the farthest off first."""
+    """Moved inputs by name, each with the largest move of its columns, the farthest off first."""
     moved: dict[str, float] = {}
     for column in columns:
         if moves.get(column):
@@ -296,7 +307,7 @@ def _groups(names: Sequence[str]) -> list[tuple[str, ...]]:
 
 
 def _is_stated(name: str) -> bool:
-    """Whether its deviation is one that a user states; else it was computed from data, and tested there."""
+    """Whether the user states the deviation of an input; the others are computed from data, and tested there."""
     return name not in INPUTS or INPUTS[name].stated is not None
 
 

@@ -37,8 +37,11 @@ _ROUNDS, _MOST_ROUNDS, _GROWTH = 3, 4, 4.0
 
 @dataclass(frozen=True)
 class FaultKind:
-    """A kind of fault: how a size [unit] acts on a scene, where the search starts and ends, and whether it has two
-    signs."""
+    """A kind of fault.
+
+    ``acts``: the scene with a fault of a size in ``unit``; ``first`` and ``most``: sizes at which the search starts and
+    ends; ``both``: whether it has two signs.
+    """
 
     name: str
     unit: str
@@ -48,12 +51,12 @@ class FaultKind:
     both: bool
 
     def of(self, size: float) -> Acts:
-        """The change of a scene by a fault of a size."""
+        """The change that puts a fault of a size into a scene."""
         return lambda scene: self.acts(scene, size)
 
 
 def fault_kinds(motion: SimulatedMotion) -> tuple[FaultKind, ...]:
-    """The kinds that are tried; the stripe lies half-way along a simulated motion."""
+    """The kinds that are tried; the stripe of floor lies half-way along the simulated ``motion``."""
     return (
         FaultKind("rest length", "m", _longer, 0.01, 0.3, True),
         FaultKind("centre of mass, sideways", "m", _mass_moved, 0.01, 0.2, True),
@@ -71,7 +74,7 @@ def _raised(scene: TowingScene, size: float) -> TowingScene:
 
 
 def _mass_moved(scene: TowingScene, size: float) -> TowingScene:
-    """Moves the common centre of mass to the object's left."""
+    """The scene with the common centre of mass farther to the object's left."""
     spread = scene.spread or spread_over(scene.patch)
     shift = np.array([0.0, size * scene.mass / scene.body_mass])
     return replace(scene, spread=MassSpread(spread.centre + shift, spread.gyration))
@@ -100,9 +103,9 @@ def _stripe(motion: SimulatedMotion) -> Callable[[TowingScene, float], TowingSce
 class Drawing:
     """The draws of a right model's error that faults are put into.
 
-    ``error`` (k, n, 3) at the times at which the object was seen, along and across the path; ``inputs`` (k, d) that it
-    comes from; ``confidence`` of the test of a right model; ``shifts(acts, rows)``: by how much a changed scene moves
-    the simulated path (m, n, 3) of the draws with these numbers, or of the nominal run where ``rows`` is None.
+    ``error`` (k, n, 3) along and across the path, at the times at which the object was seen; ``inputs`` (k, d), the
+    standard normal numbers of the draws; ``confidence`` of the test. ``shifts(acts, rows)`` simulates: by how much each
+    of m changes moves the path (m, n, 3) of the draw in its row, or of the nominal run where ``rows`` is None.
     """
 
     error: Array
@@ -137,7 +140,7 @@ def visible_faults(motion: SimulatedMotion, drawing: Drawing) -> tuple[VisibleFa
 
 @dataclass(frozen=True)
 class _Search:
-    """The ``drawing`` and its test ``right`` at some ``times``."""
+    """The search for the size of a fault that shows in the ``drawing``, by the test ``right`` at some of its times."""
 
     drawing: Drawing
     right: RightModel
@@ -145,17 +148,19 @@ class _Search:
 
     @property
     def all(self) -> NDArray[np.intp]:
-        """All draws."""
+        """Row numbers of all draws."""
         return np.arange(len(self.drawing.error))
 
     def shows(self, shift: Array, rows: NDArray[np.intp]) -> Array:
-        """Reciprocals of the multiples of shifts ((k,) n, 3) from which they show in draws (k,)."""
+        """One over the smallest multiple of a shift ((k,) n, 3) at which the test rejects each of these draws (k,)."""
         found = self.right.thresholds(shift[:, self.times], self.drawing.error[rows][:, self.times])
         return 1 / np.maximum(found, _LEAST)
 
     def visible(self, kind: FaultKind, size: float) -> VisibleFault:
-        """The visible fault of a kind, searched from a ``size`` that shows with the nominal shift; the largest where
-        rounds differ."""
+        """The visible fault of a kind; the search starts from the ``size`` that shows with the nominal shift.
+
+        Where the rounds come to no common size, the largest that one of them found.
+        """
         tried: list[_Round] = []
         found = np.inf
         for part in range(_MOST_ROUNDS):
@@ -201,8 +206,11 @@ class _Search:
 
 @dataclass(frozen=True)
 class _Round:
-    """Result for a ``size``: reciprocals of the sizes at which a fault ``shows`` (k,) in the draws, and the standard
-    error of their logarithms, infinite where none could be simulated."""
+    """Result of one round of the search, in which faults of one ``size`` were simulated.
+
+    ``shows`` (k,): one over the sizes at which the fault shows in draws; ``error``: standard error of the logarithm of
+    the size found, infinite where nothing could be simulated.
+    """
 
     size: float
     shows: Array
@@ -215,7 +223,9 @@ class _Round:
 
 
 def _visible(shows: Array) -> float:
-    """The size at which a fault shows in :data:`POWER` of the draws, from one over its sizes (k,); infinite where too
-    few show it."""
+    """The size at which a fault shows in :data:`POWER` of the draws, infinite where it shows in fewer.
+
+    ``shows`` (k,) is one over the size at which it shows in each draw.
+    """
     slowest = float(np.quantile(shows, 1 - POWER, method="weibull"))
     return 1 / slowest if slowest > 0 else np.inf

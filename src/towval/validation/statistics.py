@@ -170,12 +170,14 @@ class RightModel:
         return np.stack([size, shape, single], axis=-1)
 
     def rejects(self, error: Array) -> Array:
-        """Whether errors (..., n, 3) are rejected as those of a right model (...,)."""
+        """Whether the test rejects each of some errors (..., n, 3) as no right model's (...,)."""
         return np.asarray((self.statistics(error) > self.limits).any(axis=-1))
 
     def thresholds(self, shift: Array, error: Array) -> Array:
-        """Least multiples (k,) of shifts ((k,) n, 3) that, added to errors (k, n, 3), are rejected as those of a right
-        model; zero where the errors alone are."""
+        """The smallest multiples (k,) of shifts ((k,) n, 3) that, added to errors (k, n, 3), make the test reject them.
+
+        Zero where the errors alone are rejected.
+        """
         parts, shifts = (error, error_signature(error)), (shift, error_signature(shift))
         own, added = self._squares(*parts), self._squares(*shifts)
         more, less = (self._squares(*(p + sign * s for p, s in zip(parts, shifts, strict=True))) for sign in (1, -1))
@@ -187,7 +189,7 @@ class RightModel:
         return np.asarray(np.fmin.reduce(np.where(left > 0, found, 0.0), axis=-1, initial=np.inf))
 
     def _squares(self, error: Array, signature: Array) -> Array:
-        """Squares (..., m) of all terms whose largest are the statistics of errors, over their limits."""
+        """Squares (..., m) of all terms over their limits; the errors are rejected where the largest exceeds one."""
         position, turn = np.sum(error[..., :2] ** 2, axis=-1), error[..., 2] ** 2
         parts = [
             np.mean(position, axis=-1, keepdims=True) / self.size_scale[0] ** 2,
@@ -289,7 +291,7 @@ def bounds(error: Array, draws: Array, confidence: float, levels: Array | None =
 
 
 def _upper(square: Array, mixed: Array, own: Array, level: float) -> float:
-    """Upper bound of one size by terms (n,), (k, n), (k, n) of ``|error + draw|²``, the largest of which counts."""
+    """Upper bound of one size, the largest over n, from ``|error|²`` (n,), ``error · draw`` and ``|draw|²`` (k, n)."""
     sizes = np.sqrt(np.maximum((square + 2 * mixed + own).max(axis=-1), 0.0))
     return float(np.quantile(sizes, level))
 
@@ -316,7 +318,7 @@ def _lower(square: Array, mixed: Array, own: Array, share: float) -> float:
 
 
 def _edge(inside: Callable[[float], bool], high: float) -> float:
-    """The end, before ``high``, of an interval that starts at zero, by halving."""
+    """Where ``inside`` ceases to hold between zero and ``high``, by halving the interval."""
     low = 0.0
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
