@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import sys
 import tempfile
-from collections.abc import Mapping
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from studies.evidence.ledger import Check, Values
 from studies.evidence.planting import flawed, moved, repeated, replaced, result_of
-from studies.tables import tracking_accuracy, tracking_cpu
+from studies.tables import tracking_accuracy, tracking_cpu, tracking_memory
 from studies.worlds.challenges import ACCURATE, FLAGGED, HARD
 from studies.worlds.film import write_video
 from studies.worlds.scenes import CeilingCamera, standard_scene
+from towval.io.video import Luma
 from towval.model import Severity, Track
 from towval.model.findings import finding
 from towval.model.tracks import TrackStatus
@@ -144,4 +148,37 @@ COST = Check(
             tracking_cpu, "cpu_seconds", lambda original: lambda call: original(repeated(3)(call))
         ),
     },
+)
+
+
+def _memory() -> Values:
+    """Peak memory [MB] by kind of video and number of frames."""
+    return {
+        f"{each.kind}, {each.frames} frames": each.peak_mb for each in tracking_memory.peaks(tracking_memory.LENGTHS)
+    }
+
+
+def measure_keeping(kind: str, path: str, frames: int) -> None:
+    """What the study runs in a process of its own, with a pass that keeps its last 200 pictures."""
+    kept: deque[Luma] = deque(maxlen=200)
+
+    def keeping(pictures: Iterable[tuple[float, Luma]]) -> Iterator[tuple[float, Luma]]:
+        for time_s, luma in pictures:
+            kept.append(luma.copy())
+            yield time_s, luma
+
+    def wrong(original: Any) -> Any:
+        return lambda pictures, *args: original(keeping(pictures), *args)
+
+    with replaced(tracking_memory, "track", wrong)():
+        tracking_memory.measure(kind, Path(path), frames)
+
+
+def _command_keeping(_: Any) -> Any:
+    call = "from studies.evidence.tracking import measure_keeping; measure_keeping({!r}, {!r}, {})"
+    return lambda kind, path, frames: [sys.executable, "-c", call.format(kind, str(path), frames)]
+
+
+MEMORY = Check(
+    _memory, {"the pass keeps its last 200 pictures": replaced(tracking_memory, "command", _command_keeping)}
 )

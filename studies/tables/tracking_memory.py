@@ -1,4 +1,4 @@
-"""Peak memory of the tracking pass: 4K at 120 pictures a second, 1080p, and videos of growing length up to 20 minutes.
+"""Peak memory of the tracking pass: 4K at 120 pictures a second, 1080p, and videos of growing length.
 
     python -m studies.tables.tracking_memory
 
@@ -12,8 +12,8 @@ import argparse
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +24,7 @@ from towval.io.video import Video
 from towval.tracking.track import track
 
 LIMIT_MB = {"4k": 500, "1080p": 400, "small": 400}
+LENGTHS = (("4k", 36), ("1080p", 500), ("small", 500), ("small", 10_000))
 
 
 def scene_of(kind: str) -> FilmedScene:
@@ -62,6 +63,36 @@ def measure(kind: str, path: Path, frames: int) -> None:
     print(len(tracks["rover"].time_s), f"{seen:.3f}", f"{peak:.0f}")
 
 
+@dataclass(frozen=True)
+class Peak:
+    """Of a case: its kind, frames, share tracked, and peak memory [MB]."""
+
+    kind: str
+    frames: int
+    tracked: float
+    peak_mb: float
+
+
+def command(kind: str, path: Path, frames: int) -> list[str]:
+    """What measures a case in a process of its own."""
+    return [sys.executable, __file__, "--case", kind, str(path), str(frames)]
+
+
+def peaks(lengths: Iterable[tuple[str, int]]) -> Iterator[Peak]:
+    """The peak memory of videos of a kind and a number of frames; of "4k" there are always 36."""
+    with tempfile.TemporaryDirectory() as folder:
+        paths = {kind: Path(folder) / f"{kind}.mp4" for kind in LIMIT_MB}
+        film = CeilingCamera(scene_of("4k")).frames(np.arange(36) / 120)
+        write_video(paths["4k"], film, rate=120, crf="20", preset="ultrafast")
+        for kind in ("1080p", "small"):
+            still = replace(scene_of(kind), noise=3.0)
+            write_video(paths[kind], CeilingCamera(still).frames(np.arange(30) / 25), crf="20", preset="ultrafast")
+        for kind, frames in lengths:
+            call = command(kind, paths[kind], frames)
+            seen, tracked, peak = subprocess.run(call, capture_output=True, text=True, check=True).stdout.split()
+            yield Peak(kind, int(seen), float(tracked), float(peak))
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -71,23 +102,14 @@ def main() -> None:
         kind, path, frames = arguments.case
         measure(kind, Path(path), int(frames))
         return
-    with tempfile.TemporaryDirectory() as folder:
-        large, hd, small = (Path(folder) / f"{kind}.mp4" for kind in ("4k", "1080p", "small"))
-        film = CeilingCamera(scene_of("4k")).frames(np.arange(36) / 120)
-        write_video(large, film, rate=120, crf="20", preset="ultrafast")
-        for kind, path in (("1080p", hd), ("small", small)):
-            still = replace(scene_of(kind), noise=3.0)
-            write_video(path, CeilingCamera(still).frames(np.arange(30) / 25), crf="20", preset="ultrafast")
-        lengths = (("1080p", hd, 30_000), *(("small", small, frames) for frames in (500, 10_000, 30_000)))
-        for kind, path, frames in (("4k", large, 36), ("1080p", hd, 500), *lengths):
-            command = [sys.executable, __file__, "--case", kind, str(path), str(frames)]
-            fields = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
-            limit = LIMIT_MB[kind]
-            verdict = "below" if float(fields[2]) < limit else "ABOVE"
-            print(
-                f"{kind:6s}{fields[0]:>7s} frames, tracked {fields[1]}, peak {fields[2]} MB ({verdict} {limit} MB)",
-                flush=True,
-            )
+    for each in peaks(LENGTHS):
+        limit = LIMIT_MB[each.kind]
+        verdict = "below" if each.peak_mb < limit else "ABOVE"
+        print(
+            f"{each.kind:6s}{each.frames:>7d} frames, tracked {each.tracked:.3f}, peak {each.peak_mb:.0f} MB "
+            f"({verdict} {limit} MB)",
+            flush=True,
+        )
 
 
 if __name__ == "__main__":
