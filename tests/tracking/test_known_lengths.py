@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from studies.worlds.scenes import CeilingCamera, FilmedScene, small_camera, standard_scene
-from towval.model import Calibration, Floor
+from towval.model import Calibration, Finding, Floor
 from towval.optics.projection import project, to_plane
 from towval.tracking.known_lengths import OutlineSizes, as_lengths_show, length_findings, size_of_tops
 from towval.tracking.outline import observe_size
@@ -34,6 +34,10 @@ def observed(scene: FilmedScene, calibration: Calibration) -> list[OutlineSizes]
     return tops
 
 
+def findings_of(calibration: Calibration, tops: list[OutlineSizes]) -> tuple[Finding, ...]:
+    return length_findings(tops, *size_of_tops(calibration, tops))
+
+
 @pytest.mark.parametrize(
     ("size", "code"),
     [(1.0, None), (0.9995, None), (0.996, "lengths_"), (0.99, "lengths_wrong"), (1.01, "lengths_wrong")],
@@ -49,7 +53,7 @@ def test_a_board_of_another_size_is_named(seed, size, code):
     for top in tops:
         for found in top.sizes:
             assert found == pytest.approx(expected, abs=0.002 + 0.2 * abs(expected))
-    findings = length_findings(calibration, tops)
+    findings = findings_of(calibration, tops)
     assert [finding.code.startswith(code or "") for finding in findings] == ([True] if code else [])
     found, std = size_of_tops(calibration, tops)
     assert found == pytest.approx(expected, abs=0.002)
@@ -67,10 +71,10 @@ def test_deviations_decide(size, codes):
         OutlineSizes(PlanarTarget(body, scene.camera, scene.floor), motion(0.0), [size] * 5)
         for body, motion in zip(scene.bodies, scene.motions, strict=True)
     ]
-    assert [finding.code for finding in length_findings(calibration, tops)] == codes
+    assert [finding.code for finding in findings_of(calibration, tops)] == codes
     vague = replace(calibration, covariance=calibration.covariance * 100)
-    assert len(length_findings(vague, tops)) <= len(codes)
-    assert length_findings(vague, tops) == () or abs(size) > 0.004
+    assert len(findings_of(vague, tops)) <= len(codes)
+    assert findings_of(vague, tops) == () or abs(size) > 0.004
 
 
 def test_a_top_of_which_pictures_disagree_does_not_hide_the_other():
@@ -82,16 +86,16 @@ def test_a_top_of_which_pictures_disagree_does_not_hide_the_other():
             scene.bodies, scene.motions, ([0.011] * 6 + [-0.0075] * 8, [0.0107] * 14), strict=True
         )
     ]
-    (found,) = length_findings(scaled(scene, 1.0), tops)
+    (found,) = findings_of(scaled(scene, 1.0), tops)
     assert found.code == "lengths_wrong"
 
 
 def test_no_outline_no_word():
     scene = standard_scene(1)
-    assert length_findings(scaled(scene, 1.0), []) == ()
+    assert findings_of(scaled(scene, 1.0), []) == ()
     assert np.isnan(size_of_tops(scaled(scene, 1.0), [])).all()
     tops = [OutlineSizes(PlanarTarget(scene.bodies[0], scene.camera, scene.floor), np.zeros(3), [])]
-    assert length_findings(scaled(scene, 1.0), tops) == ()
+    assert findings_of(scaled(scene, 1.0), tops) == ()
 
 
 def test_deviations_of_the_camera_are_as_large_as_the_tops_show():

@@ -56,9 +56,8 @@ def as_lengths_show(calibration: Calibration, size: float, std: float) -> Calibr
     return replace(calibration, covariance=calibration.covariance * max(1.0, ratio) ** 2)
 
 
-def length_findings(calibration: Calibration, observed: Sequence[OutlineSizes]) -> tuple[Finding, ...]:
-    """A warning where the tops have another size in the pictures than stated, given all deviations."""
-    size, std = size_of_tops(calibration, observed)
+def length_findings(observed: Sequence[OutlineSizes], size: float, std: float) -> tuple[Finding, ...]:
+    """A warning where the ``size`` of the tops in the pictures (less 1), known to ``std``, is not the stated one."""
     if not abs(size) >= CONSTANTS.doubtful * std:
         return ()
     code = "lengths_wrong" if abs(size) > CONSTANTS.wrong else "lengths_differ"

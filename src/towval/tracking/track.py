@@ -109,13 +109,8 @@ def track_beside(
     if not done:
         raise InputError("the video holds no picture")
     view_motion = camera_motion.estimate()
-    seen = [group.tracks(view_motion, camera_motion.findings(view_motion), calibration) for group in groups]
-    by_name, of_view = {body.name: body for body in bodies}, view_motion.common_of_parameters
-    doubted = [as_lengths_show(calibration, *size_of_tops(calibration, group.tops)) for group in groups]
-    return [
-        {name: with_total(one, camera, by_name[name], of_view) for name, one in found.items()}
-        for found, camera in zip(seen, doubted, strict=True)
-    ]
+    camera_findings = camera_motion.findings(view_motion)
+    return [group.tracks(view_motion, camera_findings, calibration) for group in groups]
 
 
 class _Group:
@@ -135,30 +130,31 @@ class _Group:
         for follower in self.followers:
             follower.follow(time_s, luma, [other for other in self.followers if other is not follower])
 
-    @property
-    def tops(self) -> list[OutlineSizes]:
-        """How large the tops are in the pictures."""
-        return [OutlineSizes(one.target, one.first_pose, one.sizes) for one in self.followers]
-
     def tracks(
         self, view: ViewMotion, camera_findings: tuple[Finding, ...], calibration: Calibration
     ) -> dict[str, Track]:
-        findings = (*camera_findings, *_sample_findings(self.settings), *length_findings(calibration, self.tops))
+        """The tracks by name, with the findings that they share and the total covariance."""
+        tops = [OutlineSizes(one.target, one.first_pose, one.sizes) for one in self.followers]
+        size, size_std = size_of_tops(calibration, tops)
+        findings = (*camera_findings, *_sample_findings(self.settings), *length_findings(tops, size, size_std))
         tracks = {one.target.body.name: one.track(self.settings.method, findings, view) for one in self.followers}
         tracks, in_time, stamps = check_stamps(tracks)
         tracks, of_rhythm = check_invented(tracks)
         kept = max(follower.echoes.kept() for follower in self.followers)
-        size, size_std = size_of_tops(calibration, self.tops)
         camera = replace(view.track(), stamps=stamps, size=size, size_std=size_std)
-        return {
-            name: replace(
+        doubted, of_view = as_lengths_show(calibration, size, size_std), view.common_of_parameters
+        found = {}
+        for follower in self.followers:
+            body = follower.target.body
+            one = tracks[body.name]
+            one = replace(
                 one,
                 findings=(*one.findings, *in_time, *of_rhythm, *echo_findings(one.time_s, kept)),
                 covariance=one.covariance + lateness(one.time_s, one.pose, kept),
                 camera=camera,
             )
-            for name, one in tracks.items()
-        }
+            found[body.name] = with_total(one, doubted, body, of_view)
+        return found
 
 
 def _sample_findings(settings: TrackSettings) -> tuple[Finding, ...]:
