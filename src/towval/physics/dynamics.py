@@ -206,7 +206,7 @@ def feedforward(
     """Motion of an object on whose anchor a force given over time acts (FFD).
 
     SOURCE: eqs. (9) to (11). The force [N], floor axes, comes as a "path" of its two components; the rest is as in
-    :func:`feedback`. ``tether_length`` of the result is NaN-free zero: there is no tether.
+    :func:`feedback`. ``tether_length`` of the result is zero: there is no tether.
 
     A force does not determine a path: where friction no longer rises with speed, any error in force accumulates. So the
     motion is computed again with 0.1 % more force, and the finding "open_loop" states how far it departs.

@@ -87,7 +87,7 @@ def _tabulated(law: FrictionLaw) -> Array:
 
 
 def _check_smoothness(law: FrictionLaw, speed: Array, tabulated: Array) -> None:
-    """Refuse a law that the polynomials do not follow: ``tabulated`` values at the ends of their parts."""
+    """Refuse a law whose coefficients at some speeds [m/s] are not the ``tabulated`` ones: it has kinks or jumps."""
     misfit = np.abs(tabulated / law.coefficient(speed) - 1)
     if misfit.max() > _MISFIT_LIMIT:
         raise InputError(

@@ -142,9 +142,10 @@ def _lay_velocities(spline: Spline, t: float, h: float, piece: int, nodes: Array
 
 @compiled(allocates=False)
 def _guess_rates(t: float, h: float, known: tuple[float, float], powers: Array, radius: float, nodes: Array) -> None:
-    """Rates at the nodes of a panel, by the polynomial of a panel known (its start and length) where there is one.
+    """Guess the rates at the nodes of a panel, from that at its start.
 
-    Where that leads far off, and before, it turns by as much on the same way.
+    They come from the polynomial of the panel before (``known``: its start and length). Where there is none, or it
+    leads far off, the object is taken to turn by as much per metre as at the start.
     """
     omega = nodes[_OMEGA]
     before = math.sqrt(nodes[_VX, 0] ** 2 + nodes[_VY, 0] ** 2)

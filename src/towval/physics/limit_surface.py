@@ -22,7 +22,10 @@ _UNIT_FRICTION = Coulomb(1.0, 1e-9)
 
 
 class LimitSurface(NamedTuple):
-    """``centre`` (2,) of pressure, body frame [m]; ``normal_force`` [N]; ``radius`` r [m]; ``table`` of the law."""
+    """The limit surface of a patch.
+
+    ``centre`` (2,) of pressure, body frame [m]; ``normal_force`` N [N]; ``radius`` r [m]; ``table`` of the law.
+    """
 
     centre: Array
     normal_force: float

@@ -99,8 +99,8 @@ def _coefficients_through(path: TimedPath) -> Array:
 def _coinciding_ends(length: Array, slope: Array, chord: Array) -> NDArray[np.bool_]:
     """Intervals (n,) whose ends coincide, but for the turning point of a path that goes back on itself.
 
-    The two samples beside a turning point may coincide by symmetry; there the path goes back after an interval like its
-    neighbours, while after a pause it goes on or the interval is longer.
+    Two samples on either side of a turning point may coincide by chance. There the path goes back the way it came,
+    after an interval as long as its neighbours; after a pause it goes on, or the interval is longer.
     """
     found: NDArray[np.bool_] = chord <= _COINCIDING * chord.max()
     if found.any():
@@ -117,7 +117,7 @@ def _larger_neighbour(values: Array) -> Array:
 
 
 def _swings(length: Array, chord: Array, coefficients: Array, slope: Array) -> Array:
-    """How far each piece (n,) leaves its chord in the middle, over the longest of its own chord and its neighbours'."""
+    """How far each piece (n,) leaves its chord, over the longest of its own chord and its neighbours'."""
     aside = np.empty(len(length))
     _leave_chords(length, chord, coefficients, slope, aside)
     return aside

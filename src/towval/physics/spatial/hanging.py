@@ -104,9 +104,10 @@ def hanging_forces(n: Array, distance: float) -> Forces:
 
 @compiled(allocates=False)
 def following_forces(n: Array, distance: float, last: Array) -> Forces:
-    """The same, sought from those at the distance before: ``last`` (5,) is that distance and its forces and slopes.
+    """As :func:`hanging_forces`, starting from the forces at the distance before, which takes a third of the steps.
 
-    It is zero before the first, and written to. What is found is the same to the last digits, in a third of the steps.
+    ``last`` (5,), the distance before with its forces and slopes, is replaced; zeros before the first call. The forces
+    are the same to the last digits.
     """
     apart = distance - last[0]
     if abs(apart * last[3]) < _NEAR * last[1]:

@@ -239,9 +239,9 @@ def _resting_step(problem: TowProblem, forced: bool, t: float, piece: int, y: Ar
 
 @compiled(allocates=False)
 def _hanging_stiffness(problem: TowProblem, t: float, piece: int, y: Array, gap: float) -> float:
-    """Most that the force of a tether with mass grows by, over the distance [N/m], until it has grown by ``gap`` [N].
+    """Bound of the stiffness of a tether with mass [N/m], until its pull has grown by ``gap`` [N].
 
-    The pull grows faster and faster with the distance: up to there it stays below the chord.
+    The pull grows faster and faster with the distance, so it stays below the chord to where it has grown by that much.
     """
     n = problem.numbers
     _, _, _, _, distance, _ = tether_span(problem, t, piece, y, math.cos(y[2]), math.sin(y[2]))

@@ -24,7 +24,11 @@ _HOLD_RISE = 1e-9  # m/s; the law at rest is Coulomb's: only its plateau counts,
 
 
 class TowProblem(NamedTuple):
-    """Soles and floor, tables of friction sliding and at rest, the numbers above, and the drive as in ``motion``."""
+    """What stays the same during a tow.
+
+    ``sliding`` and ``holding`` are the tables of the friction law in motion and at rest; ``numbers`` are indexed by the
+    names above; ``drive`` is the hinge's path [m] or the force on the anchor [N].
+    """
 
     soles: Soles
     regions: Regions
