@@ -3,10 +3,12 @@ import dataclasses
 import matplotlib
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from report_scenes import LOST, SLACK, ceiling_calibration, towed_run, uncertainty_of
 from towval.model import CameraTrack, Stamp, UncertaintyMap
 from towval.model.errors import InputError
+from towval.model.inputs import INPUTS
 from towval.report import figures
 from towval.report.figures.errors import intervals
 from towval.report.style import (
@@ -150,6 +152,23 @@ def test_shares_are_sorted_and_in_per_cent(run):
     axes = figures.shares_figure([known, run]).axes[0]
     assert [label.get_text() for label in axes.get_yticklabels()] == ["friction", "rest length", "camera"]
     np.testing.assert_allclose([bar.get_width() for bar in axes.patches], [60, 25, 10])
+
+
+def test_words_of_the_shares_are_whole_and_apart(run):
+    """With the longest names: within the figure, and the legend beside them."""
+    names = ["noise and interactions", *(row.label for row in INPUTS.values())]
+    known = dataclasses.replace(uncertainty_of(run), shares={name: 0.5**i for i, name in enumerate(names)})
+    figure = figures.shares_figure([dataclasses.replace(run, uncertainty=known)])
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    axes, renderer = figure.axes[0], canvas.get_renderer()
+    labels = [label.get_window_extent(renderer) for label in axes.get_yticklabels()]
+    title = axes.title if axes.title.get_text() else axes._right_title
+    whole = [*labels, title.get_window_extent(renderer), axes.xaxis.label.get_window_extent(renderer)]
+    assert min(box.x0 for box in whole) >= 0
+    assert max(box.x1 for box in whole) <= figure.bbox.x1
+    legend = axes.get_legend().get_window_extent(renderer)
+    assert not any(legend.overlaps(label) for label in labels)
 
 
 def test_figures_without_their_data_are_left_out(run):

@@ -13,6 +13,7 @@ from towval.report.wording import decimal, degrees, millimetres, named_scalar
         (-0.00451, "-0.0045"),
         (0.0199999, "0.020"),
         (0.0, "0.00"),
+        (-1.4e-30, "0"),
     ],
 )
 def test_digits_follow_the_size(value, words):

@@ -143,11 +143,11 @@ def _settings(origins: Mapping[Path, Origin]) -> dict[str, str]:
 
 
 def _inputs(given: Campaign) -> Iterator[InputRow]:
-    """The inputs that have a deviation in campaign.yaml, with it, then gravity, which is taken as exact."""
+    """Inputs that the scene has and that can have a deviation, with it, then gravity, which is taken as exact."""
     heights = {f"{body.name}_height": body.tracked_plane_height_m for body in given.bodies}
     heights["board_thickness"] = given.floor_reference.board_thickness_m
     for row in INPUTS.values():
-        if row.stated:
+        if row.stated and row.present(given.scene):
             source = (
                 "campaign.yaml" if stated_in(given.document, row.stated.key) is not None else _default_of(row, given)
             )

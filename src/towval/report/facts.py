@@ -46,6 +46,9 @@ _WORDS = {
 }
 """Labels of scalars whose keys are not clear enough."""
 
+_STILL = 1e-9
+"""Shift [px], turn [rad] and growth below which a camera's motion is rounding."""
+
 _TO_DYNAMICS = " to dynamics, m"
 """Suffix of the statistics that give a simpler model's difference from the dynamics."""
 
@@ -222,9 +225,11 @@ def camera_text(track: Track) -> str:
         return "the floor shows too little to tell"
     shift = np.hypot(*camera.picture[camera.registered, :2].T)
     turn, growth = np.abs(camera.picture[camera.registered, 2:]).max(axis=0)
-    std = np.median(np.hypot(*camera.picture_std[camera.registered, :2].T))
+    std = decimal(float(np.median(np.hypot(*camera.picture_std[camera.registered, :2].T))))
+    if max(shift.max(), turn, growth) < _STILL:
+        return f"none found (picture shifted by 0 ± {std} px); nothing corrected"
     return (
-        f"picture shifted by up to {decimal(float(shift.max()))} px (± {decimal(float(std))} px), turned by "
+        f"picture shifted by up to {decimal(float(shift.max()))} px (± {std} px), turned by "
         f"{degrees(float(turn))}, grown by {decimal(100 * float(growth))} %; corrected"
     )
 

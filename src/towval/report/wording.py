@@ -8,9 +8,11 @@ _UNITS = {"px": "px", "px2": "px²", "mm": "mm", "m": "m", "deg": "°", "rad": "
 
 
 def decimal(value: float) -> str:
-    """A number with one decimal from 10 on, two from 0.1 on, two significant digits below that."""
+    """A number with one decimal from 10 on, two from 0.1 on, two significant digits below that; 0 below a millionth."""
     if not math.isfinite(value):
         return NOT_COMPUTED
+    if 0 < abs(value) < 1e-6:
+        return "0"
     if abs(value) >= 0.1 or value == 0:
         return f"{value:.1f}" if abs(value) >= 10 else f"{value:.2f}"
     exponent = int(f"{value:.1e}".partition("e")[2])

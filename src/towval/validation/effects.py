@@ -112,7 +112,7 @@ def to_be_measured(found: RunUncertainty, deviations: Mapping[str, float], limit
         row = INPUTS[name]
         if move > limit_m and row.stated:
             unit = f" {row.unit}" if row.unit else ""
-            std = f"± {deviations.get(name, 0.0):.2g}{unit}"
+            std = f"± {float(f'{deviations.get(name, 0.0):.1e}'):g}{unit}"
             choices.append(Choice(f"input: {row.label}", std, f"known better: {row.stated.key}", move, _RMS))
     return tuple(choices[:_MOST_INPUTS])
 

@@ -99,8 +99,9 @@ def shares_figure(runs: Sequence[RunRecord]) -> Figure | None:
     names = dict.fromkeys(name for of_run in shares.values() for name in of_run)
     table = 100 * np.array([[of_run.get(name, np.nan) for name in names] for of_run in shares.values()])
     order = np.argsort(-np.nanmean(table, axis=0), kind="stable")
-    margins = Margins(left=0.2 + 0.058 * max(len(name) for name in names))
-    figure, (axes,) = column_of_panels([max(0.6, 0.14 * len(names))], margins, "Shares of the error's variance")
+    margins = Margins(left=0.2 + 0.044 * max(len(name) for name in names))
+    figure, (axes,) = column_of_panels([max(0.6, 0.14 * len(names))], margins)
+    axes.set_title("Shares of the error's variance", loc="right")  # It is wider than the panel.
     rows = np.arange(len(names))
     axes.barh(rows, np.nanmean(table, axis=0)[order], height=0.62, color=BAND, linewidth=0, label="mean")
     for index, (run_name, values) in enumerate(zip(shares, table, strict=True)):
