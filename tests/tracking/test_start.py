@@ -221,6 +221,20 @@ def test_clicks_the_wrong_way_round_are_turned_by_the_tether():
     assert "tether_too_short" in {each.code for each in short["object"].findings}
 
 
+@pytest.mark.parametrize(("index", "height_m"), [(0, 0.25), (0, -0.25), (1, 0.25), (0, 0.0)])
+def test_a_height_that_does_not_go_with_the_size_of_the_clicked_top_is_reported(index, height_m):
+    """Measured to another surface: the top is seen in another size, and poses are off by a tenth of what is wrong."""
+    scene, tow = towed(5)
+    luma = spread(scene, TIMES_S[:1])[0]
+    clicks = scene.clicks(np.random.default_rng(5))
+    bodies = list(scene.bodies)
+    bodies[index] = replace(bodies[index], tracked_plane_height_m=bodies[index].tracked_plane_height_m + height_m)
+    found = check_clicks([luma], scene.calibration, bodies, clicks, tow)
+    codes = {name: {each.code for each in one.findings} for name, one in found.items()}
+    assert ("clicks_scale" in codes[bodies[index].name]) == (height_m != 0)
+    assert "clicks_scale" not in codes[bodies[1 - index].name]
+
+
 @pytest.mark.parametrize("order", [[0, 3, 2, 1], [2, 1, 0, 3], [1, 2, 3, 0], [3, 0, 1, 2]])
 def test_clicks_in_another_order_are_put_in_order_and_reported(order):
     """Mirrored, or begun at another corner; which way round is left to the tether."""

@@ -9,7 +9,7 @@ import pytest
 from scipy.interpolate import CubicHermiteSpline
 
 from towval.model.errors import InputError, RefusedError
-from towval.validation.decimate import DecimateSettings, decimate, find_pauses, noise_of
+from towval.validation.decimate import DecimateSettings, decimate, find_pauses, noise_of, off_bridge_m
 
 STD = np.array([1e-4, 1e-4, 2e-4])
 
@@ -116,6 +116,41 @@ def test_lost_frames_are_bridged_and_told(make_track):
     thin = decimate(track)
     assert "decimate_bridged" in {finding.code for finding in thin.findings}
     assert np.abs(thin.poses_at(track.time_s) - arc(track.time_s)).max() < 1e-3
+
+
+def stop(t):
+    """At 0.13 m/s to a stand at 5 s, within 0.2 s."""
+    along = 0.13 * np.where(t < 4.8, t, np.where(t > 5, 4.9, t - (t - 4.8) ** 2 / 0.4))
+    return np.column_stack([along, 0 * t, 0 * t])
+
+
+def test_a_stop_that_nobody_saw_leaves_the_run_unjudged(make_track):
+    """The bridge slows down all along the gap; how far off that is follows from both ends."""
+    track = make_track(stop, duration_s=10, lost=range(75, 175))
+    thin = decimate(track)
+    (doubt,) = [found for found in thin.findings if found.code == "bridge_unsure"]
+    gap = track.time_s[[74, 175]]
+    hidden = track.time_s[74:176]
+    missed = np.abs(thin.poses_at(hidden) - stop(hidden))[:, 0].max()
+    assert missed > 0.03
+    assert off_bridge_m(thin, *gap) == pytest.approx(missed, rel=0.1)
+    assert f"{1000 * off_bridge_m(thin, *gap):.0f} mm" in doubt.text
+
+
+def test_a_steady_rover_may_be_hidden_and_so_may_the_object(make_track):
+    even = make_track(lambda t: np.column_stack([0.13 * t, 0 * t, 0 * t]), duration_s=10, lost=range(75, 175))
+    steady = decimate(even)
+    assert "bridge_unsure" not in {found.code for found in steady.findings}
+    track = replace(make_track(stop, duration_s=10, lost=range(75, 175)), body="object")
+    assert "bridge_unsure" not in {found.code for found in decimate(track).findings}
+
+
+def test_a_burst_that_neither_end_shows_counts_by_half_of_what_is_missing(make_track):
+    thin = decimate(make_track(arc))
+    burst = replace(
+        thin, time_s=[0.0, 2.0], pose=[[0, 0, 0], [0.2, 0, 0]], rate=np.zeros((2, 3)), covariance=np.zeros((2, 3, 3))
+    )
+    assert off_bridge_m(burst, 0.0, 2.0) == pytest.approx(0.1, rel=1e-3)
 
 
 def test_the_result_moves_and_turns_with_the_track(make_track):

@@ -3,6 +3,7 @@
 Units, frames and symbols are those of :mod:`towval.model.conventions`. NaN means "missing" and is never filled.
 """
 
+import towval.model.findings_of_plans
 import towval.model.findings_of_video  # noqa: F401 - its rows enter the table
 from towval.model.camera import (
     CALIBRATION_PARAMETERS,

@@ -228,6 +228,12 @@ register(  # track
         "tracked_plane_height_m.",
     ),
     FindingType(
+        "clicks_scale", "track", WARNING, NOT_JUDGED,
+        "By the clicks the top of {name} is {percent:+.1f} ± {std_percent:.1f} % larger, against the other body, than "
+        "its top_corners_m at its tracked_plane_height_m. Check that height (it is that of the clicked corners above "
+        "the floor), the corners, and the clicks.",
+    ),
+    FindingType(
         "covered_at_start", "track", WARNING, NONE,
         "Over {percent:.0f} % of the top of {name} something stands still in the first picture (a banner, a stamp): "
         "that part was not tracked. Film without overlays.",
@@ -250,12 +256,13 @@ register(  # track
     FindingType(
         "clicks_turned", "track", WARNING, NONE,
         "The clicks of {name} lie the wrong way round: the tether would not reach. The track starts turned; click its "
-        "corners in the order of top_corners_m.",
+        "corners in the order of top_corners_m, or correct the sign of tether_hinge_m or tether_anchor_m.",
     ),
     FindingType(
         "tether_too_short", "track", WARNING, NOT_JUDGED,
         "The tether's ends are {span_m:.2f} m apart, which is more than it can stretch to ({longest_m:.2f} m). Check "
-        "the clicks of both bodies, tether_hinge_m, tether_anchor_m and rest_length_m.",
+        "the clicks of both bodies, tether_hinge_m, tether_anchor_m and rest_length_m; and on the video "
+        "whether the tether came off.",
     ),
     FindingType(
         "start_unsure", "track", WARNING, NONE,
@@ -290,6 +297,12 @@ register(  # decimate
         "decimate_bridged", "decimate", WARNING, _TRACKING,
         "{body}: {count} frames were not observed; the smoothed track bridges them (longest gap {gap_s:.2f} s).",
     ),
+    FindingType(
+        "bridge_unsure", "decimate", WARNING, NOT_JUDGED,
+        "The rover was not observed for {gap_s:.1f} s from {time_s:.2f} s on, while its speed changed: it may have "
+        "been {off_mm:.0f} mm ahead of or behind the curve that bridges the gap and drives the simulation. Film it all "
+        "along, or cut the video there.",
+    ),
 )  # fmt: skip
 register(  # simulate; the last six are those of towval.physics
     FindingType("rung", "simulate", _NOTE_OR_WARNING, NONE, "Model: {rung}; {changes} (allowed: {allowed_mm:.2f} mm)."),
@@ -317,6 +330,11 @@ register(  # simulate; the last six are those of towval.physics
         "taut_start", "simulate", WARNING, NOT_JUDGED,
         "At the start the tether is {stretch_mm:.0f} mm longer than its rest length: check tether.rest_length_m, "
         "hinge and anchor.",
+    ),
+    FindingType(
+        "moving_start", "simulate", WARNING, NOT_JUDGED,
+        "The object moves in the first picture, at {speed_mm_per_s:.0f} mm/s; the simulation starts it from rest, and "
+        "swings on the tether by up to {off_mm:.0f} mm. Begin the video while all bodies rest.",
     ),
     FindingType(
         "tether_on_floor", "simulate", WARNING, NONE,
@@ -393,44 +411,5 @@ register(  # uncertainty, compare, identify
         "identify_misfit", "identify", WARNING, NONE,
         "The fitted inputs do not explain the runs: the residual is {misfit:.1f} deviations of the measurement "
         "(RMS). The values belong to a model that is not that of the runs.",
-    ),
-)  # fmt: skip
-register(  # plan and tow
-    FindingType(
-        "root_lost", "plan", WARNING, NONE,
-        "No heading rate balances the moment about the anchor at {count} of {total} times, first at {time_s:.3f} s; "
-        "up to {moment_Nm:.3g} N m are left over. The tracked point cannot be drawn along this path from this "
-        "anchor; move the point towards the anchor.",
-    ),
-    FindingType(
-        "root_jumped", "plan", WARNING, NONE,
-        "The heading rate jumped at {count} times, first at {time_s:.3f} s: the root nearest to the previous one was "
-        "taken.",
-    ),
-    FindingType(
-        "cable_would_push", "plan", WARNING, NONE,
-        "At {count} of {total} times, first at {time_s:.3f} s, the force at the anchor points into the object: the "
-        "cable would have to push, or lie across the object. Smooth the path or move the anchor.",
-    ),
-    FindingType(
-        "path_not_followed", "plan", WARNING, NONE,
-        "The hinge arrives but is {rms_mm:.0f} mm RMS off its path, more than {factor:g} times the arrival distance "
-        "of {arrival_mm:.0f} mm: it cuts corners or swings. Use a smaller threshold, a shorter look-ahead or a path "
-        "that bends less.",
-    ),
-    FindingType(
-        "threshold_exceeds_path", "plan", WARNING, NONE,
-        "The threshold d_t, {threshold_m:g} m, is longer than the path, {length_m:.3g} m: the rover drives straight "
-        "for the end and does not follow what lies between. Use a smaller threshold.",
-    ),
-    FindingType(
-        "look_ahead_exceeds_path", "plan", WARNING, NONE,
-        "The orientation look-ahead, {look_ahead:g} steps, is longer than the path, {steps} steps: the planned "
-        "heading is an average over the whole path. Use a shorter look-ahead.",
-    ),
-    FindingType(
-        "path_too_tight", "plan", NOTE, NONE,
-        "The path bends with a radius of {radius_m:.3g} m, tighter than the rover's tightest turn of "
-        "{tightest_m:.3g} m: the rover follows only by turning its body less than the path turns.",
     ),
 )  # fmt: skip

@@ -10,6 +10,7 @@ from towval.model import Array, Body, Calibration, Finding, Track
 from towval.model.findings import finding
 from towval.tracking.co_moving import co_moving
 from towval.tracking.follow import CONSTANTS as FOLLOW
+from towval.tracking.outline import CONSTANTS as OUTLINE
 from towval.tracking.outline import pose_from_clicks
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.pose import step_between
@@ -41,7 +42,10 @@ def check_clicks(
     """
     targets = [PlanarTarget(body, calibration.camera, calibration.floor) for body in bodies if body.name in clicks_px]
     checked = {target.body.name: _checked(target, pictures, clicks_px[target.body.name]) for target in targets}
-    return _right_way_round(targets, checked, tow) if len(targets) == len(bodies) else checked
+    if len(targets) < len(bodies):
+        return checked
+    given = {target.body.name: np.asarray(clicks_px[target.body.name], dtype=np.float64) for target in targets}
+    return _right_way_round(targets, _of_one_scale(targets, given, checked), tow)
 
 
 def _checked(target: PlanarTarget, pictures: Sequence[Luma], clicks_px: ArrayLike) -> Clicked:
@@ -86,6 +90,47 @@ def _in_order(target: PlanarTarget, clicks_px: Array) -> Array:
     misfit, *others = (pose_from_clicks(target, each)[2] for each in orders)
     wrong = misfit > FOLLOW.misfit_of_clicks_px and min(others) < min(FOLLOW.misfit_of_clicks_px, misfit / 4)
     return orders[1 + int(np.argmin(others))] if wrong else clicks_px
+
+
+def _of_one_scale(
+    targets: Sequence[PlanarTarget], given: Mapping[str, Array], checked: Mapping[str, Clicked]
+) -> dict[str, Clicked]:
+    """The clicks, with a finding where two tops differ in scale: one has another height or size than stated.
+
+    A scale that both share is the camera's, or another zoom of the video, and is judged where the floor is seen. Clicks
+    that were far off and are corrected tell nothing.
+    """
+    if any(each.code == "clicks_corrected" for one in checked.values() for each in one.findings):
+        return dict(checked)
+    (one, one_std), (other, other_std) = (
+        _scale(target, _in_order(target, given[target.body.name])) for target in targets
+    )
+    apart, std = one / other - 1, float(np.hypot(one_std, other_std))
+    if abs(apart) <= CONSTANTS.scales_apart * std:
+        return dict(checked)
+    worse = int(abs(other - 1) > abs(one - 1))
+    name = targets[worse].body.name
+    larger = (1 + apart) ** (1 - 2 * worse) - 1
+    found = finding("clicks_scale", name=name, percent=100 * larger, std_percent=100 * std)
+    return {**checked, name: replace(checked[name], findings=(*checked[name].findings, found))}
+
+
+def _scale(target: PlanarTarget, clicks_px: Array) -> tuple[float, float]:
+    """Size of a clicked top over the stated one, on the plane of its stated height, and the deviation of that.
+
+    That of a click is what the clicks themselves scatter by, if that is more than usual: then none of it is the size.
+    """
+    corners = target.body.top_corners_m, target.floor_xy(clicks_px)
+    stated, seen = (each - each.mean(axis=0) for each in corners)
+    stated, seen = stated @ [1, 1j], seen @ [1, 1j]
+    square = np.sum(np.abs(stated) ** 2)
+    turned = np.vdot(stated, seen) / square
+    free = max(1, 2 * len(seen) - 4)
+    scatter_m = np.sqrt(np.sum(np.abs(seen - turned * stated) ** 2) / free)
+    pixel_m = target.metres_per_pixel(np.array([*target.floor_xy(clicks_px).mean(axis=0), 0.0]))
+    click_m = max(OUTLINE.click_noise_px * pixel_m, scatter_m)
+    length = OUTLINE.length_std_m / np.sqrt(square)
+    return float(np.abs(turned)), float(np.hypot(click_m / np.sqrt(square), length))
 
 
 def _right_way_round(targets: Sequence[PlanarTarget], checked: dict[str, Clicked], tow: Tow) -> dict[str, Clicked]:

@@ -36,6 +36,7 @@ class StartConstants:
     capture_turn: float = np.deg2rad(15.0)  # [rad] and as far turned: one of four corners clicked 40 px off.
     near_px: float = 2.0  # [px] Clicks as good as that are only refined.
     reported_px: float = 6.0  # [px] More than 0.7 px of noise can explain.
+    scales_apart: float = 3.5  # Deviations between the sizes of two clicked tops: 1 in 2,000 sound runs.
     jerks: float = 0.02  # Of the pictures, in which the tether may seem too short: a jerk, a picture that is off.
     slack: float = 0.02  # Of a tether's length, and
     slack_m: float = 0.015  # [m] as much that measured ends may be too far apart.

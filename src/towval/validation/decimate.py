@@ -7,8 +7,8 @@ are in docs/decimation.md.
 
 import itertools
 from bisect import bisect_right
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 
@@ -31,6 +31,10 @@ length, which is the largest creep that can hide in it."""
 
 _SHORTEST_STRETCH = 3
 """Frames between two kept times below which a stretch is not cut further."""
+
+_HIDDEN_M = 0.01
+"""What an unobserved motion of the rover may be off its bridge, along it, from which on the run is not judged: half of
+the default tolerance, since the object follows the rover."""
 
 _RUN = 4
 _RUN_BOUND = 2.0
@@ -80,7 +84,7 @@ def decimate(track: Track, settings: DecimateSettings | None = None) -> Decimate
     pauses = find_pauses(time, pose, sigma, settings.pause_s)
     fit, kept = _fewest_knots(time, pose, sigma, pauses, settings.excess)
     residual = (pose - fit.values(time)) / sigma
-    return DecimatedTrack(
+    thin = DecimatedTrack(
         body=track.body,
         time_s=time[kept],
         pose=fit.nodes[:, 0],
@@ -90,8 +94,9 @@ def decimate(track: Track, settings: DecimateSettings | None = None) -> Decimate
         pauses=np.array([[time[i], time[j]] for i, j in pauses]).reshape(-1, 2),
         frames=len(seen),
         misfit=np.sqrt(np.mean(residual**2, axis=0)),
-        findings=_findings(track, seen, fit, kept, residual, settings),
+        findings=_findings(track, seen, kept, residual),
     )
+    return replace(thin, findings=(*thin.findings, *_bridge_findings(thin, time)))
 
 
 def noise_of(time: Array, pose: Array, reported: Array) -> Array:
@@ -336,14 +341,7 @@ def _within_bound(misfit: Array, excess: float) -> bool:
     return bool(np.abs(total[_RUN:] - total[:-_RUN]).max() / _RUN <= _RUN_BOUND)
 
 
-def _findings(
-    track: Track,
-    seen: NDArray[np.int64],
-    fit: _Fit,
-    kept: NDArray[np.int64],
-    residual: Array,
-    settings: DecimateSettings,
-) -> tuple[Finding, ...]:
+def _findings(track: Track, seen: NDArray[np.int64], kept: NDArray[np.int64], residual: Array) -> tuple[Finding, ...]:
     findings = [finding("decimated", body=track.body, kept=len(kept), frames=len(seen))]
     worst = float(np.abs(residual).max())
     if worst > 6:
@@ -354,3 +352,32 @@ def _findings(
         longest = float(np.diff(track.time_s[seen]).max()) if len(seen) > 1 else 0.0
         findings.append(finding("decimate_bridged", body=track.body, count=missing, gap_s=longest))
     return tuple(findings)
+
+
+def _bridge_findings(track: DecimatedTrack, seen_s: Array) -> Iterator[Finding]:
+    """A finding where the rover, which drives the simulation, may have moved otherwise than its curve over a gap."""
+    steps = np.diff(seen_s)
+    gaps = np.flatnonzero(steps > 1.5 * np.median(steps))
+    if track.body != "rover" or not len(gaps):
+        return
+    off_m, worst = max((off_bridge_m(track, *seen_s[i : i + 2]), i) for i in gaps)
+    if off_m > _HIDDEN_M:
+        yield finding("bridge_unsure", time_s=seen_s[worst], gap_s=steps[worst], off_mm=1000 * off_m)
+
+
+def off_bridge_m(track: DecimatedTrack, begin_s: float, end_s: float) -> float:
+    """How far along its path a body may have been from the curve between two times of an unobserved motion [m].
+
+    What was seen at both ends leaves the time open at which the speed changed in between. Compared are the two simplest
+    motions: on at the first speed, then a stop; a wait, then on at the last speed. A body that keeps its speed arrives
+    as the curve does: zero. Where neither is fast enough for the length, it is half of what is missing.
+    """
+    time = np.linspace(0.0, end_s - begin_s, 101)
+    speed = np.hypot(*track.poses_and_rates_at(begin_s + time)[:, 3:5].T)
+    gone = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2 * np.diff(time))])
+    first, last, length = speed[0] * time, gone[-1] - speed[-1] * time[::-1], gone[-1]
+    others = [np.minimum(first, length)] if first[-1] >= length else []
+    others += [np.maximum(last, 0.0)] if last[0] <= 0 else []
+    if not others:
+        return float(min(length - first[-1], last[0]) / 2)
+    return float(max(np.abs(other - gone).max() for other in others))

@@ -26,6 +26,11 @@ _PARKED_CREEP_M = 5e-3
 """Creep while the rover stands, above which sticking is simulated: on all runs of the samples it is below 3 mm."""
 
 _STANDING_M_PER_S = 1e-3
+_START_S = 0.2
+_START_OFF_M = 0.005
+"""Swing after a start from rest of an object that was moving, from which on the run is not judged: a quarter of the
+default tolerance."""
+
 _LAW_RESIDUAL = 1e-3
 """Relative misfit of the friction law to the stated coefficients above which a finding is raised."""
 
@@ -90,6 +95,7 @@ class RunSimulation:
         self.towed = self.model.towed
         self.hinge = hinge_trajectory(rover, scene.hinge, self.times)
         self.start_pose = towed.poses_at(self.times[0])
+        self.start_speed = _speed_at_start(towed, self.times[0])
         self._motions: dict[tuple[bool, str, float], SimulatedMotion] = {}
 
     def motion(self, rung: str, tolerance_m: float) -> SimulatedMotion:
@@ -172,7 +178,7 @@ class RunSimulation:
 
     def _findings(self, motion: SimulatedMotion) -> list[Finding]:
         findings = []
-        if motion.outcome != Outcome.CONVERGED:
+        if motion.outcome != Outcome.CONVERGED and not any(motion.advice in found.text for found in motion.findings):
             findings.append(finding("simulate_outcome", outcome=motion.outcome, advice=motion.advice))
         if self.model.law.residual > _LAW_RESIDUAL:
             findings.append(finding("friction_law", residual=self.model.law.residual))
@@ -184,7 +190,23 @@ class RunSimulation:
         stretch = float(np.linalg.norm(spline_values(self.hinge, self.times[:1])[0][0] - anchor)) - rest_length
         if stretch > 0.05 * rest_length:
             findings.append(finding("taut_start", stretch_mm=1000 * stretch))
-        return findings
+        return findings + self._moving_start()
+
+    def _moving_start(self) -> list[Finding]:
+        """A finding where the object moves when the simulation begins, at rest: it overtakes by 2 v/ω on its tether."""
+        frequency = np.sqrt(self.scene.tether.stiffness / self.scene.mass)
+        off_m = float(2 * self.start_speed / frequency)
+        if off_m <= _START_OFF_M:
+            return []
+        return [finding("moving_start", speed_mm_per_s=1000 * self.start_speed, off_mm=1000 * off_m)]
+
+
+def _speed_at_start(track: DecimatedTrack, begin_s: float) -> float:
+    """Speed [m/s] with which a track begins: by its rate, and no more than it goes by, since a curve may swing in."""
+    soon_s = min(begin_s + _START_S, track.time_s[-1])
+    first, soon = track.poses_and_rates_at([begin_s, soon_s])
+    gone = float(np.hypot(*(soon - first)[:2])) / max(soon_s - begin_s, 1e-9)
+    return float(min(gone, np.hypot(*first[3:5])))
 
 
 def _whole(motion: SimulatedMotion, times: Array) -> SimulatedMotion:
