@@ -5,6 +5,8 @@ import shutil
 import struct
 import zlib
 
+import cv2
+import numpy as np
 import pytest
 import yaml
 
@@ -112,6 +114,13 @@ def png(width, height, data=b""):
 
     head = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(data)) + chunk(b"IEND", b"")
+
+
+def test_a_picture_that_lies_on_its_side_is_told_as_that(tmp_path):
+    """As phones store it, with a tag that turns it; without the tag's help its pixels are not those of the video."""
+    cv2.imwrite(str(tmp_path / "board.png"), np.zeros((960, 540), np.uint8))
+    with pytest.raises(InputError, match="a tag for orientation in the file is not applied"):
+        read_gray(tmp_path / "board.png", (960, 540))
 
 
 def test_a_picture_that_unfolds_is_refused_by_its_size(tmp_path):

@@ -45,6 +45,14 @@ def test_tables_hold_the_numbers_of_the_records(lab):
     assert set(results.findings.columns) == {"campaign", "run", "stage", "severity", "code", "text"}
 
 
+def test_a_notebook_shows_results_in_a_line(lab):
+    results = towval.load(lab[0])
+    shown = repr(results)
+    assert shown.startswith(f"Results of lab/a {results.summary.verdict[0]}, lab/b {results.summary.verdict[1]}. ")
+    assert f"errors ({len(results.errors)} × {results.errors.shape[1]})" in shown
+    assert len(shown) < 300
+
+
 def test_several_campaigns_are_stacked(lab, tmp_path):
     folder, _ = lab
     (tmp_path / "other").symlink_to(folder)

@@ -30,6 +30,11 @@ class Results:
     errors: pd.DataFrame
     findings: pd.DataFrame
 
+    def __repr__(self) -> str:
+        tables = (f"{name} ({len(table)} × {table.shape[1]})" for name, table in vars(self).items())
+        runs = (f"{row.campaign}/{row.run} {row.verdict}" for row in self.summary.itertuples())
+        return f"Results of {', '.join(runs)}. Tables, with rows × columns: {', '.join(tables)}"
+
 
 def load(*folders: Path | str) -> Results:
     """The results of one or several campaigns: one table of each kind over all campaigns and runs.

@@ -33,11 +33,13 @@ def read_gray(path: Path, resolution_px: tuple[int, int]) -> NDArray[np.uint8]:
             remedy="copy the file again, or take it out of the folder",
         )
     if image is None or image.shape[::-1] != size:
+        upright = size[::-1] == tuple(resolution_px)
+        turn = "turn its pixels as those of the video lie; a tag for orientation in the file is not applied"
         raise InputError(
             f"{path} has another size than camera.resolution_px",
             got=f"{size[0]} × {size[1]}",
             allowed=f"{resolution_px[0]} × {resolution_px[1]}",
-            remedy="calibrate with pictures from the camera mode that filmed the runs",
+            remedy=turn if upright else "calibrate with pictures from the camera mode that filmed the runs",
         )
     return image
 
