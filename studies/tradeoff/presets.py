@@ -25,8 +25,9 @@ from towval.model.presets import PRESETS, STANDARD, settings_of
 from towval.selection.draws import sample_selecting
 from towval.selection.lens import with_lens_choice
 from towval.selection.margin import measurement_std_m, seen_places
+from towval.selection.sample_points import track_selecting
 from towval.selection.simulation import simulate_selecting
-from towval.selection.tracking import PROBE_FRAMES, PROBE_STRIDE, neighbour_of_tracking, track_selecting
+from towval.selection.tracking import PROBE_FRAMES, PROBE_STRIDE, neighbour_of_tracking
 from towval.tracking.track import TrackSettings, track
 from towval.validation.compare import compare
 from towval.validation.decimate import decimate

@@ -20,8 +20,9 @@ from towval.optics.projection import to_plane
 from towval.physics.ladder import rung_names
 from towval.selection.lens import with_lens_choice
 from towval.selection.margin import measurement_std_m
+from towval.selection.sample_points import track_selecting
 from towval.selection.simulation import TOLERANCES_M, simulate_selecting
-from towval.selection.tracking import TRACK_SAMPLES, neighbour_of_tracking, track_selecting
+from towval.selection.tracking import TRACK_SAMPLES, neighbour_of_tracking
 from towval.tracking.track import TrackSettings, track
 from towval.validation.decimate import decimate
 from towval.validation.simulate import SimulateSettings, simulate
@@ -123,7 +124,7 @@ def test_more_points_are_taken_where_only_the_simulated_path_needs_them(filmed, 
         motion = simulate(scene, rover, towed, times, settings)
         return replace(motion, pose=motion.pose + next(paths))
 
-    monkeypatch.setattr("towval.selection.tracking.simulate", far_apart)
+    monkeypatch.setattr("towval.selection.sample_points.simulate", far_apart)
     settings, _ = track_selecting(frames, *known, clicks, TrackSettings(), given.scene, simulation=asked)
     assert settings.samples == TRACK_SAMPLES[-1]
 

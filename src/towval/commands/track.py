@@ -1,6 +1,6 @@
 """Command track: a video → track.mcap."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,8 +20,7 @@ from towval.model import Array, Body, Calibration, Finding, Track
 from towval.model.errors import InputError
 from towval.model.findings import finding
 from towval.model.geometry import polygon_area
-from towval.selection.simulation import SELECTED
-from towval.selection.tracking import PROBE_FRAMES, PROBE_STRIDE, neighbour_of_tracking, track_selecting
+from towval.selection.tracking import PROBE_FRAMES, PROBE_STRIDE, neighbour_of_tracking
 from towval.tracking.camera_motion import calibration_at_start
 from towval.tracking.clicks import Clicked, check_clicks, overstretched
 from towval.tracking.markers import clicks_from_tags
@@ -32,8 +31,6 @@ from towval.tracking.stamps import rate_findings
 from towval.tracking.start import Start, Tow, find_starts, starts_drawn
 from towval.tracking.total_covariance import with_readout, with_wider_start
 from towval.tracking.track import TrackSettings, track
-from towval.validation.decimate import DecimateSettings
-from towval.validation.simulate import SimulateSettings
 
 _MOST_PICTURES = 16  # for the background
 _READOUT_STD_S = {False: 0.01, True: 0.0005}  # by whether it is stated: phones read a picture in 5 to 30 ms
@@ -70,16 +67,7 @@ def run(
     with progress(f"track {name}", video.header.frames) as done:
         # The paper's method has no sample points to select.
         if "samples" in auto and settings.method == "plane":
-            decimation, simulation = (dict((later or {}).get(stage, {})) for stage in ("decimate", "simulate"))
-            settings, tracks = track_selecting(
-                video,
-                *scene,
-                settings,
-                given.scene,
-                decimation=settings_from(DecimateSettings, decimation, "decimate"),
-                simulation=settings_from(SimulateSettings, without_auto(simulation, *SELECTED)[0], "simulate"),
-                progress=done,
-            )
+            settings, tracks = _selecting(video, *scene, settings, given, later or {}, done)
         else:
             few: list[tuple[float, Luma]] = []
             tracks = track(_keeping(few, video), *scene, settings, progress=done)
@@ -104,6 +92,26 @@ def run(
         for body, tracked in tracks.items()
     ]
     return Outcome(f"track {name}", (output,), "; ".join(texts), numbers, findings)
+
+
+def _selecting(
+    video: Video, calibration: Calibration, bodies: Sequence[Body], clicks_px: Mapping[str, Array],
+    settings: TrackSettings, given: Campaign, later: Mapping[str, Mapping[str, Any]], done: Callable[[int], None],
+) -> tuple[TrackSettings, dict[str, Track]]:  # fmt: skip
+    """Track with as many sample points as the simulation of the run needs."""
+    # Not at start-up: nothing else of this stage simulates.
+    from towval.selection.sample_points import track_selecting  # noqa: PLC0415
+    from towval.selection.simulation import SELECTED  # noqa: PLC0415
+    from towval.validation.decimate import DecimateSettings  # noqa: PLC0415
+    from towval.validation.simulate import SimulateSettings  # noqa: PLC0415
+
+    simulation, _ = without_auto(dict(later.get("simulate", {})), *SELECTED)
+    return track_selecting(
+        video, calibration, bodies, clicks_px, settings, given.scene,
+        decimation=settings_from(DecimateSettings, dict(later.get("decimate", {})), "decimate"),
+        simulation=settings_from(SimulateSettings, simulation, "simulate"),
+        progress=done,
+    )  # fmt: skip
 
 
 def _keeping(few: list[tuple[float, Luma]], video: Iterable[tuple[float, Luma]]) -> Iterator[tuple[float, Luma]]:
