@@ -33,3 +33,19 @@ def test_one_json_object_stands_for_what_people_read(tmp_path, capsys):
     assert told["stage"] == "index"
     assert told["files"] == [str(output), str(output.with_suffix(".html"))]
     assert told["verdicts"] == {"agrees": 1}
+
+
+@pytest.mark.parametrize(("given", "used"), [({}, "1"), ({"OMP_NUM_THREADS": "2"}, "2")])
+def test_blas_has_one_thread_unless_the_user_says_otherwise(given, used):
+    # What is set when the command line, and with it NumPy, is imported.
+    code = (
+        "import importlib, os, sys\n"
+        "from towval.__main__ import main\n"
+        "def imported(name):\n"
+        "    sys.exit(print(os.environ['OMP_NUM_THREADS'], 'numpy' in sys.modules))\n"
+        "importlib.import_module = imported\n"
+        "main()"
+    )
+    environment = {name: value for name, value in os.environ.items() if name != "OMP_NUM_THREADS"} | given
+    ended = subprocess.run([sys.executable, "-c", code], env=environment, check=True, capture_output=True, text=True)
+    assert ended.stdout.split() == [used, "False"]
