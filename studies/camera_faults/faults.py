@@ -90,7 +90,7 @@ FAULTS = (
     Fault("knock", (10, 25, 60), "px", _MOVED, optics.knock),
     Fault("rotation", (0.1, 0.5, 2), "°", _MOVED, optics.rotation),
     Fault("other zoom of video", (1, 3, 10), "%", (*_MOVED, *_SCALE), optics.other_zoom),
-    Fault("mirrored video", (1, 2, 3), "", _MOVED, optics.mirrored),
+    Fault("mirrored video", (1, 2, 3), "", (*_MOVED, "video_upside_down"), optics.mirrored),
     Fault("jello", (0.3, 1, 3), "px", _MOVED, optics.jello),
     Fault("rolling shutter", (10, 20, 30), "ms", _MOVED, optics.rolling_shutter),
     Fault("defocus", (1.5, 3, 6), "px", _CODED, optics.defocus),

@@ -10,7 +10,7 @@ from towval.model.geometry import compose, inverse, turned_covariance
 from towval.tracking import two_measurements
 from towval.tracking.follow import Follower
 from towval.tracking.outline import OutlineFit
-from towval.tracking.pose import Measurement, Tracker
+from towval.tracking.pose import Measurement, Tracker, step_between
 from towval.tracking.two_measurements import (
     Compared,
     EdgeWatch,
@@ -131,6 +131,65 @@ def test_the_outline_is_looked_at_in_each_fifth_picture_and_in_all_while_it_disa
     for i in range(50, 60):
         see(i)
     assert sorted(set(looked)) == list(range(54, 60))
+
+
+@pytest.mark.parametrize(("without", "is_found"), [(1, True), (4, True), (6, False)])
+def test_an_outline_is_looked_for_where_the_last_ones_lead(monkeypatch, without, is_found):
+    """A texture that went astray takes the prediction with it, beyond the reach of the outline's search."""
+    watch, tracker, true = EdgeWatch(BOX), Lying(), POSE
+
+    def near(_luma, own, pose, wide=False):
+        return OutlineFit(step_between(pose, true), SHARP) if own.apart_m(pose, true) < 4 * PIXEL_M else None
+
+    monkeypatch.setattr(two_measurements, "observe_outline", near)
+    for i in [*range(10), 9 + without]:
+        true = compose(POSE, np.array([PIXEL_M * i, 0, 0]))
+        tracker.at = compose(true, np.array([6 * PIXEL_M * (i > 9), 0, 0]))
+        found, fit, apart = watch.look(i, i / 25, None, Measurement(tracker.at, SHARP), tracker.at, tracker, True)
+    assert apart == is_found
+    if is_found:
+        assert compose(found.pose, fit.correction) == pytest.approx(true, abs=1e-9)
+    else:
+        assert fit is None
+
+
+@pytest.mark.parametrize(("left_over", "taken"), [(1.9, True), (2.1, False)])
+def test_a_texture_that_fits_far_worse_at_the_outline_stays_where_it_was(monkeypatch, left_over, taken):
+    watch, tracker = EdgeWatch(BOX), Lying()
+    elsewhere = compose(POSE, np.array([3 * PIXEL_M, 0, 0]))
+    monkeypatch.setattr(
+        two_measurements, "observe_outline",
+        lambda _luma, _own, pose, wide=False: OutlineFit(step_between(pose, elsewhere), SHARP),
+    )  # fmt: skip
+    monkeypatch.setattr(tracker, "measure", lambda *_: Measurement(elsewhere, SHARP, residual=left_over))
+    found, _, apart = watch.look(0, 0.0, None, Measurement(POSE, SHARP, residual=1.0), POSE, tracker, True)
+    assert found.pose == pytest.approx(elsewhere if taken else POSE)
+    assert apart != taken
+
+
+def test_an_outline_that_hops_between_two_edges_does_not_take_the_texture_along(monkeypatch):
+    class NearSighted(Lying):
+        """Finds the body within three pixels; elsewhere something that fits badly."""
+
+        def measure(self, luma, predicted, velocity=None):
+            near = BOX.apart_m(predicted, self.at) < 3 * PIXEL_M
+            return Measurement(self.at if near else predicted, SHARP, residual=1.0 if near else 10.0)
+
+    tracker, luma = NearSighted(), picture(BOX, grey=GREY)
+    follower = Follower(BOX, 0.0, luma, BOX.pixels(BOX.body.top_corners_m, POSE), lambda *_: tracker, 0.2)
+    hopped = OutlineFit(np.array([8 * PIXEL_M, 0, 0]), SHARP)
+
+    def look(_watch, number, _time_s, _luma, found, *_):
+        return (found, hopped, True) if number == 20 else (found, None, False)
+
+    monkeypatch.setattr(EdgeWatch, "look", look)
+    for i in range(1, 30):
+        tracker.at = compose(POSE, np.array([1e-3 * i, 0, 0]))
+        follower.follow(i / 25, luma)
+    track = follower.track("scripted")
+    true = np.array([compose(POSE, np.array([1e-3 * i, 0, 0])) for i in range(30)])
+    assert track.seen.all()
+    assert np.linalg.norm((track.pose - true)[:, :2], axis=1).max() < 0.2 * PIXEL_M
 
 
 def followed(lies):

@@ -39,7 +39,7 @@ class FollowConstants:
     most_acceleration: float = 5.0  # [m/s²] ASSUME: half of gravity, more than wheels or a tether give.
     surprise_px: float = 3.0  # [px] From the prediction, beyond what acceleration explains.
     search_every_s: float = 0.23  # [s] Between searches for a lost body: both ways of it within half a second.
-    foreign: float = 3.0  # Times the usual misfit: something else, as far as a body that jumped is concerned.
+    foreign: float = 3.0  # Times the usual misfit: probably something else.
     agree_px: float = 2.0  # [px] Within which a search confirms a doubtful pose.
     home: float = 0.5  # Of a body's reach from its place: nothing else can be so near.
     much_farther: float = 4.0  # Distance of a rival over that of the find for which the find counts.
@@ -94,6 +94,7 @@ class Follower:
         self.relocaliser = Relocaliser(target, luma, self.first_pose)
         self.lookalikes = Lookalikes(target, luma, self.first_pose)
         self.looked: tuple[float, list[Candidate]] | None = None
+        self.texture_at: Array | None = None  # In the last picture in which it counted.
         self.motion = Motion(time_s, self.first_pose)
         self.record = Record()
         self.follow(time_s, luma)
@@ -127,6 +128,10 @@ class Follower:
         lookalikes after a gap, and the places of other bodies.
         """
         measured = self.tracker.measure(luma, predicted, self.motion.velocity)
+        if self.texture_at is not None and measured is not None and self._foreign(measured):
+            # Where the outline hopped from one edge to another and back, the motion predicts as if the body had.
+            again = self.tracker.measure(luma, self.texture_at, self.motion.velocity)
+            measured = again if again is not None and again.residual < measured.residual else measured
         after_gap = self.record.last_status not in (None, TrackStatus.TRACKED)
         if measured is None or self._surprising(time_s, measured.pose):
             measured = self._search(time_s, luma, measured, others)
@@ -141,6 +146,10 @@ class Follower:
 
     def _over(self, pose: Array, outline: Array) -> bool:
         return self.target.covered_by(pose, outline) > CONSTANTS.most_covered
+
+    def _foreign(self, measured: Measurement) -> bool:
+        """Whether far more is left over than usual: probably something else."""
+        return measured.residual > CONSTANTS.foreign * self.record.usual_misfit()
 
     def _surprising(self, time_s: float, pose: Array) -> bool:
         """Whether a pose is farther from where the motion leads than a body can have got."""
@@ -164,7 +173,7 @@ class Follower:
             if found is None:
                 continue
             apart_m = 0.0 if doubtful is None else self.target.apart_m(found.pose, doubtful.pose)
-            if self._surprising(time_s, found.pose) and found.residual > CONSTANTS.foreign * self.record.usual_misfit():
+            if self._surprising(time_s, found.pose) and self._foreign(found):
                 continue
             if apart_m <= CONSTANTS.agree_px * self.pixel_m and self._unmistakable(time_s, luma, found.pose, others):
                 return found
@@ -237,6 +246,7 @@ class Follower:
         found, fit, apart = self.edge_watch.look(len(self.record), time_s, luma, found, predicted, self.tracker, due)
         found.learn()
         place = compose(found.pose, fit.correction) if fit is not None and apart else found.pose
+        self.texture_at = found.pose
         pose = found.pose
         if time_s > self.motion.time_s:
             self.echoes.look(luma, pose, self.motion.velocity * (time_s - self.motion.time_s))

@@ -37,6 +37,8 @@ class TwoMeasurementsConstants:
     alone: float = 4.0  # Deviations of a single picture that disagrees: one in a thousand does by chance.
     moved_px: float = 0.5  # [px] and as long once the body has moved by so much.
     edge_std_px: float = 0.05  # [px] By which an edge may stand off the top's: 0.02 to 0.06 measured.
+    worse: float = 2.0  # Times what the texture left where it was found first: right places leave half, wrong ones 6.
+    led: float = 5.0  # Times the step between two outlines, for which they lead to where the next must be.
     sure_px: float = 0.15  # [px] Deviation of an outline that has found its edges: sharp ones give up to 0.1.
     window_s: float = 1.0  # [s] Over which the disagreement is averaged: bodies stop and go, focus hunts.
     least: int = 6  # Looks in a window, for a second moment to be known to a quarter.
@@ -77,6 +79,7 @@ class EdgeWatch:
     def __init__(self, target: PlanarTarget):
         self.target, self.rows, self.observed, self.closely_until_s = target, array("d"), 0, -np.inf
         self.rests_at: Array | None = None
+        self.seen_at: list[tuple[float, Array]] = []
 
     def look(
         self, picture: int, time_s: float, luma: Luma, found: Measurement, predicted: Array, tracker: Tracker, due: bool
@@ -94,7 +97,7 @@ class EdgeWatch:
             self.rests_at, self.closely_until_s = None, time_s + CONSTANTS.closely_s
         if not due and self.observed % CONSTANTS.every and time_s > self.closely_until_s:
             return found, None, False
-        fit = self._outline(luma, found.pose, (found.pose, predicted))
+        fit = self._outline(luma, found.pose, (found.pose, predicted)) or self._where_it_goes(time_s, luma, found.pose)
         if fit is None:
             return found, None, False
         apart = self._apart(found, fit)
@@ -102,10 +105,14 @@ class EdgeWatch:
             self.closely_until_s = time_s + CONSTANTS.closely_s
             place = compose(found.pose, fit.correction)
             again = tracker.measure(luma, place)
+            # At an outline that is something else's, the texture is found with far more left over.
+            if again is not None and again.residual > CONSTANTS.worse * found.residual:
+                again = None
             nearer = None if again is None else self._outline(luma, again.pose, (place,))
             if again is not None and nearer is not None and self._apart(again, nearer) < apart:
                 found, fit, apart = again, nearer, self._apart(again, nearer)
         self.rows.extend((picture, *fit.correction, *fit.covariance.ravel(), *fit.size))
+        self.seen_at = [*self.seen_at[-1:], (time_s, compose(found.pose, fit.correction))]
         return found, fit, apart > CONSTANTS.disagree
 
     def _outline(self, luma: Luma, pose: Array, places: Sequence[Array]) -> OutlineFit | None:
@@ -121,6 +128,15 @@ class EdgeWatch:
             if least < least_m:
                 break
         return surest
+
+    def _where_it_goes(self, time_s: float, luma: Luma, pose: Array) -> OutlineFit | None:
+        """The outline where the last two lead, against a pose: a texture far astray takes the prediction with it."""
+        if len(self.seen_at) < 2:
+            return None
+        (before_s, before), (last_s, last) = self.seen_at
+        if time_s - last_s > CONSTANTS.led * (last_s - before_s):
+            return None
+        return self._outline(luma, pose, (last + (last - before) * (time_s - last_s) / (last_s - before_s),))
 
     def _moved(self, pose: Array) -> bool:
         least_m = CONSTANTS.moved_px * self.target.metres_per_pixel(pose)
