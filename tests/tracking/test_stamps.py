@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from towval.model import Stamp, Track, TrackStatus
-from towval.tracking.stamps import check_stamps, rate_findings
+from towval.tracking.stamps import check_stamps, rate_findings, usual_step_s
 
 
 def filmed(true_s, stamps_s, shown=None, speeds=(0.15, 0.12), bumps=0.0, seed=0, noise_m=2e-5):
@@ -169,6 +169,21 @@ def test_shaking_stamps_are_reported(jitter_ms, found):
     assert bool({"stamps_uneven", "stamps_contradicted"} & set(codes(filmed(EVEN + late, EVEN)))) == found
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_stamps_that_shake_by_more_than_steps_can_tell_make_poses_as_uncertain(seed):
+    """By a quarter of a step, with poses known to a seventh of one: no step is steady, none is large against noise."""
+    late, noise_m = 0.01 * np.random.default_rng(seed).standard_normal(250), 6e-4
+    shaken = filmed(EVEN + late, EVEN, speeds=(0.1, 0.06), noise_m=noise_m, seed=seed)
+    shaken = {
+        name: replace(track, covariance=noise_m**2 * np.tile(np.eye(3), (250, 1, 1))) for name, track in shaken.items()
+    }
+    tracks, findings, _ = check_stamps(shaken)
+    assert [one.code for one in findings] == ["stamps_uneven"]
+    speed = np.gradient(shaken["rover"].pose[:, 0], EVEN)
+    added = np.sqrt((tracks["rover"].covariance - shaken["rover"].covariance)[:, 0, 0])
+    assert np.median(added / np.abs(speed)) == pytest.approx(0.01, rel=0.25)
+
+
 def test_one_body_may_jump_by_itself():
     tracks = filmed(EVEN, EVEN)
     slipped = tracks["object"].pose.copy()
@@ -189,6 +204,16 @@ def test_a_rate_against_the_camera_or_the_sound_is_reported():
     assert rate_findings(0.1, 30.0, 10.0, nan) == (), "every third picture"
     assert [one.code for one in rate_findings(1 / 24, 25.0, 10.0, nan)] == ["rate_contradicted"]
     assert [one.code for one in rate_findings(1 / 25, None, 60.0, 62.4)] == ["rate_contradicted"]
+
+
+def test_a_percent_of_the_rate_is_seen_and_stamps_in_whole_milliseconds_are_none():
+    nan = float("nan")
+    assert [one.code for one in rate_findings(1 / 24.75, 25.0, 10.0, nan)] == ["rate_contradicted"]
+    for rate_hz in (29.97, 59.94, 24.0):
+        rounded = np.round(np.arange(300) / rate_hz, 3)
+        assert rate_findings(usual_step_s(np.delete(rounded, [50, 51, 200])), round(rate_hz), 10.0, nan) == ()
+    assert usual_step_s(np.arange(3) / 25) == pytest.approx(1 / 25)
+    assert np.isnan(usual_step_s(np.zeros(1)))
 
 
 @pytest.mark.parametrize(("rate_hz", "unusual"), [

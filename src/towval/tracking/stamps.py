@@ -37,9 +37,14 @@ class StampConstants:
     least_alone: int = 3  # Jumps where a single body moves: fewer can be its own.
     jitter_s: float = 0.002  # [s] Deviation of a stamp that is reported.
     least_steps: int = 30  # In which two bodies move, for the deviation of stamps to be known.
-    correlated: float = 0.7  # Shares of the two bodies: those of stamps are the same.
+    least_step: float = 3.0  # Deviations of a pose, in a step, from which on it tells how late its picture is.
+    correlated: float = (
+        0.5  # Lateness of the two bodies: 0.7 and more where stamps shake, -0.2 to 0.3 where they don't.
+    )
     gap_s: float = 1.0  # [s] Without a picture: longer than any motion is carried on.
-    rate: float = 0.01  # Difference from the camera's stated rate: crystals are a hundred times better.
+    many: int = 30  # Pictures over which the usual step is taken.
+    rate: float = 0.003  # Difference from the camera's stated rate: television's is off by 0.001, crystals by less.
+    length: float = 0.01  # Difference of the sound's length from the pictures', which may begin and end apart.
     usual_hz: tuple[float, ...] = (12.5, 15, 18, 20, 24, 25, 30, 48, 50, 60, 90, 100, 120, 240)  # [Hz] of cameras,
     usual_rate: float = 0.004  # within which a rate is one of them; or a thousandth below, for television.
 
@@ -51,6 +56,7 @@ _TENTH = (
     3.490  # Tenth of chi-squared with the eight degrees of freedom that such a cubic leaves of the two coordinates.
 )
 _ALTERNATION = 48 / 35  # Share of it by which each picture is beside the quadratic through five.
+_LEFT = 18 / 35  # Share of a picture's variance by which it is beside the quadratic through five.
 _OTHER_STEPS = np.setdiff1d(np.arange(-12, 2.5, 0.5), [0.0])  # That a step may be longer by, in usual ones.
 _Bodies = list[tuple[Array, float]]  # Places (n, 2) of each body, and its usual misfit.
 _ROUNDS = 4  # Of looking for repeated pictures: several of them side by side hide each other.
@@ -82,8 +88,7 @@ def check_stamps(tracks: Mapping[str, Track]) -> tuple[dict[str, Track], tuple[F
         stamps[at] = Stamp.CONTRADICTED
         findings.append(finding("stamps_contradicted", count=len(at), first_s=time_s[at[0]], last_s=time_s[at[-1]]))
     else:
-        shaken_s = _jitter_s(share, moving & ~jumps, np.diff(time_s[~repeated]))
-        jitter_s = max(shaken_s, _fields_s(tracks, ~repeated))
+        jitter_s = _jitter_s(tracks, ~repeated)
         if jitter_s > CONSTANTS.jitter_s:
             findings.append(finding("stamps_uneven", jitter_ms=1000 * jitter_s))
             tracks = {name: replace(track, covariance=track.covariance + delayed(time_s, track.pose, jitter_s))
@@ -93,10 +98,16 @@ def check_stamps(tracks: Mapping[str, Track]) -> tuple[dict[str, Track], tuple[F
     return dict(tracks), tuple(findings), stamps
 
 
+def usual_step_s(time_s: Array) -> float:
+    """Usual step of stamps (n,) [s], NaN for one: over many pictures, since containers round to milliseconds."""
+    many = max(1, min(CONSTANTS.many, len(time_s) // 4))
+    return float(np.median(time_s[many:] - time_s[:-many]) / many) if len(time_s) > 1 else float("nan")
+
+
 def rate_findings(step_s: float, stated_hz: float | None, seen_s: float, heard_s: float) -> tuple[Finding, ...]:
     """Findings about the time scale as a whole.
 
-    ``step_s``: median step of the stamps [s]; ``stated_hz``: the camera's rate by the campaign; ``seen_s`` and
+    ``step_s``: usual step of the stamps [s]; ``stated_hz``: the camera's rate by the campaign; ``seen_s`` and
     ``heard_s``: length of the pictures and of the sound [s], NaN where there is none.
     """
     findings = []
@@ -104,7 +115,7 @@ def rate_findings(step_s: float, stated_hz: float | None, seen_s: float, heard_s
         pictures = max(1, round(stated_hz * step_s))
         if abs(stated_hz * step_s / pictures - 1) > CONSTANTS.rate:
             findings.append(finding("rate_contradicted", found_hz=1 / step_s, other=f"camera.fps is {stated_hz:g}"))
-    if abs(heard_s - seen_s) > max(CONSTANTS.rate * heard_s, 0.5):
+    if abs(heard_s - seen_s) > max(CONSTANTS.length * heard_s, 0.5):
         other = f"the sound lasts {heard_s:.1f} s and the pictures {seen_s:.1f} s"
         findings.append(finding("rate_contradicted", found_hz=1 / step_s, other=other))
     if stated_hz is None and np.isnan(heard_s):
@@ -282,15 +293,43 @@ def _enough(jumps: NDArray[np.bool_], moving: NDArray[np.bool_]) -> bool:
     return bool(together.any() or jumps.sum() >= CONSTANTS.least_alone)
 
 
-def _jitter_s(share: Array, moving: NDArray[np.bool_], step_s: Array) -> float:
-    """Deviation of a stamp [s] that the motion common to two bodies shows; zero where it shows none."""
-    both = moving.all(axis=0)
-    if len(share) < 2 or both.sum() < CONSTANTS.least_steps:
+def _jitter_s(tracks: Mapping[str, Track], kept: NDArray[np.bool_]) -> float:
+    """Deviation of a stamp [s] that the motion common to two bodies shows; zero where it shows none.
+
+    What a body does by itself, and noise, are not common to two: the mean of the product of their lateness is the
+    variance of the stamps. Of pictures that are early and late in turn more of it is left beside a quadratic.
+    """
+    if len(tracks) < 2:
         return 0.0
-    late = (share * step_s)[:2, both]
-    late -= late.mean(axis=1, keepdims=True)
-    (a, common), (_, b) = late @ late.T / both.sum()
-    return float(np.sqrt(common / 2)) if common > CONSTANTS.correlated * np.sqrt(a * b) else 0.0
+    in_turn_s = _fields_s(tracks, kept)
+    one, other = [_lateness_s(track, kept) for track in tracks.values()][:2]
+    both = np.isfinite(one) & np.isfinite(other)
+    if both.sum() < CONSTANTS.least_steps:
+        return in_turn_s
+    one, other = (_bounded(late[both]) for late in (one, other))
+    common = float(np.mean(one * other))
+    correlated = common > CONSTANTS.correlated * np.sqrt(np.mean(one**2) * np.mean(other**2))
+    else_s2 = max(common - (_ALTERNATION * in_turn_s) ** 2, 0.0) / _LEFT
+    return float(np.hypot(in_turn_s, np.sqrt(else_s2))) if correlated else in_turn_s
+
+
+def _lateness_s(track: Track, kept: NDArray[np.bool_]) -> Array:
+    """By how much each picture (n,) is ahead of smooth motion [s]; NaN where a body is too slow to tell."""
+    time_s, pose = track.time_s[kept], np.where(track.seen[kept, None], track.pose[kept], np.nan)
+    ahead, rows, _ = about_quadratics(time_s, pose, 5)
+    late = np.full(len(time_s), np.nan)
+    if len(rows):
+        velocity = (pose[rows + 2, :2] - pose[rows - 2, :2]) / (time_s[rows + 2] - time_s[rows - 2])[:, None]
+        squared = np.sum(velocity**2, axis=1)
+        tells = np.sqrt(squared) * np.median(np.diff(time_s)) > CONSTANTS.least_step * _noise_m(track, kept)
+        late[rows[tells]] = np.sum(velocity * ahead[:, :2], axis=1)[tells] / squared[tells]
+    return late
+
+
+def _bounded(values: Array) -> Array:
+    """Values (n,) of which none counts for more than three usual ones: a body starts, or slips."""
+    most = 3 * np.median(np.abs(values))
+    return np.clip(values, -most, most)
 
 
 def _fields_s(tracks: Mapping[str, Track], kept: NDArray[np.bool_]) -> float:
@@ -298,8 +337,6 @@ def _fields_s(tracks: Mapping[str, Track], kept: NDArray[np.bool_]) -> float:
 
     Two fields that are made into pictures are so, by too little to show in any one step.
     """
-    if len(tracks) < 2:
-        return 0.0
     one, other = [_late_in_turn_s(track, kept) for track in tracks.values()][:2]
     # Noise of the two bodies is not common to them.
     return float(np.sqrt(max(one * other, 0.0)))
