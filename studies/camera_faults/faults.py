@@ -154,7 +154,7 @@ FAULTS = (
     Fault("clips overlap", (-1, -3, -10), "pictures", _TIME, timing.joined),
     Fault("clock set", (20, 100, 500), "ms", _TIME, timing.clock_set),
     Fault("slower in low light", (2, 8, 20), "%", (*_TIME, "rate_contradicted"), timing.slower_in_low_light),
-    Fault("stamps rounded", (10, 25, 100), "ms", _TIME, timing.rounded_stamps),
+    Fault("stamps rounded", (10, 25, 35), "ms", _TIME, timing.rounded_stamps),
     Fault("fields swapped", (0.25, 0.5, 1), "pictures", (*_CODED, *_TIME), timing.fields_swapped),
     Fault("pictures invented", (1, 3, 7), "a picture", (*_CODED, *_TIME), timing.invented),
     # Coding
