@@ -94,8 +94,7 @@ class Follower:
         self.relocaliser = Relocaliser(target, luma, self.first_pose)
         self.lookalikes = Lookalikes(target, luma, self.first_pose)
         self.looked: tuple[float, list[Candidate]] | None = None
-        self.texture_at: Array | None = None  # In the last picture in which it counted.
-        self.motion = Motion(time_s, self.first_pose)
+        self.motion, self.texture_motion = Motion(time_s, self.first_pose), Motion(time_s, self.first_pose)
         self.record = Record()
         self.follow(time_s, luma)
 
@@ -128,10 +127,8 @@ class Follower:
         lookalikes after a gap, and the places of other bodies.
         """
         measured = self.tracker.measure(luma, predicted, self.motion.velocity)
-        if self.texture_at is not None and measured is not None and self._foreign(measured):
-            # Where the outline hopped from one edge to another and back, the motion predicts as if the body had.
-            again = self.tracker.measure(luma, self.texture_at, self.motion.velocity)
-            measured = again if again is not None and again.residual < measured.residual else measured
+        if measured is not None:
+            measured = self._as_the_texture_went(time_s, luma, predicted, measured)
         after_gap = self.record.last_status not in (None, TrackStatus.TRACKED)
         if measured is None or self._surprising(time_s, measured.pose):
             measured = self._search(time_s, luma, measured, others)
@@ -146,6 +143,17 @@ class Follower:
 
     def _over(self, pose: Array, outline: Array) -> bool:
         return self.target.covered_by(pose, outline) > CONSTANTS.most_covered
+
+    def _as_the_texture_went(self, time_s: float, luma: Luma, predicted: Array, measured: Measurement) -> Measurement:
+        """A measurement, or, where it looks foreign, a better one where the texture's own motion leads.
+
+        Where the outline hops from one edge to another and back, the motion predicts as if the body had.
+        """
+        led = self.texture_motion.predict(time_s)
+        if self.target.apart_m(led, predicted) < CONSTANTS.agree_px * self.pixel_m or not self._foreign(measured):
+            return measured
+        again = self.tracker.measure(luma, led, self.texture_motion.velocity)
+        return again if again is not None and again.residual < measured.residual else measured
 
     def _foreign(self, measured: Measurement) -> bool:
         """Whether far more is left over than usual: probably something else."""
@@ -246,11 +254,11 @@ class Follower:
         found, fit, apart = self.edge_watch.look(len(self.record), time_s, luma, found, predicted, self.tracker, due)
         found.learn()
         place = compose(found.pose, fit.correction) if fit is not None and apart else found.pose
-        self.texture_at = found.pose
         pose = found.pose
         if time_s > self.motion.time_s:
             self.echoes.look(luma, pose, self.motion.velocity * (time_s - self.motion.time_s))
             place = self.motion.observe(time_s, place)
+            self.texture_motion.observe(time_s, pose)
             pose = np.array([*pose[:2], place[2] + step_between(place, pose)[2]])
         self.record.keep_points(found.points_m, found.weights)
         if due:
