@@ -196,6 +196,21 @@ def test_clicks_within_two_pixels_of_the_outline_are_kept(apart_px, kept):
         assert np.array_equal(checked(scene, index, luma, clicks_px)[1].corners_px, clicks_px) == kept
 
 
+@pytest.mark.parametrize(("scale", "found"), [(0.97, True), (0.995, False), (1.005, False), (1.03, True)])
+@pytest.mark.parametrize("seed", [3, 6])
+def test_tops_that_are_clicked_larger_or_smaller_than_stated_are_named(seed, scale, found):
+    """A board printed at 97 %: other edges are about as far apart as those that are looked for."""
+    scene, _ = towed(seed)
+    luma, body = spread(scene, TIMES_S[:1])[0], scene.bodies[0]
+    clicks_px = scene.target(0).pixels(body.top_corners_m, scene.motions[0](0.0))
+    stated = replace(body, top_corners_m=body.top_corners_m / scale)
+    checks = check_clicks([luma], scene.calibration, [stated, scene.bodies[1]], {body.name: clicks_px}, LONG)
+    wrong = [each for each in checks[body.name].findings if each.code == "lengths_wrong"]
+    assert len(wrong) == found
+    if found:
+        assert f"{100 * (scale - 1):+.2f}" in wrong[0].text
+
+
 def test_clicks_of_the_base_are_corrected_or_doubted():
     scene, _ = towed(4)
     luma = spread(scene, TIMES_S[:1])[0]

@@ -65,10 +65,13 @@ def _checked(target: PlanarTarget, pictures: Sequence[Luma], clicks_px: ArrayLik
     off_m = target.apart_m(clicked, pose)
     findings = [] if clicks_px is given_px else [finding("clicks_reordered", name=name)]
     clearly = target.apart_m(beside, pose) <= near_m or here < CONSTANTS.as_good * best
-    if clear and off_m > near_m and clearly:
+    corrected = clear and off_m > near_m and clearly
+    if corrected and off_m > CONSTANTS.reported_px * pixel:
+        findings.append(finding("clicks_corrected", name=name, off_px=off_m / pixel))
+    else:
+        findings += _size_findings(target, clicks_px, pixel)
+    if corrected:
         clicked, clicks_px = pose, target.pixels(target.body.top_corners_m, pose)
-        if off_m > CONSTANTS.reported_px * pixel:
-            findings.append(finding("clicks_corrected", name=name, off_px=off_m / pixel))
     as_good = [other for score, other in found if score >= CONSTANTS.as_good * max(best, here)]
     rivals = [step_between(clicked, other) for other in as_good if target.apart_m(clicked, other) > near_m]
     spread = np.array(rivals).reshape(-1, 3)
@@ -76,6 +79,22 @@ def _checked(target: PlanarTarget, pictures: Sequence[Luma], clicks_px: ArrayLik
     if rivals:
         findings.append(finding("start_unsure", name=name, std_mm=1000 * float(np.sqrt(np.trace(spread[:2, :2])))))
     return Clicked(clicks_px, spread, tuple(findings))
+
+
+def _size_findings(target: PlanarTarget, clicks_px: Array, pixel_m: float) -> list[Finding]:
+    """A finding where clicks (n, 2) [px] near the outline have another size than the top's.
+
+    Edges of something else may lie as far apart as those of a top of the stated size; clicks know the corners.
+    """
+    places, corners = target.floor_xy(clicks_px), target.body.top_corners_m
+    arms, seen = corners - corners.mean(axis=0), places - places.mean(axis=0)
+    # Of the similarity that leads from the corners to the clicks, as complex numbers.
+    turned = np.vdot(arms @ [1, 1j], seen @ [1, 1j])
+    size, std = np.abs(turned) / np.sum(arms**2) - 1, OUTLINE.click_noise_px * pixel_m / np.linalg.norm(arms)
+    outward_m = abs(size) * float(np.linalg.norm(arms, axis=1).max())
+    if abs(size) < CONSTANTS.size_deviations * std or outward_m < CONSTANTS.size_px * pixel_m:
+        return []
+    return [finding("lengths_wrong", names=target.body.name, percent=100 * size, std_percent=100 * std)]
 
 
 def _in_order(target: PlanarTarget, clicks_px: Array) -> Array:

@@ -35,6 +35,8 @@ class StartConstants:
     capture_px: float = 45.0  # [px] Around the clicks, in which the outline is searched,
     capture_turn: float = np.deg2rad(15.0)  # [rad] and as far turned: one of four corners clicked 40 px off.
     near_px: float = 2.0  # [px] Clicks as good as that are only refined.
+    size_deviations: float = 4.0  # Of the size of clicked corners: by chance once in 16,000 tops,
+    size_px: float = 1.5  # [px] and so far outwards: who clicks beside an edge does so by one.
     reported_px: float = 6.0  # [px] More than 0.7 px of noise can explain.
     scales_apart: float = 3.5  # Deviations between the sizes of two clicked tops: 1 in 2,000 sound runs.
     jerks: float = 0.02  # Of the pictures, in which the tether may seem too short: a jerk, a picture that is off.
