@@ -69,7 +69,7 @@ def _checked(target: PlanarTarget, pictures: Sequence[Luma], clicks_px: ArrayLik
     if corrected and off_m > CONSTANTS.reported_px * pixel:
         findings.append(finding("clicks_corrected", name=name, off_px=off_m / pixel))
     else:
-        findings += _size_findings(target, clicks_px, pixel)
+        findings += _size_findings(target, clicks_px)
     if corrected:
         clicked, clicks_px = pose, target.pixels(target.body.top_corners_m, pose)
     as_good = [other for score, other in found if score >= CONSTANTS.as_good * max(best, here)]
@@ -81,18 +81,16 @@ def _checked(target: PlanarTarget, pictures: Sequence[Luma], clicks_px: ArrayLik
     return Clicked(clicks_px, spread, tuple(findings))
 
 
-def _size_findings(target: PlanarTarget, clicks_px: Array, pixel_m: float) -> list[Finding]:
+def _size_findings(target: PlanarTarget, clicks_px: Array) -> list[Finding]:
     """A finding where clicks (n, 2) [px] near the outline have another size than the top's.
 
     Edges of something else may lie as far apart as those of a top of the stated size; clicks know the corners.
     """
-    places, corners = target.floor_xy(clicks_px), target.body.top_corners_m
-    arms, seen = corners - corners.mean(axis=0), places - places.mean(axis=0)
-    # Of the similarity that leads from the corners to the clicks, as complex numbers.
-    turned = np.vdot(arms @ [1, 1j], seen @ [1, 1j])
-    size, std = np.abs(turned) / np.sum(arms**2) - 1, OUTLINE.click_noise_px * pixel_m / np.linalg.norm(arms)
-    outward_m = abs(size) * float(np.linalg.norm(arms, axis=1).max())
-    if abs(size) < CONSTANTS.size_deviations * std or outward_m < CONSTANTS.size_px * pixel_m:
+    scale, std = _scale(target, clicks_px)
+    size, corners = scale - 1, target.body.top_corners_m
+    outward_m = abs(size) * float(np.linalg.norm(corners - corners.mean(axis=0), axis=1).max())
+    least_m = CONSTANTS.size_px * target.metres_per_pixel(np.array([*target.floor_xy(clicks_px).mean(axis=0), 0.0]))
+    if abs(size) < CONSTANTS.size_deviations * std or outward_m < least_m:
         return []
     return [finding("lengths_wrong", names=target.body.name, percent=100 * size, std_percent=100 * std)]
 
