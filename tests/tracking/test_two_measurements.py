@@ -133,9 +133,13 @@ def test_the_outline_is_looked_at_in_each_fifth_picture_and_in_all_while_it_disa
     assert sorted(set(looked)) == list(range(54, 60))
 
 
-@pytest.mark.parametrize(("without", "is_found"), [(1, True), (4, True), (6, False)])
-def test_an_outline_is_looked_for_where_the_last_ones_lead(monkeypatch, without, is_found):
-    """A texture that went astray takes the prediction with it, beyond the reach of the outline's search."""
+@pytest.mark.parametrize("turns", [0, 1])
+@pytest.mark.parametrize(("without", "is_found"), [(0.9, True), (4.4, True), (6, False)])
+def test_an_outline_is_looked_for_where_the_last_ones_lead(monkeypatch, without, is_found, turns):
+    """A texture that went astray takes the prediction with it, beyond the reach of the outline's search.
+
+    The heading of the last pose may be told by a full turn more.
+    """
     watch, tracker, true = EdgeWatch(BOX), Lying(), POSE
 
     def near(_luma, own, pose, wide=False):
@@ -143,7 +147,7 @@ def test_an_outline_is_looked_for_where_the_last_ones_lead(monkeypatch, without,
 
     monkeypatch.setattr(two_measurements, "observe_outline", near)
     for i in [*range(10), 9 + without]:
-        true = compose(POSE, np.array([PIXEL_M * i, 0, 0]))
+        true = compose(POSE, np.array([PIXEL_M * i, 0, 0])) + np.array([0, 0, 2 * np.pi * turns * (i > 8)])
         tracker.at = compose(true, np.array([6 * PIXEL_M * (i > 9), 0, 0]))
         found, fit, apart = watch.look(i, i / 25, None, Measurement(tracker.at, SHARP), tracker.at, tracker, True)
     assert apart == is_found

@@ -38,9 +38,7 @@ class StampConstants:
     jitter_s: float = 0.002  # [s] Deviation of a stamp that is reported.
     least_steps: int = 30  # In which two bodies move, for the deviation of stamps to be known.
     least_step: float = 3.0  # Deviations of a pose, in a step, from which on it tells how late its picture is.
-    correlated: float = (
-        0.5  # Lateness of the two bodies: 0.7 and more where stamps shake, -0.2 to 0.3 where they don't.
-    )
+    correlated: float = 0.5  # Lateness of the two bodies: 0.7 and more where stamps shake, 0.3 at most where not.
     gap_s: float = 1.0  # [s] Without a picture: longer than any motion is carried on.
     many: int = 30  # Pictures over which the usual step is taken.
     rate: float = 0.003  # Difference from the camera's stated rate: television's is off by 0.001, crystals by less.

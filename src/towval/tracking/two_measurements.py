@@ -23,7 +23,7 @@ from towval.tracking.noise import CONSTANTS as NOISE
 from towval.tracking.noise import MEDIAN_CHI_SQUARED_3, about_quadratics
 from towval.tracking.outline import OutlineFit, observe_outline
 from towval.tracking.planar_target import PlanarTarget
-from towval.tracking.pose import Measurement, Tracker, step_between
+from towval.tracking.pose import Measurement, Tracker, moved, step_between
 from towval.tracking.template import Luma
 
 
@@ -136,7 +136,8 @@ class EdgeWatch:
         (before_s, before), (last_s, last) = self.seen_at
         if time_s - last_s > CONSTANTS.led * (last_s - before_s):
             return None
-        return self._outline(luma, pose, (last + (last - before) * (time_s - last_s) / (last_s - before_s),))
+        step = step_between(before, last) * (time_s - last_s) / (last_s - before_s)
+        return self._outline(luma, pose, (moved(last, step),))
 
     def _moved(self, pose: Array) -> bool:
         least_m = CONSTANTS.moved_px * self.target.metres_per_pixel(pose)
