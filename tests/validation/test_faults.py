@@ -63,6 +63,16 @@ def test_nine_in_ten_of_the_smallest_visible_faults_show(case):
             assert fault.shift_rms_m == pytest.approx(np.sqrt(np.mean(distance**2)), rel=0.3)
 
 
+def test_a_fault_larger_than_what_it_acts_on_is_not_tried(case):
+    """Faults of up to 0.3 m are put into a tether of 0.1 m, and into draws that make it shorter still."""
+    short = replace(case, scene=replace(case.scene, tether=replace(case.scene.tether, rest_length=0.1)))
+    unsure = replace(short, deviations={**case.deviations, "rest_length": 0.05})
+    sampling = UncertaintySampling(unsure, UncertaintySettings(samples=64))
+    (fault, *_) = sampling.with_faults(sampling.describe(64)).faults
+    assert fault.kind == "rest length"
+    assert not fault.size >= 0.1
+
+
 def test_a_fault_that_no_draw_can_be_simulated_with_is_not_visible(case):
     rng = np.random.default_rng(4)
     error, inputs = 1e-3 * rng.standard_normal((64, 100, 3)), rng.standard_normal((64, 2))

@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from scipy.stats import norm
 
 from studies.worlds.campaign import OBJECT, ROVER
 from towval.model import Camera, Floor, Tether, Verdict
-from towval.model.errors import InputError
+from towval.model.errors import InputError, RefusedError
 from towval.model.geometry import rigid_fit, transform
 from towval.optics.projection import project, to_plane
 from towval.selection.draws import sample_selecting
@@ -154,11 +155,34 @@ def test_the_numerical_uncertainty_is_in_u_val_wherever_it_is_used(case):
 
 
 def test_the_main_input_is_named_and_draws_that_fail_are_counted():
-    found = {one.code: one.text for one in _findings(2, {"friction": 0.6, "stiffness": 0.1, REST: 0.3})}
+    found = {one.code: one.text for one in _findings(2, 128, {"friction": 0.6, "stiffness": 0.1, REST: 0.3})}
     assert found["main_input"].startswith("60 %")
     assert found["main_input"].endswith("friction.")
     assert found["draws_left_out"].startswith("2 draws")
-    assert _findings(0, {"friction": 0.0, REST: 0.0}) == ()
+    assert _findings(0, 128, {"friction": 0.0, REST: 0.0}) == ()
+
+
+def test_a_run_of_which_a_part_of_the_draws_fails_is_not_judged(case):
+    """A load of 1.5 kg on 4 kg tips it where both have their centre beyond the edge: at 917 mm in x, 642 mm in y."""
+    unsure = replace(case, deviations={**case.deviations, "load_at": 0.4})
+    found = sample_uncertainty(unsure, UncertaintySettings(samples=128))
+    edge, at = np.array([0.25, 0.175]) * 5.5 / 1.5, case.scene.load.at
+    stands = np.prod(norm.cdf((edge - at) / 0.4) - norm.cdf((-edge - at) / 0.4))
+    failed, expected = 128 - found.samples, 128 * (1 - stands)
+    assert 12 < expected < 30
+    assert failed == pytest.approx(expected, abs=2 * np.sqrt(expected))
+    (said,) = [one for one in found.findings if one.code == "draws_fail"]
+    assert said.text.startswith(f"{failed} of 128 draws could not be simulated")
+    result = compare("a", case.simulated, case.object_track, found)
+    assert result.verdict == Verdict.NOT_JUDGED
+    assert said.text in result.findings[0].text
+    assert np.isfinite(result.error_upper_m)
+
+
+def test_a_spread_of_the_few_draws_that_can_be_simulated_is_refused(case):
+    unsure = replace(case, deviations={**case.deviations, "load_at": 3.0})
+    with pytest.raises(RefusedError, match=r"(?s)cannot be sampled.*: \d+ of 64 draws.*less than 50 %"):
+        sample_uncertainty(unsure, UncertaintySettings(samples=64))
 
 
 def test_draws_are_added_until_the_bounds_are_known_well_enough(case):

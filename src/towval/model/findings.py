@@ -366,6 +366,11 @@ register(  # uncertainty, compare, identify
         "draws_left_out", "uncertainty", WARNING, NONE, "{count} draws could not be simulated and were left out."
     ),
     FindingType(
+        "draws_fail", "uncertainty", WARNING, NOT_JUDGED,
+        "{count} of {drawn} draws could not be simulated, more than {percent:.0f} %: the bounds hold for the others "
+        "only. Check the deviations in campaign.yaml: with a load that may be anywhere the object tips over.",
+    ),
+    FindingType(
         "widened", "uncertainty", WARNING, NONE,
         "The deviation of {input} counts {factor:g} times, because of: {codes}.",
     ),

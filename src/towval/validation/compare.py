@@ -136,7 +136,7 @@ def _judged(
         detectable_m=detectable_m,
         seen_share=seen_share,
         moved_m=found.path_length_m,
-        forbidding=forbidding(upstream),
+        forbidding=forbidding((*upstream, *uncertainty.findings)),
         shares=uncertainty.shares,
         explanation=uncertainty.explanation,
         hidden=tuple(fault.kind for fault in uncertainty.faults if not fault.shift_rms_m <= tolerance_m),

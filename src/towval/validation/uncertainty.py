@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm, qmc
 
 from towval.model import Array, Choice, Finding, RunUncertainty
-from towval.model.errors import RefusedError
+from towval.model.errors import RefusedError, TowvalError
 from towval.model.findings import finding
 from towval.model.geometry import pose_difference
 from towval.model.inputs import INPUTS
@@ -38,6 +38,11 @@ BOUND_ERROR = 0.05
 _BOUND_CONFIDENCE = 0.95  # of the bounds whose error is estimated
 
 _DROPPED_SHARE = 0.02
+"""Share of the draws that fail, above which the limits hold for those only that could be simulated."""
+
+_LEAST_SHARE = 0.5
+"""Share of the draws above which a spread is stated at all."""
+
 _KEPT_TIMES = 1000
 """Draws are kept at this many times at most: more than the path has features."""
 
@@ -50,8 +55,8 @@ def sample_uncertainty(
     """Draw everything that is uncertain, simulate each draw, and describe the spread.
 
     The result holds covariances over time, the draws, and the smallest faults that they leave visible; ``progress`` is
-    called with the number of draws done. `RefusedError` where more than 2 % of the draws cannot be simulated: the
-    limits would hold for the easy ones only.
+    called with the number of draws done. Where more than 2 % of the draws cannot be simulated, a finding leaves the run
+    not judged: the limits hold for the others only. `RefusedError` where half of them cannot.
     """
     settings = settings or UncertaintySettings()
     sampling = UncertaintySampling(case, settings, progress)
@@ -100,12 +105,12 @@ class UncertaintySampling:
         draws = self._draws[:samples]
         simulated, measured = (np.array(part) for part in zip(*self._outcomes[:samples], strict=True))
         done = np.isfinite(simulated[:, -1, 0])
-        if np.mean(~done) > _DROPPED_SHARE:
+        if np.mean(done) <= _LEAST_SHARE:
             raise RefusedError(
                 "the uncertainty cannot be sampled",
                 got=f"{np.count_nonzero(~done)} of {len(draws)} draws could not be simulated",
-                allowed=f"at most {100 * _DROPPED_SHARE:.0f} %",
-                remedy="check the deviations in campaign.yaml: a load may leave its footprint, a length be negative",
+                allowed=f"less than {100 * (1 - _LEAST_SHARE):.0f} %",
+                remedy="check the deviations in campaign.yaml: with a load that may be anywhere the object tips over",
             )
         return self._described(draws[done], simulated[done], measured[done], int(np.count_nonzero(~done)))
 
@@ -129,7 +134,7 @@ class UncertaintySampling:
             shares=shares,
             samples=len(draws),
             seed=self.settings.seed,
-            findings=(*_findings(dropped, shares), *self._widened()),
+            findings=(*_findings(dropped, len(draws) + dropped, shares), *self._widened()),
             upstream=self.case.upstream,
             draws=kept,
         )
@@ -149,19 +154,15 @@ class UncertaintySampling:
         done = [i for i, (pose, _) in enumerate(self._outcomes) if np.isfinite(pose[-1, 0])]
 
         def shifts(acts: Sequence[Acts], rows: NDArray[np.intp] | None) -> Array:
-            drawn: list[Drawn | None]
+            laid_out: list[Drawn | None]
             if rows is None:
-                drawn = [Drawn(act(self.case.scene), sampler.rover_moves, nominal.pose[0]) for act in acts]
+                laid_out = [Drawn(self.case.scene, sampler.rover_moves, nominal.pose[0])] * len(acts)
                 poses = plain
             else:
                 numbers = [done[row] for row in rows]
-                drawn = [
-                    laid and laid._replace(scene=act(laid.scene))
-                    for act, i in zip(acts, numbers, strict=True)
-                    for laid, _ in [sampler.lay_out(i, self._draws[i])]
-                ]
+                laid_out = [sampler.lay_out(i, self._draws[i])[0] for i in numbers]
                 poses = np.array([self._outcomes[i][0][draws.rows] for i in numbers])
-            moved = np.array(list(batch.simulate(drawn)))
+            moved = np.array(list(batch.simulate(map(_acted, acts, laid_out))))
             return path.frame.along_across(pose_difference(moved, poses))[:, path.frame.seen]
 
         drawing = Drawing(path.drawn, draws.inputs, self.settings.confidence, shifts)
@@ -245,17 +246,27 @@ def with_numerical(covariance: Array, u_num_m: float) -> Array:
     return covariance + 0.5 * u_num_m**2 * np.diag([1.0, 1.0, 0.0])
 
 
+def _acted(act: Acts, drawn: Drawn | None) -> Drawn | None:
+    """The simulation with a change of its scene; None where there is no such scene: a tether cannot lose its length."""
+    try:
+        return drawn and drawn._replace(scene=act(drawn.scene))
+    except TowvalError:
+        return None
+
+
 def _mean_square(error: Array) -> Array:
     """Second moments (n, 3, 3) about zero over the first axis of errors (k, n, 3)."""
     return np.asarray(np.einsum("kni,knj->nij", error, error) / len(error))
 
 
-def _findings(dropped: int, shares: dict[str, float]) -> tuple[Finding, ...]:
+def _findings(dropped: int, drawn: int, shares: dict[str, float]) -> tuple[Finding, ...]:
     findings = []
     named = {name: share for name, share in shares.items() if name != REST}
     if any(named.values()):
         first = max(named, key=lambda name: named[name])
         findings.append(finding("main_input", percent=100 * named[first], label=first))
-    if dropped:
+    if dropped > _DROPPED_SHARE * drawn:
+        findings.append(finding("draws_fail", count=dropped, drawn=drawn, percent=100 * _DROPPED_SHARE))
+    elif dropped:
         findings.append(finding("draws_left_out", count=dropped))
     return tuple(findings)
