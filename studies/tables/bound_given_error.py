@@ -15,7 +15,7 @@ import numpy as np
 
 from studies.tables.verdict_worlds import cases, largest
 from studies.worlds.towed_runs import TrueCamera, nominal_calibration
-from studies.worlds.verdict_worlds import WORLDS, world_run
+from studies.worlds.verdict_worlds import WORLDS, number_of, world_run
 from towval.model import Array
 from towval.model.geometry import block_means, signature_blocks
 from towval.validation.path_frame import OnPath
@@ -72,7 +72,7 @@ def known_errors(seeds: range, samples: int) -> Iterator[Known]:
     """Each world's runs."""
     for name in TRIED:
         for seed in seeds:
-            number = len(WORLDS) * seed + list(WORLDS).index(name)
+            number = number_of(name, seed)
             run = world_run(WORLDS[name], number)
             true = run.truth()
             case = cases(run, TrueCamera(nominal_calibration(), number), f"{name} {seed}")(true)

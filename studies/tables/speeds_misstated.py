@@ -15,7 +15,7 @@ import numpy as np
 
 from studies.tables.verdict_worlds import cases, judged, largest
 from studies.worlds.towed_runs import ROVER, TOWED, TrueCamera, nominal_calibration
-from studies.worlds.verdict_worlds import WORLDS, with_stated, world_run
+from studies.worlds.verdict_worlds import WORLDS, number_of, with_stated, world_run
 from towval.model import Body
 from towval.validation.sampler import UncertaintySettings
 from towval.validation.uncertainty import UncertaintySampling
@@ -28,7 +28,7 @@ TOO_LARGE = 1.25
 
 def judged_run(name: str, seed: int, scale: float, samples: int) -> str:
     """A row: the verdict, the error's RMS, u_D, the first bound, and what the simulation was off at most, in mm."""
-    run = world_run(WORLDS[name], len(WORLDS) * seed + list(WORLDS).index(name))
+    run = world_run(WORLDS[name], number_of(name, seed))
     exact = {number: value.copy() for number, value in run.true.items()}
     run = with_stated(run, **exact | {"friction_velocity": TOO_LARGE * exact["friction_velocity"]})
     camera, true = TrueCamera(nominal_calibration(scale), seed, scale), run.truth()

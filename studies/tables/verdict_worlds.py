@@ -25,7 +25,7 @@ import numpy as np
 from scipy.stats import beta
 
 from studies.worlds.towed_runs import ROVER, TOWED, TrueCamera, nominal_calibration
-from studies.worlds.verdict_worlds import WORLDS, WorldRun, half_way, scene_of, world_run
+from studies.worlds.verdict_worlds import WORLDS, WorldRun, half_way, number_of, scene_of, world_run
 from towval.model import Array, Body, Comparison, RunUncertainty, Verdict
 from towval.model.errors import TowvalError
 from towval.model.geometry import wrapped
@@ -51,7 +51,7 @@ Row = tuple[str, str, str, bool]
 
 def judged_run(name: str, seed: int, samples: int) -> dict[str, Any]:
     """One run of a world: what was stated of it, what was true, and how faults in its truth are judged."""
-    world, number = WORLDS[name], len(WORLDS) * seed + list(WORLDS).index(name)
+    world, number = WORLDS[name], number_of(name, seed)
     run = world_run(world, number)
     case_of, true = cases(run, TrueCamera(nominal_calibration(), number), f"{name} {seed}"), run.truth()
     case, started = case_of(true), time.process_time()

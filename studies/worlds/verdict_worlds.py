@@ -20,6 +20,7 @@ from studies.worlds.lab_tows import rectangle
 from studies.worlds.scenes import drive
 from studies.worlds.towed_runs import TOWED
 from towval.model import Array, FloorRegion, FrictionSpecification, Ground, Load, MassSpread, Patch, Tether, TowingScene
+from towval.model.conventions import GRAVITY_M_PER_S2
 from towval.model.geometry import transform
 from towval.model.inputs import deviations
 
@@ -36,7 +37,8 @@ FULL_LOAD_N = 40.0
 class World:
     """What a truth has: ``heights`` of tow and mass, a ``floor`` that slopes and is anisotropic, ``feet``, ``tether``
     that stiffens and damps, ``region`` of other friction, LuGre's law of friction; ``engine``: it is MuJoCo's, on
-    points with Coulomb's law; ``stated`` is what a lab states of a deviation over what it is."""
+    points with Coulomb's law; ``rope``: stiff, and about as long as the tow at its start; ``stated`` is what a lab
+    states of a deviation over what it is."""
 
     heights: bool = False
     floor: bool = False
@@ -45,6 +47,7 @@ class World:
     region: bool = False
     lugre: bool = False
     engine: bool = False
+    rope: bool = False
     stated: float = 1.0
 
 
@@ -60,7 +63,10 @@ WORLDS = {
     "level, deviations 2 × too small": World(stated=0.5),
     "lab, deviations 2 × too small": World(heights=True, floor=True, feet=True, tether=True, stated=0.5),
     "level, deviations 2 × too large": World(stated=2.0),
+    "rope": World(tether=True, rope=True),
+    "lab, rope": World(heights=True, floor=True, feet=True, tether=True, rope=True),
 }
+_FIRST = 11  # worlds that were there first, whose runs keep their numbers
 
 STD = {
     "kinetic": 0.005, "static": 0.01, "friction_velocity": 0.3, "mass": 0.01, "load": 0.01, "load_at": 0.001,
@@ -142,6 +148,12 @@ def _is_there(own: str, world: World) -> bool:
     return True
 
 
+def number_of(name: str, seed: int) -> int:
+    """The seed of a world's run that no other world has."""
+    later, index = divmod(list(WORLDS).index(name), _FIRST)
+    return _FIRST * seed + index + 10**6 * later
+
+
 def world_run(world: World, seed: int) -> WorldRun:
     """A random run of a world."""
     rng = np.random.default_rng([seed, 11])
@@ -156,7 +168,7 @@ def world_run(world: World, seed: int) -> WorldRun:
         "anchor": np.array([0.25, 0.0]),
         "hinge": np.array([-0.42, 0.0]),
         "rest": np.array(rng.uniform(0.45, 0.8)),
-        "stiffness": np.array(float(np.exp(rng.uniform(np.log(500), np.log(3000))))),
+        "stiffness": np.array(float(np.exp(rng.uniform(*np.log((1e4, 1e5) if world.rope else (500, 3000)))))),
         "damping": np.array(rng.uniform(5, 20) if world.tether else 0.0),
         "hinge_height": np.array(rng.uniform(0.1, 0.25) if world.heights else 0.0),
         "anchor_height": np.array(rng.uniform(0.03, 0.1) if world.heights else 0.0),
@@ -181,7 +193,10 @@ def world_run(world: World, seed: int) -> WorldRun:
     times = np.arange(round((REST_S + 0.5 + PATH_M / speed) * RATE_HZ)) / RATE_HZ
     heading, bearing = path(0.0)[2] + rng.uniform(-0.4, 0.4), path(0.0)[2] + rng.uniform(-0.3, 0.3)
     rise = float(true["hinge_height"] - true["anchor_height"])
-    taut = np.sqrt(float(true["rest"]) ** 2 - rise**2) - rng.uniform(0.01, 0.03)
+    # A rope may be taut at the start, with half of what friction holds.
+    held = 0.5 * float(true["static"] * (true["mass"] + true["load"])) * GRAVITY_M_PER_S2 / float(true["stiffness"])
+    slack = rng.uniform(-held, 0.003) if world.rope else rng.uniform(0.01, 0.03)
+    taut = np.sqrt(float(true["rest"]) ** 2 - rise**2) - slack
     anchor = transform(path(0.0), true["hinge"]) - taut * np.array([np.cos(bearing), np.sin(bearing)])
     start = np.array([*(anchor - transform([0, 0, heading], true["anchor"])), heading])
     run = WorldRun(world, true, stated, path, start, times)

@@ -9,7 +9,7 @@ import pytest
 from scipy.interpolate import CubicHermiteSpline
 
 from towval.model.errors import InputError, RefusedError
-from towval.validation.decimate import DecimateSettings, decimate, find_pauses, noise_of, off_bridge_m
+from towval.validation.decimate import DecimateSettings, _fit, decimate, find_pauses, noise_of, off_bridge_m
 
 STD = np.array([1e-4, 1e-4, 2e-4])
 
@@ -60,6 +60,59 @@ def test_smoothing_brings_the_track_closer_to_the_truth(make_track, motion):
     error = decimate(track).poses_at(track.time_s) - motion(track.time_s)
     assert (np.sqrt(np.mean(error**2, axis=0)) < 0.7 * STD).all()
     assert len(decimate(track).time_s) < len(track.time_s) / 8
+
+
+def winding(time_s):
+    """Along a winding path at 0.2 m/s from 1 s on, by integration in milliseconds."""
+    fine = np.arange(0.0, time_s[-1] + 0.002, 1e-3)
+    speed = 0.2 * np.clip((fine - 1) / 0.4, 0, 1)
+    heading = np.cumsum(1.2 * np.sin(1.5 * fine) * (speed > 0)) * 1e-3
+    steps = speed[:, None] * np.column_stack([np.cos(heading), np.sin(heading)]) * 1e-3
+    return np.stack([np.interp(time_s, fine, each) for each in (*np.cumsum(steps, axis=0).T, heading)], axis=1)
+
+
+def rate_errors(thin, motion):
+    """Errors [m/s] of the rates between frames of a decimated track."""
+    time_s = np.arange(0.1, thin.time_s[-1] - 0.1, 0.005)
+    true = (motion(time_s + 0.002) - motion(time_s - 0.002)) / 0.004
+    return np.linalg.norm((thin.poses_and_rates_at(time_s)[:, 3:] - true)[:, :2], axis=1)
+
+
+@pytest.mark.parametrize("motion", [arc, stop_and_go, winding])
+def test_a_track_without_noise_keeps_its_rates_with_few_poses(make_track, motion):
+    """The tracker's deviation counts as its noise; else every second pose was kept, and rates swung by 0.2 m/s."""
+    thin = decimate(replace(make_track(motion), pose=motion(make_track(motion).time_s)))
+    assert len(thin.time_s) < 300 / 6
+    assert rate_errors(thin, motion).max() < 0.012
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_noise_that_neighbours_share_is_not_followed(make_track, seed):
+    """A tracker's errors wander as a body moves over the pixels: here by 28 µm in five frames, with 13 µm of white."""
+    rng = np.random.default_rng(seed)
+    track = make_track(winding, std=STD * 0.13, seed=seed)
+    wander = np.zeros((len(track.time_s), 3))
+    for i in range(1, len(wander)):
+        wander[i] = 0.8 * wander[i - 1] + 0.6 * rng.standard_normal(3)
+    covariance = np.diag((0.31 * STD) ** 2)
+    stated = replace(track, pose=track.pose + 0.28 * STD * wander, covariance=np.tile(covariance, (len(wander), 1, 1)))
+    thin = decimate(stated)
+    np.testing.assert_allclose(thin.noise, 0.31 * STD, rtol=1e-6)
+    errors = rate_errors(thin, winding)
+    assert errors.max() < 0.01
+    assert np.sqrt(np.mean(errors**2)) < 1e-3
+    between = np.arange(1.0, 11.0, 0.005)
+    assert np.abs((thin.poses_at(between) - winding(between))[:, :2]).max() < 1.5e-4
+
+
+def test_stretches_too_short_for_their_unknowns_take_their_rates_from_the_frames():
+    """Kept at every frame, all rates are undetermined; the curve through a parabola has its slopes."""
+    time_s = np.arange(12) / 25
+    pose = np.stack([time_s**2, 0.3 * time_s, -0.1 * time_s], axis=1)
+    fit = _fit(time_s, pose, np.tile(STD, (12, 1)), list(range(12)), [])
+    true = np.stack([2 * time_s, np.full(12, 0.3), np.full(12, -0.1)], axis=1)
+    np.testing.assert_allclose(fit.nodes[1:-1, 1], true[1:-1], atol=1e-9)
+    np.testing.assert_allclose(fit.nodes[:, 0], pose, atol=1e-9)
 
 
 def test_pauses_stay_pauses(make_track):

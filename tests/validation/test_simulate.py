@@ -8,9 +8,11 @@ import pytest
 from studies.worlds.scenes import drive
 from towval.model import FloorRegion, Ground, Tether
 from towval.model.errors import InputError, RefusedError
+from towval.model.geometry import transform
 from towval.physics.dynamics import Outcome
 from towval.physics.friction_laws import FittedLaw, fitted_law
 from towval.validation.decimate import decimate
+from towval.validation.scene_model import SceneModel
 from towval.validation.simulate import STICKING, RunSimulation, SimulateSettings, simulate
 from validation_case import SCENE
 
@@ -64,6 +66,47 @@ def test_a_tether_stretched_at_the_start_is_reported(tracks):
     # From hinge (-0.57, 0.01) to anchor (-0.95, 0.04) it is 0.38 m: 5 % of 0.4 m are not reached, of 0.3 m they are.
     assert "taut_start" not in found
     assert "taut_start" in codes(tracks, replace(SCENE, tether=Tether(0.3, 800.0)))
+
+
+def test_an_object_at_rest_is_not_thrown_by_a_stiff_tether_that_is_stated_too_short(tracks):
+    """0.38 m of a tether stated 2 mm shorter, at 1e5 N/m: 200 N, where friction holds 22 N."""
+    distance = float(np.hypot(*(np.array([-0.15, 0.05]) - 0.42 * np.array([np.cos(0.1), np.sin(0.1)])
+                                - np.array([-1.2, 0.0]) - 0.25 * np.array([np.cos(0.15), np.sin(0.15)]))))  # fmt: skip
+    scene = replace(SCENE, tether=Tether(distance - 0.002, 1e5))
+    motion = simulate(scene, *tracks, TIMES, SimulateSettings(rung="dynamics"))
+    held = 1.25 * SCENE.friction.static * SCENE.weight / 1e5
+    nearer = 0.002 - held
+    begun = np.linalg.norm(motion.pose[0, :2] - [-1.2, 0.0])
+    assert begun == pytest.approx(nearer, abs=1e-4)  # the noise of the track
+    still = motion.time_s < 0.3
+    assert np.linalg.norm(motion.pose[still, :2] - motion.pose[0, :2], axis=1).max() < held
+    (found,) = [each for each in motion.findings if each.code == "start_nearer"]
+    assert f"{1000 * nearer:.1f} mm nearer" in found.text
+    assert found.severity == "note"
+    far = codes(tracks, replace(SCENE, tether=Tether(distance - 0.01, 1e5)))["start_nearer"]
+    assert far.severity == "warning"
+
+
+@pytest.mark.parametrize("heights", [(0.0, 0.0), (0.3, 0.05)])
+def test_the_start_is_moved_only_as_far_as_friction_can_hold(heights):
+    """The place where the stretch of the tether, in space, is that of the pull that is still held; else none."""
+    hinge_height, anchor_height = heights
+    scene = replace(SCENE, tether=Tether(0.6, 1e4), hinge_height=hinge_height, anchor_height=anchor_height)
+    model, heading = SceneModel(scene), 0.4
+    hinge, direction = np.array([0.2, -0.1]), np.array([np.cos(0.3), np.sin(0.3)])
+
+    def pose(length):
+        apart = np.sqrt(length**2 - (hinge_height - anchor_height) ** 2)
+        anchor = transform([0.0, 0.0, heading], scene.anchor)
+        return np.array([*(hinge - apart * direction - anchor), heading])
+
+    held = 0.6 + 1.25 * scene.friction.static * scene.weight / 1e4
+    np.testing.assert_array_equal(model.resting(hinge, pose(held - 1e-9)), pose(held - 1e-9))
+    np.testing.assert_allclose(model.resting(hinge, pose(held + 0.01)), pose(held), atol=1e-12)
+    slippery = SceneModel(replace(scene, ground=Ground(regions=(FloorRegion(np.eye(3)[:, :2], 0.5),))))
+    np.testing.assert_allclose(slippery.resting(hinge, pose(held + 0.01)), pose(held), atol=1e-12)
+    rough = SceneModel(replace(scene, ground=Ground(regions=(FloorRegion(np.eye(3)[:, :2], 2.0),))))
+    np.testing.assert_allclose(rough.resting(hinge, pose(held + 0.01)), pose(2 * held - 0.6), atol=1e-12)
 
 
 def test_a_tether_with_mass_that_would_hang_through_the_floor_is_reported(tracks):

@@ -332,6 +332,11 @@ register(  # simulate; the last six are those of towval.physics
         "hinge and anchor.",
     ),
     FindingType(
+        "start_nearer", "simulate", _NOTE_OR_WARNING, NONE,
+        "By the stated lengths the tether would pull the object at rest with more than friction holds: it starts "
+        "{nearer_mm:.1f} mm nearer to the rover than measured. Check tether.rest_length_m, hinge and anchor.",
+    ),
+    FindingType(
         "moving_start", "simulate", WARNING, NOT_JUDGED,
         "The object moves in the first picture, at {speed_mm_per_s:.0f} mm/s; the simulation starts it from rest, and "
         "swings on the tether by up to {off_mm:.0f} mm. Begin the video while all bodies rest.",

@@ -125,7 +125,7 @@ def _judged(
     """The comparison with bounds, statistics, verdict and findings added."""
     tolerance_m = settings.stated_m or TOLERANCE_M
     tested, drawn_tests, (begins_m, ends_m) = _tested(simulated, measured, uncertainty, settings)
-    visible = sorted(fault.shift_rms_m if np.isfinite(fault.size) else np.inf for fault in uncertainty.faults)
+    visible = sorted(np.nan_to_num(fault.shift_rms_m, nan=np.inf) for fault in uncertainty.faults)
     detectable_m = float(visible[(len(visible) - 1) // 2]) if visible else float("nan")
     moving = np.linalg.norm(simulated.twist[:, :2], axis=1) > _MOVING_M_PER_S
     seen = np.isfinite(found.error[:, 0])

@@ -32,6 +32,9 @@ length, which is the largest creep that can hide in it."""
 _SHORTEST_STRETCH = 3
 """Frames between two kept times below which a stretch is not cut further."""
 
+_WEAK = 1e-6
+"""Weight of a slope over three frames, as a share of what it is worth: it counts where the curve says nothing."""
+
 _HIDDEN_M = 0.01
 """What an unobserved motion of the rover may be off its bridge, along it, from which on the run is not judged: half of
 the default tolerance, since the object follows the rover."""
@@ -79,9 +82,11 @@ def decimate(track: Track, settings: DecimateSettings | None = None) -> Decimate
             remedy="look at the stage track's findings for this run",
         )
     time, pose = track.time_s[seen], track.pose[seen]
-    noise = noise_of(time, pose, track.std[seen])
-    sigma = _frame_sigma(track.std[seen], noise)
-    pauses = find_pauses(time, pose, sigma, settings.pause_s)
+    reported = track.std[seen]
+    white = noise_of(time, pose, reported)
+    pauses = find_pauses(time, pose, _frame_sigma(reported, white), settings.pause_s)
+    noise = noise_in_motion(white, reported)
+    sigma = _frame_sigma(reported, noise)
     fit, kept = _fewest_knots(time, pose, sigma, pauses, settings.excess)
     residual = (pose - fit.values(time)) / sigma
     thin = DecimatedTrack(
@@ -100,7 +105,7 @@ def decimate(track: Track, settings: DecimateSettings | None = None) -> Decimate
 
 
 def noise_of(time: Array, pose: Array, reported: Array) -> Array:
-    """Standard deviation of one pose (3,) [m, m, rad], estimated from the track itself.
+    """Standard deviation of one pose (3,) [m, m, rad] apart from what neighbours share, estimated from the track.
 
     Smooth motion nearly cancels in third differences, noise does not: their median absolute value, scaled for white
     noise, is the estimate. Where this median is zero (a track without noise), the smallest reported deviation is used,
@@ -115,8 +120,17 @@ def noise_of(time: Array, pose: Array, reported: Array) -> Array:
     return np.asarray(np.where(white > 0, white, floor))
 
 
+def noise_in_motion(white: Array, reported: Array) -> Array:
+    """Standard deviation of one pose (3,) of a moving body, from that of white noise (3,) and those reported (n, 3).
+
+    Errors of a tracker also wander as a body moves over the pixels: neighbours share them, so differences do not show
+    them, and a curve that follows them has accelerations that never were. The tracker states them.
+    """
+    return np.maximum(white, np.median(reported, axis=0))
+
+
 def _frame_sigma(reported: Array, noise: Array) -> Array:
-    """Deviation of each pose (n, 3): the track's noise, larger where the tracker reports that a frame was worse."""
+    """Deviation of each pose (n, 3): ``noise`` (3,), larger where the tracker reports that a frame was worse."""
     typical = np.median(reported, axis=0)
     relative = np.where(typical > 0, reported / np.where(typical > 0, typical, 1.0), 1.0)
     return noise * np.maximum(relative, 1.0)
@@ -238,6 +252,9 @@ def _fit(time: Array, pose: Array, sigma: Array, kept: list[int], pauses: list[t
     shares *= np.concatenate([has[cell], has[cell + 1]], axis=1)
     nodes = np.empty((len(kept), 2, 3))
     factors = []
+    free = has[:, 1] > 0
+    rates, slopes = unknowns[free, 1], np.gradient(pose, time, axis=0)[kept][free]
+    weak = 2 * _WEAK * (np.median(np.diff(time)) / sigma[kept][free]) ** 2
     for c in range(3):
         weighted = shares / sigma[:, c : c + 1]
         band, right = np.zeros((4, concerned.max() + 1)), np.zeros(concerned.max() + 1)
@@ -246,8 +263,10 @@ def _fit(time: Array, pose: Array, sigma: Array, kept: list[int], pauses: list[t
             lower = below >= 0
             np.add.at(band, (below[lower], concerned[lower, other]), (weighted[:, one] * weighted[:, other])[lower])
         np.add.at(right, concerned, weighted * (pose[:, c] / sigma[:, c])[:, None])
-        # A stretch with fewer poses than unknowns leaves a rate undetermined; a weak pull to zero fixes it.
-        band[0] += 1e-9 * band[0].mean()
+        # Stretches with fewer poses than unknowns leave rates undetermined, which swing from one to the next; a weak
+        # pull to what three frames say fixes them.
+        band[0, rates] += weak[:, c]
+        right[rates] += weak[:, c] * slopes[:, c]
         factor = cholesky_banded(band, lower=True)
         nodes[:, :, c] = cho_solve_banded((factor, True), right)[unknowns] * has
         factors.append(factor)

@@ -175,7 +175,10 @@ class _Search:
             found = max((each.found for each in tried if np.isfinite(each.error)), default=np.inf)
         if not found <= kind.most:
             return VisibleFault(kind.name, np.nan, kind.unit, np.nan, np.nan, kind.most)
-        (shift,) = self.drawing.shifts([kind.of(found)], None)
+        signs = (1.0, -1.0) if kind.both else (1.0,)
+        shifts = self.drawing.shifts([kind.of(sign * found) for sign in signs], None)
+        # With a fault of one sign the nominal run may tip.
+        shift = next((each for each in shifts if np.isfinite(each).all()), shifts[0])
         distance = np.linalg.norm(shift[:, :2], axis=1)
         return VisibleFault(
             kind.name, found, kind.unit, float(np.sqrt(np.mean(distance**2))), float(distance.max()), kind.most

@@ -1,14 +1,16 @@
 """A scene prepared for the physics, in the same way for simulation, uncertainty and identification."""
 
+import numpy as np
 from numpy.typing import ArrayLike
 
-from towval.model import FrictionSpecification, SimulatedMotion, Sliding, TimedPath, TowingScene
+from towval.model import Array, FrictionSpecification, SimulatedMotion, Sliding, TowingScene
+from towval.model.geometry import transform
 from towval.physics.dynamics import Accuracy, resting_patch
 from towval.physics.friction_laws import FittedLaw, fitted_law, risen_law
 from towval.physics.ladder import DYNAMICS, simulate_rung
 from towval.physics.mass import towed_object
 from towval.physics.spatial.tow import Sticking, is_planar
-from towval.physics.splines import Spline
+from towval.physics.splines import Spline, spline_values
 from towval.physics.wrench import SlidingPatch
 
 RISE_SHARE = 1e-4
@@ -16,6 +18,11 @@ RISE_SHARE = 1e-4
 
 _HOLD = 2.0
 """Speed below which friction may hold the object, as a multiple of the speed of this rise."""
+
+
+_HELD = 1.25
+"""Pull that an object at rest may bear, as a multiple of the static friction of its weight on level ground: slopes, a
+pull downward and a longer rest add some; and where friction does hold, the start stays as it was measured."""
 
 
 class SceneModel:
@@ -38,14 +45,16 @@ class SceneModel:
         return is_planar(self.towed, self._sliding(), scene.tether, scene.ground, scene.hinge_height, self._hold())
 
     def motion(
-        self, rung: str, hinge: TimedPath | Spline, start: ArrayLike, times: ArrayLike, tolerance_m: float
+        self, rung: str, hinge: Spline, start: ArrayLike, times: ArrayLike, tolerance_m: float
     ) -> SimulatedMotion:
-        """Motion of the object by a rung of the ladder, as far as it goes.
+        """Motion of the object by a rung of the ladder, from rest, as far as it goes.
 
-        ``hinge`` is the path of the tether's hinge [m], ``start`` (3,) the object's pose at ``times[0]`` [s],
-        ``tolerance_m`` of a step [m]. Rungs below the dynamics use the planar model only.
+        ``hinge`` is the path of the tether's hinge [m], ``start`` (3,) the object's pose at ``times[0]`` [s] as
+        measured, from which the motion begins as near as the object can rest (:meth:`resting`); ``tolerance_m`` of a
+        step [m]. Rungs below the dynamics use the planar model only.
         """
-        scene = self.scene
+        scene, times = self.scene, np.asarray(times, dtype=np.float64)
+        start = self.resting(spline_values(hinge, times[:1])[0][0], start)
         law: Sliding | SlidingPatch = self._sliding()
         if rung != DYNAMICS:
             law = resting_patch(self.towed, self.law.law, scene.ground.gravity)
@@ -53,6 +62,22 @@ class SceneModel:
             rung, self.towed, law, scene.tether, hinge, start, times, accuracy=Accuracy(tolerance_m),
             ground=scene.ground, hinge_height=scene.hinge_height, sticking=self._hold(),
         )  # fmt: skip
+
+    def resting(self, hinge: Array, pose: ArrayLike) -> Array:
+        """A pose (3,) [m, m, rad], moved towards the hinge (2,) [m] until friction can hold against the tether.
+
+        Lengths and places are known to a millimetre or so, by which a stiff tether would pull with more than friction
+        holds. But the object was seen at rest: it is a wrong length, and no force that throws it.
+        """
+        scene, start = self.scene, np.array(pose, dtype=np.float64)
+        friction, rise = scene.friction, scene.hinge_height - scene.anchor_height
+        most = max([friction.across_over_along, 1.0]) * max([1.0, *(region.factor for region in scene.ground.regions)])
+        length = scene.tether.rest_length + _HELD * friction.static * most * scene.weight / scene.tether.stiffness
+        span = hinge - transform(start, scene.anchor)
+        distance, longest = float(np.hypot(*span)), float(np.sqrt(max(length**2 - rise**2, 0.0)))
+        if distance > longest:
+            start[:2] += (1 - longest / distance) * span
+        return start
 
     def _sliding(self) -> Sliding:
         friction = self.scene.friction

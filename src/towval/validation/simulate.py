@@ -31,6 +31,10 @@ _START_OFF_M = 0.005
 """Swing after a start from rest of an object that was moving, from which on the run is not judged: a quarter of the
 default tolerance."""
 
+_NEARER_M, _MUCH_NEARER_M = 1e-4, 0.005
+"""By how much nearer to the rover an object starts that rests by a stiff tether, from which on that is noted, and
+warned of: rest length, hinge and anchor to 1 mm and two places to 1 mm are 2.2 mm in all."""
+
 _LAW_RESIDUAL = 1e-3
 """Relative misfit of the friction law to the stated coefficients above which a finding is raised."""
 
@@ -185,12 +189,20 @@ class RunSimulation:
         if len(self.times) < len(self.asked):
             findings.append(finding("simulate_cut", count=len(self.asked) - len(self.times)))
         findings += _hanging_findings(self.scene, motion)
+        return findings + self._taut_start(motion) + self._moving_start()
+
+    def _taut_start(self, motion: SimulatedMotion) -> list[Finding]:
+        """A finding where the tether, as measured, is too short for an object at rest."""
         rest_length = self.scene.tether.rest_length
-        anchor = transform(motion.pose[0], self.scene.anchor)
+        anchor = transform(self.start_pose, self.scene.anchor)
         stretch = float(np.linalg.norm(spline_values(self.hinge, self.times[:1])[0][0] - anchor)) - rest_length
         if stretch > 0.05 * rest_length:
-            findings.append(finding("taut_start", stretch_mm=1000 * stretch))
-        return findings + self._moving_start()
+            return [finding("taut_start", stretch_mm=1000 * stretch)]
+        nearer = float(np.linalg.norm(motion.pose[0, :2] - self.start_pose[:2]))
+        if nearer <= _NEARER_M:
+            return []
+        severity = Severity.NOTE if nearer <= _MUCH_NEARER_M else Severity.WARNING
+        return [finding("start_nearer", severity, nearer_mm=1000 * nearer)]
 
     def _moving_start(self) -> list[Finding]:
         """A finding where the object moves when the simulation begins, at rest: it overtakes by 2 v/ω on its tether."""

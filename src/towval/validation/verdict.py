@@ -132,7 +132,8 @@ def fault_text(fault: VisibleFault) -> str:
     """A fault with its size and the shift of the path that it causes, in words."""
     if not np.isfinite(fault.size):
         return f"{fault.kind} none up to {_sized(fault.searched, fault.unit)}"
-    return f"{fault.kind} {_sized(fault.size, fault.unit)} ({_mm(fault.shift_rms_m)} RMS)"
+    shift = f" ({_mm(fault.shift_rms_m)} RMS)" if np.isfinite(fault.shift_rms_m) else ""
+    return f"{fault.kind} {_sized(fault.size, fault.unit)}{shift}"
 
 
 def _sized(size: float, unit: str) -> str:
