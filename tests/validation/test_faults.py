@@ -83,6 +83,7 @@ def test_a_fault_that_no_draw_can_be_simulated_with_is_not_visible(case):
 
     faults = visible_faults(case.simulated, Drawing(error, inputs, 0.99, shifts))
     assert np.isnan([fault.size for fault in faults]).all()
+    assert fault_text(faults[0]) == "rest length unknown (no run with it can be simulated)"
 
 
 def longer_tether_shifts(case, error, factor, nominal=1.0):

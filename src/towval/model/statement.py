@@ -57,7 +57,7 @@ class VisibleFault:
     """The smallest fault of a kind that the test of the run detects in nine of ten draws.
 
     ``kind`` with ``size`` in ``unit``; ``shift_rms_m`` and ``shift_max_m``, by how much it moves the path [m]. NaN
-    where none was found up to ``searched``.
+    where none was found up to ``searched``, the largest that could be simulated: 0 where none could, as it tips.
     """
 
     kind: str

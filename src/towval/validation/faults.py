@@ -174,7 +174,8 @@ class _Search:
         else:
             found = max((each.found for each in tried if np.isfinite(each.error)), default=np.inf)
         if not found <= kind.most:
-            return VisibleFault(kind.name, np.nan, kind.unit, np.nan, np.nan, kind.most)
+            simulated = max((each.size for each in tried if np.isfinite(each.error)), default=0.0)
+            return VisibleFault(kind.name, np.nan, kind.unit, np.nan, np.nan, simulated)
         signs = (1.0, -1.0) if kind.both else (1.0,)
         shifts = self.drawing.shifts([kind.of(sign * found) for sign in signs], None)
         # With a fault of one sign the nominal run may tip.

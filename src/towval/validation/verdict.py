@@ -130,6 +130,8 @@ def statement_findings(e: Evidence, faults: tuple[VisibleFault, ...], confidence
 
 def fault_text(fault: VisibleFault) -> str:
     """A fault with its size and the shift of the path that it causes, in words."""
+    if not fault.searched:
+        return f"{fault.kind} unknown (no run with it can be simulated)"
     if not np.isfinite(fault.size):
         return f"{fault.kind} none up to {_sized(fault.searched, fault.unit)}"
     shift = f" ({_mm(fault.shift_rms_m)} RMS)" if np.isfinite(fault.shift_rms_m) else ""
