@@ -9,11 +9,13 @@ import pandas as pd
 
 from studies.costs import Timed
 from studies.evidence.ledger import Check, Values
-from studies.evidence.planting import both, flawed, replaced, result_of
+from studies.evidence.planting import both, flawed, replaced, result_of, tethered_longer
 from studies.frame import Settings
-from studies.tables import bound_given_error
+from studies.tables import bound_given_error, verdict_worlds
 from studies.tradeoff import presets
-from towval.model import RunUncertainty
+from towval.model import RunUncertainty, Verdict
+from towval.model.errors import TowvalError
+from towval.validation.scene_model import SceneModel
 
 
 def _presets() -> Values:
@@ -108,5 +110,40 @@ GIVEN_ERROR = Check(
                 result_of(lambda camera: replace(camera, covariance=camera.covariance / 4)),
             ),
         )
+    },
+)
+
+
+def _ropes() -> Values:
+    """Of runs behind ropes: how many are judged, how often the first bound holds, and the largest model error [mm]."""
+    judged, held, off = 0, [], []
+    for seed in range(230, 234):
+        for name in ("rope", "lab, rope"):
+            try:
+                row = verdict_worlds.judged_run(name, seed, 256)
+            except TowvalError:
+                continue
+            judged += row["run"]["verdict"] != Verdict.NOT_JUDGED
+            held += [each["off_m"] <= each["upper_m"] for each in (row["run"], *row["faults"])]
+            off.append(1e3 * row["model_error_m"])
+    return {
+        "runs judged": float(judged),
+        "first bound holds, share": 100 * sum(held) / max(1, len(held)),
+        "model error with all inputs right, largest": max(off, default=float("nan")),
+    }
+
+
+def _as_measured(_: Any) -> Any:
+    return lambda self, hinge, pose: pose
+
+
+ROPES = Check(
+    _ropes,
+    {
+        "objects start as measured, however the tether pulls": replaced(SceneModel, "resting", _as_measured),
+        "the simulated tether is 2 mm too long": replaced(verdict_worlds, "simulate", tethered_longer(2e-3)),
+        "the bound is half as large": replaced(
+            verdict_worlds, "compare", result_of(lambda found: replace(found, error_upper_m=found.error_upper_m / 2))
+        ),
     },
 )
