@@ -62,6 +62,17 @@ def test_runs_without_common_draws_share_the_false_alarms():
     assert np.mean(drawn(4, 0.0, 200_000).max(axis=0) > limit) < 0.02
 
 
+@pytest.mark.parametrize("shift", [0, 1000])
+def test_a_confidence_of_95_percent_is_exceeded_by_a_twentieth_of_the_campaigns(shift):
+    """Whether the runs share their draws or not: then the largest of four limits counts, which is on the safe side."""
+    tests = [with_keys(each, shift * i) for i, each in enumerate(drawn(7))]
+    runs = [run(str(i), 0.1, each) for i, each in enumerate(tests)]
+    found = campaign_verdict(runs, 0.95)
+    assert 0.02 < np.mean(drawn(8, 0.0, 200_000).max(axis=0) > found.limit) < 0.07
+    assert found.limit < campaign_verdict(runs).limit
+    assert found.sentence.endswith("(5 % false alarms over 4 runs).")
+
+
 def test_of_runs_with_unequal_numbers_of_draws_those_that_both_have_count():
     many, few = (with_keys(each) for each in drawn(3, 0.5, runs=2))
     runs = [run("a", 0.5, many), run("b", 0.5, few[:256])]
@@ -100,9 +111,14 @@ def test_what_leaves_one_run_open_leaves_the_campaign_open():
 
 def test_the_verdict_of_a_campaign_is_a_finding_of_its_report():
     tests = with_keys(drawn(7)[0])
-    found = _together([run("a", 0.5, tests)])
+
+    def record(*about, confidence=0.99, **more):
+        return SimpleNamespace(comparison=run(*about, **more), uncertainty=SimpleNamespace(confidence=confidence))
+
+    found = _together([record("a", 0.5, tests)])
     assert (found.code, found.severity) == ("campaign_verdict", Severity.NOTE)
     assert found.text == "All runs together agree within 2.0 mm (1 % false alarms over 1 run)."
-    found = _together([run("a", 3.0, tests, upper=0.02)])
+    assert "(5 % false alarms" in _together([record("a", 0.5, tests, confidence=0.95)]).text
+    found = _together([record("a", 3.0, tests, upper=0.02)])
     assert found.severity == Severity.WARNING
     assert "disagree" in found.text

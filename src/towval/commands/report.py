@@ -20,10 +20,11 @@ from towval.io.provenance import file_hash
 from towval.io.records import read_calibration
 from towval.io.records.identification import read_identification
 from towval.io.summary import write_summary
-from towval.model import Comparison, Finding, Severity, Verdict
+from towval.model import Finding, Severity, Verdict
 from towval.model.findings import finding
 from towval.model.inputs import INPUTS, UncertainInput, is_left_out, stated_in
 from towval.model.repeats import Corridor
+from towval.model.run_record import RunRecord
 from towval.optics.plane_uncertainty import uncertainty_map
 from towval.report.data import InputRow, Provenance, ReportData, ReportSettings, RunReport, StageFinding
 from towval.report.page import write_report
@@ -49,7 +50,7 @@ def run(
         made = {f"{name}/{path.name}": path for name in given.runs for path in files(results / name).values()}
         check_made_of(identified, made, given.document)
     repeats = _repeats(given, runs)
-    together = _together([item.record.comparison for item in runs])
+    together = _together([item.record for item in runs])
     data = ReportData(
         campaign=given.name,
         runs=tuple(runs),
@@ -86,9 +87,10 @@ def _repeats(given: Campaign, runs: Sequence[RunReport]) -> tuple[Corridor, ...]
     )
 
 
-def _together(comparisons: Sequence[Comparison]) -> Finding:
+def _together(records: Sequence[RunRecord]) -> Finding:
     """The verdict on all runs together as a finding of the campaign."""
-    verdict = campaign_verdict(comparisons)
+    stated = [record.uncertainty.confidence for record in records if record.uncertainty is not None]
+    verdict = campaign_verdict([record.comparison for record in records], min(stated, default=0.99))
     severity = Severity.NOTE if verdict.verdict is Verdict.AGREES else Severity.WARNING
     return finding("campaign_verdict", severity, sentence=verdict.sentence)
 

@@ -12,15 +12,13 @@ from towval.validation.statistics import upper_limit
 _SHARED_DRAWS = 0.9
 """Share of the draws that all runs must have in common; with fewer, each run gets a part of the false alarm rate."""
 
-_CONFIDENCE = 0.99
-
 
 @dataclass(frozen=True)
 class CampaignVerdict:
     """The verdict on several runs.
 
     ``limit``: of the largest ratio of a tested statistic to its own limit, which right models keep in all runs together
-    with 99 %; ``runs`` judged; ``beyond``: those above; ``sentence``: the verdict in words.
+    with the confidence asked for; ``runs`` judged; ``beyond``: those above; ``sentence``: the verdict in words.
     """
 
     verdict: Verdict
@@ -30,8 +28,8 @@ class CampaignVerdict:
     sentence: str
 
 
-def campaign_verdict(comparisons: Sequence[Comparison]) -> CampaignVerdict:
-    """Judge all runs together.
+def campaign_verdict(comparisons: Sequence[Comparison], confidence: float = 0.99) -> CampaignVerdict:
+    """Judge all runs together, with ``confidence`` that a right model keeps the limit in all of them.
 
     Draw i of every run has the same values of the inputs that they share, so the largest ratio over the runs of draw i
     is one realisation of the campaign; its quantile is the limit that a right model keeps in all runs at once.
@@ -40,13 +38,13 @@ def campaign_verdict(comparisons: Sequence[Comparison]) -> CampaignVerdict:
     if not judged:
         return CampaignVerdict(Verdict.NOT_JUDGED, float("nan"), (), (), "No run was judged.")
     ratios = {c.run: c.tested_ratio for c in judged}
-    limit = _joint_limit([c.drawn_tests for c in judged])
+    limit = _joint_limit([c.drawn_tests for c in judged], confidence)
     beyond = tuple(run for run, ratio in ratios.items() if ratio > limit)
     mattering = [c.run for c in judged if c.error_upper_m > c.tolerance_m]
     unsure = [c.run for c in judged if not c.detectable_m <= c.tolerance_m]
     bound = 1e3 * max(c.error_upper_m for c in judged)
     who = "All runs" if len(judged) == len(comparisons) else "The judged runs"
-    level = f"{100 * (1 - _CONFIDENCE):g} % false alarms over {len(judged)} run{'s' * (len(judged) != 1)}"
+    level = f"{100 * (1 - confidence):.3g} % false alarms over {len(judged)} run{'s' * (len(judged) != 1)}"
     if set(beyond) & set(mattering):
         verdict = Verdict.DISAGREES
         sentence = f"{who} together disagree ({level}), because of {', '.join(beyond)}"
@@ -60,13 +58,13 @@ def campaign_verdict(comparisons: Sequence[Comparison]) -> CampaignVerdict:
     return CampaignVerdict(verdict, limit, runs, beyond, f"{sentence}.")
 
 
-def _joint_limit(tests: Sequence[Array]) -> float:
+def _joint_limit(tests: Sequence[Array], confidence: float) -> float:
     """Limit of the largest ratio over runs, from their draws (k, 2) of key and ratio."""
     by_key = [dict(zip(keys.tolist(), ratios.tolist(), strict=True)) for keys, ratios in (each.T for each in tests)]
     common = set(by_key[0]).intersection(*by_key[1:])
     if len(common) < _SHARED_DRAWS * min(map(len, tests)):
         # Runs that were not drawn together: each gets an equal part of the false alarm rate.
-        alone = 1 - (1 - _CONFIDENCE) / len(tests)
+        alone = 1 - (1 - confidence) / len(tests)
         return max(upper_limit(each[:, 1], alone) for each in tests)
     largest = np.array([max(each[key] for each in by_key) for key in sorted(common)])
-    return upper_limit(largest, _CONFIDENCE)
+    return upper_limit(largest, confidence)
