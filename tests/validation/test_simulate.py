@@ -61,11 +61,12 @@ def test_an_object_that_moves_already_is_reported(tracks, make_track):
     assert f"up to {swing_mm:.0f} mm" in found.text
 
 
-def test_a_tether_stretched_at_the_start_is_reported(tracks):
-    found = codes(tracks, replace(SCENE, tether=Tether(0.4, 800.0)))
-    # From hinge (-0.57, 0.01) to anchor (-0.95, 0.04) it is 0.38 m: 5 % of 0.4 m are not reached, of 0.3 m they are.
-    assert "taut_start" not in found
-    assert "taut_start" in codes(tracks, replace(SCENE, tether=Tether(0.3, 800.0)))
+def test_a_tether_too_short_for_the_start_is_reported(tracks):
+    """From hinge (-0.57, 0.01) to anchor (-0.95, 0.04) it is 0.387 m; at 800 N/m friction holds a stretch of 30 mm."""
+    assert "taut_start" not in codes(tracks, replace(SCENE, tether=Tether(0.4, 800.0)))
+    assert not {"taut_start", "start_nearer"} & set(codes(tracks, replace(SCENE, tether=Tether(0.365, 800.0))))
+    found = codes(tracks, replace(SCENE, tether=Tether(0.3, 800.0)))["taut_start"]
+    assert "57 mm longer than friction could hold" in found.text
 
 
 def test_an_object_at_rest_is_not_thrown_by_a_stiff_tether_that_is_stated_too_short(tracks):

@@ -328,7 +328,7 @@ register(  # simulate; the last six are those of towval.physics
     ),
     FindingType(
         "taut_start", "simulate", WARNING, NOT_JUDGED,
-        "At the start the tether is {stretch_mm:.0f} mm longer than its rest length: check tether.rest_length_m, "
+        "At the start the tether is {longer_mm:.0f} mm longer than friction could hold: check tether.rest_length_m, "
         "hinge and anchor.",
     ),
     FindingType(

@@ -209,9 +209,10 @@ class DecimatedTrack:
     """A track reduced to the points that it needs: a C1 cubic through poses and their rates.
 
     ``time_s`` (m,) times of kept frames; ``pose`` (m, 3) and ``rate`` (m, 3) of the smoothing spline there [m, m, rad;
-    per s]; ``covariance`` (m, 3, 3) of the kept poses; ``noise`` (3,) standard deviation of one measured pose, read off
-    the track itself; ``pauses`` (k, 2) start and end of the times at rest [s]; ``frames`` how many measured poses went
-    in; ``misfit`` (3,) root mean square deviation of the measured poses from the spline, in units of their noise.
+    per s]; ``covariance`` (m, 3, 3) of the kept poses; ``noise`` (3,) standard deviation of one pose in motion, the
+    larger of the track's own scatter and of what its tracker states; ``pauses`` (k, 2) start and end of the times
+    at rest [s]; ``frames`` how many measured poses went in; ``misfit`` (3,) root mean square deviation of the measured
+    poses from the spline, in units of their noise.
     """
 
     body: str

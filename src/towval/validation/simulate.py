@@ -9,7 +9,6 @@ from towval.model import Array, DecimatedTrack, Finding, Severity, SimulatedMoti
 from towval.model.checks import within
 from towval.model.errors import InputError, RefusedError
 from towval.model.findings import finding
-from towval.model.geometry import transform
 from towval.physics.creep import creep_length
 from towval.physics.dynamics import Outcome
 from towval.physics.ladder import DYNAMICS, RUNGS, LadderChoice, lowest_rung, path_difference, rung_names
@@ -34,6 +33,9 @@ default tolerance."""
 _NEARER_M, _MUCH_NEARER_M = 1e-4, 0.005
 """By how much nearer to the rover an object starts that rests by a stiff tether, from which on that is noted, and
 warned of: rest length, hinge and anchor to 1 mm and two places to 1 mm are 2.2 mm in all."""
+
+_WRONG_SHARE = 0.05
+"""The same as a share of the rest length, from which on the run is not judged: no tape is that wrong."""
 
 _LAW_RESIDUAL = 1e-3
 """Relative misfit of the friction law to the stated coefficients above which a finding is raised."""
@@ -193,12 +195,9 @@ class RunSimulation:
 
     def _taut_start(self, motion: SimulatedMotion) -> list[Finding]:
         """A finding where the tether, as measured, is too short for an object at rest."""
-        rest_length = self.scene.tether.rest_length
-        anchor = transform(self.start_pose, self.scene.anchor)
-        stretch = float(np.linalg.norm(spline_values(self.hinge, self.times[:1])[0][0] - anchor)) - rest_length
-        if stretch > 0.05 * rest_length:
-            return [finding("taut_start", stretch_mm=1000 * stretch)]
         nearer = float(np.linalg.norm(motion.pose[0, :2] - self.start_pose[:2]))
+        if nearer > _WRONG_SHARE * self.scene.tether.rest_length:
+            return [finding("taut_start", longer_mm=1000 * nearer)]
         if nearer <= _NEARER_M:
             return []
         severity = Severity.NOTE if nearer <= _MUCH_NEARER_M else Severity.WARNING
