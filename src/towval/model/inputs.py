@@ -87,7 +87,8 @@ def _size(acts: Callable[[Realisation, Array], Realisation]) -> Callable[[Realis
 def _friction(real: Realisation, value: Array) -> Realisation:
     """Scales kinetic and static coefficient together; the row of the static one comes later and sets it separately."""
     friction, kinetic = real.scene.friction, float(value[0])
-    friction = _with(friction, kinetic=kinetic, static=friction.static * kinetic / friction.kinetic)
+    # By their ratio: where both are the same they stay so, to the last bit.
+    friction = _with(friction, kinetic=kinetic, static=kinetic * (friction.static / friction.kinetic))
     return _with(real, scene=_with(real.scene, friction=friction))
 
 
