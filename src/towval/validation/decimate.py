@@ -35,6 +35,12 @@ _SHORTEST_STRETCH = 3
 _WEAK = 1e-6
 """Weight of a slope over three frames, as a share of what it is worth: it counts where the curve says nothing."""
 
+_WANDERING = 5.0
+"""Largest deviation that counts, as a multiple of that of white noise: on real encoders both differ by 1.7 to 2.6."""
+
+_LEAST_STATED = 0.03
+"""Share of the stated deviation that counts at least: poses that were computed have no noise to be read off."""
+
 _HIDDEN_M = 0.01
 """What an unobserved motion of the rover may be off its bridge, along it, from which on the run is not judged: half of
 the default tolerance, since the object follows the rover."""
@@ -85,7 +91,12 @@ def decimate(track: Track, settings: DecimateSettings | None = None) -> Decimate
     reported = track.std[seen]
     white = noise_of(time, pose, reported)
     pauses = find_pauses(time, pose, _frame_sigma(reported, white), settings.pause_s)
-    noise = noise_in_motion(white, reported)
+    moving = np.ones(len(time), dtype=bool)
+    for first, last in pauses:
+        moving[first : last + 1] = False
+    if np.count_nonzero(moving) < _MINIMUM_FRAMES:
+        moving[:] = True
+    noise = np.maximum(white, noise_in_motion(time[moving], pose[moving], reported[moving]))
     sigma = _frame_sigma(reported, noise)
     fit, kept = _fewest_knots(time, pose, sigma, pauses, settings.excess)
     residual = (pose - fit.values(time)) / sigma
@@ -120,13 +131,16 @@ def noise_of(time: Array, pose: Array, reported: Array) -> Array:
     return np.asarray(np.where(white > 0, white, floor))
 
 
-def noise_in_motion(white: Array, reported: Array) -> Array:
-    """Standard deviation of one pose (3,) of a moving body, from that of white noise (3,) and those reported (n, 3).
+def noise_in_motion(time: Array, pose: Array, reported: Array) -> Array:
+    """Standard deviation of one pose (3,) [m, m, rad] of a moving body, from poses (n, 3) and those reported (n, 3).
 
     Errors of a tracker also wander as a body moves over the pixels: neighbours share them, so differences do not show
-    them, and a curve that follows them has accelerations that never were. The tracker states them.
+    them, and a curve that follows them has accelerations that never were. The tracker states them; but what it states
+    may also hold what is no noise, such as doubtful times: so it counts up to some times the white noise, and no
+    tracker is thirty times better than it states.
     """
-    return np.maximum(white, np.median(reported, axis=0))
+    stated = np.median(reported, axis=0)
+    return np.minimum(stated, np.maximum(_WANDERING * noise_of(time, pose, reported), _LEAST_STATED * stated))
 
 
 def _frame_sigma(reported: Array, noise: Array) -> Array:
