@@ -69,23 +69,45 @@ def test_a_tether_too_short_for_the_start_is_reported(tracks):
     assert "57 mm longer than friction could hold" in found.text
 
 
+def distance_at_start():
+    """From hinge to anchor in the tracks [m]."""
+    hinge = transform([-0.15, 0.05, 0.1], SCENE.hinge)
+    return float(np.linalg.norm(hinge - transform([-1.2, 0.0, 0.15], SCENE.anchor)))
+
+
+HELD_M = 1.25 * SCENE.friction.static * SCENE.weight / 1e5
+"""Stretch of a tether of 1e5 N/m that friction holds."""
+
+
 def test_an_object_at_rest_is_not_thrown_by_a_stiff_tether_that_is_stated_too_short(tracks):
-    """0.38 m of a tether stated 2 mm shorter, at 1e5 N/m: 200 N, where friction holds 22 N."""
-    distance = float(np.hypot(*(np.array([-0.15, 0.05]) - 0.42 * np.array([np.cos(0.1), np.sin(0.1)])
-                                - np.array([-1.2, 0.0]) - 0.25 * np.array([np.cos(0.15), np.sin(0.15)]))))  # fmt: skip
-    scene = replace(SCENE, tether=Tether(distance - 0.002, 1e5))
+    """0.39 m of a tether stated 2 mm shorter, at 1e5 N/m: 200 N, where friction holds 24 N."""
+    scene = replace(SCENE, tether=Tether(distance_at_start() - 0.002, 1e5))
     motion = simulate(scene, *tracks, TIMES, SimulateSettings(rung="dynamics"))
-    held = 1.25 * SCENE.friction.static * SCENE.weight / 1e5
-    nearer = 0.002 - held
-    begun = np.linalg.norm(motion.pose[0, :2] - [-1.2, 0.0])
-    assert begun == pytest.approx(nearer, abs=1e-4)  # the noise of the track
+    nearer = 0.002 - HELD_M
+    assert np.linalg.norm(motion.pose[0, :2] - [-1.2, 0.0]) == pytest.approx(nearer, abs=1e-4)  # the noise of the track
     still = motion.time_s < 0.3
-    assert np.linalg.norm(motion.pose[still, :2] - motion.pose[0, :2], axis=1).max() < held
+    assert np.linalg.norm(motion.pose[still, :2] - motion.pose[0, :2], axis=1).max() < HELD_M
     (found,) = [each for each in motion.findings if each.code == "start_nearer"]
     assert f"{1000 * nearer:.1f} mm nearer" in found.text
-    assert found.severity == "note"
-    far = codes(tracks, replace(SCENE, tether=Tether(distance - 0.01, 1e5)))["start_nearer"]
-    assert far.severity == "warning"
+
+
+@pytest.mark.parametrize(
+    ("shorter_m", "found"),
+    [
+        (0.00005, None),
+        (0.0002, ("start_nearer", "note")),
+        (0.0046, ("start_nearer", "note")),
+        (0.0054, ("start_nearer", "warning")),
+        (0.017, ("start_nearer", "warning")),
+        (0.020, ("taut_start", "warning")),
+    ],
+)
+def test_a_start_that_contradicts_the_lengths_is_told_by_how_much(tracks, shorter_m, found):
+    """Noted from 0.1 mm, warned of from 5 mm, not judged from a twentieth of the rest length on, here 18 mm."""
+    tether = Tether(distance_at_start() - HELD_M - shorter_m, 1e5)
+    told = codes(tracks, replace(SCENE, tether=tether))
+    starts = [(code, told[code].severity) for code in ("start_nearer", "taut_start") if code in told]
+    assert starts == ([found] if found else [])
 
 
 @pytest.mark.parametrize("heights", [(0.0, 0.0), (0.3, 0.05)])
