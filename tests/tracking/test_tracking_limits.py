@@ -17,6 +17,7 @@ from towval.tracking import noise as noise_module
 from towval.tracking.alignment import align
 from towval.tracking.blur import Shutter
 from towval.tracking.camera_motion import CameraMotion
+from towval.tracking.floor_registration import Registered
 from towval.tracking.follow import Follower
 from towval.tracking.klt import KltTracker
 from towval.tracking.light import evened, light_misfit
@@ -768,6 +769,30 @@ def test_headings_are_tried_finely_enough(lookalikes):
     turn = np.rad2deg(best.pose[2] - turned[2] + np.pi) % 360 - 180
     assert abs(turn) < 5
     assert best.correlation > 0.8
+
+
+@pytest.mark.parametrize(("left", "tried"), [(0.3, 60), (0.49, 60), (0.51, 3), (0.8, 3)])
+def test_light_is_evened_in_every_picture_only_where_that_helps(monkeypatch, left, tried):
+    """Bands of mains light leave a third of the deviation, noise most of it: then it is tried every 25 pictures."""
+    camera, floor = ceiling((480, 270), focal_px=390.0)
+    luma = np.random.default_rng(0).integers(0, 255, (270, 480)).astype(np.uint8)
+    body = Body("rover", 0.4, [[-0.3, -0.2], [0.3, -0.2], [0.3, 0.2], [-0.3, 0.2]])
+    motion = CameraMotion(camera, floor, luma, [body], [np.zeros(3)])
+    counted = []
+
+    def registered(std_px):
+        return Registered(np.zeros(9), 1e-9 * np.eye(9), std_px)
+
+    def even(*_):
+        counted.append(None)
+        return registered(0.08 * left)
+
+    monkeypatch.setattr(motion.floor_seen, "register", lambda *_: registered(0.08))
+    motion.in_even_light = SimpleNamespace(template=luma, register=even)
+    for time_s in range(61):
+        motion.register(float(time_s), luma, [np.zeros(3)])
+    assert motion.registered == 60
+    assert len(counted) == tried
 
 
 def test_light_over_an_eighth_of_the_picture_is_evened_and_texture_over_a_thirtieth_stays():

@@ -33,6 +33,8 @@ class CameraMotionConstants:
     reported_px: float = 0.3  # [px] Mean shift of the floor that is reported.
     least_known: float = 0.5  # Of the pictures; with fewer registered the floor shows too little.
     sure_px: float = 0.06  # [px] Deviation of a registration, 0.01 to 0.04 in even light, beyond which light is evened.
+    even_helps: float = 0.5  # Of a registration's deviation is left in even light: bands leave 0.1 to 0.4, noise 0.8.
+    even_every: int = 25  # Pictures after which it is tried again where it did not help: it costs as much as all else.
     lost_s: float = 0.25  # [s] Longest time without registration; beyond, the camera's place is not known.
     referred_px: float = 0.1  # [px] Of the floor between its pictures and the video's first: less is not corrected.
     scattered_px: float = 0.15  # [px] Of places against each other: 0.03 to 0.07 in sound footage.
@@ -127,6 +129,7 @@ class CameraMotion:
         self.floor_seen = FloorRegistration(camera, floor, luma, hidden)
         self.first, self.hidden_at_first = luma, hidden
         self.in_even_light: FloorRegistration | None = None
+        self.uneven_until = 0
         self.raw, self.used = np.zeros(_SIZE), np.zeros(_SIZE)
         self.numbers, self.information, self.registered = array("d"), np.zeros((_SIZE, _SIZE)), 0
         self.begun = False
@@ -158,7 +161,7 @@ class CameraMotion:
 
     def _registered(self, luma: Luma, hidden: Hidden) -> Registered | None:
         found = self.floor_seen.register(luma, self.raw, hidden)
-        if found is not None and found.std_px < CONSTANTS.sure_px:
+        if found is not None and (found.std_px < CONSTANTS.sure_px or self.registered < self.uneven_until):
             return found
         # Bands of mains light, shadows and glare differ within a tile, too; to even all pictures would cost too much.
         if self.in_even_light is None:
@@ -166,6 +169,8 @@ class CameraMotion:
         even = None
         if self.in_even_light.template is not None:
             even = self.in_even_light.register(evened(luma), self.raw, hidden)
+        if found is not None and (even is None or even.std_px > CONSTANTS.even_helps * found.std_px):
+            self.uneven_until = self.registered + CONSTANTS.even_every
         return min((seen for seen in (found, even) if seen is not None), key=lambda seen: seen.std_px, default=None)
 
     def hidden_discs(self, poses: Sequence[Array]) -> Hidden:
