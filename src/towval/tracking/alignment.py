@@ -7,7 +7,10 @@ and never changes. Each round reads the picture at the points through the exact 
 weights and removes it from the pose.
 
 Gain and bias are those of small tiles of the target, eliminated from the equations: the edge of a shadow then costs
-only the tiles it crosses. What hides the target is distinguished by its misfit (Tukey's biweight).
+only the tiles it crosses. What hides the target is distinguished by its misfit (Tukey's biweight), and how large a
+misfit is usual by the better part of the points. Most of a plain top fits wherever it is laid: beside that fit, the few
+edges on it look hidden as soon as they are displaced by a fraction of a pixel. A *wide* alignment therefore begins with
+the misfits of the points that tell of the motion, in each of its directions.
 
 SOURCE: S. Baker, I. Matthews, *Lucas-Kanade 20 Years On*, IJCV 56 (2004), for the inverse-compositional scheme.
 """
@@ -84,6 +87,32 @@ def residual_scale(residual: Array) -> float:
             return float(_BIN * (i + (wanted - below) / bins[i]) / _QUANTILE_OF_GAUSSIAN)
         below += bins[i]
     return 0.0
+
+
+@compiled()
+def scale_of_told(residual: Array, told: Array) -> float:
+    """Deviation of the better part of the residuals, in the direction of motion in which it is largest.
+
+    ``told`` (n, 3): share of what is told of three directions of motion that is told by each point.
+    """
+    bins = np.zeros((_BINS, 3))
+    inside = np.zeros(3)
+    for i in range(residual.shape[0]):
+        size = abs(residual[i])
+        if size < OUTSIDE:
+            row = min(int(size / _BIN), _BINS - 1)
+            for j in range(3):
+                bins[row, j] += told[i, j]
+                inside[j] += told[i, j]
+    largest = 0.0
+    for j in range(3):
+        wanted, below = _QUANTILE * inside[j], 0.0
+        for i in range(_BINS):
+            if below + bins[i, j] > wanted:
+                largest = max(largest, _BIN * (i + (wanted - below) / bins[i, j]) / _QUANTILE_OF_GAUSSIAN)
+                break
+            below += bins[i, j]
+    return largest
 
 
 @compiled(fastmath=RELAXED)
@@ -185,16 +214,17 @@ def correlation_of_tiles(
 @compiled()
 def _align_kernel(
     luma: Luma,
-    shape: tuple[Array, Array, Array, Tiles, int],
+    shape: tuple[Array, Array, Array, Array, Tiles, int],
     precision: Array,
     pose: Array,
     view: tuple[float, Array, Array, Array],
     limits: tuple[float, float],
     rule: tuple[float, int, int, int, int, float],
     gains: tuple[float, float, float],
+    wide: bool,
 ) -> tuple[Array, Array, Array, Array, Array, float, Array, float, bool]:
     """Rounds of the alignment: pose, information, scores, residuals, weights, scale, light, correlation, converged."""
-    points, template, slopes, tile, tiles = shape
+    points, template, slopes, told, tile, tiles = shape
     height, T, matrix, k = view
     most_scale, tolerance_m = limits
     least_scale, first_part, first_rounds, most_rounds, least_of_tile, visible_tiles = rule
@@ -219,7 +249,8 @@ def _align_kernel(
                     weight[i] = precision[i] if values[i] >= 0 else 0.0
                 light = fit_light(values, t, own_tile, tiles, weight, (scale / gain_spread) ** 2, least_gain, most_gain)
             misfits(values, t, own_tile, light, residual)
-            scale = min(max(residual_scale(residual), least_scale), most_scale)
+            usual = scale_of_told(residual, told[:n]) if wide and n < len(points) else residual_scale(residual)
+            scale = min(max(usual, least_scale), most_scale)
             reweigh(residual, precision[:n], scale, weight)
             ridge = (scale / gain_spread) ** 2
             light = fit_light(values, t, own_tile, tiles, weight, ridge, least_gain, most_gain)
@@ -239,24 +270,33 @@ def _align_kernel(
 
 
 def align(
-    luma: Luma, template: Template, precision: Array, pose: Array, target: PlanarTarget, most_scale: float
+    luma: Luma,
+    template: Template,
+    precision: Array,
+    pose: Array,
+    target: PlanarTarget,
+    most_scale: float,
+    *,
+    wide: bool = False,
 ) -> Alignment | None:
     """Align a template with a picture (height, width), C-contiguous, from a pose (3,) on.
 
     ``precision`` (n,) is the weight of each point known beforehand, in [0, 1]; ``most_scale`` the largest standard
-    deviation of the inliers' residuals [grey levels]. None where too little of the template is in the picture or it
+    deviation of the inliers' residuals [grey levels]; ``wide`` begins with the misfits of the points that tell of the
+    motion, so that few edges on a plain top are found from farther off. None where too little of the template is in the picture or it
     leaves a direction open.
     """
     c = CONSTANTS
     pose, information, scores, residual, weight, scale, light, correlation, converged = _align_kernel(
         luma,
-        (template.points, template.values, template.slopes, template.tile, template.tiles),
+        (template.points, template.values, template.slopes, template.told, template.tile, template.tiles),
         precision,
         np.asarray(pose, dtype=np.float64),
         (target.height, target.floor.T_camera_floor, target.camera.matrix, target.camera.distortion),
         (most_scale, CONSTANTS.tolerance_px * template.pixel_m),
         (c.least_scale, c.first_part, c.first_rounds, c.rounds, c.least_of_tile, c.visible_tiles),
         (LIGHT.gain_spread, LIGHT.least_gain, LIGHT.most_gain),
+        wide,
     )
     size = np.sqrt(np.diag(information))
     if not np.isfinite(pose).all() or not size.all():

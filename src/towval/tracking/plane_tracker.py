@@ -9,10 +9,11 @@ import numpy as np
 from towval.model import Array, Camera
 from towval.model.errors import InputError
 from towval.model.geometry import turned_covariance
+from towval.tracking.alignment import CONSTANTS as ALIGNMENT
 from towval.tracking.alignment import Alignment, align
 from towval.tracking.blur import Shutter
 from towval.tracking.planar_target import PlanarTarget
-from towval.tracking.pose import Measurement, Tracker
+from towval.tracking.pose import TUKEY, Measurement, Tracker
 from towval.tracking.template import Luma, Template, by_motion, make_template, slopes_at, without_light
 
 
@@ -24,6 +25,7 @@ class PlaneTrackerConstants:
     least_correlation: float = 0.35  # Where the target is not, its better tiles reach 0.3 by chance.
     correlation_kept: float = 0.6  # Of what it usually is.
     worst_std_px: float = 0.35  # [px] Deviation of a corner: a plain or mostly hidden target.
+    least_told: float = 0.5  # Of what is told of a motion, by the inliers: with less, another place may fit better.
     jump_px: float = 3.0  # [px] From the prediction: a pose that ends farther is tried from the coarse scale, too.
     coarse_body_px: int = 90  # [px] Length of the body at the coarse scale.
     coarse_samples: int = 400  # Points of the coarse template: more than one in 15 px² of the shrunk body.
@@ -79,6 +81,10 @@ class PlaneTracker(Tracker):
         template = self.template if blurred is None else blurred
         response = self.response if blurred is None else self.blurred_response
         found = self._align(luma, predicted, template, response)
+        if found is None or told_by_inliers(found, template) < CONSTANTS.least_told:
+            wide = self._align(luma, predicted, template, response, wide=True)
+            if wide is not None and (found is None or fits_better(wide, found)):
+                found = wide
         if found is None or self.target.apart_m(predicted, found.pose) > CONSTANTS.jump_px * self.pixel_m:
             coarse = self._align_coarsely(luma, predicted, template, response)
             if coarse is not None and (found is None or coarse.correlation > found.correlation):
@@ -96,8 +102,10 @@ class PlaneTracker(Tracker):
             learn=partial(self._learn, luma, found, template, velocity),
         )
 
-    def _align(self, luma: Luma, start: Array, template: Template, response: "_Response") -> Alignment | None:
-        found = align(luma, template, np.ones(len(template.points)), start, self.target, self.most_scale)
+    def _align(
+        self, luma: Luma, start: Array, template: Template, response: "_Response", *, wide: bool = False
+    ) -> Alignment | None:
+        found = align(luma, template, np.ones(len(template.points)), start, self.target, self.most_scale, wide=wide)
         if found is None or response.whole is None:
             return None
         found = replace(found, covariance=response.whole @ found.covariance @ response.whole.T)
@@ -163,6 +171,18 @@ class PlaneTracker(Tracker):
         # Only the part that no motion explains is kept: the aligned pose cannot creep.
         change -= self.free_slopes @ (self.motion_like @ change)
         self.template = replace(self.template, values=self.template.values + change)
+
+
+def told_by_inliers(found: Alignment, template: Template) -> float:
+    """Share of what a template tells of a motion that its inliers tell, in the direction where it is least."""
+    return float(template.told[found.weight > ALIGNMENT.inlier_weight].sum(axis=0).min())
+
+
+def fits_better(one: Alignment, other: Alignment) -> bool:
+    """Whether more of a target fits in one alignment than in another, as counted with the smaller of their scales."""
+    limit = TUKEY * min(one.scale, other.scale)
+    left = [np.mean(1 - np.maximum(1 - (each.residual / limit) ** 2, 0.0) ** 3) for each in (one, other)]
+    return bool(left[0] < left[1])
 
 
 class _Response:

@@ -1,6 +1,7 @@
 """The metric template of a planar target: grey values and slopes at its points, in the body frame."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -50,6 +51,16 @@ class Template:
     tile: NDArray[np.int64]
     tiles: int
     pixel_m: float
+
+    @cached_property
+    def told(self) -> Array:
+        """Share (n, 3) of what is told of three independent directions of motion that is told by each point."""
+        size = np.sqrt(np.sum(self.slopes**2, axis=0))
+        unit = self.slopes / np.where(size > 0, size, 1.0)
+        by_direction = (unit @ np.linalg.eigh(unit.T @ unit)[1]) ** 2
+        total = by_direction.sum(axis=0)
+        # Of a direction without texture no point tells more than another.
+        return np.asarray(np.where(total > 0, by_direction / np.where(total > 0, total, 1.0), 1 / len(unit)))
 
 
 def clearance_m(body: Body, pixel_m: float) -> float:
