@@ -9,8 +9,8 @@ weights and removes it from the pose.
 Gain and bias are those of small tiles of the target, eliminated from the equations: the edge of a shadow then costs
 only the tiles it crosses. What hides the target is distinguished by its misfit (Tukey's biweight), and how large a
 misfit is usual by the better part of the points. Most of a plain top fits wherever it is laid: beside that fit, the few
-edges on it look hidden as soon as they are displaced by a fraction of a pixel. A *wide* alignment therefore begins with
-the misfits of the points that tell of the motion, in each of its directions.
+edges on it look hidden as soon as they are displaced by a fraction of a pixel. A *wide* alignment takes the misfits of
+the points that tell of the motion instead, in each of its directions.
 
 SOURCE: S. Baker, I. Matthews, *Lucas-Kanade 20 Years On*, IJCV 56 (2004), for the inverse-compositional scheme.
 """
@@ -240,16 +240,18 @@ def _align_kernel(
         (len(points) // first_part, first_rounds, 3 * tolerance_m),
         (len(points), most_rounds, tolerance_m),
     ):
+        if wide and n < len(points):
+            continue
         residual, weight, converged = np.empty(n), precision[:n].copy(), False
         t, own_tile = template[:n], tile[:n]
         for round_ in range(rounds):
             values = sample_plane_kernel(luma, points[:n], pose, height, T, matrix, k)
-            if n < len(points) and round_ == 0:
+            if (wide or n < len(points)) and round_ == 0:
                 for i in range(n):
                     weight[i] = precision[i] if values[i] >= 0 else 0.0
                 light = fit_light(values, t, own_tile, tiles, weight, (scale / gain_spread) ** 2, least_gain, most_gain)
             misfits(values, t, own_tile, light, residual)
-            usual = scale_of_told(residual, told[:n]) if wide and n < len(points) else residual_scale(residual)
+            usual = scale_of_told(residual, told[:n]) if wide else residual_scale(residual)
             scale = min(max(usual, least_scale), most_scale)
             reweigh(residual, precision[:n], scale, weight)
             ridge = (scale / gain_spread) ** 2
@@ -282,9 +284,9 @@ def align(
     """Align a template with a picture (height, width), C-contiguous, from a pose (3,) on.
 
     ``precision`` (n,) is the weight of each point known beforehand, in [0, 1]; ``most_scale`` the largest standard
-    deviation of the inliers' residuals [grey levels]; ``wide`` begins with the misfits of the points that tell of the
-    motion, so that few edges on a plain top are found from farther off. None where too little of the template is in the picture or it
-    leaves a direction open.
+    deviation of the inliers' residuals [grey levels]; ``wide`` takes the misfits of the points that tell of the motion
+    as usual ones, so that few edges on a plain top are found from some pixels off. None where too little of the
+    template is in the picture or it leaves a direction open.
     """
     c = CONSTANTS
     pose, information, scores, residual, weight, scale, light, correlation, converged = _align_kernel(

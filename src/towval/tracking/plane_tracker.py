@@ -25,7 +25,9 @@ class PlaneTrackerConstants:
     least_correlation: float = 0.35  # Where the target is not, its better tiles reach 0.3 by chance.
     correlation_kept: float = 0.6  # Of what it usually is.
     worst_std_px: float = 0.35  # [px] Deviation of a corner: a plain or mostly hidden target.
-    least_told: float = 0.5  # Of what is told of a motion, by the inliers: with less, another place may fit better.
+    least_told: float = 0.6  # Of what is told of a motion, by the inliers: with less, another place may fit better,
+    other_place_px: float = 0.45  # [px] which is so far away,
+    fits_better: float = 0.9  # and leaves less than that of what was left: parts above a top leave more, edges less.
     jump_px: float = 3.0  # [px] From the prediction: a pose that ends farther is tried from the coarse scale, too.
     coarse_body_px: int = 90  # [px] Length of the body at the coarse scale.
     coarse_samples: int = 400  # Points of the coarse template: more than one in 15 px² of the shrunk body.
@@ -81,16 +83,15 @@ class PlaneTracker(Tracker):
         template = self.template if blurred is None else blurred
         response = self.response if blurred is None else self.blurred_response
         found = self._align(luma, predicted, template, response)
-        if found is None or told_by_inliers(found, template) < CONSTANTS.least_told:
-            wide = self._align(luma, predicted, template, response, wide=True)
-            if wide is not None and (found is None or fits_better(wide, found)):
-                found = wide
         if found is None or self.target.apart_m(predicted, found.pose) > CONSTANTS.jump_px * self.pixel_m:
             coarse = self._align_coarsely(luma, predicted, template, response)
             if coarse is not None and (found is None or coarse.correlation > found.correlation):
                 found = coarse
         if found is None:
             return None
+        if told_by_inliers(found, template) < CONSTANTS.least_told:
+            for start in (found.pose, predicted):
+                found = self._at_its_edges(luma, start, found, template, response)
         step = max(1, len(template.points) // _TABLE_POINTS)
         return Measurement(
             pose=found.pose,
@@ -110,6 +111,15 @@ class PlaneTracker(Tracker):
             return None
         found = replace(found, covariance=response.whole @ found.covariance @ response.whole.T)
         return found if self._trusted(found) else None
+
+    def _at_its_edges(
+        self, luma: Luma, start: Array, found: Alignment, template: Template, response: "_Response"
+    ) -> Alignment:
+        """An alignment, or a better one at some distance, for which the edges that looked hidden are the target's."""
+        other = self._align(luma, start, template, response, wide=True)
+        if other is None or self.target.apart_m(found.pose, other.pose) < CONSTANTS.other_place_px * self.pixel_m:
+            return found
+        return other if left_over(other, found) < CONSTANTS.fits_better * left_over(found, other) else found
 
     def _align_coarsely(self, luma: Luma, start: Array, template: Template, response: "_Response") -> Alignment | None:
         if self.coarse is None:
@@ -178,11 +188,10 @@ def told_by_inliers(found: Alignment, template: Template) -> float:
     return float(template.told[found.weight > ALIGNMENT.inlier_weight].sum(axis=0).min())
 
 
-def fits_better(one: Alignment, other: Alignment) -> bool:
-    """Whether more of a target fits in one alignment than in another, as counted with the smaller of their scales."""
+def left_over(one: Alignment, other: Alignment) -> float:
+    """Share of a target that does not fit in one alignment, counted with the smaller scale of that and another."""
     limit = TUKEY * min(one.scale, other.scale)
-    left = [np.mean(1 - np.maximum(1 - (each.residual / limit) ** 2, 0.0) ** 3) for each in (one, other)]
-    return bool(left[0] < left[1])
+    return float(np.mean(1 - np.maximum(1 - (one.residual / limit) ** 2, 0.0) ** 3))
 
 
 class _Response:
