@@ -34,7 +34,8 @@ class AlignmentConstants:
     """Tuned constants of the alignment; lengths in pixels are measured on the planar target."""
 
     least_scale: float = 0.5  # [grey levels] Smallest scale of the residuals: rounding alone gives 0.3.
-    rounds: int = 12  # Most rounds with all points; one that needs more has not converged.
+    rounds: int = 12  # Most rounds with all points; one that needs more has not converged,
+    wide_rounds: int = 40  # nor a wide one that needs so many: it begins farther off, and noise shortens its steps.
     first_part: int = 4  # One point in so many brings the pose near at a quarter of the cost,
     first_rounds: int = 6  # in at most so many rounds.
     tolerance_px: float = 0.06  # [px] Steps shrink to a tenth from round to round: what is left is a tenth of this.
@@ -288,7 +289,7 @@ def align(
     as usual ones, so that few edges on a plain top are found from some pixels off. None where too little of the
     template is in the picture or it leaves a direction open.
     """
-    c = CONSTANTS
+    c, most_rounds = CONSTANTS, CONSTANTS.wide_rounds if wide else CONSTANTS.rounds
     pose, information, scores, residual, weight, scale, light, correlation, converged = _align_kernel(
         luma,
         (template.points, template.values, template.slopes, template.told, template.tile, template.tiles),
@@ -296,7 +297,7 @@ def align(
         np.asarray(pose, dtype=np.float64),
         (target.height, target.floor.T_camera_floor, target.camera.matrix, target.camera.distortion),
         (most_scale, CONSTANTS.tolerance_px * template.pixel_m),
-        (c.least_scale, c.first_part, c.first_rounds, c.rounds, c.least_of_tile, c.visible_tiles),
+        (c.least_scale, c.first_part, c.first_rounds, most_rounds, c.least_of_tile, c.visible_tiles),
         (LIGHT.gain_spread, LIGHT.least_gain, LIGHT.most_gain),
         wide,
     )
