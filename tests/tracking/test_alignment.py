@@ -1,4 +1,8 @@
+from dataclasses import replace
+from functools import partial
+
 import numpy as np
+import painted
 import pytest
 
 from studies.worlds.scenes import CeilingCamera, small_camera, standard_scene
@@ -6,6 +10,7 @@ from towval.model import Body
 from towval.model.geometry import compose, inverse, wrapped
 from towval.tracking.alignment import align
 from towval.tracking.planar_target import usable_points
+from towval.tracking.plane_tracker import PlaneTracker, information_of_inliers
 from towval.tracking.template import make_template
 
 
@@ -100,3 +105,58 @@ def test_predicted_deviation_is_that_of_the_scatter(filmed):
     ratio = np.mean(predicted, axis=0) / np.std(poses, axis=0)
     assert (ratio > 0.6).all()
     assert (ratio < 1.7).all()
+
+
+def step(distance_m, width_m=0.004):
+    """A smooth step of one: from 0 outside to 1 where a distance is negative."""
+    return 1 / (1 + np.exp(np.clip(distance_m / width_m, -50, 50)))
+
+
+def cardboard(xy):
+    """A plain top: shades of a third of a grey level, a stripe along it, and a small label."""
+    label = step(np.max(np.abs(xy - [-0.35, 0.2]) - [0.06, 0.05], axis=1))
+    stripe = step(np.abs(xy[:, 1] + 0.05) - 0.08)
+    return painted.texture(contrast=0.3, mean=110.0, finest_m=0.2)(xy) + 12 * stripe + 90 * label
+
+
+def with_disc(xy, at=(0.1, -0.1)):
+    """A top with little texture, and a bright disc ``at`` a place of it."""
+    return painted.texture(contrast=1.0, mean=110.0)(xy) + 70 * step(np.hypot(*(xy - at).T) - 0.13, 0.008)
+
+
+def painted_twice(grey, later=None):
+    """A target, its pictures by ``grey`` and ``later``, each with noise of its own, and the template of the first."""
+    own = painted.target()
+    first = painted.picture(own, grey=grey, noise=0.5, seed=1)
+    second = painted.picture(own, grey=later or grey, noise=0.5, seed=2)
+    return own, first, second, make_template(first, own, painted.POSE)
+
+
+@pytest.mark.parametrize("shift_px", [1.2, 2.5])
+def test_few_edges_on_a_plain_top_are_found_from_pixels_off(shift_px):
+    """All else fits there, too: beside it the edges look hidden. The shift is along the stripe."""
+    own, first, second, template = painted_twice(cardboard)
+    start = compose(painted.POSE, np.array([shift_px * template.pixel_m, 0, 0]))
+    narrow, wide = (align(second, template, np.ones(len(template.points)), start, own, 8.0, wide=w) for w in (0, 1))
+    off_px = [own.apart_m(one.pose, painted.POSE) / template.pixel_m for one in (narrow, wide)]
+    assert off_px[0] > 0.15
+    assert off_px[1] < 0.05
+    assert information_of_inliers(narrow, template) < 0.5 < information_of_inliers(wide, template)
+    measured = PlaneTracker(own, first, painted.POSE).measure(second, start)
+    assert own.apart_m(measured.pose, painted.POSE) < 0.25 * template.pixel_m
+
+
+def test_a_part_above_the_top_does_not_take_it_along():
+    """A part that stands up is displaced against the top as the body crosses the picture, and holds much information."""
+    own, first, second, template = painted_twice(with_disc, partial(with_disc, at=(0.13, -0.1)))
+    found = align(second, template, np.ones(len(template.points)), painted.POSE, own, 8.0, wide=True)
+    assert own.apart_m(found.pose, painted.POSE) > 0.45 * template.pixel_m
+    measured = PlaneTracker(own, first, painted.POSE).measure(second, painted.POSE)
+    assert own.apart_m(measured.pose, painted.POSE) < 0.15 * template.pixel_m
+
+
+def test_the_leverage_of_points_adds_up_to_one_for_each_direction():
+    template = painted_twice(cardboard)[-1]
+    np.testing.assert_allclose(template.leverage.sum(axis=0), 1.0)
+    flat = replace(template, slopes=np.zeros_like(template.slopes))
+    np.testing.assert_allclose(flat.leverage, 1 / len(template.points))

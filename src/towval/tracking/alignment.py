@@ -9,8 +9,8 @@ weights and removes it from the pose.
 Gain and bias are those of small tiles of the target, eliminated from the equations: the edge of a shadow then costs
 only the tiles it crosses. What hides the target is distinguished by its misfit (Tukey's biweight), and how large a
 misfit is usual by the better part of the points. Most of a plain top fits wherever it is laid: beside that fit, the few
-edges on it look hidden as soon as they are displaced by a fraction of a pixel. A *wide* alignment takes the misfits of
-the points that tell of the motion instead, in each of its directions.
+edges on it look hidden as soon as they are displaced by a fraction of a pixel. A *wide* alignment judges by the points
+that hold the information instead, for each direction of motion.
 
 SOURCE: S. Baker, I. Matthews, *Lucas-Kanade 20 Years On*, IJCV 56 (2004), for the inverse-compositional scheme.
 """
@@ -91,10 +91,10 @@ def residual_scale(residual: Array) -> float:
 
 
 @compiled()
-def scale_of_told(residual: Array, told: Array) -> float:
+def scale_by_leverage(residual: Array, leverage: Array) -> float:
     """Deviation of the better part of the residuals, in the direction of motion in which it is largest.
 
-    ``told`` (n, 3): share of what is told of three directions of motion that is told by each point.
+    ``leverage`` (n, 3) of each point on three directions of motion: :attr:`Template.leverage`.
     """
     bins = np.zeros((_BINS, 3))
     inside = np.zeros(3)
@@ -103,8 +103,8 @@ def scale_of_told(residual: Array, told: Array) -> float:
         if size < OUTSIDE:
             row = min(int(size / _BIN), _BINS - 1)
             for j in range(3):
-                bins[row, j] += told[i, j]
-                inside[j] += told[i, j]
+                bins[row, j] += leverage[i, j]
+                inside[j] += leverage[i, j]
     largest = 0.0
     for j in range(3):
         wanted, below = _QUANTILE * inside[j], 0.0
@@ -225,7 +225,7 @@ def _align_kernel(
     wide: bool,
 ) -> tuple[Array, Array, Array, Array, Array, float, Array, float, bool]:
     """Rounds of the alignment: pose, information, scores, residuals, weights, scale, light, correlation, converged."""
-    points, template, slopes, told, tile, tiles = shape
+    points, template, slopes, leverage, tile, tiles = shape
     height, T, matrix, k = view
     most_scale, tolerance_m = limits
     least_scale, first_part, first_rounds, most_rounds, least_of_tile, visible_tiles = rule
@@ -252,7 +252,7 @@ def _align_kernel(
                     weight[i] = precision[i] if values[i] >= 0 else 0.0
                 light = fit_light(values, t, own_tile, tiles, weight, (scale / gain_spread) ** 2, least_gain, most_gain)
             misfits(values, t, own_tile, light, residual)
-            usual = scale_of_told(residual, told[:n]) if wide else residual_scale(residual)
+            usual = scale_by_leverage(residual, leverage[:n]) if wide else residual_scale(residual)
             scale = min(max(usual, least_scale), most_scale)
             reweigh(residual, precision[:n], scale, weight)
             ridge = (scale / gain_spread) ** 2
@@ -285,14 +285,14 @@ def align(
     """Align a template with a picture (height, width), C-contiguous, from a pose (3,) on.
 
     ``precision`` (n,) is the weight of each point known beforehand, in [0, 1]; ``most_scale`` the largest standard
-    deviation of the inliers' residuals [grey levels]; ``wide`` takes the misfits of the points that tell of the motion
-    as usual ones, so that few edges on a plain top are found from some pixels off. None where too little of the
+    deviation of the inliers' residuals [grey levels]; ``wide`` judges what is usual by the points that hold
+    the information, so that few edges on a plain top are found from some pixels off. None where too little of the
     template is in the picture or it leaves a direction open.
     """
     c, most_rounds = CONSTANTS, CONSTANTS.wide_rounds if wide else CONSTANTS.rounds
     pose, information, scores, residual, weight, scale, light, correlation, converged = _align_kernel(
         luma,
-        (template.points, template.values, template.slopes, template.told, template.tile, template.tiles),
+        (template.points, template.values, template.slopes, template.leverage, template.tile, template.tiles),
         precision,
         np.asarray(pose, dtype=np.float64),
         (target.height, target.floor.T_camera_floor, target.camera.matrix, target.camera.distortion),

@@ -25,7 +25,7 @@ class PlaneTrackerConstants:
     least_correlation: float = 0.35  # Where the target is not, its better tiles reach 0.3 by chance.
     correlation_kept: float = 0.6  # Of what it usually is.
     worst_std_px: float = 0.35  # [px] Deviation of a corner: a plain or mostly hidden target.
-    least_told: float = 0.75  # Of what is told of a motion, by the inliers: with less, another place may fit better,
+    least_information: float = 0.75  # Of the template's, in the inliers: with less, another place may fit better,
     other_place_px: float = 0.45  # [px] which is so far away,
     fits_better: float = 0.9  # and leaves less than that of what was left: parts above a top leave more, edges less.
     jump_px: float = 3.0  # [px] From the prediction: a pose that ends farther is tried from the coarse scale, too.
@@ -89,7 +89,7 @@ class PlaneTracker(Tracker):
                 found = coarse
         if found is None:
             return None
-        if told_by_inliers(found, template) < CONSTANTS.least_told:
+        if information_of_inliers(found, template) < CONSTANTS.least_information:
             found = self._at_its_edges(luma, predicted, found, template, response)
         step = max(1, len(template.points) // _TABLE_POINTS)
         return Measurement(
@@ -182,9 +182,9 @@ class PlaneTracker(Tracker):
         self.template = replace(self.template, values=self.template.values + change)
 
 
-def told_by_inliers(found: Alignment, template: Template) -> float:
-    """Share of what a template tells of a motion that its inliers tell, in the direction where it is least."""
-    return float(template.told[found.weight > ALIGNMENT.inlier_weight].sum(axis=0).min())
+def information_of_inliers(found: Alignment, template: Template) -> float:
+    """Share of a template's information that its inliers hold, in the direction of motion where it is smallest."""
+    return float(template.leverage[found.weight > ALIGNMENT.inlier_weight].sum(axis=0).min())
 
 
 def left_over(one: Alignment, other: Alignment) -> float:

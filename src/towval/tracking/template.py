@@ -53,13 +53,13 @@ class Template:
     pixel_m: float
 
     @cached_property
-    def told(self) -> Array:
-        """Share (n, 3) of what is told of three independent directions of motion that is told by each point."""
+    def leverage(self) -> Array:
+        """Share (n, 3) that each point has in the information about three independent directions of motion."""
         size = np.sqrt(np.sum(self.slopes**2, axis=0))
         unit = self.slopes / np.where(size > 0, size, 1.0)
         by_direction = (unit @ np.linalg.eigh(unit.T @ unit)[1]) ** 2
         total = by_direction.sum(axis=0)
-        # Of a direction without texture no point tells more than another.
+        # About a direction without texture no point knows more than another.
         return np.asarray(np.where(total > 0, by_direction / np.where(total > 0, total, 1.0), 1 / len(unit)))
 
 
