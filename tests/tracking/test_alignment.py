@@ -147,7 +147,7 @@ def test_few_edges_on_a_plain_top_are_found_from_pixels_off(shift_px):
 
 
 def test_a_part_above_the_top_does_not_take_it_along():
-    """A part that stands up is displaced against the top as the body crosses the picture, and holds much information."""
+    """A part that stands up is displaced against the top as the body crosses the picture; it holds much information."""
     own, first, second, template = painted_twice(with_disc, partial(with_disc, at=(0.13, -0.1)))
     found = align(second, template, np.ones(len(template.points)), painted.POSE, own, 8.0, wide=True)
     assert own.apart_m(found.pose, painted.POSE) > 0.45 * template.pixel_m
