@@ -157,7 +157,7 @@ def test_noise_is_not_taken_for_motion():
     assert not found.motion.any()
     assert not found.used.any()
     assert camera.findings(found) == ()
-    assert 0.001 < camera.floor_seen.std_px(found.common) < 0.05
+    assert 0.001 < camera.watch.as_it_is.std_px(found.common) < 0.05
 
 
 def test_a_knock_in_mid_run_is_corrected_and_reported():
@@ -178,6 +178,44 @@ def test_a_picture_that_cannot_be_registered_is_not_trusted():
     found = camera.estimate()
     assert [one.code for one in camera.findings(found)] == ["camera_not_registered"]
     assert (~found.known).sum() == 10
+
+
+def noisy_floor(shifts, contrast=0.12, noise=4.0):
+    """Pictures of a floor that shows less than the noise, shifted by pixels (n, 2)."""
+    plain = 128 + contrast * (floor_picture(noise=0.0).astype(float) - 128)
+    rng = np.random.default_rng(5)
+    pictures = [warped(plain, shift) + noise * rng.standard_normal(plain.shape) for shift in shifts]
+    return [np.clip(np.round(luma), 0, 255).astype(np.uint8) for luma in pictures]
+
+
+def test_a_floor_that_one_picture_shows_with_much_noise_is_seen_in_the_mean_of_the_first():
+    pictures = noisy_floor([(0, 0)] * 30 + [(3, -2)] * 6)
+    alone = FloorRegistration(CAMERA, FLOOR, pictures[0], ())
+    camera = CameraMotion(CAMERA, FLOOR, pictures[0], [BODY], [POSE])
+    for i, luma in enumerate(pictures):
+        camera.register(i / 25, luma, [POSE])
+    found = camera.estimate()
+    by_one = [alone.register(luma, np.zeros(9), []) for luma in pictures[1:12]]
+    assert sum(one is not None for one in by_one) < 6
+    assert found.known.all()
+    seen = np.array([seen_through(moved_view(CAMERA, FLOOR, motion)) for motion in found.motion])
+    assert np.sqrt(np.mean(np.square(seen[:30] - seen_through((CAMERA, FLOOR))))) < 0.15
+    assert np.abs(seen[30:] - seen_through((CAMERA, FLOOR)) - [3, -2]).mean() < 0.3
+
+
+@pytest.mark.parametrize(("by_picture_px", "averaged"), [(0.05, True), (0.4, False)])
+def test_a_camera_that_creeps_over_a_noisy_floor_is_referred_to_the_first_picture(by_picture_px, averaged):
+    """Where it moves too far within the first pictures for a mean of them, one has to do."""
+    pictures = noisy_floor([(by_picture_px * i, 0) for i in range(36)])
+    camera = CameraMotion(CAMERA, FLOOR, pictures[0], [BODY], [POSE])
+    watch = camera.watch
+    for i, luma in enumerate(pictures):
+        camera.register(i / 25, luma, [POSE])
+    assert (camera.watch is not watch) == averaged
+    found = camera.estimate()
+    seen = np.array([seen_through(moved_view(CAMERA, FLOOR, motion)) for motion in found.motion])
+    gap = seen - seen_through((CAMERA, FLOOR)) - by_picture_px * np.arange(36)[:, None, None] * [1, 0]
+    assert np.sqrt(np.mean(gap**2)) < 2 * camera.watch.as_it_is.std_px(found.common)
 
 
 def test_shaking_is_kept_noise_is_not():
@@ -211,7 +249,7 @@ def test_what_noise_and_an_arm_do_to_a_plain_floor_does_not_warp_it():
     found = camera.estimate()
     assert found.known.mean() > 0.9
     assert not {"picture_warped", "camera_moved"} & {one.code for one in camera.findings(found)}
-    assert camera.floor_seen.scattered_px == 0
+    assert camera.watch.as_it_is.scattered_px == 0
 
 
 @pytest.mark.parametrize(("step", "kept_apart"), [(8.0, False), (16.0, True)])

@@ -787,8 +787,9 @@ def test_light_is_evened_in_every_picture_only_where_that_helps(monkeypatch, lef
         counted.append(None)
         return registered(0.08 * left)
 
-    monkeypatch.setattr(motion.floor_seen, "register", lambda *_: registered(0.08))
-    motion.in_even_light = SimpleNamespace(template=luma, register=even)
+    monkeypatch.setattr(motion, "_average", lambda: None)
+    monkeypatch.setattr(motion.watch.as_it_is, "register", lambda *_: registered(0.08))
+    motion.watch.in_even_light = SimpleNamespace(template=luma, register=even)
     for time_s in range(61):
         motion.register(float(time_s), luma, [np.zeros(3)])
     assert motion.registered == 60
@@ -809,8 +810,8 @@ def test_light_over_an_eighth_of_the_picture_is_evened_and_texture_over_a_thirti
 
 @pytest.mark.parametrize(("shift_px", "codes"), [(0.2, []), (0.4, ["camera_moved"])])
 def test_a_motion_of_the_camera_is_reported_from_three_tenths_of_a_pixel_on(shift_px, codes):
-    floor_seen = SimpleNamespace(shift_px=lambda motion: motion[0], std_px=lambda covariance: 0.02)
-    watching = SimpleNamespace(watched=True, registered=9, floor_seen=floor_seen)
+    as_it_is = SimpleNamespace(shift_px=lambda motion: motion[0], std_px=lambda covariance: 0.02)
+    watching = SimpleNamespace(watched=True, registered=9, watch=SimpleNamespace(as_it_is=as_it_is))
     motion = np.linspace(0.0, shift_px, 10)[:, None]
     found = SimpleNamespace(
         time_s=0.1 * np.arange(10), known=np.ones(10, dtype=bool), scattered_px=0.0, motion=motion, common=np.eye(1)

@@ -16,6 +16,7 @@ from towval.optics.moved_view import moved_view, parameters_by_motion, picture_m
 from towval.tracking.floor_registration import FloorRegistration, Hidden, Registered
 from towval.tracking.light import evened
 from towval.tracking.template import Luma
+from towval.tracking.watched_floor import WatchedFloor
 
 
 @dataclass(frozen=True)
@@ -32,9 +33,10 @@ class CameraMotionConstants:
     jump: float = 8.0  # Robust deviations of the change from picture to picture: a knock, a zoom step.
     reported_px: float = 0.3  # [px] Mean shift of the floor that is reported.
     least_known: float = 0.5  # Of the pictures; with fewer registered the floor shows too little.
-    sure_px: float = 0.06  # [px] Deviation of a registration, 0.01 to 0.04 in even light, beyond which light is evened.
-    even_helps: float = 0.5  # Of a registration's deviation is left in even light: bands leave 0.1 to 0.4, noise 0.8.
-    even_every: int = 25  # Pictures after which it is tried again where it did not help: it costs as much as all else.
+    sure_px: float = (
+        0.06  # [px] Deviation of a registration, 0.01 to 0.04 on sound floors, beyond which noise is averaged
+    )
+    averaged: int = 12  # over so many pictures, the first: of the slopes of one alone most are noise then.
     lost_s: float = 0.25  # [s] Longest time without registration; beyond, the camera's place is not known.
     referred_px: float = 0.1  # [px] Of the floor between its pictures and the video's first: less is not corrected.
     scattered_px: float = 0.15  # [px] Of places against each other: 0.03 to 0.07 in sound footage.
@@ -120,24 +122,19 @@ class CameraMotion:
     """
 
     def __init__(self, camera: Camera, floor: Floor, luma: Luma, bodies: Sequence[Body], poses: Sequence[Array]):
-        hidden = tuple(
-            transform(p, CONSTANTS.hidden_scale * b.top_corners_m) for b, p in zip(bodies, poses, strict=True)
-        )
-        self.camera, self.floor = camera, floor
+        self.camera, self.floor, self.bodies = camera, floor, bodies
         self.hiding = [(CONSTANTS.hidden_scale * body.reach_m, body.tracked_plane_height_m) for body in bodies]
         self.view = camera, floor
-        self.floor_seen = FloorRegistration(camera, floor, luma, hidden)
-        self.first, self.hidden_at_first = luma, hidden
-        self.in_even_light: FloorRegistration | None = None
-        self.uneven_until = 0
-        self.raw, self.used = np.zeros(_SIZE), np.zeros(_SIZE)
+        self.opening: list[tuple[Luma, Sequence[Array]]] = [(luma, poses)]
+        self.watch = WatchedFloor(camera, floor, luma, self._outlines(poses))
+        self.raw, self.used, self.at_first = np.zeros(_SIZE), np.zeros(_SIZE), np.zeros(_SIZE)
         self.numbers, self.information, self.registered = array("d"), np.zeros((_SIZE, _SIZE)), 0
         self.begun = False
 
     @property
     def watched(self) -> bool:
         """Whether the floor shows enough to be registered at all."""
-        return self.floor_seen.template is not None
+        return self.watch.shows_texture
 
     def register(self, time_s: float, luma: Luma, poses: Sequence[Array]) -> tuple[Camera, Floor]:
         """The view of the next picture, in which the bodies are near ``poses`` (3,)."""
@@ -147,31 +144,62 @@ class CameraMotion:
             self.numbers.extend((time_s, *np.zeros(2 * _SIZE), np.nan))
             return self.view
         if self.watched:
-            found = self._registered(luma, self.hidden_discs(poses))
+            found = self.watch.register(luma, self.raw + self.at_first, self.hidden_discs(poses))
         if found is not None:
-            self.raw = found.motion
-            self.registered += 1
-            self.information += (found.covariance - self.information) / self.registered
-            if self.floor_seen.shift_px(self.raw - self.used) > CONSTANTS.followed_px:
+            self._count(found)
+            if self.watch.as_it_is.shift_px(self.raw - self.used) > CONSTANTS.followed_px:
                 self.used = self.raw
                 self.view = moved_view(self.camera, self.floor, self.used)
         raw = np.full(_SIZE, np.nan) if found is None else self.raw
         self.numbers.extend((time_s, *raw, *self.used, 0.0 if found is None else found.std_px))
+        if self.opening:
+            self.opening.append((luma, poses))
+            if len(self.opening) == CONSTANTS.averaged:
+                self._average()
+                self.opening = []
         return self.view
 
-    def _registered(self, luma: Luma, hidden: Hidden) -> Registered | None:
-        found = self.floor_seen.register(luma, self.raw, hidden)
-        if found is not None and (found.std_px < CONSTANTS.sure_px or self.registered < self.uneven_until):
-            return found
-        # Bands of mains light, shadows and glare differ within a tile, too; to even all pictures would cost too much.
-        if self.in_even_light is None:
-            self.in_even_light = FloorRegistration(self.camera, self.floor, evened(self.first), self.hidden_at_first)
-        even = None
-        if self.in_even_light.template is not None:
-            even = self.in_even_light.register(evened(luma), self.raw, hidden)
-        if found is not None and (even is None or even.std_px > CONSTANTS.even_helps * found.std_px):
-            self.uneven_until = self.registered + CONSTANTS.even_every
-        return min((seen for seen in (found, even) if seen is not None), key=lambda seen: seen.std_px, default=None)
+    def _average(self) -> None:
+        """Watch the floor as the mean of the first pictures shows it, where one alone shows little beside its noise.
+
+        Only if the floor stands still in these, as far as they can tell.
+        """
+        rows = np.frombuffer(self.numbers).reshape(-1, 2 * _SIZE + 2)
+        std_px = np.where(rows[1:, -1] > 0, rows[1:, -1], np.inf)
+        if not self.watched or np.median(std_px) < CONSTANTS.sure_px:
+            return
+        mean = np.rint(np.mean([luma for luma, _ in self.opening], axis=0, dtype=np.float32)).astype(np.uint8)
+        outlines = [outline for _, poses in self.opening for outline in self._outlines(poses)]
+        watch = WatchedFloor(self.camera, self.floor, mean, outlines)
+        if not watch.shows_texture:
+            return
+        start = np.zeros(_SIZE)
+        again = [watch.register(luma, start, self.hidden_discs(poses)) for luma, poses in self.opening]
+        found = [one for one in again if one is not None]
+        still = [watch.as_it_is.shift_px(one.motion) < np.sqrt(2) * CONSTANTS.significant * one.std_px for one in found]
+        if len(found) < max(2, CONSTANTS.least_known * len(again)) or not all(still):
+            return
+        # The mean shows a camera that creeps where it was halfway; a straight line leads back to the first picture.
+        after_s = rows[:, 0] - rows[:, 0].mean()
+        known = np.array([one is not None for one in again])
+        slope = np.polyfit(after_s[known], [one.motion for one in found], 1)[0]
+        self.watch, self.registered, self.at_first = watch, 0, after_s[0] * slope
+        for row, one in zip(rows[1:], again[1:], strict=True):
+            row[1 : _SIZE + 1], row[-1] = np.nan, 0.0
+            if one is not None:
+                self._count(one)
+                row[1 : _SIZE + 1], row[-1] = self.raw, one.std_px
+
+    def _count(self, found: Registered) -> None:
+        self.raw = found.motion - self.at_first
+        self.registered += 1
+        self.information += (found.covariance - self.information) / self.registered
+
+    def _outlines(self, poses: Sequence[Array]) -> tuple[Array, ...]:
+        """Outlines (n, 2) on the floor [m] that bodies at ``poses`` (3,) hide."""
+        return tuple(
+            transform(p, CONSTANTS.hidden_scale * b.top_corners_m) for b, p in zip(self.bodies, poses, strict=True)
+        )
 
     def hidden_discs(self, poses: Sequence[Array]) -> Hidden:
         """Discs of the floor that bodies hide: where they stand, and behind their tops."""
@@ -193,18 +221,16 @@ class CameraMotion:
         modes: Array = np.asarray(np.linalg.cholesky(self.information), dtype=np.float64)
         z: Array = np.asarray(np.linalg.solve(modes, np.where(known[:, None], raw, 0.0).T).T, dtype=np.float64)
         # A picture is as uncertain as its own light and what hides its floor make it; the first is where all begins.
-        noise = rows[known, -1] / self.floor_seen.std_px(self.information)
+        noise = rows[known, -1] / self.watch.as_it_is.std_px(self.information)
         slow, common, fast, own = _separated(time_s[known], z[known], np.nan_to_num(noise, nan=1.0))
         seen = (slow + fast) @ modes.T
         motion = np.stack([np.interp(time_s, time_s[known], column) for column in seen.T], axis=1)
         own_all = zero.copy()
         own_all[known] = own
-        if max(map(self.floor_seen.shift_px, motion)) < CONSTANTS.corrected_px:
+        if max(map(self.watch.as_it_is.shift_px, motion)) < CONSTANTS.corrected_px:
             motion, own_all = zero, zero
         common = modes @ np.diag(common) @ modes.T
-        scattered_px = max(
-            seen.scattered_px for seen in (self.floor_seen, self.in_even_light) if seen and seen.template
-        )
+        scattered_px = self.watch.scattered_px
         scattered_px *= scattered_px > CONSTANTS.scattered_px
         return ViewMotion(self.camera, self.floor, time_s, motion, used, known, common, own_all, modes, scattered_px)
 
@@ -220,10 +246,10 @@ class CameraMotion:
             findings.append(finding("camera_not_registered", percent=share, gap_s=gap_s, time_s=at_s))
         if found.scattered_px:
             findings.append(finding("picture_warped", scattered_px=found.scattered_px))
-        shifts = np.array([self.floor_seen.shift_px(motion) for motion in found.motion])
+        shifts = np.array([self.watch.as_it_is.shift_px(motion) for motion in found.motion])
         if shifts.max(initial=0.0) > CONSTANTS.reported_px:
             first = float(time_s[np.argmax(shifts > CONSTANTS.reported_px)])
-            std = self.floor_seen.std_px(found.common)
+            std = self.watch.as_it_is.std_px(found.common)
             findings.append(finding("camera_moved", shift_px=float(shifts.max()), time_s=first, std_px=std))
         return tuple(findings)
 
