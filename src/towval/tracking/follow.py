@@ -127,8 +127,7 @@ class Follower:
         lookalikes after a gap, and the places of other bodies.
         """
         measured = self.tracker.measure(luma, predicted, self.motion.velocity)
-        if measured is not None:
-            measured = self._as_the_texture_went(time_s, luma, predicted, measured)
+        measured = self._as_the_texture_went(time_s, luma, predicted, measured)
         after_gap = self.record.last_status not in (None, TrackStatus.TRACKED)
         if measured is None or self._surprising(time_s, measured.pose):
             measured = self._search(time_s, luma, measured, others)
@@ -144,16 +143,23 @@ class Follower:
     def _over(self, pose: Array, outline: Array) -> bool:
         return self.target.covered_by(pose, outline) > CONSTANTS.most_covered
 
-    def _as_the_texture_went(self, time_s: float, luma: Luma, predicted: Array, measured: Measurement) -> Measurement:
-        """A measurement, or, where it looks foreign, a better one where the texture's own motion leads.
+    def _as_the_texture_went(
+        self, time_s: float, luma: Luma, predicted: Array, measured: Measurement | None
+    ) -> Measurement | None:
+        """A measurement, or, where none is or it looks foreign, a better one where the texture's own motion leads.
 
         Where the outline hops from one edge to another and back, the motion predicts as if the body had.
         """
         led = self.texture_motion.predict(time_s)
-        if self.target.apart_m(led, predicted) < CONSTANTS.agree_px * self.pixel_m or not self._foreign(measured):
+        if self.target.apart_m(led, predicted) < CONSTANTS.agree_px * self.pixel_m:
+            return measured
+        # Of a lost body nobody knows the motion.
+        unsure = self.record.last_status != TrackStatus.LOST if measured is None else self._foreign(measured)
+        if not unsure:
             return measured
         again = self.tracker.measure(luma, led, self.texture_motion.velocity)
-        return again if again is not None and again.residual < measured.residual else measured
+        better = again is not None and (measured is None or again.residual < measured.residual)
+        return again if better else measured
 
     def _foreign(self, measured: Measurement) -> bool:
         """Whether far more is left over than usual: probably something else."""

@@ -37,6 +37,9 @@ class PlaneTrackerConstants:
     first_lessons: int = 10  # Consecutive pictures from which the response is estimated,
     lesson_every: int = 25  # then one in so many.
     least_share: float = 0.1**3  # Of a determinant: a tenth of each motion.
+    noisy_share: float = (
+        0.8  # Of a motion; with less, slopes are averaged over the lessons: 0.89 and more on sound film.
+    )
     most_scale: float = 0.5  # Of the template's own deviation: residuals of an inlier.
     enough_samples: int = 1024  # Points below which a track is flagged: docs/limits.md.
 
@@ -66,8 +69,8 @@ class PlaneTracker(Tracker):
         small, small_camera = self._shrunk(luma, pose)
         self.coarse = make_template(small, replace(target, camera=small_camera), pose, CONSTANTS.coarse_samples)
         self.shutter = Shutter(target, luma, pose, template)
-        self.free_slopes = without_light(template.slopes, template)
-        self.motion_like = np.linalg.pinv(self.free_slopes)
+        self.slopes_seen = _MeanSlopes(len(template.points))
+        self._set_slopes(template.slopes)
         self.response, self.blurred_response = _Response(), _Response()
         self.usual_correlation, self.aligned, self.refreshed = 1.0, 0, 0
         self.most_scale = max(2.0, CONSTANTS.most_scale * float(np.std(template.values)))
@@ -160,12 +163,34 @@ class PlaneTracker(Tracker):
         response = self.response if sharp else self.blurred_response
         if found.inlier_fraction >= CONSTANTS.refresh_inliers and response.is_due():
             slopes = slopes_at(luma, self.target, found.pose, template.points, self.pixel_m)
+            slopes = by_motion(template.points, slopes)
             free = self.free_slopes if sharp else without_light(template.slopes, template)
-            response.learn(free, by_motion(template.points, slopes), found.weight)
+            response.learn(free, slopes, found.weight)
+            if sharp:
+                self._average(slopes, found.weight)
         if velocity is not None:
             self.shutter.learn(luma, found, template, velocity)
         if sharp:
             self._refresh(found)
+
+    def _average(self, slopes: Array, weight: Array) -> None:
+        """Take the mean slopes of the lessons for those of the template, where it is much noise that made these steep.
+
+        Steps along noise are too short, and end where the noise of two pictures happens to agree.
+        """
+        self.slopes_seen.add(slopes, weight)
+        share, learned = self.response.share, self.response.learned
+        if learned < CONSTANTS.first_lessons or np.linalg.eigvals(share).real.min() > CONSTANTS.noisy_share:
+            return
+        self._set_slopes(self.slopes_seen.mean(self.template.slopes))
+        # Of the noise in the old slopes the mean of so many holds one in ``learned``.
+        left = share + (np.eye(3) - share) / learned
+        self.response = _Response(np.asarray(np.linalg.solve(left, share), dtype=np.float64))
+
+    def _set_slopes(self, slopes: Array) -> None:
+        self.template = replace(self.template, slopes=slopes)
+        self.free_slopes = without_light(slopes, self.template)
+        self.motion_like = np.linalg.pinv(self.free_slopes)
 
     def _refresh(self, found: Alignment) -> None:
         """Refresh the template's grey values and the usual correlation; the template's place stays."""
@@ -201,9 +226,10 @@ class _Response:
     solves ``JᵀJ' ε = Jᵀ(noise)``: its covariance is that of ``(JᵀJ)⁻¹Jᵀ(noise)`` over this share.
     """
 
-    def __init__(self) -> None:
-        self.share: Array = np.eye(3)
-        self.whole: Array | None = np.eye(3)  # Inverse of the share; None where hardly any of a motion is observed.
+    def __init__(self, share: Array | None = None) -> None:
+        self.share: Array = np.eye(3) if share is None else share
+        # Inverse of the share; None where hardly any of a motion is observed.
+        self.whole: Array | None = np.asarray(np.linalg.inv(self.share), dtype=np.float64)
         self.asked, self.learned = 0, 0
 
     def is_due(self) -> bool:
@@ -219,3 +245,19 @@ class _Response:
         self.share += max(1 / self.learned, CONSTANTS.slowest_refresh) * (share - self.share)
         determined = np.linalg.det(self.share) > CONSTANTS.least_share
         self.whole = np.asarray(np.linalg.inv(self.share), dtype=np.float64) if determined else None
+
+
+class _MeanSlopes:
+    """Running mean of the slopes (n, 3) of pictures at the points of a template, where these are seen."""
+
+    def __init__(self, points: int):
+        self.total, self.count = np.zeros((points, 3)), np.zeros((points, 1))
+
+    def add(self, slopes: Array, weight: Array) -> None:
+        seen = (np.isfinite(slopes).all(axis=1) & (weight > 0))[:, None]
+        self.total += np.where(seen, slopes, 0.0)
+        self.count += seen
+
+    def mean(self, unseen: Array) -> Array:
+        """The mean; ``unseen`` (n, 3) where no picture showed a point."""
+        return np.asarray(np.where(self.count > 0, self.total / np.maximum(self.count, 1), unseen))
