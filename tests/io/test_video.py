@@ -96,6 +96,13 @@ def test_a_late_picture_is_far_from_the_first_or_at_hand(tmp_path):
     assert Video(tmp_path / "cut.mp4", damaged=True).late_picture().shape == (48, 64)
 
 
+@pytest.mark.parametrize(("count", "grey"), [(1, 40), (3, 90), (9, 115)])
+def test_the_mean_of_the_first_pictures_is_that_of_all_where_these_are_fewer(tmp_path, count, grey):
+    pictures = [np.full((48, 64), level, np.uint8) for level in (40, 90, 140, 190)]
+    write_video(tmp_path / "a.mp4", ((i / 25, picture) for i, picture in enumerate(pictures)), crf="1")
+    assert abs(int(Video(tmp_path / "a.mp4").mean_of_first(count)[20, 20]) - grey) < 4
+
+
 def test_what_is_no_video_is_said_in_one_message(tmp_path):
     (tmp_path / "a.mp4").write_text("hello\n" * 100)
     with pytest.raises(InputError, match="no video that FFmpeg can open"):

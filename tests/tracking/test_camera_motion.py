@@ -1,5 +1,7 @@
 """The camera's motion: the floor painted from where a moved camera sees it, and pictures warped by OpenCV."""
 
+from types import SimpleNamespace
+
 import cv2
 import numpy as np
 import pytest
@@ -7,6 +9,7 @@ import pytest
 from studies.worlds import challenges
 from studies.worlds.scenes import CeilingCamera, ceiling, rectangle
 from tests.tracking.painted import texture
+from towval.commands.track import _calibration_at_start as calibration_of_video
 from towval.model import Body, Calibration
 from towval.model.geometry import transform
 from towval.optics.moved_view import moved_view, parameters_by_motion, pose_sensitivity
@@ -180,10 +183,10 @@ def test_a_picture_that_cannot_be_registered_is_not_trusted():
     assert (~found.known).sum() == 10
 
 
-def noisy_floor(shifts, contrast=0.12, noise=4.0):
+def noisy_floor(shifts, contrast=0.12, noise=4.0, seed=5):
     """Pictures of a floor that shows less than the noise, shifted by pixels (n, 2)."""
     plain = 128 + contrast * (floor_picture(noise=0.0).astype(float) - 128)
-    rng = np.random.default_rng(5)
+    rng = np.random.default_rng(seed)
     pictures = [warped(plain, shift) + noise * rng.standard_normal(plain.shape) for shift in shifts]
     return [np.clip(np.round(luma), 0, 255).astype(np.uint8) for luma in pictures]
 
@@ -328,6 +331,25 @@ def test_a_video_with_other_pixels_than_the_pictures_is_not_recognised(wider, sa
     first = cv2.warpAffine(floor_picture(seed=7), M, (480, 360), flags=cv2.INTER_LANCZOS4, borderMode=4)
     _, findings = calibration_at_start(calibration, first, [("floor.jpg", floor_picture(seed=5))])
     assert [one.code for one in findings] == said
+
+
+@pytest.mark.parametrize(("wider", "said"), [(1.0, []), (1.02, ["floor_not_recognised"])])
+def test_a_noisy_floor_is_recognised_in_the_mean_of_the_first_pictures(wider, said):
+    """Of one of them the stretch scatters by more than what is taken for another lens."""
+    calibration = Calibration(CAMERA, FLOOR, np.zeros((18, 18)), 0.1)
+    M = np.array([[wider, 0, 239.5 * (1 - wider)], [0, 1.0, 0]])
+    pictures = [
+        cv2.warpAffine(luma, M, (480, 360), flags=cv2.INTER_LANCZOS4, borderMode=4)
+        for luma in noisy_floor([(0, 0)] * 16, contrast=0.07)
+    ]
+    floors = [
+        (f"floor_{i}.jpg", luma) for i, luma in enumerate(noisy_floor([(0, 0)] * 4, contrast=0.07, noise=1.0, seed=6))
+    ]
+    video = SimpleNamespace(mean_of_first=lambda count: np.rint(np.mean(pictures[:count], axis=0)).astype(np.uint8))
+    _, alone = calibration_at_start(calibration, pictures[0], floors)
+    assert [one.code for one in alone] == ["floor_not_recognised"]
+    _, found = calibration_of_video(calibration, video, pictures[0], floors)
+    assert [one.code for one in found if one.code != "camera_moved_before"] == said
 
 
 @pytest.mark.parametrize("moved", [False, True])

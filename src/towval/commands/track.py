@@ -21,6 +21,7 @@ from towval.model.errors import InputError
 from towval.model.findings import finding
 from towval.model.geometry import polygon_area
 from towval.selection.tracking import PROBE_FRAMES, PROBE_STRIDE, neighbour_of_tracking
+from towval.tracking.camera_motion import CONSTANTS as CAMERA_MOTION
 from towval.tracking.camera_motion import calibration_at_start
 from towval.tracking.clicks import Clicked, check_clicks, overstretched
 from towval.tracking.markers import clicks_from_tags
@@ -59,7 +60,7 @@ def run(
     calibration = read_calibration(camera)
     floors = GrayPictures(given.floor_images[:_MOST_FLOORS], given.resolution_px)
     first_and_late = video.first_picture(), video.late_picture()
-    calibration, since = calibration_at_start(calibration, first_and_late[0], floors)
+    calibration, since = _calibration_at_start(calibration, video, first_and_late[0], floors)
     starts = _starts(given, entry, video, first_and_late, calibration, output.with_name("start.png"))
     clicks = {name: start.corners_px for name, start in starts.items()}
     bodies = [_uncovered(body, starts, first_and_late, calibration) for body in given.bodies]
@@ -112,6 +113,18 @@ def _selecting(
         simulation=settings_from(SimulateSettings, simulation, "simulate"),
         progress=done,
     )  # fmt: skip
+
+
+def _calibration_at_start(
+    calibration: Calibration, video: Video, first: Luma, floors: Sequence[tuple[str, Luma]]
+) -> tuple[Calibration, tuple[Finding, ...]]:
+    """The calibration at the video's first picture, or where that shows too much noise, at the mean of the first."""
+    found, findings = calibration_at_start(calibration, first, floors)
+    if any(one.code == "floor_not_recognised" for one in findings):
+        mean, of_mean = calibration_at_start(calibration, video.mean_of_first(CAMERA_MOTION.averaged), floors)
+        if not any(one.code == "floor_not_recognised" for one in of_mean):
+            return mean, of_mean
+    return found, findings
 
 
 def _keeping(few: list[tuple[float, Luma]], video: Iterable[tuple[float, Luma]]) -> Iterator[tuple[float, Luma]]:

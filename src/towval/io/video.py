@@ -114,6 +114,11 @@ class Video:
         """The first picture (height, width)."""
         return np.ascontiguousarray(next(iter(self))[1])
 
+    def mean_of_first(self, count: int) -> Luma:
+        """The mean (height, width) of the first ``count`` pictures, or of all where there are fewer."""
+        pictures = [luma for _, luma in itertools.islice(self, count)]
+        return np.asarray(np.rint(np.mean(pictures, axis=0, dtype=np.float32)), dtype=np.uint8)
+
     def late_picture(self) -> Luma:
         """A picture far from the first (height, width): the last keyframe, or where that is the first, the last one.
 

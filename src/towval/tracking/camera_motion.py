@@ -304,14 +304,17 @@ def _found(seen: FloorRegistration, pictures: Sequence[Luma]) -> list[Registered
 
     None where its places are displaced against each other: by other pixels (a video made wider), by another lens.
     """
-    found, wider_px = [], []
+    found, wider_px, most_px = [], [], [CONSTANTS.wider_px]
     for picture in pictures:
         one = seen.register(picture, np.zeros(_SIZE), [])
         if one is not None:
             found.append(one)
-            wider_px.append(seen.stretch_px())
+            stretch_px, std_px = seen.stretch_px()
+            wider_px.append(stretch_px)
+            most_px.append(CONSTANTS.significant * std_px)
     other_lens = seen.scattered_px > CONSTANTS.other_lens_px
-    return [] if other_lens or abs(np.median(wider_px or [0.0])) > CONSTANTS.wider_px else found
+    # The first picture's noise is the same in all of them.
+    return [] if other_lens or abs(np.median(wider_px or [0.0])) > max(most_px[0], np.median(most_px)) else found
 
 
 def _separated(time_s: Array, z: Array, noise: Array) -> tuple[Array, Array, Array, Array]:

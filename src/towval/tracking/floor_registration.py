@@ -225,13 +225,17 @@ class FloorRegistration:
         excess = np.median(fitted[:, :2] ** 2, axis=0) / MEDIAN_NORMAL**2 - by_noise
         return [(float(excess.max()), float(by_noise[excess.argmax()]))]
 
-    def stretch_px(self) -> float:
-        """By how much the picture registered last is wider than the first, at its sides [px]: no motion does that."""
+    def stretch_px(self) -> tuple[float, float]:
+        """By how much the picture registered last is wider than the first, at its sides, and its deviation [px].
+
+        No motion of the view does that.
+        """
         weight, residual, scale = self.last
         columns = np.column_stack([self.slopes, self.by_stretch])
         prior = np.diag([1.0] * len(self.prior) + [0.0])
-        information = (columns * weight[:, None]).T @ columns + scale * scale * prior
-        return -float(np.linalg.solve(information, columns.T @ (weight * residual))[-1])
+        inverse = np.linalg.inv((columns * weight[:, None]).T @ columns + scale * scale * prior)
+        stretch = -float(inverse[-1] @ (columns.T @ (weight * residual)))
+        return stretch, scale * float(np.sqrt(self.variance_factor * inverse[-1, -1]))
 
     def _set_blocks(self, luma: Luma, target: PlanarTarget) -> None:
         """Blocks of the first picture at half the resolution, round its corners on the floor."""
