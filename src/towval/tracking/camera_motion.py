@@ -36,7 +36,8 @@ class CameraMotionConstants:
     sure_px: float = (
         0.06  # [px] Deviation of a registration, 0.01 to 0.04 on sound floors, beyond which noise is averaged
     )
-    averaged: int = 12  # over so many pictures, the first: of the slopes of one alone most are noise then.
+    averaged: int = 12  # over so many pictures, the first: of the slopes of one alone most are noise then;
+    enough_sure: int = 6  # unless so many of these are sure: pictures of 4K are not kept for nothing.
     lost_s: float = 0.25  # [s] Longest time without registration; beyond, the camera's place is not known.
     referred_px: float = 0.1  # [px] Of the floor between its pictures and the video's first: less is not corrected.
     scattered_px: float = 0.15  # [px] Of places against each other: 0.03 to 0.07 in sound footage.
@@ -126,6 +127,7 @@ class CameraMotion:
         self.hiding = [(CONSTANTS.hidden_scale * body.reach_m, body.tracked_plane_height_m) for body in bodies]
         self.view = camera, floor
         self.opening: list[tuple[Luma, Sequence[Array]]] = [(luma, poses)]
+        self.sure = 0
         self.watch = WatchedFloor(camera, floor, luma, self._outlines(poses))
         self.raw, self.used, self.at_first = np.zeros(_SIZE), np.zeros(_SIZE), np.zeros(_SIZE)
         self.numbers, self.information, self.registered = array("d"), np.zeros((_SIZE, _SIZE)), 0
@@ -154,7 +156,10 @@ class CameraMotion:
         self.numbers.extend((time_s, *raw, *self.used, 0.0 if found is None else found.std_px))
         if self.opening:
             self.opening.append((luma, poses))
-            if len(self.opening) == CONSTANTS.averaged:
+            self.sure += found is not None and found.std_px < CONSTANTS.sure_px
+            if self.sure == CONSTANTS.enough_sure:
+                self.opening = []
+            elif len(self.opening) == CONSTANTS.averaged:
                 self._average()
                 self.opening = []
         return self.view
@@ -164,11 +169,13 @@ class CameraMotion:
 
         Only if the floor stands still in these, as far as they can tell.
         """
-        rows = np.frombuffer(self.numbers).reshape(-1, 2 * _SIZE + 2)
-        std_px = np.where(rows[1:, -1] > 0, rows[1:, -1], np.inf)
-        if not self.watched or np.median(std_px) < CONSTANTS.sure_px:
+        if not self.watched:
             return
-        mean = np.rint(np.mean([luma for luma, _ in self.opening], axis=0, dtype=np.float32)).astype(np.uint8)
+        rows = np.frombuffer(self.numbers).reshape(-1, 2 * _SIZE + 2)
+        total = np.zeros(self.opening[0][0].shape, dtype=np.float32)
+        for luma, _ in self.opening:
+            total += luma
+        mean = np.rint(total / len(self.opening)).astype(np.uint8)
         outlines = [outline for _, poses in self.opening for outline in self._outlines(poses)]
         watch = WatchedFloor(self.camera, self.floor, mean, outlines)
         if not watch.shows_texture:
