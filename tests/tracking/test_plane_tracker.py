@@ -48,6 +48,17 @@ def test_slopes_of_a_top_that_shows_texture_stay_those_of_the_first_picture(monk
     np.testing.assert_array_equal(kept, alone)
 
 
+def test_a_top_of_which_nothing_is_confirmed_keeps_its_slopes():
+    own = painted.target()
+    tracker = PlaneTracker(own, painted.picture(own, noise=2.0, seed=1), painted.POSE)
+    slopes = tracker.template.slopes
+    for _ in range(12):
+        tracker.response.learn(tracker.free_slopes, np.zeros_like(slopes), np.ones(len(slopes)))
+        tracker._average(np.zeros_like(slopes), np.ones(len(slopes)))
+    assert tracker.response.whole is None
+    assert tracker.template.slopes is slopes
+
+
 @pytest.mark.parametrize(
     ("status", "found_there", "seen"),
     [(TrackStatus.TRACKED, True, True), (TrackStatus.LOST, True, False), (TrackStatus.TRACKED, False, False)],

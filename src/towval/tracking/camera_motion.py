@@ -16,6 +16,7 @@ from towval.optics.moved_view import moved_view, parameters_by_motion, picture_m
 from towval.tracking.floor_registration import FloorRegistration, Hidden, Registered
 from towval.tracking.light import evened
 from towval.tracking.template import Luma
+from towval.tracking.watched_floor import CONSTANTS as WATCHED
 from towval.tracking.watched_floor import WatchedFloor
 
 
@@ -33,10 +34,7 @@ class CameraMotionConstants:
     jump: float = 8.0  # Robust deviations of the change from picture to picture: a knock, a zoom step.
     reported_px: float = 0.3  # [px] Mean shift of the floor that is reported.
     least_known: float = 0.5  # Of the pictures; with fewer registered the floor shows too little.
-    sure_px: float = (
-        0.06  # [px] Deviation of a registration, 0.01 to 0.04 on sound floors, beyond which noise is averaged
-    )
-    averaged: int = 12  # over so many pictures, the first: of the slopes of one alone most are noise then;
+    averaged: int = 12  # First pictures whose mean shows a noisy floor: in one of them most slopes are noise;
     enough_sure: int = 6  # unless so many of these are sure: pictures of 4K are not kept for nothing.
     lost_s: float = 0.25  # [s] Longest time without registration; beyond, the camera's place is not known.
     referred_px: float = 0.1  # [px] Of the floor between its pictures and the video's first: less is not corrected.
@@ -156,7 +154,7 @@ class CameraMotion:
         self.numbers.extend((time_s, *raw, *self.used, 0.0 if found is None else found.std_px))
         if self.opening:
             self.opening.append((luma, poses))
-            self.sure += found is not None and found.std_px < CONSTANTS.sure_px
+            self.sure += found is not None and found.std_px < WATCHED.sure_px
             if self.sure == CONSTANTS.enough_sure:
                 self.opening = []
             elif len(self.opening) == CONSTANTS.averaged:

@@ -37,9 +37,7 @@ class PlaneTrackerConstants:
     first_lessons: int = 10  # Consecutive pictures from which the response is estimated,
     lesson_every: int = 25  # then one in so many.
     least_share: float = 0.1**3  # Of a determinant: a tenth of each motion.
-    noisy_share: float = (
-        0.8  # Of a motion; with less, slopes are averaged over the lessons: 0.89 and more on sound film.
-    )
+    noisy_share: float = 0.8  # Of a motion; with less, slopes are averaged: sound film has 0.89 and more.
     most_scale: float = 0.5  # Of the template's own deviation: residuals of an inlier.
     enough_samples: int = 1024  # Points below which a track is flagged: docs/limits.md.
 
@@ -180,7 +178,9 @@ class PlaneTracker(Tracker):
         """
         self.slopes_seen.add(slopes, weight)
         share, learned = self.response.share, self.response.learned
-        if learned < CONSTANTS.first_lessons or np.linalg.eigvals(share).real.min() > CONSTANTS.noisy_share:
+        if learned < CONSTANTS.first_lessons or self.response.whole is None:
+            return
+        if np.linalg.eigvals(share).real.min() > CONSTANTS.noisy_share:
             return
         self._set_slopes(self.slopes_seen.mean(self.template.slopes))
         # Of the noise in the old slopes the mean of so many holds one in ``learned``.

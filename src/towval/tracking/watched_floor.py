@@ -13,7 +13,7 @@ from towval.tracking.template import Luma
 class WatchedFloorConstants:
     """Tuned constants of when light is evened."""
 
-    sure_px: float = 0.06  # [px] Deviation of a registration, 0.01 to 0.04 in even light, beyond which light is evened.
+    sure_px: float = 0.06  # [px] Deviation of a registration, 0.01 to 0.04 in even light, beyond which it is not sure.
     even_helps: float = 0.5  # Of a registration's deviation is left in even light: bands leave 0.1 to 0.4, noise 0.8.
     even_every: int = 25  # Pictures after which it is tried again where it did not help: it costs as much as all else.
 
