@@ -46,7 +46,7 @@ def _crf(crf: float, _pixels: float) -> Mapping[str, str]:
 
 def _rate(kbit: float, pixels: float) -> Mapping[str, str]:
     rate = f"{round(1000 * kbit * pixels**0.5)}"
-    return {"b": rate, "maxrate": rate, "bufsize": rate, "preset": "veryfast"}
+    return {"b": rate, "maxrate": rate, "bufsize": rate, "preset": "veryfast", "threads": "1"}
 
 
 def _mjpeg(q: float, _pixels: float) -> Mapping[str, str]:

@@ -336,4 +336,5 @@ def hood(film: Film, percent: float, _rng: Rng) -> Film:
 
 def pulsing(crf: float, _pixels: float) -> Mapping[str, str]:
     """Whole pictures every half second, far better than those between: the picture breathes from group to group."""
-    return {"crf": f"{crf:g}", "preset": "veryfast", "g": "12", "x264-params": "ipratio=3:keyint=12:scenecut=0"}
+    groups = "ipratio=3:keyint=12:scenecut=0:mbtree=0"
+    return {"crf": f"{crf:g}", "preset": "veryfast", "g": "12", "x264-params": groups}
