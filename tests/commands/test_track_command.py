@@ -11,14 +11,17 @@ import yaml
 
 import towval.io.video
 from marker_pictures import picture_with
+from studies.camera_faults.film import read_film
+from studies.camera_faults.light import glint_at_start
 from studies.worlds.film import cut_off, write_video
 from studies.worlds.scenes import ceiling
 from towval.commands.calibrate import run as calibrate
 from towval.commands.check import _start
+from towval.commands.track import known_starts
 from towval.commands.track import run as track
 from towval.io.campaign import load_campaign
 from towval.io.mcap_file import read_provenance
-from towval.io.records import read_tracks, write_calibration
+from towval.io.records import read_calibration, read_tracks, write_calibration
 from towval.io.video import Video, luma_plane
 from towval.model import Calibration, Tag
 from towval.model.errors import InputError
@@ -78,6 +81,18 @@ def test_a_banner_over_the_object_is_not_tracked(campaign, camera, lab_small, tm
     true = np.array([truth["object_x_m"], truth["object_y_m"]]).T[0:200:5]
     assert found.seen.mean() > 0.9
     assert np.linalg.norm(found.pose[:, :2] - true, axis=1)[found.seen].max() < 0.009
+
+
+@pytest.mark.parametrize("percent", [2, 3])
+def test_light_on_a_top_leads_no_clicks_astray(lab_small, camera, percent):
+    given, calibration = load_campaign(lab_small), read_calibration(camera)
+    film = read_film(lab_small / "b.mp4", 8.0, (800.0, 480.0, 270.0, 0.0))
+    lit = glint_at_start(film, percent, np.random.default_rng(0))
+    starts = known_starts(given, given.run("b"), (lit.picture(0), lit.picture(len(film) - 1)), calibration)
+    for body, start in starts.items():
+        assert np.array_equal(start.corners_px, given.run("b").clicks_px[body])
+        assert not start.findings
+        assert not start.spread.any()
 
 
 def test_a_start_that_is_not_certain_is_drawn_and_asked_for(campaign, camera, lab_small, tmp_path):

@@ -409,6 +409,26 @@ def test_a_lost_body_is_searched_at_once_and_in_each_way_twice_a_second(follower
         assert np.diff(times)[1:].min() > 0.4
 
 
+def test_a_search_that_confirms_a_shaken_body_serves_the_next_pictures(follower):
+    """Each picture is displaced by more than a body can accelerate, so each measurement is surprising."""
+    searched, time_s = [], np.arange(1, 51) / 25
+    places = [compose(POSE, np.array([(-1) ** i * 10 * PIXEL_M, 0, 0])) for i in range(50)]
+    follower.tracker.answer = lambda _: here
+    follower.relocaliser.find = lambda _: searched.append(now) or here
+    follower.lookalikes.rivals = lambda *_: []
+    for now, here in zip(time_s, places, strict=True):
+        follower.follow(float(now), picture(BOX, here))
+    assert follower.track("scripted").seen.all()
+    assert len(searched) == pytest.approx(2 / 0.23, abs=1)
+
+
+@pytest.mark.parametrize("foreign", [True, False])
+def test_what_looks_foreign_is_searched_for_however_a_search_ended_before(follower, foreign):
+    follower._foreign, follower.confirmed_until_s = lambda _: foreign, np.inf
+    found = follower._search(0.1, None, Measurement(POSE, np.eye(3)))
+    assert (found is None) == foreign
+
+
 def test_what_the_tracker_does_not_find_is_no_rival(follower):
     here = follower.motion.pose
     rival = compose(here, np.array([0.5 * BOX.reach_m, 0, np.pi]))

@@ -83,7 +83,7 @@ def test_what_the_outline_adds_is_in_the_frame_of_the_body():
     pose, own = np.array([[1.0, 2.0, np.pi / 2], [0.0, 0.0, 0.0]]), np.diag([1e-6, 1e-6, 1e-6])
     excess, lone = np.zeros((2, 3, 3)), np.zeros((2, 3, 3))
     excess[0, 0, 0], lone[1, 0, 0] = 4e-6, 9e-6
-    widened = Compared(excess, lone, np.zeros((2, 3)), np.zeros((2, 3, 3))).widened(pose, np.array([own, own]))
+    widened = Compared(excess, lone, np.zeros((2, 3)), np.zeros((2, 3, 3)), SHARP).widened(pose, np.array([own, own]))
     assert np.diagonal(widened, axis1=1, axis2=2) == pytest.approx(np.array([[1, 5, 1], [10, 1, 1]]) * 1e-6)
 
 
@@ -281,6 +281,28 @@ def test_a_texture_that_wanders_gives_way_to_a_smooth_outline():
 def test_an_outline_that_wanders_moves_no_pose(off_of):
     _, texture, pose, _ = motions(off_of)
     assert np.array_equal(pose, texture)
+
+
+@pytest.mark.parametrize(
+    ("off_of", "strayed_m"), [("outline", 2e-3 * np.sqrt(50 / 200 / 2)), ("texture", 0), ("neither", 0)]
+)
+def test_an_outline_that_strayed_for_a_while_may_have_done_so_in_the_first_picture(off_of, strayed_m):
+    *_, seen = motions(off_of)
+    assert np.sqrt(np.diag(seen.strayed)) == pytest.approx([0, strayed_m, 0], rel=0.2, abs=1e-4)
+
+
+@pytest.mark.parametrize(("hop_px", "codes"), [(0.0, set()), (2.0, {"edges_unsure", "texture_unsure"})])
+def test_a_registration_is_as_uncertain_as_its_outlines_stray(hop_px, codes):
+    """From the middle on, other edges are taken for those of the top: nobody knows which were right in the first."""
+    pose = np.column_stack([0.03 * np.arange(120) / 25, np.zeros((120, 2))])
+    correction = np.zeros((120, 3))
+    correction[60:, 0] = hop_px * PIXEL_M
+    corners = BOX.pixels(BOX.body.top_corners_m, POSE)
+    follower = Follower(BOX, 0.0, picture(BOX, grey=GREY), corners, lambda *_: Lying(), 0.2)
+    follower.edge_watch.looks = lambda: looks(np.arange(120), correction)
+    _, _, fit = follower._with_outline(np.arange(120) / 25, pose, np.tile(SHARP, (120, 1, 1)))
+    assert {found.code for found in follower.findings} == codes
+    assert np.sqrt(fit.covariance[0, 0]) / PIXEL_M == pytest.approx(hop_px / 2, abs=0.1)
 
 
 def test_too_few_looks_tell_nothing_of_smoothness():

@@ -11,7 +11,7 @@ from towval.model.findings import finding
 from towval.tracking.co_moving import co_moving
 from towval.tracking.follow import CONSTANTS as FOLLOW
 from towval.tracking.outline import CONSTANTS as OUTLINE
-from towval.tracking.outline import pose_from_clicks
+from towval.tracking.outline import observe_outline, pose_from_clicks
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.pose import step_between
 from towval.tracking.start import CONSTANTS, Place, Tow, around, joined_orientations
@@ -59,7 +59,7 @@ def _checked(target: PlanarTarget, pictures: Sequence[Luma], clicks_px: ArrayLik
     alone = around(target, clicked, [(pictures[0], np.zeros(3))]).found(clicked[2], turn, CONSTANTS.most_near)
     search = around(target, clicked, co_moving(target, alone[0][1] if alone else clicked, pictures))
     here, beside = search.sharpened(clicked, 2 * pixel)
-    found = search.found(clicked[2], turn)
+    found = _with_edges(target, pictures[0], clicked, search.found(clicked[2], turn))
     best, pose = next(iter(found), (0.0, clicked))
     clear = Place(best, pose, tuple(search.views)).clear
     off_m = target.apart_m(clicked, pose)
@@ -79,6 +79,20 @@ def _checked(target: PlanarTarget, pictures: Sequence[Luma], clicks_px: ArrayLik
     if rivals:
         findings.append(finding("start_unsure", name=name, std_mm=1000 * float(np.sqrt(np.trace(spread[:2, :2])))))
     return Clicked(clicks_px, spread, tuple(findings))
+
+
+def _with_edges(
+    target: PlanarTarget, luma: Luma, clicked: Array, found: Sequence[tuple[float, Array]]
+) -> list[tuple[float, Array]]:
+    """Those of the places found, with their scores, that show the top's edges, where the clicks surely do.
+
+    A search looks at contrast along the whole outline, of which light on the top may make more elsewhere.
+    """
+    fit = observe_outline(luma, target, clicked)
+    least_m = FOLLOW.unsure_edges_px * target.metres_per_pixel(clicked)
+    if fit is None or np.linalg.eigvalsh(fit.covariance[:2, :2])[-1] > least_m**2:
+        return list(found)
+    return [(score, place) for score, place in found if observe_outline(luma, target, place) is not None]
 
 
 def _size_findings(target: PlanarTarget, clicks_px: Array) -> list[Finding]:

@@ -1,7 +1,7 @@
 """One body followed through a video: prediction, measurement, acceptance, and the record."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -82,7 +82,7 @@ class Follower:
         self.fitted_in: list[int] = []
         self.edge_watch, self.echoes = EdgeWatch(target), Echoes(target, luma, self.first_pose)
         self.sizes: list[float] = []
-        self.next_outline_s = self.next_search_s = time_s
+        self.next_outline_s = self.next_search_s = self.confirmed_until_s = time_s
         self.outlines_fitted = self.mistakable = self.searches = 0
         self.tracker = make_tracker(target, luma, self.first_pose)
         if not isinstance(self.tracker, Tracker):
@@ -177,7 +177,12 @@ class Follower:
     def _search(
         self, time_s: float, luma: Luma, doubtful: Measurement | None, others: Sequence["Follower"] = ()
     ) -> Measurement | None:
-        """Search the whole picture; a doubtful measurement is confirmed if the search leads to the same place."""
+        """Search the whole picture; a doubtful measurement is confirmed if the search leads to the same place.
+
+        Where a shaken camera makes each picture surprising, one that confirms a measurement serves the next ones, too.
+        """
+        if doubtful is not None and time_s < self.confirmed_until_s and not self._foreign(doubtful):
+            return doubtful
         first = self.record.last_status in (None, TrackStatus.TRACKED)
         if time_s < self.next_search_s and not first:
             return None
@@ -190,6 +195,8 @@ class Follower:
             if self._surprising(time_s, found.pose) and self._foreign(found):
                 continue
             if apart_m <= CONSTANTS.agree_px * self.pixel_m and self._unmistakable(time_s, luma, found.pose, others):
+                if doubtful is not None:
+                    self.confirmed_until_s = self.next_search_s
                 return found
         return None
 
@@ -352,19 +359,20 @@ class Follower:
         seen = compared(time_s, pose, covariance, looks, edges(self.target, self.first_pose))
         sizes = np.array([one.size for one in self.outline_fits]).reshape(-1, 2)
         of_size = by_size(sizes - np.median(looks.size, axis=0))
-        fit = self._registration(seen.excess[self.fitted_in] + of_size)
+        fit = self._registration(seen.excess[self.fitted_in] + of_size, seen.strayed)
         std_m = float(np.percentile(np.sqrt(np.linalg.eigvalsh(seen.excess[looks.picture, :2, :2])[:, -1]), 95))
         if std_m > CONSTANTS.unsure_edges_px * self.pixel_m:
             self.findings.append(finding("texture_unsure", name=self.target.body.name, std_mm=1000 * std_m))
         return compose(pose, seen.steps), seen.widened(pose, covariance), fit
 
-    def _registration(self, excess: Array | None = None) -> OutlineFit | None:
+    def _registration(self, excess: Array | None = None, strayed: Array | float = 0.0) -> OutlineFit | None:
         name = self.target.body.name
         fit = combine_fits(self.outline_fits, excess) if self.outline_fits else None
         if fit is None or np.linalg.norm(fit.correction[:2]) >= CONSTANTS.farthest_correction_px * self.pixel_m:
             std_mm = 1000 * np.sqrt(self.start_covariance[0, 0])
             self.findings.append(finding("edges_not_found", name=name, std_mm=std_mm))
             return None
+        fit = replace(fit, covariance=fit.covariance + strayed)
         std_m = float(np.sqrt(np.linalg.eigvalsh(fit.covariance[:2, :2])[-1]))
         if std_m > CONSTANTS.unsure_edges_px * self.pixel_m:
             self.findings.append(finding("edges_unsure", name=name, std_mm=1000 * std_m))

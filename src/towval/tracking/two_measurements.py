@@ -311,13 +311,15 @@ class Compared:
 
     ``excess`` (n, 3, 3): covariance of the texture's poses beyond what it states; ``lone`` (n, 3, 3) that of pictures
     which disagree by themselves, where it is not known what is off; ``steps`` (n, 3) to poses that are the outline's
-    where the texture's are off, and ``of_steps`` (n, 3, 3) their covariance. All are in the body frame.
+    where the texture's are off, and ``of_steps`` (n, 3, 3) their covariance; ``strayed`` (3, 3): mean square by which
+    the outline stood elsewhere while the texture was kept. All are in the body frame.
     """
 
     excess: Array
     lone: Array
     steps: Array
     of_steps: Array
+    strayed: Array
 
     def widened(self, pose: Array, covariance: Array) -> Array:
         """Covariances (n, 3, 3) of the texture's poses (n, 3) in the floor frame, with what the outline adds."""
@@ -334,7 +336,8 @@ def compared(time_s: Array, pose: Array, covariance: Array, looks: Looks, of_edg
     of_outline = outline_noise(pose, looks, by_texture, by_outline, gain) * looks.spread + of_edges
     expected = turned_covariance(covariance[at], -pose[at, 2]) + of_outline
     apart = looks.correction - np.median(looks.correction, axis=0)
-    excess = texture_excess(time_s, apart, expected, looks)
+    for_a_while = texture_excess(time_s, apart, expected, looks)
+    excess = for_a_while.copy()
     single = alone(apart, expected + excess[at])
     # What jumps in a picture that disagrees by itself is off; it shows where the pictures beside were looked at, too.
     of_texture, of_edge = (np.linalg.norm(one[at, :2], axis=1)[:, None, None] for one in (by_texture, by_outline))
@@ -342,4 +345,8 @@ def compared(time_s: Array, pose: Array, covariance: Array, looks: Looks, of_edg
     lone = np.zeros_like(excess)
     lone[at] = np.where(np.isfinite(gain[at])[:, None, None], 0.0, single)
     far = _sizes(apart, expected)
-    return Compared(excess, lone, *steps_to_smoother(time_s, pose, looks, apart, of_outline, far))
+    steps, of_steps = steps_to_smoother(time_s, pose, looks, apart, of_outline, far)
+    kept = (far > CONSTANTS.apart) & ~steps[at].any(axis=1)
+    # An outline that takes other edges for the top's for a while may have done so in the first picture.
+    strayed = np.sum(for_a_while[at[kept]], axis=0) / len(at)
+    return Compared(excess, lone, steps, of_steps, strayed)
