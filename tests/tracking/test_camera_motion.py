@@ -1,5 +1,6 @@
 """The camera's motion: the floor painted from where a moved camera sees it, and pictures warped by OpenCV."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import cv2
@@ -219,6 +220,22 @@ def test_a_camera_that_creeps_over_a_noisy_floor_is_referred_to_the_first_pictur
     seen = np.array([seen_through(moved_view(CAMERA, FLOOR, motion)) for motion in found.motion])
     gap = seen - seen_through((CAMERA, FLOOR)) - by_picture_px * np.arange(36)[:, None, None] * [1, 0]
     assert np.sqrt(np.mean(gap**2)) < 2 * camera.watch.as_it_is.std_px(found.common)
+
+
+@pytest.mark.parametrize(("sure", "averaged"), [(5, True), (6, False)])
+def test_the_first_pictures_are_averaged_where_fewer_than_six_of_them_are_sure(sure, averaged, monkeypatch):
+    picture = floor_picture()
+    camera, took_mean = CameraMotion(CAMERA, FLOOR, picture, [BODY], [POSE]), []
+    found = camera.watch.register(picture, np.zeros(9), [])
+    stds_px = iter([0.01] * sure + [1.0] * 20)
+    camera.watch = SimpleNamespace(
+        shows_texture=True, as_it_is=camera.watch.as_it_is, register=lambda *_: replace(found, std_px=next(stds_px))
+    )
+    monkeypatch.setattr(camera, "_average", lambda: took_mean.append(len(camera.opening)))
+    for i in range(16):
+        camera.register(i / 25, picture, [POSE])
+        assert len(camera.opening) < 12
+    assert took_mean == ([12] if averaged else [])
 
 
 def test_shaking_is_kept_noise_is_not():

@@ -15,9 +15,15 @@ from towval.tracking.plane_tracker import PlaneTracker
 from towval.tracking.pose import Measurement
 
 
-def followed(noise, contrast, noisy_share, monkeypatch):
+@pytest.fixture
+def slopes_stay(monkeypatch):
+    """A function after whose call the slopes of no template are averaged."""
+    never = replace(plane_tracker.CONSTANTS, noisy_share=0.0)
+    return lambda: monkeypatch.setattr(plane_tracker, "CONSTANTS", never)
+
+
+def followed(noise, contrast):
     """Errors (n,) [px] of the poses of a top that creeps, from starts a pixel off, and the tracker after them."""
-    monkeypatch.setattr(plane_tracker, "CONSTANTS", replace(plane_tracker.CONSTANTS, noisy_share=noisy_share))
     own, grey, rng = painted.target(), painted.texture(contrast=contrast), np.random.default_rng(3)
     tracker, errors = PlaneTracker(own, painted.picture(own, grey=grey, noise=noise, seed=1000), painted.POSE), []
     for k in range(40):
@@ -33,18 +39,20 @@ def followed(noise, contrast, noisy_share, monkeypatch):
 
 
 @pytest.mark.parametrize(("noise", "contrast"), [(6.0, 4.0), (6.0, 6.0), (4.0, 4.0), (3.0, 6.0)])
-def test_slopes_that_noise_made_steep_are_averaged(noise, contrast, monkeypatch):
-    alone, tracker = followed(noise, contrast, 0.0, monkeypatch)
-    assert np.linalg.eigvals(tracker.response.share).real.min() < 0.75
-    averaged, tracker = followed(noise, contrast, 0.8, monkeypatch)
+def test_slopes_that_noise_made_steep_are_averaged(noise, contrast, slopes_stay):
+    averaged, tracker = followed(noise, contrast)
     assert np.linalg.eigvals(tracker.response.share).real.min() > 0.8
+    slopes_stay()
+    alone, tracker = followed(noise, contrast)
+    assert np.linalg.eigvals(tracker.response.share).real.min() < 0.75
     assert len(averaged) >= len(alone)
     assert np.sqrt(np.mean(averaged[-25:] ** 2)) < 0.9 * np.sqrt(np.mean(alone[-25:] ** 2))
 
 
-def test_slopes_of_a_top_that_shows_texture_stay_those_of_the_first_picture(monkeypatch):
-    alone, _ = followed(2.0, 30.0, 0.0, monkeypatch)
-    kept, _ = followed(2.0, 30.0, 0.8, monkeypatch)
+def test_slopes_of_a_top_that_shows_texture_stay_those_of_the_first_picture(slopes_stay):
+    kept, _ = followed(2.0, 30.0)
+    slopes_stay()
+    alone, _ = followed(2.0, 30.0)
     np.testing.assert_array_equal(kept, alone)
 
 
