@@ -48,3 +48,25 @@ def test_pictures_that_are_all_real_are_not_named(noise_m, seed):
 def test_one_body_that_bends_in_a_rhythm_is_not_enough():
     true, shown = _true_and_shown(4, 0)
     assert check_invented({"rover": shown["rover"], "object": true["object"]})[1] == ()
+
+
+@pytest.mark.parametrize("name", ["shown", "true"])
+def test_a_body_that_goes_straight_has_no_say(name):
+    """Its bends are noise, invented or real; the other body tells alone."""
+    given = dict(zip(("true", "shown"), _true_and_shown(4, 0, 2e-5), strict=True))[name]
+    rng, rover = np.random.default_rng(3), given["rover"]
+    straight = np.linspace(rover.pose[0], rover.pose[-1], len(rover.pose)) + 2e-5 * rng.standard_normal((len(EVEN), 3))
+    _, findings = check_invented(given | {"rover": replace(rover, pose=straight)})
+    assert [one.code for one in findings] == (["pictures_invented"] if name == "shown" else [])
+
+
+@pytest.mark.parametrize(("times_noise", "named"), [(1.5, False), (2.5, True)])
+def test_a_rhythm_below_the_noise_is_none(times_noise, named):
+    """A zigzag of four pictures a leg, whose turns are so many times the usual bend of noise."""
+    rover = _true_and_shown(4, 0)[0]["rover"]
+    std_m = np.sqrt(rover.covariance[0, 0, 0])
+    turn_m = times_noise * 1.1774 * np.sqrt(6) * std_m
+    steps = np.where(np.arange(len(EVEN)) // 4 % 2, turn_m / 2, -turn_m / 2)
+    pose = np.linspace(rover.pose[0], rover.pose[-1], len(EVEN))
+    pose[:, 1] += np.cumsum(steps)
+    assert bool(check_invented({"rover": replace(rover, pose=pose)})[1]) == named

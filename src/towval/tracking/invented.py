@@ -5,7 +5,7 @@ Texture and outline agree in them, and stamps are even, but bodies are not where
 the motion bends at every so-many-th picture and hardly at any between.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,6 +23,7 @@ class InventedConstants:
     least_bends: int = 8  # Real pictures at which a body moves, for a median.
     rhythm: float = 3.0  # Bend at real pictures over that at the others: 1.3 at most where all are real, else 6.
     moving: float = 0.3  # Of a body's usual speed, from which on it moves.
+    shown: float = 2.0  # Bend at real pictures over that of noise, below which a body that goes straight tells nothing.
 
 
 CONSTANTS = InventedConstants()
@@ -33,10 +34,10 @@ def check_invented(tracks: Mapping[str, Track]) -> tuple[dict[str, Track], tuple
 
     Returns the tracks, as uncertain as bodies may have been elsewhere between two real pictures; and the findings.
     """
-    bends = [one for one in map(_bends_of_moving, tracks.values()) if np.isfinite(one).any()]
+    bends = [(_bends_of_moving(one), _bend_of_noise(one)) for one in tracks.values()]
+    bends = [(bend, noise) for bend, noise in bends if np.isfinite(bend).any()]
     rhythms = {
-        period: max(min((_rhythm(one, period, phase) for one in bends), default=0.0) for phase in range(period))
-        for period in CONSTANTS.periods
+        period: max(_common_rhythm(bends, period, phase) for phase in range(period)) for period in CONSTANTS.periods
     }
     period = max(rhythms, key=lambda one: rhythms[one])
     if rhythms[period] < CONSTANTS.rhythm:
@@ -63,14 +64,29 @@ def _bends_of_moving(track: Track) -> Array:
     return bend
 
 
-def _rhythm(bend: Array, period: int, phase: int) -> float:
-    """Median of the bends (n,) at every so-many-th picture over the largest of those at the others."""
+def _bend_of_noise(track: Track) -> float:
+    """Median size of a bend that the poses' own deviations make [m]."""
+    variance = np.trace(track.covariance[track.seen][:, :2, :2], axis1=1, axis2=2) / 2
+    # A bend is p - 2 q + r, and its size a Rayleigh variable.
+    return float(1.1774 * np.sqrt(6 * np.median(variance))) if len(variance) else np.inf
+
+
+def _common_rhythm(bends: Sequence[tuple[Array, float]], period: int, phase: int) -> float:
+    """The least rhythm of bodies, with bends (n,) and that of noise, that show any; zero where none does."""
+    rhythms = [_rhythm(bend, noise, period, phase) for bend, noise in bends]
+    return min((one for one in rhythms if one is not None), default=0.0)
+
+
+def _rhythm(bend: Array, noise: float, period: int, phase: int) -> float | None:
+    """Median of the bends (n,) at every so-many-th picture over the largest of those at the others; None in noise."""
     at = [bend[(phase + i) % period :: period] for i in range(period)]
     at = [one[np.isfinite(one)] for one in at]
     if min(len(one) for one in at) < CONSTANTS.least_bends:
         return 0.0
     # From the last invented picture to the next real one bodies leap by what the invention was off by.
     real, *between, _ = (float(np.median(one)) for one in at)
+    if real < CONSTANTS.shown * noise:
+        return None
     return real / max((*between, 1e-9))
 
 
