@@ -70,3 +70,10 @@ def test_a_rhythm_below_the_noise_is_none(times_noise, named):
     pose = np.linspace(rover.pose[0], rover.pose[-1], len(EVEN))
     pose[:, 1] += np.cumsum(steps)
     assert bool(check_invented({"rover": replace(rover, pose=pose)})[1]) == named
+
+
+def test_a_body_that_bends_at_other_pictures_objects():
+    """The rover shows a rhythm; the object bends at the pictures between, where nothing was invented."""
+    _, shown = _true_and_shown(4, 0, 2e-5)
+    other = replace(shown["object"], pose=np.roll(shown["object"].pose, 2, axis=0))
+    assert check_invented(shown | {"object": other})[1] == ()

@@ -13,6 +13,7 @@ import numpy as np
 from towval.model import Array, Finding, Track
 from towval.model.findings import finding
 from towval.model.run_record import measured_poses
+from towval.tracking.pose import RAYLEIGH_MEDIAN
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,7 @@ class InventedConstants:
     least_bends: int = 8  # Real pictures at which a body moves, for a median.
     rhythm: float = 3.0  # Bend at real pictures over that at the others: 1.3 at most where all are real, else 6.
     moving: float = 0.3  # Of a body's usual speed, from which on it moves.
-    shown: float = 2.0  # Bend at real pictures over that of noise, below which a body that goes straight tells nothing.
+    shown: float = 2.0  # Largest bend over that of noise, below which a body goes straight and tells nothing.
 
 
 CONSTANTS = InventedConstants()
@@ -68,7 +69,7 @@ def _bend_of_noise(track: Track) -> float:
     """Median size of a bend that the poses' own deviations make [m]."""
     variance = np.trace(track.covariance[track.seen][:, :2, :2], axis1=1, axis2=2) / 2
     # A bend is p - 2 q + r, and its size a Rayleigh variable.
-    return float(1.1774 * np.sqrt(6 * np.median(variance))) if len(variance) else np.inf
+    return float(RAYLEIGH_MEDIAN * np.sqrt(6 * np.median(variance))) if len(variance) else np.inf
 
 
 def _common_rhythm(bends: Sequence[tuple[Array, float]], period: int, phase: int) -> float:
@@ -84,9 +85,10 @@ def _rhythm(bend: Array, noise: float, period: int, phase: int) -> float | None:
     if min(len(one) for one in at) < CONSTANTS.least_bends:
         return 0.0
     # From the last invented picture to the next real one bodies leap by what the invention was off by.
-    real, *between, _ = (float(np.median(one)) for one in at)
-    if real < CONSTANTS.shown * noise:
+    medians = [float(np.median(one)) for one in at]
+    if max(medians) < CONSTANTS.shown * noise:
         return None
+    real, *between, _ = medians
     return real / max((*between, 1e-9))
 
 

@@ -13,6 +13,7 @@ from towval.model.errors import InputError
 from towval.model.geometry import rigid_fit, rotation, transform
 
 TUKEY = 4.685  # SOURCE: Tukey's biweight at 95 % efficiency for Gaussian noise.
+RAYLEIGH_MEDIAN = 1.1774  # Deviations of one coordinate: the median size of two of them.
 _FITS = 10
 
 
@@ -84,8 +85,7 @@ def robust_rigid_fit(source: Array, target: Array, noise_floor_m: float) -> Rigi
     for _ in range(_FITS):
         pose = rigid_fit(source, target, weights)
         misfit = np.linalg.norm(transform(pose, source) - target, axis=1)
-        # The median of a Rayleigh variable is 1.1774 deviations of one coordinate.
-        scale = max(float(np.median(misfit)) / 1.1774, noise_floor_m)
+        scale = max(float(np.median(misfit)) / RAYLEIGH_MEDIAN, noise_floor_m)
         weights = np.clip(1 - (misfit / (TUKEY * scale)) ** 2, 0, None) ** 2
     freedom = max(1.0, 2 * (weights > 0.1).sum() - 3)
     variance = 2 * float(np.sum(weights * misfit**2)) / max(weights.sum(), 1e-9) / 2 * (1 + 3 / freedom)
