@@ -120,7 +120,7 @@ def _thinned(scene: TowingScene, tracks: Mapping[str, Track], truth: pd.DataFram
     }
 
 
-def _stating(**instead: str) -> Planting:
+def stating(**instead: str) -> Planting:
     """The campaign states other values of some keys, the first of each name."""
 
     def changed(text: str) -> str:
@@ -144,7 +144,7 @@ LAB_A = Check(
     _campaign("lab_a"),
     {
         "board stated 0.3 % too large, the rover's poses are a frame late": both(
-            _stating(square_m="0.04012"), replaced(track, "track", result_of(_late))
+            stating(square_m="0.04012"), replaced(track, "track", result_of(_late))
         ),
         "the tether is 5 mm too long in the simulation alone, u_val and the tolerance are halved": both(
             replaced(simulate, "simulate_selecting", tethered_longer(5e-3)),
@@ -152,7 +152,7 @@ LAB_A = Check(
             replaced(validation_compare, "TOLERANCE_M", lambda tolerance: tolerance / 2),
         ),
         "poses scatter by 1 mm and 0.1°, some are lost; friction is 20 times as unsure": both(
-            replaced(track, "track", flawed(1e-3, 2e-3)), _stating(kinetic_std="0.1")
+            replaced(track, "track", flawed(1e-3, 2e-3)), stating(kinetic_std="0.1")
         ),
     },
     needs=("footage/lab_a",),
@@ -161,9 +161,9 @@ LAB_A = Check(
 LAB_C = Check(
     _campaign("lab_c"),
     {
-        "board stated 1 % too large, tether 3 cm too long": _stating(square_m="0.0404", rest_length_m="0.63"),
+        "board stated 1 % too large, tether 3 cm too long": stating(square_m="0.0404", rest_length_m="0.63"),
         "poses scatter by 1 mm and 0.1°, some are lost; stiffness and mass are 7 times as unsure": both(
-            replaced(track, "track", flawed(1e-3, 2e-3)), _stating(stiffness_std_N_per_m="200", mass_std_kg="0.3")
+            replaced(track, "track", flawed(1e-3, 2e-3)), stating(stiffness_std_N_per_m="200", mass_std_kg="0.3")
         ),
     },
     needs=("footage/lab_c",),

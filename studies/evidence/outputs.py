@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
+from studies.browser import Browser
 from studies.costs import least_cpu_seconds
 from studies.evidence.compute import REPOSITORY, shared_folder
 from studies.evidence.ledger import Check, Values
@@ -135,4 +136,46 @@ INDEX_OF_MANY = Check(
             replaced(index_page, "_made_of", _twelve_digits),
         )
     },
+)
+
+
+_FILTERS = (
+    "document.getElementById('search').value = 'LAB_12'",
+    "document.getElementById('search').value = ''",
+    "document.getElementById('least').value = 5",
+    "document.querySelector('[value=agrees]').checked = false",
+)
+"""Changes of the page's filters, as scripts."""
+
+
+def _filtering() -> Values:
+    """How long [s] the page with all runs takes from a change of its filters to the next picture."""
+    with TemporaryDirectory() as folder:
+        place = Path(folder)
+        index_scale.measured(_MANY, place)
+        with Browser(place / "profile") as browser:
+            browser.open((place / "index.html").as_uri())
+            taken = [browser.run(_TIMED % change) / 1e3 for _ in range(5) for change in _FILTERS]
+            shown = browser.run("document.getElementById('counts').textContent")
+    return {"a filter, usually": float(np.median(taken)), "a filter, longest": max(taken), "shown": shown.split(":")[0]}
+
+
+_TIMED = """new Promise((done) => {
+  const begun = performance.now();
+  %s;
+  document.getElementById('filters').dispatchEvent(new Event('input'));
+  requestAnimationFrame(() => setTimeout(() => done(performance.now() - begun)));
+})"""
+
+
+def _filtered_often(original: Any) -> Any:
+    """The page's own script, in which a change filters ten times, by another limit than the one chosen."""
+    often = "() => { byId('least').value = 9; for (let k = 0; k < 10; k++) filter(); }"
+    return lambda name: Markup(original(name).replace('"input", filter)', f'"input", {often})'))
+
+
+FILTERING = Check(
+    _filtering,
+    {"a change filters ten times, by another limit": replaced(index_page, "template_asset", _filtered_often)},
+    needs=("chromium",),
 )

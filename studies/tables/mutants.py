@@ -18,6 +18,7 @@ import os
 import random
 import time
 from collections import defaultdict
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,9 @@ ROOMS = ("towval.tracking", "towval.calibration")
 REPOSITORY = Path(__file__).resolve().parents[2]
 SLOW = ("test_real_clips.py",)
 """Files of tests that are left out: footage that is not everybody's."""
+
+FACTORS = (0.5, 2.0)
+SECONDS = 4.0
 
 
 Place = tuple[str, str]
@@ -122,11 +126,21 @@ def first_pass(modules: list[str], pattern: str, size: int, seed: int) -> tuple[
     mutants = [
         Mutant(room, module, name, factor)
         for (room, module), name in stratified(names, size, seed)
-        for factor in (0.5, 2.0)
+        for factor in FACTORS
     ]
     folders = [REPOSITORY / "tests" / room.rpartition(".")[2] for room in dict.fromkeys(room for room, _ in names)]
     run([str(f) for folder in folders for f in sorted(folder.glob(pattern)) if f.name not in SLOW], watch)
     return mutants, watch
+
+
+def tried(mutants: list[Mutant], watch: Watch, jobs: int, seconds: float) -> Iterator[tuple[Mutant, str]]:
+    """Each mutant with the first test that notices it, of those that take no more processor time than ``seconds``."""
+    work = []
+    for mutant in mutants:
+        readers = sorted(watch.readers[mutant.module, mutant.name], key=lambda test: watch.seconds[test])
+        work.append((mutant, [test for test in readers if test and watch.seconds[test] <= seconds]))
+    with multiprocessing.get_context("fork").Pool(jobs, maxtasksperchild=1) as pool:
+        yield from pool.imap(noticed_by, work, chunksize=1)
 
 
 def main() -> None:
@@ -134,7 +148,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("modules", nargs="*")
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--seconds", type=float, default=4.0, help="tests that take more processor time are left out")
+    parser.add_argument(
+        "--seconds", type=float, default=SECONDS, help="tests that take more processor time are left out"
+    )
     parser.add_argument("--tests", default="test_*.py", help="files of tests, as test_*_limits.py for a quick look")
     parser.add_argument("--sample", type=int, default=0, help="so many constants instead of all, from all modules")
     parser.add_argument("--seed", type=int, default=1, help="of that sample")
@@ -143,16 +159,11 @@ def main() -> None:
     mutants, watch = first_pass(given.modules, given.tests, given.sample, given.seed)
     if watch.failed:
         parser.error(f"{watch.failed} fails without any mutant")
-    work = []
-    for mutant in mutants:
-        readers = sorted(watch.readers[mutant.module, mutant.name], key=lambda test: watch.seconds[test])
-        work.append((mutant, [test for test in readers if test and watch.seconds[test] <= given.seconds]))
     survived = 0
-    with multiprocessing.get_context("fork").Pool(given.jobs, maxtasksperchild=1) as pool:
-        for mutant, test in pool.imap(noticed_by, work, chunksize=1):
-            survived += not test
-            verdict = f"noticed by {test}" if test else "survived"
-            print(f"{mutant.module}.{mutant.name} x {mutant.factor:g}: {verdict}", flush=True)
+    for mutant, test in tried(mutants, watch, given.jobs, given.seconds):
+        survived += not test
+        verdict = f"noticed by {test}" if test else "survived"
+        print(f"{mutant.module}.{mutant.name} x {mutant.factor:g}: {verdict}", flush=True)
     print(f"{len(mutants) - survived} of {len(mutants)} noticed")
 
 

@@ -12,16 +12,18 @@ import argparse
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from studies.costs import wall_and_cpu_seconds
-from studies.tables.workflow_time import SAMPLE
+from studies.tables.workflow_time import REPOSITORY, SAMPLE
 from towval.io.campaign import Campaign, load_campaign
 from towval.io.records import read_calibration, read_comparison, read_simulated, read_tracks
-from towval.model import SimulatedMotion, Track
+from towval.model import Choice, SimulatedMotion, Track
 from towval.selection.margin import SHARE, measurement_std_m, seen_places
 
 PRESETS = ("auto", "fine")
@@ -33,8 +35,7 @@ def run_workflow(campaign: Campaign, preset: str, results: Path) -> None:
     keys = [f"campaign={campaign.folder}", f"results={results}", f"preset={preset}"]
     line = [sys.executable, "-m", "snakemake", "--cores", "2", "--quiet", "all", "--nolock", *targets]
     line += ["--config", *keys]
-    repository = Path(__file__).resolve().parents[2]
-    subprocess.run(line, check=True, stdout=subprocess.DEVNULL, cwd=repository)
+    subprocess.run(line, check=True, stdout=subprocess.DEVNULL, cwd=REPOSITORY)
 
 
 def moved_mm(one: Track | SimulatedMotion, other: Track | SimulatedMotion) -> float:
@@ -44,20 +45,45 @@ def moved_mm(one: Track | SimulatedMotion, other: Track | SimulatedMotion) -> fl
     return 1e3 * float(np.sqrt(np.nanmean(np.sum(gap**2, axis=1))))
 
 
-def row(campaign: Campaign, run: str, folders: list[Path]) -> str:
-    """One line of the table; ``folders`` are the campaign's results under auto and fine."""
+@dataclass(frozen=True)
+class Beside:
+    """A run under auto beside the same run under fine: how far its measured and simulated path ``moved`` and may move,
+    ``path_rms`` of simulated minus measured under both, all [mm], both verdicts, and what auto chose."""
+
+    moved: tuple[float, float]
+    allowed: float
+    path_rms: tuple[float, float]
+    verdicts: tuple[str, str]
+    chosen: tuple[Choice, ...]
+
+
+def beside(campaign: Campaign, run: str, folders: Sequence[Path]) -> Beside:
+    """Compare a run in the campaign's results under auto and fine."""
     tracks = [read_tracks(folder / run / "track.mcap")["object"] for folder in folders]
     motions = [read_simulated(folder / run / "simulate.mcap") for folder in folders]
     compared = [read_comparison(folder / run / "compare.mcap") for folder in folders]
     camera = read_calibration(folders[1] / "camera.mcap")
     allowed = 1e3 * SHARE * measurement_std_m(camera, campaign.object, seen_places(tracks[1]))
-    moves = moved_mm(*tracks), moved_mm(*motions)
-    verdicts = " / ".join(str(one.verdict) for one in compared)
-    return (
-        f"{run:4}{moves[0]:10.3f}{moves[1]:11.3f}{allowed:9.3f}  {'kept' if max(moves) <= allowed else 'MISSED':8}"
-        f"{1e3 * compared[0].path_rms_m:9.3f}{1e3 * compared[1].path_rms_m:9.3f}  {verdicts}; "
-        + "; ".join(f"{choice.what} {choice.chosen}" for choice in (tracks[0].choices[0], *motions[0].choices))
+    one, other = compared
+    return Beside(
+        (moved_mm(*tracks), moved_mm(*motions)),
+        allowed,
+        (1e3 * one.path_rms_m, 1e3 * other.path_rms_m),
+        (str(one.verdict), str(other.verdict)),
+        (*tracks[0].choices[:1], *motions[0].choices),
     )
+
+
+def compared_presets(campaign: Campaign) -> tuple[dict[str, tuple[float, float]], dict[str, Beside]]:
+    """Wall and CPU time [s] of all runs by preset, and each run under auto beside fine."""
+    with tempfile.TemporaryDirectory() as place:
+        results = [Path(place) / preset for preset in PRESETS]
+        cost = {
+            preset: wall_and_cpu_seconds(partial(run_workflow, campaign, preset, into))
+            for preset, into in zip(PRESETS, results, strict=True)
+        }
+        folders = [into / campaign.folder.name for into in results]
+        return cost, {run: beside(campaign, run, folders) for run in campaign.runs}
 
 
 def main() -> None:
@@ -65,19 +91,19 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("campaign", type=Path, nargs="?", default=SAMPLE)
     campaign = load_campaign(parser.parse_args().campaign.resolve())
-    with tempfile.TemporaryDirectory() as place:
-        results = [Path(place) / preset for preset in PRESETS]
-        cost = [
-            wall_and_cpu_seconds(partial(run_workflow, campaign, preset, into))
-            for preset, into in zip(PRESETS, results, strict=True)
-        ]
-        print(f"{campaign.name}, {len(campaign.runs)} runs, calibration to verdict")
-        for preset, (wall, cpu) in zip(PRESETS, cost, strict=True):
-            print(f"{preset}: {cpu:.1f} s CPU, {wall:.1f} s wall")
-        print("moved by auto against fine and allowed, then simulated - measured under auto and fine, all mm RMS")
-        print(f"{'run':4}{'measured':>10}{'simulated':>11}{'allowed':>9}{'':10}{'auto':>9}{'fine':>9}  verdicts; taken")
-        for run in campaign.runs:
-            print(row(campaign, run, [into / campaign.folder.name for into in results]))
+    cost, runs = compared_presets(campaign)
+    print(f"{campaign.name}, {len(campaign.runs)} runs, calibration to verdict")
+    for preset, (wall, cpu) in cost.items():
+        print(f"{preset}: {cpu:.1f} s CPU, {wall:.1f} s wall")
+    print("moved by auto against fine and allowed, then simulated - measured under auto and fine, all mm RMS")
+    print(f"{'run':4}{'measured':>10}{'simulated':>11}{'allowed':>9}{'':10}{'auto':>9}{'fine':>9}  verdicts; taken")
+    for run, found in runs.items():
+        (measured, simulated), (auto, fine) = found.moved, found.path_rms
+        print(
+            f"{run:4}{measured:10.3f}{simulated:11.3f}{found.allowed:9.3f}"
+            f"  {'kept' if max(found.moved) <= found.allowed else 'MISSED':8}{auto:9.3f}{fine:9.3f}"
+            f"  {' / '.join(found.verdicts)}; {'; '.join(f'{each.what} {each.chosen}' for each in found.chosen)}"
+        )
 
 
 if __name__ == "__main__":

@@ -137,7 +137,7 @@ def verdict_rows(rows: list[dict[str, Any]]) -> Iterator[Row]:
     wrong = verdicts.count(Verdict.DISAGREES)
     yield f"no fault planted, {counted}: disagrees", f"{wrong} of {len(rows)}", "1 %", wrong <= 0.01 * len(rows)
     for fault in FAULTS:
-        large = [row[fault] for row in rows if _matters(row[fault], row["u_val_m"])]
+        large = [row[fault] for row in rows if matters(row[fault], row["u_val_m"])]
         found = [entry for entry in large if entry["verdict"] == Verdict.DISAGREES]
         good = bool(large) and len(found) >= 0.95 * len(large)
         yield (
@@ -151,7 +151,8 @@ def verdict_rows(rows: list[dict[str, Any]]) -> Iterator[Row]:
             yield "its place reported within 0.15 m", f"{named} of {len(found)}", "95 %", named >= 0.95 * len(found)
 
 
-def _matters(entry: dict[str, Any], u_val_m: float) -> bool:
+def matters(entry: dict[str, Any], u_val_m: float) -> bool:
+    """Whether a planted fault is larger than 3 u_val and than the tolerance."""
     size = entry["size_in_u_val"]
     return bool(size > 3 and size * u_val_m > TOLERANCE_M)
 

@@ -1,0 +1,107 @@
+"""Checks of the whole workflow as its users call it: what each stage costs, and preset auto beside fine."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from unittest.mock import patch
+
+from studies.evidence import lab
+from studies.evidence.compute import shared_folder
+from studies.evidence.ledger import Check, Values
+from studies.evidence.planting import both, replaced
+from studies.tables import presets_auto, workflow_time
+from studies.tables.workflow_time import SAMPLE, Stage, decode, workflow
+from towval.io.campaign import Campaign, load_campaign
+
+_IDENTIFY = ("identify={parameters: [rest_length, friction, load_x]}",)
+
+_SLOWER = """
+import atexit, time
+
+def work_again():
+    held, until = b"x" * 400_000_000, 2.5 * time.process_time()
+    while time.process_time() < until:
+        pass
+
+atexit.register(work_again)
+"""
+"""What each process of Python does first: when it is done, it takes 400 MB more and works longer by half as much again
+as it did."""
+
+
+def _cost() -> Values:
+    """CPU time of the stages over that of decoding, and their peak memory [MB], on lab_a; `identify` on the sample."""
+    sample, large = load_campaign(SAMPLE), load_campaign(shared_folder() / "footage" / "lab_a")
+    with TemporaryDirectory() as results:
+        # The first call also compiles what is not compiled yet.
+        workflow(sample, results)
+        identified = workflow(sample, results, _IDENTIFY)[0]["identify"]
+    found = workflow_time.measured(large)
+    whole, decoding = found["all"], found["decoding"]
+    values = {"decoding, CPU": decoding.cpu_s, "all, wall": whole.wall_s, "again, wall": found["again"].wall_s}
+    for name, each in found.items():
+        values |= _of_stage(name, each, decoding)
+    return values | _of_stage("identify", identified, _decoding_of(sample))
+
+
+def _of_stage(name: str, stage: Stage, decoding: Stage) -> dict[str, float]:
+    found = {f"{name}, CPU over decoding": stage.cpu_s / decoding.cpu_s}
+    return found | ({f"{name}, peak memory": stage.peak_mb} if stage.peak_mb == stage.peak_mb else {})
+
+
+def _decoding_of(campaign: Campaign) -> Stage:
+    return Stage(len(campaign.runs), *workflow_time.wall_and_cpu_seconds(lambda: decode(campaign)))
+
+
+@contextmanager
+def _all_processes_slower() -> Iterator[None]:
+    with TemporaryDirectory() as folder:
+        (Path(folder) / "sitecustomize.py").write_text(_SLOWER, encoding="utf-8")
+        paths = [folder, *filter(None, [os.environ.get("PYTHONPATH")])]
+        with patch.dict(os.environ, PYTHONPATH=os.pathsep.join(paths)):
+            yield
+
+
+COST = Check(
+    _cost,
+    {"every process works two and a half times as long and takes 400 MB more": _all_processes_slower},
+    needs=("footage/lab_a",),
+)
+
+
+def _presets() -> Values:
+    """How far paths under auto are from those under fine, what they may be, verdicts, and what was chosen."""
+    found: dict[str, float | str] = {}
+    for source in (SAMPLE, shared_folder() / "footage" / "lab_a"):
+        with TemporaryDirectory() as folder:
+            place = Path(folder) / source.name
+            lab.restated(source, place, lab.stated(source))
+            campaign = load_campaign(place)
+            cost, runs = presets_auto.compared_presets(campaign)
+        (_, auto), (_, fine) = cost.values()
+        found[f"{campaign.name}, CPU fine over auto"] = fine / auto
+        for run, each in runs.items():
+            at = f"{campaign.name} {run}"
+            found |= {f"{at}, measured path moved": each.moved[0], f"{at}, simulated path moved": each.moved[1]}
+            found |= {f"{at}, allowed": each.allowed}
+            for preset, path_rms, verdict in zip(("auto", "fine"), each.path_rms, each.verdicts, strict=True):
+                found |= {f"{at}, simulated − measured, {preset}": path_rms, f"{at}, verdict, {preset}": verdict}
+            found |= {f"{at}, {choice.what}": choice.chosen for choice in each.chosen}
+    return found
+
+
+PRESETS = Check(
+    _presets,
+    {
+        "preset draft in place of auto; a tenth of the measurement's deviation is allowed": both(
+            replaced(presets_auto, "PRESETS", lambda names: ("draft", *names[1:])),
+            replaced(presets_auto, "SHARE", lambda share: 0.3 * share),
+        ),
+        "friction is 20 times as unsure": lab.stating(kinetic_std="0.1"),
+    },
+    needs=("footage/lab_a",),
+)

@@ -1,0 +1,208 @@
+"""Checks of what is said of verdicts and bounds, over fresh runs of worlds whose truth other models make."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from studies.evidence.filmed import filmed
+from studies.evidence.ledger import Check, Values
+from studies.evidence.planting import both, replaced, result_of, tethered_longer
+from studies.tables import validation_must_reach, validation_rendered, verdict_worlds
+from studies.tables.verdict_worlds import TOLERANCE_M, kind_of
+from studies.worlds.towed_runs import TrueCamera, nominal_calibration
+from studies.worlds.verdict_worlds import WORLDS, number_of, world_run
+from towval.model import RunUncertainty, Verdict
+from towval.model.errors import TowvalError
+from towval.validation import compare, statistics
+from towval.validation.path_frame import OnPath
+from towval.validation.sampler import Case, UncertaintySettings
+from towval.validation.statistics import SIZES, error_sizes, holding_levels, upper_error
+from towval.validation.uncertainty import UncertaintySampling, sample_uncertainty
+
+_HERE = sys.modules[__name__]
+_SEEDS, _DRAWS = range(9200, 9212), 256
+_KINDS = ("right", "unsure", "wrong")
+
+
+def _worlds() -> Values:
+    """Shares [%] over fresh runs of all worlds in which the bounds hold, and by which the test rejects."""
+    rows = []
+    for name in WORLDS:
+        for seed in _SEEDS:
+            try:
+                rows.append(verdict_worlds.judged_run(name, seed, _DRAWS))
+            except TowvalError:
+                continue
+    honest = [row for row in rows if WORLDS[row["world"]].stated == 1.0]
+    faulty = [fault for row in honest for fault in row["faults"]]
+    right = [row["run"] for row in honest if not WORLDS[row["world"]].engine]
+    planted = [fault for row in honest if not WORLDS[row["world"]].engine for fault in row["faults"]]
+    small = [row["run"] for row in rows if WORLDS[row["world"]].stated < 1.0]
+    every = [row["run"] for row in rows] + [fault for row in rows for fault in row["faults"]]
+    found = {
+        "runs": float(len(rows)),
+        "first bound holds, as stated": _percent(row["run"]["off_m"] <= row["run"]["upper_m"] for row in honest),
+        "first bound holds, with a fault": _percent(each["off_m"] <= each["upper_m"] for each in faulty),
+        "second bound holds": _percent(
+            row["run"]["model_m"][0] <= row["model_error_m"] <= row["run"]["model_m"][1] for row in honest
+        ),
+        "right model, rejected": _percent(each["rejected"] for each in right),
+        "right model, disagrees": _percent(each["verdict"] == Verdict.DISAGREES for each in right),
+        "agrees though off by more than the tolerance": _percent(
+            each["verdict"] == Verdict.AGREES and each["off_m"] > TOLERANCE_M for each in every
+        ),
+        "deviations stated 2 × too small, rejected": _percent(each["rejected"] for each in small),
+    }
+    for growth, size in ((1.0, "smallest visible fault"), (3.0, "three times that")):
+        found[f"{size}, seen"] = _percent(each["rejected"] for each in planted if each["growth"] == growth)
+    kinds = Counter(kind_of(each, planted=False) for each in right)
+    return found | {f"right model, {kind}": 100 * kinds[kind] / len(right) for kind in _KINDS}
+
+
+def _percent(held: Iterable[bool]) -> float:
+    return 100 * float(np.mean(list(held)))
+
+
+def _too_visible(found: RunUncertainty) -> RunUncertainty:
+    return replace(found, faults=tuple(replace(fault, size=fault.size / 4) for fault in found.faults))
+
+
+_NARROW = replaced(compare, "bounds", result_of(lambda found: found * [[1.0], [0.5]]))
+_WARY = replaced(statistics, "upper_limit", lambda original: lambda values, _confidence: original(values, 0.5))
+
+WORLDS_FRESH = Check(
+    _worlds,
+    {
+        "upper bounds are half as wide, visible faults are said to be a quarter as large": both(
+            _NARROW, replaced(UncertaintySampling, "with_faults", result_of(_too_visible))
+        ),
+        "the test rejects half of the right runs": _WARY,
+    },
+    needs=("mujoco",),
+)
+
+
+_RUNS, _FILMED = 60, 5
+
+
+def _validation() -> Values:
+    """Coverage of the bands [%], verdicts without and with each fault, and of five filmed runs."""
+    rows = [validation_must_reach.judged_run(seed, _DRAWS) for seed in range(_RUNS)]
+    found: dict[str, float | str] = {}
+    for part, name in zip(validation_must_reach.PARTS, ("u_D", "u_input", "u_val"), strict=True):
+        shares = 100 * np.mean([row["coverage"][part] for row in rows], axis=0)
+        found |= {
+            f"95 % band of {name}, {axis}": value for axis, value in zip(("x", "y", "heading"), shares, strict=True)
+        }
+    for verdict in (Verdict.AGREES, Verdict.CANNOT_TELL, Verdict.DISAGREES):
+        found[f"as the model says, {verdict}"] = float(sum(row["verdict"] == verdict for row in rows))
+    for fault in validation_must_reach.FAULTS:
+        large = [row[fault] for row in rows if validation_must_reach.matters(row[fault], row["u_val_m"])]
+        disagree = [entry for entry in large if entry["verdict"] == Verdict.DISAGREES]
+        found |= {f"{fault}, large": float(len(large)), f"{fault}, disagrees": float(len(disagree))}
+        if fault == "stripe":
+            found[f"{fault}, placed"] = float(sum(map(validation_must_reach.names_the_stripe, disagree)))
+    with TemporaryDirectory() as folder:
+        filmed_rows = list(validation_rendered.rendered_rows(_FILMED, Path(folder)))
+    return found | {f"filmed, {i + 1}": text.split(",")[0] for i, (_, text, _, _) in enumerate(filmed_rows)}
+
+
+def _wide(found: RunUncertainty) -> RunUncertainty:
+    return replace(found, **{part: 4 * getattr(found, part) for part in validation_must_reach.PARTS})
+
+
+def _none_planted(original: Any) -> Any:
+    return lambda run, right, fault, seed: (run.truth, original(run, right, fault, seed)[1])
+
+
+VALIDATION = Check(
+    _validation,
+    {
+        "deviations are twice as large; the true tether is 5 % longer": both(
+            replaced(validation_must_reach, "sample_uncertainty", result_of(_wide)),
+            replaced(validation_must_reach, "simulate", tethered_longer(-0.03)),
+        ),
+        "nothing is planted": both(
+            replaced(validation_must_reach, "planted", _none_planted),
+            replaced(validation_rendered, "CASES", lambda cases: ("",) * len(cases)),
+        ),
+    },
+)
+
+
+_LEVEL_DRAWS, _USUAL_DRAWS, _RESAMPLED = 512, 256, range(11, 17)
+_BOUND, _LARGEST, _TIMES = 0.95, SIZES.index("position_max"), 100
+_FILMS = {"lab_a": "abcd", "lab_c": "gh"}
+_OF_WORLDS = ("lab", "tether", "heights")
+
+
+def _levels() -> Values:
+    """Of filmed and synthetic runs: how often the bound holds over the draws, and how it scatters with the seed [%].
+
+    A draw serves as the run, and its truth is held against the bound from all other draws.
+    """
+    found: dict[str, float] = {}
+    runs = [each for name, of in _FILMS.items() for each in filmed(name, of)]
+    by_seed, stated = [], []
+    for name, case in [*runs, *_cases_of_worlds()]:
+        sampling = UncertaintySampling(case, UncertaintySettings(samples=_LEVEL_DRAWS))
+        path = sampling.on_path(sampling.describe(_LEVEL_DRAWS))
+        if path is None:
+            continue
+        level = float(holding_levels(path.drawn, path.off, _BOUND)[_LARGEST])
+        plain, at_level = _held(path, (_BOUND, level))
+        found |= {f"{name}, level": level, f"{name}, plain": plain, f"{name}, at the level": at_level}
+        bounds, said = zip(*(_bound(case, seed) for seed in _RESAMPLED), strict=True)
+        by_seed.append(100 * float(np.std(bounds, ddof=1) / np.mean(bounds)))
+        stated.append(100 * float(np.mean(said)))
+        found |= {f"{name}, scatter": by_seed[-1], f"{name}, stated": stated[-1]}
+    rms = {"scatter": by_seed, "stated": stated}
+    return found | {f"all, {what}": float(np.sqrt(np.mean(np.square(each)))) for what, each in rms.items()}
+
+
+def _cases_of_worlds() -> Iterator[tuple[str, Case]]:
+    for name in _OF_WORLDS:
+        number = number_of(name, _SEEDS[0])
+        run = world_run(WORLDS[name], number)
+        case_of = verdict_worlds.cases(run, TrueCamera(nominal_calibration(), number), name)
+        yield f"world {name}", case_of(run.truth())
+
+
+def _held(path: OnPath, levels: Iterable[float]) -> list[float]:
+    """Shares [%] of the draws whose truth is below the quantiles, at some levels, of the sizes made of the others."""
+    every = slice(None, None, max(1, path.drawn.shape[1] // _TIMES))
+    held = []
+    for i, error in enumerate(path.drawn[:, every]):
+        sizes = error_sizes(error + path.off[:, every])[:, _LARGEST]
+        held.append([sizes[i] <= np.quantile(np.delete(sizes, i), level) for level in levels])
+    return (100 * np.mean(held, axis=0)).tolist()
+
+
+def _bound(case: Case, seed: int) -> tuple[float, float]:
+    """The first bound [m] from other draws, and its stated relative error."""
+    settings = UncertaintySettings(samples=_USUAL_DRAWS, seed=seed)
+    known = sample_uncertainty(case, settings)
+    result = compare.compare(case.run, case.simulated, case.object_track, known)
+    path = None if known.draws is None else OnPath.of(case.object_track, case.simulated, known.draws)
+    return result.error_upper_m, float("nan") if path is None else upper_error(path.error, path.off, _BOUND)
+
+
+LEVELS = Check(
+    _levels,
+    {
+        "the level is the confidence, a quarter of the draws is made": both(
+            replaced(_HERE, "holding_levels", lambda _: lambda *given: np.full(len(SIZES), given[-1])),
+            replaced(_HERE, "_USUAL_DRAWS", lambda draws: draws // 4),
+        ),
+        "bounds hold nine times in ten": replaced(_HERE, "_BOUND", lambda _: 0.9),
+    },
+    needs=("footage/lab_a", "footage/lab_c"),
+)
