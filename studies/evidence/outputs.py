@@ -171,7 +171,7 @@ _TIMED = """new Promise((done) => {
 def _filtered_often(original: Any) -> Any:
     """The page's own script, in which a change filters ten times, by another limit than the one chosen."""
     often = "() => { byId('least').value = 9; for (let k = 0; k < 10; k++) filter(); }"
-    return lambda name: Markup(original(name).replace('"input", filter)', f'"input", {often})'))
+    return lambda name: Markup(str(original(name)).replace('"input", filter)', f'"input", {often})'))
 
 
 FILTERING = Check(
