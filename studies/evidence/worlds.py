@@ -28,7 +28,7 @@ from towval.validation.statistics import SIZES, error_sizes, holding_levels, upp
 from towval.validation.uncertainty import UncertaintySampling, sample_uncertainty
 
 _HERE = sys.modules[__name__]
-_SEEDS, _DRAWS = range(9200, 9212), 256
+_SEEDS, _DRAWS = range(9200, 9210), 256
 _KINDS = ("right", "unsure", "wrong")
 
 
