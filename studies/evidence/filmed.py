@@ -26,6 +26,7 @@ from towval.io.records import read_tracks
 from towval.io.records.identification import read_identification
 from towval.model import Array, Body, DecimatedTrack, TowingScene, Track
 from towval.tracking import follow, known_lengths
+from towval.validation import compare as validation_compare
 from towval.validation import simulate as validation_simulate
 from towval.validation.hinge_trajectory import trajectory_of
 from towval.validation.sampler import Case, Sampler, UncertaintySettings
@@ -312,12 +313,15 @@ def _misstated() -> Values:
     return found
 
 
+_NOTHING_MISSTATED = replaced(_HERE, "_MISSTATED", lambda wrongs: {wrong: lambda text: text for wrong in wrongs})
+
 MISSTATED = Check(
     _misstated,
     {
-        "nothing is misstated": replaced(
-            _HERE, "_MISSTATED", lambda wrongs: {wrong: lambda text: text for wrong in wrongs}
-        )
+        "nothing is misstated": _NOTHING_MISSTATED,
+        "nothing is misstated, and a tenth of the tolerance matters": both(
+            _NOTHING_MISSTATED, replaced(validation_compare, "TOLERANCE_M", lambda tolerance: tolerance / 10)
+        ),
     },
     needs=("footage/lab_a", "footage/lab_c"),
 )

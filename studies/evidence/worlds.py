@@ -15,7 +15,7 @@ import numpy as np
 from studies.evidence.filmed import filmed
 from studies.evidence.ledger import Check, Values
 from studies.evidence.planting import both, replaced, result_of, tethered_longer
-from studies.tables import validation_must_reach, validation_rendered, verdict_worlds
+from studies.tables import speeds_misstated, validation_must_reach, validation_rendered, verdict_worlds
 from studies.tables.verdict_worlds import TOLERANCE_M, kind_of
 from studies.worlds.towed_runs import TrueCamera, nominal_calibration
 from studies.worlds.verdict_worlds import WORLDS, number_of, world_run
@@ -78,8 +78,8 @@ def _too_visible(found: RunUncertainty) -> RunUncertainty:
 WORLDS_FRESH = Check(
     _worlds,
     {
-        "upper bounds are half as wide, visible faults are said to be a tenth as large, the test rejects half of the right "
-        "runs": both(
+        "upper bounds are half as wide, visible faults are said to be a tenth as large, half of the right runs are "
+        "rejected": both(
             replaced(compare, "bounds", result_of(lambda found: found * [[1.0], [0.5]])),
             replaced(UncertaintySampling, "with_faults", result_of(_too_visible)),
             replaced(statistics, "upper_limit", lambda original: lambda values, _confidence: original(values, 0.5)),
@@ -204,4 +204,36 @@ LEVELS = Check(
         )
     },
     needs=("footage/lab_a", "footage/lab_c"),
+)
+
+
+_CAMERAS = ("camera of the worlds", "camera as good as that of lab_a")
+_SPEEDS_FROM = range(7000, 7004)
+
+
+def _speeds() -> Values:
+    """Runs whose v_s and v_k are stated 25 % too large: verdicts, and ranges of bound, error and u_D [mm]."""
+    found: dict[str, float] = {}
+    for name, scale in zip(_CAMERAS, speeds_misstated.SCALES, strict=True):
+        runs = [
+            speeds_misstated.judged_run(world, seed, scale, _DRAWS)
+            for world in speeds_misstated.OF_WORLDS
+            for seed in _SPEEDS_FROM
+        ]
+        found[f"{name}, agrees"] = float(sum(each.verdict == Verdict.AGREES for each in runs))
+        parts = {"E": "path_rms_m", "u_D": "u_d_m", "first bound": "upper_m"}
+        for what, part in parts.items():
+            numbers = [1e3 * getattr(each, part) for each in runs]
+            found |= {f"{name}, {what}, least": min(numbers), f"{name}, {what}, most": max(numbers)}
+    return found
+
+
+SPEEDS = Check(
+    _speeds,
+    {
+        "speeds are stated five times too large, deviations of the camera are halved": both(
+            replaced(speeds_misstated, "TOO_LARGE", lambda _: 5.0),
+            replaced(speeds_misstated, "SCALES", lambda scales: tuple(scale / 2 for scale in scales)),
+        )
+    },
 )
