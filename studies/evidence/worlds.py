@@ -25,7 +25,7 @@ from towval.validation import compare, statistics
 from towval.validation.path_frame import OnPath
 from towval.validation.sampler import Case, UncertaintySettings
 from towval.validation.statistics import SIZES, error_sizes, holding_levels, upper_error
-from towval.validation.uncertainty import UncertaintySampling, sample_uncertainty
+from towval.validation.uncertainty import UncertaintySampling
 
 _HERE = sys.modules[__name__]
 _SEEDS, _DRAWS = range(9200, 9210), 256
@@ -187,10 +187,9 @@ def _held(path: OnPath, levels: Iterable[float]) -> list[float]:
 
 def _bound(case: Case, seed: int) -> tuple[float, float]:
     """The first bound [m] from other draws, and its stated relative error."""
-    settings = UncertaintySettings(samples=_USUAL_DRAWS, seed=seed)
-    known = sample_uncertainty(case, settings)
-    result = compare.compare(case.run, case.simulated, case.object_track, known)
-    path = None if known.draws is None else OnPath.of(case.object_track, case.simulated, known.draws)
+    sampling = UncertaintySampling(case, UncertaintySettings(samples=_USUAL_DRAWS, seed=seed))
+    known = sampling.describe(_USUAL_DRAWS)
+    path, result = sampling.on_path(known), compare.compare(case.run, case.simulated, case.object_track, known)
     return result.error_upper_m, float("nan") if path is None else upper_error(path.error, path.off, _BOUND)
 
 
