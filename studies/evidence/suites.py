@@ -5,6 +5,7 @@ One asks the opposite: which changes of tuned constants the tests notice.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -13,12 +14,14 @@ import pytest
 
 from studies.evidence.compute import REPOSITORY
 from studies.evidence.ledger import Check, Values
-from studies.evidence.planting import replaced, result_of
+from studies.evidence.planting import both, replaced, result_of
 from studies.tables import mutants
 from studies.worlds import bristles
 from towval.model.errors import TowvalError
 from towval.physics.spatial import problem
 from towval.validation import statistics
+
+_HERE = sys.modules[__name__]
 
 
 class _Counted:
@@ -107,4 +110,11 @@ def _mutants() -> Values:
     return {"changes": float(len(found)), "noticed": float(len(found) - len(missed)), "missed": ", ".join(missed)}
 
 
-MUTANTS = Check(_mutants, {"the constants stay as they are": replaced(mutants, "FACTORS", lambda _: (1.0, 1.0))})
+MUTANTS = Check(
+    _mutants,
+    {
+        "the constants stay as they are, three of them": both(
+            replaced(mutants, "FACTORS", lambda _: (1.0, 1.0)), replaced(_HERE, "_CONSTANTS", lambda _: 3)
+        )
+    },
+)
