@@ -206,7 +206,7 @@ def _by_the_seed(original: Any) -> Any:
 LEVELS = Check(
     _levels,
     {
-        "bounds hold in four of five draws, grow with the seed, state twice their error; their level is not found": both(
+        "bounds hold in four of five draws, grow with the seed, state twice their error; no level is found": both(
             replaced(_HERE, "holding_levels", lambda _: lambda *given: np.full(len(SIZES), given[-1])),
             replaced(_HERE, "_BOUND", lambda _: 0.8),
             replaced(_HERE, "_bound", _by_the_seed),
