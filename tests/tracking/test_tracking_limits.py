@@ -26,7 +26,7 @@ from towval.tracking.outline import OutlineFit, combine_fits, observe_outline, p
 from towval.tracking.outline_search import OutlineSearch
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.plane_tracker import PlaneTracker, _Response
-from towval.tracking.pose import Measurement, Tracker
+from towval.tracking.pose import Measurement, Motion, Tracker
 from towval.tracking.relocalisation import Candidate, Lookalikes, Relocaliser
 from towval.tracking.template import clearance_m, make_template
 from towval.tracking.track import TrackSettings, _sample_findings
@@ -392,6 +392,14 @@ def test_clicks_that_miss_their_corners_are_flagged_and_of_another_body_refused(
 def test_a_pose_is_surprising_beyond_three_pixels_and_what_acceleration_explains(follower, after_s, off_m, surprising):
     there = compose(follower.motion.pose, np.array([off_m, 0.0, 0.0]))
     assert follower._surprising(after_s, there) == surprising
+
+
+def test_no_pose_is_surprising_to_which_the_texture_or_the_outline_has_moved(follower):
+    """An outline that hops by 0.2 m takes the motion along, and the texture's own one leads to the body."""
+    stayed, hopped = follower.first_pose, compose(follower.first_pose, np.array([0.2, 0.0, 0.0]))
+    follower.motion, follower.texture_motion = Motion(0.0, hopped), Motion(0.0, stayed)
+    between = compose(stayed, np.array([0.1, 0.0, 0.0]))
+    assert [follower._surprising(0.01, pose) for pose in (stayed, hopped, between)] == [False, False, True]
 
 
 @pytest.mark.parametrize("rate_hz", [25, 30, 60])

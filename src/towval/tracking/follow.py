@@ -166,9 +166,13 @@ class Follower:
         return measured.residual > CONSTANTS.foreign * self.record.usual_misfit()
 
     def _surprising(self, time_s: float, pose: Array) -> bool:
-        """Whether a pose is farther from where the motion leads than a body can have got."""
+        """Whether a pose is farther from where the motion leads than a body can have got.
+
+        An outline that hops takes the motion along, and then the texture's own one leads to where the body is.
+        """
         gap_s = time_s - self.motion.time_s
-        return self.target.apart_m(self.motion.predict(time_s), pose) > float(self._explained_m(gap_s))
+        led = (self.motion.predict(time_s), self.texture_motion.predict(time_s))
+        return min(self.target.apart_m(place, pose) for place in led) > float(self._explained_m(gap_s))
 
     def _explained_m(self, gap_s: ArrayLike) -> Array:
         """How far acceleration and noise lead from where the motion would after gaps (...) [m]."""
