@@ -85,7 +85,15 @@ WORLDS_FRESH = Check(
             replaced(statistics, "upper_limit", lambda original: lambda values, _confidence: original(values, 0.5)),
             # What is rejected need not be explained here, which takes most of the time.
             replaced(UncertaintySampling, "explained", lambda _: lambda _self, known: known),
-        )
+        ),
+        "the model's own error counts twentyfold; of all worlds there are two": both(
+            replaced(verdict_worlds, "model_error", result_of(lambda error: 20 * error)),
+            replaced(
+                _HERE,
+                "WORLDS",
+                lambda worlds: {name: worlds[name] for name in ("level", "lab, deviations 2 × too small")},
+            ),
+        ),
     },
     needs=("mujoco",),
 )
