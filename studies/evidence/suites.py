@@ -1,11 +1,7 @@
-"""Checks whose numbers are bounds that tests assert: the tests run here, with the program as it is and with a fault.
-
-One asks the opposite: which changes of tuned constants the tests notice.
-"""
+"""Checks whose numbers are bounds that tests assert: the tests run here, with the program as it is and with a fault."""
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -14,14 +10,11 @@ import pytest
 
 from studies.evidence.compute import REPOSITORY
 from studies.evidence.ledger import Check, Values
-from studies.evidence.planting import both, replaced, result_of
-from studies.tables import mutants
+from studies.evidence.planting import replaced, result_of
 from studies.worlds import bristles
 from towval.model.errors import TowvalError
 from towval.physics.spatial import problem
 from towval.validation import statistics
-
-_HERE = sys.modules[__name__]
 
 
 class _Counted:
@@ -94,27 +87,4 @@ def _lighter(original: Callable[..., Any]) -> Callable[..., Any]:
 BRISTLES = Check(
     passed("studies/worlds/test_bristles.py"),
     {"the object is 1 % too light": replaced(bristles, "bristle_tow", _lighter)},
-)
-
-
-_CONSTANTS, _SEED = 22, 9
-
-
-def _mutants() -> Values:
-    """How many of the changes to a sample of the tuned constants the tests notice, and those that they do not."""
-    changes, watch = mutants.first_pass([], "test_*.py", _CONSTANTS, _SEED)
-    if watch.failed:
-        raise RuntimeError(f"{watch.failed} fails without any change")
-    found = list(mutants.tried(changes, watch, 2, mutants.SECONDS))
-    missed = [f"{each.module}.{each.name} × {each.factor:g}" for each, test in found if not test]
-    return {"changes": float(len(found)), "noticed": float(len(found) - len(missed)), "missed": ", ".join(missed)}
-
-
-MUTANTS = Check(
-    _mutants,
-    {
-        "the constants stay as they are, three of them": both(
-            replaced(mutants, "FACTORS", lambda _: (1.0, 1.0)), replaced(_HERE, "_CONSTANTS", lambda _: 3)
-        )
-    },
 )

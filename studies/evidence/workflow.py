@@ -1,4 +1,4 @@
-"""Checks of the whole workflow as its users call it: what each stage costs, and preset auto beside fine."""
+"""Check of the whole workflow as its users call it: what each stage costs."""
 
 from __future__ import annotations
 
@@ -11,11 +11,9 @@ from unittest.mock import patch
 
 import numpy as np
 
-from studies.evidence import lab
 from studies.evidence.compute import shared_folder
 from studies.evidence.ledger import Check, Values
-from studies.evidence.planting import both, replaced
-from studies.tables import presets_auto, workflow_time
+from studies.tables import workflow_time
 from studies.tables.workflow_time import SAMPLE, Stage, decode, workflow
 from towval.io.campaign import Campaign, load_campaign
 
@@ -71,39 +69,5 @@ def _all_processes_slower() -> Iterator[None]:
 COST = Check(
     _cost,
     {"every process works two and a half times as long and takes 400 MB more": _all_processes_slower},
-    needs=("footage/lab_a",),
-)
-
-
-def _presets() -> Values:
-    """How far paths under auto are from those under fine, what they may be, verdicts, and what was chosen."""
-    found: dict[str, float | str] = {}
-    for source in (SAMPLE, shared_folder() / "footage" / "lab_a"):
-        with TemporaryDirectory() as folder:
-            place = Path(folder) / source.name
-            lab.restated(source, place, lab.stated(source))
-            campaign = load_campaign(place)
-            cost, runs = presets_auto.compared_presets(campaign)
-        (_, auto), (_, fine) = cost.values()
-        found[f"{campaign.name}, CPU fine over auto"] = fine / auto
-        for run, each in runs.items():
-            at = f"{campaign.name} {run}"
-            found |= {f"{at}, measured path moved": each.moved[0], f"{at}, simulated path moved": each.moved[1]}
-            found |= {f"{at}, allowed": each.allowed}
-            for preset, path_rms, verdict in zip(("auto", "fine"), each.path_rms, each.verdicts, strict=True):
-                found |= {f"{at}, simulated − measured, {preset}": path_rms, f"{at}, verdict, {preset}": verdict}
-            found |= {f"{at}, {choice.what}": choice.chosen for choice in each.chosen}
-    return found
-
-
-PRESETS = Check(
-    _presets,
-    {
-        "preset draft in place of auto; a tenth of the measurement's deviation is allowed": both(
-            replaced(presets_auto, "PRESETS", lambda names: ("draft", *names[1:])),
-            replaced(presets_auto, "SHARE", lambda share: 0.3 * share),
-        ),
-        "friction is 20 times as unsure": lab.stating(kinetic_std="0.1"),
-    },
     needs=("footage/lab_a",),
 )
