@@ -87,8 +87,8 @@ WORLDS_FRESH = Check(
             # What is rejected need not be explained here, which takes most of the time.
             replaced(UncertaintySampling, "explained", lambda _: lambda _self, known: known),
         ),
-        "the model's own error counts twentyfold; of all worlds there are two": both(
-            replaced(verdict_worlds, "model_error", result_of(lambda error: 20 * error)),
+        "the model's own error counts a thousandfold; of all worlds there are two": both(
+            replaced(verdict_worlds, "model_error", result_of(lambda error: 1000 * error)),
             replaced(
                 _HERE,
                 "WORLDS",
