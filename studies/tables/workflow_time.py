@@ -14,7 +14,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -60,14 +60,11 @@ def decode(campaign: Campaign) -> None:
             pass
 
 
-def workflow(campaign: Campaign, results: str, settings: Sequence[str] = ()) -> tuple[dict[str, Stage], float, float]:
-    """Run the workflow into a folder of results, with further ``settings`` as ``--config`` takes them.
-
-    Returns what each stage took, as its processes were seen, and all of it in wall and CPU time [s], without what
-    looking costs.
-    """
+def workflow(campaign: Campaign, results: str) -> tuple[dict[str, Stage], float, float]:
+    """Run the workflow into a folder of results: what each stage took, as its processes were seen, and all of it in
+    wall and CPU time [s], without what looking costs."""
     line = [sys.executable, "-m", "snakemake", "--cores", "2", "--quiet", "all", "--nolock"]
-    line += ["--config", f"campaign={campaign.folder}", f"results={results}", *settings]
+    line += ["--config", f"campaign={campaign.folder}", f"results={results}"]
     seen: dict[int, Seen] = {}
     wall, before = time.perf_counter(), children_cpu_seconds()
     with subprocess.Popen(line, env=os.environ, stdout=subprocess.DEVNULL, cwd=REPOSITORY) as started:
