@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from studies.evidence.ledger import Check, Values
-from studies.evidence.planting import both, flawed, moved, repeated, replaced, result_of
+from studies.evidence.planting import flawed, moved, repeated, replaced, result_of
 from studies.tables import tracking_accuracy, tracking_cpu, tracking_memory
 from studies.worlds.challenges import ACCURATE, FLAGGED, HARD
 from studies.worlds.film import write_video
@@ -25,7 +25,6 @@ from towval.model.findings import finding
 from towval.model.tracks import TrackStatus
 from towval.tracking.plane_tracker import PlaneTracker
 
-_HERE = sys.modules[__name__]
 _SEEDS = range(900, 910)
 
 
@@ -112,10 +111,6 @@ def _contrary(tracks: Mapping[str, Track]) -> dict[str, Track]:
     }
 
 
-def _unwarned(tracks: Mapping[str, Track]) -> dict[str, Track]:
-    return {body: replace(track, findings=()) for body, track in tracks.items()}
-
-
 def _warned(track: Track) -> bool:
     return any(each.severity is not Severity.NOTE for each in track.findings)
 
@@ -126,13 +121,7 @@ SCENES = Check(
         "poses scatter by 1 mm and 0.1°, every twentieth is lost and no other; runs are warned of that were not, and "
         "none that were": replaced(
             tracking_accuracy, "track", lambda original: flawed(1e-3, 2e-3)(result_of(_contrary)(original))
-        ),
-        # As many are warned of under motion blur as are not.
-        "no run is warned of; that of motion blur is the only scene": both(
-            replaced(tracking_accuracy, "track", result_of(_unwarned)),
-            replaced(_HERE, "HARD", lambda scenes: {"motion blur 10 px": scenes["motion blur 10 px"]}),
-            replaced(_HERE, "FLAGGED", lambda _: {}),
-        ),
+        )
     },
 )
 
