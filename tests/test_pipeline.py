@@ -216,6 +216,27 @@ def test_another_key_of_the_campaign_reruns_what_reads_it(lab, repository):
         path.write_text(before)
 
 
+def test_stages_work_where_results_are_on_object_storage(lab, tmp_path, monkeypatch):
+    """A folder stands in for the bucket: what a stage reads and writes has another path there than in the rules."""
+    stored = tmp_path / "bucket" / "results" / "synthetic"
+    shutil.copytree(lab.results, stored, ignore=shutil.ignore_patterns(".*"))
+    shutil.copy(lab.repository / "config.yaml", tmp_path)
+    # The plugin copies with rsync, three options before the two paths, which few machines have.
+    (tmp_path / "rsync").write_text('#!/bin/sh\nexec cp -RpL "$4" "$5"\n')
+    (tmp_path / "rsync").chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
+    made = [stored / "a" / name for name in ("uncertainty.mcap", "compare.mcap", "exchange.mcap")]
+    bytes_before, times_before = [file.read_bytes() for file in made], [file.stat().st_mtime_ns for file in made]
+    again = lab.snakemake(
+        *("--directory", str(tmp_path), "--default-storage-provider", "fs"),
+        *("--default-storage-prefix", str(tmp_path / "bucket"), "--forcerun", "uncertainty"),
+        *("--", "results/synthetic/a/exchange.mcap"),
+    )
+    assert again.returncode == 0, again.stdout + again.stderr
+    assert all(file.stat().st_mtime_ns > before for file, before in zip(made, times_before, strict=True))
+    assert [file.read_bytes() for file in made] == bytes_before
+
+
 def test_another_setting_reruns_its_stage_and_what_follows(lab):
     changed = _rules_to_run(lab, lab.repository, 'compare={"resolution_m":0.03}')
     assert changed == {"compare", "report"}

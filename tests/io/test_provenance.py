@@ -99,3 +99,17 @@ def test_imports_of_any_form_are_followed(text, tmp_path, monkeypatch):
     (tmp_path / "lone.py").write_text(text)
     assert provenance._imported(tmp_path / "lone.py", 0) == (tmp_path / "neighbour.py",)
     provenance._single_file.cache_clear()
+
+
+@pytest.mark.parametrize("folder", ["site-packages", "dist-packages"])
+def test_libraries_of_another_environment_are_no_source_of_ours(tmp_path, monkeypatch, folder):
+    """Packages of the system or of the user, below a virtual environment: their version says what they are."""
+    library = tmp_path / "usr" / folder / "some_library"
+    library.mkdir(parents=True)
+    (library / "__init__.py").write_text("import __main__\n")
+    (tmp_path / "other_plugin.py").write_text("import some_library\n")
+    for path in (tmp_path, library.parent):
+        monkeypatch.syspath_prepend(path)
+    for kept in (provenance._single_file, provenance._source_folder, provenance._files_below):
+        kept.cache_clear()
+    assert provenance._closure(tmp_path / "other_plugin.py") == {tmp_path / "other_plugin.py"}

@@ -8,7 +8,7 @@ import platform
 import re
 import sysconfig
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import cache
 from importlib import metadata
@@ -107,24 +107,40 @@ def read_sections(
     return {**{name: document.get(name) for name in names}, f"runs.{run}": document["runs"][run]}
 
 
-def content_hash(path: Path, cache: Path) -> str:
-    """:func:`file_hash`, kept in the file ``cache`` as long as size, times and inode of ``path`` stay the same.
+def content_hashes(paths: Sequence[Path], cache: Path) -> list[str]:
+    """:func:`file_hash` of each file, kept in the file ``cache`` as long as its size, times and inode stay the same.
 
     Even a copy with an older date and the same size changes the change time of the inode.
     """
+    known = _read_cache(cache)
+    kept = dict(known)
+    found = [_content_hash(path, kept) for path in paths]
+    if kept != known:
+        with suppress(OSError):  # a cache that cannot be written costs time only
+            write_text(cache, json.dumps(kept, sort_keys=True))
+    return found
+
+
+def _read_cache(cache: Path) -> dict[str, Any]:
+    try:
+        known = json.loads(cache.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return known if isinstance(known, dict) else {}
+
+
+def _content_hash(path: Path, known: dict[str, Any]) -> str:
     status = path.stat()
     key, mark = str(path.resolve()), [status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino]
     try:
-        known = json.loads(cache.read_text(encoding="utf-8"))
         if known[key][0] == mark:
             return str(known[key][1])
-    except (OSError, ValueError, LookupError, TypeError):
-        known = {}
+    except (LookupError, TypeError):
+        pass
     digest = file_hash(path)
     # A file changed a moment ago may change again within the same tick of the file system's clock.
-    if time.time_ns() - status.st_ctime_ns > _SETTLED_NS and isinstance(known, dict):
-        with suppress(OSError):  # a cache that cannot be written costs time only
-            write_text(cache, json.dumps(known | {key: [mark, digest]}, sort_keys=True))
+    if time.time_ns() - status.st_ctime_ns > _SETTLED_NS:
+        known[key] = [mark, digest]
     return digest
 
 
@@ -226,9 +242,12 @@ def _source_folder(package: str) -> Path | None:
 
 
 def _is_installed(path: Path) -> bool:
-    """Whether a file or folder belongs to Python or to an installed library."""
-    installed = {Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "purelib", "platlib")}
-    return bool(installed & {*path.parents})
+    """Whether a file or folder belongs to Python or to an installed library, of this environment or of one below it."""
+    return Path(sysconfig.get_path("stdlib")).resolve() in path.parents or not _LIBRARY_FOLDERS.isdisjoint(path.parts)
+
+
+_LIBRARY_FOLDERS = {"site-packages", "dist-packages"}
+"""The second is that of packages of Debian."""
 
 
 def _data_file(folder: Path, text: str) -> list[Path]:

@@ -1,7 +1,7 @@
 rule calibrate:
     input:
-        images=lambda wildcards: map(str, CAMPAIGNS[wildcards.campaign].calibration_images),
-        floor_images=lambda wildcards: map(str, CAMPAIGNS[wildcards.campaign].floor_images),
+        images=lambda wildcards: map(of_lab, CAMPAIGNS[wildcards.campaign].calibration_images),
+        floor_images=lambda wildcards: map(of_lab, CAMPAIGNS[wildcards.campaign].floor_images),
     output:
         results("{campaign}", "camera.mcap"),
     log:
@@ -24,7 +24,7 @@ rule calibrate:
             keys=section("calibrate"),
         ),
         given=given("calibrate"),
-        content=lambda wildcards, input: content(*input.images, *input.floor_images),
+        content=lambda wildcards, input: content(wildcards.campaign, *input.images, *input.floor_images),
     message:
         "{wildcards.campaign}: calibrate camera and floor"
     script:

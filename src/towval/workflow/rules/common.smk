@@ -4,9 +4,9 @@ from pathlib import Path
 
 from towval.model.errors import TowvalError
 from towval.model.plugins import load_plugins
-from towval.io.campaign import load_campaign
+from towval.io.campaigns import Campaigns
 from towval.io.manifest import MANIFEST, check_results
-from towval.io.provenance import canonical, content_hash, file_hash, module_hash, read_sections
+from towval.io.provenance import canonical, content_hashes, file_hash, module_hash, read_sections
 from towval.io.schema import check, packaged_schema, with_plain_values
 from towval.io.workflow_lock import clear_stale_locks
 from towval.model.presets import STANDARD, settings_of
@@ -23,17 +23,6 @@ def or_exit(function, *arguments):
 PLUGINS = or_exit(load_plugins)
 
 
-def load_campaigns():
-    folders = [Path(folder) for folder in config.get("campaigns") or [config["campaign"]]]
-    campaigns = {}
-    for folder in folders:
-        campaign = load_campaign(folder)
-        if campaign.name in campaigns:
-            raise TowvalError(f"two campaigns have the folder name {campaign.name}", remedy="rename one folder")
-        campaigns[campaign.name] = campaign
-    return campaigns
-
-
 if str(config.get("quick")).lower() in ("true", "false"):
     # `--config quick=true` comes as a word.
     config["quick"] = str(config["quick"]).lower() == "true"
@@ -47,10 +36,11 @@ for folder in config.get("campaigns") or [config.get("campaign")]:
 
 or_exit(check, config, packaged_schema("config.schema.yaml"), "config")
 
-CAMPAIGNS = or_exit(load_campaigns)
 RESULTS = Path(config["results"])
-or_exit(check_results, RESULTS, CAMPAIGNS)
+CAMPAIGNS = or_exit(Campaigns, config.get("campaigns") or [config["campaign"]])
 if workflow.is_main_process:
+    # The process of a job on a cluster reads its own campaigns only: all were checked before it was submitted.
+    or_exit(check_results, RESULTS, CAMPAIGNS)
     or_exit(clear_stale_locks, Path.cwd(), RESULTS)
 
 
@@ -78,8 +68,18 @@ def folder(wildcards):
     return str(CAMPAIGNS[wildcards.campaign].folder)
 
 
-def run_folder(wildcards):
-    return results(wildcards.campaign, wildcards.run)
+def folder_of(file):
+    """The folder of a result where the job reads or writes it, which is a copy where results are on object storage."""
+    return str(Path(file).parent)
+
+
+def of_lab(file):
+    """A file of the lab, which stays where it is even where results are on object storage."""
+    return local(str(file))
+
+
+def video(wildcards):
+    return of_lab(CAMPAIGNS[wildcards.campaign].runs[wildcards.run].video)
 
 
 def code(module):
@@ -98,9 +98,10 @@ def given(stage):
     return parts
 
 
-def content(*files):
+def content(campaign, *files):
     """Fingerprints of files of the lab, so that one replaced by an older copy is noticed; its date would not tell."""
-    return "".join(content_hash(Path(file), RESULTS / ".content.json")[:16] for file in files)
+    found = content_hashes([Path(file) for file in files], RESULTS / ".content" / f"{campaign}.json")
+    return "".join(digest[:16] for digest in found)
 
 
 def section(stage):

@@ -6,7 +6,7 @@ rule exchange:
         simulated=results("{campaign}", "{run}", "simulate.mcap"),
         uncertainty=results("{campaign}", "{run}", "uncertainty.mcap"),
         compared=results("{campaign}", "{run}", "compare.mcap"),
-        video=lambda wildcards: str(CAMPAIGNS[wildcards.campaign].runs[wildcards.run].video),
+        video=video,
     output:
         file=results("{campaign}", "{run}", "exchange.mcap"),
         layouts=[results("{campaign}", "{run}", name) for name in ("lichtblick.json", "rerun.rbl")],
@@ -26,7 +26,7 @@ rule exchange:
             campaign=folder(wildcards),
             name=wildcards.run,
             camera=input.camera,
-            folder=run_folder(wildcards),
+            folder=folder_of(input.track),
             output=output.file,
         ),
     message:

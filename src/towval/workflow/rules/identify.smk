@@ -23,7 +23,7 @@ rule identify:
         settings=settings_text("identify"),
         arguments=lambda wildcards, input, output: dict(
             campaign=folder(wildcards),
-            results=results(wildcards.campaign),
+            results=folder_of(output.values),
             output=output.values,
             keys=section("identify"),
         ),

@@ -1,7 +1,7 @@
 rule run_overlay:
     input:
         camera=results("{campaign}", "camera.mcap"),
-        video=lambda wildcards: str(CAMPAIGNS[wildcards.campaign].runs[wildcards.run].video),
+        video=video,
         track=results("{campaign}", "{run}", "track.mcap"),
         decimated=results("{campaign}", "{run}", "decimate.mcap"),
         simulated=results("{campaign}", "{run}", "simulate.mcap"),
@@ -30,7 +30,7 @@ rule run_overlay:
             campaign=folder(wildcards),
             name=wildcards.run,
             camera=input.camera,
-            folder=run_folder(wildcards),
+            folder=folder_of(input.track),
             output=output[0],
             width_px=section("report").get("overlay_width_px", 960),
         ),
@@ -53,7 +53,7 @@ rule report:
         simulated=per_run("simulate.mcap"),
         uncertainties=per_run("uncertainty.mcap"),
         compared=per_run("compare.mcap"),
-        videos=lambda wildcards: [str(run.video) for run in CAMPAIGNS[wildcards.campaign].runs.values()],
+        videos=lambda wildcards: [of_lab(run.video) for run in CAMPAIGNS[wildcards.campaign].runs.values()],
         identified=identified,
     output:
         report=report(
@@ -82,7 +82,7 @@ rule report:
         settings=settings_text("report"),
         arguments=lambda wildcards, input, output: dict(
             campaign=folder(wildcards),
-            results=results(wildcards.campaign),
+            results=folder_of(output.report),
             keys=section("report"),
             identified=next(iter(input.get("identified", [])), None),
         ),

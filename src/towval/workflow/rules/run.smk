@@ -1,7 +1,7 @@
 rule track:
     input:
         camera=results("{campaign}", "camera.mcap"),
-        video=lambda wildcards: str(CAMPAIGNS[wildcards.campaign].runs[wildcards.run].video),
+        video=video,
     output:
         results("{campaign}", "{run}", "track.mcap"),
     log:
@@ -15,7 +15,7 @@ rule track:
         runtime=60,
     params:
         given=given("track"),
-        content=lambda wildcards, input: content(input.video),
+        content=lambda wildcards, input: content(wildcards.campaign, input.video),
         call="towval.commands.track:run",
         code=code("towval.commands.track"),
         settings=settings_text("track"),
@@ -120,7 +120,7 @@ rule uncertainty:
             campaign=folder(wildcards),
             name=wildcards.run,
             camera=input.camera,
-            folder=run_folder(wildcards),
+            folder=folder_of(input.track),
             output=output[0],
             keys=section("uncertainty"),
         ),
