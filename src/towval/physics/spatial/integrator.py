@@ -119,11 +119,11 @@ def integrate(
     y, clock, counts = march.y, march.clock, march.counts
     span = times[-1] - times[0]
     clock[_T], clock[_H], clock[_GROWTH] = times[0], 1e-6 * span, GROW
-    mode = _natural(problem, forced, times[0], 0, y)
+    mode = _natural(problem, forced, clock[_T], int(clock[_PIECE]), y)
     if y[3] == 0 and y[4] == 0 and y[5] == 0 and _holds(problem, work, forced, march, times[0], 0.0):
         mode = STUCK
     _report(march, mode, times[0], span, times, states, modes)
-    fresh = True
+    fresh = len(times) > 0  # Not the literal True, for which _move would be compiled a second time.
     while clock[_FILLED] < len(times):
         if counts[0] + counts[1] >= step_limit:
             return STEP_LIMIT, int(clock[_FILLED]), counts
