@@ -1,4 +1,4 @@
-"""Check of the whole workflow as its users call it: what each stage costs."""
+"""Checks of the whole workflow as its users call it: what each stage costs, and what many campaigns cost besides."""
 
 from __future__ import annotations
 
@@ -13,9 +13,11 @@ import numpy as np
 
 from studies.evidence.compute import shared_folder
 from studies.evidence.ledger import Check, Values
-from studies.tables import workflow_time
-from studies.tables.workflow_time import SAMPLE, Stage, workflow
+from studies.evidence.planting import replaced
+from studies.tables import many_campaigns, workflow_time
+from studies.tables.workflow_time import REPOSITORY, SAMPLE, Stage, workflow
 from towval.io.campaign import load_campaign
+from towval.model.conventions import STAGES_OF_RUN
 
 _SLOWER = """
 import atexit, time
@@ -57,8 +59,45 @@ def _all_processes_slower() -> Iterator[None]:
             yield
 
 
+def _planning() -> Values:
+    """What it takes to plan copies of lab_a: CPU time [s] of a first call and of a second, and peak memory [MB]."""
+    values: dict[str, float] = {}
+    for count in (100, 1000):
+        with TemporaryDirectory() as folder:
+            first, again = many_campaigns.layout(shared_folder() / "footage" / "lab_a", count, Path(folder))
+        values |= {f"{count}, first call, CPU": first.cpu_s, f"{count}, second call, CPU": again.cpu_s}
+        values |= {f"{count}, peak memory": first.peak_mb}
+    return values
+
+
+def _jobs() -> Values:
+    """What Snakemake spends in the jobs of a SLURM of one node, and in all, a stage of the sample campaign [s]."""
+    script = REPOSITORY / "profiles" / "slurm" / "try_single_node.sh"
+    groups = [f"{stage}=run" for stage in STAGES_OF_RUN] + ["exchange=run"]
+    with TemporaryDirectory() as results:
+        line = [str(script), "--config", f"results={results}", "quick=true"]
+        found = many_campaigns.shares([*line, "--groups", *groups, "--group-components", "run=2"])
+    stages, jobs = found[many_campaigns.STAGE].processes, found[many_campaigns.ON_A_NODE].cpu_s
+    return {
+        "in jobs, CPU a stage": jobs / stages,
+        "all, CPU a stage": (jobs + found[many_campaigns.PLANNING].cpu_s) / stages,
+    }
+
+
 COST = Check(
     _cost,
     {"every process works two and a half times as long and takes 400 MB more": _all_processes_slower},
     needs=("footage/lab_a",),
+)
+
+PLANNING = Check(
+    _planning,
+    {"every process works two and a half times as long and takes 400 MB more": _all_processes_slower},
+    needs=("footage/lab_a",),
+)
+
+JOBS = Check(
+    _jobs,
+    {"every process works two and a half times as long": replaced(many_campaigns, "NOTE", lambda note: note + _SLOWER)},
+    needs=("slurmctld", "snakemake_executor_plugin_slurm"),
 )

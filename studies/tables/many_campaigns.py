@@ -76,12 +76,12 @@ def _call(line: Sequence[str]) -> Call:
     return Call(used.ru_utime + used.ru_stime, time.perf_counter() - start, used.ru_maxrss / 1e3)
 
 
-_NOTE = """
+NOTE = """
 import atexit, json, os, resource, sys
 
 def note():
     used = resource.getrusage(resource.RUSAGE_SELF)
-    with open(os.path.join(os.environ["TOWVAL_NOTES"], f"{os.getpid()}.json"), "w") as file:
+    with open(os.path.join(os.environ["TOWVALNOTES"], f"{os.getpid()}.json"), "w") as file:
         json.dump({"argv": sys.argv, "cpu_s": used.ru_utime + used.ru_stime}, file)
 
 atexit.register(note)
@@ -92,11 +92,9 @@ atexit.register(note)
 def shares(line: Sequence[str]) -> dict[str, Share]:
     """What the processes of Python below a command spend, by kind, however they are started."""
     with TemporaryDirectory() as notes:
-        (Path(notes) / "sitecustomize.py").write_text(_NOTE, encoding="utf-8")
+        (Path(notes) / "sitecustomize.py").write_text(NOTE, encoding="utf-8")
         paths = [notes, *filter(None, [os.environ.get("PYTHONPATH")])]
-        subprocess.run(
-            line, check=True, env={**os.environ, "PYTHONPATH": os.pathsep.join(paths), "TOWVAL_NOTES": notes}
-        )
+        subprocess.run(line, check=True, env={**os.environ, "PYTHONPATH": os.pathsep.join(paths), "TOWVALNOTES": notes})
         found = [json.loads(path.read_text(encoding="utf-8")) for path in Path(notes).glob("*.json")]
     kinds: dict[str, list[float]] = {PLANNING: [], ON_A_NODE: [], STAGE: []}
     for each in found:
