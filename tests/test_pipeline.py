@@ -93,6 +93,32 @@ def test_identification_comes_on_request_and_into_the_report(lab):
     assert "Identification: fitted" not in (lab.results / "report.html").read_text(encoding="utf-8")
 
 
+def test_a_run_that_fails_can_be_left_out_with_a_reason(lab):
+    """Without it the campaign has its report again, which states the reason."""
+    path, film = lab.campaign / "campaign.yaml", lab.campaign / "b.mp4"
+    before = path.read_text()
+    document = yaml.safe_load(before)
+    document["runs"]["b"] = {"video": film.name}
+    try:
+        film.write_text("not a video")
+        path.write_text(yaml.safe_dump(document))
+        failed = lab.snakemake()
+        assert failed.returncode != 0
+        assert "report of synthetic was not made, because not all runs are finished: b\n" in failed.stderr
+        assert "runs.b.left_out" in failed.stderr
+        document["runs"]["b"]["left_out"] = "the card was full"
+        path.write_text(yaml.safe_dump(document))
+        again = lab.snakemake()
+        assert again.returncode == 0, again.stdout + again.stderr
+        page = (lab.results / "report.html").read_text("utf-8")
+        assert "Left out of the campaign: run b (the card was full)." in page
+    finally:
+        film.unlink()
+        path.write_text(before)
+    assert lab.snakemake().returncode == 0
+    assert "Left out of the campaign" not in (lab.results / "report.html").read_text("utf-8")
+
+
 def test_summary_has_the_promised_columns(lab):
     table = pd.read_csv(lab.results / "summary.csv")
     assert list(table.columns) == [

@@ -396,3 +396,40 @@ def test_repeats_are_groups_of_runs(campaign):
 def test_repeats_of_no_run_or_twice_are_refused(campaign, groups):
     with pytest.raises(InputError, match=r"repeats names(.|\n)*each of a, b"):
         load_campaign(campaign(lambda d: d.update(repeats=groups)))
+
+
+def test_a_run_that_is_left_out_is_not_read(campaign):
+    """Neither its video nor its clicks; groups of repeats may still name it."""
+
+    def change(document):
+        document["runs"]["b"] = {"video": "lost.mp4", "left_out": "the tether was touched"}
+        document["repeats"] = [["a", "b"]]
+
+    read = load_campaign(campaign(change))
+    assert [*read.runs] == ["a"]
+    assert read.left_out == {"b": "the tether was touched"}
+    assert read.repeats == (("a", "b"),)
+    with pytest.raises(InputError, match="no such run"):
+        read.run("b")
+
+
+def test_leaving_out_every_run_is_refused(campaign):
+    def change(document):
+        for run in document["runs"].values():
+            run["left_out"] = "bad light"
+
+    with pytest.raises(InputError, match="every run is left out"):
+        load_campaign(campaign(change))
+
+
+def test_faults_of_a_run_that_is_left_out_hide_no_others(campaign):
+    def change(document):
+        document["runs"]["b"] = {"video": "lost.mp4", "left_out": 3}
+        document["runs"]["a"]["video"] = "missing.mp4"
+
+    with pytest.raises(InputErrors) as caught:
+        load_campaign(campaign(change))
+    text = str(caught.value)
+    assert "runs.b.left_out is 3" in text
+    assert "missing.mp4" in text
+    assert "lost.mp4" not in text

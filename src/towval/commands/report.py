@@ -51,6 +51,7 @@ def run(
         check_made_of(identified, made, given.document)
     repeats = _repeats(given, runs)
     together = _together([item.record for item in runs])
+    left_out = _left_out(given)
     data = ReportData(
         campaign=given.name,
         runs=tuple(runs),
@@ -61,9 +62,8 @@ def run(
             calibration, given.object.tracked_plane_height_m, height_std_m=given.object.height_std_m
         ),
         inputs=tuple(_inputs(given)),
-        findings=(
-            StageFinding("campaign", together),
-            *(StageFinding("campaign", corridor_finding(group)) for group in repeats),
+        findings=tuple(
+            StageFinding("campaign", each) for each in (together, *left_out, *map(corridor_finding, repeats))
         ),
         repeats=repeats,
         identification=None if identified is None else read_identification(identified),
@@ -73,9 +73,8 @@ def run(
     write_manifest(results / MANIFEST, _made(results, given, identified))
     verdicts = {item.record.name: item.record.comparison.verdict.value for item in runs}
     text = "; ".join(f"run {name} {verdict}" for name, verdict in verdicts.items())
-    return Outcome(
-        "report", (results / "report.html", results / "summary.csv"), text, {"verdicts": verdicts}, (together,)
-    )
+    made = (results / "report.html", results / "summary.csv")
+    return Outcome("report", made, text, {"verdicts": verdicts}, (together, *left_out))
 
 
 def _repeats(given: Campaign, runs: Sequence[RunReport]) -> tuple[Corridor, ...]:
@@ -93,6 +92,12 @@ def _together(records: Sequence[RunRecord]) -> Finding:
     verdict = campaign_verdict([record.comparison for record in records], min(stated, default=0.99))
     severity = Severity.NOTE if verdict.verdict is Verdict.AGREES else Severity.WARNING
     return finding("campaign_verdict", severity, sentence=verdict.sentence)
+
+
+def _left_out(given: Campaign) -> list[Finding]:
+    """The finding that names the runs that are left out, if any are."""
+    reasons = ", ".join(f"run {name} ({reason})" for name, reason in given.left_out.items())
+    return [finding("runs_left_out", runs=reasons)] if reasons else []
 
 
 def _made(results: Path, given: Campaign, identified: Path | None) -> list[Path]:

@@ -52,7 +52,8 @@ class Campaign:
     ``calibration_images`` and ``floor_images`` are files that exist; the first floor image defines the floor frame.
     ``tags`` are the markers on each body's top, by its name; ``scene`` is the input of the simulation, ``deviations``
     the standard deviations of the uncertain inputs by name; ``repeats`` are the names of runs that repeat one drive,
-    by group; ``document`` is the file as read.
+    by group; ``left_out`` are the reasons why other runs of the file are left out, by name; ``document`` is the file as
+    read.
     """
 
     folder: Path
@@ -69,6 +70,7 @@ class Campaign:
     deviations: dict[str, float]
     runs: dict[str, Run]
     repeats: tuple[tuple[str, ...], ...]
+    left_out: dict[str, str]
     document: dict[str, Any]
 
     @property
@@ -141,7 +143,10 @@ def read_campaign(folder: Path, document: Any) -> tuple[Campaign | None, Faults]
     read["floor_reference"] = part("floor", floor_reference_of)
     scene = part("floor rover object tether friction", lambda *_: towing_scene(document))
     corners = {body: part(body, _top, body) for body in ("rover", "object")}
-    names = [*document["runs"]] if isinstance(document, dict) and isinstance(document.get("runs"), dict) else []
+    listed = document["runs"] if isinstance(document, dict) and isinstance(document.get("runs"), dict) else {}
+    read["left_out"] = _left_out(listed)
+    part("runs", _check_some_are_left, read["left_out"])
+    names = [name for name in listed if str(name) not in read["left_out"]]
     runs = {str(name): part(f"runs.{name} camera.resolution_px", _run, folder, str(name), corners) for name in names}
     read["repeats"] = part("runs repeats", _repeats)
     if faults:
@@ -326,6 +331,18 @@ def _repeats(runs: dict[str, Any], groups: Sequence[Sequence[str]]) -> tuple[tup
             allowed=f"each of {', '.join(map(str, runs))} at most once",
         )
     return tuple(map(tuple, groups))
+
+
+def _left_out(runs: dict[str, Any]) -> dict[str, str]:
+    """Reasons why runs are left out, by name."""
+    return {
+        str(name): entry["left_out"] for name, entry in runs.items() if isinstance(entry, dict) and "left_out" in entry
+    }
+
+
+def _check_some_are_left(runs: dict[str, Any], left_out: dict[str, str]) -> None:
+    if len(left_out) == len(runs):
+        raise InputError("campaign.yaml: every run is left out", allowed="at least one run without left_out")
 
 
 def _run(

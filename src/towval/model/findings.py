@@ -382,6 +382,7 @@ register(  # uncertainty, compare, identify
     FindingType("verdict", "compare", _NOTE_OR_WARNING, NONE, "{statement}."),
     FindingType("statement", "compare", NOTE, NONE, "{off}. {model}. {visible}."),
     FindingType("campaign_verdict", "campaign", _NOTE_OR_WARNING, NONE, "{sentence}"),
+    FindingType("runs_left_out", "campaign", WARNING, NONE, "Left out of the campaign: {runs}."),
     FindingType(
         "repeats", "campaign", NOTE, NONE,
         "Runs {runs} repeat one drive (measured paths at most {apart_mm:.1f} mm apart): the error common to all is "

@@ -117,3 +117,16 @@ def settings_text(stage):
 def identified(wildcards):
     """The identification of a campaign, where config["identify"]["parameters"] asks for one."""
     return [results(wildcards.campaign, "identify.mcap")] if section("identify").get("parameters") else []
+
+
+def say_what_is_missing():
+    """After an error: which runs keep a campaign from its report."""
+    for name, campaign in CAMPAIGNS.items():
+        unfinished = [run for run in campaign.runs if not Path(results(name, run, "compare.mcap")).exists()]
+        if 0 < len(unfinished) < len(campaign.runs):
+            print(
+                f"towval: the report of {name} was not made, because not all runs are finished: {', '.join(unfinished)}\n"
+                "  what to do: see above; or state in campaign.yaml why a run is left out "
+                f"(runs.{unfinished[0]}.left_out: ...). Then call again: what is finished stays.",
+                file=sys.stderr,
+            )
