@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from towval.io.campaign import Campaign, load_campaign
-from towval.model.errors import InputError
+from towval.model.errors import Faults, InputError
 
 
 class Campaigns(Mapping[str, Campaign]):
@@ -21,6 +21,19 @@ class Campaigns(Mapping[str, Campaign]):
             if name in self._folders:
                 raise InputError(f"two campaigns have the folder name {name}", remedy="rename one folder")
             self._folders[name] = folder
+
+    def check(self) -> None:
+        """Read all campaigns.
+
+        Raises `InputError` for their faults, all at once; where there are several campaigns, each with its name.
+        """
+        faults = Faults()
+        for name in self:
+            try:
+                self[name]
+            except InputError as error:
+                faults.append(error if len(self) == 1 else InputError(f"{name}: {error}"))
+        faults.raise_any("the list of campaigns")
 
     def __getitem__(self, name: str) -> Campaign:
         if name not in self._read:

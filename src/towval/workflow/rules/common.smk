@@ -40,6 +40,7 @@ RESULTS = Path(config["results"])
 CAMPAIGNS = or_exit(Campaigns, config.get("campaigns") or [config["campaign"]])
 if workflow.is_main_process:
     # The process of a job on a cluster reads its own campaigns only: all were checked before it was submitted.
+    or_exit(CAMPAIGNS.check)
     or_exit(check_results, RESULTS, CAMPAIGNS)
     or_exit(clear_stale_locks, Path.cwd(), RESULTS)
 
