@@ -1,5 +1,6 @@
 """Comparison: known errors, known verdicts, the place of a fault, missing frames."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -66,6 +67,9 @@ def test_a_small_error_agrees(measured):
     result = compare("a", simulated(measured, np.array([0.001, 0.0005, 0.0])), measured, known())
     assert result.verdict == Verdict.AGREES
     assert result.u_val_m == pytest.approx(result.u_input_m, rel=1e-12)
+    (reason,) = (each.text for each in result.findings if each.code == "verdict")
+    # No input was drawn: none is said to have been tested.
+    assert re.search(r"\(size 0\.\d of at most \d\.\d, shape \d\.\d of at most \d\.\d\)", reason), reason
 
 
 def test_an_error_that_begins_under_way_is_found_there(measured):

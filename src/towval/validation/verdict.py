@@ -51,13 +51,21 @@ class Evidence:
         return any(self.statistics[name] > limit for name, limit in self.limits.items())
 
 
+_UNTESTED = 1e-6
+"""Limit of a statistic that is zero for all draws, but for rounding."""
+
+
 def verdict_of(e: Evidence) -> tuple[Verdict, Finding]:
     """The verdict and the finding that gives its reason."""
     reason = _not_judged(e)
     if reason:
         return Verdict.NOT_JUDGED, finding("verdict", Severity.WARNING, statement=f"Not judged: {reason}")
     tolerance, upper = 1e3 * e.tolerance_m, 1e3 * e.upper_m
-    tested = ", ".join(f"{name} {e.statistics[name]:.1f} of at most {limit:.1f}" for name, limit in e.limits.items())
+    tested = ", ".join(
+        f"{name} {e.statistics[name]:.1f} of at most {limit:.1f}"
+        for name, limit in e.limits.items()
+        if limit > _UNTESTED  # With few draws, or without inputs that matter, no effect of an input is tested.
+    )
     if e.rejected and e.upper_m > e.tolerance_m:
         statement = f"Disagrees: {e.where}; not what right inputs make of a right model ({tested})"
         return Verdict.DISAGREES, finding("verdict", Severity.WARNING, statement=statement)
