@@ -1,22 +1,25 @@
-"""Checks of the whole workflow as its users call it: what each stage costs, and what many campaigns cost besides."""
+"""Checks of the whole workflow: costs of its stages and of many campaigns, and preset auto beside fine."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from unittest.mock import patch
 
 import numpy as np
 
+from studies.evidence import lab
 from studies.evidence.compute import shared_folder
 from studies.evidence.ledger import Check, Values
-from studies.evidence.planting import replaced
-from studies.tables import many_campaigns, workflow_time
+from studies.evidence.planting import both, replaced
+from studies.tables import many_campaigns, presets_auto, workflow_time
 from studies.tables.workflow_time import REPOSITORY, SAMPLE, Stage, workflow
 from towval.io.campaign import load_campaign
+from towval.model import SimulatedMotion, Track
 from towval.model.conventions import STAGES_OF_RUN
 
 _SLOWER = """
@@ -101,3 +104,46 @@ JOBS = Check(
     {"every process works two and a half times as long": replaced(many_campaigns, "NOTE", lambda note: note + _SLOWER)},
     needs=("slurmctld", "snakemake_executor_plugin_slurm"),
 )
+
+
+def _presets() -> Values:
+    """How far paths under auto are from those under fine, what they may be, verdicts, and what was chosen."""
+    found: dict[str, float | str] = {}
+    for source in (SAMPLE, shared_folder() / "footage" / "lab_a"):
+        with TemporaryDirectory() as folder:
+            place = Path(folder) / source.name
+            lab.restated(source, place, lab.stated(source))
+            campaign = load_campaign(place)
+            cost, runs = presets_auto.compared_presets(campaign)
+        (_, auto), (_, fine) = cost.values()
+        found[f"{campaign.name}, CPU fine over auto"] = fine / auto
+        for run, each in runs.items():
+            at = f"{campaign.name} {run}"
+            found |= {f"{at}, measured path moved": each.moved[0], f"{at}, simulated path moved": each.moved[1]}
+            found |= {f"{at}, allowed": each.allowed}
+            for preset, path_rms, verdict in zip(("auto", "fine"), each.path_rms, each.verdicts, strict=True):
+                found |= {f"{at}, simulated − measured, {preset}": path_rms, f"{at}, verdict, {preset}": verdict}
+            found |= {f"{at}, {choice.what}": choice.chosen for choice in each.chosen}
+    return found
+
+
+PRESETS = Check(
+    _presets,
+    {
+        "preset draft in place of auto; a tenth of the measurement's deviation is allowed": both(
+            replaced(presets_auto, "PRESETS", lambda names: ("draft", *names[1:])),
+            replaced(presets_auto, "SHARE", lambda share: 0.3 * share),
+        ),
+        "friction is 20 times as unsure": lab.stating(kinetic_std="0.1"),
+        "presets fine and draft in place of auto and fine; the tether is 5 cm too long; a path is a picture late": both(
+            replaced(presets_auto, "PRESETS", lambda _: ("fine", "draft")),
+            lab.stating(rest_length_m="0.65"),
+            replaced(presets_auto, "moved_mm", lambda moved: lambda one, other: moved(one, _late(other))),
+        ),
+    },
+    needs=("footage/lab_a",),
+)
+
+
+def _late(motion: Track | SimulatedMotion) -> Track | SimulatedMotion:
+    return replace(motion, pose=np.concatenate([motion.pose[:1], motion.pose[:-1]]))

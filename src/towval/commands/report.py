@@ -73,8 +73,8 @@ def run(
     write_manifest(results / MANIFEST, _made(results, given, identified))
     verdicts = {item.record.name: item.record.comparison.verdict.value for item in runs}
     text = "; ".join(f"run {name} {verdict}" for name, verdict in verdicts.items())
-    made = (results / "report.html", results / "summary.csv")
-    return Outcome("report", made, text, {"verdicts": verdicts}, (together, *left_out))
+    written = (results / "report.html", results / "summary.csv")
+    return Outcome("report", written, text, {"verdicts": verdicts}, (together, *left_out))
 
 
 def _repeats(given: Campaign, runs: Sequence[RunReport]) -> tuple[Corridor, ...]:
