@@ -1,11 +1,13 @@
 """The index over folders of results: what it reads, what it leaves out, and what it says of runs in the making."""
 
+import os
 import sqlite3
 
 import pandas as pd
 import pytest
 
 from result_folders import make_run
+from towval.io.manifest import write_manifest
 from towval.io.results_index import UNFINISHED, read_results, write_index
 from towval.model.errors import InputError
 
@@ -38,6 +40,23 @@ def test_runs_in_the_making_and_damaged_comparisons_are_unfinished(tmp_path):
     assert runs["verdict"].tolist() == [UNFINISHED, UNFINISHED]
     assert runs["state"].tolist() == ["simulate", "uncertainty"]
     assert runs["path_rms_m"].isna().all()
+
+
+def test_a_run_that_a_later_report_leaves_out_is_passed_over(tmp_path):
+    lab = tmp_path / "lab"
+    for run in "ab":
+        make_run(lab / run)
+    listing = lab / "files.sha256"
+    write_manifest(listing, [lab / "a" / "compare.mcap", lab / "a" / "track.mcap"])
+    later = (lab / "b" / "compare.mcap").stat().st_mtime_ns + 10**9
+    os.utime(listing, ns=(later, later))
+    assert read_results([tmp_path]).runs["run"].tolist() == ["a"]
+    # Made after the list, the run is on its way into the next report.
+    os.utime(listing, ns=(later - 10**10, later - 10**10))
+    assert read_results([tmp_path]).runs["run"].tolist() == ["a", "b"]
+    listing.write_text("damaged")
+    os.utime(listing, ns=(later, later))
+    assert read_results([tmp_path]).runs["run"].tolist() == ["a", "b"]
 
 
 def test_the_file_holds_what_was_read(tmp_path):

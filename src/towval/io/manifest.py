@@ -52,15 +52,27 @@ def read_manifest(path: Path) -> list[Listed]:
 
     Raises `InputError` when it is missing, or a line of it is no line of ``sha256sum`` or leads out of the folder.
     """
+    return [
+        Listed(name, stated, file_hash(path.parent / name) if is_plain_file(path.parent / name) else None)
+        for stated, name in _entries(path)
+    ]
+
+
+def listed_folders(path: Path) -> set[str]:
+    """Folders beside the list of which it names a file, such as those of runs; raises as :func:`read_manifest`."""
+    return {name.split("/")[0] for _, name in _entries(path) if "/" in name}
+
+
+def _entries(path: Path) -> list[tuple[str, str]]:
+    """SHA-256 and name of each line."""
     text = read_bytes(path, _MOST_BYTES, "run the stage report").decode("utf-8", errors="replace")
-    rows = []
+    entries = []
     for number, line in enumerate(text.removesuffix("\n").split("\n"), start=1):
         match = _LINE.fullmatch(line)
         if not match or match[2].startswith("/") or ".." in match[2].split("/"):
             raise InputError(f"{path} is damaged", got=f"line {number}: {line[:120]!r}", remedy="run report again")
-        file = path.parent / match[2]
-        rows.append(Listed(match[2], match[1], file_hash(file) if is_plain_file(file) else None))
-    return rows
+        entries.append((match[1], match[2]))
+    return entries
 
 
 def unlisted(folder: Path, listed: Iterable[Listed]) -> Iterator[str]:

@@ -4,7 +4,7 @@ import csv
 import json
 import sqlite3
 from collections.abc import Iterator, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,10 +12,13 @@ from typing import Any
 import pandas as pd
 
 from towval.io.atomic import check_own, replacing
+from towval.io.manifest import MANIFEST, listed_folders
 from towval.io.mcap_file import read_details
 from towval.io.summary import COLUMNS
 from towval.model.conventions import STAGES_OF_RUN
 from towval.model.errors import InputError
+
+_FILES_OF_RUN = tuple(f"{stage}.mcap" for stage in STAGES_OF_RUN)
 
 UNFINISHED = "unfinished"
 """In place of a verdict: the run has no comparison yet."""
@@ -49,6 +52,7 @@ def read_results(folders: Sequence[Path]) -> ResultsIndex:
     """Index of all runs below ``folders``, each the results of one campaign or of many.
 
     Only details and provenance of the files are read. A file that is damaged or vanishes meanwhile counts as not made.
+    Results of a run that a later report of its campaign leaves out are passed over.
 
     Raises `InputError` when a folder is missing or none holds a run.
     """
@@ -58,7 +62,7 @@ def read_results(folders: Sequence[Path]) -> ResultsIndex:
             raise InputError(f"{source} is no folder", remedy="give the folder of results, as results/")
         for campaign in _campaigns(source):
             shared = _stage_of(campaign / "camera.mcap")
-            for run in _runs(campaign):
+            for run in _current_runs(campaign):
                 key = (str(source), campaign.resolve().name, run.name)
                 for table, row in _rows_of(run, shared):
                     rows[table].append((*key, *row))
@@ -87,6 +91,25 @@ def _campaigns(source: Path) -> list[Path]:
 
 def _runs(campaign: Path) -> list[Path]:
     return [folder for folder in _folders(campaign) if (folder / "track.mcap").is_file()]
+
+
+def _current_runs(campaign: Path) -> list[Path]:
+    """The runs but those that the last report leaves out: older than its list of files, and not on it."""
+    listing = campaign / MANIFEST
+    try:
+        listed, made = listed_folders(listing), listing.stat().st_mtime
+    except (InputError, FileNotFoundError):
+        return _runs(campaign)
+    return [run for run in _runs(campaign) if run.name in listed or _newest_s(run) > made]
+
+
+def _newest_s(run: Path) -> float:
+    """When the newest file of a run was made [s since 1970]."""
+    times = []
+    for name in _FILES_OF_RUN:
+        with suppress(FileNotFoundError):
+            times.append((run / name).stat().st_mtime)
+    return max(times, default=0.0)
 
 
 def _folders(folder: Path) -> list[Path]:
