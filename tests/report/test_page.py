@@ -169,6 +169,22 @@ def test_gravest_findings_come_first_and_shared_ones_once():
     assert found[0].runs == ()
 
 
+@pytest.mark.parametrize("runs", ["a", "ab"])
+def test_runs_that_are_left_out_stand_below_the_first_table(tmp_path, runs):
+    """Once, and the verdict on all runs together beside them where there are several."""
+    given = [
+        StageFinding("campaign", Finding(Severity.NOTE, "campaign_verdict", "All runs together agree.")),
+        StageFinding("campaign", Finding(Severity.WARNING, "runs_left_out", "Left out: run <c> (bad light).")),
+    ]
+    records = tuple(RunReport(towed_run(name, n=100)) for name in runs)
+    page = write_report(tmp_path / "report.html", data(runs=records, findings=tuple(given), calibration=None))
+    text = page.read_text(encoding="utf-8")
+    first_screen = text[text.index('<section id="result"') : text.index('id="run-a"')]
+    assert first_screen.count("Left out: run &lt;c&gt; (bad light).") == 1
+    assert text.count("Left out: run &lt;c&gt;") == 1
+    assert ("All runs together agree." in text) == (len(runs) > 1)
+
+
 def test_reason_of_a_verdict_is_what_the_comparison_says():
     finding = Finding(Severity.WARNING, "verdict", "Model-form error: it begins between 1.00 m and 1.20 m of the path.")
     comparison = dataclasses.replace(towed_run().comparison, verdict=Verdict.DISAGREES, findings=(finding,))

@@ -23,7 +23,10 @@ from towval.report.result import ResultRow, gists, legend, result_rows, sentence
 from towval.report.style import Frame
 
 _SEVERITIES = (Severity.REFUSAL, Severity.WARNING, Severity.NOTE)
-_TOGETHER = "campaign_verdict"
+_LEFT_OUT = "runs_left_out"
+_BELOW_TABLE = ("campaign_verdict", _LEFT_OUT)
+"""Findings on the first screen, below its table; that on all runs together where there are several."""
+
 _PARTS = {
     "campaign": "inputs",
     "calibrate": "calibration",
@@ -78,7 +81,10 @@ class RunView:
 
 @dataclass(frozen=True)
 class ReportView:
-    """The whole page; ``figures`` by section, ``findings`` and ``gists`` by the part of the page."""
+    """The whole page; ``together`` is what stands below the first table, on all runs and on those that are left out.
+
+    ``figures`` by section, ``findings`` and ``gists`` by the part of the page.
+    """
 
     campaign: str
     sentence: str
@@ -116,12 +122,13 @@ def build(data: ReportData, drawn: Sequence[Drawn], page: FilePath) -> ReportVie
     comparisons = [record.comparison for record in records]
     shown = [figure for figure in drawn if figure.entry.section != "files"]
     figures = [(figure.entry.section, _figure_view(figure, sheet)) for figure in shown]
+    below_table = _BELOW_TABLE if len(records) > 1 else (_LEFT_OUT,)
     embed = embedded([run.film for run in data.runs if run.film is not None], data.embed_mb)
     return ReportView(
         campaign=data.campaign,
         sentence=sentence(records),
         rows=result_rows(records),
-        together=" ".join(f.finding.text for f in data.findings if f.finding.code == _TOGETHER and len(records) > 1),
+        together=" ".join(each.finding.text for each in data.findings if each.finding.code in below_table),
         legend=legend(records),
         confidence=_confidence(records),
         runs=tuple(_run_view(run, calibration, page, embed) for run in data.runs),
@@ -157,7 +164,7 @@ def findings_by_part(data: ReportData) -> dict[str, tuple[FindingView, ...]]:
 
 def collect_findings(data: ReportData) -> tuple[FindingView, ...]:
     """Findings of all stages in order of severity; one that several runs share is listed once."""
-    found = [(f.stage, f.run, f.finding) for f in data.findings if f.finding.code != _TOGETHER]
+    found = [(f.stage, f.run, f.finding) for f in data.findings if f.finding.code not in _BELOW_TABLE]
     if data.identification is not None:
         found += [("identify", "", f) for f in data.identification.findings]
     if data.calibration is not None:
