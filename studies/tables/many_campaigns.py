@@ -81,7 +81,7 @@ import atexit, json, os, resource, sys
 
 def note():
     used = resource.getrusage(resource.RUSAGE_SELF)
-    with open(os.path.join(os.environ["TOWVALNOTES"], f"{os.getpid()}.json"), "w") as file:
+    with open(os.path.join(os.environ["TOWVAL_NOTES"], f"{os.getpid()}.json"), "w") as file:
         json.dump({"argv": sys.argv, "cpu_s": used.ru_utime + used.ru_stime}, file)
 
 atexit.register(note)
@@ -94,7 +94,9 @@ def shares(line: Sequence[str]) -> dict[str, Share]:
     with TemporaryDirectory() as notes:
         (Path(notes) / "sitecustomize.py").write_text(NOTE, encoding="utf-8")
         paths = [notes, *filter(None, [os.environ.get("PYTHONPATH")])]
-        subprocess.run(line, check=True, env={**os.environ, "PYTHONPATH": os.pathsep.join(paths), "TOWVALNOTES": notes})
+        subprocess.run(
+            line, check=True, env={**os.environ, "PYTHONPATH": os.pathsep.join(paths), "TOWVAL_NOTES": notes}
+        )
         found = [json.loads(path.read_text(encoding="utf-8")) for path in Path(notes).glob("*.json")]
     kinds: dict[str, list[float]] = {PLANNING: [], ON_A_NODE: [], STAGE: []}
     for each in found:
@@ -132,6 +134,9 @@ def main() -> None:
     found = shares(given.line)
     for kind, share in found.items():
         print(f"{kind:20}{share.processes:4} processes {share.cpu_s:8.1f} CPU s")
+    if not found[STAGE].processes:
+        print("no stage was run")
+        return
     beyond = found[PLANNING].cpu_s + found[ON_A_NODE].cpu_s
     print(f"{beyond / found[STAGE].processes:.2f} CPU s a stage beyond its own process")
 
