@@ -9,6 +9,11 @@ register(  # track
         "way. Its poses are the texture's, and as uncertain. Film at a higher bit rate, with the focus fixed.",
     ),
     FindingType(
+        "focus_changed", "track", NOTE, NONE,
+        "The top of {name} is less sharp than in the first picture, by a blur of up to {blur_px:.1f} px: focus or "
+        "compression. The poses account for it. Lock the focus, or film at a higher bit rate.",
+    ),
+    FindingType(
         "pictures_mixed", "track", WARNING, Consequence(widens=("tracking",)),
         "Each picture keeps {percent:.0f} % or more of the one before: noise reduction over time. Poses are late by "
         "up to {late_ms:.0f} ms, the more the slower a body is, and as uncertain. Switch noise reduction off.",

@@ -37,6 +37,7 @@ class BlurConstants:
     reading_px: float = 1.5  # [px] Between readings of the sharp target; each is smoothed over 1.4 px.
     changed_px: float = 0.5  # [px] Change of the motion beyond which the blurred template is recomputed.
     least_kept: float = 0.6  # Of the points: with fewer the blur is a large part of the body.
+    border_px: int = 16  # [px] Round the body that are kept of the sharp picture: what a blurred focus mixes in.
 
 
 CONSTANTS = BlurConstants()
@@ -64,14 +65,25 @@ class SharpTarget:
     def cut(cls, luma: Luma, target: PlanarTarget, pose: Array, template: Template) -> "SharpTarget":
         """Keep what is needed of the picture ``luma``, where the body is at ``pose`` (3,)."""
         corners = target.pixels(target.body.top_corners_m, pose)
-        low = np.clip(np.floor(corners.min(axis=0)).astype(int) - 4, 0, None)
-        high = np.ceil(corners.max(axis=0)).astype(int) + 5
+        low = np.clip(np.floor(corners.min(axis=0)).astype(int) - CONSTANTS.border_px, 0, None)
+        high = np.ceil(corners.max(axis=0)).astype(int) + CONSTANTS.border_px + 1
         part = luma[low[1] : high[1], low[0] : high[0]].copy()
         return cls(part, replace(target, camera=_shifted(target.camera, low, part)), np.array(pose), template)
 
     def read(self, points: Array) -> Array:
         """Grey values (n,) at points (n, 2) of the body frame [m]; NaN outside the picture."""
         return self.target.grey_values(self.luma, points, self.pose)
+
+    def swept(self, points: Array, sweep: Array) -> Array:
+        """The same (n,) through a shutter that is open while the body moves by ``sweep`` (3,) [m, m, rad]."""
+        path = paths(points, sweep)
+        count = self.readings(path)
+        return np.asarray(np.mean([self.read(points + s * path) for s in _middles(count)], axis=0))
+
+    def readings(self, path: Array) -> int:
+        """How many readings along the longest of paths (n, 2) [m] make a blur; one where it is negligible."""
+        most = np.hypot(*path.T).max() / self.template.pixel_m
+        return 1 if most < CONSTANTS.blurred_px else int(np.ceil(most / CONSTANTS.reading_px)) + 1
 
     def clear(self, points: Array, path: Array) -> NDArray[np.bool_]:
         """Which points (n, 2) show nothing but the target while they move by ``path`` (n, 2) [m]."""
@@ -85,23 +97,21 @@ class SharpTarget:
         """
         sharp = self.template
         path = paths(sharp.points, sweep)
-        most = np.hypot(*path.T).max() / sharp.pixel_m
-        if most < CONSTANTS.blurred_px:
+        count = self.readings(path)
+        if count == 1:
             return None
-        count = int(np.ceil(most / CONSTANTS.reading_px)) + 1
         kept = self.clear(sharp.points, path)
-        points, path = sharp.points[kept], path[kept]
+        sharp, path = sharp.of(kept), path[kept]
+        points = sharp.points
         values, slope = np.zeros(len(points)), np.zeros((len(points), 2))
-        for s in (np.arange(count) + 0.5) / count - 0.5:
+        for s in _middles(count):
             places = points + s * path
             values += self.read(places) / count
             slope += slopes_at(self.luma, self.target, self.pose, places, sharp.pixel_m) / count
         known = np.isfinite(values) & np.isfinite(slope).all(axis=1)
-        if known.sum() < CONSTANTS.least_kept * len(sharp.points):
+        if known.sum() < CONSTANTS.least_kept * len(kept):
             return None
-        points, slope = points[known], slope[known]
-        slopes, tile = by_motion(points, slope), sharp.tile[kept][known]
-        return replace(sharp, points=points, values=values[known], slopes=slopes, tile=tile)
+        return replace(sharp, values=values, slopes=by_motion(points, slope)).of(known)
 
 
 def ahead_of_middle(time_s: Array, pose: Array, exposure_s: float) -> Array:
@@ -117,6 +127,11 @@ def ahead_of_middle(time_s: Array, pose: Array, exposure_s: float) -> Array:
     acceleration = 2 * np.diff(velocity, axis=0) / (time_s[2:] - time_s[:-2])[:, None]
     shift[1:-1] = np.nan_to_num(acceleration) * exposure_s**2 / 24
     return shift
+
+
+def _middles(count: int) -> Array:
+    """Middles (count,) of equal parts from −½ to ½."""
+    return np.asarray((np.arange(count) + 0.5) / count - 0.5)
 
 
 def _noise_left(length_px: Array) -> Array:
@@ -140,12 +155,22 @@ class Shutter:
 
     def __init__(self, target: PlanarTarget, luma: Luma, pose: Array, template: Template):
         self.target = target
-        self.sharp = SharpTarget.cut(luma, target, pose, template)
+        self._sharp = SharpTarget.cut(luma, target, pose, template)
         self.misfit, self.own_noise = np.zeros((2, len(_CANDIDATES_S)))
         self.weight = 0.0
         self.lessons = 0
         self.swept = np.zeros(3)
         self.blurred: Template | None = None
+
+    @property
+    def sharp(self) -> SharpTarget:
+        """The target without motion: as the first picture shows it, or as far out of focus as the present ones."""
+        return self._sharp
+
+    @sharp.setter
+    def sharp(self, sharp: SharpTarget) -> None:
+        if sharp is not self._sharp:
+            self._sharp, self.swept, self.blurred = sharp, np.zeros(3), None
 
     @property
     def exposure_s(self) -> float:
@@ -171,10 +196,18 @@ class Shutter:
             self.blurred, self.swept = self.sharp.blurred(sweep), sweep
         return self.blurred
 
+    def is_learning(self, velocity: Array) -> bool:
+        """Whether pictures of a body at a velocity (3,) are still to teach the exposure."""
+        return self.lessons < CONSTANTS.first_lessons and self._paths_px(velocity)[-1] >= CONSTANTS.least_path_px
+
+    def _paths_px(self, velocity: Array) -> Array:
+        """How far a body at a velocity (3,) gets during each candidate (k,) [px]."""
+        speed = math.hypot(velocity[0], velocity[1]) + 0.5 * self.target.reach_m * abs(velocity[2])
+        return np.asarray(speed * _CANDIDATES_S / self.sharp.template.pixel_m)
+
     def learn(self, luma: Luma, found: Alignment, template: Template, velocity: Array) -> None:
         """Compare all exposures with a picture in which ``template`` was found, the body at a velocity (3,)."""
-        speed = math.hypot(velocity[0], velocity[1]) + 0.5 * self.target.reach_m * abs(velocity[2])
-        length_px = speed * _CANDIDATES_S / template.pixel_m
+        length_px = self._paths_px(velocity)
         if length_px[-1] < CONSTANTS.least_path_px:
             return
         self.lessons += 1

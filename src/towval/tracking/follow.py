@@ -49,6 +49,7 @@ class FollowConstants:
     moving_px: float = 0.1  # [px] A picture: a body that moves less shows compression's repeated error.
     most_scatter_px: float = 0.06  # [px] More is a motion that five pictures do not follow, not noise.
     most_rest_px: float = 0.1  # [px] Poses of a body at rest lie within this.
+    named_blur_px: float = 1.0  # [px] A blur so wide is told of: it takes half of what a pose rests on.
 
 
 CONSTANTS = FollowConstants()
@@ -389,6 +390,8 @@ class Follower:
         if len(missed):
             counts = {"count": len(missed), "frames": len(status), "lost": lost, "bridged": len(missed) - lost}
             findings.append(finding("not_seen", name=name, **counts, first_s=missed[0], last_s=missed[-1]))
+        if self.tracker.widest_blur_px > CONSTANTS.named_blur_px:
+            findings.append(finding("focus_changed", name=name, blur_px=self.tracker.widest_blur_px))
         if self.mistakable:
             findings.append(finding("lookalike", name=name, count=self.mistakable))
         std_m = float(np.sqrt(np.median(covariance[tracked][:, 0, 0]))) if tracked.any() else np.inf

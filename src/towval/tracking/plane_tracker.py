@@ -12,6 +12,8 @@ from towval.model.geometry import turned_covariance
 from towval.tracking.alignment import CONSTANTS as ALIGNMENT
 from towval.tracking.alignment import Alignment, align
 from towval.tracking.blur import Shutter
+from towval.tracking.focus import CONSTANTS as FOCUS
+from towval.tracking.focus import Focus, width_px
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.pose import TUKEY, Measurement, Tracker
 from towval.tracking.template import Luma, Template, by_motion, make_template, slopes_at, without_light
@@ -47,6 +49,15 @@ CONSTANTS = PlaneTrackerConstants()
 _TABLE_POINTS = 60
 
 
+@dataclass(frozen=True)
+class _Found:
+    """An ``alignment``, with the ``template`` that it is of, and that one's motion during the exposure (3,)."""
+
+    alignment: Alignment
+    template: Template
+    sweep: Array
+
+
 class PlaneTracker(Tracker):
     """Follows a planar target, observed at ``pose`` (3,) in ``luma``, by some ``samples`` points of it.
 
@@ -67,6 +78,7 @@ class PlaneTracker(Tracker):
         small, small_camera = self._shrunk(luma, pose)
         self.coarse = make_template(small, replace(target, camera=small_camera), pose, CONSTANTS.coarse_samples)
         self.shutter = Shutter(target, luma, pose, template)
+        self.focus = Focus(self.shutter.sharp)
         self.slopes_seen = _MeanSlopes(len(template.points))
         self._set_slopes(template.slopes)
         self.response, self.blurred_response = _Response(), _Response()
@@ -78,11 +90,44 @@ class PlaneTracker(Tracker):
         """Estimated exposure time [s]."""
         return self.shutter.exposure_s
 
+    @property
+    def widest_blur_px(self) -> float:
+        """Widest blur against the first picture [px]."""
+        return width_px(self.focus.widest)
+
     def measure(self, luma: Luma, predicted: Array, velocity: Array | None = None) -> Measurement | None:
         """Pose near ``predicted`` (3,), or None where no alignment passes the gates."""
-        blurred = None if velocity is None else self.shutter.template(velocity)
-        template = self.template if blurred is None else blurred
-        response = self.response if blurred is None else self.blurred_response
+        there, misfits = self._found(luma, predicted, velocity, self.focus.level), dict[int, float]()
+        if there is None:
+            return None
+        # Until its exposure is known, a moving body's blur may be that of its motion.
+        known = velocity is not None and not self.shutter.is_learning(velocity)
+        if velocity is not None and known and self.focus.is_due(there.alignment.scale):
+            there, misfits = self._in_focus(luma, predicted, velocity, there)
+        found, template = there.alignment, there.template
+        step = max(1, len(template.points) // _TABLE_POINTS)
+        return Measurement(
+            pose=found.pose,
+            covariance=turned_covariance(found.covariance, found.pose[2]),
+            inlier_fraction=found.inlier_fraction,
+            residual=found.scale,
+            points_m=template.points[::step][:_TABLE_POINTS],
+            weights=np.clip(found.weight[::step][:_TABLE_POINTS], 0, 1),
+            learn=partial(self._learn, luma, found, template, velocity, misfits),
+        )
+
+    def _found(self, luma: Luma, predicted: Array, velocity: Array | None, level: int) -> "_Found | None":
+        """The target at a level of blur near ``predicted`` (3,), or None where no alignment passes the gates."""
+        self.shutter.sharp = self.focus.at(level)
+        swept = None if velocity is None else self.shutter.template(velocity)
+        sweep = np.zeros(3) if swept is None else self.shutter.swept
+        if swept is not None:
+            template, response = swept, self.blurred_response
+        elif level:
+            soft = self.focus.at(level).template
+            template, response = replace(soft, values=soft.values + self._learned(soft)), self.blurred_response
+        else:
+            template, response = self.template, self.response
         found = self._align(luma, predicted, template, response)
         if found is None or self.target.apart_m(predicted, found.pose) > CONSTANTS.jump_px * self.pixel_m:
             coarse = self._align_coarsely(luma, predicted, template, response)
@@ -92,16 +137,40 @@ class PlaneTracker(Tracker):
             return None
         if information_of_inliers(found, template) < CONSTANTS.least_information:
             found = self._at_its_edges(luma, predicted, found, template, response)
-        step = max(1, len(template.points) // _TABLE_POINTS)
-        return Measurement(
-            pose=found.pose,
-            covariance=turned_covariance(found.covariance, found.pose[2]),
-            inlier_fraction=found.inlier_fraction,
-            residual=found.scale,
-            points_m=template.points[::step][:_TABLE_POINTS],
-            weights=np.clip(found.weight[::step][:_TABLE_POINTS], 0, 1),
-            learn=partial(self._learn, luma, found, template, velocity),
-        )
+        return _Found(found, template, sweep)
+
+    def _learned(self, template: Template) -> Array:
+        """What the values of a template's points have learned since the first picture (n,)."""
+        return (self.template.values - self.focus.at(0).template.values)[template.number]
+
+    def _in_focus(
+        self, luma: Luma, predicted: Array, velocity: Array, there: "_Found"
+    ) -> tuple["_Found", dict[int, float]]:
+        """What was found, or what is found at another level of blur that leaves less; and what the levels leave."""
+        level = self.focus.level
+        misfits = self._misfits(luma, there, self.focus.beside())
+        if self.focus.best(misfits) == level and not self.focus.is_doubtful(misfits[level]):
+            return there, misfits
+        # At a wrong level the pose is off, and no level fits there: each is aligned by itself.
+        tried, misfits = {level: there}, {level: misfits[level]}
+        for by in (1, -1):
+            other, left = level + by, misfits[level]
+            while 0 <= other <= self.focus.last:
+                found = self._found(luma, predicted, velocity, other)
+                if found is None:
+                    break
+                tried[other], misfits[other] = found, self._misfits(luma, found, (other,))[other]
+                if misfits[other] > left:
+                    break
+                other, left = other + by, misfits[other]
+        return tried[self.focus.best(misfits)], misfits
+
+    def _misfits(self, luma: Luma, there: "_Found", levels: tuple[int, ...]) -> dict[int, float]:
+        """What some levels of blur leave of the picture at one place."""
+        found, template = there.alignment, there.template
+        values = self.target.grey_values(luma, template.points[: FOCUS.learned_from], found.pose)
+        learned = self._learned(template)
+        return {level: self.focus.misfit(level, values, found, template, learned, there.sweep) for level in levels}
 
     def _align(
         self, luma: Luma, start: Array, template: Template, response: "_Response", *, wide: bool = False
@@ -155,9 +224,13 @@ class PlaneTracker(Tracker):
         matched = found.inlier_fraction >= CONSTANTS.least_inliers and found.correlation >= least
         return bool(found.converged and matched and worst_m <= CONSTANTS.worst_std_px * self.pixel_m)
 
-    def _learn(self, luma: Luma, found: Alignment, template: Template, velocity: Array | None) -> None:
-        """Learn from a picture in which ``template``, the sharp or the blurred one, was found."""
+    def _learn(
+        self, luma: Luma, found: Alignment, template: Template, velocity: Array | None, misfits: dict[int, float]
+    ) -> None:
+        """Learn from a picture in which ``template``, the sharp or a blurred one, was found."""
         sharp = template is self.template
+        self.focus.settle(misfits)
+        self.shutter.sharp = self.focus.at(self.focus.level)
         response = self.response if sharp else self.blurred_response
         if found.inlier_fraction >= CONSTANTS.refresh_inliers and response.is_due():
             slopes = slopes_at(luma, self.target, found.pose, template.points, self.pixel_m)

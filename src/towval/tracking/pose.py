@@ -59,6 +59,11 @@ class Tracker(Protocol):
         """Measured exposure time [s]; zero where the tracker does not measure it."""
         return 0.0
 
+    @property
+    def widest_blur_px(self) -> float:
+        """Deviation of the widest blur, against the first picture, that poses account for [px]; zero for none."""
+        return 0.0
+
     def measure(self, luma: NDArray[np.uint8], predicted: Array, velocity: Array | None = None) -> Measurement | None:
         """Pose near ``predicted`` (3,), or None where it cannot be measured reliably.
 

@@ -1,6 +1,6 @@
 """The metric template of a planar target: grey values and slopes at its points, in the body frame."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import cv2
@@ -42,7 +42,8 @@ class Template:
 
     ``points`` (n, 2) in the body frame [m], shuffled, so that the first of them are an even choice; ``values`` (n,)
     grey levels; ``slopes`` (n, 3) change of the grey value with a motion (x, y, heading) of the body frame [1/m, 1/m,
-    1/rad]; ``tile`` (n,) the tile of each point, of ``tiles``; ``pixel_m`` the width of a pixel on the target [m].
+    1/rad]; ``tile`` (n,) the tile of each point, of ``tiles``; ``pixel_m`` the width of a pixel on the target [m];
+    ``number`` (n,) that of each point in the template that this one is a part of.
     """
 
     points: Array
@@ -51,6 +52,12 @@ class Template:
     tile: NDArray[np.int64]
     tiles: int
     pixel_m: float
+    number: NDArray[np.int64]
+
+    def of(self, kept: NDArray[np.bool_]) -> "Template":
+        """The template of some of its points (n,)."""
+        arrays = {name: getattr(self, name)[kept] for name in ("points", "values", "slopes", "tile", "number")}
+        return replace(self, **arrays)
 
     @cached_property
     def leverage(self) -> Array:
@@ -94,7 +101,7 @@ def make_template(luma: Luma, target: PlanarTarget, pose: Array, samples: int = 
     chosen = np.random.default_rng(0).permutation(chosen)
     points, slope = points[chosen], slope[chosen]
     tile, tiles = _tiles(points, low, high, CONSTANTS.least_tile_px * pixel)
-    return Template(points, values[chosen], by_motion(points, slope), tile, tiles, pixel)
+    return Template(points, values[chosen], by_motion(points, slope), tile, tiles, pixel, np.arange(len(points)))
 
 
 def slopes_at(luma: Luma, target: PlanarTarget, pose: Array, points: Array, pixel_m: float) -> Array:
