@@ -18,7 +18,9 @@ from towval.optics.plane_uncertainty import shared_parameters
 from towval.optics.projection import project, to_plane
 from towval.tracking import floor_registration
 from towval.tracking.camera_motion import CameraMotion, _separated, calibration_at_start
-from towval.tracking.floor_registration import FloorRegistration
+from towval.tracking.floor_registration import FloorRegistration, Registered
+from towval.tracking.focus import width_px
+from towval.tracking.watched_floor import WatchedFloor
 
 CAMERA, FLOOR = ceiling((480, 360), 450.0)
 BODY = Body("box", 0.4, rectangle(0.8, 0.6))
@@ -26,11 +28,11 @@ POSE = np.array([0.3, -0.2, 0.4])
 GREY = texture(3, finest_m=0.1)
 
 
-def floor_picture(camera=CAMERA, floor=FLOOR, noise=2.0, seed=0, hidden=0.0):
+def floor_picture(camera=CAMERA, floor=FLOOR, noise=2.0, seed=0, hidden=0.0, grey=GREY):
     """The textured floor as a camera sees it; ``hidden``: share of the picture behind something plain."""
     width, height = camera.resolution_px
     pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).astype(float)
-    luma = GREY(to_plane(camera, floor, pixels, 0.0).reshape(-1, 2)).reshape(height, width)
+    luma = grey(to_plane(camera, floor, pixels, 0.0).reshape(-1, 2)).reshape(height, width)
     luma[:, : int(hidden * width)] = 60
     luma = luma + noise * np.random.default_rng(seed).standard_normal(luma.shape)
     return np.clip(np.round(luma), 0, 255).astype(np.uint8)
@@ -83,6 +85,48 @@ def test_a_still_view_scatters_by_what_is_stated_in_any_light_and_on_weak_textur
     assert 0.6 < np.sqrt(np.mean(np.square(sizes))) < 1.2
 
 
+def out_of_focus(luma, radius_px, seed):
+    """A picture whose points are discs, with the noise of its sensor."""
+    away_px = np.hypot(np.arange(-9, 10), np.arange(-9, 10)[:, None])
+    disc = np.clip(radius_px + 0.5 - away_px, 0, 1)
+    soft = cv2.filter2D(luma.astype(np.float32), -1, disc / disc.sum(), borderType=cv2.BORDER_REFLECT)
+    return np.clip(np.rint(soft + np.random.default_rng(seed).normal(0, 2, luma.shape)), 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize(("finest_m", "radius_px"), [(0.02, 3.0), (0.03, 5.0)])
+def test_a_floor_out_of_focus_is_registered_as_well_as_is_stated(finest_m, radius_px):
+    """Against the sharp floor the view is four times as far off in the first case, and not found in the second."""
+    grey = texture(3, finest_m=finest_m)
+    watch, sizes = WatchedFloor(CAMERA, FLOOR, floor_picture(grey=grey), ()), []
+    for seed in range(1, 13):
+        motion = np.array([0, 0, 0, 0, 0, 0, 0, 0.4 * np.cos(seed), 0.4 * np.sin(seed)])
+        sharp = floor_picture(*moved_view(CAMERA, FLOOR, motion), noise=0.0, grey=grey)
+        found = watch.register(out_of_focus(sharp, radius_px, seed), np.zeros(9), [])
+        assert found.std_px < 0.12
+        sizes.append(np.linalg.solve(np.linalg.cholesky(found.covariance), found.motion - motion))
+    # A disc of radius r has a variance of r² / 4 along each axis.
+    assert 0.7 < width_px(watch.level) / (radius_px / 2) < 1.8
+    assert 0.6 < np.sqrt(np.mean(np.square(sizes))) < 1.3
+    assert watch.register(floor_picture(seed=20, grey=grey), np.zeros(9), []).std_px < 0.06
+    assert watch.level == 0
+
+
+@pytest.mark.parametrize(("left", "taken"), [(0.6, True), (1.0, False)])
+def test_a_blur_that_does_not_help_is_not_taken(monkeypatch, left, taken):
+    watch, asked = WatchedFloor(CAMERA, FLOOR, FIRST, ()), []
+    monkeypatch.setattr(watch.as_it_is, "register", lambda *_: Registered(np.zeros(9), 1e-9 * np.eye(9), 0.1))
+    seen = Registered(np.zeros(9), 1e-9 * np.eye(9), 0.1 * left)
+    soft = SimpleNamespace(template=FIRST, near=lambda *_: asked.append(0) or seen, register=lambda *_: seen)
+    watch.levels |= dict.fromkeys(range(1, 7), soft)
+    watch.in_even_light = SimpleNamespace(template=None)
+    found = watch.register(FIRST, np.zeros(9), [])
+    assert found.std_px == (0.1 * left if taken else 0.1)
+    count = len(asked)
+    # Where it did not help it is not tried again, until the floor is known still worse.
+    watch.register(FIRST, np.zeros(9), [])
+    assert (len(asked) > count) == taken
+
+
 @pytest.mark.parametrize(
     ("shift", "turn", "zoom"), [((5, -3), 0, 1), ((0, 0), 0, 1.01), ((-40, 45), 1.5, 1), ((0, 0), 3, 1)]
 )
@@ -101,7 +145,7 @@ def test_a_floor_of_strong_contrast_is_registered_from_about_ten_pixels_off(shif
     strong = np.clip(np.round(128 + 4 * (plain - plain.mean())), 0, 255).astype(np.uint8)
     registration = FloorRegistration(CAMERA, FLOOR, strong, ())
     shifts = [(shift_px * np.cos(turn), shift_px * np.sin(turn)) for turn in range(6)]
-    views = [registration._near(warped(strong, shift), np.zeros(9), []) for shift in shifts]
+    views = [registration.near(warped(strong, shift), np.zeros(9), []) for shift in shifts]
     assert sum(view is not None for view in views) == found
 
 

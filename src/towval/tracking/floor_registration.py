@@ -128,13 +128,14 @@ class FloorRegistration:
 
         ``hidden``: places (2,) on the floor and radii [m] within which bodies hide it.
         """
-        found = self._near(luma, start, hidden)
+        found = self.near(luma, start, hidden)
         if found is None:
             place = self._by_blocks(luma, start)
-            found = None if place is None else self._near(luma, place, hidden)
+            found = None if place is None else self.near(luma, place, hidden)
         return found
 
-    def _near(self, luma: Luma, start: Array, hidden: Hidden) -> Registered | None:
+    def near(self, luma: Luma, start: Array, hidden: Hidden) -> Registered | None:
+        """As :meth:`register`, from ``start`` (9,) as far as the slopes of the texture reach."""
         template, c = self.template, CONSTANTS
         assert template is not None
         discs = np.array([(*place, radius) for place, radius in hidden]).reshape(-1, 3)

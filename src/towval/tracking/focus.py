@@ -19,7 +19,7 @@ from towval.tracking.alignment import Alignment
 from towval.tracking.blur import SharpTarget
 from towval.tracking.light import light_misfit
 from towval.tracking.planar_target import usable_points
-from towval.tracking.template import Template, by_motion, clearance_m, slopes_at
+from towval.tracking.template import Luma, Template, by_motion, clearance_m, slopes_at
 
 
 @dataclass(frozen=True)
@@ -51,6 +51,11 @@ def width_px(level: int) -> float:
     return CONSTANTS.narrowest_px * CONSTANTS.wider ** (level - 1) if level else 0.0
 
 
+def blurred(luma: Luma, level: int) -> Luma:
+    """A picture (height, width) through the blur of a level."""
+    return np.asarray(cv2.GaussianBlur(luma, (0, 0), width_px(level)), dtype=np.uint8)
+
+
 class Focus:
     """A planar target at several levels of blur, and the level at which the present pictures show it.
 
@@ -67,7 +72,7 @@ class Focus:
     def at(self, level: int) -> SharpTarget:
         """The target as it looks at a level, made when it is first asked for."""
         if level not in self.levels:
-            self.levels[level] = _blurred(self.levels[0], width_px(level))
+            self.levels[level] = _through_blur(self.levels[0], level)
         return self.levels[level]
 
     def is_due(self, scale: float) -> bool:
@@ -123,14 +128,14 @@ def _noise_left(level: int) -> float:
     return _READINGS_PX2 / (_READINGS_PX2 + width_px(level) ** 2)
 
 
-def _blurred(sharp: SharpTarget, sigma_px: float) -> SharpTarget:
-    """A target through a Gaussian blur, by those points of its template that are clear of the surroundings."""
+def _through_blur(sharp: SharpTarget, level: int) -> SharpTarget:
+    """A target through the blur of a level, by those points of its template that are clear of the surroundings."""
     template = sharp.template
-    margin = clearance_m(sharp.target.body, template.pixel_m) + CONSTANTS.clear * sigma_px * template.pixel_m
+    margin = clearance_m(sharp.target.body, template.pixel_m) + CONSTANTS.clear * width_px(level) * template.pixel_m
     clear = usable_points(sharp.target.body, template.points, margin)
     if clear.mean() < CONSTANTS.least_kept:
         clear[:] = True
-    soft = replace(sharp, luma=np.asarray(cv2.GaussianBlur(sharp.luma, (0, 0), sigma_px), dtype=np.uint8))
+    soft = replace(sharp, luma=blurred(sharp.luma, level))
     values = soft.read(template.points)
     slope = slopes_at(soft.luma, soft.target, soft.pose, template.points, template.pixel_m)
     kept: NDArray[np.bool_] = clear & np.isfinite(values) & np.isfinite(slope).all(axis=1)

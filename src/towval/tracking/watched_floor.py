@@ -1,20 +1,28 @@
-"""The floor of one picture, registered in others whatever the light: as it is, and in even light where that helps."""
+"""The floor of one picture, registered in others whatever their focus and light.
 
-from collections.abc import Sequence
+As it is; through a blur, and in even light, where that helps.
+"""
+
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 from towval.model import Array, Camera, Floor
 from towval.tracking.floor_registration import FloorRegistration, Hidden, Registered
+from towval.tracking.focus import CONSTANTS as FOCUS
+from towval.tracking.focus import blurred
 from towval.tracking.light import evened
 from towval.tracking.template import Luma
 
 
 @dataclass(frozen=True)
 class WatchedFloorConstants:
-    """Tuned constants of when light is evened."""
+    """Tuned constants of when a blur is tried and when light is evened."""
 
     sure_px: float = 0.06  # [px] Deviation of a registration, 0.01 to 0.04 in even light, beyond which it is not sure.
     even_helps: float = 0.5  # Of a registration's deviation is left in even light: bands leave 0.1 to 0.4, noise 0.8.
+    blur_helps: float = 0.8  # Of a registration's deviation is left through a blur that the picture has, too.
     even_every: int = 25  # Pictures after which it is tried again where it did not help: it costs as much as all else.
 
 
@@ -27,7 +35,9 @@ class WatchedFloor:
     def __init__(self, camera: Camera, floor: Floor, luma: Luma, hidden: Sequence[Array]):
         self.as_it_is = FloorRegistration(camera, floor, luma, tuple(hidden))
         self.in_even_light: FloorRegistration | None = None
+        self.levels: dict[int, FloorRegistration] = {0: self.as_it_is}
         self.picture = camera, floor, luma, tuple(hidden)
+        self.level, self.sharp_up_to_px = 0, 0.0
         self.as_it_is_until, self.registered = 0, 0
 
     @property
@@ -41,13 +51,39 @@ class WatchedFloor:
         return max(one.scattered_px for one in (self.as_it_is, self.in_even_light) if one and one.template)
 
     def register(self, luma: Luma, start: Array, hidden: Hidden) -> Registered | None:
-        """As :meth:`FloorRegistration.register`, in the light in which the floor is known better."""
+        """As :meth:`FloorRegistration.register`, by the blur and in the light by which the floor is known better."""
         found = self._in_better_light(luma, start, hidden)
         self.registered += found is not None
         return found
 
+    def _at(self, level: int) -> FloorRegistration:
+        if level not in self.levels:
+            camera, floor, first, hidden = self.picture
+            self.levels[level] = FloorRegistration(camera, floor, blurred(first, level), hidden)
+        return self.levels[level]
+
+    def _in_better_focus(self, luma: Luma, start: Array, hidden: Hidden) -> Registered | None:
+        """The floor through the blur of the pictures before, or through another one where that knows it better."""
+        at = self.level
+        tried = {at: self._at(at).register(luma, start, hidden)}
+        found = tried[at]
+        if at == 0 and found is not None and found.std_px < max(CONSTANTS.sure_px, self.sharp_up_to_px):
+            return found
+        for level in sorted(range(FOCUS.widths + 1), key=lambda level: abs(level - at)):
+            # Beyond the sharp floor and those beside it others are tried only where none of these is sure.
+            if level and abs(level - at) > 1 and _least_px(tried) < CONSTANTS.sure_px:
+                continue
+            if level not in tried and self._at(level).template is not None:
+                tried[level] = self._at(level).near(luma, start, hidden)
+        best = min(tried, key=lambda level: _px(tried[level]))
+        sharp_px = _px(tried.get(0))
+        if _px(tried[best]) > CONSTANTS.blur_helps * sharp_px:
+            best, self.sharp_up_to_px = 0, sharp_px / CONSTANTS.blur_helps
+        self.level = best
+        return tried[best]
+
     def _in_better_light(self, luma: Luma, start: Array, hidden: Hidden) -> Registered | None:
-        found = self.as_it_is.register(luma, start, hidden)
+        found = self._in_better_focus(luma, start, hidden)
         if found is not None and (found.std_px < CONSTANTS.sure_px or self.registered < self.as_it_is_until):
             return found
         # Bands of mains light, shadows and glare differ within a tile, too; to even all pictures would cost too much.
@@ -60,3 +96,12 @@ class WatchedFloor:
         if found is not None and (even is None or even.std_px > CONSTANTS.even_helps * found.std_px):
             self.as_it_is_until = self.registered + CONSTANTS.even_every
         return min((seen for seen in (found, even) if seen is not None), key=lambda seen: seen.std_px, default=None)
+
+
+def _px(found: Registered | None) -> float:
+    """Deviation of a registration [px]; infinite where there is none."""
+    return np.inf if found is None else found.std_px
+
+
+def _least_px(tried: Mapping[int, Registered | None]) -> float:
+    return min(map(_px, tried.values()))
