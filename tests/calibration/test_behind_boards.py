@@ -12,6 +12,7 @@ from studies.worlds.boards import CornerScene, calibration_set
 from studies.worlds.campaign import OBJECT, ROVER, THICKNESS_M, bending_tow, board_picture, view
 from studies.worlds.folder import write_campaign
 from studies.worlds.scenes import CeilingCamera, FilmedScene
+from towval.calibration import behind_boards
 from towval.calibration.behind_boards import as_floor_shows
 from towval.calibration.bundle_adjustment import DOUBTS
 from towval.calibration.calibrate import CalibrateSettings, calibrate
@@ -83,6 +84,22 @@ def test_another_zoom_and_crop_is_corrected_and_named(scene, every):
     assert (held(scene)[1] in named.text) == (every == 1)
     # What is known is not doubted any more; the board's own doubts are left.
     assert (found.doubts_std > 0).tolist() == [True] * 5 + [False] * 3
+
+
+def test_a_zoom_scatters_by_what_is_stated():
+    """Monte-Carlo over backgrounds and noise, a picture magnified by 1 % by OpenCV."""
+    errors, board = [], np.array([[450.0, 250.0], [500.0, 250.0], [500.0, 290.0], [450.0, 290.0]])
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        octaves = [(side, rng.normal(size=(540 // side + 2, 960 // side + 2))) for side in (2, 4, 8, 16)]
+        wall = sum(np.sqrt(side) * cv2.resize(own, (960, 540), interpolation=cv2.INTER_CUBIC) for side, own in octaves)
+        wall = 128 + 30 * wall / np.std(wall)
+        larger = cv2.getRotationMatrix2D(((960 - 1) / 2, (540 - 1) / 2), 0, 1.01)
+        magnified = cv2.warpAffine(wall, larger, (960, 540), flags=cv2.INTER_LANCZOS4, borderMode=cv2.BORDER_REFLECT)
+        noisy = [np.clip(np.rint(luma + rng.normal(0, 3, luma.shape)), 0, 255) for luma in (wall, magnified)]
+        floor, held = (behind_boards._features(luma.astype(np.uint8), board, mirrored=False) for luma in noisy)
+        errors.append(100 * (behind_boards._crop((floor, floor), held, 800.0).zoom - 1.01))
+    assert 0.6 < np.sqrt(np.mean(np.square(errors))) / behind_boards.CONSTANTS.zoom_std_percent < 1.6
 
 
 def test_a_turned_camera_took_the_same_pictures(scene):

@@ -111,6 +111,17 @@ def test_a_floor_out_of_focus_is_registered_as_well_as_is_stated(finest_m, radiu
     assert watch.level == 0
 
 
+@pytest.mark.parametrize(("std_px", "sure"), [(0.05, True), (0.08, False)])
+def test_a_floor_that_is_surely_registered_is_not_tried_through_a_blur(monkeypatch, std_px, sure):
+    watch, asked = WatchedFloor(CAMERA, FLOOR, FIRST, ()), []
+    seen = Registered(np.zeros(9), 1e-9 * np.eye(9), std_px)
+    monkeypatch.setattr(watch.as_it_is, "register", lambda *_: seen)
+    watch.levels |= dict.fromkeys(range(1, 7), SimpleNamespace(template=FIRST, near=lambda *_: asked.append(0) or seen))
+    watch.in_even_light = SimpleNamespace(template=None)
+    watch.register(FIRST, np.zeros(9), [])
+    assert (asked == []) == sure
+
+
 @pytest.mark.parametrize(("left", "taken"), [(0.6, True), (1.0, False)])
 def test_a_blur_that_does_not_help_is_not_taken(monkeypatch, left, taken):
     watch, asked = WatchedFloor(CAMERA, FLOOR, FIRST, ()), []

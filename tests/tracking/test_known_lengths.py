@@ -8,6 +8,7 @@ import pytest
 from studies.worlds.scenes import CeilingCamera, FilmedScene, small_camera, standard_scene
 from towval.model import Calibration, Finding, Floor
 from towval.optics.projection import project, to_plane
+from towval.tracking import known_lengths
 from towval.tracking.known_lengths import OutlineSizes, as_lengths_show, length_findings, size_of_tops
 from towval.tracking.outline import observe_size
 from towval.tracking.planar_target import PlanarTarget
@@ -103,3 +104,15 @@ def test_deviations_of_the_camera_are_as_large_as_the_tops_show():
     for size, wider in ((0.0, 1.0), (0.001, 1.0), (-0.003, 2.0), (np.nan, 1.0)):
         covariance = as_lengths_show(calibration, size, 0.0015).covariance
         np.testing.assert_allclose(covariance, wider**2 * calibration.covariance)
+
+
+def test_edges_may_stand_off_a_top_by_a_twentieth_of_a_pixel(monkeypatch):
+    """A camera, a height and lengths without deviations leave that of two edges."""
+    scene = standard_scene(1)
+    exact = replace(scaled(scene, 1.0), covariance=np.zeros((18, 18)))
+    target = PlanarTarget(replace(scene.bodies[0], height_std_m=0.0), exact.camera, exact.floor)
+    monkeypatch.setattr(known_lengths, "OUTLINE", replace(known_lengths.OUTLINE, length_std_m=0.0))
+    pose = scene.motions[0](0.0)
+    _, std = size_of_tops(exact, [OutlineSizes(target, pose, [0.0])])
+    diagonal_px = np.linalg.norm(np.ptp(target.body.top_corners_m, axis=0)) / target.metres_per_pixel(pose)
+    assert 0.035 < std * diagonal_px / 2 < 0.08

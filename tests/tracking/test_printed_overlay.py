@@ -58,3 +58,14 @@ def test_letters_within_fifteen_pixels_are_one_banner(apart_px, outlines):
         for left in (u - apart_px // 2 - 14, u + apart_px // 2):
             luma[v - 7 : v + 7, left : left + 14] = letter
     assert len(standing_still(first, last, own, POSE)) == outlines
+
+
+@pytest.mark.parametrize(("changed", "told"), [(0.19, False), (0.3, True)])
+def test_a_fifth_of_a_top_must_change_for_the_rest_to_stand_still(changed, told):
+    own, rng = painted_target(), np.random.default_rng(3)
+    first = rng.integers(60, 180, (240, 320)).astype(np.uint8)
+    last, corners = first.copy(), own.pixels(own.body.top_corners_m, POSE)
+    left, right = corners[:, 0].min(), corners[:, 0].max()
+    part = slice(round(left), round(left + changed * (right - left)))
+    last[:, part] = rng.integers(60, 180, last[:, part].shape)
+    assert bool(standing_still(first, last, own, POSE)) == told

@@ -5,7 +5,7 @@ import pytest
 from painted import POSE, picture, target
 from scipy.ndimage import map_coordinates
 
-from towval.model.geometry import rotation, transform
+from towval.model.geometry import inverse_transform, rotation, transform
 from towval.tracking.outline_search import OutlineSearch
 from towval.tracking.rectified import CONSTANTS, MovingAlong, Rectified, edges_limit, edges_shown
 
@@ -60,6 +60,18 @@ def test_what_goes_ends_at_edges_as_computed_with_numpy():
         np.testing.assert_allclose(limits[n], np.clip((inner - outer) / 2, 0, 1), atol=1e-6)
         to_camera = BOX.floor.camera_position_m[:2] - points.mean(axis=1)
         np.testing.assert_array_equal(known[n], (to_camera * normals).sum(axis=1) <= 0)
+
+
+@pytest.mark.parametrize(("wider_px", "limit"), [(1.8, 1.0), (3.6, 0.0)])
+def test_what_goes_may_end_two_pixels_beside_an_edge(wider_px, limit):
+    """What moves along is a little larger than the top in all directions."""
+    cell_m = CELL_M / 8
+    low, half = POSE[:2] - 1.0, np.ptp(CORNERS, axis=0) / 2 + wider_px * CELL_M
+    axis = np.arange(0.0, 2.0, cell_m)
+    places = inverse_transform(POSE, low + np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2))
+    share = np.where((np.abs(places) < half).all(axis=1), 1.0, -1.0).reshape(len(axis), -1).astype(np.float32)
+    limits, _ = edges_limit(BOX, MovingAlong(low, cell_m, share), POSE[None], CELL_M)
+    assert limits[0] == pytest.approx(limit, abs=0.1)
 
 
 def test_the_edges_of_a_painted_top_show():

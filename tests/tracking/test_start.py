@@ -285,6 +285,23 @@ def test_a_track_that_overstretches_the_tether_is_reported():
     assert [each.code for each in overstretched(rover, turned, tow)] == ["tether_too_short"]
 
 
+@pytest.mark.parametrize(("jerks", "told"), [(3, False), (6, True)])
+def test_a_tether_may_seem_too_short_in_one_picture_of_fifty(jerks, told):
+    scene, tow = towed(5)
+    times = np.arange(200) / 100
+    own = np.tile(1e-8 * np.eye(3), (200, 1, 1)), np.full(200, TrackStatus.TRACKED), np.ones(200), np.zeros(200)
+    rover, box = (Track(name, times, pose, *own, 1e-8 * np.eye(3)) for name, pose in scene.truth(times).items())
+    away = box.pose.copy()
+    away[50 : 50 + jerks, :2] += 2.0
+    assert bool(overstretched(rover, replace(box, pose=away), tow)) == told
+
+
+def test_four_other_pictures_tell_what_goes_with_a_body():
+    scene, _ = towed(2)
+    pictures = spread(scene, np.array([0.0, 2.0, 2.4, 2.8, 3.2, 3.6, 4.0, 4.4, 4.8, 5.2]))
+    assert 4 <= len(co_moving(scene.target(1), scene.motions[1](0.0), pictures)) <= 6
+
+
 def test_an_outline_that_fits_twice_widens_the_start():
     """Two frames of lines, the size of the top, 8 px apart: either may be its edge."""
     scene, _ = towed(6)
