@@ -151,10 +151,11 @@ def test_noise_alone_makes_no_blur_better():
     assert focus.best({0: noise + noise, 3: noise * 1.1}) == 0
 
 
-@pytest.mark.parametrize(("over", "doubtful"), [(1.3, False), (1.7, True)])
-def test_half_as_much_again_as_usual_is_doubtful(over, doubtful):
+@pytest.mark.parametrize(("over", "due"), [(1.3, False), (1.7, True)])
+def test_a_blur_is_tried_where_half_as_much_again_as_usual_is_left(over, due):
     focus = Focus(cut(BOX))
-    assert focus.is_doubtful(over * focus.usual) == doubtful
+    focus.settle({})
+    assert focus.is_due(np.sqrt(over * focus.usual)) == due
 
 
 def test_other_widths_are_tried_now_and_then():

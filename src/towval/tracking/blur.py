@@ -49,7 +49,7 @@ def paths(points: Array, sweep: Array) -> Array:
     return moved
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SharpTarget:
     """The picture that a template was taken from, cut out around the body.
 
@@ -74,17 +74,6 @@ class SharpTarget:
         """Grey values (n,) at points (n, 2) of the body frame [m]; NaN outside the picture."""
         return self.target.grey_values(self.luma, points, self.pose)
 
-    def swept(self, points: Array, sweep: Array) -> Array:
-        """The same (n,) through a shutter that is open while the body moves by ``sweep`` (3,) [m, m, rad]."""
-        path = paths(points, sweep)
-        count = self.readings(path)
-        return np.asarray(np.mean([self.read(points + s * path) for s in _middles(count)], axis=0))
-
-    def readings(self, path: Array) -> int:
-        """How many readings along the longest of paths (n, 2) [m] make a blur; one where it is negligible."""
-        most = np.hypot(*path.T).max() / self.template.pixel_m
-        return 1 if most < CONSTANTS.blurred_px else int(np.ceil(most / CONSTANTS.reading_px)) + 1
-
     def clear(self, points: Array, path: Array) -> NDArray[np.bool_]:
         """Which points (n, 2) show nothing but the target while they move by ``path`` (n, 2) [m]."""
         margin = clearance_m(self.target.body, self.template.pixel_m)
@@ -97,14 +86,15 @@ class SharpTarget:
         """
         sharp = self.template
         path = paths(sharp.points, sweep)
-        count = self.readings(path)
-        if count == 1:
+        most = np.hypot(*path.T).max() / sharp.pixel_m
+        if most < CONSTANTS.blurred_px:
             return None
+        count = int(np.ceil(most / CONSTANTS.reading_px)) + 1
         kept = self.clear(sharp.points, path)
         sharp, path = sharp.of(kept), path[kept]
         points = sharp.points
         values, slope = np.zeros(len(points)), np.zeros((len(points), 2))
-        for s in _middles(count):
+        for s in (np.arange(count) + 0.5) / count - 0.5:
             places = points + s * path
             values += self.read(places) / count
             slope += slopes_at(self.luma, self.target, self.pose, places, sharp.pixel_m) / count
@@ -129,11 +119,6 @@ def ahead_of_middle(time_s: Array, pose: Array, exposure_s: float) -> Array:
     return shift
 
 
-def _middles(count: int) -> Array:
-    """Middles (count,) of equal parts from −½ to ½."""
-    return np.asarray((np.arange(count) + 0.5) / count - 0.5)
-
-
 def _noise_left(length_px: Array) -> Array:
     """Share (n,) of the variance of white noise that is left when readings are averaged over lengths (n,)."""
     # Readings are smoothed by the cubic B-spline, so the autocorrelation of their noise is the B-spline of degree 7,
@@ -151,26 +136,18 @@ def _shifted(camera: Camera, low: NDArray[np.int_], part: Luma) -> Camera:
 
 
 class Shutter:
-    """Estimates the exposure, and blurs a template accordingly. ASSUME: one exposure for all pictures."""
+    """Estimates the exposure, and blurs a template accordingly. ASSUME: one exposure for all pictures.
+
+    ``sharp`` is the target without motion: as the first picture shows it, or as far out of focus as the present ones.
+    """
 
     def __init__(self, target: PlanarTarget, luma: Luma, pose: Array, template: Template):
         self.target = target
-        self._sharp = SharpTarget.cut(luma, target, pose, template)
+        self.sharp = SharpTarget.cut(luma, target, pose, template)
         self.misfit, self.own_noise = np.zeros((2, len(_CANDIDATES_S)))
         self.weight = 0.0
         self.lessons = 0
-        self.swept = np.zeros(3)
-        self.blurred: Template | None = None
-
-    @property
-    def sharp(self) -> SharpTarget:
-        """The target without motion: as the first picture shows it, or as far out of focus as the present ones."""
-        return self._sharp
-
-    @sharp.setter
-    def sharp(self, sharp: SharpTarget) -> None:
-        if sharp is not self._sharp:
-            self._sharp, self.swept, self.blurred = sharp, np.zeros(3), None
+        self.swept: dict[SharpTarget, tuple[Array, Template | None]] = {}
 
     @property
     def exposure_s(self) -> float:
@@ -191,10 +168,12 @@ class Shutter:
     def template(self, velocity: Array) -> Template | None:
         """:meth:`SharpTarget.blurred` at a velocity (3,) and the estimated exposure, kept while that hardly changes."""
         sweep = velocity * self.exposure_s
-        change = np.abs(sweep - self.swept)
+        kept, template = self.swept.get(self.sharp, (np.zeros(3), None))
+        change = np.abs(sweep - kept)
         if change[:2].sum() + self.target.reach_m * change[2] > CONSTANTS.changed_px * self.sharp.template.pixel_m:
-            self.blurred, self.swept = self.sharp.blurred(sweep), sweep
-        return self.blurred
+            template = self.sharp.blurred(sweep)
+            self.swept[self.sharp] = sweep, template
+        return template
 
     def is_learning(self, velocity: Array) -> bool:
         """Whether pictures of a body at a velocity (3,) are still to teach the exposure."""

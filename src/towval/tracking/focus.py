@@ -35,8 +35,8 @@ class FocusConstants:
     least_kept: float = 0.4  # Of the points: where fewer are so clear, all are kept.
     learned_from: int = 400  # Points, the first of the template: an even choice.
     better: float = 0.8  # Of what the sharp target leaves: a blur that leaves more is not taken.
-    compared_every: int = 10  # Pictures between comparisons while the target looks sharp,
-    grown: float = 1.5  # if its misfit is less than so many times the usual one, by which a blur begins to show.
+    compared_every: int = 10  # Pictures after which a blur is tried while the target looks sharp,
+    grown: float = 1.5  # if less is left over than so many times as much as usual: a blur begins to show by that.
     memory: float = 0.05  # Rate of the usual misfit: that of 20 pictures.
     first_misfit: float = 0.5  # [squared grey levels] Usual misfit to begin with: rounding and an encoder leave it.
 
@@ -76,34 +76,12 @@ class Focus:
         return self.levels[level]
 
     def is_due(self, scale: float) -> bool:
-        """Whether other levels are to be compared in a picture whose residuals have this ``scale``."""
-        return bool(self.level) or self.observed % CONSTANTS.compared_every == 0 or self.is_doubtful(scale * scale)
+        """Whether other levels are to be tried in a picture whose residuals have this ``scale``.
 
-    def is_doubtful(self, misfit: float) -> bool:
-        """Whether more is left over than usual."""
-        return misfit > CONSTANTS.grown * self.usual
-
-    def beside(self) -> tuple[int, ...]:
-        """The present level, those beside it, and the sharp target."""
-        levels = {0, self.level - 1, self.level, self.level + 1}
-        return tuple(level for level in sorted(levels) if 0 <= level <= self.last)
-
-    def misfit(
-        self, level: int, values: Array, found: Alignment, template: Template, learned: Array, sweep: Array
-    ) -> float:
-        """Mean squared residual of a picture with the target at a level [squared grey levels].
-
-        ``values`` (n,) are the picture's at the first points of the ``template`` that was ``found``; ``learned`` (m,)
-        what the template has learned since the first picture, of all its points; ``sweep`` (3,) the motion during
-        the exposure.
+        In every one while there is a blur, else now and then, and where more is left over than usual.
         """
-        n = len(values)
-        seen = self.at(level).swept(template.points[:n], sweep) + learned[:n]
-        known = np.isfinite(values) & np.isfinite(seen)
-        weight = np.where(known, found.weight[:n], 0.0)
-        values, seen = np.where(known, values, 0.0), np.where(known, seen, 0.0)
-        total = light_misfit(values, seen, template.tile[:n], template.tiles, weight, found.scale)
-        return total / max(float(weight.sum()), 1e-9)
+        unusual = scale * scale > CONSTANTS.grown * self.usual
+        return bool(self.level) or self.observed % CONSTANTS.compared_every == 0 or unusual
 
     def best(self, misfits: Mapping[int, float]) -> int:
         """The level that leaves least; the sharp one unless another leaves clearly less."""
@@ -115,12 +93,24 @@ class Focus:
         return 0 if 0 in free and free[best] > CONSTANTS.better * free[0] else best
 
     def settle(self, misfits: Mapping[int, float]) -> None:
-        """Take the best of the levels that were compared in an observed picture, if any were, and what it leaves."""
+        """Take the best of the levels that were tried in an observed picture, if any were, and what it leaves."""
         self.observed += 1
         if misfits:
             self.level = self.best(misfits)
             self.widest = max(self.widest, self.level)
             self.usual += CONSTANTS.memory * (misfits[self.level] - self.usual)
+
+
+def misfit(values: Array, found: Alignment, template: Template) -> float:
+    """Mean squared residual of a picture in which a template was ``found`` [squared grey levels of the picture].
+
+    ``values`` (n,) are the picture's at the first points of the template.
+    """
+    n, known = len(values), np.isfinite(values)
+    weight = np.where(known, found.weight[:n], 0.0)
+    values, seen = np.where(known, values, 0.0), template.values[:n]
+    total = light_misfit(values, seen, template.tile[:n], template.tiles, weight, found.scale)
+    return total / max(float(weight.sum()), 1e-9)
 
 
 def _noise_left(level: int) -> float:

@@ -13,7 +13,7 @@ from towval.tracking.alignment import CONSTANTS as ALIGNMENT
 from towval.tracking.alignment import Alignment, align
 from towval.tracking.blur import Shutter
 from towval.tracking.focus import CONSTANTS as FOCUS
-from towval.tracking.focus import Focus, width_px
+from towval.tracking.focus import Focus, misfit, width_px
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.pose import TUKEY, Measurement, Tracker
 from towval.tracking.template import Luma, Template, by_motion, make_template, slopes_at, without_light
@@ -51,11 +51,10 @@ _TABLE_POINTS = 60
 
 @dataclass(frozen=True)
 class _Found:
-    """An ``alignment``, with the ``template`` that it is of, and that one's motion during the exposure (3,)."""
+    """An ``alignment``, and the ``template`` that it is of."""
 
     alignment: Alignment
     template: Template
-    sweep: Array
 
 
 class PlaneTracker(Tracker):
@@ -120,12 +119,12 @@ class PlaneTracker(Tracker):
         """The target at a level of blur near ``predicted`` (3,), or None where no alignment passes the gates."""
         self.shutter.sharp = self.focus.at(level)
         swept = None if velocity is None else self.shutter.template(velocity)
-        sweep = np.zeros(3) if swept is None else self.shutter.swept
         if swept is not None:
             template, response = swept, self.blurred_response
         elif level:
             soft = self.focus.at(level).template
-            template, response = replace(soft, values=soft.values + self._learned(soft)), self.blurred_response
+            learned = (self.template.values - self.focus.at(0).template.values)[soft.number]
+            template, response = replace(soft, values=soft.values + learned), self.blurred_response
         else:
             template, response = self.template, self.response
         found = self._align(luma, predicted, template, response)
@@ -137,40 +136,32 @@ class PlaneTracker(Tracker):
             return None
         if information_of_inliers(found, template) < CONSTANTS.least_information:
             found = self._at_its_edges(luma, predicted, found, template, response)
-        return _Found(found, template, sweep)
-
-    def _learned(self, template: Template) -> Array:
-        """What the values of a template's points have learned since the first picture (n,)."""
-        return (self.template.values - self.focus.at(0).template.values)[template.number]
+        return _Found(found, template)
 
     def _in_focus(
         self, luma: Luma, predicted: Array, velocity: Array, there: "_Found"
     ) -> tuple["_Found", dict[int, float]]:
-        """What was found, or what is found at another level of blur that leaves less; and what the levels leave."""
+        """What was found, or what is found through another blur that leaves less; and what the levels tried leave.
+
+        Through a wrong blur the pose is off, so that no other one fits there: each is aligned by itself.
+        """
         level = self.focus.level
-        misfits = self._misfits(luma, there, self.focus.beside())
-        if self.focus.best(misfits) == level and not self.focus.is_doubtful(misfits[level]):
-            return there, misfits
-        # At a wrong level the pose is off, and no level fits there: each is aligned by itself.
-        tried, misfits = {level: there}, {level: misfits[level]}
+        tried, misfits = {level: there}, {level: self._misfit(luma, there)}
         for by in (1, -1):
             other, left = level + by, misfits[level]
             while 0 <= other <= self.focus.last:
                 found = self._found(luma, predicted, velocity, other)
                 if found is None:
                     break
-                tried[other], misfits[other] = found, self._misfits(luma, found, (other,))[other]
+                tried[other], misfits[other] = found, self._misfit(luma, found)
                 if misfits[other] > left:
                     break
                 other, left = other + by, misfits[other]
         return tried[self.focus.best(misfits)], misfits
 
-    def _misfits(self, luma: Luma, there: "_Found", levels: tuple[int, ...]) -> dict[int, float]:
-        """What some levels of blur leave of the picture at one place."""
-        found, template = there.alignment, there.template
-        values = self.target.grey_values(luma, template.points[: FOCUS.learned_from], found.pose)
-        learned = self._learned(template)
-        return {level: self.focus.misfit(level, values, found, template, learned, there.sweep) for level in levels}
+    def _misfit(self, luma: Luma, there: "_Found") -> float:
+        points = there.template.points[: FOCUS.learned_from]
+        return misfit(self.target.grey_values(luma, points, there.alignment.pose), there.alignment, there.template)
 
     def _align(
         self, luma: Luma, start: Array, template: Template, response: "_Response", *, wide: bool = False
