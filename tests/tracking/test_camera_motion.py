@@ -111,6 +111,38 @@ def test_a_floor_out_of_focus_is_registered_as_well_as_is_stated(finest_m, radiu
     assert watch.level == 0
 
 
+@pytest.mark.parametrize(("radius_px", "blur_px"), [(0.0, (0.0, 0.0)), (1.6, (0.7, 1.3))])
+def test_a_sharp_floor_is_told_from_one_that_is_slightly_out_of_focus(radius_px, blur_px):
+    grey = texture(3, finest_m=0.02)
+    watch = WatchedFloor(CAMERA, FLOOR, floor_picture(grey=grey), ())
+    for seed in range(1, 4):
+        found = watch.register(out_of_focus(floor_picture(noise=0.0, grey=grey), radius_px, seed), np.zeros(9), [])
+        # Its place is known well enough all the same.
+        assert found.std_px < 0.06
+        assert watch.level == 0
+        assert blur_px[0] <= watch.blur_px() <= blur_px[1]
+
+
+@pytest.mark.parametrize(("left", "seen_px"), [(0.8, 0.8), (0.95, 0.0)])
+def test_a_blur_shows_by_a_tenth_of_the_deviation(monkeypatch, left, seen_px):
+    watch, deviations = WatchedFloor(CAMERA, FLOOR, FIRST, ()), iter([0.04 * left, 1.0])
+    own = Registered(np.zeros(9), 1e-9 * np.eye(9), 0.04)
+    monkeypatch.setattr(watch.as_it_is, "register", lambda *_: own)
+    soft = SimpleNamespace(template=FIRST, near=lambda *_: replace(own, std_px=next(deviations)))
+    watch.levels |= dict.fromkeys(range(1, 7), soft)
+    watch.register(FIRST, np.zeros(9), [])
+    assert watch.blur_px() == seen_px
+
+
+def test_a_floor_that_is_hidden_shows_no_blur_and_one_that_was_never_found_may_have_any():
+    watch = WatchedFloor(CAMERA, FLOOR, FIRST, ())
+    assert watch.register(np.full_like(FIRST, 90), np.zeros(9), []) is None
+    assert watch.blur_px() == np.inf
+    assert watch.register(floor_picture(seed=1), np.zeros(9), []) is not None
+    assert watch.register(np.full_like(FIRST, 90), np.zeros(9), []) is None
+    assert watch.blur_px() == 0.0
+
+
 @pytest.mark.parametrize(("std_px", "sure"), [(0.05, True), (0.08, False)])
 def test_a_floor_that_is_surely_registered_is_not_tried_through_a_blur(monkeypatch, std_px, sure):
     watch, asked = WatchedFloor(CAMERA, FLOOR, FIRST, ()), []

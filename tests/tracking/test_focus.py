@@ -88,6 +88,18 @@ def test_a_picture_that_is_only_looked_at_does_not_change_the_focus():
     assert width_px(tracker.focus.level) == pytest.approx(3.0, rel=0.25)
 
 
+@pytest.mark.parametrize(("floor_px", "level"), [(0.0, 0), (1.2, 3), (np.inf, 4)])
+def test_a_body_is_no_less_sharp_than_the_floor_around_it(floor_px, level):
+    """By one width more at most; where no floor is watched the body alone decides."""
+    own = target()
+    tracker = PlaneTracker(own, picture(own), POSE)
+    own.blur_px = lambda: floor_px
+    for width_px_ in (2.0, 3.0, 3.0):
+        found = tracker.measure(cv2.GaussianBlur(picture(own), (0, 0), width_px_), POSE, np.zeros(3))
+        found.learn()
+    assert tracker.focus.level == level
+
+
 def test_a_change_of_focus_is_told_of():
     follower = Follower(BOX, 0.0, picture(BOX), BOX.pixels(BOX.body.top_corners_m, POSE), PlaneTracker, 0.1)
     for i in range(1, 9):

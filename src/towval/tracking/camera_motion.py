@@ -136,6 +136,10 @@ class CameraMotion:
         """Whether the floor shows enough to be registered at all."""
         return self.watch.shows_texture
 
+    def blur_px(self) -> float:
+        """As :meth:`WatchedFloor.blur_px`, of the present picture."""
+        return self.watch.blur_px()
+
     def register(self, time_s: float, luma: Luma, poses: Sequence[Array]) -> tuple[Camera, Floor]:
         """The view of the next picture, in which the bodies are near ``poses`` (3,)."""
         found = None

@@ -92,6 +92,15 @@ class Focus:
         best = min(free, key=free.__getitem__)
         return 0 if 0 in free and free[best] > CONSTANTS.better * free[0] else best
 
+    def allowed(self, floor_px: float) -> int:
+        """The widest level beside a floor whose blur is ``floor_px`` wide: the focus is the same for both.
+
+        An encoder takes the texture of what moves alone, and leaves it behind: that is no blur.
+        """
+        if not floor_px:
+            return 0
+        return sum(width_px(level) <= CONSTANTS.wider * floor_px * (1 + 1e-9) for level in range(1, self.last + 1))
+
     def settle(self, misfits: Mapping[int, float]) -> None:
         """Take the best of the levels that were tried in an observed picture, if any were, and what it leaves."""
         self.observed += 1

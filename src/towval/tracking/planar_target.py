@@ -1,7 +1,8 @@
 """The planar target of a body under a calibrated camera: geometry that all trackers share."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -22,11 +23,13 @@ class PlanarTarget:
     """The tracked plane of a ``body`` under a calibrated ``camera`` over a ``floor``.
 
     Camera and floor are those of the current picture: when the camera moves they are updated for all holders.
+    ``blur_px`` says how wide the blur of that picture is by the floor [px], infinite where that is not known.
     """
 
     body: Body
     camera: Camera
     floor: Floor
+    blur_px: Callable[[], float] = field(default=lambda: math.inf)
 
     @property
     def height(self) -> float:

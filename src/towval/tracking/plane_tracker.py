@@ -143,7 +143,8 @@ class PlaneTracker(Tracker):
     ) -> tuple["_Found", dict[int, float]]:
         """What was found, or what is found through another blur that leaves less; and what the levels tried leave.
 
-        Through a wrong blur the pose is off, so that no other one fits there: each is aligned by itself.
+        Through a wrong blur the pose is off, so that no other one fits there: each is aligned by itself. Where the
+        floor is sharp the body is.
         """
         level = self.focus.level
         tried, misfits = {level: there}, {level: self._misfit(luma, there)}
@@ -157,6 +158,12 @@ class PlaneTracker(Tracker):
                 if misfits[other] > left:
                     break
                 other, left = other + by, misfits[other]
+        if self.focus.best(misfits):
+            widest = self.focus.allowed(self.target.blur_px())
+            sharp = None if 0 in tried or widest >= max(misfits) else self._found(luma, predicted, velocity, 0)
+            if sharp is not None:
+                tried[0], misfits[0] = sharp, self._misfit(luma, sharp)
+            misfits = {each: left for each, left in misfits.items() if each <= widest} or {level: misfits[level]}
         return tried[self.focus.best(misfits)], misfits
 
     def _misfit(self, luma: Luma, there: "_Found") -> float:

@@ -96,6 +96,8 @@ def track_beside(
             poses = [follower.first_pose for follower in groups[0].followers]
             camera_motion = CameraMotion(calibration.camera, calibration.floor, luma, bodies, poses)
             camera_motion.register(time_s, luma, poses)
+            for target in targets:
+                target.blur_px = camera_motion.blur_px
         else:
             poses = [follower.motion.predict(time_s) for follower in groups[0].followers]
             view = camera_motion.register(time_s, luma, poses)

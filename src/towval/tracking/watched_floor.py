@@ -11,7 +11,7 @@ import numpy as np
 from towval.model import Array, Camera, Floor
 from towval.tracking.floor_registration import FloorRegistration, Hidden, Registered
 from towval.tracking.focus import CONSTANTS as FOCUS
-from towval.tracking.focus import blurred
+from towval.tracking.focus import blurred, width_px
 from towval.tracking.light import evened
 from towval.tracking.template import Luma
 
@@ -22,7 +22,8 @@ class WatchedFloorConstants:
 
     sure_px: float = 0.06  # [px] Deviation of a registration, 0.01 to 0.04 in even light, beyond which it is not sure.
     even_helps: float = 0.5  # Of a registration's deviation is left in even light: bands leave 0.1 to 0.4, noise 0.8.
-    blur_helps: float = 0.8  # Of a registration's deviation is left through a blur that the picture has, too.
+    blur_helps: float = 0.8  # Of a registration's deviation is left through a blur that the picture has, too,
+    blur_shows: float = 0.9  # and of a blur too narrow to matter to the floor so much.
     even_every: int = 25  # Pictures after which it is tried again where it did not help: it costs as much as all else.
 
 
@@ -38,6 +39,8 @@ class WatchedFloor:
         self.levels: dict[int, FloorRegistration] = {0: self.as_it_is}
         self.picture = camera, floor, luma, tuple(hidden)
         self.level, self.sharp_up_to_px = 0, 0.0
+        self.last: tuple[Luma, Array, Hidden] | None = None
+        self.last_px = np.inf
         self.as_it_is_until, self.registered = 0, 0
 
     @property
@@ -54,7 +57,25 @@ class WatchedFloor:
         """As :meth:`FloorRegistration.register`, by the blur and in the light by which the floor is known better."""
         found = self._in_better_light(luma, start, hidden)
         self.registered += found is not None
+        self.last, self.last_px = (luma, start if found is None else found.motion, hidden), _px(found)
         return found
+
+    def blur_px(self) -> float:
+        """Width of the blur that the floor shows in the picture registered last [px]; none where it was not found.
+
+        Infinite, for all that is known, where the floor was found in no picture: too plain a floor.
+        """
+        if self.last is None or not self.registered:
+            return np.inf
+        if self.level:
+            return width_px(self.level)
+        level, px = 0, CONSTANTS.blur_shows * self.last_px if np.isfinite(self.last_px) else 0.0
+        while level < FOCUS.widths and self._at(level + 1).template is not None:
+            wider_px = _px(self._at(level + 1).near(*self.last))
+            if wider_px >= px:
+                break
+            level, px = level + 1, wider_px
+        return width_px(level)
 
     def _at(self, level: int) -> FloorRegistration:
         if level not in self.levels:
