@@ -170,6 +170,18 @@ def test_a_blur_that_does_not_help_is_not_taken(monkeypatch, left, taken):
     assert (len(asked) > count) == taken
 
 
+def test_a_blur_that_did_not_help_is_tried_again_after_the_floor_was_surely_known(monkeypatch):
+    watch, asked, deviations = WatchedFloor(CAMERA, FLOOR, FIRST, ()), [], iter([0.3, 0.2, 0.03, 0.2])
+    own = Registered(np.zeros(9), 1e-9 * np.eye(9), 0.3)
+    monkeypatch.setattr(watch.as_it_is, "register", lambda *_: replace(own, std_px=next(deviations)))
+    watch.levels |= dict.fromkeys(range(1, 7), SimpleNamespace(template=FIRST, near=lambda *_: asked.append(0) or own))
+    watch.in_even_light, counts = SimpleNamespace(template=None), []
+    for _ in range(4):
+        watch.register(FIRST, np.zeros(9), [])
+        counts.append(len(asked))
+    assert counts == [6, 6, 6, 12]
+
+
 @pytest.mark.parametrize(
     ("shift", "turn", "zoom"), [((5, -3), 0, 1), ((0, 0), 0, 1.01), ((-40, 45), 1.5, 1), ((0, 0), 3, 1)]
 )

@@ -1,3 +1,4 @@
+import re
 from dataclasses import replace
 from itertools import pairwise
 
@@ -100,13 +101,14 @@ def test_a_body_is_no_less_sharp_than_the_floor_around_it(floor_px, level):
     assert tracker.focus.level == level
 
 
-def test_a_change_of_focus_is_told_of():
+@pytest.mark.parametrize(("width_px_", "told"), [(0.0, []), (0.8, []), (1.2, ["1.2 px"]), (2.0, ["1.8 px"])])
+def test_a_change_of_focus_is_told_of(width_px_, told):
     follower = Follower(BOX, 0.0, picture(BOX), BOX.pixels(BOX.body.top_corners_m, POSE), PlaneTracker, 0.1)
-    for i in range(1, 9):
-        luma = picture(BOX) if i < 3 else cv2.GaussianBlur(picture(BOX), (0, 0), 2.0)
-        follower.follow(i / 25, luma, ())
-    (told,) = [each for each in follower.track("plane").findings if each.code == "focus_changed"]
-    assert "1.8 px" in told.text
+    for i in range(1, 15):
+        soft = i > 2 and width_px_
+        follower.follow(i / 25, cv2.GaussianBlur(picture(BOX), (0, 0), width_px_) if soft else picture(BOX), ())
+    texts = [each.text for each in follower.track("plane").findings if each.code == "focus_changed"]
+    assert [re.search(r"[\d.]+ px", text)[0] for text in texts] == told
 
 
 # Limits, each from both sides

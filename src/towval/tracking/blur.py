@@ -22,6 +22,7 @@ from towval.tracking.template import Luma, Template, by_motion, clearance_m, slo
 
 _CANDIDATES_S = np.arange(17) / 240.0
 """Exposures that are considered [s]. ASSUME: none is longer than a fifteenth of a second."""
+_BORDER_PX = 16  # Round a body, kept of its picture: a blur of 6 px mixes no more of its surroundings in.
 _READINGS = 2  # Of the sharp target between one candidate and the next.
 
 
@@ -37,7 +38,6 @@ class BlurConstants:
     reading_px: float = 1.5  # [px] Between readings of the sharp target; each is smoothed over 1.4 px.
     changed_px: float = 0.5  # [px] Change of the motion beyond which the blurred template is recomputed.
     least_kept: float = 0.6  # Of the points: with fewer the blur is a large part of the body.
-    border_px: int = 16  # [px] Round the body that are kept of the sharp picture: what a blurred focus mixes in.
 
 
 CONSTANTS = BlurConstants()
@@ -65,8 +65,8 @@ class SharpTarget:
     def cut(cls, luma: Luma, target: PlanarTarget, pose: Array, template: Template) -> "SharpTarget":
         """Keep what is needed of the picture ``luma``, where the body is at ``pose`` (3,)."""
         corners = target.pixels(target.body.top_corners_m, pose)
-        low = np.clip(np.floor(corners.min(axis=0)).astype(int) - CONSTANTS.border_px, 0, None)
-        high = np.ceil(corners.max(axis=0)).astype(int) + CONSTANTS.border_px + 1
+        low = np.clip(np.floor(corners.min(axis=0)).astype(int) - _BORDER_PX, 0, None)
+        high = np.ceil(corners.max(axis=0)).astype(int) + _BORDER_PX + 1
         part = luma[low[1] : high[1], low[0] : high[0]].copy()
         return cls(part, replace(target, camera=_shifted(target.camera, low, part)), np.array(pose), template)
 

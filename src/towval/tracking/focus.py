@@ -1,10 +1,10 @@
 """Focus: the appearance of a planar target in pictures that are less sharp than the one its template was taken from.
 
-A focus that hunts takes the fine texture away, and so does an encoder that runs out of bits. Aligned with the sharp
-template, such a picture leaves residuals that are no noise: what the sharp target has and this picture has not. Where
-they happen to agree with the slopes of the template the pose is off, and small residuals that are left do not show it.
-So the target is aligned as it looks through a Gaussian blur of the same width. Of a few widths that one is taken, for
-the next picture, too, which leaves least of the present one.
+A focus that hunts takes the fine texture away. Aligned with the sharp template, such a picture leaves residuals that
+are no noise: what the sharp target has and this picture has not. Where they happen to agree with the slopes of the
+template the pose is off, and small residuals that are left do not show it. So the target is aligned as it looks through
+a Gaussian blur of the same width. Of a few widths that one is taken, for the next picture, too, which leaves least of
+the present one.
 """
 
 from collections.abc import Mapping

@@ -88,7 +88,10 @@ class WatchedFloor:
         at = self.level
         tried = {at: self._at(at).register(luma, start, hidden)}
         found = tried[at]
-        if at == 0 and found is not None and found.std_px < max(CONSTANTS.sure_px, self.sharp_up_to_px):
+        # Where no blur helped none is tried until the floor is known still worse, or was surely known meanwhile.
+        if _px(found) < CONSTANTS.sure_px:
+            self.sharp_up_to_px = 0.0
+        if at == 0 and _px(found) < max(CONSTANTS.sure_px, self.sharp_up_to_px):
             return found
         for level in sorted(range(FOCUS.widths + 1), key=lambda level: abs(level - at)):
             # Beyond the sharp floor and those beside it others are tried only where none of these is sure.
