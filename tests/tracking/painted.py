@@ -1,5 +1,6 @@
 """A planar target painted into a small picture: a known texture without noise, quick to make."""
 
+import cv2
 import numpy as np
 
 from studies.worlds.scenes import ceiling, rectangle
@@ -36,3 +37,12 @@ def picture(own, pose=POSE, grey=None, around=90.0, noise=0.0, seed=0):
     luma[inside] = (grey or texture())(xy[inside])
     luma += noise * np.random.default_rng(seed).standard_normal(len(luma))
     return np.clip(np.round(luma), 0, 255).astype(np.uint8).reshape(height, width)
+
+
+def out_of_focus(luma, radius_px, rng):
+    """A picture whose points are discs, which no Gaussian is, with a sensor's noise of 2 grey levels."""
+    away_px = np.hypot(np.arange(-9, 10), np.arange(-9, 10)[:, None])
+    # A disc of half a pixel's radius is the pixel itself.
+    disc = np.clip(max(radius_px, 0.5) + 0.5 - away_px, 0, 1)
+    soft = cv2.filter2D(luma.astype(np.float32), -1, disc / disc.sum(), borderType=cv2.BORDER_REFLECT)
+    return np.clip(np.rint(soft + rng.normal(0, 2, luma.shape)), 0, 255).astype(np.uint8)

@@ -9,7 +9,7 @@ import pytest
 
 from studies.worlds import challenges
 from studies.worlds.scenes import CeilingCamera, ceiling, rectangle
-from tests.tracking.painted import texture
+from tests.tracking.painted import out_of_focus, texture
 from towval.commands.track import _calibration_at_start as calibration_of_video
 from towval.model import Body, Calibration
 from towval.model.geometry import transform
@@ -85,14 +85,6 @@ def test_a_still_view_scatters_by_what_is_stated_in_any_light_and_on_weak_textur
     assert 0.6 < np.sqrt(np.mean(np.square(sizes))) < 1.2
 
 
-def out_of_focus(luma, radius_px, seed):
-    """A picture whose points are discs, with the noise of its sensor."""
-    away_px = np.hypot(np.arange(-9, 10), np.arange(-9, 10)[:, None])
-    disc = np.clip(radius_px + 0.5 - away_px, 0, 1)
-    soft = cv2.filter2D(luma.astype(np.float32), -1, disc / disc.sum(), borderType=cv2.BORDER_REFLECT)
-    return np.clip(np.rint(soft + np.random.default_rng(seed).normal(0, 2, luma.shape)), 0, 255).astype(np.uint8)
-
-
 @pytest.mark.parametrize(("finest_m", "radius_px"), [(0.02, 3.0), (0.03, 5.0)])
 def test_a_floor_out_of_focus_is_registered_as_well_as_is_stated(finest_m, radius_px):
     """Against the sharp floor the view is four times as far off in the first case, and not found in the second."""
@@ -101,7 +93,7 @@ def test_a_floor_out_of_focus_is_registered_as_well_as_is_stated(finest_m, radiu
     for seed in range(1, 13):
         motion = np.array([0, 0, 0, 0, 0, 0, 0, 0.4 * np.cos(seed), 0.4 * np.sin(seed)])
         sharp = floor_picture(*moved_view(CAMERA, FLOOR, motion), noise=0.0, grey=grey)
-        found = watch.register(out_of_focus(sharp, radius_px, seed), np.zeros(9), [])
+        found = watch.register(out_of_focus(sharp, radius_px, np.random.default_rng(seed)), np.zeros(9), [])
         assert found.std_px < 0.12
         sizes.append(np.linalg.solve(np.linalg.cholesky(found.covariance), found.motion - motion))
     # A disc of radius r has a variance of r² / 4 along each axis.
@@ -116,7 +108,9 @@ def test_a_sharp_floor_is_told_from_one_that_is_slightly_out_of_focus(radius_px,
     grey = texture(3, finest_m=0.02)
     watch = WatchedFloor(CAMERA, FLOOR, floor_picture(grey=grey), ())
     for seed in range(1, 4):
-        found = watch.register(out_of_focus(floor_picture(noise=0.0, grey=grey), radius_px, seed), np.zeros(9), [])
+        found = watch.register(
+            out_of_focus(floor_picture(noise=0.0, grey=grey), radius_px, np.random.default_rng(seed)), np.zeros(9), []
+        )
         # Its place is known well enough all the same.
         assert found.std_px < 0.06
         assert watch.level == 0

@@ -5,7 +5,7 @@ from itertools import pairwise
 import cv2
 import numpy as np
 import pytest
-from painted import FLOOR, POSE, picture, target
+from painted import FLOOR, POSE, out_of_focus, picture, target
 
 from studies.worlds.scenes import CeilingCamera, small_camera, standard_scene
 from towval.model import Body
@@ -20,15 +20,6 @@ from towval.tracking.template import clearance_m, make_template
 BOX = target()
 
 
-def seen_by(luma, radius_px, rng):
-    """A picture out of focus: each point a disc, which no Gaussian is; and the noise of 2 grey levels of a sensor."""
-    away_px = np.hypot(np.arange(-9, 10), np.arange(-9, 10)[:, None])
-    # A disc of half a pixel's radius is the pixel itself.
-    disc = np.clip(max(radius_px, 0.5) + 0.5 - away_px, 0, 1)
-    soft = cv2.filter2D(luma.astype(np.float32), -1, disc / disc.sum(), borderType=cv2.BORDER_REFLECT)
-    return np.clip(np.rint(soft + rng.normal(0, 2, luma.shape)), 0, 255).astype(np.uint8)
-
-
 def moving(time_s):
     return np.array([-0.8 + 0.3 * time_s, 0.2 + 0.1 * time_s, 0.2 * time_s])
 
@@ -37,10 +28,10 @@ def filmed(seed, radii_px, rng):
     """A tracker of a moving rover, and its errors (n, 3) and stated variances in pictures out of focus by discs."""
     scene = standard_scene(seed, **(small_camera() | {"grain_m": 0.012, "noise": 0.0}))
     film = CeilingCamera(replace(scene, motions=(moving, scene.motions[1])))
-    tracker = PlaneTracker(scene.target(0), seen_by(film.picture(0.0), 0.0, rng), moving(0.0))
+    tracker = PlaneTracker(scene.target(0), out_of_focus(film.picture(0.0), 0.0, rng), moving(0.0))
     errors, variances = [], []
     for time_s, radius_px in zip(0.1 * np.arange(1, len(radii_px) + 1), radii_px, strict=True):
-        found = tracker.measure(seen_by(film.picture(time_s), radius_px, rng), moving(time_s), np.zeros(3))
+        found = tracker.measure(out_of_focus(film.picture(time_s), radius_px, rng), moving(time_s), np.zeros(3))
         found.learn()
         errors.append(found.pose - moving(time_s))
         variances.append(np.diag(found.covariance))
@@ -66,9 +57,9 @@ def test_a_body_is_found_in_pictures_out_of_focus_as_well_as_is_said():
 def test_the_width_follows_the_focus_out_and_back():
     scene = standard_scene(3, **(small_camera() | {"grain_m": 0.012, "noise": 0.0}))
     film, rng, widths = CeilingCamera(replace(scene, motions=(moving, scene.motions[1]))), np.random.default_rng(3), []
-    tracker = PlaneTracker(scene.target(0), seen_by(film.picture(0.0), 0.0, rng), moving(0.0))
+    tracker = PlaneTracker(scene.target(0), out_of_focus(film.picture(0.0), 0.0, rng), moving(0.0))
     for i, radius_px in enumerate(HUNTING_PX, 1):
-        tracker.measure(seen_by(film.picture(0.1 * i), radius_px, rng), moving(0.1 * i), np.zeros(3)).learn()
+        tracker.measure(out_of_focus(film.picture(0.1 * i), radius_px, rng), moving(0.1 * i), np.zeros(3)).learn()
         widths.append(width_px(tracker.focus.level))
     # A disc of radius r has a variance of r² / 4 along each axis; widths are a half apart, and a disc is no Gaussian.
     assert widths[3:13] == pytest.approx(list(HUNTING_PX[3:13] / 2), rel=0.45)
