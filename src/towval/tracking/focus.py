@@ -27,7 +27,7 @@ class FocusConstants:
     """Tuned constants of the focus, set on run g of lab_c, its focus hunting by 3 and 6 px."""
 
     narrowest_px: float = 0.8  # [px] Standard deviation of the least blur: readings are smoothed by 0.6 px.
-    wider: float = 1.5  # Times the width before: halfway between two, what is left is twice the noise.
+    wider: float = 1.5  # Times the width before.
     widths: int = 6  # Up to 6 px,
     widest: float = 1 / 12  # and to so much of the smaller side of a body: of less than twelve widths little is left.
     least_side_px: float = 24.0  # [px] Of a body: the pixels of a smaller one are too few to tell a blur from chance.
