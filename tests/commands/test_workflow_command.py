@@ -128,6 +128,50 @@ def test_a_call_that_is_ended_leaves_nothing_that_waits_and_the_next_goes_on(tmp
     assert (tmp_path / "results" / "sample" / "camera.mcap").is_file()
 
 
+DEALING_WITH_A_FAILURE = """
+import sys, time
+from snakemake.cli import main
+from snakemake.scheduling.job_scheduler import JobScheduler
+failed = JobScheduler._error_jobs
+def slowly(self):
+    if self._toerror:
+        print("dealing with it", file=sys.stderr, flush=True)
+        time.sleep(5)
+    failed(self)
+JobScheduler._error_jobs = slowly
+sys.exit(main())
+"""
+
+ENDED_THEN = """
+import os, signal, sys
+from towval.commands.workflow import _ending_with_us
+with _ending_with_us(sys.argv[1:]) as (workflow, _):
+    for line in workflow.stderr:
+        print(line, end="", flush=True)
+        if line == "dealing with it\\n":
+            os.kill(os.getpid(), signal.SIGTERM)
+sys.exit(workflow.returncode)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="SIGTERM ends a process of Windows at once")
+def test_a_workflow_that_waits_for_itself_when_it_is_to_end_is_interrupted(tmp_path):
+    """Snakemake's handler of SIGTERM takes the lock that its main thread holds while it deals with failed jobs."""
+    (tmp_path / "Snakefile").write_text("rule all:\n    shell: 'false'\n")
+    snakemake = [sys.executable, "-c", DEALING_WITH_A_FAILURE, "--cores", "1"]
+    done = subprocess.run(
+        [sys.executable, "-c", ENDED_THEN, *snakemake],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert "Terminating processes on user request" in done.stdout
+    assert not [*(tmp_path / ".snakemake").glob("locks/*")], "the folder is still locked"
+
+
 def interruptible():
     """A shell's job in the background ignores SIGINT, and so does what it starts."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)

@@ -10,11 +10,15 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
+import time
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib import resources
 from pathlib import Path
 from typing import Any
+
+import psutil
 
 from towval.commands.console import Outcome
 from towval.commands.settings import nested
@@ -27,6 +31,9 @@ SNAKEMAKE = ("--rerun-incomplete", "--keep-going", "--show-failed-logs", "--quie
 
 _SET_DEATH_SIGNAL = 1
 """PR_SET_PDEATHSIG of Linux' prctl(2)."""
+
+_IDLE_S = 5.0
+"""How long a workflow that was asked to end may have no process at work before it is interrupted [s]."""
 
 _NOISE = re.compile(
     r"Assuming unrestricted|Building DAG|Using shell|Provided cores|Rules claiming|Conda environments|Job stats|job  |"
@@ -104,6 +111,8 @@ def _ending_with_us(line: Sequence[str]) -> Iterator[tuple["subprocess.Popen[str
         def end(number: int, _: object) -> None:
             ended_by.append(number)
             process.terminate()
+            if len(ended_by) == 1:
+                threading.Thread(target=_interrupt_when_idle, args=(process,), daemon=True).start()
 
         before = {number: signal.signal(number, end) for number in (signal.SIGTERM, signal.SIGINT)}
         try:
@@ -114,6 +123,23 @@ def _ending_with_us(line: Sequence[str]) -> Iterator[tuple["subprocess.Popen[str
                 signal.signal(number, handler)
         if signal.SIGINT in ended_by:
             raise KeyboardInterrupt
+
+
+def _interrupt_when_idle(process: "subprocess.Popen[str]") -> None:
+    """Interrupt a workflow that was asked to end and neither does so nor has a process at work.
+
+    Snakemake's handler of SIGTERM takes a lock without looking whether the thread that it interrupts holds it, as it
+    does while it deals with a job that ended by the same signal: then it waits for itself. Only an interrupt helps.
+    """
+    idle_since = time.monotonic()
+    while process.poll() is None:
+        with suppress(psutil.Error):
+            if psutil.Process(process.pid).children():
+                idle_since = time.monotonic()
+        if time.monotonic() - idle_since > _IDLE_S:
+            process.send_signal(signal.SIGINT)
+            idle_since = time.monotonic()
+        time.sleep(0.2)
 
 
 def _environment() -> dict[str, str]:
