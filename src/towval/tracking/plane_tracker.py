@@ -148,6 +148,9 @@ class PlaneTracker(Tracker):
         """
         level = self.focus.level
         tried, misfits = {level: there}, {level: self._misfit(luma, there)}
+        widest = self.focus.allowed(self.target.blur_px())
+        if not level and not widest:
+            return there, misfits
         for by in (1, -1):
             other, left = level + by, misfits[level]
             while 0 <= other <= self.focus.last:
@@ -159,7 +162,6 @@ class PlaneTracker(Tracker):
                     break
                 other, left = other + by, misfits[other]
         if self.focus.best(misfits):
-            widest = self.focus.allowed(self.target.blur_px())
             sharp = None if 0 in tried or widest >= max(misfits) else self._found(luma, predicted, velocity, 0)
             if sharp is not None:
                 tried[0], misfits[0] = sharp, self._misfit(luma, sharp)

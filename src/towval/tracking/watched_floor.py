@@ -41,6 +41,7 @@ class WatchedFloor:
         self.level, self.sharp_up_to_px = 0, 0.0
         self.last: tuple[Luma, Array, Hidden] | None = None
         self.last_px = np.inf
+        self.last_blur_px: float | None = None
         self.as_it_is_until, self.registered = 0, 0
 
     @property
@@ -58,6 +59,7 @@ class WatchedFloor:
         found = self._in_better_light(luma, start, hidden)
         self.registered += found is not None
         self.last, self.last_px = (luma, start if found is None else found.motion, hidden), _px(found)
+        self.last_blur_px = None
         return found
 
     def blur_px(self) -> float:
@@ -69,13 +71,19 @@ class WatchedFloor:
             return np.inf
         if self.level:
             return width_px(self.level)
+        if self.last_blur_px is None:
+            self.last_blur_px = width_px(self._shown_level(*self.last))
+        return self.last_blur_px
+
+    def _shown_level(self, luma: Luma, motion: Array, hidden: Hidden) -> int:
+        """The level at which the floor is known best of those that a rise from the sharp one leads to."""
         level, px = 0, CONSTANTS.blur_shows * self.last_px if np.isfinite(self.last_px) else 0.0
         while level < FOCUS.widths and self._at(level + 1).template is not None:
-            wider_px = _px(self._at(level + 1).near(*self.last))
+            wider_px = _px(self._at(level + 1).near(luma, motion, hidden))
             if wider_px >= px:
                 break
             level, px = level + 1, wider_px
-        return width_px(level)
+        return level
 
     def _at(self, level: int) -> FloorRegistration:
         if level not in self.levels:
