@@ -88,13 +88,18 @@ def run(tests: list[str], watch: Watch, *options: str) -> None:
         pytest.main([*fixed, *options, *tests], plugins=[watch])
 
 
+def _scaled(value: Any, factor: float) -> Any:
+    """A number, or each of a tuple, times a factor; integers stay integers."""
+    if isinstance(value, tuple):
+        return tuple(_scaled(each, factor) for each in value)
+    return round(value * factor) if isinstance(value, int) else value * factor
+
+
 def noticed_by(work: tuple[Mutant, list[str]]) -> tuple[Mutant, str]:
     """The first test that fails with a mutant, empty where it survives; to be run in a process of its own."""
     mutant, tests = work
     constants = constants_of(mutant.room)[mutant.module]
-    value = getattr(constants, mutant.name)
-    changed = value * mutant.factor
-    object.__setattr__(constants, mutant.name, round(changed) if isinstance(value, int) else changed)
+    object.__setattr__(constants, mutant.name, _scaled(getattr(constants, mutant.name), mutant.factor))
     watch = Watch()
     if tests:
         run(tests, watch, "-x")
