@@ -16,7 +16,7 @@ from towval.model.geometry import transform
 from towval.optics.moved_view import moved_view, parameters_by_motion, pose_sensitivity
 from towval.optics.plane_uncertainty import shared_parameters
 from towval.optics.projection import project, to_plane
-from towval.tracking import floor_registration
+from towval.tracking import camera_motion, floor_registration
 from towval.tracking.camera_motion import CameraMotion, _separated, calibration_at_start
 from towval.tracking.floor_registration import FloorRegistration, Registered
 from towval.tracking.focus import width_px
@@ -313,6 +313,26 @@ def test_a_camera_that_creeps_over_a_noisy_floor_is_referred_to_the_first_pictur
     seen = np.array([seen_through(moved_view(CAMERA, FLOOR, motion)) for motion in found.motion])
     gap = seen - seen_through((CAMERA, FLOOR)) - by_picture_px * np.arange(36)[:, None, None] * [1, 0]
     assert np.sqrt(np.mean(gap**2)) < 2 * camera.watch.as_it_is.std_px(found.common)
+
+
+@pytest.mark.parametrize(("deviations", "averaged"), [(3.5, True), (5.0, False)])
+def test_the_first_pictures_are_averaged_where_none_moved_by_three_deviations_of_two(deviations, averaged, monkeypatch):
+    camera, std_px = CameraMotion(CAMERA, FLOOR, FIRST, [BODY], [POSE]), 0.1
+    by_a_pixel = np.array([0, 0, 0, 0, 0, 0, 0, 1.0, 0])
+    moved = Registered(by_a_pixel * deviations * std_px / camera.watch.as_it_is.shift_px(by_a_pixel), np.eye(9), std_px)
+    mean = SimpleNamespace(shows_texture=True, as_it_is=camera.watch.as_it_is, register=lambda *_: moved)
+    monkeypatch.setattr(camera_motion, "WatchedFloor", lambda *_: mean)
+    monkeypatch.setattr(camera.watch, "register", lambda *_: replace(moved, std_px=1.0))
+    for i in range(13):
+        camera.register(i / 25, FIRST, [POSE])
+    assert (camera.watch is mean) == averaged
+
+
+def test_places_of_the_floor_are_compared_over_a_tenth_of_its_longer_side():
+    registration = FloorRegistration(CAMERA, FLOOR, FIRST, ())
+    along = registration.template.points[:, 0]
+    sizes = [np.ptp(along[registration.cluster == i]) for i in range(registration.cluster.max() + 1)]
+    assert 0.06 < np.quantile(sizes, 0.9) / np.ptp(along) < 0.11
 
 
 @pytest.mark.parametrize(("sure", "averaged"), [(5, True), (6, False)])

@@ -72,6 +72,16 @@ def test_a_rhythm_below_the_noise_is_none(times_noise, named):
     assert bool(check_invented({"rover": replace(rover, pose=pose)})[1]) == named
 
 
+@pytest.mark.parametrize(("rhythm", "named"), [(2.0, False), (4.5, True)])
+def test_bends_that_are_three_times_those_between_make_a_rhythm(rhythm, named):
+    """A path whose every fourth bend is so many times as large as the others."""
+    rover, n = _true_and_shown(4, 0)[0]["rover"], len(EVEN)
+    sizes = 2e-3 * np.where(np.arange(n) % 4, 1.0, rhythm)
+    pose = np.linspace([0.0, 0.0, 0.0], [0.02 * n, 0.0, 0.0], n)
+    pose[:, 1] = np.cumsum(np.cumsum(sizes * np.tile([1.0, -1.0, -1.0, 1.0, 1.0], n)[:n]))
+    assert bool(check_invented({"rover": replace(rover, pose=pose)})[1]) == named
+
+
 def test_a_body_that_bends_at_other_pictures_objects():
     """The rover shows a rhythm; the object bends at the pictures between, where nothing was invented."""
     _, shown = _true_and_shown(4, 0, 2e-5)

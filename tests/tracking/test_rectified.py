@@ -1,5 +1,6 @@
 """Pictures on a target's plane: how far edges show, and where what goes with a body ends, beside plain numpy."""
 
+import cv2
 import numpy as np
 import pytest
 from painted import POSE, picture, target
@@ -97,3 +98,15 @@ def test_a_search_finds_the_outline_to_a_pixel(reach_px):
     score, pose = search.found(POSE[2] + 0.03, 0.1)[0]
     assert score > 0.8
     assert BOX.apart_m(pose, POSE) < 1.5 * CELL_M
+
+
+def test_a_place_where_nothing_moved_counts_a_third_of_one_where_all_did():
+    """Of a top's inside three tenths moved, or all of it."""
+    low, high = POSE[:2] - 10 * CELL_M, POSE[:2] + 10 * CELL_M
+    scores = []
+    for share in (0.3, 1.0):
+        inside = BOX.pixels(BOX.body.top_corners_m * [1.0, share], POSE)
+        moved = cv2.fillPoly(np.zeros_like(LUMA), [np.round(inside).astype(np.int32)], 1) > 0
+        search = OutlineSearch(BOX, [(LUMA, np.zeros(3))], low, high, moved)
+        scores.append(max(score for score, _ in search.levels[0].places(POSE[2:])))
+    assert 0.47 < scores[0] / scores[1] < 0.6

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from towval.model import Stamp, Track, TrackStatus
-from towval.tracking.stamps import check_stamps, rate_findings, usual_step_s
+from towval.tracking.stamps import _common, check_stamps, rate_findings, usual_step_s
 
 
 def filmed(true_s, stamps_s, shown=None, speeds=(0.15, 0.12), bumps=0.0, seed=0, noise_m=2e-5):
@@ -231,3 +231,10 @@ def test_the_picture_before_a_jump_is_marked():
     kept = np.delete(np.arange(250), [80, 81, 170])
     stamps = check_stamps(filmed(EVEN[kept], EVEN[: len(kept)]))[2]
     assert np.flatnonzero(stamps == Stamp.CONTRADICTED).tolist() == [79, 167]
+
+
+@pytest.mark.parametrize(
+    ("shares", "common"), [((1.0, 1.15), True), ((1.0, 1.3), False), ((4.0, 4.6), True), ((4.0, 5.2), False)]
+)
+def test_bodies_jump_together_where_they_agree_to_a_fifth_of_the_step(shares, common):
+    assert _common(np.array(shares)[:, None], np.ones((2, 1), dtype=bool)).all() == common
