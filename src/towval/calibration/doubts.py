@@ -37,13 +37,12 @@ class DoubtConstants:
 
 
 CONSTANTS = DoubtConstants()
-LOOSE = np.array(CONSTANTS.loose_std)
 
 
 def doubts_std(board: Board, floor: FloorReference) -> Array:
     """Stated deviations (8,) of :data:`towval.calibration.bundle_adjustment.DOUBTS`."""
     bow = board.bow_std_m
-    return np.array([board.size_std, bow, bow, bow, floor.board_thickness_std_m, *LOOSE[5:]])
+    return np.array([board.size_std, bow, bow, bow, floor.board_thickness_std_m, *CONSTANTS.loose_std[5:]])
 
 
 @dataclass(frozen=True)
@@ -95,7 +94,7 @@ def settle(observed: CalibrationObservations, start: Estimate, models: Sequence[
     if len(wrong):
         doubts = np.union1d(doubts, wrong)
         loose = np.isin(_CAMERA + np.arange(len(DOUBTS)), wrong)
-        again = replace(trials[-1].estimate, doubts_std=np.where(loose, LOOSE, observed.doubts_std))
+        again = replace(trials[-1].estimate, doubts_std=np.where(loose, CONSTANTS.loose_std, observed.doubts_std))
         trials = try_lenses(observed.blocks, again, models, folds, doubts)
     chosen = choose_lens(trials)
     fit = _fit(observed, chosen.estimate, chosen.model, doubts)
@@ -114,7 +113,7 @@ def without_prejudice(observed: CalibrationObservations, estimate: Estimate, mod
     """A fit that leaves everything that can be doubted to the pictures, whatever is stated; views are judged by it."""
     doubts = _open(observed, np.union1d(BOARD_DOUBTS, HELD_DOUBTS))
     active = np.concatenate([active_parameters(model, observed.reference is not None), doubts])
-    return adjust(observed.blocks, replace(estimate, doubts_std=LOOSE), active)
+    return adjust(observed.blocks, replace(estimate, doubts_std=np.array(CONSTANTS.loose_std)), active)
 
 
 def _open(observed: CalibrationObservations, doubts: Doubts) -> Doubts:
@@ -144,7 +143,7 @@ def _contradiction(
     if not len(group):
         return False, 0.0
     board, own = _open(observed, BOARD_DOUBTS), np.isin(_CAMERA + np.arange(len(DOUBTS)), group)
-    start = replace(trial.estimate, doubts_std=np.where(own, LOOSE, observed.doubts_std))
+    start = replace(trial.estimate, doubts_std=np.where(own, CONSTANTS.loose_std, observed.doubts_std))
     fit = _fit(observed, start, model, np.union1d(group, board))
     value, stated = fit.estimate.doubts[own], np.where(np.isin(group, board), observed.doubts_std[own], 0.0)
     squared = float(value @ np.linalg.solve(fit.variance(group) + np.diag(stated**2), value))
