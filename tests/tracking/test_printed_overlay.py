@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 import pytest
-from painted import POSE
+from painted import POSE, picture, texture
 from painted import target as painted_target
 
 from studies.worlds.scenes import CeilingCamera, drive, small_camera, standard_scene
@@ -69,3 +69,49 @@ def test_a_fifth_of_a_top_must_change_for_the_rest_to_stand_still(changed, told)
     part = slice(round(left), round(left + changed * (right - left)))
     last[:, part] = rng.integers(60, 180, last[:, part].shape)
     assert bool(standing_still(first, last, own, POSE)) == told
+
+
+def drawn_over(height, width, patch, again=None, rest=None):
+    """Two pictures of the painted body, in its middle a patch (``again`` in the last), beside it other textures."""
+    own, rng = painted_target(), np.random.default_rng(3)
+    first, last = (rng.normal(128, 40, (240, 320)) for _ in range(2))
+    if rest is not None:
+        last = 128 + rest * (first - 128) + np.sqrt(1 - rest**2) * (last - 128)
+    u, v = own.pixels(np.zeros((1, 2)), POSE)[0].astype(int)
+    place = slice(v - height // 2, v - height // 2 + height), slice(u - width // 2, u - width // 2 + width)
+    first[place], last[place] = patch, patch if again is None else again
+    first, last = (np.clip(np.round(luma), 0, 255).astype(np.uint8) for luma in (first, last))
+    return standing_still(first, last, own, POSE)
+
+
+@pytest.mark.parametrize(("correlated", "told"), [(0.7, False), (0.97, True)])
+def test_what_correlates_to_nine_tenths_stands_still(correlated, told):
+    one, other = np.random.default_rng(4).normal(0, 40, (2, 30, 30))
+    again = correlated * one + np.sqrt(1 - correlated**2) * other
+    assert bool(drawn_over(30, 30, 128 + one, 128 + again)) == told
+
+
+@pytest.mark.parametrize(("correlated", "told"), [(0.4, True), (0.65, False)])
+def test_a_top_has_changed_where_it_correlates_to_less_than_a_half(correlated, told):
+    patch = np.random.default_rng(4).normal(128, 40, (30, 30))
+    assert bool(drawn_over(30, 30, patch, rest=correlated)) == told
+
+
+@pytest.mark.parametrize(("side_px", "told"), [(11, False), (16, True)])
+def test_an_overlay_covers_a_fiftieth_of_a_top(side_px, told):
+    """On a top of 7,500 pixels."""
+    patch = 255.0 * (np.indices((side_px, side_px)).sum(axis=0) % 2)
+    assert bool(drawn_over(side_px, side_px, patch)) == told
+
+
+@pytest.mark.parametrize(("deviation", "told"), [(4.5, False), (8.5, True)])
+def test_an_overlay_shows_something_from_a_deviation_of_six_grey_levels_on(deviation, told):
+    patch = 128 + deviation * (2.0 * (np.indices((30, 50)).sum(axis=0) % 2) - 1)
+    assert bool(drawn_over(30, 50, patch)) == told
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_other_waves_of_six_pixels_and_longer_do_not_look_alike_by_chance(seed):
+    own = painted_target()
+    first, last = (picture(own, grey=texture(each, finest_m=0.08)) for each in (2 * seed, 2 * seed + 1))
+    assert standing_still(first, last, own, POSE) == []

@@ -1,11 +1,12 @@
 """The start: tags, outlines found without clicks, and clicks checked against outlines and tether."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
 import pytest
-from painted import POSE, picture
+from painted import CAMERA, FLOOR, POSE, picture
 from painted import target as painted_target
 
 from marker_pictures import picture_with
@@ -15,12 +16,24 @@ from towval.model import Body, Tag, Track, TrackStatus
 from towval.model.errors import InputError
 from towval.model.geometry import compose, transform
 from towval.optics.projection import project
-from towval.tracking.clicks import check_clicks, overstretched
+from towval.tracking import start as start_module
+from towval.tracking.clicks import Clicked, _of_one_scale, _size_findings, check_clicks, overstretched
 from towval.tracking.co_moving import co_moving, moving_along
 from towval.tracking.markers import clicks_from_tags
 from towval.tracking.outline import pose_from_clicks
 from towval.tracking.outline_search import alike, symmetry_of
-from towval.tracking.start import Place, Tow, _displacement, find_starts, starts_drawn
+from towval.tracking.planar_target import PlanarTarget
+from towval.tracking.start import (
+    Place,
+    Tow,
+    _displacement,
+    _followed,
+    _moved,
+    around,
+    find_starts,
+    joined_orientations,
+    starts_drawn,
+)
 
 LONG = Tow(np.zeros(2), np.zeros(2), 9.0)
 TIMES_S = np.linspace(0.0, 4.0, 5)
@@ -324,3 +337,89 @@ def test_outlines_know_their_symmetry():
     first, turned = alike(corners, pose)
     assert np.allclose(first, pose)
     assert np.allclose(transform(turned, corners), np.roll(transform(pose, corners), 2, axis=0))
+
+
+@pytest.mark.parametrize(
+    ("rest_m", "mass_kg", "span_m", "reaches"),
+    [
+        (5.0, 0.001, 5.08, True),
+        (5.0, 0.001, 5.16, False),
+        (0.2, 0.001, 0.215, True),
+        (0.2, 0.001, 0.227, False),
+        (0.5, 2.0, 0.68, True),
+        (0.5, 2.0, 0.82, False),
+    ],
+)
+def test_a_tether_reaches_a_fiftieth_of_its_length_and_15_mm_farther_than_its_load_stretches_it(
+    rest_m, mass_kg, span_m, reaches
+):
+    """The load is at most the object's weight: 20 N stretch 100 N/m by 0.2 m."""
+    tether = SimpleNamespace(rest_length=rest_m, stiffness=100.0)
+    tow = Tow.of(SimpleNamespace(mass=mass_kg, tether=tether, hinge=np.zeros(2), anchor=np.zeros(2)))
+    poses = [POSE, POSE + np.array([span_m, 0.0, 0.0])]
+    assert any(True for _ in joined_orientations([painted_target()] * 2, poses, tow)) == reaches
+
+
+@pytest.mark.parametrize(("change", "moved"), [(4, False), (9, True)])
+def test_six_grey_levels_more_are_a_motion_where_a_video_holds_no_noise(change, moved):
+    first = np.full((120, 160), 100, np.uint8)
+    other = first.copy()
+    other[40:80, 60:100] += change
+    assert np.any(_moved([first, other])) == moved
+
+
+@pytest.mark.parametrize(("off_px", "found"), [(40, True), (75, False)])
+def test_an_outline_is_searched_within_45_pixels_of_the_clicks(off_px, found):
+    own = painted_target(0.5, 0.4)
+    pixel_m = own.metres_per_pixel(POSE)
+    clicked = POSE + np.array([off_px * pixel_m, 0.0, 0.0])
+    plain = picture(own, grey=lambda xy: np.full(len(xy), 200.0))
+    search = around(own, clicked, [(plain, np.zeros(3))])
+    _, best = search.found(clicked[2], 0.1)[0]
+    assert (own.apart_m(best, POSE) < pixel_m) == found
+
+
+@pytest.mark.parametrize(("outward_px", "named"), [(1.1, False), (2.0, True)])
+def test_a_size_is_wrong_where_many_corners_are_clicked_a_pixel_and_a_half_outside(outward_px, named):
+    """Twenty corners tell a size well, but who clicks beside an edge does so at all of them."""
+    angle = 2 * np.pi * np.arange(20) / 20
+    own = PlanarTarget(Body("round", 0.3, 0.5 * np.column_stack([np.cos(angle), np.sin(angle)])), CAMERA, FLOOR)
+    outside = own.body.top_corners_m * (1 + outward_px * own.metres_per_pixel(POSE) / own.reach_m)
+    assert bool(_size_findings(own, own.pixels(outside, POSE))) == named
+
+
+@pytest.mark.parametrize(("percent", "named"), [(2.0, False), (4.2, True)])
+@pytest.mark.parametrize("sense", [-1, 1])
+def test_two_tops_differ_in_scale_by_more_than_clicks_explain_from_three_percent_on(percent, sense, named):
+    """Corners 62 pixels from the middle, clicked to 0.7 pixels: the scales differ by 0.8 % by chance."""
+    targets = [PlanarTarget(replace(painted_target().body, name=name), CAMERA, FLOOR) for name in ("rover", "object")]
+    corners = targets[0].body.top_corners_m
+    given = {
+        "rover": targets[0].pixels(corners, POSE),
+        "object": targets[1].pixels((1 + sense * percent / 100) * corners, POSE),
+    }
+    found = _of_one_scale(targets, given, {name: Clicked(each, np.zeros((3, 3))) for name, each in given.items()})
+    assert found["rover"].findings == ()
+    assert [each.code for each in found["object"].findings] == ["clicks_scale"] * named
+
+
+def test_some_half_dozen_places_around_one_are_compared_in_all_pictures(monkeypatch):
+    places = [(0.9 - 0.01 * i, np.array([0.01 * i, 0.0, 0.0])) for i in range(20)]
+    search = SimpleNamespace(views=[None, None], found=lambda about, within, most: places[:most])
+    monkeypatch.setattr(start_module, "co_moving", lambda *_: None)
+    monkeypatch.setattr(start_module, "around", lambda *_: search)
+    assert 4 <= len(_followed(painted_target(), [Place(0.9, POSE, (None,))], [])) <= 9
+
+
+def test_what_goes_with_a_body_is_told_from_the_floor_over_five_pixels():
+    """From nine tenths to a tenth of the share, across the edge of a grey top that goes along this edge."""
+    own, pose = painted_target(), np.array([0.05, -0.1, 0.0])
+    pixel_m = own.metres_per_pixel(pose)
+    step = np.array([0.0, 60 * pixel_m, 0.0])
+    first = np.full((240, 320), 100, np.uint8)
+    later = picture(own, compose(step, pose), lambda xy: np.full(len(xy), 100.0), around=106.0)
+    end = pose[:2] + np.array([0.6, 0.0])
+    going = moving_along(own, [(first, np.zeros(3)), (later, step)], end - 0.2, end + 0.2)
+    share = going.share[len(going.share) // 2]
+    within, without = (np.interp(-part * share.max(), -share, np.arange(len(share))) for part in (0.9, 0.1))
+    assert 3.7 < (without - within) * going.cell_m / pixel_m < 7.3
