@@ -11,6 +11,7 @@ from painted import picture as painted_picture
 from painted import target as painted_target
 
 from studies.worlds.scenes import CeilingCamera, drive, small_camera, standard_scene
+from towval.model.geometry import compose
 from towval.tracking.echoes import Echoes, echo_findings, lateness
 from towval.tracking.track import track
 
@@ -105,3 +106,32 @@ def test_after_ten_pictures_one_in_ten_is_compared():
         echoes.look(luma, POSE, along)
         looked += [i] if len(echoes.rows) > before else []
     assert looked == [*range(1, 11), 20, 30, 40, 50]
+
+
+def shown(own, path_px, pictures=1, kept=0.0):
+    """Echoes in pictures of a painted body that moves by so much in each, all of which keep a share of those before."""
+    step = np.array([path_px * own.metres_per_pixel(POSE), 0.0, 0.0])
+    seen, echoes = painted_picture(own), Echoes(own, painted_picture(own), POSE)
+    for i in range(-3 if kept else 0, pictures):
+        pose = compose(POSE, i * step)
+        seen = (1 - kept) * painted_picture(own, pose) + kept * seen
+        if i >= 0:
+            echoes.look(np.rint(seen).astype(np.uint8), pose, step)
+    return echoes
+
+
+@pytest.mark.parametrize(("path_px", "compared"), [(0.35, False), (0.8, True)])
+def test_a_picture_is_compared_where_the_body_moved_by_half_a_pixel(path_px, compared):
+    assert bool(shown(painted_target(), path_px).rows) == compared
+
+
+@pytest.mark.parametrize(("pictures", "found"), [(6, 0.0), (9, 0.5)])
+def test_echoes_are_told_from_eight_pictures_on(pictures, found):
+    assert shown(painted_target(), 2.0, pictures, kept=0.5).kept() == pytest.approx(found, abs=0.05)
+
+
+@pytest.mark.parametrize(("side_px", "compared"), [(14, False), (17, True)])
+def test_a_body_that_shows_a_hundred_pixels_off_its_edges_is_compared(side_px, compared):
+    pixel_m = painted_target().metres_per_pixel(POSE)
+    small = painted_target(side_px * pixel_m, side_px * pixel_m)
+    assert bool(shown(small, 0.6).rows) == compared

@@ -87,3 +87,25 @@ def test_a_body_that_bends_at_other_pictures_objects():
     _, shown = _true_and_shown(4, 0, 2e-5)
     other = replace(shown["object"], pose=np.roll(shown["object"].pose, 2, axis=0))
     assert check_invented(shown | {"object": other})[1] == ()
+
+
+@pytest.mark.parametrize(("turns", "named"), [(6, False), (12, True)])
+def test_a_rhythm_is_told_from_eight_real_pictures_on(turns, named):
+    """A zigzag with a turn at every fourth picture."""
+    n = 4 * turns + 2
+    steps = np.where(np.arange(n) // 4 % 2, 1e-3, -1e-3)
+    pose = np.column_stack([5e-3 * np.arange(n), np.cumsum(steps), np.zeros(n)])
+    rover = filmed(EVEN[:n], EVEN[:n])["rover"]
+    assert bool(check_invented({"rover": replace(rover, pose=pose)})[1]) == named
+
+
+@pytest.mark.parametrize(("speed", "named"), [(0.2, True), (0.45, False)])
+def test_a_body_that_creeps_at_less_than_a_third_of_its_speed_has_no_say(speed, named):
+    """It turns at real pictures only where it is fast, and shakes in all of them where it creeps, most of the time."""
+    rover, n = _true_and_shown(4, 0)[0]["rover"], len(EVEN)
+    creeps = np.arange(n) < 0.6 * n
+    along = np.where(creeps, 5e-3 * speed, 5e-3)
+    turns = np.where(np.arange(n) // 4 % 2, 5e-4, -5e-4)
+    shakes = 5e-4 * np.where(np.arange(n) % 2, 1.0, -1.0)
+    pose = np.column_stack([np.cumsum(along), np.cumsum(np.where(creeps, shakes, turns)), np.zeros(n)])
+    assert bool(check_invented({"rover": replace(rover, pose=pose)})[1]) == named

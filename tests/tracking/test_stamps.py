@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from towval.model import Stamp, Track, TrackStatus
-from towval.tracking.stamps import _common, check_stamps, rate_findings, usual_step_s
+from towval.tracking.stamps import _common, _lateness_s, check_stamps, rate_findings, usual_step_s
 
 
 def filmed(true_s, stamps_s, shown=None, speeds=(0.15, 0.12), bumps=0.0, seed=0, noise_m=2e-5):
@@ -238,3 +238,55 @@ def test_the_picture_before_a_jump_is_marked():
 )
 def test_bodies_jump_together_where_they_agree_to_a_fifth_of_the_step(shares, common):
     assert _common(np.array(shares)[:, None], np.ones((2, 1), dtype=bool)).all() == common
+
+
+@pytest.mark.parametrize(("gap_s", "found"), [(0.72, "pictures_missing"), (1.4, "time_gap")])
+def test_a_second_without_a_picture_is_a_gap_and_less_of_it_lost_pictures(gap_s, found):
+    later = EVEN + (gap_s - 0.04) * (np.arange(250) >= 125)
+    assert codes(filmed(later, later)) == [found]
+
+
+@pytest.mark.parametrize(("heard_s", "found"), [(201.5, []), (203.0, ["rate_contradicted"])])
+def test_sound_and_pictures_are_as_long_to_a_hundredth(heard_s, found):
+    """Two seconds of 200, by which a recorder may start or stop one of them before the other."""
+    assert [one.code for one in rate_findings(1 / 25, None, 200.0, heard_s)] == found
+
+
+@pytest.mark.parametrize(("share", "found"), [(0.07, "pictures_repeated"), (0.15, "stamps_contradicted")])
+def test_a_picture_is_repeated_where_bodies_move_by_less_than_a_tenth_of_a_step(share, found):
+    true_s = EVEN.copy()
+    true_s[49] = EVEN[48] + 0.04 * share
+    _, findings, stamps = check_stamps(filmed(true_s, EVEN))
+    assert found in {one.code for one in findings}
+    assert np.flatnonzero(stamps == Stamp.REPEATED).tolist() == ([49] if found == "pictures_repeated" else [])
+
+
+@pytest.mark.parametrize(("steps", "found"), [(2.2, []), (4.5, ["stamps_contradicted"])])
+def test_a_leap_out_of_a_rest_is_three_times_as_fast_as_a_body_ever_is(steps, found):
+    """Two bodies stand for a second, and are then so many steps farther: by a jerk, or since the picture was frozen."""
+    index = np.arange(250)
+    way = np.where(index < 100, index, 99 + (index - 125 + steps) * (index >= 125))
+    tracks = {
+        name: replace(track, pose=np.outer(speed * way / 25, [1, 0, 0]))
+        for (name, track), speed in zip(filmed(EVEN, EVEN).items(), (0.15, 0.12), strict=True)
+    }
+    assert codes(tracks) == found
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("noise_m", "found"), [(5e-4, ["stamps_uneven"]), (1.1e-3, [])])
+def test_stamps_are_uneven_where_more_than_half_of_the_lateness_is_common_to_two_bodies(noise_m, found, seed):
+    """By 6 ms; noise makes each body seem early or late by itself, by some 3.5 or 8 ms."""
+    late = 6e-3 * np.random.default_rng(seed).standard_normal(250)
+    stated = noise_m**2 * np.tile(np.eye(3), (250, 1, 1))
+    shaken = filmed(EVEN + late, EVEN, speeds=(0.1, 0.1), noise_m=noise_m, seed=seed)
+    assert codes({name: replace(track, covariance=stated) for name, track in shaken.items()}) == found
+
+
+@pytest.mark.parametrize(("deviations", "tells"), [(2.2, False), (4.5, True)])
+def test_a_body_tells_how_late_a_picture_is_from_three_deviations_a_step_on(deviations, tells):
+    rover = filmed(EVEN[:20], EVEN[:20])["rover"]
+    std_m = np.sqrt(rover.covariance[0, 0, 0])
+    pose = np.outer(np.arange(20) * deviations * std_m, [0.6, 0.8, 0.0])
+    late = _lateness_s(replace(rover, pose=pose), np.ones(20, dtype=bool))
+    assert np.isfinite(late).any() == tells

@@ -340,3 +340,41 @@ def test_an_outline_is_followed_that_is_smoother_by_half(ratio, followed):
 @pytest.mark.parametrize(("far", "followed"), [(1.2, False), (2.0, True)])
 def test_two_have_parted_from_one_and_a_half_deviations_on(far, followed):
     assert rough(1e-3, far).any() == followed
+
+
+@pytest.mark.parametrize(("std_px", "sure"), [(0.1, True), (0.22, False)])
+def test_an_outline_known_to_a_seventh_of_a_pixel_is_sought_no_farther(monkeypatch, std_px, sure):
+    """Where the body was predicted, two pixels aside, are edges that are even surer."""
+    aside = compose(POSE, np.array([2 * PIXEL_M, 0, 0]))
+
+    def nearest(_luma, own, pose, wide=False):
+        near = own.apart_m(pose, POSE) < PIXEL_M
+        return OutlineFit(np.zeros(3), ((std_px if near else 0.02) * PIXEL_M) ** 2 * np.eye(3))
+
+    monkeypatch.setattr(two_measurements, "observe_outline", nearest)
+    _, fit, _ = EdgeWatch(BOX).look(0, 0.0, None, Measurement(POSE, np.eye(3)), aside, Lying(), True)
+    assert fit.correction[0] / PIXEL_M == pytest.approx(0 if sure else 2, abs=1e-6)
+
+
+@pytest.mark.parametrize(("moved_px", "looked"), [(0.35, [5]), (0.7, [2, 3, 4, 5, 6])])
+def test_a_body_that_left_its_rest_by_half_a_pixel_is_looked_at_closely(monkeypatch, moved_px, looked):
+    """At rest, each fifth picture is enough."""
+    watch, seen = EdgeWatch(BOX), []
+    monkeypatch.setattr(two_measurements, "observe_outline", lambda *_, **__: OutlineFit(np.zeros(3), SHARP))
+    for i in range(1, 7):
+        pose = compose(POSE, np.array([moved_px * PIXEL_M * (i > 1), 0, 0]))
+        if watch.look(i, i / 25, None, Measurement(pose, SHARP), pose, Lying(), False)[1]:
+            seen.append(i)
+    assert seen == looked
+
+
+@pytest.mark.parametrize(("pictures", "told"), [(15, True), (40, False)])
+def test_a_texture_that_sways_within_fifteen_pictures_is_told_from_a_motion(pictures, told):
+    """By 7 mm: curves through as many pictures follow a slower one as they follow the body."""
+    rng, n = np.random.default_rng(8), 600
+    texture, outline = np.zeros((n, 3)), rng.normal(0, 2e-4, (n, 3))
+    texture[:, 1] = 7e-3 * np.sin(2 * np.pi * np.arange(n) / pictures)
+    apart = compose(inverse(texture), outline)
+    seen = looks(np.arange(n), apart)
+    steps, _ = steps_to_smoother(np.arange(n) / 25, texture, seen, apart, np.tile(SHARP, (n, 1, 1)), np.full(n, 5.0))
+    assert steps.any() == told
