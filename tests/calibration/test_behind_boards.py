@@ -13,7 +13,7 @@ from studies.worlds.campaign import OBJECT, ROVER, THICKNESS_M, bending_tow, boa
 from studies.worlds.folder import write_campaign
 from studies.worlds.scenes import CeilingCamera, FilmedScene
 from towval.calibration import behind_boards
-from towval.calibration.behind_boards import as_floor_shows
+from towval.calibration.behind_boards import Crop, as_floor_shows
 from towval.calibration.bundle_adjustment import DOUBTS
 from towval.calibration.calibrate import CalibrateSettings, calibrate
 from towval.commands import calibrate as calibrate_command
@@ -192,3 +192,68 @@ def test_a_camera_carried_round_a_board_on_the_floor_is_calibrated(tmp_path):
     found = read_calibration(tmp_path / "camera.mcap")
     assert found.camera.matrix[0, 0] == pytest.approx(camera.matrix[0, 0], rel=0.01)
     assert not {"held-differ", "held-flipped"} & {each.code for each in found.findings}
+
+
+@pytest.mark.parametrize(("shift_px", "differs"), [(3.0, False), (5.5, True)])
+def test_a_shift_differs_from_four_deviations_on(shift_px, differs):
+    held = Crop(shift_px=np.array([shift_px, 0.0]), std_px=1.0)
+    assert held.differs(Crop(), SIZE) == differs
+
+
+@pytest.mark.parametrize(("crop_px", "shift_px"), [(25.0, 0.0), (50.0, 50.0)])
+def test_a_shift_of_a_third_of_a_turn_of_the_camera_is_of_its_lens(crop_px, shift_px):
+    """The camera turned by 100 px between the pictures, the held one of which is cropped beside."""
+    focal_px = 1500.0
+    K = np.diag([focal_px, focal_px, 1.0])
+    H = K @ cv2.Rodrigues(np.array([0.0, np.arctan(100 / focal_px), 0.0]))[0] @ np.linalg.inv(K)
+    H = np.array([[1.0, 0.0, crop_px], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]) @ H
+    found = behind_boards._crop_of(H / H[2, 2], 1e-9, focal_px, mirrored=False)
+    assert found.shift_px == pytest.approx([shift_px, 0.0], abs=2.0)
+
+
+def features(places, own, reduced=1.0):
+    """Places with descriptors of random numbers, the same for the same number ``own``."""
+    descriptors = np.random.default_rng(own).normal(size=(len(places), 128))
+    return behind_boards._Features(np.asarray(places, dtype=float), descriptors.astype(np.float32), reduced)
+
+
+def both(one, other):
+    """Features of two parts of a picture."""
+    places, descriptors = (
+        np.concatenate([getattr(each, name) for each in (one, other)]) for name in ("places", "descriptors")
+    )
+    return behind_boards._Features(places, descriptors, one.reduced)
+
+
+@pytest.mark.parametrize(("share", "same"), [(0.11, False), (0.2, True)])
+def test_what_is_the_same_in_a_sixth_of_a_picture_is_the_floor(share, same):
+    """A person who stays has less; all over the picture there is something else."""
+    places = np.stack(np.meshgrid(np.linspace(-190, 190, 8), np.linspace(-110, 110, 8)), axis=-1).reshape(-1, 2)
+    stays = features(np.sqrt(share) * places, 1)
+    found = behind_boards._common_motion(*(both(stays, features(places, own)) for own in (2, 3)))
+    assert (found is not None) == same
+
+
+@pytest.mark.parametrize(("off_px", "agree"), [(0.7, True), (1.5, False)])
+def test_places_agree_within_a_pixel_of_the_reduced_picture(off_px, agree):
+    """Of 48 features of pictures reduced to half, 18 moved together, too few, and the others so far off."""
+    places = 2.0 * np.stack(np.meshgrid(np.linspace(-190, 190, 8), np.linspace(-110, 110, 6)), axis=-1).reshape(-1, 2)
+    rng = np.random.default_rng(0)
+    off, angle = np.where(rng.permutation(48) < 18, 0.0, 2 * off_px), rng.uniform(0, 2 * np.pi, 48)
+    moved = places + off[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+    found = behind_boards._common_motion(features(places, 1, 2.0), features(moved, 1, 2.0))
+    assert (found is not None) == agree
+
+
+@pytest.mark.parametrize(("times", "seen"), [(1.3, False), (1.8, True)])
+def test_half_as_much_again_of_a_board_is_left_out(times, seen):
+    """A dot on a plain picture, so many times as far from the middle of the corners as the outermost of them."""
+    picture = np.full((SIZE[1], SIZE[0]), 128, np.uint8)
+    cv2.circle(picture, np.rint(MIDDLE + np.array([300 * times, 0.0])).astype(int).tolist(), 15, 255, -1)
+    corners = MIDDLE + np.array([[-300, -200], [300, -200], [300, 200], [-300, 200]])
+    assert bool(len(behind_boards._features(picture, corners, mirrored=False).places)) == seen
+
+
+def test_some_hundred_features_of_a_picture_are_compared():
+    corner = np.array([[0.0, 0.0], [9.0, 0.0], [9.0, 9.0]])
+    assert 250 < len(behind_boards._features(texture(0), corner, mirrored=False).places) < 600

@@ -2,12 +2,14 @@
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from studies.worlds.boards import BoardFaults, CornerScene, calibration_set
-from towval.calibration.bundle_adjustment import BOARD_DOUBTS
+from towval.calibration import doubts
+from towval.calibration.bundle_adjustment import BOARD_DOUBTS, DOUBTS, HELD_DOUBTS, Estimate
 from towval.calibration.calibrate import CalibrateSettings, calibrate_observations
 from towval.calibration.doubts import doubts_std
 from towval.model import Board, Calibration
@@ -139,3 +141,38 @@ def test_a_camera_without_a_floor_has_no_doubt_of_its_held_pictures():
     calibration = calibrate_observations(alone, QUICK, {})
     assert calibration.covariance[0, 0] > 0
     assert BOARD_DOUBTS[0] == len(calibration.covariance)
+
+
+def fitted(fitted_doubts, std, **values: float):
+    """A fit of some doubts with deviations that are all the same."""
+    found = np.array([values.get(name, 0.0) for name in DOUBTS])
+    variance = np.diag(np.broadcast_to(np.square(std), len(fitted_doubts)))
+    return doubts._Fit(Estimate(np.zeros(18), (), doubts=found), fitted_doubts, variance)
+
+
+@pytest.mark.parametrize(
+    ("bow_m", "std_m", "named"),
+    [(0.0002, 1e-5, False), (0.0004, 1e-5, True), (0.002, 0.0009, False), (0.002, 0.0005, True)],
+)
+def test_a_bow_is_named_from_three_tenths_of_a_millimetre_and_three_deviations_on(bow_m, std_m, named):
+    fit = fitted(BOARD_DOUBTS, std_m, bow_y=bow_m)
+    assert [each.code for each in doubts._findings(SimpleNamespace(), fit, BOARD_DOUBTS[:0])] == ["board-bent"] * named
+
+
+@pytest.mark.parametrize(("deviations", "flip"), [(2.0, "mirrored"), (4.5, "")])
+def test_a_principal_point_within_three_deviations_of_the_mirrored_one_is_mirrored(deviations, flip):
+    """That of the floor's pictures is 10 px left of the middle, so 20 px to the right where they are mirrored."""
+    fit = fitted(HELD_DOUBTS, 0.5, held_u=20.0 + 0.5 * deviations)
+    fit.estimate.shared[2:4] = 949.5, 539.5
+    assert doubts._flip((1920, 1080), fit.estimate, np.full(8, 0.5)) == flip
+
+
+@pytest.mark.parametrize(("deviations", "contradicted"), [(2.0, False), (3.5, False), (4.3, True), (8.0, True)])
+def test_one_of_ten_thousand_sound_boards_is_taken_for_one_of_another_size(monkeypatch, deviations, contradicted):
+    """A normal deviate is beyond 3.9 deviations once in ten thousand; here those of the fit and of the statement."""
+    fit = fitted(BOARD_DOUBTS, 0.0006, size=0.001 * deviations)
+    monkeypatch.setattr(doubts, "_fit", lambda *_: fit)
+    stated = np.array([0.0008, *[0.001] * 4, 0.0, 0.0, 0.0])
+    seen = SimpleNamespace(doubts_std=stated, reference=None, boards=())
+    trial = SimpleNamespace(estimate=fit.estimate)
+    assert doubts._contradiction(seen, trial, "k1", BOARD_DOUBTS[:1])[0] == contradicted

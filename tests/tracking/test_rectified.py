@@ -6,7 +6,7 @@ import pytest
 from painted import POSE, picture, target
 from scipy.ndimage import map_coordinates
 
-from towval.model.geometry import inverse_transform, rotation, transform
+from towval.model.geometry import compose, inverse_transform, rotation, transform
 from towval.tracking.outline_search import OutlineSearch
 from towval.tracking.rectified import CONSTANTS, MovingAlong, Rectified, edges_limit, edges_shown
 
@@ -110,3 +110,71 @@ def test_a_place_where_nothing_moved_counts_a_third_of_one_where_all_did():
         search = OutlineSearch(BOX, [(LUMA, np.zeros(3))], low, high, moved)
         scores.append(max(score for score, _ in search.levels[0].places(POSE[2:])))
     assert 0.47 < scores[0] / scores[1] < 0.6
+
+
+def test_an_edge_twice_as_steep_as_usual_shows_by_half_and_a_faint_one_hardly():
+    for steepness, shown in ((0.5, 0.2), (2.0, 0.5), (18.0, 0.9)):
+        slopes = np.zeros((200, 200, 2), np.float32)
+        slopes[..., 0] = 3.0 * steepness
+        view = Rectified(POSE[:2] - 1.0, 0.01, slopes, usual=3.0)
+        edges = edges_shown(BOX, [view], np.array([[*POSE[:2], 0.0]]))[0]
+        assert edges == pytest.approx([0.0, shown, 0.0, shown], abs=0.05)
+        assert view.shown(np.float32(0.0), np.float32(1.0)) == pytest.approx(shown, abs=0.05)
+
+
+def test_a_gap_of_a_twentieth_of_an_edge_is_seen_wherever_it_is():
+    low, pose = POSE[:2] - 1.0, np.array([[*POSE[:2], 0.0]])
+    for at in np.linspace(-0.55, 0.55, 45):
+        slopes = np.zeros((400, 400, 2), np.float32)
+        slopes[..., 1] = np.where(np.abs(low[0] + 0.005 * np.arange(400) - POSE[0] - at) < 0.03, 0.0, 1e3)
+        assert edges_shown(BOX, [Rectified(low, 0.005, slopes, 1.0)], pose)[0, 0] < 0.98
+
+
+@pytest.mark.parametrize("cell_px", [1, 2, 4])
+@pytest.mark.parametrize(("beside_cells", "shows"), [(1.0, True), (2.0, True), (3.0, False), (4.0, False)])
+def test_a_sharp_edge_shows_two_cells_beside_it_and_not_at_three(cell_px, beside_cells, shows):
+    """So headings and places may be tried two cells apart."""
+    cell_m = cell_px * CELL_M
+    low, size = POSE[:2] - 1.0, np.full(2, round(2 / cell_m), np.int64)
+    view = Rectified.of(BOX, (LUMA, np.zeros(3)), low, size, cell_m, usual=1.0)
+    aside = compose(POSE, np.array([beside_cells * cell_m, 0.0, 0.0]))
+    left_and_right = edges_shown(BOX, [view], aside[None])[0, [1, 3]]
+    assert (left_and_right.mean() > 0.45) == shows
+
+
+@pytest.mark.parametrize(("share", "counts"), [(0.11, False), (0.22, True)])
+def test_a_place_counts_where_a_sixth_of_a_top_moved(share, counts):
+    low, high = POSE[:2] - 10 * CELL_M, POSE[:2] + 10 * CELL_M
+    inside = BOX.pixels(BOX.body.top_corners_m * [1.0, share], POSE)
+    moved = cv2.fillPoly(np.zeros_like(LUMA), [np.round(inside).astype(np.int32)], 1) > 0
+    search = OutlineSearch(BOX, [(LUMA, np.zeros(3))], low, high, moved)
+    assert bool(search.levels[0].places(POSE[2:])) == counts
+
+
+def test_an_outline_is_searched_in_cells_of_a_fortieth_of_it_and_coarser_ones_where_spots_blur_away():
+    search = OutlineSearch(BOX, [(LUMA, np.zeros(3))], POSE[:2] - 0.1, POSE[:2] + 0.1)
+    fine, coarse = (1.2 / level.cell_m for level in search.levels)
+    assert 30 < fine < 55
+    assert 12 < coarse < 22
+
+
+def test_a_wide_floor_is_searched_in_some_five_hundred_cells():
+    small = target(0.05, 0.04)
+    search = OutlineSearch(small, [(LUMA, np.zeros(3))], POSE[:2] - 8.0, POSE[:2] + 8.0)
+    assert 350 < search.levels[0].size.max() < 700
+
+
+def test_no_place_that_is_tried_leaves_the_picture_around_it(monkeypatch):
+    """The body goes as far as it can along x, to which it turns a corner."""
+    search = OutlineSearch(BOX, [(LUMA, np.zeros(3))], POSE[:2] - 0.1, POSE[:2] + 0.1)
+    left_m = []
+
+    def scores(views, poses):
+        view, corners = views[0], np.concatenate([transform(pose, CORNERS) for pose in poses])
+        high = view.low + view.cell_m * (np.array(view.slopes.shape[1::-1]) - 1)
+        left_m.append(min((corners - view.low).min(), (high - corners).min()) / view.cell_m)
+        return poses[:, 0]
+
+    monkeypatch.setattr(search, "_scores", scores)
+    search.sharpened(np.array([*POSE[:2], -np.arctan2(CORNERS[1, 1], CORNERS[1, 0])]), 0.03)
+    assert min(left_m) > 1.0

@@ -871,3 +871,10 @@ def test_some_twenty_places_of_an_outline_are_followed():
     search = SimpleNamespace(apart_m=lambda a, b: abs(a[0] - b[0]))
     places = [(1.0 - 0.001 * i, np.array([float(i), 0.0, 0.0])) for i in range(60)]
     assert 15 < len(OutlineSearch._distinct(search, places, 0.5)) < 30
+
+
+@pytest.mark.parametrize(("share", "followed"), [(0.7, True), (0.4, False)])
+def test_places_of_an_outline_are_followed_from_six_tenths_of_the_best_score_on(share, followed):
+    search = SimpleNamespace(apart_m=lambda a, b: abs(a[0] - b[0]))
+    places = [(0.8 * (share if i else 1.0), np.array([float(i), 0.0, 0.0])) for i in range(8)]
+    assert (len(OutlineSearch._distinct(search, places, 0.5)) == 8) == followed
