@@ -657,3 +657,113 @@ def test_a_picture_is_judged_by_how_it_shakes_within_a_second_of_it(before_s, ke
     _, _, fast, _ = _separated(time_s, noise + shaking[:, None], np.ones(400))
     at = round((8 - before_s) * 25)
     assert (np.std(fast[at - 2 : at + 3]) > 0.5) == kept
+
+
+@pytest.mark.parametrize(("share", "found"), [(0.4, True), (0.2, False)])
+def test_three_tenths_of_the_floor_have_to_be_in_view(share, found):
+    """A disc round a corner of the picture hides the rest."""
+    registration = FloorRegistration(CAMERA, FLOOR, FIRST, ())
+    corner = to_plane(CAMERA, FLOOR, np.array([[0.0, 0.0]]), 0.0)[0]
+    away_m = np.linalg.norm(registration.template.points - corner, axis=1)
+    hidden = [(corner, float(np.quantile(away_m, 1 - share)))]
+    assert (registration.near(FIRST, np.zeros(9), hidden) is not None) == found
+
+
+@pytest.mark.parametrize(
+    ("usual", "correlation", "taken"), [(0.1, 0.5, True), (0.1, 0.3, False), (1.0, 0.75, True), (1.0, 0.5, False)]
+)
+def test_the_floor_correlates_by_a_third_and_by_three_fifths_of_what_is_usual(usual, correlation, taken, monkeypatch):
+    registration, kernel = FloorRegistration(CAMERA, FLOOR, FIRST, ()), floor_registration.register_kernel
+    registration.usual_correlation = usual
+    monkeypatch.setattr(floor_registration, "register_kernel", lambda *given: (*kernel(*given)[:-2], correlation, True))
+    assert (registration.near(FIRST, np.zeros(9), []) is not None) == taken
+
+
+@pytest.mark.parametrize(("std_px", "known"), [(0.2, True), (0.45, False)])
+def test_a_floor_known_to_less_than_three_tenths_of_a_pixel_is_not_found(std_px, known, monkeypatch):
+    registration = FloorRegistration(CAMERA, FLOOR, FIRST, ())
+    monkeypatch.setattr(registration, "std_px", lambda _: std_px)
+    assert (registration.near(FIRST, np.zeros(9), []) is not None) == known
+
+
+@pytest.mark.parametrize(("off_px", "converged"), [(0.007, True), (0.015, False)])
+def test_a_registration_has_converged_when_it_moves_by_less_than_a_hundredth_of_a_pixel(off_px, converged, monkeypatch):
+    """A single round, which goes all the way from where it begins."""
+    kernel = floor_registration.register_kernel
+    monkeypatch.setattr(
+        floor_registration, "register_kernel", lambda *given: kernel(*given[:6], (*given[6][:-1], 1), *given[7:])
+    )
+    start = np.array([0, 0, 0, 0, 0, 0, 0, off_px, 0.0])
+    assert (FloorRegistration(CAMERA, FLOOR, FIRST, ()).near(FIRST, start, []) is not None) == converged
+
+
+@pytest.mark.parametrize(("share", "found"), [(0.35, True), (0.2, False)])
+def test_a_knock_is_found_by_eight_blocks_of_some_thirty(share, found, monkeypatch):
+    """What hides a floor leaves a share of its blocks, and all of these agree."""
+    number = iter(range(100))
+
+    def search(_small, _block, expected):
+        i = next(number)
+        return expected + np.array([10.0, -5.0]) if int(share * (i + 1)) > int(share * i) else None
+
+    monkeypatch.setattr(floor_registration, "_search", search)
+    assert (FloorRegistration(CAMERA, FLOOR, FIRST, ())._by_blocks(FIRST, np.zeros(9)) is not None) == found
+
+
+def block_in_noise(fit, at):
+    """A block, and a picture of noise that shows it at a place (2,) with such a correlation."""
+    rng, (u, v), half = np.random.default_rng(0), at, 16
+    block, luma = rng.standard_normal((2 * half + 1, 2 * half + 1)), rng.standard_normal((300, 300))
+    shown = luma[v - half : v + half + 1, u - half : u + half + 1]
+    shown[:] = fit * block + np.sqrt(1 - fit**2) * shown
+    return tuple(np.clip(np.round(128 + 30 * each), 0, 255).astype(np.uint8) for each in (block, luma))
+
+
+@pytest.mark.parametrize(("fit", "found"), [(0.6, True), (0.3, False)])
+def test_a_block_is_found_where_it_correlates_by_nearly_a_half(fit, found):
+    block, luma = block_in_noise(fit, (155, 145))
+    place = floor_registration._search(luma, block, np.array([150.0, 150.0]))
+    assert (place is not None) == found
+    assert place is None or np.abs(place - [155, 145]).max() < 1
+
+
+@pytest.mark.parametrize(("off_px", "found"), [(60, True), (100, False)])
+def test_a_block_is_searched_up_to_eighty_pixels_off(off_px, found):
+    """In pictures of half the size."""
+    block, luma = block_in_noise(1.0, (150 + off_px // 2, 150))
+    assert (floor_registration._search(luma, block, np.array([150.0, 150.0])) is not None) == found
+
+
+@pytest.mark.parametrize(("clusters", "points", "known"), [(12, 8, True), (6, 8, False), (40, 8, True), (40, 5, False)])
+def test_the_scatter_of_places_is_known_by_eight_of_them_with_six_points_each(clusters, points, known):
+    registration = FloorRegistration(CAMERA, FLOOR, FIRST, ())
+    cluster, seen = registration.cluster, np.zeros(len(registration.cluster), dtype=bool)
+    for one in np.argsort(-np.bincount(cluster), kind="stable")[:clusters]:
+        seen[np.flatnonzero(cluster == one)[:points]] = True
+    residual = np.random.default_rng(0).standard_normal(len(seen))
+    assert bool(registration._scatter_px2(seen, residual)) == known
+
+
+@pytest.mark.parametrize(("deviations", "said"), [(1.5, False), (3.0, True)])
+def test_places_scatter_where_they_do_by_twice_the_noise(deviations, said):
+    registration = FloorRegistration(CAMERA, FLOOR, FIRST, ())
+    registration.scatter = [((0.1 * deviations) ** 2, 0.1**2)] * 5
+    assert registration.scattered_px == pytest.approx(0.1 * deviations * said)
+
+
+def test_the_floor_is_watched_up_to_a_twenty_fifth_of_the_picture_from_its_border():
+    points = FloorRegistration(CAMERA, FLOOR, FIRST, ()).template.points
+    share = project(CAMERA, FLOOR, np.column_stack([points, np.zeros(len(points))])) / [480, 360]
+    border = np.concatenate([share.min(axis=0), 1 - share.max(axis=0)])
+    assert (border > 0.035).all()
+    assert (border < 0.07).all()
+
+
+@pytest.mark.parametrize(("turn_deg", "found"), [(3.0, True), (6.0, False)])
+def test_blocks_of_a_fine_floor_are_found_after_a_turn_by_a_few_degrees(turn_deg, found):
+    """Waves of three to fourteen pixels: at the sides of a block six degrees displace them by more than three."""
+    first = floor_picture(grey=texture(3, finest_m=0.03))
+    registration = FloorRegistration(CAMERA, FLOOR, first, ())
+    motion = registration._by_blocks(warped(first, turn_deg=turn_deg), np.zeros(9))
+    assert (motion is not None) == found
+    assert motion is None or np.rad2deg(-motion[2]) == pytest.approx(turn_deg, abs=0.1)
