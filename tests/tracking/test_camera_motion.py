@@ -12,7 +12,7 @@ from studies.worlds.scenes import CeilingCamera, ceiling, rectangle
 from tests.tracking.painted import out_of_focus, texture
 from towval.commands.track import _calibration_at_start as calibration_of_video
 from towval.model import Body, Calibration
-from towval.model.geometry import transform
+from towval.model.geometry import inverse_transform, transform
 from towval.optics.moved_view import moved_view, parameters_by_motion, pose_sensitivity
 from towval.optics.plane_uncertainty import shared_parameters
 from towval.optics.projection import project, to_plane
@@ -536,3 +536,234 @@ def test_pictures_read_row_by_row_by_a_shaking_camera_are_reported(waves_px):
     std_px = np.sqrt(covariance[20, 0, 0]) / ((FLOOR.camera_position_m[2] - 0.4) / 450)
     assert ("picture_warped" in codes) == (waves_px == 1.0)
     assert std_px == pytest.approx(1 / np.sqrt(2), rel=0.5) if waves_px == 1.0 else std_px < 0.15
+
+
+def moved_by(shift_px, std_px=1e-3):
+    """A registration of a picture that is shifted sideways, known to so much."""
+    return Registered(np.array([0, 0, 0, 0, 0, 0, 0, shift_px, 0.0]), 1e-9 * np.eye(9), std_px)
+
+
+def registered_as(found, by_s=0.04, scattered_px=0.0):
+    """A camera whose pictures after the first are registered as given; None where one is not."""
+    camera = CameraMotion(CAMERA, FLOOR, FIRST, [BODY], [POSE])
+    answers, as_it_is, camera.opening = iter(found), camera.watch.as_it_is, []
+    camera.watch = SimpleNamespace(
+        shows_texture=True, as_it_is=as_it_is, scattered_px=scattered_px, register=lambda *_: next(answers)
+    )
+    for i in range(len(found) + 1):
+        camera.register(by_s * i, FIRST, [POSE])
+    return camera
+
+
+def codes_of(camera):
+    return [one.code for one in camera.findings(camera.estimate())]
+
+
+@pytest.mark.parametrize(("missing", "said"), [(9, []), (14, ["camera_not_registered"])])
+def test_the_camera_may_be_lost_for_a_quarter_of_a_second(missing, said):
+    """Between the pictures before and after that are 0.20 and 0.30 s, at fifty pictures a second."""
+    found = [moved_by(0.0)] * 600
+    found[300 : 300 + missing] = [None] * missing
+    assert codes_of(registered_as(found, by_s=0.02)) == said
+
+
+@pytest.mark.parametrize(("every", "said"), [(26, []), (13, ["camera_not_registered"])])
+def test_one_picture_in_twenty_may_be_missing_by_itself(every, said):
+    assert codes_of(registered_as([None if i % every == 5 else moved_by(0.0) for i in range(520)])) == said
+
+
+@pytest.mark.parametrize(("known", "watched"), [(7, True), (3, False)])
+def test_the_motion_of_a_camera_is_known_where_half_of_the_pictures_are_registered(known, watched):
+    camera = registered_as([moved_by(4.0) if i % 10 < known else None for i in range(100)])
+    assert camera.estimate().motion.any() == watched
+    assert ("camera_not_watched" not in codes_of(camera)) == watched
+
+
+@pytest.mark.parametrize(("shift_px", "followed"), [(0.2, False), (0.4, True)])
+def test_bodies_are_tracked_through_a_view_that_follows_the_floor_from_a_quarter_of_a_pixel_on(shift_px, followed):
+    camera = registered_as([moved_by(shift_px)] * 4)
+    moved = seen_through(camera.view) - seen_through((CAMERA, FLOOR))
+    assert np.abs(moved - [shift_px * followed, 0]).max() < 1e-6
+
+
+@pytest.mark.parametrize(("shift_px", "corrected"), [(0.04, False), (0.08, True)])
+def test_a_motion_of_less_than_a_twentieth_of_a_pixel_is_not_corrected(shift_px, corrected):
+    motion = registered_as([moved_by(0.0)] * 50 + [moved_by(shift_px)] * 50).estimate().motion
+    assert np.abs(motion[[0, 25, 75, 100], 7] - np.array([0, 0, 1, 1]) * shift_px * corrected).max() < 0.005
+
+
+@pytest.mark.parametrize(("scattered_px", "said"), [(0.1, []), (0.2, ["picture_warped"])])
+def test_places_that_scatter_by_more_than_a_seventh_of_a_pixel_tell_of_a_warped_picture(scattered_px, said):
+    camera = registered_as([moved_by(0.0)] * 20, scattered_px=scattered_px)
+    assert codes_of(camera) == said
+    _, covariance = camera.estimate().of_poses(BODY, np.tile(POSE, (21, 1)))
+    assert covariance[10, 0, 0] > 0 if said else covariance[10, 0, 0] < 1e-10
+
+
+@pytest.mark.parametrize(("shift_px", "said"), [(0.07, []), (0.15, ["camera_moved_before"])])
+def test_the_calibration_is_referred_to_the_video_where_the_floor_is_a_tenth_of_a_pixel_off(
+    shift_px, said, monkeypatch
+):
+    calibration = Calibration(CAMERA, FLOOR, np.zeros((18, 18)), 0.1)
+    monkeypatch.setattr(camera_motion, "_found", lambda *_: [moved_by(shift_px)])
+    moved, findings = calibration_at_start(calibration, FIRST, [("floor.jpg", FIRST)])
+    assert [one.code for one in findings] == said
+    assert (moved is not calibration) == bool(said)
+
+
+@pytest.mark.parametrize(
+    ("scattered_px", "stretch_px", "same"),
+    [(0.4, 0.0, True), (0.7, 0.0, False), (0.0, 0.15, True), (0.0, 0.3, False), (0.0, -0.3, False)],
+)
+def test_a_floor_is_the_same_where_places_scatter_by_half_a_pixel_or_its_sides_are_a_fifth_off(
+    scattered_px, stretch_px, same
+):
+    seen = SimpleNamespace(
+        register=lambda *_: moved_by(0.0), stretch_px=lambda: (stretch_px, 0.01), scattered_px=scattered_px
+    )
+    assert len(camera_motion._found(seen, [FIRST, FIRST])) == 2 * same
+
+
+def test_a_body_hides_the_floor_to_a_third_beyond_its_outline():
+    camera = CameraMotion(CAMERA, FLOOR, FIRST, [BODY], [POSE])
+    from_it = np.abs(inverse_transform(POSE, camera.watch.as_it_is.template.points)) / [0.4, 0.3]
+    assert 1.2 < from_it.max(axis=1).min() < 1.7
+    (place, radius_m), (behind, _) = camera.hidden_discs([POSE])
+    assert np.allclose(place, POSE[:2])
+    assert np.linalg.norm(behind) > np.linalg.norm(place)
+    assert 1.1 < radius_m / np.hypot(0.4, 0.3) < 1.7
+
+
+def test_the_place_of_a_camera_that_creeps_is_averaged_over_half_a_second():
+    """Of 25 pictures a second 13 are within it, so that 0.28 of the noise is left."""
+    noise = np.random.default_rng(0).standard_normal((400, 9))
+    slow, *_ = _separated(np.arange(400) / 25, 30 + noise, np.ones(400))
+    assert 0.24 < np.std(slow[20:-20]) < 0.32
+
+
+@pytest.mark.parametrize(("variance", "kept"), [(1.4, False), (3.0, True)])
+def test_pictures_shake_where_they_scatter_by_twice_the_variance_of_noise(variance, kept):
+    shaken = np.sqrt(variance) * np.random.default_rng(0).standard_normal((400, 9))
+    _, _, fast, _ = _separated(np.arange(400) / 25, shaken, np.ones(400))
+    assert (np.std(fast) > 0.25 * np.std(shaken)) == kept
+
+
+@pytest.mark.parametrize(("before_s", "kept"), [(0.75, True), (1.5, False)])
+def test_a_picture_is_judged_by_how_it_shakes_within_a_second_of_it(before_s, kept):
+    """A camera that shakes five times a second, from the eighth second on."""
+    time_s = np.arange(400) / 25
+    shaking = 8 * np.sin(2 * np.pi * 5 * time_s) * (time_s > 8)
+    noise = np.random.default_rng(0).standard_normal((400, 9))
+    _, _, fast, _ = _separated(time_s, noise + shaking[:, None], np.ones(400))
+    at = round((8 - before_s) * 25)
+    assert (np.std(fast[at - 2 : at + 3]) > 0.5) == kept
+
+
+@pytest.mark.parametrize(("share", "found"), [(0.4, True), (0.2, False)])
+def test_three_tenths_of_the_floor_have_to_be_in_view(share, found):
+    """A disc round a corner of the picture hides the rest."""
+    registration = FloorRegistration(CAMERA, FLOOR, FIRST, ())
+    corner = to_plane(CAMERA, FLOOR, np.array([[0.0, 0.0]]), 0.0)[0]
+    away_m = np.linalg.norm(registration.template.points - corner, axis=1)
+    hidden = [(corner, float(np.quantile(away_m, 1 - share)))]
+    assert (registration.near(FIRST, np.zeros(9), hidden) is not None) == found
+
+
+@pytest.mark.parametrize(
+    ("usual", "correlation", "taken"), [(0.1, 0.5, True), (0.1, 0.3, False), (1.0, 0.75, True), (1.0, 0.5, False)]
+)
+def test_the_floor_correlates_by_a_third_and_by_three_fifths_of_what_is_usual(usual, correlation, taken, monkeypatch):
+    registration, kernel = FloorRegistration(CAMERA, FLOOR, FIRST, ()), floor_registration.register_kernel
+    registration.usual_correlation = usual
+    monkeypatch.setattr(floor_registration, "register_kernel", lambda *given: (*kernel(*given)[:-2], correlation, True))
+    assert (registration.near(FIRST, np.zeros(9), []) is not None) == taken
+
+
+@pytest.mark.parametrize(("std_px", "known"), [(0.2, True), (0.45, False)])
+def test_a_floor_known_to_less_than_three_tenths_of_a_pixel_is_not_found(std_px, known, monkeypatch):
+    registration = FloorRegistration(CAMERA, FLOOR, FIRST, ())
+    monkeypatch.setattr(registration, "std_px", lambda _: std_px)
+    assert (registration.near(FIRST, np.zeros(9), []) is not None) == known
+
+
+@pytest.mark.parametrize(("off_px", "converged"), [(0.007, True), (0.015, False)])
+def test_a_registration_has_converged_when_it_moves_by_less_than_a_hundredth_of_a_pixel(off_px, converged, monkeypatch):
+    """A single round, which goes all the way from where it begins."""
+    kernel = floor_registration.register_kernel
+    monkeypatch.setattr(
+        floor_registration, "register_kernel", lambda *given: kernel(*given[:6], (*given[6][:-1], 1), *given[7:])
+    )
+    start = np.array([0, 0, 0, 0, 0, 0, 0, off_px, 0.0])
+    assert (FloorRegistration(CAMERA, FLOOR, FIRST, ()).near(FIRST, start, []) is not None) == converged
+
+
+@pytest.mark.parametrize(("share", "found"), [(0.35, True), (0.2, False)])
+def test_a_knock_is_found_by_eight_blocks_of_some_thirty(share, found, monkeypatch):
+    """What hides a floor leaves a share of its blocks, and all of these agree."""
+    number = iter(range(100))
+
+    def search(_small, _block, expected):
+        i = next(number)
+        return expected + np.array([10.0, -5.0]) if int(share * (i + 1)) > int(share * i) else None
+
+    monkeypatch.setattr(floor_registration, "_search", search)
+    assert (FloorRegistration(CAMERA, FLOOR, FIRST, ())._by_blocks(FIRST, np.zeros(9)) is not None) == found
+
+
+def block_in_noise(fit, at):
+    """A block, and a picture of noise that shows it at a place (2,) with such a correlation."""
+    rng, (u, v), half = np.random.default_rng(0), at, 16
+    block, luma = rng.standard_normal((2 * half + 1, 2 * half + 1)), rng.standard_normal((300, 300))
+    shown = luma[v - half : v + half + 1, u - half : u + half + 1]
+    shown[:] = fit * block + np.sqrt(1 - fit**2) * shown
+    return tuple(np.clip(np.round(128 + 30 * each), 0, 255).astype(np.uint8) for each in (block, luma))
+
+
+@pytest.mark.parametrize(("fit", "found"), [(0.6, True), (0.3, False)])
+def test_a_block_is_found_where_it_correlates_by_nearly_a_half(fit, found):
+    block, luma = block_in_noise(fit, (155, 145))
+    place = floor_registration._search(luma, block, np.array([150.0, 150.0]))
+    assert (place is not None) == found
+    assert place is None or np.abs(place - [155, 145]).max() < 1
+
+
+@pytest.mark.parametrize(("off_px", "found"), [(60, True), (100, False)])
+def test_a_block_is_searched_up_to_eighty_pixels_off(off_px, found):
+    """In pictures of half the size."""
+    block, luma = block_in_noise(1.0, (150 + off_px // 2, 150))
+    assert (floor_registration._search(luma, block, np.array([150.0, 150.0])) is not None) == found
+
+
+@pytest.mark.parametrize(("clusters", "points", "known"), [(12, 8, True), (6, 8, False), (40, 8, True), (40, 5, False)])
+def test_the_scatter_of_places_is_known_by_eight_of_them_with_six_points_each(clusters, points, known):
+    registration = FloorRegistration(CAMERA, FLOOR, FIRST, ())
+    cluster, seen = registration.cluster, np.zeros(len(registration.cluster), dtype=bool)
+    for one in np.argsort(-np.bincount(cluster), kind="stable")[:clusters]:
+        seen[np.flatnonzero(cluster == one)[:points]] = True
+    residual = np.random.default_rng(0).standard_normal(len(seen))
+    assert bool(registration._scatter_px2(seen, residual)) == known
+
+
+@pytest.mark.parametrize(("deviations", "said"), [(1.5, False), (3.0, True)])
+def test_places_scatter_where_they_do_by_twice_the_noise(deviations, said):
+    registration = FloorRegistration(CAMERA, FLOOR, FIRST, ())
+    registration.scatter = [((0.1 * deviations) ** 2, 0.1**2)] * 5
+    assert registration.scattered_px == pytest.approx(0.1 * deviations * said)
+
+
+def test_the_floor_is_watched_up_to_a_twenty_fifth_of_the_picture_from_its_border():
+    points = FloorRegistration(CAMERA, FLOOR, FIRST, ()).template.points
+    share = project(CAMERA, FLOOR, np.column_stack([points, np.zeros(len(points))])) / [480, 360]
+    border = np.concatenate([share.min(axis=0), 1 - share.max(axis=0)])
+    assert (border > 0.035).all()
+    assert (border < 0.07).all()
+
+
+@pytest.mark.parametrize(("turn_deg", "found"), [(3.0, True), (6.0, False)])
+def test_blocks_of_a_fine_floor_are_found_after_a_turn_by_a_few_degrees(turn_deg, found):
+    """Waves of three to fourteen pixels: at the sides of a block six degrees displace them by more than three."""
+    first = floor_picture(grey=texture(3, finest_m=0.03))
+    registration = FloorRegistration(CAMERA, FLOOR, first, ())
+    motion = registration._by_blocks(warped(first, turn_deg=turn_deg), np.zeros(9))
+    assert (motion is not None) == found
+    assert motion is None or np.rad2deg(-motion[2]) == pytest.approx(turn_deg, abs=0.1)
