@@ -496,15 +496,25 @@ def test_four_places_a_top_apart_are_looked_for_in_other_pictures(monkeypatch):
     assert 3 <= len(looked) <= 6
 
 
-def clicked_beside(monkeypatch, step):
-    """Clicks by a ``step`` (3,) [px, px, rad] beside a place whose outline is the only one, checked; and themselves."""
+@pytest.mark.parametrize(("share", "looked_for"), [(0.97, True), (0.9, False)])
+def test_once_a_place_is_clear_others_are_followed_where_they_fit_to_19_parts_of_20(monkeypatch, share, looked_for):
+    places = [Place(score, np.array([x, 0.0, 0.0]), (None,)) for score, x in ((0.9, 0.0), (share * 0.9, 2.0))]
+    monkeypatch.setattr(start_module, "co_moving", lambda *_: None)
+    monkeypatch.setattr(
+        start_module, "around", lambda _, pose, __: SimpleNamespace(views=[0, 1], found=lambda *_: [(0.9, pose)])
+    )
+    assert len(_followed(painted_target(), places, [])) == 1 + looked_for
+
+
+def clicked_beside(monkeypatch, step, here=0.3):
+    """Clicks by a ``step`` (3,) [px, px, rad] beside a place of score 0.9, where theirs is ``here``; and themselves."""
     own = painted_target()
     pixel_m = own.metres_per_pixel(POSE)
     pose = compose(POSE, np.array(step) * np.array([pixel_m, pixel_m, 1.0]))
     search = SimpleNamespace(
         views=[None],
         found=lambda about, within, most=9: [(0.9, POSE)] if abs(about - POSE[2]) < within else [],
-        sharpened=lambda place, _: (0.3, place),
+        sharpened=lambda place, _: (here, place),
     )
     monkeypatch.setattr(clicks_module, "co_moving", lambda *_: None)
     monkeypatch.setattr(clicks_module, "around", lambda *_: search)
@@ -527,6 +537,16 @@ def test_clicks_two_pixels_off_are_moved_and_six_pixels_off_are_reported(monkeyp
     found, clicks_px = clicked_beside(monkeypatch, [0.6 * off_px, 0.8 * off_px, 0.0])
     assert np.allclose(found.corners_px, own.pixels(own.body.top_corners_m, POSE) if moved else clicks_px)
     assert [each.code for each in found.findings] == ["clicks_corrected"] * reported
+
+
+@pytest.mark.parametrize(("here", "kept"), [(0.81, False), (0.87, True)])
+def test_clicks_are_kept_but_unsure_where_an_outline_beside_them_is_better_by_less_than_a_twentieth(
+    monkeypatch, here, kept
+):
+    found, clicks_px = clicked_beside(monkeypatch, [3.0, 4.0, 0.0], here)
+    assert np.array_equal(found.corners_px, clicks_px) == kept
+    assert [each.code for each in found.findings] == ["start_unsure"] * kept
+    assert found.spread.any() == kept
 
 
 @pytest.mark.parametrize(("outward_px", "named"), [(2.2, False), (3.9, True)])
