@@ -16,8 +16,10 @@ from towval.model import Body, Tag, Track, TrackStatus
 from towval.model.errors import InputError
 from towval.model.geometry import compose, transform
 from towval.optics.projection import project
+from towval.tracking import clicks as clicks_module
+from towval.tracking import co_moving as co_moving_module
 from towval.tracking import start as start_module
-from towval.tracking.clicks import Clicked, _of_one_scale, _size_findings, check_clicks, overstretched
+from towval.tracking.clicks import Clicked, _checked, _of_one_scale, _size_findings, check_clicks, overstretched
 from towval.tracking.co_moving import co_moving, moving_along
 from towval.tracking.markers import clicks_from_tags
 from towval.tracking.outline import pose_from_clicks
@@ -29,6 +31,8 @@ from towval.tracking.start import (
     _displacement,
     _followed,
     _moved,
+    _together,
+    _turned,
     around,
     find_starts,
     joined_orientations,
@@ -423,3 +427,145 @@ def test_what_goes_with_a_body_is_told_from_the_floor_over_five_pixels():
     share = going.share[len(going.share) // 2]
     within, without = (np.interp(-part * share.max(), -share, np.arange(len(share))) for part in (0.9, 0.1))
     assert 3.7 < (without - within) * going.cell_m / pixel_m < 7.3
+
+
+@pytest.mark.parametrize(
+    ("pictures", "score", "clear"), [(1, 0.6, False), (1, 0.72, True), (2, 0.5, False), (2, 0.6, True)]
+)
+def test_an_outline_is_doubted_below_two_thirds_in_one_picture_and_four_sevenths_where_its_motion_shows(
+    pictures, score, clear
+):
+    views = tuple((np.zeros((2, 2), np.uint8), np.zeros(3)) for _ in range(pictures))
+    _, (doubt,) = _together([painted_target()], [[Place(score, POSE, views)]], None)
+    assert ("no outline of its size stands out" in doubt) != clear
+
+
+@pytest.mark.parametrize(("share", "doubted"), [(0.97, True), (0.9, False)])
+def test_an_outline_that_fits_elsewhere_to_19_parts_of_20_is_doubted(share, doubted):
+    beside, view = POSE + np.array([0.2, 0.0, 0.0]), (np.zeros((2, 2), np.uint8), np.zeros(3))
+    places = [Place(0.9, POSE, (view,)), Place(share * 0.9, beside, (view,))]
+    (best,), (doubt,) = _together([painted_target()], [places], None)
+    assert best is places[0]
+    assert ("more than one place" in doubt) == doubted
+
+
+@pytest.mark.parametrize(("covered", "stands"), [(0.25, True), (0.45, False)])
+def test_no_top_lies_over_more_than_three_tenths_of_another(covered, stands):
+    view = (np.zeros((2, 2), np.uint8), np.zeros(3))
+    along = np.array([(1 - covered) * 1.2, 0.0, 0.0])
+    found = [[Place(0.9, along * side, (view,))] for side in (0, 1)]
+    if stands:
+        assert _together([painted_target(1.2)] * 2, found, None)[1] == ["", ""]
+    else:
+        with pytest.raises(InputError, match="is not found"):
+            _together([painted_target(1.2)] * 2, found, None)
+
+
+@pytest.mark.parametrize(("turn_deg", "shown"), [(45, True), (68, False)])
+@pytest.mark.parametrize("sense", [-1, 1])
+def test_a_body_goes_the_way_it_is_pulled_within_60_degrees(turn_deg, shown, sense):
+    """A long tether joins both rectangles whichever way round they lie; the rover goes aside of its axis."""
+    luma, turn = np.zeros((2, 2), np.uint8), np.deg2rad(sense * turn_deg)
+    tow = Tow(np.array([-0.6, 0.0]), np.array([0.6, 0.0]), 9.0)
+    aside = (luma, 0.5 * np.array([np.cos(turn), np.sin(turn), 0.0]))
+    straight = (luma, np.array([0.5, 0.0, 0.0]))
+    # Both are read the wrong way round.
+    choice = [
+        Place(0.9, np.array([x, 0.0, np.pi]), ((luma, np.zeros(3)), gone)) for x, gone in ((2.0, aside), (0, straight))
+    ]
+    poses, doubt = _turned([painted_target()] * 2, choice, tow)
+    assert ("which way round" in doubt) != shown
+    if shown:
+        assert np.cos([pose[2] for pose in poses]) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(("change", "moved"), [(11, False), (21, True)])
+def test_what_moves_changes_five_times_as_much_as_the_rest_of_a_picture(change, moved):
+    """The light has changed by 3 grey levels."""
+    first = np.full((120, 160), 100, np.uint8)
+    other = first + np.uint8(3)
+    other[40:80, 60:100] = 100 + change
+    assert np.any(_moved([first, other])) == moved
+
+
+def test_four_places_a_top_apart_are_looked_for_in_other_pictures(monkeypatch):
+    looked = []
+    monkeypatch.setattr(start_module, "co_moving", lambda *_: None)
+    monkeypatch.setattr(start_module, "around", lambda _, pose, __: looked.append(pose) or SimpleNamespace(views=[0]))
+    _followed(painted_target(), [Place(0.9, np.array([2.0 * i, 0.0, 0.0]), (None,)) for i in range(20)], [])
+    assert 3 <= len(looked) <= 6
+
+
+@pytest.mark.parametrize(("share", "looked_for"), [(0.97, True), (0.9, False)])
+def test_once_a_place_is_clear_others_are_followed_where_they_fit_to_19_parts_of_20(monkeypatch, share, looked_for):
+    places = [Place(score, np.array([x, 0.0, 0.0]), (None,)) for score, x in ((0.9, 0.0), (share * 0.9, 2.0))]
+    monkeypatch.setattr(start_module, "co_moving", lambda *_: None)
+    monkeypatch.setattr(
+        start_module, "around", lambda _, pose, __: SimpleNamespace(views=[0, 1], found=lambda *_: [(0.9, pose)])
+    )
+    assert len(_followed(painted_target(), places, [])) == 1 + looked_for
+
+
+def clicked_beside(monkeypatch, step, here=0.3):
+    """Clicks by a ``step`` (3,) [px, px, rad] beside a place of score 0.9, where theirs is ``here``; and themselves."""
+    own = painted_target()
+    pixel_m = own.metres_per_pixel(POSE)
+    pose = compose(POSE, np.array(step) * np.array([pixel_m, pixel_m, 1.0]))
+    search = SimpleNamespace(
+        views=[None],
+        found=lambda about, within, most=9: [(0.9, POSE)] if abs(about - POSE[2]) < within else [],
+        sharpened=lambda place, _: (here, place),
+    )
+    monkeypatch.setattr(clicks_module, "co_moving", lambda *_: None)
+    monkeypatch.setattr(clicks_module, "around", lambda *_: search)
+    clicks_px = own.pixels(own.body.top_corners_m, pose)
+    return _checked(own, [np.full((240, 320), 100, np.uint8)], clicks_px), clicks_px
+
+
+@pytest.mark.parametrize(("turn_deg", "corrected"), [(12.0, True), (21.0, False)])
+@pytest.mark.parametrize("sense", [-1, 1])
+def test_clicks_may_be_turned_by_15_degrees(monkeypatch, turn_deg, corrected, sense):
+    found, _ = clicked_beside(monkeypatch, [0.0, 0.0, sense * np.deg2rad(turn_deg)])
+    assert [each.code for each in found.findings] == ["clicks_corrected"] * corrected
+
+
+@pytest.mark.parametrize(
+    ("off_px", "moved", "reported"), [(1.5, False, False), (3.0, True, False), (4.5, True, False), (9.0, True, True)]
+)
+def test_clicks_two_pixels_off_are_moved_and_six_pixels_off_are_reported(monkeypatch, off_px, moved, reported):
+    own = painted_target()
+    found, clicks_px = clicked_beside(monkeypatch, [0.6 * off_px, 0.8 * off_px, 0.0])
+    assert np.allclose(found.corners_px, own.pixels(own.body.top_corners_m, POSE) if moved else clicks_px)
+    assert [each.code for each in found.findings] == ["clicks_corrected"] * reported
+
+
+@pytest.mark.parametrize(("here", "kept"), [(0.81, False), (0.87, True)])
+def test_clicks_are_kept_but_unsure_where_an_outline_beside_them_is_better_by_less_than_a_twentieth(
+    monkeypatch, here, kept
+):
+    found, clicks_px = clicked_beside(monkeypatch, [3.0, 4.0, 0.0], here)
+    assert np.array_equal(found.corners_px, clicks_px) == kept
+    assert [each.code for each in found.findings] == ["start_unsure"] * kept
+    assert found.spread.any() == kept
+
+
+@pytest.mark.parametrize(("outward_px", "named"), [(2.2, False), (3.9, True)])
+@pytest.mark.parametrize("sense", [-1, 1])
+def test_a_size_is_wrong_where_clicks_are_four_deviations_outside(outward_px, named, sense):
+    """Four corners clicked 1.4 pixels aside in turns: how far they lie outwards is known to half of that."""
+    own = painted_target()
+    corners = own.body.top_corners_m * (1 + sense * outward_px * own.metres_per_pixel(POSE) / own.reach_m)
+    aside = 1.4 * np.array([[1.0, 0.0], [-1.0, 0.0], [1.0, 0.0], [-1.0, 0.0]])
+    assert bool(_size_findings(own, own.pixels(corners, POSE) + aside)) == named
+
+
+def test_four_pictures_in_which_a_body_is_elsewhere_suffice(monkeypatch):
+    own, places = painted_target(), iter(range(1, 20))
+
+    def measure(*_):
+        return SimpleNamespace(learn=lambda: None, pose=POSE + np.array([0.4 * next(places), 0.0, 0.0]))
+
+    monkeypatch.setattr(co_moving_module, "PlaneTracker", lambda *_: SimpleNamespace(measure=measure))
+    monkeypatch.setattr(co_moving_module, "Lookalikes", lambda *_: None)
+    others = len(co_moving(own, POSE, [np.zeros((2, 2), np.uint8)] * 19)) - 1
+    assert 3 <= others <= 6
