@@ -6,7 +6,17 @@ import numpy as np
 import pytest
 
 from towval.model import Stamp, Track, TrackStatus
-from towval.tracking.stamps import _common, _lateness_s, check_stamps, rate_findings, usual_step_s
+from towval.tracking import stamps as stamps_module
+from towval.tracking.stamps import (
+    _common,
+    _dropped,
+    _enough,
+    _lateness_s,
+    _share,
+    check_stamps,
+    rate_findings,
+    usual_step_s,
+)
 
 
 def filmed(true_s, stamps_s, shown=None, speeds=(0.15, 0.12), bumps=0.0, seed=0, noise_m=2e-5):
@@ -163,8 +173,8 @@ def test_a_rest_that_ends_as_bodies_do_is_none():
     assert codes(filmed(still / 25, EVEN)) == []
 
 
-@pytest.mark.parametrize(("jitter_ms", "found"), [(0.5, False), (4.0, True), (8.0, True)])
-def test_shaking_stamps_are_reported(jitter_ms, found):
+@pytest.mark.parametrize(("jitter_ms", "found"), [(0.5, False), (1.4, False), (2.8, True), (4.0, True), (8.0, True)])
+def test_stamps_that_shake_by_more_than_two_milliseconds_are_reported(jitter_ms, found):
     late = 1e-3 * jitter_ms * np.random.default_rng(5).standard_normal(250)
     assert bool({"stamps_uneven", "stamps_contradicted"} & set(codes(filmed(EVEN + late, EVEN)))) == found
 
@@ -217,8 +227,8 @@ def test_a_percent_of_the_rate_is_seen_and_stamps_in_whole_milliseconds_are_none
 
 
 @pytest.mark.parametrize(("rate_hz", "unusual"), [
-    (25.0, False), (29.97, False), (59.94, False), (12.0, False), (5.0, False), (1.0, False), (100 / 3, False),
-    (26.0, True), (25.25, True), (28.8, True), (31.5, True),
+    (25.0, False), (25.075, False), (29.97, False), (59.94, False), (12.0, False), (5.0, False), (1.0, False),
+    (100 / 3, False), (26.0, True), (25.25, True), (25.15, True), (28.8, True), (31.5, True),
 ])  # fmt: skip
 def test_a_rate_that_nothing_confirms_is_named_and_must_be_one_of_a_camera(rate_hz, unusual):
     found = [one.code for one in rate_findings(1 / rate_hz, None, 10.0, float("nan"))]
@@ -290,3 +300,87 @@ def test_a_body_tells_how_late_a_picture_is_from_three_deviations_a_step_on(devi
     pose = np.outer(np.arange(20) * deviations * std_m, [0.6, 0.8, 0.0])
     late = _lateness_s(replace(rover, pose=pose), np.ones(20, dtype=bool))
     assert np.isfinite(late).any() == tells
+
+
+class Missed:
+    """Stands in for how far a body misses smooth curves: as usual, but at the middle step so many times as much.
+
+    Taken for a step of another length, it fits some ``times`` as well.
+    """
+
+    def __init__(self, misfit, times):
+        self.misfit, self.times = misfit, times
+
+    def __call__(self, time_s, _place, extra):
+        missed = self.misfit if np.all(extra == 0) else self.misfit / self.times
+        return np.where(np.isclose(time_s[:, 3], EVEN[125]), missed, 1.0)
+
+
+def dropped_steps(monkeypatch, stamps_s, missed):
+    monkeypatch.setattr(stamps_module, "_misfit", missed)
+    monkeypatch.setattr(stamps_module, "_noise_m", lambda *_: 0.0)
+    return np.flatnonzero(_dropped({"rover": filmed(EVEN, stamps_s)["rover"]}, np.ones(250, dtype=bool))).tolist()
+
+
+@pytest.mark.parametrize(("times", "found"), [(7, []), (14, [125])])
+def test_a_step_is_longer_than_stamped_where_bodies_fit_ten_times_as_well(monkeypatch, times, found):
+    assert dropped_steps(monkeypatch, EVEN, Missed(100, times)) == found
+
+
+@pytest.mark.parametrize(("misfit", "found"), [(18, []), (35, [125])])
+def test_a_step_is_as_stamped_where_bodies_miss_by_less_than_five_times_the_usual_deviation(monkeypatch, misfit, found):
+    """Squared, 25 times, however well another length fits."""
+    assert dropped_steps(monkeypatch, EVEN, Missed(misfit, misfit)) == found
+
+
+@pytest.mark.parametrize(
+    ("share", "misfit", "times", "found"),
+    [(0.15, 20, 20, [125]), (0.07, 20, 20, []), (0.15, 20, 7.5, [125]), (0.15, 20, 3.5, []), (0.15, 9, 9, [125]),
+     (0.15, 4, 7.5, [])],
+)  # fmt: skip
+def test_a_clock_was_set_at_a_step_a_tenth_off_where_bodies_fit_five_times_as_well(
+    monkeypatch, share, misfit, times, found
+):
+    """As it is stamped, they miss by six times their usual square: less than where any other length is tried."""
+    later = EVEN + 0.04 * share * (np.arange(250) > 125)
+    assert dropped_steps(monkeypatch, later, Missed(misfit, times)) == found
+
+
+@pytest.mark.parametrize(("change", "told"), [(0.18, True), (0.35, False)])
+def test_a_jump_is_told_where_the_speed_changes_by_less_than_a_quarter(change, told):
+    rover = filmed(EVEN[:8], EVEN[:8])["rover"]
+    step = 0.006 * np.array([1 - change / 2] * 3 + [1] + [1 + change / 2] * 3)
+    pose = np.outer(np.concatenate([[0], np.cumsum(step)]), [0.6, 0.8, 0])
+    assert _share(replace(rover, pose=pose), np.ones(8, dtype=bool))[1].tolist() == [False] * 3 + [told] + [False] * 3
+
+
+@pytest.mark.parametrize(("jumps", "bodies", "enough"), [(2, 1, False), (4, 1, True), (1, 2, True)])
+def test_a_body_that_moves_alone_slips_twice_but_does_not_jump_four_times(jumps, bodies, enough):
+    assert _enough(np.arange(50) < jumps, np.ones((bodies, 50), dtype=bool)) == enough
+
+
+@pytest.mark.parametrize(("pictures", "found"), [(26, []), (50, ["stamps_uneven"])])
+def test_how_far_stamps_shake_is_told_from_thirty_pictures_on(pictures, found):
+    late = np.random.default_rng(5).uniform(-5e-3, 5e-3, pictures)
+    assert codes(filmed(EVEN[:pictures] + late, EVEN[:pictures])) == found
+
+
+@pytest.mark.parametrize("rate_hz", [25.0, 29.97, 59.94, 239.76])
+def test_the_step_of_stamps_in_whole_milliseconds_is_known_to_a_fiftieth_of_one(rate_hz):
+    rounded = np.round(np.arange(600) / rate_hz, 3)
+    assert usual_step_s(rounded) == pytest.approx(1 / rate_hz, abs=1e-3 / 50)
+
+
+def test_a_picture_lost_in_eighty_leaves_the_usual_step_as_it_is():
+    lossy = np.delete(np.arange(400) / 25, np.arange(40, 400, 80))
+    assert usual_step_s(lossy) == pytest.approx(0.04, rel=1e-6)
+
+
+@pytest.mark.parametrize(("off", "found"), [(0.002, []), (0.0045, ["rate_contradicted"])])
+def test_a_rate_is_the_stated_one_within_three_thousandths(off, found):
+    assert [one.code for one in rate_findings((1 + off) / 25, 25.0, 10.0, float("nan"))] == found
+
+
+@pytest.mark.parametrize(("share", "jumps"), [(0.2, False), (0.45, True), (-0.2, False), (-0.45, True)])
+def test_a_step_jumps_that_is_longer_or_shorter_by_three_tenths(share, jumps):
+    assert _common(np.full((2, 1), share), np.ones((2, 1), dtype=bool)).all() == jumps

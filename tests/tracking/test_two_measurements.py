@@ -378,3 +378,35 @@ def test_a_texture_that_sways_within_fifteen_pictures_is_told_from_a_motion(pict
     seen = looks(np.arange(n), apart)
     steps, _ = steps_to_smoother(np.arange(n) / 25, texture, seen, apart, np.tile(SHARP, (n, 1, 1)), np.full(n, 5.0))
     assert steps.any() == told
+
+
+@pytest.mark.parametrize(("later_s", "looked"), [(3.5, True), (7.0, False)])
+def test_an_outline_that_disagreed_is_looked_at_in_each_picture_for_five_seconds(monkeypatch, later_s, looked):
+    watch, apart = EdgeWatch(BOX), np.array([3 * PIXEL_M, 0, 0])
+    monkeypatch.setattr(two_measurements, "observe_outline", lambda *_, **__: OutlineFit(apart, SHARP))
+    assert watch.look(0, 0.0, None, Measurement(POSE, SHARP), POSE, Lying(), True)[2]
+    _, fit, _ = watch.look(1, later_s, None, Measurement(POSE, SHARP), POSE, Lying(), False)
+    assert (fit is not None) == looked
+
+
+@pytest.mark.parametrize(("off_px", "apart"), [(0.18, False), (0.37, True)])
+def test_edges_that_stand_a_quarter_of_a_pixel_off_the_texture_agree_with_it(monkeypatch, off_px, apart):
+    """Both are known to a thousandth of a pixel, as far as they know."""
+    known, off = (1e-3 * PIXEL_M) ** 2 * np.eye(3), np.array([off_px * PIXEL_M, 0, 0])
+    monkeypatch.setattr(two_measurements, "observe_outline", lambda *_, **__: OutlineFit(off, known))
+    assert EdgeWatch(BOX).look(0, 0.0, None, Measurement(POSE, known), POSE, Lying(), True)[2] == apart
+
+
+@pytest.mark.parametrize(("count", "told"), [(4, False), (8, True)])
+def test_six_looks_tell_of_a_disagreement_and_fewer_do_not(count, told):
+    apart = np.tile([2e-3, 0, 0], (count, 1))
+    expected = np.tile(1e-8 * np.eye(3), (count, 1, 1))
+    excess = texture_excess(np.arange(count) / 25, apart, expected, looks(np.arange(count), apart))
+    assert excess.any() == told
+
+
+def test_an_outline_that_agrees_is_looked_at_in_each_fifth_picture(monkeypatch):
+    watch = EdgeWatch(BOX)
+    monkeypatch.setattr(two_measurements, "observe_outline", lambda *_, **__: OutlineFit(np.zeros(3), SHARP))
+    seen = [watch.look(i, i / 25, None, Measurement(POSE, SHARP), POSE, Lying(), False)[1] for i in range(1, 21)]
+    assert [i for i, fit in enumerate(seen, 1) if fit is not None] == [5, 10, 15, 20]
