@@ -772,6 +772,14 @@ def test_klt_ends_its_steps_where_a_twentieth_of_a_pixel_is_left_of_a_dot_faded_
     assert np.linalg.norm(found[0, 0] - [63, 60]) < left_px
 
 
+@pytest.mark.parametrize(("contrast", "all_count"), [(0.57, True), (0.5, False)])
+def test_klt_points_lose_their_way_back_from_half_the_contrast(klt, contrast, all_count):
+    """There the way back is of steps twice as long as the distance, which do not end within the rounds."""
+    faded = picture(BOX, grey=texture(contrast=30 * contrast))
+    found = klt.measure(faded, POSE + np.array([3.0 * PIXEL_M, 0.0, 0.0]))
+    assert (found.inlier_fraction > 0.88) == all_count
+
+
 # Relocalisation
 
 
