@@ -19,7 +19,7 @@ from towval.tracking.blur import Shutter
 from towval.tracking.camera_motion import CameraMotion
 from towval.tracking.floor_registration import Registered
 from towval.tracking.follow import Follower
-from towval.tracking.klt import KltTracker
+from towval.tracking.klt import KltTracker, _flow
 from towval.tracking.light import evened, light_misfit
 from towval.tracking.noise import hold_rest, scatter_factor
 from towval.tracking.outline import OutlineFit, combine_fits, observe_outline, pose_from_clicks, stretches_of
@@ -735,6 +735,51 @@ def test_klt_states_no_less_than_a_twentieth_of_a_pixel_a_point(klt):
     assert 0.035 < np.sqrt(found.covariance[0, 0] * points) / PIXEL_M < 0.08
 
 
+@pytest.mark.parametrize(("blob_px", "taken"), [(3.0, 6), (5.0, 0)])
+def test_klt_measures_corners_over_five_pixels(blob_px, taken):
+    """Beside specks of one pixel fainter blobs of 3 px are corners, and those of 5 px have too little of one."""
+    spots = np.stack(np.meshgrid([-0.4, -0.24, -0.08, 0.08, 0.24, 0.4], [-0.2, 0.0, 0.2]), axis=-1).reshape(-1, 2)
+    faint = spots[:, 1] == 0.2
+    height, width_m = np.where(faint, 30.0, 100.0), np.where(faint, blob_px, 1.0) * PIXEL_M
+
+    def dots(xy):
+        return 120 + (height * np.exp(-((xy[:, None] - spots) ** 2).sum(axis=2) / (2 * width_m**2))).sum(axis=1)
+
+    points = KltTracker(BOX, picture(BOX, grey=dots), POSE).keyframes[0].points_m
+    assert (points[:, 1] > 0.1).sum() == taken
+
+
+@pytest.mark.parametrize("length_px", [40, 60, 100])
+def test_klt_magnifies_a_body_to_a_hundred_pixels_or_somewhat_more(length_px):
+    own = target(0.8 * length_px * PIXEL_M, 0.6 * length_px * PIXEL_M)
+    luma = picture(own, grey=texture(finest_m=3 * PIXEL_M))
+    tracker = KltTracker(own, luma, POSE)
+    corners = tracker._into_crop(own.pixels(own.body.top_corners_m, POSE), np.zeros(2))
+    assert 90 < np.linalg.norm(corners[2] - corners[0]) < 160
+
+
+@pytest.mark.parametrize(("contrast", "left_px"), [(0.5, 0.01), (0.1, 0.06), (0.05, 0.14)])
+def test_klt_ends_its_steps_where_a_twentieth_of_a_pixel_is_left_of_a_dot_faded_to_a_tenth(contrast, left_px):
+    """A step is as much too short as the dot is too faint: 30 of them are enough down to a twentieth."""
+    u, v = np.meshgrid(np.arange(120), np.arange(120))
+
+    def dot(at, height):
+        return np.round(20 + height * np.exp(-((u - at) ** 2 + (v - 60) ** 2) / (2 * 3.0**2))).astype(np.uint8)
+
+    start = np.array([[[60.0, 60.0]]], dtype=np.float32)
+    found, there = _flow(dot(60, 200), dot(63, 200 * contrast), start, start)
+    assert there.all()
+    assert np.linalg.norm(found[0, 0] - [63, 60]) < left_px
+
+
+@pytest.mark.parametrize(("contrast", "all_count"), [(0.57, True), (0.5, False)])
+def test_klt_points_lose_their_way_back_from_half_the_contrast(klt, contrast, all_count):
+    """There the way back is of steps twice as long as the distance, which do not end within the rounds."""
+    faded = picture(BOX, grey=texture(contrast=30 * contrast))
+    found = klt.measure(faded, POSE + np.array([3.0 * PIXEL_M, 0.0, 0.0]))
+    assert (found.inlier_fraction > 0.88) == all_count
+
+
 # Relocalisation
 
 
@@ -744,6 +789,65 @@ def test_a_body_keeps_its_size(scale, found):
     finder = Relocaliser(BOX, picture(BOX, grey=grey), POSE)
     larger = target(1.2 * scale, 0.9 * scale)
     assert (finder.find(picture(larger, grey=lambda xy: grey(xy / scale))) is not None) == found
+
+
+def finds(places_m, seen_m):
+    """Whether a body is found by features at places of it [m] that a picture shows at others [m]."""
+    finder = Relocaliser(BOX, picture(BOX), POSE)
+    own = 200 * np.eye(len(places_m), 128, dtype=np.float32)
+    finder._keyframe, finder._rectified = (places_m, own), (np.zeros(2), None)
+    finder._features = lambda *_: (seen_m / finder.cell_m, own)
+    return finder.find(None) is not None
+
+
+@pytest.mark.parametrize("others", [0, 12])
+@pytest.mark.parametrize(("agreeing", "found"), [(5, False), (8, True)])
+def test_a_body_is_found_by_six_features_that_agree(agreeing, others, found):
+    rng = np.random.default_rng(0)
+    places_m = rng.uniform(-0.5, 0.5, (agreeing + others, 2))
+    seen_m = transform([3.0, 2.0, 0.7], places_m)
+    seen_m[agreeing:] = rng.uniform(0.0, 6.0, (others, 2))
+    assert finds(places_m, seen_m) == found
+
+
+@pytest.mark.parametrize(("off_cells", "found"), [(2.2, True), (4.2, False)])
+def test_a_feature_agrees_within_three_cells(off_cells, found):
+    """Of six, five on a ring agree exactly, and the one in the middle is off."""
+    around = 2 * np.pi * np.arange(5) / 5
+    places_m = np.concatenate([0.4 * np.stack([np.cos(around), np.sin(around)], axis=1), np.zeros((1, 2))])
+    seen_m = transform([3.0, 2.0, 0.7], places_m)
+    seen_m[5, 0] += off_cells * Relocaliser(BOX, picture(BOX), POSE).cell_m
+    assert finds(places_m, seen_m) == found
+
+
+def features(response, size):
+    """Features that a finder takes from a picture of so many cells, and the sizes of the parts that it looks at.
+
+    Each part shows features of the given responses, stronger ones farther right.
+    """
+    finder, parts = Relocaliser(BOX, picture(BOX), POSE), []
+    points = [cv2.KeyPoint(90 * float(each), 50.0, 5.0, 0.0, float(each)) for each in response]
+
+    def look(view, _):
+        parts.append(view.size)
+        return points, np.zeros((len(points), 128), np.float32)
+
+    finder.detector = SimpleNamespace(detectAndCompute=look, descriptorSize=lambda: 128)
+    return finder._features(picture(BOX), np.zeros((size, size, 2), np.float32))[0], parts
+
+
+@pytest.mark.parametrize(("shown", "all_kept"), [(2000, True), (4500, False)])
+def test_the_strongest_three_thousand_features_of_a_picture_are_kept(shown, all_kept):
+    places, _ = features(np.random.default_rng(0).permutation(shown) / shown, 100)
+    assert (len(places) == shown) == all_kept
+    assert places[0, 0] == pytest.approx(90 * (shown - 1) / shown)
+    assert (np.diff(places[:, 0]) < 0).all()
+
+
+def test_tiles_take_less_than_a_hundred_megabytes_and_two_thirds_more_work_than_the_picture():
+    _, parts = features([], 1600)
+    assert 300 * max(parts) < 100e6
+    assert 1600**2 <= sum(parts) < 1.67 * 1600**2
 
 
 def cells(finder):
@@ -797,6 +901,29 @@ def test_headings_are_tried_finely_enough(lookalikes):
     turn = np.rad2deg(best.pose[2] - turned[2] + np.pi) % 360 - 180
     assert abs(turn) < 5
     assert best.correlation > 0.8
+
+
+@pytest.mark.parametrize(("wave_cells", "alike"), [(3.0, True), (6.0, False)])
+def test_what_differs_only_in_waves_of_three_cells_looks_alike(lookalikes, wave_cells, alike):
+    def waves(length_m, seed):
+        heading, phase = np.random.default_rng(seed).uniform(0, 2 * np.pi, (2, 6))
+        vector = 2 * np.pi / length_m * np.stack([np.cos(heading), np.sin(heading)])
+        return lambda xy: 9 * np.cos(xy @ vector + phase).sum(axis=-1)
+
+    common, own, others = waves(0.6, 0), *(waves(wave_cells * lookalikes.cell_m, seed) for seed in (1, 2))
+    luma = picture(BOX, grey=lambda xy: 120 + common(xy) + own(xy))
+    search = Lookalikes(BOX, luma, POSE)
+    stranger = picture(BOX, grey=lambda xy: 120 + common(xy) + others(xy))
+    best = [search.candidates(each)[0].correlation for each in (stranger, luma)]
+    assert (best[0] > 0.85 * best[1]) == alike
+
+
+def test_headings_go_all_around_in_steps_of_one_or_two_cells_at_the_rim(lookalikes):
+    headings = np.array([heading for heading, *_ in lookalikes._templates])
+    steps = np.diff([*headings, headings[0] + 2 * np.pi])
+    rim_cells = steps * lookalikes.target.reach_m / lookalikes.cell_m
+    assert rim_cells.min() > 1.2
+    assert rim_cells.max() < 2.4
 
 
 @pytest.mark.parametrize(("left", "tried"), [(0.3, 60), (0.49, 60), (0.51, 3), (0.8, 3)])
