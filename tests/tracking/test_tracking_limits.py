@@ -720,7 +720,7 @@ def test_two_edges_are_found_two_pixels_and_a_half_off_where_the_others_are_in_t
     assert fit.correction[0] / PIXEL_M == pytest.approx(2.5, abs=0.15)
 
 
-def test_what_covers_two_fifths_of_two_edges_half_a_pixel_off_does_not_take_along_those_found_afar():
+def test_a_wide_search_is_not_taken_along_by_two_fifths_of_two_edges_that_stand_half_a_pixel_off():
     def partly(xy):
         off_px = np.where(xy[:, 1] > 0.09, 0.5, 0.0)
         return off_px, off_px
