@@ -348,6 +348,51 @@ def test_a_template_that_shows_less_than_a_tenth_of_a_motion_is_not_used(share, 
     assert (response.whole is not None) == known
 
 
+def inliers(template, share):
+    """Weights (n,) by which so many of a template's points are inliers."""
+    return np.where(np.arange(len(template.points)) < share * len(template.points), 1.0, 0.0)
+
+
+@pytest.mark.parametrize(("share", "elsewhere"), [(0.6, True), (0.9, False)])
+def test_another_place_is_tried_where_inliers_hold_less_than_three_quarters_of_the_information(
+    plane, good, monkeypatch, share, elsewhere
+):
+    tried, found = [], replace(good, weight=inliers(plane.template, share))
+    monkeypatch.setattr(plane, "_align", lambda *_: found)
+    monkeypatch.setattr(plane, "_at_its_edges", lambda *_: tried.append(1) or found)
+    plane.measure(picture(BOX), POSE)
+    assert bool(tried) == elsewhere
+
+
+@pytest.mark.parametrize(
+    ("apart_px", "left", "taken"), [(0.3, 0.1, False), (0.65, 0.1, True), (1.5, 0.75, True), (1.5, 0.97, False)]
+)
+def test_another_place_half_a_pixel_off_is_taken_where_it_leaves_a_tenth_less(
+    plane, good, monkeypatch, apart_px, left, taken
+):
+    """Of the points a fifth do not fit at the first place, and ``left`` of that at the other one."""
+    points = len(good.residual)
+
+    def leaving(share, pose):
+        return replace(good, pose=pose, scale=1.0, residual=np.where(np.arange(points) < share * points, 100.0, 0.0))
+
+    first = leaving(0.2, POSE)
+    other = leaving(0.2 * left, POSE + np.array([apart_px * PIXEL_M, 0.0, 0.0]))
+    monkeypatch.setattr(plane, "_align", lambda *_, **__: other)
+    found = plane._at_its_edges(picture(BOX), POSE, first, plane.template, plane.response)
+    assert (found is other) == taken
+
+
+@pytest.mark.parametrize(("share", "averaged"), [(0.7, True), (0.9, False)])
+def test_slopes_are_averaged_where_pictures_show_less_than_four_fifths_of_a_motion(share, averaged):
+    tracker = PlaneTracker(BOX, picture(BOX), POSE)
+    slopes, seen = tracker.template.slopes, np.ones(len(tracker.template.points))
+    for _ in range(10):
+        tracker.response.learn(tracker.free_slopes, share * tracker.free_slopes, seen)
+    tracker._average(share * slopes, seen)
+    assert np.allclose(tracker.template.slopes, share * slopes if averaged else slopes)
+
+
 # Following
 
 
@@ -513,6 +558,25 @@ def test_a_plain_target_is_flagged(follower, std_px, plain):
     assert ("low_texture" in {finding.code for finding in findings}) == plain
 
 
+@pytest.mark.parametrize(("blur_px", "told"), [(0.8, False), (1.4, True)])
+def test_a_blur_of_a_pixel_is_told_of(follower, blur_px, told):
+    follower.tracker = SimpleNamespace(widest_blur_px=blur_px)
+    covariance = np.tile(1e-8 * np.eye(3), (4, 1, 1))
+    findings = follower._judge_observations(np.arange(4.0), covariance, np.full(4, TrackStatus.TRACKED, dtype=np.uint8))
+    assert ("focus_changed" in {finding.code for finding in findings}) == told
+
+
+@pytest.mark.parametrize(("times", "known"), [(2.2, True), (4.5, False)])
+def test_what_leaves_three_times_the_usual_misfit_is_foreign(follower, times, known):
+    """The body appears elsewhere, where its motion cannot have taken it."""
+    for k in range(1, 5):
+        follower.record.keep(0.04 * k, POSE, np.eye(3), TrackStatus.TRACKED, 1.0, 5.0)
+    there = compose(POSE, np.array([3.0, 0.0, 0.0]))
+    follower.relocaliser.find = lambda _: there
+    follower.tracker.measure = lambda *_: Measurement(there, 1e-8 * np.eye(3), residual=5.0 * times)
+    assert (follower._search(0.2, None, None) is not None) == known
+
+
 def test_the_scatter_is_that_of_frames_in_which_the_body_moves_and_is_bounded(follower, monkeypatch):
     monkeypatch.setattr(follow, "scatter_factor", lambda *_given: 100.0)
     steps = np.array([0.08, 0.08, 0.15, 0.15]) * PIXEL_M
@@ -612,6 +676,66 @@ def test_edges_are_found_within_four_pixels(off_px, found):
     fit = observe_outline(picture(BOX, grey=lambda xy: np.full(len(xy), 200.0)), BOX, start)
     near = fit is not None and np.linalg.norm(compose(start, fit.correction)[:2] - POSE[:2]) < 0.3 * PIXEL_M
     assert near == found
+
+
+LARGE = target(1.8, 1.5)
+
+
+def beside(pixels):
+    """A bright top on a floor; ``pixels`` [px] of body coordinates is how far beyond the box its ends in x lie."""
+
+    def grey(xy):
+        left, right = pixels(xy)
+        x, y = xy.T
+        return np.where((x > -0.6 + left * PIXEL_M) & (x < 0.6 + right * PIXEL_M) & (np.abs(y) < 0.45), 200.0, 90.0)
+
+    return picture(LARGE, grey=grey)
+
+
+def test_a_bright_line_five_pixels_beside_a_faint_edge_is_out_of_reach():
+    def lined(xy):
+        off_px = (np.abs(xy) - np.array([0.6, 0.45])).max(axis=1) / PIXEL_M
+        return np.select([off_px < 0, off_px > 5], [94.0, 250.0], 90.0)
+
+    fit = observe_outline(picture(LARGE, grey=lined), BOX, POSE)
+    assert np.linalg.norm(fit.correction[:2]) < 0.1 * PIXEL_M
+
+
+@pytest.mark.parametrize(("longer_px", "seen"), [(0.7, True), (1.4, False)])
+def test_an_edge_a_pixel_off_is_the_tops_and_a_farther_one_is_not(longer_px, seen):
+    """The opposite edge is in its place, so that a top as long as stated would fit one edge alone."""
+    fit = observe_outline(beside(lambda _: (0.0, longer_px)), BOX, POSE)
+    assert fit.size[0] / PIXEL_M == pytest.approx(longer_px if seen else 0.0, abs=0.1)
+
+
+@pytest.mark.parametrize(("longer_px", "counts"), [(0.28, False), (0.5, True)])
+def test_half_an_end_counts_like_the_whole_opposite_one_where_a_length_is_a_third_of_a_pixel_off(longer_px, counts):
+    """With the length as stated, the end of which more is seen says where the middle is."""
+    fit = observe_outline(beside(lambda xy: (0.0, np.where(xy[:, 1] < 0.05, longer_px, 15.0))), BOX, POSE)
+    assert fit.correction[0] / (longer_px * PIXEL_M) == pytest.approx(0.5 if counts else 0.0, abs=0.1)
+
+
+def test_two_edges_are_found_two_pixels_and_a_half_off_where_the_others_are_in_their_places():
+    fit = observe_outline(beside(lambda _: (2.5, 2.5)), BOX, POSE, wide=True)
+    assert fit.correction[0] / PIXEL_M == pytest.approx(2.5, abs=0.15)
+
+
+def test_a_wide_search_is_not_taken_along_by_two_fifths_of_two_edges_that_stand_half_a_pixel_off():
+    def partly(xy):
+        off_px = np.where(xy[:, 1] > 0.09, 0.5, 0.0)
+        return off_px, off_px
+
+    fit = observe_outline(beside(partly), BOX, POSE, wide=True)
+    assert abs(fit.correction[0]) < 0.05 * PIXEL_M
+
+
+def test_the_place_of_a_top_of_which_one_end_is_seen_is_known_to_half_a_millimetre():
+    """With pixels of a millimetre, by which edges are known to a thirtieth: the length, to a millimetre, decides."""
+    stretches = stretches_of(BOX.body, 1e-3)
+    slopes = np.tile(20 * np.exp(-((stretches.offsets / 1e-3) ** 2)), (len(stretches.middle), 1))
+    slopes[stretches.normal[:, 0] < -0.9] = 0.0
+    fit = outline._fit_outline(slopes, stretches, 1e-3, np.full(len(slopes), 9.0), 0.25)
+    assert 0.4e-3 < np.sqrt(fit.covariance[0, 0]) < 0.7e-3
 
 
 def test_the_turn_of_a_disc_is_known_to_three_pixels():
