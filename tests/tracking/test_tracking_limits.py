@@ -887,20 +887,33 @@ def test_evened_texture_has_a_deviation_of_forty_grey_levels_but_rounding_is_not
     assert low < np.std(evened(np.tile(stripes, (240, 1)).astype(np.uint8))) < high
 
 
-@pytest.mark.parametrize(("off_px", "converged"), [(0.045, True), (0.09, False)])
-def test_an_alignment_has_converged_when_it_moves_by_less_than_a_sixteenth_of_a_pixel(off_px, converged, monkeypatch):
-    """A single round, which goes all the way from where it begins."""
+@pytest.fixture
+def one_round(monkeypatch):
+    """A single round with all points, which goes all the way from where it begins."""
     kernel = alignment._align_kernel
 
-    def one_round(*given):
+    def once(*given):
         rule = given[6]
         return kernel(*given[:6], (*rule[:3], 1, *rule[4:]), *given[7:])
 
-    monkeypatch.setattr(alignment, "_align_kernel", one_round)
+    monkeypatch.setattr(alignment, "_align_kernel", once)
+
+
+@pytest.mark.parametrize(("off_px", "converged"), [(0.045, True), (0.09, False)])
+def test_an_alignment_has_converged_when_it_moves_by_less_than_a_sixteenth_of_a_pixel(one_round, off_px, converged):
     template = make_template(picture(BOX), BOX, POSE)
     start = compose(POSE, np.array([off_px * template.pixel_m, 0.0, 0.0]))
     found = align(picture(BOX), template, np.ones(len(template.points)), start, BOX, 20.0, wide=True)
     assert found.converged == converged
+
+
+@pytest.mark.parametrize(("hidden", "near"), [(0.17, True), (0.35, False)])
+def test_the_first_quarter_of_the_points_brings_the_pose_near(one_round, hidden, near):
+    """They are an even choice of all; where just these are hidden the pose stays where it begins."""
+    template = make_template(picture(BOX), BOX, POSE)
+    seen = (np.arange(len(template.points)) >= hidden * len(template.points)).astype(float)
+    start = compose(POSE, np.array([1.0 * template.pixel_m, 0.0, 0.0]))
+    assert align(picture(BOX), template, seen, start, BOX, 20.0).converged == near
 
 
 @pytest.mark.parametrize(("off_px", "converged"), [(6.0, True), (8.0, False)])
