@@ -257,3 +257,46 @@ def test_half_as_much_again_of_a_board_is_left_out(times, seen):
 def test_some_hundred_features_of_a_picture_are_compared():
     corner = np.array([[0.0, 0.0], [9.0, 0.0], [9.0, 9.0]])
     assert 250 < len(behind_boards._features(texture(0), corner, mirrored=False).places) < 600
+
+
+@pytest.mark.parametrize(("zoom", "shift_px", "differs"), [(1.0, 0.7, False), (1.0, 1.5, True), (1.0015, 0.0, True)])
+def test_a_crop_differs_that_displaces_a_corner_of_a_picture_by_a_pixel(zoom, shift_px, differs):
+    """From its middle the corner is 1100 px away."""
+    assert Crop(zoom=zoom, shift_px=np.array([0.0, shift_px]), std_px=0.01).differs(Crop(), SIZE) == differs
+
+
+@pytest.mark.parametrize(("turn_rad", "carried"), [(0.07, False), (0.15, True), (-0.15, True)])
+def test_a_camera_that_turned_by_a_tenth_of_a_radian_in_its_picture_was_carried(turn_rad, carried):
+    assert behind_boards._carried([Crop(), Crop(turn_rad=turn_rad)], SIZE) == carried
+
+
+@pytest.mark.parametrize(("zooms", "carried"), [((1.0, 1.3), False), ((1.0, 1.3, 1.6), True)])
+def test_a_camera_that_saw_the_floor_at_three_sizes_was_carried(zooms, carried):
+    """A camera that stays has the zoom of the floor's pictures and another, each for several pictures."""
+    assert behind_boards._carried([Crop(zoom=zoom) for zoom in zooms for _ in range(3)], SIZE) == carried
+
+
+@pytest.mark.parametrize(("apart_px", "carried"), [(80.0, False), (150.0, True)])
+def test_two_views_are_a_tenth_of_a_picture_apart(apart_px, carried):
+    """110 px of 1920 × 1080, from the middle to a corner; of three views that is too many for a camera that stays."""
+    crops = [Crop(shift_px=np.array([i * apart_px, 0.0])) for i in range(3)]
+    assert behind_boards._carried(crops, SIZE) == carried
+
+
+@pytest.mark.parametrize(("nearness", "tells"), [(0.65, True), (0.92, False)])
+def test_a_feature_is_seen_again_where_the_next_is_a_quarter_farther(nearness, tells):
+    """Each of thirty features has its match at this distance over that of another one elsewhere."""
+    rng = np.random.default_rng(0)
+    places, elsewhere = rng.uniform(-500, 500, (2, 30, 2))
+    own, decoys, off = features(places, 1), features(elsewhere, 1), 0.1 * rng.normal(size=(30, 128))
+    moved = replace(own, places=places + 30.0, descriptors=(own.descriptors + nearness * off).astype(np.float32))
+    decoys = replace(decoys, descriptors=(own.descriptors - off).astype(np.float32))
+    assert (behind_boards._common_motion(own, both(moved, decoys)) is not None) == tells
+
+
+@pytest.mark.parametrize(("width_px", "compared_px"), [(1920, 400), (300, 300)])
+def test_pictures_are_compared_at_four_hundred_pixels_of_width_or_their_own(width_px, compared_px):
+    picture, corner = cv2.resize(texture(0), (width_px, width_px // 2)), np.array([[0.0, 0.0], [9.0, 0.0], [9.0, 9.0]])
+    found = behind_boards._features(picture, corner, mirrored=False)
+    assert width_px / found.reduced == pytest.approx(compared_px, rel=0.3)
+    assert np.ptp(found.places[:, 0]) == pytest.approx(width_px, rel=0.1)

@@ -767,3 +767,71 @@ def test_blocks_of_a_fine_floor_are_found_after_a_turn_by_a_few_degrees(turn_deg
     motion = registration._by_blocks(warped(first, turn_deg=turn_deg), np.zeros(9))
     assert (motion is not None) == found
     assert motion is None or np.rad2deg(-motion[2]) == pytest.approx(turn_deg, abs=0.1)
+
+
+@pytest.mark.parametrize(("off_px", "found"), [(5, True), (14, False)])
+def test_a_faint_floor_is_registered_from_five_pixels_off_in_a_dozen_rounds(off_px, found):
+    """Its deviation is six grey levels, noise has two: steps are short, and from 14 pixels off it takes 17 rounds."""
+    plain = 128 + 0.3 * (FIRST.astype(float) - 128)
+    first, other = (plain, warped(plain, (off_px, 0))) + 2 * np.random.default_rng(5).standard_normal((2, *plain.shape))
+    first, other = (np.clip(np.round(luma), 0, 255).astype(np.uint8) for luma in (first, other))
+    assert (FloorRegistration(CAMERA, FLOOR, first, ()).near(other, np.zeros(9), []) is not None) == found
+
+
+@pytest.mark.parametrize(("inliers", "found"), [(0.45, True), (0.25, False)])
+def test_a_third_of_the_points_in_view_have_to_show_the_floor(inliers, found, monkeypatch):
+    monkeypatch.setattr(floor_registration, "shares", lambda *_: (0.9, inliers))
+    assert (FloorRegistration(CAMERA, FLOOR, FIRST, ()).near(FIRST, np.zeros(9), []) is not None) == found
+
+
+def test_a_picture_that_is_repeated_fits_no_better_than_to_half_a_grey_level():
+    registration = FloorRegistration(CAMERA, FLOOR, FIRST, ())
+    registration.near(FIRST, np.zeros(9), [])
+    _, residual, scale = registration.last
+    assert np.std(residual) < 0.1
+    assert 0.3 < scale < 0.8
+
+
+@pytest.mark.parametrize(("share", "low", "high"), [(0.45, 0.42, 0.48), (0.1, 0.2, 0.4)])
+def test_a_floor_that_shows_less_than_a_third_of_its_texture_counts_as_one_that_does(share, low, high):
+    registration = FloorRegistration(CAMERA, FLOOR, FIRST, ())
+    fainter = np.round(128 + share * (FIRST.astype(float) - 128)).astype(np.uint8)
+    alike, information = np.ones(len(registration.slopes)), registration.slopes.T @ registration.slopes
+    assert low < registration._shared_texture(fainter, np.zeros(9), information, alike, alike, 1.0) < high
+
+
+def test_residuals_of_neighbours_are_compared_in_every_tenth_picture(monkeypatch):
+    registration, compared = FloorRegistration(CAMERA, FLOOR, FIRST, ()), []
+    monkeypatch.setattr(registration, "_variance_factor", lambda *_: compared.append(1) or 1.0)
+    monkeypatch.setattr(registration, "_shared_texture", lambda *_: 1.0)
+    for _ in range(40):
+        registration.near(FIRST, np.zeros(9), [])
+    assert 3 <= len(compared) <= 6
+
+
+def from_straight_above(motion):
+    """A floor registered by a camera that looks straight down and moves, without noise."""
+    view = ceiling((240, 180), 450.0, tilt_rad=1e-3, distortion=())
+    first, moved = (floor_picture(*each, noise=0.0) for each in (view, moved_view(*view, np.array(motion))))
+    return FloorRegistration(*view, first, ()).near(moved, np.zeros(9), [])
+
+
+def test_whether_a_mount_shifts_is_known_to_three_centimetres():
+    """From straight above it looks like a shift or a zoom of the picture."""
+    std_m = np.sqrt(np.diag(from_straight_above(np.zeros(9)).covariance))[3:6]
+    assert (std_m > 0.02).all()
+    assert (std_m < 0.045).all()
+
+
+def test_a_shift_of_the_picture_is_put_down_to_the_stabiliser_and_little_of_it_to_the_mount():
+    """To the squares of 60 and 3.4 px, by which the two shift a picture: 3 cm at a height of 4 m and 450 px."""
+    found = from_straight_above([0, 0, 0, 0, 0, 0, 0, 6.0, 0]).motion
+    assert found[7] == pytest.approx(6.0, abs=0.05)
+    assert 1 / 600 < found[3] * (450 / 4) / 6.0 < 1 / 160
+
+
+def test_an_enlarged_picture_is_put_down_to_the_focus_and_little_of_it_to_the_height():
+    """To the squares of 5 % and of the 0.75 % that 3 cm are of the height."""
+    found = from_straight_above([0, 0, 0, 0, 0, 0, 0.02, 0, 0]).motion
+    assert found[6] == pytest.approx(0.0196, abs=3e-4)
+    assert 1 / 90 < -found[5] / 4 / 0.02 < 1 / 24

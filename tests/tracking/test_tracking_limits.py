@@ -12,7 +12,7 @@ from studies.worlds.scenes import ceiling, rectangle
 from towval.model import Body, TrackStatus
 from towval.model.errors import InputError
 from towval.model.geometry import compose, transform
-from towval.tracking import blur, follow, outline, two_measurements
+from towval.tracking import alignment, blur, follow, outline, two_measurements
 from towval.tracking import noise as noise_module
 from towval.tracking.alignment import align
 from towval.tracking.blur import Shutter
@@ -1129,3 +1129,49 @@ def test_places_of_an_outline_are_followed_from_six_tenths_of_the_best_score_on(
     search = SimpleNamespace(apart_m=lambda a, b: abs(a[0] - b[0]))
     places = [(0.8 * (share if i else 1.0), np.array([float(i), 0.0, 0.0])) for i in range(8)]
     assert (len(OutlineSearch._distinct(search, places, 0.5)) == 8) == followed
+
+
+@pytest.mark.parametrize(("levels", "low", "high"), [(1, 22, 34), (2, 34, 46), (30, 34, 46)])
+def test_evened_texture_has_a_deviation_of_forty_grey_levels_but_rounding_is_not_raised_to_it(levels, low, high):
+    """Stripes of four pixels in 28: one grey level of them has a deviation of 0.35, as what rounding leaves."""
+    stripes = np.where(np.arange(960) % 28 < 4, 128 + levels, 128)
+    assert low < np.std(evened(np.tile(stripes, (240, 1)).astype(np.uint8))) < high
+
+
+@pytest.fixture
+def one_round(monkeypatch):
+    """A single round with all points, which goes all the way from where it begins."""
+    kernel = alignment._align_kernel
+
+    def once(*given):
+        rule = given[6]
+        return kernel(*given[:6], (*rule[:3], 1, *rule[4:]), *given[7:])
+
+    monkeypatch.setattr(alignment, "_align_kernel", once)
+
+
+@pytest.mark.parametrize(("off_px", "converged"), [(0.045, True), (0.09, False)])
+def test_an_alignment_has_converged_when_it_moves_by_less_than_a_sixteenth_of_a_pixel(one_round, off_px, converged):
+    template = make_template(picture(BOX), BOX, POSE)
+    start = compose(POSE, np.array([off_px * template.pixel_m, 0.0, 0.0]))
+    found = align(picture(BOX), template, np.ones(len(template.points)), start, BOX, 20.0, wide=True)
+    assert found.converged == converged
+
+
+@pytest.mark.parametrize(("hidden", "near"), [(0.17, True), (0.35, False)])
+def test_the_first_quarter_of_the_points_brings_the_pose_near(one_round, hidden, near):
+    """They are an even choice of all; where just these are hidden the pose stays where it begins."""
+    template = make_template(picture(BOX), BOX, POSE)
+    seen = (np.arange(len(template.points)) >= hidden * len(template.points)).astype(float)
+    start = compose(POSE, np.array([1.0 * template.pixel_m, 0.0, 0.0]))
+    assert align(picture(BOX), template, seen, start, BOX, 20.0).converged == near
+
+
+@pytest.mark.parametrize(("off_px", "converged"), [(6.0, True), (8.0, False)])
+def test_a_wide_alignment_of_a_target_as_faint_as_half_its_noise_converges_from_six_pixels(off_px, converged):
+    """After 33 rounds; from eight pixels off it would take 54."""
+    faint = texture(contrast=4.0)
+    template = make_template(picture(BOX, grey=faint, noise=8.0, seed=5), BOX, POSE)
+    start = compose(POSE, np.array([off_px * PIXEL_M, 0.0, 0.0]))
+    luma = picture(BOX, grey=faint, noise=8.0, seed=2)
+    assert align(luma, template, np.ones(len(template.points)), start, BOX, 20.0, wide=True).converged == converged
