@@ -407,12 +407,13 @@ def test_blocks_that_scatter_by_more_than_four_pixels_have_no_motion_in_common(s
     assert (registration._by_blocks(FIRST, np.zeros(9)) is not None) == found
 
 
-def test_what_is_left_of_the_motion_moves_poses_as_a_moved_camera_sees_them():
+@pytest.mark.parametrize("floor", [FLOOR, ceiling((480, 360), 450.0, tilt_rad=0.0)[1]], ids=["tilted", "level"])
+def test_what_is_left_of_the_motion_moves_poses_as_a_moved_camera_sees_them(floor):
     motion = np.array([2e-4, -3e-4, 1e-4, 0, 0, 0, 1e-3, 0.2, -0.1])
     corners = transform(POSE, BODY.top_corners_m)
-    pixels = project(*moved_view(CAMERA, FLOOR, motion), np.column_stack([corners, np.full(4, 0.4)]))
-    apparent = to_plane(CAMERA, FLOOR, pixels, 0.4)
-    by_motion = pose_sensitivity(CAMERA, FLOOR, BODY, POSE[None])[0][0] @ parameters_by_motion(CAMERA, FLOOR)
+    pixels = project(*moved_view(CAMERA, floor, motion), np.column_stack([corners, np.full(4, 0.4)]))
+    apparent = to_plane(CAMERA, floor, pixels, 0.4)
+    by_motion = pose_sensitivity(CAMERA, floor, BODY, POSE[None])[0][0] @ parameters_by_motion(CAMERA, floor)
     assert np.allclose((by_motion @ motion)[:2], (corners - apparent).mean(axis=0), atol=3e-5)
 
 

@@ -5,13 +5,14 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from towval.model import Array, Body, Camera, Floor
+from towval.model import CALIBRATION_PARAMETERS, Array, Body, Camera, Floor
 from towval.model.conventions import VIEW_MOTION
 from towval.model.geometry import lifted, transform
 from towval.optics.plane_uncertainty import position_sensitivity, shared_parameters
 from towval.optics.projection import project, to_plane
 
 _ACROSS = np.linspace(0.1, 0.9, 5)
+_NO_TURN = 1e-4  # [rad] Below it the next term of the series is less than rounding.
 
 
 def moved_view(camera: Camera, floor: Floor, motion: Array) -> tuple[Camera, Floor]:
@@ -73,10 +74,31 @@ def picture_motion(camera: Camera, floor: Floor, motion: Array) -> Array:
 
 def parameters_by_motion(camera: Camera, floor: Floor) -> Array:
     """Change (18, 9) of :data:`towval.model.CALIBRATION_PARAMETERS` with a motion of the view."""
-    step = 1e-6
-    steps = step * np.eye(len(VIEW_MOTION))
-    ends = [[shared_parameters(*moved_view(camera, floor, sign * s)) for s in steps] for sign in (1, -1)]
-    return np.asarray((np.array(ends[0]) - np.array(ends[1])).T / (2 * step))
+    by_motion = np.zeros((len(CALIBRATION_PARAMETERS), len(VIEW_MOTION)))
+    by_motion[[0, 1], 6] = camera.matrix[[0, 1], [0, 1]]
+    by_motion[2:4, 7:] = np.eye(2)
+    by_motion[12:15, :3] = _vector_by_turn(shared_parameters(camera, floor)[12:15])
+    by_motion[15:, :3] = -_cross(floor.T_camera_floor[:3, 3])
+    by_motion[15:, 3:6] = np.eye(3)
+    return by_motion
+
+
+def _vector_by_turn(vector: Array) -> Array:
+    """Change (3, 3) of the vector of a rotation by less than a full turn with a small turn after it.
+
+    It is the inverse of the left Jacobian of SO(3), Barfoot, State Estimation for Robotics (2017), section 7.1.5. No
+    difference of vectors gives it for a camera that looks straight down: its vector is half a turn long, where those of
+    opposite sign are one rotation.
+    """
+    angle, across = float(np.linalg.norm(vector)), _cross(vector)
+    bent = 1 / 12 if angle < _NO_TURN else (1 - angle / 2 / np.tan(angle / 2)) / angle**2
+    return np.asarray(np.eye(3) - across / 2 + bent * across @ across)
+
+
+def _cross(vector: Array) -> Array:
+    """The matrix (3, 3) that takes the cross product of a vector (3,) with another."""
+    x, y, z = vector
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 _AT_ONCE = 1024  # Poses, whose corners' derivatives take 5 kB each: the memory of a long video stays small.
