@@ -142,6 +142,18 @@ def test_a_sharp_edge_shows_two_cells_beside_it_and_not_at_three(cell_px, beside
     assert (left_and_right.mean() > 0.45) == shows
 
 
+def test_an_outline_of_which_a_long_edge_is_hidden_scores_half():
+    """As if something of the body's grey lay over that edge."""
+    beside = np.array([[-0.6, -0.35], [0.6, -0.35], [0.6, -0.65], [-0.6, -0.65]])
+    middle = tuple(np.round(BOX.pixels(np.zeros((1, 2)), POSE)[0]).astype(int)[::-1])
+    hidden = cv2.fillPoly(LUMA.copy(), [np.round(BOX.pixels(beside, POSE)).astype(np.int32)], int(LUMA[middle]))
+    scores = []
+    for luma in (hidden, LUMA):
+        search = OutlineSearch(BOX, [(luma, np.zeros(3))], POSE[:2] - 0.1, POSE[:2] + 0.1)
+        scores.append(float(search._scores(search._rectified(POSE, CELL_M), POSE[None])[0]))
+    assert 0.465 < scores[0] / scores[1] < 0.515
+
+
 @pytest.mark.parametrize(("share", "counts"), [(0.11, False), (0.22, True)])
 def test_a_place_counts_where_a_sixth_of_a_top_moved(share, counts):
     low, high = POSE[:2] - 10 * CELL_M, POSE[:2] + 10 * CELL_M
