@@ -604,6 +604,18 @@ def test_a_rest_is_within_a_tenth_of_a_pixel(follower, monkeypatch, shift_px, he
     assert (np.ptp(follower.track("scripted").pose[2:, 0]) < 1e-9) == held
 
 
+def test_the_size_of_a_body_is_read_twice_a_second_and_half_as_often_after_each_dozen(follower, monkeypatch):
+    now_s, read_s = 0.0, []
+    monkeypatch.setattr(two_measurements, "observe_outline", lambda *_, **__: None)
+    monkeypatch.setattr(follow, "observe_size", lambda *_: read_s.append(now_s))
+    for k in range(1, 201):
+        now_s = 0.1 * k
+        follower.follow(now_s, None)
+    gaps_s = np.diff(read_s)
+    assert gaps_s[:9] == pytest.approx(0.5)
+    assert gaps_s[12:20] == pytest.approx(1.0)
+
+
 # Noise and rest
 
 
