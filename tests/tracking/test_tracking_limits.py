@@ -396,15 +396,16 @@ def test_slopes_are_averaged_where_pictures_show_less_than_four_fifths_of_a_moti
 # Following
 
 
-def test_edges_are_fitted_twice_a_second_and_less_often_later(follower, monkeypatch):
-    times = []
+def test_edges_and_size_are_fitted_twice_a_second_and_half_as_often_after_each_dozen(follower, monkeypatch):
+    now_s, read_s = 0.0, []
     monkeypatch.setattr(two_measurements, "observe_outline", lambda *_, **__: None)
-    monkeypatch.setattr(follow, "observe_size", lambda *_: times.append(now))
-    for now in np.arange(1, 121) / 10:
-        follower.follow(float(now), None)
-    early = [t for t in times if t <= 5]
-    assert 9 <= len(early) <= 11
-    assert 16 <= len(times) <= 19
+    monkeypatch.setattr(follow, "observe_size", lambda *_: read_s.append(now_s))
+    for k in range(1, 201):
+        now_s = 0.1 * k
+        follower.follow(now_s, None)
+    gaps_s = np.diff(read_s)
+    assert gaps_s[:9] == pytest.approx(0.5)
+    assert gaps_s[12:20] == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(("correction_px", "found"), [(2.5, True), (4.0, False)])
@@ -602,18 +603,6 @@ def test_a_rest_is_within_a_tenth_of_a_pixel(follower, monkeypatch, shift_px, he
         follower.follow(0.1 * k, None)
     follower.outline_fits, follower.fitted_in = [], []
     assert (np.ptp(follower.track("scripted").pose[2:, 0]) < 1e-9) == held
-
-
-def test_the_size_of_a_body_is_read_twice_a_second_and_half_as_often_after_each_dozen(follower, monkeypatch):
-    now_s, read_s = 0.0, []
-    monkeypatch.setattr(two_measurements, "observe_outline", lambda *_, **__: None)
-    monkeypatch.setattr(follow, "observe_size", lambda *_: read_s.append(now_s))
-    for k in range(1, 201):
-        now_s = 0.1 * k
-        follower.follow(now_s, None)
-    gaps_s = np.diff(read_s)
-    assert gaps_s[:9] == pytest.approx(0.5)
-    assert gaps_s[12:20] == pytest.approx(1.0)
 
 
 # Noise and rest
