@@ -137,13 +137,18 @@ def test_a_direction_without_texture_is_open():
     assert align(stripes, template, np.ones(len(template.points)), np.zeros(3), own, 20.0) is None
 
 
-@pytest.mark.parametrize(("off_px", "converged"), [(5.0, True), (6.0, False)])
-def test_a_faint_noisy_target_converges_from_five_pixels_within_the_rounds(off_px, converged):
-    faint = texture(contrast=6.0)
+def converges(contrast, seed, off_px, *, wide=False):
+    """Whether the alignment of a faint target with much noise converges from so far off."""
+    faint = texture(contrast=contrast)
     template = make_template(picture(BOX, grey=faint, noise=8.0, seed=5), BOX, POSE)
     start = compose(POSE, np.array([off_px * PIXEL_M, 0.0, 0.0]))
-    luma = picture(BOX, grey=faint, noise=8.0, seed=1)
-    assert align(luma, template, np.ones(len(template.points)), start, BOX, 20.0).converged == converged
+    luma = picture(BOX, grey=faint, noise=8.0, seed=seed)
+    return align(luma, template, np.ones(len(template.points)), start, BOX, 20.0, wide=wide).converged
+
+
+@pytest.mark.parametrize(("off_px", "converged"), [(5.0, True), (6.0, False)])
+def test_a_faint_noisy_target_converges_from_five_pixels_within_the_rounds(off_px, converged):
+    assert converges(6.0, 1, off_px) == converged
 
 
 @pytest.mark.parametrize(("determinant", "determined"), [(1.4e-4, True), (0.7e-4, False)])
@@ -1171,8 +1176,4 @@ def test_the_first_quarter_of_the_points_brings_the_pose_near(one_round, hidden,
 @pytest.mark.parametrize(("off_px", "converged"), [(6.0, True), (8.0, False)])
 def test_a_wide_alignment_of_a_target_as_faint_as_half_its_noise_converges_from_six_pixels(off_px, converged):
     """After 33 rounds; from eight pixels off it would take 54."""
-    faint = texture(contrast=4.0)
-    template = make_template(picture(BOX, grey=faint, noise=8.0, seed=5), BOX, POSE)
-    start = compose(POSE, np.array([off_px * PIXEL_M, 0.0, 0.0]))
-    luma = picture(BOX, grey=faint, noise=8.0, seed=2)
-    assert align(luma, template, np.ones(len(template.points)), start, BOX, 20.0, wide=True).converged == converged
+    assert converges(4.0, 2, off_px, wide=True) == converged

@@ -78,7 +78,7 @@ def parameters_by_motion(camera: Camera, floor: Floor) -> Array:
     by_motion[[0, 1], 6] = camera.matrix[[0, 1], [0, 1]]
     by_motion[2:4, 7:] = np.eye(2)
     by_motion[12:15, :3] = _vector_by_turn(shared_parameters(camera, floor)[12:15])
-    by_motion[15:, :3] = -_cross(floor.T_camera_floor[:3, 3])
+    by_motion[15:, :3] = -np.cross(np.eye(3), floor.T_camera_floor[:3, 3])
     by_motion[15:, 3:6] = np.eye(3)
     return by_motion
 
@@ -90,15 +90,9 @@ def _vector_by_turn(vector: Array) -> Array:
     difference of vectors gives it for a camera that looks straight down: its vector is half a turn long, where those of
     opposite sign are one rotation.
     """
-    angle, across = float(np.linalg.norm(vector)), _cross(vector)
+    angle, across = float(np.linalg.norm(vector)), np.cross(np.eye(3), vector)
     bent = 1 / 12 if angle < _NO_TURN else (1 - angle / 2 / np.tan(angle / 2)) / angle**2
     return np.asarray(np.eye(3) - across / 2 + bent * across @ across)
-
-
-def _cross(vector: Array) -> Array:
-    """The matrix (3, 3) that takes the cross product of a vector (3,) with another."""
-    x, y, z = vector
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 _AT_ONCE = 1024  # Poses, whose corners' derivatives take 5 kB each: the memory of a long video stays small.
