@@ -7,6 +7,7 @@ small steps); the "simulated" object is the same motion with an error that is kn
 from __future__ import annotations
 
 import dataclasses
+import struct
 from pathlib import Path
 
 import av
@@ -203,6 +204,16 @@ def grey_film(path: Path, frames: int, size_px: tuple[int, int] = SMALL_SIZE_PX,
             film.mux(stream.encode(frame))
         film.mux(stream.encode(None))
     return path
+
+
+def quarter_turned(mp4: bytes) -> bytes:
+    """The film with a display matrix of a quarter turn, as phones write it: 3 × 3 fixed-point numbers in ``tkhd``."""
+    one = 0x00010000
+    straight = struct.pack(">9i", one, 0, 0, 0, one, 0, 0, 0, 0x40000000)
+    quarter = struct.pack(">9i", 0, one, 0, -one, 0, 0, 0, 0, 0x40000000)
+    header = mp4.index(b"tkhd")
+    at = mp4.index(straight, header)
+    return mp4[:at] + quarter + mp4[at + len(quarter) :]
 
 
 def _view(i: int, rng: np.random.Generator) -> View:

@@ -5,18 +5,22 @@ import os
 import re
 import shutil
 import subprocess
+import tracemalloc
 from importlib.resources import files
 from io import BytesIO
 
 import av
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
-from report_scenes import grey_film, small_calibration, towed_run, uncertainty_of
-from towval.io import records
+from report_scenes import grey_film, numbered_film, small_calibration, towed_run, uncertainty_of
+from towval.commands.exchange import film_pictures
+from towval.io import records, ros
+from towval.io.campaign import Run
 from towval.io.exchange import LAYOUTS, write_layouts, write_run_file
-from towval.io.mcap_file import read_mcap
+from towval.io.mcap_file import Message, read_mcap, write_mcap
 from towval.model.geometry import transform
 from towval.report.overlay import drawn_pictures
 
@@ -102,6 +106,43 @@ def test_pictures_come_five_times_a_second_with_a_camera_of_their_size(content):
     assert (picture.width, picture.height) == (cameras[0].width, cameras[0].height)
 
 
+@pytest.fixture(scope="module")
+def passed_on(run, tmp_path_factory):
+    """The file of a run whose footage viewers decode themselves, and the footage."""
+    folder, calibration = tmp_path_factory.mktemp("passed_on"), small_calibration()
+    film = numbered_film(folder / "a.mp4", FRAMES, bf="0")
+    pictures = film_pictures(Run("a", film, {}), calibration, run)
+    write_run_file(folder / "exchange.mcap", run, calibration, pictures, {"versions": "{}"})
+    return folder / "exchange.mcap", film
+
+
+def test_footage_that_viewers_take_is_passed_on_as_it_is_at_the_times_of_its_poses(passed_on, run):
+    file, film = passed_on
+    content = read_mcap(file)
+    pictures, cameras = content.values("/camera/image"), content.values("/camera/camera_info")
+    assert {picture.format for picture in pictures} == {"h264"}
+    np.testing.assert_allclose(content.times_s("/camera/image"), run.rover_track.time_s, atol=1e-9)
+    assert (cameras[0].width, cameras[0].height) == small_calibration().camera.resolution_px
+    # Start codes, some of a byte less, take the place of lengths.
+    stored = sum(packet.size for packet in av.open(film).demux(video=0))
+    passed = sum(len(picture.data) for picture in pictures)
+    assert abs(passed - stored) < 4 * FRAMES
+
+
+def test_footage_whose_pictures_are_not_those_of_the_poses_is_drawn(run, tmp_path):
+    """As of a damaged film, whose good part was tracked."""
+    film = numbered_film(tmp_path / "a.mp4", FRAMES + 5, bf="0")
+    pictures = list(film_pictures(Run("a", film, {}), small_calibration(), run))
+    assert {picture.coding for picture in pictures} == {"jpeg"}
+
+
+def test_rerun_takes_passed_on_footage_for_a_film(passed_on, tmp_path):
+    rerun = program("rerun")
+    output_of(rerun, "mcap", "convert", passed_on[0], "-o", tmp_path / "run.rrd")
+    printed = output_of(rerun, "rrd", "print", tmp_path / "run.rrd")
+    assert re.search(r"/camera/image - data columns: \[.*VideoStream:codec.*VideoStream:sample", printed)
+
+
 def test_the_layout_names_only_topics_and_frames_of_the_file(folder, content):
     layout = json.loads((folder / "lichtblick.json").read_text())
     panels = layout["configById"]
@@ -170,3 +211,24 @@ def test_rerun_has_run_and_layout_under_one_application_with_entities_that_are_t
     assert {"/tether/line", "/object/error_state/position", "/camera/image"} <= named
     for entity in named:
         assert re.search(rf"{entity} - data columns", recording), entity
+
+
+def test_messages_that_come_in_order_are_stored_among_the_others_and_not_held(tmp_path):
+    """A film may be larger than memory."""
+
+    def film():
+        for i in range(60):
+            picture = np.random.default_rng(i).integers(0, 256, 500_000, dtype=np.uint8)
+            yield Message("/film", 10 * i, ros.compressed_image(1e-8 * i, "camera", "h264", picture))
+
+    others = [Message("/other", 10 * i + 5, ros.number(i)) for i in range(59, -1, -1)]
+    tracemalloc.start()
+    write_mcap(tmp_path / "a.mcap", others, {}, {}, in_order=film())
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 15e6, "half of the film"
+    with (tmp_path / "a.mcap").open("rb") as stream:
+        read = make_reader(stream).iter_messages(log_time_order=False)
+        stored = [(channel.topic, message.log_time) for _, channel, message in read]
+    assert [time for _, time in stored] == list(range(0, 600, 5))
+    assert [topic for topic, _ in stored] == 60 * ["/film", "/other"]

@@ -1,12 +1,11 @@
 import dataclasses
-import struct
 
 import av
 import cv2
 import numpy as np
 import pytest
 
-from report_scenes import LOST, SMALL_SIZE_PX, grey_film, small_calibration, towed_run
+from report_scenes import LOST, SMALL_SIZE_PX, grey_film, quarter_turned, small_calibration, towed_run
 from towval.model import CameraTrack, Floor
 from towval.model.errors import InputError
 from towval.model.geometry import transform
@@ -109,6 +108,16 @@ def test_same_data_give_the_same_bytes(calibration, run, footage, overlay, tmp_p
     assert again.read_bytes() == overlay.read_bytes()
 
 
+def test_frames_show_their_own_poses_where_tracking_has_found_other_times(calibration, footage, tmp_path):
+    """A video that states 25 pictures a second of a camera that took 12.5: frame 40 is row 40, at 3.2 s."""
+    slow = towed_run(n=FRAMES, fps=12.5)
+    frames = decoded(write_overlay(footage, tmp_path / "slow.mp4", calibration, slow))
+    start, end = transform(slow.object_track.pose[40], slow.towed.top_corners_m[:2])
+    at = [*(start + 0.04 * (end - start)), slow.towed.tracked_plane_height_m]
+    assert reddest(frames[40][1], project(calibration.camera, calibration.floor, at)) > 60
+    assert [still.time_s for still in stills(footage, calibration, slow, [1.6])] == pytest.approx([3.2])
+
+
 def test_an_offset_of_the_footage_is_taken_off(calibration, run, tmp_path):
     late = grey_film(tmp_path / "late.mp4", frames=5, first_pts=50)
     assert decoded(late)[0][0] == pytest.approx(2.0)
@@ -120,7 +129,7 @@ def test_stills_are_the_drawn_frames_of_the_wanted_times(footage, overlay, calib
     # Backwards, and between two frames.
     found = stills(footage, calibration, run, [3.0, 0.99, 100.0])
     assert [still.time_s for still in found] == pytest.approx([3.0, 1.0], abs=1e-9)
-    picture = cv2.imdecode(np.frombuffer(found[1].jpeg, np.uint8), cv2.IMREAD_COLOR)
+    picture = cv2.imdecode(np.frombuffer(found[1].data, np.uint8), cv2.IMREAD_COLOR)
     assert found[1].size_px == SIZE
     assert np.abs(picture[..., ::-1].astype(int) - decoded(overlay)[25][1]).mean() < 2
 
@@ -132,7 +141,7 @@ def test_pictures_are_the_first_after_each_fifth_of_a_second_that_others_are_cod
     assert (late_s > -1e-9).all()
     assert (late_s < 4 / 25).all()
     # What was passed over changes no picture.
-    assert [still.jpeg for still in stills(footage, calibration, run, times_s)] == [each.jpeg for each in pictures]
+    assert [still.data for still in stills(footage, calibration, run, times_s)] == [each.data for each in pictures]
 
 
 def test_footage_of_another_size_is_refused(calibration, run, tmp_path):
@@ -164,16 +173,6 @@ def test_footage_of_a_turned_phone_comes_out_upright(calibration, run, footage, 
     with av.open(write_overlay(turned, tmp_path / "overlay.mp4", upright, run)) as film:
         context = film.streams.video[0].codec_context
         assert (context.width, context.height) == SIZE[::-1]
-
-
-def quarter_turned(mp4: bytes) -> bytes:
-    """The film with a display matrix of a quarter turn, as phones write it: 3 × 3 fixed-point numbers in ``tkhd``."""
-    one = 0x00010000
-    straight = struct.pack(">9i", one, 0, 0, 0, one, 0, 0, 0, 0x40000000)
-    quarter = struct.pack(">9i", 0, one, 0, -one, 0, 0, 0, 0, 0x40000000)
-    header = mp4.index(b"tkhd")
-    at = mp4.index(straight, header)
-    return mp4[:at] + quarter + mp4[at + len(quarter) :]
 
 
 def test_outlines_follow_the_camera(calibration, run):

@@ -30,16 +30,10 @@ _ERRORS = ("along_m", "across_m", "heading_rad", "ratio")
 def write_run_file(
     path: Path, run: RunRecord, calibration: Calibration, pictures: Iterable[Still], provenance: dict[str, str]
 ) -> None:
-    """Write ``exchange.mcap`` with all ``pictures`` of the footage."""
+    """Write ``exchange.mcap`` with all ``pictures`` of the footage, which come in the order of their times."""
     start_s = float(run.rover_track.time_s[0])
-    messages = [
-        camera_place(calibration.floor, start_s),
-        *_pictures(pictures, calibration.camera),
-        *_motions(run),
-        *_tether(run),
-        *_errors(run.comparison),
-    ]
-    write_mcap(path, messages, {"run": run.name}, provenance)
+    messages = [camera_place(calibration.floor, start_s), *_motions(run), *_tether(run), *_errors(run.comparison)]
+    write_mcap(path, messages, {"run": run.name}, provenance, in_order=_pictures(pictures, calibration.camera))
 
 
 def write_layouts(folder: Path) -> tuple[Path, ...]:
@@ -53,9 +47,8 @@ def _pictures(pictures: Iterable[Still], camera: Camera) -> Iterator[Message]:
     """Pictures of the footage, and with each the camera of its size."""
     for still in pictures:
         ns = ros.nanoseconds(still.time_s)
-        yield Message(
-            "/camera/image", ns, ros.compressed_image(still.time_s, CAMERA_FRAME, np.frombuffer(still.jpeg, np.uint8))
-        )
+        data = np.frombuffer(still.data, np.uint8)
+        yield Message("/camera/image", ns, ros.compressed_image(still.time_s, CAMERA_FRAME, still.coding, data))
         scaled = _scaled(camera, still.size_px)
         yield Message("/camera/camera_info", ns, ros.camera_info(still.time_s, CAMERA_FRAME, scaled))
 

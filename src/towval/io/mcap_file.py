@@ -4,6 +4,7 @@ Written whole or not at all, byte-identical for identical content. Every byte of
 and every checksum is verified before anything of a file is used.
 """
 
+import heapq
 import json
 import struct
 from collections import defaultdict
@@ -65,13 +66,21 @@ class McapContent:
         return np.array([message.time_ns for message in self.topics.get(topic, [])], dtype=np.float64) / 1e9
 
 
-def write_mcap(path: Path, messages: Iterable[Message], details: dict[str, Any], provenance: dict[str, str]) -> None:
+def write_mcap(
+    path: Path,
+    messages: Iterable[Message],
+    details: dict[str, Any],
+    provenance: dict[str, str],
+    *,
+    in_order: Iterable[Message] = (),
+) -> None:
     """Write an MCAP file; an existing one is replaced when the new one is whole.
 
     Messages are stored in the order of their times. ``details``, what fits no message, is kept as the attachment
     ``details.json``; ``provenance``, versions, configuration and hashes as texts, as the metadata record of that name.
+    ``in_order``: further messages, more than fit into memory, in the order of their times.
     """
-    ordered = sorted(messages, key=lambda message: message.time_ns)
+    ordered = sorted(messages, key=attrgetter("time_ns"))
     start = ordered[0].time_ns if ordered else 0
     check_replaceable(path, provenance.get(_STAGE, ""))
     with replacing(path) as temporary, temporary.open("wb") as stream:
@@ -80,7 +89,7 @@ def write_mcap(path: Path, messages: Iterable[Message], details: dict[str, Any],
         channels: dict[str, int] = {}
         schemas: dict[str, int] = {}
         sequence: defaultdict[str, int] = defaultdict(int)
-        for message in ordered:
+        for message in heapq.merge(ordered, in_order, key=attrgetter("time_ns")):
             kind = message.value.__msgtype__
             if kind not in schemas:
                 text, _ = TYPESTORE.generate_msgdef(kind, ros_version=2)

@@ -231,6 +231,6 @@ def diagnostics(time_s: float, entries: Sequence[tuple[int, str, str, dict[str, 
     return make("diagnostic_msgs/msg/DiagnosticArray", header=header(time_s, ""), status=status)
 
 
-def compressed_image(time_s: float, frame: str, jpeg: NDArray[np.uint8]) -> Any:
-    """A stamped picture from the bytes (n,) of a JPEG."""
-    return make("sensor_msgs/msg/CompressedImage", header=header(time_s, frame), format="jpeg", data=jpeg)
+def compressed_image(time_s: float, frame: str, coding: str, data: NDArray[np.uint8]) -> Any:
+    """A stamped picture from the bytes (n,) of its coding: ``jpeg``, or ``h264`` and ``h265`` of a film."""
+    return make("sensor_msgs/msg/CompressedImage", header=header(time_s, frame), format=coding, data=data)

@@ -49,11 +49,15 @@ class RunRecord:
 
 @dataclass(frozen=True)
 class Still:
-    """A picture of a run's footage: its presentation time [s], width and height [px], and the picture as JPEG."""
+    """A picture of a run's footage: its time on the clock of the run [s], width and height [px], and its bytes.
+
+    ``coding``: ``jpeg``, or that of the footage (``h264``, ``h265``), whose pictures build on those before.
+    """
 
     time_s: float
     size_px: tuple[int, int]
-    jpeg: bytes
+    data: bytes
+    coding: str = "jpeg"
 
 
 def measured_poses(track: Track) -> Array:

@@ -20,6 +20,7 @@ from towval.io.video import upright
 from towval.model import Calibration
 from towval.model.errors import InputError
 from towval.model.run_record import RunRecord, Still
+from towval.report.film import frame_times, run_times
 from towval.report.overlay_painter import Painter
 
 Picture = NDArray[np.uint8]
@@ -41,17 +42,17 @@ def write_overlay(
 ) -> FilePath:
     """Draw a run onto its footage: an MP4 of H.264, high profile, yuv420p, index first.
 
-    Time 0 is the first frame of the source. Footage narrower than ``width_px`` keeps its size; of a ``damaged`` source
-    the part before the damage is used.
+    Time 0 is the first frame of the source; what is drawn is on the clock of the run. Footage narrower than
+    ``width_px`` keeps its size; of a ``damaged`` source the part before the damage is used.
 
     Raises `InputError` when the source is no video, is damaged, or has another size than the camera.
     """
     painter = Painter(calibration, run, width_px)
     with replacing(target) as temporary, _opened(source) as film:
-        stream = film.streams.video[0]
+        stream, clock = film.streams.video[0], _Clock(source, run)
         with av.open(temporary, "w", format="mp4", options={"movflags": "+faststart"}) as output:
             encoder = _add_encoder(output, stream, painter.size_px)
-            for frame in _drawn_frames(source, _decoded(film, damaged), stream, painter):
+            for frame in _drawn_frames(source, _decoded(film, damaged), stream, painter, clock):
                 output.mux(encoder.encode(frame))
             output.mux(encoder.encode(None))
     return target
@@ -67,31 +68,43 @@ def drawn_pictures(
     painter = Painter(calibration, run, _PICTURE_PX)
     due_s = -np.inf
     with _opened(source) as film:
-        stream = film.streams.video[0]
+        stream, clock = film.streams.video[0], _Clock(source, run)
         stream.codec_context.skip_frame = "NONREF"
         for frame in _decoded(film, damaged):
             time_s = float(_ticks(frame) * _time_base(stream))
             if time_s + 1e-6 >= due_s:
                 due_s = (time_s if due_s == -np.inf else due_s) + _PICTURE_S
-                yield _still(source, frame, time_s, painter)
+                yield _still(source, frame, clock.of_run(time_s), painter)
 
 
 def stills(
     source: FilePath, calibration: Calibration, run: RunRecord, times_s: Sequence[float], *, damaged: bool = False
 ) -> tuple[Still, ...]:
-    """The first pictures at or after given times [s], with the run drawn in; none after the end of the footage."""
+    """The first pictures at or after given presentation times [s], with the run drawn in; none after the last one."""
     painter, found = Painter(calibration, run, _STILL_PX), []
     with _opened(source) as film:
-        stream = film.streams.video[0]
+        stream, clock = film.streams.video[0], _Clock(source, run)
         for wanted_s in times_s:
             wanted = int(wanted_s / _time_base(stream))
             film.seek(wanted, stream=stream)
             for frame in _decoded(film, damaged, wanted):
                 time_s = float(_ticks(frame) * _time_base(stream))
                 if time_s + 1e-6 >= wanted_s:
-                    found.append(_still(source, frame, time_s, painter))
+                    found.append(_still(source, frame, clock.of_run(time_s), painter))
                     break
     return tuple(found)
+
+
+class _Clock:
+    """The clock of a run: where a video's own times were not to be trusted, tracking has found others."""
+
+    def __init__(self, source: FilePath, run: RunRecord):
+        self.presented_s, _ = frame_times(source)
+        self.own_s = run_times(run, self.presented_s)
+
+    def of_run(self, presented_s: float) -> float:
+        """Time of the frame with a presentation time [s]."""
+        return float(np.interp(presented_s, self.presented_s, self.own_s))
 
 
 def _still(source: FilePath, frame: av.VideoFrame, time_s: float, painter: Painter) -> Still:
@@ -163,7 +176,7 @@ def _decoded(film: av.container.InputContainer, damaged: bool, wanted: int | Non
 
 
 def _drawn_frames(
-    source: FilePath, frames: Iterator[av.VideoFrame], stream: av.VideoStream, painter: Painter
+    source: FilePath, frames: Iterator[av.VideoFrame], stream: av.VideoStream, painter: Painter, clock: _Clock
 ) -> Iterator[av.VideoFrame]:
     """Frames with the run drawn in, ready to encode; times start at zero."""
     first = None
@@ -172,7 +185,7 @@ def _drawn_frames(
             _check_size(source, frame, painter.calibration)
             first = _ticks(frame)
         picture = _as_rgb(frame, painter.size_px)
-        painter.draw(picture, float(_ticks(frame) * _time_base(stream)))
+        painter.draw(picture, clock.of_run(float(_ticks(frame) * _time_base(stream))))
         drawn = av.VideoFrame.from_ndarray(picture, format="rgb24")
         drawn = drawn.reformat(format="yuv420p", dst_colorspace=Colorspace.ITU709, dst_color_range=ColorRange.MPEG)
         drawn.pts, drawn.time_base = _ticks(frame) - first, _time_base(stream)

@@ -232,5 +232,5 @@ def _run_view(report: RunReport, calibration: Calibration | None, page: FilePath
         frames=len(time_s),
         series=series(run, presented_s, time_s),
         film=film,
-        stills=tuple((f"{s.time_s:.2f} s", data_uri("image/jpeg", s.jpeg)) for s in pictures),
+        stills=tuple((f"{s.time_s:.2f} s", data_uri("image/jpeg", s.data)) for s in pictures),
     )
