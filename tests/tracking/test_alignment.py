@@ -11,7 +11,7 @@ from towval.model.geometry import compose, inverse, wrapped
 from towval.tracking.alignment import align
 from towval.tracking.planar_target import usable_points
 from towval.tracking.plane_tracker import PlaneTracker, information_of_inliers
-from towval.tracking.template import make_template
+from towval.tracking.template import make_template, without_light
 
 
 @pytest.fixture(scope="module")
@@ -160,3 +160,18 @@ def test_the_leverage_of_points_adds_up_to_one_for_each_direction():
     np.testing.assert_allclose(template.leverage.sum(axis=0), 1.0)
     flat = replace(template, slopes=np.zeros_like(template.slopes))
     np.testing.assert_allclose(flat.leverage, 1 / len(template.points))
+
+
+def test_slopes_without_light_hold_nothing_that_a_gain_or_a_bias_of_a_tile_explains():
+    """As by least squares; in a plain tile a gain changes what a bias changes."""
+    rng = np.random.default_rng(0)
+    _, _, _, template = painted_twice(with_disc)
+    values = np.where(template.tile == 3, 110.0, template.values)
+    template = replace(template, values=values)
+    slopes = rng.normal(0, 1e3, (len(values), 4))
+    expected = slopes.copy()
+    for row in range(template.tiles):
+        own = template.tile == row
+        light = np.column_stack([np.ones(own.sum()), values[own]])
+        expected[own] -= light @ np.linalg.lstsq(light, slopes[own], rcond=None)[0]
+    np.testing.assert_allclose(without_light(slopes, template), expected, atol=1e-6)

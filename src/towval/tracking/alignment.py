@@ -18,6 +18,7 @@ SOURCE: S. Baker, I. Matthews, *Lucas-Kanade 20 Years On*, IJCV 56 (2004), for t
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from towval.model import Array
 from towval.model.compiling import compiled
@@ -272,6 +273,33 @@ def _align_kernel(
     return pose, information, scores, residual, weight, scale, light, correlation, converged
 
 
+@compiled()
+def _covariance_kernel(pose: Array, information: Array, scores: Array, least_determinant: float) -> tuple[bool, Array]:
+    """Whether an alignment leaves no direction open, and its covariance (3, 3), from the scores of the tiles."""
+    size = np.sqrt(np.diag(information))
+    known = np.isfinite(pose).all() and size.all()
+    known = known and np.linalg.det(information / np.outer(size, size)) >= least_determinant
+    if not known:
+        return False, information
+    inverse, tiles = np.linalg.inv(information), len(scores)
+    # Residuals of neighbouring points go together (compression, blur): the tiles' scores hold that.
+    meat = scores.T @ scores * (tiles / max(1, tiles - 3))
+    covariance: Array = inverse * np.float64(max(np.sum(inverse * meat) / 3, _ROUNDING))
+    return True, covariance
+
+
+@compiled()
+def _inliers_kernel(
+    weight: Array, precision: Array, tile: NDArray[np.int64], light: Array, inlier_weight: float, least_gain: float
+) -> float:
+    """Share of the points that show the template."""
+    count = 0
+    for i in range(len(weight)):
+        # A tile that follows the template at the least gain does not show it: something plain hides it.
+        count += light[tile[i], 0] > least_gain and weight[i] > inlier_weight * precision[i]
+    return float(count / len(weight))
+
+
 def align(
     luma: Luma,
     template: Template,
@@ -290,6 +318,7 @@ def align(
     template is in the picture or it leaves a direction open.
     """
     c, most_rounds = CONSTANTS, CONSTANTS.wide_rounds if wide else CONSTANTS.rounds
+    precision = np.ascontiguousarray(precision)
     pose, information, scores, residual, weight, scale, light, correlation, converged = _align_kernel(
         luma,
         (template.points, template.values, template.slopes, template.leverage, template.tile, template.tiles),
@@ -301,23 +330,8 @@ def align(
         (LIGHT.gain_spread, LIGHT.least_gain, LIGHT.most_gain),
         wide,
     )
-    size = np.sqrt(np.diag(information))
-    if not np.isfinite(pose).all() or not size.all():
+    known, covariance = _covariance_kernel(pose, information, scores, c.least_determinant)
+    if not known:
         return None
-    if np.linalg.det(information / np.outer(size, size)) < CONSTANTS.least_determinant:
-        return None
-    inverse: Array = np.asarray(np.linalg.inv(information), dtype=np.float64)
-    # Residuals of neighbouring points go together (compression, blur): the tiles' scores hold that.
-    meat = scores.T @ scores * (template.tiles / max(1, template.tiles - 3))
-    # A tile that follows the template at the least gain does not show it: something plain hides it.
-    shown = (light[:, 0] > LIGHT.least_gain)[template.tile]
-    return Alignment(
-        pose=pose,
-        covariance=inverse * max(np.sum(inverse * meat) / 3, _ROUNDING),
-        residual=residual,
-        weight=weight,
-        scale=float(scale),
-        correlation=float(correlation),
-        inlier_fraction=float((shown & (weight > CONSTANTS.inlier_weight * precision)).mean()),
-        converged=bool(converged),
-    )
+    inliers = _inliers_kernel(weight, precision, template.tile, light, c.inlier_weight, LIGHT.least_gain)
+    return Alignment(pose, covariance, residual, weight, scale, correlation, inliers, converged)

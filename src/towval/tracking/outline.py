@@ -16,8 +16,15 @@ from numpy.typing import ArrayLike, NDArray
 from towval.model import Array, Body
 from towval.model.errors import InputError
 from towval.model.geometry import rigid_fit, transform
-from towval.tracking.interpolation import plane_pixels_kernel, plane_to_camera
-from towval.tracking.outline_kernels import covariance_kernel, fit_kernel, slopes_kernel, stretches_kernel
+from towval.tracking.interpolation import plane_to_camera
+from towval.tracking.outline_kernels import (
+    by_pose_and_size_kernel,
+    covariance_kernel,
+    fit_kernel,
+    side_widths_kernel,
+    slopes_kernel,
+    stretches_kernel,
+)
 from towval.tracking.planar_target import PlanarTarget
 
 
@@ -147,11 +154,10 @@ def _edge_slopes(luma: NDArray[np.uint8], target: PlanarTarget, s: Stretches, po
 
 def _side_widths(target: PlanarTarget, stretches: Stretches, pose: Array) -> Array:
     """Visible width of the body's side outside each stretch (m,) [px] if it reaches the floor; ≤ 0 where hidden."""
-    middle, camera = stretches.middle, target.camera
-    edge, outside = target.pixels(middle, pose), target.pixels(middle + stretches.step * stretches.normal, pose)
-    on_floor = plane_to_camera(np.asarray(pose, dtype=np.float64), 0.0, target.floor.T_camera_floor)
-    foot, outward = plane_pixels_kernel(middle, on_floor, camera.matrix, camera.distortion), outside - edge
-    widths: Array = ((foot - edge) * outward).sum(axis=1) / np.hypot(*outward.T)
+    pose, T, camera = np.asarray(pose, dtype=np.float64), target.floor.T_camera_floor, target.camera
+    planes = plane_to_camera(pose, target.height, T), plane_to_camera(pose, 0.0, T)
+    outward_m = stretches.step * stretches.normal
+    widths: Array = side_widths_kernel(stretches.middle, outward_m, planes, camera.matrix, camera.distortion)
     return widths
 
 
@@ -189,10 +195,8 @@ def _by_pose_and_size(stretches: Stretches) -> Array:
     A top that was measured a millimetre too wide cannot lie on both of its edges; with the width held, the fit settles
     on either one.
     """
-    middle, normal = stretches.middle, stretches.normal
-    turned = middle[:, 0] * normal[:, 1] - middle[:, 1] * normal[:, 0]
-    centre = (middle.min(axis=0) + middle.max(axis=0)) / 2
-    return np.column_stack([normal, turned, (middle - centre) * normal])
+    rows: Array = by_pose_and_size_kernel(stretches.middle, stretches.normal)
+    return rows
 
 
 def observe_outline(

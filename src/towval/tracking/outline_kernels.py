@@ -91,6 +91,31 @@ def slopes_kernel(
 
 
 @compiled()
+def by_pose_and_size_kernel(middle: Array, normal: Array) -> Array:
+    """Change (m, 5) of places (m, 2) along their normals (m, 2) with the pose, and with length and width [share]."""
+    m = len(middle)
+    x, y = (middle[:, 0].min() + middle[:, 0].max()) / 2, (middle[:, 1].min() + middle[:, 1].max()) / 2
+    rows = np.empty((m, 5))
+    for i in range(m):
+        rows[i, 0], rows[i, 1] = normal[i, 0], normal[i, 1]
+        rows[i, 2] = middle[i, 0] * normal[i, 1] - middle[i, 1] * normal[i, 0]
+        rows[i, 3], rows[i, 4] = (middle[i, 0] - x) * normal[i, 0], (middle[i, 1] - y) * normal[i, 1]
+    return rows
+
+
+@compiled()
+def side_widths_kernel(middle: Array, outward_m: Array, planes: tuple[Array, Array], matrix: Array, k: Array) -> Array:
+    """Distance (m,) [px] from edges (m, 2) to their feet, outward; ``planes``: of the edges and of the feet."""
+    edge, foot = plane_pixels_kernel(middle, planes[0], matrix, k), plane_pixels_kernel(middle, planes[1], matrix, k)
+    outward = plane_pixels_kernel(middle + outward_m, planes[0], matrix, k) - edge
+    widths = np.empty(len(middle))
+    for i in range(len(middle)):
+        along = (foot[i, 0] - edge[i, 0]) * outward[i, 0] + (foot[i, 1] - edge[i, 1]) * outward[i, 1]
+        widths[i] = along / np.hypot(outward[i, 0], outward[i, 1])
+    return widths
+
+
+@compiled()
 def _peaks(slopes: Array, ordinary: Array, offsets: Array, expected: Array, spread: float) -> tuple[Array, Array]:
     """Offset of the steepest place of each stretch near where it is expected, and how far it stands out.
 

@@ -1,5 +1,6 @@
 """The default tracker: the whole planar target aligned with its template, gated, and refreshed without drift."""
 
+import math
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -7,6 +8,7 @@ import cv2
 import numpy as np
 
 from towval.model import Array, Camera
+from towval.model.compiling import compiled
 from towval.model.errors import InputError
 from towval.model.geometry import turned_covariance
 from towval.tracking.alignment import CONSTANTS as ALIGNMENT
@@ -218,8 +220,8 @@ class PlaneTracker(Tracker):
         return small, replace(self.target.camera, matrix=matrix, resolution_px=(int(size[0]), int(size[1])))
 
     def _trusted(self, found: Alignment) -> bool:
-        std = np.sqrt(np.diag(found.covariance))
-        worst_m = max(std[0], std[1], std[2] * self.target.reach_m)
+        x, y, turn = (math.sqrt(found.covariance[i, i]) for i in range(3))
+        worst_m = max(x, y, turn * self.target.reach_m)
         least = max(CONSTANTS.least_correlation, CONSTANTS.correlation_kept * self.usual_correlation)
         matched = found.inlier_fraction >= CONSTANTS.least_inliers and found.correlation >= least
         return bool(found.converged and matched and worst_m <= CONSTANTS.worst_std_px * self.pixel_m)
@@ -282,13 +284,31 @@ class PlaneTracker(Tracker):
 
 def information_of_inliers(found: Alignment, template: Template) -> float:
     """Share of a template's information that its inliers hold, in the direction of motion where it is smallest."""
-    return float(template.leverage[found.weight > ALIGNMENT.inlier_weight].sum(axis=0).min())
+    return _least_share(template.leverage, found.weight, ALIGNMENT.inlier_weight)
+
+
+@compiled()
+def _least_share(leverage: Array, weight: Array, least: float) -> float:
+    """Smallest column sum of the rows (n, 3) whose weight (n,) is more than ``least``."""
+    total = np.zeros(3)
+    for i in range(len(weight)):
+        if weight[i] > least:
+            total += leverage[i]
+    return float(total.min())
 
 
 def left_over(one: Alignment, other: Alignment) -> float:
     """Share of a target that does not fit in one alignment, counted with the smaller scale of that and another."""
-    limit = TUKEY * min(one.scale, other.scale)
-    return float(np.mean(1 - np.maximum(1 - (one.residual / limit) ** 2, 0.0) ** 3))
+    return _left_over(one.residual, TUKEY * min(one.scale, other.scale))
+
+
+@compiled()
+def _left_over(residual: Array, limit: float) -> float:
+    total = 0.0
+    for each in residual:
+        fits = max(1 - (each / limit) ** 2, 0.0)
+        total += 1 - fits * fits * fits
+    return float(total / len(residual))
 
 
 class _Response:

@@ -35,6 +35,8 @@ class TemplateConstants:
 
 CONSTANTS = TemplateConstants()
 
+_PLAIN = 1e-12  # Variance of the grey values in a tile that differ by rounding alone.
+
 
 @dataclass(frozen=True)
 class Template:
@@ -118,11 +120,34 @@ def by_motion(points: Array, slope: Array) -> Array:
 
 def without_light(slopes: Array, template: Template) -> Array:
     """Slopes (n, k) at the points of a template, less what gain and bias of its tiles can explain."""
-    free = slopes.copy()
-    for row in range(template.tiles):
-        own = template.tile == row
-        light = np.column_stack([np.ones(own.sum()), template.values[own]])
-        free[own] -= light @ np.linalg.lstsq(light, free[own], rcond=None)[0]
+    return _without_light_kernel(np.ascontiguousarray(slopes), template.values, template.tile, template.tiles)
+
+
+@compiled()
+def _without_light_kernel(slopes: Array, values: Array, tile: NDArray[np.int64], tiles: int) -> Array:
+    n, k = slopes.shape
+    count, mean, power = np.zeros(tiles), np.zeros(tiles), np.zeros(tiles)
+    means, shared = np.zeros((tiles, k)), np.zeros((tiles, k))
+    for i in range(n):
+        count[tile[i]] += 1
+        mean[tile[i]] += values[i]
+        for j in range(k):
+            means[tile[i], j] += slopes[i, j]
+    for row in range(tiles):
+        mean[row] /= max(count[row], 1.0)
+        means[row] /= max(count[row], 1.0)
+    for i in range(n):
+        light = values[i] - mean[tile[i]]
+        power[tile[i]] += light * light
+        for j in range(k):
+            shared[tile[i], j] += light * (slopes[i, j] - means[tile[i], j])
+    free = np.empty((n, k))
+    for i in range(n):
+        row = tile[i]
+        # In a plain tile a gain changes what a bias changes.
+        gain = (values[i] - mean[row]) / power[row] if power[row] > _PLAIN * count[row] else 0.0
+        for j in range(k):
+            free[i, j] = slopes[i, j] - means[row, j] - gain * shared[row, j]
     return free
 
 
