@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from towval.model import Array
 from towval.model.compiling import compiled
+from towval.tracking.equations import inverse_of, root_of
 from towval.tracking.interpolation import RELAXED, sample_plane_kernel
 from towval.tracking.light import CONSTANTS as LIGHT
 from towval.tracking.light import OUTSIDE, Tiles, fit_light, misfits
@@ -276,16 +277,27 @@ def _align_kernel(
 @compiled()
 def _covariance_kernel(pose: Array, information: Array, scores: Array, least_determinant: float) -> tuple[bool, Array]:
     """Whether an alignment leaves no direction open, and its covariance (3, 3), from the scores of the tiles."""
-    size = np.sqrt(np.diag(information))
-    known = np.isfinite(pose).all() and size.all()
-    known = known and np.linalg.det(information / np.outer(size, size)) >= least_determinant
-    if not known:
+    root, tiles = root_of(information), len(scores)
+    # The determinant of the information in units in which its diagonal is one.
+    open_ = 1.0
+    for i in range(3):
+        open_ *= root[i, i] ** 2 / information[i, i]
+    if not (np.isfinite(pose[0] + pose[1] + pose[2]) and open_ >= least_determinant):
         return False, information
-    inverse, tiles = np.linalg.inv(information), len(scores)
+    inverse, meat, factor = inverse_of(root), np.zeros((3, 3)), 0.0
     # Residuals of neighbouring points go together (compression, blur): the tiles' scores hold that.
-    meat = scores.T @ scores * (tiles / max(1, tiles - 3))
-    covariance: Array = inverse * np.float64(max(np.sum(inverse * meat) / 3, _ROUNDING))
-    return True, covariance
+    for row in range(tiles):
+        for i in range(3):
+            for j in range(3):
+                meat[i, j] += scores[row, i] * scores[row, j]
+    for i in range(3):
+        for j in range(3):
+            factor += inverse[i, j] * meat[i, j]
+    factor = max(factor * (tiles / max(1, tiles - 3)) / 3, _ROUNDING)
+    for i in range(3):
+        for j in range(3):
+            inverse[i, j] *= factor
+    return True, inverse
 
 
 @compiled()

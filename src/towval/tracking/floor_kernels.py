@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from towval.model import Array
 from towval.model.compiling import compiled
 from towval.tracking.alignment import correlation_of_tiles, residual_scale, reweigh
+from towval.tracking.equations import root_of, solved
 from towval.tracking.interpolation import RELAXED, sample_plane_kernel
 from towval.tracking.light import Tiles, fit_light, misfits
 from towval.tracking.template import Luma
@@ -21,13 +22,10 @@ def _turned(motion: Array, T: Array) -> Array:
     # Rodrigues' formula, by its series where the angle is small.
     a = np.sin(angle) / angle if angle > 1e-6 else 1.0
     b = (1 - np.cos(angle)) / (angle * angle) if angle > 1e-6 else 0.5
-    R = np.array(
-        [
-            [1 - b * (y * y + z * z), b * x * y - a * z, b * x * z + a * y],
-            [b * x * y + a * z, 1 - b * (x * x + z * z), b * y * z - a * x],
-            [b * x * z - a * y, b * y * z + a * x, 1 - b * (x * x + y * y)],
-        ]
-    )
+    R = np.empty((3, 3))
+    R[0, 0], R[0, 1], R[0, 2] = 1 - b * (y * y + z * z), b * x * y - a * z, b * x * z + a * y
+    R[1, 0], R[1, 1], R[1, 2] = b * x * y + a * z, 1 - b * (x * x + z * z), b * y * z - a * x
+    R[2, 0], R[2, 1], R[2, 2] = b * x * z - a * y, b * y * z + a * x, 1 - b * (x * x + y * y)
     out = T.copy()
     for i in range(3):
         for j in range(4):
@@ -143,11 +141,16 @@ def register_kernel(
         # In units of the priors their information is the unit matrix, against residuals of this scale, as many times as
         # such residuals of neighbours go together.
         variance = scale * scale * variance_factor
+        known = information.copy()
         for j in range(size):
             right[j] += variance * motion[j] / deviations[j]
-        step = np.linalg.solve(information + variance * np.eye(size), right)
-        motion -= step * deviations
-        converged = bool(step @ in_pixels @ step < tolerance_px * tolerance_px)
+            known[j, j] += variance
+        step, far = solved(root_of(known), right), 0.0
+        for j in range(size):
+            motion[j] -= step[j] * deviations[j]
+            for i in range(size):
+                far += step[i] * in_pixels[i, j] * step[j]
+        converged = far < tolerance_px * tolerance_px
         if converged:
             break
     correlation = correlation_of_tiles(values, template, tile, tiles, 8, 0.5)

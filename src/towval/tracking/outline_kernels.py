@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from towval.model import Array
 from towval.model.compiling import compiled
+from towval.tracking.equations import inverse_of, product_of, root_of, solved
 from towval.tracking.interpolation import RELAXED, plane_pixels_kernel, spline_value
 from towval.tracking.pose import TUKEY
 
@@ -24,29 +25,33 @@ def stretches_kernel(corners: Array, pixel_m: float, sharp: float, most: int) ->
     area = 0.0
     for i in range(n):
         area += corners[i - 1, 0] * corners[i, 1] - corners[i - 1, 1] * corners[i, 0]
-    if area < 0:
-        corners = corners[::-1].copy()
+    # Counter-clockwise, so that normals point outward.
+    ahead = np.empty((n, 2))
+    for i in range(n):
+        own = i if area >= 0 else n - 1 - i
+        ahead[i, 0], ahead[i, 1] = corners[own, 0], corners[own, 1]
     tangent, size, cut = np.empty((n, 2)), np.empty(n), np.zeros(n)
     for i in range(n):
-        edge = corners[(i + 1) % n] - corners[i]
-        size[i] = np.sqrt(edge[0] * edge[0] + edge[1] * edge[1])
-        tangent[i] = edge / size[i]
+        after = (i + 1) % n
+        x, y = ahead[after, 0] - ahead[i, 0], ahead[after, 1] - ahead[i, 1]
+        size[i] = np.sqrt(x * x + y * y)
+        tangent[i, 0], tangent[i, 1] = x / size[i], y / size[i]
     for i in range(n):
         across = tangent[i, 0] * tangent[i - 1, 0] + tangent[i, 1] * tangent[i - 1, 1]
         if np.arccos(min(max(across, -1.0), 1.0)) > sharp:
             cut[i] = 2 * pixel_m
-    whole, count = np.empty(n), np.empty(n, np.int64)
+    whole, count, m = np.empty(n), np.empty(n, np.int64), 0
     for i in range(n):
         whole[i] = size[i] - cut[(i + 1) % n] - cut[i]
         count[i] = min(most, max(int(whole[i] // (3 * pixel_m)), int(whole[i] > pixel_m)))
-    m = count.sum()
+        m += count[i]
     middle, along, normal, length = np.empty((m, 2)), np.empty((m, 2)), np.empty((m, 2)), np.empty(m)
     k = 0
     for i in range(n):
         for number in range(count[i]):
             place = cut[i] + whole[i] * (number + 0.5) / count[i]
-            middle[k] = corners[i] + tangent[i] * place
-            along[k] = tangent[i]
+            for j in range(2):
+                middle[k, j], along[k, j] = ahead[i, j] + tangent[i, j] * place, tangent[i, j]
             normal[k, 0], normal[k, 1] = tangent[i, 1], -tangent[i, 0]
             length[k] = whole[i] / count[i]
             k += 1
@@ -94,7 +99,11 @@ def slopes_kernel(
 def by_pose_and_size_kernel(middle: Array, normal: Array) -> Array:
     """Change (m, 5) of places (m, 2) along their normals (m, 2) with the pose, and with length and width [share]."""
     m = len(middle)
-    x, y = (middle[:, 0].min() + middle[:, 0].max()) / 2, (middle[:, 1].min() + middle[:, 1].max()) / 2
+    left, right, lower, upper = np.inf, -np.inf, np.inf, -np.inf
+    for i in range(m):
+        left, right = min(left, middle[i, 0]), max(right, middle[i, 0])
+        lower, upper = min(lower, middle[i, 1]), max(upper, middle[i, 1])
+    x, y = (left + right) / 2, (lower + upper) / 2
     rows = np.empty((m, 5))
     for i in range(m):
         rows[i, 0], rows[i, 1] = normal[i, 0], normal[i, 1]
@@ -106,12 +115,14 @@ def by_pose_and_size_kernel(middle: Array, normal: Array) -> Array:
 @compiled()
 def side_widths_kernel(middle: Array, outward_m: Array, planes: tuple[Array, Array], matrix: Array, k: Array) -> Array:
     """Distance (m,) [px] from edges (m, 2) to their feet, outward; ``planes``: of the edges and of the feet."""
-    edge, foot = plane_pixels_kernel(middle, planes[0], matrix, k), plane_pixels_kernel(middle, planes[1], matrix, k)
-    outward = plane_pixels_kernel(middle + outward_m, planes[0], matrix, k) - edge
-    widths = np.empty(len(middle))
+    outer, widths = np.empty(middle.shape), np.empty(len(middle))
     for i in range(len(middle)):
-        along = (foot[i, 0] - edge[i, 0]) * outward[i, 0] + (foot[i, 1] - edge[i, 1]) * outward[i, 1]
-        widths[i] = along / np.hypot(outward[i, 0], outward[i, 1])
+        outer[i, 0], outer[i, 1] = middle[i, 0] + outward_m[i, 0], middle[i, 1] + outward_m[i, 1]
+    edge, foot = plane_pixels_kernel(middle, planes[0], matrix, k), plane_pixels_kernel(middle, planes[1], matrix, k)
+    outer = plane_pixels_kernel(outer, planes[0], matrix, k)
+    for i in range(len(middle)):
+        x, y = outer[i, 0] - edge[i, 0], outer[i, 1] - edge[i, 1]
+        widths[i] = ((foot[i, 0] - edge[i, 0]) * x + (foot[i, 1] - edge[i, 1]) * y) / np.hypot(x, y)
     return widths
 
 
@@ -140,6 +151,40 @@ def _peaks(slopes: Array, ordinary: Array, offsets: Array, expected: Array, spre
 
 
 @compiled()
+def _places(rows: Array, found: Array) -> Array:
+    """Places (m,) along the normals of what was found (p,)."""
+    places = np.zeros(len(rows))
+    for i in range(len(rows)):
+        for j in range(len(found)):
+            places[i] += rows[i, j] * found[j]
+    return places
+
+
+@compiled()
+def _information(rows: Array, weight: Array, scale: float, known: Array) -> Array:
+    """Information (p, p) of weighted rows (m, p), with what was known beforehand."""
+    p = rows.shape[1]
+    information = np.zeros((p, p))
+    for i in range(len(rows)):
+        for j in range(p):
+            for k in range(p):
+                information[j, k] += weight[i] * rows[i, j] * rows[i, k]
+    for j in range(p):
+        information[j, j] += (scale / known[j]) ** 2
+    return information
+
+
+@compiled()
+def _right(rows: Array, weight: Array, place: Array) -> Array:
+    """Right side (p,) of the least squares."""
+    right = np.zeros(rows.shape[1])
+    for i in range(len(rows)):
+        for j in range(rows.shape[1]):
+            right[j] += weight[i] * rows[i, j] * place[i]
+    return right
+
+
+@compiled()
 def fit_kernel(
     slopes: Array, offsets: Array, rows: Array, trust: Array, known: Array, pixel_m: float, first_px: float
 ) -> tuple[bool, Array, Array, Array, Array, Array, float]:
@@ -157,8 +202,9 @@ def fit_kernel(
     for round_ in range(_FITS):
         # The search narrows: wide enough for a click at first, then for the blur of an edge.
         spread = pixel_m * max(0.5, 2.0 * 0.7**round_)
-        place, contrast = _peaks(slopes, ordinary, offsets, rows @ found, spread)
-        misfit = place - rows @ found
+        expected = _places(rows, found)
+        place, contrast = _peaks(slopes, ordinary, offsets, expected, spread)
+        misfit = place - expected
         seen = contrast > 0
         if seen.sum() < max(4, len(found)):
             return False, found, place, contrast, inner, weight, scale
@@ -169,8 +215,7 @@ def fit_kernel(
         weight = trust * contrast * inner**2
         if 3 * (weight > 0).sum() < m:
             return False, found, place, contrast, inner, weight, scale
-        weighted = np.ascontiguousarray(rows.T * weight)
-        found[:] = np.linalg.solve(weighted @ rows + np.diag(scale**2 / known**2), weighted @ place)
+        found = solved(root_of(_information(rows, weight, scale, known)), _right(rows, weight, place))
     return True, found, place, contrast, inner, weight, scale
 
 
@@ -192,21 +237,28 @@ def covariance_kernel(
     correction, place, contrast, inner, weight, scale = fitted
     clear, faint = noise
     m, p = rows.shape
-    misfit, prior = place - rows @ correction, scale**2 / known**2
+    misfit = place - _places(rows, correction)
     # The slope of Tukey's influence function: less than its weight, so that outlying edges constrain the fit less.
     steadiness = trust * contrast * inner * np.maximum(5 * inner - 4, 0.0)
-    steady, scores, together = np.empty((p, m)), np.empty((p, m)), np.zeros(p)
+    scores, together, middle = np.empty(p), np.zeros(p), np.zeros((p, p))
     used = 0
     for i in range(m):
         used += weight[i] > 0
         least = clear[i] * (1 + faint / max(contrast[i], 0.1))
         for j in range(p):
-            steady[j, i] = rows[i, j] * steadiness[i]
-            scores[j, i] = rows[i, j] * weight[i] * max(abs(misfit[i]), least)
+            scores[j] = rows[i, j] * weight[i] * max(abs(misfit[i]), least)
             together[j] += rows[i, j] * weight[i] * shift[i]
-    inverse = np.linalg.inv(steady @ rows + np.diag(prior))
-    freedom = m / max(1, used - 3)
-    shifted = inverse @ together
-    middle = scores @ scores.T * freedom + np.diag(prior * scale**2)
-    covariance: Array = inverse @ middle @ inverse + np.outer(shifted, shifted)
+        for j in range(p):
+            for k in range(p):
+                middle[j, k] += scores[j] * scores[k]
+    root = root_of(_information(rows, steadiness, scale, known))
+    inverse, freedom, shifted = inverse_of(root), m / max(1, used - 3), solved(root, together)
+    for j in range(p):
+        for k in range(p):
+            middle[j, k] *= freedom
+        middle[j, j] += scale**4 / known[j] ** 2
+    covariance: Array = product_of(inverse, product_of(middle, inverse))
+    for j in range(p):
+        for k in range(p):
+            covariance[j, k] += shifted[j] * shifted[k]
     return covariance

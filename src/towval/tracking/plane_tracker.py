@@ -290,11 +290,11 @@ def information_of_inliers(found: Alignment, template: Template) -> float:
 @compiled()
 def _least_share(leverage: Array, weight: Array, least: float) -> float:
     """Smallest column sum of the rows (n, 3) whose weight (n,) is more than ``least``."""
-    total = np.zeros(3)
+    x = y = turn = 0.0
     for i in range(len(weight)):
         if weight[i] > least:
-            total += leverage[i]
-    return float(total.min())
+            x, y, turn = x + leverage[i, 0], y + leverage[i, 1], turn + leverage[i, 2]
+    return float(min(x, y, turn))
 
 
 def left_over(one: Alignment, other: Alignment) -> float:

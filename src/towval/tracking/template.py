@@ -135,7 +135,8 @@ def _without_light_kernel(slopes: Array, values: Array, tile: NDArray[np.int64],
             means[tile[i], j] += slopes[i, j]
     for row in range(tiles):
         mean[row] /= max(count[row], 1.0)
-        means[row] /= max(count[row], 1.0)
+        for j in range(k):
+            means[row, j] /= max(count[row], 1.0)
     for i in range(n):
         light = values[i] - mean[tile[i]]
         power[tile[i]] += light * light
