@@ -26,7 +26,7 @@ SOURCES := src studies tests
 # Where PYTHONDONTWRITEBYTECODE is set, as in many images, each process would compile all it imports: 0.3 s of its start.
 compile = $(BIN)/python -m compileall -q src studies
 
-.PHONY: demo test check compiled studies evidence docs-ledger accuracy tables mutants bench docs damage lock sbom audit clean
+.PHONY: demo test check compiled viewers studies evidence docs-ledger accuracy tables mutants bench docs damage lock sbom audit clean
 
 $(VENV)/installed: pyproject.toml requirements/run.txt
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "towval needs Python 3.11 or newer: make PYTHON=/path/to/python3.11")'
@@ -44,6 +44,9 @@ $(VENV)/installed-viewers: $(VENV)/installed
 	$(PYTHON) -m venv $(VIEWERS)
 	$(VIEWERS)/bin/python -m pip install --quiet --disable-pip-version-check 'evo>=1.30,<2' 'pymcap-cli>=0.30,<1' 'rerun-sdk>=0.30,<1'
 	touch $@
+
+viewers: $(VENV)/installed
+	@$(MAKE) --no-print-directory $(VENV)/installed-viewers || echo "evo, pymcap-cli or Rerun cannot be installed here: what calls them is skipped"
 
 $(VENV)/installed-bench: $(VENV)/installed
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
@@ -69,8 +72,7 @@ compiled: $(VENV)/installed-dev
 	rm -rf $(VENV)/compiled
 
 test: $(VENV)/installed-dev
-	@$(MAKE) --no-print-directory --jobs 2 check compiled
-	@$(MAKE) --no-print-directory $(VENV)/installed-viewers || echo "evo, pymcap-cli or Rerun cannot be installed here: what calls them is skipped"
+	@$(MAKE) --no-print-directory --jobs 2 check compiled viewers
 	OMP_NUM_THREADS=1 TOWVAL_VIEWERS="$${TOWVAL_VIEWERS:-$(CURDIR)/$(VIEWERS)/bin}" $(BIN)/python -m pytest -n $(CORES) --dist loadfile --durations 10
 
 CAMPAIGN ?= data_samples/lab_small
