@@ -154,8 +154,19 @@ sys.exit(workflow.returncode)
 """
 
 
+def interruptible():
+    """A shell's job in the background ignores SIGINT, and so does what it starts."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+def ignoring_interrupts():
+    """As in the background of a script."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGTERM ends a process of Windows at once")
-def test_a_workflow_that_waits_for_itself_when_it_is_to_end_is_interrupted(tmp_path):
+@pytest.mark.parametrize("started", [interruptible, ignoring_interrupts])
+def test_a_workflow_that_waits_for_itself_when_it_is_to_end_is_interrupted_or_killed(tmp_path, started):
     """Snakemake's handler of SIGTERM takes the lock that its main thread holds while it deals with failed jobs."""
     (tmp_path / "Snakefile").write_text("rule all:\n    shell: 'false'\n")
     snakemake = [sys.executable, "-c", DEALING_WITH_A_FAILURE, "--cores", "1"]
@@ -164,17 +175,17 @@ def test_a_workflow_that_waits_for_itself_when_it_is_to_end_is_interrupted(tmp_p
         cwd=tmp_path,
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=90,
         check=False,
+        preexec_fn=started,  # the test has one thread
     )
-    assert done.returncode == 1
-    assert "Terminating processes on user request" in done.stdout
-    assert not [*(tmp_path / ".snakemake").glob("locks/*")], "the folder is still locked"
-
-
-def interruptible():
-    """A shell's job in the background ignores SIGINT, and so does what it starts."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    assert "dealing with it" in done.stdout
+    if started is interruptible:
+        assert done.returncode == 1
+        assert "Terminating processes on user request" in done.stdout
+        assert not [*(tmp_path / ".snakemake").glob("locks/*")], "the folder is still locked"
+    else:
+        assert done.returncode == 256 - signal.SIGKILL
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there are no process groups")

@@ -126,19 +126,23 @@ def _ending_with_us(line: Sequence[str]) -> Iterator[tuple["subprocess.Popen[str
 
 
 def _interrupt_when_idle(process: "subprocess.Popen[str]") -> None:
-    """Interrupt a workflow that was asked to end and neither does so nor has a process at work.
+    """Interrupt a workflow that was asked to end and neither does so nor has a process at work, and then kill it.
 
     Snakemake's handler of SIGTERM takes a lock without looking whether the thread that it interrupts holds it, as it
-    does while it deals with a job that ended by the same signal: then it waits for itself. Only an interrupt helps.
+    does while it deals with a job that ended by the same signal: then it waits for itself. An interrupt helps, unless
+    it is ignored, as by all that a script starts in the background.
     """
-    idle_since = time.monotonic()
+    idle_since, interrupted = time.monotonic(), False
     while process.poll() is None:
         with suppress(psutil.Error):
             if psutil.Process(process.pid).children():
                 idle_since = time.monotonic()
         if time.monotonic() - idle_since > _IDLE_S:
-            process.send_signal(signal.SIGINT)
-            idle_since = time.monotonic()
+            if interrupted:
+                process.kill()
+            else:
+                process.send_signal(signal.SIGINT)
+            idle_since, interrupted = time.monotonic(), True
         time.sleep(0.2)
 
 
