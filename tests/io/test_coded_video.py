@@ -52,6 +52,26 @@ def test_pictures_coded_out_of_order_are_not_passed_on(tmp_path):
     assert coded_video(numbered_film(tmp_path / "b.mp4", FRAMES, bf="2", g="12")) is None
 
 
+def test_pictures_coded_out_of_order_under_times_in_order_are_not_passed_on(tmp_path):
+    """As some writers of MP4 leave them: the times are all there, but on the wrong pictures."""
+    film, wrong = numbered_film(tmp_path / "b.mp4", FRAMES, bf="2", g="12"), tmp_path / "wrong.mp4"
+    with av.open(film) as stored:
+        first = next(stored.demux(video=0)).dts
+    with av.open(film) as source, av.open(wrong, "w") as target:
+        out = target.add_stream_from_template(source.streams.video[0])
+        for packet in source.demux(video=0):
+            if packet.size:
+                packet.stream = out
+                # The first is to be shown at zero: the film cuts nothing off.
+                packet.dts -= first
+                packet.pts = packet.dts
+                target.mux(packet)
+    with av.open(wrong) as stored:
+        pts = [packet.pts for packet in stored.demux(video=0) if packet.size]
+    assert (np.diff(pts) > 0).all(), "the times are not in order: this tests nothing"
+    assert coded_video(wrong) is None
+
+
 def test_a_turned_film_is_not_passed_on(tmp_path):
     film = numbered_film(tmp_path / "a.mp4", FRAMES, bf="0")
     assert coded_video(film) is not None

@@ -50,7 +50,9 @@ def coded_video(path: Path) -> CodedVideo | None:
     except (av.FFmpegError, LookupError, StopIteration):
         return None
     pts = [each[0] for each in packets]
-    if not upright or None in pts or not packets[0][1] or any(discard or corrupt for *_, discard, corrupt in packets):
+    # Times may be stored in coding order although pictures are coded out of it: some writers of MP4 do that.
+    in_order = not context.has_b_frames and upright
+    if not in_order or None in pts or not packets[0][1] or any(discard or corrupt for *_, discard, corrupt in packets):
         return None
     time_s = np.array([float(each * base) for each in pts if each is not None])
     return CodedVideo(path, _PASSED_ON[context.name][0], time_s) if (np.diff(time_s) > 0).all() else None
