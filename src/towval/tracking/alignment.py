@@ -278,11 +278,10 @@ def _align_kernel(
 def _covariance_kernel(pose: Array, information: Array, scores: Array, least_determinant: float) -> tuple[bool, Array]:
     """Whether an alignment leaves no direction open, and its covariance (3, 3), from the scores of the tiles."""
     root, tiles = root_of(information), len(scores)
-    # The determinant of the information in units in which its diagonal is one.
-    open_ = 1.0
+    determinant = 1.0  # Of the information in units in which its diagonal is one.
     for i in range(3):
-        open_ *= root[i, i] ** 2 / information[i, i]
-    if not (np.isfinite(pose[0] + pose[1] + pose[2]) and open_ >= least_determinant):
+        determinant *= root[i, i] ** 2 / information[i, i]
+    if not (np.isfinite(pose[0] + pose[1] + pose[2]) and determinant >= least_determinant):
         return False, information
     inverse, meat, factor = inverse_of(root), np.zeros((3, 3)), 0.0
     # Residuals of neighbouring points go together (compression, blur): the tiles' scores hold that.

@@ -220,7 +220,7 @@ class PlaneTracker(Tracker):
         return small, replace(self.target.camera, matrix=matrix, resolution_px=(int(size[0]), int(size[1])))
 
     def _trusted(self, found: Alignment) -> bool:
-        x, y, turn = (math.sqrt(found.covariance[i, i]) for i in range(3))
+        x, y, turn = (math.sqrt(max(found.covariance[i, i], 0.0)) for i in range(3))
         worst_m = max(x, y, turn * self.target.reach_m)
         least = max(CONSTANTS.least_correlation, CONSTANTS.correlation_kept * self.usual_correlation)
         matched = found.inlier_fraction >= CONSTANTS.least_inliers and found.correlation >= least
