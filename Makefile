@@ -26,7 +26,7 @@ SOURCES := src studies tests
 # Where PYTHONDONTWRITEBYTECODE is set, as in many images, each process would compile all it imports: 0.3 s of its start.
 compile = $(BIN)/python -m compileall -q src studies
 
-.PHONY: demo test check compiled viewers studies evidence docs-ledger accuracy tables mutants bench docs damage lock sbom audit clean
+.PHONY: demo test check viewers studies evidence docs-ledger accuracy tables mutants bench docs damage lock sbom audit clean
 
 $(VENV)/installed: pyproject.toml requirements/run.txt
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "towval needs Python 3.11 or newer: make PYTHON=/path/to/python3.11")'
@@ -65,14 +65,9 @@ check: $(VENV)/installed-dev
 	$(BIN)/snakefmt --check Snakefile src/towval/workflow/rules studies/rules src/towval/workflow/Snakefile
 	$(BIN)/snakemake --lint
 
-# Every test process would compile the same inner loops at its first call of them; the sample runs through them all.
-compiled: $(VENV)/installed-dev
-	$(compile)
-	OMP_NUM_THREADS=1 $(BIN)/snakemake --cores 1 --quiet all --config results=$(VENV)/compiled preset=draft
-	rm -rf $(VENV)/compiled
-
 test: $(VENV)/installed-dev
-	@$(MAKE) --no-print-directory --jobs 2 check compiled viewers
+	@$(MAKE) --no-print-directory --jobs 2 check viewers
+	$(compile)
 	OMP_NUM_THREADS=1 TOWVAL_VIEWERS="$${TOWVAL_VIEWERS:-$(CURDIR)/$(VIEWERS)/bin}" $(BIN)/python -m pytest -n $(CORES) --dist loadfile --durations 10
 
 CAMPAIGN ?= data_samples/lab_small
