@@ -10,6 +10,7 @@ from towval.io.coded_video import coded_video
 from towval.io.exchange import write_layouts, write_run_file
 from towval.io.provenance import provenance
 from towval.io.records import read_calibration
+from towval.io.video import Video
 from towval.model import Calibration
 from towval.model.run_record import RunRecord, Still
 from towval.report.overlay import drawn_pictures
@@ -29,7 +30,7 @@ def run(campaign: Path, name: str, camera: Path, folder: Path, output: Path) -> 
 
 def film_pictures(entry: Run, calibration: Calibration, record: RunRecord) -> Iterator[Still]:
     """The pictures of the footage as they are stored, where viewers take them and each has a pose; else drawn ones."""
-    coded, time_s = coded_video(entry.video), record.rover_track.time_s
+    coded, time_s = coded_video(Video(entry.video)), record.rover_track.time_s
     if coded is None or len(coded.time_s) != len(time_s):
         yield from drawn_pictures(entry.video, calibration, record, damaged=entry.damaged_video)
         return

@@ -1,11 +1,11 @@
 """Pictures of a video as they are stored, for viewers that decode them themselves."""
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import av
 import numpy as np
 
+from towval.io.video import Video
 from towval.model import Array
 
 _PASSED_ON = {"h264": ("h264", "h264_mp4toannexb"), "hevc": ("h265", "hevc_mp4toannexb")}
@@ -19,11 +19,11 @@ class CodedVideo:
     an access unit in Annex B form, with the parameter sets before each keyframe.
     """
 
-    def __init__(self, path: Path, coding: str, time_s: Array):
-        self.path, self.coding, self.time_s = path, coding, time_s
+    def __init__(self, video: Video, coding: str, time_s: Array):
+        self.video, self.coding, self.time_s = video, coding, time_s
 
     def __iter__(self) -> Iterator[bytes]:
-        with av.open(self.path) as film:
+        with self.video.opened() as film:
             stream = film.streams.video[0]
             annex_b = av.BitStreamFilterContext(_PASSED_ON[stream.codec_context.name][1], stream)
             for packet in film.demux(stream):
@@ -31,14 +31,14 @@ class CodedVideo:
                     yield from (bytes(each) for each in annex_b.filter(packet))
 
 
-def coded_video(path: Path) -> CodedVideo | None:
+def coded_video(video: Video) -> CodedVideo | None:
     """A video whose pictures viewers take one by one; None where they would show it wrongly or not at all.
 
     They take H.264 and H.265 whose pictures are coded in the order in which they are shown (no B frames), from a
     keyframe on, upright and with nothing cut off.
     """
     try:
-        with av.open(path) as film:
+        with video.opened() as film:
             stream = film.streams.video[0]
             context, base = stream.codec_context, stream.time_base
             # A configuration record begins with its version; a stream that has none is in Annex B form already.
@@ -55,4 +55,4 @@ def coded_video(path: Path) -> CodedVideo | None:
     if not in_order or None in pts or not packets[0][1] or any(discard or corrupt for *_, discard, corrupt in packets):
         return None
     time_s = np.array([float(each * base) for each in pts if each is not None])
-    return CodedVideo(path, _PASSED_ON[context.name][0], time_s) if (np.diff(time_s) > 0).all() else None
+    return CodedVideo(video, _PASSED_ON[context.name][0], time_s) if (np.diff(time_s) > 0).all() else None

@@ -62,10 +62,11 @@ class Video:
         self.decoded_frames = 0
         self.last_time_s = float("nan")
         self.findings: tuple[Finding, ...] = ()
-        with self._open() as container:
+        with self.opened() as container:
             self.header = _header(container)
 
-    def _open(self) -> av.container.InputContainer:
+    def opened(self) -> av.container.InputContainer:
+        """The file, opened as a video and nothing else; raises `InputError` as the class does."""
         if not is_plain_file(self.path):
             raise InputError(
                 f"the video {self.path.name} is missing", got=self.path, remedy="correct the path of the video"
@@ -89,7 +90,7 @@ class Video:
 
     def __iter__(self) -> Iterator[tuple[float, Luma]]:
         self.decoded_frames, self.last_time_s, self.findings = 0, float("nan"), ()
-        with self._open() as container:
+        with self.opened() as container:
             stream = container.streams.video[0]
             pts = sorted(self._stored_pts()) if self._pts_in_coding_order else None
             stream.thread_type = "AUTO"
@@ -124,7 +125,7 @@ class Video:
 
         The second keyframe where the header states no end; the first picture where nothing late can be decoded.
         """
-        with self._open() as container:
+        with self.opened() as container:
             stream = container.streams.video[0]
             late: Luma | None = None
             with suppress(av.error.FFmpegError):
@@ -141,7 +142,7 @@ class Video:
         return self.last_time_s + 1.5 / self.header.rate_hz >= self.header.end_s
 
     def _stored_pts(self) -> list[int]:
-        with self._open() as container:
+        with self.opened() as container:
             packets = container.demux(container.streams.video[0])
             return [packet.pts for packet in packets if packet.pts is not None]
 
@@ -152,7 +153,7 @@ class Video:
         AVI does that, and some writers of MP4. All times are then present, but on the wrong pictures; sorted, they are
         right.
         """
-        with self._open() as container:
+        with self.opened() as container:
             stream = container.streams.video[0]
             packets = itertools.islice(container.demux(stream), _PACKETS_LOOKED_AT)
             ahead = {p.pts - p.dts for p in packets if p.pts is not None and p.dts is not None}

@@ -329,7 +329,6 @@ def align(
     template is in the picture or it leaves a direction open.
     """
     c, most_rounds = CONSTANTS, CONSTANTS.wide_rounds if wide else CONSTANTS.rounds
-    precision = np.ascontiguousarray(precision)
     pose, information, scores, residual, weight, scale, light, correlation, converged = _align_kernel(
         luma,
         (template.points, template.values, template.slopes, template.leverage, template.tile, template.tiles),
