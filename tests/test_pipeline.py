@@ -196,9 +196,8 @@ def test_a_second_call_does_nothing(lab):
 
 
 def _rules_to_run(lab, repository, *arguments):
-    answer = lab.snakemake(*arguments, "--dry-run", "--quiet", "rules", repository=repository)
     plan = lab.snakemake(*arguments, "--dry-run", repository=repository)
-    assert plan.returncode == 0, plan.stdout + plan.stderr + answer.stderr
+    assert plan.returncode == 0, plan.stdout + plan.stderr
     rules = set()
     for line in (plan.stdout + plan.stderr).splitlines():
         parts = line.split()
@@ -286,10 +285,11 @@ def test_a_killed_run_resumes(lab, tmp_path):
     assert camera.exists()
     assert not track.exists() or read_tracks(track)
     made = camera.stat().st_mtime_ns
-    again = other.snakemake()
+    # What follows the stage that was killed runs as in any other call.
+    again = other.snakemake("--", "results/synthetic/a/decimate.mcap")
     assert again.returncode == 0, again.stdout + again.stderr
     assert "the last call was killed" in again.stderr
-    assert (other.results / "report.html").exists()
+    assert (other.results / "a" / "decimate.mcap").exists()
     assert camera.stat().st_mtime_ns == made
 
 
