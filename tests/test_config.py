@@ -7,7 +7,7 @@ import yaml
 
 from towval.calibration.calibrate import CalibrateSettings
 from towval.commands.settings import settings_from
-from towval.io.schema import check, with_plain_values
+from towval.io.schema import check, with_plain_values, without_defaults
 from towval.io.yaml_text import read_value
 from towval.model.errors import InputError
 from towval.report.data import ReportSettings
@@ -57,6 +57,24 @@ def test_the_configuration_is_valid_and_gives_the_defaults(schema, config):
     check(config, schema, "config")
     for section, kind in SECTIONS.items():
         assert settings_from(kind, config.get(section), section) == kind()
+
+
+@pytest.mark.parametrize("section", SECTIONS)
+def test_the_defaults_of_the_schema_are_those_of_the_code(schema, section):
+    keys = schema["properties"][section]["properties"]
+    stated = {
+        name: tuple(key["default"]) if isinstance(key["default"], list) else key["default"]
+        for name, key in keys.items()
+        if "default" in key
+    }
+    fields = dataclasses.fields(SECTIONS[section])
+    assert stated == {field.name: field.default for field in fields if field.default is not None}
+
+
+def test_a_default_that_is_stated_is_left_out():
+    assert without_defaults("decimate", {"excess": 3, "pause_s": 0.4}) == {"pause_s": 0.4}
+    # No default, and a key of a later version.
+    assert without_defaults("compare", {"tolerance_m": 0.02, "other": None}) == {"tolerance_m": 0.02, "other": None}
 
 
 def test_a_mistyped_setting_is_told_with_the_right_one():

@@ -26,7 +26,7 @@ import towval
 from towval.io.atomic import check_plain, not_ours, replacing
 from towval.io.mcap_records import MAGIC, MOST_BYTES, OWN_LIBRARY, checked_records
 from towval.io.reading import is_plain_file, read_bytes
-from towval.io.ros import TYPESTORE
+from towval.io.ros import typestore
 from towval.model.errors import InputError
 
 _DETAILS = "details.json"
@@ -92,7 +92,7 @@ def write_mcap(
         for message in heapq.merge(ordered, in_order, key=attrgetter("time_ns")):
             kind = message.value.__msgtype__
             if kind not in schemas:
-                text, _ = TYPESTORE.generate_msgdef(kind, ros_version=2)
+                text, _ = typestore().generate_msgdef(kind, ros_version=2)
                 schemas[kind] = writer.register_schema(name=kind, encoding="ros2msg", data=text.encode())
             if message.topic not in channels:
                 channels[message.topic] = writer.register_channel(
@@ -106,7 +106,7 @@ def write_mcap(
                 log_time=message.time_ns,
                 publish_time=message.time_ns,
                 sequence=sequence[message.topic],
-                data=bytes(TYPESTORE.serialize_cdr(message.value, kind)),
+                data=bytes(typestore().serialize_cdr(message.value, kind)),
             )
             sequence[message.topic] += 1
         writer.add_attachment(start, start, _DETAILS, "application/json", json.dumps(details, sort_keys=True).encode())
@@ -176,7 +176,7 @@ def read_mcap(path: Path, without: tuple[str, ...] = (), *, messages: bool = Tru
                 topic, kind = channels[record.channel_id]
                 if topic.endswith(without):
                     continue
-                topics[topic].append(Message(topic, record.log_time, TYPESTORE.deserialize_cdr(record.data, kind)))
+                topics[topic].append(Message(topic, record.log_time, typestore().deserialize_cdr(record.data, kind)))
             elif isinstance(record, records.Schema):
                 names[record.id] = record.name
             elif isinstance(record, records.Channel):

@@ -1,19 +1,25 @@
 """ROS 2 messages of the types that the package exchanges: how a pose, a wrench or a camera looks on a topic."""
 
 from collections.abc import Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.store import Typestore
 
 from towval.model import Array, Camera
 from towval.model.conventions import NANOSECONDS_PER_SECOND
 
-TYPESTORE = get_typestore(Stores.ROS2_HUMBLE)
-
 _FLOAT32 = 7
 """Value of sensor_msgs/PointField.FLOAT32."""
+
+
+@cache
+def typestore() -> Typestore:
+    """The message types of ROS 2 Humble, made at the first message: planning a workflow reads and writes none."""
+    return get_typestore(Stores.ROS2_HUMBLE)
 
 
 def nanoseconds(time_s: float) -> int:
@@ -23,7 +29,7 @@ def nanoseconds(time_s: float) -> int:
 
 def make(kind: str, **values: Any) -> Any:
     """A message of the type ``package/msg/Name``."""
-    return TYPESTORE.types[kind](**values)
+    return typestore().types[kind](**values)
 
 
 def header(time_s: float, frame: str) -> Any:

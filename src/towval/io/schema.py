@@ -40,6 +40,12 @@ def packaged_schema(name: str) -> dict[str, Any]:
     return schema
 
 
+def without_defaults(section: str, keys: dict[str, Any]) -> dict[str, Any]:
+    """The keys of a section of config.yaml that have another value than the default."""
+    known = packaged_schema("config.schema.yaml")["properties"][section]["properties"]
+    return {key: value for key, value in keys.items() if key not in known or value != known[key].get("default")}
+
+
 def _registry(reference: str) -> Registry[Any]:
     module, _, name = reference.partition(":")
     registry: Registry[Any] = getattr(importlib.import_module(module), name)

@@ -7,7 +7,7 @@ from towval.model.plugins import load_plugins
 from towval.io.campaigns import Campaigns
 from towval.io.manifest import MANIFEST, check_results
 from towval.io.provenance import canonical, content_hashes, file_hash, module_hash, read_sections
-from towval.io.schema import check, packaged_schema, with_plain_values
+from towval.io.schema import check, packaged_schema, with_plain_values, without_defaults
 from towval.io.workflow_lock import clear_stale_locks
 from towval.model.presets import STANDARD, settings_of
 
@@ -110,9 +110,12 @@ def section(stage):
 
 
 def settings_text(stage):
-    """A stage's settings as a parameter of their own: Snakemake does not compare those that name input or output."""
+    """A stage's settings as a parameter of their own: Snakemake does not compare those that name input or output.
+
+    Whether a default is stated makes no difference, so that `snakemake` goes on where `towval run` ended.
+    """
     later = ("decimate", "simulate") if stage == "track" and section("track").get("samples") == "auto" else ()
-    return canonical({name: section(name) for name in (stage, *later)})
+    return canonical({name: without_defaults(name, section(name)) for name in (stage, *later)})
 
 
 def identified(wildcards):
