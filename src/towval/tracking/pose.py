@@ -93,7 +93,7 @@ def robust_rigid_fit(source: Array, target: Array, noise_floor_m: float) -> Rigi
         scale = max(float(np.median(misfit)) / RAYLEIGH_MEDIAN, noise_floor_m)
         weights = np.clip(1 - (misfit / (TUKEY * scale)) ** 2, 0, None) ** 2
     freedom = max(1.0, 2 * (weights > 0.1).sum() - 3)
-    variance = 2 * float(np.sum(weights * misfit**2)) / max(weights.sum(), 1e-9) / 2 * (1 + 3 / freedom)
+    variance = float(np.sum(weights * misfit**2)) / max(weights.sum(), 1e-9) * (1 + 3 / freedom)
     turned = source @ rotation(pose[2]).T
     one, zero = np.ones(len(source)), np.zeros(len(source))
     rows = np.concatenate([np.stack([one, zero, -turned[:, 1]], axis=1), np.stack([zero, one, turned[:, 0]], axis=1)])
