@@ -16,7 +16,8 @@ from scipy.spatial import Delaunay
 
 from towval.model import Array, FrictionLaw, Patch, locked
 from towval.model.errors import InputError, RefusedError
-from towval.physics.contact import footprint_polygon, resultant
+from towval.physics.contact import resultant
+from towval.physics.footprint import footprint_polygon
 from towval.physics.friction_table import friction_table
 from towval.physics.wrench import SlidingPatch
 

@@ -13,7 +13,7 @@ import yaml
 from board_pictures import chessboard_pattern, pattern_to_image, picture
 from studies.worlds.boards import CornerScene, axis_rotation, calibration_set
 from towval.calibration.board_search import find_boards
-from towval.calibration.calibrate import CalibrateSettings, calibrate, calibrate_observations
+from towval.calibration.calibrate import CalibrateSettings, _listed, calibrate, calibrate_observations
 from towval.calibration.observations import CalibrationObservations
 from towval.model import Board, Calibration, Camera, Floor, FloorReference, Severity
 from towval.model.errors import InputError, RefusedError
@@ -300,3 +300,12 @@ def test_opencv_sample_set_is_better_than_its_published_calibration(shared_dir):
     # The published calibration leaves 1.2 px in this view.
     view = next(view for view in calibration.views if view.name == "left02.jpg")
     assert view.dropped or np.sqrt(np.mean(np.sum(view.residuals_px**2, axis=1))) < 0.3
+
+
+@pytest.mark.parametrize("on_floor", [False, True])
+def test_pictures_of_one_name_in_two_folders_are_refused(on_floor):
+    """Views are told apart by these names."""
+    picture = np.zeros((40, 60), np.uint8)
+    twice, once = [("img_01.jpg", picture), ("img_01.jpg", picture + 1)], [("other.jpg", picture)]
+    with pytest.raises(InputError, match=r"two calibration pictures have the same name(.|\n)*img_01\.jpg"):
+        _listed(*((once, twice) if on_floor else (twice, once)))

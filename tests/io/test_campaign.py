@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import shapely
 import yaml
 
 from towval.io.campaign import campaign_schema, load_campaign
@@ -260,6 +261,19 @@ WRONG = {
         lambda d: d["friction"].update(regions=[{"outline_m": [[0, 0], [1, 1], [1, 0], [0, 1]], "factor": 1.1}]),
         ["friction.regions[0].outline_m", "no simple polygon"],
     ),
+    "hole over the rim": (
+        lambda d: d["object"].update(footprint_holes_m=[[[0.0, 0.0], [5.0, 0.0], [5.0, 0.1]]]),
+        ["object.footprint_m with its footprint_holes_m", "no simple polygon", "holes inside their outline"],
+    ),
+    "feet that overlap": (
+        lambda d: d["object"].update(footprint_m=[feet()[0], feet()[0], feet()[2]], mass_over="top"),
+        ["object.footprint_m", "no simple polygon", "parts apart"],
+    ),
+    "corners with a point": (
+        lambda d: d["camera"]["board"].update(inner_corners=[9.0, 6]),
+        ["inner_corners[0]", "9.0", "a whole number"],
+    ),
+    "braces in a name": (lambda d: d.update(repeats=[["{b}", "{b}"]]), ["repeats[0]", "{b}"]),
     "no gravity": (lambda d: d.update(gravity_m_per_s2=0), ["gravity_m_per_s2", "at least 0.1"]),
     "velocities swapped": (
         lambda d: d["friction"].update(stiction_velocity_m_per_s=0.1),
@@ -333,6 +347,49 @@ def test_faults_of_values_files_and_geometry_are_told_together(campaign):
     ):
         assert sum(words in text for text in texts) == 1, words
     assert len(texts) == 7
+
+
+def test_a_soft_tether_is_as_long_as_it_gets_before_the_object_slides(campaign):
+    """At its length at rest it slopes so much that the object would tip over."""
+
+    def change(document):
+        document["object"].pop("load")
+        square = [[-0.1, -0.1], [0.1, -0.1], [0.1, 0.1], [-0.1, 0.1]]
+        document["object"].update(mass_kg=2.0, footprint_m=square, mass_over="footprint")
+        document["object"].update(tether_anchor_m=[0.25, 0.0], tether_anchor_height_m=0.02)
+        document["rover"]["tether_hinge_height_m"] = 0.27
+        document["tether"].update(rest_length_m=0.3, stiffness_N_per_m=stiffness)
+
+    stiffness = 25.0
+    assert load_campaign(campaign(change)).scene.tether.stiffness == stiffness
+    stiffness = 800.0
+    with pytest.raises(InputError, match="tips over when it is towed"):
+        load_campaign(campaign(change))
+
+
+def test_regions_side_by_side_may_overlap_by_rounding(campaign):
+    """Along a slanted seam the corner of one tile lies within the edge of the other."""
+    tiles = [
+        [[0.0, 1.8], [-0.72, 2.7], [-1.17, 2.34], [-0.45, 1.44]],
+        [[-0.36, 2.25], [0.0, 1.8], [0.45, 2.16], [0.09, 2.61]],
+    ]
+    areas = [shapely.Polygon(tile) for tile in tiles]
+    assert 0 < areas[0].intersection(areas[1]).area < 1e-15
+    regions = [{"outline_m": tile, "factor": 1.1} for tile in tiles]
+    read = load_campaign(campaign(lambda d: d["friction"].update(regions=regions)))
+    assert len(read.scene.ground.regions) == 2
+
+
+def test_the_full_load_of_a_tether_is_what_the_friction_that_counts_allows(campaign):
+    """Static below kinetic friction means no peak."""
+
+    def change(document):
+        document["friction"].update(static=0.34, kinetic=0.35, static_std=0.02)
+        document["tether"]["stiffening"] = 0.3
+
+    scene = load_campaign(campaign(change)).scene
+    assert scene.friction.static == 0.35
+    assert scene.tether.full_load == pytest.approx(0.35 * scene.weight)
 
 
 def test_a_document_that_is_no_mapping_is_one_fault(campaign):

@@ -1,12 +1,14 @@
 """Results as tables: the numbers of the files, with units in the names."""
 
 import math
+import shutil
 
 import numpy as np
 import pytest
 
 import towval
 from report_scenes import LOST, towed_run, uncertainty_of
+from towval.io.manifest import MANIFEST
 from towval.io.provenance import module_hash
 from towval.io.records import write_comparison, write_simulated, write_tracks, write_uncertainty
 from towval.model.errors import InputError
@@ -81,3 +83,11 @@ def test_no_stage_depends_on_the_tables(monkeypatch):
     module_hash("towval.physics.wrench")
     assert "frames.py" not in found
     assert "wrench.py" in found
+
+
+def test_a_run_that_the_campaign_leaves_out_is_passed_over(lab, tmp_path):
+    """As in summary.csv and in the index: the list of files that the last report made does not name it."""
+    shutil.copytree(lab[0], tmp_path / "lab")
+    lines = [f"{'0' * 64}  a/{name}.mcap" for name in ("track", "compare")]
+    (tmp_path / "lab" / MANIFEST).write_text("\n".join(lines) + "\n")
+    assert towval.load(tmp_path / "lab").summary.run.tolist() == ["a"]

@@ -2,6 +2,7 @@
 
 import ast
 import shutil
+from pathlib import Path
 
 import pytest
 
@@ -113,3 +114,22 @@ def test_libraries_of_another_environment_are_no_source_of_ours(tmp_path, monkey
     for kept in (provenance._single_file, provenance._source_folder, provenance._files_below):
         kept.cache_clear()
     assert provenance._closure(tmp_path / "other_plugin.py") == {tmp_path / "other_plugin.py"}
+
+
+@pytest.mark.parametrize(
+    ("file", "module"),
+    [
+        ("report/templates/macros.html.j2", "towval.commands.report"),
+        ("report/templates/run.html.j2", "towval.commands.report"),
+        ("io/layouts/lichtblick.json", "towval.commands.exchange"),
+    ],
+)
+def test_what_a_template_names_and_a_layout_count(package, file, module):
+    before = provenance.module_hash(module)
+    edit(package / file)
+    assert provenance.module_hash(module) != before
+
+
+def test_plugins_of_one_name_are_told_apart():
+    paths = [Path("/labs/one/laws.py"), Path("/labs/two/laws.py"), Path("/labs/two/lens.py")]
+    assert provenance._by_name(paths) == dict(zip(["one/laws.py", "two/laws.py", "lens.py"], paths, strict=True))

@@ -136,3 +136,54 @@ def test_one_frame_is_held_at_a_time(tmp_path):
     iterator = iter(Video(tmp_path / "a.mp4"))
     _, first = next(iterator)
     assert first.base is not None, "the plane is a view of the decoder's memory, not a copy"
+
+
+@pytest.mark.parametrize("ending", ["mp4", "mkv", "avi"])
+def test_a_title_in_another_encoding_is_no_obstacle(tmp_path, ending):
+    path = tmp_path / f"a.{ending}"
+    with av.open(str(path), "w") as file:
+        file.metadata["title"] = "XXXXXXXXXXXX"
+        stream = file.add_stream("mpeg4", rate=25)
+        stream.width, stream.height, stream.pix_fmt = 128, 96, "yuv420p"
+        for _, luma in pictures(3):
+            file.mux(stream.encode(av.VideoFrame.from_ndarray(luma, format="gray").reformat(format="yuv420p")))
+        file.mux(stream.encode())
+    data = path.read_bytes()
+    assert b"XXXXXXXXXXXX" in data
+    path.write_bytes(data.replace(b"XXXXXXXXXXXX", "Versuch für1".encode("latin-1")))
+    assert len(read(path)[1]) == 3
+
+
+def copied(source, path, change, **options):
+    """A copy of a video whose packets, in the order of coding, a function of their number has changed."""
+    with av.open(str(source)) as given, av.open(str(path), "w", options=options) as file:
+        stream = file.add_stream_from_template(given.streams.video[0])
+        for number, packet in enumerate(p for p in given.demux(video=0) if p.size):
+            change(number, packet)
+            packet.stream = stream
+            file.mux(packet)
+
+
+def test_pictures_that_an_edit_list_cuts_off_lend_no_times_to_others(tmp_path):
+    """Times in coding order, as AVI has them, in a file that was cut without coding it anew."""
+    write_video(tmp_path / "a.mp4", pictures(), crf="1", bf="2", **{"x264-params": "b-adapt=0"})
+
+    def later(number, packet):
+        packet.pts = packet.dts = int((number - 6) * Fraction(1, 25) / packet.time_base)
+
+    copied(tmp_path / "a.mp4", tmp_path / "cut.mp4", later, avoid_negative_ts="disabled", use_editlist="1")
+    video, frames = read(tmp_path / "cut.mp4")
+    assert video.header.frames == 30
+    assert [t for t, _ in frames] == pytest.approx([i / 25 for i in range(24)], abs=1e-9)
+
+
+def test_times_below_zero_are_told(tmp_path):
+    """As in a transport stream whose clock goes round soon after its start."""
+    write_video(tmp_path / "a.mp4", pictures(), crf="1", bf="0")
+
+    def earlier(number, packet):
+        packet.pts = packet.dts = int((number - 6) * Fraction(1, 25) / packet.time_base)
+
+    copied(tmp_path / "a.mp4", tmp_path / "early.ts", earlier, avoid_negative_ts="disabled")
+    with pytest.raises(InputError, match=r"begin below zero(.|\n)*got: -0\.24 s(.|\n)*ffmpeg -i IN"):
+        read(tmp_path / "early.ts")

@@ -157,3 +157,8 @@ def test_numba_is_there_without_scipy_and_scipy_works_after_it():
     )
     run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert run.stdout.split("\n")[:3] == ["False", "[0.5 0.5]", "True"]
+
+
+def test_files_that_tell_numba_how_to_compile_count_for_all_folders():
+    """Their code is inlined wherever it is used: by the spatial tow, too, which is in another folder."""
+    assert {"lanes.py", "contact.py"} <= {path.name for path in _compiling_files()}

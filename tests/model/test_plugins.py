@@ -51,3 +51,12 @@ def test_a_plugin_that_fails_says_how(load, tmp_path):
     (tmp_path / "broken.py").write_text("1 / 0\n")
     with pytest.raises(InputError, match="ZeroDivisionError"):
         load(f"{tmp_path}/broken.py")
+
+
+def test_all_files_of_a_package_belong_to_its_plugin(load, tmp_path, monkeypatch):
+    """A law may stand beside the module that registers it."""
+    (tmp_path / "lab_plugin").mkdir()
+    (tmp_path / "lab_plugin" / "__init__.py").write_text("from lab_plugin.law import MU\n")
+    (tmp_path / "lab_plugin" / "law.py").write_text("MU = 0.3\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    assert [path.name for path in load("lab_plugin")] == ["__init__.py", "law.py"]

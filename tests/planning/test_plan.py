@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
+from mcap.writer import Writer
 
 from paper_plan import WORKFLOW, paper_plan, quick_plan
 from studies.paper.scene import paper_scene
@@ -23,7 +24,7 @@ from towval.io.plan_files import (
     write_plan_mcap,
 )
 from towval.io.records import read_simulated
-from towval.io.ros import stamped_pose
+from towval.io.ros import stamped_pose, stamped_vector, typestore
 from towval.io.schema import check, packaged_schema
 from towval.model import Sliding, TimedPath
 from towval.model.errors import InputError
@@ -145,6 +146,52 @@ def test_rover_poses_of_somebody_elses_recording_are_read_too(tmp_path):
     times, read = read_rover_poses(file)
     np.testing.assert_allclose(times, [0.0, 1.0])
     np.testing.assert_allclose(read, poses)  # unwrapped across π
+
+
+def test_a_recording_of_others_is_read_by_the_stamps_of_its_poses_whatever_else_it_holds(tmp_path):
+    """Its own times are when messages arrived, late and in bursts; types that nobody knows here are passed over."""
+    file = tmp_path / "bag.mcap"
+    kind = "geometry_msgs/msg/PoseStamped"
+    with file.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start(profile="ros2")
+        text, _ = typestore().generate_msgdef(kind, ros_version=2)
+        pose = writer.register_schema(name=kind, encoding="ros2msg", data=text.encode())
+        custom = writer.register_schema(name="lab_msgs/msg/Wheels", encoding="ros2msg", data=b"float64 speed")
+        channels = {
+            topic: writer.register_channel(topic=topic, message_encoding="cdr", schema_id=schema)
+            for topic, schema in {"/rover/pose": pose, "/wheels": custom, "/raw": 0}.items()
+        }
+        for topic in ("/wheels", "/raw"):
+            writer.add_message(channel_id=channels[topic], log_time=1, publish_time=1, data=b"12345678")
+        for k in (1, 0, 2):
+            data = typestore().serialize_cdr(stamped_pose(0.5 * k, "floor", np.array([0.1 * k, 0.0, 0.0])), kind)
+            log_time = 7 * 10**9 + 10**6 * k
+            writer.add_message(
+                channel_id=channels["/rover/pose"], log_time=log_time, publish_time=log_time, data=bytes(data)
+            )
+        writer.finish()
+    times, poses = read_rover_poses(file)
+    assert times.tolist() == [0.0, 0.5, 1.0]
+    np.testing.assert_allclose(poses[:, 0], [0.0, 0.1, 0.2])
+    with pytest.raises(InputError, match=r"no poses of the object(.|\n)*got: /raw, /rover/pose, /wheels"):
+        read_object_start(file)
+
+
+def test_poses_of_another_type_are_named(tmp_path):
+    file = tmp_path / "vectors.mcap"
+    vectors = [Message("/rover/pose", 0, stamped_vector(0.0, "floor", np.zeros(3)))]
+    write_mcap(file, vectors, {}, {})
+    with pytest.raises(InputError, match=r"no stamped poses(.|\n)*geometry_msgs/msg/Vector3Stamped"):
+        read_rover_poses(file)
+
+
+@pytest.mark.parametrize("data", [b"", b"x_m,y_m\n0,here\n", b"x_m,y_m\n\xfc,0\n", b"x_m,y_m\n0,0\n0,0,0,0\n"])
+def test_a_path_file_that_is_no_table_of_numbers_is_refused(tmp_path, data):
+    file = tmp_path / "bad.csv"
+    file.write_bytes(data)
+    with pytest.raises(InputError, match="is no table of numbers"):
+        read_path(file)
 
 
 def test_an_mcap_without_rover_poses_is_refused_by_name(tmp_path):

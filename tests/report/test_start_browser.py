@@ -249,7 +249,11 @@ runs:
 FLOW = "runs: {a: {video: a.mp4, first_frame_clicks_px: {rover: [[1, 2]]}}, b: {video: b.mp4}}\ntether: {}\n"
 
 
-@pytest.mark.parametrize("text", [BLOCK, FLOW, BLOCK + "# the end\n"])
+COMMA = "runs:\n  a: {video: a.mp4,}\n  b: {video: b.mp4, }\n"
+ANCHORED = "runs:\n  a: &first\n    video: a.mp4\n  b: &second\n    video: b.mp4\n"
+
+
+@pytest.mark.parametrize("text", [BLOCK, FLOW, BLOCK + "# the end\n", COMMA, ANCHORED])
 def test_clicks_are_put_into_any_way_of_writing_the_runs(text):
     pieces = [
         f"{piece.before}{{rover: [[{piece.run}, 0]]}}" if isinstance(piece, RunClicks) else piece

@@ -1,6 +1,6 @@
 """The stage ``calibrate``: pictures of a board, held up and lying on the floor, to a camera over a floor."""
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -131,10 +131,13 @@ def _listed(
     sizes: dict[tuple[int, ...], str] = {}
     on_floor: dict[str, int] = {}
     for i, (name, image) in enumerate(floor_images):
+        _check_new(name, on_floor)
         on_floor[name] = i
         sizes.setdefault(image.shape, name)
-    held = []
+    held, listed = [], set[str]()
     for i, (name, image) in enumerate(images):
+        _check_new(name, listed)
+        listed.add(name)
         sizes.setdefault(image.shape, name)
         if name not in on_floor:
             held.append((images, i))
@@ -147,6 +150,12 @@ def _listed(
     height, width = next(iter(sizes))
     flat = [(floor_images, i) for i in range(len(floor_images))]
     return _Chosen((*held, *flat)), list(on_floor), (width, height)
+
+
+def _check_new(name: str, known: Container[str]) -> None:
+    """Views are told apart by the names of their pictures: of two folders they may be the same."""
+    if name in known:
+        raise InputError("two calibration pictures have the same name", got=name, remedy="rename one")
 
 
 def _with_origin(flat: list[BoardObservation], names: Sequence[str], floor: FloorReference) -> list[BoardObservation]:

@@ -11,6 +11,7 @@ from towval.model import Array, FloorRegion, FrictionSpecification, Ground, Load
 from towval.model.errors import Faults, InputError
 from towval.model.geometry import inside_polygon, polygon_area
 from towval.model.inputs import deviations
+from towval.physics.footprint import footprint_polygon
 from towval.physics.mass import spread_over, towed_object
 
 Keys = Mapping[str, Any]
@@ -19,6 +20,9 @@ LEAST_TOP_M2 = 1e-4
 """A square centimetre: less is a slip of the unit or three corners in a row."""
 
 _LEAST_FOOT_M2 = 1e-10
+
+_TOUCHING_M2 = 1e-9
+"""Regions side by side overlap by rounding where a corner of one lies along a slanted edge of the other."""
 
 _BELOW = 2.0
 """Deviations of the difference by which static may be below kinetic friction and still mean "no peak"."""
@@ -46,9 +50,10 @@ def towing_scene(document: Keys) -> TowingScene:
         centre_of_mass_height=_centre_of_mass_height(document),
         ground=_ground(document),
     )
+    faults = Faults()
+    scene = faults.attempt(_with_ordered_friction, scene, deviations(scene, document)) or scene
     stiffening, full_load = document["tether"].get("stiffening", 0.0), scene.friction.static * scene.weight
     scene = replace(scene, tether=replace(scene.tether, stiffening=stiffening, full_load=full_load))
-    faults = Faults()
     faults.attempt(_check_load, towed, load)
     faults.attempt(_check_proportions, scene, towed)
     faults.attempt(_check_weight, scene)
@@ -56,7 +61,7 @@ def towing_scene(document: Keys) -> TowingScene:
     if not faults:
         faults.attempt(_check_tipping, scene)
     faults.raise_any("campaign.yaml")
-    return _with_ordered_friction(scene, deviations(scene, document))
+    return scene
 
 
 def outline(corners: Any, key: str, least: float) -> Array:
@@ -102,7 +107,13 @@ def _footprint(towed: Keys) -> Patch:
                 )
     for i, ring in enumerate(outlines):
         outline(ring, f"object.footprint_m[{i}]" if len(outlines) > 1 else "object.footprint_m", _LEAST_FOOT_M2)
-    return Patch.of(outlines, towed.get("footprint_holes_m", ()))
+    patch = Patch.of(outlines, towed.get("footprint_holes_m", ()))
+    try:
+        footprint_polygon(patch)
+    except InputError as error:
+        keys = "campaign.yaml: object.footprint_m with its footprint_holes_m"
+        raise InputError(f"{keys} is no simple polygon", got=error.got, allowed=error.allowed) from None
+    return patch
 
 
 def _spread(towed: Keys, patch: Patch) -> MassSpread:
@@ -166,7 +177,7 @@ def _ground(document: Keys) -> Ground:
         where = f"campaign.yaml: friction.regions[{i}].outline_m"
         if not polygon.is_valid:
             raise InputError(f"{where} is no simple polygon", got=shapely.is_valid_reason(polygon))
-        others = [j for j in range(i) if polygon.intersection(polygons[j]).area > 0]
+        others = [j for j in range(i) if polygon.intersection(polygons[j]).area > _TOUCHING_M2]
         if others:
             raise InputError(
                 f"{where} overlaps another region", got=f"regions {others[0]} and {i}", allowed="regions side by side"
@@ -305,7 +316,9 @@ def _check_tipping(scene: TowingScene) -> None:
     towed = towed_object(scene)
     lever = towed.anchor - towed.centre_of_mass
     reach, rise = float(np.hypot(*lever)), scene.hinge_height - scene.anchor_height
-    incline = rise / np.sqrt(scene.tether.rest_length**2 - rise**2)
+    # The longer a soft tether gets until the object slides, the less it slopes.
+    length = scene.tether.rest_length + friction.kinetic * scene.weight / scene.tether.stiffness
+    incline = rise / np.sqrt(length**2 - rise**2)
     ahead = friction.kinetic * (scene.anchor_height - reach * incline)
     hull = shapely.MultiPoint(scene.patch.corners).convex_hull
     place = towed.centre_of_mass + (ahead / reach * lever if reach > 0 else 0.0)

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import yaml
 
 from towval.io.campaign import campaign_schema
+from towval.io.yaml_text import SafeLoader
 
 GUESS = "GUESS"
 """Mark of a value that nobody measured."""
@@ -69,7 +70,7 @@ class FloorCorner(NamedTuple):
 
 def text_in_parts(text: str) -> list[str | RunClicks | FloorCorner]:
     """The text of a campaign.yaml cut where clicks and floor corners belong; all else stays as it is written."""
-    document = yaml.compose(text, Loader=yaml.SafeLoader)
+    document = yaml.compose(text, Loader=SafeLoader)
     floor = _value(document, "floor")
     cuts: list[tuple[int, int, RunClicks | FloorCorner]] = [
         _clicks_cut(text, str(name.value), entry) for name, entry in _value(document, "runs").value
@@ -99,9 +100,12 @@ def _clicks_cut(text: str, run: str, entry: Any) -> tuple[int, int, RunClicks]:
         return clicks.start_mark.index, _end(text, clicks), RunClicks(run, "")
     if entry.flow_style:
         end = text.rindex("}", 0, entry.end_mark.index)
-        return end, end, RunClicks(run, f", {_CLICKS}: ")
+        comma = " " if text[:end].rstrip().endswith(",") else ", "
+        return end, end, RunClicks(run, f"{comma}{_CLICKS}: ")
     end = len(text[: entry.end_mark.index].rstrip())
-    return end, end, RunClicks(run, f"\n{' ' * entry.start_mark.column}{_CLICKS}: ")
+    # Where an anchor precedes the keys the entry begins there.
+    first_key, _ = entry.value[0]
+    return end, end, RunClicks(run, f"\n{' ' * first_key.start_mark.column}{_CLICKS}: ")
 
 
 def _end(text: str, value: Any) -> int:

@@ -121,5 +121,4 @@ def _errors(comparison: Comparison) -> Iterator[Message]:
 def _hinge(run: RunRecord) -> Array:
     """Places (n, 2) of the tether's hinge at the simulated times, NaN where the rover was not seen."""
     track = run.rover_track
-    rows = np.searchsorted(track.time_s, run.simulated.time_s - 1e-9)
-    return transform(measured_poses(track)[rows], run.hinge)
+    return transform(measured_poses(track)[track.rows_at(run.simulated.time_s)], run.hinge)

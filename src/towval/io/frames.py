@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from towval.io.records import read_calibration, read_comparison, read_simulated, read_tracks, read_uncertainty
+from towval.io.results_index import current_runs
 from towval.io.summary import summary_table
 from towval.model import Array, Finding, TrackStatus
 from towval.model.errors import InputError
@@ -64,7 +65,7 @@ def load(*folders: Path | str) -> Results:
 
 
 def _runs(folder: Path) -> list[tuple[str, str, Path]]:
-    found = sorted(path.parent for path in folder.glob("*/compare.mcap"))
+    found = [run for run in current_runs(folder) if (run / "compare.mcap").is_file()]
     if not found:
         raise InputError(
             f"{folder} holds no results of a run",
@@ -82,7 +83,7 @@ class _Part:
         self.comparison = read_comparison(folder / "compare.mcap")
         self._tracks = read_tracks(folder / "track.mcap")
         self._simulated = read_simulated(folder / "simulate.mcap")
-        self._uncertainty = read_uncertainty(folder / "uncertainty.mcap")
+        self._uncertainty = read_uncertainty(folder / "uncertainty.mcap", draws=False)
 
     def tracks(self) -> pd.DataFrame:
         return pd.concat([

@@ -1,5 +1,6 @@
 """Pictures read from files."""
 
+import re
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -71,10 +72,22 @@ def _decoded(data: bytes) -> NDArray[np.uint8] | None:
     return None if image is None else np.asarray(image, dtype=np.uint8)
 
 
+_JPEG_MARK = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
+"""Begins a segment whose length follows; bytes of a scan that look like it are stuffed with a zero."""
+_JPEG_END = 0xD9
+
+
 def _is_cut_off(data: bytes) -> bool:
     """Whether the end mark is missing: decoders fill up with grey what is not there."""
-    if data.startswith(b"\xff\xd8"):  # JPEG: the last scan, which stuffs its own marks, ends with one
-        return data.rfind(b"\xff\xd9") < data.rfind(b"\xff\xda")
+    if data.startswith(b"\xff\xd8"):
+        # What follows the mark is no part of the picture: phones append a film to it.
+        at = 2
+        while mark := _JPEG_MARK.search(data, at):
+            at = mark.end()
+            if mark[0][1] == _JPEG_END:
+                return False
+            at += int.from_bytes(data[at : at + 2], "big")
+        return True
     return data.startswith(b"\x89PNG") and b"IEND" not in data[-64:]
 
 

@@ -8,7 +8,7 @@ import heapq
 import json
 import struct
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from operator import attrgetter
@@ -157,13 +157,16 @@ def read_details(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
     return content.details, content.provenance
 
 
-def read_mcap(path: Path, without: tuple[str, ...] = (), *, messages: bool = True) -> McapContent:
+def read_mcap(
+    path: Path, without: tuple[str, ...] = (), *, only: Collection[str] | None = None, messages: bool = True
+) -> McapContent:
     """Read an MCAP file, verifying its checksums; topics that end in one of ``without`` are not decoded.
 
-    Without ``messages`` none is read, and no chunk unpacked.
+    Of a recording of somebody else's ``only`` some topics may be of types that are known here; the others are listed
+    without messages. Without ``messages`` none is read, and no chunk unpacked.
 
-    Raises `InputError` when the file is missing, damaged, too large for its kind, or holds a message of a type that is
-    not ROS 2's.
+    Raises `InputError` when the file is missing, damaged, too large for its kind, or holds a message, of the topics
+    that are decoded, of a type that is not ROS 2's.
     """
     topics: dict[str, list[Message]] = defaultdict(list)
     details: dict[str, Any] = {}
@@ -176,11 +179,14 @@ def read_mcap(path: Path, without: tuple[str, ...] = (), *, messages: bool = Tru
                 topic, kind = channels[record.channel_id]
                 if topic.endswith(without):
                     continue
+                if only is not None and topic not in only:
+                    topics[topic] = []
+                    continue
                 topics[topic].append(Message(topic, record.log_time, typestore().deserialize_cdr(record.data, kind)))
             elif isinstance(record, records.Schema):
                 names[record.id] = record.name
             elif isinstance(record, records.Channel):
-                channels[record.id] = record.topic, names[record.schema_id]
+                channels[record.id] = record.topic, names.get(record.schema_id, "")
             elif isinstance(record, records.Attachment) and record.name == _DETAILS:
                 details = dict(json.loads(record.data))
             elif isinstance(record, records.Metadata) and record.name == _PROVENANCE:

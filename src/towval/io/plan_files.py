@@ -1,6 +1,6 @@
 """Plans as files: MCAP with the topics of a campaign, CSV for everybody, paths from CSV."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -11,7 +11,7 @@ from towval.io.atomic import check_own, replacing
 from towval.io.mcap_file import Message, read_mcap, write_mcap
 from towval.io.records.details import planar_poses
 from towval.model import Array, SimulatedMotion, TimedPath
-from towval.model.conventions import FLOOR_FRAME
+from towval.model.conventions import FLOOR_FRAME, NANOSECONDS_PER_SECOND
 from towval.model.errors import InputError
 from towval.planning.kinematics import WHEEL_NAMES
 from towval.planning.planner import PlanCase, RoverPlan
@@ -64,35 +64,52 @@ def read_rover_poses(path: FilePath) -> tuple[Array, Array]:
     """Times (n,) [s] and poses (n, 3) [m, m, rad, unwrapped] of ``/rover/pose`` in any MCAP.
 
     A plan, a measured track or a recording of somebody else's: what drives the tether is the same topic everywhere.
+    Times are those of the headers: a recording's own are when the messages arrived.
 
-    Raises `InputError` when the file is missing, damaged or has no such topic.
+    Raises `InputError` when the file is missing, damaged or has no such topic, or one of other messages.
     """
-    content = read_mcap(path)
-    messages = [value.pose for value in content.values("/rover/pose")]
-    if not messages:
-        raise InputError(
-            f"{path} has no poses of the rover",
-            got=", ".join(sorted(content.topics)) or "no topics",
-            allowed="the topic /rover/pose",
-        )
-    places = [getattr(message, "pose", message) for message in messages]
-    return content.times_s("/rover/pose"), planar_poses(places)
+    times_s, poses = _stamped_poses(path, ("/rover/pose",))
+    if not len(times_s):
+        raise _nothing_of("rover", path, ("/rover/pose",))
+    return times_s, poses
+
+
+_STAMPED = "PoseStamped, PoseWithCovarianceStamped or Odometry"
+
+
+def _stamped_poses(path: FilePath, topics: Sequence[str]) -> tuple[Array, Array]:
+    """Times (n,) [s] and poses (n, 3) of the first of the ``topics`` that has any, in the order of their headers."""
+    content = read_mcap(path, only=topics)
+    for topic in topics:
+        values = content.values(topic)
+        other = next((one for one in values if not (hasattr(one, "header") and hasattr(one, "pose"))), None)
+        if other is not None:
+            raise InputError(f"{topic} of {path} holds no stamped poses", got=other.__msgtype__, allowed=_STAMPED)
+        if values:
+            values = sorted(values, key=ros.stamp_ns)
+            times_s = np.array([ros.stamp_ns(value) for value in values], dtype=np.float64) / NANOSECONDS_PER_SECOND
+            return times_s, planar_poses([getattr(value.pose, "pose", value.pose) for value in values])
+    return np.zeros(0), np.zeros((0, 3))
+
+
+def _nothing_of(body: str, path: FilePath, topics: Sequence[str]) -> InputError:
+    return InputError(
+        f"{path} has no poses of the {body}",
+        got=", ".join(sorted(read_mcap(path, only=()).topics)) or "no topics",
+        allowed=f"the topic {' or '.join(topics)}",
+    )
 
 
 def read_object_start(path: FilePath) -> Array:
     """First pose of the object (3,) [m, m, rad] in an MCAP: ``/object/pose``, else ``/object/pose_simulated``.
 
-    Raises `InputError` when the file is missing, damaged or has neither.
+    Raises `InputError` when the file is missing, damaged or has neither, or one of other messages.
     """
-    content = read_mcap(path)
-    for topic in ("/object/pose", "/object/pose_simulated"):
-        for value in content.values(topic):
-            return np.asarray(planar_poses([getattr(value.pose, "pose", value.pose)])[0])
-    raise InputError(
-        f"{path} has no poses of the object",
-        got=", ".join(sorted(content.topics)) or "no topics",
-        allowed="the topic /object/pose or /object/pose_simulated",
-    )
+    topics = "/object/pose", "/object/pose_simulated"
+    _, poses = _stamped_poses(path, topics)
+    if not len(poses):
+        raise _nothing_of("object", path, topics)
+    return np.asarray(poses[0])
 
 
 def write_plan_csv(path: FilePath, plan: RoverPlan, towed: SimulatedMotion) -> None:
@@ -138,11 +155,15 @@ def read_path(path: FilePath) -> Array | TimedPath:
 
     Raises `InputError` when the file is missing or a column is.
     """
-    table = read_table(path)
-    missing = [name for name in ("x_m", "y_m") if name not in table]
-    if missing:
-        raise InputError(
-            f"{path} is no path", got=f"columns {', '.join(table)}", allowed="columns x_m, y_m and perhaps time_s"
-        )
-    points = table[["x_m", "y_m"]].to_numpy(dtype=np.float64)
-    return TimedPath(table["time_s"].to_numpy(dtype=np.float64), points) if "time_s" in table else points
+    try:
+        table = read_table(path)
+        missing = [name for name in ("x_m", "y_m") if name not in table]
+        if missing:
+            raise InputError(
+                f"{path} is no path", got=f"columns {', '.join(table)}", allowed="columns x_m, y_m and perhaps time_s"
+            )
+        points = table[["x_m", "y_m"]].to_numpy(dtype=np.float64)
+        times_s = table["time_s"].to_numpy(dtype=np.float64) if "time_s" in table else None
+    except (ValueError, pd.errors.ParserError) as error:
+        raise InputError(f"{path} is no table of numbers", got=error, allowed="CSV with a row of names") from None
+    return points if times_s is None else TimedPath(times_s, points)

@@ -64,8 +64,7 @@ def provenance(
         if dataclasses.is_dataclass(settings) and not isinstance(settings, type)
         else dict(settings or {})
     )
-    plugins = {path.name: path for path in load_plugins()}
-    hashes = {name: file_hash(path) for name, path in sorted({**plugins, **inputs}.items())}
+    hashes = {name: file_hash(path) for name, path in sorted({**_by_name(load_plugins()), **inputs}.items())}
     sections = {name: text_hash(canonical(part)) for name, part in (document or {}).items()}
     return {
         "stage": stage,
@@ -76,6 +75,16 @@ def provenance(
         "campaign_sha256": json.dumps(sections, sort_keys=True),
         **({"constants": json.dumps(constants_record(_SUBPACKAGES[stage]))} if constants else {}),
     }
+
+
+def _by_name(paths: Sequence[Path]) -> dict[str, Path]:
+    """Files by their names, preceded by as much of their folders as tells them apart."""
+    named: dict[str, Path] = {}
+    for path in paths:
+        ends = ["/".join(path.parts[-count:]) for count in range(1, len(path.parts) + 1)]
+        alone = (end for end in ends if sum(other.as_posix().endswith(f"/{end}") for other in paths) <= 1)
+        named[next(alone, path.as_posix())] = path
+    return named
 
 
 _SUBPACKAGES = {"calibrate": "towval.calibration", "track": "towval.tracking"}
@@ -180,16 +189,20 @@ def _closure(module: Path) -> set[Path]:
 @cache
 def _imported(path: Path, _mtime_ns: int) -> tuple[Path, ...]:
     """Source files that one file imports, installed libraries apart, and the data files it names by a literal."""
-    if path.suffix != ".py":
+    if path.suffix not in (".py", _TEMPLATE):
         return ()
     text = path.read_text(encoding="utf-8")
     modules: set[str] = set()
-    for start, names, plain in _IMPORT.findall(_COMMENT.sub("", text).replace("\\\n", " ")):
+    code = "" if path.suffix == _TEMPLATE else _COMMENT.sub("", text).replace("\\\n", " ")
+    for start, names, plain in _IMPORT.findall(code):
         listed = [name.split()[0] for name in (names or plain).strip("()\n \t").split(",") if name.strip()]
         modules |= {start, *(f"{start}.{name}" for name in listed)} if start else {*listed}
     found = [file for module in sorted(modules) for file in _module_files(module)]
     return (*found, *(file for literal in set(_FILE_NAME.findall(text)) for file in _data_file(path.parent, literal)))
 
+
+_TEMPLATE = ".j2"
+"""A template names others."""
 
 # Matched by pattern: parsing every module would take a second at each call of the workflow. A text that looks like an
 # import counts, too, which costs at most a rerun.
@@ -253,4 +266,5 @@ _LIBRARY_FOLDERS = {"site-packages", "dist-packages"}
 def _data_file(folder: Path, text: str) -> list[Path]:
     if not text or len(text) > 100 or "\n" in text or "/" in text.strip("/.") or not Path(text).suffix:
         return []
-    return [p for p in (folder / text, folder / "templates" / text) if p.is_file() and p.suffix != ".py"]
+    places = (folder / text, folder / "templates" / text, folder / "layouts" / text)
+    return [place for place in places if place.is_file() and place.suffix != ".py"]

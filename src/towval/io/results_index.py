@@ -62,7 +62,7 @@ def read_results(folders: Sequence[Path]) -> ResultsIndex:
             raise InputError(f"{source} is no folder", remedy="give the folder of results, as results/")
         for campaign in _campaigns(source):
             shared = _stage_of(campaign / "camera.mcap")
-            for run in _current_runs(campaign):
+            for run in current_runs(campaign):
                 key = (str(source), campaign.resolve().name, run.name)
                 for table, row in _rows_of(run, shared):
                     rows[table].append((*key, *row))
@@ -93,7 +93,7 @@ def _runs(campaign: Path) -> list[Path]:
     return [folder for folder in _folders(campaign) if (folder / "track.mcap").is_file()]
 
 
-def _current_runs(campaign: Path) -> list[Path]:
+def current_runs(campaign: Path) -> list[Path]:
     """The runs but those that the last report leaves out: older than its list of files, and not on it."""
     listing = campaign / MANIFEST
     try:

@@ -32,6 +32,12 @@ def make(kind: str, **values: Any) -> Any:
     return typestore().types[kind](**values)
 
 
+def stamp_ns(message: Any) -> int:
+    """The time in the header of a message [ns]."""
+    stamp = message.header.stamp
+    return int(stamp.sec * NANOSECONDS_PER_SECOND + stamp.nanosec)
+
+
 def header(time_s: float, frame: str) -> Any:
     """A header with the time as stamp."""
     seconds, rest = divmod(nanoseconds(time_s), NANOSECONDS_PER_SECOND)
@@ -63,7 +69,7 @@ def heading_quaternion(heading: float) -> Any:
 
 
 def heading_of(quaternion: Any) -> float:
-    """The heading of a turn about z, in (−π, π] [rad]."""
+    """The heading of a turn about z [rad], not wrapped."""
     return float(2 * np.arctan2(quaternion.z, quaternion.w))
 
 
@@ -196,9 +202,9 @@ def numbers_of(message: Any) -> Array:
     return np.asarray(message.data, dtype=np.float64).reshape(-1, message.layout.dim[1].size)
 
 
-def wrench(time_s: float, frame: str, force: Array, torque_z: float = 0.0) -> Any:
-    """A stamped planar wrench."""
-    value = make("geometry_msgs/msg/Wrench", force=vector(force[0], force[1]), torque=vector(0, 0, torque_z))
+def wrench(time_s: float, frame: str, force: Array) -> Any:
+    """A stamped planar force."""
+    value = make("geometry_msgs/msg/Wrench", force=vector(force[0], force[1]), torque=vector(0, 0))
     return make("geometry_msgs/msg/WrenchStamped", header=header(time_s, frame), wrench=value)
 
 

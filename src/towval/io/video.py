@@ -73,7 +73,9 @@ class Video:
             )
         try:
             # An absolute path is never taken for a protocol; and nothing but this file is opened.
-            container = av.open(str(self.path.absolute()), container_options={"protocol_whitelist": "file"})
+            # And no text in it matters.
+            options = {"protocol_whitelist": "file"}
+            container = av.open(str(self.path.absolute()), container_options=options, metadata_errors="replace")
         except av.error.FFmpegError as error:
             raise InputError(
                 f"{self.path.name} is no video that FFmpeg can open",
@@ -144,7 +146,8 @@ class Video:
     def _stored_pts(self) -> list[int]:
         with self.opened() as container:
             packets = container.demux(container.streams.video[0])
-            return [packet.pts for packet in packets if packet.pts is not None]
+            # An edit list cuts pictures off that are stored all the same.
+            return [packet.pts for packet in packets if packet.pts is not None and not packet.is_discard]
 
     @cached_property
     def _pts_in_coding_order(self) -> bool:
@@ -169,6 +172,12 @@ class Video:
         # One rounding: numerator and denominator are exact.
         base = Fraction(frame.time_base or 0)
         time_s = pts * base.numerator / base.denominator
+        if time_s < 0:
+            raise InputError(
+                f"the presentation times of {self.path.name} begin below zero",
+                got=f"{time_s} s",
+                remedy="write the file anew with FFmpeg: `ffmpeg -i IN -c copy OUT.mp4`",
+            )
         if time_s <= self.last_time_s:
             raise InputError(
                 f"the presentation times of {self.path.name} do not increase at frame {self.decoded_frames}",
@@ -211,7 +220,7 @@ def luma_plane(frame: av.VideoFrame) -> Luma:
     Deeper formats are cut to their eight highest bits; formats without a Y plane (RGB, packed YUV) are converted.
     """
     name, depth = frame.format.name, frame.format.components[0].bits
-    if not name.startswith(("yuv", "yuvj", "nv", "p0", "gray")) or name.startswith(("yuyv", "yuv422v")):
+    if not name.startswith(("yuv", "nv", "p0", "gray")):
         return np.asarray(frame.to_ndarray(format="gray"), dtype=np.uint8)
     plane = frame.planes[0]
     memory = memoryview(plane)

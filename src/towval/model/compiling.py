@@ -3,7 +3,7 @@
 Compiled code is cached on disk, so only the first call after installation compiles. Numba identifies cached code by the
 file that defines the function, but inlined code from other files would then survive an edit of those files. Each source
 folder therefore has a cache named after the contents of all files that may contribute: its own, those of its subfolders
-and every file of this package that compiles anything. Edits of other files leave the cache valid.
+and every file of this package that compiles anything or tells numba how. Edits of other files leave the cache valid.
 
 Division by zero follows IEEE 754 instead of raising, because a check would cost more than the division. Products and
 sums are rounded separately: if the compiler were free to fuse them, the last digits would depend on what it inlines,
@@ -76,7 +76,8 @@ def compiled(allocates: bool = True, **options: Any) -> Callable[[Function], Fun
 def _compiling_files() -> tuple[Path, ...]:
     """Files of this package that compile functions, which other files may inline."""
     files = sorted(Path(__file__).resolve().parents[1].rglob("*.py"))
-    return tuple(path for path in files if b"towval.model.compiling import" in path.read_bytes())
+    marks = b"towval.model.compiling import", b"numba.extending import"
+    return tuple(path for path in files if any(mark in path.read_bytes() for mark in marks))
 
 
 @cache

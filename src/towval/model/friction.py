@@ -62,7 +62,14 @@ def check_friction_law(law: FrictionLaw) -> None:
     """
     if not isinstance(law, FrictionLaw):
         raise InputError("not a friction law", got=type(law).__name__, allowed="an instance of FrictionLaw")
-    _check_values(law)
+    try:
+        _check_values(law)
+    except TypeError as error:
+        # Tables are kept by the law they are of.
+        what = f"the friction law {type(law).__name__} cannot be computed with"
+        raise InputError(
+            what, got=error, remedy="derive a frozen dataclass of numbers and tuples, no arrays"
+        ) from error
 
 
 @functools.lru_cache(maxsize=32)  # A law is checked where it is made and where it is tabulated, in each of many draws.

@@ -77,12 +77,12 @@ class Registry(Mapping[str, Value]):
 def load_plugins() -> tuple[Path, ...]:
     """Import all plugins, once a process; returns their source files, which belong to the provenance of each result.
 
-    `InputError` where a plugin cannot be imported.
+    Of a module in a package these are all that the package holds. `InputError` where a plugin cannot be imported.
     """
     listed = [name.strip() for name in os.environ.get(VARIABLE, "").split(",")]
     names = [*(point.module for point in entry_points(group=GROUP)), *filter(None, listed)]
     modules = [_imported(name) for name in dict.fromkeys(names)]
-    return tuple(Path(module.__file__) for module in modules if module.__file__)
+    return tuple(dict.fromkeys(path for module in modules for path in _sources(module)))
 
 
 def _imported(name: str) -> ModuleType:
@@ -97,6 +97,13 @@ def _imported(name: str) -> ModuleType:
             allowed="import names or paths of .py files, separated by commas",
             remedy=f"correct the module, or {VARIABLE}",
         ) from error
+
+
+def _sources(module: ModuleType) -> list[Path]:
+    if not module.__file__:
+        return []
+    file = Path(module.__file__)
+    return sorted(file.parent.rglob("*.py")) if module.__package__ else [file]
 
 
 def _from_file(path: Path) -> ModuleType:

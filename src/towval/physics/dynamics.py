@@ -30,7 +30,8 @@ from towval.model.conventions import GRAVITY_M_PER_S2
 from towval.model.errors import InputError
 from towval.model.findings import finding
 from towval.model.geometry import transform
-from towval.physics.contact import refuse_tipping, resting_pressure
+from towval.physics.contact import resting_pressure
+from towval.physics.footprint import refuse_tipping
 from towval.physics.friction_laws import Coulomb
 from towval.physics.friction_table import SLOPE
 from towval.physics.integrator import NOT_FINITE, REACHED_END, STEP_LIMIT, STEP_TOO_SMALL, integrate

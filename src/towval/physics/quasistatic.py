@@ -26,8 +26,8 @@ from towval.model.errors import InputError
 from towval.model.findings import finding
 from towval.model.geometry import inside_polygon
 from towval.physics.balanced_rate import ROOT_CHOSEN, ROOT_LOST
-from towval.physics.contact import footprint_size, refuse_tipping
 from towval.physics.dynamics import LEVEL, checked_times, leaves_plane, resting_patch
+from towval.physics.footprint import footprint_size, refuse_tipping
 from towval.physics.heading import follow, room_for_plan
 from towval.physics.spatial.problem import as_sliding, tow_problem
 from towval.physics.spatial.steady import follow_in_space

@@ -44,7 +44,7 @@ def frame_times(path: FilePath) -> tuple[Array, str]:
     Raises `InputError` when the file is no video or holds no times.
     """
     try:
-        with av.open(path) as film:
+        with av.open(path, metadata_errors="replace") as film:
             stream = film.streams.video[0]
             base = stream.time_base or 0
             shown = [p.pts for p in film.demux(stream) if p.pts is not None and p.size and not p.is_discard]

@@ -118,7 +118,7 @@ def _still(source: FilePath, frame: av.VideoFrame, time_s: float, painter: Paint
 @contextmanager
 def _opened(path: FilePath) -> Iterator[av.container.InputContainer]:
     try:
-        with av.open(path) as film:
+        with av.open(path, metadata_errors="replace") as film:
             if not film.streams.video:
                 raise InputError(f"{path.name} holds no video", remedy="name a video file")
             film.streams.video[0].thread_type = "AUTO"

@@ -112,8 +112,8 @@ def _draw_messages(draws: Draws | None, start_s: float) -> Iterator[Message]:
     for name, topic in _DRAWN.items():
         values: Array = getattr(draws, name)
         for i, value in enumerate(values.reshape(len(values), -1, 3) if name != "inputs" else values[:, :, None]):
-            rounded = (value.astype(np.float32).view(np.uint32) & _KEPT_BITS).view(np.float32)
-            yield Message(topic, ros.nanoseconds(start_s) + i, ros.number_array(rounded))
+            cut = (value.astype(np.float32).view(np.uint32) & _KEPT_BITS).view(np.float32)
+            yield Message(topic, ros.nanoseconds(start_s) + i, ros.number_array(cut))
 
 
 def _draws(content: McapContent, details: dict[str, Any]) -> Draws | None:

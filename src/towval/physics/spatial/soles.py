@@ -16,7 +16,8 @@ import shapely
 from towval.model import Array, Ground, Patch
 from towval.model.compiling import compiled
 from towval.physics.area_rules import nodes_over
-from towval.physics.contact import clipped_moments, footprint_polygon, oriented_rings
+from towval.physics.contact import clipped_moments, oriented_rings
+from towval.physics.footprint import footprint_polygon
 
 # Nodes along each side of a piece of a sole, and from how many radii of the sole on they err by some 1e-10 of μNR.
 _RULES = ((6, 0.0), (5, 7.0), (4, 20.0), (3, 100.0))

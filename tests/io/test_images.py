@@ -1,0 +1,42 @@
+"""Pictures read from files: whole ones, with whatever follows them, and cut ones."""
+
+import cv2
+import numpy as np
+import pytest
+
+from towval.io.images import read_gray
+from towval.model.errors import InputError
+
+SIZE = (160, 120)
+CODINGS = {
+    "baseline": [],
+    "progressive": [cv2.IMWRITE_JPEG_PROGRESSIVE, 1],
+    "restart marks": [cv2.IMWRITE_JPEG_RST_INTERVAL, 4],
+}
+
+
+def jpeg(coding):
+    picture = np.random.default_rng(0).integers(0, 256, SIZE[::-1], dtype=np.uint8)
+    return cv2.imencode(".jpg", picture, CODINGS[coding])[1].tobytes()
+
+
+@pytest.mark.parametrize("coding", CODINGS)
+@pytest.mark.parametrize("seed", range(5))
+def test_what_a_phone_appends_to_a_picture_is_no_part_of_it(tmp_path, coding, seed):
+    """A short film, in which bytes stand that look like marks of a JPEG."""
+    path, film = tmp_path / "motion.jpg", np.random.default_rng(seed).bytes(400_000)
+    assert b"\xff\xda" in film
+    path.write_bytes(jpeg(coding))
+    alone = read_gray(path, SIZE)
+    path.write_bytes(jpeg(coding) + film)
+    np.testing.assert_array_equal(read_gray(path, SIZE), alone)
+
+
+@pytest.mark.parametrize("coding", CODINGS)
+@pytest.mark.parametrize("kept", [0.6, 0.9, -1])
+def test_a_picture_that_is_cut_off_is_refused(tmp_path, coding, kept):
+    """Decoders fill up with grey what is not there."""
+    path, data = tmp_path / "cut.jpg", jpeg(coding)
+    path.write_bytes(data[: int(kept * len(data)) if kept > 0 else kept])
+    with pytest.raises(InputError, match="no picture that can be read"):
+        read_gray(path, SIZE)
