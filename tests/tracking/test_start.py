@@ -149,6 +149,14 @@ def test_a_body_has_gone_elsewhere_by_eight_pixels():
     assert [id(luma) for luma, _ in views] == [id(still), id(far)]
 
 
+def test_in_a_black_picture_no_body_is_found():
+    own = painted_target()
+    still = picture(own, POSE)
+    far = picture(own, POSE + 11 * own.metres_per_pixel(POSE) * np.array([1.0, 0.0, 0.0]))
+    views = co_moving(own, POSE, [still, np.zeros_like(still), far])
+    assert [id(luma) for luma, _ in views] == [id(still), id(far)]
+
+
 def test_a_sense_of_motion_is_that_of_three_tenths_of_the_reach_of_a_body():
     own, luma = painted_target(), np.zeros((2, 2), np.uint8)
     gone = [(luma, np.array([share * own.reach_m, 0.0, 0.0])) for share in (0.0, 0.2, 0.4)]

@@ -45,7 +45,8 @@ def co_moving(target: PlanarTarget, pose: Array, pictures: Sequence[Luma]) -> li
     for luma in pictures[1:]:
         found = tracker.measure(luma, last)
         if found is None:
-            found = tracker.measure(luma, lookalikes.candidates(luma)[0].pose)
+            best = lookalikes.candidates(luma)[:1]  # None in a picture without any contrast, such as a black one.
+            found = tracker.measure(luma, best[0].pose) if best else None
         if found is None:
             continue
         found.learn()
