@@ -625,6 +625,22 @@ def test_a_floor_is_the_same_where_places_scatter_by_half_a_pixel_or_its_sides_a
     assert len(camera_motion._found(seen, [FIRST, FIRST])) == 2 * same
 
 
+@pytest.mark.parametrize("pictures", [1, 2, 8])
+@pytest.mark.parametrize(("stretch_px", "same"), [(0.45, True), (0.75, False)])
+def test_sides_that_are_off_by_less_than_three_deviations_are_noise_in_any_number_of_pictures(
+    stretch_px, same, pictures
+):
+    seen = SimpleNamespace(register=lambda *_: moved_by(0.0), stretch_px=lambda: (stretch_px, 0.2), scattered_px=0.0)
+    assert len(camera_motion._found(seen, [FIRST] * pictures)) == pictures * same
+
+
+@pytest.mark.parametrize(("missing", "gap"), [([24], (1.0, 23.0)), ([23], (2.0, 22.0)), ([23, 24], (2.0, 22.0))])
+def test_a_gap_at_the_end_lasts_to_the_last_picture(missing, gap):
+    """Pictures of one a second."""
+    known = ~np.isin(np.arange(25), missing)
+    assert camera_motion._longest_gap(np.arange(25.0), known) == gap
+
+
 def test_a_body_hides_the_floor_to_a_third_beyond_its_outline():
     camera = CameraMotion(CAMERA, FLOOR, FIRST, [BODY], [POSE])
     from_it = np.abs(inverse_transform(POSE, camera.watch.as_it_is.template.points)) / [0.4, 0.3]

@@ -313,17 +313,22 @@ def _found(seen: FloorRegistration, pictures: Sequence[Luma]) -> list[Registered
 
     None where its places are displaced against each other: by other pixels (a video made wider), by another lens.
     """
-    found, wider_px, most_px = [], [], [CONSTANTS.wider_px]
+    found: list[Registered] = []
+    wider_px: list[float] = []
+    std_px: list[float] = []
     for picture in pictures:
         one = seen.register(picture, np.zeros(_SIZE), [])
         if one is not None:
             found.append(one)
-            stretch_px, std_px = seen.stretch_px()
+            stretch_px, its_std_px = seen.stretch_px()
             wider_px.append(stretch_px)
-            most_px.append(CONSTANTS.significant * std_px)
+            std_px.append(its_std_px)
+    if not found:
+        return []
     other_lens = seen.scattered_px > CONSTANTS.other_lens_px
     # The first picture's noise is the same in all of them.
-    return [] if other_lens or abs(np.median(wider_px or [0.0])) > max(most_px[0], np.median(most_px)) else found
+    most_px = max(CONSTANTS.wider_px, CONSTANTS.significant * float(np.median(std_px)))
+    return [] if other_lens or abs(np.median(wider_px)) > most_px else found
 
 
 def _separated(time_s: Array, z: Array, noise: Array) -> tuple[Array, Array, Array, Array]:
@@ -366,7 +371,7 @@ def _longest_gap(time_s: Array, known: NDArray[np.bool_]) -> tuple[float, float]
     if known.all() or len(at) < 2:
         return 0.0, 0.0
     gaps = np.diff(np.append(at, time_s[-1]))
-    missing = np.diff(np.append(np.flatnonzero(known), len(known) - 1)) > 1
+    missing = np.diff(np.append(np.flatnonzero(known), len(known))) > 1
     if not missing.any():
         return 0.0, 0.0
     worst = int(np.argmax(np.where(missing, gaps, 0.0)))

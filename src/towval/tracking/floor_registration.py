@@ -75,8 +75,8 @@ class Registered:
 class FloorRegistration:
     """The floor as the first picture ``luma`` shows it, and where it is in others.
 
-    ``bodies`` at their ``poses`` (3,) hide it; ``None`` for :attr:`template` where there is too little texture, or the
-    horizon is in the picture.
+    ``hidden``: outlines (n, 2) [m] on the floor within which bodies hide it there. :attr:`template` is None where there
+    is too little texture, or the horizon is in the picture.
     """
 
     def __init__(self, camera: Camera, floor: Floor, luma: Luma, hidden: tuple[Array, ...]):
