@@ -15,7 +15,7 @@ from towval.tracking.stamps import (
     _share,
     check_stamps,
     rate_findings,
-    usual_step_s,
+    usual_steps_s,
 )
 
 
@@ -221,9 +221,10 @@ def test_a_percent_of_the_rate_is_seen_and_stamps_in_whole_milliseconds_are_none
     assert [one.code for one in rate_findings(1 / 24.75, 25.0, 10.0, nan)] == ["rate_contradicted"]
     for rate_hz in (29.97, 59.94, 24.0):
         rounded = np.round(np.arange(300) / rate_hz, 3)
-        assert rate_findings(usual_step_s(np.delete(rounded, [50, 51, 200])), round(rate_hz), 10.0, nan) == ()
-    assert usual_step_s(np.arange(3) / 25) == pytest.approx(1 / 25)
-    assert np.isnan(usual_step_s(np.zeros(1)))
+        assert rate_findings(usual_steps_s(np.delete(rounded, [50, 51, 200])), round(rate_hz), 10.0, nan) == ()
+    assert usual_steps_s(np.arange(3) / 25) == pytest.approx(1 / 25)
+    assert np.isnan(usual_steps_s(np.zeros(1))).all()
+    assert [one.code for one in rate_findings(usual_steps_s(np.zeros(1)), None, 10.0, nan)] == ["rate_unconfirmed"]
 
 
 @pytest.mark.parametrize(("rate_hz", "unusual"), [
@@ -368,12 +369,31 @@ def test_how_far_stamps_shake_is_told_from_thirty_pictures_on(pictures, found):
 @pytest.mark.parametrize("rate_hz", [25.0, 29.97, 59.94, 239.76])
 def test_the_step_of_stamps_in_whole_milliseconds_is_known_to_a_fiftieth_of_one(rate_hz):
     rounded = np.round(np.arange(600) / rate_hz, 3)
-    assert usual_step_s(rounded) == pytest.approx(1 / rate_hz, abs=1e-3 / 50)
+    assert usual_steps_s(rounded) == pytest.approx(1 / rate_hz, abs=1e-3 / 50)
 
 
 def test_a_picture_lost_in_eighty_leaves_the_usual_step_as_it_is():
     lossy = np.delete(np.arange(400) / 25, np.arange(40, 400, 80))
-    assert usual_step_s(lossy) == pytest.approx(0.04, rel=1e-6)
+    assert usual_steps_s(lossy) == pytest.approx(0.04, rel=1e-6)
+
+
+@pytest.mark.parametrize("lost", [0.03, 0.1, 0.25])
+@pytest.mark.parametrize("rate_hz", [25.0, 59.94])
+def test_pictures_that_are_lost_by_their_stamps_leave_the_rate_as_it_is(rate_hz, lost):
+    nan = float("nan")
+    for seed in range(10):
+        kept = np.flatnonzero(np.random.default_rng(seed).random(400) > lost)
+        steps_s = usual_steps_s(np.round(kept / rate_hz, 3))
+        assert rate_findings(steps_s, rate_hz, nan, nan) == ()
+        assert [one.code for one in rate_findings(steps_s, None, nan, nan)] == ["rate_unconfirmed"]
+        assert [one.code for one in rate_findings(0.98 * steps_s, rate_hz, nan, nan)] == ["rate_contradicted"]
+
+
+@pytest.mark.parametrize(("rate_hz", "counted_hz"), [(25, 30), (20, 30), (24, 60), (50, 60), (12.5, 15), (30, 100)])
+def test_pictures_that_seem_to_be_lost_by_coarse_stamps_leave_the_rate_as_it_is(rate_hz, counted_hz):
+    """Stamps in whole pictures of a file that holds more of them than the camera took."""
+    stamps_s = np.round(np.arange(600) / rate_hz * counted_hz) / counted_hz
+    assert rate_findings(usual_steps_s(stamps_s), rate_hz, 10.0, float("nan")) == ()
 
 
 @pytest.mark.parametrize(("off", "found"), [(0.002, []), (0.0045, ["rate_contradicted"])])

@@ -28,7 +28,7 @@ from towval.tracking.markers import clicks_from_tags
 from towval.tracking.outline import pose_from_clicks
 from towval.tracking.overlay import standing_still
 from towval.tracking.planar_target import PlanarTarget
-from towval.tracking.stamps import rate_findings, usual_step_s
+from towval.tracking.stamps import rate_findings, usual_steps_s
 from towval.tracking.start import Start, Tow, find_starts, starts_drawn
 from towval.tracking.total_covariance import with_readout, with_wider_start
 from towval.tracking.track import TrackSettings, track
@@ -160,7 +160,7 @@ def open_video(given: Campaign, entry: Run) -> Video:
 
 def _rate_findings(given: Campaign, video: Video, time_s: Array) -> tuple[Finding, ...]:
     return rate_findings(
-        usual_step_s(time_s), given.document["camera"].get("fps"), video.header.length_s, video.header.sound_s
+        usual_steps_s(time_s), given.document["camera"].get("fps"), video.header.length_s, video.header.sound_s
     )
 
 

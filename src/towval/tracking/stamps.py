@@ -96,35 +96,46 @@ def check_stamps(tracks: Mapping[str, Track]) -> tuple[dict[str, Track], tuple[F
     return dict(tracks), tuple(findings), stamps
 
 
-def usual_step_s(time_s: Array) -> float:
-    """Usual step of stamps (n,) [s], NaN for one: over many pictures, since containers round to milliseconds."""
-    many = max(1, min(CONSTANTS.many, len(time_s) // 4))
-    return float(np.median(time_s[many:] - time_s[:-many]) / many) if len(time_s) > 1 else float("nan")
+def usual_steps_s(time_s: Array) -> Array:
+    """Usual step (2,) of stamps (n,) [s]: with the pictures counted that are missing by them, and as they are.
+
+    Over many pictures, since containers round to milliseconds. Of stamps that are rounded to most of a step some seem
+    to be missing, so that the first is too short; losses make the second too long. NaN for one picture.
+    """
+    if len(time_s) < 2:
+        return np.full(2, np.nan)
+    many, steps = max(1, min(CONSTANTS.many, len(time_s) // 4)), np.diff(time_s)
+    number = np.append(0, np.cumsum(np.maximum(np.round(steps / np.median(steps)), 1)))
+    passed = time_s[many:] - time_s[:-many]
+    return np.array([np.median(passed / (number[many:] - number[:-many])), np.median(passed / many)])
 
 
-def rate_findings(step_s: float, stated_hz: float | None, seen_s: float, heard_s: float) -> tuple[Finding, ...]:
+def rate_findings(steps_s: ArrayLike, stated_hz: float | None, seen_s: float, heard_s: float) -> tuple[Finding, ...]:
     """Findings about the time scale as a whole.
 
-    ``step_s``: usual step of the stamps [s]; ``stated_hz``: the camera's rate by the campaign; ``seen_s`` and
-    ``heard_s``: length of the pictures and of the sound [s], NaN where there is none.
+    ``steps_s``: usual step of the stamps [s], or several readings of it, of which the best one counts; ``stated_hz``:
+    the camera's rate by the campaign; ``seen_s`` and ``heard_s``: length of the pictures and of the sound [s], NaN
+    where there is none.
     """
+    cameras_hz = np.outer(CONSTANTS.usual_hz, [1.0, 1 / 1.001]) if stated_hz is None else np.array([stated_hz])
+    off, found_hz = min((_off(rate_hz, cameras_hz), rate_hz) for rate_hz in 1 / np.atleast_1d(steps_s))
     findings = []
-    if stated_hz is not None and step_s > 0:
-        pictures = max(1, round(stated_hz * step_s))
-        if abs(stated_hz * step_s / pictures - 1) > CONSTANTS.rate:
-            findings.append(finding("rate_contradicted", found_hz=1 / step_s, other=f"camera.fps is {stated_hz:g}"))
+    if stated_hz is not None and off > CONSTANTS.rate:
+        findings.append(finding("rate_contradicted", found_hz=found_hz, other=f"camera.fps is {stated_hz:g}"))
     if abs(heard_s - seen_s) > max(CONSTANTS.length * heard_s, 0.5):
         other = f"the sound lasts {heard_s:.1f} s and the pictures {seen_s:.1f} s"
-        findings.append(finding("rate_contradicted", found_hz=1 / step_s, other=other))
+        findings.append(finding("rate_contradicted", found_hz=found_hz, other=other))
     if stated_hz is None and np.isnan(heard_s):
-        findings.append(finding("rate_unusual" if _unusual(1 / step_s) else "rate_unconfirmed", found_hz=1 / step_s))
+        findings.append(
+            finding("rate_unusual" if off > CONSTANTS.usual_rate else "rate_unconfirmed", found_hz=found_hz)
+        )
     return tuple(findings)
 
 
-def _unusual(rate_hz: float) -> bool:
-    """Whether no camera films at a rate, nor at one of which some pictures are left out."""
-    usual = np.outer(CONSTANTS.usual_hz, [1.0, 1 / 1.001]) / rate_hz
-    return bool(np.abs(usual / np.maximum(np.round(usual), 1) - 1).min() > CONSTANTS.usual_rate)
+def _off(rate_hz: float, cameras_hz: Array) -> float:
+    """Share by which a rate is off the nearest one of cameras, or of cameras of which some pictures are left out."""
+    usual = cameras_hz / rate_hz
+    return float(np.abs(usual / np.maximum(np.round(usual), 1) - 1).min())
 
 
 def _gaps(time_s: Array) -> list[Finding]:
