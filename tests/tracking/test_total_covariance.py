@@ -1,5 +1,7 @@
 """Total covariances against moved calibrations, and a rolling shutter against a scene drawn row by row."""
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.optimize import brentq, least_squares
 
@@ -70,3 +72,21 @@ def test_a_rolling_shutter_is_taken_off_row_by_row():
     unknown = with_readout(with_total(track(seen), calibration, BODY), calibration, BODY, 0.0, 0.01)
     std = np.sqrt(np.diagonal(unknown.total_covariance, axis1=1, axis2=2))
     assert (np.abs(seen - path(TIME))[:, :2] < 3.1 * std[:, :2]).all(), "three deviations of a readout of 10 ms"
+
+
+def test_a_picture_that_is_repeated_tells_no_velocity():
+    """It shows the pose before and counts as not seen; what is taken off the pictures beside it stays the same."""
+    calibration = Calibration(CAMERA, FLOOR, np.zeros((18, 18)), 0.1)
+    even, pose = track(path(TIME)), path(TIME)
+    pose[20] = pose[19]
+    status = np.where(np.arange(len(TIME)) == 20, TrackStatus.COASTING, TrackStatus.TRACKED)
+    repeated = replace(track(pose), status=status)
+    expected, found = (
+        with_readout(with_total(each, calibration, BODY), calibration, BODY, 0.03, 0.002) for each in (even, repeated)
+    )
+    assert np.abs(expected.pose - even.pose)[20, :2].max() > 5e-4
+    beside = np.arange(len(TIME)) != 20
+    np.testing.assert_allclose(found.pose[beside], expected.pose[beside], atol=1e-12)
+    np.testing.assert_allclose(found.total_covariance[beside], expected.total_covariance[beside], rtol=1e-9)
+    # What it shows was read from the same rows, but for a step of the body.
+    np.testing.assert_allclose(found.pose[20] - pose[20], expected.pose[20] - even.pose[20], atol=1e-4)

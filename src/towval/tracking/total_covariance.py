@@ -43,7 +43,7 @@ def with_readout(track: Track, calibration: Calibration, body: Body, readout_s: 
     the rigid motion that fits these displacements best is taken off. The deviation of the readout enters the total
     covariance.
     """
-    by_readout = readout_sensitivity(track.time_s, track.pose, calibration, body)
+    by_readout = readout_sensitivity(track, calibration, body)
     pose = track.pose - readout_s * np.nan_to_num(by_readout)
     total = None
     if track.total_covariance is not None:
@@ -51,17 +51,20 @@ def with_readout(track: Track, calibration: Calibration, body: Body, readout_s: 
     return replace(track, pose=pose, total_covariance=total)
 
 
-def readout_sensitivity(time_s: Array, pose: Array, calibration: Calibration, body: Body) -> Array:
-    """Change (n, 3) of measured poses (n, 3) at times (n,) [s] with the readout [m/s, m/s, rad/s]; NaN as they are."""
-    change = np.full_like(pose, np.nan)
-    seen = np.flatnonzero(np.isfinite(pose[:, 0]))
+def readout_sensitivity(track: Track, calibration: Calibration, body: Body) -> Array:
+    """Change (n, 3) of the measured poses of a track with the readout [m/s, m/s, rad/s]; NaN as they are."""
+    change = np.where(np.isfinite(track.pose), 0.0, np.nan)
+    seen, known = np.flatnonzero(track.seen), np.flatnonzero(np.isfinite(track.pose[:, 0]))
     if len(seen) < 2:
-        return np.where(np.isfinite(pose), 0.0, np.nan)
-    pose, velocity = pose[seen], np.gradient(pose[seen], time_s[seen], axis=0)
+        return change
+    # A repeated picture shows a body where it was, so its pose tells no velocity.
+    of_seen = np.gradient(track.pose[seen], track.time_s[seen], axis=0)
+    pose, time_s = track.pose[known], track.time_s[known]
+    velocity = np.stack([np.interp(time_s, track.time_s[seen], column) for column in of_seen.T], axis=1)
     corners = transform(pose[:, None, :], body.top_corners_m)
     rows = project(calibration.camera, calibration.floor, lifted(corners, body.tracked_plane_height_m))[..., 1]
     late = rows / (calibration.camera.resolution_px[1] - 1) - 0.5
     arm = corners - pose[:, None, :2]
     moving = velocity[:, None, :2] + velocity[:, None, 2:] * np.stack([-arm[..., 1], arm[..., 0]], axis=-1)
-    change[seen] = rigid_moves(corners, pose, (late[..., None] * moving)[..., None])[..., 0]
+    change[known] = rigid_moves(corners, pose, (late[..., None] * moving)[..., None])[..., 0]
     return change
