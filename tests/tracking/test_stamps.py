@@ -14,6 +14,7 @@ from towval.tracking.stamps import (
     _lateness_s,
     _share,
     check_stamps,
+    delayed,
     rate_findings,
     usual_steps_s,
 )
@@ -192,6 +193,22 @@ def test_stamps_that_shake_by_more_than_steps_can_tell_make_poses_as_uncertain(s
     speed = np.gradient(shaken["rover"].pose[:, 0], EVEN)
     added = np.sqrt((tracks["rover"].covariance - shaken["rover"].covariance)[:, 0, 0])
     assert np.median(added / np.abs(speed)) == pytest.approx(0.01, rel=0.25)
+
+
+@pytest.mark.parametrize("times", [2, 3, 4, 6])
+def test_pictures_that_are_shown_several_times_are_as_uncertain_as_they_are_late(times):
+    """A body goes at 0.1 m/s: most poses show no velocity, those beside a leap up to half of all of it at once."""
+    pose = np.outer(np.arange(120) // times * times / 60, [0.06, 0.08, 0.0])
+    std = np.sqrt(np.trace(delayed(np.arange(120) / 60, pose, 0.01)[10:-10], axis1=1, axis2=2))
+    assert std.min() > 0.9 * 0.001
+    assert std.max() < 1.01 * 0.001 * max(1, times / 2)
+
+
+def test_a_body_is_as_uncertain_as_it_is_fast_in_a_slip_of_three_pictures():
+    pose = np.outer(np.cumsum([0.0] * 20 + [0.01] * 3 + [0.0] * 20), [1.0, 0.0, 0.0])
+    std = np.sqrt(delayed(np.arange(43) / 25, pose, 0.01)[:, 0, 0])
+    assert std[21] == pytest.approx(0.25 * 0.01)
+    assert std[[10, 35]] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_one_body_may_jump_by_itself():

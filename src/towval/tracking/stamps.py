@@ -57,6 +57,7 @@ _ALTERNATION = 48 / 35  # Share of it by which each picture is beside the quadra
 _LEFT = 18 / 35  # Share of a picture's variance by which it is beside the quadratic through five.
 _OTHER_STEPS = np.setdiff1d(np.arange(-12, 2.5, 0.5), [0.0])  # That a step may be longer by, in usual ones.
 _Bodies = list[tuple[Array, float]]  # Places (n, 2) of each body, and its usual misfit.
+_AROUND = 6  # Pictures on each side whose velocity counts where one shows none.
 _ROUNDS = 4  # Of looking for repeated pictures: several of them side by side hide each other.
 
 
@@ -363,12 +364,19 @@ def _late_in_turn_s(track: Track, kept: NDArray[np.bool_]) -> float:
 
 
 def delayed(time_s: Array, pose: Array, late_s: float) -> Array:
-    """Covariance (n, 3, 3) of poses (n, 3) at times (n,) that are early or late by a deviation [s]."""
+    """Covariance (n, 3, 3) of poses (n, 3) at times (n,) that are early or late by a deviation [s].
+
+    Where real pictures are shown several times each, most poses show no velocity: those around count, too.
+    """
     covariance = np.zeros((len(pose), 3, 3))
     seen = np.flatnonzero(np.isfinite(pose[:, 0]))
     if late_s and len(seen) > 1:
         velocity = np.gradient(pose[seen], time_s[seen], axis=0)
-        covariance[seen] = late_s**2 * velocity[:, :, None] * velocity[:, None, :]
+        squared = velocity[:, :, None] * velocity[:, None, :]
+        around = np.pad(squared, ((_AROUND, _AROUND), (0, 0), (0, 0)), mode="edge")
+        mean = np.lib.stride_tricks.sliding_window_view(around, 2 * _AROUND + 1, axis=0).mean(axis=-1)
+        speed2, usual2 = (np.trace(each[:, :2, :2], axis1=1, axis2=2) for each in (squared, mean))
+        covariance[seen] = late_s**2 * np.where((speed2 < usual2)[:, None, None], mean, squared)
     return covariance
 
 
