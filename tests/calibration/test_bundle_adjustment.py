@@ -17,7 +17,9 @@ from towval.calibration.bundle_adjustment import (
 )
 from towval.calibration.lens import active_parameters
 from towval.calibration.observations import first_guess
-from towval.optics.plane_uncertainty import shared_parameters
+from towval.model import Calibration, Camera, Floor
+from towval.optics.plane_uncertainty import position_covariance, shared_parameters
+from towval.optics.projection import to_plane
 
 ACTIVE = active_parameters("k1 k2", with_floor=True)
 
@@ -117,6 +119,28 @@ def test_predicted_covariance_is_that_of_the_scatter():
         assert estimate.noise_px == pytest.approx(noise, rel=0.06)
     # 24 × 12 squared standard deviations of mean 1: their mean scatters by √(2/288) = 0.083; three of those.
     assert np.mean(squares) == pytest.approx(1.0, abs=0.25)
+
+
+def test_covariance_is_of_the_rotation_vector_that_the_floor_gives_back():
+    """A ceiling camera is turned by nearly half a turn; in this set the fit passes it."""
+    scene = calibration_set(326)
+    estimate = fitted(scene.seen.blocks, scene)
+    covariance, _ = marginal_covariance(scene.seen.blocks, estimate, ACTIVE)
+
+    def view(parameters: np.ndarray) -> tuple[Camera, Floor]:
+        moved = Estimate(parameters, ())
+        return Camera((1920, 1080), moved.matrix, moved.distortion, "k1 k2"), Floor(moved.T_camera_floor)
+
+    np.testing.assert_allclose(shared_parameters(*view(estimate.shared))[12:15], estimate.shared[12:15], atol=1e-9)
+    pixels, step = np.array([[100.0, 100.0], [1800.0, 900.0], [960.0, 540.0]]), 1e-6
+    by_parameter = [
+        (to_plane(*view(estimate.shared + e), pixels, 0.35) - to_plane(*view(estimate.shared - e), pixels, 0.35)) / 2
+        for e in step * np.eye(18)
+    ]
+    slopes = np.stack(by_parameter, axis=-1) / step
+    numerical = slopes @ covariance @ slopes.transpose(0, 2, 1)
+    stated = position_covariance(Calibration(*view(estimate.shared), covariance, estimate.noise_px), pixels, 0.35)
+    np.testing.assert_allclose(stated, numerical, rtol=1e-4, atol=1e-12)
 
 
 def test_condition_number_sees_the_missing_tilt():

@@ -293,7 +293,7 @@ def adjust(blocks: Sequence[Block], start: Estimate, active: NDArray[np.intp]) -
     Levenberg-Marquardt on Huber's cost; the corner noise is re-estimated from the median residual until it converges,
     and that of the result follows from the weighted residuals and the degrees of freedom. ``start`` may have a
     ``noise_px`` of NaN; ``active`` are the indices of the shared parameters and :data:`DOUBTS` to fit. If empty, only
-    the places move.
+    the places move. The floor's rotation vector of the result is no longer than π, as its rotation gives it back.
     """
     estimate = start if np.isfinite(start.noise_px) else replace(start, noise_px=_median_noise(blocks, start))
     for _ in range(_NOISE_ROUNDS):
@@ -303,7 +303,21 @@ def adjust(blocks: Sequence[Block], start: Estimate, active: NDArray[np.intp]) -
         estimate = replace(estimate, noise_px=noise)
         if settled:
             break
+    estimate = replace(estimate, shared=_within_half_turn(estimate.shared))
     return replace(estimate, noise_px=_noise(blocks, estimate, len(active)))
+
+
+def _within_half_turn(shared: Array) -> Array:
+    """Shared parameters (18,) with the floor's rotation vector no longer than π.
+
+    That of a ceiling camera is about π long, and a fit may pass it. The covariance must be that of the vector which its
+    users take from the rotation again.
+    """
+    turn = shared[_FLOOR_START : _FLOOR_START + 3]
+    angle = np.linalg.norm(turn)
+    if angle <= np.pi:
+        return shared
+    return np.concatenate([shared[:_FLOOR_START], turn * (1 - 2 * np.pi / angle), shared[_FLOOR_START + 3 :]])
 
 
 def _levenberg_marquardt(blocks: Sequence[Block], estimate: Estimate, active: NDArray[np.intp]) -> Estimate:
