@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from studies.worlds.boards import CornerScene, calibration_set
-from towval.calibration.adequacy import covered_share
+from studies.worlds.boards import CornerScene, calibration_set, ceiling_camera
+from towval.calibration.adequacy import covered_share, view_findings, view_statistics
 from towval.calibration.calibrate import CalibrateSettings, calibrate_observations
-from towval.model import Calibration, FloorReference, Severity
+from towval.calibration.observations import first_guess
+from towval.model import Calibration, Camera, Floor, FloorReference, Severity
 from towval.model.errors import InputError
 
 QUICK = CalibrateSettings(lens_models=("k1", "k1 k2"), folds=3)
@@ -29,6 +30,38 @@ def test_a_set_without_tilt_is_flagged(seed, tilt):
     text = found.get("no-tilt") or found["focal-length-uncertain"]
     assert "tilted by 20° to 40°" in text
     assert "focal length is uncertain by" in text
+
+
+def level_camera(rng: np.random.Generator) -> tuple[Camera, Floor]:
+    """A ceiling camera that looks straight down."""
+    camera, floor = ceiling_camera(rng)
+    T = floor.T_camera_floor.copy()
+    T[:3, :3] = np.diag([1.0, -1.0, -1.0])
+    return camera, Floor(T)
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_a_set_without_any_tilt_against_the_picture_is_refused(held, monkeypatch):
+    """Focal length and distance cannot be told apart: nothing may state the focal length as known."""
+    if held:
+        monkeypatch.setattr("studies.worlds.boards.ceiling_camera", level_camera)
+    scene = calibration_set(52, floor="boards", tilt_deg=(0.0, 0.3), views=6)
+    if not held:
+        scene = replace(scene, seen=replace(scene.seen, boards=()))
+    calibration = calibrated(scene, CalibrateSettings(lens_models=("k1",), folds=2))
+    found = {f.code: f.severity for f in calibration.findings}
+    assert found["no-tilt"] is Severity.REFUSAL
+
+
+def test_a_focal_length_that_no_camera_has_is_refused():
+    """However certain it is: boards behind a camera of negative focal length look alike."""
+    scene = calibration_set(54, views=6)
+    guess = first_guess(scene.seen)
+    shared = guess.shared.copy()
+    shared[:2] *= -1
+    tilted = replace(guess, shared=shared), np.diag([1e-6, *np.zeros(17)])
+    found = {f.code: f.severity for f in view_findings(view_statistics(scene.seen, *tilted))}
+    assert found["focal-length-uncertain"] is Severity.REFUSAL
 
 
 @pytest.mark.parametrize("floor", ["marks", "boards"])

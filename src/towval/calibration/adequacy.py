@@ -58,7 +58,10 @@ def covered_share(corners_px: Sequence[Array], resolution_px: tuple[int, int]) -
 
 @dataclass(frozen=True)
 class ViewStatistics:
-    """Held boards: number, tilts [°], share of the image covered, relative standard deviation of the focal length."""
+    """Held boards: number, tilts [°], share of the image covered, relative standard deviation of the focal length.
+
+    That is infinite where the focal length found is not positive: no camera has one.
+    """
 
     held: int
     tilt_deg: Array
@@ -76,7 +79,8 @@ def view_statistics(observed: CalibrationObservations, estimate: Estimate, covar
     held = len(observed.boards)
     tilt = np.array(tilts_deg(observed, estimate)[:held])
     covered = covered_share([s.corners_px for s in observed.boards], observed.resolution_px)
-    return ViewStatistics(held, tilt, covered, float(np.sqrt(covariance[0, 0])) / estimate.shared[0])
+    focal, std = float(estimate.shared[0]), float(np.sqrt(covariance[0, 0]))
+    return ViewStatistics(held, tilt, covered, std / focal if focal > 0 else np.inf)
 
 
 def view_findings(statistics: ViewStatistics) -> list[Finding]:

@@ -40,7 +40,7 @@ def view_covariance(blocks: Sequence[Block], estimate: Estimate, active: NDArray
     sums = _Sums(blocks, estimate, active)
     unit = 1 / np.sqrt(np.maximum(np.diag(sums.information), 1e-300))
     H = _scaled(sums.information, unit)
-    inverse = _inverse(H)
+    inverse = _loose_inverse(H)
     frame, stated = (inverse @ _scaled(part, unit) @ inverse for part in (sums.frame, sums.stated))
     views = [_scaled(view, unit) for view in sums.views]
     scores = [unit * score for score in sums.scores]
@@ -58,6 +58,12 @@ def view_covariance(blocks: Sequence[Block], estimate: Estimate, active: NDArray
 
 def _scaled(matrix: Array, unit: Array) -> Array:
     return np.asarray(unit[:, None] * matrix * unit)
+
+
+def _loose_inverse(matrix: Array) -> Array:
+    """Inverse of an information scaled to unit diagonal, very large in the directions that are not determined."""
+    values, vectors = np.linalg.eigh(matrix)
+    return np.asarray((vectors / np.maximum(values, _UNDETERMINED * values[-1])) @ vectors.T)
 
 
 def _inverse(matrix: Array) -> Array:
