@@ -9,9 +9,18 @@ from towval.model.conventions import STAGES_OF_RUN
 COMPARED = {"run": "a", "verdict": "agrees", "path_rms_m": 0.0015, "u_val_m": 0.003, "lost_frames": 2, "findings": []}
 
 
-def make_run(folder: Path, *, up_to: str = "compare", version: str = "1.0.0", video: str = "00", **compared: object):
+def make_run(
+    folder: Path,
+    *,
+    up_to: str = "compare",
+    version: str = "1.0.0",
+    video: str = "00",
+    friction: str = "00",
+    **compared: object,
+):
     provenance = {
         "inputs_sha256": json.dumps({"a.mp4": video, "track.mcap": "ff"}),
+        "campaign_sha256": json.dumps({"friction": friction}),
         "settings": json.dumps({"samples": 512}),
         "versions": json.dumps({"towval": version}),
     }

@@ -21,7 +21,7 @@ def test_a_run_is_a_row_with_findings_inputs_and_costs(tmp_path):
     assert (row.main_input, row.main_share, row.version) == ("stiffness", 0.6, "1.0.0")
     assert (row.cpu_s, row.wall_s) == (11.0, 5.5)
     assert index.findings[["stage", "code", "severity"]].values.tolist() == [["track", "blur", "warning"]]
-    assert set(index.inputs["input"]) == {"a.mp4", "track.mcap"}
+    assert set(index.inputs["input"]) == {"a.mp4", "track.mcap", "campaign.yaml: friction"}
 
 
 def test_a_folder_of_one_campaign_is_found_as_well(tmp_path):

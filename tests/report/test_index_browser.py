@@ -16,8 +16,9 @@ def page(tmp_path_factory):
     for k in range(60):
         make_run(folder / "old" / f"lab_{k}" / "a", path_rms_m=0.001 * (k + 1), video=f"{k:02d}")
     make_run(folder / "old" / HOSTILE / "<!--<script>", up_to="track")
-    make_run(folder / "new" / "lab_3" / "a", path_rms_m=0.009, verdict="not judged", version="2.0.0", video="03")
+    make_run(folder / "new" / "lab_3" / "a", path_rms_m=0.009, verdict="not judged", version="2.0.0", video="03", friction="11")
     make_run(folder / "new" / "lab_4" / "a", path_rms_m=0.005, video="xx")
+    make_run(folder / "new" / "LAB_4" / "a", path_rms_m=0.006)
     write_index_page(folder / "index.html", read_results([folder / "old", folder / "new"]))
     with Browser(tmp_path_factory.mktemp("profile")) as browser:
         browser.open((folder / "index.html").as_uri())
@@ -44,19 +45,19 @@ def unfiltered(page):
 
 
 def test_all_runs_are_there_and_only_rows_in_view_are_made(page):
-    assert shown(page).startswith("63 of 63 runs")
-    assert len(cells(page, "runs", 0)) < 63
+    assert shown(page).startswith("64 of 64 runs")
+    assert len(cells(page, "runs", 0)) < 64
     assert not page.complaints()
     assert len(page.requests()) == 1
 
 
 def test_filters(page):
     change(page, "document.getElementById('search').value = 'LAB_59'")
-    assert shown(page) == "1 of 63 runs shown: agrees 1"
+    assert shown(page) == "1 of 64 runs shown: agrees 1"
     change(page, "document.getElementById('filters').reset(), document.getElementById('least').value = 59")
-    assert shown(page) == "2 of 63 runs shown: agrees 2"
+    assert shown(page) == "2 of 64 runs shown: agrees 2"
     change(page, "document.getElementById('filters').reset(), document.querySelector('[value=agrees]').checked = false")
-    assert shown(page) == "2 of 63 runs shown: unfinished 1, not judged 1"
+    assert shown(page) == "2 of 64 runs shown: unfinished 1, not judged 1"
 
 
 def test_order_by_a_column_of_numbers_and_back(page):
@@ -80,7 +81,7 @@ def test_changes_between_two_folders_name_what_differs(page):
         "2 runs are in both; the verdict changed in 1, a number in 1"
     )
     assert cells(page, "pairs", 2) == ["agrees → not judged"]
-    assert cells(page, "pairs", 5) == ["version of towval"]
+    assert cells(page, "pairs", 5) == ["campaign.yaml: friction, version of towval"]
 
 
 def test_hostile_names_are_shown_and_not_run(page):

@@ -108,6 +108,21 @@ def test_same_data_give_the_same_bytes(calibration, run, footage, overlay, tmp_p
     assert again.read_bytes() == overlay.read_bytes()
 
 
+def test_an_overlay_replaces_overlays_and_nothing_else(calibration, run, footage, tmp_path):
+    """Footage of another camera, or a picture, at the place of the output is kept to the last byte."""
+    short = grey_film(tmp_path / "short.mp4", frames=2)
+    target = write_overlay(short, tmp_path / "overlay.mp4", calibration, run)
+    before = target.stat().st_ino
+    assert write_overlay(short, target, calibration, run).stat().st_ino != before, "it was not written again"
+    notes = tmp_path / "notes.mp4"
+    notes.write_text("no film")
+    for other in (short, footage, notes):
+        content = other.read_bytes()
+        with pytest.raises(InputError, match="is not replaced"):
+            write_overlay(footage, other, calibration, run)
+        assert other.read_bytes() == content
+
+
 def test_frames_show_their_own_poses_where_tracking_has_found_other_times(calibration, footage, tmp_path):
     """A video that states 25 pictures a second of a camera that took 12.5: frame 40 is row 40, at 3.2 s."""
     slow = towed_run(n=FRAMES, fps=12.5)

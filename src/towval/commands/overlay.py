@@ -13,8 +13,10 @@ from towval.report.overlay import write_overlay
 def run(campaign: Path, name: str, camera: Path, folder: Path, output: Path, width_px: int = 960) -> Outcome:
     """Draw a run onto its footage, at most ``width_px`` wide."""
     given = load_campaign(campaign)
-    if output.resolve().is_relative_to(given.folder.resolve()):
-        raise not_ours(output)  # everything in the campaign folder belongs to the lab
+    target = output.resolve()
+    # Everything in the campaign folder belongs to the lab, and so do films that it keeps elsewhere.
+    if target.is_relative_to(given.folder.resolve()) or target in [each.video.resolve() for each in given.runs.values()]:
+        raise not_ours(output)
     record = read_run(given, name, folder, camera)
     entry, calibration = given.run(name), read_calibration(camera)
     write_overlay(entry.video, output, calibration, record, width_px=width_px, damaged=entry.damaged_video)

@@ -40,6 +40,7 @@ class ResultsIndex:
 
     Every table begins with ``source`` (the folder that was given), ``campaign`` and ``run``. ``runs`` adds those of
     ``summary.csv`` but the findings, and in ``state`` the last stage; without a comparison the verdict is "unfinished".
+    ``inputs`` names files, and parts of campaign.yaml as ``campaign.yaml: friction``.
     """
 
     runs: pd.DataFrame
@@ -134,6 +135,8 @@ def _rows_of(run: Path, camera: _Stage | None) -> Iterator[tuple[str, tuple[Any,
     for stage, (notes, provenance, _) in {**({"calibrate": camera} if camera else {}), **made}.items():
         yield from (("findings", (stage, *row)) for row in _findings(notes))
         hashes = json.loads(provenance.get("inputs_sha256", "{}"))
+        sections = json.loads(provenance.get("campaign_sha256", "{}"))
+        hashes |= {f"campaign.yaml: {name}": digest for name, digest in sections.items()}
         yield from (("inputs", (stage, name, digest)) for name, digest in hashes.items())
         yield "settings", (stage, provenance.get("settings", "{}"))
     compared = details.get("compare", {})

@@ -16,6 +16,7 @@ from av.video.reformatter import ColorRange, Colorspace
 from numpy.typing import NDArray
 
 from towval.io.atomic import replacing
+from towval.io.reading import is_plain_file
 from towval.io.video import upright
 from towval.model import Calibration
 from towval.model.errors import InputError
@@ -29,6 +30,8 @@ _JPEG_QUALITY = 75
 _RATE_FACTOR = "25"  # of x264: 0 to 51; lower values are better and give larger files
 _PICTURE_PX, _PICTURE_S = 960, 0.2  # width of the pictures for viewers, and time between them
 _STILL_PX = 640
+_MARK = "towval"
+"""Comment in the film's metadata: only a film with it is replaced."""
 
 
 def write_overlay(
@@ -45,12 +48,15 @@ def write_overlay(
     Time 0 is the first frame of the source; what is drawn is on the clock of the run. Footage narrower than
     ``width_px`` keeps its size; of a ``damaged`` source the part before the damage is used.
 
-    Raises `InputError` when the source is no video, is damaged, or has another size than the camera.
+    Raises `InputError` when the source is no video, is damaged, or has another size than the camera, or where a file
+    that is no overlay stands at ``target``.
     """
+    _check_replaceable(target)
     painter = Painter(calibration, run, width_px)
     with replacing(target) as temporary, _opened(source) as film:
         stream, clock = film.streams.video[0], _Clock(source, run)
         with av.open(temporary, "w", format="mp4", options={"movflags": "+faststart"}) as output:
+            output.metadata["comment"] = _MARK
             encoder = _add_encoder(output, stream, painter.size_px)
             for frame in _drawn_frames(source, _decoded(film, damaged), stream, painter, clock):
                 output.mux(encoder.encode(frame))
@@ -113,6 +119,23 @@ def _still(source: FilePath, frame: av.VideoFrame, time_s: float, painter: Paint
     painter.draw(picture, time_s)
     coded = cv2.imencode(".jpg", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])[1]
     return Still(time_s, painter.size_px, coded.tobytes())
+
+
+def _check_replaceable(path: FilePath) -> None:
+    """Refuse to replace a file without our mark: it may be footage."""
+    if not is_plain_file(path):
+        return
+    try:
+        with av.open(path, metadata_errors="replace") as film:
+            marked = film.metadata.get("comment") == _MARK
+    except (av.FFmpegError, OSError):
+        marked = False
+    if not marked:
+        raise InputError(
+            f"{path} is not replaced",
+            got="a file without the mark of an overlay, which those of earlier versions lack",
+            remedy="choose another name, or delete it",
+        )
 
 
 @contextmanager

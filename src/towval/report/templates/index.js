@@ -38,7 +38,7 @@
   fill(byId("finding"), findings.texts);
   fill(byId("version"), words.version.texts);
   fill(byId("source"), words.source.texts);
-  const names = Array.from({ length: count }, (_, i) => `${word("campaign", i)}/${word("run", i)}`.toLowerCase());
+  const names = Array.from({ length: count }, (_, i) => `${word("campaign", i)}/${word("run", i)}`);
 
   for (const box of document.querySelectorAll("[name=verdict]")) box.parentElement.style.setProperty("--colour", colourOf(box.value));
 
@@ -59,7 +59,7 @@
       if (source !== null && words.source.codes[i] !== source) continue;
       if (finding !== null && !findings.codes[i].includes(finding)) continue;
       if (least > 0 && !(numbers.path_rms_m[i] >= least)) continue;
-      if (text && !names[i].includes(text)) continue;
+      if (text && !names[i].toLowerCase().includes(text)) continue;
       selected.push(i);
     }
     sort();
