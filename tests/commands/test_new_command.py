@@ -88,6 +88,14 @@ def test_tops_are_found_and_written(footage):
     assert (footage / "check" / "start.html").is_file()
 
 
+def test_clicks_that_are_stated_stay(footage, monkeypatch):
+    clicks = read_yaml(SAMPLE / "campaign.yaml")["runs"]["a"]["first_frame_clicks_px"]
+    checked = {"campaign": "lab", "faults": [], "warnings": [], "runs": {}, "cpu_s": 1}
+    monkeypatch.setattr("towval.commands.new.check", lambda *_: checked)
+    run(footage, FACTS | {"runs.a.video": "a.mp4", "runs.a.first_frame_clicks_px": clicks}, ask=False)
+    assert read_yaml(footage / "campaign.yaml")["runs"]["a"]["first_frame_clicks_px"] == clicks
+
+
 def test_what_is_there_stays(footage):
     (footage / "campaign.yaml").write_text("mine: true\n")
     with pytest.raises(InputError, match="--force"):

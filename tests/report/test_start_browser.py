@@ -17,15 +17,16 @@ from towval.io.video import Video
 
 SAMPLE = Path(str(resources.files("towval"))) / "sample"
 COMMENT = "# measured </script><b id=injected>on Monday</b>"
+LEFT_OUT = "  b: {video: a.mp4, left_out: the lamp fell}\n"
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A copy of the sample with a comment that tries to leave its place, and its page."""
+    """A copy of the sample with a comment that tries to leave its place and a run that is left out, and its page."""
     folder = tmp_path_factory.mktemp("lab") / "lab <b id=injected>x"
     shutil.copytree(SAMPLE, folder)
     file = folder / "campaign.yaml"
-    file.write_text(file.read_text().replace("tether:", f"{COMMENT}\ntether:"))
+    file.write_text(f"{file.read_text().replace('tether:', f'{COMMENT}{chr(10)}tether:')}{LEFT_OUT}")
     told = check(folder, folder / "check")
     assert told["faults"] == []
     return folder
@@ -112,6 +113,7 @@ def test_saved_at_once_it_is_the_campaign_that_was_read(page, folder, tmp_path):
         # The clicks were made by hand; an outline of the stated size fits them to a pixel.
         assert np.abs(clicks - given).max() < 1.5
     assert COMMENT in text
+    assert text.endswith(LEFT_OUT)
     assert page.run("asked") == ""
 
 
@@ -259,6 +261,7 @@ def test_clicks_are_put_into_any_way_of_writing_the_runs(text):
         f"{piece.before}{{rover: [[{piece.run}, 0]]}}" if isinstance(piece, RunClicks) else piece
         for piece in text_in_parts(text)
     ]
+    assert "".join(piece if isinstance(piece, str) else piece.stated for piece in text_in_parts(text)) == text
     document, before = yaml.safe_load("".join(pieces)), yaml.safe_load(text)
     for name in "ab":
         assert document["runs"][name].pop("first_frame_clicks_px") == {"rover": [[name, 0]]}

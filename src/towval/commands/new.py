@@ -144,19 +144,22 @@ def run(
 
 
 def _with_starts(text: str, runs: Mapping[str, Any]) -> str:
-    """The text with the corners of the tops that were found for certain, marked; where any is not, without."""
+    """The text with the corners of the tops that were found for certain, marked; what is stated stays."""
     pieces = []
     for piece in text_in_parts(text):
-        if not isinstance(piece, RunClicks):
-            pieces.append(piece if isinstance(piece, str) else piece.stated)
+        if isinstance(piece, str):
+            pieces.append(piece)
             continue
-        name, before = piece
-        corners = {body: runs.get(name, {}).get(f"{body}_corners_px") for body in ("rover", "object")}
-        if before and all(corners.values()):
+        found = runs.get(piece.run, {}) if isinstance(piece, RunClicks) and not piece.stated else {}
+        corners = {body: found.get(f"{body}_corners_px") for body in ("rover", "object")}
+        if all(corners.values()):
+            before = piece.before
             pieces.append(
                 before.replace("first_frame", f"# Found by their outlines.{before.partition('f')[0]}first_frame")
             )
             pieces.append(yaml.safe_dump(corners, default_flow_style=True, width=10_000, sort_keys=False).strip())
+        else:
+            pieces.append(piece.stated)
     return "".join(pieces)
 
 

@@ -51,9 +51,13 @@ def _comment(text: str, indent: str) -> list[str]:
 
 
 class RunClicks(NamedTuple):
-    """Where the clicks of a run belong in the text, in flow style, and the text to write before them."""
+    """Where the clicks of a run belong in the text, as they are written now (empty where they are not).
+
+    ``before`` is to be written before clicks in flow style.
+    """
 
     run: str
+    stated: str
     before: str
 
 
@@ -97,15 +101,16 @@ def _clicks_cut(text: str, run: str, entry: Any) -> tuple[int, int, RunClicks]:
     """From where to where the clicks of a run stand, or would stand, in the text."""
     clicks = _value(entry, _CLICKS)
     if clicks is not None:
-        return clicks.start_mark.index, _end(text, clicks), RunClicks(run, "")
+        start, end = clicks.start_mark.index, _end(text, clicks)
+        return start, end, RunClicks(run, text[start:end], "")
     if entry.flow_style:
         end = text.rindex("}", 0, entry.end_mark.index)
         comma = " " if text[:end].rstrip().endswith(",") else ", "
-        return end, end, RunClicks(run, f"{comma}{_CLICKS}: ")
+        return end, end, RunClicks(run, "", f"{comma}{_CLICKS}: ")
     end = len(text[: entry.end_mark.index].rstrip())
     # Where an anchor precedes the keys the entry begins there.
     first_key, _ = entry.value[0]
-    return end, end, RunClicks(run, f"\n{' ' * first_key.start_mark.column}{_CLICKS}: ")
+    return end, end, RunClicks(run, "", f"\n{' ' * first_key.start_mark.column}{_CLICKS}: ")
 
 
 def _end(text: str, value: Any) -> int:

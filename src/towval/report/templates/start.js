@@ -358,10 +358,11 @@ view.addEventListener("wheel", (event) => { event.preventDefault(); zoom(Math.ex
 const flow = (value) => Array.isArray(value) ? `[${value.map(flow).join(", ")}]` : typeof value === "number" ? String(Math.round(10 * value) / 10) : `{${Object.entries(value).map(([key, item]) => `${key}: ${flow(item)}`).join(", ")}}`;
 
 const clicks = (name) => Object.fromEntries(BODIES.map((body) => [body, clicked(body, runs[name].poses[body])]));
+const runClicks = ({ run, stated, before }) => run in runs ? before + flow(clicks(run)) : stated;
 const floorCorner = ({ floor, stated, before }) => frame && frame[floor] !== BOARD[floor] ? before + flow(BOARD.corners[frame[floor]]) : stated;
 
 function campaign() {
-  return DATA.text.map((part) => typeof part === "string" ? part : part.floor ? floorCorner(part) : part.before + flow(clicks(part.run))).join("");
+  return DATA.text.map((part) => typeof part === "string" ? part : part.floor ? floorCorner(part) : runClicks(part)).join("");
 }
 
 function save() {
