@@ -82,6 +82,29 @@ def test_a_mistyped_setting_is_told_with_the_right_one():
         settings_from(DecimateSettings, {"exces": 2}, "decimate")
 
 
+@pytest.mark.parametrize(
+    ("section", "key", "value"),
+    [
+        ("calibrate", "folds", 0),
+        ("calibrate", "position_limit_m", float("nan")),
+        ("calibrate", "threads", "abc"),
+        ("track", "samples", 2.5),
+        ("track", "coast_s", float("nan")),
+        ("track", "method", ["plane"]),
+        ("decimate", "excess", "three"),
+        ("simulate", "sticking", "false"),
+        ("uncertainty", "seed", 1.0),
+        ("compare", "tolerance_m", True),
+        ("identify", "parameters", "friction"),
+        ("report", "overlay_width_px", None),
+    ],
+)
+def test_a_stage_alone_keeps_the_limits_of_the_schema(section, key, value):
+    """As ``towval STAGE --set`` does, without the workflow that checks the whole of config.yaml."""
+    with pytest.raises(InputError, match=rf"{section}: {key} is "):
+        settings_from(SECTIONS[section], {key: value}, section)
+
+
 @pytest.mark.parametrize("text", ["1e-7", "1E-7", "1.0e-7", ".1e-6", "+1e-07"])
 def test_a_number_with_an_exponent_is_a_number_with_or_without_a_point(text, schema, config):
     assert read_value(text) == pytest.approx(1e-7, rel=1e-12)

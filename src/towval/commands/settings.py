@@ -6,13 +6,17 @@ from collections.abc import Mapping
 from copy import deepcopy
 from typing import Any, TypeVar
 
+from towval.io.schema import check, packaged_schema
 from towval.model.errors import InputError
 
 Settings = TypeVar("Settings")
 
 
 def settings_from(kind: type[Settings], keys: Mapping[str, Any] | None, section: str) -> Settings:
-    """Settings of a stage from the keys of its section; raises `InputError` for unknown keys and bad values."""
+    """Settings of a stage from the keys of its section of config.yaml.
+
+    Raises `InputError` for unknown keys, and for values that the schema of config.yaml does not allow.
+    """
     keys = dict(keys or {})
     known = [field.name for field in dataclasses.fields(kind)]  # type: ignore[arg-type]  # any settings dataclass
     for name in keys:
@@ -23,10 +27,8 @@ def settings_from(kind: type[Settings], keys: Mapping[str, Any] | None, section:
                 allowed=", ".join(known) or "none",
                 remedy=f"did you mean {section}.{close[0]}?" if close else "remove it",
             )
-    try:
-        return kind(**keys)
-    except TypeError as error:
-        raise InputError(f"a value of {section} has the wrong type", got=error) from None
+    check(keys, packaged_schema("config.schema.yaml")["properties"][section], section)
+    return kind(**keys)
 
 
 def without_auto(keys: Mapping[str, Any] | None, *choosable: str) -> tuple[dict[str, Any], tuple[str, ...]]:
