@@ -7,7 +7,8 @@ import pytest
 
 from report_scenes import TOWED, ceiling_calibration, towed_run
 from towval.model import CameraTrack, Stamp
-from towval.report.facts import calibration_facts, metric_facts, middle_rms_m, scale_facts, tracking_facts
+from towval.report.facts import calibration_facts, deciding, metric_facts, middle_rms_m, scale_facts, tracking_facts
+from towval.report.wording import NOT_COMPUTED
 
 OFFSET_M = np.array([0.3, 0.4])
 
@@ -36,6 +37,19 @@ def test_frames_without_a_pose_are_left_out_and_the_page_names_the_measure():
     run = replace(run, comparison=replace(run.comparison, error=error))
     assert middle_rms_m(run) == pytest.approx(0.005, rel=1e-9)
     assert dict(metric_facts(run))["Path RMS of the middle of the top, which the paper compares, mm"] == "5.00"
+
+
+def test_a_statistic_that_could_not_be_anything_but_zero_is_no_test_that_was_passed():
+    """As with few draws, where no effect of an input is sought."""
+    run = with_error(towed_run(), [0.003, 0.004, 0.0])
+    tested = {"size_statistic": 1.0, "size_limit": 2.0, "shape_statistic": 3.0, "shape_limit": 4.0}
+    nothing = {"input_statistic": 0.0, "input_limit": 1e-9}
+    run = replace(run, comparison=replace(run.comparison, **tested, **nothing))
+    assert "Effect of one input" not in [name for name, _, _ in deciding(run.comparison)]
+    assert [share for name, _, share in deciding(run.comparison) if name.endswith("the error")] == [0.5, 0.75]
+    said = dict(metric_facts(run))
+    assert said["One input's effect, in deviations, and limit"] == NOT_COMPUTED
+    assert said["Shape of the error, in deviations, and limit"] == "3.00 / 4.00"
 
 
 def test_scale_and_motion_of_the_camera_are_stated():

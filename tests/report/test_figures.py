@@ -44,6 +44,9 @@ def test_statistics_stand_beside_those_of_right_models():
     assert sum(bar.get_height() for bar in figure.axes[0].patches) == pytest.approx(100)
     marks = {drawn.get_label(): drawn.get_xdata()[0] for drawn in figure.axes[0].get_lines()[1:]}
     assert marks == {"size": 0.5, "shape": 1.5, "input": 0.25}
+    few_draws = dataclasses.replace(comparison, input_statistic=0.0, input_limit=1e-9)
+    figure = figures.statistics_figure(dataclasses.replace(run, comparison=few_draws))
+    assert [drawn.get_label() for drawn in figure.axes[0].get_lines()[1:]] == ["size", "shape"]
 
 
 def line(axes, colour, width):

@@ -16,7 +16,14 @@ def page(tmp_path_factory):
     for k in range(60):
         make_run(folder / "old" / f"lab_{k}" / "a", path_rms_m=0.001 * (k + 1), video=f"{k:02d}")
     make_run(folder / "old" / HOSTILE / "<!--<script>", up_to="track")
-    make_run(folder / "new" / "lab_3" / "a", path_rms_m=0.009, verdict="not judged", version="2.0.0", video="03", friction="11")
+    make_run(
+        folder / "new" / "lab_3" / "a",
+        path_rms_m=0.009,
+        verdict="not judged",
+        version="2.0.0",
+        video="03",
+        friction="11",
+    )
     make_run(folder / "new" / "lab_4" / "a", path_rms_m=0.005, video="xx")
     make_run(folder / "new" / "LAB_4" / "a", path_rms_m=0.006)
     write_index_page(folder / "index.html", read_results([folder / "old", folder / "new"]))

@@ -13,9 +13,9 @@ from towval.report.overlay import write_overlay
 def run(campaign: Path, name: str, camera: Path, folder: Path, output: Path, width_px: int = 960) -> Outcome:
     """Draw a run onto its footage, at most ``width_px`` wide."""
     given = load_campaign(campaign)
-    target = output.resolve()
+    target, films = output.resolve(), [each.video.resolve() for each in given.runs.values()]
     # Everything in the campaign folder belongs to the lab, and so do films that it keeps elsewhere.
-    if target.is_relative_to(given.folder.resolve()) or target in [each.video.resolve() for each in given.runs.values()]:
+    if target.is_relative_to(given.folder.resolve()) or target in films:
         raise not_ours(output)
     record = read_run(given, name, folder, camera)
     entry, calibration = given.run(name), read_calibration(camera)

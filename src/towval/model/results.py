@@ -10,6 +10,10 @@ from towval.model.errors import InputError
 from towval.model.findings import Finding
 from towval.model.statement import Bounds, Draws, Explanation, Verdict, VisibleFault
 
+UNTESTED_LIMIT = 1e-6
+"""Limit of a statistic that is zero for all draws, but for rounding: so without inputs that matter, or
+with few draws."""
+
 
 @dataclass(frozen=True)
 class TimedPath:
@@ -162,14 +166,19 @@ class Comparison:
         lock(self, finite=False, error=(n, 3), along_across=(n, 2), ratio=(n,))
 
     @property
+    def tested(self) -> dict[str, tuple[float, float]]:
+        """Statistics that were tested, by name (size, shape, input), each with its limit [1]."""
+        pairs = {
+            "size": (self.size_statistic, self.size_limit),
+            "shape": (self.shape_statistic, self.shape_limit),
+            "input": (self.input_statistic, self.input_limit),
+        }
+        return {name: (value, limit) for name, (value, limit) in pairs.items() if limit > UNTESTED_LIMIT}
+
+    @property
     def tested_ratio(self) -> float:
         """Largest statistic over its limit [1]: above one the test rejects; NaN where there was none."""
-        pairs = (
-            (self.size_statistic, self.size_limit),
-            (self.shape_statistic, self.shape_limit),
-            (self.input_statistic, self.input_limit),
-        )
-        return max(value / limit for value, limit in pairs)
+        return max((value / limit for value, limit in self.tested.values()), default=float("nan"))
 
     @property
     def ratio_max(self) -> float:

@@ -79,17 +79,16 @@ def statement(comparison: Comparison) -> tuple[str, ...]:
 def deciding(c: Comparison) -> tuple[tuple[str, str, float], ...]:
     """The basis of the verdict: name, value and limit as text, value over limit; without what was not computed."""
     lengths = (("Error at most", c.error_upper_m), ("Faults seen from", c.detectable_m))
-    statistics = (
-        ("Size of the error", c.size_statistic, c.size_limit),
-        ("Shape of the error", c.shape_statistic, c.shape_limit),
-        ("Effect of one input", c.input_statistic, c.input_limit),
-    )
+    names = {"size": "Size of the error", "shape": "Shape of the error", "input": "Effect of one input"}
     rows = [
         *(
             (name, f"{decimal(1e3 * value)} of {millimetres(c.tolerance_m)}", value / c.tolerance_m)
             for name, value in lengths
         ),
-        *((name, f"{decimal(value)} of {decimal(limit)}", value / limit) for name, value, limit in statistics),
+        *(
+            (names[name], f"{decimal(value)} of {decimal(limit)}", value / limit)
+            for name, (value, limit) in c.tested.items()
+        ),
     ]
     return tuple(row for row in rows if np.isfinite(row[2]))
 
@@ -141,9 +140,9 @@ def metric_facts(run: RunRecord) -> Facts:
         ("Discrete Fréchet distance, mm", decimal(1e3 * c.frechet_m)),
         ("Area metric of the error along the path, mm", decimal(1e3 * c.area_along_m)),
         ("Area metric of the error across the path, mm", decimal(1e3 * c.area_across_m)),
-        ("Size of the error, in those of right models, and limit", _of_limit(c.size_statistic, c.size_limit)),
-        ("Shape of the error, in deviations, and limit", _of_limit(c.shape_statistic, c.shape_limit)),
-        ("One input's effect, in deviations, and limit", _of_limit(c.input_statistic, c.input_limit)),
+        ("Size of the error, in those of right models, and limit", _of_limit(c, "size")),
+        ("Shape of the error, in deviations, and limit", _of_limit(c, "shape")),
+        ("One input's effect, in deviations, and limit", _of_limit(c, "input")),
         ("|E| / u_val, largest", decimal(c.ratio_max)),
         ("|E| / u_val at most 2, % of the time", f"{100 * np.mean(known <= 2):.0f}" if len(known) else NOT_COMPUTED),
         ("Path RMS after rigid alignment (aligned), mm", decimal(1e3 * c.aligned_rms_m)),
@@ -160,8 +159,8 @@ def middle_rms_m(run: RunRecord) -> float:
     return float(np.sqrt(np.nanmean(np.sum(apart**2, axis=-1))))
 
 
-def _of_limit(value: float, limit: float) -> str:
-    return f"{value:.2f} / {limit:.2f}" if np.isfinite(limit) else NOT_COMPUTED
+def _of_limit(c: Comparison, name: str) -> str:
+    return "{:.2f} / {:.2f}".format(*c.tested[name]) if name in c.tested else NOT_COMPUTED
 
 
 def key_numbers(c: Comparison) -> Facts:

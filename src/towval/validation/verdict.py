@@ -1,5 +1,6 @@
 """The verdict on a run from its statistics, and the sentences that state it."""
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
@@ -8,6 +9,7 @@ import numpy as np
 from towval.model import Finding, Severity
 from towval.model.findings import finding
 from towval.model.inputs import INPUTS
+from towval.model.results import UNTESTED_LIMIT
 from towval.model.statement import Bounds, Explanation, Verdict, VisibleFault
 
 _LEAST_SEEN = 0.5
@@ -51,10 +53,6 @@ class Evidence:
         return any(self.statistics[name] > limit for name, limit in self.limits.items())
 
 
-_UNTESTED = 1e-6
-"""Limit of a statistic that is zero for all draws, but for rounding."""
-
-
 def verdict_of(e: Evidence) -> tuple[Verdict, Finding]:
     """The verdict and the finding that gives its reason."""
     reason = _not_judged(e)
@@ -64,7 +62,7 @@ def verdict_of(e: Evidence) -> tuple[Verdict, Finding]:
     tested = ", ".join(
         f"{name} {e.statistics[name]:.1f} of at most {limit:.1f}"
         for name, limit in e.limits.items()
-        if limit > _UNTESTED  # With few draws, or without inputs that matter, no effect of an input is tested.
+        if limit > UNTESTED_LIMIT
     )
     if e.rejected and e.upper_m > e.tolerance_m:
         statement = f"Disagrees: {e.where}; not what right inputs make of a right model ({tested})"
@@ -86,15 +84,17 @@ def verdict_of(e: Evidence) -> tuple[Verdict, Finding]:
     unsure = []
     if e.upper_m > e.tolerance_m:
         best = f" (what explains it best: {_moves(e.explanation)})" if e.explanation and e.explanation.moved else ""
-        unsure.append(f"the simulation was off by up to {upper:.1f} mm, no more than inputs may make of it{best}")
+        unsure.append(
+            f"the simulation was off by up to {_at_most(e.upper_m)}, no more than inputs may make of it{best}"
+        )
     if not e.detectable_m <= e.tolerance_m:
         unsure.append(
-            f"faults show only from {1e3 * e.detectable_m:.0f} mm RMS on" if np.isfinite(e.detectable_m)
+            f"faults show only from {_at_most(e.detectable_m)} RMS on" if np.isfinite(e.detectable_m)
             else "hardly any fault would have shown"
         )  # fmt: skip
     if unsure:
-        needed = 1e3 * max(e.upper_m, e.detectable_m)
-        remedy = f"It would agree if only {needed:.0f} mm mattered. " if np.isfinite(needed) else ""
+        needed = max(e.upper_m, e.detectable_m)
+        remedy = f"It would agree if only {_at_most(needed)} mattered. " if np.isfinite(needed) else ""
         statement = (
             f"Cannot tell whether it is within {tolerance:g} mm: {'; '.join(unsure)}. {remedy}"
             f"Measure better: {', '.join(_worth_measuring(e.shares))}"
@@ -110,9 +110,10 @@ def _not_judged(e: Evidence) -> str:
     if e.forbidding:
         return " ".join(e.forbidding).removesuffix(".")
     if e.seen_share < _LEAST_SEEN:
-        return f"the object was seen in {100 * e.seen_share:.0f} % of the frames of its motion"
+        return f"the object was seen in {math.floor(100 * e.seen_share)} % of the frames of its motion"
     if e.moved_m < _LEAST_MOVED * e.tolerance_m:
-        return f"the object moved by {1e3 * e.moved_m:.0f} mm only, where {1e3 * e.tolerance_m:g} mm matter"
+        moved, least = math.floor(1e3 * e.moved_m), f"{_LEAST_MOVED:g} times the {1e3 * e.tolerance_m:g} mm that matter"
+        return f"the object moved by {moved} mm, less than {least}"
     return "" if e.limits else "nothing was drawn, or too few frames were seen"
 
 
@@ -152,6 +153,11 @@ def _sized(size: float, unit: str) -> str:
 
 def _mm(value_m: float) -> str:
     return f"{1e3 * value_m:.1f} mm"
+
+
+def _at_most(value_m: float) -> str:
+    """A length rounded up: with this tolerance, what exceeds the present one would not."""
+    return f"{math.ceil(1e4 * value_m - 1e-6) / 10:.1f} mm"
 
 
 def _explained(e: Explanation) -> str:

@@ -59,26 +59,22 @@ def statistics_figure(run: RunRecord) -> Figure | None:
     """The test of the run: its statistics over their limits, with those of right models, one column wide.
 
     A histogram [% of draws] of the largest statistic over its limit in each draw of a right model, a line at the limit,
-    and the run's size, shape and input as marks. None where nothing was tested.
+    and what of the run's size, shape and input was tested as marks. None where nothing was tested.
     """
     c = run.comparison
     if not len(c.drawn_tests):
         return None
     figure, (axes,) = column_of_panels([1.1], Margins(bottom=0.42), f"Run {run.name}: the test")
     drawn = c.drawn_tests[:, 1]
-    found = {
-        "size": (c.size_statistic / c.size_limit, "o"),
-        "shape": (c.shape_statistic / c.shape_limit, "s"),
-        "input": (c.input_statistic / c.input_limit, "^"),
-    }
-    most = max(1.5, *(value for value, _ in found.values()))
+    markers = {"size": "o", "shape": "s", "input": "^"}
+    most = max(1.5, c.tested_ratio)
     bins = np.linspace(0, max(1.5, drawn.max()), 31)
     axes.hist(drawn, bins.tolist(), weights=np.full(len(drawn), 100 / len(drawn)), color=BAND, label="right models")
     axes.axvline(1.0, color=MEASURED, linewidth=0.8, linestyle="--")
     height = axes.get_ylim()[1]
-    for level, (name, (value, marker)) in enumerate(found.items(), start=1):
-        place = height * level / (len(found) + 1)
-        axes.plot([value], [place], marker, color=SIMULATED, markersize=3.2, linestyle="", label=name)
+    for level, (name, (value, limit)) in enumerate(c.tested.items(), start=1):
+        place = height * level / (len(c.tested) + 1)
+        axes.plot([value / limit], [place], markers[name], color=SIMULATED, markersize=3.2, linestyle="", label=name)
     axes.set_xlim(0, 1.05 * most)
     axes.set_xlabel("statistic over its limit")
     axes.set_ylabel("draws (%)")
