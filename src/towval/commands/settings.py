@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from copy import deepcopy
 from typing import Any, TypeVar
 
-from towval.io.schema import check, packaged_schema
 from towval.model.errors import InputError
 
 Settings = TypeVar("Settings")
@@ -27,7 +26,11 @@ def settings_from(kind: type[Settings], keys: Mapping[str, Any] | None, section:
                 allowed=", ".join(known) or "none",
                 remedy=f"did you mean {section}.{close[0]}?" if close else "remove it",
             )
-    check(keys, packaged_schema("config.schema.yaml")["properties"][section], section)
+    if keys:
+        # Not at start-up: a stage with its defaults needs no schema.
+        from towval.io.schema import check, packaged_schema  # noqa: PLC0415
+
+        check(keys, packaged_schema("config.schema.yaml")["properties"][section], section)
     return kind(**keys)
 
 
