@@ -1,5 +1,6 @@
 """The command ``new``: campaign.yaml from videos, pictures and facts, with what is guessed marked."""
 
+import io
 import math
 import re
 from importlib import resources
@@ -77,6 +78,30 @@ def test_what_cannot_be_guessed_is_told_at_once(footage):
     told = set(re.findall(r"--set ([\w.]+)=", str(caught.value)))
     assert told == set(FACTS) - {"object.mass_kg"}
     assert not (footage / "campaign.yaml").exists()
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("friction.kinetic", "0,3"),
+        ("rover.top_corners_m", 0.5),
+        ("object.top_corners_m", ["0.5", "0.3"]),
+        ("camera", 5),
+        ("camera.resolution_px", 960),
+        ("runs.a", "a.mp4"),
+    ],
+)
+def test_a_fact_of_the_wrong_kind_is_told_before_it_is_used(footage, key, value):
+    facts = {name: fact for name, fact in FACTS.items() if not name.startswith(f"{key}.")}
+    with pytest.raises(InputError, match=rf"{re.escape(key)} is "):
+        run(footage, facts | {key: value}, ask=False, find=False)
+    assert not (footage / "campaign.yaml").exists()
+
+
+def test_a_question_that_nobody_answers_is_told(footage, monkeypatch):
+    monkeypatch.setattr("sys.stdin", io.StringIO())
+    with pytest.raises(InputError, match=r"nobody answers what camera\.fps is"):
+        run(footage, FACTS, ask=True, find=False)
 
 
 def test_tops_are_found_and_written(footage):

@@ -6,13 +6,15 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import contextmanager
 from importlib import resources
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import yaml
 
-from towval.commands.workflow import _environment, run_demo
+from towval.commands.workflow import _environment, run, run_demo
 from towval.model.errors import InputError
 
 SAMPLE = Path(str(resources.files("towval"))) / "sample"
@@ -62,6 +64,41 @@ def test_a_wrong_setting_is_told_before_anything_runs(tmp_path, setting, message
     assert done.returncode == 1
     assert message.split(";")[0] in done.stderr
     assert not (tmp_path / ".snakemake").exists()
+
+
+@pytest.mark.parametrize("key", ["campaign", "campaigns", "results"])
+def test_what_a_call_works_on_is_no_setting(tmp_path, monkeypatch, key):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match=f"{key} is no key to set here"):
+        run(SAMPLE, keys={key: "other"})
+
+
+def test_options_for_snakemake_with_an_open_quote_are_told():
+    with pytest.raises(InputError, match="close the quote"):
+        run(SAMPLE, snakemake="--configfile 'x")
+
+
+@pytest.mark.parametrize(
+    ("said", "makes", "stated"),
+    [("total        8\n", True, True), ("total        8\n", False, False), ("total        0\n", False, True)],
+)
+def test_an_outcome_is_stated_for_what_was_made_or_is_up_to_date(tmp_path, monkeypatch, said, makes, stated):
+    report = tmp_path / "sample" / "report.html"
+    report.parent.mkdir()
+    report.write_text("of an earlier call")
+    os.utime(report, ns=(1, 1))
+
+    @contextmanager
+    def workflow(_line):
+        if makes:
+            os.utime(report)
+        yield SimpleNamespace(stderr=[said], returncode=0), []
+
+    monkeypatch.setattr("towval.commands.workflow._ending_with_us", workflow)
+    monkeypatch.setattr("towval.commands.workflow.read_summary", lambda _: {})
+    assert (run(SAMPLE, tmp_path, snakemake="-n") is not None) == stated
+    # Without options, what succeeded is up to date.
+    assert run(SAMPLE, tmp_path) is not None
 
 
 def test_a_fault_of_the_campaign_is_told_before_anything_runs(tmp_path):

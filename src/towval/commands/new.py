@@ -3,6 +3,7 @@
 import re
 import sys
 from collections.abc import Callable, Mapping
+from copy import deepcopy
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -125,6 +126,7 @@ def run(
     if not isinstance(document, dict):
         raise InputError(f"{facts} has no sections", allowed="sections and keys of campaign.yaml")
     draft = Draft(folder, nested(keys or {}, document))
+    _check_facts(draft.document)
     _look_at_files(draft)
     _fill(draft, sys.stdin.isatty() if ask is None else ask)
     _look_at_boards(draft)
@@ -141,6 +143,22 @@ def run(
     text += f"; not stated: {', '.join(unstated)}" if unstated else ""
     numbers = {"runs": runs, "guessed": guessed, "check": checked}
     return Outcome("new", (file,), text, numbers, details=(for_people(checked),) if checked else ())
+
+
+def _check_facts(document: Mapping[str, Any]) -> None:
+    """Refuse facts that campaign.yaml does not allow, before anything is made of them; a top may be two lengths."""
+    whole = deepcopy(dict(document))
+    for section in whole.values():
+        top = section.get("top_corners_m") if isinstance(section, dict) else None
+        if isinstance(top, list) and len(top) == 2 and all(type(length) in (int, float) for length in top):
+            section["top_corners_m"] = _rectangle(*top)
+    Faults(faults_of(whole, _of_parts(campaign_schema()), "the list of facts").values()).raise_any("the list of facts")
+
+
+def _of_parts(schema: Mapping[str, Any]) -> dict[str, Any]:
+    """A schema by which no section has to be complete."""
+    properties = {name: _of_parts(each) for name, each in schema.get("properties", {}).items()}
+    return {**schema, "required": [], **({"properties": properties} if properties else {})}
 
 
 def _with_starts(text: str, runs: Mapping[str, Any]) -> str:
@@ -250,7 +268,10 @@ def _asked(fact: Fact, guessed: tuple[Any, str] | None) -> Any:
     schema, meaning = _meaning(key)
     empty = f" (empty: a guess, {guessed[0]})" if guessed else "" if fact.needed else " (empty: not known)"
     while True:
-        answer = input(f"{key}: {meaning}{empty}: ").strip()
+        try:
+            answer = input(f"{key}: {meaning}{empty}: ").strip()
+        except EOFError:
+            raise InputError(f"nobody answers what {key} is", remedy="give facts with --set or --facts") from None
         if not answer:
             if guessed or not fact.needed:
                 return None

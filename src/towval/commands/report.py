@@ -1,5 +1,6 @@
 """Command report: all results of a campaign → figures, summary.csv, report.html."""
 
+import os
 import shlex
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -17,10 +18,12 @@ from towval.io.campaign import Campaign, load_campaign
 from towval.io.chain import Origin, check_made_of, read_origin
 from towval.io.manifest import MANIFEST, write_manifest
 from towval.io.provenance import file_hash
+from towval.io.reading import is_plain_file
 from towval.io.records import read_calibration
 from towval.io.records.identification import read_identification
 from towval.io.summary import write_summary
 from towval.model import Finding, Severity, Verdict
+from towval.model.errors import InputError
 from towval.model.findings import finding
 from towval.model.inputs import INPUTS, UncertainInput, is_left_out, stated_in
 from towval.model.repeats import Corridor
@@ -40,6 +43,7 @@ def run(
     """Write the report of a campaign, its figures and summary; ``identified`` inputs have a section of their own."""
     settings = settings_from(ReportSettings, keys, "report")
     given = load_campaign(campaign)
+    identified = None if identified is None else _among(results, identified)
     camera = results / "camera.mcap"
     calibration = read_calibration(camera)
     runs = [
@@ -75,6 +79,17 @@ def run(
     text = "; ".join(f"run {name} {verdict}" for name, verdict in verdicts.items())
     written = (results / "report.html", results / "summary.csv")
     return Outcome("report", written, text, {"verdicts": verdicts}, (together, *left_out))
+
+
+def _among(results: Path, identified: Path) -> Path:
+    """What was identified as a file of the results: their list names no other, and its table as well."""
+    place, folder = Path(os.path.abspath(identified)), Path(os.path.abspath(results))
+    if not place.is_relative_to(folder):
+        raise InputError(f"{identified} is not among the results", remedy=f"call identify with -o below {results}")
+    table = identified.with_suffix(".csv")
+    if not is_plain_file(table):
+        raise InputError(f"{table} is missing", remedy="call identify again, which writes it, too")
+    return results / place.relative_to(folder)
 
 
 def _repeats(given: Campaign, runs: Sequence[RunReport]) -> tuple[Corridor, ...]:
@@ -119,7 +134,7 @@ def _provenance(given: Campaign, results: Path) -> Provenance:
         hashes |= {name: value for name, value in origin.inputs.items() if name not in made_names}
     hashes |= {str(path.relative_to(results)): file_hash(path) for path in made}
     return Provenance(
-        command=f"snakemake --cores 2 --config {shlex.quote(f'campaign={given.folder}')}",
+        command=shlex.join(["towval", "run", str(given.folder), "--results", str(results.parent)]),
         versions=_versions(origins.values()),
         input_hashes=hashes,
         settings=_settings(origins),
@@ -151,14 +166,15 @@ def _settings(origins: Mapping[Path, Origin]) -> dict[str, str]:
 
 def _inputs(given: Campaign) -> Iterator[InputRow]:
     """Inputs that the scene has and that can have a deviation, with it, then gravity, which is taken as exact."""
-    heights = {f"{body.name}_height": body.tracked_plane_height_m for body in given.bodies}
-    heights["board_thickness"] = given.floor_reference.board_thickness_m
+    shown: dict[str, ArrayLike] = {f"{body.name}_height": body.tracked_plane_height_m for body in given.bodies}
+    shown["board_thickness"] = given.floor_reference.board_thickness_m
+    shown["regions"] = [region.factor for region in given.scene.ground.regions]  # of the row, a change of them all
     for row in INPUTS.values():
         if row.stated and row.present(given.scene):
             source = (
                 "campaign.yaml" if stated_in(given.document, row.stated.key) is not None else _default_of(row, given)
             )
-            value = _number(heights.get(row.name, row.values(given.scene)))
+            value = _number(shown.get(row.name, row.values(given.scene)))
             std = float(f"{given.deviations[row.name]:.1e}")
             yield InputRow(row.label, value, row.unit, f"{std:g}", source)
     source = "campaign.yaml" if "gravity_m_per_s2" in given.document else "default"

@@ -42,6 +42,9 @@ _NOISE = re.compile(
 )
 """Lines of Snakemake that tell a waiting user nothing; all others are shown."""
 
+_NOTHING = re.compile(r"total +0$|Nothing to be done")
+"""Lines by which Snakemake says that all is up to date."""
+
 
 def run(
     campaign: Path,
@@ -54,33 +57,51 @@ def run(
 
     A folder with the campaign's name is made in ``results``; ``cores`` are all by default; ``keys`` of config.yaml have
     dots for sections (``track.method``); ``snakemake`` holds further options, as a shell takes them. The outcome is
-    None where these asked for less than the report.
+    None where the report is not of this call, because these asked for less.
 
     Raises `InputError` for faults of campaign.yaml or of the keys, before anything runs, and `SystemExit` with
     Snakemake's code when a stage fails.
     """
     given = load_campaign(campaign)
-    config = {"campaign": _as_path(campaign), "results": _as_path(results)} | nested(keys or {})
+    places = {"campaign": _as_path(campaign), "results": _as_path(results)}
+    stated = nested(keys or {})
+    for key in (*places, "campaigns"):
+        if key in stated:
+            raise InputError(f"{key} is no key to set here", remedy="towval run CAMPAIGN --results FOLDER")
+    config = places | stated
     check(config, packaged_schema("config.schema.yaml"), "the settings")
     snakefile = str(resources.files("towval").joinpath("workflow", "Snakefile"))
     line = [sys.executable, "-m", "snakemake", "--snakefile", snakefile, "--cores", str(cores or os.cpu_count() or 1)]
-    line += [
-        *SNAKEMAKE,
-        *shlex.split(snakemake),
-        "--config",
-        *(f"{key}={_text(value)}" for key, value in config.items()),
-    ]
+    line += [*SNAKEMAKE, *_options(snakemake), "--config", *(f"{key}={_text(value)}" for key, value in config.items())]
+    made = results / given.name
+    before, nothing_to_do = _made_ns(made / "report.html"), False
     # What the stages say goes where progress goes: standard output has the outcome only.
     with _ending_with_us(line) as (workflow, ended_by):
-        for shown in filter(lambda text: not _NOISE.match(text), _system_errors_told(workflow.stderr or (), ended_by)):
-            print(shown, end="", file=sys.stderr, flush=True)
+        for text in _system_errors_told(workflow.stderr or (), ended_by):
+            nothing_to_do |= bool(_NOTHING.match(text))
+            if not _NOISE.match(text):
+                print(text, end="", file=sys.stderr, flush=True)
     if workflow.returncode:
         raise SystemExit(workflow.returncode)
-    made = results / given.name
-    if not (made / "report.html").is_file():
-        return None  # asked for less, by options for Snakemake
+    after = _made_ns(made / "report.html")
+    if after is None or (snakemake and after == before and not nothing_to_do):
+        return None
     runs = read_summary(made / "summary.csv")
     return Outcome("run", ((made / "report.html").resolve(),), "", {"runs": runs}, details=_lines(runs))
+
+
+def _made_ns(path: Path) -> int | None:
+    """When a file was made; None where there is none."""
+    return path.stat().st_mtime_ns if path.is_file() else None
+
+
+def _options(text: str) -> list[str]:
+    try:
+        return shlex.split(text)
+    except ValueError as error:
+        raise InputError(
+            "--snakemake cannot be taken apart into options", got=error, remedy="close the quote"
+        ) from None
 
 
 @contextmanager

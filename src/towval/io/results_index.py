@@ -53,15 +53,20 @@ def read_results(folders: Sequence[Path]) -> ResultsIndex:
     """Index of all runs below ``folders``, each the results of one campaign or of many.
 
     Only details and provenance of the files are read. A file that is damaged or vanishes meanwhile counts as not made.
-    Results of a run that a later report of its campaign leaves out are passed over.
+    Results of a run that a later report of its campaign leaves out are passed over, and so is a campaign that one of
+    the folders before has led to.
 
     Raises `InputError` when a folder is missing or none holds a run.
     """
     rows: dict[str, list[tuple[Any, ...]]] = {table: [] for table in _SHAPES}
+    read: set[Path] = set()
     for source in folders:
         if not source.is_dir():
             raise InputError(f"{source} is no folder", remedy="give the folder of results, as results/")
         for campaign in _campaigns(source):
+            if campaign.resolve() in read:
+                continue
+            read.add(campaign.resolve())
             shared = _stage_of(campaign / "camera.mcap")
             for run in current_runs(campaign):
                 key = (str(source), campaign.resolve().name, run.name)

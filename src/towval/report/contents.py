@@ -125,8 +125,8 @@ _CAMPAIGN = {
     "calibration_uncertainty": CampaignFigure(
         "calibration",
         "standard deviation of a position over the image",
-        "Standard deviation of a position on the plane of the planar target, from the covariance of the calibration, "
-        "without the error of the lens model.",
+        "Standard deviation of a position on the plane of the planar target, from the covariance of the calibration "
+        "and the deviation of the target's height, without the error of the lens model.",
         draw=_uncertainty_map,
     ),
     "calibration_reprojection": CampaignFigure(
