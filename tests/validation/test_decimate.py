@@ -208,6 +208,16 @@ def test_a_steady_rover_may_be_hidden_and_so_may_the_object(make_track):
     assert "bridge_unsure" not in {found.code for found in decimate(track).findings}
 
 
+def test_a_turn_on_the_spot_that_nobody_saw_leaves_the_run_unjudged(make_track):
+    """A turn of 0.5 rad within a second of a gap of four: a hinge 0.3 m off the middle swings by 0.15 m."""
+    turn = make_track(
+        lambda t: np.column_stack([0 * t, 0 * t, 0.5 * np.clip(t - 3.2, 0, 1)]), duration_s=10, lost=range(75, 175)
+    )
+    assert "bridge_unsure" in {found.code for found in decimate(turn).findings}
+    even = make_track(lambda t: np.column_stack([0 * t, 0 * t, 0.1 * t]), duration_s=10, lost=range(75, 175))
+    assert "bridge_unsure" not in {found.code for found in decimate(even).findings}
+
+
 def test_a_burst_that_neither_end_shows_counts_by_half_of_what_is_missing(make_track):
     thin = decimate(make_track(arc))
     burst = replace(

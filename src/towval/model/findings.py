@@ -299,9 +299,9 @@ register(  # decimate
     ),
     FindingType(
         "bridge_unsure", "decimate", WARNING, NOT_JUDGED,
-        "The rover was not observed for {gap_s:.1f} s from {time_s:.2f} s on, while its speed changed: it may have "
-        "been {off_mm:.0f} mm ahead of or behind the curve that bridges the gap and drives the simulation. Film it all "
-        "along, or cut the video there.",
+        "The rover was not observed for {gap_s:.1f} s from {time_s:.2f} s on, while its speed or turning changed: it, "
+        "or the tether's hinge, may have been {off_mm:.0f} mm ahead of or behind the curve that bridges the gap and "
+        "drives the simulation. Film it all along, or cut the video there.",
     ),
 )  # fmt: skip
 register(  # simulate; the last six are those of towval.physics

@@ -45,6 +45,9 @@ _HIDDEN_M = 0.01
 """What an unobserved motion of the rover may be off its bridge, along it, from which on the run is not judged: half of
 the default tolerance, since the object follows the rover."""
 
+_LEVER_M = 0.5
+"""Lever at which a turn of the rover counts as motion: the hinge swings with it, whose place is not known here."""
+
 _RUN = 4
 _RUN_BOUND = 2.0
 """The mean misfit of any 4 frames in a row may be 2 deviations of one frame, which is 4 deviations of the mean."""
@@ -401,12 +404,14 @@ def _bridge_findings(track: DecimatedTrack, seen_s: Array) -> Iterator[Finding]:
 def off_bridge_m(track: DecimatedTrack, begin_s: float, end_s: float) -> float:
     """How far along its path a body may have been from the curve between two times of an unobserved motion [m].
 
+    Its speed is that of its origin and, at a lever of 0.5 m, that of its turn: on the spot it moves the tether's hinge.
     What was seen at both ends leaves the time open at which the speed changed in between. Compared are the two simplest
     motions: on at the first speed, then a stop; a wait, then on at the last speed. A body that keeps its speed arrives
     as the curve does: zero. Where neither is fast enough for the length, it is half of what is missing.
     """
     time = np.linspace(0.0, end_s - begin_s, 101)
-    speed = np.hypot(*track.poses_and_rates_at(begin_s + time)[:, 3:5].T)
+    along_x, along_y, turn = track.poses_and_rates_at(begin_s + time)[:, 3:].T
+    speed = np.hypot(along_x, along_y) + _LEVER_M * np.abs(turn)
     gone = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2 * np.diff(time))])
     first, last, length = speed[0] * time, gone[-1] - speed[-1] * time[::-1], gone[-1]
     others = [np.minimum(first, length)] if first[-1] >= length else []
