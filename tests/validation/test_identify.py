@@ -7,10 +7,11 @@ import pytest
 
 import validation_case
 from studies.worlds.scenes import drive
-from towval.model import Load, Tether
+from towval.model import Load, Tether, TrackStatus
 from towval.model.errors import InputError
+from towval.model.inputs import Realisation
 from towval.validation.decimate import decimate
-from towval.validation.identify import IdentifySettings, MeasuredRun, _identifiability, identify
+from towval.validation.identify import IdentifySettings, MeasuredRun, _Fit, _identifiability, identify
 from towval.validation.simulate import SimulateSettings, simulate
 
 DEVIATIONS = validation_case.DEVIATIONS | {"stiffness": 16.0}
@@ -72,6 +73,68 @@ def test_a_wrong_input_that_is_not_fitted_moves_a_value_within_its_deviation(sce
     moved = identify(heavier, nothing, runs, settings).values[0] - sure.values[0]
     expected = np.sqrt(unsure.covariance[0, 0] - sure.covariance[0, 0])
     assert abs(moved) == pytest.approx(expected, rel=0.3)
+
+
+def fit_of(scene, names, deviations=()):
+    return _Fit(Realisation.nominal(scene), dict(deviations), IdentifySettings(names))
+
+
+@pytest.mark.parametrize("names", [("friction", "static_friction"), ("static_friction", "friction")])
+def test_the_order_of_the_parameters_does_not_matter(scene, measure, names):
+    """With the planted values the fit simulates the run that was measured, to the noise of 0.1 mm."""
+    planted = {"friction": 0.32, "static_friction": 0.42}
+    (run,) = measure(replace(scene, friction=replace(scene.friction, kinetic=0.32, static=0.42)), 1)
+    pose = fit_of(scene, names).simulated(run, np.array([planted[name] for name in names]))
+    assert np.abs(pose - run.object_track.pose)[:, :2].max() < 5e-4
+
+
+def test_what_cannot_be_negative_is_not_found_so(scene, measure):
+    """Heights act by their size: both signs fit as well, and a search about zero may end on the wrong side."""
+    runs = measure(replace(scene, hinge_height=0.2), 1)
+    fit = fit_of(scene, ("hinge_height",))
+    found = fit.values(runs, [np.array([-0.2])])
+    assert found.values[0] == pytest.approx(0.2, abs=0.01)
+    step = 1e-3
+    above, below = (fit._residuals(runs, fit.nominal, found.values + off) for off in (step, -step))
+    slope = (above - below) / (2 * step) * fit.scale
+    np.testing.assert_allclose(found.jacobian[:, 0] @ slope, slope @ slope, rtol=0.1)
+
+
+def test_an_input_that_is_zero_and_cannot_be_below_widens_the_covariance(scene, measure):
+    """By what it moves the value if it is one deviation off; its effect to both sides is the same."""
+    runs = measure(scene, 1)
+    sure, unsure = (fit_of(scene, ("rest_length",), known) for known in ({}, {"hinge_height": 0.1}))
+    found = sure.values(runs, [sure.given])
+    widened = unsure.covariance(found, runs)[0, 0] - sure.covariance(found, runs)[0, 0]
+    high = fit_of(replace(scene, hinge_height=0.1), ("rest_length",)).values(runs, [sure.given])
+    assert np.sqrt(widened) == pytest.approx(abs(high.values - found.values)[0], rel=0.2)
+
+
+def test_blocks_in_which_the_object_was_not_seen_are_no_data(scene, measure):
+    """A place 3 mm off, which no length explains, in units of 1 mm; of two thirds of the run nothing is seen."""
+    (run,) = measure(scene, 1)
+    track = replace(run.object_track, pose=run.object_track.pose + np.array([0.0, 3e-3, 0.0]))
+    fit, gone = fit_of(scene, ("rest_length",)), np.arange(len(track.pose)) >= 50
+    half_seen = replace(
+        track,
+        pose=np.where(gone[:, None], np.nan, track.pose),
+        status=np.where(gone, TrackStatus.LOST, track.status).astype(np.uint8),
+    )
+    runs = [[replace(run, object_track=each)] for each in (track, half_seen)]
+    whole, part = (fit.values(each, [fit.given]) for each in runs)
+    assert whole.misfit == pytest.approx(3 / np.sqrt(3), rel=0.1)
+    assert part.misfit == pytest.approx(whole.misfit, rel=0.1)
+    assert (whole.measured, part.measured) == (72, 24)
+
+
+def test_a_run_of_fewer_times_than_blocks_is_fitted(scene, measure):
+    (run,) = measure(scene, 1)
+    few = replace(run, time_s=run.time_s[::10], measurement=run.measurement[::10])
+    fit = fit_of(scene, ("rest_length",))
+    found = fit.values([few], [fit.given + 0.01])
+    std = np.sqrt(fit.covariance(found, [few])[0, 0])
+    assert found.measured == 3 * len(few.time_s)
+    assert found.values[0] == pytest.approx(scene.tether.rest_length, abs=3 * std)
 
 
 def test_a_start_far_off_does_not_end_in_another_valley(scene, measure):

@@ -93,7 +93,8 @@ def identify(
     counted twice: once as independent between blocks, once as one unknown for all blocks of a run (such as the camera's
     or the start's). The covariance of the values is ``((JᵀJ)⁻¹ + A Σ Aᵀ) max(1, χ²) + A B Bᵀ Aᵀ`` with
     ``A = (JᵀJ)⁻¹Jᵀ``, Σ the covariance of the residuals in the second case, χ² reduced, and in the columns of B the
-    changes of the residuals by one deviation of each input that is not fitted, as in campaign.yaml.
+    changes of the residuals by one deviation to either side, over √2, of each input that is not fitted, as in
+    campaign.yaml.
 
     The sum of squares has many minima. It is computed at the values of campaign.yaml and at 64 points of a Sobol
     sequence over the searched range; fits start at the best three, and the best fit counts.
@@ -149,16 +150,20 @@ def identify(
 
 @dataclass(frozen=True)
 class _Found:
-    """Fitted values (p,), and there the residuals (m,) and derivatives (m, p), parameters in units of their scales."""
+    """Fitted values (p,), and there the residuals (m,) and derivatives (m, p), parameters in units of their scales.
+
+    ``measured``: how many of the residuals are of blocks in which the object was seen; the others are zero.
+    """
 
     values: Array
     residual: Array
     jacobian: Array
+    measured: int
 
     @property
     def misfit(self) -> float:
-        """Root mean square of the residuals."""
-        return float(np.sqrt(np.mean(self.residual**2)))
+        """Root mean square of the residuals that were measured."""
+        return float(np.sqrt(self.residual @ self.residual / max(1, self.measured)))
 
 
 class _Fit:
@@ -168,6 +173,9 @@ class _Fit:
         self.nominal, self.deviations, self.settings = nominal, deviations, settings
         scene = nominal.scene
         self.parameters = [IDENTIFIABLE[name] for name in settings.parameters]
+        # Parameters act in the order of the table, whatever the settings' is: the friction scales the static one, too.
+        place = list(IDENTIFIABLE).index
+        self.in_turn = sorted(range(len(self.parameters)), key=lambda k: place(settings.parameters[k]))
         self.given = np.array([row.values(scene)[i] for row, i in self.parameters])
         self.scale = np.array([row.searched(scene, "step")[i] for row, i in self.parameters])
         self.reach = np.array([row.searched(scene, "reach")[i] for row, i in self.parameters])
@@ -204,7 +212,13 @@ class _Fit:
         ]
         best = min(fits, key=lambda fit: fit.cost)
         values = self.given + best.x * self.scale
-        return _Found(values, best.fun, best.jac)
+        mirrored = [self._acts_by_size(*each, float(v)) for each, v in zip(self.parameters, values, strict=True)]
+        signs = np.where(mirrored, -1.0, 1.0)
+        return _Found(signs * values, best.fun, best.jac * signs, sum(_measured_means(run) for run in runs))
+
+    def _acts_by_size(self, row: UncertainInput, component: int, value: float) -> bool:
+        """Whether a value below zero makes the scene of the one above: a height cannot be negative."""
+        return value < 0 and row.values(_changed(self.nominal, row, component, value).scene)[component] == -value
 
     def _squares(self, run: MeasuredRun, values: Array) -> float:
         try:
@@ -213,18 +227,21 @@ class _Fit:
             # Not a start. Where no point is one, the fit meets the same error and raises it.
             return float("inf")
 
-    def _by_others(self, runs: Sequence[MeasuredRun], values: Array) -> list[Array]:
-        """Changes of the residuals (m,) by one deviation of each input that is not fitted."""
+    def _by_others(self, runs: Sequence[MeasuredRun], found: _Found) -> list[Array]:
+        """Changes of the residuals (m,) by one deviation to either side of each input that is not fitted, over √2.
+
+        The sum of their squares is the mean square change. It counts inputs that cannot be on one side, too: of a
+        height of zero both sides are the same, and their difference is none.
+        """
         columns = []
         for name, (row, i) in IDENTIFIABLE.items():
             std = self.deviations.get(row.name, 0.0)
             if name in self.settings.parameters or std == 0 or not row.present(self.nominal.scene):
                 continue
             given = row.values(self.nominal.scene)[i]
-            above, below = (
-                self._residuals(runs, _changed(self.nominal, row, i, given + sign * std), values) for sign in (1, -1)
-            )
-            columns.append((above - below) / 2)
+            for off in (std, -std):
+                moved = self._residuals(runs, _changed(self.nominal, row, i, given + off), found.values)
+                columns.append((moved - found.residual) / np.sqrt(2))
         return columns
 
     def covariance(self, found: _Found, runs: Sequence[MeasuredRun]) -> Array:
@@ -235,9 +252,9 @@ class _Fit:
             return np.full((p, p), np.nan)
         solver = np.linalg.pinv(jacobian)
         per_run = solver.reshape(p, len(runs), -1, 3).sum(axis=2).reshape(p, -1)
-        chi2 = float(residual @ residual) / max(1, len(residual) - p)
+        chi2 = float(residual @ residual) / max(1, found.measured - p)
         covariance = (solver @ solver.T + per_run @ per_run.T) * max(1.0, chi2)
-        for change in self._by_others(runs, found.values):
+        for change in self._by_others(runs, found):
             covariance += np.outer(solver @ change, solver @ change)
         return np.asarray(covariance * np.outer(self.scale, self.scale))
 
@@ -258,8 +275,8 @@ class _Fit:
 
     def _poses(self, run: MeasuredRun, base: Realisation, values: Array) -> Array:
         real = base
-        for (row, i), value in zip(self.parameters, values, strict=True):
-            real = _changed(real, row, i, float(value))
+        for k in self.in_turn:
+            real = _changed(real, *self.parameters[k], float(values[k]))
         hinge, start = hinge_trajectory(run.rover, real.scene.hinge, run.time_s), run.towed.poses_at(run.time_s[0])
         model = SceneModel(real.scene, sticking=run.sticking)
         rung = run.rung if model.planar else DYNAMICS
@@ -276,10 +293,19 @@ def _changed(real: Realisation, row: UncertainInput, component: int, value: floa
     return row.acts(real, values).checked()
 
 
+def _measured(run: MeasuredRun) -> Array:
+    """Measured poses (n, 3) at the simulated times, NaN where the object was not seen."""
+    return measured_poses(run.object_track)[run.object_track.rows_at(run.time_s)]
+
+
+def _measured_means(run: MeasuredRun) -> int:
+    """How many means over blocks of time there are of a run's error."""
+    return int(np.count_nonzero(np.isfinite(block_means(_measured(run)))))
+
+
 def _error(run: MeasuredRun, pose: Array) -> Array:
     """Simulated minus measured (n, 3), NaN where the object was not seen."""
-    track = run.object_track
-    return pose_difference(pose, measured_poses(track)[track.rows_at(run.time_s)])
+    return pose_difference(pose, _measured(run))
 
 
 def _path_rms(run: MeasuredRun, pose: Array) -> float:
@@ -288,7 +314,8 @@ def _path_rms(run: MeasuredRun, pose: Array) -> float:
 
 def _whitening(run: MeasuredRun) -> Array:
     """Matrices (24, 3, 3) that turn a block's mean error into units of the measurement's deviation."""
-    covariance = block_means(run.measurement.reshape(-1, 9)).reshape(-1, 3, 3)
+    # A run of fewer times than blocks leaves some without; their errors count as zero.
+    covariance = np.nan_to_num(block_means(run.measurement.reshape(-1, 9))).reshape(-1, 3, 3)
     return np.linalg.inv(np.linalg.cholesky(covariance + 1e-12 * np.eye(3)))
 
 
