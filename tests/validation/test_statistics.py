@@ -105,6 +105,16 @@ def test_the_effects_of_the_inputs_are_found_again():
     np.testing.assert_allclose(right.effects, expected, atol=0.05 * MM)
 
 
+def test_inputs_that_do_nothing_have_no_effect():
+    """Forty idle inputs beside the three, of 256 draws: what noise makes of their coefficients does not matter."""
+    error, acting = drawn(256, 3)
+    wander = MM * np.random.default_rng(8).standard_normal((256, 3, 3))
+    error = error + np.einsum("kmc,mn->knc", wander, np.cos(np.pi * np.arange(3)[:, None] * TIME))
+    idle = np.random.default_rng(9).standard_normal((256, 40))
+    right = RightModel.of(error, np.column_stack([acting, idle]), 0.99)
+    assert right.columns.tolist() == [0, 1, 2]
+
+
 def noise(rng, k):
     """A constant of each draw, and frame noise."""
     return MM * (0.3 * rng.standard_normal((k, 1, 3)) + 0.03 * rng.standard_normal((k, N, 3)))

@@ -228,9 +228,12 @@ def _effects(means: Array, inputs: Array) -> tuple[Array, NDArray[np.intp], NDAr
     both, size = slopes[1 : d + 1], slopes[d + 1 :]
     one_sided = (1 - 2 / np.pi) * np.sum(size**2, axis=1) > np.sum(both**2, axis=1)
     effects = np.where(one_sided[:, None], size, both)
-    noise = np.sum((means - basis @ slopes) ** 2) / max(1, k - basis.shape[1]) / k
+    # With half as many coefficients as draws, noise moves one by several times what it would alone.
+    spread = np.diag(np.linalg.inv(basis.T @ basis))[1:]
+    residual = np.sum((means - basis @ slopes) ** 2) / (k - basis.shape[1])
+    noise = residual * np.where(one_sided, spread[d:], spread[:d])
     power = np.sum(effects**2, axis=1)
-    matters = power > max(_LEAST_EFFECT**2 * np.mean(np.sum(means**2, axis=1)), 4 * noise)
+    matters = power > np.maximum(_LEAST_EFFECT**2 * np.mean(np.sum(means**2, axis=1)), 4 * noise)
     return effects[matters], np.flatnonzero(matters), one_sided[matters]
 
 
