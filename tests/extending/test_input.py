@@ -69,7 +69,7 @@ def results(lab_small, make_track, tmp_path_factory):
 
 def test_an_input_of_ones_own_goes_through_commands_and_report(campaign, results):
     folder = results / "a"
-    given = (campaign, "--camera", results / "camera.mcap", "--folder", folder, "--run", "a", "--set", "samples=64")
+    given = (campaign, "--camera", results / "camera.mcap", "--folder", folder, "--run", "a", "--set", "samples=128")
     done = python("-m", "towval.cli", "uncertainty", *given, "-o", folder / "uncertainty.mcap")
     assert done.returncode == 0, done.stderr
     shares = read_uncertainty(folder / "uncertainty.mcap").shares

@@ -236,6 +236,12 @@ def test_what_cannot_be_measured_with_a_tool_is_not_named_as_what_to_measure():
     assert measure_first([judged("a", Verdict.AGREES, 0.001, "noise and interactions")]) == ""
 
 
+def test_nothing_is_named_where_no_input_has_a_share():
+    few = judged("a", Verdict.AGREES, 0.001, "stiffness")
+    none = dataclasses.replace(few.uncertainty, shares={"stiffness": 0.0, "noise and interactions": 1.0})
+    assert measure_first([dataclasses.replace(few, uncertainty=none)]) == ""
+
+
 def test_a_warning_opens_its_part_and_the_first_screen_links_to_it(page):
     parts = dict(re.findall(r'<details id="(\w+)" class="part"( open)?', page))
     # The scene loses the object in both runs; nothing else is wrong.

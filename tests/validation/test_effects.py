@@ -1,14 +1,17 @@
 """The ladder of effects, and many simulations at once."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from towval.model import Ground, Load
+from towval.model.inputs import INPUTS
 from towval.physics.ladder import DYNAMICS
 from towval.validation.effects import EFFECTS, moves_of_inputs, to_be_measured
 from towval.validation.sampler import UncertaintySettings
+from towval.validation.shares import variance_shares
 from towval.validation.simulate import RunSimulation, SimulateSettings
 from towval.validation.simulate_many import Batch, Drawn
 from towval.validation.uncertainty import UncertaintySampling
@@ -70,14 +73,31 @@ def test_an_effect_the_scene_is_without_moves_what_a_deviation_of_it_does(slopin
 
 
 def test_inputs_to_be_known_better_are_those_beyond_the_limit_the_largest_first(sloping, found):
-    moves = moves_of_inputs(found)
+    moves = moves_of_inputs(found, sloping.scene)
     limit = sorted(moves.values())[-3]
-    choices = to_be_measured(found, sloping.deviations, limit)
+    choices = to_be_measured(found, sloping.scene, sloping.deviations, limit)
     stated = [move for name, move in moves.items() if move > limit and name in DEVIATIONS]
     assert [choice.change_m for choice in choices] == sorted(stated, reverse=True)
     assert all(choice.next.startswith("known better: ") for choice in choices)
-    assert to_be_measured(found, sloping.deviations, 1.0) == ()
-    assert moves_of_inputs(replace(found, draws=None)) == {}
+    assert to_be_measured(found, sloping.scene, sloping.deviations, 1.0) == ()
+    assert moves_of_inputs(replace(found, draws=None), sloping.scene) == {}
+
+
+@pytest.mark.parametrize(("name", "size"), [("rest_length", False), ("hinge_height", True)])
+def test_one_deviation_moves_the_path_by_what_it_does(case, name, size):
+    """By 10 mm, also of a height of zero, which is drawn to one side."""
+    z = np.random.default_rng(0).standard_normal((2048, 2))
+    error = np.zeros((2048, 30, 3))
+    error[..., 0] = 0.010 * (np.abs(z[:, :1]) if size else z[:, :1])
+    shares = variance_shares(z, error[..., 0], {INPUTS[name].label: 1, "idle": 1})
+    drawn = SimpleNamespace(draws=SimpleNamespace(error=error), shares=shares)
+    assert moves_of_inputs(drawn, case.scene) == {name: pytest.approx(0.010, rel=0.03)}
+
+
+def test_what_draws_do_not_tell_is_no_shift_of_zero(case):
+    label = INPUTS["rest_length"].label
+    drawn = SimpleNamespace(draws=SimpleNamespace(error=np.ones((64, 30, 3))), shares={label: 0.0})
+    assert moves_of_inputs(drawn, case.scene) == {}
 
 
 def test_an_effect_is_switched_off_and_only_that(sloping):

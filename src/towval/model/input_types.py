@@ -145,6 +145,13 @@ class UncertainInput:
         """The stated value of a scene (k,)."""
         return np.broadcast_to(np.asarray(self.value(scene), dtype=np.float64), len(self.components))
 
+    def acts_by_size(self, scene: TowingScene, value: float) -> bool:
+        """Whether a value below zero makes the scene of the one above: a height cannot be negative."""
+        if len(self.components) > 1 or value >= 0:
+            return False
+        acted = self.acts(Realisation.nominal(scene), np.array([value])).scene
+        return float(self.values(acted)[0]) == -value
+
     def searched(self, scene: TowingScene, which: Literal["step", "reach"]) -> Array:
         """Step or reach of the search (k,)."""
         found = getattr(self.search, which)(scene)

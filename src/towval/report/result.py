@@ -60,7 +60,7 @@ def measure_first(records: Sequence[RunRecord]) -> str:
         for name, share in ({} if record.uncertainty is None else record.uncertainty.shares).items():
             if name in labels:
                 sums[name] = sums.get(name, 0.0) + share
-    return max(sums, key=lambda name: sums[name]) if sums else ""
+    return max(sums, key=lambda name: sums[name]) if any(sums.values()) else ""
 
 
 def result_rows(records: Sequence[RunRecord]) -> tuple[ResultRow, ...]:

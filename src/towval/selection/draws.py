@@ -27,5 +27,5 @@ def sample_selecting(
     choice = Choice("draws", f"{count}: {what}", f"{2 * count}", change, "of u_val, as expected")
     found = sampling.completed(found)
     limit_m = SHARE * measurement_m
-    inputs = to_be_measured(found, case.deviations, limit_m)
+    inputs = to_be_measured(found, case.scene, case.deviations, limit_m)
     return replace(found, choices=(choice, *sampling.effects(found, limit_m), *inputs))

@@ -2,6 +2,7 @@
 
 An effect that the scene has is left out in one more simulation. For one that the scene does not have, the draws
 suffice: the share of the error's variance that its inputs explain gives the shift by one standard deviation of them.
+Where draws may say nothing of single inputs, because they are too few, there is no such row.
 """
 
 from collections.abc import Mapping
@@ -12,11 +13,12 @@ import numpy as np
 
 from towval.model import Array, Choice, RunUncertainty, SimulatedMotion, TowingScene
 from towval.model.geometry import rms_length
-from towval.model.inputs import INPUTS
+from towval.model.inputs import INPUTS, UncertainInput
 from towval.physics.ladder import DYNAMICS
 from towval.validation.simulate_many import Batch, Drawn
 
 _RMS = "RMS over the path"
+_TRIED = 1e-3  # a size that any input that cannot be negative may have, in its unit
 _MOST_INPUTS = 5
 """Most inputs to be measured better that get a row: nobody reads a table of all thirty."""
 
@@ -90,7 +92,7 @@ def effect_choices(
     others += turned.simulate([Drawn(scene, rover, start)])
     shifts = [rms_length(other - nominal) for other in others]
     moved = dict(zip((effect.what for effect in taken), shifts, strict=False))
-    by_input = moves_of_inputs(found)
+    by_input = moves_of_inputs(found, scene)
     choices = []
     for effect in EFFECTS:
         if effect.what in moved:
@@ -105,10 +107,12 @@ def effect_choices(
     return (*choices, Choice("effect: sticking", *sticking, shifts[-1], _RMS))
 
 
-def to_be_measured(found: RunUncertainty, deviations: Mapping[str, float], limit_m: float) -> tuple[Choice, ...]:
+def to_be_measured(
+    found: RunUncertainty, scene: TowingScene, deviations: Mapping[str, float], limit_m: float
+) -> tuple[Choice, ...]:
     """Up to five inputs of which one standard deviation moves the error of the path by more than a limit [m]."""
     choices = []
-    for name, move in sorted(moves_of_inputs(found).items(), key=lambda item: -item[1]):
+    for name, move in sorted(moves_of_inputs(found, scene).items(), key=lambda item: -item[1]):
         row = INPUTS[name]
         if move > limit_m and row.stated:
             unit = f" {row.unit}" if row.unit else ""
@@ -117,13 +121,23 @@ def to_be_measured(found: RunUncertainty, deviations: Mapping[str, float], limit
     return tuple(choices[:_MOST_INPUTS])
 
 
-def moves_of_inputs(found: RunUncertainty) -> dict[str, float]:
-    """Shift of the error of the path by one standard deviation of each drawn input, RMS [m], by name."""
-    if found.draws is None:
+def moves_of_inputs(found: RunUncertainty, scene: TowingScene) -> dict[str, float]:
+    """Shift of the error of the path by one standard deviation of each drawn input, RMS [m], by name.
+
+    An input that is zero in the ``scene`` and cannot be below, such as a height, is drawn as the size |z| of a
+    standard normal number z, of which the share holds 1/π: E[|z| (z² − 1)/√2]². Empty where the draws tell no
+    input's share.
+    """
+    drawn = {name: row for name, row in INPUTS.items() if row.label in found.shares}
+    if found.draws is None or not any(found.shares[row.label] for row in drawn.values()):
         return {}
     variance = float(found.draws.error[..., :2].var(axis=0).sum(axis=1).mean())
     return {
-        name: float(np.sqrt(found.shares[row.label] * variance))
-        for name, row in INPUTS.items()
-        if row.label in found.shares
+        name: float(np.sqrt((np.pi if _cannot_be_below(row, scene) else 1.0) * found.shares[row.label] * variance))
+        for name, row in drawn.items()
     }
+
+
+def _cannot_be_below(row: UncertainInput, scene: TowingScene) -> bool:
+    """Whether an input is at zero and acts by its size."""
+    return not row.values(scene).any() and row.acts_by_size(scene, -_TRIED)

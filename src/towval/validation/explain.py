@@ -70,7 +70,7 @@ class _Search:
             return np.inf
         moved = [c for c, value in moves.items() if value]
         chosen = sum(any(c in moved for c in group) for group in self.groups)
-        choice = 2 * chosen * np.log(len(self.groups)) + sum(self._surprise(c, moves[c]) for c in moved)
+        choice = 2 * chosen * np.log(max(1, len(self.groups))) + sum(self._surprise(c, moves[c]) for c in moved)
         return self._means(error) + self._swing(error) + float(choice)
 
     def _means(self, error: Array) -> float:

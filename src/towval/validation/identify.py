@@ -212,13 +212,11 @@ class _Fit:
         ]
         best = min(fits, key=lambda fit: fit.cost)
         values = self.given + best.x * self.scale
-        mirrored = [self._acts_by_size(*each, float(v)) for each, v in zip(self.parameters, values, strict=True)]
+        rows, scene = [row for row, _ in self.parameters], self.nominal.scene
+        # The sizes are told of what has no sign.
+        mirrored = [row.acts_by_size(scene, float(value)) for row, value in zip(rows, values, strict=True)]
         signs = np.where(mirrored, -1.0, 1.0)
         return _Found(signs * values, best.fun, best.jac * signs, sum(_measured_means(run) for run in runs))
-
-    def _acts_by_size(self, row: UncertainInput, component: int, value: float) -> bool:
-        """Whether a value below zero makes the scene of the one above: a height cannot be negative."""
-        return value < 0 and row.values(_changed(self.nominal, row, component, value).scene)[component] == -value
 
     def _squares(self, run: MeasuredRun, values: Array) -> float:
         try:

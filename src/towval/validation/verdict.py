@@ -95,10 +95,9 @@ def verdict_of(e: Evidence) -> tuple[Verdict, Finding]:
     if unsure:
         needed = max(e.upper_m, e.detectable_m)
         remedy = f"It would agree if only {_at_most(needed)} mattered. " if np.isfinite(needed) else ""
-        statement = (
-            f"Cannot tell whether it is within {tolerance:g} mm: {'; '.join(unsure)}. {remedy}"
-            f"Measure better: {', '.join(_worth_measuring(e.shares))}"
-        )
+        better = _worth_measuring(e.shares)
+        remedy += f"Measure better: {', '.join(better)}" if better else ""
+        statement = f"Cannot tell whether it is within {tolerance:g} mm: {'; '.join(unsure)}. {remedy}".rstrip(" .")
         return Verdict.CANNOT_TELL, finding("verdict", Severity.WARNING, statement=statement)
     statement = f"Agrees within {upper:.1f} mm, where {tolerance:g} mm matter ({tested})"
     if e.hidden:
@@ -204,5 +203,5 @@ def _named(name: str) -> str:
 
 def _worth_measuring(shares: Mapping[str, float]) -> list[str]:
     labels = {row.label: name for name, row in INPUTS.items()}
-    best = sorted((label for label in shares if label in labels), key=lambda label: -shares[label])[:2]
+    best = sorted((label for label in labels if shares.get(label, 0.0) > 0), key=lambda label: -shares[label])[:2]
     return [f"{_named(labels[label])}, {100 * shares[label]:.0f} % of the variance" for label in best]
