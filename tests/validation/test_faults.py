@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 
 from towval.model import Finding, Severity
-from towval.model.geometry import wrapped
+from towval.model.geometry import pose_difference, transform, wrapped
+from towval.physics.ladder import DYNAMICS
 from towval.physics.mass import towed_object
+from towval.validation import uncertainty
 from towval.validation.consequences import WIDER, forbidding, widened
 from towval.validation.faults import Drawing, fault_kinds, visible_faults
 from towval.validation.sampler import UncertaintySettings
+from towval.validation.simulate import SimulateSettings, simulate
 from towval.validation.simulate_many import Drawn
 from towval.validation.statistics import RightModel
 from towval.validation.uncertainty import UncertaintySampling
@@ -62,6 +65,28 @@ def test_nine_in_ten_of_the_smallest_visible_faults_show(case):
         distance = fault.size * np.linalg.norm(moved_by(case, sampling, kind, 1e-3)[:, :2], axis=1) / 1e-3
         if kind.both:  # the others are not linear
             assert fault.shift_rms_m == pytest.approx(np.sqrt(np.mean(distance**2)), rel=0.3)
+
+
+def test_the_nominal_run_starts_where_the_draws_do(case, monkeypatch):
+    """Behind a stiff tether that is stated too short the object starts nearer; behind a longer one it does not."""
+    hinge = transform(case.rover_decimated.poses_at(0.0), case.scene.hinge)
+    start = case.object_decimated.poses_at(0.0)
+    apart = float(np.linalg.norm(hinge - transform(start, case.scene.anchor)))
+    stiff = replace(case.scene, tether=replace(case.scene.tether, rest_length=apart - 0.01, stiffness=5e4))
+    longer = replace(stiff, tether=replace(stiff.tether, rest_length=apart + 0.01))
+    tracks = case.rover_decimated, case.object_decimated, case.simulated.time_s
+    nominal, moved = (simulate(scene, *tracks, SimulateSettings(rung=DYNAMICS)) for scene in (stiff, longer))
+    assert np.linalg.norm(nominal.pose[0, :2] - start[:2]) > 5e-3
+    drawings = []
+    monkeypatch.setattr(uncertainty, "visible_faults", lambda _, drawing: drawings.append(drawing) or ())
+    sampling = UncertaintySampling(replace(case, scene=stiff, simulated=nominal), UncertaintySettings(samples=64))
+    known = sampling.describe(64)
+    sampling.with_faults(known)
+    longer_by = next(kind for kind in fault_kinds(nominal) if kind.name == "rest length").of(0.02)
+    (shift,) = drawings[0].shifts([longer_by], None)
+    frame = sampling.on_path(known).frame
+    expected = frame.along_across(pose_difference(moved.pose, nominal.pose))[frame.seen]
+    np.testing.assert_allclose(shift[:, :2], expected[:, :2], atol=5e-4)
 
 
 def test_a_fault_larger_than_what_it_acts_on_is_not_tried(case):

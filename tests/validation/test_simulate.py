@@ -1,5 +1,6 @@
 """Findings of the stage simulate: each with a run that has the fault."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from towval.model.errors import InputError, RefusedError
 from towval.model.geometry import transform
 from towval.physics.dynamics import Outcome
 from towval.physics.friction_laws import FittedLaw, fitted_law
+from towval.physics.ladder import rung_names
 from towval.validation.decimate import decimate
 from towval.validation.scene_model import SceneModel
 from towval.validation.simulate import STICKING, RunSimulation, SimulateSettings, simulate
@@ -150,6 +152,24 @@ def test_friction_numbers_that_the_law_does_not_meet_are_reported(tracks, monkey
     law = fitted_law(SCENE.friction).law
     monkeypatch.setattr("towval.validation.scene_model.fitted_law", lambda _: FittedLaw(law, 0.012))
     assert "by up to 0.0120" in codes(tracks)["friction_law"].text
+
+
+def test_the_finding_on_the_rung_tells_the_distance_to_the_next_simpler_one(tracks):
+    """That of the two paths, with the corners of the object, and not that of the simpler one to the full dynamics."""
+    run = RunSimulation(SCENE, *tracks, TIMES)
+    settings = SimulateSettings(rung="limit surface", rung_tolerance_m=0.5)
+    used = run.simulate(settings)
+    simpler = rung_names()[rung_names().index("limit surface") - 1]
+    (found,) = [each for each in used.findings if each.code == "rung"]
+    at_corners = [
+        np.array([transform(pose, SCENE.patch.corners) for pose in motion.pose])
+        for motion in (used, run.motion(simpler, settings.tolerance_m))
+    ]
+    apart = 1000 * np.linalg.norm(at_corners[0] - at_corners[1], axis=-1).max()
+    stated = float(re.search(rf"{simpler} would move the path by up to ([\d.]+) mm", found.text)[1])
+    # What is stated is a bound: the sum of the largest shift and turn.
+    assert apart - 0.01 < stated < 1.5 * apart
+    assert abs(stated - 1000 * used.statistics[f"{simpler} to dynamics, m"]) > 0.2 * stated
 
 
 def test_a_coarse_tolerance_is_reported(tracks):

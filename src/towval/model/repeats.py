@@ -11,10 +11,10 @@ class Corridor:
     """Errors of runs that repeat one drive, over the length of the measured path.
 
     ``runs`` (r,) by name; ``length_m`` (k,); ``errors`` (r, k, 2) simulated minus measured along and across the path,
-    NaN where a run was not seen; ``mean`` (k, 2) over the runs and ``half_width`` (k, 2) of the interval in which the
-    error common to all lies at one place with 95 %, by Student's t; ``std`` (k, 2) of one run about the mean [m].
-    ``apart_m``: by how much the measured paths differ at most. ``u_val_m``: what the deviations state of the error of
-    a run, RMS.
+    interpolated where a run was not seen; ``mean`` (k, 2) over the runs and ``half_width`` (k, 2) of the interval in
+    which the error common to all lies at one place with 95 %, by Student's t; ``std`` (k, 2) of one run about the
+    mean [m]. ``apart_m``: by how much the measured paths differ at most. ``u_val_m``: what the deviations state of the
+    error of a run, RMS.
     """
 
     runs: tuple[str, ...]

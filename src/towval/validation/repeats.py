@@ -54,7 +54,7 @@ def corridor(runs: Sequence[tuple[Track, Comparison]]) -> Corridor:
         mean=errors.mean(axis=0),
         half_width=half_width,
         std=std,
-        apart_m=float(np.nanmax(apart, initial=0.0)),
+        apart_m=float(apart.max()),
         u_val_m=rms_length([[comparison.u_val_m] for _, comparison in runs]),
     )
 

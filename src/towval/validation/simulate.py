@@ -73,10 +73,10 @@ def simulate(
 ) -> SimulatedMotion:
     """Simulate the towed object behind the measured rover.
 
-    Of the object's decimated track only the first pose is used. The motion is given at those of the ``times`` (n,) [s]
-    that both tracks cover; ``statistics["u_num_m"]`` is the root sum of squares of the largest shifts of the path by a
-    hundred times tighter tolerance and by the full dynamics. `RefusedError` where the load's weight is outside the
-    footprint, the tracks do not overlap, or the integration ends early.
+    Of the object's decimated track only the beginning is used. The motion is given at those of the ``times`` (n,) [s]
+    from when both tracks have begun to the end of the rover's; ``statistics["u_num_m"]`` is the root sum of squares of
+    the largest shifts of the path by a hundred times tighter tolerance and by the full dynamics. `RefusedError` where
+    the load's weight is outside the footprint, the tracks do not overlap, or the integration ends early.
     """
     return RunSimulation(scene, rover, towed, times).simulate(settings or SimulateSettings())
 
@@ -136,7 +136,7 @@ class RunSimulation:
         }
         findings = (
             *motion.findings,
-            self._rung_finding(choice, rung, to_dynamics),
+            self._rung_finding(choice, motion, to_dynamics, tolerance),
             *_error_findings(u_num, settings),
             *self._findings(motion),
             *self._creep_findings(motion, settings),
@@ -168,15 +168,17 @@ class RunSimulation:
             return []
         return [finding("creep", severity, crept_mm=1000 * crept, parked_mm=1000 * parked)]
 
-    def _rung_finding(self, choice: LadderChoice, rung: str, to_dynamics: dict[str, float]) -> Finding:
+    def _rung_finding(
+        self, choice: LadderChoice, motion: SimulatedMotion, to_dynamics: dict[str, float], tolerance_m: float
+    ) -> Finding:
         """The rung used on this scene, and the shift of the path by the next simpler rung and by the full dynamics."""
-        names = rung_names()
+        names, rung = rung_names(), motion.rung
         place = names.index(rung)
-        changes = [
-            f"{lower} would move the path by up to {1000 * to_dynamics[lower]:.2f} mm"
-            for lower in names[:place][-1:]
-            if lower in to_dynamics
-        ]
+        changes = []
+        for lower in names[:place][-1:]:
+            if lower in to_dynamics:  # else it was not simulated
+                moved = path_difference(self.towed, self.motion(lower, tolerance_m), motion)
+                changes.append(f"{lower} would move the path by up to {1000 * moved:.2f} mm")
         if rung in to_dynamics:
             changes.append(f"the full dynamics would move it by up to {1000 * to_dynamics[rung]:.2f} mm")
         severity = Severity.NOTE if names.index(choice.rung) <= place else Severity.WARNING

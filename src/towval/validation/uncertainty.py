@@ -150,13 +150,15 @@ class UncertaintySampling:
             return known
         sampler, nominal = self._sampler, self.case.simulated
         batch = replace(sampler.batch, times=known.time_s[draws.rows])
-        (plain,) = batch.simulate([Drawn(self.case.scene, sampler.rover_moves, nominal.pose[0])])
+        # From the measured place, as draws start: a run's first pose may have been moved nearer, as its tether allows.
+        unchanged = Drawn(self.case.scene, sampler.rover_moves, sampler.start.pose[0])
+        (plain,) = batch.simulate([unchanged])
         done = [i for i, (pose, _) in enumerate(self._outcomes) if np.isfinite(pose[-1, 0])]
 
         def shifts(acts: Sequence[Acts], rows: NDArray[np.intp] | None) -> Array:
             laid_out: list[Drawn | None]
             if rows is None:
-                laid_out = [Drawn(self.case.scene, sampler.rover_moves, nominal.pose[0])] * len(acts)
+                laid_out = [unchanged] * len(acts)
                 poses = plain
             else:
                 numbers = [done[row] for row in rows]
