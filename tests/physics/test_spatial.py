@@ -87,6 +87,21 @@ def test_a_part_that_lifts_off_leaves_the_pressure_of_the_closed_form():
     assert work.moments[0] == pytest.approx(0.4 * 3 * remaining, rel=1e-9)
 
 
+@pytest.mark.parametrize("behind", [0.08, 0.14, 0.18])
+def test_a_block_jerked_forward_at_the_floor_stands_on_its_rear(behind):
+    """Jerk T at the floor, G at h: the load is h (T / N − μ) behind G, a wedge over 3 (a − e) as above."""
+    height = 0.1
+    for turn in (0.0, 2.0):
+        ahead = np.array([np.cos(turn), np.sin(turn)])
+        problem, work = forced(block(height=height), (MU + behind / height) * WEIGHT * ahead)
+        balance, _ = rates(problem, work, (0.0, 0.0, turn, *(0.1 * ahead), 0.0))
+        force, place = resultant(problem, work)
+        assert balance == BALANCED
+        assert force == pytest.approx(WEIGHT, rel=1e-10)
+        assert place == pytest.approx([-behind, 0.0], abs=1e-10)
+        assert work.moments[0] == pytest.approx(0.4 * 3 * (HALF - behind), rel=1e-8)
+
+
 def test_an_inclined_tether_takes_its_vertical_part_off_the_load():
     rise, distance = 0.3, 0.55
     hinge = spline_through(TimedPath([0.0, 10.0], [[HALF + distance, 0.0]] * 2))

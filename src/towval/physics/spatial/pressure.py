@@ -88,7 +88,9 @@ def solve_pressure(
     if _refine(soles, regions, table, frame, twist, height, b, work):
         return BALANCED
     _even_pressure(soles, b, work)
-    if _refine(soles, regions, table, frame, twist, height, b, work):
+    if _refine(soles, regions, table, frame, twist, height, b, work) or _in_turn(
+        soles, regions, table, frame, twist, height, b, work
+    ):
         return BALANCED
     all_parts(soles, work)
     return TIPS
@@ -109,6 +111,30 @@ def _refine(
         shift = abs(x[0] - o0) + soles.numbers[RADIUS] * (abs(x[1] - o1) + abs(x[2] - o2))
         if shift * work.moments[0] <= allowed * b[0]:  # W serves on: friction errs by the square of the shift.
             return True
+    return False
+
+
+@compiled(allocates=False)
+def _in_turn(
+    soles: Soles, regions: Regions, table: Array, frame: Frame, twist: Twist, height: float, b: Loads, work: Work
+) -> bool:
+    """As ``_refine``, from even pressure by ones under the friction force of the one before; False if that fails.
+
+    Newton's method on A + C W may lose its way in a region far from the solution's. On A alone, the moment of a known
+    force with the loads, it finds the pressure, of which there is one at most.
+    """
+    x = work.pressure
+    _even_pressure(soles, b, work)
+    for _ in range(_PASSES):
+        contact_parts(soles, regions, frame, work)
+        unit_wrenches(soles, table, twist[0], twist[1], twist[2], work)
+        fx, fy, _ = product_3(work.matrices[W], x)
+        o0, o1, o2 = x[0], x[1], x[2]
+        if not _balance(soles, 0.0, (b[0], b[1] - height * fx, b[2] - height * fy), work):
+            return False
+        shift = abs(x[0] - o0) + soles.numbers[RADIUS] * (abs(x[1] - o1) + abs(x[2] - o2))
+        if shift * work.moments[0] <= _LARGEST_SHIFT * b[0]:
+            return _refine(soles, regions, table, frame, twist, height, b, work)
     return False
 
 
