@@ -9,7 +9,7 @@ from oracles import LAP_FINAL_POSE
 from towval.model import Ground, Patch, Sliding, Tether, TimedPath, TowedObject
 from towval.physics.dynamics import Accuracy, Outcome, feedback
 from towval.physics.friction_laws import Coulomb, risen_law
-from towval.physics.spatial.hanging import damped, following_forces, hanging_forces, hanging_pull
+from towval.physics.spatial.hanging import damped, following_forces, hanging_forces, hanging_pull, reach_under
 from towval.physics.spatial.problem import tether_numbers
 from towval.physics.spatial.tow import Sticking
 from towval.physics.tether import lowest_point
@@ -139,6 +139,28 @@ def test_without_mass_it_is_the_straight_tether():
     for mass in (1e-3, 1e-6, 1e-9):
         found = forces(Tether(REST, KAPPA, mass_per_length=mass), distance, rise)
         assert found == pytest.approx(tension * np.array([distance, rise]) / length, rel=1e-9 + 2 * mass * G / tension)
+
+
+@pytest.mark.parametrize("stiffening", [0.0, 0.4])
+@pytest.mark.parametrize("stiffness", [50.0, 1e3, 1e5])
+def test_without_mass_the_reach_is_where_the_straight_tether_pulls_as_much(stiffness, stiffening):
+    """By the distance at which the stretched tether's pull along the floor is the one given; rises up to beyond l0."""
+    tether = Tether(REST, stiffness, 0.0, stiffening, 0.0, FULL if stiffening else 0.0)
+
+    def forces_at(distance, rise):
+        length = np.hypot(distance, rise)
+        stretch = length - REST
+        share = stiffening * (stretch * stiffness / FULL - 1)
+        return stiffness * stretch * (1 + share) * np.array([distance, rise]) / length
+
+    for rise in (0.0, 0.3, -0.55, 0.599, REST, 0.62, 0.7):
+        nearest = np.sqrt(max(REST**2 - rise**2, 0.0))
+        for pull in (0.1, 5.0, 100.0):
+            right = brentq(lambda d, rise=rise, pull=pull: forces_at(d, rise)[0] - pull, nearest, 9, xtol=1e-15)
+            distance, upward = reach_under(tether_numbers(tether, rise, G), pull)
+            assert distance == pytest.approx(right, abs=1e-10)
+            assert upward == pytest.approx(forces_at(right, rise)[1], rel=1e-8, abs=1e-9)
+        assert reach_under(tether_numbers(tether, rise, G), 0.0)[0] == nearest
 
 
 def test_damping_takes_up_energy_alone_and_never_pushes():

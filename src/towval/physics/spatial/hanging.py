@@ -19,6 +19,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from towval.model import Array
 from towval.model.compiling import compiled
 from towval.physics.area_rules import gauss_rule
@@ -154,13 +156,7 @@ def reach_under(n: Array, pull: float) -> tuple[float, float]:
     """Distance of the hinge along the floor [m] under a horizontal pull [N], and the upward force on the object [N]."""
     rest, rise = n[REST], n[RISE]
     if not n[TETHER_WEIGHT] > 0:
-        tension, length = pull, rest
-        for _ in range(_NEWTON_LIMIT):
-            length = rest + _stretch_under(n, tension)[0]
-            before, tension = tension, pull / math.sqrt(1 - (rise / length) ** 2)
-            if abs(tension - before) <= _SETTLED * tension:
-                break
-        return math.sqrt(length * length - rise * rise), tension * rise / length
+        return _straight_reach(n, pull)
     weight = n[TETHER_WEIGHT] * rest
     upper = weight / 2 + pull * rise / rest
     x, z, _, _, z_v, _, _ = _spans(n, pull, upper)
@@ -175,6 +171,35 @@ def reach_under(n: Array, pull: float) -> tuple[float, float]:
         if abs(step) <= 1e-9 * (pull + abs(upper)):
             break
     return x, upper - weight
+
+
+@compiled(allocates=False)
+def _straight_reach(n: Array, pull: float) -> tuple[float, float]:
+    """The same without mass: the tension T whose share T √(1 − (rise/L)²) along the floor is the pull.
+
+    That grows with T from the tension at which the tether is as long as the rise. Newton's method, kept between a
+    tension that is too low and one that is too high.
+    """
+    rest, rise = n[REST], n[RISE]
+    taut = max(abs(rise) - rest, 0.0)
+    low = max(pull, n[KAPPA] * taut * (1 + n[STIFFENING] * (taut / n[FULL_STRETCH] - 1)))
+    if not pull > 0:
+        return math.sqrt(max(rest * rest - rise * rise, 0.0)), math.copysign(low, rise)
+    high, tension, length = np.inf, low, rest
+    for _ in range(_NEWTON_LIMIT):
+        stretch, softness = _stretch_under(n, tension)
+        length = rest + stretch
+        sine = min(abs(rise) / length, 1.0)
+        cosine = math.sqrt(1 - sine * sine)
+        off = tension * cosine - pull
+        low, high = (tension, high) if off < 0 else (low, tension)
+        step = off / (cosine + tension * sine * sine / (length * cosine) * softness) if cosine > 0 else 0.0
+        if abs(step) <= _SETTLED * tension and cosine > 0:
+            break
+        before, tension = tension, tension - step
+        if not low < tension < high:
+            tension = 2 * before if high == np.inf else 0.5 * (low + high)
+    return length * pull / tension, tension * rise / length
 
 
 @compiled(allocates=False)
