@@ -7,7 +7,7 @@ from scipy.optimize import brentq
 
 from footprints import rectangle
 from oracles import TRACTRIX
-from towval.model import Tether, TimedPath, TowedObject
+from towval.model import Ground, Tether, TimedPath, TowedObject
 from towval.model.errors import InputError
 from towval.model.geometry import rotation, transform
 from towval.physics.contact import resting_pressure
@@ -56,6 +56,20 @@ def test_straight_path_needs_the_friction_force_and_no_turning(cube):
     plan = quasistatic_plan(cube, Coulomb(0.35, 1e-6), path, TETHER)
     assert plan.pose[:, 2] == pytest.approx(np.pi / 4, abs=1e-12)
     assert np.linalg.norm(plan.tether_force, axis=1) == pytest.approx(0.35 * 5 * 9.81, rel=1e-9)
+
+
+@pytest.mark.parametrize("space", [False, True], ids=["plane", "space"])
+@pytest.mark.parametrize("angle", [0.0, 2.0, np.pi])
+def test_while_the_path_pauses_the_tether_stays_where_it_was(angle, space, cube):
+    """Friction that has risen at any speed: the hinge is l0 + F/κ ahead of the anchor, all the time."""
+    ahead = np.array([np.cos(angle), np.sin(angle)])
+    ground = Ground(slope=[1e-300, 0.0] if space else [0.0, 0.0])
+    for apart in (0.0, 1e-13):  # rounding between the two ends of a pause is no motion
+        along = [0.0, 0.0, 0.1, 0.2, 0.2 + apart, 0.3, 0.4, 0.4]
+        path = TimedPath([0, 5, 15, 25, 45, 55, 65, 70], np.outer(along, ahead))
+        plan = quasistatic_plan(cube, Coulomb(0.35, 1e-14), path, TETHER, times=np.linspace(0, 70, 141), ground=ground)
+        lead = (0.2 + 0.6 + 0.35 * 5 * 9.81 / 1000) * ahead
+        assert plan.hinge.position - plan.pose[:, :2] == pytest.approx(np.tile(lead, (141, 1)), abs=1e-7)
 
 
 def test_heading_is_that_of_an_integrator_with_a_root_at_every_step(cube, makkar):

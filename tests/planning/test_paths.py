@@ -6,6 +6,7 @@ import pytest
 from towval.model.errors import InputError
 from towval.model.geometry import path_length
 from towval.planning import paths
+from towval.planning.planner import tightest_radius
 
 CURVES = [
     paths.line(1.4),
@@ -101,6 +102,15 @@ def test_distance_is_from_the_segments_and_not_from_the_corners():
     )
 
 
+def test_a_pause_keeps_the_heading_and_bends_nothing():
+    along = np.concatenate([np.zeros(5), np.linspace(0, 1, 21), np.ones(5), np.linspace(1, 2, 21)])
+    rounding = 1e-15 * np.random.default_rng(1).standard_normal((len(along), 2))
+    for turn in (0.0, 0.7, 3.0):
+        position = np.outer(along, [np.cos(turn), np.sin(turn)]) + rounding
+        assert paths.path_heading(position) == pytest.approx(turn, abs=1e-9)
+        assert tightest_radius(position) > 1e6
+
+
 @pytest.mark.parametrize(
     "build",
     [
@@ -109,6 +119,8 @@ def test_distance_is_from_the_segments_and_not_from_the_corners():
         lambda: paths.rounded_square(4.0, 2.5),
         lambda: paths.through_points([[0, 0], [1, 1]]),
         lambda: paths.through_points([[0, 0], [0, 0], [1, 1]]),
+        lambda: paths.through_points([[0, 0], [0.6, 0.8], [0, 0]]),
+        lambda: paths.through_points([[0, 0], [0, 1], [0, 0.1], [0, -1]]),
         lambda: paths.timed(paths.circle(1.0), 0.1),
         lambda: paths.timed(paths.circle(1.0), 0.1, mean_speed=1.0, duration=1.0),
         lambda: paths.timed(paths.circle(1.0), 0.0, duration=1.0),

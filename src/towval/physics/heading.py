@@ -129,12 +129,11 @@ def follow(
 @compiled(allocates=False)
 def _lay_velocities(spline: Spline, t: float, h: float, piece: int, nodes: Array) -> float:
     """Velocities of P at the nodes of a panel, floor axes; returns the largest speed."""
-    knots, last_piece, fastest = spline.knots, len(spline.coefficients) - 1, 0.0
+    fastest = 0.0
     for j in range(_DEGREE + 1):
         time = t + 0.5 * h * (1 + _NODES[j])
-        piece = piece_at(knots, time, piece)
-        goes_on = piece < last_piece or time < knots[-1]
-        vx, vy = moving_velocity(spline_at(knots, spline.coefficients, time, piece), goes_on)
+        piece = piece_at(spline.knots, time, piece)
+        vx, vy = moving_velocity(spline, time, piece)
         nodes[_VX, j], nodes[_VY, j] = vx, vy
         fastest = max(fastest, vx * vx + vy * vy)
     return math.sqrt(fastest)
@@ -335,8 +334,7 @@ def _solve_reported(
     for i in range(first, end):
         piece = piece_at(spline.knots, times[i], piece)
         place = spline_at(spline.knots, spline.coefficients, times[i], piece)
-        goes_on = piece < len(spline.coefficients) - 1 or times[i] < spline.knots[-1]
-        vx, vy = moving_velocity(place, goes_on)
+        vx, vy = moving_velocity(spline, times[i], piece)
         cos, sin = math.cos(plan.pose[i, 2]), math.sin(plan.pose[i, 2])
         guess, ux, uy = plan.twist[i, 2], cos * vx + sin * vy, cos * vy - sin * vx
         plan.twist[i, 2], _, fx, fy, _, _, _, _ = balanced_rate(patch, geometry, ux, uy, guess, False)
@@ -369,15 +367,28 @@ def _assemble(
 
 
 @compiled(allocates=False)
-def moving_velocity(place: Place, goes_on: bool) -> tuple[float, float]:
-    """Velocity of the path; where it rests, a creep in the direction in which it will move (or has moved)."""
-    _, _, vx, vy, ax, ay = place
+def moving_velocity(spline: Spline, time: float, piece: int) -> tuple[float, float]:
+    """Velocity of the path at a time within a piece; where it rests, a creep in the direction of its motion.
+
+    That is the direction in which it will move, or at its end has moved; throughout a pause that of the motion before,
+    at whose end the tether stays, or of the motion after a pause at the start.
+    """
+    knots, limits = spline.knots, spline.speed_limits
+    if limits[piece] <= _CREEP:
+        moving = piece
+        while moving > 0 and limits[moving] <= _CREEP:
+            moving -= 1
+        while moving < len(limits) - 1 and limits[moving] <= _CREEP:
+            moving += 1
+        if limits[moving] > _CREEP:
+            time, piece = knots[moving + 1] if moving < piece else knots[moving], moving
+    _, _, vx, vy, ax, ay = spline_at(knots, spline.coefficients, time, piece)
     speed = math.sqrt(vx * vx + vy * vy)
     if speed > _CREEP:
         return vx, vy
     push = math.hypot(ax, ay)
     if push > 0:
-        sign = 1.0 if goes_on else -1.0
+        sign = 1.0 if time < knots[piece + 1] else -1.0
         return sign * _CREEP * ax / push, sign * _CREEP * ay / push
     if speed > 0:
         return _CREEP * vx / speed, _CREEP * vy / speed

@@ -15,6 +15,12 @@ from scipy.special import ellipk, ellipkinc
 from towval.model import Array, TimedPath, locked
 from towval.model.errors import InputError
 
+STILL = 1e-6
+"""Of the largest step of a sampled path: a shorter one is rounding, or the creep of a pause, and has no direction."""
+
+STANDSTILL = 1e-6
+"""Speed of a spline over its chord length, about 1, below which it stands: at a turning point, up to rounding."""
+
 SPLINE_NODES_PER_SPAN = 12
 """Gauss nodes for the length of one span of a spline: the speed is the root of a quartic, smooth unless zero."""
 
@@ -106,7 +112,7 @@ def through_points(points: ArrayLike, *, name: str = "points") -> Curve:
     """Curve through points (n, 2) in order [m]: a cubic spline over the chord length.
 
     It is closed, with a smooth seam, if the last point equals the first. Raises `InputError` when there are fewer than
-    three points or neighbours coincide.
+    three points, neighbours coincide, or the curve turns back on itself in a point.
     """
     points = locked(points, f"points of the curve {name}", (None, 2))
     if len(points) < 3:
@@ -122,6 +128,16 @@ def through_points(points: ArrayLike, *, name: str = "points") -> Curve:
 
 def _spline_curve(name: str, spline: CubicSpline) -> Curve:
     velocity = spline.derivative()
+    turns = np.concatenate([spline.x, *velocity.roots(extrapolate=False)])
+    turns = turns[np.isfinite(turns)]
+    speed = np.linalg.norm(velocity(turns), axis=-1)
+    if speed.min() < STANDSTILL:
+        x, y = spline(turns[np.argmin(speed)])
+        raise InputError(
+            f"the curve {name} turns back on itself, where it has no direction",
+            got=f"a turning point at ({x:.3g}, {y:.3g}) m",
+            remedy="draw the turn as a bend",
+        )
     nodes, weights = np.polynomial.legendre.leggauss(SPLINE_NODES_PER_SPAN)
 
     def length_between(start: Array, end: Array) -> Array:
@@ -165,8 +181,15 @@ def timed(
 
 
 def path_heading(position: ArrayLike) -> Array:
-    """Heading (n,) [rad] of a polyline (n, 2) [m] at its points, unwrapped, by central differences; n ≥ 2."""
+    """Heading (n,) [rad] of a polyline (n, 2) [m] at its points, unwrapped, by central differences; n ≥ 2.
+
+    Where the path pauses, the heading is that before, or after a pause at the start.
+    """
     tangent = np.gradient(np.asarray(position, dtype=np.float64), axis=0)
+    size = np.linalg.norm(tangent, axis=1)
+    moves = size > STILL * size.max()
+    latest = np.maximum.accumulate(np.where(moves, np.arange(len(size)), np.argmax(moves)))
+    tangent = tangent[latest]
     return np.unwrap(np.arctan2(tangent[:, 1], tangent[:, 0]))
 
 

@@ -21,7 +21,7 @@ from towval.model.findings import finding
 from towval.model.geometry import inverse_transform, path_length, transform
 from towval.planning.feasible_region import Flanks, flanks, nearest_centre, nearest_in_polygon
 from towval.planning.kinematics import Rover, steering_of_twist, wheel_rates
-from towval.planning.paths import deviation_rms, moving_average, path_heading
+from towval.planning.paths import STILL, deviation_rms, moving_average, path_heading
 
 Point: TypeAlias = tuple[float, float]
 
@@ -239,7 +239,8 @@ def tightest_radius(position: ArrayLike) -> float:
     position = np.asarray(position, dtype=np.float64)
     chord = np.diff(position, axis=0)
     size = np.linalg.norm(chord, axis=1)
-    chord, size = chord[size > 0], size[size > 0]
+    moves = size > STILL * size.max(initial=0.0)
+    chord, size = chord[moves], size[moves]
     cross = chord[:-1, 0] * chord[1:, 1] - chord[:-1, 1] * chord[1:, 0]
     turn = np.abs(np.arctan2(cross, np.sum(chord[:-1] * chord[1:], axis=1)))
     bends = turn > 1e-9  # a straight line, up to rounding

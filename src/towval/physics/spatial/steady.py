@@ -153,7 +153,7 @@ def rate_at(problem: TowProblem, lever: Array, time: float, heading: float, work
     knots, coefficients = problem.drive.knots, problem.drive.coefficients
     piece = piece_at(knots, time, 0)
     at = spline_at(knots, coefficients, time, piece)
-    vx, vy = moving_velocity(at, piece < len(coefficients) - 1 or time < knots[-1])
+    vx, vy = moving_velocity(problem.drive, time, piece)
     cos, sin, place = math.cos(heading), math.sin(heading), out[_PLACE:]
     place[0] = at[0] - cos * lever[0] + sin * lever[1]
     place[1] = at[1] - sin * lever[0] - cos * lever[1]
