@@ -15,14 +15,7 @@ from studies.paper.scene import paper_scene
 from towval.cli import main
 from towval.commands.plan import run, run_tow
 from towval.io.mcap_file import Message, read_mcap, write_mcap
-from towval.io.plan_files import (
-    JOINT_NAMES,
-    read_object_start,
-    read_path,
-    read_rover_poses,
-    write_plan_csv,
-    write_plan_mcap,
-)
+from towval.io.plan_files import JOINT_NAMES, read_path, read_rover_poses, read_tow, write_plan_csv, write_plan_mcap
 from towval.io.records import read_simulated
 from towval.io.ros import stamped_pose, stamped_vector, typestore
 from towval.io.schema import check, packaged_schema
@@ -103,7 +96,7 @@ def test_a_plan_written_as_mcap_drives_the_same_object_motion(tmp_path, scene, p
     times, poses = read_rover_poses(file)
     np.testing.assert_allclose(poses, loop.rover.pose, atol=1e-12)
     hinge = hinge_of_poses(poses, scene.rover)
-    np.testing.assert_allclose(read_object_start(file), nominal.pose[0], atol=1e-12)
+    np.testing.assert_allclose(read_tow(file)[2], nominal.pose[0], atol=1e-12)
     again = tow(
         times,
         hinge,
@@ -175,7 +168,7 @@ def test_a_recording_of_others_is_read_by_the_stamps_of_its_poses_whatever_else_
     assert times.tolist() == [0.0, 0.5, 1.0]
     np.testing.assert_allclose(poses[:, 0], [0.0, 0.1, 0.2])
     with pytest.raises(InputError, match=r"no poses of the object(.|\n)*got: /raw, /rover/pose, /wheels"):
-        read_object_start(file)
+        read_tow(file)
 
 
 def test_poses_of_another_type_are_named(tmp_path):
@@ -192,6 +185,51 @@ def test_a_path_file_that_is_no_table_of_numbers_is_refused(tmp_path, data):
     file.write_bytes(data)
     with pytest.raises(InputError, match="is no table of numbers"):
         read_path(file)
+
+
+@pytest.mark.parametrize("text", ["x_m,y_m\n", "x_m,y_m,time_s\n", "x_m,y_m,time_s\n0,0,0\n"])
+def test_a_path_file_of_less_than_two_points_is_refused(tmp_path, text):
+    file = tmp_path / "short.csv"
+    file.write_text(text)
+    with pytest.raises(InputError, match=r"rows below the names(.|\n)*2 or more"):
+        read_path(file)
+
+
+def test_a_missing_path_file_is_refused_by_name(tmp_path):
+    with pytest.raises(InputError, match=r"none\.csv is missing(.|\n)*columns x_m and y_m"):
+        read_path(tmp_path / "none.csv")
+
+
+def recording(file, rover_s, object_s):
+    """Rover at (t, 2 t, 0), object at (t − 1, 3, 0) at some times t."""
+    messages = [
+        Message("/rover/pose", round(1e9 * t), stamped_pose(t, "floor", np.array([t, 2 * t, 0.0]))) for t in rover_s
+    ]
+    messages += [
+        Message("/object/pose", round(1e9 * t), stamped_pose(t, "floor", np.array([t - 1, 3.0, 0.0]))) for t in object_s
+    ]
+    write_mcap(file, messages, {}, {})
+    return file
+
+
+@pytest.mark.parametrize(
+    ("rover_s", "object_s", "times_s"),
+    [
+        ([0.0, 1.0, 2.0, 3.0], [0.0, 1.0], [0.0, 1.0, 2.0, 3.0]),
+        ([0.0, 1.0, 2.0, 3.0], [1.25, 2.0], [1.25, 2.0, 3.0]),
+        ([0.5, 1.0, 2.0], [0.0, 1.0], [0.5, 1.0, 2.0]),
+    ],
+)
+def test_a_tow_starts_when_both_bodies_are_known(tmp_path, rover_s, object_s, times_s):
+    times, poses, start = read_tow(recording(tmp_path / "a.mcap", rover_s, object_s))
+    assert times.tolist() == times_s
+    np.testing.assert_allclose(poses, np.outer(times_s, [1.0, 2.0, 0.0]), atol=1e-12)
+    np.testing.assert_allclose(start, [times_s[0] - 1, 3.0, 0.0], atol=1e-12)
+
+
+def test_an_object_first_seen_after_the_rover_cannot_be_towed(tmp_path):
+    with pytest.raises(InputError, match=r"after the last pose of the rover(.|\n)*the object from 5 s on"):
+        read_tow(recording(tmp_path / "a.mcap", [0.0, 1.0], [5.0, 6.0]))
 
 
 def test_an_mcap_without_rover_poses_is_refused_by_name(tmp_path):
@@ -241,6 +279,7 @@ def test_the_commands_plan_a_curve_and_tow_behind_the_recorded_rover(tmp_path):
     assert planned.files == (plan, tmp_path / "line.csv")
     assert planned.text.startswith("arrived; the object deviates from its path by")
     assert run_tow(quick_plan(), plan, towed).numbers["path_length_m"] == pytest.approx(_path_length(towed))
+    assert read_simulated(towed).time_s == pytest.approx(read_rover_poses(plan)[0])  # every pose drives the tether
     # The recording starts the object at rest, the plan at the nominal velocity: the tether soon makes them one.
     gap = read_simulated(towed).pose[-1] - _last_object_pose(tmp_path / "line.csv")
     assert np.abs(gap[:2]).max() < 1e-4
@@ -346,5 +385,5 @@ def test_a_scene_with_a_mistyped_key_is_refused_by_name(tmp_path, capsys):
 
 
 def test_a_plan_of_one_pose_cannot_tow(scene, patch, nominal):
-    with pytest.raises(InputError, match="before it moves"):
+    with pytest.raises(InputError, match="without moving"):
         tow(np.zeros(1), np.zeros((1, 2)), scene.towed, patch, scene.tether, start_pose=nominal.pose[0])

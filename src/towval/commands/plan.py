@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from towval.commands.console import Outcome
 from towval.io.campaign import load_campaign
-from towval.io.plan_files import read_object_start, read_path, read_rover_poses, write_plan_csv, write_plan_mcap
+from towval.io.plan_files import read_path, read_tow, write_plan_csv, write_plan_mcap
 from towval.io.provenance import provenance
 from towval.io.records import write_simulated
 from towval.io.schema import check, packaged_schema
@@ -23,9 +23,6 @@ from towval.planning.paths import Curve, through_points, timed
 from towval.planning.plan import close_loop, hinge_of_poses, tow
 from towval.planning.planner import PlanCase, PlanOutcome
 from towval.planning.scene import PlanScene, friction_under, plan_scene
-
-_REPORT_STRIDE = 10
-"""Steps of the planner per reported pose of the object."""
 
 
 def run(
@@ -49,10 +46,7 @@ def run(
     ground, height = given.ground, given.hinge_height
     times = _planner_times(given, path)
     nominal = quasistatic_plan(given.towed, law, path, tether, times=times, ground=ground, hinge_height=height)
-    loop = close_loop(
-        nominal, given.towed, law, tether, given.rover, given.planner, report_stride=_REPORT_STRIDE, ground=ground,
-        hinge_height=height,
-    )  # fmt: skip
+    loop = close_loop(nominal, given.towed, law, tether, given.rover, given.planner, ground=ground, hinge_height=height)
     found = (*nominal.findings, *loop.rover.findings, *loop.towed.findings)
     if loop.rover.outcome is not PlanOutcome.ARRIVED:
         raise RefusedError(f"the rover does not arrive: {loop.rover.outcome}", remedy=loop.rover.advice)
@@ -94,18 +88,18 @@ def run_tow(
     campaign: Path | None = None,
     map_file: Path | None = None,
 ) -> Outcome:
-    """Simulate the object behind a recorded rover, from the first pose of the object in the recording.
+    """Simulate the object behind a recorded rover, from where the recording knows both, at rest.
 
     ``recording`` is any MCAP with ``/rover/pose`` and ``/object/pose`` or ``/object/pose_simulated``: a plan, a
-    measured track. ``output`` is in the format of simulate.mcap; the rest is as in :func:`run`.
+    measured track. Every pose of the rover drives the tether. ``output`` is in the format of simulate.mcap; the rest is
+    as in :func:`run`.
     """
     document, given = _scene(scene, campaign)
-    times, poses = read_rover_poses(recording)
+    times, poses, start = read_tow(recording)
     hinge = hinge_of_poses(poses, given.rover)
-    start = read_object_start(recording)
     motion = tow(
-        times, hinge, given.towed, friction_under(given), given.tether, start_pose=start, stride=_REPORT_STRIDE,
-        ground=given.ground, hinge_height=given.hinge_height,
+        times, hinge, given.towed, friction_under(given), given.tether, start_pose=start, ground=given.ground,
+        hinge_height=given.hinge_height,
     )  # fmt: skip
     write_simulated(output, motion, provenance("tow", document, {recording.name: recording}))
     moved_m = float(np.linalg.norm(np.diff(motion.pose[:, :2], axis=0), axis=1).sum())

@@ -100,16 +100,42 @@ def _nothing_of(body: str, path: FilePath, topics: Sequence[str]) -> InputError:
     )
 
 
-def read_object_start(path: FilePath) -> Array:
-    """First pose of the object (3,) [m, m, rad] in an MCAP: ``/object/pose``, else ``/object/pose_simulated``.
+def read_object_poses(path: FilePath) -> tuple[Array, Array]:
+    """As :func:`read_rover_poses`, of the object: ``/object/pose``, else ``/object/pose_simulated``.
 
     Raises `InputError` when the file is missing, damaged or has neither, or one of other messages.
     """
     topics = "/object/pose", "/object/pose_simulated"
-    _, poses = _stamped_poses(path, topics)
-    if not len(poses):
+    times_s, poses = _stamped_poses(path, topics)
+    if not len(times_s):
         raise _nothing_of("object", path, topics)
-    return np.asarray(poses[0])
+    return times_s, poses
+
+
+def read_tow(path: FilePath) -> tuple[Array, Array, Array]:
+    """What a tow behind the rover of any MCAP needs, from the first time at which rover and object are known.
+
+    Times (n,) [s] and poses (n, 3) [m, m, rad] of the rover, and the object's pose (3,) at the first of these; at a
+    time between two poses it is interpolated, and after its last the object has stayed. The rest is as in
+    :func:`read_rover_poses` and :func:`read_object_poses`.
+
+    Raises `InputError`, too, when the object is first seen after the last pose of the rover.
+    """
+    times_s, poses = read_rover_poses(path)
+    object_times_s, object_poses = read_object_poses(path)
+    first = max(times_s[0], object_times_s[0])
+    if first > times_s[-1]:
+        raise InputError(
+            f"the object is first seen after the last pose of the rover in {path}",
+            got=f"the object from {first:.6g} s on, the rover until {times_s[-1]:.6g} s",
+        )
+    later = times_s > first
+    start, rover = _pose_at(first, object_times_s, object_poses), _pose_at(first, times_s, poses)
+    return np.r_[first, times_s[later]], np.vstack([rover, poses[later]]), start
+
+
+def _pose_at(time_s: float, times_s: Array, poses: Array) -> Array:
+    return np.array([np.interp(time_s, times_s, column) for column in poses.T])
 
 
 def write_plan_csv(path: FilePath, plan: RoverPlan, towed: SimulatedMotion) -> None:
@@ -153,10 +179,10 @@ def read_table(path: FilePath) -> pd.DataFrame:
 def read_path(path: FilePath) -> Array | TimedPath:
     """Points (n, 2) [m] of a path from CSV with columns ``x_m`` and ``y_m``; with ``time_s`` a path with these times.
 
-    Raises `InputError` when the file is missing or a column is.
+    Raises `InputError` when the file is missing, or a column is, or it has fewer than two rows.
     """
     try:
-        table = read_table(path)
+        table = pd.read_csv(path)
         missing = [name for name in ("x_m", "y_m") if name not in table]
         if missing:
             raise InputError(
@@ -164,6 +190,10 @@ def read_path(path: FilePath) -> Array | TimedPath:
             )
         points = table[["x_m", "y_m"]].to_numpy(dtype=np.float64)
         times_s = table["time_s"].to_numpy(dtype=np.float64) if "time_s" in table else None
+    except FileNotFoundError:
+        raise InputError(f"{path} is missing", remedy="give a CSV file with columns x_m and y_m") from None
     except (ValueError, pd.errors.ParserError) as error:
         raise InputError(f"{path} is no table of numbers", got=error, allowed="CSV with a row of names") from None
+    if len(points) < 2:
+        raise InputError(f"{path} is no path", got=f"{len(points)} rows below the names", allowed="2 or more")
     return points if times_s is None else TimedPath(times_s, points)

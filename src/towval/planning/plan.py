@@ -91,7 +91,7 @@ def tow(
     times, hinge = np.asarray(times, dtype=np.float64), np.asarray(hinge, dtype=np.float64)
     rows = np.unique(np.concatenate([np.arange(0, len(times), stride), [len(times) - 1]]))
     if len(rows) < 2:
-        raise InputError("the rover's plan ends before it moves", got="one pose", remedy="see the advice of the plan")
+        raise InputError("the rover cannot tow without moving", got=f"{len(rows)} pose", allowed="two poses or more")
     path = TimedPath(times[rows], hinge[rows])
     return feedback(
         towed, law, tether, path, start_pose, path.time_s, start_twist=start_twist, ground=ground,
