@@ -8,6 +8,7 @@ from towval.model.errors import InputError
 from towval.physics.contact import resting_pressure
 from towval.physics.friction_laws import Coulomb
 from towval.physics.ladder import RUNGS, choose_rung, simulate_rung
+from towval.physics.trailing import TRAILING_RUNGS, trail
 from towval.physics.wrench import friction_wrench, sliding_patch
 
 TIMES = np.linspace(0, 1, 201)
@@ -82,6 +83,59 @@ def test_slack_hinge_moves_nothing_on_any_rung(cube, makkar):
         motion = simulate_rung(rung, cube, makkar, Tether(0.6, 1000), hinge, (0, 0, 0), [0.0, 0.5, 1.0])
         assert motion.outcome == "slack all along"
         assert np.abs(motion.pose).max() < 1e-12
+
+
+@pytest.mark.parametrize("rung", TRAILING_RUNGS)
+def test_a_rung_without_inertia_ends_at_the_same_place_however_seldom_it_is_reported(rung, cube):
+    """The hinge rests for half the time: the step follows from where it is fast."""
+    knots = [0.0, 5.0, 5.5, 6.0, 6.5, 7.0, 7.5, 8.0, 10.0]
+    along, across = [0.8, 0.8, 0.9, 1.0, 1.1, 1.2, 1.3, 1.35, 1.35], [0, 0, 0.05, 0.15, 0.3, 0.5, 0.8, 1.1, 1.1]
+    scene = cube, Coulomb(0.35, 1e-3), Tether(0.6, 1000.0), TimedPath(knots, np.column_stack([along, across]))
+    often = trail(rung, *scene, (0.0, 0.0, 0.0), np.linspace(0, 10, 1001))
+    for n in (2, 6):
+        seldom = trail(rung, *scene, (0.0, 0.0, 0.0), np.linspace(0, 10, n))
+        assert seldom.pose[-1] == pytest.approx(often.pose[-1], abs=1e-3)
+
+
+@pytest.mark.parametrize("rung", TRAILING_RUNGS)
+def test_a_resting_hinge_and_one_over_the_anchor_are_followed(rung, cube):
+    scene = cube, Coulomb(0.35, 1e-3), Tether(0.6, 1000.0)
+    resting = trail(rung, *scene, TimedPath([0.0, 10.0], [[0.7, 0.0], [0.7, 0.0]]), (0, 0, 0), [0.0, 5.0, 10.0])
+    assert resting.outcome == "slack all along"
+    assert resting.pose == pytest.approx(np.zeros((3, 3)), abs=0)
+    taken = trail(rung, *scene, TimedPath([0.0, 10.0], [[0.2, 0.0], [1.8, 0.0]]), (0, 0, 0), [0.0, 5.0, 10.0])
+    assert not taken.findings
+    # Behind the hinge by the anchor's lever, the tether and its stretch under μ N.
+    assert taken.pose[-1] == pytest.approx([1.8 - 0.2 - 0.6 - 0.35 * 5 * 9.80665 / 1000, 0, 0], abs=1e-4)
+
+
+@pytest.mark.parametrize("rung", TRAILING_RUNGS)
+def test_a_turned_tow_is_pulled_alike_from_rest(rung, cube):
+    """Friction is looked at no slower than a share of the hinge's mean speed, which no direction changes."""
+    pulls, time = [], np.arange(4.0)
+    for heading in (0.0, np.pi / 4):
+        hinge = TimedPath(time, np.outer(0.9 + 0.1 * time**2, [np.cos(heading), np.sin(heading)]))
+        motion = trail(rung, cube, Coulomb(0.35, 0.1), Tether(0.6, 1000.0), hinge, (0, 0, heading), time)
+        pulls.append(np.linalg.norm(motion.tether_force, axis=1))
+    assert pulls[0].min() > 0
+    assert pulls[1] == pytest.approx(pulls[0], rel=1e-9)
+
+
+@pytest.mark.parametrize("rung", TRAILING_RUNGS)
+def test_reported_rates_do_not_depend_on_the_first_interval(rung, cube):
+    knots = np.linspace(0, 20, 201)
+    way = np.column_stack([0.8 * np.cos(0.1 * knots) + 0.1 * knots, 0.8 * np.sin(0.1 * knots)])
+    scene = cube, Coulomb(0.35, 1e-3), Tether(0.6, 1000.0), TimedPath(knots, way), (0.0, 0.0, 0.0)
+    even, uneven = (trail(rung, *scene, np.r_[0, first, knots[2:]]) for first in (0.1, 1e-7))
+    assert uneven.twist[20:] == pytest.approx(even.twist[20:], abs=1e-4)
+
+
+@pytest.mark.parametrize("rung", TRAILING_RUNGS)
+def test_a_slack_tether_does_not_pull_before_the_hinge_has_gone_far(rung, cube):
+    hinge = TimedPath([0.0, 10.0], [[0.7, 0.0], [1.8, 0.0]])  # slack by 100 mm
+    motion = trail(rung, cube, Coulomb(0.35, 1e-3), Tether(0.6, 1000.0), hinge, (0, 0, 0), [0.0, 10.0])
+    assert [*motion.twist[0], *motion.tether_force[0]] == [0] * 5
+    assert motion.twist[-1] == pytest.approx([0.11, 0, 0], abs=1e-4)
 
 
 def test_unknown_rung_and_tolerance_are_input_errors(cube, lap):

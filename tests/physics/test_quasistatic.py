@@ -158,6 +158,27 @@ def test_lost_root_is_reported(makkar):
     assert {finding.code for finding in plan.findings} & {"root_lost", "root_jumped", "cable_would_push"}
 
 
+def test_a_jump_between_two_reported_times_is_reported(cube):
+    zigzag = TimedPath(10.0 * np.arange(5), [[0.0, 0.0], [0.3, 0.2], [0.6, -0.2], [0.9, 0.2], [1.2, 0.0]])
+    scene = cube, Coulomb(0.35, 1e-3), zigzag, TETHER
+    plan = quasistatic_plan(*scene, point=(-0.15, 0.15), start_heading=0.3, times=[0.0, 20.0])
+    assert "root_jumped" in {found.code for found in plan.findings}
+
+
+def test_drawn_by_its_anchor_an_object_starts_with_its_centre_of_mass_behind(makkar):
+    """A straight path then leaves it as it is; balance is where the centre of mass is in line with the anchor."""
+    towed = TowedObject(rectangle(0.4, 0.4), 5.0, [0.05, -0.02], 0.13, [0.0, 0.2])
+    path = TimedPath([0.0, 60.0], [[0.0, 0.0], [3.0, 0.0]])
+    plan = quasistatic_plan(towed, makkar, path, TETHER, point=towed.anchor, times=[0.0, 30.0, 60.0])
+    assert plan.pose[:, 2] == pytest.approx(-np.arctan2(0.22, -0.05), abs=1e-9)
+
+
+@pytest.mark.parametrize("heading", [np.nan, "x", [0.0, 1.0]])
+def test_a_start_heading_that_is_none_is_an_input_error(heading, cube, makkar):
+    with pytest.raises(InputError, match="start heading"):
+        quasistatic_plan(cube, makkar, lemniscate(60, 30), TETHER, start_heading=heading)
+
+
 def test_turned_and_moved_path_is_the_turned_and_moved_plan(cube, makkar):
     frame, path = np.array([1.0, -2.0, 0.8]), lemniscate(600, 2000)
     moved = TimedPath(path.time_s, transform(frame, path.position))

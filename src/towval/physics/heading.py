@@ -36,6 +36,7 @@ _BLOCK = 64  # times whose polynomials are evaluated together
 _FIRST, _LEAST = 0.1, 1e-3
 _SHORTEST = 1e-9  # of the time of the path, for where it rests
 _GROW, _SHRINK = 2.0, 0.5
+_LEAST_GROWTH = 0.1  # after a panel whose error is beyond all bounds
 _LEAST_ERROR = 1e-6  # over the tolerance: what a panel grows by follows from no less
 
 _NODES = -np.cos(np.pi * np.arange(_DEGREE + 1) / _DEGREE)
@@ -56,7 +57,7 @@ class Plan(NamedTuple):
 
     As in :class:`QuasistaticMotion`: ``pose``, ``twist``, ``tether_force``, ``hinge`` (n, 2). Beside: ``direction`` (n,
     2) of the tow in body axes, ``moment`` (n,) left about the anchor where the root is lost [N m], ``status`` (n,) of
-    the root.
+    the root, in the plane the worst since the time before.
     """
 
     pose: Array
@@ -96,6 +97,7 @@ def follow(
     h = min(span, _FIRST * patch.radius / max(spline.speed_limits[piece], _FIRST * patch.radius / span))
     filled = panels = solves = 0
     bound, known = 0.0, (t, 0.0)
+    worst, most = ROOT_FOUND, 0.0  # of the panels since the last time that was filled
     while filled < len(times):
         left = times[-1] - t
         h = left if 1.01 * h >= left else h
@@ -117,12 +119,18 @@ def follow(
         if to - filled < _FEW and status == ROOT_FOUND:
             solves += to - filled
             _solve_reported(patch, geometry, levers, spline, times, (filled, to, piece), plan)
+        worst = max(worst, status)
+        most = max(most, moment if status == ROOT_LOST else 0.0)
+        if to > filled:
+            plan.status[filled] = max(worst, plan.status[filled])
+            plan.moment[filled] = max(most, plan.moment[filled])
+            worst, most = ROOT_FOUND, 0.0
         filled, panels = to, panels + 1
         bound += _TOLERANCE * error + jerk * travel / patch.radius
         t = t + h if h < left else times[-1]
         piece = piece_at(spline.knots, t, piece)
         nodes[_THETA, 0], nodes[_OMEGA, 0] = nodes[_THETA, _DEGREE], nodes[_OMEGA, _DEGREE]
-        h *= min(_GROW, 0.9 * max(error, _LEAST_ERROR) ** (-1 / _DEGREE))
+        h *= min(_GROW, max(_LEAST_GROWTH, 0.9 * max(error, _LEAST_ERROR) ** (-1 / _DEGREE)))
     return panels, solves, bound
 
 

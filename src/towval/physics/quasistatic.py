@@ -88,8 +88,8 @@ def quasistatic_plan(
     point : array_like (2,), optional
         P in the body frame [m]; its origin if not given.
     start_heading : float, optional
-        Heading at the start [rad]. If not given, the object points along the path with its anchor ahead of P, so that
-        it starts as it will settle.
+        Heading at the start [rad]. If not given, the object points along the path with its anchor ahead of P, or of
+        its centre of mass where P is the anchor, so that it starts about as it will settle.
     times : array_like (n,), optional
         When to report [s]; those of the path if not given.
     ground, hinge_height
@@ -98,7 +98,7 @@ def quasistatic_plan(
     Raises
     ------
     InputError
-        When the path never moves or does not cover the times.
+        When the path does not cover the times, or never moves and no start heading is given.
     RefusedError
         When the object tips over on its path.
 
@@ -118,18 +118,22 @@ def quasistatic_plan(
     spline = spline_covering(path, times, "the path")
     point = locked(point, "point", (2,))
     if start_heading is None:
-        start_heading = _settled_heading(spline, times[0], towed.anchor - point)
+        lever = towed.anchor - point
+        if not lever.any():
+            lever = towed.anchor - towed.centre_of_mass
+        start_heading = _settled_heading(spline, times[0], lever)
+    start_heading = float(locked(start_heading, "start heading", ()))
     plan = room_for_plan(len(times))
     if isinstance(law, SlidingPatch) or not in_space:
         patch = resting_patch(towed, law, ground.gravity)
         levers = np.concatenate([point, towed.anchor, [tether.rest_length, tether.stiffness]])
-        panels, solves, error = follow(patch, levers, spline, times, float(start_heading), plan)
+        panels, solves, error = follow(patch, levers, spline, times, start_heading, plan)
         statistics = {"panels": float(panels), "solves": float(solves), "heading_error_rad": error}
     else:
         refuse_tipping(towed.patch, towed.centre_of_mass)
         problem = tow_problem(towed, as_sliding(law), tether, ground, hinge_height, spline)
         levers = np.concatenate([point, np.zeros(2)]) - np.tile(towed.centre_of_mass, 2)
-        statistics = follow_in_space(problem, levers, times, float(start_heading), plan)
+        statistics = follow_in_space(problem, levers, times, start_heading, plan)
     findings = (*_root_findings(times, plan.status, plan.moment), *_cable_findings(towed, times, plan.direction))
     for array in (times, plan.pose.base, *plan):
         cast(Array, array).setflags(write=False)  # So the motion need not copy it.
@@ -152,7 +156,7 @@ def _times_of(path: TimedPath | CubicSpline, times: ArrayLike | None) -> Array:
 
 
 def _settled_heading(spline: Spline, start: float, lever: Array) -> float:
-    """Heading with the anchor ahead of P along the path's first direction [rad]."""
+    """Heading with a lever in the body frame (2,) ahead along the path's first direction [rad]."""
     samples = np.linspace(start, spline.knots[-1], 1001)
     _, velocity = spline_values(spline, samples)
     speed = np.linalg.norm(velocity, axis=1)

@@ -27,7 +27,7 @@ from towval.model.geometry import rotation, transform
 from towval.physics.dynamics import ADVICE, Outcome, checked_times, resting_patch
 from towval.physics.friction_table import coefficient_over_speed
 from towval.physics.limit_surface import limit_surface
-from towval.physics.splines import Spline, piece_at, spline_at, spline_covering
+from towval.physics.splines import Spline, piece_at, spline_at, spline_covering, spline_values
 from towval.physics.tether import refuse_beyond_plane
 from towval.physics.wrench import SlidingPatch, wrench_and_slopes
 
@@ -40,6 +40,7 @@ TRAILING_RUNGS = (TRACTRIX, LIMIT_SURFACE, PATCH)
 _STRIDE = 0.05  # of the patch's radius: the hinge moves no further in a Runge-Kutta step
 _LENGTH_STEPS = 3.0  # steps in which a wrong length dies out
 _SLOWEST = 0.05  # of the hinge's mean speed: friction is not looked at below
+_CREEP = 1e-9  # m/s, of a hinge that rests all along
 _NEWTON_LIMIT = 40
 
 
@@ -97,14 +98,21 @@ def trail(
     drive = spline_covering(hinge, times, "the path of the hinge")
     patch = resting_patch(towed, law)
     surface = limit_surface(patch)
-    mean_speed = float(np.abs(drive.coefficients[:, :, 1]).mean()) * math.sqrt(2)
-    numbers = [tether.stiffness, tether.rest_length, surface.normal_force, surface.radius**2, _SLOWEST * mean_speed]
+    slowest = _SLOWEST * max(_CREEP, _mean_speed(drive))
+    numbers = [tether.stiffness, tether.rest_length, surface.normal_force, surface.radius**2, slowest]
     model = _Trail(patch, drive, towed.anchor - patch.origin, np.array([*numbers, patch.radius * _STRIDE]))
     pose = locked(start_pose, "start pose", (3,))
     state = np.array([*transform(pose, patch.origin), pose[2]])
     out = np.empty((len(times), 9))
     unbalanced, moved = _integrate(TRAILING_RUNGS.index(rung), model, times, state, out)
     return _motion(rung, times, out, patch.origin, moved, unbalanced)
+
+
+def _mean_speed(drive: Spline) -> float:
+    """Length of the path, by chords over a third of a piece, over its duration [m/s]."""
+    parts = np.linspace(0, 1, 3, endpoint=False) * np.diff(drive.knots)[:, None]
+    place, _ = spline_values(drive, np.append(drive.knots[:-1, None] + parts, drive.knots[-1]))
+    return float(np.linalg.norm(np.diff(place, axis=0), axis=1).sum() / np.ptp(drive.knots))
 
 
 def _motion(rung: str, times: Array, out: Array, centre: Array, moved: bool, unbalanced: int) -> SimulatedMotion:
@@ -138,10 +146,14 @@ def _integrate(rung: int, model: _Trail, times: Array, state: Array, out: Array)
     rates, trial, total, guess = np.zeros(3), np.empty(3), np.empty(3), np.zeros(3)
     shares, places = (1 / 6, 1 / 3, 1 / 3, 1 / 6), (0.0, 0.5, 0.5, 1.0)
     piece, unbalanced, moved = 0, 0, False
+    # Reported rates close a wrong length over the mean of the intervals: over one that happens to be short, rounding
+    # would become speed, and over one in which the hinge goes far, a slack tether would pull.
+    reported_lag = min((times[-1] - times[0]) / (len(times) - 1), _LENGTH_STEPS * model.numbers[5] / limits.max())
     for i in range(len(times)):
         piece = piece_at(knots, times[i], piece)
         if i > 0:
-            travel = limits[piece_at(knots, times[i - 1], piece)] * (times[i] - times[i - 1])
+            fastest = limits[piece_at(knots, times[i - 1], piece) : piece + 1].max()
+            travel = fastest * (times[i] - times[i - 1])
             parts = max(1, math.ceil(travel / model.numbers[5]))
             h = (times[i] - times[i - 1]) / parts
             for part in range(parts):
@@ -155,12 +167,14 @@ def _integrate(rung: int, model: _Trail, times: Array, state: Array, out: Array)
                     lag = _LENGTH_STEPS * h
                     balanced, _, _, _ = _rates(rung, model, now, piece_at(knots, now, piece), trial, lag, guess, rates)
                     unbalanced += 0 if balanced else 1
+                    if stage == 0:  # The tractrix has turned the body into the tether's line.
+                        total[2] += trial[2] - state[2]
+                        state[2] = trial[2]
                     for j in range(3):
                         total[j] += shares[stage] * h * rates[j]
                 moved = moved or total[0] != state[0] or total[1] != state[1]
                 state[:] = total
-        lag = times[1] - times[0]
-        _, fx, fy, length = _rates(rung, model, times[i], piece, state, lag, guess, rates)
+        _, fx, fy, length = _rates(rung, model, times[i], piece, state, reported_lag, guess, rates)
         out[i, :3], out[i, 3:6] = state, rates
         out[i, 6], out[i, 7], out[i, 8] = fx, fy, length
     return unbalanced, moved
@@ -181,7 +195,7 @@ def _rates(
         qx = qy = 0.0
     lx, ly = px - state[0] - qx, py - state[1] - qy
     length = math.hypot(lx, ly)
-    nx, ny = lx / length, ly / length
+    nx, ny = (lx / length, ly / length) if length > 0 else (1.0, 0.0)
     along = nx * px_dot + ny * py_dot
     speed = max(along, slowest)
     lever = qx * ny - qy * nx
