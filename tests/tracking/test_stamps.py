@@ -301,6 +301,48 @@ def test_a_leap_out_of_a_rest_is_three_times_as_fast_as_a_body_ever_is(steps, fo
     assert codes(tracks) == found
 
 
+def along(tracks, rover_m, object_m, noise_m, seed=0):
+    """The tracks of two bodies that go straight, to places (n,) [m], with a deviation of each pose."""
+    rng = np.random.default_rng(seed)
+    return {
+        name: replace(
+            track,
+            pose=np.outer(way, [1, 0, 0]) + noise_m * rng.standard_normal((len(way), 3)),
+            covariance=noise_m**2 * np.tile(np.eye(3), (len(way), 1, 1)),
+        )
+        for (name, track), way in zip(tracks.items(), (rover_m, object_m), strict=True)
+    }
+
+
+def slips(time_s, slip_m=0.02, lasts_s=0.314, every_s=2.0):
+    """Place (n,) [m] of a body that sticks and slips, by half a cosine."""
+    count, since = np.divmod(time_s, every_s)
+    return slip_m * (count + (1 - np.cos(np.pi * np.clip(since / lasts_s, 0, 1))) / 2)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_slow_body_that_goes_on_shows_that_the_other_one_slips(seed):
+    """The rover goes 13 deviations a picture: too slow for any one step to be compared, not for ten of them."""
+    time_s = np.arange(750) / 25
+    kept = np.flatnonzero(np.random.default_rng(seed).random(750) > 0.05)
+
+    def towed(true_s):
+        tracks = filmed(EVEN, time_s[: len(true_s)], np.zeros(len(true_s), dtype=int))
+        return along(tracks, 0.01 * true_s, slips(true_s + 0.1), 3e-5, seed)
+
+    assert codes(towed(time_s)) == []
+    steady = towed(time_s[kept]) | {"object": filmed(time_s[kept], time_s[: len(kept)])["object"]}
+    assert codes(steady) == ["stamps_contradicted"]
+
+
+@pytest.mark.parametrize(("rover_speed", "found"), [(0.0, ["stamps_contradicted"]), (0.002, [])])
+def test_a_picture_is_not_frozen_in_which_one_body_creeps(rover_speed, found):
+    """The other one stands for a second, then leaps by ten of its steps; the rover goes 2.7 deviations a picture."""
+    index = np.arange(250)
+    leapt = 0.001 * (np.minimum(index, 100) + np.maximum(index - 125, 0) + 10 * (index > 125))
+    assert codes(along(filmed(EVEN, EVEN), rover_speed * EVEN, leapt, 3e-5)) == found
+
+
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize(("noise_m", "found"), [(5e-4, ["stamps_uneven"]), (1.1e-3, [])])
 def test_stamps_are_uneven_where_more_than_half_of_the_lateness_is_common_to_two_bodies(noise_m, found, seed):

@@ -57,6 +57,8 @@ _ALTERNATION = 48 / 35  # Share of it by which each picture is beside the quadra
 _LEFT = 18 / 35  # Share of a picture's variance by which it is beside the quadratic through five.
 _OTHER_STEPS = np.setdiff1d(np.arange(-12, 2.5, 0.5), [0.0])  # That a step may be longer by, in usual ones.
 _Bodies = list[tuple[Array, float]]  # Places (n, 2) of each body, and its usual misfit.
+_EVENLY = 3.0  # Deviations by which a slow body misses the jumps of another one that it goes on through.
+_CREEPS = 5.0  # Deviations of a pose by which a slow body is sure to have moved.
 _AROUND = 6  # Pictures on each side whose velocity counts where one shows none.
 _ROUNDS = 4  # Of looking for repeated pictures: several of them side by side hide each other.
 
@@ -81,6 +83,11 @@ def check_stamps(tracks: Mapping[str, Track]) -> tuple[dict[str, Track], tuple[F
         findings.append(finding("pictures_repeated", count=int(repeated.sum()), time_s=time_s[repeated][0]))
     stamps = np.where(repeated, Stamp.REPEATED, Stamp.AS_WRITTEN).astype(np.uint8)
     leaps, jumps = _leaps(tracks, ~repeated) | _dropped(tracks, ~repeated), _common(share, moving)
+    alone = jumps & (moving.sum(axis=0) == 1)
+    due = np.where(moving, share, 0.0).sum(axis=0)
+    others = zip(tracks.values(), alone & ~moving, strict=True)
+    if alone.any() and any(_goes_on(other, ~repeated, at, due) for other, at in others):
+        jumps &= ~alone
     if _enough(jumps, moving) or leaps.any():
         jumps |= leaps
         at = np.flatnonzero(~repeated)[:-1][jumps]
@@ -162,25 +169,30 @@ def _shares(tracks: Mapping[str, Track], left_out: NDArray[np.bool_]) -> tuple[A
 
 def _share(track: Track, kept: NDArray[np.bool_]) -> tuple[Array, NDArray[np.bool_]]:
     c = CONSTANTS
-    time_s, pose = track.time_s[kept], np.where(track.seen[kept, None], track.pose[kept], np.nan)
-    step = np.diff(pose[:, :2], axis=0)
-    velocity = step / np.diff(time_s)[:, None]
-    n = len(velocity)
-    share, steady = np.full(n, np.nan), np.zeros(n, dtype=bool)
-    if n < 2 * c.beside + 1:
+    velocity, before, after = _velocities(track, kept)
+    share, steady = np.full(len(velocity), np.nan), np.zeros(len(velocity), dtype=bool)
+    if not np.isfinite(before).any():
         return share, steady
-    windows = np.lib.stride_tricks.sliding_window_view(velocity, c.beside, axis=0)
-    # The medians of the steps before and after: one of them may itself be a jump.
-    before, after = np.median(windows[: -c.beside - 1], axis=2), np.median(windows[c.beside + 1 :], axis=2)
-    middle = slice(c.beside, n - c.beside)
     mean, change = (before + after) / 2, np.linalg.norm(after - before, axis=1)
     speed = np.linalg.norm(mean, axis=1)
-    std = _noise_m(track, kept)
     with np.errstate(invalid="ignore", divide="ignore"):
-        share[middle] = np.sum(velocity[middle] * mean, axis=1) / speed**2 - 1
-        enough = speed * np.median(np.diff(time_s)) > c.least_deviations * std
-        steady[middle] = enough & (change < c.steady * speed) & np.isfinite(share[middle])
+        share = np.sum(velocity * mean, axis=1) / speed**2 - 1
+        enough = speed * np.median(np.diff(track.time_s[kept])) > c.least_deviations * _noise_m(track, kept)
+        steady = enough & (change < c.steady * speed) & np.isfinite(share)
     return share, steady
+
+
+def _velocities(track: Track, kept: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
+    """Velocity [m/s] in each step (n, 2), before it and after it, by medians: one of those beside may jump, too."""
+    beside = CONSTANTS.beside
+    place = np.where(track.seen[kept, None], track.pose[kept, :2], np.nan)
+    velocity = np.diff(place, axis=0) / np.diff(track.time_s[kept])[:, None]
+    before, after = np.full_like(velocity, np.nan), np.full_like(velocity, np.nan)
+    n = len(velocity)
+    if n > 2 * beside:
+        medians = np.median(np.lib.stride_tricks.sliding_window_view(velocity, beside, axis=0), axis=2)
+        before[beside : n - beside], after[beside : n - beside] = medians[: -beside - 1], medians[beside + 1 :]
+    return velocity, before, after
 
 
 def _noise_m(track: Track, kept: NDArray[np.bool_]) -> float:
@@ -217,28 +229,48 @@ def _common(share: Array, moving: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.asarray(some & alike & (np.minimum(np.abs(low), np.abs(high)) > CONSTANTS.jump))
 
 
+def _goes_on(track: Track, kept: NDArray[np.bool_], jumps: NDArray[np.bool_], due: Array) -> bool:
+    """Whether a body goes on evenly through jumps (n,) of another one, by shares ``due`` (n,) of its steps.
+
+    It may be too slow to show any one of them, but not to show all together.
+    """
+    velocity, before, after = _velocities(track, kept)
+    usual, std = (before + after) / 2, _noise_m(track, kept) / np.median(np.diff(track.time_s[kept]))
+    at = jumps & (np.linalg.norm(usual, axis=1) > _CREEPS * std)
+    if not at.any():
+        return False
+    jump = due[at, None] * usual[at]
+    size = np.sum(jump**2)
+    shown = np.sum((velocity[at] - usual[at]) * jump) / size
+    # Of two poses, and of what is taken for the usual step.
+    std_of_shown = 2 * std / np.sqrt(size)
+    return bool(shown < 0.5 and 1 - shown > _EVENLY * std_of_shown)
+
+
 def _leaps(tracks: Mapping[str, Track], kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Steps (n,) at which all bodies that move at all leave a rest faster than any of them moves.
 
-    A picture that is frozen for a while shows a rest, and then where the bodies have come to meanwhile. What is hidden
-    or lost in between counts with the pose before.
+    A picture that is frozen for a while shows a rest, and then where the bodies have come to meanwhile: none goes on in
+    it, be it slowly. What is hidden or lost in between counts with the pose before.
     """
     c, found = CONSTANTS, []
     for track in tracks.values():
         seen = np.flatnonzero(track.seen[kept])
         time_s, place = track.time_s[kept][seen], track.pose[kept][seen, :2]
-        leap, moves = (np.zeros(kept.sum() - 1, dtype=bool) for _ in range(2))
+        leap, moves, awake = (np.zeros(kept.sum() - 1, dtype=bool) for _ in range(3))
         if len(seen) > 2 * c.beside:
             step = np.linalg.norm(np.diff(place, axis=0), axis=1)
             speed = step / np.diff(time_s)
             rested = np.linalg.norm(place[c.beside : -1] - place[: -c.beside - 1], axis=1)
-            large = step[c.beside :] > c.least_deviations * _noise_m(track, kept)
+            std = _noise_m(track, kept)
+            large = step[c.beside :] > c.least_deviations * std
             fast = speed[c.beside :] > c.leap * np.percentile(speed, 95)
             moves[seen[c.beside : -1]] = large
             leap[seen[c.beside : -1]] = large & fast & (rested < c.repeated * step[c.beside :])
-        found.append((leap, moves))
-    leaps, moving = (np.array(rows) for rows in zip(*found, strict=True))
-    return np.asarray(leaps.any(axis=0) & (leaps == moving).all(axis=0))
+            awake[seen[c.beside : -1]] = ~large & (rested > _CREEPS * np.sqrt(2) * std)
+        found.append((leap, moves, awake))
+    leaps, moving, awake = (np.array(rows) for rows in zip(*found, strict=True))
+    return np.asarray(leaps.any(axis=0) & (leaps == moving).all(axis=0) & ~awake.any(axis=0))
 
 
 def _dropped(tracks: Mapping[str, Track], kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
