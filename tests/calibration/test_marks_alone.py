@@ -2,18 +2,21 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 import yaml
+from scipy.optimize import least_squares
 
-from studies.worlds.boards import calibration_set
+from studies.worlds.boards import calibration_set, ceiling_camera
 from towval.calibration.calibrate import CalibrateSettings, calibrate_observations
 from towval.calibration.marks_alone import calibrate_marks
 from towval.commands import calibrate as command
 from towval.io.records import read_calibration
 from towval.model import FloorReference
 from towval.model.errors import InputError
-from towval.optics.plane_uncertainty import position_covariance
+from towval.model.geometry import lifted
+from towval.optics.plane_uncertainty import position_covariance, shared_parameters
 from towval.optics.projection import to_plane
 
 
@@ -88,3 +91,28 @@ def test_a_camera_without_anything_to_calibrate_it_is_refused(tmp_path, camera, 
     with pytest.raises(InputError, match=message):
         command.run(tmp_path, tmp_path / "camera.mcap")
     assert not (tmp_path / "camera.mcap").exists()
+
+
+@pytest.mark.parametrize("seed", [602, 614])
+def test_the_fit_does_not_stop_on_the_way_to_its_minimum(seed):
+    """Marks tell the focal length so little that the way is long; SciPy comes from the truth."""
+    rng = np.random.default_rng(seed)
+    camera, floor = ceiling_camera(rng)
+    camera = replace(camera, distortion=np.array([-0.2, 0.03, 0, 0, 0, 0, 0, 0]))
+    pixels = rng.uniform([50, 50], [1870, 1030], (20, 2))
+    marks = to_plane(camera, floor, pixels, 0.0)
+    seen = pixels + rng.normal(0, 0.3, pixels.shape)
+    calibration = calibrate_marks(
+        camera.resolution_px, FloorReference(marks_px=seen, marks_m=marks, mark_std_px=0.3), ("k1 k2",)
+    )
+
+    def misfit(values: np.ndarray) -> np.ndarray:
+        fx, fy, cx, cy, k1, k2 = values[:6]
+        K = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]])
+        lens = np.array([k1, k2, 0, 0])
+        return (cv2.projectPoints(lifted(marks, 0.0), values[6:9], values[9:], K, lens)[0][:, 0] - seen).ravel() / 0.3
+
+    truth = shared_parameters(camera, floor)[[0, 1, 2, 3, 4, 5, *range(12, 18)]]
+    least = 2 * least_squares(misfit, truth, x_scale="jac", max_nfev=600).cost
+    found = len(seen) * 2 * (calibration.quality["marks_rms_px"] / 0.3) ** 2
+    assert found == pytest.approx(least, abs=0.01)

@@ -27,7 +27,8 @@ _LENS_START, _FLOOR_START, _CAMERA_END = 4, 12, len(CALIBRATION_PARAMETERS)
 BOARD_DOUBTS, HELD_DOUBTS = np.arange(_CAMERA_END, _CAMERA_END + 5), np.arange(_CAMERA_END + 5, _CAMERA_END + 8)
 """Where they are among the parameters, after those of the camera."""
 
-_MAX_STEPS = 30
+_MAX_STEPS = 400
+"""A fit that converges stops by itself; marks alone, which hardly tell the focal length, may take some hundred."""
 _NOISE_ROUNDS = 5
 _NEGLIGIBLE_DECREASE = 1e-4
 """In units of the whitened cost, where 1 is one standard deviation of one parameter combination."""
