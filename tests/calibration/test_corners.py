@@ -7,7 +7,7 @@ import pytest
 from board_pictures import chessboard_pattern, pattern_to_image, picture, true_corners
 from towval.calibration.adequacy import blur_findings
 from towval.calibration.board_search import find_boards, fitting_corner_counts
-from towval.calibration.corners import facing_camera, observe_charuco, observe_chessboard, refine
+from towval.calibration.corners import BoardObservation, facing_camera, observe_charuco, observe_chessboard, refine
 from towval.calibration.observations import CalibrationObservations
 from towval.model import Board
 from towval.model.errors import InputError
@@ -136,3 +136,20 @@ def test_a_blurred_board_is_flagged(blur, flagged):
     observation = observe_chessboard("a.png", image, Board("chessboard", (9, 6), 0.04), thorough=False)
     found = blur_findings(CalibrationObservations((640, 480), (observation,)))
     assert [finding.code for finding in found] == (["views-blurred"] if flagged else [])
+
+
+def test_a_board_that_only_the_thorough_finder_finds_is_searched_in_every_picture(monkeypatch):
+    quickly = []
+
+    def observe(name, image, board, *, thorough):
+        if not thorough:
+            quickly.append(name)
+        return BoardObservation(name, np.zeros((1, 2)), np.zeros((1, 2))) if thorough else None
+
+    monkeypatch.setattr("towval.calibration.board_search.observe_chessboard", observe)
+    named = [(f"{i:02d}", np.full((40, 60), 128, np.uint8)) for i in range(11)]
+    found, without = find_boards(named, Board("chessboard", (9, 6), 0.04), 1)
+    assert [each.name for each in found] == [name for name, _ in named]
+    assert without == {}
+    # The six that are looked at before all others are spread over the recording.
+    assert quickly[:6] == ["00", "02", "04", "06", "08", "10"]

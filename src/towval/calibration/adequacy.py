@@ -145,8 +145,9 @@ def _half(
     boards = range(start, len(observed.boards), 2)
     flat = range(len(observed.boards), len(observed.observations))
     first = [] if observed.marks else [flat[0]]
-    chosen = [*boards, *first, *flat[len(first) + start :: 2], *range(len(observed.observations), len(observed.blocks))]
-    blocks = [observed.blocks[i] for i in chosen]
+    every = observed.blocks
+    chosen = [*boards, *first, *flat[len(first) + start :: 2], *range(len(observed.observations), len(every))]
+    blocks = [every[i] for i in chosen]
     fitted = adjust(blocks, estimate.of(chosen), active)
     camera = Camera(observed.resolution_px, fitted.matrix, fitted.distortion, "")
     return camera, Floor(fitted.T_camera_floor), marginal_covariance(blocks, fitted, active)[0]

@@ -36,9 +36,13 @@ def find_boards(
         known |= zip(rest, pool.map(lambda i: _quick(images[i], board), rest), strict=True)
         if board.kind == "chessboard":
             missing = [i for i in range(len(images)) if known[i] is None]
-            missing = missing if len(missing) < len(images) else _spread(missing)
-            thorough = pool.map(lambda i: observe_chessboard(*images[i], board, thorough=True), missing)
-            known |= zip(missing, thorough, strict=True)
+            # Where the quick finder finds nothing at all, a few pictures tell whether the slow one does.
+            first = missing if len(missing) < len(images) else _spread(missing)
+            for some in (first, [i for i in missing if i not in first]):
+                thorough = pool.map(lambda i: observe_chessboard(*images[i], board, thorough=True), some)
+                known |= zip(some, thorough, strict=True)
+                if not any(known.values()):
+                    break
     found = [known[i] for i in range(len(images))]
     if not any(found):
         raise _no_board(len(images), board, "check that the pictures are those of the board, whole and sharp")
@@ -49,7 +53,8 @@ def find_boards(
 
 def _spread(indices: Sequence[int]) -> list[int]:
     """A few of the indices, spread over the sequence."""
-    return [*indices[:: max(1, len(indices) // _SAMPLE)]][:_SAMPLE]
+    count = len(indices)
+    return [indices[i] for i in np.linspace(0, count - 1, min(count, _SAMPLE)).astype(int)]
 
 
 def _quick(image: NamedImage, board: Board) -> BoardObservation | None:

@@ -41,7 +41,10 @@ def distort_jacobian(x: float, y: float, k: Array) -> tuple[float, float, float,
 
 @compiled()
 def undistort(u: float, v: float, k: Array) -> tuple[float, float]:
-    """Inverse of :func:`distort` by Newton's method; NaN where it does not converge or the lens model folds."""
+    """Inverse of :func:`distort` by Newton's method; NaN where it does not converge or comes upon a fold of the lens.
+
+    Beyond what a folding lens can show it may also land on a branch past the fold.
+    """
     x, y = u, v
     for _ in range(_NEWTON_STEPS):
         du, dv = distort(x, y, k)
