@@ -1,10 +1,13 @@
 """What a command says at its end: lines for people, or one JSON object for programs."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from report_scenes import small_calibration
+from towval.commands.calibrate import _how_good
 from towval.commands.console import Outcome, show
 from towval.model import Finding, Severity
 from towval.model.errors import TowvalError
@@ -27,6 +30,12 @@ def test_people_read_findings_and_then_one_line_with_the_file(capsys):
         "track a: note: object: found.", "track a: out/track.mcap: seen in 9 of 10 frames"
     ]  # fmt: skip
     assert told.err == "track a: warning: The stamps jump.\n"
+
+
+def test_large_lengths_are_no_powers_of_ten():
+    quality = {"position_std_mm at 0 m": 123.4, "position_std_mm at 0.25 m": 3.024}
+    said = _how_good(replace(small_calibration(), quality=quality))
+    assert "±123.4 mm at 0 m, ±3.02 mm at 0.25 m above the floor" in said
 
 
 def test_programs_read_one_object_in_which_what_is_unknown_is_null(capsys):

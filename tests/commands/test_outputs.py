@@ -71,6 +71,18 @@ def test_a_film_never_replaces_footage(lab_small, tmp_path, capsys):
     assert "is not replaced" in refused(capsys, "overlay", lab_small, "--run", "a", *paths, "-o", lab_small / "a.mp4")
 
 
+def test_the_file_beside_an_output_is_looked_at_before_anything_is_read(lab_small, tmp_path, capsys):
+    """With results that are missing, any reading would be told first."""
+    none = tmp_path / "none"
+    assert "names the page" in refused(capsys, "index", none, "-o", tmp_path / "index.html")
+    assert "names the table" in refused(capsys, "identify", lab_small, "--results", none, "-o", tmp_path / "i.csv")
+    for name in ("index.html", "i.csv"):
+        (tmp_path / name).write_text("mine")
+    assert "is not replaced" in refused(capsys, "index", none, "-o", tmp_path / "index.sqlite")
+    assert "is not replaced" in refused(capsys, "identify", lab_small, "--results", none, "-o", tmp_path / "i.mcap")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["i.csv", "index.html"]
+
+
 @pytest.mark.parametrize(("command", "kind"), [("track", "MCAP"), ("overlay", "MP4"), ("index", "SQLite")])
 def test_the_help_names_the_kind_of_file_that_is_written(command, kind, capsys):
     with pytest.raises(SystemExit):

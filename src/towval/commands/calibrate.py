@@ -14,6 +14,7 @@ from towval.io.images import GrayPictures
 from towval.io.provenance import provenance, read_sections
 from towval.io.records import write_calibration
 from towval.model import Calibration
+from towval.report.wording import decimal
 from towval.selection.lens import with_lens_choice
 
 
@@ -36,7 +37,7 @@ def _how_good(calibration: Calibration) -> str:
     used = sum(not view.dropped for view in calibration.views)
     views = f"{used} of {len(calibration.views)} views, " if calibration.views else ""
     stated = ((name.partition(" ")[2], std) for name, std in calibration.quality.items() if "position_std" in name)
-    known = ", ".join(f"±{std:.2g} mm {at}" for at, std in stated)
+    known = ", ".join(f"±{decimal(std)} mm {at}" for at, std in stated)
     return f"{views}lens {calibration.camera.lens_model}" + (f"; positions {known} above the floor" if known else "")
 
 

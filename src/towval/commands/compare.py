@@ -11,6 +11,7 @@ from towval.commands.settings import settings_from
 from towval.io.chain import check_together
 from towval.io.provenance import provenance
 from towval.io.records import read_simulated, read_tracks, read_uncertainty, write_comparison
+from towval.report.wording import millimetres
 from towval.validation.compare import CompareSettings, compare
 
 
@@ -26,7 +27,7 @@ def run(
     write_comparison(output, comparison, measured, motion, provenance("compare", settings, files, run=name))
     names = ("path_rms_m", "path_max_m", "error_upper_m", "tolerance_m", "detectable_m", "u_val_m")
     numbers = {"verdict": comparison.verdict.value, **{name: float(getattr(comparison, name)) for name in names}}
-    text = f"{comparison.verdict}; path error {1e3 * comparison.path_rms_m:.2g} mm RMS"
+    text = f"{comparison.verdict}; path error {millimetres(comparison.path_rms_m)} RMS"
     if np.isfinite(comparison.error_upper_m):
-        text += f", at most {1e3 * comparison.error_upper_m:.2g} mm"
+        text += f", at most {millimetres(comparison.error_upper_m)}"
     return Outcome(f"compare {name}", (output,), text, numbers, comparison.findings)

@@ -11,6 +11,7 @@ from towval.commands.settings import settings_from
 from towval.io.chain import check_together
 from towval.io.provenance import provenance
 from towval.io.records import read_tracks, write_decimated
+from towval.report.wording import decimal
 from towval.validation.decimate import DecimateSettings, decimate
 
 
@@ -23,7 +24,7 @@ def run(track: Path, output: Path, keys: Mapping[str, Any] | None = None) -> Out
     noise = {f"{name}_noise_mm": 1e3 * float(np.hypot(*body.noise[:2])) for name, body in decimated.items()}
     kept = {f"{name}_poses": len(body.time_s) for name, body in decimated.items()}
     text = "; ".join(
-        f"{name} {len(body.time_s)} of {body.frames} poses, noise of one ±{noise[f'{name}_noise_mm']:.2g} mm"
+        f"{name} {len(body.time_s)} of {body.frames} poses, noise of one ±{decimal(noise[f'{name}_noise_mm'])} mm"
         for name, body in decimated.items()
     )
     found = tuple(dict.fromkeys(one for body in decimated.values() for one in body.findings))

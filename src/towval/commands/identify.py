@@ -9,19 +9,28 @@ import numpy as np
 from towval.commands.console import Outcome
 from towval.commands.run_folder import files
 from towval.commands.settings import settings_from
-from towval.io.atomic import write_text
+from towval.io.atomic import check_own, check_plain, write_text
 from towval.io.campaign import load_campaign
 from towval.io.chain import check_together
 from towval.io.provenance import provenance, read_sections
 from towval.io.records import read_decimated, read_simulated, read_tracks, read_uncertainty
 from towval.io.records.identification import identified_table, write_identification
+from towval.model.errors import InputError
 from towval.validation.identify import IdentifySettings, MeasuredRun, identify
 from towval.validation.simulate import STICKING
+
+_TABLE_MARK = "parameter,given,"
+"""How a table that may be replaced begins."""
 
 
 def run(campaign: Path, results: Path, output: Path, keys: Mapping[str, Any] | None = None) -> Outcome:
     """Fit inputs to the runs of a campaign, with results up to uncertainty, and predict each from the others."""
     settings = settings_from(IdentifySettings, keys, "identify")
+    table = output.with_suffix(".csv")
+    if table == output:
+        raise InputError("-o names the table in place of the MCAP file beside it", got=output, allowed="identify.mcap")
+    check_plain(table)
+    check_own(table, _TABLE_MARK)
     given = load_campaign(campaign)
     runs: list[MeasuredRun] = []
     inputs: dict[str, Path] = {}
@@ -32,8 +41,7 @@ def run(campaign: Path, results: Path, output: Path, keys: Mapping[str, Any] | N
         inputs |= {f"{name}/{stage}.mcap": paths[stage] for stage in stages}
         runs.append(_measured(name, paths))
     identified = identify(given.scene, given.deviations, runs, settings)
-    table = output.with_suffix(".csv")
-    write_text(table, identified_table(identified), own="parameter,given,")
+    write_text(table, identified_table(identified), own=_TABLE_MARK)
     sections = read_sections("identify", given.document)
     write_identification(output, identified, provenance("identify", settings, inputs, document=sections))
     std = np.sqrt(np.diag(identified.covariance))

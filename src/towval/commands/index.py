@@ -4,10 +4,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from towval.commands.console import Outcome
-from towval.io.results_index import UNFINISHED, ResultsIndex, read_results, write_index
+from towval.io.atomic import check_own, check_plain
+from towval.io.results_index import INDEX_MARK, UNFINISHED, ResultsIndex, read_results, write_index
 from towval.model import Verdict
 from towval.model.errors import InputError, TowvalError
-from towval.report.index_page import write_index_page
+from towval.report.index_page import PAGE_MARK, write_index_page
 
 
 def run(results: Sequence[Path], output: Path, fail_on: Sequence[str] = ()) -> Outcome:
@@ -23,9 +24,14 @@ def run(results: Sequence[Path], output: Path, fail_on: Sequence[str] = ()) -> O
     for word in asked:
         if word not in known:
             raise InputError("--fail-on names no verdict", got=word, allowed=", ".join(known))
+    page = output.with_suffix(".html")
+    if page == output:
+        raise InputError("-o names the page in place of the SQLite file beside it", got=output, allowed="index.sqlite")
+    for path, mark in ((output, INDEX_MARK), (page, PAGE_MARK)):
+        check_plain(path)
+        check_own(path, mark)
     index = read_results(results)
     write_index(output, index)
-    page = output.with_suffix(".html")
     write_index_page(page, index)
     counts = {str(verdict): int(count) for verdict, count in index.runs["verdict"].value_counts().items()}
     tally = ", ".join(f"{verdict} {counts[verdict]}" for verdict in known if verdict in counts)

@@ -13,6 +13,7 @@ from towval.io.chain import check_together
 from towval.io.provenance import provenance, read_sections
 from towval.io.records import read_calibration, read_decimated, read_tracks, write_simulated
 from towval.model.errors import InputError
+from towval.report.wording import millimetres
 from towval.selection.margin import measurement_std_m, seen_places
 from towval.selection.simulation import SELECTED, simulate_selecting
 from towval.validation.simulate import SimulateSettings
@@ -54,6 +55,6 @@ def run(
     sections = read_sections("simulate", given.document)
     write_simulated(output, simulated, provenance("simulate", settings, inputs, run=name, document=sections))
     u_num_mm = 1e3 * simulated.statistics.get("u_num_m", np.nan)
-    text = f"{simulated.rung}, {simulated.outcome}; numerical uncertainty {u_num_mm:.2g} mm"
+    text = f"{simulated.rung}, {simulated.outcome}; numerical uncertainty {millimetres(u_num_mm / 1e3)}"
     numbers = {"rung": simulated.rung, "outcome": simulated.outcome, "u_num_mm": u_num_mm}
     return Outcome(f"simulate {name}".strip(), (output,), text, numbers, simulated.findings)

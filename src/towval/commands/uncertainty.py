@@ -12,6 +12,7 @@ from towval.io.provenance import provenance, read_sections
 from towval.io.records import read_calibration, read_decimated, read_simulated, read_tracks, write_uncertainty
 from towval.model.geometry import position_rms
 from towval.model.inputs import INPUTS, is_left_out
+from towval.report.wording import decimal
 from towval.selection.draws import sample_selecting
 from towval.selection.margin import measurement_std_m, seen_places
 from towval.validation.sampler import Case, UncertaintySettings
@@ -48,6 +49,6 @@ def run(
     made_of = provenance("uncertainty", settings, inputs, run=name, document=sections)
     write_uncertainty(output, uncertainty, case.simulated, made_of)
     u_val_mm = 1e3 * position_rms(uncertainty.validation)
-    text = f"{uncertainty.samples} draws; a right model is off by {u_val_mm:.2g} mm RMS"
+    text = f"{uncertainty.samples} draws; a right model is off by {decimal(u_val_mm)} mm RMS"
     numbers = {"samples": uncertainty.samples, "u_val_mm": u_val_mm, "shares": dict(uncertainty.shares)}
     return Outcome(f"uncertainty {name}", (output,), text, numbers, uncertainty.findings)

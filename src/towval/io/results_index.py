@@ -20,6 +20,9 @@ from towval.model.errors import InputError
 
 _FILES_OF_RUN = tuple(f"{stage}.mcap" for stage in STAGES_OF_RUN)
 
+INDEX_MARK = 'CREATE TABLE "runs"'
+"""What an SQLite file that may be replaced says near its beginning."""
+
 UNFINISHED = "unfinished"
 """In place of a verdict: the run has no comparison yet."""
 
@@ -82,7 +85,7 @@ def read_results(folders: Sequence[Path]) -> ResultsIndex:
 
 def write_index(path: Path, index: ResultsIndex) -> None:
     """Write the tables as an SQLite file, whole or not at all."""
-    check_own(path, 'CREATE TABLE "runs"')
+    check_own(path, INDEX_MARK)
     with replacing(path) as temporary, closing(sqlite3.connect(temporary)) as database:
         for name in _SHAPES:
             getattr(index, name).to_sql(name, database, index=False, if_exists="replace")

@@ -41,7 +41,7 @@ class FilmView:
 def frame_times(path: FilePath) -> tuple[Array, str]:
     """Presentation times (m,) of the frames that a film shows [s], and the name of its coding; nothing is decoded.
 
-    Raises `InputError` when the file is no video or holds no times.
+    Raises `InputError` when the file is no video.
     """
     try:
         with av.open(path, metadata_errors="replace") as film:

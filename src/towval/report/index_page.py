@@ -26,6 +26,9 @@ _NUMBERS = {
 }
 """Numeric columns of the page and their factors: to millimetres, degrees and percent."""
 
+PAGE_MARK = "Content-Security-Policy"
+"""What a page that may be replaced says near its beginning."""
+
 _WORDS = ("source", "campaign", "run", "state", "verdict", "version", "main_input")
 _KEY = ["source", "campaign", "run"]
 
@@ -45,7 +48,7 @@ def write_index_page(path: Path, index: ResultsIndex) -> None:
         css=template_asset("index.css"),
         script=template_asset("index.js"),
     )
-    write_text(path, text, own="Content-Security-Policy")
+    write_text(path, text, own=PAGE_MARK)
 
 
 def _columns(index: ResultsIndex) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from towval.model.run_record import RunRecord
 from towval.report.figures.errors import intervals
 from towval.report.style import (
     BAND,
+    COVERAGE,
     MEASURED,
     ROVER,
     SIMULATED,
@@ -29,9 +30,6 @@ _STATUS_COLOURS = {TrackStatus.TRACKED: BAND, TrackStatus.COASTING: "#f2b84b", T
 _STAMP_COLOURS = {Stamp.AS_WRITTEN: BAND, Stamp.REPEATED: "#f2b84b", Stamp.CONTRADICTED: MEASURED}
 
 _Kind = TypeVar("_Kind", bound=IntEnum)
-
-_COVERAGE = 2.0
-"""Half width of the bands in standard deviations."""
 
 _RESIDUAL_UNITS = {"klt": " (px)", "plane": " (grey)"}
 
@@ -98,7 +96,7 @@ def _draw_motion(
     axes: Axes, time_s: Array, camera: CameraTrack, column: int, scale: float, label: str, colour: str
 ) -> None:
     """Draw one component of the picture's motion with its band."""
-    value, half = scale * camera.picture[:, column], _COVERAGE * scale * camera.picture_std[:, column]
+    value, half = scale * camera.picture[:, column], COVERAGE * scale * camera.picture_std[:, column]
     axes.fill_between(time_s, value - half, value + half, color=BAND, linewidth=0, zorder=1.5)
     axes.plot(time_s, value, color=colour, linewidth=0.8, label=label)
 
