@@ -298,6 +298,22 @@ def test_at_rest_under_a_slack_tether_with_mass_few_looks_are_enough():
     assert max(looks) < 150
 
 
+@pytest.mark.parametrize(("arm", "factor", "peak"), [(0.0, 0.1, 2.3), (2.0, 1.0, 1.7)])
+def test_a_break_away_is_not_passed_over_where_little_pull_suffices(arm, factor, peak):
+    """At most f μ N is borne, and f μ N times a square's mean radius, 0.765 a, about G; the pull comes and goes."""
+    static, stiffness, base = 0.4, 100.0, 0.3
+    ground = Ground(regions=[FloorRegion([[-9, -9], [9, -9], [9, 9], [-9, 9]], factor)])
+    assert peak > min(1.0, 0.7652 * HALF / arm if arm > 0 else 1.0) * factor * static * WEIGHT
+    time = np.linspace(0, 40, 161)
+    pull = base + (peak - base) * np.where((time > 8) & (time < 32), np.sin(np.pi * (time - 8) / 24) ** 2, 0)
+    hinge = TimedPath(time, np.column_stack([np.full(161, arm), 0.6 + pull / stiffness]))
+    motion = feedback(
+        block(anchor=(arm, 0.0)), risen_law(static, MU, 1e-4, 0.01), Tether(0.6, stiffness), hinge, (0, 0, 0),
+        np.linspace(0, 40, 41), sticking=Sticking(static, 2e-4), ground=ground,
+    )  # fmt: skip
+    assert motion.statistics["break_aways"] >= 1
+
+
 def test_a_region_everywhere_is_another_coefficient():
     everywhere = [FloorRegion([[-9, -9], [9, -9], [9, 9], [-9, 9]], 1.2)]
     times, hinge = np.linspace(0, 10, 11), TimedPath([0.0, 10.0], [[0.81, 0.0], [1.3, 0.4]])

@@ -76,6 +76,24 @@ def holding_margin(
 
 
 @compiled(allocates=False)
+def pull_borne(problem: TowProblem, work: Work, twist: Array) -> float:
+    """Pull at the anchor [N] that the soles bear in any direction, beside nothing else and at the pressure in ``work``.
+
+    That is from the last :func:`holding_margin`, whose ``twist`` stays. What is borne is convex and symmetric, so a
+    pull (x, y) is where |x|/p + |y|/q ≤ 1, p and q the pulls borne along the axes of the body.
+    """
+    n = problem.numbers
+    load = n[MASS] * n[GRAVITY_N]
+    t0, t1, t2 = twist[0], twist[1], twist[2]
+    twist[0] = twist[1] = twist[2] = 0.0
+    p = load * (1 + _excess(problem, (load, 0.0, -n[ANCHOR_Y] * load), load, work, twist))
+    twist[0] = twist[1] = twist[2] = 0.0
+    q = load * (1 + _excess(problem, (0.0, load, n[ANCHOR_X] * load), load, work, twist))
+    twist[0], twist[1], twist[2] = t0, t1, t2
+    return p * q / math.hypot(p, q) if p > 0 and q > 0 else 0.0
+
+
+@compiled(allocates=False)
 def _resting_pressure(problem: TowProblem, frame: Frame, b: Loads, work: Work) -> bool:
     """The pressure of known loads; False where there is none. No height, for friction's moment is in the loads."""
     balance = solve_pressure(problem.soles, problem.regions, problem.holding, frame, (1.0, 0.0, 0.0), 0.0, b, work)

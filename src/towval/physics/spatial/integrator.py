@@ -20,16 +20,14 @@ from towval.physics.integrator import NOT_FINITE, REACHED_END, STEP_LIMIT, STEP_
 from towval.physics.motion import FORCED, SLACK, TAUT
 from towval.physics.rosenbrock import NODES, STAGES, dense_output, end_of_step, solve_stage, stage_matrix, stage_state
 from towval.physics.spatial.hanging import reach_under
-from towval.physics.spatial.holding import holding_margin
+from towval.physics.spatial.holding import holding_margin, pull_borne
 from towval.physics.spatial.pressure import BALANCED, TIPS
 from towval.physics.spatial.problem import (
     ANCHOR_X,
     ANCHOR_Y,
     DAMPING,
-    GRAVITY_N,
     HOLD_SPEED,
     KAPPA,
-    MASS,
     RISE,
     STIFFENING,
     TETHER_WEIGHT,
@@ -54,9 +52,7 @@ TIPPED_OVER, LIFTED_OFF = 4, 5
 
 _SMALLEST_STEP, _LOOKS = 1e-14, 4
 _HELD_AGAIN = 1e-4  # margin at which an object comes to rest: below, it would break away again at once
-# A step at rest may use up this share of the margin: a pull at the anchor also turns the object, for which a third of
-# the pull can suffice.
-_SAFE_SHARE = 0.3
+_SAFE_SHARE = 0.7  # of the margin, that a step at rest may use up: heights change the pressure with the pull
 _MOMENT_OF_RELEASE = 1e-9  # margin at which an object breaks away
 
 
@@ -187,7 +183,9 @@ def _rest(
     piece = piece_at(problem.drive.knots, t, int(march.clock[_PIECE]))
     march.clock[_PIECE] = piece
     margin = march.clock[_MARGIN]
-    h = min(_resting_step(problem, forced, t, piece, y, margin), times[-1] - t)
+    spare = _SAFE_SHARE * (margin / (1 + margin) if margin < np.inf else 1.0)
+    gap = spare * pull_borne(problem, work, march.twist)
+    h = min(_resting_step(problem, forced, t, piece, y, gap), times[-1] - t)
     t1 = times[-1] if h >= times[-1] - t else t + h
     after = holding_margin(problem, forced, t1, piece, y, work, march.twist)
     counts[0] += 1
@@ -219,13 +217,10 @@ def _rest(
 
 
 @compiled(allocates=False)
-def _resting_step(problem: TowProblem, forced: bool, t: float, piece: int, y: Array, margin: float) -> float:
-    """Longest step [s] in which the drive cannot use up the margin; at least a quarter of the spline's piece."""
+def _resting_step(problem: TowProblem, forced: bool, t: float, piece: int, y: Array, gap: float) -> float:
+    """Longest step [s] in which the pull cannot change by ``gap`` [N]; at least a quarter of the spline's piece."""
     n, knots = problem.numbers, problem.drive.knots
     quarter: float = (knots[piece + 1] - knots[piece]) / 4
-    gap = _SAFE_SHARE * margin / (1 + margin) * problem.holding[PLATEAU] * n[MASS] * n[GRAVITY_N]
-    if margin == np.inf:
-        gap = _SAFE_SHARE * problem.holding[PLATEAU] * n[MASS] * n[GRAVITY_N]
     if not forced:
         _, stretch, _ = tautness(problem, t, piece, y)
         stiffness, slack = n[KAPPA] * (1 + n[STIFFENING]), max(0.0, -stretch)
