@@ -137,6 +137,11 @@ def test_lifting_load_is_refused(square):
         pressure_plane(square, [(10.0, (0, 0)), (-11.0, (0, 0))])
 
 
+def test_load_that_is_no_number_is_an_input_error(square):
+    with pytest.raises(InputError, match="load is no array of numbers"):
+        pressure_plane(square, [("a", (0.0, 0.0))])
+
+
 def test_crossing_outline_is_an_input_error():
     with pytest.raises(InputError, match="no simple polygon"):
         pressure_plane(Patch([[0, 0], [1, 1], [1, 0], [0, 1]]), [(1.0, (0.5, 0.5))])

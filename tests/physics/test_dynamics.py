@@ -271,6 +271,21 @@ def test_step_limit_is_named_and_the_motion_ends_early(cube, lap):
     assert 0 < len(motion.time_s) < 401
 
 
+@pytest.mark.parametrize(
+    ("given", "why"),
+    [
+        ({"hinge_height": "1"}, "hinge height"),
+        ({"hinge_height": np.nan}, "hinge height"),
+        ({"hinge_height": None}, "hinge height"),
+        ({"accuracy": 1e-7}, "accuracy"),
+    ],
+)
+def test_arguments_of_the_wrong_kind_are_input_errors(given, why, cube, lap):
+    law, tether, hinge, start = lap
+    with pytest.raises(InputError, match=why):
+        feedback(cube, law, tether, hinge, start, [0.0, 1.0], **given)
+
+
 def test_times_outside_the_hinges_way_are_refused(cube, lap):
     law, tether, hinge, start = lap
     with pytest.raises(InputError, match="does not cover"):

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from towval.model.errors import InputError, RefusedError
-from towval.physics.friction_laws import Coulomb, fit_makkar
+from towval.physics.friction_laws import Coulomb, fit_makkar, risen_law
 from towval.physics.friction_laws.makkar import _fit
 
 SPECIFICATIONS = [
@@ -99,3 +99,14 @@ def test_law_that_annealing_alone_missed():
     """Its search ended in a valley 0.3 off: v_k = 310 v_s with a rise of 0.003."""
     law = fit_makkar(0.3532, 0.35, 1e-4, 0.031).law
     assert law.coefficient([1e-4, 0.031, 1.0]) == pytest.approx([0.3532, 0.350032, 0.35], rel=1e-9)
+
+
+@pytest.mark.parametrize("speeds", [(0.0, 0.01), (1e-4, 0.0), (np.nan, 0.01), ("x", 0.01)])
+def test_a_law_that_rises_or_falls_over_no_speed_is_an_input_error(speeds):
+    with pytest.raises(InputError, match="friction law"):
+        risen_law(0.4, 0.35, *speeds)
+
+
+def test_a_specification_that_is_no_number_is_an_input_error():
+    with pytest.raises(InputError, match="friction law is no array of numbers"):
+        fit_makkar("a", 0.3, 0.1, 0.2)

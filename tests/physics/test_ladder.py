@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ from towval.model import Tether, TimedPath, TowedObject
 from towval.model.errors import InputError
 from towval.physics.contact import resting_pressure
 from towval.physics.friction_laws import Coulomb
-from towval.physics.ladder import RUNGS, choose_rung, simulate_rung
+from towval.physics.ladder import RUNGS, choose_rung, path_difference, simulate_rung
 from towval.physics.trailing import TRAILING_RUNGS, trail
 from towval.physics.wrench import friction_wrench, sliding_patch
 
@@ -142,5 +144,17 @@ def test_unknown_rung_and_tolerance_are_input_errors(cube, lap):
     law, tether, hinge, start = lap
     with pytest.raises(InputError, match="unknown rung"):
         simulate_rung("guess", cube, law, tether, hinge, start, [0.0, 1.0])
+    with pytest.raises(InputError, match="unknown rung"):
+        trail("dynamics", cube, law, tether, hinge, start, [0.0, 1.0])
     with pytest.raises(InputError, match="tolerance"):
         choose_rung(cube, law, tether, hinge, start, [0.0, 1.0], 0.0)
+
+
+def test_ladder_of_an_object_with_a_raised_anchor_compares_with_the_dynamics_in_space(cube, lap):
+    law, tether, hinge, start = lap
+    scene = replace(cube, anchor_height=0.1), law, tether, hinge, start, np.linspace(0, 20, 5)
+    choice = choose_rung(*scene, 5.0)
+    assert choice.rung == "tractrix"
+    planar = simulate_rung("quasi-static patch", cube, *scene[1:])
+    top = simulate_rung("dynamics", *scene)
+    assert choice.to_dynamics_m["quasi-static patch"] == pytest.approx(path_difference(cube, planar, top), rel=1e-9)

@@ -19,8 +19,9 @@ class FrictionLaw(ABC):
     """Friction coefficient as a function of the sliding speed, μ(v), the same at every point of a patch.
 
     A law is a frozen dataclass that derives from this class and is registered under its ``name`` in
-    :data:`towval.physics.friction_laws.LAWS`. It is tabulated once (``physics.friction_table``), so its methods need
-    not be fast. μ is zero at rest, positive for v > 0 and smooth: a law with a jump at rest has to be regularised.
+    :data:`towval.physics.friction_laws.LAWS`. It must be hashable: fields are numbers and tuples, no arrays or lists,
+    since its table is kept by the law. It is tabulated once (``physics.friction_table``), so its methods need not be
+    fast. μ is zero at rest, positive for v > 0 and smooth: a law with a jump at rest has to be regularised.
     """
 
     name: ClassVar[str]

@@ -77,7 +77,10 @@ def resultant(loads: Iterable[tuple[float, ArrayLike]]) -> tuple[float, Array]:
     ``loads`` are forces on the floor [N] and their places (2,) in the body frame [m]. `RefusedError` where they do not
     press the object to the floor.
     """
-    forces = [(float(force), locked(place, "place of a load", (2,))) for force, place in loads]
+    forces = [
+        (float(locked(force, "a load", (), finite=False)), locked(place, "place of a load", (2,)))
+        for force, place in loads
+    ]
     total = sum((force for force, _ in forces), start=0.0)
     if not total > 0 or not np.isfinite(total):
         raise RefusedError("the loads do not press the object to the floor", got=f"{total} N", allowed="above zero")
@@ -131,7 +134,7 @@ def pressure_plane(patch: Patch, loads: Sequence[tuple[float, ArrayLike]]) -> Pr
             "the pressure under the footprint did not converge",
             got=f"residual {residual:.2e}",
             allowed=f"at most {_RESIDUAL_LIMIT:.0e}",
-            remedy="check the footprint for slivers much thinner than its size",
+            remedy="check the footprint for slivers much thinner than its size and loads at its hull's edge",
         )
     # The plane is that of unit force on a footprint of unit size, about the centre of pressure.
     slopes = plane[1:] * normal_force / size**3

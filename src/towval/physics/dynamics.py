@@ -165,7 +165,7 @@ def feedback(
     Raises
     ------
     InputError
-        When the times are not covered by the hinge's path, or are no times.
+        When the times are not covered by the hinge's path, or are no times, or the hinge is below the floor.
 
     Examples
     --------
@@ -177,6 +177,7 @@ def feedback(
     >>> motion.outcome, motion.pose[-1].round(2) + 0.0  # it lags behind 1 m by the stretch under μ N = 17.2 N
     ('converged', array([0.98, 0.  , 0.  ]))
     """
+    instance_of(accuracy, "accuracy", Accuracy)
     times = checked_times(times)
     drive = spline_covering(hinge, times, "the path of the hinge")
     in_space = leaves_plane(towed, law, tether, ground, hinge_height, sticking)
@@ -222,6 +223,7 @@ def feedforward(
     >>> motion.twist[-1].round(2) + 0.0  # (20 N − μ N) / m · 1 s
     array([0.57, 0.  , 0.  ])
     """
+    instance_of(accuracy, "accuracy", Accuracy)
     times = checked_times(times)
     drive = spline_covering(force, times, "the force")
     instance_of(towed, "towed", TowedObject)
@@ -266,6 +268,9 @@ def leaves_plane(
     instance_of(towed, "towed", TowedObject)
     instance_of(tether, "tether", Tether)
     instance_of(ground, "ground", Ground)
+    instance_of(hinge_height, "hinge height", float, int, np.number)
+    if locked(hinge_height, "hinge height", ()) < 0:
+        raise InputError("the tether's hinge is below the floor", got=f"{hinge_height} m", allowed="zero or above")
     prepared = isinstance(law, SlidingPatch)
     if not prepared and not isinstance(law, Sliding):
         instance_of(law, "law", FrictionLaw)
@@ -277,8 +282,6 @@ def leaves_plane(
             got="a SlidingPatch",
             allowed="a friction law or Sliding",
         )
-    if hinge_height < 0:
-        raise InputError("the tether's hinge is below the floor", got=f"{hinge_height} m", allowed="zero or above")
     return not planar
 
 

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from towval.model import FrictionLaw, Ground, SimulatedMotion, Sliding, Tether, TimedPath, TowedObject
 from towval.model.errors import InputError
 from towval.model.plugins import Registry
-from towval.physics.dynamics import LEVEL, STANDARD, Accuracy, Outcome, feedback, resting_patch
+from towval.physics.dynamics import LEVEL, STANDARD, Accuracy, Outcome, feedback
 from towval.physics.spatial.tow import Sticking
 from towval.physics.splines import Spline
 from towval.physics.trailing import LIMIT_SURFACE, PATCH, TRACTRIX, trail
@@ -113,7 +113,7 @@ def simulate_rung(
 
 def choose_rung(
     towed: TowedObject,
-    law: FrictionLaw | SlidingPatch,
+    law: Sliding | FrictionLaw | SlidingPatch,
     tether: Tether,
     hinge: TimedPath | CubicSpline | Spline,
     start_pose: ArrayLike,
@@ -144,7 +144,7 @@ def choose_rung(
     >>> choose_rung(*scene, 0.05).rung
     'tractrix'
     """
-    scene = (towed, resting_patch(towed, law), tether, hinge, start_pose, times)
+    scene = (towed, law, tether, hinge, start_pose, times)
     return lowest_rung(towed, tolerance_m, lambda rung: simulate_rung(rung, *scene, accuracy=accuracy))
 
 
@@ -169,7 +169,10 @@ def lowest_rung(towed: TowedObject, tolerance_m: float, run: Callable[[str], Sim
 
 
 def path_difference(towed: TowedObject, one: SimulatedMotion, other: SimulatedMotion) -> float:
-    """Largest distance between the same corner of the footprint in two motions [m]; infinite where one ended early."""
+    """Bound of the distance between the same corner of the footprint in two motions [m], at most over their times.
+
+    Shift and turn count in full, whichever corner is moved less by both. Infinite where one motion ended early.
+    """
     ended = {Outcome.CONVERGED, Outcome.SLACK_ALL_ALONG}
     if one.outcome not in ended or other.outcome not in ended:
         return float("inf")

@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike
 from towval.model import Array, Finding, FrictionLaw, SimulatedMotion, Tether, TimedPath, TowedObject, locked
 from towval.model.checks import instance_of
 from towval.model.compiling import compiled
+from towval.model.errors import InputError
 from towval.model.findings import finding
 from towval.model.geometry import rotation, transform
 from towval.physics.dynamics import ADVICE, Outcome, checked_times, resting_patch
@@ -79,7 +80,7 @@ def trail(
     Raises
     ------
     InputError
-        When the tow leaves the plane of the floor.
+        When the tow leaves the plane of the floor, or there is no such rung.
 
     Examples
     --------
@@ -91,6 +92,8 @@ def trail(
     >>> trail("quasi-static patch", *scene).pose[-1].round(4) + 0.0
     array([0.9828, 0.    , 0.    ])
     """
+    if rung not in TRAILING_RUNGS:
+        raise InputError("unknown rung without inertia", got=rung, allowed=", ".join(TRAILING_RUNGS))
     instance_of(towed, "towed", TowedObject)
     instance_of(tether, "tether", Tether)
     refuse_beyond_plane(rung, towed, tether)

@@ -16,7 +16,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from towval.model import Array, FrictionLaw, FrictionSpecification, check_friction_law
+from towval.model import Array, FrictionLaw, FrictionSpecification, check_friction_law, locked
 from towval.model.checks import positive
 from towval.model.compiling import compiled
 from towval.model.errors import InputError, RefusedError
@@ -114,6 +114,7 @@ def risen_law(static: float, kinetic: float, rise_velocity: float, friction_velo
     >>> risen_law(0.4, 0.35, 1e-5, 0.01).coefficient([1e-4, 0.01, 0.1]).round(4)
     array([0.3987, 0.3505, 0.35  ])
     """
+    _check_numbers(static, kinetic, rise_velocity, friction_velocity, 0.0)
     _check_rise(static, kinetic)
     rise = static - kinetic
     falling = math.atanh(1 - SETTLED_FRACTION) / friction_velocity if rise > 0 else 0.0
@@ -164,13 +165,7 @@ def fit_makkar(
 
 
 def _check_specification(static: float, kinetic: float, v_s: float, v_k: float, viscous: float) -> None:
-    values = np.array([static, kinetic, v_s, v_k])
-    if not (np.isfinite(values).all() and (values > 0).all() and math.isfinite(viscous) and viscous >= 0):
-        raise InputError(
-            "a number of the friction law is out of range",
-            got=f"static {static}, kinetic {kinetic}, velocities {v_s} and {v_k} m/s, viscous {viscous} s/m",
-            allowed="finite numbers above zero; viscous zero or more",
-        )
+    _check_numbers(static, kinetic, v_s, v_k, viscous)
     _check_rise(static, kinetic)
     if v_s >= v_k:
         raise InputError(
@@ -183,6 +178,16 @@ def _check_specification(static: float, kinetic: float, v_s: float, v_k: float, 
             "viscous friction alone exceeds the kinetic coefficient at the friction velocity",
             got=f"{viscous} s/m × {v_k} m/s ≥ {kinetic}",
             allowed=f"viscous below {kinetic / v_k:.4g} s/m",
+        )
+
+
+def _check_numbers(static: float, kinetic: float, v_s: float, v_k: float, viscous: float) -> None:
+    values = locked([static, kinetic, v_s, v_k, viscous], "the specification of the friction law", (5,), finite=False)
+    if not (np.isfinite(values).all() and (values[:4] > 0).all() and values[4] >= 0):
+        raise InputError(
+            "a number of the friction law is out of range",
+            got=f"static {static}, kinetic {kinetic}, velocities {v_s} and {v_k} m/s, viscous {viscous} s/m",
+            allowed="finite numbers above zero; viscous zero or more",
         )
 
 
