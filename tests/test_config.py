@@ -93,7 +93,7 @@ def test_a_mistyped_setting_is_told_with_the_right_one():
         ("track", "method", ["plane"]),
         ("decimate", "excess", "three"),
         ("simulate", "sticking", "false"),
-        ("uncertainty", "seed", 1.0),
+        ("uncertainty", "seed", 1.5),
         ("compare", "tolerance_m", True),
         ("identify", "parameters", "friction"),
         ("report", "overlay_width_px", None),
@@ -144,3 +144,8 @@ def test_values_within_braces_on_snakemakes_command_line_are_what_they_look_like
 def test_a_mistyped_key_of_the_configuration_is_told(schema, config):
     with pytest.raises(InputError, match=r"unknown key decimate\.pause; did you mean pause_s\?"):
         check({**config, "decimate": {"pause": 1}}, schema, "config")
+
+
+def test_a_whole_number_with_a_point_counts():
+    folds = settings_from(CalibrateSettings, {"folds": 6.0}, "calibrate").folds
+    assert (folds, type(folds)) == (6, int)

@@ -269,9 +269,9 @@ WRONG = {
         lambda d: d["object"].update(footprint_m=[feet()[0], feet()[0], feet()[2]], mass_over="top"),
         ["object.footprint_m", "no simple polygon", "parts apart"],
     ),
-    "corners with a point": (
-        lambda d: d["camera"]["board"].update(inner_corners=[9.0, 6]),
-        ["inner_corners[0]", "9.0", "a whole number"],
+    "corners that are not whole": (
+        lambda d: d["camera"]["board"].update(inner_corners=[9.5, 6]),
+        ["inner_corners[0]", "9.5", "a whole number"],
     ),
     "braces in a name": (lambda d: d.update(repeats=[["{b}", "{b}"]]), ["repeats[0]", "{b}"]),
     "no gravity": (lambda d: d.update(gravity_m_per_s2=0), ["gravity_m_per_s2", "at least 0.1"]),
@@ -390,6 +390,15 @@ def test_the_full_load_of_a_tether_is_what_the_friction_that_counts_allows(campa
     scene = load_campaign(campaign(change)).scene
     assert scene.friction.static == 0.35
     assert scene.tether.full_load == pytest.approx(0.35 * scene.weight)
+
+
+def test_whole_numbers_with_a_point_count(campaign):
+    def change(document):
+        document["camera"]["resolution_px"] = [960.0, 540.0]
+        document["camera"]["board"]["inner_corners"] = [9.0, 6.0]
+
+    read = load_campaign(campaign(change))
+    assert [type(number) for number in (*read.resolution_px, *read.board.inner_corners)] == [int] * 4
 
 
 def test_a_document_that_is_no_mapping_is_one_fault(campaign):

@@ -30,7 +30,12 @@ def settings_from(kind: type[Settings], keys: Mapping[str, Any] | None, section:
         # Not at start-up: a stage with its defaults needs no schema.
         from towval.io.schema import check, packaged_schema  # noqa: PLC0415
 
-        check(keys, packaged_schema("config.schema.yaml")["properties"][section], section)
+        schema = packaged_schema("config.schema.yaml")["properties"][section]
+        check(keys, schema, section)
+        for name, value in keys.items():
+            # 6.0 is whole, too; but what counts with it wants an integer.
+            if isinstance(value, float) and "integer" in schema["properties"][name].get("type", ""):
+                keys[name] = int(value)
     return kind(**keys)
 
 

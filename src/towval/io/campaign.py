@@ -177,7 +177,7 @@ def _campaign(
     return Campaign(
         folder=folder,
         name=folder.resolve().name,
-        resolution_px=tuple(document["camera"]["resolution_px"]),
+        resolution_px=whole(document["camera"]["resolution_px"]),
         rover=bodies["rover"],
         object=bodies["object"],
         tags={name: _tags(document[name]) for name in bodies},
@@ -216,6 +216,12 @@ def _default(stated: StatedDeviation) -> str:
     return f"{stated.default_text}, or {left_out.std_text} where {left_out.key} is left out"
 
 
+def whole(numbers: Sequence[float]) -> tuple[int, int]:
+    """Two whole numbers, which a file may state as 9.0, as those that count something."""
+    first, second = map(int, numbers)
+    return first, second
+
+
 def board_of(keys: dict[str, Any]) -> Board:
     """The board that section camera.board describes."""
     if keys["type"] == "charuco" and not {"marker_m", "dictionary"} <= keys.keys():
@@ -226,7 +232,7 @@ def board_of(keys: dict[str, Any]) -> Board:
         )
     return Board(
         kind=keys["type"],
-        inner_corners=tuple(keys["inner_corners"]),
+        inner_corners=whole(keys["inner_corners"]),
         square_m=keys["square_m"],
         marker_m=keys.get("marker_m", float("nan")),
         dictionary=keys.get("dictionary", ""),
@@ -316,7 +322,7 @@ def _top(keys: dict[str, Any], name: str) -> Array:
 
 def _tags(keys: dict[str, Any]) -> tuple[Tag, ...]:
     return tuple(
-        Tag(tag["dictionary"], tag["number"], tag["size_m"], np.array([*tag["at_m"], tag.get("heading_rad", 0.0)]))
+        Tag(tag["dictionary"], int(tag["number"]), tag["size_m"], np.array([*tag["at_m"], tag.get("heading_rad", 0.0)]))
         for tag in keys.get("tags", ())
     )
 

@@ -13,6 +13,7 @@ from towval.io.campaign import (
     floor_reference_of,
     load_campaign,
     pictures_of,
+    whole,
 )
 from towval.io.reading import is_plain_file
 from towval.io.schema import check
@@ -65,7 +66,7 @@ def _camera_setup(folder: Path, document: Mapping[str, Any]) -> CameraSetup:
         )
     return CameraSetup(
         document=document,
-        resolution_px=tuple(camera["resolution_px"]),
+        resolution_px=whole(camera["resolution_px"]),
         calibration_images=pictures_of(camera["calibration_images"], folder, "camera.calibration_images")
         if boards
         else (),

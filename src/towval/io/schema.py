@@ -87,16 +87,11 @@ def _is_finite(_checker: Any, value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= _LARGEST
 
 
-def _is_whole(_checker: Any, value: Any) -> bool:
-    """Whether a value counts something: JSON Schema takes 9.0 for a whole number, numpy and OpenCV do not."""
-    return isinstance(value, int) and not isinstance(value, bool)
-
-
 _LARGEST = 1e300
 _Validator: Any = validators.extend(  # type: ignore[no-untyped-call]  # the stubs leave it untyped
     Draft202012Validator,
     {"registered": _registered, "rings": _rings},
-    type_checker=Draft202012Validator.TYPE_CHECKER.redefine_many({"number": _is_finite, "integer": _is_whole}),
+    type_checker=Draft202012Validator.TYPE_CHECKER.redefine("number", _is_finite),
 )
 
 
