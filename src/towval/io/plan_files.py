@@ -8,7 +8,7 @@ import pandas as pd
 
 from towval.io import ros
 from towval.io.atomic import check_own, replacing
-from towval.io.mcap_file import Message, read_mcap, write_mcap
+from towval.io.mcap_file import McapContent, Message, read_mcap, write_mcap
 from towval.io.records.details import planar_poses
 from towval.model import Array, SimulatedMotion, TimedPath
 from towval.model.conventions import FLOOR_FRAME, NANOSECONDS_PER_SECOND
@@ -68,18 +68,15 @@ def read_rover_poses(path: FilePath) -> tuple[Array, Array]:
 
     Raises `InputError` when the file is missing, damaged or has no such topic, or one of other messages.
     """
-    times_s, poses = _stamped_poses(path, ("/rover/pose",))
-    if not len(times_s):
-        raise _nothing_of("rover", path, ("/rover/pose",))
-    return times_s, poses
+    return _stamped_poses(read_mcap(path, only=_ROVER), path, "rover", _ROVER)
 
 
+_ROVER, _OBJECT = ("/rover/pose",), ("/object/pose", "/object/pose_simulated")
 _STAMPED = "PoseStamped, PoseWithCovarianceStamped or Odometry"
 
 
-def _stamped_poses(path: FilePath, topics: Sequence[str]) -> tuple[Array, Array]:
+def _stamped_poses(content: McapContent, path: FilePath, body: str, topics: Sequence[str]) -> tuple[Array, Array]:
     """Times (n,) [s] and poses (n, 3) of the first of the ``topics`` that has any, in the order of their headers."""
-    content = read_mcap(path, only=topics)
     for topic in topics:
         values = content.values(topic)
         other = next((one for one in values if not (hasattr(one, "header") and hasattr(one, "pose"))), None)
@@ -89,13 +86,9 @@ def _stamped_poses(path: FilePath, topics: Sequence[str]) -> tuple[Array, Array]
             values = sorted(values, key=ros.stamp_ns)
             times_s = np.array([ros.stamp_ns(value) for value in values], dtype=np.float64) / NANOSECONDS_PER_SECOND
             return times_s, planar_poses([getattr(value.pose, "pose", value.pose) for value in values])
-    return np.zeros(0), np.zeros((0, 3))
-
-
-def _nothing_of(body: str, path: FilePath, topics: Sequence[str]) -> InputError:
-    return InputError(
+    raise InputError(
         f"{path} has no poses of the {body}",
-        got=", ".join(sorted(read_mcap(path, only=()).topics)) or "no topics",
+        got=", ".join(sorted(content.topics)) or "no topics",
         allowed=f"the topic {' or '.join(topics)}",
     )
 
@@ -105,11 +98,7 @@ def read_object_poses(path: FilePath) -> tuple[Array, Array]:
 
     Raises `InputError` when the file is missing, damaged or has neither, or one of other messages.
     """
-    topics = "/object/pose", "/object/pose_simulated"
-    times_s, poses = _stamped_poses(path, topics)
-    if not len(times_s):
-        raise _nothing_of("object", path, topics)
-    return times_s, poses
+    return _stamped_poses(read_mcap(path, only=_OBJECT), path, "object", _OBJECT)
 
 
 def read_tow(path: FilePath) -> tuple[Array, Array, Array]:
@@ -121,8 +110,9 @@ def read_tow(path: FilePath) -> tuple[Array, Array, Array]:
 
     Raises `InputError`, too, when the object is first seen after the last pose of the rover.
     """
-    times_s, poses = read_rover_poses(path)
-    object_times_s, object_poses = read_object_poses(path)
+    content = read_mcap(path, only=(*_ROVER, *_OBJECT))
+    times_s, poses = _stamped_poses(content, path, "rover", _ROVER)
+    object_times_s, object_poses = _stamped_poses(content, path, "object", _OBJECT)
     first = max(times_s[0], object_times_s[0])
     if first > times_s[-1]:
         raise InputError(
