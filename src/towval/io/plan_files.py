@@ -93,20 +93,12 @@ def _stamped_poses(content: McapContent, path: FilePath, body: str, topics: Sequ
     )
 
 
-def read_object_poses(path: FilePath) -> tuple[Array, Array]:
-    """As :func:`read_rover_poses`, of the object: ``/object/pose``, else ``/object/pose_simulated``.
-
-    Raises `InputError` when the file is missing, damaged or has neither, or one of other messages.
-    """
-    return _stamped_poses(read_mcap(path, only=_OBJECT), path, "object", _OBJECT)
-
-
 def read_tow(path: FilePath) -> tuple[Array, Array, Array]:
     """What a tow behind the rover of any MCAP needs, from the first time at which rover and object are known.
 
     Times (n,) [s] and poses (n, 3) [m, m, rad] of the rover, and the object's pose (3,) at the first of these; at a
-    time between two poses it is interpolated, and after its last the object has stayed. The rest is as in
-    :func:`read_rover_poses` and :func:`read_object_poses`.
+    time between two poses it is interpolated, and after its last the object has stayed. The object's topic is
+    ``/object/pose``, else ``/object/pose_simulated``; the rest is as in :func:`read_rover_poses`.
 
     Raises `InputError`, too, when the object is first seen after the last pose of the rover.
     """
