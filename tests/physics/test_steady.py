@@ -24,10 +24,12 @@ def block(patch=SQUARE, anchor_height=0.0, height=0.0, centre=(0.0, 0.0)):
     return TowedObject(patch, MASS, centre, 0.4 / 3, (0.2, 0.0), anchor_height, height)
 
 
-def test_an_inclined_tether_pulls_as_by_hand():
+# Without its lift the last two would tip, and a lift of all the friction over the edge behind would tip the second.
+@pytest.mark.parametrize(("anchor_height", "rise"), [(0.1, 0.2), (0.0, 0.55), (0.6, 0.3), (0.7, 0.4)])
+def test_an_inclined_tether_pulls_as_by_hand(anchor_height, rise):
     """T cos = μ (m g − T sin), with L = l0 + T/κ and sin = rise/L."""
-    rise = 0.2
-    plan = quasistatic_plan(block(anchor_height=0.1), SHARP, ALONG, TETHER, hinge_height=0.1 + rise)
+    towed = block(anchor_height=anchor_height, height=0.2)
+    plan = quasistatic_plan(towed, SHARP, ALONG, TETHER, hinge_height=anchor_height + rise)
 
     def unbalanced(tension):
         sine = rise / (0.6 + tension / 1000)
@@ -38,6 +40,20 @@ def test_an_inclined_tether_pulls_as_by_hand():
     reach = np.sqrt(length**2 - rise**2)
     assert plan.tether_force[0] == pytest.approx([tension * reach / length, 0.0], rel=1e-9, abs=1e-9)
     assert plan.hinge.position[-1] == pytest.approx([1.2 + reach, 0.0], abs=1e-9)
+
+
+@pytest.mark.parametrize("anchor_height", [0.3, 0.45, 0.55])
+def test_straight_behind_a_raised_anchor_an_object_is_drawn_straight(anchor_height):
+    """The moment about the anchor rises with the heading rate there: the object would balance turning either way, too.
+
+    The load is in front of the tracked point, the more so the higher the anchor.
+    """
+    plan = quasistatic_plan(
+        block(anchor_height=anchor_height, height=0.2), SHARP, ALONG, TETHER, hinge_height=anchor_height
+    )
+    assert plan.pose[:, 2] == pytest.approx(0.0, abs=1e-9)
+    assert plan.tether_force == pytest.approx(np.tile([MU * MASS * G, 0.0], (len(plan.pose), 1)), abs=1e-6)
+    assert not plan.findings
 
 
 def test_up_a_slope_the_pull_is_friction_and_the_weight_along_it():

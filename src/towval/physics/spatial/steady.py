@@ -6,8 +6,9 @@ part along the floor is T = −(F + m g_s), g_s gravity along the floor, so the 
 
     (A + C W) x = (m g_n − T_z, −h m g_sx − T_z q_x, −h m g_sy − T_z q_y),   C with the anchor's height over the floor,
 
-linear in x but for T_z, which follows from |T| by the tether: one unknown, by the secant method. Balance about the
-anchor gives the heading rate, and the heading is integrated with Dormand's and Prince's rule of order eight.
+linear in x but for T_z, which follows from |T| by the tether: one unknown, by the secant method, or by bisection where a
+trial of it lifts an edge of the footprint: a rising tether may hold down what its pull along the floor would tip. Balance
+about the anchor gives the heading rate, and the heading is integrated with Dormand's and Prince's rule of order eight.
 """
 
 from __future__ import annotations
@@ -33,6 +34,8 @@ from towval.physics.spatial.problem import (
     GRAVITY_Y,
     HEIGHT,
     MASS,
+    RISE,
+    TETHER_WEIGHT,
     TowProblem,
 )
 from towval.physics.spatial.soles import RADIUS, Work, work_for
@@ -40,47 +43,90 @@ from towval.physics.spatial.unit_wrenches import W
 from towval.physics.splines import piece_at, spline_at
 
 _LIFT_LIMIT, _LIFT_SETTLED = 40, 1e-13  # of the load
+_LIFT_TRIALS, _LIFT_HALVINGS, _LIFT_CLOSE = 64, 60, 1e-9  # from as much load on top to none left; of the load
 _RATE_LIMIT, _RATE_SETTLED = 40, 1e-11  # of |v| over the radius of the soles
 _SCAN, _BISECTIONS = 60, 60
 _TOLERANCE, _MOST_STEP = 1e-10, 2e-3  # rad a step; of the time of the path
 _TIPPED = 1
 # What is known of an instant: heading rate, force along the floor (2), reach of the tether along the floor, moment left
-# about the anchor, status of the root; from here on place and heading of G.
-_PLACE = 6
+# about the anchor, status of the root; place and heading of G; what the tether lifted last, with which a search begins.
+_PLACE, _LIFT, _KNOWN = 6, 9, 10
 
 
 @compiled(allocates=False)
-def _towed(problem: TowProblem, place: Array, twist: tuple[float, float, float], work: Work, out: Array) -> float:
-    """Moment about the anchor that a twist of G leaves, NaN where nothing balances; tether (2) and reach into ``out``.
+def _off(
+    problem: TowProblem, place: Array, twist: tuple[float, float, float], lift: float, work: Work, out: Array
+) -> float:
+    """How much more the tether lifts [N] than a trial says, NaN where the pressure does not balance; into ``out``.
 
-    ``place`` (3,): floor position and heading of G. Twist and force in body axes.
+    ``place`` (3,): floor position and heading of G. Twist and force in body axes; tether (2), reach, moment left.
     """
     n = problem.numbers
     cos, sin = math.cos(place[2]), math.sin(place[2])
     gx, gy = n[MASS] * (cos * n[GRAVITY_X] + sin * n[GRAVITY_Y]), n[MASS] * (cos * n[GRAVITY_Y] - sin * n[GRAVITY_X])
     frame, weight = (place[0], place[1], cos, sin), n[MASS] * n[GRAVITY_N]
-    lift = before = off_before = 0.0
-    tx = ty = moment = 0.0
+    loads = weight - lift, -n[ABOVE] * gx - lift * n[ANCHOR_X], -n[ABOVE] * gy - lift * n[ANCHOR_Y]
+    height = n[HEIGHT] + n[ABOVE]
+    if solve_pressure(problem.soles, problem.regions, problem.sliding, frame, twist, height, loads, work) != BALANCED:
+        return math.nan
+    fx, fy, moment = product_3(work.matrices[W], work.pressure)
+    out[1], out[2] = -fx - gx, -fy - gy
+    out[3], lifted = reach_under(n, math.sqrt(out[1] * out[1] + out[2] * out[2]))
+    out[4] = moment + n[ANCHOR_X] * out[2] - n[ANCHOR_Y] * out[1]
+    return lifted - lift
+
+
+@compiled(allocates=False)
+def _towed(problem: TowProblem, place: Array, twist: tuple[float, float, float], work: Work, out: Array) -> float:
+    """Moment about the anchor that a twist of G leaves, NaN where nothing balances; ``out`` as of :func:`_off`."""
+    n = problem.numbers
+    weight = n[MASS] * n[GRAVITY_N]
+    lift, before, off_before = out[_LIFT], 0.0, 0.0
     for k in range(_LIFT_LIMIT):
-        loads = weight - lift, -n[ABOVE] * gx - lift * n[ANCHOR_X], -n[ABOVE] * gy - lift * n[ANCHOR_Y]
-        height = n[HEIGHT] + n[ABOVE]
-        balance = solve_pressure(problem.soles, problem.regions, problem.sliding, frame, twist, height, loads, work)
-        if balance != BALANCED:
-            return math.nan
-        fx, fy, moment = product_3(work.matrices[W], work.pressure)
-        tx, ty = -fx - gx, -fy - gy
-        out[3], next_lift = reach_under(n, math.sqrt(tx * tx + ty * ty))
-        off = next_lift - lift
+        off = _off(problem, place, twist, lift, work, out)
         if abs(off) <= _LIFT_SETTLED * weight:
+            out[_LIFT] = lift
+            return float(out[4])
+        if math.isnan(off):
             break
         slope = (off - off_before) / (lift - before) if k > 0 else -1.0
         before, off_before = lift, off
         lift -= off / slope
+    if n[RISE] == 0 and not n[TETHER_WEIGHT] > 0:
+        return math.nan
+    return _towed_by_bisection(problem, place, twist, work, out)
+
+
+@compiled(allocates=False)
+def _towed_by_bisection(
+    problem: TowProblem, place: Array, twist: tuple[float, float, float], work: Work, out: Array
+) -> float:
+    """As :func:`_towed`, where the secant method met a lift that no pressure balances.
+
+    The more the tether lifts the less friction it has to overcome: what it lifts less than a trial changes sign once.
+    """
+    weight = problem.numbers[MASS] * problem.numbers[GRAVITY_N]
+    low = high = last = off_last = math.nan
+    for k in range(_LIFT_TRIALS):
+        lift = weight * (2 * k / _LIFT_TRIALS - 1)
+        off = _off(problem, place, twist, lift, work, out)
+        if (off_last > 0 and not off > 0) or (math.isnan(off_last) and off <= 0 and k > 0):
+            low, high = last, lift
+            break
+        last, off_last = lift, off
     else:
         return math.nan
-    out[1], out[2] = tx, ty
-    left: float = moment + n[ANCHOR_X] * ty - n[ANCHOR_Y] * tx
-    return left
+    balanced_below = off_last > 0
+    for _ in range(_LIFT_HALVINGS):
+        lift = 0.5 * (low + high)
+        off = _off(problem, place, twist, lift, work, out)
+        if off > 0 or (math.isnan(off) and not balanced_below):
+            low, balanced_below = lift, balanced_below or off > 0
+        else:
+            high = lift
+    out[_LIFT] = low if balanced_below else high
+    off = _off(problem, place, twist, out[_LIFT], work, out)
+    return float(out[4]) if abs(off) <= _LIFT_CLOSE * weight else math.nan
 
 
 @compiled(allocates=False)
@@ -110,7 +156,7 @@ def _rate(
             return 0
         slope = (at_now - at_last) / (now - last)
         step = -at_now / slope
-        if not (slope < 0 and abs(step) < 0.3 * (unit + abs(now))):
+        if not abs(step) < 0.3 * (unit + abs(now)):
             break
         last, at_last, now = now, at_now, now + step
     _searched(problem, place, lever, ux, uy, guess, work, out)
@@ -124,18 +170,19 @@ def _searched(
     """The root nearest to a guess, by scanning and bisection; the least moment found where there is none."""
     unit = math.sqrt(ux * ux + uy * uy) / problem.soles.numbers[RADIUS]
     best, least, low, high, distance = guess, np.inf, 0.0, 0.0, np.inf
-    last_rate = last = math.nan
+    last_rate, last, falls = math.nan, math.nan, True
     for j in range(-_SCAN, _SCAN + 1):
         rate = unit * 0.02 * math.sinh(j * 12.0 / _SCAN)
         moment = _left(problem, place, lever, ux, uy, rate, work, out)
         if abs(moment) < least:
             best, least = rate, abs(moment)
-        if last > 0 and moment <= 0 and abs(0.5 * (last_rate + rate) - guess) < distance:
-            low, high, distance = last_rate, rate, abs(0.5 * (last_rate + rate) - guess)
+        # Not where one is NaN. Where the moment rises the object balances, too: straight behind a raised anchor.
+        if last * moment <= 0 and abs(0.5 * (last_rate + rate) - guess) < distance:
+            low, high, distance, falls = last_rate, rate, abs(0.5 * (last_rate + rate) - guess), last > moment
         last_rate, last = rate, moment
     for _ in range(_BISECTIONS if distance < np.inf else 0):
         best = 0.5 * (low + high)
-        if _left(problem, place, lever, ux, uy, best, work, out) > 0:
+        if (_left(problem, place, lever, ux, uy, best, work, out) > 0) == falls:
             low = best
         else:
             high = best
@@ -146,7 +193,7 @@ def _searched(
 
 @compiled(allocates=False)
 def rate_at(problem: TowProblem, lever: Array, time: float, heading: float, work: Work, out: Array) -> int:
-    """Heading rate and forces at a time and a heading into ``out`` (9,), whose rate is the guess; 1: it tips.
+    """Heading rate and forces at a time and a heading into ``out`` (10,), whose rate is the guess; 1: it tips.
 
     ``lever`` (2,) from G to P in body axes; the drive of the problem is the path of P.
     """
@@ -196,7 +243,7 @@ def follow_in_space(problem: TowProblem, levers: Array, times: Array, heading: f
     # Here, because it takes as long to import as all the rest of the physics.
     from scipy.integrate import solve_ivp  # noqa: PLC0415
 
-    work, out = work_for(problem.soles, problem.regions), np.zeros(_PLACE + 3)
+    work, out = work_for(problem.soles, problem.regions), np.zeros(_KNOWN)
 
     def rate(time: float, state: Array) -> float:
         if rate_at(problem, levers[:2], time, state[0], work, out) == _TIPPED:
