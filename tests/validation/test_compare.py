@@ -36,7 +36,7 @@ def simulated(measured, error):
         "converged",
         "",
         "dynamics",
-        statistics={"u_num_m": 1e-6},
+        statistics={"u_num_m": 1e-6, "u_tolerance_m": 1e-6},
     )
 
 

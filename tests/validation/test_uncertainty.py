@@ -10,16 +10,18 @@ from scipy.stats import norm
 from studies.worlds.campaign import OBJECT, ROVER
 from towval.model import Camera, Floor, Tether, Verdict
 from towval.model.errors import InputError, RefusedError
-from towval.model.geometry import rigid_fit, transform
+from towval.model.geometry import pose_difference, rigid_fit, transform
 from towval.optics.projection import project, to_plane
+from towval.physics.dynamics import Outcome
 from towval.selection.draws import sample_selecting
+from towval.validation import scene_model
 from towval.validation.compare import compare
 from towval.validation.path_frame import OnPath
 from towval.validation.sampler import UncertaintySettings, _motions
 from towval.validation.shares import REST, variance_shares
-from towval.validation.simulate import simulate
+from towval.validation.simulate import SimulateSettings, simulate
 from towval.validation.uncertainty import BOUND_ERROR, DRAWS, UncertaintySampling, _findings, sample_uncertainty
-from validation_case import DEVIATIONS, PARAMETER_STD
+from validation_case import DEVIATIONS, PARAMETER_STD, SCENE
 
 
 def test_shares_of_a_polynomial_are_those_of_its_coefficients():
@@ -163,10 +165,13 @@ def test_settings_out_of_range_are_refused(bad):
 
 def test_the_numerical_uncertainty_is_in_u_val_wherever_it_is_used(case):
     """Ten millimetres of it move table, ratio and test of a run of three."""
-    coarse = replace(case, simulated=replace(case.simulated, statistics={**case.simulated.statistics, "u_num_m": 0.01}))
-    fine = replace(case, simulated=replace(case.simulated, statistics={**case.simulated.statistics, "u_num_m": 0.0}))
-    settings = UncertaintySettings(samples=64)
-    with_it, without = (sample_uncertainty(each, settings) for each in (coarse, fine))
+
+    def sampled(u_tolerance_m):
+        statistics = {**case.simulated.statistics, "u_tolerance_m": u_tolerance_m}
+        given = replace(case, simulated=replace(case.simulated, statistics=statistics))
+        return sample_uncertainty(given, UncertaintySettings(samples=64))
+
+    with_it, without = sampled(0.01), sampled(0.0)
     results = [compare("a", case.simulated, case.object_track, each) for each in (with_it, without)]
     assert results[0].u_val_m == pytest.approx(np.hypot(results[1].u_val_m, 0.01), rel=1e-9)
     assert results[0].u_input_m == results[1].u_input_m
@@ -175,6 +180,37 @@ def test_the_numerical_uncertainty_is_in_u_val_wherever_it_is_used(case):
     assert np.std(grown[:, 0, :2], axis=0) == pytest.approx(0.01 / np.sqrt(2), rel=0.3)
     assert not grown[..., 2].any()
     assert np.ptp(grown, axis=1).max() < 1e-15
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_right_model_on_a_simpler_rung_does_not_disagree(case, known, monkeypatch):
+    """Its error has the shape of its difference from the dynamics. The control knows nothing of that: it disagrees."""
+    settings = SimulateSettings(rung="quasi-static patch", rung_tolerance_m=0.5)
+    simpler = simulate(SCENE, case.rover_decimated, case.object_decimated, case.simulated.time_s, settings)
+    assert case.simulated.rung == "dynamics"
+    assert simpler.statistics["u_num_m"] > 0.005
+    if not known:
+        monkeypatch.setattr(UncertaintySampling, "_shift_by_dynamics", lambda self: np.zeros_like(simpler.pose))
+    found = sample_uncertainty(replace(case, simulated=simpler), UncertaintySettings(samples=256))
+    result = compare("a", simpler, case.object_track, found)
+    assert (result.verdict == Verdict.DISAGREES) != known
+    if known:
+        moved = pose_difference(case.simulated.pose, simpler.pose)
+        parts = np.einsum("ni,nij,nj->n", moved, np.linalg.inv(found.validation), moved)
+        assert (parts <= 1).all()
+
+
+def test_where_the_dynamics_cannot_go_on_a_simpler_rung_has_no_uncertainty(case, monkeypatch):
+    simpler = replace(case.simulated, rung="quasi-static patch")
+    whole = scene_model.simulate_rung
+
+    def ends_early(rung, *arguments, **named):
+        motion = whole(rung, *arguments, **named)
+        return replace(motion, outcome=Outcome.TIPS) if rung == "dynamics" else motion
+
+    monkeypatch.setattr(scene_model, "simulate_rung", ends_early)
+    with pytest.raises(RefusedError, match="the dynamics cannot be simulated to the end"):
+        sample_uncertainty(replace(case, simulated=simpler), UncertaintySettings(samples=64))
 
 
 def test_the_main_input_is_named_and_draws_that_fail_are_counted():

@@ -75,7 +75,8 @@ def simulate(
 
     Of the object's decimated track only the beginning is used. The motion is given at those of the ``times`` (n,) [s]
     from when both tracks have begun to the end of the rover's; ``statistics["u_num_m"]`` is the root sum of squares of
-    the largest shifts of the path by a hundred times tighter tolerance and by the full dynamics. `RefusedError` where
+    the largest shifts of the path by a hundred times tighter tolerance, ``statistics["u_tolerance_m"]``, and by the
+    full dynamics. `RefusedError` where
     the load's weight is outside the footprint, the tracks do not overlap, or the integration ends early.
     """
     return RunSimulation(scene, rover, towed, times).simulate(settings or SimulateSettings())
@@ -131,6 +132,7 @@ class RunSimulation:
         statistics = {
             **motion.statistics,
             "u_num_m": float(np.hypot(u_num, to_dynamics.get(rung, 0.0))),
+            "u_tolerance_m": u_num,
             STICKING: float(self.model.sticking),
             **{f"{lower} to dynamics, m": to_dynamics[lower] for lower in rung_names() if lower in to_dynamics},
         }

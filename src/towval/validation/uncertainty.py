@@ -19,6 +19,7 @@ from towval.model.findings import finding
 from towval.model.geometry import pose_difference
 from towval.model.inputs import INPUTS
 from towval.model.statement import Draws
+from towval.physics.ladder import DYNAMICS
 from towval.validation.consequences import WIDER, widened
 from towval.validation.effects import effect_choices
 from towval.validation.explain import Left, Moves, explain
@@ -76,6 +77,7 @@ class UncertaintySampling:
             sum(self._sampler.widths.values()), scramble=True, rng=np.random.default_rng(settings.seed)
         )
         self._draws = np.empty((0, self._sequence.d))
+        self._to_dynamics = self._shift_by_dynamics()
         self._outcomes: list[tuple[Array, Array]] = []
 
     def sampled(self) -> tuple[RunUncertainty, float]:
@@ -117,11 +119,12 @@ class UncertaintySampling:
     def _described(self, draws: Array, simulated: Array, measured: Array, dropped: int) -> RunUncertainty:
         # Deviations are taken from the nominal solution, which corresponds to the truth in a campaign, not from the
         # mean of the draws: where phases drift, both sides of S − D oscillate, and the mean of the draws does not.
-        nominal, u_num_m = self.case.simulated.pose, self.case.simulated.statistics["u_num_m"]
+        nominal, u_tolerance_m = self.case.simulated.pose, self.case.simulated.statistics["u_tolerance_m"]
         error = pose_difference(simulated, measured)
         shares = variance_shares(draws, error[..., :2].reshape(len(error), -1), self._sampler.widths)
         rng = np.random.default_rng([self.settings.seed, len(draws)])
-        numerical = np.pad(rng.standard_normal((len(draws), 1, 2)) * u_num_m / np.sqrt(2), ((0, 0), (0, 0), (0, 1)))
+        step = np.pad(rng.standard_normal((len(draws), 1, 2)) * u_tolerance_m / np.sqrt(2), ((0, 0), (0, 0), (0, 1)))
+        numerical = step + rng.standard_normal((len(draws), 1, 1)) * self._to_dynamics
         rows = np.arange(0, len(nominal), -(-len(nominal) // _KEPT_TIMES))
         off = pose_difference(measured, nominal)
         kept = Draws(rows, (error + numerical)[:, rows], off[:, rows], draws, self._sampler.names)
@@ -129,7 +132,7 @@ class UncertaintySampling:
             time_s=self._sampler.times,
             measurement=_mean_square(off),
             simulation=_mean_square(pose_difference(simulated, nominal)),
-            validation=with_numerical(_mean_square(error), u_num_m),
+            validation=with_numerical(_mean_square(error), u_tolerance_m, self._to_dynamics),
             confidence=self.settings.confidence,
             shares=shares,
             samples=len(draws),
@@ -138,6 +141,25 @@ class UncertaintySampling:
             upstream=self.case.upstream,
             draws=kept,
         )
+
+    def _shift_by_dynamics(self) -> Array:
+        """By how much the full dynamics would move the path (n, 3) [m, m, rad]; a simpler rung is in error by as much.
+
+        That has the shape of a turn into a curve or of a start. A constant shift as large, as a right model's error,
+        would hide other errors, and show a right model to be wrong by the shape of its error.
+        """
+        batch, sampler = self._sampler.batch, self._sampler
+        if batch.rung == DYNAMICS:
+            return np.zeros((len(batch.times), 3))
+        unchanged = Drawn(self.case.scene, sampler.rover_moves, sampler.start.pose[0])
+        (simpler,), (fullest,) = (each.simulate([unchanged]) for each in (batch, replace(batch, rung=DYNAMICS)))
+        if not np.isfinite(fullest).all():
+            raise RefusedError(
+                "how far the simulation is from the full dynamics is not known",
+                got=f"rung {batch.rung}; the dynamics cannot be simulated to the end",
+                remedy="set simulate.rung: dynamics, and read what the stage simulate says",
+            )
+        return pose_difference(fullest, simpler)
 
     def completed(self, known: RunUncertainty) -> RunUncertainty:
         """Add the smallest faults that show in nine of ten draws, and what explains the error."""
@@ -238,14 +260,16 @@ class UncertaintySampling:
                 self.progress(len(self._outcomes))
 
 
-def with_numerical(covariance: Array, u_num_m: float) -> Array:
-    """Covariances (..., 3, 3) of the error over the draws with the numerical uncertainty of the simulation added.
+def with_numerical(covariance: Array, u_tolerance_m: float, to_dynamics: Array) -> Array:
+    """Covariances (n, 3, 3) of the error over the draws with the numerical uncertainty of the simulation added.
 
     This is where u_val² = u_num² + u_input² + u_D² is formed, for the table, the test and the plots; errors that
-    simulation and measurement share are counted once, since the draws are of their difference. ``u_num_m`` [m] counts
-    at every time, with half of its square in each direction.
+    simulation and measurement share are counted once, since the draws are of their difference. ``u_tolerance_m`` [m]
+    counts at every time, with half of its square in each direction; ``to_dynamics`` (n, 3) [m, m, rad], by which the
+    full dynamics would move the path, as one deviation of it.
     """
-    return covariance + 0.5 * u_num_m**2 * np.diag([1.0, 1.0, 0.0])
+    squares = covariance + 0.5 * u_tolerance_m**2 * np.diag([1.0, 1.0, 0.0])
+    return np.asarray(squares + to_dynamics[:, :, None] * to_dynamics[:, None, :])
 
 
 def _acted(act: Acts, drawn: Drawn | None) -> Drawn | None:

@@ -6,9 +6,10 @@ part along the floor is T = −(F + m g_s), g_s gravity along the floor, so the 
 
     (A + C W) x = (m g_n − T_z, −h m g_sx − T_z q_x, −h m g_sy − T_z q_y),   C with the anchor's height over the floor,
 
-linear in x but for T_z, which follows from |T| by the tether: one unknown, by the secant method, or by bisection where a
-trial of it lifts an edge of the footprint: a rising tether may hold down what its pull along the floor would tip. Balance
-about the anchor gives the heading rate, and the heading is integrated with Dormand's and Prince's rule of order eight.
+linear in x but for T_z, which follows from |T| by the tether: one unknown, by the secant method, or by bisection where
+a trial of it lifts an edge of the footprint: the lift of a rising tether may hold down what its pull along the floor
+would tip. Balance about the anchor gives the heading rate, and the heading is integrated with Dormand's and Prince's
+rule of order eight.
 """
 
 from __future__ import annotations
