@@ -168,46 +168,45 @@ def all_rows(worlds: list[str], seeds: range, samples: int, file: Path) -> list[
     return rows
 
 
-def table(rows: list[dict[str, Any]]) -> Iterator[Row]:
-    """Rows of what must be reached."""
+def shares(rows: list[dict[str, Any]]) -> Iterator[tuple[str, list[bool], float, float]]:
+    """What is counted: its name, whether it held in each run or fault, the least and the largest share asked for."""
     honest = [row for row in rows if WORLDS[row["world"]].stated == 1.0]
     faulty = [each for row in honest for each in row["faults"]]
     right = [row["run"] for row in honest]
     for what, each_of in (("as stated", right), ("with a fault", faulty)):
         held = [each["off_m"] <= each["upper_m"] for each in each_of]
-        yield share(f"first bound holds, {what}", held, 0.93, 0.97)
+        yield f"first bound holds, {what}", held, 0.93, 0.97
     # MuJoCo's points and cones are another model: a rejection is no false alarm there, nor does it show the fault.
     ours = [row for row in honest if not WORLDS[row["world"]].engine]
     right, planted = [row["run"] for row in ours], [each for row in ours for each in row["faults"]]
     second = [run["run"]["model_m"][0] <= run["model_error_m"] <= run["run"]["model_m"][1] for run in honest]
-    yield share("second bound holds", second, 0.95)
-    yield share("right model: disagrees", [each["verdict"] == Verdict.DISAGREES for each in right], 0.0, 0.01)
-    yield share("right model: rejected by the test", [each["rejected"] for each in right], 0.0, 0.02)
+    yield "second bound holds", second, 0.95, 1.0
+    yield "right model: disagrees", [each["verdict"] == Verdict.DISAGREES for each in right], 0.0, 0.01
+    yield "right model: rejected by the test", [each["rejected"] for each in right], 0.0, 0.02
     every = [row["run"] for row in rows] + [fault for row in rows for fault in row["faults"]]
     wrong = [e["verdict"] == Verdict.AGREES and e["off_m"] > TOLERANCE_M for e in every]
-    yield share("agrees though off by more than the tolerance", wrong, 0.0, 0.01)
+    yield "agrees though off by more than the tolerance", wrong, 0.0, 0.01
     for kind in FAULTS:
         smallest = [each["rejected"] for each in planted if each["kind"] == kind and each["growth"] == 1.0]
-        yield share(f"smallest visible fault seen: {kind}", smallest, 0.85, 0.95)
+        yield f"smallest visible fault seen: {kind}", smallest, 0.85, 0.95
     small = [row for row in rows if WORLDS[row["world"]].stated < 1.0]
-    yield share("deviations 2 × too small: rejected", [row["run"]["rejected"] for row in small], 0.0)
+    yield "deviations 2 × too small: rejected", [row["run"]["rejected"] for row in small], 0.0, 1.0
     large = [row for row in rows if WORLDS[row["world"]].stated > 1.0]
-    yield share("deviations 2 × too large: rejected", [row["run"]["rejected"] for row in large], 0.0, 0.01)
+    yield "deviations 2 × too large: rejected", [row["run"]["rejected"] for row in large], 0.0, 0.01
     caught = [row for row in small if row["run"]["rejected"]]
-    yield share(
-        "of the rejected with deviations too small: explained by named inputs",
-        [row["run"]["explained"] for row in caught],
-        0.8,
-    )
-    yield share(
-        "of these, a named input is off by two deviations, in the stated direction", list(map(named, caught)), 0.8
-    )
+    explained = [row["run"]["explained"] for row in caught]
+    yield "of the rejected with deviations too small: explained by named inputs", explained, 0.8, 1.0
+    rightly = list(map(named, caught))
+    yield "of these, a named input is off by two deviations, in the stated direction", rightly, 0.8, 1.0
     same = [(row, other) for row in caught for other in caught if row["world"] == other["world"] and row is not other]
-    yield share(
-        "the same by chance: compared with the inputs of the other runs", [named(a, b["off"]) for a, b in same], 0
-    )
-    sizes = [len(row["run"]["named"]) for row in caught]
-    yield "inputs named, mean", f"{np.mean(sizes) if sizes else 0:.1f}", "", True
+    by_chance = [named(a, b["off"]) for a, b in same]
+    yield "the same by chance: compared with the inputs of the other runs", by_chance, 0.0, 1.0
+
+
+def table(rows: list[dict[str, Any]]) -> Iterator[Row]:
+    """Rows of what must be reached."""
+    for each in shares(rows):
+        yield share(*each)
 
 
 def named(row: dict[str, Any], off: dict[str, list[float]] | None = None) -> bool:
@@ -217,7 +216,7 @@ def named(row: dict[str, Any], off: dict[str, list[float]] | None = None) -> boo
     return any(part * np.sign(value) > 2 for name, value in found for part in known.get(name, [0.0]))
 
 
-def share(what: str, held: list[bool], least: float, most: float = 1.0) -> Row:
+def share(what: str, held: list[bool], least: float, most: float) -> Row:
     """A count and its share, with its interval of 95 %, and what is asked for."""
     n, k = len(held), sum(held)
     value = k / n if n else float("nan")
@@ -227,20 +226,31 @@ def share(what: str, held: list[bool], least: float, most: float = 1.0) -> Row:
     return what, measured, f"{100 * least:g} to {100 * most:g} %", bool(held) and least <= value <= most
 
 
-def verdict_map(rows: list[dict[str, Any]]) -> Iterator[str]:
-    """World × size of fault → shares of right, cannot tell and wrong verdicts, as a table in Markdown.
+COLUMNS = ("as stated", *(f"fault × {growth:g}" for growth in GROWTH))
+"""Of the map: what was put into the truth, in sizes of the smallest visible fault."""
+
+
+def counts(rows: list[dict[str, Any]]) -> dict[str, list[Counter[str]]]:
+    """World → counts of right, unsure and wrong verdicts, in the order of :data:`COLUMNS`.
 
     Right: agrees where the simulation was within the tolerance, disagrees where a fault put it beyond. Wrong: agrees
     although it was beyond, disagrees although nothing was put in.
     """
-    yield "| world | as stated | " + " | ".join(f"fault × {growth:g}" for growth in GROWTH) + " |"
-    yield "|---" * (2 + len(GROWTH)) + "|"
+    found = {}
     for name in WORLDS:
         of = [row for row in rows if row["world"] == name]
-        cells = [Counter(kind_of(row["run"], planted=False) for row in of)]
+        found[name] = [Counter(kind_of(row["run"], planted=False) for row in of)]
         for growth in GROWTH:
             faults = [each for row in of for each in row["faults"] if each["growth"] == growth]
-            cells.append(Counter(kind_of(each, planted=True) for each in faults))
+            found[name].append(Counter(kind_of(each, planted=True) for each in faults))
+    return found
+
+
+def verdict_map(rows: list[dict[str, Any]]) -> Iterator[str]:
+    """World × size of fault → counts of right, unsure and wrong verdicts, as a table in Markdown."""
+    yield f"| world | {' | '.join(COLUMNS)} |"
+    yield "|---" * (1 + len(COLUMNS)) + "|"
+    for name, cells in counts(rows).items():
         yield f"| {name} | " + " | ".join(cell_text(cell) for cell in cells) + " |"
 
 
