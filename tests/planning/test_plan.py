@@ -302,6 +302,7 @@ def test_a_map_replaces_only_a_map(tmp_path):
         with pytest.raises(InputError, match=re.escape(name.name)):
             run(quick_plan(), "line", tmp_path / "p.mcap", tmp_path / "p.csv", map_file=name)
     assert mine.read_text() == "<svg>mine</svg>"
+    assert [each.name for each in tmp_path.iterdir()] == ["drawing.svg"]  # and no plan without its map
 
 
 def _path_length(file):

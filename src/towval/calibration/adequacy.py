@@ -89,7 +89,7 @@ def view_findings(statistics: ViewStatistics) -> list[Finding]:
     focal = {"focal_percent": 100 * statistics.focal_std_share, "remedy": _FILM_TILT}
     useless = statistics.focal_std_share > CONSTANTS.useless_focal_std_share
     severity = Severity.REFUSAL if useless else Severity.WARNING
-    if statistics.median_tilt_deg < CONSTANTS.enough_tilt_deg:
+    if statistics.held and statistics.median_tilt_deg < CONSTANTS.enough_tilt_deg:
         tilt = {"held": statistics.held, "tilt_deg": statistics.median_tilt_deg}
         findings.append(finding("no-tilt", severity, **tilt, **focal))
     elif statistics.focal_std_share > CONSTANTS.focal_std_share:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from towval.commands.console import Outcome
+from towval.io.atomic import check_own, write_text
 from towval.io.campaign import load_campaign
 from towval.io.plan_files import read_path, read_tow, write_plan_csv, write_plan_mcap
 from towval.io.provenance import provenance
@@ -23,6 +24,9 @@ from towval.planning.paths import Curve, through_points, timed
 from towval.planning.plan import close_loop, hinge_of_poses, tow
 from towval.planning.planner import PlanCase, PlanOutcome
 from towval.planning.scene import PlanScene, friction_under, plan_scene
+
+_MAP_MARK = "Matplotlib"
+"""What a map of ours names as its maker near its beginning: no other file is replaced."""
 
 
 def run(
@@ -41,6 +45,7 @@ def run(
 
     Raises `RefusedError` when the rover does not arrive; no plan is written then.
     """
+    _check_map(map_file)
     document, given = _scene(scene, campaign)
     law, path, tether = friction_under(given), _wanted(given, wanted), given.tether
     ground, height = given.ground, given.hinge_height
@@ -64,6 +69,15 @@ def run(
     return Outcome("plan", files, text, numbers, found)
 
 
+def _check_map(file: Path | None) -> None:
+    """Refuse the name of a map before anything is computed and written."""
+    if file is None:
+        return
+    if file.suffix != ".svg":
+        raise InputError("the map cannot be written", got=file.name, allowed="a name that ends in .svg")
+    check_own(file, _MAP_MARK)
+
+
 def _mapped(
     file: Path | None,
     hinge: Array,
@@ -75,9 +89,11 @@ def _mapped(
     """The map of a plan or a tow, where one is asked for."""
     if file is None:
         return ()
-    from towval.report.figures.plan import plan_figure, write_map  # noqa: PLC0415  # matplotlib, for a map only
+    # Not at start-up: they import matplotlib, which only maps need.
+    from towval.report.figures.plan import plan_figure  # noqa: PLC0415
+    from towval.report.style import svg_text  # noqa: PLC0415
 
-    write_map(file, plan_figure(hinge, motion, scene.towed, wanted, limited))
+    write_text(file, svg_text(plan_figure(hinge, motion, scene.towed, wanted, limited)), own=_MAP_MARK)
     return (file,)
 
 
@@ -94,6 +110,7 @@ def run_tow(
     measured track. Every pose of the rover drives the tether. ``output`` is in the format of simulate.mcap; the rest is
     as in :func:`run`.
     """
+    _check_map(map_file)
     document, given = _scene(scene, campaign)
     times, poses, start = read_tow(recording)
     hinge = hinge_of_poses(poses, given.rover)

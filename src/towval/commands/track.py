@@ -20,6 +20,7 @@ from towval.model import Array, Body, Calibration, Finding, Track
 from towval.model.errors import InputError
 from towval.model.findings import finding
 from towval.model.geometry import polygon_area
+from towval.report.wording import millimetres
 from towval.selection.tracking import PROBE_FRAMES, PROBE_STRIDE, neighbour_of_tracking
 from towval.tracking.camera_motion import CONSTANTS as CAMERA_MOTION
 from towval.tracking.camera_motion import calibration_at_start
@@ -87,10 +88,13 @@ def run(
     made_of = provenance("track", settings, inputs, run=name, document=sections, constants=True)
     write_tracks(output, tracks, made_of)
     findings = tuple(dict.fromkeys(one for tracked in tracks.values() for one in tracked.findings))
-    numbers = {f"{body}_{key}": value for body, tracked in tracks.items() for key, value in _seen(tracked).items()}
+    seen_of = {body: _seen(tracked) for body, tracked in tracks.items()}
+    numbers = {f"{body}_{key}": value for body, seen in seen_of.items() for key, value in seen.items()}
     texts = [
-        "{} seen in {frames_seen} of {frames} frames, ±{position_std_mm:.2g} mm".format(body, **_seen(tracked))
-        for body, tracked in tracks.items()
+        "{} seen in {frames_seen} of {frames} frames, ±{}".format(
+            body, millimetres(seen["position_std_mm"] / 1e3), **seen
+        )
+        for body, seen in seen_of.items()
     ]
     return Outcome(f"track {name}", (output,), "; ".join(texts), numbers, findings)
 

@@ -1,18 +1,14 @@
 """Map of a plan or a tow: the object behind the rover, and the bends that are due to the rover's limit."""
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from towval.io.atomic import write_text
 from towval.model import Array, SimulatedMotion, TowedObject
-from towval.model.errors import InputError
 from towval.model.geometry import transform
 from towval.report.figures.runs import MEASURED_LINE, ROVER_LINE, SIMULATED_LINE, map_axes, map_limits
-from towval.report.style import COLUMN_WIDTH_IN, MUTED, Margins, figure_function, head_legend, place_maps, svg_text
+from towval.report.style import COLUMN_WIDTH_IN, MUTED, Margins, figure_function, head_legend, place_maps
 
 _OUTLINES = 7
 _WANTED_LINE = {**MEASURED_LINE, "color": MUTED}
@@ -60,13 +56,3 @@ def plan_figure(
     place_maps(figure, [axes], float((high - low)[1] / (high - low)[0]), Margins(left=0.46, top=0.46))
     head_legend(figure, handles, columns=2)
     return figure
-
-
-def write_map(path: Path, figure: Figure) -> None:
-    """Write a map as SVG; only an older map is overwritten.
-
-    Raises `InputError` where the name does not end in ``.svg``, or another kind of file has this name.
-    """
-    if path.suffix != ".svg":
-        raise InputError("the map cannot be written", got=path.name, allowed="a name that ends in .svg")
-    write_text(path, svg_text(figure), own="Matplotlib")
