@@ -204,6 +204,33 @@ def test_pictures_that_are_shown_several_times_are_as_uncertain_as_they_are_late
     assert std.max() < 1.01 * 0.001 * max(1, times / 2)
 
 
+def test_no_picture_that_is_shown_ten_times_is_certain():
+    """The six poses on each side of one without a velocity reach a leap of one picture in ten, three would not."""
+    pose = np.outer(np.arange(120) // 10 * 10 / 60, [0.1, 0.0, 0.0])
+    assert (delayed(np.arange(120) / 60, pose, 0.01)[10:-10, 0, 0] > 0).all()
+
+
+def evenly_on(speed, due, jumps):
+    """Whether a body that goes on at a speed, in deviations of a velocity, does so through ``jumps`` of another one."""
+    std = 2e-5 * stamps_module.CONSTANTS.least_noise * 25  # of a motion without noise, a share of what is stated
+    pose = np.outer(EVEN, [speed * std, 0.0, 0.0])
+    track = replace(filmed(EVEN, EVEN)["rover"], pose=pose)
+    at = np.isin(np.arange(249), 100 + 5 * np.arange(jumps))
+    return stamps_module._goes_on(track, np.ones(250, dtype=bool), at, np.full(249, due))
+
+
+@pytest.mark.parametrize(("speed", "shows"), [(8.8, False), (16.8, True)])
+def test_a_body_goes_on_that_misses_a_jump_by_three_deviations(speed, shows):
+    """By half of a step the jump is, and two poses make a velocity: a quarter of the speed is missed by."""
+    assert evenly_on(speed, 0.5, 1) is shows
+
+
+@pytest.mark.parametrize(("speed", "moves"), [(3.5, False), (7.0, True)])
+def test_a_body_that_creeps_by_less_than_five_deviations_goes_on_through_nothing(speed, moves):
+    """However many the jumps of the other one are, and however sure their sum."""
+    assert evenly_on(speed, 1.0, 25) is moves
+
+
 def test_a_body_is_as_uncertain_as_it_is_fast_in_a_slip_of_three_pictures():
     pose = np.outer(np.cumsum([0.0] * 20 + [0.01] * 3 + [0.0] * 20), [1.0, 0.0, 0.0])
     std = np.sqrt(delayed(np.arange(43) / 25, pose, 0.01)[:, 0, 0])

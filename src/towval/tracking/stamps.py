@@ -27,6 +27,9 @@ class StampConstants:
     least_noise: float = 0.1  # Of the stated deviation of a pose: a still picture shows none.
     jump: float = 0.3  # Of a step, beyond which it is a jump; shaking stamps reach 0.25.
     agree: float = 0.2  # Difference of this share between bodies.
+    evenly: float = 3.0  # Deviations by which a slow body misses the jumps of another one that it goes on through.
+    creeps: float = 5.0  # Deviations of a pose by which a slow body is sure to have moved.
+    around: int = 6  # Pictures on each side whose velocity counts where one shows none.
     repeated: float = 0.1  # Of a step, below which the picture was repeated.
     leap: float = 3.0  # Of a body's usual speed, at which it leaves a rest only where the picture had been frozen.
     dropped: float = 10.0  # Times as well that all bodies fit a smooth curve with a step more: 7 is the most by chance,
@@ -57,9 +60,6 @@ _ALTERNATION = 48 / 35  # Share of it by which each picture is beside the quadra
 _LEFT = 18 / 35  # Share of a picture's variance by which it is beside the quadratic through five.
 _OTHER_STEPS = np.setdiff1d(np.arange(-12, 2.5, 0.5), [0.0])  # That a step may be longer by, in usual ones.
 _Bodies = list[tuple[Array, float]]  # Places (n, 2) of each body, and its usual misfit.
-_EVENLY = 3.0  # Deviations by which a slow body misses the jumps of another one that it goes on through.
-_CREEPS = 5.0  # Deviations of a pose by which a slow body is sure to have moved.
-_AROUND = 6  # Pictures on each side whose velocity counts where one shows none.
 _ROUNDS = 4  # Of looking for repeated pictures: several of them side by side hide each other.
 
 
@@ -236,7 +236,7 @@ def _goes_on(track: Track, kept: NDArray[np.bool_], jumps: NDArray[np.bool_], du
     """
     velocity, before, after = _velocities(track, kept)
     usual, std = (before + after) / 2, _noise_m(track, kept) / np.median(np.diff(track.time_s[kept]))
-    at = jumps & (np.linalg.norm(usual, axis=1) > _CREEPS * std)
+    at = jumps & (np.linalg.norm(usual, axis=1) > CONSTANTS.creeps * std)
     if not at.any():
         return False
     jump = due[at, None] * usual[at]
@@ -244,7 +244,7 @@ def _goes_on(track: Track, kept: NDArray[np.bool_], jumps: NDArray[np.bool_], du
     shown = np.sum((velocity[at] - usual[at]) * jump) / size
     # Of two poses, and of what is taken for the usual step.
     std_of_shown = 2 * std / np.sqrt(size)
-    return bool(shown < 0.5 and 1 - shown > _EVENLY * std_of_shown)
+    return bool(shown < 0.5 and 1 - shown > CONSTANTS.evenly * std_of_shown)
 
 
 def _leaps(tracks: Mapping[str, Track], kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -267,7 +267,7 @@ def _leaps(tracks: Mapping[str, Track], kept: NDArray[np.bool_]) -> NDArray[np.b
             fast = speed[c.beside :] > c.leap * np.percentile(speed, 95)
             moves[seen[c.beside : -1]] = large
             leap[seen[c.beside : -1]] = large & fast & (rested < c.repeated * step[c.beside :])
-            awake[seen[c.beside : -1]] = ~large & (rested > _CREEPS * np.sqrt(2) * std)
+            awake[seen[c.beside : -1]] = ~large & (rested > CONSTANTS.creeps * np.sqrt(2) * std)
         found.append((leap, moves, awake))
     leaps, moving, awake = (np.array(rows) for rows in zip(*found, strict=True))
     return np.asarray(leaps.any(axis=0) & (leaps == moving).all(axis=0) & ~awake.any(axis=0))
@@ -405,8 +405,8 @@ def delayed(time_s: Array, pose: Array, late_s: float) -> Array:
     if late_s and len(seen) > 1:
         velocity = np.gradient(pose[seen], time_s[seen], axis=0)
         squared = velocity[:, :, None] * velocity[:, None, :]
-        around = np.pad(squared, ((_AROUND, _AROUND), (0, 0), (0, 0)), mode="edge")
-        mean = np.lib.stride_tricks.sliding_window_view(around, 2 * _AROUND + 1, axis=0).mean(axis=-1)
+        around = np.pad(squared, ((CONSTANTS.around, CONSTANTS.around), (0, 0), (0, 0)), mode="edge")
+        mean = np.lib.stride_tricks.sliding_window_view(around, 2 * CONSTANTS.around + 1, axis=0).mean(axis=-1)
         speed2, usual2 = (np.trace(each[:, :2, :2], axis1=1, axis2=2) for each in (squared, mean))
         covariance[seen] = late_s**2 * np.where((speed2 < usual2)[:, None, None], mean, squared)
     return covariance
