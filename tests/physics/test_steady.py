@@ -121,6 +121,35 @@ def test_a_region_of_the_floor_raises_the_pull_within_it():
     assert pulls[[0, -1]] == pytest.approx(MU * MASS * G * np.array([1.0, 1.5]), rel=1e-9)
 
 
+def behind_a_high_anchor(seed):
+    """A plan under a rising tether whose load comes to lie before the tracked point, so that balances come and go."""
+    rng = np.random.default_rng(seed)
+    centre, anchor = rng.uniform(-0.08, 0.08, 2), (0.2, rng.uniform(-0.1, 0.1))
+    point, bends = (rng.uniform(-0.05, 0.2), rng.uniform(-0.1, 0.1)), rng.uniform(-1, 1, 2)
+    along = np.linspace(0, 1, 41)
+    curved = [1.2 * along + 0.1 * bends[0] * np.sin(3 * along), 0.2 * bends[1] * np.sin(4 * along)]
+    anchor_height = rng.uniform(0, 0.4)
+    hinge_height, height = anchor_height + rng.uniform(-0.1, 0.5), rng.uniform(0, 0.2)
+    towed = TowedObject(SQUARE, MASS, centre, 0.13, anchor, anchor_height, height)
+    path, times = TimedPath(60 * along, np.column_stack(curved)), np.linspace(0, 60, 241)
+    tether = replace(TETHER, damping=60.0)
+    return quasistatic_plan(towed, Coulomb(MU, 1e-3), path, tether, point=point, times=times, hinge_height=hinge_height)
+
+
+def test_a_root_that_jumps_between_two_reported_times_is_reported():
+    """The rate at each of the times is a balance near the one before; the heading between them is none's."""
+    plan = behind_a_high_anchor(10)
+    assert [each.code for each in plan.findings] == ["root_jumped"]
+    assert np.abs(np.gradient(plan.pose[:, 2], plan.time_s) - plan.twist[:, 2]).max() > 0.1
+    assert not behind_a_high_anchor(1).findings
+
+
+def test_a_path_along_which_balances_come_and_go_is_refused():
+    """Where each jump leads back to where the other balance is, steps of the heading would become ever shorter."""
+    with pytest.raises(RefusedError, match=r"cannot be drawn along the path steadily(.|\n)*nearer to the anchor"):
+        behind_a_high_anchor(28)
+
+
 def test_an_object_that_tips_on_its_way_is_refused():
     with pytest.raises(RefusedError, match="tips over"):
         quasistatic_plan(block(anchor_height=0.7, height=0.3), SHARP, ALONG, TETHER, hinge_height=0.7)

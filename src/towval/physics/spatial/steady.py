@@ -48,6 +48,7 @@ _LIFT_TRIALS, _LIFT_HALVINGS, _LIFT_CLOSE = 64, 60, 1e-9  # from as much load on
 _RATE_LIMIT, _RATE_SETTLED = 40, 1e-11  # of |v| over the radius of the soles
 _SCAN, _BISECTIONS = 60, 60
 _TOLERANCE, _MOST_STEP = 1e-10, 2e-3  # rad a step; of the time of the path
+_MOST_JUMPS = 2000  # of the root in trial steps: where it jumps to and fro steps become shorter and shorter
 _TIPPED = 1
 # What is known of an instant: heading rate, force along the floor (2), reach of the tether along the floor, moment left
 # about the anchor, status of the root; place and heading of G; what the tether lifted last, with which a search begins.
@@ -239,16 +240,21 @@ def _fill(problem: TowProblem, levers: Array, times: Array, headings: Array, wor
 def follow_in_space(problem: TowProblem, levers: Array, times: Array, heading: float, plan: Plan) -> dict[str, float]:
     """Fill the plan of a tow whose drive is the path of P; ``levers`` (4,): P and the body's origin from G, body axes.
 
-    Raises `RefusedError` where the object tips over on its path.
+    Raises `RefusedError` where the object tips over on its path, or the balance jumps to and fro.
     """
     # Here, because it takes as long to import as all the rest of the physics.
     from scipy.integrate import solve_ivp  # noqa: PLC0415
 
     work, out = work_for(problem.soles, problem.regions), np.zeros(_KNOWN)
+    jumped: list[float] = []
 
     def rate(time: float, state: Array) -> float:
         if rate_at(problem, levers[:2], time, state[0], work, out) == _TIPPED:
             raise _tips(time)
+        if out[5] != ROOT_FOUND:
+            jumped.append(time)
+            if len(jumped) > _MOST_JUMPS:
+                raise _jumps_to_and_fro(time)
         return float(out[0])
 
     span = float(times[-1] - times[0])
@@ -258,7 +264,18 @@ def follow_in_space(problem: TowProblem, levers: Array, times: Array, heading: f
     filled = _fill(problem, levers, times, found.sol(times)[0], work, out, plan)
     if filled < len(times):
         raise _tips(times[filled])
+    # Between two reported times as well, where the root may be another one at both of them and the heading none's.
+    after = np.minimum(np.searchsorted(times, jumped), len(times) - 1)
+    plan.status[after] = np.maximum(plan.status[after], ROOT_CHOSEN)
     return {"panels": float(len(found.t) - 1), "solves": float(found.nfev + filled)}
+
+
+def _jumps_to_and_fro(time: float) -> RefusedError:
+    return RefusedError(
+        "the object cannot be drawn along the path steadily",
+        got=f"balances about the anchor come and go with its heading at {time:.2f} s",
+        remedy="let a point nearer to the anchor follow the path, or lower the anchor",
+    )
 
 
 def _tips(time: float) -> RefusedError:
