@@ -48,7 +48,7 @@ _LIFT_TRIALS, _LIFT_HALVINGS, _LIFT_CLOSE = 64, 60, 1e-9  # from as much load on
 _RATE_LIMIT, _RATE_SETTLED = 40, 1e-11  # of |v| over the radius of the soles
 _SCAN, _BISECTIONS = 60, 60
 _TOLERANCE, _MOST_STEP = 1e-10, 2e-3  # rad a step; of the time of the path
-_MOST_JUMPS = 2000  # of the root in trial steps: where it jumps to and fro steps become shorter and shorter
+_MOST_JUMPS = 500  # of the root in trial steps: where it jumps to and fro steps become shorter and shorter
 _TIPPED = 1
 # What is known of an instant: heading rate, force along the floor (2), reach of the tether along the floor, moment left
 # about the anchor, status of the root; place and heading of G; what the tether lifted last, with which a search begins.
