@@ -213,6 +213,13 @@ def test_where_the_dynamics_cannot_go_on_a_simpler_rung_has_no_uncertainty(case,
         sample_uncertainty(replace(case, simulated=simpler), UncertaintySettings(samples=64))
 
 
+def test_a_motion_that_is_not_of_a_run_is_an_input_error(case):
+    """As that of `towval tow`, which has no tolerance and no other model to be compared with."""
+    towed = replace(case, simulated=replace(case.simulated, statistics={}))
+    with pytest.raises(InputError, match="not of a run"):
+        sample_uncertainty(towed, UncertaintySettings(samples=64))
+
+
 def test_the_main_input_is_named_and_draws_that_fail_are_counted():
     found = {one.code: one.text for one in _findings(2, 128, {"friction": 0.6, "stiffness": 0.1, REST: 0.3})}
     assert found["main_input"].startswith("60 %")

@@ -59,6 +59,16 @@ class SimulatedMotion:
         n = len(self.time_s)
         lock(self, time_s=(n,), pose=(n, 3), twist=(n, 3), tether_force=(n, 2), tether_length=(n,))
 
+    def statistic(self, name: str) -> float:
+        """A statistic of the stage simulate; `InputError` where the motion is not of that stage, or of an older one."""
+        if name not in self.statistics:
+            raise InputError(
+                "the simulated motion is not of a run",
+                got=f"{name} is not among its statistics",
+                remedy="make it anew with towval simulate",
+            )
+        return self.statistics[name]
+
 
 @dataclass(frozen=True)
 class RunUncertainty:

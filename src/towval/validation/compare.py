@@ -100,7 +100,7 @@ def compare(
         final_error_m=float(distance[seen][-1]),
         heading_rms_rad=_rms(error[:, 2]),
         path_length_m=float(frame.length[-1]),
-        u_num_m=simulated.statistics["u_num_m"],
+        u_num_m=simulated.statistic("u_num_m"),
         u_input_m=position_rms(uncertainty.simulation),
         u_measurement_m=position_rms(uncertainty.measurement),
         u_val_m=u_val,

@@ -119,7 +119,7 @@ class UncertaintySampling:
     def _described(self, draws: Array, simulated: Array, measured: Array, dropped: int) -> RunUncertainty:
         # Deviations are taken from the nominal solution, which corresponds to the truth in a campaign, not from the
         # mean of the draws: where phases drift, both sides of S − D oscillate, and the mean of the draws does not.
-        nominal, u_tolerance_m = self.case.simulated.pose, self.case.simulated.statistics["u_tolerance_m"]
+        nominal, u_tolerance_m = self.case.simulated.pose, self.case.simulated.statistic("u_tolerance_m")
         error = pose_difference(simulated, measured)
         shares = variance_shares(draws, error[..., :2].reshape(len(error), -1), self._sampler.widths)
         rng = np.random.default_rng([self.settings.seed, len(draws)])
