@@ -179,7 +179,7 @@ def test_a_camera_carried_round_a_board_on_the_floor_is_calibrated(tmp_path):
     rover, towed = bending_tow(2)
     lying = np.eye(4)
     lying[2, 3] = THICKNESS_M
-    for k in range(11):
+    for k in range(16):
         about = Rotation.from_euler("z", rng.uniform(-np.pi, np.pi)).as_matrix()
         turn = Rotation.from_euler("x", rng.uniform(0.3, 0.6)).as_matrix() @ np.diag([1.0, -1, -1]) @ about
         place = [0.18, 0.12, 0.0] - rng.uniform(1.2, 1.9) / abs(turn[2, 2]) * turn[2]
