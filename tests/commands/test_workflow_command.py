@@ -79,10 +79,19 @@ def test_options_for_snakemake_with_an_open_quote_are_told():
 
 
 @pytest.mark.parametrize(
-    ("said", "makes", "stated"),
-    [("total        8\n", True, True), ("total        8\n", False, False), ("total        0\n", False, True)],
+    ("options", "said", "makes", "stated"),
+    [
+        ("-n", "total        8\n", True, True),
+        ("-n", "total        8\n", False, False),
+        ("-n", "total        0\n", False, True),
+        # What these leave out may be older than its inputs, and the report with it.
+        ("--until track", "Nothing to be done\n", False, False),
+        ("-Utrack", "total        0\n", False, False),
+        ("--keep-going --omit-from=report", "total        0\n", False, False),
+        ("--until report", "total        1\n", True, True),
+    ],
 )
-def test_an_outcome_is_stated_for_what_was_made_or_is_up_to_date(tmp_path, monkeypatch, said, makes, stated):
+def test_an_outcome_is_stated_for_what_was_made_or_is_up_to_date(tmp_path, monkeypatch, options, said, makes, stated):
     report = tmp_path / "sample" / "report.html"
     report.parent.mkdir()
     report.write_text("of an earlier call")
@@ -96,7 +105,7 @@ def test_an_outcome_is_stated_for_what_was_made_or_is_up_to_date(tmp_path, monke
 
     monkeypatch.setattr("towval.commands.workflow._ending_with_us", workflow)
     monkeypatch.setattr("towval.commands.workflow.read_summary", lambda _: {})
-    assert (run(SAMPLE, tmp_path, snakemake="-n") is not None) == stated
+    assert (run(SAMPLE, tmp_path, snakemake=options) is not None) == stated
     # Without options, what succeeded is up to date.
     assert run(SAMPLE, tmp_path) is not None
 

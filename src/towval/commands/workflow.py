@@ -43,7 +43,10 @@ _NOISE = re.compile(
 """Lines of Snakemake that tell a waiting user nothing; all others are shown."""
 
 _NOTHING = re.compile(r"total +0$|Nothing to be done")
-"""Lines by which Snakemake says that all is up to date."""
+"""Lines by which Snakemake says that all it was asked for is up to date."""
+
+_ASKS_FOR_LESS = re.compile(r"-[UO]|--(unt|omit-fr|allowe|target-j|ba)")
+"""Options of Snakemake, also shortened as it allows, by which "up to date" says nothing of the report."""
 
 
 def run(
@@ -84,6 +87,7 @@ def run(
     if workflow.returncode:
         raise SystemExit(workflow.returncode)
     after = _made_ns(made / "report.html")
+    nothing_to_do &= not any(map(_ASKS_FOR_LESS.match, _options(snakemake)))
     if after is None or (snakemake and after == before and not nothing_to_do):
         return None
     runs = read_summary(made / "summary.csv")
