@@ -64,6 +64,10 @@ def tracking_figure(track: Track, run: str = "") -> Figure:
     return figure
 
 
+_LEAST_RANGES = {"shift (px)": 0.06, "turn (°)": 0.012, "growth (%)": 0.012}
+"""Panels of the camera's motion and what their axes span to either side at least: a tripod's is nothing to look at."""
+
+
 @figure_function
 def camera_figure(run: RunRecord) -> Figure | None:
     """Effect of the camera's own motion on the picture of the floor over time, above a strip of the time stamps.
@@ -79,11 +83,15 @@ def camera_figure(run: RunRecord) -> Figure | None:
     figure, panels = column_of_panels([0.8, 0.6, 0.6, 0.15], Margins(bottom=0.53), title)
     _draw_motion(panels[0], time_s, camera, 1, 1.0, "$v$", ROVER)
     _draw_motion(panels[0], time_s, camera, 0, 1.0, "$u$", SIMULATED)
-    panels[0].legend(loc="upper right", ncols=2)
     _draw_motion(panels[1], time_s, camera, 2, float(np.rad2deg(1.0)), "", SIMULATED)
     _draw_motion(panels[2], time_s, camera, 3, 100.0, "", SIMULATED)
-    for axes, label in zip(panels, ("shift (px)", "turn (°)", "growth (%)"), strict=False):
+    for axes, (label, least) in zip(panels, _LEAST_RANGES.items(), strict=False):
         axes.set_ylabel(label)
+        low, high = axes.get_ylim()
+        axes.set_ylim(min(low, -least), max(high, least))
+    low, high = panels[0].get_ylim()
+    panels[0].set_ylim(top=high + 0.35 * (high - low))  # room for the legend
+    panels[0].legend(loc="upper right", ncols=2)
     strip = _draw_strip(panels[3], time_s, camera.stamps, _STAMP_COLOURS)
     panels[3].set_ylabel("stamps", rotation=0, ha="center", va="center", fontsize=7)
     foot_legend(figure, strip, columns=3)
