@@ -12,9 +12,10 @@ from pathlib import Path
 
 from studies.costs import children_cpu_seconds
 from studies.evidence.ledger import Check
-from studies.frame import loaded
+from studies.frame import loaded, module_of
 from studies.machine import machine
 from towval.io.atomic import write_text
+from towval.io.provenance import module_files
 from towval.model.errors import TowvalError
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -61,10 +62,24 @@ def run_check(check: str, fault: str, output: Path) -> None:
 def commit() -> str:
     """The commit that is checked out, with a plus where files differ from it; a dash outside a repository."""
 
-    def git(*words: str) -> str:
-        done = subprocess.run(["git", "-C", str(REPOSITORY), *words], capture_output=True, text=True, check=False)
-        return done.stdout.strip() if done.returncode == 0 else ""
-
-    head = git("rev-parse", "--short=7", "HEAD")
-    changed = git("status", "--porcelain", "--untracked-files=no", "--", "src", "studies")
+    head = _git("rev-parse", "--short=7", "HEAD")
+    changed = _git("status", "--porcelain", "--untracked-files=no", "--", "src", "studies")
     return f"{head}{'+' if changed else ''}" if head else "–"
+
+
+def changed_since(made_at: str, check: str) -> int | None:
+    """How many files of a check's module and of all it imports differ from those of the commit it was made at.
+
+    None where that cannot be told: the commit is not in this clone, or this is none.
+    """
+    base = made_at.rstrip("+")
+    if not _git("rev-parse", "--verify", "--quiet", f"{base}^{{commit}}"):
+        return None
+    files = [str(path) for path in module_files(module_of(check)) if path.is_relative_to(REPOSITORY)]
+    return len((_git("diff", "--name-only", base, "--", *files) or "").splitlines())
+
+
+def _git(*words: str) -> str | None:
+    """What git prints in this repository; None where it fails."""
+    done = subprocess.run(["git", "-C", str(REPOSITORY), *words], capture_output=True, text=True, check=False)
+    return done.stdout.strip() if done.returncode == 0 else None

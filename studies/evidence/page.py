@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from studies.evidence.compute import changed_since
 from studies.evidence.ledger import Effort, EvidenceClass, Group, read_groups
 from towval.io.atomic import write_text
 from towval.model.errors import TowvalError
@@ -19,8 +20,12 @@ number about accuracy, cost or coverage stands in README or on a page of the doc
 compares both.
 
 - *Class* says how far the truth is from us: real data of others, another program, our own synthetic worlds, or a cost.
-- *Holds* is the stated number's tolerance against what was measured at the date and commit given. Where the data or a
-  program is not at hand, and for what takes too long, the last outcome stands, with its date.
+- *Holds* is the stated number's tolerance against what was measured at the date and commit given; a plus behind the
+  commit: files differed from it. Where the data or a program is not at hand, and for what takes too long, the last
+  outcome stands. *Changed since* counts the files of the check, and of all that it imports, which differ from that
+  commit as this page is written, by a word or by a method: 0 is an outcome of the present code.
+- Any of a group's numbers is measured again, with or without a fault, by `python -m studies.evidence.show GROUP`;
+  *command* is what a user would run for the like.
 - *Control* plants a fault in the program or its input and decides the row again; "noticed" where the row then fails, as
   it must. Long checks are not made with the others but when asked for, `snakemake evidence --config long=[GROUP]`.
   Groups that are made by hand say in words what a wrong program would give: no run decides that.
@@ -50,6 +55,8 @@ def write_ledger(outcomes: Sequence[Path], memory: Path, outputs: Sequence[Path]
     for path in outcomes:
         made.setdefault(path.name.split(".")[0], []).append(json.loads(path.read_text(encoding="utf-8")))
     found = {name: judged(group, made.get(name, ()), before.get(name, {})) for name, group in groups.items()}
+    for name, group in groups.items():
+        found[name] |= _age(group, found[name])
     data = json.dumps({"groups": found}, indent=1, ensure_ascii=False) + "\n"
     for output in outputs:
         write_text(output, data if output.suffix == ".json" else markdown(groups, found))
@@ -83,6 +90,12 @@ def judged(group: Group, outcomes: Sequence[Mapping[str, Any]], before: Mapping[
     return {"effort": str(group.effort), "class": str(group.kind), **kept, "cpu_s": spent, "rows": rows}
 
 
+def _age(group: Group, found: Mapping[str, Any]) -> dict[str, Any]:
+    """How many files have changed since an outcome was made, where that can be told."""
+    changed = changed_since(found["commit"], group.check) if group.check and "commit" in found else None
+    return {} if changed is None else {"changed_files": changed}
+
+
 def faults_of(name: str, group: Mapping[str, Any]) -> list[str]:
     """What is wrong with a group that was made: rows that do not hold or that no fault fails, faults unnoticed."""
     wrong = [
@@ -103,18 +116,22 @@ def _stated(each: Any) -> dict[str, Any]:
 def markdown(groups: Mapping[str, Group], found: Mapping[str, Mapping[str, Any]]) -> str:
     """The ledger as Markdown: counts by class, a line a group, then each group's rows."""
     rows = [(groups[name], row) for name, group in found.items() for row in group["rows"]]
-    lines = [_HEAD, "| class | groups | rows | hold | do not | as last made by hand |", "|---|---|---|---|---|---|"]
+    head = ("class", "groups", "rows", "hold", "of them by the present code", "do not", "as last made by hand")
+    lines = [_HEAD, f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
     for kind in EvidenceClass:
         own = [(group, row) for group, row in rows if group.kind is kind]
         count = Counter("none" if "holds" not in row else str(row["holds"]) for _, row in own)
         names = {group.name for group, _ in own}
-        lines.append(f"| {kind} | {len(names)} | {len(own)} | {count['True']} | {count['False']} | {count['none']} |")
+        of_now = sum(row.get("holds", False) and found[group.name].get("changed_files") == 0 for group, row in own)
+        counts = (len(names), len(own), count["True"], of_now, count["False"], count["none"])
+        lines.append(f"| {kind} | {' | '.join(map(str, counts))} |")
     spent = {False: 0.0, True: 0.0}
     for name, group in found.items():
         spent[groups[name].effort is Effort.LONG] += group.get("cpu_s", 0.0) / 60
     lines += ["", f"Checks and their controls took {spent[False]:.0f} minutes of CPU time in all, each as last made."]
     lines += [f"Long ones, which are made when asked for, took {spent[True]:.0f} more."]
-    lines += ["", "| group | class | made | rows | hold | control noticed by | date | commit |", "|---" * 8 + "|"]
+    lines += ["", "| group | class | made | rows | hold | control noticed by | date | commit | changed since |"]
+    lines += ["|---" * 9 + "|"]
     lines += [_overview(groups[name], group) for name, group in found.items()]
     for name, group in found.items():
         lines += _section(groups[name], group)
@@ -129,6 +146,7 @@ def _overview(group: Group, found: Mapping[str, Any]) -> str:
         f"[{group.name}](#{group.name.replace('_', '-')})", group.kind, group.effort if group.check else "by hand",
         len(rows), holding,
         noticing if group.check else "see there", found.get("date", "never"), found.get("commit", "–"),
+        found.get("changed_files", "–"),
     )  # fmt: skip
     return f"| {' | '.join(str(cell) for cell in cells)} |"
 
@@ -138,6 +156,7 @@ def _section(group: Group, found: Mapping[str, Any]) -> list[str]:
     lines += [f"- Data: {group.data} Class: {group.kind}."]
     lines += [f"- Shared with the program: {group.shares}"] if group.shares else []
     when = f"{found.get('date', 'never')}, commit {found.get('commit', '–')}"
+    when += f", on {found['machine']}" if "machine" in found else ""
     by = "" if group.check else " by hand: too long to be made each time"
     if group.check and group.effort is Effort.LONG:
         by = f" by its own command, `snakemake evidence --config long=[{group.name}]`"

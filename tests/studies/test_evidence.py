@@ -1,12 +1,14 @@
 """The ledger of our own numbers: its rules, its table, its page, and what it finds in documents."""
 
 import json
+import subprocess
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
-from studies.evidence import compute
+from studies.evidence import compute, show
 from studies.evidence.documents import passages, unfounded
 from studies.evidence.ledger import Check, Effort, EvidenceClass, Group, Statement, made_now, read_groups
 from studies.evidence.page import faults_of, judged, markdown, write_ledger
@@ -67,6 +69,47 @@ def test_a_fault_is_planted_and_taken_out_again(tmp_path):
     assert WORLD.length() == 2.0
     assert as_is["fault"] == ""
     assert longer["commit"]
+
+
+def test_files_that_changed_since_an_outcome_are_counted(tmp_path, monkeypatch):
+    def git(*words):
+        settings = ("-c", "user.name=a", "-c", "user.email=a@b.c")
+        done = subprocess.run(
+            ["git", "-C", str(tmp_path), *settings, *words], check=True, capture_output=True, text=True
+        )
+        return done.stdout.strip()
+
+    used, other = tmp_path / "used.py", tmp_path / "other.py"
+    used.write_text("1\n")
+    other.write_text("1\n")
+    git("init", "--quiet")
+    git("add", ".")
+    git("commit", "--quiet", "-m", "Begin")
+    head = git("rev-parse", "HEAD")
+    monkeypatch.setattr(compute, "REPOSITORY", tmp_path)
+    monkeypatch.setattr(compute, "module_files", lambda _: [used, Path("/elsewhere/library.py")])
+    other.write_text("2\n")
+    assert compute.changed_since(head, "used:CHECK") == 0
+    used.write_text("2\n")
+    assert compute.changed_since(head, "used:CHECK") == 1
+    assert compute.changed_since(f"{head[:7]}+", "used:CHECK") == 1
+    assert compute.changed_since("0123456", "used:CHECK") is None
+
+
+def test_a_group_is_measured_and_shown_as_it_is_and_with_a_fault(monkeypatch, capsys):
+    monkeypatch.setattr("studies.evidence.show.read_groups", lambda: {"bar": GROUP})
+    for options, status, said in (
+        ((), 0, "length: stated 2.0 m (± 0.1), measured 2: holds"),
+        (("--fault", "1"), 1, "length: stated 2.0 m (± 0.1), measured 2.2: does not hold"),
+        (("--fault", "2"), "towval: it is refused", "* 2: it is refused"),
+        (("--fault", "3"), "towval: there is no such fault", ""),
+    ):
+        with pytest.raises(SystemExit) as ended:
+            show.main(["bar", *options])
+        assert ended.value.code == status or str(ended.value.code).startswith(str(status) + "\n")
+        assert said in capsys.readouterr().out
+    with pytest.raises(SystemExit, match="no such group"):
+        show.main(["foo"])
 
 
 def test_an_error_of_the_fault_itself_is_not_taken_for_notice(tmp_path):

@@ -165,9 +165,14 @@ def module_hash(name: str) -> str:
     ``name``: a module as one imports it, of this package or of another that stands beside it as source.
     """
     digest = hashlib.sha256()
-    for path in sorted(_closure(_module_files(name)[-1])):
+    for path in module_files(name):
         digest.update(_file_digest(path, path.stat().st_mtime_ns))
     return digest.hexdigest()[:16]
+
+
+def module_files(name: str) -> list[Path]:
+    """The files that count for :func:`module_hash`, in order."""
+    return sorted(_closure(_module_files(name)[-1]))
 
 
 @cache
