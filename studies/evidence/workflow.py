@@ -1,9 +1,8 @@
-"""Checks of the whole workflow: costs of its stages and of many campaigns, and presets auto and draft beside fine."""
+"""Checks of the whole workflow: costs of its stages and of many campaigns, and preset auto beside fine."""
 
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -18,13 +17,10 @@ from studies.evidence.compute import shared_folder
 from studies.evidence.ledger import Check, Values
 from studies.evidence.planting import both, replaced
 from studies.tables import many_campaigns, presets_auto, workflow_time
-from studies.tables.presets_auto import Beside
 from studies.tables.workflow_time import REPOSITORY, SAMPLE, Stage, workflow
 from towval.io.campaign import load_campaign
 from towval.model import SimulatedMotion, Track
 from towval.model.conventions import STAGES_OF_RUN
-
-_HERE = sys.modules[__name__]
 
 _SLOWER = """
 import atexit, os, time
@@ -123,44 +119,21 @@ JOBS = Check(
 def _presets() -> Values:
     """How far paths under auto are from those under fine, what they may be, verdicts, and what was chosen."""
     found: dict[str, float | str] = {}
-    for campaign, cost, runs in _compared(presets_auto.PRESETS):
-        (_, auto), (_, fine) = cost.values()
-        found[f"{campaign}, CPU fine over auto"] = fine / auto
-        for run, each in runs.items():
-            at = f"{campaign} {run}"
-            found |= _beside(at, each, ("auto", "fine")) | {f"{at}, allowed": each.allowed}
-            found |= {f"{at}, {choice.what}": choice.chosen for choice in each.chosen}
-    return found
-
-
-_DRAFT = ("draft", "fine")
-
-
-def _draft() -> Values:
-    """How far paths under draft are from those under fine, and what is said of the runs under both."""
-    found: dict[str, float | str] = {}
-    for campaign, _, runs in _compared(_DRAFT):
-        for run, each in runs.items():
-            found |= _beside(f"{campaign} {run}", each, ("draft", "fine"))
-    return found
-
-
-def _compared(presets: tuple[str, str]) -> Iterator[tuple[str, dict[str, tuple[float, float]], dict[str, Beside]]]:
-    """Name, costs and runs of lab_small and of lab_a under two presets."""
     for source in (SAMPLE, shared_folder() / "footage" / "lab_a"):
         with TemporaryDirectory() as folder:
             place = Path(folder) / source.name
             lab.restated(source, place, lab.stated(source))
             campaign = load_campaign(place)
-            yield campaign.name, *presets_auto.compared_presets(campaign, presets)
-
-
-def _beside(at: str, each: Beside, presets: tuple[str, str]) -> dict[str, float | str]:
-    """What is said of a run under two presets, which are called by these names."""
-    found: dict[str, float | str] = {}
-    found |= {f"{at}, measured path moved": each.moved[0], f"{at}, simulated path moved": each.moved[1]}
-    for preset, path_rms, verdict in zip(presets, each.path_rms, each.verdicts, strict=True):
-        found |= {f"{at}, simulated − measured, {preset}": path_rms, f"{at}, verdict, {preset}": verdict}
+            cost, runs = presets_auto.compared_presets(campaign, presets_auto.PRESETS)
+        (_, auto), (_, fine) = cost.values()
+        found[f"{campaign.name}, CPU fine over auto"] = fine / auto
+        for run, each in runs.items():
+            at = f"{campaign.name} {run}"
+            found |= {f"{at}, measured path moved": each.moved[0], f"{at}, simulated path moved": each.moved[1]}
+            found |= {f"{at}, allowed": each.allowed}
+            for preset, path_rms, verdict in zip(("auto", "fine"), each.path_rms, each.verdicts, strict=True):
+                found |= {f"{at}, simulated − measured, {preset}": path_rms, f"{at}, verdict, {preset}": verdict}
+            found |= {f"{at}, {choice.what}": choice.chosen for choice in each.chosen}
     return found
 
 
@@ -177,17 +150,6 @@ PRESETS = Check(
             lab.stating(rest_length_m="0.65"),
             replaced(presets_auto, "moved_mm", lambda moved: lambda one, other: moved(one, _late(other))),
         ),
-    },
-    needs=("footage/lab_a",),
-)
-
-DRAFT = Check(
-    _draft,
-    {
-        "presets draft and fine are exchanged; a path is a picture late": both(
-            replaced(_HERE, "_DRAFT", lambda presets: presets[::-1]),
-            replaced(presets_auto, "moved_mm", lambda moved: lambda one, other: moved(one, _late(other))),
-        )
     },
     needs=("footage/lab_a",),
 )
