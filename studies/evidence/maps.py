@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import nullcontext
 from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -15,10 +19,15 @@ from studies.evidence.planting import both, given, replaced, result_of
 from studies.frame import Judgement, Part, Row, Settings, Study
 from studies.maps import integrators, lab_tows, open_loop, planner, tracker, views
 from studies.tables import physics_stability_space
+from studies.tables.workflow_time import REPOSITORY, SAMPLE
+from towval.commands import plan
 from towval.model import Array, Ground, SimulatedMotion, Track
+from towval.model.errors import RefusedError
 from towval.model.findings import Severity
 from towval.model.tracks import TrackStatus
 from towval.physics.dynamics import STANDARD, Accuracy
+from towval.planning import plan as loop
+from towval.planning import planner as rover_planner
 from towval.planning.planner import PlanOutcome
 
 
@@ -107,6 +116,46 @@ PLANNER = Check(
         "a plan that strays says that it arrived": replaced(planner, "plan_rover", result_of(_says_nothing)),
         "wheels steer half as far": replaced(
             planner, "rover", lambda original: lambda outward_deg=planner.OUTWARD_DEG: original(0.5 * outward_deg)
+        ),
+    },
+)
+
+_PAPER = REPOSITORY / "src" / "towval" / "workflow" / "plan.yaml"
+_CURVES = ("line", "circle", "lemniscate", "rounded_square")
+
+
+def _led() -> Values:
+    """On which of the paper's curves the rover of lab_small, its hinge behind it, arrives, its heading led or not."""
+    unled = replaced(rover_planner, "heading_over_hinge", lambda lead: lambda position, _: lead(position, 0.0))
+    found: dict[str, float | str] = {}
+    with TemporaryDirectory() as folder:
+        for how, planted in (("led", nullcontext), ("not led", unled)):
+            with planted():
+                outcomes = {curve: _planned(curve, Path(folder)) for curve in _CURVES}
+            found[f"{how}, arrives"] = float(list(outcomes.values()).count("arrived"))
+            found |= {f"{how}, {curve}": outcome for curve, outcome in outcomes.items()}
+    return found
+
+
+def _planned(curve: str, folder: Path) -> str:
+    """How `towval plan` with the scene of the paper and the campaign lab_small ends."""
+    try:
+        plan.run(_PAPER, curve, folder / "plan.mcap", folder / "plan.csv", SAMPLE)
+    except RefusedError as error:
+        return re.sub(r".*does not arrive: (\w+).*", r"\1", str(error).splitlines()[0])
+    return "arrived"
+
+
+LEAD = Check(
+    _led,
+    {
+        "the heading is led to the wrong side": replaced(
+            rover_planner, "heading_over_hinge", lambda lead: lambda position, ahead: lead(position, -ahead)
+        ),
+        "the hinge is at the rover's centre": replaced(
+            loop,
+            "plan_rover",
+            lambda original: lambda path, rover, settings: original(path, replace(rover, hinge=np.zeros(2)), settings),
         ),
     },
 )

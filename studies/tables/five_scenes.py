@@ -12,14 +12,16 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 import yaml
 
-from studies.evidence.compute import shared_folder
+from studies.evidence.compute import commit, shared_folder
 from studies.tradeoff.presets import AUTO, PipelineResult, run_pipeline
 from studies.worlds.campaign import ANCHOR, HINGE, RATE_HZ
 from studies.worlds.folder import film_campaign
@@ -28,9 +30,11 @@ from towval.io.atomic import write_text
 from towval.io.campaign import Campaign, load_campaign
 from towval.model import Array, Choice, FrictionSpecification, Patch, Tether, TimedPath, TowedObject
 from towval.model.errors import TowvalError
-from towval.model.geometry import transform
+from towval.model.geometry import rms_length, transform
 from towval.physics.dynamics import feedback
 from towval.physics.friction_laws.makkar import fit_specification
+from towval.validation.decimate import decimate
+from towval.validation.simulate import SimulateSettings, simulate
 
 _RUNG, _LENS, _POINTS, _TOLERANCE, _DRAWS = (
     "model of the object",
@@ -125,17 +129,25 @@ FILMED = {
 RENDERED = {"lab_a, run a": "footage/lab_a", "lab_c, run g": "footage/lab_c"}
 
 
-Scene = tuple[str, str, PipelineResult | str]
-"""Name, what it is, and the result, or why the pipeline refuses it."""
+class Scene(NamedTuple):
+    """Name, what it is, the result, or why the pipeline refuses it, and what is to be said beside it."""
+
+    name: str
+    what: str
+    result: PipelineResult | str
+    remark: str = ""
 
 
 def scenes(shared: Path, folder: Path) -> Iterator[Scene]:
     """All scenes, with ``preset: auto``."""
     for name, tow in FILMED.items():
-        yield name, tow.what, _result(tow.film(folder / name.replace(" ", "_").replace("'", "")))
+        yield Scene(name, tow.what, _result(tow.film(folder / name.replace(" ", "_").replace("'", ""))))
     for name, place in RENDERED.items():
         if (shared / place).is_dir():
-            yield name, f"footage of {Path(place).name}", _result(load_campaign(shared / place))
+            campaign = load_campaign(shared / place)
+            result = _result(campaign)
+            remark = "" if isinstance(result, str) else _sticking_and_truth(campaign, result)
+            yield Scene(name, f"footage of {Path(place).name}", result, remark)
 
 
 def _result(campaign: Campaign) -> PipelineResult | str:
@@ -145,8 +157,25 @@ def _result(campaign: Campaign) -> PipelineResult | str:
         return "; ".join(line.strip() for line in str(error).splitlines())
 
 
+def _sticking_and_truth(campaign: Campaign, result: PipelineResult) -> str:
+    """How far the first run is simulated from its known truth with sticking, and without."""
+    run = next(iter(campaign.runs))
+    truth = pd.read_csv(campaign.folder / f"{run}_truth.csv")
+    thin = {name: decimate(track) for name, track in result.measured.items()}
+    off_mm = {}
+    for sticking in (False, True):
+        settings = SimulateSettings(sticking=sticking)
+        motion = simulate(campaign.scene, thin["rover"], thin["object"], result.measured["object"].time_s, settings)
+        path = [np.interp(motion.time_s, truth.t_s, truth[f"object_{axis}_m"]) for axis in "xy"]
+        off_mm[sticking] = 1e3 * rms_length(motion.pose[:, :2] - np.column_stack(path))
+    return (
+        f"The true path of this footage is known. The simulated one is {off_mm[False]:.2g} mm RMS from it without "
+        f"sticking and {off_mm[True]:.2g} mm with it (at the default tolerance)."
+    )
+
+
 def page(found: list[Scene]) -> str:
-    """The page as Markdown."""
+    """The page as Markdown, with today's date and the commit that is checked out."""
     lines = [
         "# Model no more than a scene needs",
         "",
@@ -161,29 +190,37 @@ def page(found: list[Scene]) -> str:
         "in its column *compared with*. Rows of inputs give the standard deviation, the key that states it, and the",
         "effect of one such deviation. u_D is the uncertainty of the measurement.",
         "",
-        "Made by `python -m studies.tables.five_scenes --output docs/scenes.md`; do not edit.",
+        "An effect of the floor, the object or the tether is taken where `campaign.yaml` states it, however little it",
+        "moves, and left out where it does not, however much one deviation of it would move: that is then part of the",
+        "uncertainty. Sticking is taken where the object would otherwise creep by more than 5 mm while the rover",
+        "stands. A large number in its row asks what the real object does: one that creeps below the stated stiction",
+        "velocity is simulated right without sticking, and one that sticks with it.",
+        "",
+        f"Made on {datetime.now(UTC).date().isoformat()} at commit {commit()} by",
+        "`python -m studies.tables.five_scenes --output docs/scenes.md`; do not edit.",
         "",
         "| scene | what | "
         + " | ".join((_RUNG, _LENS, _POINTS, "poses kept", _TOLERANCE, _DRAWS))
         + " | effects taken |",
         "|---" * 9 + "|",
     ]
-    lines += [_overview(name, what, result) for name, what, result in found]
-    missing = [name for name in (*FILMED, *RENDERED) if name not in {each[0] for each in found}]
+    lines += [_overview(each) for each in found]
+    missing = [name for name in (*FILMED, *RENDERED) if name not in {each.name for each in found}]
     if missing:
         lines += ["", f"Not made in this run: {'; '.join(missing)}."]
-    for name, _, result in found:
+    for name, _, result, remark in found:
         lines += ["", f"## {name[0].upper()}{name[1:]}", ""]
         if isinstance(result, str):
             lines.append(f"Refused: {result}.")
             continue
-        lines += [_conclusion(result), ""]
+        lines += [" ".join(filter(None, (_conclusion(result), remark))), ""]
         lines += ["| what | chosen | compared with | would move positions by |", "|---|---|---|---|"]
         lines += [f"| {c.what} | {c.chosen} | {c.next} | {_moved(c)} {c.measure} |" for c in result.choices]
     return "\n".join(lines) + "\n"
 
 
-def _overview(name: str, what: str, result: PipelineResult | str) -> str:
+def _overview(scene: Scene) -> str:
+    name, what, result, _ = scene
     if isinstance(result, str):
         return f"| {name} | {what} | refused |" + " |" * 6
     by_name = {choice.what: choice for choice in result.choices}

@@ -163,9 +163,9 @@ def _why(rows: pd.DataFrame) -> str:
     errors = ", ".join(f"{name} {path['error'][name]:.2g} mm" for name in PRESETS)
     return (
         f"Draft takes {times['draft']:.0%} of its time, fine {times['fine']:.0%}, auto {times[AUTO]:.0%}. Measured "
-        f"paths are off by: {errors}; frames of floor and body make most of it, which no preset changes. Draft's 64 "
-        "draws leave the verdict's limits uncertain; auto is not the default, so that campaigns have the same settings "
-        "and can be compared."
+        f"paths are off by: {errors}; frames of floor and body make most of it, which no preset changes. Draft's draws "
+        "are too coarse for a verdict; auto is not the default, so that campaigns have the same settings and can be "
+        "compared."
     )
 
 

@@ -1,14 +1,16 @@
 """The ledger of our own numbers: its rules, its table, its page, and what it finds in documents."""
 
 import json
+import os
 import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
-from studies.evidence import compute, show
+from studies.evidence import compute, show, workflow
 from studies.evidence.documents import passages, unfounded
 from studies.evidence.ledger import Check, Effort, EvidenceClass, Group, Statement, made_now, read_groups
 from studies.evidence.page import faults_of, judged, markdown, write_ledger
@@ -304,3 +306,30 @@ def test_a_table_that_cannot_be_read_is_refused_by_name(tmp_path):
     (tmp_path / "rows.yaml").write_text("bar: {says: x, class: magic, effort: quick, states: {}}", encoding="utf-8")
     with pytest.raises(InputError, match="bar"):
         read_groups(tmp_path / "rows.yaml")
+
+
+_FORKING = """
+import multiprocessing, os, time
+from concurrent.futures import ProcessPoolExecutor
+
+def work(_):
+    until = time.process_time() + 0.1
+    while time.process_time() < until:
+        pass
+
+with ProcessPoolExecutor(1, multiprocessing.get_context("fork")) as pool:
+    list(pool.map(work, range(2)))
+print(os.times().children_user + os.times().children_system)
+"""
+
+
+def test_a_planted_slowdown_reaches_processes_that_are_forked(tmp_path):
+    """The report draws in such processes."""
+    (tmp_path / "sitecustomize.py").write_text(workflow._SLOWER.replace("400_000_000", "1"))
+    (tmp_path / "forking.py").write_text(_FORKING)
+    line = [sys.executable, str(tmp_path / "forking.py")]
+    as_is, slower = (
+        float(subprocess.check_output(line, env={**os.environ, "PYTHONPATH": path})) for path in ("", str(tmp_path))
+    )
+    assert as_is == pytest.approx(0.2, abs=0.05)
+    assert slower == pytest.approx(2.5 * as_is, rel=0.3)

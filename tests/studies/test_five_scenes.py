@@ -1,11 +1,12 @@
 """The page of five scenes: what it says of the choices of a run, and that its scenes are what it says."""
 
+import re
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from studies.tables.five_scenes import FILMED, page
+from studies.tables.five_scenes import FILMED, Scene, page
 from towval.model import Choice
 
 CHOICES = (
@@ -26,16 +27,17 @@ def test_the_page_says_what_was_taken_and_what_the_largest_left_out_would_move()
         choices=CHOICES,
         kept=(14, 22),
     )
-    text = page([("bar", "a bar", result)])
+    text = page([Scene("bar", "a bar", result, "Its true path is known.")])
+    assert re.search(r"Made on \d{4}-\d\d-\d\d at commit [0-9a-f–]+\+? by", text)
     assert "| bar | a bar | dynamics (12 mm) | k1 (0.7 mm) | plane, 1024 points (0.08 mm) | 14 and 22 of 90 |" in text
     assert "| – | 256 (not known) | tow above the floor |" in text
     assert "u_D is 1.00 mm; the verdict: agrees." in text
-    assert "left out, the largest is slope of the floor: 1.1 mm, 1.1 u_D" in text
+    assert "left out, the largest is slope of the floor: 1.1 mm, 1.1 u_D. Its true path is known." in text
     assert "| lens model | k1 | k1 k2 | 0.7 mm RMS over the picture |" in text
 
 
 def test_a_scene_that_is_refused_says_why():
-    text = page([("bar", "a bar", "it cannot be sampled")])
+    text = page([Scene("bar", "a bar", "it cannot be sampled")])
     row, head = (next(line for line in text.splitlines() if line.startswith(start)) for start in ("| bar", "| scene"))
     assert row.count("|") == head.count("|")
     assert "Refused: it cannot be sampled." in text

@@ -11,6 +11,7 @@ from studies.worlds.campaign import OBJECT, ROVER
 from towval.model import Camera, Floor, Tether, Verdict
 from towval.model.errors import InputError, RefusedError
 from towval.model.geometry import pose_difference, rigid_fit, transform
+from towval.model.presets import PRESETS, settings_of
 from towval.optics.projection import project, to_plane
 from towval.physics.dynamics import Outcome
 from towval.selection.draws import sample_selecting
@@ -242,6 +243,23 @@ def test_a_run_of_which_a_part_of_the_draws_fails_is_not_judged(case):
     result = compare("a", case.simulated, case.object_track, found)
     assert result.verdict == Verdict.NOT_JUDGED
     assert said.text in result.findings[0].text
+    assert np.isfinite(result.error_upper_m)
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_a_draft_is_not_judged_and_says_what_to_do(case, preset):
+    """The run agrees under every other preset, by as few draws."""
+    settings = UncertaintySettings(**settings_of(preset, "uncertainty", {"samples": 64}))
+    found = sample_uncertainty(case, settings)
+    result = compare("a", case.simulated, case.object_track, found)
+    said = [one.text for one in found.findings if one.code == "draft_settings"]
+    assert len(said) == (preset == "draft")
+    assert result.verdict == (Verdict.NOT_JUDGED if said else Verdict.AGREES)
+    for text in said:
+        assert text in result.findings[0].text
+        assert "0.01 mm a step" in text
+        assert "preset standard" in text
+        assert "draft_settings" in result.warnings
     assert np.isfinite(result.error_upper_m)
 
 

@@ -376,6 +376,12 @@ register(  # uncertainty, compare, identify
         "only. Check the deviations in campaign.yaml: with a load that may be anywhere the object tips over.",
     ),
     FindingType(
+        "draft_settings", "uncertainty", WARNING, NOT_JUDGED,
+        "The draws were simulated with errors of up to {tolerance_mm:g} mm a step (preset draft: 0.01 mm): they miss "
+        "break-aways, so that limits and bounds are not those of a right model. A draft shows whether the footage can "
+        "be used; for a verdict and for figures take preset standard.",
+    ),
+    FindingType(
         "widened", "uncertainty", WARNING, NONE,
         "The deviation of {input} counts {factor:g} times, because of: {codes}.",
     ),
