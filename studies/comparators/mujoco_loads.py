@@ -198,7 +198,7 @@ def program_loads(tow: TowAtHeight, force: ArrayLike, heading: float, twist: Arr
         Tether(REST_LENGTH_M, STIFFNESS),
         Ground(GRAVITY_M_PER_S2, np.array(tow.slope)),
         tow.anchor_height + float(away[2]),
-        spline_through(TimedPath([0.0, 1.0], [hinge, hinge])),
+        spline_through(TimedPath(np.array([0.0, 1.0]), np.array([hinge, hinge]))),
     )
     work = work_for(problem.soles, problem.regions)
     state = np.array([0.0, 0.0, heading, *(turn @ [vx, vy]), omega])

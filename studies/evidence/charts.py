@@ -44,10 +44,11 @@ def _over(default: str, measure: Callable[[], Values]) -> Callable[[], Values]:
     """Costs over that of one of the points, in the same run, beside all else."""
 
     def with_ratios() -> Values:
-        found = measure()
+        found = dict(measure())
         unit = float(found[f"{default}: cost"])
-        costs = {name: float(cost) / unit for name, cost in found.items() if name.endswith(": cost")}
-        return found | {f"{name} over the default's": ratio for name, ratio in costs.items()}
+        costs = {name: float(cost) for name, cost in found.items() if name.endswith(": cost")}
+        found |= {f"{name} over the default's": cost / unit for name, cost in costs.items()}
+        return found
 
     return with_ratios
 

@@ -183,9 +183,9 @@ SPEED = Check(
     _speed,
     {
         "every wrench is computed ten times": replaced(physics_must_reach, "many_wrenches", repeated(10)),
-        "the quasi-static model runs ten times": replaced(physics_must_reach, "quasistatic_plan", repeated(10)),
-        "every mesh is summed three times, and its headings are 1 mrad off": both(
-            replaced(physics_must_reach, "many_mesh_wrenches", repeated(3)),
+        "the quasi-static model runs twenty times": replaced(physics_must_reach, "quasistatic_plan", repeated(20)),
+        "every mesh is summed five times, and its headings are 1 mrad off": both(
+            replaced(physics_must_reach, "many_mesh_wrenches", repeated(5)),
             replaced(physics_must_reach, "plan_on_mesh", result_of(lambda found: found + 1e-3)),
         ),
     },

@@ -47,7 +47,7 @@ def _block(patch: Patch = SOLE, anchor_height: float = 0.0, height: float = 0.0,
 
 
 def _constant(value: Any) -> Spline:
-    return spline_through(TimedPath([0.0, 1000.0], np.tile(value, (2, 1))))
+    return spline_through(TimedPath(np.array([0.0, 1000.0]), np.tile(value, (2, 1))))
 
 
 def _drawn(towed: TowedObject, force: Any, mode: int = FORCED, state: Array = _ALONG) -> tuple[Work, Array]:
@@ -203,7 +203,7 @@ def _off_all() -> float:
 
 def _resting() -> float:
     """How far half the limit of friction moves a block in ten minutes [m]: it sticks, on a slope, pulled at height."""
-    pull = TimedPath([0.0, 600.0], [[0.5 * STATIC * WEIGHT, 0.0]] * 2)
+    pull = TimedPath(np.array([0.0, 600.0]), np.array([[0.5 * STATIC * WEIGHT, 0.0]] * 2))
     motion = feedforward(
         _block(anchor_height=0.1, height=0.15), risen_law(STATIC, FRICTION, 1e-4, 0.01), pull, (0.1, 0.2, 0.3),
         [0.0, 300.0, 600.0], sticking=Sticking(STATIC, 2e-4), ground=Ground(slope=np.array([1e-3, 0.0])),

@@ -32,7 +32,7 @@ FEET_M = (5e-3, 1e-3, 3e-4, 1e-4)
 _SQUARE = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
 _RISE_M_PER_S = 1e-9  # of friction; a push of 1 s goes some millimetres
 _LOWER, _LEAST_SHARE = 0.99, 0.5  # of the pusher's height, where a foot lifts
-_UNIT = TimedPath([0.0, 1.0], np.ones((2, 2)))
+_UNIT = TimedPath(np.array([0.0, 1.0]), np.ones((2, 2)))
 
 
 def shrinking_feet(places: ArrayLike) -> list[Patch]:

@@ -292,9 +292,9 @@ def test_the_measured_pushes_are_predicted_as_stated(shared_dir):
     rows = pd.concat([push_rows(log, TIP_HEIGHT_M) for log in logs])
     moving, near = rows[rows.slowest_path_m > SLOW_M], rows[rows.wrench_spread_deg > SPREAD_LIMIT_DEG]
     assert (len(rows), len(moving), len(near)) == (259, 152, 111)
-    assert (rows.twist_deg.median(), rows.twist_deg.mean()) == pytest.approx((5.29, 8.78), abs=0.01)
+    assert (rows.twist_deg.median(), rows.twist_deg.mean()) == pytest.approx((5.29, 8.77), abs=0.01)
     assert moving.wrench_deg.median() == pytest.approx(5.44, abs=0.01)
     assert near.wrench_deg.median() == pytest.approx(20.5, abs=0.1)  # near a foot the twist does not fix the wrench
-    assert near.twist_deg.median() == pytest.approx(2.18, abs=0.01)  # but the wrench the twist
+    assert near.twist_deg.median() == pytest.approx(2.23, abs=0.01)  # but the wrench the twist
     courses = np.concatenate([course_errors_deg(log, PROGRAMMED_HEIGHT_M) for log in logs])
     assert (np.median(courses), courses.mean()) == pytest.approx((5.27, 8.36), abs=0.01)
