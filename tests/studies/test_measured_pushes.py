@@ -297,4 +297,4 @@ def test_the_measured_pushes_are_predicted_as_stated(shared_dir):
     assert near.wrench_deg.median() == pytest.approx(20.5, abs=0.1)  # near a foot the twist does not fix the wrench
     assert near.twist_deg.median() == pytest.approx(2.23, abs=0.01)  # but the wrench the twist
     courses = np.concatenate([course_errors_deg(log, PROGRAMMED_HEIGHT_M) for log in logs])
-    assert (np.median(courses), courses.mean()) == pytest.approx((5.27, 8.36), abs=0.01)
+    assert (np.median(courses), courses.mean()) == pytest.approx((5.27, 8.34), abs=0.01)
