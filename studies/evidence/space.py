@@ -16,7 +16,7 @@ from studies.evidence.planting import Planting, both, given, replaced, result_of
 from studies.tables.lap_effects import LAP, LAW
 from towval.model import Array, FrictionLaw, Ground, Patch, Sliding, Tether, TimedPath, TowedObject
 from towval.physics import dynamics
-from towval.physics.dynamics import Accuracy, feedback, feedforward
+from towval.physics.dynamics import Accuracy, Outcome, feedback, feedforward
 from towval.physics.friction_laws import Coulomb, Makkar, risen_law
 from towval.physics.motion import FORCED, SLACK, TAUT
 from towval.physics.spatial import problem as layout
@@ -214,11 +214,11 @@ def _resting() -> float:
 def _similar() -> float:
     """Froude: a scene of 1 mm and one of 10 m against that of 0.4 m, lengths over the scene's, headings [1, rad]."""
     here = _sized(1.0)
-    return max(float(np.abs(_sized(scale) / (scale, scale, 1) - here).max()) for scale in (2.5e-3, 25.0))
+    return float(np.max([np.abs(_sized(scale) / (scale, scale, 1) - here) for scale in (2.5e-3, 25.0)]))
 
 
 def _sized(scale: float) -> Array:
-    """Poses of a tow with feet, heights, slope and sticking; lengths by s, times by √s, masses by s³."""
+    """Poses of a tow with feet, heights, slope and sticking, NaN if it ends early; lengths by s, times by √s, masses s³."""
     t, slower = np.linspace(0, 20, 201), float(np.sqrt(scale))
     path = np.column_stack([0.86 + 0.05 * t, 0.3 * np.sin(0.2 * t)])
     towed = TowedObject(
@@ -232,7 +232,7 @@ def _sized(scale: float) -> Array:
         ground=Ground(slope=np.array([0.004, -0.002])), hinge_height=0.15 * scale,
         sticking=Sticking(STATIC, 2e-4 * slower), accuracy=Accuracy(1e-9 * min(1, scale)),
     )  # fmt: skip
-    return motion.pose
+    return motion.pose if motion.outcome == Outcome.CONVERGED else np.full((41, 3), np.nan)
 
 
 def _space() -> Values:
