@@ -218,7 +218,7 @@ def _similar() -> float:
 
 
 def _sized(scale: float) -> Array:
-    """Poses of a tow with feet, heights, slope and sticking, NaN if it ends early; lengths by s, times by √s, masses s³."""
+    """Poses of a tow with all but regions, NaN if it ends early; lengths go by s, times by √s, masses by s³."""
     t, slower = np.linspace(0, 20, 201), float(np.sqrt(scale))
     path = np.column_stack([0.86 + 0.05 * t, 0.3 * np.sin(0.2 * t)])
     towed = TowedObject(
