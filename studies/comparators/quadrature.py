@@ -19,7 +19,7 @@ def imbalance(outline: Array, force: float, place: Array, contact: PressurePlane
     plane is positive, and a rule that is exact for second degrees sums the pressure and its moments over it.
     """
     size = float(np.linalg.norm(np.ptp(outline, axis=0)))
-    slopes, level = contact.coefficients[:2], contact.coefficients @ (*place, 1.0)
+    slopes, level = contact.coefficients[:2], float(contact.coefficients @ (*place, 1.0))
     total = np.zeros(3)
     for triangle in shapely.constrained_delaunay_triangles(shapely.Polygon(outline - place)).geoms:
         corners = _positive_part(shapely.get_coordinates(triangle)[:3], slopes, level)

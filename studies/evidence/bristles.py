@@ -24,9 +24,9 @@ Hinge = Callable[[Array], tuple[Array, Array]]
 
 
 def _block(count: int = 6, **keys: Any) -> BristledObject:
-    standing = {"centre": (0.0, 0.0), "centre_height": 0.15, "inertia": 0.4 / 3, "anchor": (0.2, 0.0)}
-    friction = {"mass": 5.0, "static": _STATIC, "kinetic": _KINETIC, "friction_velocity": 0.01}
-    return BristledObject(*cells_of([_SQUARE], count), **(standing | friction | keys))
+    given: dict[str, Any] = {"centre": (0.0, 0.0), "centre_height": 0.15, "inertia": 0.4 / 3, "anchor": (0.2, 0.0)}
+    given |= {"mass": 5.0, "static": _STATIC, "kinetic": _KINETIC, "friction_velocity": 0.01}
+    return BristledObject(*cells_of([_SQUARE], count), **(given | keys))
 
 
 def _straight(speed: float, reach: float) -> Hinge:
