@@ -162,8 +162,8 @@ def _farthest_mm(motion: SimulatedMotion, truth: Array) -> float:
     return 1e3 * float(lab_tow_models.distances_m(motion, truth).max())
 
 
-def _coarse_by_default(tolerance: float) -> Accuracy:
-    return Accuracy(1e-4 if tolerance == STANDARD.tolerance else tolerance)
+def _coarse_by_default(accuracy: Callable[[float], Accuracy]) -> Callable[[float], Accuracy]:
+    return lambda tolerance: accuracy(1e-4 if tolerance == STANDARD.tolerance else tolerance)
 
 
 CLOSE_TO_TIPPING = Check(
@@ -176,7 +176,7 @@ CLOSE_TO_TIPPING = Check(
             replaced(lab_tow_models, "feedback", given(ground=Ground())),
             replaced(lab_tows, "STATIC_STD", lambda std: std / 2),
         ),
-        "the default tolerance is 0.1 mm a step": replaced(_HERE, "Accuracy", lambda _: _coarse_by_default),
+        "the default tolerance is 0.1 mm a step": replaced(_HERE, "Accuracy", _coarse_by_default),
     },
 )
 
