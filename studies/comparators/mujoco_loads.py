@@ -1,7 +1,8 @@
-"""Normal loads of a block towed at height: MuJoCo's rigid body in three dimensions beside the planar pressure.
+"""Normal loads of a block towed at height: MuJoCo's rigid body in three dimensions beside the package's pressure.
 
-MuJoCo stands the block on the four corners of a box, or on four feet with four corners each. The planar pressure gets
-the tether's force and the twist that MuJoCo has at the moment, so the paths of both do not enter, the loads do.
+MuJoCo stands the block on the four corners of a box, or on four feet with four corners each. The package's tow in three
+dimensions gets the tether's force, the heading and the twist that MuJoCo has at the moment, so the paths of both do not
+enter, the loads do.
 
 Slow tows only. MuJoCo's contact is a convex relaxation that lifts a sliding contact by up to μ v: at 5 mm/s and
 an impedance of 0.5 in place of 0.9 the block glides; at 5 cm/s it hops, and its loads are no longer those of a tow.
@@ -17,9 +18,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from studies.frame import Row
-from towval.model import Array, Patch
+from towval.model import Array, Ground, Patch, Sliding, Tether, TimedPath, TowedObject
 from towval.model.conventions import GRAVITY_M_PER_S2
-from towval.physics.contact import PressurePlane, pressure_plane
+from towval.model.errors import RefusedError
+from towval.physics.friction_laws import Coulomb
+from towval.physics.motion import TAUT
+from towval.physics.spatial.pressure import BALANCED
+from towval.physics.spatial.problem import tow_problem
+from towval.physics.spatial.rates import accelerations
+from towval.physics.spatial.soles import work_for
+from towval.physics.splines import spline_through
 
 if TYPE_CHECKING:
     import mujoco
@@ -33,6 +41,10 @@ REST_LENGTH_M, STIFFNESS, DAMPING = 0.6, 1000.0, 50.0
 STEP_S = 1e-3
 _IMPEDANCE = ".5 .5 .001"  # the default, .9 .95 .001, lets feet hop at 5 mm/s
 _SETTLED = 0.4  # share of the tow that is not reported
+_RISE_M_PER_S = 1e-7  # of the package's friction; the block slides at some mm/s
+_GAUSS, _GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(12)
+_NODES = np.stack(np.meshgrid(_GAUSS, _GAUSS), axis=-1).reshape(-1, 2)
+_WEIGHTS = np.outer(_GAUSS_WEIGHTS, _GAUSS_WEIGHTS).ravel()
 
 
 @dataclass(frozen=True)
@@ -73,13 +85,15 @@ class EngineLoads:
     """What MuJoCo has at moments (n,) [s], in body axes.
 
     ``loads`` (n, 4) by quadrant [N]; ``moments`` (n, 2) of the loads, ``Σ N x`` and ``Σ N y`` about the middle [N m];
-    ``tow`` (n, 3) force of the tether [N]; ``heading`` (n,) [rad].
+    ``tow`` (n, 3) force of the tether [N]; ``heading`` (n,) [rad]; ``twist`` (n, 3) of the centre of mass along the
+    floor [m/s, m/s, rad/s].
     """
 
     loads: Array
     moments: Array
     tow: Array
     heading: Array
+    twist: Array
 
 
 def engine_loads(tow: TowAtHeight) -> EngineLoads:
@@ -99,11 +113,11 @@ def engine_loads(tow: TowAtHeight) -> EngineLoads:
         if i in reported:
             rows.append(np.concatenate(_state(model, data)))
     table = np.array(rows)
-    return EngineLoads(table[:, :4], table[:, 4:6], table[:, 6:9], table[:, 9])
+    return EngineLoads(table[:, :4], table[:, 4:6], table[:, 6:9], table[:, 9], table[:, 10:])
 
 
-def _state(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, Array, Array, Array]:
-    """Loads, their moments, force of the tether and heading, in body axes, of the step that was taken last."""
+def _state(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, Array, Array, Array, Array]:
+    """Loads, their moments, force of the tether, heading and twist, in body axes, of the step that was taken last."""
     import mujoco  # noqa: PLC0415 — an extra: not everybody has it
 
     block = model.body("block").id
@@ -117,7 +131,12 @@ def _state(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, Array, Ar
     span = data.site("hinge").xpos - data.site("anchor").xpos
     pull = max(0.0, STIFFNESS * (data.ten_length[0] - REST_LENGTH_M) + DAMPING * data.ten_velocity[0])
     heading = np.array([np.arctan2(axes[1, 0], axes[0, 0])])
-    return loads, moments, axes.T @ (pull * span / np.linalg.norm(span)), heading
+    turning = np.zeros(6)
+    mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_XBODY, block, turning, 1)
+    omega, (vx, vy) = turning[2], turning[3:5]
+    x, y, _ = model.body_ipos[block]
+    twist = np.array([vx - omega * y, vy + omega * x, omega])
+    return loads, moments, axes.T @ (pull * span / np.linalg.norm(span)), heading, twist
 
 
 def block_model(tow: TowAtHeight) -> mujoco.MjModel:
@@ -147,11 +166,8 @@ def block_model(tow: TowAtHeight) -> mujoco.MjModel:
     </mujoco>""")
 
 
-def planar_loads(tow: TowAtHeight, force: ArrayLike, heading: float) -> tuple[Array, Array]:
-    """Loads (4,) [N] by quadrant and their moments (2,) [N m] of the planar pressure, towed slowly.
-
-    Moments about the floor under the block's middle: of the tether at the anchor, of the weight at the centre of mass,
-    and of the pressure; friction acts at the floor. Inertia is left out.
+def program_loads(tow: TowAtHeight, force: ArrayLike, heading: float, twist: ArrayLike) -> tuple[float, Array, Array]:
+    """Normal force [N], its moments (2,) [N m] about the middle, loads (4,) [N] of feet, by the package.
 
     Parameters
     ----------
@@ -160,31 +176,48 @@ def planar_loads(tow: TowAtHeight, force: ArrayLike, heading: float) -> tuple[Ar
         Of the tether, body axes [N].
     heading : float
         Of the block [rad], which turns the slope.
+    twist : array_like (3,)
+        Of the centre of mass, body axes [m/s, m/s, rad/s].
+
+    Raises
+    ------
+    RefusedError
+        No pressure balances the tow.
     """
-    force = np.asarray(force, dtype=np.float64)
-    c, s = np.cos(heading), np.sin(heading)
-    along, into = MASS_KG * np.array([[c, s], [-s, c]]) @ tow.gravity[:2], -MASS_KG * tow.gravity[2]
-    lever, normal = np.array([HALF_M, tow.anchor_y]), into - force[2]
-    moments = tow.anchor_height * force[:2] - force[2] * lever + into * np.array(tow.centre) + CENTRE_HEIGHT_M * along
-    contact = pressure_plane(tow.patch, [(normal, moments / normal)])
-    return _by_quadrant(contact), moments
+    force, (vx, vy, omega) = np.asarray(force, dtype=np.float64), np.asarray(twist, dtype=np.float64)
+    turn = np.array([[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]])
+    centre, anchor = np.array(tow.centre), np.array([HALF_M, tow.anchor_y])
+    # A tether that pulls with this very force: in its direction, and stretched by it.
+    pull = float(np.linalg.norm(force))
+    away = (REST_LENGTH_M + pull / STIFFNESS) * force / pull
+    hinge = turn @ (anchor - centre + away[:2])
+    towed = TowedObject(tow.patch, MASS_KG, centre, 1.0, anchor, tow.anchor_height, CENTRE_HEIGHT_M)
+    problem = tow_problem(
+        towed,
+        Sliding(Coulomb(FRICTION, _RISE_M_PER_S)),
+        Tether(REST_LENGTH_M, STIFFNESS),
+        Ground(GRAVITY_M_PER_S2, np.array(tow.slope)),
+        tow.anchor_height + float(away[2]),
+        spline_through(TimedPath(np.array([0.0, 1.0]), np.array([hinge, hinge]))),
+    )
+    work = work_for(problem.soles, problem.regions)
+    state = np.array([0.0, 0.0, heading, *(turn @ [vx, vy]), omega])
+    if accelerations(problem, TAUT, 0.0, 0, state, work, np.empty(6)) != BALANCED:
+        raise RefusedError("no pressure balances the tow", got=f"a pull of {pull:.2f} N")
+    m, x = work.moments, work.pressure
+    normal = float(m[:3] @ x)
+    moments = np.array([m[[1, 3, 4]] @ x, m[[2, 4, 5]] @ x]) + normal * centre
+    return normal, moments, _loads_of_feet(x, centre) if tow.feet else np.full(4, np.nan)
 
 
-def _by_quadrant(contact: PressurePlane) -> Array:
-    """Load of the part in contact in each quadrant (4,) [N]: the pressure at Gauss nodes of each ring's triangles."""
-    loads = np.zeros(4)
-    for ring in contact.rings:
-        # The pressure is a plane on the ring, so the load is the area times its value at the ring's centroid.
-        x, y = ring.T
-        turned = x * np.roll(y, -1) - np.roll(x, -1) * y
-        area = turned.sum() / 2
-        centroid = (ring + np.roll(ring, -1, axis=0)).T @ turned / (6 * area)
-        loads[2 * int(centroid[0] > 0) + int(centroid[1] > 0)] += area * contact.pressure(centroid)
-    return loads
+def _loads_of_feet(pressure: Array, centre: Array) -> Array:
+    """Loads (4,) [N] of the feet under a plane of pressure about the centre of mass, by Gauss nodes over each."""
+    nodes = FOOT_AT_M * SIGNS[:, None] + FOOT_HALF_M * _NODES - centre
+    return np.asarray(np.maximum(0.0, pressure[0] + nodes @ pressure[1:]) @ (FOOT_HALF_M**2 * _WEIGHTS))
 
 
 def load_row(tow: TowAtHeight) -> Row:
-    """Differences of MuJoCo's loads from the planar pressure's, means over the tow, as parts of the normal force.
+    """Differences of MuJoCo's loads from the package's, means over the tow, as parts of the normal force.
 
     Returns
     -------
@@ -195,13 +228,13 @@ def load_row(tow: TowAtHeight) -> Row:
         sum of the loads: where it is not small, the block hops.
     """
     seen = engine_loads(tow)
-    into = -MASS_KG * tow.gravity[2]
-    at_rest = into * np.array(tow.centre)
+    at_rest = -MASS_KG * tow.gravity[2] * np.array(tow.centre)
     parts = []
-    for loads, moments, force, heading in zip(seen.loads, seen.moments, seen.tow, seen.heading, strict=True):
-        planar, balance = planar_loads(tow, force, float(heading))
-        normal = into - force[2]
-        differences = [loads.sum() - normal, *(moments - balance) / HALF_M, *(loads - planar)]
+    for loads, moments, force, heading, twist in zip(
+        seen.loads, seen.moments, seen.tow, seen.heading, seen.twist, strict=True
+    ):
+        normal, balance, ours = program_loads(tow, force, float(heading), twist)
+        differences = [loads.sum() - normal, *(moments - balance) / HALF_M, *(loads - ours)]
         parts.append(np.array([*differences, *(balance - at_rest) / HALF_M, loads.sum()]) / normal)
     mean, scatter = np.mean(parts, axis=0), np.std(parts, axis=0)
     feet = mean[3:7] if tow.feet else np.full(4, np.nan)

@@ -1,4 +1,4 @@
-"""The friction wrench by quadrature of high order, as a reference, and centres of rotation that are hard for it."""
+"""References by quadrature: equilibrium of a pressure; the friction wrench, with centres that are hard for it."""
 
 from __future__ import annotations
 
@@ -10,6 +10,38 @@ import shapely
 
 from towval.model import Array, FrictionLaw
 from towval.physics.contact import PressurePlane
+
+
+def imbalance(outline: Array, force: float, place: Array, contact: PressurePlane) -> float:
+    """How far a pressure is from balancing a force at a place: the largest of force / N and moments / (N size).
+
+    Of the program only the plane's coefficients are used: the outline is cut into triangles, each is clipped where the
+    plane is positive, and a rule that is exact for second degrees sums the pressure and its moments over it.
+    """
+    size = float(np.linalg.norm(np.ptp(outline, axis=0)))
+    slopes, level = contact.coefficients[:2], float(contact.coefficients @ (*place, 1.0))
+    total = np.zeros(3)
+    for triangle in shapely.constrained_delaunay_triangles(shapely.Polygon(outline - place)).geoms:
+        corners = _positive_part(shapely.get_coordinates(triangle)[:3], slopes, level)
+        for a, b in itertools.pairwise(corners[1:]):
+            middles = np.array([corners[0] + a, a + b, b + corners[0]]) / 2
+            sides = a - corners[0], b - corners[0]
+            area = abs(sides[0][0] * sides[1][1] - sides[0][1] * sides[1][0]) / 2
+            total += area / 3 * (middles @ slopes + level) @ np.column_stack([np.ones(3), middles / size])
+    return float(np.abs(total / force - [1.0, 0.0, 0.0]).max())
+
+
+def _positive_part(corners: Array, slopes: Array, level: float) -> list[Array]:
+    """Corners of the part of a convex polygon where a plane is positive."""
+    heights = corners @ slopes + level
+    kept = []
+    for i in range(len(corners)):
+        j = (i + 1) % len(corners)
+        if heights[i] > 0:
+            kept.append(corners[i])
+        if heights[i] * heights[j] < 0:
+            kept.append(corners[i] + heights[i] / (heights[i] - heights[j]) * (corners[j] - corners[i]))
+    return kept
 
 
 def reference_wrench(

@@ -11,14 +11,15 @@ import pandas as pd
 
 from studies.evidence.compute import shared_folder
 from studies.evidence.ledger import Check, Values
-from studies.evidence.planting import flawed, moved, numbers_of, replaced, result_of
-from studies.real import clips, displaced_windows, feet_study, jackknife, measured_pushes
+from studies.evidence.planting import both, flawed, moved, numbers_of, replaced, result_of
+from studies.real import clips, displaced_windows, feet_study, jackknife, measured_pushes, program_pushes
 from studies.real.push_data import PROGRAMMED_HEIGHT_M, TIP_HEIGHT_M, PushLog, read_logs
 from towval.calibration import view_covariance
 from towval.calibration.bundle_adjustment import marginal_covariance
 from towval.calibration.lens import LENS_MODELS
 from towval.calibration.marks_alone import calibrate_marks
-from towval.model import Array, FloorReference
+from towval.model import Array, FloorReference, Patch
+from towval.physics.spatial import problem as spatial_problem
 from towval.tracking.follow import Follower
 from towval.tracking.plane_tracker import PlaneTracker
 
@@ -57,6 +58,8 @@ def _pushes() -> Values:
         found |= _both(f"wrench from twist, all feet move 2 mm, h = {label}", moving.wrench_deg)
         if height == TIP_HEIGHT_M:
             found |= {"pushes": len(rows), "pushes in which all feet move 2 mm": len(moving)}
+            found["against Coulomb's law at points, median"] = float(np.median(rows.closed_form_deg))
+            found["against Coulomb's law at points, largest"] = float(rows.closed_form_deg.max())
             found |= _both("ellipsoid from statics, twist", rows.ellipsoid_twist_deg)
             found |= _both("ellipsoid from statics, wrench", moving.ellipsoid_wrench_deg)
             found |= _about_a_foot(rows)
@@ -78,15 +81,34 @@ def _about_a_foot(rows: pd.DataFrame) -> dict[str, float]:
     return found
 
 
-def _without_transfer(original: Any) -> Any:
-    return lambda log, height: original(log, 0.0)
+def _at_the_floor(original: Any) -> Any:
+    """The program lays out a push at the floor."""
+    return lambda towed, *rest: original(replace(towed, anchor_height=0.0), *rest)
 
+
+def _spread(original: Any) -> Any:
+    """The program lays out soles 10 % too large, feet as far apart."""
+    return lambda patch, *rest: original(Patch.of([1.1 * ring for ring in patch.outlines]), *rest)
+
+
+PROGRAM_WRONG = {
+    "the program lays out soles 10 % too far apart": replaced(spatial_problem, "soles", _spread),
+    "the program takes the push to be at the floor": replaced(program_pushes, "tow_problem", _at_the_floor),
+    "the program's friction is a tenth larger across than along": replaced(
+        program_pushes, "Sliding", lambda sliding: lambda law, **keys: sliding(law, 1.1, **keys)
+    ),
+    "the program's friction is 2 % too large": both(
+        replaced(program_pushes, "Coulomb", lambda law: lambda friction, rise: law(1.02 * friction, rise)),
+        replaced(spatial_problem, "_holding_table", lambda table: lambda static: table(1.02 * static)),
+    ),
+}
+"""Faults of the package in what it makes of a push."""
 
 PUSHES = Check(
     _pushes,
     {
+        **PROGRAM_WRONG,
         "feet are taken 10 % too far apart": replaced(_HERE, "push_logs", result_of(_wider)),
-        "the push transfers no load": replaced(feet_study, "push_rows", _without_transfer),
         "feet are mirrored, and a log is left out": replaced(_HERE, "push_logs", result_of(_mirrored)),
     },
     needs=("real/mlab_pushes",),
@@ -113,6 +135,7 @@ def _forces_unsure(logs: list[PushLog]) -> list[PushLog]:
 PUSH_FITS = Check(
     _push_fits,
     {
+        "the program lays out soles 10 % too far apart": PROGRAM_WRONG["the program lays out soles 10 % too far apart"],
         "a tenth of every twist's turning is lost": replaced(_HERE, "push_logs", result_of(_turning_less)),
         "forces scatter by a tenth, the turning of every second log by half": replaced(
             _HERE, "push_logs", result_of(_forces_unsure)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 from studies.comparators import work_precision
 from studies.comparators.tow_scenes import SCENES
 from studies.comparators.work_precision import CVODE, LSODA, RADAU, ROSENBROCK
@@ -46,6 +44,10 @@ _SHOWN = {
 """Tolerances [m] of which the documents speak, by scene and method."""
 
 
+_OURS = {"lap": f"lap, {ROSENBROCK}, 1e-06 m, CPU", "stick-slip": f"stick-slip, {ROSENBROCK}, 1e-07 m, CPU"}
+"""Ours at an error of about 5 µm, by scene."""
+
+
 def _integrators() -> Values:
     found: dict[str, float] = {}
     for name, methods in _SHOWN.items():
@@ -57,7 +59,8 @@ def _integrators() -> Values:
                 found |= {f"{at}, calls": row["rate_calls"]}
                 if row["call_s"]:
                     found["a call from Python"] = 1e6 * row["call_s"]
-    return found
+    costs = {name: cost for name, cost in found.items() if name.endswith(", CPU")}
+    return found | {f"{name} over ours": cost / found[_OURS[name.split(",")[0]]] for name, cost in costs.items()}
 
 
 INTEGRATORS = Check(
@@ -71,9 +74,10 @@ INTEGRATORS = Check(
                 lambda original: staticmethod(lambda tolerance: original(1000 * tolerance)),
             ),
         ),
-        "the clock counts tenfold": replaced(
-            work_precision, "time", lambda clock: SimpleNamespace(process_time=lambda: 10 * clock.process_time())
+        "our solver works three times": replaced(
+            work_precision, "_SOLVERS", lambda solvers: solvers | {ROSENBROCK: repeated(3)(solvers[ROSENBROCK])}
         ),
+        "every call of the rates from Python works three times": replaced(work_precision, "natural_rates", repeated(3)),
     },
     needs=("sksundae",),
 )

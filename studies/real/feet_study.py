@@ -1,4 +1,8 @@
-"""Pushes of a block on three feet, predicted with the feet as stated and nothing trained, beside ellipsoids."""
+"""Pushes of a block on three feet, predicted by the package with the feet as stated and nothing trained.
+
+Beside the predictions of ``program_pushes`` stand ellipsoids, and Coulomb's law in closed form (``point_friction``):
+it checks the package's numbers, and says which pushes turn about a foot.
+"""
 
 from __future__ import annotations
 
@@ -10,10 +14,8 @@ import pandas as pd
 from studies.real.ellipsoid import leave_one_out, point_limit_surface, surface_pushing_wrench, surface_twist
 from studies.real.one_parameter import between_groups, identified
 from studies.real.point_friction import (
-    dissipation,
     facet_angle_deg,
     foot_loads,
-    gauge,
     loads_while_sliding,
     pushing_wrench,
     resting_point,
@@ -21,6 +23,7 @@ from studies.real.point_friction import (
     slowest_path_m,
     wrench_spread_deg,
 )
+from studies.real.program_pushes import PushedBody, shrinking_feet
 from studies.real.push_data import MASS_KG, STATED_FRICTION, PushLog, angle_deg, scaled_twist, scaled_wrench
 from towval.model import Array
 from towval.model.conventions import GRAVITY_M_PER_S2
@@ -30,32 +33,48 @@ PATH_STD_M = 0.0008
 """Stated calibration of tip to block, what limits the data."""
 SPREAD_LIMIT_DEG = 10.0
 """ASSUME: above, the wrench that belongs to a twist is ill-posed."""
+SLOW_M = 0.002
+"""Path of a foot below which the direction of its friction is not known."""
 SCALES = np.round(np.arange(0.70, 1.4001, 0.025), 3)
 
 
+def pushed(log: PushLog, height_m: float, scale: float = 1.0) -> PushedBody:
+    """The block of a log on its feet, their distances changed by a factor, in the package's model."""
+    return PushedBody(shrinking_feet(scale * log.feet), MASS_KG, height_m, STATED_FRICTION)
+
+
 def push_rows(log: PushLog, height_m: float) -> pd.DataFrame:
-    """A row a push: errors of Coulomb's law and of the ellipsoid from statics [deg], and what the model says of it.
+    """A row a push: errors of the package and of the ellipsoid from statics [deg], and what is known of it otherwise.
 
-    ``foot_rests`` from the measured wrench alone; ``wrench_spread_deg`` and ``slowest_path_m`` from the measured twist
-    alone; both by the model, before any comparison. ``set_error_deg`` judges the wrench against the set of those that
-    turn the body about the foot that the twist moves least.
+    ``closed_form_deg`` is the larger of the angles between the package's predictions and those of Coulomb's law at
+    points, of the wrench where all feet move by ``SLOW_M``. ``foot_rests`` from the measured wrench alone;
+    ``wrench_spread_deg`` and ``slowest_path_m`` from the measured twist alone; both by the closed form, before any
+    comparison. ``set_error_deg`` judges the wrench against the set of those that turn the body about the foot that the
+    twist moves least.
     """
-    return pd.DataFrame([_push_row(log, i, height_m) for i in range(len(log.twist))])
+    body = pushed(log, height_m)
+    return pd.DataFrame([_push_row(log, i, height_m, body) for i in range(len(log.twist))])
 
 
-def _push_row(log: PushLog, i: int, height_m: float) -> dict[str, Any]:
+def _push_row(log: PushLog, i: int, height_m: float, body: PushedBody) -> dict[str, Any]:
     feet, twist, wrench = log.feet, log.twist[i], log.wrench[i]
     known = foot_loads(feet, WEIGHT_N, wrench, height_m)
     sliding = loads_while_sliding(feet, WEIGHT_N, twist, height_m, STATED_FRICTION)
     v, w = scaled_twist(twist), scaled_wrench(wrench)
-    predicted = scaled_wrench(pushing_wrench(feet, sliding, twist))
+    caused, coefficient = body.twist(wrench)
+    taken = body.wrench(twist)
     surface, moving = point_limit_surface(feet, known), point_limit_surface(feet, sliding)
     slowest = int(np.argmin([slowest_path_m(feet[[k]], twist) for k in range(len(feet))]))
     rests = resting_point(feet, known, wrench)
+    by_points = angle_deg(scaled_twist(caused), scaled_twist(sliding_twist(feet, known, wrench)))
+    if slowest_path_m(feet, twist) > SLOW_M:
+        at_points = pushing_wrench(feet, sliding, twist)
+        by_points = np.maximum(by_points, angle_deg(scaled_wrench(taken), scaled_wrench(at_points)))
     return {
         "log": log.name,
-        "twist_deg": float(angle_deg(scaled_twist(sliding_twist(feet, known, wrench)), v)),
-        "wrench_deg": float(angle_deg(predicted, w)),
+        "twist_deg": float(angle_deg(scaled_twist(caused), v)),
+        "wrench_deg": float(angle_deg(scaled_wrench(taken), w)),
+        "closed_form_deg": float(by_points),
         "set_error_deg": facet_angle_deg(feet, known, wrench, slowest),
         "ellipsoid_twist_deg": float(angle_deg(scaled_twist(surface_twist(surface, wrench)), v)),
         "ellipsoid_wrench_deg": float(angle_deg(scaled_wrench(surface_pushing_wrench(moving, twist)), w)),
@@ -64,9 +83,9 @@ def _push_row(log: PushLog, i: int, height_m: float) -> dict[str, Any]:
         "rests_at_slowest": rests == slowest,
         "wrench_spread_deg": wrench_spread_deg(feet, sliding, twist, PATH_STD_M),
         "lifts": bool(known.min() == 0),
-        "friction_by_size": float(np.linalg.norm(w) / np.linalg.norm(predicted)),
-        "friction_by_wrench": gauge(feet, known, wrench),
-        "friction_by_power": float(wrench @ twist) / dissipation(feet, known, twist),
+        "friction_by_size": STATED_FRICTION * float(np.linalg.norm(w) / np.linalg.norm(scaled_wrench(taken))),
+        "friction_by_wrench": coefficient,
+        "friction_by_power": STATED_FRICTION * float(wrench @ twist) / float(taken @ twist),
     }
 
 
@@ -76,11 +95,8 @@ def course_errors_deg(log: PushLog, height_m: float) -> Array:
     The sum over samples of the twist that each wrench causes, as long as the tip's work on the block, ``w·ξ = dW``,
     makes it; no start of the push has to be cut off. Body twists are added: a push turns by 0.1 rad.
     """
-
-    def moved(wrench: Array) -> Array:
-        return sliding_twist(log.feet, foot_loads(log.feet, WEIGHT_N, wrench, height_m), wrench)
-
-    predicted = [np.sum([row[3] * moved(row[:3]) for row in course], axis=0) for course in log.courses]
+    body = pushed(log, height_m)
+    predicted = [np.sum([row[3] * body.twist(row[:3])[0] for row in course], axis=0) for course in log.courses]
     return angle_deg(scaled_twist(np.array(predicted)), scaled_twist(log.twist))
 
 
@@ -109,6 +125,6 @@ def scale_rows(logs: list[PushLog], height_m: float) -> tuple[pd.DataFrame, tupl
 
 
 def _twist_errors(log: PushLog, scale: float, height_m: float) -> Array:
-    feet = scale * log.feet
-    predicted = [sliding_twist(feet, foot_loads(feet, WEIGHT_N, w, height_m), w) for w in log.wrench]
+    body = pushed(log, height_m, scale)
+    predicted = [body.twist(wrench)[0] for wrench in log.wrench]
     return angle_deg(scaled_twist(np.array(predicted)), scaled_twist(log.twist))

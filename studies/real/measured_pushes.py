@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from studies.real.feet_study import (
+    SLOW_M,
     SPREAD_LIMIT_DEG,
     course_errors_deg,
     fitted_rows,
@@ -26,7 +27,6 @@ Row = tuple[str, str, str, bool]
 """What, at least, measured, and whether it holds; lines that require nothing hold."""
 
 PUBLISHED = "Zhou et al. 2016, mean twist error, 30 pushes trained, 10 held out"
-SLOW_M = 0.002
 
 
 def median_mean(errors: pd.Series | Array) -> str:

@@ -1,4 +1,8 @@
-"""Pushes of a block on its whole face: which pressure of three one-parameter families they show, and how well."""
+"""Pushes of a block on its whole face: which pressure of three one-parameter families they show, and how well.
+
+The family "radius" is the package's own, ``Sliding.radius_over_planar``, and with it the planar pressure; the other two
+the package does not have.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +14,8 @@ import pandas as pd
 
 from studies.real.feet_study import WEIGHT_N
 from studies.real.one_parameter import cross_validated, identified
-from studies.real.push_data import OUTLINE, STATED_FRICTION, PushLog
+from studies.real.program_pushes import PushedBody
+from studies.real.push_data import MASS_KG, OUTLINE, STATED_FRICTION, PushLog, angle_deg, scaled_twist, scaled_wrench
 from studies.real.sole_pressure import (
     Loads,
     Sole,
@@ -21,7 +26,7 @@ from studies.real.sole_pressure import (
     radius_loads,
     sole,
 )
-from towval.model import Array
+from towval.model import Array, Patch
 
 Family = Callable[[Sole, float], Loads]
 FAMILIES: dict[str, tuple[Family, Array, float]] = {
@@ -38,11 +43,23 @@ OFFSET_STD_M = 0.0008
 def profiles(log: PushLog, family: str, height_m: float, element_size: float) -> tuple[Array, Array]:
     """Angles [deg] (g, n) of twist from wrench and of wrench from twist over the family's grid."""
     make, grid, _ = FAMILIES[family]
-    of = sole(OUTLINE, element_size)
-    errors = [
-        push_errors_deg(make(of, float(p)), WEIGHT_N, (log.wrench, log.twist), height_m, STATED_FRICTION) for p in grid
-    ]
+    if family == "radius":
+        errors = [_program_errors_deg(log, height_m, float(p)) for p in grid]
+    else:
+        of, pushes = sole(OUTLINE, element_size), (log.wrench, log.twist)
+        errors = [push_errors_deg(make(of, float(p)), WEIGHT_N, pushes, height_m, STATED_FRICTION) for p in grid]
     return np.array([e[0] for e in errors]), np.array([e[1] for e in errors])
+
+
+def _program_errors_deg(log: PushLog, height_m: float, radius_over_planar: float) -> tuple[Array, Array]:
+    """Angles (n,), (n,) [deg] of twist from wrench and wrench from twist, by the package."""
+    body = PushedBody([Patch(OUTLINE)], MASS_KG, height_m, STATED_FRICTION, radius_over_planar)
+    twists = np.array([body.twist(wrench)[0] for wrench in log.wrench])
+    wrenches = np.array([body.wrench(twist) for twist in log.twist])
+    return (
+        angle_deg(scaled_twist(twists), scaled_twist(log.twist)),
+        angle_deg(scaled_wrench(wrenches), scaled_wrench(log.wrench)),
+    )
 
 
 def family_row(

@@ -4,8 +4,8 @@
 
 The cube, the tether (a tendon that only pulls) and the path of the hinge are the same; MuJoCo has Coulomb friction at
 points, see ``studies.comparators.mujoco_engine``. Error is that of the cube's centre against our own solution at a
-tight tolerance, which tests/physics/test_dynamics.py holds to the oracle. Times are CPU times, for this package the
-least of several runs; MuJoCo's include setting the hinge from Python, some 5 % of it.
+tight tolerance, which tests/physics/test_dynamics.py holds to the oracle. Times are CPU times, the least of several
+runs; MuJoCo's include setting the hinge from Python, some 5 % of it.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Normal loads of a block towed at height: MuJoCo's rigid body in three dimensions beside the planar pressure.
+"""Normal loads of a block towed at height: MuJoCo's rigid body in three dimensions beside the package's.
 
     python -m studies.tables.physics_mujoco_loads
 

@@ -23,7 +23,9 @@ from studies.real.point_friction import (
     slowest_path_m,
     wrench_spread_deg,
 )
+from studies.real.program_pushes import PushedBody, shrinking_feet
 from studies.real.push_data import (
+    MASS_KG,
     OUTLINE,
     PROGRAMMED_HEIGHT_M,
     STATED_FRICTION,
@@ -45,6 +47,7 @@ from studies.real.sole_pressure import (
 )
 from studies.tables import measured_pushes
 from towval.model import Patch
+from towval.model.errors import RefusedError
 from towval.physics.contact import pressure_plane
 from towval.physics.friction_laws import Coulomb
 from towval.physics.limit_surface import limit_surface
@@ -219,11 +222,13 @@ def test_stated_intervals_cover_the_truth():
 def test_a_study_of_synthetic_pushes_finds_what_made_them():
     log = synthetic_log(FEET, 25)
     rows = push_rows(log, 0.015)
-    assert rows.twist_deg.max() < 1e-3
-    assert rows.wrench_deg.max() < 1e-6
-    np.testing.assert_allclose(rows.friction_by_wrench, STATED_FRICTION, rtol=1e-9)
-    np.testing.assert_allclose(rows.friction_by_power, STATED_FRICTION, rtol=1e-9)
-    np.testing.assert_allclose(rows.friction_by_size, STATED_FRICTION, rtol=1e-9)
+    # By the package, whose feet are 0.1 mm wide; the pushes are of points.
+    assert rows.twist_deg.max() < 0.2
+    assert rows.wrench_deg.max() < 0.01
+    assert rows.closed_form_deg.max() < 0.2
+    np.testing.assert_allclose(rows.friction_by_wrench, STATED_FRICTION, rtol=1e-4)
+    np.testing.assert_allclose(rows.friction_by_power, STATED_FRICTION, rtol=1e-4)
+    np.testing.assert_allclose(rows.friction_by_size, STATED_FRICTION, rtol=1e-4)
     assert push_rows(log, 0.0).twist_deg.mean() > 0.5  # the push's height is seen
 
 
@@ -231,7 +236,17 @@ def test_a_course_of_changing_wrenches_gives_the_sum_of_its_twists():
     log = synthetic_log(FEET, 2)
     course = np.column_stack([log.wrench, (log.wrench * log.twist).sum(axis=1)])
     whole = PushLog("course", FEET, log.twist.sum(axis=0)[None], log.wrench[:1], (course,))
-    assert course_errors_deg(whole, 0.015)[0] < 1e-3
+    assert course_errors_deg(whole, 0.015)[0] < 0.1
+
+
+def test_the_package_takes_a_push_that_lifts_a_foot_to_be_lower():
+    wrench = np.array([20.0, 20.0, 0.3])
+    loads = foot_loads(FEET, WEIGHT_N, wrench, 0.02)
+    assert loads.min() == 0
+    found, _ = PushedBody(shrinking_feet(FEET), MASS_KG, 0.02, STATED_FRICTION).twist(wrench)
+    assert angle_deg(scaled_twist(found), scaled_twist(sliding_twist(FEET, loads, wrench))) < 2
+    with pytest.raises(RefusedError, match="tips"):
+        PushedBody(shrinking_feet(FEET), MASS_KG, 0.5, STATED_FRICTION).twist(wrench)
 
 
 def test_scale_of_the_feet_is_one_for_pushes_that_have_it():
@@ -277,9 +292,9 @@ def test_the_measured_pushes_are_predicted_as_stated(shared_dir):
     rows = pd.concat([push_rows(log, TIP_HEIGHT_M) for log in logs])
     moving, near = rows[rows.slowest_path_m > SLOW_M], rows[rows.wrench_spread_deg > SPREAD_LIMIT_DEG]
     assert (len(rows), len(moving), len(near)) == (259, 152, 111)
-    assert (rows.twist_deg.median(), rows.twist_deg.mean()) == pytest.approx((5.29, 8.78), abs=0.01)
+    assert (rows.twist_deg.median(), rows.twist_deg.mean()) == pytest.approx((5.29, 8.77), abs=0.01)
     assert moving.wrench_deg.median() == pytest.approx(5.44, abs=0.01)
     assert near.wrench_deg.median() == pytest.approx(20.5, abs=0.1)  # near a foot the twist does not fix the wrench
-    assert near.twist_deg.median() == pytest.approx(2.18, abs=0.01)  # but the wrench the twist
+    assert near.twist_deg.median() == pytest.approx(2.23, abs=0.01)  # but the wrench the twist
     courses = np.concatenate([course_errors_deg(log, PROGRAMMED_HEIGHT_M) for log in logs])
-    assert (np.median(courses), courses.mean()) == pytest.approx((5.27, 8.36), abs=0.01)
+    assert (np.median(courses), courses.mean()) == pytest.approx((5.27, 8.34), abs=0.01)
