@@ -125,17 +125,19 @@ def _is_among(number: str, known: set[float]) -> bool:
     """Whether a number as written is one of those known, rounded as it is or in another unit."""
     text = number.rstrip(",").replace(",", "")
     value, decimals = float(text), len(text.partition(".")[2].partition("e")[0])
+    if "." not in text and "e" not in text:
+        decimals = len(text.rstrip("0")) - len(text)
     for one in known:
         for scaled in (one, 1e3 * one, 1e-3 * one):
             rounded = float(f"{scaled:.{decimals}e}") if "e" in text else round(scaled, decimals)
-            digits_say_it = decimals > 0 or abs(value) >= _WHOLE or scaled != one
-            if value == scaled or (rounded == value and digits_say_it and (value or scaled == one)):
+            near = decimals > 0 or abs(scaled - value) <= _ROUNDED * abs(value)
+            if value == scaled or (rounded == value and near and (value or scaled == one)):
                 return True
     return False
 
 
-_WHOLE = 10
-"""From here on a whole number may be a rounded one; of a smaller one too little is left."""
+_ROUNDED = 0.05
+"""By how much a number may be rounded that is written without decimals."""
 
 
 def numbers_in(group: Group, of_table: bool = False) -> set[float]:
