@@ -32,8 +32,10 @@ def _sets() -> Values:
         each = calibration_table.accuracy(range(6000, 6020), floor)
         for j, plane in enumerate(_PLANES):
             at = f"{floor}, {plane}"
-            found |= {at: each.rms_mm[j], f"{at}, median": each.median_mm[j], f"{at}, bound": each.bound_rms_mm[j]}
+            found |= {at: each.rms_mm[j], f"{at}, bound": each.bound_rms_mm[j]}
             found[f"{at}, without the frame"] = each.aligned_rms_mm[j]
+            for name, medians in zip(("", ", without the frame", ", bound"), each.median_mm, strict=True):
+                found[f"{at}{name}, median"] = medians[j]
             ratios = {"over the bound": each.over_bound, "predicted / actual": each.predicted_over_actual}
             for name, (ratio, low, high) in ratios.items():
                 found |= {f"{at}, {name}": ratio[j], f"{at}, {name}, from": low[j], f"{at}, {name}, to": high[j]}
