@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from studies.worlds.boards import CornerScene, board_corners
 from towval.model import Array, Body, Calibration, Camera, Floor
-from towval.model.geometry import compose, rigid_fit, transform
+from towval.model.geometry import rigid_fit, transform
 from towval.optics.projection import to_plane
 
 POINTS, QUALITY, APART_PX = 200, 0.01, 7
@@ -43,13 +43,20 @@ def opencv_calibration(scene: CornerScene) -> tuple[Camera, Floor]:
     return Camera(seen.resolution_px, np.array(matrix, dtype=np.float64), distortion, "rational"), Floor(T)
 
 
-def klt_poses(
+def clicked_pose(calibration: Calibration, body: Body, clicks_px: Array) -> Array:
+    """The pose (3,) in the first picture that fits clicks on the corners of the top."""
+    camera, floor, height = calibration.camera, calibration.floor, body.tracked_plane_height_m
+    return rigid_fit(body.top_corners_m, to_plane(camera, floor, np.asarray(clicks_px), height))
+
+
+def klt_motions(
     frames: Iterable[tuple[float, NDArray[np.uint8]]], calibration: Calibration, body: Body, clicks_px: Array
 ) -> Array:
-    """Poses (n, 3) of a body by pyramidal Lucas-Kanade from picture to picture, with OpenCV's defaults.
+    """Motions (n, 3) of a body since the first picture by Lucas-Kanade, pyramidal, with OpenCV's defaults.
 
-    Points are chosen once, within the clicked outline; those that do not come back are dropped. Their places on the
-    body's plane now and in the first picture give the motion, by a rigid fit. NaN where fewer than three are left.
+    Points are chosen once, within the clicked outline, and followed from picture to picture; those that do not come
+    back are dropped. Their places on the body's plane now and in the first picture give the motion, by a rigid fit. NaN
+    where fewer than three are left. Poses are these motions after a first one (:func:`clicked_pose`).
     """
     height = body.tracked_plane_height_m
 
@@ -57,8 +64,7 @@ def klt_poses(
         return to_plane(calibration.camera, calibration.floor, np.reshape(pixels, (-1, 2)).astype(np.float64), height)
 
     flow: Any = cv2.calcOpticalFlowPyrLK  # its stub does not take the None that it documents
-    start = rigid_fit(body.top_corners_m, on_plane(np.asarray(clicks_px)))
-    poses: list[Array] = []
+    motions: list[Array] = []
     last: Any = None
     points: Any = None
     first = np.empty((0, 2))
@@ -74,10 +80,10 @@ def klt_poses(
             points, first = there[kept], first[kept]
         last = luma
         if len(points) < FEWEST:
-            poses.append(np.full(3, np.nan))
+            motions.append(np.full(3, np.nan))
             continue
-        poses.append(compose(rigid_fit(first, on_plane(points)), start))
-    return np.array(poses)
+        motions.append(rigid_fit(first, on_plane(points)))
+    return np.array(motions)
 
 
 def rms_error_m(poses: Array, truth: Array) -> float:

@@ -3,7 +3,8 @@
     python -m studies.real.displaced_windows ../shared/real/dic
 
 A window is what the tracker's template reads: N × N px of sample points, one a pixel. The body is larger by the margin
-that the template keeps from its outline. The camera is one straight above, a pixel a millimetre.
+that the template keeps from its outline. The camera is one straight above, a pixel a millimetre. Tracking starts at the
+true shift rounded to whole pixels: what is measured is the rest, 0.4, -0.2 and 0 px of the rigid pairs.
 """
 
 from __future__ import annotations

@@ -47,9 +47,12 @@ def again_and_again(path: Path, frames: int) -> Iterator[tuple[float, np.ndarray
 
 
 def peak_memory_mb() -> float:
-    """Largest resident set of this program [MB]; ``ru_maxrss`` would hold that of the program that started it, too."""
+    """Largest resident set of this program [MB of 10⁶ bytes].
+
+    ``ru_maxrss`` would hold that of the program that started it, too.
+    """
     status = Path("/proc/self/status").read_text(encoding="ascii")
-    return float(next(line for line in status.splitlines() if line.startswith("VmHWM")).split()[1]) / 1024
+    return float(next(line for line in status.splitlines() if line.startswith("VmHWM")).split()[1]) * 1024 / 1e6
 
 
 def measure(kind: str, path: Path, frames: int) -> None:

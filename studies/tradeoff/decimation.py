@@ -26,9 +26,11 @@ NOISE = np.array([3e-4, 3e-4, 5e-4])
 HINGE_M, DAMPING_NS_PER_M, TETHER_M = np.array([-0.42, 0.0]), 10.0, 0.6
 """Of the tow that is simulated behind the path."""
 
+SIMULATED = "CPU time of thinning and simulating [s]"
+"""The panel of the simulated path: its cost; the error is that of the path [mm]."""
+
 _FINE = 40  # Times between two frames at which the ground truth is integrated and the paths are compared.
 _EVERY = 20  # Of these times, how many apart the hinge's path is given to the dynamics.
-_TOW = "CPU time of thinning and simulating [s]"  # The panel of the simulated path.
 _THINNING = ("every n-th pose, cubic", "poses farther apart than, linear", "Douglas-Peucker, linear")
 
 Path = Callable[[Track, Array], tuple[int, Array]]
@@ -86,7 +88,7 @@ def decimation_rows(seed: int) -> list[Row]:
         default = series == "stage decimate" and float(setting) == DecimateSettings().excess
         named = {"series": series, "setting": setting, "default": default, "seed": seed}
         rows.append(named | {"panel": "Points kept of 601", "cost": kept, "error": _rms_mm(pose, truth)})
-        rows.append(named | {"panel": _TOW, "cost": spent, "error": _rms_mm(towed, _true_tow())})
+        rows.append(named | {"panel": SIMULATED, "cost": spent, "error": _rms_mm(towed, _true_tow())})
     return rows
 
 
@@ -153,8 +155,8 @@ def _spline(track: Track, moments: Array) -> tuple[int, Array]:
 
 
 def _why(rows: pd.DataFrame) -> str:
-    tow = rows[rows["panel"] == _TOW]
-    default, spline = default_point(rows, _TOW), point(rows, "smoothing spline", "cross-validated", _TOW)
+    tow = rows[rows["panel"] == SIMULATED]
+    default, spline = default_point(rows, SIMULATED), point(rows, "smoothing spline", "cross-validated", SIMULATED)
     smoothed = tow[tow["series"] == "RTS smoother, white jerk"]["error"] / default.error
     stage = tow[tow["series"] == default.series]["error"]
     others = tow[tow["series"].isin(_THINNING) & (tow["setting"] != "1")]
