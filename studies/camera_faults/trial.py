@@ -155,9 +155,7 @@ def _result(source: Footage, fault: Fault, camera: Path, files: dict[str, Path],
     # A note says that all is well.
     warned = {one.code for one in findings if one.severity is not Severity.NOTE}
     poses, verdict = outcomes(worst, warned, said, fault.named_by, right=right)
-    if poses == "corrected" and round(rms_mm, 1) >= COVERED_MM:
-        poses = "covered"
-    return Result(poses, verdict, worst, rms_mm, tuple(sorted(warned)), said)
+    return Result(covered_if_off(poses, rms_mm), verdict, worst, rms_mm, tuple(sorted(warned)), said)
 
 
 def outcomes(
@@ -172,6 +170,11 @@ def outcomes(
     poses = "corrected" if worst <= 1 else "reported" if codes & set(named_by) else "silently wrong"
     good, bad = (Verdict.AGREES, Verdict.DISAGREES) if right else (Verdict.DISAGREES, Verdict.AGREES)
     return poses, {bad.value: "silently wrong", good.value: "corrected"}.get(said, "reported")
+
+
+def covered_if_off(poses: str, rms_mm: float) -> str:
+    """What became of the poses, "covered" where they are "corrected" by their deviations alone."""
+    return "covered" if poses == "corrected" and round(rms_mm, 1) >= COVERED_MM else poses
 
 
 def lateness_s(tracks: Iterable[Track], truth: pd.DataFrame) -> float:
