@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -27,11 +27,14 @@ from towval.tracking.light import LightConstants
 from towval.tracking.two_measurements import Compared
 from towval.tracking.watched_floor import WatchedFloor
 
-LONGER_M = 0.028
-"""Twice the smallest rest length that shows in the run without a fault."""
+LONGER_M = 0.034
+"""Twice the smallest rest length that shows in run a without a fault."""
 
 _HERE = sys.modules[__name__]
-_CAMPAIGN, _RUN, _SECONDS = Path("data_samples/lab_small"), "b", 8.0
+_CAMPAIGN, _SECONDS = Path("data_samples/lab_small"), 8.0
+_SETTLED_ON, _OTHER = "a", "b"
+"""The run on which the methods were settled, and the other one."""
+
 _NAMES = (
     "none", "creep", "shake", "other zoom of video", "rolling shutter", "defocus", "focus hunting", "motion blur",
     "noise", "flicker", "fine flicker", "glint in the way", "person", "dropped", "wrong rate, none stated", "frozen",
@@ -40,13 +43,6 @@ _NAMES = (
     "pictures invented", "pulsing groups of pictures",
 )  # fmt: skip
 
-_JUDGED = (
-    "none", "creep", "shake", "other zoom of video", "focus hunting", "dropped", "wrong rate, none stated", "frozen",
-    "H.264, capped", "board smaller", "deinterlaced", "warm air", "clips overlap", "clock set", "slower in low light",
-    "fields swapped", "pictures invented", "pulsing groups of pictures",
-)  # fmt: skip
-"""Those that do harm, and two that do little: behind the others the poses, and so the verdicts, are as without them."""
-
 
 def fault_called(name: str) -> Fault:
     """The fault of a name."""
@@ -54,20 +50,20 @@ def fault_called(name: str) -> Fault:
 
 
 @contextmanager
-def _filmed() -> Iterator[tuple[Footage, Path]]:
-    """The footage, and the calibration of its camera."""
+def _filmed(run: str) -> Iterator[tuple[Footage, Path]]:
+    """The footage of a run, and the calibration of its camera."""
     with TemporaryDirectory() as scratch:
         camera = Path(scratch) / "camera.mcap"
         calibrate.run(_CAMPAIGN, camera)
-        yield footage(_CAMPAIGN, _RUN, _SECONDS, camera), camera
+        yield footage(_CAMPAIGN, run, _SECONDS, camera), camera
 
 
-def _of_each(names: Sequence[str], measure: Callable[[Footage, Fault, Path], dict[str, float | str]]) -> Values:
+def _of_each(run: str, measure: Callable[[Footage, Fault, Path], dict[str, float | str]]) -> Values:
     """What is measured of each fault at its middle strength; once of all where nothing is planted."""
     found: dict[str, float | str] = {}
     of_none: dict[str, float | str] | None = None
-    with _filmed() as (source, camera):
-        for name in names:
+    with _filmed(run) as (source, camera):
+        for name in _NAMES:
             fault = fault_called(name)
             values = of_none if fault.is_none and of_none is not None else measure(source, fault, camera)
             of_none = values if fault.is_none else of_none
@@ -144,7 +140,7 @@ def _left_out(fault: Fault) -> Fault:
 _LEFT_OUT = replaced(_HERE, "fault_called", result_of(_left_out))
 
 CAMERA_POSES = Check(
-    lambda: _of_each(_NAMES, _poses),
+    lambda: _of_each(_OTHER, _poses),
     {
         "poses are 20 mm to one side": replaced(track, "track", result_of(_aside)),
         "nothing is corrected": uncorrected,
@@ -164,9 +160,9 @@ def _shorter(original: Any) -> Any:
 
 
 CAMERA_VERDICTS = Check(
-    lambda: _of_each(_JUDGED, _verdicts),
+    lambda: _of_each(_SETTLED_ON, _verdicts),
     {
-        "the simulated tether is 28 mm shorter than stated": replaced(simulate, "simulate_selecting", _shorter),
+        "the simulated tether is 34 mm shorter than stated": replaced(simulate, "simulate_selecting", _shorter),
         "the faults are left out": _LEFT_OUT,
     },
 )
