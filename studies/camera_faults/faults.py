@@ -1,7 +1,7 @@
 """All faults by name, with three strengths each, and the findings that name them: one line a fault."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,10 @@ InCampaign = Callable[[Path, dict[str, Any], float, np.random.Generator], None]
 Encoding = Callable[[float, float], Mapping[str, str]]
 
 SOUND_ENCODING: Mapping[str, str] = {"crf": "18", "preset": "veryfast"}
+
+
+def _sound(_strength: float, _pixels: float) -> Mapping[str, str]:
+    return SOUND_ENCODING
 
 
 @dataclass(frozen=True)
@@ -31,13 +35,18 @@ class Fault:
     unit: str
     named_by: tuple[str, ...]
     film: InFilm | None = None
-    encoding: Encoding = field(default=lambda _strength, _pixels: SOUND_ENCODING)
+    encoding: Encoding = _sound
     campaign: InCampaign | None = None
 
     @property
     def refilmed(self) -> bool:
         """Whether the video is another."""
         return self.campaign is None or self.film is not None
+
+    @property
+    def is_none(self) -> bool:
+        """Whether nothing is planted."""
+        return self.film is None and self.campaign is None and self.encoding is _sound
 
 
 def _crf(crf: float, _pixels: float) -> Mapping[str, str]:

@@ -24,6 +24,9 @@ from towval.model.geometry import wrapped
 MARGIN_M = 0.0005
 """Beyond three stated deviations, from which on a pose is wrong."""
 
+COVERED_MM = 2.0
+"""RMS error from which on poses that are within that are not corrected: their deviations merely cover it."""
+
 _SAMPLES = 256
 _CORNER_M = 0.3  # [m] From the middle of a top to its corner.
 _HD = 1920 * 1080
@@ -55,9 +58,9 @@ def footage(campaign: Path, run: str, seconds: float, camera: Path) -> Footage:
 class Result:
     """How a fault ended.
 
-    ``poses`` and ``verdict``: "corrected" (within the stated deviations), "reported", or "silently wrong"; ``worst``:
-    largest error of a pose over what is allowed; ``rms_mm`` of rover and object; ``codes`` of findings that are no
-    notes; ``said``: the verdict, or the refusal.
+    ``poses`` and ``verdict``: "corrected" (within the stated deviations; "covered" where poses are, and yet off by
+    :data:`COVERED_MM`), "reported", or "silently wrong"; ``worst``: largest error of a pose over what is allowed;
+    ``rms_mm`` of rover and object; ``codes`` of findings that are no notes; ``said``: the verdict, or the refusal.
     """
 
     poses: str
@@ -152,7 +155,7 @@ def _result(source: Footage, fault: Fault, camera: Path, files: dict[str, Path],
     # A note says that all is well.
     warned = {one.code for one in findings if one.severity is not Severity.NOTE}
     poses, verdict = outcomes(worst, warned, said, fault.named_by, right=right)
-    return Result(poses, verdict, worst, rms_mm, tuple(sorted(warned)), said)
+    return Result(covered_if_off(poses, rms_mm), verdict, worst, rms_mm, tuple(sorted(warned)), said)
 
 
 def outcomes(
@@ -167,6 +170,11 @@ def outcomes(
     poses = "corrected" if worst <= 1 else "reported" if codes & set(named_by) else "silently wrong"
     good, bad = (Verdict.AGREES, Verdict.DISAGREES) if right else (Verdict.DISAGREES, Verdict.AGREES)
     return poses, {bad.value: "silently wrong", good.value: "corrected"}.get(said, "reported")
+
+
+def covered_if_off(poses: str, rms_mm: float) -> str:
+    """What became of the poses, "covered" where they are "corrected" by their deviations alone."""
+    return "covered" if poses == "corrected" and round(rms_mm, 1) >= COVERED_MM else poses
 
 
 def lateness_s(tracks: Iterable[Track], truth: pd.DataFrame) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -27,11 +27,13 @@ from towval.io.records.identification import read_identification
 from towval.model import Array, Body, DecimatedTrack, TowingScene, Track
 from towval.tracking import follow, known_lengths
 from towval.validation import compare as validation_compare
+from towval.validation import identify as validation_identify
 from towval.validation import simulate as validation_simulate
 from towval.validation.hinge_trajectory import trajectory_of
 from towval.validation.sampler import Case, Sampler, UncertaintySettings
 from towval.validation.scene_model import SceneModel
 from towval.validation.simulate_many import Batch, Drawn
+from towval.validation.uncertainty import UncertaintySampling
 
 _HERE = sys.modules[__name__]
 _MASSES_G_PER_M = (5, 20, 100, 500)
@@ -156,21 +158,34 @@ _BETTER = {_SIZE: 1 / 5, _HEIGHTS: 0.3}
 """Deviations of a board measured to 0.1 ‰ and of heights to 0.3 mm, over the default ones."""
 
 
+_SEEN = (("lab_a", "ab", "ab"), ("lab_c", "gh", "g"))
+"""Campaigns, runs, and those whose truth is known."""
+
+
 def _bound_sources() -> Values:
-    """What each source does to the runs [mm], what is left with the truth, and errors of tracks along directions."""
+    """What each source does to the runs [mm], by draws of it alone."""
     found: dict[str, float] = {}
-    for name, runs, known in (("lab_a", "ab", "ab"), ("lab_c", "gh", "g")):
-        cases = {case.run: case for _, case in filmed(name, runs)}
-        truths = {run: pd.read_csv(shared_folder() / "footage" / name / f"{run}_truth.csv") for run in known}
-        for run, case in cases.items():
+    for name, runs, _ in _SEEN:
+        for _, case in filmed(name, runs):
             effects = list(bound_sources.source_effects(case, _ALONE))
             for each in effects:
-                at = f"{name} {run}, {each.source}"
+                at = f"{name} {case.run}, {each.source}"
                 found |= {f"{at}, u_D": each.u_d, f"{at}, median": each.median, f"{at}, 95 %": each.most}
                 found[f"{at}, scatter"] = each.scatter
             better = [each.u_d * _BETTER.get(each.source, 1.0) for each in effects if each.source != "all"]
-            found[f"{name} {run}, board known to 0.1 ‰ and heights to 0.3 mm, u_D"] = float(np.linalg.norm(better))
-            for left in bound_sources.left(case, truths[run]) if run in truths else ():
+            at = f"{name} {case.run}, board known to 0.1 ‰ and heights to 0.3 mm"
+            found[f"{at}, u_D"] = float(np.linalg.norm(better))
+    return found
+
+
+def _beside_truth() -> Values:
+    """What is left of the simulation's error with true tracks [mm], and errors of tracks along directions."""
+    found: dict[str, float] = {}
+    for name, _, known in _SEEN:
+        cases = {case.run: case for _, case in filmed(name, known)}
+        truths = {run: pd.read_csv(shared_folder() / "footage" / name / f"{run}_truth.csv") for run in known}
+        for run, case in cases.items():
+            for left in bound_sources.left(case, truths[run]):
                 found[f"{name} {run}, {left.tracks}, simulated − true at most"] = left.most
         directions = bound_sources.principal_directions((cases[run], truth) for run, truth in truths.items())
         for k, (share, error) in enumerate(zip(directions.shares, directions.errors, strict=True), 1):
@@ -205,16 +220,15 @@ def _less_sure(original: Any) -> Any:
     return wrong
 
 
-BOUND_SOURCES = Check(
-    _bound_sources,
-    {
-        "board, camera and lens are 2 times as uncertain, heights 3, registration 4, noise 5 times, and the simulated "
-        "tether is 5 mm too long": both(
-            replaced(_HERE, "filmed", _less_sure), replaced(bound_sources, "by_size", result_of(lambda size: 2 * size))
-        )
-    },
-    needs=("footage/lab_a", "footage/lab_c"),
-)
+_LESS_SURE = {
+    "board, camera and lens are 2 times as uncertain, heights 3, registration 4, noise 5 times, and the simulated "
+    "tether is 5 mm too long": both(
+        replaced(_HERE, "filmed", _less_sure), replaced(bound_sources, "by_size", result_of(lambda size: 2 * size))
+    )
+}
+
+BOUND_SOURCES = Check(_bound_sources, _LESS_SURE, needs=("footage/lab_a", "footage/lab_c"))
+BESIDE_TRUTH = Check(_beside_truth, _LESS_SURE, needs=("footage/lab_a", "footage/lab_c"))
 
 
 def _identified() -> Values:
@@ -234,9 +248,16 @@ def _identified() -> Values:
     return found | {"residual": max(misfits, default=0.0)}
 
 
+def _as_larger(original: Any) -> Any:
+    return lambda real, row, component, value: original(real, row, component, 1.02 * value)
+
+
 IDENTIFIED = Check(
     _identified,
-    {"the tether is taken 5 mm too long": replaced(identify, "identify", tethered_longer(5e-3))},
+    {
+        "the tether is taken 5 mm too long": replaced(identify, "identify", tethered_longer(5e-3)),
+        "a value that is tried acts as one that is 2 % larger": replaced(validation_identify, "_changed", _as_larger),
+    },
     needs=("footage/lab_c",),
 )
 
@@ -313,14 +334,31 @@ def _misstated() -> Values:
     return found
 
 
-_NOTHING_MISSTATED = replaced(_HERE, "_MISSTATED", lambda wrongs: {wrong: lambda text: text for wrong in wrongs})
+def _twice_as_far(original: Any) -> Any:
+    """What simulates a run with inputs moved: twice as far as asked for, on a path 1 mm to one side."""
+
+    def wrong(*given: Any) -> Any:
+        left = original(*given)
+
+        def errors(moves: Sequence[Mapping[int, float]]) -> Array:
+            aside = 1e-3 * np.array([any(each.values()) for each in moves])
+            farther = [{column: 2 * value for column, value in each.items()} for each in moves]
+            return np.asarray(left(farther) + aside[:, None, None] * np.array([0.0, 1.0, 0.0]))
+
+        return errors
+
+    return wrong
+
 
 MISSTATED = Check(
     _misstated,
     {
-        "nothing is misstated": _NOTHING_MISSTATED,
-        "nothing is misstated, and a tenth of the tolerance matters": both(
-            _NOTHING_MISSTATED, replaced(validation_compare, "TOLERANCE_M", lambda tolerance: tolerance / 10)
+        "nothing is misstated": replaced(
+            _HERE, "_MISSTATED", lambda wrongs: {wrong: lambda text: text for wrong in wrongs}
+        ),
+        "moved inputs act twice as far, on a path 1 mm to one side; a tenth of the tolerance matters": both(
+            replaced(UncertaintySampling, "_left", _twice_as_far),
+            replaced(validation_compare, "TOLERANCE_M", lambda tolerance: tolerance / 10),
         ),
     },
     needs=("footage/lab_a", "footage/lab_c"),

@@ -21,7 +21,7 @@ from studies.camera_faults.trial import footage, tried
 from towval.commands import calibrate
 
 _SAMPLE = "data_samples/lab_small:a:8"
-_ORDER = ("corrected", "reported", "silently wrong")
+_ORDER = ("corrected", "covered", "reported", "silently wrong")
 
 
 def rows(

@@ -22,8 +22,8 @@ from typing import Any
 
 import numpy as np
 
-from studies.tables.validation_rendered import drawn_run, rendered_rows
-from studies.worlds.towed_runs import ROVER, TOWED, TrueCamera, nominal_calibration, planted, true_motion
+from studies.tables.validation_rendered import rendered_rows
+from studies.worlds.towed_runs import ROVER, TOWED, TrueCamera, nominal_calibration, planted, synthetic_run, true_motion
 from towval.io.records import read_comparison
 from towval.model import Array, Comparison, Verdict
 from towval.model.geometry import wrapped
@@ -42,7 +42,7 @@ Row = tuple[str, str, str, bool]
 
 def judged_run(seed: int, samples: int) -> dict[str, Any]:
     """One synthetic run: coverage of its bands, its verdict, and the verdicts with each fault planted."""
-    run, camera = drawn_run(seed), TrueCamera(nominal_calibration(), seed)
+    run, camera = synthetic_run(seed), TrueCamera(nominal_calibration(), seed)
     rover = camera.measured(ROVER, run.time_s, np.array([run.drive(t) for t in run.time_s]))
     thin, true = decimate(rover), true_motion(run, run.truth)
 

@@ -20,11 +20,10 @@ from studies.worlds.towed_runs import SyntheticRun, planted, synthetic_run, true
 from towval.commands import calibrate, decimate, simulate, track, uncertainty
 from towval.commands import compare as compare_command
 from towval.io.records import read_comparison
-from towval.model import Array, Body, Comparison, FrictionSpecification, Verdict
+from towval.model import Array, Body, Comparison, Verdict
 from towval.model.errors import TowvalError
 from towval.model.geometry import transform
 from towval.optics.projection import project
-from towval.physics.friction_laws.makkar import Makkar, fit_specification
 
 CASES = ("", "stripe", "centre of mass", "tether", "")
 WANTED = {
@@ -40,19 +39,6 @@ LARGE_M = 0.02
 """A fault that is filmed moves the object by so much: about 3 u_val of these runs."""
 
 Row = tuple[str, str, str, bool]
-
-
-def drawn_run(seed: int) -> SyntheticRun:
-    """A random run; its object slides under the law of Makkar that fits the specification."""
-    return synthetic_run(seed, makkar_coefficients)
-
-
-def makkar_coefficients(specification: FrictionSpecification) -> Array:
-    """Coefficients (6,) of the law of Makkar that fits a specification."""
-    law = fit_specification(specification).law
-    if not isinstance(law, Makkar):
-        raise TypeError("the fit of Makkar's law gave another law")
-    return law.gamma
 
 
 def rendered_rows(count: int, folder: Path) -> Iterator[Row]:
@@ -76,7 +62,7 @@ def rendered_rows(count: int, folder: Path) -> Iterator[Row]:
 def filmable(seed: int, fault: str) -> int:
     """The next seed whose bodies stay in the picture and whose fault, if it has one, is large."""
     while True:
-        run = drawn_run(seed)
+        run = synthetic_run(seed)
         # The rover first: its trajectory costs nothing to compute, the object's a second.
         if in_view(ROVER, np.array([run.drive(t) for t in run.time_s])):
             _, right, motion = motions(seed, fault)
@@ -87,7 +73,7 @@ def filmable(seed: int, fault: str) -> int:
 
 def motions(seed: int, fault: str) -> tuple[SyntheticRun, Array, Array]:
     """A run, its object's poses (n, 3) as the model says, and with the fault."""
-    run = drawn_run(seed)
+    run = synthetic_run(seed)
     right = true_motion(run, run.truth)
     return run, right, true_motion(run, planted(run, right, fault, seed)[0]) if fault else right
 

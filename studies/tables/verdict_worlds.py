@@ -6,7 +6,8 @@
 measured by its own camera, drawn from the covariance, simulated, sampled and judged. Then the smallest visible fault
 of each kind that the run states is put into its truth, and three times it. ``--worlds`` takes some of them only. Rows
 are kept in the output folder, and a second call continues there. Shares come with the interval in which they lie with
-95 % (Clopper and Pearson); the runs of a row are independent, a run and its faults share their camera.
+95 % (Clopper and Pearson); the runs of a row are independent, a run and its faults share their camera. A fault of which
+no size is visible, and one with which the run cannot be measured or simulated, have no verdict: the map counts them.
 """
 
 from __future__ import annotations
@@ -67,7 +68,9 @@ def judged_run(name: str, seed: int, samples: int) -> dict[str, Any]:
     # A world with a region has no other, and one by an engine has none.
     kinds = list(FAULTS)[: 2 if world.region or world.engine else 3]
     sizes = {fault.kind: fault.size for fault in known.faults}
-    row["faults"] = [each for kind in kinds for each in fault_rows(run, case_of, known, kind, sizes[kind])]
+    planted = [each for kind in kinds for each in fault_rows(run, case_of, known, kind, sizes[kind])]
+    row["faults"] = [each for each in planted if "lost" not in each]
+    row["lost"] = [each for each in planted if "lost" in each]
     return row
 
 
@@ -130,8 +133,9 @@ def model_error(run: WorldRun, true: Array) -> Array:
 
 
 def fault_rows(run: WorldRun, case_of: Any, known: RunUncertainty, kind: str, size: float) -> Iterator[dict[str, Any]]:
-    """The verdict with faults of a kind in the truth; nothing where none is visible."""
+    """The verdict with faults of a kind in the truth; "lost" says why there is none."""
     if not np.isfinite(size):
+        yield from ({"kind": kind, "growth": growth, "lost": "not visible"} for growth in GROWTH)
         return
     number, direction = FAULTS[kind]
     # A load moves the common centre of mass by its share of the mass.
@@ -144,7 +148,8 @@ def fault_rows(run: WorldRun, case_of: Any, known: RunUncertainty, kind: str, si
             wrong = run.truth({number: side * growth * size / share * direction})
             case = case_of(wrong)
         except TowvalError:
-            return
+            yield {"kind": kind, "growth": growth, "lost": "refused"}
+            continue
         result = judged(case, known)
         yield {"kind": kind, "growth": growth} | row_of(result, case.simulated.pose, wrong)
 
@@ -186,6 +191,8 @@ def shares(rows: list[dict[str, Any]]) -> Iterator[tuple[str, list[bool], float,
     every = [row["run"] for row in rows] + [fault for row in rows for fault in row["faults"]]
     wrong = [e["verdict"] == Verdict.AGREES and e["off_m"] > TOLERANCE_M for e in every]
     yield "agrees though off by more than the tolerance", wrong, 0.0, 0.01
+    of_agreeing = [e["off_m"] > TOLERANCE_M for e in every if e["verdict"] == Verdict.AGREES]
+    yield "of those that agree: off by more than the tolerance", of_agreeing, 0.0, 0.01
     for kind in FAULTS:
         smallest = [each["rejected"] for each in planted if each["kind"] == kind and each["growth"] == 1.0]
         yield f"smallest visible fault seen: {kind}", smallest, 0.85, 0.95
@@ -234,7 +241,7 @@ def counts(rows: list[dict[str, Any]]) -> dict[str, list[Counter[str]]]:
     """World → counts of right, unsure and wrong verdicts, in the order of :data:`COLUMNS`.
 
     Right: agrees where the simulation was within the tolerance, disagrees where a fault put it beyond. Wrong: agrees
-    although it was beyond, disagrees although nothing was put in.
+    although it was beyond, disagrees although nothing was put in. Faults without a verdict count by their reason.
     """
     found = {}
     for name in WORLDS:
@@ -242,7 +249,8 @@ def counts(rows: list[dict[str, Any]]) -> dict[str, list[Counter[str]]]:
         found[name] = [Counter(kind_of(row["run"], planted=False) for row in of)]
         for growth in GROWTH:
             faults = [each for row in of for each in row["faults"] if each["growth"] == growth]
-            found[name].append(Counter(kind_of(each, planted=True) for each in faults))
+            lost = [each["lost"] for row in of for each in row.get("lost", ()) if each["growth"] == growth]
+            found[name].append(Counter([*(kind_of(each, planted=True) for each in faults), *lost]))
     return found
 
 
@@ -264,8 +272,9 @@ def kind_of(each: dict[str, Any], *, planted: bool) -> str:
 
 
 def cell_text(cell: Counter[str]) -> str:
-    """Counts of right, unsure and wrong."""
-    return f"{cell['right']} / {cell['unsure']} / {cell['wrong']}"
+    """Counts of right, unsure and wrong, and of what has no verdict."""
+    lost = "".join(f", {cell[reason]} {reason}" for reason in ("not visible", "refused") if cell[reason])
+    return f"{cell['right']} / {cell['unsure']} / {cell['wrong']}{lost}"
 
 
 def main() -> int:

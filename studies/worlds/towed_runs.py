@@ -15,6 +15,7 @@ import numpy as np
 from numba import njit
 from scipy.spatial.transform import Rotation
 
+from studies.worlds.makkar import makkar_coefficients
 from studies.worlds.measured import measured_track
 from studies.worlds.scenes import ceiling, drive, two_bodies
 from towval.model import (
@@ -78,11 +79,8 @@ class SyntheticRun:
     time_s: Array
 
 
-def synthetic_run(seed: int, coefficients: Callable[[FrictionSpecification], Array]) -> SyntheticRun:
-    """A random scene: masses, load, friction, tether, path and speed of the rover; and its ground truth.
-
-    ``coefficients`` gives those of Makkar's law (6,) for a specification.
-    """
+def synthetic_run(seed: int) -> SyntheticRun:
+    """A random scene: masses, load, friction, tether, path and speed of the rover; and its ground truth."""
     rng = np.random.default_rng([seed, 1])
     kinetic = rng.uniform(0.25, 0.5)
     body_mass, load_mass = rng.uniform(3.0, 6.0), rng.uniform(0.5, 2.5)
@@ -109,7 +107,7 @@ def synthetic_run(seed: int, coefficients: Callable[[FrictionSpecification], Arr
     anchor = hinge - taut * np.array([np.cos(bearing), np.sin(bearing)])
     origin = anchor - (transform([0, 0, heading], scene.anchor))
     start = np.array([*origin, heading])
-    gamma = coefficients(scene.friction)
+    gamma = makkar_coefficients(scene.friction)
     return SyntheticRun(scene, gamma, known, _drawn_truth(scene, known, rng), path, start, times)
 
 

@@ -6,7 +6,7 @@ import pytest
 from studies.camera_faults import light, optics, timing
 from studies.camera_faults.faults import FAULTS
 from studies.camera_faults.film import Film
-from studies.camera_faults.trial import MARGIN_M, lateness_s, outcomes, pose_errors
+from studies.camera_faults.trial import MARGIN_M, covered_if_off, lateness_s, outcomes, pose_errors
 from towval.model import Track, TrackStatus
 from towval.model.findings import FINDINGS
 
@@ -104,6 +104,17 @@ def test_outcomes_are_told_apart():
     assert outcomes(1.1, {"low_texture"}, "cannot tell", named) == ("silently wrong", "reported")
     assert outcomes(0.9, set(), "disagrees", named) == ("corrected", "silently wrong")
     assert outcomes(np.nan, set(), "refused: too few views", named) == ("reported", "reported")
+
+
+def test_poses_that_are_far_off_within_their_deviations_are_covered_and_not_corrected():
+    assert [covered_if_off("corrected", rms_mm) for rms_mm in (0.4, 1.9, 2.0, 110.0)] == [
+        "corrected", "corrected", "covered", "covered",
+    ]  # fmt: skip
+    assert covered_if_off("reported", 110.0) == "reported"
+
+
+def test_one_fault_plants_nothing():
+    assert [fault.name for fault in FAULTS if fault.is_none] == ["none"]
 
 
 def test_a_clock_that_begins_late_is_no_fault():
