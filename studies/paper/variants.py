@@ -43,7 +43,6 @@ VARIANTS = (
     ),
     Variant("load in the middle", ("cube", "centre_of_mass_m"), [0.0, 0.0], (*_MODELS, *_PLANNER)),
     Variant("load at (-0.1, 0.1) m", ("cube", "centre_of_mass_m"), [-0.1, 0.1], (*_MODELS, *_PLANNER)),
-    Variant("friction with a peak, μ_s = 0.36", ("friction", "static"), 0.36, _MODELS),
     *(Variant(f"wheelbase {value} m", ("rover", "wheelbase_m"), value, (*_PLANNER, "surface")) for value in (0.3, 0.5)),
     *(Variant(f"track {value} m", ("rover", "track_m"), value, _PLANNER) for value in (0.3, 0.5)),
     *(
@@ -60,7 +59,11 @@ VARIANTS = (
     ),
     Variant("planner's step 0.2 s", ("planner", "time_step_s"), 0.2, ("surface",)),
 )
-"""Values of the assumed settings; the cube's side is the paper's."""
+"""Values of the assumed settings; the cube's side is the paper's.
+
+None has friction with a peak along whole paths, on which the object sticks and slips and a run takes minutes: claims
+that stand on friction without one say so.
+"""
 
 _DYNAMIC = ("κ", "tether")
 """Settings that feedforward dynamics know nothing of: its claims are not decided again with them."""
@@ -76,7 +79,8 @@ _NEEDS = {
             "case B shows in the object's path",
             "case C shows in the object's path",
             "case A reaches its point",
-            "realigns after B and C",
+            "realigns after case B",
+            "realigns after case C",
         ),
         "loop",
     ),

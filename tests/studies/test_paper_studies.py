@@ -201,7 +201,7 @@ def test_a_check_fails_where_the_numbers_contradict_the_claim(tables):
 @pytest.mark.parametrize("control", CONTROLS, ids=lambda control: control.claim)
 def test_a_planted_fault_makes_the_check_of_its_claim_fail(control):
     plan = quick_plan()
-    plan["sensitivity"]["thresholds_m"] = [0.02, 0.103, 0.2, 0.227]
+    plan["sensitivity"]["thresholds_m"] = [0.02, 0.103, 0.2, 0.227, 0.6]
     rows = control_rows(plan, control.claim, control.fault)
     assert rows[0]["outcome"] == "not reproduced"
 
@@ -209,7 +209,8 @@ def test_a_planted_fault_makes_the_check_of_its_claim_fail(control):
 @pytest.mark.parametrize("control", OPPOSITES, ids=lambda control: control.claim)
 def test_a_claim_that_is_not_reproduced_would_be_with_the_opposite_change(control):
     plan = quick_plan()
-    plan["sensitivity"] |= {"thresholds_m": [0.02, 0.103, 0.2, 0.227], "surface_look_aheads_steps": [0, 350, 2]}
+    surface = {"surface_thresholds_m": [0.1, 1.2, 4], "surface_look_aheads_steps": [0, 350, 2]}
+    plan["sensitivity"] |= {"thresholds_m": [0.02, 0.103, 0.2, 0.227, 0.6]} | surface
     rows = control_rows(plan, control.claim, control.fault)
     assert rows[0]["outcome"] == "reproduced"
 
