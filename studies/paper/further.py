@@ -87,9 +87,12 @@ def disturbed_rows(scene: PaperScene, speed: float) -> list[Row]:
     patch, rows = resting_patch(scene), []
     nominal = cube_nominal(scene, patch, "lemniscate", 0.1, speed=speed)
     for part, met in ((1.0, patch), (LESS_FRICTION, slippery(scene))):
-        motions = {"feedforward": feedforward_motion, "feedback": feedback_motion}
+        motions = {
+            "feedforward": feedforward_motion(scene, met, nominal),
+            "feedback": feedback_motion(scene, met, nominal),
+        }
         rows += [
-            {"friction": part, "dynamics": name, "rms_m": rms_in_time(motion(scene, met, nominal), nominal)}
+            {"friction": part, "dynamics": name, "rms_m": rms_in_time(motion, nominal)}
             for name, motion in motions.items()
         ]
     return rows
