@@ -32,6 +32,7 @@ PAPER.register("thresholds", "studies.paper.closed_loop:THRESHOLDS")
 PAPER.register("wheelbases", "studies.paper.closed_loop:WHEELBASES")
 PAPER.register("planner_steps", "studies.paper.closed_loop:PLANNER_STEPS")
 PAPER.register("surface", "studies.paper.closed_loop:SURFACE")
+PAPER.register("further", "studies.paper.further:STUDY")
 PAPER.register("controls", "studies.paper.controls:STUDY")
 PAPER.register("variants", "studies.paper.variants:STUDY")
 

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import datetime
 import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
+from studies.evidence.compute import commit
 from studies.paper.claims import CLAIMS
-from studies.paper.ledger import ClaimOutcome, decided
+from studies.paper.ledger import ClaimClass, ClaimOutcome, decided, without_control
 from towval.io.atomic import write_text
 from towval.io.plan_files import read_table
+from towval.model.errors import RefusedError
 
 _HEAD = """# Claims of the paper, one by one
 
@@ -19,12 +24,15 @@ Made by the rule `claims` from the tables in `results/figures/tables/`; do not e
 `claims.json`. Every outcome is decided by the check beside it on our own numbers, with the scene of
 `src/towval/workflow/plan.yaml`, which marks the paper's values and our assumptions.
 
+- *Statement*: what stands in quotation marks is the paper's own wording, the rest is ours.
 - *Class* says how much an outcome means: found as it is, follows by construction, or after an assumed setting was tuned
   with the figure in view.
-- *Control* plants a fault in the program and decides the claim again (`studies/paper/controls.py`): a check that still
-  holds then proves nothing. Where a claim is not reproduced, the control is a change with which it would be.
-- *Other settings* decides the claim with other values of what the paper does not state
-  (`studies/paper/variants.py`).
+- *Control* plants a fault and decides the claim again (`studies/paper/controls.py`): a check that still holds then
+  proves nothing. It says where the fault is: in the program, in what the program is given, or in the result read, which
+  shows that the check can fail but not that it would notice a wrong program. Where a claim is not reproduced, the
+  control is a change with which it would be. A decided claim without such a control is refused.
+- *Other settings* decides the claim with other values of what the paper does not state (`studies/paper/variants.py`),
+  for the rows of the response surface on 12 by 13 points.
 """
 
 
@@ -40,26 +48,44 @@ def write_ledger(plan: Mapping[str, Any], tables: Mapping[str, Path], outputs: S
     outputs : sequence of Path
         Files to write: the ledger as ``.md``, the same as data as ``.json``.
     """
-    rows = decided(CLAIMS, {name: read_table(path) for name, path in tables.items()})
-    data = json.dumps({"claims": rows, "plan": plan}, indent=2, ensure_ascii=False) + "\n"
+    read = {name: read_table(path) for name, path in tables.items()}
+    rows = decided(CLAIMS, read)
+    if unproven := without_control(rows, read):
+        raise RefusedError(
+            "a claim is decided by a check that no planted fault turns",
+            got=", ".join(unproven),
+            remedy="plant one in studies/paper/controls.py that does",
+        )
+    made = made_of(read)
+    data = json.dumps({"claims": rows, "made": made, "plan": plan}, indent=2, ensure_ascii=False) + "\n"
     for output in outputs:
-        write_text(output, data if output.suffix == ".json" else markdown(rows))
+        write_text(output, data if output.suffix == ".json" else markdown(rows, made))
 
 
-def markdown(rows: Sequence[Mapping[str, str]]) -> str:
+def made_of(tables: Mapping[str, pd.DataFrame]) -> dict[str, str]:
+    """With what the tables were made: processors, commit, versions and today's date."""
+    joined = {
+        name: "; ".join(sorted({str(value) for table in tables.values() for value in table[name].unique()}))
+        for name in ("machine", "versions")
+    }
+    return {"date": datetime.date.today().isoformat(), "commit": commit()} | joined
+
+
+def markdown(rows: Sequence[Mapping[str, str]], made: Mapping[str, str]) -> str:
     """The ledger as Markdown: counts, a table of outcomes, then each claim with its check and numbers."""
-    counts = Counter(row["outcome"] for row in rows)
-    summary = ", ".join(f"{counts[outcome]} {outcome}" for outcome in ClaimOutcome)
     lines = [
         _HEAD,
-        f"{len(rows)} statements: {summary}.",
+        _counted(rows),
+        "",
+        f"Made on {made['date']} at commit {made['commit']} with {made['versions']}. Times are those of "
+        f"{made['machine']}.",
         "",
         "| section | claim | outcome | class |",
         "|---|---|---|---|",
     ]
     lines += [f"| {row['where']} | {row['name']} | {row['outcome']} | {row['kind'] or '–'} |" for row in rows]
     for row in rows:
-        lines += ["", f"## {row['name']}", "", f"Section {row['where']}: “{row['statement']}”", ""]
+        lines += ["", f"## {row['name']}", "", f"Section {row['where']}: {row['statement']}", ""]
         lines += [
             f"- Check: {row['check']}",
             f"- Ours: {row['numbers']}.",
@@ -68,3 +94,16 @@ def markdown(rows: Sequence[Mapping[str, str]]) -> str:
         optional = {"Control": "control", "Other settings": "variants", "Note": "note", "To decide it": "takes"}
         lines += [f"- {title}: {row[name]}" for title, name in optional.items() if row[name]]
     return "\n".join(lines) + "\n"
+
+
+def _counted(rows: Sequence[Mapping[str, str]]) -> str:
+    """How many decisions on how many statements, and what each class came to."""
+    statements = len({(row["where"], row["statement"]) for row in rows})
+    undecided = sum(row["outcome"] == ClaimOutcome.UNDECIDED for row in rows)
+    counts = Counter((row["kind"], row["outcome"]) for row in rows)
+    parts = [
+        f"{kind}: "
+        + ", ".join(f"{counts[kind, outcome]} {outcome}" for outcome in ClaimOutcome if counts[kind, outcome])
+        for kind in ClaimClass
+    ]
+    return f"{len(rows)} decisions on {statements} statements. {'; '.join(parts)}; {undecided} cannot be decided."

@@ -17,9 +17,10 @@ from studies.paper.nominal import cube_nominal, path_rows
 from studies.paper.scene import CURVES, PaperScene, paper_study
 from towval.model import Array
 from towval.model.errors import InputError
-from towval.model.geometry import inverse_transform
+from towval.model.geometry import inverse_transform, path_length
 from towval.physics.quasistatic import QuasistaticMotion
 from towval.physics.wrench import SlidingPatch
+from towval.planning.paths import distance_to_polyline, path_heading
 from towval.planning.plan import ClosedLoop, close_loop
 from towval.planning.planner import PlanCase, RoverPlan
 from towval.planning.scene import resting_patch
@@ -76,16 +77,35 @@ def _loop_rows(scene: PaperScene, curve: str, **settings: Any) -> list[Row]:
     rows += path_rows({"row": "nominal rover"}, nominal.hinge.position)
     case_at = np.array([case.name for case in PlanCase])[loop.rover.case]
     at = np.searchsorted(loop.rover.time_s, loop.towed.time_s).clip(max=len(case_at) - 1)
-    unknown = np.full(len(at), np.nan)
-    for name, position, case, miss in (
-        ("rover", loop.rover.hinge, case_at, _misses(scene, loop.rover, nominal)),
-        ("object", loop.towed.pose, case_at[at], unknown),
+    columns: tuple[dict[str, Any], dict[str, Any]] = (
+        {
+            "gap_m": distance_to_polyline(loop.rover.hinge, nominal.hinge.position),
+            "miss_m": _misses(scene, loop.rover, nominal),
+            "curvature_1_m": _curvature(nominal.hinge.position)[loop.rover.target],
+        },
+        {
+            "gap_m": distance_to_polyline(loop.towed.pose[:, :2], nominal.pose[:, :2]),
+            "case_ahead": case_at[(at - _delay(scene, nominal)).clip(min=0)],
+        },
+    )
+    for name, position, case, values in (
+        ("rover", loop.rover.hinge, case_at, columns[0]),
+        ("object", loop.towed.pose, case_at[at], columns[1]),
     ):
-        rows += [
-            {"row": name, "x_m": x, "y_m": y, "case": letter, "miss_m": gap}
-            for (x, y), letter, gap in zip(position[:, :2], case, miss, strict=True)
-        ]
+        given = {"x_m": position[:, 0], "y_m": position[:, 1], "case": case} | values
+        rows += [{"row": name} | dict(zip(given, row, strict=True)) for row in zip(*given.values(), strict=True)]
     return rows
+
+
+def _delay(scene: PaperScene, nominal: QuasistaticMotion) -> int:
+    """Steps of the planner in which the hinge travels a tether's length: after so many the object is where it was."""
+    return round(scene.tether.rest_length * (len(nominal.time_s) - 1) / path_length(nominal.hinge.position))
+
+
+def _curvature(position: Array) -> Array:
+    """Curvature of a sampled path (n, 2) [m] at its points, without sign (n,) [1/m]."""
+    along = np.linalg.norm(np.gradient(position, axis=0), axis=1)
+    return np.abs(np.gradient(path_heading(position))) / along
 
 
 def _misses(scene: PaperScene, plan: RoverPlan, nominal: QuasistaticMotion) -> Array:

@@ -1,4 +1,4 @@
-"""The ledger: what the paper's sections 3 to 5 state, the check that decides it on our numbers, and what came out.
+"""The ledger: what the paper's sections 2 to 5 state, the check that decides it on our numbers, and what came out.
 
 Every claim has a function that reads the tables of the studies and returns an outcome with the numbers it rests on.
 Nothing here is written down in advance but the statement, the check and, where we may differ, the reason looked for.
@@ -85,7 +85,26 @@ def _control_of(claim: Claim, tables: Tables) -> str:
         return ""
     rows = tables["controls"]
     rows = rows[rows["claim"] == claim.name]
-    return "; ".join(f"{row.fault}: {row.outcome} ({row.numbers})" for row in rows.itertuples())
+    return "; ".join(f"{row.fault}, {row.place}: {row.outcome} ({row.numbers})" for row in rows.itertuples())
+
+
+def without_control(rows: Sequence[Mapping[str, str]], tables: Tables) -> list[str]:
+    """Claims that are decided, but no planted fault turns what their check says."""
+    if "controls" not in tables:
+        return [row["name"] for row in rows if row["outcome"] != ClaimOutcome.UNDECIDED]
+    found = tables["controls"]
+    return [
+        row["name"]
+        for row in rows
+        if row["outcome"] != ClaimOutcome.UNDECIDED
+        and not (found.loc[found["claim"] == row["name"], "outcome"] == _OTHER[row["outcome"]]).any()
+    ]
+
+
+_OTHER = {
+    str(ClaimOutcome.REPRODUCED): str(ClaimOutcome.NOT_REPRODUCED),
+    str(ClaimOutcome.NOT_REPRODUCED): str(ClaimOutcome.REPRODUCED),
+}
 
 
 def _variants_of(claim: Claim, result: ClaimOutcome, tables: Tables) -> str:

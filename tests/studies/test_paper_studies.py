@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from paper_plan import paper_plan, quick_plan
 from studies.compute import gather, run_part
 from studies.draw import draw_chart, figure_of
+from studies.evidence.compute import shared_folder
 from studies.frame import Settings, loaded
 from studies.paper import meshes, model_checks
 from studies.paper.claims import CLAIMS
@@ -21,7 +22,7 @@ from studies.paper.ledger import ClaimOutcome, decided
 from studies.paper.scene import paper_scene
 from studies.paper.variants import Variant, variant_rows
 from studies.registry import FIGURES, PAPER
-from towval.model.errors import InputError
+from towval.model.errors import InputError, RefusedError
 from towval.planning.scene import object_with_load
 
 
@@ -126,16 +127,59 @@ def test_a_figure_is_saved_in_three_formats(plan, tables, tmp_path):
     assert {file.suffix for file in tmp_path.iterdir()} == {".pdf", ".svg", ".png"}
 
 
+def turned_controls(rows):
+    """A table of controls in which each decided claim has one that turns it."""
+    other = {"reproduced": "not reproduced", "not reproduced": "reproduced"}
+    return pd.DataFrame(
+        [
+            {"claim": row["name"], "fault": "a fault", "place": "in the program", "outcome": other[row["outcome"]]}
+            | {"numbers": "n", "machine": "a", "versions": "b"}
+            for row in rows
+            if row["outcome"] in other
+        ]
+    )
+
+
 def test_the_ledger_decides_every_claim_as_text_and_as_data(plan, tables, tmp_path):
     outputs = [tmp_path / "claims.md", tmp_path / "claims.json"]
-    write_ledger(plan, tables, outputs)
-    rows = json.loads(outputs[1].read_text())["claims"]
-    text = outputs[0].read_text()
+    controls = tmp_path / "controls.csv"
+    turned_controls(decided(CLAIMS, read(tables))).to_csv(controls, index=False)
+    write_ledger(plan, {**tables, "controls": controls}, outputs)
+    found = json.loads(outputs[1].read_text())
+    rows, text = found["claims"], outputs[0].read_text()
     assert len({row["name"] for row in rows}) == len(CLAIMS) == len(rows)
     for row in rows:
         assert row["outcome"] in set(ClaimOutcome)
         assert row["numbers"] in text
-    assert markdown(rows) == text
+    assert markdown(rows, found["made"]) == text
+    assert found["made"]["machine"] in text
+
+
+def test_a_ledger_with_a_claim_whose_control_turns_nothing_is_refused(plan, tables, tmp_path):
+    controls = turned_controls(decided(CLAIMS, read(tables)))
+    controls.loc[controls["claim"] == "contact converges", "outcome"] = "reproduced"
+    controls.to_csv(tmp_path / "controls.csv", index=False)
+    with pytest.raises(RefusedError, match="contact converges"):
+        write_ledger(plan, {**tables, "controls": tmp_path / "controls.csv"}, [tmp_path / "claims.md"])
+    assert not (tmp_path / "claims.md").exists()
+
+
+def test_quotation_marks_hold_the_words_of_the_paper():
+    """Paraphrases have none. The paper's text is not part of the repository: where it is at hand, it is looked up."""
+    paper = shared_folder() / "paper" / "towing-an-object-with-a-rover.txt"
+    for claim in CLAIMS:
+        assert claim.statement.count("“") == claim.statement.count("”")
+    if not paper.exists():
+        pytest.skip("the paper's text is not at hand")
+    words = plain(paper.read_text(encoding="utf-8"))
+    quoted = [part for claim in CLAIMS for part in re.findall("“(.*?)”", claim.statement)]
+    pieces = [piece.strip(" .,") for part in quoted for piece in part.split("[…]")]
+    assert [piece for piece in pieces if plain(piece) not in words] == []
+
+
+def plain(text):
+    """Letters and digits alone, for the text at hand has lost its mathematics."""
+    return re.sub(r"[\W_]+", "", text).casefold()
 
 
 def test_claims_that_depend_on_the_stretch_of_the_tether_are_decided_for_both_readings(tables):
@@ -157,7 +201,7 @@ def test_a_check_fails_where_the_numbers_contradict_the_claim(tables):
 @pytest.mark.parametrize("control", CONTROLS, ids=lambda control: control.claim)
 def test_a_planted_fault_makes_the_check_of_its_claim_fail(control):
     plan = quick_plan()
-    plan["sensitivity"]["thresholds_m"] = [0.02, 0.103, 0.2, 0.227]
+    plan["sensitivity"]["thresholds_m"] = [0.02, 0.103, 0.2, 0.227, 0.6]
     rows = control_rows(plan, control.claim, control.fault)
     assert rows[0]["outcome"] == "not reproduced"
 
@@ -165,7 +209,8 @@ def test_a_planted_fault_makes_the_check_of_its_claim_fail(control):
 @pytest.mark.parametrize("control", OPPOSITES, ids=lambda control: control.claim)
 def test_a_claim_that_is_not_reproduced_would_be_with_the_opposite_change(control):
     plan = quick_plan()
-    plan["sensitivity"] |= {"thresholds_m": [0.02, 0.103, 0.2, 0.227], "surface_look_aheads_steps": [0, 350, 2]}
+    surface = {"surface_thresholds_m": [0.1, 1.2, 4], "surface_look_aheads_steps": [0, 350, 2]}
+    plan["sensitivity"] |= {"thresholds_m": [0.02, 0.103, 0.2, 0.227, 0.6]} | surface
     rows = control_rows(plan, control.claim, control.fault)
     assert rows[0]["outcome"] == "reproduced"
 
@@ -199,7 +244,7 @@ def test_the_ledger_shows_controls_and_other_settings(tables):
     given = read(tables)
     claim = "feedforward falls with speed"
     given["controls"] = pd.DataFrame(
-        [{"claim": claim, "fault": "a fault", "outcome": "not reproduced", "numbers": "n"}]
+        [{"claim": claim, "fault": "a fault", "place": "in the program", "outcome": "not reproduced", "numbers": "n"}]
     )
     given["variants"] = pd.DataFrame(
         [
@@ -207,8 +252,8 @@ def test_the_ledger_shows_controls_and_other_settings(tables):
             for k, outcome in ((1, "reproduced"), (2, "not reproduced"))
         ]
     )
-    text = markdown(decided(CLAIMS, given))
-    assert "- Control: a fault: not reproduced (n)" in text
+    text = markdown(decided(CLAIMS, given), dict.fromkeys(("date", "commit", "machine", "versions"), ""))
+    assert "- Control: a fault, in the program: not reproduced (n)" in text
     assert "- Other settings: the same with κ = 1; otherwise with κ = 2" in text
 
 
