@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 from tqdm import tqdm
@@ -31,6 +31,7 @@ from towval.tracking.template import Luma
 
 PICTURES, LAST_S = 9, 4.0
 RIGHT_PX, CHECKED_PX = 1.5, 2.0
+WRONG = "SILENTLY WRONG"
 SPEAKING = {"start_unsure", "clicks_misfit", "tether_too_short", "clicks_turned"}
 
 
@@ -45,7 +46,7 @@ def found(seed: int) -> list[str]:
     for index, body in enumerate(scene.bodies):
         start = starts[body.name]
         off = off_px(scene, index, start.pose)
-        outcomes.append("doubted" if start.doubt else "right" if off < RIGHT_PX else "SILENTLY WRONG")
+        outcomes.append("doubted" if start.doubt else "right" if off < RIGHT_PX else WRONG)
         if outcomes[-1] != "right":
             print(f"seed {seed} {body.name}: {off:.1f} px off, {start.doubt or 'no doubt'}", file=sys.stderr)
     return outcomes
@@ -77,7 +78,27 @@ def checked(scene: FilmedScene, tow: Tow, pictures: list[Luma], clicks: dict[str
         return "reported"
     fit = observe_outline(pictures[0], target, pose)
     off = off_px(scene, index, pose if fit is None else compose(pose, fit.correction))
-    return "right" if off < CHECKED_PX else "reported" if SPEAKING & {each.code for each in said} else "SILENTLY WRONG"
+    return "right" if off < CHECKED_PX else "reported" if SPEAKING & {each.code for each in said} else WRONG
+
+
+def found_of(seeds: Iterable[int]) -> Counter[str]:
+    """How many tops of these scenes are right, doubted or silently wrong without clicks."""
+    return Counter(outcome for seed in tqdm(seeds, unit="scene", file=sys.stderr) for outcome in found(seed))
+
+
+def checked_of(seeds: Iterable[int]) -> dict[str, Counter[str]]:
+    """What became of clicks on the tops of these scenes, by their kind."""
+    by_kind: dict[str, Counter[str]] = {}
+    for seed in tqdm(seeds, unit="scene", file=sys.stderr):
+        scene, tow = towed(seed)
+        pictures, others = spread(scene, np.array([0.0, LAST_S])), scene.clicks(np.random.default_rng(seed))
+        for index, body in enumerate(scene.bodies):
+            for kind, clicks in wrong_clicks(scene, index, seed):
+                outcome = checked(scene, tow, pictures, others | {body.name: clicks}, index)
+                by_kind.setdefault(kind, Counter())[outcome] += 1
+                if outcome == WRONG:
+                    print(f"seed {seed} {body.name}, {kind}: silently wrong", file=sys.stderr)
+    return by_kind
 
 
 def main() -> None:
@@ -88,19 +109,8 @@ def main() -> None:
     parser.add_argument("--first-seed", type=int, default=300)
     arguments = parser.parse_args()
     seeds = range(arguments.first_seed, arguments.first_seed + arguments.scenes)
-    outcomes = Counter(outcome for seed in tqdm(seeds, unit="scene", file=sys.stderr) for outcome in found(seed))
-    print(f"without clicks, seeds {seeds.start} to {seeds.stop - 1}: {dict(outcomes)}", flush=True)
-    by_kind: dict[str, Counter[str]] = {}
-    for seed in tqdm(seeds[: arguments.wrong], unit="scene", file=sys.stderr):
-        scene, tow = towed(seed)
-        pictures, others = spread(scene, np.array([0.0, LAST_S])), scene.clicks(np.random.default_rng(seed))
-        for index, body in enumerate(scene.bodies):
-            for kind, clicks in wrong_clicks(scene, index, seed):
-                outcome = checked(scene, tow, pictures, others | {body.name: clicks}, index)
-                by_kind.setdefault(kind, Counter())[outcome] += 1
-                if outcome == "SILENTLY WRONG":
-                    print(f"seed {seed} {body.name}, {kind}: silently wrong", file=sys.stderr)
-    for kind, counts in by_kind.items():
+    print(f"without clicks, seeds {seeds.start} to {seeds.stop - 1}: {dict(found_of(seeds))}", flush=True)
+    for kind, counts in checked_of(seeds[: arguments.wrong]).items():
         print(f"{kind:18s} {dict(counts)}")
 
 
