@@ -5,7 +5,9 @@
 A paragraph, list or table with a number and a unit is marked, in a comment at its end or after the heading of its
 section: ``<!-- evidence: group, group -->`` where the numbers are results, which then have to be in rows of these
 groups of ``rows.yaml``, or ``<!-- settings -->`` where they are settings, definitions and examples. Of a table that is
-marked as evidence every number counts, with a unit or without. Pages that a command makes are left out.
+marked as evidence every number counts, with a unit or without, and a group's ``conditions`` do not found it; a column
+headed "required" is left out. What is compared is the number, rounded as it is written or in a unit a thousand times as
+large or small, not its place in the sentence. Pages that a command makes are left out.
 """
 
 from __future__ import annotations
@@ -23,12 +25,16 @@ MADE = ("camera_faults.md", "claims.md", "evidence.md", "findings.md", "inputs.m
 """Pages that commands make from the code or from tables."""
 
 _NUMBER = r"\d[\d,]*(?:\.\d+)?(?:e-?\d+)?"
-_UNIT = r"(?:mm|µm|nm|cm|°|%|s|ms|µs|ns|px|mrad|MB|kB|GB|×|min|CPU minutes|seconds|minutes)"
+_UNIT = (
+    r"(?:mm|µm|nm|cm|m|°|%|s|ms|µs|ns|px|mrad|rad|Hz|kg|g|N|N/m|mm/s|m/s|kbit/s|MB|kB|GB|×|min|CPU minutes|seconds|"
+    r"minutes)"
+)
 _JOINED = r"(?:\s*(?:,|/|to|and|or|±|–)\s*)"
 _MEASURE = re.compile(rf"(?<![\w.])((?:{_NUMBER}{_JOINED})*{_NUMBER})\s?{_UNIT}(?![\w/²³])")
 _MARK = re.compile(r"<!-- (evidence: ([\w, ]+)|settings) -->")
 _MEASURED = re.compile(
     rf"{_NUMBER}\s?(?:mm|µm|°|px)[^.|]*\bRMS\b|\bRMS[^.|]*{_NUMBER}\s?(?:mm|µm|°|px)|predicted / actual"
+    rf"|\blab_(?:[ac]|small)\b[^.|]*{_NUMBER}\s?{_UNIT}|\b\d+ of (?:the )?\d+\b|\bseeds?\b"
 )
 
 
@@ -42,13 +48,18 @@ class Passage:
     settings: bool
 
     @property
+    def is_table(self) -> bool:
+        """Whether it is a table."""
+        return self.text.startswith("|")
+
+    @property
     def numbers(self) -> list[str]:
         """Numbers with a unit; of a table that is evidence all numbers beyond its first column and its head."""
-        if self.groups and self.text.startswith("|"):
-            cells = [cell for line in self.text.splitlines()[2:] for cell in line.split("|")[2:]]
-            return [
-                number for cell in cells for number in re.findall(rf"(?<![\w.]){_NUMBER}", re.sub("`[^`]*`", "", cell))
-            ]
+        if self.groups and self.is_table:
+            head, _, *rows = (line.strip().strip("|").split("|") for line in self.text.splitlines())
+            results = [k for k, name in enumerate(head) if k > 0 and name.strip() != "required"]
+            cells = [re.sub("`[^`]*`", "", row[k]) for row in rows for k in results]
+            return [number for cell in cells for number in re.findall(rf"(?<![\w.]){_NUMBER}", cell)]
         plain = re.sub("`[^`]*`", "", self.text)
         return [number for found in _MEASURE.findall(plain) for number in re.findall(_NUMBER, found)]
 
@@ -99,7 +110,7 @@ def unfounded(found: list[Passage], groups: Mapping[str, Group]) -> list[str]:
     for each in found:
         where = f"{each.document}: {' '.join(each.text.split())[:70]}"
         wrong += [f"{where}: there is no group {name}" for name in each.groups if name not in groups]
-        known = {value for name in each.groups if name in groups for value in numbers_in(groups[name])}
+        known = {value for name in each.groups if name in groups for value in numbers_in(groups[name], each.is_table)}
         missing = [number for number in each.numbers if not _is_among(number, known)]
         if each.groups:
             wrong += [f"{where}: no row has {number}" for number in missing]
@@ -111,15 +122,26 @@ def unfounded(found: list[Passage], groups: Mapping[str, Group]) -> list[str]:
 
 
 def _is_among(number: str, known: set[float]) -> bool:
-    """Whether a number as written is one of those known; one with decimals may be rounded to them."""
-    value, decimals = float(number.replace(",", "")), len(number.partition(".")[2].partition("e")[0])
-    return value in known or (decimals > 0 and "e" not in number and any(round(k, decimals) == value for k in known))
+    """Whether a number as written is one of those known, rounded as it is or in another unit."""
+    text = number.rstrip(",").replace(",", "")
+    value, decimals = float(text), len(text.partition(".")[2].partition("e")[0])
+    for one in known:
+        for scaled in (one, 1e3 * one, 1e-3 * one):
+            rounded = float(f"{scaled:.{decimals}e}") if "e" in text else round(scaled, decimals)
+            digits_say_it = decimals > 0 or abs(value) >= _WHOLE or scaled != one
+            if value == scaled or (rounded == value and digits_say_it and (value or scaled == one)):
+                return True
+    return False
 
 
-def numbers_in(group: Group) -> set[float]:
-    """All numbers of a group: what is stated, on what conditions."""
-    texts = [group.says, group.data, group.note, group.control, *group.conditions]
-    texts += [text for each in group.statements for text in (each.name, each.stated)]
+_WHOLE = 10
+"""From here on a whole number may be a rounded one; of a smaller one too little is left."""
+
+
+def numbers_in(group: Group, of_table: bool = False) -> set[float]:
+    """All numbers that found a passage: what is stated and on what data, and for a sentence on what conditions."""
+    texts = [group.data, *(text for each in group.statements for text in (each.name, each.stated))]
+    texts += [] if of_table else [group.says, *group.conditions]
     found = {number for text in texts for number in re.findall(rf"(?<![\w.]){_NUMBER}", text)}
     return {float(number.rstrip(",").replace(",", "")) for number in found}
 

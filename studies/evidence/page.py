@@ -27,7 +27,8 @@ compares both.
 - Any of a group's numbers is measured again, with or without a fault, by `python -m studies.evidence.show GROUP`;
   *command* is what a user would run for the like.
 - *Control* plants a fault in the program or its input and decides the row again; "noticed" where the row then fails, as
-  it must. Long checks are not made with the others but when asked for, `snakemake evidence --config long=[GROUP]`.
+  it must; None: the number is not made then, which is no notice. Long checks are not made with the others but when
+  asked for, `snakemake evidence --config long=[GROUP]`.
   Groups that are made by hand say in words what a wrong program would give: no run decides that.
 """
 
@@ -82,7 +83,7 @@ def judged(group: Group, outcomes: Sequence[Mapping[str, Any]], before: Mapping[
         row["holds"] = each.holds(row["measured"])
         for other in faulty:
             measured = other["values"].get(each.name, other["values"].get("stopped"))
-            noticed = "stopped" in other["values"] or not each.holds(measured)
+            noticed = "stopped" in other["values"] or (measured is not None and not each.holds(measured))
             row["controls"].append({"fault": other["fault"], "measured": measured, "noticed": noticed})
         rows.append(row)
     kept = {key: as_is[key] for key in ("date", "commit", "machine")}

@@ -139,6 +139,8 @@ def test_a_row_that_does_not_hold_and_a_fault_that_nobody_notices_end_with_an_er
     made = [json.loads(path.read_text(encoding="utf-8")) for path in outcomes(tmp_path)]
     assert faults_of("bar", judged(strict, made, {})) == ["bar, length: 2.0, not 1.5"]
     assert faults_of("bar", judged(lax, made, {})) == ["bar: no row notices that it is longer"]
+    without = {**made[1], "values": {"colour": "red"}}
+    assert faults_of("bar", judged(lax, [made[0], without], {}))[0] == "bar: no row notices that it is longer"
     unrefused = judged(replace(GROUP, statements=(*lax.statements, *strict.statements)), made[:2], {})
     assert faults_of("bar", unrefused)[-1] == "bar, length: no fault fails it"
     monkeypatch.setattr("studies.evidence.page.read_groups", lambda: {"bar": strict})
@@ -189,8 +191,30 @@ It stops at 5 mm, and `7 mm` and `<!-- evidence: foo -->` in code.
 def test_a_document_with_marks_is_founded():
     found = list(passages("page.md", PAGE))
     assert [(each.groups, each.settings) for each in found] == [(("bar",), False), ((), True), (("bar",), False)]
-    assert [each.numbers for each in found] == [["20"], ["5"], ["2.0"]]
+    assert [each.numbers for each in found] == [["2.0", "20"], ["5"], ["2.0"]]
     assert unfounded(found, {"bar": GROUP}) == []
+    # A column of what is required is no result.
+    required = PAGE.replace("| what | length |", "| what | required | length |").replace("|---|---|", "|---|---|---|")
+    assert unfounded(list(passages("page.md", required.replace("| 2.0 |", "| 7 | 2.0 |"))), {"bar": GROUP}) == []
+
+
+@pytest.mark.parametrize(
+    ("stated", "written", "founds"),
+    [
+        ("12.6", "13", True), ("12.6", "12", False), ("0.0126", "12.6", True), ("0.0126", "13", True),
+        ("12600", "12.6", True), ("1.26e-5", "1.3e-5", True), ("1.26e-5", "1.2e-5", False), ("2.6", "3", False),
+        ("0", "0", True), ("0", "0.0", True), ("1.26", "0.0", False), ("0.2", "0", False), ("4870", "4,870", True),
+    ],
+)  # fmt: skip
+def test_a_number_is_founded_as_it_is_rounded_or_in_another_unit(stated, written, founds):
+    bar = replace(GROUP, statements=(Statement("length", stated, "mm", "within", 1),), conditions=("77",))
+    row = PAGE.replace("| bar 9 | 2.0 |", f"| bar 9 | {written} |").replace("It is 2.0 m long at 20°.", "At 20°, 77 g.")
+    assert (unfounded(list(passages("page.md", row)), {"bar": bar}) == []) == founds
+    # Conditions found a sentence, not the results of a table.
+    assert (
+        "no row has 77"
+        in unfounded(list(passages("page.md", row.replace(f"9 | {written}", "9 | 77"))), {"bar": bar})[0]
+    )
 
 
 @pytest.mark.parametrize(
@@ -201,6 +225,8 @@ def test_a_document_with_marks_is_founded():
         ("| bar 9 | 2.0 |", "| bar 9 | 2.04 |", "no row has 2.04"),
         ("| bar 9 | 2.0 |", "| bar 9 | 3 |", "no row has 3"),
         ("stops at 5 mm", "is off by 5 mm RMS", "speaks of what was measured"),
+        ("stops at 5 mm", "stops at 5 mm, as 9 of 10", "speaks of what was measured"),
+        ("stops at 5 mm", "stops, on lab_a after 5 mm", "speaks of what was measured"),
     ],
 )  # fmt: skip
 def test_what_a_document_states_without_a_row_is_found(old, new, what):

@@ -1,0 +1,52 @@
+"""Checks of how bodies are found in the first frame: without clicks, and with wrong ones."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from studies.evidence.ledger import Check, Values
+from studies.evidence.planting import replaced, result_of
+from studies.tables import starts
+from towval.model.geometry import compose
+from towval.tracking import start
+from towval.tracking.clicks import Clicked
+
+_SCENES, _CLICKED = range(500, 524), range(500, 503)
+
+
+def _without_clicks() -> Values:
+    counts = starts.found_of(_SCENES)
+    return {
+        f"tops of {counts.total()} right": counts["right"],
+        f"tops of {counts.total()} silently wrong": counts[starts.WRONG],
+    }
+
+
+def _clicked() -> Values:
+    found: dict[str, float] = {}
+    for kind, counts in starts.checked_of(_CLICKED).items():
+        found |= {
+            f"{kind}, of {counts.total()} right": counts["right"],
+            f"{kind}, silently wrong": counts[starts.WRONG],
+        }
+    return found
+
+
+_TURNED = result_of(lambda found: ([compose(pose, np.array([0.0, 0.0, np.pi])) for pose in found[0]], found[1]))
+
+WITHOUT_CLICKS = Check(_without_clicks, {"half-turns are settled the wrong way": replaced(start, "_turned", _TURNED)})
+
+WRONG_CLICKS = Check(
+    _clicked,
+    {
+        "clicks are taken as they are": replaced(
+            starts,
+            "check_clicks",
+            lambda _: (
+                lambda pictures, calibration, bodies, clicks, tow: {
+                    body.name: Clicked(clicks[body.name], np.zeros((3, 3)), ()) for body in bodies
+                }
+            ),
+        )
+    },
+)
