@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from studies.evidence.ledger import Check, Values
-from studies.evidence.planting import replaced, result_of
+from studies.evidence.planting import both, replaced, result_of
 from studies.tables import starts
 from towval.model.geometry import compose
 from towval.tracking import start
@@ -48,5 +50,22 @@ WRONG_CLICKS = Check(
                 }
             ),
         )
+        "tracks are 20 mm to one side, and nothing is reported": both(
+            replaced(
+                starts,
+                "check_clicks",
+                result_of(lambda found: {name: replace(each, findings=()) for name, each in found.items()}),
+            ),
+            replaced(
+                starts,
+                "track",
+                result_of(
+                    lambda tracks: {
+                        name: replace(each, pose=each.pose + [0.02, 0.0, 0.0], findings=())
+                        for name, each in tracks.items()
+                    }
+                ),
+            ),
+        ),
     },
 )

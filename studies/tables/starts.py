@@ -4,7 +4,7 @@
 
 A start is right within 1.5 px of any corner, half-turns included, without a doubt; doubted where the search says so;
 else silently wrong. Wrong clicks are right where the body, tracked from them as they are after the check, is within
-1 px (RMS) and three stated deviations and 0.5 mm; reported where it is not and a warning or a refusal says so; else
+1 px (RMS of the corner that is farthest off) and three stated deviations and 0.5 mm; reported where it is not and a warning or a refusal says so; else
 silently wrong.
 """
 
@@ -26,6 +26,7 @@ from towval.model.errors import InputError, TowvalError
 from towval.model.geometry import transform
 from towval.optics.projection import project
 from towval.tracking.clicks import check_clicks
+from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.start import Tow, find_starts
 from towval.tracking.template import Luma
 from towval.tracking.track import track
@@ -94,7 +95,7 @@ def checked(film: Filmed, clicks: dict[str, Array], index: int) -> str:
         found = track(iter(film.pictures), scene.calibration, [body], {body.name: seen.corners_px})[body.name]
     except TowvalError:
         return "reported"
-    off_m, std_m = _off(found, film.truth[body.name])
+    off_m, std_m = _off(found, film.truth[body.name], scene.target(index))
     pixel_m = scene.target(index).metres_per_pixel(film.truth[body.name][0])
     if off_m <= min(TRACKED_PX * pixel_m, STATED * std_m + BESIDE_M):
         return "right"
@@ -102,11 +103,11 @@ def checked(film: Filmed, clicks: dict[str, Array], index: int) -> str:
     return "reported" if warned else WRONG
 
 
-def _off(found: Track, truth: Array) -> tuple[float, float]:
-    """RMS error of the position and its stated deviation, that of the registration included [m]."""
-    error = (found.pose - truth)[found.seen, :2]
-    stated = np.trace(found.covariance[found.seen, :2, :2].mean(axis=0) + found.start_covariance[:2, :2])
-    return float(np.sqrt(np.mean(np.sum(error**2, axis=1)))), float(np.sqrt(stated))
+def _off(found: Track, truth: Array, target: PlanarTarget) -> tuple[float, float]:
+    """RMS error of the farthest corner and its stated deviation, that of the registration included [m]."""
+    apart = [target.apart_m(true, pose) for true, pose in zip(truth[found.seen], found.pose[found.seen], strict=True)]
+    variances = np.diag(found.covariance[found.seen].mean(axis=0) + found.start_covariance)
+    return float(np.sqrt(np.mean(np.square(apart)))), float(np.sqrt(variances @ [1.0, 1.0, target.reach_m**2]))
 
 
 def found_of(seeds: Iterable[int]) -> Counter[str]:
