@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -38,34 +40,28 @@ _TURNED = result_of(lambda found: ([compose(pose, np.array([0.0, 0.0, np.pi])) f
 
 WITHOUT_CLICKS = Check(_without_clicks, {"half-turns are settled the wrong way": replaced(start, "_turned", _TURNED)})
 
+
+def _as_clicked(_: Any) -> Any:
+    def taken(_pictures: Any, _calibration: Any, bodies: Any, clicks_px: Any, _tow: Any) -> dict[str, Clicked]:
+        return {body.name: Clicked(clicks_px[body.name], np.zeros((3, 3))) for body in bodies}
+
+    return taken
+
+
+def _silent(found: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: replace(each, findings=()) for name, each in found.items()}
+
+
+def _aside(tracks: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: replace(each, pose=each.pose + [0.02, 0.0, 0.0]) for name, each in _silent(tracks).items()}
+
+
 WRONG_CLICKS = Check(
     _clicked,
     {
-        "clicks are taken as they are": replaced(
-            starts,
-            "check_clicks",
-            lambda _: (
-                lambda pictures, calibration, bodies, clicks, tow: {
-                    body.name: Clicked(clicks[body.name], np.zeros((3, 3)), ()) for body in bodies
-                }
-            ),
-        )
+        "clicks are taken as they are": replaced(starts, "check_clicks", _as_clicked),
         "tracks are 20 mm to one side, and nothing is reported": both(
-            replaced(
-                starts,
-                "check_clicks",
-                result_of(lambda found: {name: replace(each, findings=()) for name, each in found.items()}),
-            ),
-            replaced(
-                starts,
-                "track",
-                result_of(
-                    lambda tracks: {
-                        name: replace(each, pose=each.pose + [0.02, 0.0, 0.0], findings=())
-                        for name, each in tracks.items()
-                    }
-                ),
-            ),
+            replaced(starts, "check_clicks", result_of(_silent)), replaced(starts, "track", result_of(_aside))
         ),
     },
 )

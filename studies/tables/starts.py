@@ -4,8 +4,8 @@
 
 A start is right within 1.5 px of any corner, half-turns included, without a doubt; doubted where the search says so;
 else silently wrong. Wrong clicks are right where the body, tracked from them as they are after the check, is within
-1 px (RMS of the corner that is farthest off) and three stated deviations and 0.5 mm; reported where it is not and a warning or a refusal says so; else
-silently wrong.
+1 px (RMS of the corner that is farthest off) and within three stated deviations and 0.5 mm; reported where it is not
+and a warning or a refusal says so; else silently wrong.
 """
 
 from __future__ import annotations
