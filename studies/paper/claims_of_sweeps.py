@@ -274,7 +274,7 @@ SWEEPS = (
         "The lemniscate's area is “in general with higher RMS values compared to the latter”.",
         "The median over all points that arrive is higher.",
         loop_checks.surface_errors_of_all,
-        "The square arrives at large thresholds, with large errors, where the lemniscate does not. On a grid of seven "
+        "The square arrives at large thresholds, with large errors, where the lemniscate does not. On a grid of six "
         "by seven the medians lie the other way round (see the control): the outcome depends on the grid. " + ROVER,
         ClaimClass.TUNED,
     ),

@@ -260,8 +260,9 @@ OPPOSITES = (
         )
     ),
     Control(
-        "errors of the surfaces, over all that arrive", "thresholds and look-aheads are taken seven each, not forty",
-        _NOMINAL, lambda original: original, ("surface",),
+        "errors of the surfaces, over all that arrive",
+        "six thresholds and seven look-aheads are taken, not forty each", _NOMINAL, lambda original: original,
+        ("surface",),
     ),
     *(
         Control(

@@ -210,6 +210,8 @@ def test_a_planted_fault_makes_the_check_of_its_claim_fail(control):
 def test_a_claim_that_is_not_reproduced_would_be_with_the_opposite_change(control):
     plan = quick_plan()
     surface = {"surface_thresholds_m": [0.1, 1.2, 4], "surface_look_aheads_steps": [0, 350, 2]}
+    if control.fault.startswith("six thresholds and seven look-aheads"):
+        surface = {"surface_thresholds_m": [0.1, 1.5, 6], "surface_look_aheads_steps": [0, 600, 7]}
     plan["sensitivity"] |= {"thresholds_m": [0.02, 0.103, 0.2, 0.227, 0.6]} | surface
     rows = control_rows(plan, control.claim, control.fault)
     assert rows[0]["outcome"] == "reproduced"
