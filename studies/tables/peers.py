@@ -3,8 +3,8 @@
     python -m studies.tables.peers [--seeds 10] [--markdown]
 
 Each program as its users use it: OpenCV's calibration of all boards with its default lens, and a floor from the one at
-the origin; OpenCV's pyramidal Lucas-Kanade from picture to picture, begun at the clicks and, since most of its error
-may be theirs, also where this package begins; MuJoCo as it comes, and with what was best on this lap; evo for the error
+the origin; OpenCV's pyramidal Lucas-Kanade from picture to picture, begun at the clicks and also
+where this package begins; MuJoCo as it comes, and with what was best on this lap; evo for the error
 of a path. The ellipsoidal limit surface and the LuGre patch are published models, implemented here. Truth: synthetic
 cameras and films, whose camera model all share; for the lap a computation by quadrature and SciPy's Radau, accurate to
 1e-3 mm; for evo the number itself.
