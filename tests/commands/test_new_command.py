@@ -58,7 +58,8 @@ def test_every_guess_is_marked_and_nothing_else(footage):
     text = (footage / "campaign.yaml").read_text()
     marked = set(re.findall(r"# GUESS: .*\n\s*(\w+):", text))
     assert {"tether_hinge_m", "footprint_m", "tether_anchor_m", "stiffness_N_per_m", "static", "static_std"} <= marked
-    assert not marked & {key.rpartition(".")[2] for key in FACTS} | marked & {"kinetic", "inner_corners"}
+    # The board was found as one of that kind.
+    assert not marked & {key.rpartition(".")[2] for key in FACTS} | marked & {"kinetic", "inner_corners", "type"}
     assert yaml.safe_load(text)["friction"]["static"] == pytest.approx(1.1 * 0.31)
 
 
@@ -161,10 +162,19 @@ def test_a_folder_without_footage_is_told(footage, gone, words):
 def test_the_rate_of_the_camera_is_not_guessed_from_the_stamps_that_it_has_to_confirm(footage):
     outcome = run(footage, FACTS, ask=False, find=False)
     assert "fps" not in yaml.safe_load((footage / "campaign.yaml").read_text())["camera"]
-    assert "not stated: camera.fps" in outcome.text
+    assert "not stated: camera.fps, floor.board_thickness_m" in outcome.text
     outcome = run(footage, FACTS | {"camera.fps": 25}, ask=False, find=False, force=True)
     assert yaml.safe_load((footage / "campaign.yaml").read_text())["camera"]["fps"] == 25
-    assert "not stated" not in outcome.text
+    assert "camera.fps" not in outcome.text
+
+
+def test_heights_of_the_tow_are_asked_for_and_may_stay_unknown(footage, monkeypatch):
+    monkeypatch.setattr("builtins.input", lambda question: "0.2" if "hinge_height" in question else "")
+    outcome = run(footage, FACTS, ask=True, find=False)
+    written = yaml.safe_load((footage / "campaign.yaml").read_text())
+    assert written["rover"]["tether_hinge_height_m"] == 0.2
+    assert "tether_anchor_height_m" not in written["object"]
+    assert "not stated: camera.fps, floor.board_thickness_m, object.tether_anchor_height_m" in outcome.text
 
 
 def test_guesses_can_be_drawn(footage):

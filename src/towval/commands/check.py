@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -208,11 +209,11 @@ def for_people(found: dict[str, Any]) -> str:
         )
         rows.append(f"run {name}: {row['frames'] or 'an unknown number of'} frames; {known}; {row['picture']}")
     if found["faults"]:
-        rows.append(f"{found['campaign']}: {len(found['faults'])} fault(s); mend them and check again")
+        rows.append(f"{found['campaign']}: {len(found['faults'])} fault(s); correct them and check again")
     else:
         cores = os.cpu_count() or 1
         rows.append(
-            f"{found['campaign']}: no fault. towval run {found['campaign']} takes about {found['cpu_s'] / cores:.0f} s "
-            f"on {cores} cores"
+            f"{found['campaign']}: no fault. towval run {shlex.quote(found['campaign'])} takes about "
+            f"{found['cpu_s'] / cores:.0f} s on {cores} cores"
         )
     return "\n".join(rows)

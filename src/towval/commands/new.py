@@ -58,14 +58,17 @@ FACTS = (
     Fact("camera.fps", needed=False),  # A guess from the stamps would confirm the stamps.
     Fact("camera.board.type", lambda _: ("chessboard", "the usual kind")),
     Fact("camera.board.square_m"),
+    Fact("floor.board_thickness_m", needed=False),
     Fact("rover.tracked_plane_height_m"),
     Fact("rover.top_corners_m"),
     Fact("rover.tether_hinge_m", _end(-1, "rear"), ("tether_hinge_std_m", 0.05)),
+    Fact("rover.tether_hinge_height_m", needed=False),  # Assumed heights are wide, and a high tow moves the path most.
     Fact("object.tracked_plane_height_m"),
     Fact("object.top_corners_m"),
     Fact("object.footprint_m", lambda body: (body["top_corners_m"], "the outline of its top")),
     Fact("object.mass_kg"),
     Fact("object.tether_anchor_m", _end(1, "front"), ("tether_anchor_std_m", 0.02)),
+    Fact("object.tether_anchor_height_m", needed=False),
     Fact("tether.rest_length_m"),
     Fact("tether.stiffness_N_per_m", lambda _: (1000.0, "a thin cord"), ("stiffness_std_N_per_m", 300.0)),
     Fact("friction.kinetic", lambda _: (0.35, "wood on a hard floor"), ("kinetic_std", 0.1)),
@@ -138,7 +141,7 @@ def run(
         write_text(file, _with_starts(text, checked["runs"]))
     guessed = [key for key, mark in draft.marks.items() if mark.startswith(GUESS)]
     runs = list(draft.document["runs"])
-    text = f"{len(runs)} runs; guessed, so measure first: {', '.join(guessed) or 'nothing'}"
+    text = f"{len(runs)} run{'s' * (len(runs) != 1)}; guessed, so measure first: {', '.join(guessed) or 'nothing'}"
     unstated = [fact.key for fact in FACTS if not fact.needed and draft.known(fact.key) is None]
     text += f"; not stated: {', '.join(unstated)}" if unstated else ""
     numbers = {"runs": runs, "guessed": guessed, "check": checked}
@@ -311,6 +314,8 @@ def _look_at_boards(draft: Draft) -> None:
             got=floor["image"],
             remedy="give floor.origin_corner_px and floor.x_axis_end_corner_px, or another floor.image",
         )
+    if draft.marks.get("camera.board.type", "").startswith(GUESS):
+        draft.marks["camera.board.type"] = "Found in the pictures."
     columns = board.inner_corners[0]
     ends = np.array([seen.corners_px[i] for i in (0, columns - 1, -columns, -1)])
     # Of the board's first and last row the lower in the picture, from left to right.

@@ -166,7 +166,8 @@ def _faults(error: ValidationError) -> Iterator[tuple[str, str, Any, str]]:
         known = list(schema.get("properties", {}))
         for name in itertools.islice((name for name in instance if name not in known), _MOST_FAULTS):
             full = _short_name([*path, name])
-            yield full, f"unknown key {full}{_suggestion(str(name), known)}", name, ", ".join(known)
+            hint = _elsewhere(full, schema) or _suggestion(str(name), known)
+            yield full, f"unknown key {full}{hint}", name, ", ".join(known)
     elif rule == "required":
         for name in (name for name in wanted if name not in instance):
             full = _name([*path, name])
@@ -243,6 +244,16 @@ def _allowed(error: ValidationError) -> str:
 def _meaning(schema: dict[str, Any]) -> str:
     unit = f" [{schema['unit']}]" if "unit" in schema else ""
     return f" ({schema['description'].rstrip('.')}{unit})" if "description" in schema else unit
+
+
+def _elsewhere(key: str, schema: dict[str, Any]) -> str:
+    """Where a section belongs that stands in campaign.yaml though it is one of config.yaml, or the other way round."""
+    title = schema.get("title")
+    if title == "campaign.yaml" and key in packaged_schema("config.schema.yaml")["properties"]:
+        return f": it belongs to the settings; give it as towval run CAMPAIGN --set {key}.KEY=VALUE, or in config.yaml"
+    if title == "config.yaml" and key in packaged_schema("campaign.schema.yaml")["properties"]:
+        return ": it belongs in campaign.yaml of the campaign folder"
+    return ""
 
 
 def _suggestion(name: str, known: list[str]) -> str:

@@ -68,7 +68,7 @@ def read_yaml(path: Path) -> Any:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(f"{path} cannot be read as text", got=error, allowed="a UTF-8 text file") from None
-    return _loaded(text, f"{path} is not valid YAML", "mend that line")
+    return _loaded(text, f"{path} is not valid YAML", "correct that line; indent with spaces, not tabs")
 
 
 def read_value(text: str) -> Any:
