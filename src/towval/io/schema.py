@@ -110,7 +110,7 @@ def faults_of(document: Any, schema: dict[str, Any], where: str) -> dict[str, In
     errors.sort(key=lambda error: _place(document, error))
     faults: dict[str, InputError] = {}
     for error in errors:
-        for key, text, got, allowed in _faults(error):
+        for key, text, got, allowed in _faults(error, schema):
             fault = faults.setdefault(key, InputError(f"{where}: {text}"))
             # In one line the parts are easier to read than one below the other.
             fault.key, fault.got, fault.allowed = key, got, allowed
@@ -156,8 +156,11 @@ def _short_name(parts: Any) -> str:
     return shortened(text if text.isprintable() else repr(text))
 
 
-def _faults(error: ValidationError) -> Iterator[tuple[str, str, Any, str]]:
-    """Key, text, value received and what is allowed, for each fault behind an error."""
+def _faults(error: ValidationError, whole: dict[str, Any]) -> Iterator[tuple[str, str, Any, str]]:
+    """Key, text, value received and what is allowed, for each fault behind an error.
+
+    A number in a list counts with the list: in another unit all its numbers are wrong alike.
+    """
     path = list(error.absolute_path)
     key = _short_name(path) or "the document"
     rule, wanted, schema = _rule(error)
@@ -175,9 +178,11 @@ def _faults(error: ValidationError) -> Iterator[tuple[str, str, Any, str]]:
             yield full, f"the key {full} is missing{meaning}", None, meaning.strip(" ()")
     else:
         allowed = _allowed(error)
+        while isinstance(instance, int | float) and path and isinstance(path[-1], int):
+            path.pop()
         yield (
-            key,
-            f"{key} is {shortened(repr(instance))}; allowed: {allowed}{_meaning(_described(error))}",
+            _short_name(path) or key,
+            f"{key} is {shortened(repr(instance))}; allowed: {allowed}{_meaning(_described(error, whole))}",
             instance,
             allowed,
         )
@@ -189,15 +194,17 @@ def _rule(error: ValidationError) -> tuple[str, Any, dict[str, Any]]:
     return str(error.validator), error.validator_value, schema
 
 
-def _described(error: ValidationError) -> dict[str, Any]:
-    """The innermost schema on the way to the fault that says what it is about."""
-    current: Any = error
-    while current is not None:
-        if isinstance(current.schema, dict) and "description" in current.schema:
-            schema: dict[str, Any] = current.schema
-            return schema
-        current = current.parent
-    return {}
+def _described(error: ValidationError, whole: dict[str, Any]) -> dict[str, Any]:
+    """The innermost schema on the way from the ``whole`` one to the fault that says what it is about."""
+    found: dict[str, Any] = {}
+    schema: Any = whole
+    for step in error.absolute_schema_path:  # jsonschema leaves "$ref" out of it
+        if isinstance(schema, dict) and step not in schema:
+            schema = whole["$defs"][schema["$ref"].rpartition("/")[2]]
+        schema = schema[step]
+        if isinstance(schema, dict) and "description" in schema:
+            found = schema
+    return found
 
 
 _COMPARISONS = {

@@ -255,6 +255,11 @@ register(  # track
         "Click its corners in the order of top_corners_m.",
     ),
     FindingType(
+        "clicks_exchanged", "track", WARNING, NOT_JUDGED,
+        "The clicks of rover and object have the size of each other's top: they are exchanged. Exchange them in "
+        "first_frame_clicks_px, or top_corners_m and tracked_plane_height_m of rover and object.",
+    ),
+    FindingType(
         "clicks_turned", "track", WARNING, NONE,
         "The clicks of {name} lie the wrong way round: the tether would not reach. The track starts turned; click its "
         "corners in the order of top_corners_m, or correct the sign of tether_hinge_m or tether_anchor_m.",
