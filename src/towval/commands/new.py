@@ -187,6 +187,9 @@ def _with_starts(text: str, runs: Mapping[str, Any]) -> str:
 def _look_at_files(draft: Draft) -> None:
     """Videos, pictures and resolution."""
     found = sorted(path.relative_to(draft.folder) for path in draft.folder.rglob("*") if path.is_file())
+    # Results of an earlier run below the folder hold figures and overlays.
+    results = {path.parent for path in found if path.name == "camera.mcap"}
+    found = [path for path in found if results.isdisjoint(path.parents)]
     videos = [path for path in found if path.suffix.lower() in VIDEO_SUFFIXES]
     pictures = [path for path in found if path.suffix.lower() in IMAGE_SUFFIXES and path.parts[0] != "check"]
     if not draft.known("runs"):
@@ -199,8 +202,10 @@ def _look_at_files(draft: Draft) -> None:
             while draft.known(f"runs.{name}"):  # a.mp4 beside a.mov
                 name += "_2"
             draft.put(f"runs.{name}", {"video": path.as_posix()})
-    header = Video(draft.folder / next(iter(draft.document["runs"].values()))["video"]).header
-    draft.put("camera.resolution_px", list(header.resolution_px), "From the first video.")
+    if not draft.known("camera.resolution_px"):
+        # A phone held upright stores its pictures lying, with a tag by which they are turned.
+        height, width = Video(draft.folder / next(iter(draft.document["runs"].values()))["video"]).first_picture().shape
+        draft.put("camera.resolution_px", [width, height], "From the first video.")
     if not pictures and not draft.known("camera.calibration_images"):
         raise InputError(f"{draft.folder} holds no picture of the board", allowed=", ".join(IMAGE_SUFFIXES))
     flat = [path for path in pictures if "floor" in path.stem.lower()]
