@@ -37,8 +37,8 @@ Are results whole, and what were they made of:
   towval verify    out --campaign lab_a
 
 A rover plan that makes the object follow a path, and the motion of the object behind any recorded rover:
-  towval plan      src/towval/workflow/plan.yaml --path desired.csv -o out/plan.mcap --csv out/plan.csv
-  towval tow       src/towval/workflow/plan.yaml out/plan.mcap -o out/towed.mcap
+  towval plan      paper --campaign lab_a --path desired.csv -o out/plan.mcap --csv out/plan.csv
+  towval tow       paper out/plan.mcap --campaign lab_a -o out/towed.mcap
 
 An overview of all campaigns; a continuous integration fails where a run does not agree:
   towval index     results results_of_last_year -o index.sqlite --fail-on disagrees
@@ -61,7 +61,7 @@ def _file(name: str, help_text: str, **options: Any) -> _Argument:
 _CAMPAIGN = _file("campaign", "campaign folder, with campaign.yaml")
 _RUN = ("--run", {"dest": "name", "required": True, "help": "name of the run in campaign.yaml"})
 _CAMERA = _file("--camera", "camera.mcap of the campaign")
-_SCENE = _file("scene", "scene file, like src/towval/workflow/plan.yaml")
+_SCENE = _file("scene", "scene file, or paper for the one in the package (src/towval/workflow/plan.yaml)")
 _REPLACING = "campaign folder whose object, friction, tether and hinge replace those of the scene"
 _WANTED = "a curve of the scene (lemniscate, ...) or a CSV file with x_m and y_m"
 

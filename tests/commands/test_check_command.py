@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import yaml
 
-from towval.commands.check import check, run
+from towval.commands.check import check, for_people, run
 from towval.io.images import read_gray
 from towval.io.schema import key_lines
 from towval.io.video import Video
@@ -102,6 +102,36 @@ def test_faults_of_videos_and_pictures_are_told_together(lab, tmp_path):
     for words in ("a.mp4 has another size", "campaign.yaml is no video", "has another size than camera.resolution_px"):
         assert any(words in text for text in texts), words
     assert told["runs"] == {}
+
+
+def test_another_rate_than_the_stamps_is_told_before_anything_is_tracked(lab, tmp_path, right):
+    told = check(lab(lambda document: document["camera"].update(fps=30)), tmp_path / "pictures")
+    assert any(
+        "run a: The time stamps give 25.00 pictures a second, but camera.fps is 30" in w for w in told["warnings"]
+    )
+    assert "no fault, but 1 warning. towval run" in for_people(told)
+    assert right[0]["warnings"] == []
+
+
+def test_clicks_for_which_tracking_refuses_the_run_are_a_fault(lab, tmp_path):
+    """They were a warning and "no fault"."""
+
+    def change(document):
+        clicks = document["runs"]["a"]["first_frame_clicks_px"]
+        clicks["rover"], clicks["object"] = clicks["object"], clicks["rover"]
+
+    folder = lab(change)
+    told = check(folder, tmp_path / "pictures")
+    texts = [fault["text"] for fault in told["faults"]]
+    assert any("runs.a: first_frame_clicks_px of object do not fit its outline" in text for text in texts), texts
+    assert {fault["line"] for fault in told["faults"]} == {key_lines((folder / "campaign.yaml").read_text())["runs.a"]}
+    assert any("they are exchanged" in text for text in told["warnings"])
+    assert (tmp_path / "pictures" / "start.html").is_file()
+
+
+def test_the_command_that_comes_next_can_be_pasted():
+    told = {"campaign": "my lab", "faults": [], "warnings": [], "runs": {}, "cpu_s": 10}
+    assert "my lab: no fault. towval run 'my lab' takes" in for_people(told)
 
 
 def test_clicks_beside_the_outline_are_warned_about(lab, tmp_path):

@@ -6,6 +6,8 @@ import re
 from importlib import resources
 from pathlib import Path
 
+import av
+import cv2
 import numpy as np
 import pytest
 import yaml
@@ -53,12 +55,31 @@ def test_what_pictures_show_is_found_and_the_campaign_loads(footage):
     np.testing.assert_allclose(found.rover.top_corners_m, given.rover.top_corners_m)
 
 
+def test_the_size_of_a_phones_video_is_that_of_its_upright_pictures(footage):
+    """Pictures taken from such a film by FFmpeg are upright, too."""
+    (footage / "a.mp4").unlink()
+    with av.open(str(SAMPLE / "a.mp4")) as source, av.open(str(footage / "a.mp4"), "w") as made:
+        stream = made.add_stream_from_template(source.streams.video[0])
+        stream.set_display_rotation(90)
+        for packet in source.demux(source.streams.video[0]):
+            if packet.dts is not None:
+                packet.stream = stream
+                made.mux(packet)
+    for path in (footage / "calibration").iterdir():
+        picture = np.rot90(cv2.imread(str(path), cv2.IMREAD_GRAYSCALE))
+        path.unlink()
+        cv2.imwrite(str(path), np.ascontiguousarray(picture))
+    run(footage, FACTS, ask=False, find=False)
+    assert load_campaign(footage).resolution_px == (540, 960)
+
+
 def test_every_guess_is_marked_and_nothing_else(footage):
     run(footage, FACTS | {"friction.kinetic": 0.31}, ask=False, find=False)
     text = (footage / "campaign.yaml").read_text()
     marked = set(re.findall(r"# GUESS: .*\n\s*(\w+):", text))
     assert {"tether_hinge_m", "footprint_m", "tether_anchor_m", "stiffness_N_per_m", "static", "static_std"} <= marked
-    assert not marked & {key.rpartition(".")[2] for key in FACTS} | marked & {"kinetic", "inner_corners"}
+    # The board was found as one of that kind.
+    assert not marked & {key.rpartition(".")[2] for key in FACTS} | marked & {"kinetic", "inner_corners", "type"}
     assert yaml.safe_load(text)["friction"]["static"] == pytest.approx(1.1 * 0.31)
 
 
@@ -161,10 +182,19 @@ def test_a_folder_without_footage_is_told(footage, gone, words):
 def test_the_rate_of_the_camera_is_not_guessed_from_the_stamps_that_it_has_to_confirm(footage):
     outcome = run(footage, FACTS, ask=False, find=False)
     assert "fps" not in yaml.safe_load((footage / "campaign.yaml").read_text())["camera"]
-    assert "not stated: camera.fps" in outcome.text
+    assert "not stated: camera.fps, floor.board_thickness_m" in outcome.text
     outcome = run(footage, FACTS | {"camera.fps": 25}, ask=False, find=False, force=True)
     assert yaml.safe_load((footage / "campaign.yaml").read_text())["camera"]["fps"] == 25
-    assert "not stated" not in outcome.text
+    assert "camera.fps" not in outcome.text
+
+
+def test_heights_of_the_tow_are_asked_for_and_may_stay_unknown(footage, monkeypatch):
+    monkeypatch.setattr("builtins.input", lambda question: "0.2" if "hinge_height" in question else "")
+    outcome = run(footage, FACTS, ask=True, find=False)
+    written = yaml.safe_load((footage / "campaign.yaml").read_text())
+    assert written["rover"]["tether_hinge_height_m"] == 0.2
+    assert "tether_anchor_height_m" not in written["object"]
+    assert "not stated: camera.fps, floor.board_thickness_m, object.tether_anchor_height_m" in outcome.text
 
 
 def test_guesses_can_be_drawn(footage):
@@ -182,6 +212,19 @@ def test_guesses_can_be_drawn(footage):
 def test_a_folder_that_is_not_there_is_told_as_that(tmp_path):
     with pytest.raises(InputError, match="is no folder"):
         run(tmp_path / "lap", FACTS, ask=False, find=False)
+
+
+def test_results_below_the_folder_are_no_footage(footage):
+    """Who works in the campaign folder has them there: their figures were taken for pictures of the board."""
+    made = footage / "a results" / "lab"
+    (made / "figures").mkdir(parents=True)
+    (made / "a").mkdir()
+    (made / "camera.mcap").write_bytes(b"")
+    (made / "figures" / "fig10.png").write_bytes(b"")
+    (made / "a" / "overlay.mp4").symlink_to(SAMPLE / "a.mp4")
+    run(footage, FACTS, ask=False, find=False)
+    assert list(load_campaign(footage).runs) == ["a"]
+    assert all(path.parent.name == "calibration" for path in load_campaign(footage).calibration_images)
 
 
 def test_videos_of_one_name_are_two_runs(footage):

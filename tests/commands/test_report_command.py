@@ -1,11 +1,12 @@
 """The command ``towval report``: what it refuses before it writes, and what it says of inputs and origin."""
 
+import json
 import shlex
 from dataclasses import replace
 
 import pytest
 
-from towval.cli import _arguments, main
+from towval.cli import _arguments, _keys, main
 from towval.commands.report import _inputs, _provenance
 from towval.io.campaign import load_campaign
 from towval.io.mcap_file import write_mcap
@@ -35,10 +36,13 @@ def test_the_factors_of_regions_are_shown_not_the_change_of_them(lab_small):
 
 def test_the_command_of_the_report_makes_the_same_folder(lab_small, tmp_path):
     results = tmp_path / "some results" / "lab_small"
-    origin = {"stage": "calibrate", "run": "", "versions": "{}", "settings": "{}"}
+    settings = json.dumps({"lens_models": ["k1 k2"], "folds": 6, "position_limit_m": 1e-05})
+    origin = {"stage": "calibrate", "run": "", "versions": "{}", "settings": settings}
     write_mcap(results / "camera.mcap", [], {}, {**origin, "inputs_sha256": "{}", "campaign_sha256": "{}"})
     given = replace(load_campaign(lab_small), runs={})
     program, *words = shlex.split(_provenance(given, results).command)
     parsed = _arguments().parse_args(words)
     assert (program, parsed.stage) == ("towval", "run")
     assert parsed.results / load_campaign(parsed.campaign).name == results
+    # With the settings that are not the defaults: a reader who copies the line gets the same numbers.
+    assert _keys(parsed.keys) == {"calibrate.lens_models": ["k1 k2"], "calibrate.position_limit_m": 1e-5}

@@ -57,6 +57,7 @@ def test_a_stage_runs_with_the_settings_given(tmp_path):
     [
         ("track.metod=klt", "unknown key track.metod; did you mean track.method?"),
         ("preset=rough", "preset is 'rough'; allowed"),
+        ("object.mass_kg=4", "unknown key object: it belongs in campaign.yaml"),
     ],
 )
 def test_a_wrong_setting_is_told_before_anything_runs(tmp_path, setting, message):

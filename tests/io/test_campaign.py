@@ -185,6 +185,10 @@ WRONG = {
         lambda d: d["tether"].update(rest_lenght_m=1),
         ["tether.rest_lenght_m", "did you mean rest_length_m"],
     ),
+    "section of the settings": (
+        lambda d: d.update(compare={"tolerance_m": 0.01}),
+        ["unknown key compare", "belongs to the settings", "--set compare.KEY=VALUE"],
+    ),
     "missing key": (lambda d: d["object"].pop("mass_kg"), ["object.mass_kg is missing", "kg"]),
     "wrong unit": (
         lambda d: d["rover"].update(tracked_plane_height_m=42),

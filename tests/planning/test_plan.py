@@ -321,7 +321,8 @@ def test_an_unknown_curve_is_refused_with_those_that_are_known(tmp_path):
 def test_the_command_line_plans_for_the_object_of_a_campaign(tmp_path, capsys):
     scene, lab = str(WORKFLOW / "plan.yaml"), str(SAMPLE)
     plan, table, towed = (str(tmp_path / name) for name in ("plan.mcap", "plan.csv", "towed.mcap"))
-    main(["plan", scene, "--path", "circle", "--campaign", lab, "-o", plan, "--csv", table])
+    # By the name that also works after pip install, where nobody knows the path of the scene.
+    main(["plan", "paper", "--path", "circle", "--campaign", lab, "-o", plan, "--csv", table])
     assert ": arrived; the object deviates" in capsys.readouterr().out
     force = pd.read_csv(table)[["tether_force_x_n", "tether_force_y_n"]].to_numpy()
     # The sample's object weighs 5.8 kg with its load, and its friction goes from 0.396 down to 0.35 with the speed; the

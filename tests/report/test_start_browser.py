@@ -107,6 +107,8 @@ def test_it_opens_without_a_complaint_a_request_or_a_warning(page):
 
 def test_saved_at_once_it_is_the_campaign_that_was_read(page, folder, tmp_path):
     campaign, text = saved(page, folder, tmp_path)
+    # A browser saves among its downloads: the file in the folder is the old one until somebody replaces it.
+    assert "Put it in place of the one in lab <b id=injected>x" in page.run("byId('saved').textContent")
     before = load_campaign(folder)
     for body in ("rover", "object"):
         clicks, given = campaign.run("a").clicks_px[body], before.run("a").clicks_px[body]

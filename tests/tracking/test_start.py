@@ -19,7 +19,15 @@ from towval.optics.projection import project
 from towval.tracking import clicks as clicks_module
 from towval.tracking import co_moving as co_moving_module
 from towval.tracking import start as start_module
-from towval.tracking.clicks import Clicked, _checked, _of_one_scale, _size_findings, check_clicks, overstretched
+from towval.tracking.clicks import (
+    Clicked,
+    _checked,
+    _exchanged,
+    _of_one_scale,
+    _size_findings,
+    check_clicks,
+    overstretched,
+)
 from towval.tracking.co_moving import co_moving, moving_along
 from towval.tracking.markers import clicks_from_tags
 from towval.tracking.outline import pose_from_clicks
@@ -287,6 +295,27 @@ def test_clicks_in_another_order_are_put_in_order_and_reported(order):
     pose, _, _ = pose_from_clicks(scene.target(1), found["object"].corners_px)
     assert off_px(scene, 1, pose) < 2.5
     assert "clicks_reordered" not in {each.code for each in found["rover"].findings}
+
+
+@pytest.mark.parametrize("exchanged", [False, True])
+def test_clicks_of_the_other_body_are_told_as_that(exchanged):
+    """Else the size of the tops seemed wrong, and the board was to be measured again."""
+    scene, tow = towed(5)
+    luma = spread(scene, TIMES_S[:1])[0]
+    clicks = scene.clicks(np.random.default_rng(5))
+    if exchanged:
+        clicks = {"rover": clicks["object"], "object": clicks["rover"]}
+    for one in check_clicks([luma], scene.calibration, scene.bodies, clicks, tow).values():
+        assert [each.code for each in one.findings] == ["clicks_exchanged"] * exchanged
+
+
+def test_tops_of_one_size_are_not_told_to_be_exchanged():
+    scene, _ = towed(5)
+    pose = np.array([0.2, 0.1, 0.4])
+    bodies = [replace(scene.bodies[0], name=name) for name in ("rover", "object")]
+    targets = [PlanarTarget(body, scene.camera, scene.floor) for body in bodies]
+    corners = targets[0].pixels(bodies[0].top_corners_m * 1.01, pose)
+    assert not _exchanged(targets, {"rover": corners, "object": corners})
 
 
 def test_a_track_that_overstretches_the_tether_is_reported():

@@ -10,12 +10,26 @@ from towval.validation.verdict import Evidence, verdict_of
 TOLERANCE_M = 0.02
 
 
-def judged(upper_m=0.01, detectable_m=0.01, tolerance_m=TOLERANCE_M, seen=1.0, moved_m=2.0):
+def judged(upper_m=0.01, detectable_m=0.01, tolerance_m=TOLERANCE_M, seen=1.0, moved_m=2.0, largest_m=float("nan")):
     """The verdict, and its sentence, on a run that is not rejected."""
     bounds = Bounds({"position_max": (0.0, upper_m)}, {"position_max": (0.0, upper_m)})
     tests, limits = {"size": 1.0}, {"size": 2.0}
     verdict, said = verdict_of(
-        Evidence(tolerance_m, bounds, tests, limits, detectable_m, seen, moved_m, (), None, {"friction": 0.5}, "")
+        Evidence(
+            tolerance_m,
+            bounds,
+            tests,
+            limits,
+            detectable_m,
+            seen,
+            moved_m,
+            (),
+            None,
+            {"friction": 0.5},
+            "",
+            (),
+            largest_m,
+        )
     )
     return verdict, said.text
 
@@ -39,3 +53,23 @@ def test_what_is_too_little_to_be_judged_is_less_than_what_is_named():
     assert "moved by 39 mm, less than 2 times the 20 mm that matter" in judged(moved_m=0.0399)[1]
     assert "moved by 35 mm, less than 2 times the 20 mm that matter" in judged(moved_m=0.035)[1]
     assert "seen in 49 % of" in judged(seen=0.4996)[1]
+
+
+def test_a_bound_that_is_cited_is_not_below_the_bound():
+    """2.24 mm were "within 2.2 mm"."""
+    assert "Agrees within 2.3 mm, where 20 mm matter" in judged(upper_m=0.00224)[1]
+
+
+@pytest.mark.parametrize(
+    ("upper_m", "detectable_m", "largest_m", "bound", "inputs"),
+    [
+        (0.03, 0.01, 0.005, True, False),  # The measurement alone makes the bound: friction known better is no help.
+        (0.03, 0.03, 0.005, True, True),
+        (0.03, 0.01, 0.025, False, True),
+        (0.01, 0.03, 0.005, False, True),
+    ],
+)
+def test_what_to_measure_better_is_what_the_reason_depends_on(upper_m, detectable_m, largest_m, bound, inputs):
+    said = judged(upper_m, detectable_m, largest_m=largest_m)[1]
+    assert ("calibration and heights of the tops" in said) == bound
+    assert ("friction (friction.kinetic_std)" in said) == inputs

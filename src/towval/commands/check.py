@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,18 +14,19 @@ from towval.calibration.board_search import find_boards
 from towval.calibration.calibrate import CalibrateSettings
 from towval.calibration.corners import outer_corners
 from towval.commands.calibrate import calibrated
-from towval.commands.track import known_starts, open_video, spread_pictures
+from towval.commands.track import findings_of_rate, known_starts, open_video, spread_pictures
 from towval.io.campaign import Campaign, Run, read_campaign
 from towval.io.campaign_text import text_in_parts
 from towval.io.images import GrayPictures, write_picture
 from towval.io.schema import key_lines
 from towval.io.video import Video
 from towval.io.yaml_text import read_yaml
-from towval.model import Calibration, Severity
-from towval.model.errors import TowvalError
+from towval.model import Array, Calibration, Finding, Severity
+from towval.model.errors import Faults, InputError, TowvalError
 from towval.report.preview import draw_start
 from towval.report.start_page import FloorBoard, StartOfRun, write_start_page
 from towval.selection.margin import measurement_std_m
+from towval.tracking.follow import judge_clicks
 from towval.tracking.outline import pose_from_clicks
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.start import Tow, find_starts
@@ -40,9 +42,6 @@ class CostConstants:
 
 
 COST = CostConstants()
-
-_LARGE_MISFIT_PX = 6.0
-"""Clicks farther than this from the outline they are to lie on are warned about [px]."""
 
 
 def run(campaign: Path, pictures: Path | None = None, as_json: bool = False) -> None:
@@ -78,7 +77,14 @@ def check(folder: Path, pictures: Path) -> dict[str, Any]:
             warnings += [found.text for found in calibration.findings if found.severity is Severity.WARNING]
             starts: dict[str, StartOfRun] = {}
             for name, video in videos.items():
-                start = None if video is None else faults.attempt(_start, given, given.runs[name], video, calibration)
+                if video is not None:
+                    rate = findings_of_rate(given, video, video.stamps_s())
+                    warnings += [f"run {name}: {found.text}" for found in rate]
+                start = (
+                    None
+                    if video is None
+                    else faults.attempt(_start, given, given.runs[name], video, calibration, faults)
+                )
                 if video is not None and start is not None:
                     starts[name] = start
                     runs[name] = _expected(given, video, calibration, start, pictures / f"{name}.jpg")
@@ -96,8 +102,11 @@ def check(folder: Path, pictures: Path) -> dict[str, Any]:
     }
 
 
-def _start(given: Campaign, entry: Run, video: Video, calibration: Calibration) -> StartOfRun:
-    """Where rover and object are in the first frame of a run: clicked and checked, or found."""
+def _start(given: Campaign, entry: Run, video: Video, calibration: Calibration, faults: Faults) -> StartOfRun:
+    """Where rover and object are in the first frame of a run: clicked and checked, or found.
+
+    Clicks for which the stage track would refuse the run are a fault; their start is drawn all the same.
+    """
     luma, tow = video.first_picture(), Tow.of(given.scene)
     corners, doubts = {}, {}
     for name, clicked in known_starts(given, entry, (luma, video.late_picture()), calibration).items():
@@ -112,10 +121,19 @@ def _start(given: Campaign, entry: Run, video: Video, calibration: Calibration) 
                     doubts[name] = f"not certain where it starts: {found.doubt}"
     targets = {body.name: PlanarTarget(body, calibration.camera, calibration.floor) for body in given.bodies}
     fits = {name: pose_from_clicks(targets[name], pixels) for name, pixels in corners.items()}
-    for name, (_, _, misfit_px) in fits.items():
-        if misfit_px > _LARGE_MISFIT_PX:
-            doubts.setdefault(name, f"its clicks are up to {misfit_px:.0f} px beside an outline of its size")
+    for name, (pose, _, misfit_px) in fits.items():
+        for missed in faults.attempt(_judged, entry.name, targets[name], pose, misfit_px) or ():
+            doubts.setdefault(name, missed.text)
     return StartOfRun(luma, {name: pose for name, (pose, _, _) in fits.items()}, doubts)
+
+
+def _judged(run: str, target: PlanarTarget, pose: Array, misfit_px: float) -> list[Finding]:
+    """What the stage track says of clicks that miss an outline; its refusal names the run."""
+    try:
+        return judge_clicks(target.body, misfit_px, target.metres_per_pixel(pose))
+    except InputError as error:
+        what = f"runs.{run}: {error.what}"
+        raise InputError(what, got=error.got, allowed=error.allowed, remedy=error.remedy) from None
 
 
 def _expected(
@@ -208,11 +226,12 @@ def for_people(found: dict[str, Any]) -> str:
         )
         rows.append(f"run {name}: {row['frames'] or 'an unknown number of'} frames; {known}; {row['picture']}")
     if found["faults"]:
-        rows.append(f"{found['campaign']}: {len(found['faults'])} fault(s); mend them and check again")
+        rows.append(f"{found['campaign']}: {len(found['faults'])} fault(s); correct them and check again")
     else:
-        cores = os.cpu_count() or 1
+        cores, count = os.cpu_count() or 1, len(found["warnings"])
+        warned = f", but {count} warning{'s' * (count != 1)}" if count else ""
         rows.append(
-            f"{found['campaign']}: no fault. towval run {found['campaign']} takes about {found['cpu_s'] / cores:.0f} s "
-            f"on {cores} cores"
+            f"{found['campaign']}: no fault{warned}. towval run {shlex.quote(found['campaign'])} takes about "
+            f"{found['cpu_s'] / cores:.0f} s on {cores} cores"
         )
     return "\n".join(rows)

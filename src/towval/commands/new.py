@@ -58,14 +58,17 @@ FACTS = (
     Fact("camera.fps", needed=False),  # A guess from the stamps would confirm the stamps.
     Fact("camera.board.type", lambda _: ("chessboard", "the usual kind")),
     Fact("camera.board.square_m"),
+    Fact("floor.board_thickness_m", needed=False),
     Fact("rover.tracked_plane_height_m"),
     Fact("rover.top_corners_m"),
     Fact("rover.tether_hinge_m", _end(-1, "rear"), ("tether_hinge_std_m", 0.05)),
+    Fact("rover.tether_hinge_height_m", needed=False),  # Assumed heights are wide, and a high tow moves the path most.
     Fact("object.tracked_plane_height_m"),
     Fact("object.top_corners_m"),
     Fact("object.footprint_m", lambda body: (body["top_corners_m"], "the outline of its top")),
     Fact("object.mass_kg"),
     Fact("object.tether_anchor_m", _end(1, "front"), ("tether_anchor_std_m", 0.02)),
+    Fact("object.tether_anchor_height_m", needed=False),
     Fact("tether.rest_length_m"),
     Fact("tether.stiffness_N_per_m", lambda _: (1000.0, "a thin cord"), ("stiffness_std_N_per_m", 300.0)),
     Fact("friction.kinetic", lambda _: (0.35, "wood on a hard floor"), ("kinetic_std", 0.1)),
@@ -138,7 +141,7 @@ def run(
         write_text(file, _with_starts(text, checked["runs"]))
     guessed = [key for key, mark in draft.marks.items() if mark.startswith(GUESS)]
     runs = list(draft.document["runs"])
-    text = f"{len(runs)} runs; guessed, so measure first: {', '.join(guessed) or 'nothing'}"
+    text = f"{len(runs)} run{'s' * (len(runs) != 1)}; guessed, so measure first: {', '.join(guessed) or 'nothing'}"
     unstated = [fact.key for fact in FACTS if not fact.needed and draft.known(fact.key) is None]
     text += f"; not stated: {', '.join(unstated)}" if unstated else ""
     numbers = {"runs": runs, "guessed": guessed, "check": checked}
@@ -184,6 +187,9 @@ def _with_starts(text: str, runs: Mapping[str, Any]) -> str:
 def _look_at_files(draft: Draft) -> None:
     """Videos, pictures and resolution."""
     found = sorted(path.relative_to(draft.folder) for path in draft.folder.rglob("*") if path.is_file())
+    # Results of an earlier run below the folder hold figures and overlays.
+    results = {path.parent for path in found if path.name == "camera.mcap"}
+    found = [path for path in found if results.isdisjoint(path.parents)]
     videos = [path for path in found if path.suffix.lower() in VIDEO_SUFFIXES]
     pictures = [path for path in found if path.suffix.lower() in IMAGE_SUFFIXES and path.parts[0] != "check"]
     if not draft.known("runs"):
@@ -196,8 +202,10 @@ def _look_at_files(draft: Draft) -> None:
             while draft.known(f"runs.{name}"):  # a.mp4 beside a.mov
                 name += "_2"
             draft.put(f"runs.{name}", {"video": path.as_posix()})
-    header = Video(draft.folder / next(iter(draft.document["runs"].values()))["video"]).header
-    draft.put("camera.resolution_px", list(header.resolution_px), "From the first video.")
+    if not draft.known("camera.resolution_px"):
+        # A phone held upright stores its pictures lying, with a tag by which they are turned.
+        height, width = Video(draft.folder / next(iter(draft.document["runs"].values()))["video"]).first_picture().shape
+        draft.put("camera.resolution_px", [width, height], "From the first video.")
     if not pictures and not draft.known("camera.calibration_images"):
         raise InputError(f"{draft.folder} holds no picture of the board", allowed=", ".join(IMAGE_SUFFIXES))
     flat = [path for path in pictures if "floor" in path.stem.lower()]
@@ -311,6 +319,8 @@ def _look_at_boards(draft: Draft) -> None:
             got=floor["image"],
             remedy="give floor.origin_corner_px and floor.x_axis_end_corner_px, or another floor.image",
         )
+    if draft.marks.get("camera.board.type", "").startswith(GUESS):
+        draft.marks["camera.board.type"] = "Found in the pictures."
     columns = board.inner_corners[0]
     ends = np.array([seen.corners_px[i] for i in (0, columns - 1, -columns, -1)])
     # Of the board's first and last row the lower in the picture, from left to right.

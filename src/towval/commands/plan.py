@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,9 @@ from towval.planning.plan import close_loop, hinge_of_poses, tow
 from towval.planning.planner import PlanCase, PlanOutcome
 from towval.planning.scene import PlanScene, friction_under, plan_scene
 
+_PAPER = Path("paper")
+"""Stands for the scene that comes with the package, whose path nobody knows after ``pip install``."""
+
 _MAP_MARK = "Matplotlib"
 """What a map of ours names as its maker near its beginning: no other file is replaced."""
 
@@ -39,9 +43,10 @@ def run(
 ) -> Outcome:
     """Plan a rover motion that makes the object follow a path, simulate the object behind it, and write both.
 
-    ``scene`` is as ``src/towval/workflow/plan.yaml`` describes it, or a file that holds it; ``wanted`` the name of one
-    of its curves, or a CSV file with columns ``x_m``, ``y_m`` and optionally ``time_s``. Object, friction, tether and
-    hinge of a ``campaign`` replace those of the scene. ``map_file`` is an SVG file for a map.
+    ``scene`` is as ``src/towval/workflow/plan.yaml`` describes it, or a file that holds it; the path ``paper`` stands
+    for that file of the package. ``wanted`` is the name of one of its curves, or a CSV file with columns ``x_m``,
+    ``y_m`` and optionally ``time_s``. Object, friction, tether and hinge of a ``campaign`` replace those of the scene.
+    ``map_file`` is an SVG file for a map.
 
     Raises `RefusedError` when the rover does not arrive; no plan is written then.
     """
@@ -127,6 +132,8 @@ def run_tow(
 
 def _scene(scene: Mapping[str, Any] | Path, campaign: Path | None) -> tuple[Mapping[str, Any], PlanScene]:
     """The scene as its document and as it is used, with what a campaign replaces."""
+    if scene == _PAPER and not _PAPER.exists():
+        scene = Path(str(resources.files("towval").joinpath("workflow", "plan.yaml")))
     document: Any = read_yaml(scene) if isinstance(scene, Path) else scene
     if isinstance(scene, Path):
         check(document, packaged_schema("plan.schema.yaml"), scene.name)

@@ -1,5 +1,6 @@
 """Command report: all results of a campaign → figures, summary.csv, report.html."""
 
+import json
 import os
 import shlex
 from collections import Counter
@@ -21,6 +22,7 @@ from towval.io.provenance import file_hash
 from towval.io.reading import is_plain_file
 from towval.io.records import read_calibration
 from towval.io.records.identification import read_identification
+from towval.io.schema import without_defaults
 from towval.io.summary import write_summary
 from towval.model import Finding, Severity, Verdict
 from towval.model.errors import InputError
@@ -60,7 +62,7 @@ def run(
         campaign=given.name,
         runs=tuple(runs),
         embed_mb=settings.embed_mb,
-        provenance=_provenance(given, results),
+        provenance=_provenance(given, results, identified),
         calibration=calibration,
         uncertainty=uncertainty_map(
             calibration, given.object.tracked_plane_height_m, height_std_m=given.object.height_std_m
@@ -124,17 +126,18 @@ def _made(results: Path, given: Campaign, identified: Path | None) -> list[Path]
     return found if identified is None else [*found, identified, identified.with_suffix(".csv")]
 
 
-def _provenance(given: Campaign, results: Path) -> Provenance:
+def _provenance(given: Campaign, results: Path, identified: Path | None = None) -> Provenance:
     """What the results record of their inputs; campaign.yaml and the hashes of it and of the results are as of now."""
     made = [results / "camera.mcap", *(path for name in given.runs for path in files(results / name).values())]
     origins = {path: read_origin(path) for path in made}
     made_names = {path.name for path in made}
+    stated = _stated([*origins.values(), *([] if identified is None else [read_origin(identified)])])
     hashes = {"campaign.yaml": file_hash(given.folder / "campaign.yaml")}
     for origin in origins.values():
         hashes |= {name: value for name, value in origin.inputs.items() if name not in made_names}
     hashes |= {str(path.relative_to(results)): file_hash(path) for path in made}
     return Provenance(
-        command=shlex.join(["towval", "run", str(given.folder), "--results", str(results.parent)]),
+        command=shlex.join(["towval", "run", str(given.folder), "--results", str(results.parent), *stated]),
         versions=_versions(origins.values()),
         input_hashes=hashes,
         settings=_settings(origins),
@@ -149,6 +152,18 @@ def _versions(origins: Iterable[Origin]) -> dict[str, str]:
         for name, version in origin.versions.items():
             found.setdefault(name, {})[version] = None
     return {name: ", ".join(each) for name, each in found.items()}
+
+
+def _stated(origins: Iterable[Origin]) -> Iterator[str]:
+    """Options of ``towval run`` for the settings that are not the defaults, as far as all runs have the same."""
+    found: dict[str, set[str]] = {}
+    for origin in origins:
+        for key, value in without_defaults(origin.stage, json.loads(origin.settings)).items():
+            if value is not None:
+                found.setdefault(f"{origin.stage}.{key}", set()).add(json.dumps(value))
+    for key, values in found.items():
+        if len(values) == 1:
+            yield from ("--set", f"{key}={values.pop()}")
 
 
 def _settings(origins: Mapping[Path, Origin]) -> dict[str, str]:

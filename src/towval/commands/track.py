@@ -76,7 +76,7 @@ def run(
             choices = neighbour_of_tracking(few, *scene, settings)
             tracks = {body: replace(found, choices=(choices[body],)) for body, found in tracks.items()}
     tow = overstretched(tracks["rover"], tracks["object"], Tow.of(given.scene))
-    added = (*tow, *since, *_rate_findings(given, video, tracks["rover"].time_s), *video.findings)
+    added = (*tow, *since, *findings_of_rate(given, video, tracks["rover"].time_s), *video.findings)
     for body in given.bodies:
         start, found = starts[body.name], tracks[body.name]
         findings = (*start.findings, *found.findings, *(one for one in added if one not in start.findings))
@@ -162,7 +162,8 @@ def open_video(given: Campaign, entry: Run) -> Video:
     return video
 
 
-def _rate_findings(given: Campaign, video: Video, time_s: Array) -> tuple[Finding, ...]:
+def findings_of_rate(given: Campaign, video: Video, time_s: Array) -> tuple[Finding, ...]:
+    """Findings about the time scale of a run whose pictures have the times (n,) [s]."""
     return rate_findings(
         usual_steps_s(time_s), given.document["camera"].get("fps"), video.header.length_s, video.header.sound_s
     )

@@ -12,6 +12,14 @@ from towval.io.yaml_text import SafeLoader
 GUESS = "GUESS"
 """Mark of a value that nobody measured."""
 
+_FURTHER = (
+    "Add what applies to your set-up; what is not stated is assumed: object.load (a box on the object's top: mass_kg, "
+    "at_m, size_m), floor.board_thickness_m, rover.tether_hinge_height_m, object.tether_anchor_height_m, "
+    "object.centre_of_mass_height_m, floor.slope_mm_per_m, tether.damping_Ns_per_m, camera.readout_s, and standard "
+    "deviations (object.mass_std_kg and the like)."
+)
+"""Keys that towval new cannot guess and that a campaign may go without."""
+
 _WIDTH = 112
 _CLICKS = "first_frame_clicks_px"
 
@@ -24,6 +32,7 @@ def campaign_text(document: Mapping[str, Any], marks: Mapping[str, str]) -> str:
     head = [
         "# Written by towval new. SI units; lengths of bodies in the body's own frame, which is that of top_corners_m.",
         f"# Values marked {GUESS} were not measured: replace them, remove the mark, call towval check.",
+        *_comment(_FURTHER, ""),
     ]
     return "\n".join([*head, *_section(document, campaign_schema(), "", "", marks), ""])
 

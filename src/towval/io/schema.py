@@ -110,7 +110,7 @@ def faults_of(document: Any, schema: dict[str, Any], where: str) -> dict[str, In
     errors.sort(key=lambda error: _place(document, error))
     faults: dict[str, InputError] = {}
     for error in errors:
-        for key, text, got, allowed in _faults(error):
+        for key, text, got, allowed in _faults(error, schema):
             fault = faults.setdefault(key, InputError(f"{where}: {text}"))
             # In one line the parts are easier to read than one below the other.
             fault.key, fault.got, fault.allowed = key, got, allowed
@@ -156,8 +156,11 @@ def _short_name(parts: Any) -> str:
     return shortened(text if text.isprintable() else repr(text))
 
 
-def _faults(error: ValidationError) -> Iterator[tuple[str, str, Any, str]]:
-    """Key, text, value received and what is allowed, for each fault behind an error."""
+def _faults(error: ValidationError, whole: dict[str, Any]) -> Iterator[tuple[str, str, Any, str]]:
+    """Key, text, value received and what is allowed, for each fault behind an error.
+
+    A number in a list counts with the list: in another unit all its numbers are wrong alike.
+    """
     path = list(error.absolute_path)
     key = _short_name(path) or "the document"
     rule, wanted, schema = _rule(error)
@@ -166,7 +169,8 @@ def _faults(error: ValidationError) -> Iterator[tuple[str, str, Any, str]]:
         known = list(schema.get("properties", {}))
         for name in itertools.islice((name for name in instance if name not in known), _MOST_FAULTS):
             full = _short_name([*path, name])
-            yield full, f"unknown key {full}{_suggestion(str(name), known)}", name, ", ".join(known)
+            hint = _elsewhere(full, schema) or _suggestion(str(name), known)
+            yield full, f"unknown key {full}{hint}", name, ", ".join(known)
     elif rule == "required":
         for name in (name for name in wanted if name not in instance):
             full = _name([*path, name])
@@ -174,9 +178,11 @@ def _faults(error: ValidationError) -> Iterator[tuple[str, str, Any, str]]:
             yield full, f"the key {full} is missing{meaning}", None, meaning.strip(" ()")
     else:
         allowed = _allowed(error)
+        while isinstance(instance, int | float) and path and isinstance(path[-1], int):
+            path.pop()
         yield (
-            key,
-            f"{key} is {shortened(repr(instance))}; allowed: {allowed}{_meaning(_described(error))}",
+            _short_name(path) or key,
+            f"{key} is {shortened(repr(instance))}; allowed: {allowed}{_meaning(_described(error, whole))}",
             instance,
             allowed,
         )
@@ -188,15 +194,17 @@ def _rule(error: ValidationError) -> tuple[str, Any, dict[str, Any]]:
     return str(error.validator), error.validator_value, schema
 
 
-def _described(error: ValidationError) -> dict[str, Any]:
-    """The innermost schema on the way to the fault that says what it is about."""
-    current: Any = error
-    while current is not None:
-        if isinstance(current.schema, dict) and "description" in current.schema:
-            schema: dict[str, Any] = current.schema
-            return schema
-        current = current.parent
-    return {}
+def _described(error: ValidationError, whole: dict[str, Any]) -> dict[str, Any]:
+    """The innermost schema on the way from the ``whole`` one to the fault that says what it is about."""
+    found: dict[str, Any] = {}
+    schema: Any = whole
+    for step in error.absolute_schema_path:  # jsonschema leaves "$ref" out of it
+        if isinstance(schema, dict) and step not in schema:
+            schema = whole["$defs"][schema["$ref"].rpartition("/")[2]]
+        schema = schema[step]
+        if isinstance(schema, dict) and "description" in schema:
+            found = schema
+    return found
 
 
 _COMPARISONS = {
@@ -243,6 +251,16 @@ def _allowed(error: ValidationError) -> str:
 def _meaning(schema: dict[str, Any]) -> str:
     unit = f" [{schema['unit']}]" if "unit" in schema else ""
     return f" ({schema['description'].rstrip('.')}{unit})" if "description" in schema else unit
+
+
+def _elsewhere(key: str, schema: dict[str, Any]) -> str:
+    """Where a section belongs that stands in campaign.yaml though it is one of config.yaml, or the other way round."""
+    title = schema.get("title")
+    if title == "campaign.yaml" and key in packaged_schema("config.schema.yaml")["properties"]:
+        return f": it belongs to the settings; give it as towval run CAMPAIGN --set {key}.KEY=VALUE, or in config.yaml"
+    if title == "config.yaml" and key in packaged_schema("campaign.schema.yaml")["properties"]:
+        return ": it belongs in campaign.yaml of the campaign folder"
+    return ""
 
 
 def _suggestion(name: str, known: list[str]) -> str:

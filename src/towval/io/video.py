@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from towval.io.reading import is_plain_file
-from towval.model import Finding
+from towval.model import Array, Finding
 from towval.model.errors import InputError
 from towval.model.findings import finding
 
@@ -138,6 +138,12 @@ class Video:
                     if (frame.pts or 0) > (stream.start_time or 0) and frame.key_frame:
                         break
         return self.first_picture() if late is None else np.ascontiguousarray(late)
+
+    def stamps_s(self) -> Array:
+        """Presentation times (n,) of the stored pictures [s], in order, without decoding them."""
+        with self.opened() as container:
+            base = Fraction(container.streams.video[0].time_base or 0)
+        return np.array(sorted(self._stored_pts()), dtype=np.float64) * float(base)
 
     def _reached_the_end(self) -> bool:
         """Whether the last frame is where the header says the video ends: AVI counts repeated pictures as frames."""

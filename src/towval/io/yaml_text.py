@@ -68,7 +68,7 @@ def read_yaml(path: Path) -> Any:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(f"{path} cannot be read as text", got=error, allowed="a UTF-8 text file") from None
-    return _loaded(text, f"{path} is not valid YAML", "mend that line")
+    return _loaded(text, f"{path} is not valid YAML", "correct that line")
 
 
 def read_value(text: str) -> Any:
@@ -82,7 +82,10 @@ def _loaded(text: str, what: str, remedy: str | None) -> Any:
         return yaml.load(text, Loader=_StrictLoader)  # a SafeLoader: builds plain data only
     # Values with an explicit tag, such as !!int x, fail as their constructors fail.
     except (yaml.YAMLError, ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
-        raise InputError(what, got=" ".join(str(error).split())[:_MOST_SHOWN], remedy=remedy) from None
+        got = " ".join(str(error).split()).replace(' in "<unicode string>",', " at")
+        if remedy and ("tab character" in got or "\\t" in got):
+            remedy += "; indent with spaces, not tabs"
+        raise InputError(what, got=got[:_MOST_SHOWN], remedy=remedy) from None
 
 
 def _check_extent(text: str) -> None:

@@ -229,29 +229,35 @@ register(  # track
     ),
     FindingType(
         "clicks_scale", "track", WARNING, NOT_JUDGED,
-        "By the clicks the top of {name} is {percent:+.1f} ± {std_percent:.1f} % larger, against the other body, than "
-        "its top_corners_m at its tracked_plane_height_m. Check that height (it is that of the clicked corners above "
-        "the floor), the corners, and the clicks.",
+        "Compared with the other body, the clicks show the top of {name} {percent:+.1f} ± {std_percent:.1f} % larger "
+        "than its top_corners_m would appear at its tracked_plane_height_m. Check that height (of the clicked corners "
+        "above the floor), the corners, and the clicks.",
     ),
     FindingType(
         "covered_at_start", "track", WARNING, NONE,
-        "Over {percent:.0f} % of the top of {name} something stands still in the first picture (a banner, a stamp): "
-        "that part was not tracked. Film without overlays.",
+        "In the first picture something that does not move with it (a banner, a time stamp) covers {percent:.0f} % of "
+        "the top of {name}: that part was not tracked. Film without overlays.",
     ),
     FindingType(
         "start_found", "track", NOTE, NONE,
-        "{name} was not clicked: its start was found from its outline, what moves, and the tether. Check the overlay.",
+        "{name} was not clicked: its start was found from its outline, what moves, and the tether. Check the outline "
+        "over the film in the report.",
     ),
     FindingType(
         "clicks_corrected", "track", WARNING, NONE,
-        "The clicks of {name} are {off_px:.0f} px off: its outline stands on edges there, and the track starts from "
-        "it. Check the overlay, and click again what is wrong.",
+        "The clicks of {name} are {off_px:.0f} px off the nearest edges that fit its outline. The track starts from "
+        "these edges. Check the outline in check/start.html (towval check CAMPAIGN), and save it there.",
     ),
     FindingType(
         "clicks_reordered", "track", WARNING, NOT_JUDGED,
         "The clicks of {name} fit its outline in another order than that of top_corners_m alone: they go round the "
         "other way (mirrored), or begin at another corner. The track starts as they fit, perhaps half a turn off. "
         "Click its corners in the order of top_corners_m.",
+    ),
+    FindingType(
+        "clicks_exchanged", "track", WARNING, NOT_JUDGED,
+        "The clicks of rover and object have the size of each other's top: they are exchanged. Exchange them in "
+        "first_frame_clicks_px, or top_corners_m and tracked_plane_height_m of rover and object.",
     ),
     FindingType(
         "clicks_turned", "track", WARNING, NONE,
@@ -359,7 +365,7 @@ register(  # simulate; the last six are those of towval.physics
     FindingType(
         "open_loop", "simulate", WARNING, NONE,
         "{percent:.1f} % more force moves the object by up to {apart_mm:.3g} mm: a force given over time does not "
-        "determine its path. Tow it by a tether behind a given path of the hinge instead.",
+        "determine its path. Prescribe the path of the hinge instead.",
     ),
 )  # fmt: skip
 register(  # uncertainty, compare, identify
@@ -410,7 +416,8 @@ register(  # uncertainty, compare, identify
     FindingType("explanation", "compare", NOTE, NONE, "{text}."),
     FindingType(
         "tolerance_default", "compare", NOTE, NONE,
-        "That an error of {tolerance_mm:g} mm matters is a default: state compare.tolerance_m.",
+        "No tolerance was stated, so {tolerance_mm:g} mm was used. State the error that matters to you, in metres: "
+        "towval run CAMPAIGN --set compare.tolerance_m=..., or compare.tolerance_m in config.yaml.",
     ),
     FindingType(
         "compare_lost", "compare", WARNING, NONE,

@@ -6,7 +6,8 @@ register(  # track
     FindingType(
         "texture_unsure", "track", WARNING, Consequence(widens=("tracking",)),
         "Texture and outline of the top of {name} disagree by {std_mm:.1f} mm: compression, focus, or something in the "
-        "way. Its poses are the texture's, and as uncertain. Film at a higher bit rate, with the focus fixed.",
+        "way. The texture's poses are used; the difference is added to their deviations. Film at a higher bit rate, "
+        "with the focus fixed.",
     ),
     FindingType(
         "focus_changed", "track", NOTE, NONE,
@@ -15,14 +16,14 @@ register(  # track
     ),
     FindingType(
         "pictures_mixed", "track", WARNING, Consequence(widens=("tracking",)),
-        "Each picture keeps {percent:.0f} % or more of the one before: noise reduction over time. Poses are late by "
-        "up to {late_ms:.0f} ms, the more the slower a body is, and as uncertain. Switch noise reduction off.",
+        "Each picture keeps {percent:.0f} % or more of the one before: noise reduction over time. Poses lag by up to "
+        "{late_ms:.0f} ms, slow bodies most; the lag is added to their deviations. Switch noise reduction off.",
     ),
     FindingType(
         "picture_warped", "track", WARNING, Consequence(widens=("tracking",)),
         "Places of the still floor are displaced against each other by {scattered_px:.2f} px: a camera that shakes "
-        "while it reads its rows, or compression. The poses are as uncertain. Damp the mount, and film at a higher bit "
-        "rate.",
+        "while it reads its rows, or compression. This is added to the deviations of the poses. Damp the mount, and "
+        "film at a higher bit rate.",
     ),
     FindingType(
         "camera_moved", "track", NOTE, NONE,
@@ -59,12 +60,12 @@ register(  # track
     FindingType(
         "jumped", "track", WARNING, NOT_JUDGED,
         "{name} jumps {count} times between two pictures, by up to {by_mm:.0f} mm, first at {time_s:.2f} s: more than "
-        "wheels or a tether can. A part of the picture stood still before (packets lost on the way), pictures were "
-        "lost, or something else was taken for it. Look at the video there, and record it again.",
+        "wheels or a tether can make it. Either a part of the picture stood still before (lost packets), or pictures "
+        "were lost, or something else was taken for {name}. Look at the video there, and record it again.",
     ),
     FindingType(
         "pictures_missing", "track", NOTE, NONE,
-        "By the stamps {count} pictures are missing (longest step {gap_s:.2f} s).",
+        "According to the time stamps {count} pictures are missing (longest step {gap_s:.2f} s).",
     ),
     FindingType(
         "time_gap", "track", WARNING, NOT_JUDGED,
@@ -84,28 +85,28 @@ register(  # track
     ),
     FindingType(
         "stamps_uneven", "track", WARNING, Consequence(widens=("tracking",)),
-        "All bodies hurry and lag together by {jitter_ms:.1f} ms a picture: the stamps are less even than the "
-        "exposures or hide that these are uneven. Use the camera's original file.",
+        "All bodies run ahead and lag together, by {jitter_ms:.1f} ms from picture to picture: the time stamps do not "
+        "say when the pictures were taken. Use the camera's original file.",
     ),
     FindingType(
         "pictures_invented", "track", WARNING, Consequence(widens=("tracking",)),
-        "All bodies go straight from one picture to the {period}th after it: the pictures between were made up by "
-        "smooth playback or a converter to another rate. The poses are as uncertain as what bodies may have done "
-        "between the real ones. Use the camera's original file.",
+        "All bodies move in straight lines from one picture to the {period}th after it: the pictures between were made "
+        "up by smooth playback or by a converter to another frame rate. How far the bodies may have strayed from these "
+        "lines is added to the deviations of the poses. Use the camera's original file.",
     ),
     FindingType(
         "rate_contradicted", "track", WARNING, NOT_JUDGED,
-        "The stamps give {found_hz:.2f} pictures a second, but {other}: the time scale of the run is unknown. Use the "
-        "camera's original file, or correct camera.fps.",
+        "The time stamps give {found_hz:.2f} pictures a second, but {other}: the time scale of the run is unknown. Use "
+        "the camera's original file, or correct camera.fps.",
     ),
     FindingType(
         "rate_unusual", "track", WARNING, NOT_JUDGED,
-        "By the stamps there are {found_hz:.2f} pictures a second, a rate at which no camera films, and neither "
-        "camera.fps nor a sound track confirms it: all speeds hang on it. State camera.fps.",
+        "The time stamps give {found_hz:.2f} pictures a second, a rate at which no camera films, and neither "
+        "camera.fps nor a sound track confirms it. All speeds depend on it: state camera.fps.",
     ),
     FindingType(
         "rate_unconfirmed", "track", WARNING, NONE,
-        "Neither camera.fps nor a sound track confirms the {found_hz:.2f} pictures a second of the stamps: of a video "
-        "filmed at 24 and stamped as 25, all speeds would be 4 % too high. State camera.fps.",
+        "Neither camera.fps nor a sound track confirms the {found_hz:.2f} pictures a second of the time stamps. If a "
+        "video was filmed at 24 and stamped as 25, all speeds are 4 % too high. State camera.fps.",
     ),
 )  # fmt: skip

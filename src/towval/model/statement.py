@@ -1,6 +1,7 @@
 """What can be stated about a run: its draws, the faults that would show, the verdict, and what explains the error."""
 
 import enum
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -8,6 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from towval.model.checks import Array, lock, lock_whole, short_repr
+
+
+def rounded_up(value: float, decimals: int) -> float:
+    """A bound to so many decimals that is not below it; what is not finite stays."""
+    # What floating point leaves above a round number is no reason for the next one.
+    return math.ceil(value * 10**decimals - 1e-6) / 10**decimals if math.isfinite(value) else value
 
 
 class Verdict(enum.StrEnum):

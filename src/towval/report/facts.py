@@ -7,7 +7,7 @@ import numpy as np
 from towval.model import Calibration, Comparison, Identification, Stamp, Track
 from towval.model.geometry import polygon_centroid, transform
 from towval.model.run_record import RunRecord
-from towval.report.wording import NOT_COMPUTED, decimal, degrees, millimetres, named_scalar
+from towval.report.wording import NOT_COMPUTED, at_most, decimal, degrees, millimetres, named_scalar
 
 Facts = tuple[tuple[str, str], ...]
 """Names and values as shown."""
@@ -82,7 +82,7 @@ def deciding(c: Comparison) -> tuple[tuple[str, str, float], ...]:
     names = {"size": "Size of the error", "shape": "Shape of the error", "input": "Effect of one input"}
     rows = [
         *(
-            (name, f"{decimal(1e3 * value)} of {millimetres(c.tolerance_m)}", value / c.tolerance_m)
+            (name, f"{at_most(value).removesuffix(' mm')} of {millimetres(c.tolerance_m)}", value / c.tolerance_m)
             for name, value in lengths
         ),
         *(
@@ -169,7 +169,7 @@ def key_numbers(c: Comparison) -> Facts:
     return (
         ("Path error, RMS", millimetres(c.path_rms_m)),
         ("maximum", millimetres(c.path_max_m)),
-        ("at most", millimetres(c.error_upper_m)),
+        ("at most", at_most(c.error_upper_m)),
         ("Heading error, RMS", degrees(c.heading_rms_rad)),
         ("at most", degrees(heading)),
     )

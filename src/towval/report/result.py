@@ -9,7 +9,7 @@ from towval.model import Calibration, Comparison, Verdict
 from towval.model.inputs import INPUTS
 from towval.model.run_record import RunRecord
 from towval.report.facts import verdict_reason
-from towval.report.wording import NOT_COMPUTED, degrees, millimetres
+from towval.report.wording import NOT_COMPUTED, at_most, degrees, millimetres
 
 _OTHERWISE = {
     Verdict.DISAGREES: ("does not", "do not"),
@@ -38,7 +38,7 @@ def sentence(records: Sequence[RunRecord]) -> str:
     agree = by_verdict.pop(Verdict.AGREES)
     parts = []
     if agree:
-        largest = millimetres(max(c.error_upper_m for c in agree))
+        largest = at_most(max(c.error_upper_m for c in agree))
         parts.append(f"{_who(agree, len(records))} {'agree' if len(agree) > 1 else 'agrees'} within {largest}")
     for verdict, others in by_verdict.items():
         if others:
@@ -75,8 +75,8 @@ def _row(c: Comparison) -> ResultRow:
         verdict=c.verdict.value,
         kind=c.verdict.value.replace(" ", "-"),
         error=f"{millimetres(c.path_rms_m)}, {degrees(c.heading_rms_rad)}",
-        bound=f"under {millimetres(c.error_upper_m)}" if known else NOT_COMPUTED,
-        detectable=f"from {millimetres(c.detectable_m)} on" if np.isfinite(c.detectable_m) else NOT_COMPUTED,
+        bound=f"under {at_most(c.error_upper_m)}" if known else NOT_COMPUTED,
+        detectable=f"from {at_most(c.detectable_m)} on" if np.isfinite(c.detectable_m) else NOT_COMPUTED,
         why=verdict_reason(c),
     )
 
@@ -91,7 +91,7 @@ def legend(records: Sequence[RunRecord]) -> str:
     tolerances = {r.comparison.tolerance_m: r.comparison.tolerance_stated for r in records}
     for tolerance_m, stated in tolerances.items():
         if np.isfinite(tolerance_m):
-            default = "" if stated else " (a default; state yours as compare.tolerance_m)"
+            default = "" if stated else " (a default; state yours with towval run --set compare.tolerance_m=...)"
             text += f" An error of {millimetres(tolerance_m)} matters{default}."
     return text
 

@@ -2,6 +2,8 @@
 
 import math
 
+from towval.model.statement import rounded_up
+
 NOT_COMPUTED = "not computed"
 
 _UNITS = {"px": "px", "px2": "px²", "mm": "mm", "m": "m", "deg": "°", "rad": "rad", "s": "s", "N": "N"}
@@ -22,6 +24,13 @@ def decimal(value: float) -> str:
 def millimetres(value_m: float) -> str:
     """A length in mm."""
     return f"{decimal(1e3 * value_m)} mm" if math.isfinite(value_m) else NOT_COMPUTED
+
+
+def at_most(value_m: float) -> str:
+    """A bound in mm with the digits of :func:`millimetres`, rounded up: what is cited holds."""
+    text = millimetres(value_m)
+    digits = len(text.partition(" ")[0].partition(".")[2])
+    return f"{rounded_up(1e3 * value_m, digits):.{digits}f} mm" if math.isfinite(value_m) else text
 
 
 def degrees(value_rad: float) -> str:

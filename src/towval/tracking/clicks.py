@@ -45,6 +45,8 @@ def check_clicks(
     if len(targets) < len(bodies):
         return checked
     given = {target.body.name: np.asarray(clicks_px[target.body.name], dtype=np.float64) for target in targets}
+    if _exchanged(targets, given):
+        return {name: replace(one, findings=(finding("clicks_exchanged"),)) for name, one in checked.items()}
     return _right_way_round(targets, _of_one_scale(targets, given, checked), tow)
 
 
@@ -144,6 +146,18 @@ def _of_one_scale(
     larger = (1 + apart) ** (1 - 2 * worse) - 1
     found = finding("clicks_scale", name=name, percent=100 * larger, std_percent=100 * std)
     return {**checked, name: replace(checked[name], findings=(*checked[name].findings, found))}
+
+
+def _exchanged(targets: Sequence[PlanarTarget], given: Mapping[str, Array]) -> bool:
+    """Whether each body's clicks (n, 2) [px] have the size of the other's top and not that of its own."""
+    one, other = targets
+    if one.body.top_corners_m.shape != other.body.top_corners_m.shape:
+        return False  # Clicks of another number of corners have been refused.
+    pairs = [(one, other), (other, one)]
+    own = np.array([_scale(target, _in_order(target, given[target.body.name])) for target, _ in pairs])
+    others = np.array([_scale(target, _in_order(target, given[rival.body.name])) for target, rival in pairs])
+    off, off_exchanged = np.abs(np.log(own[:, 0])), np.abs(np.log(others[:, 0]))
+    return bool((off > CONSTANTS.size_deviations * own[:, 1]).all() and off_exchanged.max() < off.min() / 4)
 
 
 def _scale(target: PlanarTarget, clicks_px: Array) -> tuple[float, float]:

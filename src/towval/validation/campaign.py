@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from towval.model import Array, Comparison
-from towval.model.statement import Verdict
+from towval.model.statement import Verdict, rounded_up
 from towval.validation.statistics import upper_limit
 
 _SHARED_DRAWS = 0.9
@@ -43,7 +43,7 @@ def campaign_verdict(comparisons: Sequence[Comparison], confidence: float = 0.99
     mattering = [c.run for c in judged if c.error_upper_m > c.tolerance_m]
     # A run within the tolerance is still open where an assumed value would explain what is detected.
     unsure = [c.run for c in judged if c.verdict is Verdict.CANNOT_TELL or not c.detectable_m <= c.tolerance_m]
-    bound = 1e3 * max(c.error_upper_m for c in judged)
+    bound = rounded_up(1e3 * max(c.error_upper_m for c in judged), 1)
     who = "All runs" if len(judged) == len(comparisons) else "The judged runs"
     level = f"{100 * (1 - confidence):.3g} % false alarms over {len(judged)} run{'s' * (len(judged) != 1)}"
     if set(beyond) & set(mattering):

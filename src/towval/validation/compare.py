@@ -139,6 +139,7 @@ def _judged(
         forbidding=forbidding((*upstream, *uncertainty.findings)),
         shares=uncertainty.shares,
         explanation=uncertainty.explanation,
+        largest_m=found.path_max_m,
         hidden=tuple(fault.kind for fault in uncertainty.faults if not fault.shift_rms_m <= tolerance_m),
         **tested,
     )

@@ -10,7 +10,7 @@ from towval.model import Finding, Severity
 from towval.model.findings import finding
 from towval.model.inputs import INPUTS
 from towval.model.results import UNTESTED_LIMIT
-from towval.model.statement import Bounds, Explanation, Verdict, VisibleFault
+from towval.model.statement import Bounds, Explanation, Verdict, VisibleFault, rounded_up
 
 _LEAST_SEEN = 0.5
 """Share of the frames of the motion in which the object must have been seen."""
@@ -26,7 +26,8 @@ class Evidence:
     ``tolerance_m`` error that matters; ``bounds``; ``statistics`` and ``limits`` by name; ``detectable_m``;
     ``seen_share`` of the frames of the motion; ``moved_m`` length of the path; ``forbidding`` texts of findings that
     leave a run not judged; ``explanation``; ``shares`` of the expected variance by the label of the input; ``where``
-    the difference begins and how far it goes, in words; ``hidden`` kinds of faults that do not show at the tolerance.
+    the difference begins and how far it goes, in words; ``hidden`` kinds of faults that do not show at the tolerance;
+    ``largest_m`` distance of simulated and measured path.
     """
 
     tolerance_m: float
@@ -41,6 +42,7 @@ class Evidence:
     shares: Mapping[str, float]
     where: str
     hidden: tuple[str, ...] = ()
+    largest_m: float = float("nan")
 
     @property
     def upper_m(self) -> float:
@@ -58,7 +60,7 @@ def verdict_of(e: Evidence) -> tuple[Verdict, Finding]:
     reason = _not_judged(e)
     if reason:
         return Verdict.NOT_JUDGED, finding("verdict", Severity.WARNING, statement=f"Not judged: {reason}")
-    tolerance, upper = 1e3 * e.tolerance_m, 1e3 * e.upper_m
+    tolerance, upper = 1e3 * e.tolerance_m, _at_most(e.upper_m)
     tested = ", ".join(
         f"{name} {e.statistics[name]:.1f} of at most {limit:.1f}"
         for name, limit in e.limits.items()
@@ -71,22 +73,20 @@ def verdict_of(e: Evidence) -> tuple[Verdict, Finding]:
     if e.rejected and guess:
         # Within the tolerance here, but a wrong assumption may do more elsewhere, and the model is untested.
         statement = (
-            f"Cannot tell whether the model is right: a difference is detected ({tested}), under {upper:.1f} mm where "
+            f"Cannot tell whether the model is right: a difference is detected ({tested}), under {upper} where "
             f"{tolerance:g} mm matter, and {guess} would explain it, whose value is assumed: state it"
         )
         return Verdict.CANNOT_TELL, finding("verdict", Severity.WARNING, statement=statement)
     if e.rejected:
         statement = (
-            f"Agrees: a difference is detected ({tested}; {e.where}), but it is under {upper:.1f} mm, and "
+            f"Agrees: a difference is detected ({tested}; {e.where}), but it is under {upper}, and "
             f"{tolerance:g} mm matter"
         )
         return Verdict.AGREES, finding("verdict", statement=statement)
     unsure = []
     if e.upper_m > e.tolerance_m:
         best = f" (what explains it best: {_moves(e.explanation)})" if e.explanation and e.explanation.moved else ""
-        unsure.append(
-            f"the simulation was off by up to {_at_most(e.upper_m)}, no more than inputs may make of it{best}"
-        )
+        unsure.append(f"the simulation was off by up to {upper}, no more than inputs may make of it{best}")
     if not e.detectable_m <= e.tolerance_m:
         unsure.append(
             f"faults show only from {_at_most(e.detectable_m)} RMS on" if np.isfinite(e.detectable_m)
@@ -95,11 +95,11 @@ def verdict_of(e: Evidence) -> tuple[Verdict, Finding]:
     if unsure:
         needed = max(e.upper_m, e.detectable_m)
         remedy = f"It would agree if only {_at_most(needed)} mattered. " if np.isfinite(needed) else ""
-        better = _worth_measuring(e.shares)
+        better = _worth_measuring(e)
         remedy += f"Measure better: {', '.join(better)}" if better else ""
         statement = f"Cannot tell whether it is within {tolerance:g} mm: {'; '.join(unsure)}. {remedy}".rstrip(" .")
         return Verdict.CANNOT_TELL, finding("verdict", Severity.WARNING, statement=statement)
-    statement = f"Agrees within {upper:.1f} mm, where {tolerance:g} mm matter ({tested})"
+    statement = f"Agrees within {upper}, where {tolerance:g} mm matter ({tested})"
     if e.hidden:
         statement += f"; what would not have shown even at {tolerance:g} mm: {', '.join(e.hidden)}"
     return Verdict.AGREES, finding("verdict", statement=statement)
@@ -124,11 +124,11 @@ def statement_findings(e: Evidence, faults: tuple[VisibleFault, ...], confidence
     yield finding(
         "statement",
         off=(
-            f"The simulation was within {_mm(off['position_max'][1])} of what happened ({100 * confidence:g} %; RMS "
-            f"{_mm(off['position_rms'][1])}, along {_mm(off['along_max'][1])}, across {_mm(off['across_max'][1])}, "
-            f"heading {np.degrees(off['heading_max'][1]):.2f}°)"
+            f"The simulation was within {_at_most(off['position_max'][1])} of what happened ({100 * confidence:g} %; "
+            f"RMS {_at_most(off['position_rms'][1])}, along {_at_most(off['along_max'][1])}, across "
+            f"{_at_most(off['across_max'][1])}, heading {rounded_up(np.degrees(off['heading_max'][1]), 2):.2f}°)"
         ),
-        model=f"The model's own error is between {1e3 * model[0]:.1f} and {_mm(model[1])}",
+        model=f"The model's own error is between {-rounded_up(-1e3 * model[0], 1) + 0.0:.1f} and {_at_most(model[1])}",
         visible=f"Faults seen with 90 %: {'; '.join(map(fault_text, faults))}",
     )
     # Without a rejection no input need be off; the most probable one is still useful to know.
@@ -155,8 +155,8 @@ def _mm(value_m: float) -> str:
 
 
 def _at_most(value_m: float) -> str:
-    """A length rounded up: with this tolerance, what exceeds the present one would not."""
-    return f"{math.ceil(1e4 * value_m - 1e-6) / 10:.1f} mm"
+    """A length rounded up, as a bound is: what is cited holds, and a tolerance of that size is not exceeded."""
+    return f"{rounded_up(1e3 * value_m, 1):.1f} mm"
 
 
 def _explained(e: Explanation) -> str:
@@ -201,7 +201,14 @@ def _named(name: str) -> str:
     return f"{row.label} ({row.stated.left_out.key if row.stated.left_out else row.stated.key})"
 
 
-def _worth_measuring(shares: Mapping[str, float]) -> list[str]:
-    labels = {row.label: name for name, row in INPUTS.items()}
+def _worth_measuring(e: Evidence) -> list[str]:
+    """What makes the bound smaller, or more faults visible."""
+    found = []
+    if e.largest_m <= e.tolerance_m < e.upper_m:
+        # The deviations of the simulation's inputs are no part of the bound (docs/validation.md).
+        found.append("for the bound calibration and heights of the tops (u_D)")
+        if e.detectable_m <= e.tolerance_m:
+            return found
+    shares, labels = e.shares, {row.label: name for name, row in INPUTS.items()}
     best = sorted((label for label in labels if shares.get(label, 0.0) > 0), key=lambda label: -shares[label])[:2]
-    return [f"{_named(labels[label])}, {100 * shares[label]:.0f} % of the variance" for label in best]
+    return [*found, *(f"{_named(labels[label])}, {100 * shares[label]:.0f} % of the variance" for label in best)]

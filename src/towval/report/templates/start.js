@@ -373,6 +373,7 @@ function save() {
   link.download = "campaign.yaml";
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+  byId("saved").textContent = `campaign.yaml is among the downloads of the browser. Put it in place of the one in ${DATA.name}, then call towval check again.`;
 }
 
 // ---- wiring
