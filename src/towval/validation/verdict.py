@@ -26,7 +26,8 @@ class Evidence:
     ``tolerance_m`` error that matters; ``bounds``; ``statistics`` and ``limits`` by name; ``detectable_m``;
     ``seen_share`` of the frames of the motion; ``moved_m`` length of the path; ``forbidding`` texts of findings that
     leave a run not judged; ``explanation``; ``shares`` of the expected variance by the label of the input; ``where``
-    the difference begins and how far it goes, in words; ``hidden`` kinds of faults that do not show at the tolerance.
+    the difference begins and how far it goes, in words; ``hidden`` kinds of faults that do not show at the tolerance;
+    ``between_m`` by how much the error is larger between the times at which it was tested, which the bounds include.
     """
 
     tolerance_m: float
@@ -41,6 +42,7 @@ class Evidence:
     shares: Mapping[str, float]
     where: str
     hidden: tuple[str, ...] = ()
+    between_m: float = 0.0
 
     @property
     def upper_m(self) -> float:
@@ -84,9 +86,9 @@ def verdict_of(e: Evidence) -> tuple[Verdict, Finding]:
     unsure = []
     if e.upper_m > e.tolerance_m:
         best = f" (what explains it best: {_moves(e.explanation)})" if e.explanation and e.explanation.moved else ""
-        unsure.append(
-            f"the simulation was off by up to {_at_most(e.upper_m)}, no more than inputs may make of it{best}"
-        )
+        between = e.upper_m - e.between_m <= e.tolerance_m
+        why = "between the times that were tested" if between else f"no more than inputs may make of it{best}"
+        unsure.append(f"the simulation was off by up to {_at_most(e.upper_m)}, {why}")
     if not e.detectable_m <= e.tolerance_m:
         unsure.append(
             f"faults show only from {_at_most(e.detectable_m)} RMS on" if np.isfinite(e.detectable_m)
