@@ -118,6 +118,15 @@ def test_an_error_between_the_times_of_the_draws_counts_in_the_bounds(measured):
     assert "between the times that were tested" in reason
 
 
+def test_a_start_that_leads_off_by_what_matters_is_not_judged(measured):
+    """A quarter of the tolerance: 2 mm of 5 are too much, of 20 they are not."""
+    motion = simulated(measured, np.zeros(3))
+    motion = replace(motion, statistics={**motion.statistics, "start_off_m": 2e-3})
+    fine, coarse = (compare("a", motion, measured, known(), CompareSettings(tolerance_m=at)) for at in (5e-3, 2e-2))
+    assert (fine.verdict, coarse.verdict) == (Verdict.NOT_JUDGED, Verdict.AGREES)
+    assert any("Begin the video while all bodies rest" in each.text for each in fine.findings)
+
+
 def test_lost_frames_take_no_part_and_are_told(make_track):
     track = make_track(straight, body="object", duration_s=9.6, std=(1e-9,) * 3, lost=range(50, 60))
     error = np.zeros((N, 3))

@@ -21,6 +21,7 @@ from towval.model import (
 from towval.model.errors import InputError, RefusedError
 from towval.model.findings import finding
 from towval.model.geometry import position_rms
+from towval.model.results import START_OFF
 from towval.model.statement import Bounds, Draws
 from towval.validation.consequences import forbidding
 from towval.validation.metrics import aligned_rms, area_metric, error_ratio, frechet_distance
@@ -30,6 +31,9 @@ from towval.validation.verdict import Evidence, statement_findings, verdict_of
 
 TOLERANCE_M = 0.02
 """Tolerance where none is stated."""
+
+_START_SHARE = 0.25
+"""Share of the tolerance by which the start of the simulation may lead it off."""
 
 _MOVING_M_PER_S = 2e-3
 """Speed from which the simulated object counts as moving: above the creep of a regularised law."""
@@ -137,7 +141,7 @@ def _judged(
         detectable_m=detectable_m,
         seen_share=seen_share,
         moved_m=found.path_length_m,
-        forbidding=forbidding((*upstream, *uncertainty.findings)),
+        forbidding=forbidding((*upstream, *uncertainty.findings)) or _start_off(simulated, tolerance_m),
         shares=uncertainty.shares,
         explanation=uncertainty.explanation,
         hidden=tuple(fault.kind for fault in uncertainty.faults if not fault.shift_rms_m <= tolerance_m),
@@ -209,6 +213,17 @@ def _tested(
         "where": _where(error, path.frame.pose[path.frame.seen], path.length, begins),
     }
     return tested, np.column_stack([_keys(draws), (right.drawn / right.limits).max(axis=1)]), begins
+
+
+def _start_off(simulated: SimulatedMotion, tolerance_m: float) -> tuple[str, ...]:
+    """Why a run is not judged whose start from rest leads it off by what matters at its tolerance [m]."""
+    off_m = simulated.statistics.get(START_OFF, 0.0)
+    if off_m <= _START_SHARE * tolerance_m:
+        return ()
+    return (
+        f"the object moves in the first picture, and the simulation starts it from rest, which leads its path off by "
+        f"up to {1e3 * off_m:.1f} mm, where {1e3 * tolerance_m:g} mm matter. Begin the video while all bodies rest",
+    )
 
 
 def _between(found: Comparison, rows: NDArray[np.intp]) -> Array:
