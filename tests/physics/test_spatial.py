@@ -18,7 +18,7 @@ from towval.physics.spatial.rates import acceleration_slopes, accelerations, tau
 from towval.physics.spatial.soles import MOMENTS, work_for
 from towval.physics.spatial.tow import Sticking
 from towval.physics.spatial.unit_wrenches import W, unit_wrenches
-from towval.physics.splines import piece_at, spline_through
+from towval.physics.splines import hermite_spline, piece_at, spline_through
 
 MASS, GRAVITY, MU, HALF = 5.0, 9.81, 0.35, 0.2
 WEIGHT = MASS * GRAVITY
@@ -312,6 +312,25 @@ def test_a_break_away_is_not_passed_over_where_little_pull_suffices(arm, factor,
         np.linspace(0, 40, 41), sticking=Sticking(static, 2e-4), ground=ground,
     )  # fmt: skip
     assert motion.statistics["break_aways"] >= 1
+
+
+@pytest.mark.parametrize("begins", [0.0, 0.3, 0.7, 1.0])
+def test_a_break_away_in_the_middle_of_a_piece_is_not_passed_over(begins):
+    """A hinge that comes and goes back evenly in 8 s, which one cubic describes; it pulls in the middle for 1.5 s."""
+    static, stiffness, over = 0.4, 3000.0, 0.01
+    nearest = HALF + 0.6 + static * WEIGHT / stiffness + over
+    found = []
+    for pieces in (1, 64):
+        time = np.linspace(0, 8, pieces + 1)
+        place, speed = nearest - 0.3 * (time / 4 - 1) ** 2, -0.15 * (time / 4 - 1)
+        hinge = hermite_spline(time, np.column_stack([place, 0 * place]), np.column_stack([speed, 0 * speed]))
+        motion = feedback(
+            block(anchor=(HALF, 0.0)), risen_law(static, MU, 1e-6, 0.01), Tether(0.6, stiffness), hinge, (0, 0, 0),
+            np.linspace(begins, 8, 20), sticking=Sticking(static, 2e-6),
+        )  # fmt: skip
+        found.append(motion.pose[-1])
+    assert found[0][0] > over
+    np.testing.assert_allclose(found[0], found[1], atol=1e-4)
 
 
 def test_a_region_everywhere_is_another_coefficient():

@@ -10,7 +10,7 @@ from towval.model import Tether, TimedPath
 from towval.physics.dynamics import Accuracy, feedback
 from towval.physics.friction_laws import Coulomb, Makkar
 from towval.physics.splines import hermite_spline, spline_through
-from towval.physics.steps import GROW, SHRINK, bend_ahead, following, retried, step_to_stop
+from towval.physics.steps import GROW, SHRINK, bend_ahead, following, least_step, retried, step_to_stop
 
 
 def state(velocity, acceleration):
@@ -46,6 +46,16 @@ def test_errors_that_grow_are_expected_to_grow_on():
     assert following(0.1, 0.0, 2.0, 0.1, 0.0) == pytest.approx(0.2, rel=1e-12)
     assert retried(0.1, 1e9) == pytest.approx(0.1 * SHRINK, rel=1e-12)
     assert retried(0.1, math.inf) == pytest.approx(0.01, rel=1e-12)
+
+
+def test_from_the_end_of_a_long_piece_a_step_does_not_go_beyond_a_short_one():
+    """A pause of a minute, then a second to and a second fro: from the pause's end a quarter of it spans both."""
+    time = np.array([0.0, 60.0, 61.0, 62.0, 70.0])
+    drive = hermite_spline(time, np.column_stack([[0.0, 0.0, 0.02, 0.0, 0.0], np.zeros(5)]), np.zeros((5, 2)))
+    assert least_step(drive, 10.0, 0) == pytest.approx(15.0)
+    assert least_step(drive, 59.0, 0) == pytest.approx(1.25)
+    assert least_step(drive, 60.5, 1) == pytest.approx(0.25)
+    assert least_step(drive, 69.0, 3) == pytest.approx(2.0)
 
 
 def bent_drive():

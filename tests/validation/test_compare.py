@@ -102,6 +102,31 @@ def test_a_fault_beyond_a_huge_uncertainty_is_still_a_fault(measured):
     assert compare("a", simulated(measured, error), measured, known(level=0.05)).verdict == Verdict.DISAGREES
 
 
+def test_an_error_between_the_times_of_the_draws_counts_in_the_bounds(measured):
+    """Draws of a long run are kept at some of its times; an error of a second between two of them was not in them."""
+    error, known_at_some = np.zeros((N, 3)), known()
+    draws = known_at_some.draws
+    rows = np.arange(0, N, 8)
+    kept = replace(draws, rows=rows, error=draws.error[:, rows], measurement=draws.measurement[:, rows])
+    error[81:88, 0] = 0.05
+    result = compare("a", simulated(measured, error), measured, replace(known_at_some, draws=kept))
+    assert result.path_max_m == pytest.approx(0.05, rel=1e-3)
+    assert result.error_upper_m > result.path_max_m
+    assert result.model_error_upper_m > result.path_max_m
+    assert result.verdict == Verdict.CANNOT_TELL
+    (reason,) = (each.text for each in result.findings if each.code == "verdict")
+    assert "between the times that were tested" in reason
+
+
+def test_a_start_that_leads_off_by_what_matters_is_not_judged(measured):
+    """A quarter of the tolerance: 2 mm of 5 are too much, of 20 they are not."""
+    motion = simulated(measured, np.zeros(3))
+    motion = replace(motion, statistics={**motion.statistics, "start_off_m": 2e-3})
+    fine, coarse = (compare("a", motion, measured, known(), CompareSettings(tolerance_m=at)) for at in (5e-3, 2e-2))
+    assert (fine.verdict, coarse.verdict) == (Verdict.NOT_JUDGED, Verdict.AGREES)
+    assert any("Begin the video while all bodies rest" in each.text for each in fine.findings)
+
+
 def test_lost_frames_take_no_part_and_are_told(make_track):
     track = make_track(straight, body="object", duration_s=9.6, std=(1e-9,) * 3, lost=range(50, 60))
     error = np.zeros((N, 3))

@@ -41,6 +41,22 @@ def test_frechet_is_the_recursion(seed):
     assert frechet_distance(path, other) == pytest.approx(recursive_frechet(path, other), rel=1e-12)
 
 
+def test_the_frechet_distance_of_long_paths_with_a_rest_is_that_of_all_pairs():
+    """Of long paths only a band of pairs is looked at; here every pair is, by rows."""
+    rng = np.random.default_rng(1)
+    t = np.clip(np.arange(900), 0, 500) + np.clip(np.arange(900) - 700, 0, None)
+    path = np.column_stack([2e-3 * t, 0.3 * np.sin(0.01 * t)]) + 1e-3 * rng.standard_normal((900, 2))
+    other = np.column_stack([2e-3 * t, 0.3 * np.sin(0.01 * t)])[40:] + 2e-3 * rng.standard_normal((860, 2))
+    apart = np.hypot(*(path[:, None] - other[None]).transpose(2, 0, 1))
+    leash = np.maximum.accumulate(apart[0])
+    for row in apart[1:]:
+        before, leash = leash, np.empty(len(row))
+        leash[0] = max(before[0], row[0])
+        for j in range(1, len(row)):
+            leash[j] = max(min(before[j], before[j - 1], leash[j - 1]), row[j])
+    assert frechet_distance(path, other) == leash[-1]
+
+
 def test_a_path_with_a_gap_has_no_frechet_distance():
     with pytest.raises(InputError, match="Fréchet"):
         frechet_distance(PATH, np.full((3, 2), np.nan))

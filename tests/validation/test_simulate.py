@@ -6,7 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from studies.worlds.measured import measured_track
 from studies.worlds.scenes import drive
+from studies.worlds.towed_runs import FRAME_STD, synthetic_run, true_motion
 from towval.model import FloorRegion, Ground, Tether
 from towval.model.errors import InputError, RefusedError
 from towval.model.geometry import transform
@@ -61,6 +63,22 @@ def test_an_object_that_moves_already_is_reported(tracks, make_track):
     found = codes((rover, decimate(moving)))["moving_start"]
     swing_mm = 1000 * 2 * 0.1 * np.sqrt(SCENE.mass / SCENE.tether.stiffness)
     assert f"up to {swing_mm:.0f} mm" in found.text
+
+
+def test_a_slow_start_between_stick_and_slip_is_reported():
+    """A video that begins as the object comes to rest between two slips: 2 v/ω is 2 mm, the error later 29 mm."""
+    run = synthetic_run(8)
+    true = true_motion(run, run.truth)
+    rows = slice(10 + int(np.argmax(np.hypot(*(true[:, :2] - true[0, :2]).T) > 2e-3)), None)
+    tracks = {}
+    for name, pose in (("rover", np.array([run.drive(t) for t in run.time_s])), ("object", true)):
+        noisy = pose + FRAME_STD * np.random.default_rng(len(name)).standard_normal(pose.shape)
+        tracks[name] = [decimate(measured_track(name, run.time_s[k], noisy[k], FRAME_STD)) for k in (slice(None), rows)]
+    whole, late = (simulate(run.scene, *both, run.time_s) for both in zip(*tracks.values(), strict=True))
+    assert "moving_start" in {found.code for found in late.findings}
+    assert late.statistics["start_off_m"] > 0.01
+    assert "moving_start" not in {found.code for found in whole.findings}
+    assert whole.statistics["start_off_m"] < 1e-4
 
 
 def test_a_tether_too_short_for_the_start_is_reported(tracks):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from towval.model.errors import InputError
 from towval.model.geometry import block_means, signature_entries
@@ -190,6 +191,18 @@ def test_noise_of_one_direction_moves_the_bounds_by_its_quantiles():
     low, high = bounds(np.tile([10 * MM, 0, 0], (24, 1)), noise.repeat(24, axis=1), 0.95)
     assert low[1] == pytest.approx(8.355 * MM, abs=0.06 * MM)
     assert high[1] == pytest.approx(11.645 * MM, abs=0.06 * MM)
+
+
+def test_bounds_of_a_high_confidence_hold_as_often_as_stated():
+    """At 99.9 % the largest of 256 draws is exceeded in 0.4 %, and the bounds were that draw."""
+    rng = np.random.default_rng(3)
+    beyond = []
+    for _ in range(400):
+        draws = MM * rng.standard_normal((256, 1, 3)) * [1.0, 0.0, 0.0]
+        low, high = bounds(np.tile([20 * MM, 0, 0], (24, 1)), draws.repeat(24, axis=1), 0.999)[:, 1]
+        # The truth is 20 mm and one more draw.
+        beyond.append([norm.sf((high - 20 * MM) / MM), norm.cdf((low - 20 * MM) / MM)])
+    assert np.mean(beyond, axis=0).max() < 0.0015
 
 
 def test_what_noise_alone_makes_has_no_lower_bound():

@@ -18,7 +18,7 @@ from towval.selection.draws import sample_selecting
 from towval.validation import scene_model
 from towval.validation.compare import compare
 from towval.validation.path_frame import OnPath
-from towval.validation.sampler import UncertaintySettings, _motions
+from towval.validation.sampler import Sampler, UncertaintySettings, _motions
 from towval.validation.shares import REST, variance_shares
 from towval.validation.simulate import SimulateSettings, simulate
 from towval.validation.uncertainty import BOUND_ERROR, DRAWS, UncertaintySampling, _findings, sample_uncertainty
@@ -57,6 +57,20 @@ def test_of_no_more_draws_than_coefficients_nothing_is_an_inputs():
     shares = variance_shares(draws, 3 * draws[:, :1], {"first": 1, "idle": 39})
     assert shares == {"first": 0.0, "idle": 0.0, REST: 1.0}
     assert _findings(0, 64, shares) == ()
+
+
+def test_the_object_starts_as_far_off_as_its_track_is_noisy(case):
+    """The start is measured like all poses: with 1.5 mm of noise a fifth of right models were rejected without this."""
+    known = np.diag([1e-3, 2e-3, 4e-3]) ** 2
+    noisy = replace(case.object_decimated, covariance=np.tile(known, (len(case.object_decimated.time_s), 1, 1)))
+    calm = replace(case.object_track, start_covariance=np.zeros((3, 3)))
+    exact = replace(case.calibration, covariance=np.zeros((18, 18)))
+    towed = replace(case.towed, height_std_m=0.0)
+    alone = replace(case, object_decimated=noisy, object_track=calm, calibration=exact, towed=towed, deviations={})
+    sampler = Sampler(alone, UncertaintySettings(samples=64))
+    starts = np.array([sampler.lay_out(i, np.zeros(sum(sampler.widths.values())))[0].start for i in range(600)])
+    np.testing.assert_allclose(np.cov(starts.T), known, rtol=0.2, atol=3e-7)
+    np.testing.assert_allclose(starts.mean(axis=0), sampler.start.pose[0], atol=6e-4)
 
 
 def test_an_interaction_is_named_as_such():
@@ -121,6 +135,7 @@ def test_without_deviations_nothing_is_uncertain(case):
         rover_track=replace(case.rover_track, start_covariance=np.zeros((3, 3))),
         object_track=replace(case.object_track, start_covariance=np.zeros((3, 3)), covariance=np.zeros((100, 3, 3))),
         rover_decimated=replace(case.rover_decimated, covariance=np.zeros_like(case.rover_decimated.covariance)),
+        object_decimated=replace(case.object_decimated, covariance=np.zeros_like(case.object_decimated.covariance)),
     )
     uncertainty = sample_uncertainty(exact, UncertaintySettings(samples=64))
     # What is left is the integration, with a tolerance of 1e-6 m a step for the draws and 1e-7 m for the nominal run.

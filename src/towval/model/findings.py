@@ -344,8 +344,8 @@ register(  # simulate; the last six are those of towval.physics
     ),
     FindingType(
         "moving_start", "simulate", WARNING, NOT_JUDGED,
-        "The object moves in the first picture, at {speed_mm_per_s:.0f} mm/s; the simulation starts it from rest, and "
-        "swings on the tether by up to {off_mm:.0f} mm. Begin the video while all bodies rest.",
+        "The object moves in the first picture, at {speed_mm_per_s:.0f} mm/s; the simulation starts it from rest, "
+        "which leads its path off by up to {off_mm:.0f} mm. Begin the video while all bodies rest.",
     ),
     FindingType(
         "tether_on_floor", "simulate", WARNING, NONE,

@@ -10,6 +10,9 @@ from towval.model.errors import InputError
 from towval.model.findings import Finding
 from towval.model.statement import Bounds, Draws, Explanation, Verdict, VisibleFault
 
+START_OFF = "start_off_m"
+"""Name of the statistic of a simulation that says how far a start from rest leads it off, if the object moved [m]."""
+
 UNTESTED_LIMIT = 1e-6
 """Limit of a statistic that is zero for all draws, but for rounding: so without inputs that matter, or
 with few draws."""

@@ -3,7 +3,7 @@
 Slack to taut and back are events: within a step the rates are those of one mode and smooth; a step at whose end, or
 inside which, the other mode should have taken over is cut at that moment and taken again. While slack a step never
 covers more than the hinge and the anchor need to close the gap (or a quarter of a piece of the hinge's spline,
-inside which the margin is looked at five times), so that the moment of tightening cannot be stepped over.
+inside which the margin is looked at sixteen times), so that the moment of tightening cannot be stepped over.
 """
 
 import math
@@ -18,12 +18,12 @@ from towval.physics.friction_table import PLATEAU, SLOPE
 from towval.physics.motion import SLACK, TAUT, MotionProblem, acceleration_slopes, accelerations, margin, tautness
 from towval.physics.rosenbrock import NODES, STAGES, dense_output, end_of_step, solve_stage, stage_matrix, stage_state
 from towval.physics.splines import piece_at
-from towval.physics.steps import GROW, following, retried, safe_time, step_to_stop
+from towval.physics.steps import GROW, following, least_step, retried, safe_time, step_to_stop
 
 REACHED_END, STEP_LIMIT, STEP_TOO_SMALL, NOT_FINITE = 0, 1, 2, 3
 
 _SMALLEST_STEP = 1e-14  # of the time span
-_LOOKS = 4  # a step's margin is looked at this often
+_LOOKS, _LOOKS_SLACK = 4, 16  # a step's margin is looked at this often; what is slack may tighten for a moment only
 
 
 class _Work(NamedTuple):
@@ -174,21 +174,19 @@ def finite(rates: Array, jacobian: Array) -> bool:
 @compiled(allocates=False)
 def _slack_step(scene: MotionProblem, t: float, piece: int, y: Array) -> float:
     """Longest step [s] in which hinge and anchor cannot close the gap, at least a quarter of the spline's piece."""
-    knots = scene.drive.knots
     # A distance: the margin of the mode is a pull over κ where the tether is damped, and may be far more.
     _, stretch, _ = tautness(scene, t, piece, y)
     gap = max(0.0, -stretch)
     anchor = math.hypot(y[3], y[4]) + abs(y[5]) * math.hypot(scene.body[4], scene.body[5])
-    quarter: float = (knots[piece + 1] - knots[piece]) / 4
-    return max(quarter, safe_time(scene.drive, t, piece, gap, anchor))
+    return max(least_step(scene.drive, t, piece), safe_time(scene.drive, t, piece, gap, anchor))
 
 
 @compiled(allocates=False)
 def _first_crossing(scene: MotionProblem, mode: int, t: float, h: float, piece: int, y: Array, work: _Work) -> float:
     """Fraction of the step at which the other mode takes over; 1 where it does not."""
-    low = 0.0
-    for look in range(1, _LOOKS + 1):
-        high = look / _LOOKS
+    low, looks = 0.0, _LOOKS_SLACK if mode == SLACK else _LOOKS
+    for look in range(1, looks + 1):
+        high = look / looks
         if _margin_at(scene, mode, t, h, high, piece, y, work) >= 0:
             low = high
             continue

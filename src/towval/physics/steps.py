@@ -66,6 +66,19 @@ def safe_time(drive: Spline, t: float, piece: int, gap: float, anchor_speed: flo
 
 
 @compiled(allocates=False)
+def least_step(drive: Spline, t: float, piece: int) -> float:
+    """A quarter of the drive's piece [s], in which it can do little; from its last quarter on one of the next as well.
+
+    No farther, since a piece that follows may be far shorter: after a pause all of a motion there and back.
+    """
+    knots = drive.knots
+    quarter: float = (knots[piece + 1] - knots[piece]) / 4
+    if piece + 2 < len(knots):
+        quarter = min(quarter, max(knots[piece + 1] - t, 0.0) + (knots[piece + 2] - knots[piece + 1]) / 4)
+    return quarter
+
+
+@compiled(allocates=False)
 def bend_ahead(drive: Spline, t: float, piece: int, h: float, least: float) -> float:
     """Time [s] of the first knot within a step at which the drive bends so that it is led off by ``least`` [m].
 

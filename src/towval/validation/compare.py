@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from towval.model import (
     Array,
@@ -20,15 +21,19 @@ from towval.model import (
 from towval.model.errors import InputError, RefusedError
 from towval.model.findings import finding
 from towval.model.geometry import position_rms
+from towval.model.results import START_OFF
 from towval.model.statement import Bounds, Draws
 from towval.validation.consequences import forbidding
 from towval.validation.metrics import aligned_rms, area_metric, error_ratio, frechet_distance
 from towval.validation.path_frame import OnPath, PathFrame
-from towval.validation.statistics import SIZES, STATISTICS, RightModel, bounds, holding_levels, place
+from towval.validation.statistics import SIZES, STATISTICS, RightModel, bounds, error_sizes, holding_levels, place
 from towval.validation.verdict import Evidence, statement_findings, verdict_of
 
 TOLERANCE_M = 0.02
 """Tolerance where none is stated."""
+
+_START_SHARE = 0.25
+"""Share of the tolerance by which the start of the simulation may lead it off."""
 
 _MOVING_M_PER_S = 2e-3
 """Speed from which the simulated object counts as moving: above the creep of a regularised law."""
@@ -124,7 +129,7 @@ def _judged(
 ) -> Comparison:
     """The comparison with bounds, statistics, verdict and findings added."""
     tolerance_m = settings.stated_m or TOLERANCE_M
-    tested, drawn_tests, (begins_m, ends_m) = _tested(simulated, measured, uncertainty, settings)
+    tested, drawn_tests, (begins_m, ends_m) = _tested(found, simulated, measured, uncertainty, settings)
     visible = sorted(np.nan_to_num(fault.shift_rms_m, nan=np.inf) for fault in uncertainty.faults)
     detectable_m = float(visible[(len(visible) - 1) // 2]) if visible else float("nan")
     moving = np.linalg.norm(simulated.twist[:, :2], axis=1) > _MOVING_M_PER_S
@@ -136,7 +141,7 @@ def _judged(
         detectable_m=detectable_m,
         seen_share=seen_share,
         moved_m=found.path_length_m,
-        forbidding=forbidding((*upstream, *uncertainty.findings)),
+        forbidding=forbidding((*upstream, *uncertainty.findings)) or _start_off(simulated, tolerance_m),
         shares=uncertainty.shares,
         explanation=uncertainty.explanation,
         largest_m=found.path_max_m,
@@ -176,7 +181,11 @@ def _judged(
 
 
 def _tested(
-    simulated: SimulatedMotion, measured: Track, uncertainty: RunUncertainty, settings: CompareSettings
+    found: Comparison,
+    simulated: SimulatedMotion,
+    measured: Track,
+    uncertainty: RunUncertainty,
+    settings: CompareSettings,
 ) -> tuple[dict[str, Any], Array, tuple[float, float]]:
     """The tested part of the evidence, the draws of the test (k, 2), and between which lengths the error begins [m].
 
@@ -195,13 +204,39 @@ def _tested(
     # The draws do not represent a run that is rejected: there the plain quantile is used, exact for large errors.
     levels = None if right.rejects(error) else holding_levels(drawn, path.off, confidence)
     begins = place(error, right, path.length)
+    upper = np.array([[0.0], [1.0]]) * _between(found, draws.rows)
+    off, model = bounds(error, path.off, confidence, levels) + upper, bounds(error, drawn, both) + upper
     tested = {
-        "bounds": Bounds(_named(bounds(error, path.off, confidence, levels)), _named(bounds(error, drawn, both))),
+        "bounds": Bounds(_named(off), _named(model)),
+        "between_m": float(upper[1, SIZES.index("position_max")]),
         "statistics": statistics,
         "limits": limits,
         "where": _where(error, path.frame.pose[path.frame.seen], path.length, begins),
     }
     return tested, np.column_stack([_keys(draws), (right.drawn / right.limits).max(axis=1)]), begins
+
+
+def _start_off(simulated: SimulatedMotion, tolerance_m: float) -> tuple[str, ...]:
+    """Why a run is not judged whose start from rest leads it off by what matters at its tolerance [m]."""
+    off_m = simulated.statistics.get(START_OFF, 0.0)
+    if off_m <= _START_SHARE * tolerance_m:
+        return ()
+    return (
+        f"the object moves in the first picture, and the simulation starts it from rest, which leads its path off by "
+        f"up to {1e3 * off_m:.1f} mm, where {1e3 * tolerance_m:g} mm matter. Begin the video while all bodies rest",
+    )
+
+
+def _between(found: Comparison, rows: NDArray[np.intp]) -> Array:
+    """By how much the error of a run is larger at all times than at those at which draws are kept, each of SIZES (6,).
+
+    Of a long run they are kept at some times only, and what is between them is not tested.
+    """
+    error = np.column_stack([found.along_across, found.error[:, 2]])
+    kept = np.zeros(len(error), dtype=bool)
+    kept[rows] = True
+    seen = np.isfinite(error[:, 0])
+    return np.maximum(error_sizes(error[seen]) - error_sizes(error[seen & kept]), 0.0)
 
 
 def _keys(draws: Draws) -> Array:

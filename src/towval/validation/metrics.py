@@ -10,6 +10,7 @@ from towval.model.geometry import rigid_fit, rms_length, transform
 
 _AREA_STEPS = 2000
 _AREA_REACH = 6.0
+_AREA_AT_ONCE = 1000  # times, which bounds the memory that a long run takes
 
 
 def frechet_distance(path: ArrayLike, other: ArrayLike) -> float:
@@ -21,17 +22,31 @@ def frechet_distance(path: ArrayLike, other: ArrayLike) -> float:
     path, other = np.asarray(path, dtype=np.float64), np.asarray(other, dtype=np.float64)
     if not (len(path) and len(other) and np.isfinite(path).all() and np.isfinite(other).all()):
         raise InputError("the Fréchet distance needs two whole paths", allowed="one finite point or more each")
+    n, m = len(path), len(other)
+    # No pair farther apart than the leash of a walk at even shares of both matters: of long paths a band is left.
+    even = np.linspace(0, 1, max(n, m))[:, None] * [n - 1, m - 1]
+    first, second = np.rint(even).astype(int).T
+    most = np.hypot(*(path[first] - other[second]).T).max()
     # The shortest leash that reaches each pair of points, by diagonals, whose pairs do not depend on each other; a row
-    # of ``reach`` is a point of ``path``, after one that cannot be passed.
-    before, reach = np.full((2, len(path) + 1), np.inf)
-    before[0] = -np.inf
-    for diagonal in range(len(path) + len(other) - 1):
-        i = np.arange(max(0, diagonal - len(other) + 1), min(diagonal + 1, len(path)))
-        distance = np.hypot(*(path[i] - other[diagonal - i]).T)
-        here = np.full(len(path) + 1, np.inf)
-        here[i + 1] = np.maximum(np.minimum(np.minimum(reach[i], reach[i + 1]), before[i]), distance)
-        before, reach = reach, here
-    return float(reach[-1])
+    # is the points of ``path``, after one that cannot be passed.
+    rows = np.full((3, n + 1), np.inf)
+    rows[1, 0] = -np.inf
+    reached = [(0, -1), (-1, -1)]  # first and last point of ``path`` that the last diagonal and that before reach
+    written = [slice(0, 1)] * 3
+    for diagonal in range(n + m - 1):
+        here, before, reach = (rows[(diagonal + shift) % 3] for shift in range(3))
+        low = max(0, diagonal - m + 1, min(reached[0][0], reached[1][0] + 1))
+        high = min(diagonal, n - 1, max(reached[0][1], reached[1][1]) + 1)
+        i, after = slice(low, high + 1), slice(low + 1, high + 2)
+        distance = np.hypot(*(path[i] - other[diagonal - high : diagonal - low + 1][::-1]).T)
+        leash = np.maximum(np.minimum(np.minimum(reach[i], reach[after]), before[i]), distance)
+        leash[leash > most] = np.inf
+        here[written[diagonal % 3]] = np.inf
+        here[after], written[diagonal % 3] = leash, after
+        there = np.flatnonzero(leash < np.inf)
+        span = (low + int(there[0]), low + int(there[-1])) if len(there) else (n, -1)
+        reached = [span, reached[0]]
+    return float(leash[-1])
 
 
 def area_metric(error: ArrayLike, std: ArrayLike) -> float:
@@ -55,7 +70,9 @@ def area_metric(error: ArrayLike, std: ArrayLike) -> float:
     middle = 0.5 * (edges[1:] + edges[:-1])
     empirical = np.searchsorted(errors, middle, side="right") / len(errors)
     # A deviation of zero gives a step, which a tiny one represents as well.
-    predicted = ndtr(middle[:, None] / np.maximum(stds, 1e-12 * reach)).mean(axis=1)
+    stds = np.maximum(stds, 1e-12 * reach)
+    parts = np.array_split(stds, -(-len(stds) // _AREA_AT_ONCE))
+    predicted = sum(ndtr(middle[:, None] / part).sum(axis=1) for part in parts) / len(stds)
     return float(np.abs(predicted - empirical).sum() * (edges[1] - edges[0]))
 
 

@@ -120,10 +120,12 @@ class Sampler:
             settings.tolerance_m, settings.processes,
         )  # fmt: skip
         self.knot_std = np.sqrt(np.diagonal(case.rover_decimated.covariance, axis1=1, axis2=2))
+        self.start_std = _start_std(case.object_decimated, begin)
         self.by_knots = by_kept_poses(case.rover_decimated, self.nodes)
         self.roots = _roots(case)
         if "tracking" in widened(case.upstream):
             self.noise_std, self.knot_std = WIDER * self.noise_std, WIDER * self.knot_std
+            self.start_std = WIDER * self.start_std
         # Only what varies is drawn: each further column makes the shares of all less accurate.
         self.drawn = [name for name in INPUTS if self.roots[name].any()] or ["camera"]
         self.stated = {name: INPUTS[name].values(case.scene) for name in self.drawn}
@@ -139,8 +141,9 @@ class Sampler:
         """The tow to simulate of one draw, None where it cannot be simulated, and measured poses (n, 3)."""
         rng = self.generator(index, 0)
         noise, knots = self.noise_std * rng.standard_normal(self.noise_std.shape), self._knot_noise(rng)
+        start = self.start_std * self.generator(index, 2).standard_normal(3)
         drawn, measured = self.moved(draw)
-        return drawn and drawn._replace(rover=drawn.rover + knots), measured + noise
+        return drawn and drawn._replace(rover=drawn.rover + knots, start=drawn.start + start), measured + noise
 
     def moved(self, draw: Array) -> tuple[Drawn | None, Array]:
         """The same without noise, for inputs (d,) given as standard normal numbers."""
@@ -168,6 +171,12 @@ class Sampler:
         """Noise of poses and rates (m, 6): cubics through independent noise of the kept poses of the rover's track."""
         noise = self.knot_std * rng.standard_normal(self.knot_std.shape)
         return np.concatenate(self.by_knots @ noise, axis=1)
+
+
+def _start_std(track: DecimatedTrack, begin_s: float) -> Array:
+    """Deviation (3,) [m, m, rad] of the pose from which the object starts: of the kept one that is there or before."""
+    kept = max(0, int(np.searchsorted(track.time_s, begin_s + 1e-9)) - 1)
+    return np.sqrt(np.diagonal(track.covariance[kept]))
 
 
 def _motions(calibration: Calibration, body: Body, pose: Array) -> _Motions:

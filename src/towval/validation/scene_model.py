@@ -1,11 +1,13 @@
 """A scene prepared for the physics, in the same way for simulation, uncertainty and identification."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from towval.model import Array, FrictionSpecification, SimulatedMotion, Sliding, TowingScene
 from towval.model.geometry import transform
-from towval.physics.dynamics import Accuracy, resting_patch
+from towval.physics.dynamics import Accuracy, feedback, resting_patch
 from towval.physics.friction_laws import FittedLaw, fitted_law, risen_law
 from towval.physics.ladder import DYNAMICS, simulate_rung
 from towval.physics.mass import towed_object
@@ -45,23 +47,33 @@ class SceneModel:
         return is_planar(self.towed, self._sliding(), scene.tether, scene.ground, scene.hinge_height, self._hold())
 
     def motion(
-        self, rung: str, hinge: Spline, start: ArrayLike, times: ArrayLike, tolerance_m: float
+        self,
+        rung: str,
+        hinge: Spline,
+        start: ArrayLike,
+        times: ArrayLike,
+        tolerance_m: float,
+        start_twist: ArrayLike | None = None,
     ) -> SimulatedMotion:
         """Motion of the object by a rung of the ladder, from rest, as far as it goes.
 
         ``hinge`` is the path of the tether's hinge [m], ``start`` (3,) the object's pose at ``times[0]`` [s] as
         measured, from which the motion begins as near as the object can rest (:meth:`resting`); ``tolerance_m`` of a
-        step [m]. Rungs below the dynamics use the planar model only.
+        step [m]. Rungs below the dynamics use the planar model only. The dynamics may begin with a ``start_twist``
+        (3,) of the body frame [m/s, m/s, rad/s].
         """
         scene, times = self.scene, np.asarray(times, dtype=np.float64)
         start = self.resting(spline_values(hinge, times[:1])[0][0], start)
         law: Sliding | SlidingPatch = self._sliding()
         if rung != DYNAMICS:
             law = resting_patch(self.towed, self.law.law, scene.ground.gravity)
-        return simulate_rung(
-            rung, self.towed, law, scene.tether, hinge, start, times, accuracy=Accuracy(tolerance_m),
-            ground=scene.ground, hinge_height=scene.hinge_height, sticking=self._hold(),
-        )  # fmt: skip
+        whole: dict[str, Any] = {
+            "accuracy": Accuracy(tolerance_m), "ground": scene.ground, "hinge_height": scene.hinge_height,
+            "sticking": self._hold(),
+        }  # fmt: skip
+        if start_twist is not None:
+            return feedback(self.towed, law, scene.tether, hinge, start, times, start_twist=start_twist, **whole)
+        return simulate_rung(rung, self.towed, law, scene.tether, hinge, start, times, **whole)
 
     def resting(self, hinge: Array, pose: ArrayLike) -> Array:
         """A pose (3,) [m, m, rad], moved towards the hinge (2,) [m] until friction can hold against the tether.

@@ -9,6 +9,7 @@ from towval.model import Array, DecimatedTrack, Finding, Severity, SimulatedMoti
 from towval.model.checks import within
 from towval.model.errors import InputError, RefusedError
 from towval.model.findings import finding
+from towval.model.results import START_OFF
 from towval.physics.creep import creep_length
 from towval.physics.dynamics import Outcome
 from towval.physics.ladder import DYNAMICS, RUNGS, LadderChoice, lowest_rung, path_difference, rung_names
@@ -27,8 +28,8 @@ _PARKED_CREEP_M = 5e-3
 _STANDING_M_PER_S = 1e-3
 _START_S = 0.2
 _START_OFF_M = 0.005
-"""Swing after a start from rest of an object that was moving, from which on the run is not judged: a quarter of the
-default tolerance."""
+"""How far a start from rest may lead the path of an object off that was moving: a quarter of the default tolerance. The
+comparison takes a quarter of the one that is stated."""
 
 _NEARER_M, _MUCH_NEARER_M = 1e-4, 0.005
 """By how much nearer to the rover an object starts that rests by a stiff tether, from which on that is noted, and
@@ -102,6 +103,7 @@ class RunSimulation:
         self.towed = self.model.towed
         self.hinge = hinge_trajectory(rover, scene.hinge, self.times)
         self.start_pose = towed.poses_at(self.times[0])
+        self.start_twist = towed.poses_and_rates_at(self.times[0])[3:]
         self.start_speed = _speed_at_start(towed, self.times[0])
         self._motions: dict[tuple[bool, str, float], SimulatedMotion] = {}
 
@@ -129,8 +131,10 @@ class RunSimulation:
         if rung not in (DYNAMICS, *to_dynamics):
             to_dynamics[rung] = path_difference(self.towed, motion, self.motion(DYNAMICS, tolerance))
         u_num = self.path_shift_m(rung, tolerance, tolerance / 100)
+        start_off_m = self.start_off_m(tolerance)
         statistics = {
             **motion.statistics,
+            START_OFF: start_off_m,
             "u_num_m": float(np.hypot(u_num, to_dynamics.get(rung, 0.0))),
             "u_tolerance_m": u_num,
             STICKING: float(self.model.sticking),
@@ -141,6 +145,7 @@ class RunSimulation:
             self._rung_finding(choice, motion, to_dynamics, tolerance),
             *_error_findings(u_num, settings),
             *self._findings(motion),
+            *self._moving_start(start_off_m),
             *self._creep_findings(motion, settings),
         )
         return replace(motion, findings=findings, statistics=statistics)
@@ -195,7 +200,7 @@ class RunSimulation:
         if len(self.times) < len(self.asked):
             findings.append(finding("simulate_cut", count=len(self.asked) - len(self.times)))
         findings += _hanging_findings(self.scene, motion)
-        return findings + self._taut_start(motion) + self._moving_start()
+        return findings + self._taut_start(motion)
 
     def _taut_start(self, motion: SimulatedMotion) -> list[Finding]:
         """A finding where the tether, as measured, is too short for an object at rest."""
@@ -207,13 +212,28 @@ class RunSimulation:
         severity = Severity.NOTE if nearer <= _MUCH_NEARER_M else Severity.WARNING
         return [finding("start_nearer", severity, nearer_mm=1000 * nearer)]
 
-    def _moving_start(self) -> list[Finding]:
+    def start_off_m(self, tolerance_m: float) -> float:
+        """How far a start from rest leads the path off, because the object moves when the simulation begins [m].
+
+        From a simulation that begins with the start's own motion. Where it sticks and slips a slow start does much:
+        what it still slides shifts the phase of all that follows. Of an object at rest, friction leaves nothing of the
+        noise of its curve's end.
+        """
+        if not self.start_twist.any():
+            return 0.0
+        start = self.hinge, self.start_pose, self.times, tolerance_m
+        still, moving = self.motion(DYNAMICS, tolerance_m), self.model.motion(DYNAMICS, *start, self.start_twist)
+        both = min(len(still.time_s), len(moving.time_s))
+        return float(np.linalg.norm(still.pose[:both, :2] - moving.pose[:both, :2], axis=1).max())
+
+    def _moving_start(self, off_m: float) -> list[Finding]:
         """A finding where the object moves when the simulation begins, at rest: it overtakes by 2 v/ω on its tether."""
         frequency = np.sqrt(self.scene.tether.stiffness / self.scene.mass)
-        off_m = float(2 * self.start_speed / frequency)
+        off_m = max(off_m, float(2 * self.start_speed / frequency))
         if off_m <= _START_OFF_M:
             return []
-        return [finding("moving_start", speed_mm_per_s=1000 * self.start_speed, off_mm=1000 * off_m)]
+        speed = float(np.hypot(*self.start_twist[:2]))
+        return [finding("moving_start", speed_mm_per_s=1000 * speed, off_mm=1000 * off_m)]
 
 
 def _speed_at_start(track: DecimatedTrack, begin_s: float) -> float:

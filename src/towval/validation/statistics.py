@@ -30,6 +30,10 @@ _TESTED = (0, 1, 4, 5)
 _TAIL_FROM = 0.9
 """Quantile above which the tail of a statistic counts as exponential."""
 
+_RESOLVED = 1.5
+"""Least number of draws beyond a bound for it to be their quantile: at 99.9 % that of 256 is the largest draw, which
+one more draw exceeds in 0.4 %."""
+
 _HALVINGS = 18
 """Halvings of the interval in which a bound is searched: five digits."""
 
@@ -266,7 +270,8 @@ def bounds(error: Array, draws: Array, confidence: float, levels: Array | None =
     error does not contain (a camera that moves the measured rover, and with it the simulation, as it moves the measured
     object) and for a truth that is far larger; else it is wide, because what the observed error contains is counted
     twice. *Lower*: the smallest multiple c of the observed error for which ``c error − draw`` is as large as what was
-    observed in a share 1 − ``confidence`` of the draws; zero where noise alone is.
+    observed in a share 1 − ``confidence`` of the draws; zero where noise alone is. Where the draws are too few for a
+    quantile of the ``confidence``, both are from :func:`upper_limit`, and ``levels`` do not count.
 
     Parameters
     ----------
@@ -282,21 +287,26 @@ def bounds(error: Array, draws: Array, confidence: float, levels: Array | None =
     >>> (1e3 * bounds(shift, np.tile(noise, (1, 50, 1)), 0.95)[:, 1]).round(1).tolist()  # 10 ∓ 1.64
     [8.4, 11.6]
     """
-    found = np.empty((2, len(SIZES)))
+    found, level_of = np.empty((2, len(SIZES))), levels if _resolved(draws, confidence) else None
     for i, (components, whole) in enumerate(_MADE_OF):
         part, noise = error[:, components], draws[..., components]
         square, mixed, own = np.sum(part**2, axis=-1), np.sum(part * noise, axis=-1), np.sum(noise**2, axis=-1)
         if whole == "mean":
             square, mixed, own = (value.mean(axis=-1, keepdims=True) for value in (square, mixed, own))
-        level = confidence if levels is None else float(levels[i])
-        found[:, i] = _lower(square, mixed, own, 1 - confidence), _upper(square, mixed, own, level)
+        sizes = np.sqrt(np.maximum((square + 2 * mixed + own).max(axis=-1), 0.0))
+        upper = _quantile(sizes, confidence) if level_of is None else float(np.quantile(sizes, level_of[i]))
+        found[:, i] = _lower(square, mixed, own, confidence), upper
     return found
 
 
-def _upper(square: Array, mixed: Array, own: Array, level: float) -> float:
-    """Upper bound of one size, the largest over n, from ``|error|²`` (n,), ``error · draw`` and ``|draw|²`` (k, n)."""
-    sizes = np.sqrt(np.maximum((square + 2 * mixed + own).max(axis=-1), 0.0))
-    return float(np.quantile(sizes, level))
+def _quantile(sizes: Array, confidence: float) -> float:
+    """The quantile of sizes (k,), by the form of their tail where too few lie beyond it."""
+    return float(np.quantile(sizes, confidence)) if _resolved(sizes, confidence) else upper_limit(sizes, confidence)
+
+
+def _resolved(draws: Array, level: float) -> bool:
+    """Whether enough of the draws (k, ...) lie beyond a quantile of theirs."""
+    return (1 - level) * len(draws) >= _RESOLVED
 
 
 def upper_error(error: Array, draws: Array, confidence: float) -> float:
@@ -310,12 +320,15 @@ def upper_error(error: Array, draws: Array, confidence: float) -> float:
     return float(0.5 * (high - low) / np.quantile(sizes, confidence))
 
 
-def _lower(square: Array, mixed: Array, own: Array, share: float) -> float:
-    """Lower bound of one size from the same terms."""
+def _lower(square: Array, mixed: Array, own: Array, confidence: float) -> float:
+    """Lower bound of one size, the largest over n, from ``|error|²`` (n,), ``error · draw`` and ``|draw|²`` (k, n)."""
     observed = float(square.max())
 
     def too_small(c: float) -> bool:
-        return bool(np.mean((c * c * square - 2 * c * mixed + own).max(axis=-1) >= observed) < share)
+        squares = (c * c * square - 2 * c * mixed + own).max(axis=-1)
+        if not _resolved(squares, confidence):
+            return upper_limit(np.sqrt(np.maximum(squares, 0.0)), confidence) ** 2 < observed
+        return bool(np.mean(squares >= observed) < 1 - confidence)
 
     return _edge(too_small, 1.0) * float(np.sqrt(observed)) if too_small(0.0) else 0.0
 

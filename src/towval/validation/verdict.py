@@ -27,7 +27,8 @@ class Evidence:
     ``seen_share`` of the frames of the motion; ``moved_m`` length of the path; ``forbidding`` texts of findings that
     leave a run not judged; ``explanation``; ``shares`` of the expected variance by the label of the input; ``where``
     the difference begins and how far it goes, in words; ``hidden`` kinds of faults that do not show at the tolerance;
-    ``largest_m`` distance of simulated and measured path.
+    ``largest_m`` distance of simulated and measured path; ``between_m`` by how much the error is larger between the
+    times at which it was tested, which the bounds include.
     """
 
     tolerance_m: float
@@ -43,6 +44,7 @@ class Evidence:
     where: str
     hidden: tuple[str, ...] = ()
     largest_m: float = float("nan")
+    between_m: float = 0.0
 
     @property
     def upper_m(self) -> float:
@@ -86,7 +88,9 @@ def verdict_of(e: Evidence) -> tuple[Verdict, Finding]:
     unsure = []
     if e.upper_m > e.tolerance_m:
         best = f" (what explains it best: {_moves(e.explanation)})" if e.explanation and e.explanation.moved else ""
-        unsure.append(f"the simulation was off by up to {upper}, no more than inputs may make of it{best}")
+        between = e.upper_m - e.between_m <= e.tolerance_m
+        why = "between the times that were tested" if between else f"no more than inputs may make of it{best}"
+        unsure.append(f"the simulation was off by up to {upper}, {why}")
     if not e.detectable_m <= e.tolerance_m:
         unsure.append(
             f"faults show only from {_at_most(e.detectable_m)} RMS on" if np.isfinite(e.detectable_m)

@@ -42,15 +42,17 @@ from towval.physics.spatial.rates import (
     tether_span,
 )
 from towval.physics.spatial.soles import RADIUS, Work
-from towval.physics.splines import piece_at
-from towval.physics.steps import GROW, bend_ahead, following, retried, safe_time, step_to_stop
+from towval.physics.splines import piece_at, spline_at
+from towval.physics.steps import GROW, bend_ahead, following, least_step, retried, safe_time, step_to_stop
 
 STUCK = 3
 """At rest, held by friction; beside SLACK, TAUT and FORCED."""
 TIPPED_OVER, LIFTED_OFF = 4, 5
 """Further outcomes beside those of the planar integrator."""
 
-_SMALLEST_STEP, _LOOKS = 1e-14, 4
+_SMALLEST_STEP = 1e-14
+_LOOKS, _LOOKS_SLACK = 4, 16  # a step is looked at this often; what is slack may tighten for a moment only
+_LOOKS_AT_REST = 32  # for the hardest pull of a step that may take up more than friction has to spare
 _HELD_AGAIN = 1e-4  # margin at which an object comes to rest: below, it would break away again at once
 _SAFE_SHARE = 0.7  # of the margin, that a step at rest may use up: heights change the pressure with the pull
 _MOMENT_OF_RELEASE = 1e-9  # margin at which an object breaks away
@@ -185,8 +187,11 @@ def _rest(
     margin = march.clock[_MARGIN]
     spare = _SAFE_SHARE * (margin / (1 + margin) if margin < np.inf else 1.0)
     gap = spare * pull_borne(problem, work, march.twist)
-    h = min(_resting_step(problem, forced, t, piece, y, gap), times[-1] - t)
-    t1 = times[-1] if h >= times[-1] - t else t + h
+    safe, left = _resting_step(problem, forced, t, piece, y, gap), times[-1] - t
+    h = min(max(safe, least_step(problem.drive, t, piece)), left)
+    if h > safe:
+        h = _hardest_pull(problem, forced, t, h, piece, y)
+    t1 = times[-1] if h >= left else t + h
     after = holding_margin(problem, forced, t1, piece, y, work, march.twist)
     counts[0] += 1
     counts[4] += 1
@@ -218,18 +223,37 @@ def _rest(
 
 @compiled(allocates=False)
 def _resting_step(problem: TowProblem, forced: bool, t: float, piece: int, y: Array, gap: float) -> float:
-    """Longest step [s] in which the pull cannot change by ``gap`` [N]; at least a quarter of the spline's piece."""
-    n, knots = problem.numbers, problem.drive.knots
-    quarter: float = (knots[piece + 1] - knots[piece]) / 4
+    """Longest step [s] in which the pull cannot change by ``gap`` [N]."""
+    n = problem.numbers
     if not forced:
         _, stretch, _ = tautness(problem, t, piece, y)
         stiffness, slack = n[KAPPA] * (1 + n[STIFFENING]), max(0.0, -stretch)
         if n[TETHER_WEIGHT] > 0:  # It pulls when slack, too.
             stiffness, slack = _hanging_stiffness(problem, t, piece, y, gap), 0.0
         if n[DAMPING] > 0 and slack == 0:
-            return max(quarter, _damped_rest(problem, t, piece, stiffness, gap))
+            return _damped_rest(problem, t, piece, stiffness, gap)
         gap = slack if n[DAMPING] > 0 else gap / stiffness + slack
-    return max(quarter, safe_time(problem.drive, t, piece, gap, 0.0))
+    return safe_time(problem.drive, t, piece, gap, 0.0)
+
+
+@compiled(allocates=False)
+def _hardest_pull(problem: TowProblem, forced: bool, t: float, h: float, piece: int, y: Array) -> float:
+    """Time [s] from ``t`` to the hardest pull on an object at rest within a step, if it pulls less hard after; else h.
+
+    A rover that comes near and goes back again within a piece pulls in the middle of it.
+    """
+    drive, hardest, hardest_after = problem.drive, -math.inf, h
+    for look in range(_LOOKS_AT_REST + 1):
+        after = h * look / _LOOKS_AT_REST
+        now = piece_at(drive.knots, t + after, piece)
+        if forced:
+            fx, fy, _, _, _, _ = spline_at(drive.knots, drive.coefficients, t + after, now)
+            pull = math.hypot(fx, fy)
+        else:
+            _, _, pull = tautness(problem, t + after, now, y)
+        if pull >= hardest:
+            hardest, hardest_after = pull, after
+    return hardest_after if hardest_after > 0 else h
 
 
 @compiled(allocates=False)
@@ -360,11 +384,11 @@ def _hangs_slack(problem: TowProblem, t: float, piece: int, y: Array) -> bool:
 @compiled(allocates=False)
 def _slack_step(problem: TowProblem, t: float, piece: int, y: Array) -> float:
     """Longest step [s] in which hinge and anchor cannot close the gap, at least a quarter of the spline's piece."""
-    n, knots = problem.numbers, problem.drive.knots
+    n = problem.numbers
     _, stretch, _ = tautness(problem, t, piece, y)
     anchor = math.hypot(y[3], y[4]) + abs(y[5]) * math.hypot(n[ANCHOR_X], n[ANCHOR_Y])
-    quarter: float = (knots[piece + 1] - knots[piece]) / 4
-    return max(quarter, safe_time(problem.drive, t, piece, max(0.0, -stretch), anchor))
+    safe = safe_time(problem.drive, t, piece, max(0.0, -stretch), anchor)
+    return max(least_step(problem.drive, t, piece), safe)
 
 
 @compiled(allocates=False)
@@ -372,9 +396,9 @@ def _first_crossing(problem: TowProblem, mode: int, t: float, h: float, piece: i
     """Fraction of the step at which the tether changes between slack and taut; 1 where it does not."""
     if mode == FORCED or problem.numbers[TETHER_WEIGHT] > 0:
         return 1.0
-    low = 0.0
-    for look in range(1, _LOOKS + 1):
-        high = look / _LOOKS
+    low, looks = 0.0, _LOOKS_SLACK if mode == SLACK else _LOOKS
+    for look in range(1, looks + 1):
+        high = look / looks
         if _stays(problem, mode, t, h, high, piece, march):
             low = high
             continue
