@@ -46,6 +46,14 @@ def test_a_body_that_stays_is_no_overlay(scene):
     assert standing_still(first, again, target, MOTIONS[1](0.0)) == []
 
 
+@pytest.mark.parametrize("place", [(3.0, 0.0), (-3.0, 0.0), (0.0, 2.5), (0.0, -2.5)])
+def test_over_a_body_outside_the_picture_nothing_stands(scene, place):
+    """Its clicks may lie there: the tracker says that too little of it is in view."""
+    rng = np.random.default_rng(0)
+    first, last = (rng.integers(0, 255, (540, 960), dtype=np.uint8) for _ in range(2))
+    assert standing_still(first, last, scene.target(1), np.array([*place, 0.3])) == []
+
+
 @pytest.mark.parametrize(("apart_px", "outlines"), [(12, 1), (24, 2)])
 def test_letters_within_fifteen_pixels_are_one_banner(apart_px, outlines):
     """Two squares with a check pattern, on a top whose own texture is another in the last picture."""

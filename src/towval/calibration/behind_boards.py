@@ -110,7 +110,7 @@ def as_floor_shows(
         return (
             _undoubted(observed),
             {},
-            (finding("held-flipped", names=_some(flipped), flip=seen[flipped[0]].flip, by=behind),),
+            (finding("held-flipped", names=some_of(flipped), flip=seen[flipped[0]].flip, by=behind),),
         )
     differ = [name for name, crop in seen.items() if crop.differs(Crop(), size)]
     if not differ:
@@ -125,7 +125,7 @@ def as_floor_shows(
     boards = tuple(_seen_by(each, seen.get(each.name, usual), size) for each in kept.boards)
     most = seen[max(differ, key=lambda name: abs(seen[name].zoom - 1))]
     numbers = {"percent": 100 * (most.zoom - 1), "std_percent": CONSTANTS.zoom_std_percent}
-    named = finding("held-differ", names=_some(differ), u=most.shift_px[0], v=most.shift_px[1], **numbers)
+    named = finding("held-differ", names=some_of(differ), u=most.shift_px[0], v=most.shift_px[1], **numbers)
     return replace(kept, boards=boards), dropped, (named,)
 
 
@@ -150,7 +150,8 @@ def _several(crops: Collection[Crop], resolution_px: tuple[int, int]) -> bool:
     return any(each.differs(first, resolution_px) for each in crops)
 
 
-def _some(names: Sequence[str]) -> str:
+def some_of(names: Sequence[str]) -> str:
+    """The first of some names, and how many more there are."""
     more = f" and {len(names) - 3} more" if len(names) > 3 else ""
     return ", ".join(names[:3]) + more
 

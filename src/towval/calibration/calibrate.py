@@ -1,6 +1,6 @@
 """The stage ``calibrate``: pictures of a board, held up and lying on the floor, to a camera over a floor."""
 
-from collections.abc import Container, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,7 +17,8 @@ from towval.calibration.adequacy import (
     view_findings,
     view_statistics,
 )
-from towval.calibration.behind_boards import as_floor_shows
+from towval.calibration.alike import without_repeats
+from towval.calibration.behind_boards import as_floor_shows, some_of
 from towval.calibration.board_search import NamedImage, find_boards
 from towval.calibration.bundle_adjustment import Estimate, adjust, residuals
 from towval.calibration.corners import BoardObservation
@@ -185,7 +186,8 @@ def calibrate_observations(
     A degenerate set is in the findings, with the severity of a refusal where it is hopeless. `RefusedError` where too
     few views are left, or the board that fixes the floor frame does not fit.
     """
-    kept, start, dropped = _without_misfits(observed, settings)
+    distinct, repeats = without_repeats(observed)
+    kept, start, dropped = _without_misfits(distinct, settings)
     kept, start = _with_honest_marks(kept, start)
     settled = settle(kept, start, settings.lens_models, settings.folds)
     chosen = settled.chosen
@@ -195,13 +197,14 @@ def calibrate_observations(
         floor=Floor(estimate.T_camera_floor),
         covariance=settled.covariance,
         corner_noise_px=estimate.noise_px,
-        views=_views(observed, kept, estimate, dropped, without_board),
+        views=_views(observed, kept, estimate, repeats | dropped, without_board),
     )
     calibration = _judged(calibration, kept, settled.trials, chosen, (0.0, *heights_m), settings.position_limit_m)
     stated = observed.reference.mark_std_px if observed.reference is not None else np.nan
     further = (*settled.findings, *marks_findings(kept, estimate, stated))
     quality = {**calibration.quality, **settled.quality}
-    return replace(calibration, findings=(*calibration.findings, *further), quality=quality)
+    left_out = _dropped_findings(calibration, repeats)
+    return replace(calibration, findings=(*left_out, *calibration.findings, *further), quality=quality)
 
 
 def _without_misfits(
@@ -318,7 +321,7 @@ def _judged(
         "condition_number": chosen.condition,
         "focal_length_std_px": float(np.sqrt(calibration.covariance[0, 0])),
     }
-    findings = [*_dropped_findings(calibration), *view_findings(statistics), *_lens_findings(trials, chosen)]
+    findings = [*view_findings(statistics), *_lens_findings(trials, chosen)]
     findings += blur_findings(kept)
     if kept.reference is not None:
         halves = compare_halves(kept, chosen, heights_m)
@@ -339,10 +342,14 @@ def _reprojection_rms_px(calibration: Calibration) -> float:
     return float(np.sqrt(np.mean(np.sum(np.concatenate(used) ** 2, axis=1))))
 
 
-def _dropped_findings(calibration: Calibration) -> list[Finding]:
+def _dropped_findings(calibration: Calibration, repeats: Mapping[str, str]) -> list[Finding]:
+    """Findings about views that are left out, those that repeat another one in a single one."""
     severity = {True: Severity.WARNING, False: Severity.NOTE}
-    dropped = [view for view in calibration.views if view.dropped]
-    return [finding("view-dropped", severity[len(v.corners_px) > 0], name=v.name, reason=v.dropped) for v in dropped]
+    dropped = [view for view in calibration.views if view.dropped and view.name not in repeats]
+    found = [finding("view-dropped", severity[len(v.corners_px) > 0], name=v.name, reason=v.dropped) for v in dropped]
+    if repeats:
+        found.append(finding("views-repeated", names=some_of(list(repeats)), count=len(repeats)))
+    return found
 
 
 def _lens_findings(trials: Sequence[LensTrial], chosen: LensTrial) -> list[Finding]:

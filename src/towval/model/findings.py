@@ -102,6 +102,11 @@ _ENDED = "The simulation ended with: {outcome}, at {time_s:.3f} s. {advice}"
 register(  # calibrate
     FindingType("view-dropped", "calibrate", (Severity.WARNING, Severity.NOTE), NONE, "{name} was left out: {reason}."),
     FindingType(
+        "views-repeated", "calibrate", NOTE, NONE,
+        "Pictures that show the board where another one does count as that one ({count}: {names}). Move or tilt it "
+        "between two pictures.",
+    ),
+    FindingType(
         "lens-undetermined", "calibrate", NOTE, NONE,
         'The lens model "{model}" predicts held-out views better ({score_px:.2f} px against {chosen_px:.2f} px of '
         '"{chosen}"), but the views do not determine its coefficients (condition number {condition:.0e}): they cancel, '

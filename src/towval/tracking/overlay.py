@@ -34,12 +34,15 @@ CONSTANTS = OverlayConstants()
 def standing_still(first: Luma, last: Luma, target: PlanarTarget, pose: Array) -> list[Array]:
     """Outlines (n, 2) in the body frame [m] of what covers a body and is the same in the first and the last picture.
 
-    ``pose`` (3,) is the body's in the first picture. Empty where the body has not moved, so that nothing can be told.
+    ``pose`` (3,) is the body's in the first picture. Empty where the body has not moved, so that nothing can be told,
+    or is outside the picture.
     """
     corners = np.round(target.pixels(target.body.top_corners_m, pose)).astype(np.int32)
     pad = CONSTANTS.window_px
     low = np.maximum(corners.min(axis=0) - pad, 0)
     high = np.minimum(corners.max(axis=0) + pad + 1, [first.shape[1], first.shape[0]])
+    if (high <= low).any():
+        return []
     box = slice(low[1], high[1]), slice(low[0], high[0])
     top = np.zeros(first[box].shape, np.uint8)
     cv2.fillPoly(top, [corners - low.astype(np.int32)], 1)
