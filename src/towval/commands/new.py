@@ -24,7 +24,7 @@ from towval.io.schema import faults_of
 from towval.io.video import Video
 from towval.io.yaml_text import read_value, read_yaml
 from towval.model import Board
-from towval.model.errors import Faults, InputError
+from towval.model.errors import Faults, InputError, shortened
 
 VIDEO_SUFFIXES = (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".mts", ".webm")
 
@@ -141,7 +141,8 @@ def run(
         write_text(file, _with_starts(text, checked["runs"]))
     guessed = [key for key, mark in draft.marks.items() if mark.startswith(GUESS)]
     runs = list(draft.document["runs"])
-    text = f"{len(runs)} run{'s' * (len(runs) != 1)}; guessed, so measure first: {', '.join(guessed) or 'nothing'}"
+    text = f"run{'s' * (len(runs) != 1)} {shortened(', '.join(runs))}; "
+    text += f"guessed, so measure first: {', '.join(guessed) or 'nothing'}"
     unstated = [fact.key for fact in FACTS if not fact.needed and draft.known(fact.key) is None]
     text += f"; not stated: {', '.join(unstated)}" if unstated else ""
     numbers = {"runs": runs, "guessed": guessed, "check": checked}
@@ -267,7 +268,9 @@ def _meaning(key: str) -> tuple[dict[str, Any], str]:
 
 def _unknown(key: str) -> InputError:
     example = "[0.5,0.35]" if key.endswith("top_corners_m") else "..."
-    return InputError(f"{key} is not known: {_meaning(key)[1]}", remedy=f"give it: --set {key}={example}")
+    remedy = f"give it: --set {key}={example}"
+    remedy += ", or put floor into the name of that picture" * (key == "floor.image")
+    return InputError(f"{key} is not known: {_meaning(key)[1]}", remedy=remedy)
 
 
 def _asked(fact: Fact, guessed: tuple[Any, str] | None) -> Any:
