@@ -13,7 +13,7 @@ import yaml
 
 from towval.calibration.board_search import fitting_corner_counts
 from towval.calibration.corners import observe_chessboard
-from towval.commands.check import check, for_people
+from towval.commands.check import IN_FLOOR_AXES, check, for_people
 from towval.commands.console import Outcome
 from towval.commands.settings import nested
 from towval.io.atomic import write_text
@@ -145,6 +145,11 @@ def run(
     text += f"guessed, so measure first: {', '.join(guessed) or 'nothing'}"
     unstated = [fact.key for fact in FACTS if not fact.needed and draft.known(fact.key) is None]
     text += f"; not stated: {', '.join(unstated)}" if unstated else ""
+    in_axes = [key for key in IN_FLOOR_AXES if draft.known(key) is not None]
+    if in_axes and "floor.origin_corner_px" in draft.marks:
+        text += (
+            f"; the floor's axes were chosen, and {' and '.join(in_axes)} must be given in them: see check/start.html"
+        )
     numbers = {"runs": runs, "guessed": guessed, "check": checked}
     return Outcome("new", (file,), text, numbers, details=(for_people(checked),) if checked else ())
 
