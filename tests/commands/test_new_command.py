@@ -197,6 +197,16 @@ def test_heights_of_the_tow_are_asked_for_and_may_stay_unknown(footage, monkeypa
     assert "not stated: camera.fps, floor.board_thickness_m, object.tether_anchor_height_m" in outcome.text
 
 
+def test_axes_that_were_chosen_are_told_where_a_slope_is_given_in_them(footage):
+    slope = {"floor.slope_mm_per_m": [1.0, 0.0]}
+    told = "floor's axes were chosen, and floor.slope_mm_per_m must be given in them"
+    assert told in run(footage, FACTS | slope, ask=False, find=False).text
+    axes = yaml.safe_load((footage / "campaign.yaml").read_text())["floor"]
+    stated = {f"floor.{key}": axes[key] for key in ("origin_corner_px", "x_axis_end_corner_px")}
+    assert told not in run(footage, FACTS | slope | stated, ask=False, find=False, force=True).text
+    assert told not in run(footage, FACTS, ask=False, find=False, force=True).text
+
+
 def test_guesses_can_be_drawn(footage):
     """A guess has a wide deviation; four of them reach below zero, where no scene can be."""
     run(footage, FACTS, ask=False, find=False)

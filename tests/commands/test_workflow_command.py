@@ -14,7 +14,7 @@ from types import SimpleNamespace
 import pytest
 import yaml
 
-from towval.commands.workflow import _environment, run, run_demo
+from towval.commands.workflow import _environment, _lines, run, run_demo
 from towval.model.errors import InputError
 
 SAMPLE = Path(str(resources.files("towval"))) / "sample"
@@ -72,6 +72,14 @@ def test_what_a_call_works_on_is_no_setting(tmp_path, monkeypatch, key):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError, match=f"{key} is no key to set here"):
         run(SAMPLE, keys={key: "other"})
+
+
+@pytest.mark.parametrize(("verdict", "cited"), [("agrees", True), ("not judged", False)])
+def test_the_bound_of_a_run_is_stated_where_it_counts(verdict, cited):
+    row = {"verdict": verdict, "error_upper_m": 0.00224, "tolerance_m": 0.02, "path_rms_m": 0.0005, "u_val_m": 0.001}
+    (line,) = _lines({"a": row})
+    assert line.startswith(f"run a: {verdict}; ")
+    assert ("off by at most 2.3 mm, tolerance 20 mm" in line) == cited
 
 
 def test_options_for_snakemake_with_an_open_quote_are_told():

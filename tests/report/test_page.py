@@ -13,9 +13,9 @@ from towval.model import Finding, Severity, Verdict
 from towval.model.errors import InputError
 from towval.report.data import InputRow, Provenance, ReportData, RunReport, StageFinding
 from towval.report.drawing import draw_figures
-from towval.report.facts import calibration_facts, plane_table, side_by_side, verdict_reason
+from towval.report.facts import calibration_facts, key_numbers, plane_table, side_by_side, verdict_reason
 from towval.report.page import write_report
-from towval.report.result import measure_first, sentence
+from towval.report.result import measure_first, result_rows, sentence
 from towval.report.view import collect_findings
 
 PROVENANCE = Provenance(
@@ -230,6 +230,16 @@ def test_the_sentence_says_who_agrees_who_does_not_and_what_to_measure():
     assert sentence([good[0], bad, unsure]).startswith(
         "Run a agrees within 2.00 mm; run d does not, from 1.3 m on; run e leaves open"
     )
+
+
+@pytest.mark.parametrize(("verdict", "cited"), [(Verdict.AGREES, True), (Verdict.NOT_JUDGED, False)])
+def test_a_bound_is_rounded_up_and_a_run_that_is_not_judged_has_none(verdict, cited):
+    run = judged("a", verdict, 0.0022404)
+    (row,) = result_rows([run])
+    assert row.bound == ("under 2.25 mm" if cited else "none: not judged")
+    assert (row.detectable == "none: not judged") != cited
+    assert dict(key_numbers(run.comparison))["at most"].startswith("none") != cited
+    assert ("& 2.3 &" in summary_latex([run.comparison])) == cited
 
 
 def test_what_cannot_be_measured_with_a_tool_is_not_named_as_what_to_measure():

@@ -162,7 +162,8 @@ def _write_page(page: Path, given: Campaign, calibration: Calibration, starts: d
     )
 
 
-_IN_FLOOR_AXES = ("floor.slope_mm_per_m", "friction.regions")
+IN_FLOOR_AXES = ("floor.slope_mm_per_m", "friction.regions")
+"""Keys of campaign.yaml with values in the axes of the floor."""
 
 
 def _floor_board(given: Campaign) -> FloorBoard | None:
@@ -181,7 +182,7 @@ def _floor_board(given: Campaign) -> FloorBoard | None:
     low = np.maximum(corners_px.min(axis=0) - around, 0).astype(int)
     high = (corners_px.max(axis=0) + around).astype(int)
     luma = np.ascontiguousarray(pictures[0][1][low[1] : high[1], low[0] : high[0]])
-    stated = [key for key in _IN_FLOOR_AXES if _states(given.document, key)]
+    stated = [key for key in IN_FLOOR_AXES if _states(given.document, key)]
     return FloorBoard(luma, (int(low[0]), int(low[1])), corners_px, origin, end, stated)
 
 

@@ -13,7 +13,7 @@ import yaml
 
 from towval.calibration.board_search import fitting_corner_counts
 from towval.calibration.corners import observe_chessboard
-from towval.commands.check import check, for_people
+from towval.commands.check import IN_FLOOR_AXES, check, for_people
 from towval.commands.console import Outcome
 from towval.commands.settings import nested
 from towval.io.atomic import write_text
@@ -24,7 +24,7 @@ from towval.io.schema import faults_of
 from towval.io.video import Video
 from towval.io.yaml_text import read_value, read_yaml
 from towval.model import Board
-from towval.model.errors import Faults, InputError
+from towval.model.errors import Faults, InputError, shortened
 
 VIDEO_SUFFIXES = (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".mts", ".webm")
 
@@ -141,9 +141,15 @@ def run(
         write_text(file, _with_starts(text, checked["runs"]))
     guessed = [key for key, mark in draft.marks.items() if mark.startswith(GUESS)]
     runs = list(draft.document["runs"])
-    text = f"{len(runs)} run{'s' * (len(runs) != 1)}; guessed, so measure first: {', '.join(guessed) or 'nothing'}"
+    text = f"run{'s' * (len(runs) != 1)} {shortened(', '.join(runs))}; "
+    text += f"guessed, so measure first: {', '.join(guessed) or 'nothing'}"
     unstated = [fact.key for fact in FACTS if not fact.needed and draft.known(fact.key) is None]
     text += f"; not stated: {', '.join(unstated)}" if unstated else ""
+    in_axes = [key for key in IN_FLOOR_AXES if draft.known(key) is not None]
+    if in_axes and "floor.origin_corner_px" in draft.marks:
+        text += (
+            f"; the floor's axes were chosen, and {' and '.join(in_axes)} must be given in them: see check/start.html"
+        )
     numbers = {"runs": runs, "guessed": guessed, "check": checked}
     return Outcome("new", (file,), text, numbers, details=(for_people(checked),) if checked else ())
 
@@ -267,7 +273,9 @@ def _meaning(key: str) -> tuple[dict[str, Any], str]:
 
 def _unknown(key: str) -> InputError:
     example = "[0.5,0.35]" if key.endswith("top_corners_m") else "..."
-    return InputError(f"{key} is not known: {_meaning(key)[1]}", remedy=f"give it: --set {key}={example}")
+    remedy = f"give it: --set {key}={example}"
+    remedy += ", or put floor into the name of that picture" * (key == "floor.image")
+    return InputError(f"{key} is not known: {_meaning(key)[1]}", remedy=remedy)
 
 
 def _asked(fact: Fact, guessed: tuple[Any, str] | None) -> Any:

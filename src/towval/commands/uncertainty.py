@@ -49,6 +49,6 @@ def run(
     made_of = provenance("uncertainty", settings, inputs, run=name, document=sections)
     write_uncertainty(output, uncertainty, case.simulated, made_of)
     u_val_mm = 1e3 * position_rms(uncertainty.validation)
-    text = f"{uncertainty.samples} draws; a right model is off by {decimal(u_val_mm)} mm RMS"
+    text = f"{uncertainty.samples} draws; u_val {decimal(u_val_mm)} mm, the RMS error that a right model would show"
     numbers = {"samples": uncertainty.samples, "u_val_mm": u_val_mm, "shares": dict(uncertainty.shares)}
     return Outcome(f"uncertainty {name}", (output,), text, numbers, uncertainty.findings)

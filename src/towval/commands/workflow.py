@@ -27,7 +27,7 @@ from towval.io.campaign import load_campaign
 from towval.io.schema import check, packaged_schema
 from towval.io.summary_rows import read_summary
 from towval.model.errors import InputError
-from towval.model.statement import rounded_up
+from towval.model.statement import Verdict, rounded_up
 
 SNAKEMAKE = ("--rerun-incomplete", "--keep-going", "--show-failed-logs", "--quiet", "host", "reason")
 
@@ -241,8 +241,9 @@ def _lines(runs: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
     """One line per run: the verdict, the bound to cite beside the tolerance, the error and its uncertainty."""
     lines = []
     for name, row in runs.items():
+        known = row["verdict"] != Verdict.NOT_JUDGED and math.isfinite(row["error_upper_m"])
         bound_mm, tolerance_mm = rounded_up(1e3 * row["error_upper_m"], 1), 1e3 * row["tolerance_m"]
-        bound = f"off by at most {bound_mm:.1f} mm, tolerance {tolerance_mm:g} mm; " if math.isfinite(bound_mm) else ""
+        bound = f"off by at most {bound_mm:.1f} mm, tolerance {tolerance_mm:g} mm; " if known else ""
         lines.append(
             f"run {name}: {row['verdict']}; {bound}simulated minus measured path {1e3 * row['path_rms_m']:.1f} mm RMS, "
             f"u_val {1e3 * row['u_val_m']:.1f} mm"

@@ -40,7 +40,9 @@ def read_gray(path: Path, resolution_px: tuple[int, int]) -> NDArray[np.uint8]:
             f"{path} has another size than camera.resolution_px",
             got=f"{size[0]} × {size[1]}",
             allowed=f"{resolution_px[0]} × {resolution_px[1]}",
-            remedy=turn if upright else "calibrate with pictures from the camera mode that filmed the runs",
+            remedy=turn
+            if upright
+            else "take the pictures in the mode that filmed the runs; of a phone, from a film (docs/calibration.md)",
         )
     return image
 

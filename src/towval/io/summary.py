@@ -8,7 +8,7 @@ import pandas as pd
 
 from towval.io.atomic import write_text
 from towval.model import Comparison
-from towval.model.statement import rounded_up
+from towval.model.statement import Verdict, rounded_up
 
 COLUMNS = (
     "run", "path_rms_m", "path_max_m", "heading_rms_rad", "path_length_m", "u_num_m", "u_input_m", "u_measurement_m",
@@ -60,7 +60,7 @@ def _latex_cells(c: Comparison) -> list[str]:
         c.run.replace("_", r"\_"),
         _decimal(c.path_length_m, 2),
         *(_decimal(1e3 * value, 1) for value in (c.path_rms_m, c.path_max_m, c.u_val_m)),
-        _decimal(rounded_up(1e3 * c.error_upper_m, 1), 1),
+        _decimal(math.nan if c.verdict is Verdict.NOT_JUDGED else rounded_up(1e3 * c.error_upper_m, 1), 1),
         c.verdict.value,
     ]
 

@@ -4,10 +4,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from towval.model import Calibration, Comparison, Identification, Stamp, Track
+from towval.model import Calibration, Comparison, Identification, Stamp, Track, Verdict
 from towval.model.geometry import polygon_centroid, transform
 from towval.model.run_record import RunRecord
-from towval.report.wording import NOT_COMPUTED, at_most, decimal, degrees, millimetres, named_scalar
+from towval.report.wording import NOT_COMPUTED, NOT_JUDGED, at_most, decimal, degrees, millimetres, named_scalar
 
 Facts = tuple[tuple[str, str], ...]
 """Names and values as shown."""
@@ -166,12 +166,13 @@ def _of_limit(c: Comparison, name: str) -> str:
 def key_numbers(c: Comparison) -> Facts:
     """The errors of a run."""
     heading = c.bounds.simulation.get("heading_max", (np.nan, np.nan))[1]
+    judged = c.verdict is not Verdict.NOT_JUDGED
     return (
         ("Path error, RMS", millimetres(c.path_rms_m)),
         ("maximum", millimetres(c.path_max_m)),
-        ("at most", at_most(c.error_upper_m)),
+        ("at most", at_most(c.error_upper_m) if judged else NOT_JUDGED),
         ("Heading error, RMS", degrees(c.heading_rms_rad)),
-        ("at most", degrees(heading)),
+        ("at most", degrees(heading) if judged else NOT_JUDGED),
     )
 
 

@@ -9,7 +9,7 @@ from towval.model import Calibration, Comparison, Verdict
 from towval.model.inputs import INPUTS
 from towval.model.run_record import RunRecord
 from towval.report.facts import verdict_reason
-from towval.report.wording import NOT_COMPUTED, at_most, degrees, millimetres
+from towval.report.wording import NOT_COMPUTED, NOT_JUDGED, at_most, degrees, millimetres
 
 _OTHERWISE = {
     Verdict.DISAGREES: ("does not", "do not"),
@@ -69,14 +69,17 @@ def result_rows(records: Sequence[RunRecord]) -> tuple[ResultRow, ...]:
 
 
 def _row(c: Comparison) -> ResultRow:
-    known = np.isfinite(c.error_upper_m)
+    # What a fault of the measurement or of the draws makes is no bound to cite.
+    judged = c.verdict is not Verdict.NOT_JUDGED
+    missing = NOT_COMPUTED if judged else NOT_JUDGED
+    known, detectable = judged and np.isfinite(c.error_upper_m), judged and np.isfinite(c.detectable_m)
     return ResultRow(
         run=c.run,
         verdict=c.verdict.value,
         kind=c.verdict.value.replace(" ", "-"),
         error=f"{millimetres(c.path_rms_m)}, {degrees(c.heading_rms_rad)}",
-        bound=f"under {at_most(c.error_upper_m)}" if known else NOT_COMPUTED,
-        detectable=f"from {at_most(c.detectable_m)} on" if np.isfinite(c.detectable_m) else NOT_COMPUTED,
+        bound=f"under {at_most(c.error_upper_m)}" if known else missing,
+        detectable=f"from {at_most(c.detectable_m)} on" if detectable else missing,
         why=verdict_reason(c),
     )
 

@@ -5,6 +5,7 @@ import math
 from towval.model.statement import rounded_up
 
 NOT_COMPUTED = "not computed"
+NOT_JUDGED = "none: not judged"
 
 _UNITS = {"px": "px", "px2": "px²", "mm": "mm", "m": "m", "deg": "°", "rad": "rad", "s": "s", "N": "N"}
 

@@ -125,10 +125,11 @@ def statement_findings(e: Evidence, faults: tuple[VisibleFault, ...], confidence
     if not e.limits:
         return
     off, model = e.bounds.simulation, e.bounds.model["position_max"]
+    the = "Not to be cited, since the run is not judged: the" if _not_judged(e) else "The"
     yield finding(
         "statement",
         off=(
-            f"The simulation was within {_at_most(off['position_max'][1])} of what happened ({100 * confidence:g} %; "
+            f"{the} simulation was within {_at_most(off['position_max'][1])} of what happened ({100 * confidence:g} %; "
             f"RMS {_at_most(off['position_rms'][1])}, along {_at_most(off['along_max'][1])}, across "
             f"{_at_most(off['across_max'][1])}, heading {rounded_up(np.degrees(off['heading_max'][1]), 2):.2f}°)"
         ),
