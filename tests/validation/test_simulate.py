@@ -15,6 +15,7 @@ from towval.model.geometry import transform
 from towval.physics.dynamics import Outcome
 from towval.physics.friction_laws import FittedLaw, fitted_law
 from towval.physics.ladder import rung_names
+from towval.validation import scene_model
 from towval.validation.decimate import decimate
 from towval.validation.scene_model import SceneModel
 from towval.validation.simulate import STICKING, RunSimulation, SimulateSettings, simulate
@@ -79,6 +80,20 @@ def test_a_slow_start_between_stick_and_slip_is_reported():
     assert late.statistics["start_off_m"] > 0.01
     assert "moving_start" not in {found.code for found in whole.findings}
     assert whole.statistics["start_off_m"] < 1e-4
+
+
+def test_an_object_that_sticks_slides_by_the_law_that_is_stated(monkeypatch):
+    """Coulomb's law has no peak, whether or not the object sticks; what another misses is stated."""
+    friction = replace(SCENE.friction, static=0.45, law="coulomb")
+    model = SceneModel(replace(SCENE, friction=friction), sticking=True)
+    assert model.law.law.coefficient(np.geomspace(1e-4, 1, 99)).max() <= friction.kinetic
+    assert model._hold().static == friction.kinetic
+    assert model.law.residual == fitted_law(friction).residual > 0.2
+    other = FittedLaw(fitted_law(replace(friction, kinetic=0.40)).law, 0.0)
+    monkeypatch.setattr(scene_model, "fitted_law", lambda _: other)
+    model = SceneModel(replace(SCENE, friction=replace(friction, law="another")), sticking=True)
+    assert model.law.residual == pytest.approx(0.125, rel=0.05)  # 0.45 for 0.40 as it begins to slide, 0.35 later
+    assert SceneModel(replace(SCENE, friction=replace(friction, law="makkar")), sticking=True).law.residual == 0
 
 
 def test_a_tether_too_short_for_the_start_is_reported(tracks):

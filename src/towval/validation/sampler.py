@@ -176,8 +176,7 @@ class Sampler:
 def _start_std(track: DecimatedTrack, begin_s: float) -> Array:
     """Deviation (3,) [m, m, rad] of the pose from which the object starts: of the kept one that is there or before."""
     kept = max(0, int(np.searchsorted(track.time_s, begin_s + 1e-9)) - 1)
-    std: Array = np.sqrt(np.diagonal(track.covariance[kept]))
-    return std
+    return np.asarray(np.sqrt(np.diagonal(track.covariance[kept])))
 
 
 def _motions(calibration: Calibration, body: Body, pose: Array) -> _Motions:

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from towval.model import Array, FrictionSpecification, SimulatedMotion, Sliding, TowingScene
 from towval.model.geometry import transform
 from towval.physics.dynamics import Accuracy, feedback, resting_patch
-from towval.physics.friction_laws import FittedLaw, fitted_law, risen_law
+from towval.physics.friction_laws import Coulomb, FittedLaw, Makkar, fitted_law, risen_law
 from towval.physics.ladder import DYNAMICS, simulate_rung
 from towval.physics.mass import towed_object
 from towval.physics.spatial.tow import Sticking, is_planar
@@ -97,9 +97,25 @@ class SceneModel:
 
     def _hold(self) -> Sticking | None:
         friction = self.scene.friction
-        return Sticking(friction.static, _HOLD * RISE_SHARE * friction.friction_velocity) if self.sticking else None
+        return Sticking(_held(friction), _HOLD * RISE_SHARE * friction.friction_velocity) if self.sticking else None
+
+
+def _held(friction: FrictionSpecification) -> float:
+    """The coefficient that holds an object at rest: Coulomb's law knows the kinetic one only."""
+    return friction.kinetic if friction.law == Coulomb.name else friction.static
 
 
 def _risen(friction: FrictionSpecification) -> FittedLaw:
-    rise = RISE_SHARE * friction.friction_velocity
-    return FittedLaw(risen_law(friction.static, friction.kinetic, rise, friction.friction_velocity), 0.0)
+    """The law of sliding of an object that sticks, of Makkar's form; ``residual``: how far it misses the stated law.
+
+    That is the law that campaign.yaml names, from the stiction velocity on; Makkar's own is met by its numbers.
+    """
+    rise, settled = RISE_SHARE * friction.friction_velocity, friction.friction_velocity
+    law = risen_law(_held(friction), friction.kinetic, rise, settled)
+    if friction.law == Makkar.name:
+        return FittedLaw(law, 0.0)
+    stated, speeds = fitted_law(friction), np.geomspace(friction.stiction_velocity, 10 * settled, 100)
+    if friction.law == Coulomb.name:
+        return FittedLaw(law, stated.residual)
+    misfit = np.abs(law.coefficient(speeds) / stated.law.coefficient(speeds) - 1).max()
+    return FittedLaw(law, max(stated.residual, float(misfit)))
