@@ -151,6 +151,7 @@ FAULTS = (
     Fault("warm air", (0.2, 0.5, 1.5), "px", _MOVED, unforeseen.haze),
     # Time
     Fault("dropped", (1, 5, 15), "%", _TIME, timing.dropped),
+    Fault("lost regularly", (8, 6, 3), "th", _TIME, timing.lost_regularly),
     Fault("repeated", (2, 10, 33), "%", _TIME, timing.repeated),
     Fault("wrong rate", (1, 4, 20), "%", ("rate_contradicted",), timing.wrong_rate),
     Fault("wrong rate, none stated", (1, 4, 20), "%", ("rate_contradicted", "rate_unusual", "rate_unconfirmed"),

@@ -30,6 +30,12 @@ def dropped(film: Film, percent: float, rng: Rng) -> Film:
     return _chosen(film, left, film.time_s[: len(left)])
 
 
+def lost_regularly(film: Film, every: float, _rng: Rng) -> Film:
+    """Every so-many-th picture is lost, as on a line that carries no more, and the rest stamped as if none were."""
+    left = np.flatnonzero((np.arange(len(film)) + 1) % int(every))
+    return _chosen(film, left, film.time_s[: len(left)])
+
+
 def variable_rate(film: Film, percent: float, rng: Rng) -> Film:
     """Pictures are left out and the others keep their true times."""
     left = _lost(film, percent, rng)

@@ -7,17 +7,8 @@ import pytest
 
 from towval.model import Stamp, Track, TrackStatus
 from towval.tracking import stamps as stamps_module
-from towval.tracking.stamps import (
-    _common,
-    _dropped,
-    _enough,
-    _lateness_s,
-    _share,
-    check_stamps,
-    delayed,
-    rate_findings,
-    usual_steps_s,
-)
+from towval.tracking.rate import rate_findings, usual_steps_s
+from towval.tracking.stamps import _common, _dropped, _enough, _lateness_s, _share, _smoother, check_stamps, delayed
 
 
 def filmed(true_s, stamps_s, shown=None, speeds=(0.15, 0.12), bumps=0.0, seed=0, noise_m=2e-5):
@@ -58,6 +49,17 @@ def test_dropped_pictures_under_even_stamps_are_found(share, seed):
     rng = np.random.default_rng(seed)
     kept = np.flatnonzero(rng.random(250) > share) if share > 0.01 else np.delete(np.arange(250), [80, 170])
     assert "stamps_contradicted" in codes(filmed(EVEN[kept], EVEN[: len(kept)], seed=seed))
+
+
+@pytest.mark.parametrize("every", [3, 4, 6, 8])
+def test_pictures_that_are_lost_regularly_are_found(every):
+    """No eight pictures in a row hold no jump, and a tracker states as much noise as it sees: that across is less."""
+    kept = np.flatnonzero(np.arange(250) % every)
+    tracks = {
+        name: replace(track, covariance=np.tile(np.diag([1e-6, 1e-6, 1e-9]), (len(kept), 1, 1)))
+        for name, track in filmed(EVEN[kept], EVEN[: len(kept)]).items()
+    }
+    assert codes(tracks) == ["stamps_contradicted"]
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
@@ -362,6 +364,29 @@ def test_a_slow_body_that_goes_on_shows_that_the_other_one_slips(seed):
     assert codes(steady) == ["stamps_contradicted"]
 
 
+@pytest.mark.parametrize(
+    ("rover_speed", "slip_m", "lasts_s", "noise_m"),
+    [
+        # Fastest in its middle, as if a picture had been lost there, four times.
+        (0.002, 0.008, 0.27, 3e-5),
+        # Within three pictures, out of a rest of several seconds.
+        (0.002, 0.008, 0.12, 3e-5),
+        (0.001, 0.02, 0.12, 1e-4),
+    ],
+)
+def test_a_rover_too_slow_to_be_seen_to_move_from_picture_to_picture_tows_what_sticks(
+    rover_speed, slip_m, lasts_s, noise_m
+):
+    time_s = np.arange(600) / 25
+    tracks = filmed(EVEN, time_s, np.zeros(600, dtype=int))
+    towed_m = slips(time_s + 0.03, slip_m, lasts_s, slip_m / rover_speed)
+    assert codes(along(tracks, rover_speed * time_s, towed_m, noise_m)) == []
+    # Both are frozen for a second.
+    shown = np.where((time_s > 7) & (time_s < 8), 7.0, time_s)
+    fast_m = 0.05 * shown
+    assert codes(along(tracks, rover_speed * shown, fast_m, noise_m)) == ["stamps_contradicted"]
+
+
 @pytest.mark.parametrize(("rover_speed", "found"), [(0.0, ["stamps_contradicted"]), (0.002, [])])
 def test_a_picture_is_not_frozen_in_which_one_body_creeps(rover_speed, found):
     """The other one stands for a second, then leaps by ten of its steps; the rover goes 2.7 deviations a picture."""
@@ -431,6 +456,14 @@ def test_a_clock_was_set_at_a_step_a_tenth_off_where_bodies_fit_five_times_as_we
     """As it is stamped, they miss by six times their usual square: less than where any other length is tried."""
     later = EVEN + 0.04 * share * (np.arange(250) > 125)
     assert dropped_steps(monkeypatch, later, Missed(misfit, times)) == found
+
+
+@pytest.mark.parametrize(("times", "jumps"), [(2.2, False), (4.2, True)])
+def test_a_body_alone_jumps_where_it_fits_three_times_as_well(monkeypatch, times, jumps):
+    monkeypatch.setattr(stamps_module, "_misfit", Missed(100, times))
+    monkeypatch.setattr(stamps_module, "_noise_m", lambda *_: 0.0)
+    rover, at = filmed(EVEN, EVEN)["rover"], np.arange(249) == 125
+    assert _smoother(rover, np.ones(250, dtype=bool), at, np.ones(249)).any() == jumps
 
 
 @pytest.mark.parametrize(("change", "told"), [(0.18, True), (0.35, False)])

@@ -29,7 +29,7 @@ from towval.tracking.markers import clicks_from_tags
 from towval.tracking.outline import pose_from_clicks
 from towval.tracking.overlay import standing_still
 from towval.tracking.planar_target import PlanarTarget
-from towval.tracking.stamps import rate_findings, usual_steps_s
+from towval.tracking.rate import rate_findings, usual_steps_s
 from towval.tracking.start import Start, Tow, find_starts, starts_drawn
 from towval.tracking.total_covariance import with_readout, with_wider_start
 from towval.tracking.track import TrackSettings, track

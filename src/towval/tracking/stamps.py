@@ -38,16 +38,12 @@ class StampConstants:
     dropped_odd: float = 5.0  # whether that whole number fits them so many times as well,
     unlike_odd: float = 6.0  # at less of a misfit: of all steps it is this one, and of all lengths this.
     least_alone: int = 3  # Jumps where a single body moves: fewer can be its own.
+    smoother: float = 3.0  # Times as well that a cubic fits it with a jump taken for a step of another length.
     jitter_s: float = 0.002  # [s] Deviation of a stamp that is reported.
     least_steps: int = 30  # In which two bodies move, for the deviation of stamps to be known.
     least_step: float = 3.0  # Deviations of a pose, in a step, from which on it tells how late its picture is.
     correlated: float = 0.5  # Lateness of the two bodies: 0.7 and more where stamps shake, 0.3 at most where not.
     gap_s: float = 1.0  # [s] Without a picture: longer than any motion is carried on.
-    many: int = 30  # Pictures over which the usual step is taken.
-    rate: float = 0.003  # Difference from the camera's stated rate: television's is off by 0.001, crystals by less.
-    length: float = 0.01  # Difference of the sound's length from the pictures', which may begin and end apart.
-    usual_hz: tuple[float, ...] = (12.5, 15, 18, 20, 24, 25, 30, 48, 50, 60, 90, 100, 120, 240)  # [Hz] of cameras,
-    usual_rate: float = 0.004  # within which a rate is one of them; or a thousandth below, for television.
 
 
 CONSTANTS = StampConstants()
@@ -56,6 +52,7 @@ _SIDE = 4  # Pictures on each side of a step through which a cubic is laid.
 _TENTH = (
     3.490  # Tenth of chi-squared with the eight degrees of freedom that such a cubic leaves of the two coordinates.
 )
+_TENTH_ACROSS = 1.064  # The same with four, of one of the two.
 _ALTERNATION = 48 / 35  # Share of it by which each picture is beside the quadratic through five.
 _LEFT = 18 / 35  # Share of a picture's variance by which it is beside the quadratic through five.
 _OTHER_STEPS = np.setdiff1d(np.arange(-12, 2.5, 0.5), [0.0])  # That a step may be longer by, in usual ones.
@@ -85,6 +82,9 @@ def check_stamps(tracks: Mapping[str, Track]) -> tuple[dict[str, Track], tuple[F
     leaps, jumps = _leaps(tracks, ~repeated) | _dropped(tracks, ~repeated), _common(share, moving)
     alone = jumps & (moving.sum(axis=0) == 1)
     due = np.where(moving, share, 0.0).sum(axis=0)
+    for track, own in zip(tracks.values(), moving, strict=True):
+        jumps &= ~(alone & own) | _smoother(track, ~repeated, alone & own, due)
+    alone &= jumps
     others = zip(tracks.values(), alone & ~moving, strict=True)
     if alone.any() and any(_goes_on(other, ~repeated, at, due) for other, at in others):
         jumps &= ~alone
@@ -102,48 +102,6 @@ def check_stamps(tracks: Mapping[str, Track]) -> tuple[dict[str, Track], tuple[F
     if repeated.any():
         tracks = {name: _without(track, repeated) for name, track in tracks.items()}
     return dict(tracks), tuple(findings), stamps
-
-
-def usual_steps_s(time_s: Array) -> Array:
-    """Usual step (2,) of stamps (n,) [s]: with the pictures counted that are missing by them, and as they are.
-
-    Over many pictures, since containers round to milliseconds. Of stamps that are rounded to most of a step some seem
-    to be missing, so that the first is too short; losses make the second too long. NaN for one picture.
-    """
-    if len(time_s) < 2:
-        return np.full(2, np.nan)
-    many, steps = max(1, min(CONSTANTS.many, len(time_s) // 4)), np.diff(time_s)
-    number = np.append(0, np.cumsum(np.maximum(np.round(steps / np.median(steps)), 1)))
-    passed = time_s[many:] - time_s[:-many]
-    return np.array([np.median(passed / (number[many:] - number[:-many])), np.median(passed / many)])
-
-
-def rate_findings(steps_s: ArrayLike, stated_hz: float | None, seen_s: float, heard_s: float) -> tuple[Finding, ...]:
-    """Findings about the time scale as a whole.
-
-    ``steps_s``: usual step of the stamps [s], or several readings of it, of which the best one counts; ``stated_hz``:
-    the camera's rate by the campaign; ``seen_s`` and ``heard_s``: length of the pictures and of the sound [s], NaN
-    where there is none.
-    """
-    cameras_hz = np.outer(CONSTANTS.usual_hz, [1.0, 1 / 1.001]) if stated_hz is None else np.array([stated_hz])
-    off, found_hz = min((_off(rate_hz, cameras_hz), rate_hz) for rate_hz in 1 / np.atleast_1d(steps_s))
-    findings = []
-    if stated_hz is not None and off > CONSTANTS.rate:
-        findings.append(finding("rate_contradicted", found_hz=found_hz, other=f"camera.fps is {stated_hz:g}"))
-    if abs(heard_s - seen_s) > max(CONSTANTS.length * heard_s, 0.5):
-        other = f"the sound lasts {heard_s:.1f} s and the pictures {seen_s:.1f} s"
-        findings.append(finding("rate_contradicted", found_hz=found_hz, other=other))
-    if stated_hz is None and np.isnan(heard_s):
-        findings.append(
-            finding("rate_unusual" if off > CONSTANTS.usual_rate else "rate_unconfirmed", found_hz=found_hz)
-        )
-    return tuple(findings)
-
-
-def _off(rate_hz: float, cameras_hz: Array) -> float:
-    """Share by which a rate is off the nearest one of cameras, or of cameras of which some pictures are left out."""
-    usual = cameras_hz / rate_hz
-    return float(np.abs(usual / np.maximum(np.round(usual), 1) - 1).min())
 
 
 def _gaps(time_s: Array) -> list[Finding]:
@@ -199,7 +157,8 @@ def _noise_m(track: Track, kept: NDArray[np.bool_]) -> float:
     """Deviation from one picture to the next [m]: as stated, or less where the motion shows less.
 
     What is stated holds what wanders slowly, too. The motion is known where no step about it jumps, which where many
-    pictures are lost is seldom: by the tenth of the cubics that fit best, of those where the body moves.
+    pictures are lost is seldom, and where every fourth is lost is nowhere: by the tenth of the cubics that fit best, of
+    those where the body moves. But no stamp, however wrong, displaces a body across its way.
     """
     if not track.seen.any():
         return np.inf
@@ -208,14 +167,17 @@ def _noise_m(track: Track, kept: NDArray[np.bool_]) -> float:
     if len(place) < 2 * _SIDE + CONSTANTS.least_steps:
         return stated
     index = np.arange(len(place) - 2 * _SIDE + 1)[:, None] + np.arange(2 * _SIDE)
-    misfit = _misfit(track.time_s[kept][index], place[index], 0)
-    moved = np.linalg.norm(place[index[:, -1]] - place[index[:, 0]], axis=1)
+    way = place[index[:, -1]] - place[index[:, 0]]
+    moved = np.linalg.norm(way, axis=1)
+    normal = np.column_stack([-way[:, 1], way[:, 0]]) / np.maximum(moved, 1e-12)[:, None]
+    across = np.einsum("mkj,mj->mk", place[index], normal)[..., None]
+    misfit, beside = (_misfit(track.time_s[kept][index], each, 0) for each in (place[index], across))
     known = np.isfinite(misfit) & np.isfinite(moved)
     if known.sum() < CONSTANTS.least_steps:
         return stated
     known &= moved >= 0.5 * np.percentile(moved[known], 75)
-    shown = float(np.sqrt(np.percentile(misfit[known], 10) / _TENTH))
-    return float(np.clip(shown, CONSTANTS.least_noise * stated, stated))
+    variances = np.percentile(misfit[known], 10) / _TENTH, np.percentile(beside[known], 10) / _TENTH_ACROSS
+    return float(np.clip(np.sqrt(min(variances)), CONSTANTS.least_noise * stated, stated))
 
 
 def _common(share: Array, moving: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -247,30 +209,58 @@ def _goes_on(track: Track, kept: NDArray[np.bool_], jumps: NDArray[np.bool_], du
     return bool(shown < 0.5 and 1 - shown > CONSTANTS.evenly * std_of_shown)
 
 
+def _smoother(track: Track, kept: NDArray[np.bool_], jumps: NDArray[np.bool_], due: Array) -> NDArray[np.bool_]:
+    """Jumps (n,) by shares ``due`` (n,) of a step without which a body's path is smoother.
+
+    A short slip is fastest in its middle, as if a picture had been lost there, but smooth as it is.
+    """
+    smoother, place = jumps.copy(), np.where(track.seen[kept, None], track.pose[kept, :2], np.nan)
+    smoother[: _SIDE - 1] = smoother[len(place) - _SIDE :] = False
+    at = np.flatnonzero(smoother)
+    index = at[:, None] + np.arange(1 - _SIDE, _SIDE + 1)
+    noise = 2 * _SIDE * _noise_m(track, kept) ** 2
+    as_stamped, otherwise = (noise + _misfit(track.time_s[kept][index], place[index], by) for by in (0, due[at]))
+    smoother[at] = as_stamped > CONSTANTS.smoother * otherwise
+    return smoother
+
+
 def _leaps(tracks: Mapping[str, Track], kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Steps (n,) at which all bodies that move at all leave a rest faster than any of them moves.
 
-    A picture that is frozen for a while shows a rest, and then where the bodies have come to meanwhile: none goes on in
-    it, be it slowly. What is hidden or lost in between counts with the pose before.
+    A picture that is frozen for a while shows a rest, and then where the bodies have come to meanwhile: in it none goes
+    on, be it as slowly as a rover that tows what sticks. What is hidden or lost in between counts with the pose before.
     """
-    c, found = CONSTANTS, []
-    for track in tracks.values():
+    c, found, stds = CONSTANTS, [], [_noise_m(track, kept) for track in tracks.values()]
+    for track, std in zip(tracks.values(), stds, strict=True):
         seen = np.flatnonzero(track.seen[kept])
         time_s, place = track.time_s[kept][seen], track.pose[kept][seen, :2]
-        leap, moves, awake = (np.zeros(kept.sum() - 1, dtype=bool) for _ in range(3))
+        size_m = np.zeros(kept.sum() - 1)
+        leap, moves, awake = (np.zeros(len(size_m), dtype=bool) for _ in range(3))
         if len(seen) > 2 * c.beside:
             step = np.linalg.norm(np.diff(place, axis=0), axis=1)
             speed = step / np.diff(time_s)
             rested = np.linalg.norm(place[c.beside : -1] - place[: -c.beside - 1], axis=1)
-            std = _noise_m(track, kept)
             large = step[c.beside :] > c.least_deviations * std
             fast = speed[c.beside :] > c.leap * np.percentile(speed, 95)
-            moves[seen[c.beside : -1]] = large
+            moves[seen[c.beside : -1]], size_m[seen[c.beside : -1]] = large, step[c.beside :]
             leap[seen[c.beside : -1]] = large & fast & (rested < c.repeated * step[c.beside :])
-            awake[seen[c.beside : -1]] = ~large & (rested > CONSTANTS.creeps * np.sqrt(2) * std)
-        found.append((leap, moves, awake))
-    leaps, moving, awake = (np.array(rows) for rows in zip(*found, strict=True))
-    return np.asarray(leaps.any(axis=0) & (leaps == moving).all(axis=0) & ~awake.any(axis=0))
+            awake[seen[c.beside : -1]] = ~large & (rested > c.creeps * np.sqrt(2) * std)
+        found.append((leap, moves, awake, size_m))
+    leaps, moving, awake, size_m = (np.array(rows) for rows in zip(*found, strict=True))
+    frozen = np.asarray(leaps.any(axis=0) & (leaps == moving).all(axis=0) & ~awake.any(axis=0))
+    noise_m = c.creeps * np.sqrt(2) * np.array(stds)
+    for at in np.flatnonzero(frozen).tolist():
+        within_m = np.maximum(noise_m, c.repeated * size_m[:, at] * leaps[:, at])
+        stood = np.array([_stood(track, kept, at, by) for track, by in zip(tracks.values(), within_m, strict=True)])
+        frozen[at] = stood.min() >= stood[leaps[:, at]].max() / 2
+    return frozen
+
+
+def _stood(track: Track, kept: NDArray[np.bool_], at: int, within_m: float) -> int:
+    """Number of pictures up to one in which a body is as near as that to where it is in that one."""
+    place = np.where(track.seen[kept, None], track.pose[kept, :2], np.nan)[at::-1]
+    away = np.linalg.norm(place - place[0], axis=1) > within_m
+    return int(np.argmax(away)) if away.any() else len(away)
 
 
 def _dropped(tracks: Mapping[str, Track], kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
