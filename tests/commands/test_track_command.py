@@ -24,7 +24,7 @@ from towval.io.mcap_file import read_provenance
 from towval.io.records import read_calibration, read_tracks, write_calibration
 from towval.io.video import Video, luma_plane
 from towval.model import Calibration, Tag
-from towval.model.errors import InputError
+from towval.model.errors import Faults, InputError
 from towval.model.geometry import wrapped
 from towval.tracking import klt
 
@@ -142,7 +142,7 @@ def test_tags_are_as_good_as_clicks(campaign, tmp_path):
 
     folder = campaign(change, tmp_path / "tags.mp4")
     given = load_campaign(folder)
-    start = _start(given, given.runs["a"], Video(tmp_path / "tags.mp4"), calibration)
+    start = _start(given, given.runs["a"], Video(tmp_path / "tags.mp4"), calibration, Faults())
     assert start.doubts == {}, "a check of the campaign searches for no outline where tags say it"
     track(folder, "a", tmp_path / "camera.mcap", tmp_path / "track.mcap")
     for body, found in read_tracks(tmp_path / "track.mcap").items():

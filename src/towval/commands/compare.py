@@ -11,7 +11,8 @@ from towval.commands.settings import settings_from
 from towval.io.chain import check_together
 from towval.io.provenance import provenance
 from towval.io.records import read_simulated, read_tracks, read_uncertainty, write_comparison
-from towval.report.wording import millimetres
+from towval.model import Verdict
+from towval.report.wording import at_most, millimetres
 from towval.validation.compare import CompareSettings, compare
 
 
@@ -28,6 +29,6 @@ def run(
     names = ("path_rms_m", "path_max_m", "error_upper_m", "tolerance_m", "detectable_m", "u_val_m")
     numbers = {"verdict": comparison.verdict.value, **{name: float(getattr(comparison, name)) for name in names}}
     text = f"{comparison.verdict}; path error {millimetres(comparison.path_rms_m)} RMS"
-    if np.isfinite(comparison.error_upper_m):
-        text += f", at most {millimetres(comparison.error_upper_m)}"
+    if np.isfinite(comparison.error_upper_m) and comparison.verdict is not Verdict.NOT_JUDGED:
+        text += f", at most {at_most(comparison.error_upper_m)}"
     return Outcome(f"compare {name}", (output,), text, numbers, comparison.findings)

@@ -158,6 +158,8 @@ def _stated(origins: Iterable[Origin]) -> Iterator[str]:
     """Options of ``towval run`` for the settings that are not the defaults, as far as all runs have the same."""
     found: dict[str, set[str]] = {}
     for origin in origins:
+        if not origin.stage:  # another program's, which records no settings
+            continue
         for key, value in without_defaults(origin.stage, json.loads(origin.settings)).items():
             if value is not None:
                 found.setdefault(f"{origin.stage}.{key}", set()).add(json.dumps(value))

@@ -272,8 +272,8 @@ register(  # track
     FindingType(
         "tether_too_short", "track", WARNING, NOT_JUDGED,
         "The tether's ends are {span_m:.2f} m apart, which is more than it can stretch to ({longest_m:.2f} m). Check "
-        "the clicks of both bodies, tether_hinge_m, tether_anchor_m and rest_length_m; and on the video "
-        "whether the tether came off.",
+        "the clicks of both bodies, tether_hinge_m, tether_anchor_m, rest_length_m and stiffness_N_per_m (its unit); "
+        "and on the video whether the tether came off.",
     ),
     FindingType(
         "start_unsure", "track", WARNING, NONE,

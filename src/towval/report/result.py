@@ -87,9 +87,9 @@ def _row(c: Comparison) -> ResultRow:
 def legend(records: Sequence[RunRecord]) -> str:
     """Meaning of the columns, and the tolerance."""
     text = (
-        "Error: simulated minus measured position and heading, RMS over the run. Bound: what the simulated position "
-        "was off at most, at the confidence that each run states; the number to cite. Detectable: half of the kinds of "
-        "faults show once they move the path by that much, RMS."
+        "Error: simulated minus measured position and heading, RMS over the run. Bound: how far off the simulated "
+        "position was at most, at the confidence that each run states; the number to cite. Detectable: half of the "
+        "kinds of faults show once they move the path by that much, RMS."
     )
     tolerances = {r.comparison.tolerance_m: r.comparison.tolerance_stated for r in records}
     for tolerance_m, stated in tolerances.items():
