@@ -120,7 +120,7 @@ class Sampler:
             settings.tolerance_m, settings.processes,
         )  # fmt: skip
         self.knot_std = np.sqrt(np.diagonal(case.rover_decimated.covariance, axis1=1, axis2=2))
-        self.start_std = _start_std(case.object_decimated, begin)
+        self.start_std = _start_std(case.object_track, case.object_decimated, begin)
         self.by_knots = by_kept_poses(case.rover_decimated, self.nodes)
         self.roots = _roots(case)
         if "tracking" in widened(case.upstream):
@@ -173,10 +173,14 @@ class Sampler:
         return np.concatenate(self.by_knots @ noise, axis=1)
 
 
-def _start_std(track: DecimatedTrack, begin_s: float) -> Array:
-    """Deviation (3,) [m, m, rad] of the pose from which the object starts: of the kept one that is there or before."""
-    kept = max(0, int(np.searchsorted(track.time_s, begin_s + 1e-9)) - 1)
-    return np.asarray(np.sqrt(np.diagonal(track.covariance[kept])))
+def _start_std(track: Track, decimated: DecimatedTrack, begin_s: float) -> Array:
+    """Deviation (3,) [m, m, rad] of the pose from which the object starts: what its curve leaves of a frame's noise.
+
+    The noise is that which the track states, as in all draws: of few frames a second the curve takes motion for noise.
+    """
+    kept = max(0, int(np.searchsorted(decimated.time_s, begin_s + 1e-9)) - 1)
+    share = np.sqrt(np.diagonal(decimated.covariance[kept])) / decimated.noise
+    return np.asarray(share * np.nanmedian(track.std, axis=0))
 
 
 def _motions(calibration: Calibration, body: Body, pose: Array) -> _Motions:
