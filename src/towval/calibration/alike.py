@@ -55,7 +55,7 @@ def _repeats(kept: Sequence[BoardObservation], boards: Sequence[BoardObservation
 
 def _on_one_board(boards: Sequence[BoardObservation]) -> Array:
     """Corners of all boards in one order (boards, corners, 2) [px]; NaN where a board is seen in part without one."""
-    if boards[0].pattern is None:
+    if boards[0].pattern is None and len({len(each.corners_px) for each in boards}) == 1:
         return np.array([each.corners_px for each in boards])
     places = np.concatenate([each.on_board for each in boards])
     known, which = np.unique(np.round(places, 6), axis=0, return_inverse=True)
