@@ -173,3 +173,15 @@ def test_the_lines_of_keys():
         "a.c[1][0]": 5,
         "a.c[1][1]": 6,
     }
+
+
+def test_a_folder_that_cannot_be_written_to_is_one_fault_beside_all_others(lab, tmp_path, capsys):
+    """It ended the check, and what had been found was lost."""
+    (tmp_path / "file").write_text("")
+    told = check(lab(lambda document: document["camera"].update(fps=30)), tmp_path / "file" / "check")
+    (fault,) = told["faults"]
+    assert "cannot be written to" in fault["what"]
+    assert "--pictures" in fault["remedy"]
+    assert "camera.fps is 30" in " ".join(told["warnings"])
+    assert 4 < told["runs"]["a"]["object_pixel_mm"] < 6
+    assert "check: look at the start of run a" in capsys.readouterr().err

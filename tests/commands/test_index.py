@@ -9,7 +9,7 @@ from towval.cli import main
 def test_writes_both_files_and_says_what_it_found(tmp_path, capsys):
     make_run(tmp_path / "results" / "lab" / "a")
     main(["index", str(tmp_path / "results"), "-o", str(tmp_path / "index.sqlite")])
-    assert "1 runs (agrees 1)" in capsys.readouterr().out
+    assert "1 run (agrees 1)" in capsys.readouterr().out
     assert (tmp_path / "index.sqlite").is_file()
     assert (tmp_path / "index.html").is_file()
 
@@ -20,7 +20,7 @@ def test_a_campaign_that_two_folders_lead_to_counts_once(tmp_path, capsys):
     (tmp_path / "link").symlink_to(results)
     folders = [results, results, tmp_path / "link", results / "lab"]
     main(["index", *map(str, folders), "-o", str(tmp_path / "index.sqlite")])
-    assert "1 runs (agrees 1)" in capsys.readouterr().out
+    assert "1 run (agrees 1)" in capsys.readouterr().out
 
 
 def test_fails_on_a_verdict_after_writing(tmp_path, capsys):

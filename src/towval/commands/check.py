@@ -4,6 +4,8 @@ import json
 import os
 import re
 import shlex
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +16,7 @@ from towval.calibration.board_search import find_boards
 from towval.calibration.calibrate import CalibrateSettings
 from towval.calibration.corners import outer_corners
 from towval.commands.calibrate import calibrated
+from towval.commands.console import step
 from towval.commands.track import findings_of_rate, known_starts, open_video, spread_pictures
 from towval.io.campaign import Campaign, Run, read_campaign
 from towval.io.campaign_text import text_in_parts
@@ -21,7 +24,7 @@ from towval.io.images import GrayPictures, write_picture
 from towval.io.schema import key_lines
 from towval.io.video import Video
 from towval.io.yaml_text import read_yaml
-from towval.model import Array, Calibration, Finding, Severity
+from towval.model import Array, Body, Calibration, Finding, Severity
 from towval.model.errors import Faults, InputError, TowvalError
 from towval.report.preview import draw_start
 from towval.report.start_page import FloorBoard, StartOfRun, write_start_page
@@ -72,12 +75,14 @@ def check(folder: Path, pictures: Path) -> dict[str, Any]:
     runs: dict[str, Any] = {}
     if given is not None:
         videos = {name: faults.attempt(open_video, given, entry) for name, entry in given.runs.items()}
+        step(f"check: calibrate from {len(given.calibration_images)} pictures")
         calibration = faults.attempt(calibrated, given, CalibrateSettings())
         if calibration is not None:
             warnings += [found.text for found in calibration.findings if found.severity is Severity.WARNING]
             starts: dict[str, StartOfRun] = {}
             for name, video in videos.items():
                 if video is not None:
+                    step(f"check: look at the start of run {name}")
                     rate = findings_of_rate(given, video, video.stamps_s())
                     warnings += [f"run {name}: {found.text}" for found in rate]
                 start = (
@@ -87,10 +92,12 @@ def check(folder: Path, pictures: Path) -> dict[str, Any]:
                 )
                 if video is not None and start is not None:
                     starts[name] = start
-                    runs[name] = _expected(given, video, calibration, start, pictures / f"{name}.jpg")
+                    picture = pictures / f"{name}.jpg"
+                    drawn = faults.attempt(_draw_start, picture, given, calibration, start)
+                    runs[name] = _expected(given, video, calibration, start, drawn or "")
                     warnings += [f"run {name}, {body}: {text}" for body, text in start.doubts.items()]
             if starts:
-                _write_page(pictures / "start.html", given, calibration, starts)
+                faults.attempt(_write_page, pictures / "start.html", given, calibration, starts)
     listed = sorted((_fault(fault, lines) for fault in faults), key=lambda row: row["line"] or len(lines) + 1)
     runs = {name: row for name, row in runs.items() if row}
     return {
@@ -137,29 +144,55 @@ def _judged(run: str, target: PlanarTarget, pose: Array, misfit_px: float) -> li
 
 
 def _expected(
-    given: Campaign, video: Video, calibration: Calibration, start: StartOfRun, picture: Path
+    given: Campaign, video: Video, calibration: Calibration, start: StartOfRun, picture: str
 ) -> dict[str, Any]:
-    """What to expect of a run, with its start drawn."""
-    row: dict[str, Any] = {"picture": str(picture), "frames": video.header.frames}
-    bodies = {body.name: (body, start.poses[body.name]) for body in given.bodies if body.name in start.poses}
-    for name, (body, pose) in bodies.items():
+    """What to expect of a run; ``picture``: where its start is drawn, empty where that failed."""
+    row: dict[str, Any] = {"picture": picture, "frames": video.header.frames}
+    for name, (body, pose) in _placed(given, start).items():
         target = PlanarTarget(body, calibration.camera, calibration.floor)
         row[f"{name}_pixel_mm"] = round(1e3 * target.metres_per_pixel(pose), 2)
         corners = target.pixels(body.top_corners_m, pose)
         row[f"{name}_corners_px"] = [] if name in start.doubts else np.round(corners, 1).tolist()
         row[f"{name}_position_std_mm"] = round(1e3 * measurement_std_m(calibration, body, pose[None]), 2)
-    write_picture(picture, draw_start(start.luma, calibration, given.scene, bodies))
     row["cpu_s"] = round(COST.run_s + COST.megapixel_s * start.luma.size / 1e6 * (video.header.frames or 0))
     return row
+
+
+def _placed(given: Campaign, start: StartOfRun) -> dict[str, tuple[Body, Array]]:
+    """Bodies whose start is known, with their poses (3,)."""
+    return {body.name: (body, start.poses[body.name]) for body in given.bodies if body.name in start.poses}
+
+
+def _draw_start(picture: Path, given: Campaign, calibration: Calibration, start: StartOfRun) -> str:
+    """Draw the start of a run, and return where."""
+    drawn = draw_start(start.luma, calibration, given.scene, _placed(given, start))
+    with _writing_to(picture.parent):
+        write_picture(picture, drawn)
+    return str(picture)
+
+
+@contextmanager
+def _writing_to(folder: Path) -> Iterator[None]:
+    """Tell which folder cannot be written to: one fault, however many files it is."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(
+            f"{folder} cannot be written to",
+            got=error.strerror,
+            remedy="name another folder: towval check CAMPAIGN --pictures FOLDER",
+        ) from None
 
 
 def _write_page(page: Path, given: Campaign, calibration: Calibration, starts: dict[str, StartOfRun]) -> None:
     text = (given.folder / "campaign.yaml").read_text(encoding="utf-8")
     longest_m = Tow.of(given.scene).longest_m
     bodies = {body.name: body for body in given.bodies}
-    write_start_page(
-        page, given.name, text_in_parts(text), calibration, given.scene, bodies, longest_m, starts, _floor_board(given)
-    )
+    board = _floor_board(given)
+    with _writing_to(page.parent):
+        write_start_page(
+            page, given.name, text_in_parts(text), calibration, given.scene, bodies, longest_m, starts, board
+        )
 
 
 IN_FLOOR_AXES = ("floor.slope_mm_per_m", "friction.regions")
@@ -225,7 +258,8 @@ def for_people(found: dict[str, Any]) -> str:
             for body in ("rover", "object")
             if f"{body}_pixel_mm" in row
         )
-        rows.append(f"run {name}: {row['frames'] or 'an unknown number of'} frames; {known}; {row['picture']}")
+        frames = f"{row['frames'] or 'an unknown number of'} frames"
+        rows.append(f"run {name}: {'; '.join(filter(None, (frames, known, row['picture'])))}")
     if found["faults"]:
         rows.append(f"{found['campaign']}: {len(found['faults'])} fault(s); correct them and check again")
     else:

@@ -129,6 +129,11 @@ def _end(message: str, log: Path | None, code: int = 1) -> NoReturn:
     raise SystemExit(code)
 
 
+def step(text: str) -> None:
+    """Say what comes next, where it takes a while: to standard error, as progress."""
+    print(text, file=sys.stderr, flush=True)
+
+
 @contextmanager
 def progress(label: str, total: int | None, unit: str = "frame") -> Iterator[Callable[[int], None]]:
     """A progress bar on a terminal, else a line every 10 % of a known total; yields a function of the count done."""

@@ -35,7 +35,7 @@ def run(results: Sequence[Path], output: Path, fail_on: Sequence[str] = ()) -> O
     write_index_page(page, index)
     counts = {str(verdict): int(count) for verdict, count in index.runs["verdict"].value_counts().items()}
     tally = ", ".join(f"{verdict} {counts[verdict]}" for verdict in known if verdict in counts)
-    text = f"{len(index.runs)} runs ({tally})"
+    text = f"{len(index.runs)} run{'s' * (len(index.runs) != 1)} ({tally})"
     return Outcome("index", (output, page), text, {"verdicts": counts}, failure=_failure(index, asked))
 
 

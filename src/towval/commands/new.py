@@ -14,7 +14,7 @@ import yaml
 from towval.calibration.board_search import fitting_corner_counts
 from towval.calibration.corners import observe_chessboard
 from towval.commands.check import IN_FLOOR_AXES, check, for_people
-from towval.commands.console import Outcome
+from towval.commands.console import Outcome, step
 from towval.commands.settings import nested
 from towval.io.atomic import write_text
 from towval.io.campaign import IMAGE_SUFFIXES, campaign_schema
@@ -312,6 +312,7 @@ def _look_at_boards(draft: Draft) -> None:
     resolution = tuple(camera["resolution_px"])
     if draft.known("camera.board.inner_corners") is None:
         pictures = GrayPictures(paths[:: max(1, len(paths) // _SAMPLE)], resolution)
+        step(f"new: count the corners of the board in {len(pictures)} pictures")
         counts = fitting_corner_counts(pictures)
         if counts is None:
             raise _unknown("camera.board.inner_corners")
