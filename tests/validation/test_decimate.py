@@ -41,6 +41,21 @@ def test_noise_does_not_come_from_a_constant(make_track):
     np.testing.assert_allclose(noise_of(loud.time_s, loud.pose, loud.std), 10 * STD, rtol=0.3)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_what_sticks_and_slips_between_few_frames_a_second_is_no_noise(make_track, seed):
+    """At 5 frames a second slips of 5 to 60 mm scatter as noise of 10 mm does, and smoothed away where it began."""
+    rng = np.random.default_rng(seed)
+    begin_s, slips_m = 2 + np.cumsum(rng.uniform(0.2, 0.9, 60)), rng.uniform(0.005, 0.06, 60)
+
+    def slipping(time_s):
+        x = np.clip((time_s[:, None] - begin_s) / 0.05, 0, 1) @ slips_m
+        return np.column_stack([x, 0 * x, 0 * x])
+
+    thin = decimate(make_track(slipping, duration_s=24.0, rate_hz=5.0, seed=seed))
+    assert abs(thin.poses_at(0.0)[0]) < 6e-4
+    assert (thin.noise <= 6 * STD).all()
+
+
 @pytest.mark.parametrize("motion", [arc, stop_and_go])
 @pytest.mark.parametrize("level", [0.3, 1.0, 10.0])
 def test_the_stated_bound_holds_between_all_kept_times(make_track, motion, level):

@@ -41,6 +41,10 @@ _WANDERING = 5.0
 _LEAST_STATED = 0.03
 """Share of the stated deviation that counts at least: poses that were computed have no noise to be read off."""
 
+_MOST_STATED = 6.0
+"""White noise that counts at most, in stated deviations: what sticks and slips between few frames a second scatters as
+noise does, by a hundred; no track of the camera faults scatters by more than three."""
+
 _HIDDEN_M = 0.01
 """What an unobserved motion of the rover may be off its bridge, along it, from which on the run is not judged: half of
 the default tolerance, since the object follows the rover."""
@@ -92,7 +96,7 @@ def decimate(track: Track, settings: DecimateSettings | None = None) -> Decimate
         )
     time, pose = track.time_s[seen], track.pose[seen]
     reported = track.std[seen]
-    white = noise_of(time, pose, reported)
+    white = np.minimum(noise_of(time, pose, reported), _MOST_STATED * np.median(reported, axis=0))
     pauses = find_pauses(time, pose, _frame_sigma(reported, white), settings.pause_s)
     moving = np.ones(len(time), dtype=bool)
     for first, last in pauses:
