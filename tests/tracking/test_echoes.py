@@ -92,7 +92,7 @@ def test_lateness_goes_with_the_speed():
     assert not covariance[4].any()
     assert not lateness(time_s, pose, 0.0).any()
     (found,) = echo_findings(time_s, 0.5)
-    assert "late by up to 40 ms" in found.text
+    assert "lag by up to 40 ms" in found.text
     assert echo_findings(time_s, 0.0) == ()
 
 
