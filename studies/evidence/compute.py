@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from studies.costs import children_cpu_seconds
-from studies.evidence.ledger import Check
+from studies.evidence.ledger import ROWS, Check
 from studies.frame import loaded, module_of
 from studies.machine import machine
 from towval.io.atomic import write_text
@@ -70,12 +70,14 @@ def commit() -> str:
 def changed_since(made_at: str, check: str) -> int | None:
     """How many files of a check's module and of all it imports differ from those of the commit it was made at.
 
-    None where that cannot be told: the commit is not in this clone, or this is none.
+    The rows do not count: what is stated is no part of how it is measured. None where that cannot be told: the commit
+    is not in this clone, or this is none.
     """
     base = made_at.rstrip("+")
     if not _git("rev-parse", "--verify", "--quiet", f"{base}^{{commit}}"):
         return None
-    files = [str(path) for path in module_files(module_of(check)) if path.is_relative_to(REPOSITORY)]
+    method = set(module_files(module_of(check))) - {ROWS}
+    files = [str(path) for path in sorted(method) if path.is_relative_to(REPOSITORY)]
     return len((_git("diff", "--name-only", base, "--", *files) or "").splitlines())
 
 
