@@ -173,7 +173,7 @@ def finite(rates: Array, jacobian: Array) -> bool:
 
 @compiled(allocates=False)
 def _slack_step(scene: MotionProblem, t: float, piece: int, y: Array) -> float:
-    """Longest step [s] in which hinge and anchor cannot close the gap, at least a quarter of the spline's piece."""
+    """Longest step [s] in which hinge and anchor cannot close the gap, at least the least step of the drive."""
     # A distance: the margin of the mode is a pull over κ where the tether is damped, and may be far more.
     _, stretch, _ = tautness(scene, t, piece, y)
     gap = max(0.0, -stretch)

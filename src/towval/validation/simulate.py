@@ -29,7 +29,7 @@ _STANDING_M_PER_S = 1e-3
 _START_S = 0.2
 _START_OFF_M = 0.005
 """How far a start from rest may lead the path of an object off that was moving: a quarter of the default tolerance. The
-comparison takes a quarter of the one that is stated."""
+comparison takes a quarter of the one that is stated where that is less."""
 
 _NEARER_M, _MUCH_NEARER_M = 1e-4, 0.005
 """By how much nearer to the rover an object starts that rests by a stiff tether, from which on that is noted, and

@@ -383,7 +383,7 @@ def _hangs_slack(problem: TowProblem, t: float, piece: int, y: Array) -> bool:
 
 @compiled(allocates=False)
 def _slack_step(problem: TowProblem, t: float, piece: int, y: Array) -> float:
-    """Longest step [s] in which hinge and anchor cannot close the gap, at least a quarter of the spline's piece."""
+    """Longest step [s] in which hinge and anchor cannot close the gap, at least the least step of the drive."""
     n = problem.numbers
     _, stretch, _ = tautness(problem, t, piece, y)
     anchor = math.hypot(y[3], y[4]) + abs(y[5]) * math.hypot(n[ANCHOR_X], n[ANCHOR_Y])
