@@ -353,6 +353,12 @@ register(  # simulate; the last six are those of towval.physics
         "which leads its path off by up to {off_mm:.0f} mm. Begin the video while all bodies rest.",
     ),
     FindingType(
+        "moved_while_slack", "simulate", WARNING, NOT_JUDGED,
+        "Between {first_s:.1f} s and {last_s:.1f} s the object moved by {moved_mm:.0f} mm, farther than it coasts, "
+        "while its tether was slack ({length_m:.3f} m of {rest_m:.3f} m): something else moved it. See on the video "
+        "what touched it: the rover, a hand, a cable. If nothing did, check tether.rest_length_m, hinge and anchor.",
+    ),
+    FindingType(
         "tether_on_floor", "simulate", WARNING, NONE,
         "For {percent:.0f} % of the time the tether would hang {depth_mm:.0f} mm below the floor: there it lies on the "
         "floor, which the model of a hanging tether leaves out.",

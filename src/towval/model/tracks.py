@@ -256,3 +256,15 @@ class DecimatedTrack:
         rates = self.rate[piece] + 2 * quadratic[piece] * s + 3 * cubic[piece] * (s * s)
         outside = (asked < self.time_s[0]) | (asked > self.time_s[-1])
         return np.where(outside[..., None], np.nan, np.concatenate([poses, rates], axis=-1))
+
+
+def stretches(holds: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """First and last index (k, 2) of each stretch of frames in which something ``holds`` (n,).
+
+    Examples
+    --------
+    >>> stretches(np.array([True, True, False, True])).tolist()
+    [[0, 1], [3, 3]]
+    """
+    turns = np.diff(np.concatenate([[False], holds, [False]]).astype(np.int8))
+    return np.column_stack([np.flatnonzero(turns == 1), np.flatnonzero(turns == -1) - 1])

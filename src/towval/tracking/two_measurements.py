@@ -14,11 +14,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from towval.model import Array
 from towval.model.compiling import compiled
 from towval.model.geometry import compose, turned_covariance
+from towval.model.tracks import stretches
 from towval.tracking.noise import CONSTANTS as NOISE
 from towval.tracking.noise import MEDIAN_CHI_SQUARED_3, about_quadratics
 from towval.tracking.outline import OutlineFit, observe_outline
@@ -274,7 +274,7 @@ def steps_to_smoother(
     squares = np.column_stack([np.sum(off[:, :2] ** 2, axis=1) for off in (texture, outline)])
     total, steps = np.concatenate([np.zeros((1, 2)), np.cumsum(squares, axis=0)]), np.zeros_like(pose)
     spread, (known, of_known) = np.zeros((len(pose), 3, 3)), steps_to_outline(apart, of_outline)
-    for first, last in _stretches(far > CONSTANTS.apart):
+    for first, last in stretches(far > CONSTANTS.apart):
         ends = np.searchsorted(rows, [at[first] - CONSTANTS.curve // 2, at[last] + CONSTANTS.curve // 2 + 1])
         of_texture, of_edges = total[ends[1]] - total[ends[0]]
         if of_texture > CONSTANTS.smoother * of_edges:
@@ -282,12 +282,6 @@ def steps_to_smoother(
             steps[pictures] = np.column_stack([np.interp(pictures, seen, one) for one in known[first : last + 1].T])
             spread[pictures] = of_known[first + np.searchsorted(seen, pictures)]
     return steps, spread
-
-
-def _stretches(holds: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """First and last index (k, 2) of each stretch in which something holds."""
-    turns = np.diff(np.concatenate([[False], holds, [False]]).astype(np.int8))
-    return np.column_stack([np.flatnonzero(turns == 1), np.flatnonzero(turns == -1) - 1])
 
 
 def steps_to_outline(apart: Array, of_outline: Array) -> tuple[Array, Array]:

@@ -18,6 +18,7 @@ from towval.physics.tether import lowest_point
 from towval.physics.trailing import TRAILING_RUNGS
 from towval.validation.hinge_trajectory import hinge_trajectory
 from towval.validation.scene_model import SceneModel
+from towval.validation.slack import moved_while_slack
 
 STICKING = "sticking"
 """Name of the statistic that is 1 where the model sticks, else 0."""
@@ -74,7 +75,8 @@ def simulate(
 ) -> SimulatedMotion:
     """Simulate the towed object behind the measured rover.
 
-    Of the object's decimated track only the beginning is used. The motion is given at those of the ``times`` (n,) [s]
+    Of the object's decimated track only the beginning drives the simulation; the rest is looked at for motion that no
+    tether made. The motion is given at those of the ``times`` (n,) [s]
     from when both tracks have begun to the end of the rover's; ``statistics["u_num_m"]`` is the root sum of squares of
     the largest shifts of the path by a hundred times tighter tolerance, ``statistics["u_tolerance_m"]``, and by the
     full dynamics. `RefusedError` where
@@ -102,6 +104,7 @@ class RunSimulation:
         self.scene, self.model = scene, SceneModel(scene)
         self.towed = self.model.towed
         self.hinge = hinge_trajectory(rover, scene.hinge, self.times)
+        self.unpulled = moved_while_slack(scene, rover, towed, self.times)
         self.start_pose = towed.poses_at(self.times[0])
         self.start_twist = towed.poses_and_rates_at(self.times[0])[3:]
         self.start_speed = _speed_at_start(towed, self.times[0])
@@ -199,7 +202,7 @@ class RunSimulation:
             findings.append(finding("friction_law", residual=self.model.law.residual))
         if len(self.times) < len(self.asked):
             findings.append(finding("simulate_cut", count=len(self.asked) - len(self.times)))
-        findings += _hanging_findings(self.scene, motion)
+        findings += [*self.unpulled, *_hanging_findings(self.scene, motion)]
         return findings + self._taut_start(motion)
 
     def _taut_start(self, motion: SimulatedMotion) -> list[Finding]:

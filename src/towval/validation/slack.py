@@ -1,0 +1,69 @@
+"""What moved the object while its tether was slack: nothing that the simulation knows of."""
+
+import numpy as np
+
+from towval.model import Array, DecimatedTrack, Finding, TowingScene
+from towval.model.findings import finding
+from towval.model.geometry import transform
+from towval.model.tracks import stretches
+from towval.physics.mass import towed_object
+
+_SLACK_SHARE = 0.95
+"""Share of the rest length below which a tether is surely slack: no tape is that wrong (`taut_start`)."""
+
+_MOVED_M = 0.005
+"""Motion that counts: above what a decimated track swings by, and a quarter of the default tolerance."""
+
+_COASTING = 3.0
+"""Factor on the distance that friction lets an object coast: a wrong friction is for the verdict to find."""
+
+_BEFORE_S = 0.1
+"""Time before the tether is surely slack in which the object's fastest motion counts."""
+
+
+def moved_while_slack(scene: TowingScene, rover: DecimatedTrack, towed: DecimatedTrack, times: Array) -> list[Finding]:
+    """A finding where the measured object moves farther behind a slack tether than friction lets it coast.
+
+    A body of mass m under friction of at least μ m g comes to rest within (v² + k² ω²) / (2 μ g), whatever its
+    pressure: by Jensen's inequality the mean slip under a sole is at least the speed of its centre. ``times`` (n,) [s]
+    of both tracks. What moves it beyond that is the rover that touches it, a hand or a cable, none of which the
+    simulation has. Nothing is said of a tether so heavy that its sag pulls the object.
+    """
+    hinge = transform(rover.poses_at(times), scene.hinge)
+    anchor = transform(towed.poses_at(times), scene.anchor)
+    span = np.hypot(np.linalg.norm(hinge - anchor, axis=1), scene.hinge_height - scene.anchor_height)
+    slack = span < _SLACK_SHARE * scene.tether.rest_length
+    friction = _least_friction(scene)
+    tether_weight = scene.tether.mass_per_length * scene.tether.rest_length * scene.ground.gravity
+    if not slack.any() or tether_weight >= friction * scene.weight:
+        return []
+    moving = towed.poses_and_rates_at(times)
+    body = towed_object(scene)
+    centre = transform(moving[:, :3], body.centre_of_mass)
+    lever = centre - moving[:, :2]
+    velocity = moving[:, 3:5] + moving[:, 5:] * np.column_stack([-lever[:, 1], lever[:, 0]])
+    square = np.sum(velocity**2, axis=1) + body.inertia / body.mass * moving[:, 5] ** 2
+    worst_m, begins, ends = 0.0, 0, 0
+    for first, last in stretches(slack):
+        before = np.searchsorted(times, times[first] - _BEFORE_S)
+        coasting = square[before : first + 1].max() / (2 * friction * scene.ground.gravity)
+        gone = np.linalg.norm(centre[first : last + 1] - centre[first], axis=1) - _COASTING * coasting
+        if gone.max() > worst_m:
+            worst_m, begins, ends = float(gone.max()), first, first + int(np.argmax(gone))
+    if worst_m <= _MOVED_M:
+        return []
+    moved_m = float(np.linalg.norm(centre[ends] - centre[begins]))
+    length_m = float(span[begins : ends + 1].max())
+    return [
+        finding(
+            "moved_while_slack", moved_mm=1000 * moved_m, first_s=times[begins], last_s=times[ends],
+            length_m=length_m, rest_m=scene.tether.rest_length,
+        )
+    ]  # fmt: skip
+
+
+def _least_friction(scene: TowingScene) -> float:
+    """The least coefficient of friction, anywhere and in any direction, that slows the object down [1]."""
+    friction = scene.friction
+    weakest = min([1.0, friction.across_over_along, *(region.factor for region in scene.ground.regions)])
+    return float(min(friction.kinetic, friction.static) * weakest - np.hypot(*scene.ground.slope))

@@ -1,0 +1,96 @@
+"""Motion of the object that no tether made: pushes are found, and what coasts or is pulled is not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from studies.worlds.measured import measured_track
+from studies.worlds.towed_runs import FRAME_STD, synthetic_run, true_motion
+from towval.model import Tether
+from towval.validation.decimate import decimate
+from towval.validation.hinge_trajectory import hinge_trajectory
+from towval.validation.scene_model import SceneModel
+from towval.validation.slack import moved_while_slack
+from validation_case import SCENE
+
+TIMES = np.arange(250) / 25
+BEHIND_M = SCENE.hinge[0] - SCENE.anchor[0] - SCENE.tether.rest_length
+"""Distance of the object's origin from the rover's where the tether is straight, both looking along x."""
+
+
+def on_a_line(name, x, seed=1):
+    """A decimated track along x (n,) [m] over TIMES with the noise of a frame."""
+    pose = np.column_stack([x, np.zeros_like(x), np.zeros_like(x)])
+    noisy = pose + FRAME_STD * np.random.default_rng(seed).standard_normal(pose.shape)
+    return decimate(measured_track(name, TIMES, noisy, FRAME_STD))
+
+
+def ramp(begin_s, end_s, far_m):
+    """A smooth way of ``far_m`` between two times."""
+    share = np.clip((TIMES - begin_s) / (end_s - begin_s), 0.0, 1.0)
+    return far_m * share**2 * (3 - 2 * share)
+
+
+def pushed(push_m):
+    """The rover tows by 0.3 m, comes back by 0.4 m without a touch, and pushes the object from 7 to 9 s."""
+    push = ramp(7.0, 9.0, -push_m)
+    rover = ramp(0.5, 3.5, 0.3) + ramp(4.0, 7.0, -0.4) + push
+    towed = BEHIND_M + ramp(0.5, 3.5, 0.3) + push
+    return on_a_line("rover", rover), on_a_line("object", towed, seed=2)
+
+
+@pytest.mark.parametrize("push_m", [0.02, 0.1])
+def test_an_object_that_the_rover_pushes_is_found(push_m):
+    (found,) = moved_while_slack(SCENE, *pushed(push_m), TIMES)
+    assert found.code == "moved_while_slack"
+    assert f"moved by {1000 * push_m:.0f} mm" in found.text
+
+
+def test_a_rover_that_comes_near_and_does_not_touch_is_not():
+    assert moved_while_slack(SCENE, *pushed(0.0), TIMES) == []
+
+
+def test_the_motion_counts_from_where_the_tether_is_surely_slack():
+    """Of a push that begins on a straight tether the part counts in which it is slack by a twentieth."""
+    rover = ramp(2.0, 5.0, -0.1)
+    tracks = on_a_line("rover", rover), on_a_line("object", BEHIND_M + 0.2 * rover, seed=2)
+    (found,) = moved_while_slack(SCENE, *tracks, TIMES)
+    slack = -0.8 * rover > 0.05 * SCENE.tether.rest_length
+    expected_mm = -1000 * 0.2 * np.ptp(rover[slack])
+    assert abs(float(found.text.split("moved by ")[1].split(" mm")[0]) + expected_mm) <= 1
+
+
+@pytest.mark.parametrize("speed", [0.3, 0.8, 1.5])
+def test_an_object_that_coasts_is_not_pushed(speed):
+    """Behind a soft tether, under little friction, from a rover that stops at once: it overtakes."""
+    friction = replace(SCENE.friction, static=0.1, kinetic=0.1)
+    scene = replace(SCENE, tether=Tether(0.6, 30.0), friction=friction)
+    moves = np.minimum(TIMES, 4.0) * speed
+    rover = on_a_line("rover", moves)
+    model = SceneModel(scene)
+    hinge = hinge_trajectory(rover, scene.hinge, TIMES)
+    motion = model.motion("dynamics", hinge, np.array([BEHIND_M, 0.0, 0.0]), TIMES, 1e-7)
+    noisy = motion.pose + FRAME_STD * np.random.default_rng(3).standard_normal(motion.pose.shape)
+    towed = decimate(measured_track("object", TIMES, noisy, FRAME_STD))
+    slack = motion.tether_length < 0.95 * scene.tether.rest_length
+    assert speed < 0.5 or np.ptp(motion.pose[slack, 0]) > 0.02, "the case is one of coasting"
+    assert moved_while_slack(scene, rover, towed, TIMES) == []
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_towed_runs_have_none(seed):
+    run = synthetic_run(seed)
+    true = true_motion(run, run.truth)
+    rng = np.random.default_rng(seed)
+    rover, towed = (
+        decimate(measured_track(name, run.time_s, pose + FRAME_STD * rng.standard_normal(pose.shape), FRAME_STD))
+        for name, pose in (("rover", np.array([run.drive(t) for t in run.time_s])), ("object", true))
+    )
+    assert moved_while_slack(run.scene, rover, towed, run.time_s) == []
+
+
+def test_a_tether_whose_weight_pulls_is_left_out():
+    """A chain of half the object's weight draws it along while it sags."""
+    heavy = replace(SCENE.tether, mass_per_length=0.5 * SCENE.mass / SCENE.tether.rest_length)
+    assert moved_while_slack(replace(SCENE, tether=heavy), *pushed(0.1), TIMES) == []
