@@ -10,6 +10,8 @@ from towval.model.inputs import INPUTS
 
 DOCS = Path(__file__).parents[2] / "docs"
 
+_STAGES = ("calibrate", "track", "decimate", "simulate", "uncertainty", "compare", "campaign", "identify", "plan")
+
 _FINDINGS = """# Findings
 
 What the stages can remark on: the table of `towval/model/findings.py` in print (`python -m
@@ -27,7 +29,7 @@ def findings_page() -> str:
     """docs/findings.md, a row a code."""
     rows = (
         f"| `{row.code}` | {row.stage} | {' or '.join(row.severities)} | {row.text} | {row.consequence} |"
-        for row in FINDINGS.values()
+        for row in sorted(FINDINGS.values(), key=lambda row: _STAGES.index(row.stage))
     )
     return _FINDINGS + "\n".join(rows) + "\n"
 

@@ -103,11 +103,33 @@ def test_what_cannot_be_negative_is_not_found_so(scene, measure):
 def test_an_input_that_is_zero_and_cannot_be_below_widens_the_covariance(scene, measure):
     """By what it moves the value if it is one deviation off; its effect to both sides is the same."""
     runs = measure(scene, 1)
-    sure, unsure = (fit_of(scene, ("rest_length",), known) for known in ({}, {"hinge_height": 0.1}))
-    found = sure.values(runs, [sure.given])
-    widened = unsure.covariance(found, runs)[0, 0] - sure.covariance(found, runs)[0, 0]
-    high = fit_of(replace(scene, hinge_height=0.1), ("rest_length",)).values(runs, [sure.given])
+    fits = [fit_of(scene, ("rest_length",), known) for known in ({}, {"hinge_height": 0.1})]
+    found = fits[0].values(runs, [fits[0].given])
+    sure, unsure = (fit.covariance(found, fit.by_others(runs, found), 1)[0, 0] for fit in fits)
+    widened = unsure - sure
+    high = fit_of(replace(scene, hinge_height=0.1), ("rest_length",)).values(runs, [fits[0].given])
     assert np.sqrt(widened) == pytest.approx(abs(high.values - found.values)[0], rel=0.2)
+
+
+@pytest.mark.parametrize(("std", "severity"), [(0.005, "note"), (0.0, "warning")])
+def test_a_misfit_that_other_inputs_may_explain_is_a_note(scene, measure, std, severity):
+    """The tether is 8 mm longer than stated, and the place of the load is fitted: it cannot make up for it."""
+    runs = measure(replace(scene, tether=replace(scene.tether, rest_length=scene.tether.rest_length + 0.008)), 2)
+    known = dict.fromkeys(DEVIATIONS, 0.0) | {"rest_length": std}
+    found = identify(scene, known, runs, IdentifySettings(("load_y",)))
+    (misfit,) = (each for each in found.findings if each.code == "identify_misfit")
+    assert misfit.severity == severity
+
+
+def test_what_no_input_explains_is_a_misfit_of_the_model(scene, measure):
+    """A place off to the side: all inputs are as unsure as stated, and none of them moves all of the path there."""
+    runs = [
+        replace(run, object_track=replace(run.object_track, pose=run.object_track.pose + np.array([0.0, 0.01, 0.0])))
+        for run in measure(scene, 2)
+    ]
+    found = identify(scene, DEVIATIONS, runs, IdentifySettings(("rest_length",)))
+    (misfit,) = (each for each in found.findings if each.code == "identify_misfit")
+    assert misfit.severity == "warning"
 
 
 def test_blocks_in_which_the_object_was_not_seen_are_no_data(scene, measure):
@@ -132,7 +154,7 @@ def test_a_run_of_fewer_times_than_blocks_is_fitted(scene, measure):
     few = replace(run, time_s=run.time_s[::10], measurement=run.measurement[::10])
     fit = fit_of(scene, ("rest_length",))
     found = fit.values([few], [fit.given + 0.01])
-    std = np.sqrt(fit.covariance(found, [few])[0, 0])
+    std = np.sqrt(fit.covariance(found, fit.by_others([few], found), 1)[0, 0])
     assert found.measured == 3 * len(few.time_s)
     assert found.values[0] == pytest.approx(scene.tether.rest_length, abs=3 * std)
 

@@ -21,7 +21,7 @@ from towval.validation.path_frame import OnPath
 from towval.validation.sampler import Sampler, UncertaintySettings, _motions
 from towval.validation.shares import REST, variance_shares
 from towval.validation.simulate import SimulateSettings, simulate
-from towval.validation.uncertainty import BOUND_ERROR, DRAWS, UncertaintySampling, _findings, sample_uncertainty
+from towval.validation.uncertainty import BOUND_ERROR, DRAWS, UncertaintySampling, _main_input, sample_uncertainty
 from validation_case import DEVIATIONS, PARAMETER_STD, SCENE
 
 
@@ -56,7 +56,7 @@ def test_of_no_more_draws_than_coefficients_nothing_is_an_inputs():
     draws = np.random.default_rng(0).standard_normal((64, 40))
     shares = variance_shares(draws, 3 * draws[:, :1], {"first": 1, "idle": 39})
     assert shares == {"first": 0.0, "idle": 0.0, REST: 1.0}
-    assert _findings(0, 64, shares) == ()
+    assert list(_main_input(shares)) == []
 
 
 def test_the_object_starts_as_far_off_as_its_track_is_noisy(case):
@@ -241,12 +241,19 @@ def test_a_motion_that_is_not_of_a_run_is_an_input_error(case):
         sample_uncertainty(towed, UncertaintySettings(samples=64))
 
 
-def test_the_main_input_is_named_and_draws_that_fail_are_counted():
-    found = {one.code: one.text for one in _findings(2, 128, {"friction": 0.6, "stiffness": 0.1, REST: 0.3})}
-    assert found["main_input"].startswith("60 %")
-    assert found["main_input"].endswith("friction.")
-    assert found["draws_left_out"].startswith("2 draws")
-    assert _findings(0, 128, {"friction": 0.0, REST: 0.0}) == ()
+def test_the_main_input_is_named():
+    (found,) = _main_input({"friction": 0.6, "stiffness": 0.1, REST: 0.3})
+    assert found.text.startswith("60 %")
+    assert found.text.endswith("friction.")
+    assert list(_main_input({"friction": 0.0, REST: 0.0})) == []
+
+
+def test_few_draws_that_fail_are_left_out_and_counted(case):
+    unsure = replace(case, deviations={**case.deviations, "load_at": 0.26})
+    found = sample_uncertainty(unsure, UncertaintySettings(samples=128))
+    (said,) = [one for one in found.findings if one.code == "draws_left_out"]
+    assert said.text.startswith(f"{128 - found.samples} draws")
+    assert "outside" in said.text, "the reason"
 
 
 def test_a_run_of_which_a_part_of_the_draws_fails_is_not_judged(case):
@@ -260,6 +267,7 @@ def test_a_run_of_which_a_part_of_the_draws_fails_is_not_judged(case):
     assert failed == pytest.approx(expected, abs=2 * np.sqrt(expected))
     (said,) = [one for one in found.findings if one.code == "draws_fail"]
     assert said.text.startswith(f"{failed} of 128 draws could not be simulated")
+    assert "outside" in said.text, "the reason"
     result = compare("a", case.simulated, case.object_track, found)
     assert result.verdict == Verdict.NOT_JUDGED
     assert said.text in result.findings[0].text

@@ -4,6 +4,7 @@ Units, frames and symbols are those of :mod:`towval.model.conventions`. NaN mean
 """
 
 import towval.model.findings_of_plans
+import towval.model.findings_of_simulation
 import towval.model.findings_of_video  # noqa: F401 - its rows enter the table
 from towval.model.camera import (
     CALIBRATION_PARAMETERS,

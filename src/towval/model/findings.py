@@ -64,11 +64,10 @@ class FindingType:
 
 NOTE, WARNING = (Severity.NOTE,), (Severity.WARNING,)
 _WARNING_OR_REFUSAL = (Severity.WARNING, Severity.REFUSAL)
-_NOTE_OR_WARNING = (Severity.NOTE, Severity.WARNING)
+NOTE_OR_WARNING = (Severity.NOTE, Severity.WARNING)
 NONE, NOT_JUDGED = Consequence(), Consequence(judged=False)
 _CAMERA, _TRACKING = Consequence(widens=("camera",)), Consequence(widens=("tracking",))
 _REGISTRATION = Consequence(widens=("rover_registration", "object_registration"))
-_FRICTION = Consequence(widens=("friction",))
 
 FINDINGS: Registry[FindingType] = Registry("finding")
 """The table, by code."""
@@ -87,8 +86,8 @@ def finding(code: str, severity: Severity | None = None, /, **values: object) ->
 
     Examples
     --------
-    >>> finding("draws_left_out", count=3).text
-    '3 draws could not be simulated and were left out.'
+    >>> finding("compare_cut", count=3).text
+    '3 measured frames have no simulated counterpart.'
     """
     row = FINDINGS.require(code, "finding()")
     severity = severity or row.severities[0]
@@ -96,8 +95,6 @@ def finding(code: str, severity: Severity | None = None, /, **values: object) ->
         raise InputError(f"finding {code}: unknown severity", got=severity, allowed=", ".join(row.severities))
     return Finding(severity, code, row.text.format(**values))
 
-
-_ENDED = "The simulation ended with: {outcome}, at {time_s:.3f} s. {advice}"
 
 register(  # calibrate
     FindingType("view-dropped", "calibrate", (Severity.WARNING, Severity.NOTE), NONE, "{name} was left out: {reason}."),
@@ -315,82 +312,19 @@ register(  # decimate
         "drives the simulation. Film it all along, or cut the video there.",
     ),
 )  # fmt: skip
-register(  # simulate; the last six are those of towval.physics
-    FindingType("rung", "simulate", _NOTE_OR_WARNING, NONE, "Model: {rung}; {changes} (allowed: {allowed_mm:.2f} mm)."),
-    FindingType(
-        "numerical_error", "simulate", WARNING, NONE,
-        "A hundred times tighter tolerance moves the path by {u_num_mm:.2f} mm (allowed: {allowed_mm:.2f} mm). Set a "
-        "smaller simulate.tolerance_m.",
-    ),
-    FindingType(
-        "creep", "simulate", _NOTE_OR_WARNING, NONE,
-        "The object creeps {crept_mm:.1f} mm in total at speeds below the stiction velocity, {parked_mm:.1f} mm of it "
-        "while the rover stands, where a real one would stick now and then: that much of its path depends on "
-        "friction.stiction_velocity_m_per_s. With simulate.sticking: true it stays.",
-    ),
-    FindingType("simulate_outcome", "simulate", WARNING, NOT_JUDGED, "{outcome}: {advice}"),
-    FindingType(
-        "friction_law", "simulate", WARNING, _FRICTION,
-        "The friction law misses the specified coefficients by up to {residual:.4f}.",
-    ),
-    FindingType(
-        "simulate_cut", "simulate", WARNING, NONE,
-        "{count} frames lie outside the rover's track and are not simulated.",
-    ),
-    FindingType(
-        "taut_start", "simulate", WARNING, NOT_JUDGED,
-        "At the start the tether is {longer_mm:.0f} mm longer than friction could hold: check tether.rest_length_m, "
-        "hinge and anchor.",
-    ),
-    FindingType(
-        "start_nearer", "simulate", _NOTE_OR_WARNING, NONE,
-        "By the stated lengths the tether would pull the object at rest with more than friction holds: it starts "
-        "{nearer_mm:.1f} mm nearer to the rover than measured. Check tether.rest_length_m, hinge and anchor.",
-    ),
-    FindingType(
-        "moving_start", "simulate", WARNING, NOT_JUDGED,
-        "The object moves in the first picture, at {speed_mm_per_s:.0f} mm/s; the simulation starts it from rest, "
-        "which leads its path off by up to {off_mm:.0f} mm. Begin the video while all bodies rest.",
-    ),
-    FindingType(
-        "moved_while_slack", "simulate", WARNING, NOT_JUDGED,
-        "Between {first_s:.1f} s and {last_s:.1f} s the object moved by {moved_mm:.0f} mm, farther than it coasts, "
-        "while its tether was slack ({length_m:.3f} m of {rest_m:.3f} m): something else moved it. See on the video "
-        "what touched it: the rover, a hand, a cable. If nothing did, check tether.rest_length_m, hinge and anchor.",
-    ),
-    FindingType(
-        "tether_on_floor", "simulate", WARNING, NONE,
-        "For {percent:.0f} % of the time the tether would hang {depth_mm:.0f} mm below the floor: there it lies on the "
-        "floor, which the model of a hanging tether leaves out.",
-    ),
-    FindingType("slack_all_along", "simulate", WARNING, NOT_JUDGED, _ENDED),
-    FindingType("step_limit", "simulate", WARNING, NOT_JUDGED, _ENDED),
-    FindingType("step_too_small", "simulate", WARNING, NOT_JUDGED, _ENDED),
-    FindingType("not_finite", "simulate", WARNING, NOT_JUDGED, _ENDED),
-    FindingType("tips_over", "simulate", WARNING, NOT_JUDGED, _ENDED),
-    FindingType("lifted", "simulate", WARNING, NOT_JUDGED, _ENDED),
-    FindingType(
-        "not_balanced", "simulate", WARNING, NOT_JUDGED,
-        "At {count} steps of the rung '{rung}' no balance was found; the previous twist was kept.",
-    ),
-    FindingType(
-        "open_loop", "simulate", WARNING, NONE,
-        "{percent:.1f} % more force moves the object by up to {apart_mm:.3g} mm: a force given over time does not "
-        "determine its path. Prescribe the path of the hinge instead.",
-    ),
-)  # fmt: skip
 register(  # uncertainty, compare, identify
     FindingType(
         "main_input", "uncertainty", NOTE, NONE,
         "{percent:.0f} % of the path error's expected variance comes from: {label}.",
     ),
     FindingType(
-        "draws_left_out", "uncertainty", WARNING, NONE, "{count} draws could not be simulated and were left out."
+        "draws_left_out", "uncertainty", WARNING, NONE,
+        "{count} draws could not be simulated and were left out. Of the first: {reason}.",
     ),
     FindingType(
         "draws_fail", "uncertainty", WARNING, NOT_JUDGED,
         "{count} of {drawn} draws could not be simulated, more than {percent:.0f} %: the bounds hold for the others "
-        "only. Check the deviations in campaign.yaml: with a load that may be anywhere the object tips over.",
+        "only. Check the deviations in campaign.yaml. Of the first: {reason}.",
     ),
     FindingType(
         "draft_settings", "uncertainty", WARNING, NOT_JUDGED,
@@ -402,9 +336,9 @@ register(  # uncertainty, compare, identify
         "widened", "uncertainty", WARNING, NONE,
         "The deviation of {input} counts {factor:g} times, because of: {codes}.",
     ),
-    FindingType("verdict", "compare", _NOTE_OR_WARNING, NONE, "{statement}."),
+    FindingType("verdict", "compare", NOTE_OR_WARNING, NONE, "{statement}."),
     FindingType("statement", "compare", NOTE, NONE, "{off}. {model}. {visible}."),
-    FindingType("campaign_verdict", "campaign", _NOTE_OR_WARNING, NONE, "{sentence}"),
+    FindingType("campaign_verdict", "campaign", NOTE_OR_WARNING, NONE, "{sentence}"),
     FindingType("runs_left_out", "campaign", WARNING, NONE, "Left out of the campaign: {runs}."),
     FindingType(
         "repeats", "campaign", NOTE, NONE,
@@ -443,8 +377,8 @@ register(  # uncertainty, compare, identify
     ),
     FindingType("not_identifiable", "identify", WARNING, NONE, "Not identifiable: {names}; {reason}."),
     FindingType(
-        "identify_misfit", "identify", WARNING, NONE,
-        "The fitted inputs do not explain the runs: the residual is {misfit:.1f} deviations of the measurement "
-        "(RMS). The values belong to a model that is not that of the runs.",
+        "identify_misfit", "identify", (Severity.WARNING, Severity.NOTE), NONE,
+        "The fitted inputs leave {misfit:.1f} deviations of the measurement (RMS), and {left:.1f} where the inputs "
+        "that are not fitted are off as far as stated: {meaning}.",
     ),
 )  # fmt: skip

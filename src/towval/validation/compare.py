@@ -27,7 +27,7 @@ from towval.validation.consequences import forbidding
 from towval.validation.metrics import aligned_rms, area_metric, error_ratio, frechet_distance
 from towval.validation.path_frame import OnPath, PathFrame
 from towval.validation.statistics import SIZES, STATISTICS, RightModel, bounds, error_sizes, holding_levels, place
-from towval.validation.verdict import Evidence, statement_findings, verdict_of
+from towval.validation.verdict import Evidence, between, statement_findings, verdict_of
 
 TOLERANCE_M = 0.02
 """Tolerance where none is stated."""
@@ -255,8 +255,8 @@ def _where(error: Array, pose: Array, length: Array, begins: tuple[float, float]
     along, across, _ = 1e3 * rest[np.argmax(np.hypot(rest[:, 0], rest[:, 1]))]
     heading = float(np.degrees(rest[np.argmax(np.abs(rest[:, 2])), 2]))
     start = (
-        f"it begins between {begins[0]:.2f} m and {begins[1]:.2f} m of the path, near ({pose[begin, 0]:.2f}, "
-        f"{pose[begin, 1]:.2f}) m, and" if np.isfinite(begins[0]) else "it is there all along and"
+        f"it begins {between(*begins)}, near ({pose[begin, 0]:.2f}, {pose[begin, 1]:.2f}) m, and"
+        if np.isfinite(begins[0]) else "it is there all along and"
     )  # fmt: skip
     return f"{start} reaches {along:+.1f} mm along, {across:+.1f} mm across and {heading:+.2f}°"
 

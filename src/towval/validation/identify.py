@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import qmc
 
-from towval.model import Array, DecimatedTrack, Finding, Identification, Prediction, TowingScene, Track
+from towval.model import Array, DecimatedTrack, Finding, Identification, Prediction, Severity, TowingScene, Track
 from towval.model.checks import within
 from towval.model.errors import InputError, RefusedError, TowvalError
 from towval.model.findings import finding
@@ -34,7 +34,11 @@ _AT_THE_END = 1e-3
 """A value counts as being at the end of the searched range within this share of half the range."""
 
 _MISFIT = 2.0
-"""Root mean square of a fit's residuals, in deviations of the measurement, above which it does not explain the runs."""
+"""Root mean square of a fit's residuals, in deviations of the measurement, above which it does not explain the runs by
+itself, and of what other inputs leave of them, above which the model does not."""
+
+_ANOTHER = "the model is not that of the runs, and the values belong to it"
+_EXPLAINED = "they may explain the runs"
 
 _VAGUE_SHARE = 0.25
 """A value with a deviation of more than this share of half the searched range is not identified."""
@@ -114,9 +118,10 @@ def identify(
         )
     fit = _Fit(Realisation.nominal(scene), deviations, settings)
     found = fit.values(runs, list(fit.starts(runs)[:_STARTS]))
-    covariance = fit.covariance(found, runs)
+    by_others = fit.by_others(runs, found)
+    covariance = fit.covariance(found, by_others, len(runs))
     identifiable, findings = _identifiability(settings.parameters, covariance, fit.reach)
-    identifiable, further = _trust(found, fit, identifiable)
+    identifiable, further = _trust(found, by_others, fit, identifiable)
     findings += further
     predictions = []
     for left_out in runs if len(runs) > 1 else ():
@@ -163,7 +168,22 @@ class _Found:
     @property
     def misfit(self) -> float:
         """Root mean square of the residuals that were measured."""
-        return float(np.sqrt(self.residual @ self.residual / max(1, self.measured)))
+        return self._rms(self.residual)
+
+    def unexplained(self, by_others: Array) -> float:
+        """The same of what neither other values nor other inputs within their deviations explain.
+
+        In the columns of ``by_others`` (m, k): what one deviation of each of them changes.
+        """
+        count = by_others.shape[1]
+        held = np.hstack([np.zeros((count, self.jacobian.shape[1])), np.eye(count)])
+        changes = np.vstack([np.hstack([self.jacobian, by_others]), held])
+        residual = np.append(self.residual, np.zeros(count))
+        best = np.linalg.lstsq(changes, -residual, rcond=None)[0]
+        return self._rms(residual + changes @ best)
+
+    def _rms(self, residual: Array) -> float:
+        return float(np.sqrt(residual @ residual / max(1, self.measured)))
 
 
 class _Fit:
@@ -225,13 +245,13 @@ class _Fit:
             # Not a start. Where no point is one, the fit meets the same error and raises it.
             return float("inf")
 
-    def _by_others(self, runs: Sequence[MeasuredRun], found: _Found) -> list[Array]:
-        """Changes of the residuals (m,) by one deviation to either side of each input that is not fitted, over √2.
+    def by_others(self, runs: Sequence[MeasuredRun], found: _Found) -> Array:
+        """Changes of the residuals (m, k) by one deviation to either side of each input that is not fitted, over √2.
 
         The sum of their squares is the mean square change. It counts inputs that cannot be on one side, too: of a
         height of zero both sides are the same, and their difference is none.
         """
-        columns = []
+        columns = [np.empty((len(found.residual), 0))]
         for name, (row, i) in IDENTIFIABLE.items():
             std = self.deviations.get(row.name, 0.0)
             if name in self.settings.parameters or std == 0 or not row.present(self.nominal.scene):
@@ -239,22 +259,21 @@ class _Fit:
             given = row.values(self.nominal.scene)[i]
             for off in (std, -std):
                 moved = self._residuals(runs, _changed(self.nominal, row, i, given + off), found.values)
-                columns.append((moved - found.residual) / np.sqrt(2))
-        return columns
+                columns.append((moved - found.residual)[:, None] / np.sqrt(2))
+        return np.hstack(columns)
 
-    def covariance(self, found: _Found, runs: Sequence[MeasuredRun]) -> Array:
-        """Covariance (p, p) of the values fitted to these runs; NaN where the runs do not determine all of them."""
+    def covariance(self, found: _Found, by_others: Array, runs: int) -> Array:
+        """Covariance (p, p) of the values fitted to so many runs; NaN where these do not determine all of them."""
         jacobian, residual = found.jacobian, found.residual
         p = jacobian.shape[1]
         if np.linalg.matrix_rank(jacobian) < p:
             return np.full((p, p), np.nan)
         solver = np.linalg.pinv(jacobian)
-        per_run = solver.reshape(p, len(runs), -1, 3).sum(axis=2).reshape(p, -1)
+        per_run = solver.reshape(p, runs, -1, 3).sum(axis=2).reshape(p, -1)
         chi2 = float(residual @ residual) / max(1, found.measured - p)
         covariance = (solver @ solver.T + per_run @ per_run.T) * max(1.0, chi2)
-        for change in self._by_others(runs, found):
-            covariance += np.outer(solver @ change, solver @ change)
-        return np.asarray(covariance * np.outer(self.scale, self.scale))
+        moved = solver @ by_others
+        return np.asarray((covariance + moved @ moved.T) * np.outer(self.scale, self.scale))
 
     def _residuals(self, runs: Sequence[MeasuredRun], base: Realisation, values: Array) -> Array:
         """Block means of simulated − measured in deviations of the measurement, all runs one after another."""
@@ -344,7 +363,9 @@ def _identifiability(names: Sequence[str], covariance: Array, reach: Array) -> t
     return tuple(map(bool, identifiable)), findings
 
 
-def _trust(found: _Found, fit: _Fit, identifiable: tuple[bool, ...]) -> tuple[tuple[bool, ...], list[Finding]]:
+def _trust(
+    found: _Found, by_others: Array, fit: _Fit, identifiable: tuple[bool, ...]
+) -> tuple[tuple[bool, ...], list[Finding]]:
     """``identifiable`` except for values at the end of their range, and findings on these and on the misfit."""
     names, findings = fit.settings.parameters, []
     inside = np.abs(found.values - fit.given) < fit.bound - _AT_THE_END * fit.reach
@@ -356,5 +377,7 @@ def _trust(found: _Found, fit: _Fit, identifiable: tuple[bool, ...]) -> tuple[tu
             )
             findings.append(finding("not_identifiable", names=titled(name), reason=reason))
     if found.misfit > _MISFIT:
-        findings.append(finding("identify_misfit", misfit=found.misfit))
+        left = found.unexplained(by_others)
+        severity, meaning = (Severity.WARNING, _ANOTHER) if left > _MISFIT else (Severity.NOTE, _EXPLAINED)
+        findings.append(finding("identify_misfit", severity, misfit=found.misfit, left=left, meaning=meaning))
     return tuple(bool(i and w) for i, w in zip(identifiable, inside, strict=True)), findings

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from towval.model import Array, TowingScene
+from towval.model import Array, SimulatedMotion, TowingScene
 from towval.model.errors import TowvalError
 from towval.physics.dynamics import Outcome
 from towval.physics.ladder import DYNAMICS
@@ -65,15 +65,27 @@ class Batch:
                     yield waiting.popleft().result()
             yield from (future.result() for future in waiting)
 
+    def failure(self, drawn: Drawn | None) -> str:
+        """Why a draw for which :meth:`simulate` gives NaN could not be simulated."""
+        if drawn is None:
+            return "its values are impossible"
+        try:
+            return f"the simulation ended with: {self._motion(drawn).outcome}"
+        except TowvalError as error:
+            return str(error)
+
     def _poses(self, drawn: Drawn | None) -> Array:
         missing = np.full((len(self.times), 3), np.nan)
         if drawn is None:
             return missing
         try:
-            hinge = trajectory_of(drawn.scene.hinge, self.rover_times, drawn.rover)
-            model = SceneModel(drawn.scene, sticking=self.sticking)
-            rung = self.rung if model.planar else DYNAMICS  # The other rungs apply to planar scenes only.
-            motion = model.motion(rung, hinge, drawn.start, self.times, self.tolerance_m)
+            motion = self._motion(drawn)
         except TowvalError:
             return missing
         return motion.pose if motion.outcome in (Outcome.CONVERGED, Outcome.SLACK_ALL_ALONG) else missing
+
+    def _motion(self, drawn: Drawn) -> SimulatedMotion:
+        hinge = trajectory_of(drawn.scene.hinge, self.rover_times, drawn.rover)
+        model = SceneModel(drawn.scene, sticking=self.sticking)
+        rung = self.rung if model.planar else DYNAMICS  # The other rungs apply to planar scenes only.
+        return model.motion(rung, hinge, drawn.start, self.times, self.tolerance_m)

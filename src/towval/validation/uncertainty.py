@@ -117,11 +117,19 @@ class UncertaintySampling:
                 "the uncertainty cannot be sampled",
                 got=f"{np.count_nonzero(~done)} of {len(draws)} draws could not be simulated",
                 allowed=f"less than {100 * (1 - _LEAST_SHARE):.0f} %",
-                remedy="check the deviations in campaign.yaml: with a load that may be anywhere the object tips over",
+                remedy=f"check the deviations in campaign.yaml; of the first of these draws: {self._failure(done)}",
             )
-        return self._described(draws[done], simulated[done], measured[done], int(np.count_nonzero(~done)))
+        return self._described(done, simulated[done], measured[done])
 
-    def _described(self, draws: Array, simulated: Array, measured: Array, dropped: int) -> RunUncertainty:
+    def _failure(self, done: NDArray[np.bool_]) -> str:
+        """Why the first of the draws that are not ``done`` (n,) could not be simulated."""
+        first = int(np.argmin(done))
+        text = self._sampler.batch.failure(self._sampler.lay_out(first, self._draws[first])[0])
+        return " ".join(text.split())
+
+    def _described(self, done: NDArray[np.bool_], simulated: Array, measured: Array) -> RunUncertainty:
+        """The spread of the draws that are ``done`` (n,), of all that were made so far."""
+        draws = self._draws[: len(done)][done]
         # Deviations are taken from the nominal solution, which corresponds to the truth in a campaign, not from the
         # mean of the draws: where phases drift, both sides of S − D oscillate, and the mean of the draws does not.
         nominal, u_tolerance_m = self.case.simulated.pose, self.case.simulated.statistic("u_tolerance_m")
@@ -142,7 +150,7 @@ class UncertaintySampling:
             shares=shares,
             samples=len(draws),
             seed=self.settings.seed,
-            findings=(*_findings(dropped, len(draws) + dropped, shares), *self._coarse(), *self._widened()),
+            findings=(*_main_input(shares), *self._dropped(done), *self._coarse(), *self._widened()),
             upstream=self.case.upstream,
             draws=kept,
         )
@@ -235,6 +243,15 @@ class UncertaintySampling:
         moves, start = sampler.rover_moves, sampler.start.pose[0]
         return effect_choices(case.scene, sampler.batch, moves, start, found, case.simulated, limit_m)
 
+    def _dropped(self, done: NDArray[np.bool_]) -> Iterator[Finding]:
+        """A finding on draws that are not ``done`` (n,), which leaves the run not judged where they are many."""
+        dropped, drawn = int(np.count_nonzero(~done)), len(done)
+        if dropped > _DROPPED_SHARE * drawn:
+            percent = 100 * _DROPPED_SHARE
+            yield finding("draws_fail", count=dropped, drawn=drawn, percent=percent, reason=self._failure(done))
+        elif dropped:
+            yield finding("draws_left_out", count=dropped, reason=self._failure(done))
+
     def _coarse(self) -> Iterator[Finding]:
         """A finding that leaves the run not judged where draws are as coarse as a draft's."""
         if self.settings.tolerance_m >= _COARSE_M:
@@ -295,14 +312,8 @@ def _mean_square(error: Array) -> Array:
     return np.asarray(np.einsum("kni,knj->nij", error, error) / len(error))
 
 
-def _findings(dropped: int, drawn: int, shares: dict[str, float]) -> tuple[Finding, ...]:
-    findings = []
+def _main_input(shares: dict[str, float]) -> Iterator[Finding]:
     named = {name: share for name, share in shares.items() if name != REST}
     if any(named.values()):
         first = max(named, key=lambda name: named[name])
-        findings.append(finding("main_input", percent=100 * named[first], label=first))
-    if dropped > _DROPPED_SHARE * drawn:
-        findings.append(finding("draws_fail", count=dropped, drawn=drawn, percent=100 * _DROPPED_SHARE))
-    elif dropped:
-        findings.append(finding("draws_left_out", count=dropped))
-    return tuple(findings)
+        yield finding("main_input", percent=100 * named[first], label=first)

@@ -141,6 +141,13 @@ def statement_findings(e: Evidence, faults: tuple[VisibleFault, ...], confidence
         yield finding("explanation", text=_explained(e.explanation))
 
 
+def between(begins_m: float, ends_m: float) -> str:
+    """Between which lengths of the path [m] something is, in words."""
+    if round(ends_m, 2) == 0:
+        return "before the object moves"
+    return f"between {begins_m:.2f} m and {ends_m:.2f} m of the path"
+
+
 def fault_text(fault: VisibleFault) -> str:
     """A fault with its size and the shift of the path that it causes, in words."""
     if not fault.searched:
@@ -166,7 +173,7 @@ def _at_most(value_m: float) -> str:
 
 def _explained(e: Explanation) -> str:
     remaining = f"of {_mm(e.error_rms_m)} RMS {_mm(e.remaining_rms_m)} would remain"
-    where = f", from {e.begins_m:.2f} to {e.ends_m:.2f} m of the path on" if np.isfinite(e.begins_m) else ""
+    where = f", beginning {between(e.begins_m, e.ends_m)}" if np.isfinite(e.begins_m) else ""
     if not e.moved:
         return "No input explains the difference: the model, or an input that is not in the table"
     inputs = _moves(e)

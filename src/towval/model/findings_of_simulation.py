@@ -1,0 +1,70 @@
+"""The rows of the table of findings about the simulation, of the stage simulate and of the physics."""
+
+from towval.model.findings import NONE, NOT_JUDGED, NOTE_OR_WARNING, WARNING, Consequence, FindingType, register
+
+_ENDED = "The simulation ended with: {outcome}, at {time_s:.3f} s. {advice}"
+
+register(  # simulate; the last six are those of towval.physics
+    FindingType("rung", "simulate", NOTE_OR_WARNING, NONE, "Model: {rung}; {changes} (allowed: {allowed_mm:.2f} mm)."),
+    FindingType(
+        "numerical_error", "simulate", WARNING, NONE,
+        "A hundred times tighter tolerance moves the path by {u_num_mm:.2f} mm (allowed: {allowed_mm:.2f} mm). Set a "
+        "smaller simulate.tolerance_m.",
+    ),
+    FindingType(
+        "creep", "simulate", NOTE_OR_WARNING, NONE,
+        "The object creeps {crept_mm:.1f} mm in total at speeds below the stiction velocity, {parked_mm:.1f} mm of it "
+        "while the rover stands, where a real one would stick now and then: that much of its path depends on "
+        "friction.stiction_velocity_m_per_s. With simulate.sticking: true it stays.",
+    ),
+    FindingType("simulate_outcome", "simulate", WARNING, NOT_JUDGED, "{outcome}: {advice}"),
+    FindingType(
+        "friction_law", "simulate", WARNING, Consequence(widens=("friction",)),
+        "The friction law misses the specified coefficients by up to {residual:.4f}.",
+    ),
+    FindingType(
+        "simulate_cut", "simulate", WARNING, NONE,
+        "{count} frames lie outside the rover's track and are not simulated.",
+    ),
+    FindingType(
+        "taut_start", "simulate", WARNING, NOT_JUDGED,
+        "At the start the tether is {longer_mm:.0f} mm longer than friction could hold: check tether.rest_length_m, "
+        "hinge and anchor.",
+    ),
+    FindingType(
+        "start_nearer", "simulate", NOTE_OR_WARNING, NONE,
+        "By the stated lengths the tether would pull the object at rest with more than friction holds: it starts "
+        "{nearer_mm:.1f} mm nearer to the rover than measured. Check tether.rest_length_m, hinge and anchor.",
+    ),
+    FindingType(
+        "moving_start", "simulate", WARNING, NOT_JUDGED,
+        "The object moves in the first picture, at {speed_mm_per_s:.0f} mm/s; the simulation starts it from rest, "
+        "which leads its path off by up to {off_mm:.0f} mm. Begin the video while all bodies rest.",
+    ),
+    FindingType(
+        "moved_while_slack", "simulate", WARNING, NOT_JUDGED,
+        "Between {first_s:.1f} s and {last_s:.1f} s the object moved by {moved_mm:.0f} mm, farther than it coasts, "
+        "while its tether was slack ({length_m:.3f} m of {rest_m:.3f} m): something else moved it. See on the video "
+        "what touched it: the rover, a hand, a cable. If nothing did, check tether.rest_length_m, hinge and anchor.",
+    ),
+    FindingType(
+        "tether_on_floor", "simulate", WARNING, NONE,
+        "For {percent:.0f} % of the time the tether would hang {depth_mm:.0f} mm below the floor: there it lies on the "
+        "floor, which the model of a hanging tether leaves out.",
+    ),
+    FindingType("slack_all_along", "simulate", WARNING, NOT_JUDGED, _ENDED),
+    FindingType("step_limit", "simulate", WARNING, NOT_JUDGED, _ENDED),
+    FindingType("step_too_small", "simulate", WARNING, NOT_JUDGED, _ENDED),
+    FindingType("not_finite", "simulate", WARNING, NOT_JUDGED, _ENDED),
+    FindingType("tips_over", "simulate", WARNING, NOT_JUDGED, _ENDED),
+    FindingType("lifted", "simulate", WARNING, NOT_JUDGED, _ENDED),
+    FindingType(
+        "not_balanced", "simulate", WARNING, NOT_JUDGED,
+        "At {count} steps of the rung '{rung}' no balance was found; the previous twist was kept.",
+    ),
+    FindingType(
+        "open_loop", "simulate", WARNING, NONE,
+        "{percent:.1f} % more force moves the object by up to {apart_mm:.3g} mm: a force given over time does not "
+        "determine its path. Prescribe the path of the hinge instead.",
+    ),
+)  # fmt: skip
