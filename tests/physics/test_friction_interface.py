@@ -13,7 +13,7 @@ from towval.model.errors import InputError
 from towval.physics.contact import pressure_plane
 from towval.physics.dynamics import Outcome, feedback
 from towval.physics.friction_laws import LAWS, Coulomb, FittedLaw, Makkar, fitted_law
-from towval.physics.friction_table import friction_table, ratio_and_slope
+from towval.physics.friction_table import coefficient_over_speed, friction_table, ratio_and_slope
 from towval.physics.quasistatic import quasistatic_plan
 from towval.physics.wrench import friction_wrench, sliding_patch
 
@@ -91,6 +91,13 @@ def test_table_holds_the_law_and_its_slope(given):
         ratio, slope = ratio_and_slope(table, speed, 1 / speed)
         assert ratio * speed == pytest.approx(float(given.coefficient(speed)), rel=1e-9)
         assert slope == pytest.approx(float(given.slope(speed)), rel=1e-6, abs=1e-8 / speed)
+
+
+def test_a_speed_that_is_no_number_reads_nothing_beyond_the_table():
+    """A state that has left the range of numbers: its bits would be read as the number of a part."""
+    table = friction_table(Coulomb(0.35, 0.005))
+    assert coefficient_over_speed(table, np.nan) == pytest.approx(0.35 / 0.005)
+    assert ratio_and_slope(table, np.nan, np.nan) == pytest.approx((0.35 / 0.005,) * 2)
 
 
 @pytest.mark.parametrize(

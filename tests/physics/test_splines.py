@@ -4,7 +4,7 @@ from scipy.interpolate import CubicSpline
 
 from towval.model import TimedPath
 from towval.model.errors import InputError
-from towval.physics.splines import spline_through, spline_values
+from towval.physics.splines import hermite_spline, spline_through, spline_values
 
 AT_REST = (1, np.zeros(2))
 
@@ -74,6 +74,12 @@ def test_a_path_that_would_swing_between_its_points_is_refused():
     path = np.column_stack([along, 0 * along])
     with pytest.raises(InputError, match="too few points"):
         spline_through(TimedPath(time, path))
+
+
+def test_a_path_that_is_no_number_is_refused():
+    position = np.array([[0.0, 0.0], [1.0, 0.0], [np.nan, 0.0]])
+    with pytest.raises(InputError, match="not finite from 1 s on"):
+        hermite_spline(np.arange(3.0), position, np.zeros((3, 2)))
 
 
 def test_a_path_at_rest_stays():

@@ -15,12 +15,13 @@ from towval.model.presets import PRESETS, settings_of
 from towval.optics.projection import project, to_plane
 from towval.physics.dynamics import Outcome
 from towval.selection.draws import sample_selecting
-from towval.validation import scene_model
+from towval.validation import scene_model, uncertainty
 from towval.validation.compare import compare
 from towval.validation.path_frame import OnPath
 from towval.validation.sampler import Sampler, UncertaintySettings, _motions
 from towval.validation.shares import REST, variance_shares
 from towval.validation.simulate import SimulateSettings, simulate
+from towval.validation.simulate_many import Drawn
 from towval.validation.uncertainty import BOUND_ERROR, DRAWS, UncertaintySampling, _main_input, sample_uncertainty
 from validation_case import DEVIATIONS, PARAMETER_STD, SCENE
 
@@ -122,12 +123,13 @@ def test_a_right_model_agrees_and_the_same_seed_gives_the_same(case):
 
 def test_more_draws_keep_those_that_were_made(case):
     sampling = UncertaintySampling(case, UncertaintySettings(samples=64), (counts := []).append)
-    first = sampling.describe(64)
+    sampling.describe(64)
     twice = sampling.describe(128)
     assert counts == list(range(1, 129))
     whole = sample_uncertainty(case, UncertaintySettings(samples=128))
     np.testing.assert_array_equal(twice.validation, whole.validation)
-    np.testing.assert_array_equal(sampling.describe(64).validation, first.validation)
+    with pytest.raises(InputError, match="cannot be taken back"):
+        sampling.describe(64)
 
 
 def test_without_deviations_nothing_is_uncertain(case):
@@ -256,6 +258,16 @@ def test_few_draws_that_fail_are_left_out_and_counted(case):
     assert "outside" in said.text, "the reason"
 
 
+def test_a_draw_that_is_no_number_is_left_out_with_its_reason(case):
+    sampler = Sampler(case, UncertaintySettings(samples=64))
+    whole, start = sampler.rover_moves, sampler.start.pose[0]
+    lost = Drawn(case.scene, np.where(np.arange(len(whole))[:, None] > 5, np.nan, whole), start)
+    first, second = sampler.batch.simulate([Drawn(case.scene, whole, start), lost])
+    assert np.isfinite(first).all()
+    assert np.isnan(second).all()
+    assert "not finite" in sampler.batch.failure(lost)
+
+
 def test_a_run_of_which_a_part_of_the_draws_fails_is_not_judged(case):
     """A load of 1.5 kg on 4 kg tips it where both have their centre beyond the edge: at 917 mm in x, 642 mm in y."""
     unsure = replace(case, deviations={**case.deviations, "load_at": 0.4})
@@ -307,3 +319,21 @@ def test_draws_are_added_until_the_bounds_are_known_well_enough(case):
     fewest = UncertaintySampling(case, UncertaintySettings()).describe(DRAWS[0])
     known = OnPath.of(case.object_track, case.simulated, fewest.draws).bound_error(0.95)
     assert count == DRAWS[0] or known > BOUND_ERROR
+
+
+def test_of_long_runs_paths_are_kept_at_some_times_and_covariances_at_all(case, monkeypatch):
+    """The paths of 512 draws of 20 minutes at all times would take a gigabyte."""
+    settings = UncertaintySettings(samples=64)
+    short = UncertaintySampling(case, settings).describe(64)
+    monkeypatch.setattr(uncertainty, "_KEPT_TIMES", 25)
+    sampling = UncertaintySampling(case, settings)
+    long = sampling.describe(64)
+    for name in ("measurement", "simulation", "validation"):
+        np.testing.assert_array_equal(getattr(long, name), getattr(short, name))
+    kept = short.draws.rows[::4]
+    np.testing.assert_array_equal(long.draws.rows, kept)
+    np.testing.assert_array_equal(long.draws.measurement, short.draws.measurement[:, kept])
+    assert {len(path) for path in (*sampling._made.simulated, *sampling._made.measured)} == {25}
+    off = short.draws.measurement
+    mean_square = np.einsum("kni,knj->nij", off, off) / len(off)
+    np.testing.assert_allclose(short.measurement, mean_square, rtol=1e-12)

@@ -131,7 +131,7 @@ def _part(table: Array, speed: float) -> tuple[np.uint64, float]:
 def radial_means(table: Array, speed: float) -> Lanes:
     """μ, m_1, m_2, m_3 at a speed u ≥ 0 [m/s], as lanes."""
     means: Lanes
-    if speed < table[LOWEST]:
+    if not speed >= table[LOWEST]:
         linear = table[SLOPE] * speed
         means = lanes(linear, linear / 3, linear / 4, linear / 5)
         return means
@@ -157,7 +157,7 @@ def radial_means(table: Array, speed: float) -> Lanes:
 @compiled(allocates=False)
 def coefficient_over_speed(table: Array, speed: float) -> float:
     """μ / v [s/m] at a sliding speed [m/s]; the slope at rest where v is zero."""
-    if speed < table[LOWEST]:
+    if not speed >= table[LOWEST]:
         at_rest: float = table[SLOPE]
         return at_rest
     if speed >= table[HIGHEST]:
@@ -173,7 +173,7 @@ def coefficient_over_speed(table: Array, speed: float) -> float:
 @compiled(allocates=False, inline="always")
 def ratio_and_slope(table: Array, speed: float, inverse: float) -> tuple[float, float]:
     """μ / v and dμ/dv [s/m] at a sliding speed [m/s] and one over it; both the slope at rest where v is zero."""
-    if speed < table[LOWEST]:
+    if not speed >= table[LOWEST]:
         return table[SLOPE], table[SLOPE]
     if speed >= table[HIGHEST]:
         return table[PLATEAU] * inverse + table[VISCOUS], table[VISCOUS]

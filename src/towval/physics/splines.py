@@ -183,6 +183,10 @@ def hermite_spline(time_s: Array, position: Array, velocity: Array) -> Spline:
 
 def _laid_out(knots: Array, coefficients: Array) -> Spline:
     coefficients = np.ascontiguousarray(coefficients)
+    if not np.isfinite(coefficients).all():
+        # Compiled code would go astray with it.
+        first = knots[int(np.argmin(np.isfinite(coefficients).all(axis=(1, 2))))]
+        raise InputError("a path goes where no number is", got=f"values that are not finite from {first:.6g} s on")
     speed_limits = np.empty(len(coefficients))
     _bound_speeds(knots, coefficients, speed_limits)
     return Spline(knots, coefficients, speed_limits)

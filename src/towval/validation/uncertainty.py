@@ -6,6 +6,7 @@ each draw, and the spread of simulated − measured is the validation uncertaint
 counted once).
 """
 
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm, qmc
 
 from towval.model import Array, Choice, Finding, RunUncertainty
-from towval.model.errors import RefusedError, TowvalError
+from towval.model.errors import InputError, RefusedError, TowvalError
 from towval.model.findings import finding
 from towval.model.geometry import pose_difference
 from towval.model.inputs import INPUTS
@@ -83,7 +84,7 @@ class UncertaintySampling:
         )
         self._draws = np.empty((0, self._sequence.d))
         self._to_dynamics = self._shift_by_dynamics()
-        self._outcomes: list[tuple[Array, Array]] = []
+        self._made = _Made(case.simulated.pose)
 
     def sampled(self) -> tuple[RunUncertainty, float]:
         """The spread of as many draws as the settings say, and the relative error of the bounds that is left [1].
@@ -107,19 +108,22 @@ class UncertaintySampling:
         return found, 0.0 if path is None else path.bound_error(_BOUND_CONFIDENCE)
 
     def describe(self, samples: int) -> RunUncertainty:
-        """The spread of the first ``samples`` draws, a power of two; errors as in :func:`sample_uncertainty`."""
+        """The spread of ``samples`` draws, a power of two; errors as in :func:`sample_uncertainty`.
+
+        `InputError` where more were made: only their sums are kept.
+        """
+        if samples < len(self._draws):
+            raise InputError("draws cannot be taken back", got=samples, allowed=f"{len(self._draws)} or more")
         self._extend(samples)
-        draws = self._draws[:samples]
-        simulated, measured = (np.array(part) for part in zip(*self._outcomes[:samples], strict=True))
-        done = np.isfinite(simulated[:, -1, 0])
+        done = self._made.done
         if np.mean(done) <= _LEAST_SHARE:
             raise RefusedError(
                 "the uncertainty cannot be sampled",
-                got=f"{np.count_nonzero(~done)} of {len(draws)} draws could not be simulated",
+                got=f"{np.count_nonzero(~done)} of {len(done)} draws could not be simulated",
                 allowed=f"less than {100 * (1 - _LEAST_SHARE):.0f} %",
                 remedy=f"check the deviations in campaign.yaml; of the first of these draws: {self._failure(done)}",
             )
-        return self._described(done, simulated[done], measured[done])
+        return self._described(done)
 
     def _failure(self, done: NDArray[np.bool_]) -> str:
         """Why the first of the draws that are not ``done`` (n,) could not be simulated."""
@@ -127,32 +131,32 @@ class UncertaintySampling:
         text = self._sampler.batch.failure(self._sampler.lay_out(first, self._draws[first])[0])
         return " ".join(text.split())
 
-    def _described(self, done: NDArray[np.bool_], simulated: Array, measured: Array) -> RunUncertainty:
-        """The spread of the draws that are ``done`` (n,), of all that were made so far."""
-        draws = self._draws[: len(done)][done]
+    def _described(self, done: NDArray[np.bool_]) -> RunUncertainty:
+        """The spread of the draws that are ``done`` (n,)."""
         # Deviations are taken from the nominal solution, which corresponds to the truth in a campaign, not from the
         # mean of the draws: where phases drift, both sides of S − D oscillate, and the mean of the draws does not.
-        nominal, u_tolerance_m = self.case.simulated.pose, self.case.simulated.statistic("u_tolerance_m")
+        draws, made = self._draws[done], self._made
+        simulated, measured = made.paths(done)
+        u_tolerance_m, rows = self.case.simulated.statistic("u_tolerance_m"), made.rows
         error = pose_difference(simulated, measured)
         shares = variance_shares(draws, error[..., :2].reshape(len(error), -1), self._sampler.widths)
         rng = np.random.default_rng([self.settings.seed, len(draws)])
         step = np.pad(rng.standard_normal((len(draws), 1, 2)) * u_tolerance_m / np.sqrt(2), ((0, 0), (0, 0), (0, 1)))
-        numerical = step + rng.standard_normal((len(draws), 1, 1)) * self._to_dynamics
-        rows = np.arange(0, len(nominal), -(-len(nominal) // _KEPT_TIMES))
-        off = pose_difference(measured, nominal)
-        kept = Draws(rows, (error + numerical)[:, rows], off[:, rows], draws, self._sampler.names)
+        numerical = step + rng.standard_normal((len(draws), 1, 1)) * self._to_dynamics[rows]
+        off = pose_difference(measured, made.nominal[rows])
+        of_measurement, of_simulation, of_error = made.squares / len(draws)
         return RunUncertainty(
             time_s=self._sampler.times,
-            measurement=_mean_square(off),
-            simulation=_mean_square(pose_difference(simulated, nominal)),
-            validation=with_numerical(_mean_square(error), u_tolerance_m, self._to_dynamics),
+            measurement=of_measurement,
+            simulation=of_simulation,
+            validation=with_numerical(of_error, u_tolerance_m, self._to_dynamics),
             confidence=self.settings.confidence,
             shares=shares,
             samples=len(draws),
             seed=self.settings.seed,
             findings=(*_main_input(shares), *self._dropped(done), *self._coarse(), *self._widened()),
             upstream=self.case.upstream,
-            draws=kept,
+            draws=Draws(rows, error + numerical, off, draws, self._sampler.names),
         )
 
     def _shift_by_dynamics(self) -> Array:
@@ -188,7 +192,7 @@ class UncertaintySampling:
         # From the measured place, as draws start: a run's first pose may have been moved nearer, as its tether allows.
         unchanged = Drawn(self.case.scene, sampler.rover_moves, sampler.start.pose[0])
         (plain,) = batch.simulate([unchanged])
-        done = [i for i, (pose, _) in enumerate(self._outcomes) if np.isfinite(pose[-1, 0])]
+        done = np.flatnonzero(self._made.done)
 
         def shifts(acts: Sequence[Acts], rows: NDArray[np.intp] | None) -> Array:
             laid_out: list[Drawn | None]
@@ -198,7 +202,7 @@ class UncertaintySampling:
             else:
                 numbers = [done[row] for row in rows]
                 laid_out = [sampler.lay_out(i, self._draws[i])[0] for i in numbers]
-                poses = np.array([self._outcomes[i][0][draws.rows] for i in numbers])
+                poses = np.array([self._made.simulated[i] for i in numbers])
             moved = np.array(list(batch.simulate(map(_acted, acts, laid_out))))
             return path.frame.along_across(pose_difference(moved, poses))[:, path.frame.seen]
 
@@ -273,18 +277,53 @@ class UncertaintySampling:
         for i in range(len(draws)):
             draws[i, own] = self._sampler.generator(made + i, 1).standard_normal(np.count_nonzero(own))
         self._draws = np.concatenate([self._draws, draws])
-        measured: list[Array] = []
+        waiting = deque[Array]()
 
         def laid_out() -> Iterator[Drawn | None]:
             for i, draw in enumerate(draws):
                 drawn, seen = self._sampler.lay_out(made + i, draw)
-                measured.append(seen)
+                waiting.append(seen)
                 yield drawn
 
-        for i, pose in enumerate(self._sampler.batch.simulate(laid_out())):
-            self._outcomes.append((pose, measured[i]))
+        for pose in self._sampler.batch.simulate(laid_out()):
+            self._made.add(pose, waiting.popleft())
             if self.progress is not None:
-                self.progress(len(self._outcomes))
+                self.progress(len(self._made.simulated))
+
+
+class _Made:
+    """What is kept of the draws that were made: their paths at some times, and second moments at all times.
+
+    ``nominal`` (n, 3) is the path of the simulation, from which the deviations count; ``squares`` (3, n, 3, 3) are the
+    sums over the draws of the outer products of measured − nominal, simulated − nominal and simulated − measured.
+    """
+
+    def __init__(self, nominal: Array):
+        self.nominal, self.rows = nominal, np.arange(0, len(nominal), -(-len(nominal) // _KEPT_TIMES))
+        self.simulated, self.measured = list[Array](), list[Array]()
+        self._done = list[bool]()
+        self.squares = np.zeros((3, len(nominal), 3, 3))
+
+    @property
+    def done(self) -> NDArray[np.bool_]:
+        """Which of the draws could be simulated."""
+        return np.array(self._done)
+
+    def add(self, simulated: Array, measured: Array) -> None:
+        """Add a draw by its paths (n, 3), the simulated one NaN where it could not be simulated."""
+        self._done.append(bool(np.isfinite(simulated[-1, 0])))
+        self.simulated.append(simulated[self.rows])
+        self.measured.append(measured[self.rows])
+        if self._done[-1]:
+            apart = ((measured, self.nominal), (simulated, self.nominal), (simulated, measured))
+            for k, (path, other) in enumerate(apart):
+                off = pose_difference(path, other)
+                self.squares[k] += off[:, :, None] * off[:, None, :]
+
+    def paths(self, done: NDArray[np.bool_]) -> tuple[Array, Array]:
+        """Simulated and measured paths (k, m, 3) of the draws that are ``done``, at the kept times."""
+        simulated, measured = (np.array(part)[done] for part in (self.simulated, self.measured))
+        return simulated, measured
 
 
 def with_numerical(covariance: Array, u_tolerance_m: float, to_dynamics: Array) -> Array:
@@ -305,11 +344,6 @@ def _acted(act: Acts, drawn: Drawn | None) -> Drawn | None:
         return drawn and drawn._replace(scene=act(drawn.scene))
     except TowvalError:
         return None
-
-
-def _mean_square(error: Array) -> Array:
-    """Second moments (n, 3, 3) about zero over the first axis of errors (k, n, 3)."""
-    return np.asarray(np.einsum("kni,knj->nij", error, error) / len(error))
 
 
 def _main_input(shares: dict[str, float]) -> Iterator[Finding]:
