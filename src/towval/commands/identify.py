@@ -17,7 +17,6 @@ from towval.io.records import read_decimated, read_simulated, read_tracks, read_
 from towval.io.records.identification import identified_table, write_identification
 from towval.model.errors import InputError
 from towval.validation.identify import IdentifySettings, MeasuredRun, identify
-from towval.validation.simulate import STICKING
 
 _TABLE_MARK = "parameter,given,"
 """How a table that may be replaced begins."""
@@ -65,5 +64,5 @@ def _measured(name: str, paths: Mapping[str, Path]) -> MeasuredRun:
         time_s=simulated.time_s,
         measurement=read_uncertainty(paths["uncertainty"], draws=False).measurement,
         rung=simulated.rung,
-        sticking=bool(simulated.statistics.get(STICKING, 0.0)),
+        sticking=simulated.sticking,
     )

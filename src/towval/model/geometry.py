@@ -146,6 +146,12 @@ def inside_polygon(polygon: ArrayLike, points: ArrayLike) -> np.ndarray:
     return inside
 
 
+def arc_lengths(position: ArrayLike) -> Array:
+    """Lengths (n,) of a polyline (n, k) from its first point to each, in its own unit."""
+    steps = np.linalg.norm(np.diff(np.asarray(position, dtype=np.float64), axis=0), axis=1)
+    return np.concatenate([[0.0], np.cumsum(steps)])
+
+
 def path_length(position: ArrayLike) -> float:
     """Length of a polyline (n, 2) [m], segments with a missing end left out."""
     return float(np.nansum(np.linalg.norm(np.diff(np.asarray(position, dtype=np.float64), axis=0), axis=-1)))

@@ -6,6 +6,7 @@ import numpy as np
 
 from towval.model import Calibration, Comparison, Identification, Stamp, Track, Verdict
 from towval.model.geometry import polygon_centroid, transform
+from towval.model.results import TO_DYNAMICS
 from towval.model.run_record import RunRecord
 from towval.report.wording import NOT_COMPUTED, NOT_JUDGED, at_most, decimal, degrees, millimetres, named_scalar
 
@@ -48,9 +49,6 @@ _WORDS = {
 
 _STILL = 1e-9
 """Shift [px], turn [rad] and growth below which a camera's motion is rounding."""
-
-_TO_DYNAMICS = " to dynamics, m"
-"""Suffix of the statistics that give a simpler model's difference from the dynamics."""
 
 # Columns of the calibration's table by height: keys and labels.
 _AT_HEIGHT = {
@@ -192,8 +190,8 @@ def simulation_facts(run: RunRecord) -> Facts:
 
 
 def _statistic(name: str, value: float) -> tuple[str, str]:
-    if name.endswith(_TO_DYNAMICS):
-        simpler = name.removesuffix(_TO_DYNAMICS)
+    if name.endswith(TO_DYNAMICS):
+        simpler = name.removesuffix(TO_DYNAMICS)
         return f"{simpler} instead of dynamics: path moves by up to", millimetres(value)
     return _labelled(name, value)
 

@@ -5,6 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from towval.model import Array, Calibration
+from towval.model.geometry import arc_lengths
 from towval.model.run_record import RunRecord, nearest_samples, pose_at
 from towval.report.outlines import film_layers
 from towval.report.overlay_text import TextPainter
@@ -86,7 +87,7 @@ def _dashes(points: Array, length_px: float) -> list[Array]:
     """Every other piece (m, 2) of a polyline (n, 2) [px]; none where a point is missing."""
     if not np.isfinite(points).all():
         return []
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    along = arc_lengths(points)
     pieces = []
     for start in np.arange(0.0, along[-1], 2 * length_px):
         end = min(start + length_px, along[-1])
