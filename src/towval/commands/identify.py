@@ -12,7 +12,7 @@ from towval.commands.settings import settings_from
 from towval.io.atomic import check_own, check_plain, write_text
 from towval.io.campaign import load_campaign
 from towval.io.chain import check_together
-from towval.io.provenance import provenance, read_sections
+from towval.io.provenance import provenance
 from towval.io.records import read_decimated, read_simulated, read_tracks, read_uncertainty
 from towval.io.records.identification import identified_table, write_identification
 from towval.model.errors import InputError
@@ -41,8 +41,7 @@ def run(campaign: Path, results: Path, output: Path, keys: Mapping[str, Any] | N
         runs.append(_measured(name, paths))
     identified = identify(given.scene, given.deviations, runs, settings)
     write_text(table, identified_table(identified), own=_TABLE_MARK)
-    sections = read_sections("identify", given.document)
-    write_identification(output, identified, provenance("identify", settings, inputs, document=sections))
+    write_identification(output, identified, provenance("identify", settings, inputs, document=given.document))
     std = np.sqrt(np.diag(identified.covariance))
     values = {
         name: {"value": float(value), "std": float(deviation), "determined": bool(determined)}

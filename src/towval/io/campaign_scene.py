@@ -255,7 +255,7 @@ def _check_proportions(scene: TowingScene, towed: Keys) -> None:
             allowed=f"at most {_MOST_STRETCH:g} times the rest length",
             remedy="check the units: newtons per metre of stretch",
         )
-    critical = 2.0 * np.sqrt(tether.stiffness * (scene.body_mass + scene.load.mass))
+    critical = scene.critical_damping
     if tether.damping > _MOST_DAMPING * critical:
         raise InputError(
             "campaign.yaml: tether.damping_Ns_per_m is out of proportion",
