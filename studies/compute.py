@@ -8,9 +8,9 @@ from typing import Any
 
 import pandas as pd
 
-from studies.frame import Study, loaded
+from studies.frame import Study, loaded, read_table
 from studies.machine import machine, version_line
-from towval.io.plan_files import read_table, write_table
+from towval.io.plan_files import write_table
 
 
 def run_part(study: str, part: Mapping[str, Any], output: Path, *, short: bool = False) -> None:

@@ -10,8 +10,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from studies.charts import advice, map_chart, scatter_chart
-from studies.frame import Drawing, Maps, Scatter, Study, loaded
-from towval.io.plan_files import read_table
+from studies.frame import Drawing, Maps, Scatter, Study, loaded, read_table
 from towval.report.style import save_figure
 
 

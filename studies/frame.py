@@ -12,7 +12,10 @@ import enum
 import importlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from towval.model.errors import InputError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -141,3 +144,13 @@ def loaded(reference: str) -> Any:
 def module_of(reference: str) -> str:
     """The module of a reference ``module:name``."""
     return reference.partition(":")[0]
+
+
+def read_table(path: Path) -> pd.DataFrame:
+    """Read the table of a study, as :func:`towval.io.plan_files.write_table` wrote it."""
+    import pandas as pd  # noqa: PLC0415  # not at start-up: a study that computes reads no table
+
+    try:
+        return pd.read_csv(path)
+    except FileNotFoundError:
+        raise InputError(f"{path} is missing", remedy="run the rule that makes it") from None

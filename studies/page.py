@@ -12,9 +12,8 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from studies.charts import FLAGGED, RIGHT, SILENT, advice, medians, short_variant, unbeaten
-from studies.frame import Maps, Scatter, loaded
+from studies.frame import Maps, Scatter, loaded, read_table
 from towval.io.atomic import write_text
-from towval.io.plan_files import read_table
 from towval.report.inline import FigureSheet
 
 _MOST_ROWS = 60

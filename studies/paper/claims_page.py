@@ -12,10 +12,10 @@ from typing import Any
 import pandas as pd
 
 from studies.evidence.compute import commit
+from studies.frame import read_table
 from studies.paper.claims import CLAIMS
 from studies.paper.ledger import ClaimClass, ClaimOutcome, decided, without_control
 from towval.io.atomic import write_text
-from towval.io.plan_files import read_table
 from towval.model.errors import RefusedError
 
 _HEAD = """# Claims of the paper, one by one

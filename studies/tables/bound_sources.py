@@ -25,7 +25,7 @@ from towval.model.geometry import pose_difference, rotation
 from towval.optics.moved_view import pose_sensitivity
 from towval.validation.sampler import Case, Sampler, UncertaintySettings
 from towval.validation.scene_model import SceneModel
-from towval.validation.simulate import STICKING, RunSimulation, SimulateSettings
+from towval.validation.simulate import RunSimulation, SimulateSettings
 from towval.validation.simulate_many import Drawn
 
 SOURCES = {
@@ -120,7 +120,7 @@ class Left(NamedTuple):
 
 def left(case: Case, truth: pd.DataFrame) -> Iterator[Left]:
     """How far the simulation is off, as it is and with true rover or true start."""
-    model = SceneModel(case.scene, sticking=bool(case.simulated.statistics[STICKING]))
+    model = SceneModel(case.scene, sticking=case.simulated.sticking)
     rover, start = (_true_track(thin, truth) for thin in (case.rover_decimated, case.object_decimated))
     measured = case.rover_decimated, case.object_decimated
     for what, tracks in (

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from snakemake.cli import parse_config
 
-from towval.commands.workflow import _as_path, _system_errors_told
+from towval.commands.workflow import _as_path, _system_errors_reported
 
 FRAMES = ["Traceback (most recent call last):\n", "\n", '  File "cli.py", line 1, in main\n', "    os.makedirs(path)\n"]
 
@@ -15,22 +15,23 @@ FRAMES = ["Traceback (most recent call last):\n", "\n", '  File "cli.py", line 1
     "last", ["OSError: [Errno 28] No space left on device\n", "PermissionError: [Errno 13] Permission denied: '/x'\n"]
 )
 def test_a_refusal_is_one_message(last):
-    told = list(_system_errors_told(["before\n", *FRAMES, last, "after\n"]))
-    assert told[0] == "before\n"
-    assert told[-1] == "after\n"
-    assert len(told) == 3
-    assert last.split("] ")[1].strip() in told[1]
-    assert "Traceback" not in told[1]
+    reported = list(_system_errors_reported(["before\n", *FRAMES, last, "after\n"]))
+    assert reported[0] == "before\n"
+    assert reported[-1] == "after\n"
+    assert len(reported) == 3
+    assert last.split("] ")[1].strip() in reported[1]
+    assert "Traceback" not in reported[1]
 
 
 @pytest.mark.parametrize("last", ["ZeroDivisionError: division by zero\n", ""])
 def test_a_fault_of_a_program_stays_whole(last):
     lines = [*FRAMES, *([last] if last else [])]
-    assert list(_system_errors_told(lines)) == lines
+    assert list(_system_errors_reported(lines)) == lines
 
 
 def test_an_interruption_of_snakemake_is_no_traceback():
-    assert list(_system_errors_told(["before\n", *FRAMES, "KeyboardInterrupt\n", "after\n"])) == ["before\n", "after\n"]
+    lines = ["before\n", *FRAMES, "KeyboardInterrupt\n", "after\n"]
+    assert list(_system_errors_reported(lines)) == ["before\n", "after\n"]
 
 
 @pytest.mark.parametrize("name", ["1", "True", "[x]", "-dash", "lab", "a/b"])
@@ -45,5 +46,5 @@ def test_quotes_at_the_end_of_a_path_reach_the_workflow(name):
 
 
 def test_a_traceback_that_the_end_of_the_call_cuts_off_is_left_out():
-    assert list(_system_errors_told(["before\n", *FRAMES], [signal.SIGINT])) == ["before\n"]
-    assert list(_system_errors_told(["before\n", *FRAMES])) == ["before\n", *FRAMES], "ended by nobody we know"
+    assert list(_system_errors_reported(["before\n", *FRAMES], [signal.SIGINT])) == ["before\n"]
+    assert list(_system_errors_reported(["before\n", *FRAMES])) == ["before\n", *FRAMES], "ended by nobody we know"

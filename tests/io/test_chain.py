@@ -14,7 +14,7 @@ from towval.io.chain import check_made_of, check_together
 from towval.io.manifest import MANIFEST, read_manifest, unlisted, write_manifest
 from towval.io.mcap_file import read_mcap, read_provenance, write_mcap
 from towval.io.mcap_records import ALWAYS_ALLOWED, MAGIC
-from towval.io.provenance import content_hashes, provenance, read_sections
+from towval.io.provenance import content_hashes, provenance
 from towval.model.errors import InputError
 
 DOCUMENT = {
@@ -37,8 +37,8 @@ def results(tmp_path):
         path = tmp_path / run / name
         path.parent.mkdir(exist_ok=True)
         handed = {key: files[run, key] if (run, key) in files else files["", key] for key in inputs}
-        sections = read_sections(stage, DOCUMENT, run) if stage in ("calibrate", "track", "simulate") else None
-        write_mcap(path, [], {"run": run}, provenance(stage, None, handed, run=run, document=sections))
+        document = DOCUMENT if stage in ("calibrate", "track", "simulate") else None
+        write_mcap(path, [], {"run": run}, provenance(stage, None, handed, run=run, document=document))
         files[run, name] = path
 
     make("calibrate", "camera.mcap", ())

@@ -72,6 +72,13 @@ def test_inside_follows_the_even_odd_rule():
     np.testing.assert_array_equal(geometry.inside_polygon(L_SHAPE, points), [True, False, True, False])
 
 
+def test_arc_lengths_begin_at_zero_and_add_up_to_the_length_of_the_path():
+    path = np.array([[0, 0], [3, 4], [3, 4], [3, 5]], dtype=float)
+    np.testing.assert_allclose(geometry.arc_lengths(path), [0, 5, 5, 6], rtol=1e-15)
+    assert geometry.arc_lengths(path)[-1] == geometry.path_length(path)
+    assert geometry.arc_lengths([[0, 0, 0], [1, 2, 2]]).tolist() == [0, 3]
+
+
 def test_path_length_leaves_missing_points_out():
     path = np.array([[0, 0], [3, 4], [np.nan, np.nan], [3, 4], [3, 5]], dtype=float)
     assert geometry.path_length(path) == pytest.approx(6.0)

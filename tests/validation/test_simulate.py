@@ -18,7 +18,7 @@ from towval.physics.ladder import rung_names
 from towval.validation import scene_model
 from towval.validation.decimate import decimate
 from towval.validation.scene_model import SceneModel
-from towval.validation.simulate import STICKING, RunSimulation, SimulateSettings, simulate
+from towval.validation.simulate import RunSimulation, SimulateSettings, simulate
 from validation_case import SCENE
 
 TIMES = np.arange(100) / 25
@@ -235,7 +235,7 @@ def test_an_object_parked_under_tension_stays_where_the_law_alone_creeps(make_tr
         moved[sticking] = np.linalg.norm(motion.pose[-1, :2] - motion.pose[0, :2])
         found = {one.code: one.severity for one in motion.findings}
         assert found.get("creep") == (None if sticking else "warning")
-        assert motion.statistics[STICKING] == bool(sticking)
+        assert motion.sticking == bool(sticking)
     assert moved[True] == moved["auto"] < 1e-5
     assert moved[False] > 5e-3
 

@@ -11,7 +11,7 @@ from towval.commands.settings import settings_from
 from towval.io.campaign import Campaign, names_in
 from towval.io.campaign_camera import CameraSetup, load_camera
 from towval.io.images import GrayPictures
-from towval.io.provenance import provenance, read_sections
+from towval.io.provenance import provenance
 from towval.io.records import write_calibration
 from towval.model import Calibration
 from towval.report.wording import decimal
@@ -27,8 +27,8 @@ def run(campaign: Path, output: Path, keys: Mapping[str, Any] | None = None) -> 
         height_m = given.bodies[-1].tracked_plane_height_m if given.bodies else 0.0
         calibration = with_lens_choice(calibration, given.board, given.floor_reference, settings, height_m)
     inputs = names_in(campaign, (*given.calibration_images, *given.floor_images))
-    sections = read_sections("calibrate", given.document)
-    write_calibration(output, calibration, provenance("calibrate", settings, inputs, document=sections, constants=True))
+    made_of = provenance("calibrate", settings, inputs, document=given.document, constants=True)
+    write_calibration(output, calibration, made_of)
     numbers = {"lens_model": calibration.camera.lens_model, **calibration.quality}
     return Outcome("calibrate", (output,), _how_good(calibration), numbers, calibration.findings)
 

@@ -72,34 +72,8 @@ def check(folder: Path, pictures: Path) -> dict[str, Any]:
     lines = key_lines(file.read_text(encoding="utf-8"))
     given, faults = read_campaign(folder, document)
     warnings: list[str] = []
-    runs: dict[str, Any] = {}
-    if given is not None:
-        videos = {name: faults.attempt(open_video, given, entry) for name, entry in given.runs.items()}
-        step(f"check: calibrate from {len(given.calibration_images)} pictures")
-        calibration = faults.attempt(calibrated, given, CalibrateSettings())
-        if calibration is not None:
-            warnings += [found.text for found in calibration.findings if found.severity is Severity.WARNING]
-            starts: dict[str, StartOfRun] = {}
-            for name, video in videos.items():
-                if video is not None:
-                    step(f"check: look at the start of run {name}")
-                    rate = findings_of_rate(given, video, video.stamps_s())
-                    warnings += [f"run {name}: {found.text}" for found in rate]
-                start = (
-                    None
-                    if video is None
-                    else faults.attempt(_start, given, given.runs[name], video, calibration, faults)
-                )
-                if video is not None and start is not None:
-                    starts[name] = start
-                    picture = pictures / f"{name}.jpg"
-                    drawn = faults.attempt(_draw_start, picture, given, calibration, start)
-                    runs[name] = _expected(given, video, calibration, start, drawn or "")
-                    warnings += [f"run {name}, {body}: {text}" for body, text in start.doubts.items()]
-            if starts:
-                faults.attempt(_write_page, pictures / "start.html", given, calibration, starts)
+    runs = {} if given is None else _runs(given, pictures, faults, warnings)
     listed = sorted((_fault(fault, lines) for fault in faults), key=lambda row: row["line"] or len(lines) + 1)
-    runs = {name: row for name, row in runs.items() if row}
     return {
         "campaign": str(folder),
         "faults": listed,
@@ -107,6 +81,34 @@ def check(folder: Path, pictures: Path) -> dict[str, Any]:
         "runs": runs,
         "cpu_s": round(COST.campaign_s + sum(row["cpu_s"] for row in runs.values())),
     }
+
+
+def _runs(given: Campaign, pictures: Path, faults: Faults, warnings: list[str]) -> dict[str, dict[str, Any]]:
+    """What to expect of each run whose start is known, by its name; adds to the faults and warnings."""
+    videos = {name: faults.attempt(open_video, given, entry) for name, entry in given.runs.items()}
+    step(f"check: calibrate from {len(given.calibration_images)} pictures")
+    calibration = faults.attempt(calibrated, given, CalibrateSettings())
+    if calibration is None:
+        return {}
+    warnings += [found.text for found in calibration.findings if found.severity is Severity.WARNING]
+    starts: dict[str, StartOfRun] = {}
+    runs: dict[str, dict[str, Any]] = {}
+    for name, video in videos.items():
+        if video is None:
+            continue
+        step(f"check: look at the start of run {name}")
+        rate = findings_of_rate(given, video, video.stamps_s())
+        warnings += [f"run {name}: {found.text}" for found in rate]
+        start = faults.attempt(_start, given, given.runs[name], video, calibration, faults)
+        if start is None:
+            continue
+        starts[name] = start
+        drawn = faults.attempt(_draw_start, pictures / f"{name}.jpg", given, calibration, start)
+        runs[name] = _expected(given, video, calibration, start, drawn or "")
+        warnings += [f"run {name}, {body}: {text}" for body, text in start.doubts.items()]
+    if starts:
+        faults.attempt(_write_page, pictures / "start.html", given, calibration, starts)
+    return runs
 
 
 def _start(given: Campaign, entry: Run, video: Video, calibration: Calibration, faults: Faults) -> StartOfRun:

@@ -12,12 +12,11 @@ from towval.commands.settings import settings_from
 from towval.io.atomic import check_own, check_plain, write_text
 from towval.io.campaign import load_campaign
 from towval.io.chain import check_together
-from towval.io.provenance import provenance, read_sections
+from towval.io.provenance import provenance
 from towval.io.records import read_decimated, read_simulated, read_tracks, read_uncertainty
 from towval.io.records.identification import identified_table, write_identification
 from towval.model.errors import InputError
 from towval.validation.identify import IdentifySettings, MeasuredRun, identify
-from towval.validation.simulate import STICKING
 
 _TABLE_MARK = "parameter,given,"
 """How a table that may be replaced begins."""
@@ -42,8 +41,7 @@ def run(campaign: Path, results: Path, output: Path, keys: Mapping[str, Any] | N
         runs.append(_measured(name, paths))
     identified = identify(given.scene, given.deviations, runs, settings)
     write_text(table, identified_table(identified), own=_TABLE_MARK)
-    sections = read_sections("identify", given.document)
-    write_identification(output, identified, provenance("identify", settings, inputs, document=sections))
+    write_identification(output, identified, provenance("identify", settings, inputs, document=given.document))
     std = np.sqrt(np.diag(identified.covariance))
     values = {
         name: {"value": float(value), "std": float(deviation), "determined": bool(determined)}
@@ -65,5 +63,5 @@ def _measured(name: str, paths: Mapping[str, Path]) -> MeasuredRun:
         time_s=simulated.time_s,
         measurement=read_uncertainty(paths["uncertainty"], draws=False).measurement,
         rung=simulated.rung,
-        sticking=bool(simulated.statistics.get(STICKING, 0.0)),
+        sticking=simulated.sticking,
     )

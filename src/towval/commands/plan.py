@@ -19,6 +19,7 @@ from towval.io.schema import check, packaged_schema
 from towval.io.yaml_text import read_yaml
 from towval.model import Array, SimulatedMotion, TimedPath
 from towval.model.errors import InputError, RefusedError
+from towval.model.geometry import path_length
 from towval.physics.mass import towed_object
 from towval.physics.quasistatic import quasistatic_plan
 from towval.planning.paths import Curve, through_points, timed
@@ -124,7 +125,7 @@ def run_tow(
         hinge_height=given.hinge_height,
     )  # fmt: skip
     write_simulated(output, motion, provenance("tow", document, {recording.name: recording}))
-    moved_m = float(np.linalg.norm(np.diff(motion.pose[:, :2], axis=0), axis=1).sum())
+    moved_m = path_length(motion.pose[:, :2])
     text = f"{motion.outcome}; the object moves {moved_m:.2f} m in {np.ptp(times):.1f} s"
     files = (output, *_mapped(map_file, hinge, motion, given))
     return Outcome("tow", files, text, {"outcome": motion.outcome, "path_length_m": moved_m}, motion.findings)

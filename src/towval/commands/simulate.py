@@ -10,7 +10,7 @@ from towval.commands.console import Outcome
 from towval.commands.settings import settings_from, without_auto
 from towval.io.campaign import load_campaign
 from towval.io.chain import check_together
-from towval.io.provenance import provenance, read_sections
+from towval.io.provenance import provenance
 from towval.io.records import read_calibration, read_decimated, read_tracks, write_simulated
 from towval.model.errors import InputError
 from towval.report.wording import millimetres
@@ -52,8 +52,7 @@ def run(
     settings, simulated = simulate_selecting(
         given.scene, bodies["rover"], bodies["object"], tracked.time_s, settings, auto=auto, measurement_m=measured
     )
-    sections = read_sections("simulate", given.document)
-    write_simulated(output, simulated, provenance("simulate", settings, inputs, run=name, document=sections))
+    write_simulated(output, simulated, provenance("simulate", settings, inputs, run=name, document=given.document))
     u_num_mm = 1e3 * simulated.statistics.get("u_num_m", np.nan)
     text = f"{simulated.rung}, {simulated.outcome}; numerical uncertainty {millimetres(u_num_mm / 1e3)}"
     numbers = {"rung": simulated.rung, "outcome": simulated.outcome, "u_num_mm": u_num_mm}

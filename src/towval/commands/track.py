@@ -13,7 +13,7 @@ from towval.commands.settings import settings_from, without_auto
 from towval.io.campaign import Campaign, Run, load_campaign, names_in
 from towval.io.chain import check_together
 from towval.io.images import GrayPictures, write_picture
-from towval.io.provenance import provenance, read_sections
+from towval.io.provenance import provenance
 from towval.io.records import read_calibration, write_tracks
 from towval.io.video import Luma, Video
 from towval.model import Array, Body, Calibration, Finding, Track
@@ -71,10 +71,7 @@ def run(
         if "samples" in auto and settings.method == "plane":
             settings, tracks = _selecting(video, *scene, settings, given, later or {}, done)
         else:
-            few: list[tuple[float, Luma]] = []
-            tracks = track(_keeping(few, video), *scene, settings, progress=done)
-            choices = neighbour_of_tracking(few, *scene, settings)
-            tracks = {body: replace(found, choices=(choices[body],)) for body, found in tracks.items()}
+            tracks = _with_neighbour(video, *scene, settings, done)
     tow = overstretched(tracks["rover"], tracks["object"], Tow.of(given.scene))
     added = (*tow, *since, *findings_of_rate(given, video, tracks["rover"].time_s), *video.findings)
     for body in given.bodies:
@@ -82,21 +79,35 @@ def run(
         findings = (*start.findings, *found.findings, *(one for one in added if one not in start.findings))
         found = with_readout(with_wider_start(found, start.spread), calibration, body, *_readout(given))
         tracks[body.name] = replace(found, findings=findings)
-    sections = read_sections("track", given.document, name, simulating="samples" in auto)
     seen = entry.video, *given.floor_images[:_MOST_FLOORS]
-    inputs = names_in(given.folder, seen) | {"camera.mcap": camera}
-    made_of = provenance("track", settings, inputs, run=name, document=sections, constants=True)
+    made_of = provenance(
+        "track", settings, names_in(given.folder, seen) | {"camera.mcap": camera},
+        run=name, document=given.document, simulating="samples" in auto, constants=True,
+    )  # fmt: skip
     write_tracks(output, tracks, made_of)
-    findings = tuple(dict.fromkeys(one for tracked in tracks.values() for one in tracked.findings))
+    return _outcome(name, output, tracks)
+
+
+def _outcome(name: str, output: Path, tracks: Mapping[str, Track]) -> Outcome:
     seen_of = {body: _seen(tracked) for body, tracked in tracks.items()}
     numbers = {f"{body}_{key}": value for body, seen in seen_of.items() for key, value in seen.items()}
-    texts = [
-        "{} seen in {frames_seen} of {frames} frames, ±{}".format(
-            body, millimetres(seen["position_std_mm"] / 1e3), **seen
-        )
-        for body, seen in seen_of.items()
-    ]
+    texts = []
+    for body, seen in seen_of.items():
+        std = millimetres(seen["position_std_mm"] / 1e3)
+        texts.append(f"{body} seen in {seen['frames_seen']} of {seen['frames']} frames, ±{std}")
+    findings = tuple(dict.fromkeys(one for tracked in tracks.values() for one in tracked.findings))
     return Outcome(f"track {name}", (output,), "; ".join(texts), numbers, findings)
+
+
+def _with_neighbour(
+    video: Video, calibration: Calibration, bodies: Sequence[Body], clicks_px: Mapping[str, Array],
+    settings: TrackSettings, done: Callable[[int], None],
+) -> dict[str, Track]:  # fmt: skip
+    """Track with the settings as stated; the tracks' choices state what the next finer ones would change."""
+    few: list[tuple[float, Luma]] = []
+    tracks = track(_keeping(few, video), calibration, bodies, clicks_px, settings, progress=done)
+    choices = neighbour_of_tracking(few, calibration, bodies, clicks_px, settings)
+    return {body: replace(found, choices=(choices[body],)) for body, found in tracks.items()}
 
 
 def _selecting(

@@ -8,7 +8,7 @@ from towval.commands.console import Outcome, progress
 from towval.commands.settings import settings_from
 from towval.io.campaign import load_campaign
 from towval.io.chain import check_together
-from towval.io.provenance import provenance, read_sections
+from towval.io.provenance import provenance
 from towval.io.records import read_calibration, read_decimated, read_simulated, read_tracks, write_uncertainty
 from towval.model.geometry import position_rms
 from towval.model.inputs import INPUTS, is_left_out
@@ -45,8 +45,7 @@ def run(
     asked = None if settings.samples == "auto" else settings.samples
     with progress(f"uncertainty {name}", asked, "draw") as done:
         uncertainty = sample_selecting(case, settings, measurement_m=measured, progress=done)
-    sections = read_sections("uncertainty", given.document)
-    made_of = provenance("uncertainty", settings, inputs, run=name, document=sections)
+    made_of = provenance("uncertainty", settings, inputs, run=name, document=given.document)
     write_uncertainty(output, uncertainty, case.simulated, made_of)
     u_val_mm = 1e3 * position_rms(uncertainty.validation)
     text = f"{uncertainty.samples} draws; u_val {decimal(u_val_mm)} mm, the RMS error that a right model would show"

@@ -82,7 +82,7 @@ def run(
     before, nothing_to_do = _made_ns(made / "report.html"), False
     # What the stages say goes where progress goes: standard output has the outcome only.
     with _ending_with_us(line) as (workflow, ended_by):
-        for text in _system_errors_told(workflow.stderr or (), ended_by):
+        for text in _system_errors_reported(workflow.stderr or (), ended_by):
             nothing_to_do |= bool(_NOTHING.match(text))
             if not _NOISE.match(text):
                 print(text, end="", file=sys.stderr, flush=True)
@@ -203,7 +203,7 @@ def _as_path(path: Path) -> str:
     return f"{text}/." if text.endswith(("'", '"')) else text
 
 
-def _system_errors_told(lines: Iterable[str], ended_by: Collection[int] = ()) -> Iterator[str]:
+def _system_errors_reported(lines: Iterable[str], ended_by: Collection[int] = ()) -> Iterator[str]:
     """The lines, with one message in place of each of Snakemake's tracebacks over an error of the system.
 
     Its traceback over Ctrl-C is left out, also where the signals by which it was ``ended_by`` then cut it off.

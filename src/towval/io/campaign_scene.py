@@ -11,7 +11,7 @@ from towval.model import Array, FloorRegion, FrictionSpecification, Ground, Load
 from towval.model.errors import Faults, InputError
 from towval.model.geometry import inside_polygon, polygon_area
 from towval.model.inputs import deviations
-from towval.physics.footprint import footprint_polygon
+from towval.physics.footprint import convex_hull, footprint_polygon
 from towval.physics.mass import spread_over, towed_object
 
 Keys = Mapping[str, Any]
@@ -255,7 +255,7 @@ def _check_proportions(scene: TowingScene, towed: Keys) -> None:
             allowed=f"at most {_MOST_STRETCH:g} times the rest length",
             remedy="check the units: newtons per metre of stretch",
         )
-    critical = 2.0 * np.sqrt(tether.stiffness * (scene.body_mass + scene.load.mass))
+    critical = scene.critical_damping
     if tether.damping > _MOST_DAMPING * critical:
         raise InputError(
             "campaign.yaml: tether.damping_Ns_per_m is out of proportion",
@@ -267,7 +267,7 @@ def _check_proportions(scene: TowingScene, towed: Keys) -> None:
 
 def _check_weight(scene: TowingScene) -> None:
     """The weight of object and load must act within the hull of the footprint, or the object tips over."""
-    hull = shapely.MultiPoint(scene.patch.corners).convex_hull
+    hull = convex_hull(scene.patch)
     centre = towed_object(scene).centre_of_mass
     point = shapely.Point(centre)
     if not hull.contains(point):
@@ -320,7 +320,7 @@ def _check_tipping(scene: TowingScene) -> None:
     length = scene.tether.rest_length + friction.kinetic * scene.weight / scene.tether.stiffness
     incline = rise / np.sqrt(length**2 - rise**2)
     ahead = friction.kinetic * (scene.anchor_height - reach * incline)
-    hull = shapely.MultiPoint(scene.patch.corners).convex_hull
+    hull = convex_hull(scene.patch)
     place = towed.centre_of_mass + (ahead / reach * lever if reach > 0 else 0.0)
     if reach > 0 and not hull.contains(shapely.Point(place)):
         raise InputError(

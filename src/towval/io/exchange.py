@@ -16,7 +16,7 @@ from towval.io.mcap_file import Message, write_mcap
 from towval.io.records import camera_place
 from towval.model import Array, Body, Calibration, Camera, Comparison
 from towval.model.conventions import CAMERA_FRAME, FLOOR_FRAME
-from towval.model.geometry import transform
+from towval.model.geometry import arc_lengths, transform
 from towval.model.run_record import RunRecord, Still, measured_poses
 
 LAYOUTS = ("lichtblick.json", "rerun.rbl")
@@ -70,7 +70,7 @@ def _outline(body: Body) -> Array:
 
 def _points_along(line: Array) -> Array:
     """Points (m, 3) at equal small steps along a line through corners (n, 3) [m]."""
-    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+    length = arc_lengths(line)
     steps = np.linspace(0, length[-1], max(2, round(length[-1] / _STEP_M)))
     return np.stack([np.interp(steps, length, line[:, k]) for k in range(3)], axis=1)
 

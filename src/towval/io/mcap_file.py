@@ -173,7 +173,7 @@ def read_mcap(
     provenance: dict[str, str] = {}
     names: dict[int, str] = {}
     channels: dict[int, tuple[str, str]] = {}
-    with _damage_told(path):
+    with _damage_reported(path):
         for record in checked_records(read_bytes(path, MOST_BYTES, _REMEDY), messages=messages):
             if isinstance(record, records.Message):
                 topic, kind = channels[record.channel_id]
@@ -199,7 +199,7 @@ _REMEDY = "run the stage that makes it"
 
 
 @contextmanager
-def _damage_told(path: Path) -> Iterator[None]:
+def _damage_reported(path: Path) -> Iterator[None]:
     """Turn what goes wrong while a file is read into an `InputError`."""
     try:
         yield

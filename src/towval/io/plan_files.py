@@ -150,14 +150,6 @@ def write_table(path: FilePath, table: pd.DataFrame) -> None:
         table.to_csv(temporary, index=False, float_format="%.10g", lineterminator="\n")
 
 
-def read_table(path: FilePath) -> pd.DataFrame:
-    """Read a table that :func:`write_table` wrote."""
-    try:
-        return pd.read_csv(path)
-    except FileNotFoundError:
-        raise InputError(f"{path} is missing", remedy="run the rule that makes it") from None
-
-
 def read_path(path: FilePath) -> Array | TimedPath:
     """Points (n, 2) [m] of a path from CSV with columns ``x_m`` and ``y_m``; with ``time_s`` a path with these times.
 

@@ -51,13 +51,14 @@ def provenance(
     *,
     run: str = "",
     document: Mapping[str, Any] | None = None,
+    simulating: bool = False,
     constants: bool = False,
 ) -> dict[str, str]:
     """Provenance of a result as JSON texts: versions, settings, the run, and what it was made of.
 
     Recorded are the SHA-256 of each of the ``inputs`` (files by name), of each plugin, and of each part of
-    campaign.yaml that the stage reads (``document``, of :func:`read_sections`); with ``constants`` the tuned ones of
-    its subpackage.
+    campaign.yaml, the ``document``, that the stage reads (:func:`read_sections`, also on ``simulating``); with
+    ``constants`` the tuned ones of its subpackage.
     """
     configuration = (
         dataclasses.asdict(settings)
@@ -65,7 +66,8 @@ def provenance(
         else dict(settings or {})
     )
     hashes = {name: file_hash(path) for name, path in sorted({**_by_name(load_plugins()), **inputs}.items())}
-    sections = {name: text_hash(canonical(part)) for name, part in (document or {}).items()}
+    parts = {} if document is None else read_sections(stage, document, run, simulating=simulating)
+    sections = {name: text_hash(canonical(part)) for name, part in parts.items()}
     return {
         "stage": stage,
         "run": run,

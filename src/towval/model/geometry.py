@@ -146,6 +146,23 @@ def inside_polygon(polygon: ArrayLike, points: ArrayLike) -> np.ndarray:
     return inside
 
 
+def hermite_terms(time_s: Array, values: Array, rates: Array) -> tuple[Array, Array]:
+    """Quadratic and cubic coefficients (n - 1, k) of the C1 cubic through values (n, k) with rates (n, k).
+
+    ``time_s`` (n,) strictly increasing; the coefficients are those of the time since the start of each piece.
+    """
+    length = np.diff(time_s)[:, None]
+    slope = np.diff(values, axis=0) / length
+    cubic = (rates[:-1] + rates[1:] - 2 * slope) / length
+    return (slope - rates[:-1]) / length - cubic, cubic / length
+
+
+def arc_lengths(position: ArrayLike) -> Array:
+    """Lengths (n,) of a polyline (n, k) from its first point to each, in its own unit."""
+    steps = np.linalg.norm(np.diff(np.asarray(position, dtype=np.float64), axis=0), axis=1)
+    return np.concatenate([[0.0], np.cumsum(steps)])
+
+
 def path_length(position: ArrayLike) -> float:
     """Length of a polyline (n, 2) [m], segments with a missing end left out."""
     return float(np.nansum(np.linalg.norm(np.diff(np.asarray(position, dtype=np.float64), axis=0), axis=-1)))

@@ -150,11 +150,6 @@ def _share(step: float, reach: float, value: Callable[[TowingScene], float]) -> 
     return SearchRange(lambda scene: step * value(scene), lambda scene: reach * value(scene))
 
 
-def _critical_damping(scene: TowingScene) -> float:
-    """Of the object on its tether, 2 √(κ m) [N s/m]."""
-    return float(2 * np.sqrt(scene.tether.stiffness * scene.mass))
-
-
 _TIED = "assumed, not measured: a tow within 0.06 m of the floor; state the height of any other"
 _SCALE, _TAPE = "kitchen or parcel scale", "tape measure to a drawn mark"
 _END = SearchRange(lambda _: 2e-3, lambda _: 0.05)
@@ -244,11 +239,12 @@ register(
             "tether.damping_std_Ns_per_m", "that damping", 1e5, 0.2, "from the decay of a mass hung on it",
             relative=True,
             left_out=LeftOut(
-                "tether.damping_Ns_per_m", "0", 0.05, "cords of rubber and plastics lose 3 to 10 %", _critical_damping,
+                "tether.damping_Ns_per_m", "0", 0.05, "cords of rubber and plastics lose 3 to 10 %",
+                lambda scene: scene.critical_damping,
                 "the critical damping of the object on the tether",
             ),
         ),
-        search=_share(0.01, 0.3, _critical_damping),
+        search=_share(0.01, 0.3, lambda scene: scene.critical_damping),
     ),
     UncertainInput(
         "hinge_height", "height of the hinge", "m", "campaign", _size(_in_scene("hinge_height")),

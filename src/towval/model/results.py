@@ -10,6 +10,12 @@ from towval.model.errors import InputError
 from towval.model.findings import Finding
 from towval.model.statement import Bounds, Draws, Explanation, Verdict, VisibleFault
 
+STICKING = "sticking"
+"""Name of the statistic of a simulation that is 1 where the model sticks, else 0."""
+
+TO_DYNAMICS = " to dynamics, m"
+"""End of the names of the statistics that say how far the path of a simpler model is from that of the dynamics."""
+
 START_OFF = "start_off_m"
 """Name of the statistic of a simulation that says how far a start from rest leads it off, if the object moved [m]."""
 
@@ -71,6 +77,11 @@ class SimulatedMotion:
                 remedy="make it anew with towval simulate",
             )
         return self.statistics[name]
+
+    @property
+    def sticking(self) -> bool:
+        """Whether the model sticks: friction may hold the object at rest."""
+        return bool(self.statistics.get(STICKING, 0.0))
 
 
 @dataclass(frozen=True)

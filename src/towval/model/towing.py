@@ -263,3 +263,8 @@ class TowingScene:
     def weight(self) -> float:
         """Of the object with its load [N]."""
         return self.mass * self.ground.gravity
+
+    @property
+    def critical_damping(self) -> float:
+        """Of the object on its tether, 2 √(κ m) [N s/m]."""
+        return float(2 * np.sqrt(self.tether.stiffness * self.mass))

@@ -11,7 +11,7 @@ from towval.model.checks import Array, lock, lock_whole, locked, positive
 from towval.model.choices import Choice
 from towval.model.errors import InputError
 from towval.model.findings import Finding
-from towval.model.geometry import transform
+from towval.model.geometry import hermite_terms, transform
 
 
 @dataclass(frozen=True)
@@ -246,11 +246,7 @@ class DecimatedTrack:
         # Not scipy's CubicHermiteSpline: its import takes longer than all other imports of a simulation.
         asked = np.asarray(time_s, dtype=np.float64)
         piece = np.clip(np.searchsorted(self.time_s, asked, side="right") - 1, 0, len(self.time_s) - 2)
-        length = np.diff(self.time_s)[:, None]
-        slope = np.diff(self.pose, axis=0) / length
-        cubic = (self.rate[:-1] + self.rate[1:] - 2 * slope) / length
-        quadratic = (slope - self.rate[:-1]) / length - cubic
-        cubic /= length
+        quadratic, cubic = hermite_terms(self.time_s, self.pose, self.rate)
         s = (asked - self.time_s[piece])[..., None]
         poses = self.pose[piece] + self.rate[piece] * s + quadratic[piece] * (s * s) + cubic[piece] * (s * s * s)
         rates = self.rate[piece] + 2 * quadratic[piece] * s + 3 * cubic[piece] * (s * s)

@@ -47,9 +47,14 @@ def footprint_size(patch: Patch) -> float:
     return float(np.linalg.norm(np.ptp(patch.corners, axis=0)))
 
 
+def convex_hull(patch: Patch) -> shapely.Polygon:
+    """The convex hull of the footprint; raises as :func:`footprint_polygon`."""
+    return _convex_hull(footprint_polygon(patch))
+
+
 def refuse_tipping(patch: Patch, centre: Array) -> None:
     """Raise RefusedError where the centre of the loads is outside the convex hull of the footprint, or on its edge."""
-    hull, point = _convex_hull(footprint_polygon(patch)), shapely.Point(centre)
+    hull, point = convex_hull(patch), shapely.Point(centre)
     distance, least = hull.exterior.distance(point), _EDGE_DISTANCE_LIMIT * footprint_size(patch)
     if not hull.contains(point) or distance < least:
         side = "on the edge of" if distance < least else f"{distance:.4g} m outside"

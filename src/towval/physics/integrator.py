@@ -18,12 +18,19 @@ from towval.physics.friction_table import PLATEAU, SLOPE
 from towval.physics.motion import SLACK, TAUT, MotionProblem, acceleration_slopes, accelerations, margin, tautness
 from towval.physics.rosenbrock import NODES, STAGES, dense_output, end_of_step, solve_stage, stage_matrix, stage_state
 from towval.physics.splines import piece_at
-from towval.physics.steps import GROW, following, least_step, retried, safe_time, step_to_stop
+from towval.physics.steps import (
+    GROW,
+    LOOKS,
+    LOOKS_SLACK,
+    SMALLEST,
+    following,
+    least_step,
+    retried,
+    safe_time,
+    step_to_stop,
+)
 
 REACHED_END, STEP_LIMIT, STEP_TOO_SMALL, NOT_FINITE = 0, 1, 2, 3
-
-_SMALLEST_STEP = 1e-14  # of the time span
-_LOOKS, _LOOKS_SLACK = 4, 16  # a step's margin is looked at this often; what is slack may tighten for a moment only
 
 
 class _Work(NamedTuple):
@@ -73,7 +80,7 @@ def integrate(
                 return NOT_FINITE, filled, counts
         h = min(h, step_to_stop(y, work.rates0, scene.patch.radius, rise))
         h = min(h, end - t, _slack_step(scene, t, piece, y) if mode == SLACK else np.inf)
-        if h < _SMALLEST_STEP * span:
+        if h < SMALLEST * span:
             return STEP_TOO_SMALL, filled, counts
         error = _step(scene, mode, t, h, piece, y, weights, work)
         if not error <= 1:
@@ -86,7 +93,7 @@ def integrate(
         if theta < 1:
             h *= theta
             _step(scene, mode, t, h, piece, y, weights, work)
-        t1 = t + h if t + h < end - _SMALLEST_STEP * span else end
+        t1 = t + h if t + h < end - SMALLEST * span else end
         filled = _report(mode, t, t1, h, y, work, times, filled, states, modes)
         if theta < 1:
             mode = SLACK if mode == TAUT else TAUT
@@ -184,7 +191,7 @@ def _slack_step(scene: MotionProblem, t: float, piece: int, y: Array) -> float:
 @compiled(allocates=False)
 def _first_crossing(scene: MotionProblem, mode: int, t: float, h: float, piece: int, y: Array, work: _Work) -> float:
     """Fraction of the step at which the other mode takes over; 1 where it does not."""
-    low, looks = 0.0, _LOOKS_SLACK if mode == SLACK else _LOOKS
+    low, looks = 0.0, LOOKS_SLACK if mode == SLACK else LOOKS
     for look in range(1, looks + 1):
         high = look / looks
         if _margin_at(scene, mode, t, h, high, piece, y, work) >= 0:

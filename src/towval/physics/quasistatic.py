@@ -16,7 +16,6 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
-import shapely
 from numpy.typing import ArrayLike
 
 from towval.model import Array, Finding, FrictionLaw, Ground, Sliding, Tether, TimedPath, TowedObject, locked
@@ -27,7 +26,7 @@ from towval.model.findings import finding
 from towval.model.geometry import inside_polygon
 from towval.physics.balanced_rate import ROOT_CHOSEN, ROOT_LOST
 from towval.physics.dynamics import LEVEL, checked_times, leaves_plane, resting_patch
-from towval.physics.footprint import footprint_size, refuse_tipping
+from towval.physics.footprint import convex_hull, footprint_size, refuse_tipping
 from towval.physics.heading import follow, room_for_plan
 from towval.physics.spatial.problem import as_sliding, tow_problem
 from towval.physics.spatial.steady import follow_in_space
@@ -191,7 +190,7 @@ def _cable_findings(towed: TowedObject, times: Array, direction: Array) -> tuple
     """Where the force at the anchor points into the object: a strut would push, a cable lies across the object."""
     size, around = footprint_size(towed.patch), towed.patch.outline
     if towed.patch.further:  # What stands on feet reaches at least from one to the other.
-        around = np.array(shapely.MultiPoint(towed.patch.corners).convex_hull.exterior.coords)[:-1]
+        around = np.array(convex_hull(towed.patch).exterior.coords)[:-1]
     ring = 1e-3 * size * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
     if inside_polygon(around, towed.anchor + ring).all():
         return ()  # The anchor sits within the outline, above the object: every direction crosses it.

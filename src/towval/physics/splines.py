@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from towval.model import Array, TimedPath
 from towval.model.compiling import compiled
 from towval.model.errors import InputError
+from towval.model.geometry import hermite_terms
 
 if TYPE_CHECKING:
     # Not at run time: importing scipy.interpolate takes as long as importing the rest of the physics.
@@ -174,11 +175,8 @@ def hermite_spline(time_s: Array, position: Array, velocity: Array) -> Spline:
     >>> spline_values(spline, np.array([1.0]))[0]
     array([[0.5, 0. ]])
     """
-    length = np.diff(time_s)[:, None]
-    slope = np.diff(position, axis=0) / length
-    cubic = (velocity[:-1] + velocity[1:] - 2 * slope) / length
-    quadratic = (slope - velocity[:-1]) / length - cubic
-    return _laid_out(time_s, np.stack([position[:-1], velocity[:-1], quadratic, cubic / length], axis=-1))
+    terms = position[:-1], velocity[:-1], *hermite_terms(time_s, position, velocity)
+    return _laid_out(time_s, np.stack(terms, axis=-1))
 
 
 def _laid_out(knots: Array, coefficients: Array) -> Spline:

@@ -37,6 +37,9 @@ if TYPE_CHECKING:
 
 TRACTRIX, LIMIT_SURFACE, PATCH = "tractrix", "limit surface", "quasi-static patch"
 TRAILING_RUNGS = (TRACTRIX, LIMIT_SURFACE, PATCH)
+_POINT, _ELLIPSOID, _WHOLE = range(3)  # the same for compiled code: what stands for the patch
+
+_SHARES, _PLACES = (1 / 6, 1 / 3, 1 / 3, 1 / 6), (0.0, 0.5, 0.5, 1.0)  # of the stages of Runge-Kutta's step
 
 _STRIDE = 0.05  # of the patch's radius: the hinge moves no further in a Runge-Kutta step
 _LENGTH_STEPS = 3.0  # steps in which a wrong length dies out
@@ -146,8 +149,7 @@ def _motion(rung: str, times: Array, out: Array, centre: Array, moved: bool, unb
 def _integrate(rung: int, model: _Trail, times: Array, state: Array, out: Array) -> tuple[int, bool]:
     """Runge-Kutta of order four between the times, finer where the hinge moves far; fills ``out`` (n, 9)."""
     knots, limits = model.drive.knots, model.drive.speed_limits
-    rates, trial, total, guess = np.zeros(3), np.empty(3), np.empty(3), np.zeros(3)
-    shares, places = (1 / 6, 1 / 3, 1 / 3, 1 / 6), (0.0, 0.5, 0.5, 1.0)
+    rates, guess, room = np.zeros(3), np.zeros(3), np.empty((2, 3))
     piece, unbalanced, moved = 0, 0, False
     # Reported rates close a wrong length over the mean of the intervals: over one that happens to be short, rounding
     # would become speed, and over one in which the hinge goes far, a slack tether would pull.
@@ -160,27 +162,38 @@ def _integrate(rung: int, model: _Trail, times: Array, state: Array, out: Array)
             parts = max(1, math.ceil(travel / model.numbers[5]))
             h = (times[i] - times[i - 1]) / parts
             for part in range(parts):
-                time = times[i - 1] + part * h
-                rates[:] = 0.0
-                total[:] = state
-                for stage in range(4):
-                    for j in range(3):
-                        trial[j] = state[j] + places[stage] * h * rates[j]
-                    now = time + places[stage] * h
-                    lag = _LENGTH_STEPS * h
-                    balanced, _, _, _ = _rates(rung, model, now, piece_at(knots, now, piece), trial, lag, guess, rates)
-                    unbalanced += 0 if balanced else 1
-                    if stage == 0:  # The tractrix has turned the body into the tether's line.
-                        total[2] += trial[2] - state[2]
-                        state[2] = trial[2]
-                    for j in range(3):
-                        total[j] += shares[stage] * h * rates[j]
-                moved = moved or total[0] != state[0] or total[1] != state[1]
-                state[:] = total
+                x, y = state[0], state[1]
+                unbalanced += _step(rung, model, times[i - 1] + part * h, h, piece, state, guess, rates, room)
+                moved = moved or state[0] != x or state[1] != y
         _, fx, fy, length = _rates(rung, model, times[i], piece, state, reported_lag, guess, rates)
         out[i, :3], out[i, 3:6] = state, rates
         out[i, 6], out[i, 7], out[i, 8] = fx, fy, length
     return unbalanced, moved
+
+
+@compiled(allocates=False)
+def _step(
+    rung: int, model: _Trail, time: float, h: float, piece: int, state: Array, guess: Array, rates: Array, room: Array
+) -> int:
+    """Take the state (3,) a step on; returns in how many of its stages no balance was found."""
+    trial, total, unbalanced = room[0], room[1], 0
+    for j in range(3):
+        rates[j], total[j] = 0.0, state[j]
+    for stage in range(4):
+        for j in range(3):
+            trial[j] = state[j] + _PLACES[stage] * h * rates[j]
+        now = time + _PLACES[stage] * h
+        at = piece_at(model.drive.knots, now, piece)
+        balanced, _, _, _ = _rates(rung, model, now, at, trial, _LENGTH_STEPS * h, guess, rates)
+        unbalanced += 0 if balanced else 1
+        if stage == 0:  # The tractrix has turned the body into the tether's line.
+            total[2] += trial[2] - state[2]
+            state[2] = trial[2]
+        for j in range(3):
+            total[j] += _SHARES[stage] * h * rates[j]
+    for j in range(3):
+        state[j] = total[j]
+    return unbalanced
 
 
 @compiled(allocates=False)
@@ -193,8 +206,8 @@ def _rates(
     bx, by = model.anchor
     qx, qy = cos * bx - sin * by, sin * bx + cos * by
     px, py, px_dot, py_dot, _, _ = spline_at(model.drive.knots, model.drive.coefficients, time, piece)
-    rod = math.hypot(bx, by) if rung == 0 else 0.0
-    if rung == 0:
+    rod = math.hypot(bx, by) if rung == _POINT else 0.0
+    if rung == _POINT:
         qx = qy = 0.0
     lx, ly = px - state[0] - qx, py - state[1] - qy
     length = math.hypot(lx, ly)
@@ -203,7 +216,7 @@ def _rates(
     speed = max(along, slowest)
     lever = qx * ny - qy * nx
     balanced = True
-    if rung == 2:
+    if rung == _WHOLE:
         balanced, vx, vy, omega, pull = _balance(model.patch, cos, sin, bx, by, nx, ny, speed, guess)
     else:
         stretch = 1 + lever * lever / radius_squared
@@ -213,7 +226,7 @@ def _rates(
     closing = along + (length - rod - rest_length - pull / stiffness) / lag
     share = max(0.0, closing) / speed
     rates[0], rates[1], rates[2] = share * vx, share * vy, share * omega
-    if rung == 0 and share > 0:
+    if rung == _POINT and share > 0:
         # The body lies in the tether's line; its heading is no state of its own.
         heading = math.atan2(ny, nx) - math.atan2(by, bx)
         state[2] += (heading - state[2] + math.pi) % (2 * math.pi) - math.pi

@@ -6,8 +6,9 @@ import numpy as np
 
 from towval.model import Calibration, Comparison, Identification, Stamp, Track, Verdict
 from towval.model.geometry import polygon_centroid, transform
+from towval.model.results import TO_DYNAMICS
 from towval.model.run_record import RunRecord
-from towval.report.wording import NOT_COMPUTED, NOT_JUDGED, at_most, decimal, degrees, millimetres, named_scalar
+from towval.report.wording import NOT_COMPUTED, NOT_JUDGED, at_most, decimal, degrees, millimetres, named_scalar, signed
 
 Facts = tuple[tuple[str, str], ...]
 """Names and values as shown."""
@@ -48,9 +49,6 @@ _WORDS = {
 
 _STILL = 1e-9
 """Shift [px], turn [rad] and growth below which a camera's motion is rounding."""
-
-_TO_DYNAMICS = " to dynamics, m"
-"""Suffix of the statistics that give a simpler model's difference from the dynamics."""
 
 # Columns of the calibration's table by height: keys and labels.
 _AT_HEIGHT = {
@@ -192,8 +190,8 @@ def simulation_facts(run: RunRecord) -> Facts:
 
 
 def _statistic(name: str, value: float) -> tuple[str, str]:
-    if name.endswith(_TO_DYNAMICS):
-        simpler = name.removesuffix(_TO_DYNAMICS)
+    if name.endswith(TO_DYNAMICS):
+        simpler = name.removesuffix(TO_DYNAMICS)
         return f"{simpler} instead of dynamics: path moves by up to", millimetres(value)
     return _labelled(name, value)
 
@@ -247,15 +245,10 @@ def scale_facts(records: tuple[RunRecord, ...]) -> Facts:
     """Measured size of the tops in each run against the stated one: the check of the calibration's scale."""
     seen = [(run.name, run.rover_track.camera) for run in records]
     return tuple(
-        (f"Tops in run {name}, measured − stated size", f"{_signed(100 * c.size)} ± {decimal(100 * c.size_std)} %")
+        (f"Tops in run {name}, measured − stated size", f"{signed(100 * c.size)} ± {decimal(100 * c.size_std)} %")
         for name, c in seen
         if c is not None and np.isfinite(c.size)
     )
-
-
-def _signed(value: float) -> str:
-    # Adding zero removes the sign of -0.
-    return f"{round(value, 2) + 0.0:+.2f}".replace("-", "−")
 
 
 def decimation_facts(run: RunRecord) -> Facts:
@@ -296,7 +289,7 @@ def calibration_facts(calibration: Calibration) -> Facts:
 def _board_facts(quality: Mapping[str, float]) -> Facts:
     """The board as fitted together with the camera, against its stated values."""
     return tuple(
-        (label, f"{_signed(quality[f'{key}_{unit}'])} ± {decimal(quality[f'{key}_std_{unit}'])} {shown}")
+        (label, f"{signed(quality[f'{key}_{unit}'])} ± {decimal(quality[f'{key}_std_{unit}'])} {shown}")
         for label, key, unit, shown in _OF_BOARD
         if quality.get(f"{key}_std_{unit}", 0.0) > 0
     )

@@ -1,6 +1,5 @@
 """Footage of a run on the page: embedded or linked unchanged, its frame times, and what is drawn over it."""
 
-import json
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,7 +13,7 @@ from markupsafe import Markup
 from towval.model import Array, Calibration
 from towval.model.errors import InputError
 from towval.model.run_record import RunRecord, pose_at
-from towval.report.inline import packed
+from towval.report.inline import packed, script_json
 from towval.report.outlines import film_layers
 
 
@@ -76,7 +75,7 @@ def film_view(
         address=_address(path, page),
         kind="video/webm" if path.suffix.lower() in (".webm", ".mkv") else "video/mp4",
         coding=coding.partition(" (")[0],
-        layers=_json(layers),
+        layers=script_json(layers),
         places=packed(drawn.places.astype("<i2").tobytes()),
     )
 
@@ -86,7 +85,7 @@ def series(run: RunRecord, presented_s: Array, time_s: Array) -> Markup:
     c, simulated = run.comparison, run.simulated
     shift, heading = pose_at(c.time_s, c.along_across, time_s), pose_at(c.time_s, c.error, time_s)[:, 2]
     tension = np.interp(time_s, simulated.time_s, np.linalg.norm(simulated.tether_force, axis=1))
-    return _json(
+    return script_json(
         {
             "film_s": _rounded(presented_s - presented_s[0], 6),
             "time_s": _rounded(time_s, 6),
@@ -115,11 +114,6 @@ def _address(path: FilePath, page: FilePath) -> str:
         return quote(FilePath(os.path.relpath(path, page.parent)).as_posix())
     except ValueError:  # another drive
         return path.resolve().as_uri()
-
-
-def _json(value: object) -> Markup:
-    # Numbers and names from this package; "<" is escaped nevertheless, because the text is part of a script element.
-    return Markup(json.dumps(value, separators=(",", ":")).replace("<", "\\u003c"))
 
 
 def _rounded(values: Array, digits: int) -> list[float | None]:

@@ -1,15 +1,14 @@
 """The page over many runs: one HTML file with filters, trends and changes that opens offline."""
 
-import json
 import math
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from markupsafe import Markup
 
 from towval.io.atomic import write_text
 from towval.io.results_index import UNFINISHED, ResultsIndex
+from towval.report.inline import script_json
 from towval.report.templating import template_asset, template_environment
 
 _NUMBERS = {
@@ -44,7 +43,7 @@ def write_index_page(path: Path, index: ResultsIndex) -> None:
         count=len(runs),
         campaigns=runs[["source", "campaign"]].drop_duplicates().shape[0],
         verdicts=sorted(runs["verdict"].unique(), key=lambda verdict: (verdict == UNFINISHED, verdict)),
-        data=_embedded(_columns(index)),
+        data=script_json(_columns(index)),
         css=template_asset("index.css"),
         script=template_asset("index.js"),
     )
@@ -96,9 +95,3 @@ def _rounded(value: float | None, factor: float) -> float | None:
     if value is None or not math.isfinite(value):
         return None
     return float(f"{value * factor:.4g}") if factor != 1 else round(float(value), 1)
-
-
-def _embedded(data: dict[str, Any]) -> Markup:
-    """JSON that cannot end the script element around it, whatever the name of a run contains."""
-    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
-    return Markup(text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e"))

@@ -1,7 +1,9 @@
-"""Figures within the page: SVG with shared glyphs and styles, and bytes encoded as text."""
+"""What a page holds within itself: figures as SVG with shared glyphs and styles, bytes as text, values as JSON."""
 
 import base64
+import json
 import re
+from typing import Any
 
 import numpy as np
 from markupsafe import Markup
@@ -79,6 +81,11 @@ def _shortened(attribute: re.Match[str]) -> str:
 def data_uri(kind: str, content: bytes) -> str:
     """Bytes of a media type as an address that holds them."""
     return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"
+
+
+def script_json(value: Any) -> Markup:
+    """A value as JSON within a script element, which no text in it can end; `ValueError` for NaN and infinity."""
+    return Markup(json.dumps(value, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c"))
 
 
 def packed(content: bytes) -> Markup:

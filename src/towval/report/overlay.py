@@ -13,7 +13,6 @@ import av
 import cv2
 import numpy as np
 from av.video.reformatter import ColorRange, Colorspace
-from numpy.typing import NDArray
 
 from towval.io.atomic import replacing
 from towval.io.reading import is_plain_file
@@ -23,8 +22,7 @@ from towval.model.errors import InputError
 from towval.model.run_record import RunRecord, Still
 from towval.report.film import frame_times, run_times
 from towval.report.overlay_painter import Painter
-
-Picture = NDArray[np.uint8]
+from towval.report.overlay_text import Picture
 
 _JPEG_QUALITY = 75
 _RATE_FACTOR = "25"  # of x264: 0 to 51; lower values are better and give larger files
@@ -77,7 +75,7 @@ def drawn_pictures(
         stream, clock = film.streams.video[0], _Clock(source, run)
         stream.codec_context.skip_frame = "NONREF"
         for frame in _decoded(film, damaged):
-            time_s = float(_ticks(frame) * _time_base(stream))
+            time_s = _seconds(frame, stream)
             if time_s + 1e-6 >= due_s:
                 due_s = (time_s if due_s == -np.inf else due_s) + _PICTURE_S
                 yield _still(source, frame, clock.of_run(time_s), painter)
@@ -94,7 +92,7 @@ def stills(
             wanted = int(wanted_s / _time_base(stream))
             film.seek(wanted, stream=stream)
             for frame in _decoded(film, damaged, wanted):
-                time_s = float(_ticks(frame) * _time_base(stream))
+                time_s = _seconds(frame, stream)
                 if time_s + 1e-6 >= wanted_s:
                     found.append(_still(source, frame, clock.of_run(time_s), painter))
                     break
@@ -208,7 +206,7 @@ def _drawn_frames(
             _check_size(source, frame, painter.calibration)
             first = _ticks(frame)
         picture = _as_rgb(frame, painter.size_px)
-        painter.draw(picture, clock.of_run(float(_ticks(frame) * _time_base(stream))))
+        painter.draw(picture, clock.of_run(_seconds(frame, stream)))
         drawn = av.VideoFrame.from_ndarray(picture, format="rgb24")
         drawn = drawn.reformat(format="yuv420p", dst_colorspace=Colorspace.ITU709, dst_color_range=ColorRange.MPEG)
         drawn.pts, drawn.time_base = _ticks(frame) - first, _time_base(stream)
@@ -220,6 +218,11 @@ def _ticks(frame: av.VideoFrame) -> int:
     if frame.pts is None:
         raise InputError("the video has a frame without a presentation time", remedy="remux the video")
     return frame.pts
+
+
+def _seconds(frame: av.VideoFrame, stream: av.VideoStream) -> float:
+    """Presentation time [s]."""
+    return float(_ticks(frame) * _time_base(stream))
 
 
 def _time_base(stream: av.VideoStream) -> Fraction:

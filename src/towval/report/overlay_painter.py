@@ -2,15 +2,13 @@
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from towval.model import Array, Calibration
+from towval.model.geometry import arc_lengths
 from towval.model.run_record import RunRecord, nearest_samples, pose_at
 from towval.report.outlines import film_layers
-from towval.report.overlay_text import TextPainter
-
-Picture = NDArray[np.uint8]
-Colour = tuple[int, int, int]
+from towval.report.overlay_text import Colour, Picture, TextPainter
+from towval.report.wording import signed
 
 _ROVER, _SIMULATED, _MEASURED, _TETHER = (64, 150, 255), (0, 0, 0), (255, 60, 36), (255, 214, 80)
 _WHITE = (255, 255, 255)
@@ -68,9 +66,8 @@ class Painter:
         error = pose_at(comparison.time_s, comparison.error, time_s)
         if not np.isfinite(error).all():
             return "object not tracked"
-        # Adding zero removes the sign of -0.
-        turn = f"{round(float(np.rad2deg(error[2])), 2) + 0.0:+5.2f}".replace("-", "−")
-        return f"error {1e3 * np.hypot(error[0], error[1]):5.2f} mm   {turn}°"
+        turn = signed(float(np.rad2deg(error[2])))
+        return f"error {1e3 * np.hypot(error[0], error[1]):5.2f} mm   {turn:>5}°"
 
 
 def stroke(picture: Picture, pixels: Array, colour: Colour, line: int) -> None:
@@ -86,7 +83,7 @@ def _dashes(points: Array, length_px: float) -> list[Array]:
     """Every other piece (m, 2) of a polyline (n, 2) [px]; none where a point is missing."""
     if not np.isfinite(points).all():
         return []
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    along = arc_lengths(points)
     pieces = []
     for start in np.arange(0.0, along[-1], 2 * length_px):
         end = min(start + length_px, along[-1])

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+Picture = NDArray[np.uint8]
 Colour = tuple[int, int, int]
 
 _SHADE = 0.35
@@ -27,9 +28,7 @@ class TextPainter:
         self.height_px = ascent + descent + self._padding
         """Height of a strip [px]."""
 
-    def write(
-        self, picture: NDArray[np.uint8], corner_px: tuple[int, int], parts: Sequence[tuple[str, Colour]]
-    ) -> None:
+    def write(self, picture: Picture, corner_px: tuple[int, int], parts: Sequence[tuple[str, Colour]]) -> None:
         """Write texts with their colours one after another from the top left ``corner_px`` (u, v) of an RGB picture.
 
         In place; text that does not fit is cut off.

@@ -11,8 +11,7 @@ from towval.model import Array, Body, Calibration, TowingScene
 from towval.model.geometry import lifted, transform
 from towval.optics.projection import project, to_plane
 from towval.report.overlay_painter import stroke
-
-Picture = NDArray[np.uint8]
+from towval.report.overlay_text import Colour, Picture
 
 GRID_M = 0.5
 """Spacing of the floor grid [m]."""
@@ -33,7 +32,7 @@ def draw_start(
     picture = np.asarray(cv2.cvtColor(luma, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
     line = max(1, round(luma.shape[1] / 700))
 
-    def draw(points: Array, height: float, colour: tuple[int, int, int], width: int) -> None:
+    def draw(points: Array, height: float, colour: Colour, width: int) -> None:
         dense = lifted(_dense(np.asarray(points, dtype=float)), height)
         stroke(picture, project(calibration.camera, calibration.floor, dense), colour, width)
 

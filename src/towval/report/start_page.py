@@ -1,6 +1,5 @@
 """The page for correcting the start poses of runs: one file that opens offline and saves campaign.yaml."""
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 from towval.io.atomic import write_text
 from towval.io.campaign_text import FloorCorner, RunClicks
 from towval.model import Array, Body, Calibration, Camera, TowingScene
-from towval.report.inline import data_uri
+from towval.report.inline import data_uri, script_json
 from towval.report.preview import floor_grid
 from towval.report.templating import template_asset
 
@@ -103,11 +102,9 @@ def write_start_page(
             for name, start in runs.items()
         },
     }
-    # Only "<" could end a script element.
-    written = json.dumps(data, allow_nan=False).replace("<", "\\u003c")
     page = str(template_asset("start.html"))
     scripts = ("SCRIPT", template_asset("start.js")), ("FLOOR", template_asset("start_floor.js"))
-    for mark, content in (("CSS", template_asset("start.css")), *scripts, ("DATA", written)):
+    for mark, content in (("CSS", template_asset("start.css")), *scripts, ("DATA", script_json(data))):
         page = page.replace(f"/*{mark}*/", content)
     write_text(path, page)
 

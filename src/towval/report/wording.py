@@ -34,6 +34,12 @@ def at_most(value_m: float) -> str:
     return f"{rounded_up(1e3 * value_m, digits):.{digits}f} mm" if math.isfinite(value_m) else text
 
 
+def signed(value: float) -> str:
+    """A number with its sign and two decimals."""
+    # Adding zero removes the sign of -0.
+    return f"{round(value, 2) + 0.0:+.2f}".replace("-", "−")
+
+
 def degrees(value_rad: float) -> str:
     """An angle in degrees."""
     return f"{decimal(math.degrees(value_rad))}°" if math.isfinite(value_rad) else NOT_COMPUTED

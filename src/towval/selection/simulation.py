@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from towval.model import Choice, DecimatedTrack, SimulatedMotion, TowingScene
+from towval.model.results import TO_DYNAMICS
 from towval.physics.ladder import DYNAMICS, rung_names
 from towval.selection.margin import SHARE
 from towval.validation.simulate import RunSimulation, SimulateSettings
@@ -55,5 +56,5 @@ def _rung_choice(motion: SimulatedMotion) -> Choice:
     """The rung compared with the full dynamics or, for the dynamics, with the next simpler rung."""
     simpler = rung_names()[-2]
     following, lower = (simpler, simpler) if motion.rung == DYNAMICS else (DYNAMICS, motion.rung)
-    change = motion.statistics[f"{lower} to dynamics, m"]
+    change = motion.statistics[f"{lower}{TO_DYNAMICS}"]
     return Choice("model of the object", motion.rung, following, change, "at most over the path")

@@ -1,6 +1,6 @@
 """Stage compare: simulated against measured path of the object, unaligned."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,7 +22,7 @@ from towval.model.errors import InputError, RefusedError
 from towval.model.findings import finding
 from towval.model.geometry import position_rms
 from towval.model.results import START_OFF
-from towval.model.statement import Bounds, Draws
+from towval.model.statement import Bounds, Draws, VisibleFault
 from towval.validation.consequences import forbidding
 from towval.validation.metrics import aligned_rms, area_metric, error_ratio, frechet_distance
 from towval.validation.path_frame import OnPath, PathFrame
@@ -130,16 +130,11 @@ def _judged(
     """The comparison with bounds, statistics, verdict and findings added."""
     tolerance_m = settings.stated_m or TOLERANCE_M
     tested, drawn_tests, (begins_m, ends_m) = _tested(found, simulated, measured, uncertainty, settings)
-    visible = sorted(np.nan_to_num(fault.shift_rms_m, nan=np.inf) for fault in uncertainty.faults)
-    detectable_m = float(visible[(len(visible) - 1) // 2]) if visible else float("nan")
-    moving = np.linalg.norm(simulated.twist[:, :2], axis=1) > _MOVING_M_PER_S
-    seen = np.isfinite(found.error[:, 0])
-    seen_share = float(np.mean(seen[moving])) if moving.any() else float(np.mean(seen))
     upstream = (*uncertainty.upstream, *measured.findings, *simulated.findings)
     evidence = Evidence(
         tolerance_m=tolerance_m,
-        detectable_m=detectable_m,
-        seen_share=seen_share,
+        detectable_m=_detectable_m(uncertainty.faults),
+        seen_share=_seen_share(found.error, simulated),
         moved_m=found.path_length_m,
         forbidding=forbidding((*upstream, *uncertainty.findings)) or _start_off(simulated, tolerance_m),
         shares=uncertainty.shares,
@@ -166,8 +161,8 @@ def _judged(
         error_upper_m=evidence.upper_m,
         model_error_lower_m=model[0],
         model_error_upper_m=model[1],
-        detectable_m=detectable_m,
-        seen_share=seen_share,
+        detectable_m=evidence.detectable_m,
+        seen_share=evidence.seen_share,
         begins_m=begins_m,
         ends_m=ends_m,
         warnings=" ".join(codes),
@@ -178,6 +173,19 @@ def _judged(
         findings=findings,
         **numbers,
     )
+
+
+def _detectable_m(faults: Sequence[VisibleFault]) -> float:
+    """Shift of the path, RMS, from which on half of the kinds of faults show [m]; NaN without faults."""
+    visible = sorted(np.nan_to_num(fault.shift_rms_m, nan=np.inf) for fault in faults)
+    return float(visible[(len(visible) - 1) // 2]) if visible else float("nan")
+
+
+def _seen_share(error: Array, simulated: SimulatedMotion) -> float:
+    """Share of the frames of the motion in which the object was seen; of all frames where it never moves."""
+    moving = np.linalg.norm(simulated.twist[:, :2], axis=1) > _MOVING_M_PER_S
+    seen = np.isfinite(error[:, 0])
+    return float(np.mean(seen[moving] if moving.any() else seen))
 
 
 def _tested(

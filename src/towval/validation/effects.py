@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from towval.model import Array, Choice, RunUncertainty, SimulatedMotion, TowingScene
+from towval.model import Choice, RunUncertainty, SimulatedMotion, TowingScene
 from towval.model.geometry import rms_length
 from towval.model.inputs import INPUTS, UncertainInput
 from towval.physics.ladder import DYNAMICS
@@ -68,28 +68,22 @@ EFFECTS = (
 
 
 def effect_choices(
-    scene: TowingScene,
-    batch: Batch,
-    rover: Array,
-    start: Array,
-    found: RunUncertainty,
-    simulated: SimulatedMotion,
-    limit_m: float,
+    batch: Batch, stated: Drawn, found: RunUncertainty, simulated: SimulatedMotion, limit_m: float
 ) -> tuple[Choice, ...]:
     """Each effect, taken or left out, with the shift by the other choice [m]; one more simulation for each taken.
 
-    ``batch``: how the run is simulated, with nominal poses and rates (m, 6) of the ``rover`` and the object's ``start``
-    pose (3,); ``simulated`` is the run itself at the batch's times, ``found`` its uncertainty with the draws. An effect
-    that moves the path by less than ``limit_m`` is reported as taken without need.
+    ``batch``: how the run is simulated, ``stated`` with all inputs as stated; ``simulated`` is the run itself at the
+    batch's times, ``found`` its uncertainty with the draws. An effect that moves the path by less than ``limit_m`` is
+    reported as taken without need.
     """
-    batch = replace(batch, rung=DYNAMICS)
+    batch, scene = replace(batch, rung=DYNAMICS), stated.scene
     taken = [effect for effect in EFFECTS if effect.acts(scene)]
     whole = [scene] if simulated.rung != DYNAMICS else []  # else it has been simulated, and more exactly
     scenes = (*whole, *(effect.without(scene) for effect in taken))
-    others = list(batch.simulate([Drawn(each, rover, start) for each in scenes]))
+    others = list(batch.simulate([stated._replace(scene=each) for each in scenes]))
     nominal = others.pop(0) if whole else simulated.pose
     turned = replace(batch, sticking=not batch.sticking)
-    others += turned.simulate([Drawn(scene, rover, start)])
+    others += turned.simulate([stated])
     shifts = [rms_length(other - nominal) for other in others]
     moved = dict(zip((effect.what for effect in taken), shifts, strict=False))
     by_input = moves_of_inputs(found, scene)

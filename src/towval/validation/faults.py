@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from towval.model import Array, FloorRegion, MassSpread, SimulatedMotion, TowingScene
-from towval.model.geometry import transform
+from towval.model.geometry import arc_lengths, transform
 from towval.model.statement import VisibleFault
 from towval.physics.mass import spread_over
 from towval.validation.statistics import RightModel
@@ -81,8 +81,7 @@ def _mass_moved(scene: TowingScene, size: float) -> TowingScene:
 
 
 def _stripe(motion: SimulatedMotion) -> Callable[[TowingScene, float], TowingScene]:
-    steps = np.linalg.norm(np.diff(motion.pose[:, :2], axis=0), axis=1)
-    length = np.concatenate([[0.0], np.cumsum(steps)])
+    length = arc_lengths(motion.pose[:, :2])
     middle = int(np.searchsorted(length, length[-1] / 2))
     ahead = motion.pose[min(len(length) - 1, int(np.searchsorted(length, length[middle] + 0.02))), :2]
     step = ahead - motion.pose[middle, :2]

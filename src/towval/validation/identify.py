@@ -123,21 +123,7 @@ def identify(
     identifiable, findings = _identifiability(settings.parameters, covariance, fit.reach)
     identifiable, further = _trust(found, by_others, fit, identifiable)
     findings += further
-    predictions = []
-    for left_out in runs if len(runs) > 1 else ():
-        rest = [run for run in runs if run is not left_out]
-        others = fit.values(rest, [found.values, fit.starts(rest)[0]]).values
-        pose = fit.simulated(left_out, others)
-        predictions.append(
-            Prediction(
-                left_out.name,
-                others,
-                left_out.time_s,
-                pose,
-                given_rms_m=_path_rms(left_out, fit.simulated(left_out, fit.given)),
-                predicted_rms_m=_path_rms(left_out, pose),
-            )
-        )
+    predictions = _predictions(fit, found, runs) if len(runs) > 1 else []
     if len(runs) == 1:
         findings.append(finding("identify_one_run"))
     return Identification(
@@ -233,7 +219,7 @@ class _Fit:
         best = min(fits, key=lambda fit: fit.cost)
         values = self.given + best.x * self.scale
         rows, scene = [row for row, _ in self.parameters], self.nominal.scene
-        # The sizes are told of what has no sign.
+        # Of an input without a sign its size is reported.
         mirrored = [row.acts_by_size(scene, float(value)) for row, value in zip(rows, values, strict=True)]
         signs = np.where(mirrored, -1.0, 1.0)
         return _Found(signs * values, best.fun, best.jac * signs, sum(_measured_means(run) for run in runs))
@@ -301,6 +287,26 @@ class _Fit:
         if len(motion.time_s) < len(run.time_s):
             raise RefusedError(f"run {run.name} cannot be simulated while inputs are searched: {motion.outcome}")
         return motion.pose
+
+
+def _predictions(fit: _Fit, found: _Found, runs: Sequence[MeasuredRun]) -> list[Prediction]:
+    """Each run simulated with values that were fitted to all others."""
+    predictions = []
+    for left_out in runs:
+        rest = [run for run in runs if run is not left_out]
+        others = fit.values(rest, [found.values, fit.starts(rest)[0]]).values
+        pose = fit.simulated(left_out, others)
+        predictions.append(
+            Prediction(
+                left_out.name,
+                others,
+                left_out.time_s,
+                pose,
+                given_rms_m=_path_rms(left_out, fit.simulated(left_out, fit.given)),
+                predicted_rms_m=_path_rms(left_out, pose),
+            )
+        )
+    return predictions
 
 
 def _changed(real: Realisation, row: UncertainInput, component: int, value: float) -> Realisation:

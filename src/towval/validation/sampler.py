@@ -20,7 +20,6 @@ from towval.model.inputs import INPUTS, Realisation
 from towval.optics.moved_view import pose_sensitivity
 from towval.validation.consequences import WIDER, widened
 from towval.validation.hinge_trajectory import by_kept_poses, nodes_between
-from towval.validation.simulate import STICKING
 from towval.validation.simulate_many import Batch, Drawn
 
 _RATE_STEP_S = 1e-4
@@ -116,7 +115,7 @@ class Sampler:
         self.start = _motions(case.calibration, case.towed, case.object_decimated.poses_at(self.times[:1]))
         self.nominal = Realisation.nominal(case.scene)
         self.batch = Batch(
-            self.nodes, self.times, case.simulated.rung, bool(case.simulated.statistics.get(STICKING, 0.0)),
+            self.nodes, self.times, case.simulated.rung, case.simulated.sticking,
             settings.tolerance_m, settings.processes,
         )  # fmt: skip
         self.knot_std = np.sqrt(np.diagonal(case.rover_decimated.covariance, axis1=1, axis2=2))
@@ -132,6 +131,14 @@ class Sampler:
         self.widths = {INPUTS[name].label: len(INPUTS[name].components) for name in self.drawn}
         self.names = dict(zip(self.drawn, self.widths.values(), strict=True))
         self.own = np.repeat([INPUTS[name].shared == "run" for name in self.drawn], list(self.widths.values()))
+
+    @property
+    def as_stated(self) -> Drawn:
+        """The tow with all inputs as stated, from the measured place.
+
+        Draws start there, too; a run's first pose may have been moved nearer, as its tether allows.
+        """
+        return Drawn(self.case.scene, self.rover_moves, self.start.pose[0])
 
     def generator(self, index: int, purpose: int) -> np.random.Generator:
         """One generator per draw, so that the result does not depend on how draws are shared among threads."""

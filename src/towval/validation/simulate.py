@@ -9,7 +9,7 @@ from towval.model import Array, DecimatedTrack, Finding, Severity, SimulatedMoti
 from towval.model.checks import within
 from towval.model.errors import InputError, RefusedError
 from towval.model.findings import finding
-from towval.model.results import START_OFF
+from towval.model.results import START_OFF, STICKING, TO_DYNAMICS
 from towval.physics.creep import creep_length
 from towval.physics.dynamics import Outcome
 from towval.physics.ladder import DYNAMICS, RUNGS, LadderChoice, lowest_rung, path_difference, rung_names
@@ -19,9 +19,6 @@ from towval.physics.trailing import TRAILING_RUNGS
 from towval.validation.hinge_trajectory import hinge_trajectory
 from towval.validation.scene_model import SceneModel
 from towval.validation.slack import moved_while_slack
-
-STICKING = "sticking"
-"""Name of the statistic that is 1 where the model sticks, else 0."""
 
 _PARKED_CREEP_M = 5e-3
 """Creep while the rover stands, above which sticking is simulated: on all runs of the samples it is below 3 mm."""
@@ -141,7 +138,7 @@ class RunSimulation:
             "u_num_m": float(np.hypot(u_num, to_dynamics.get(rung, 0.0))),
             "u_tolerance_m": u_num,
             STICKING: float(self.model.sticking),
-            **{f"{lower} to dynamics, m": to_dynamics[lower] for lower in rung_names() if lower in to_dynamics},
+            **{f"{lower}{TO_DYNAMICS}": to_dynamics[lower] for lower in rung_names() if lower in to_dynamics},
         }
         findings = (
             *motion.findings,

@@ -168,8 +168,8 @@ class UncertaintySampling:
         batch, sampler = self._sampler.batch, self._sampler
         if batch.rung == DYNAMICS:
             return np.zeros((len(batch.times), 3))
-        unchanged = Drawn(self.case.scene, sampler.rover_moves, sampler.start.pose[0])
-        (simpler,), (fullest,) = (each.simulate([unchanged]) for each in (batch, replace(batch, rung=DYNAMICS)))
+        stated = [sampler.as_stated]
+        (simpler,), (fullest,) = (each.simulate(stated) for each in (batch, replace(batch, rung=DYNAMICS)))
         if not np.isfinite(fullest).all():
             raise RefusedError(
                 "how far the simulation is from the full dynamics is not known",
@@ -189,8 +189,7 @@ class UncertaintySampling:
             return known
         sampler, nominal = self._sampler, self.case.simulated
         batch = replace(sampler.batch, times=known.time_s[draws.rows])
-        # From the measured place, as draws start: a run's first pose may have been moved nearer, as its tether allows.
-        unchanged = Drawn(self.case.scene, sampler.rover_moves, sampler.start.pose[0])
+        unchanged = sampler.as_stated
         (plain,) = batch.simulate([unchanged])
         done = np.flatnonzero(self._made.done)
 
@@ -243,9 +242,7 @@ class UncertaintySampling:
 
     def effects(self, found: RunUncertainty, limit_m: float = 0.0) -> tuple[Choice, ...]:
         """Each effect of a lab on the path, taken or left out; see :func:`towval.validation.effects.effect_choices`."""
-        sampler, case = self._sampler, self.case
-        moves, start = sampler.rover_moves, sampler.start.pose[0]
-        return effect_choices(case.scene, sampler.batch, moves, start, found, case.simulated, limit_m)
+        return effect_choices(self._sampler.batch, self._sampler.as_stated, found, self.case.simulated, limit_m)
 
     def _dropped(self, done: NDArray[np.bool_]) -> Iterator[Finding]:
         """A finding on draws that are not ``done`` (n,), which leaves the run not judged where they are many."""

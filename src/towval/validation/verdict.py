@@ -59,33 +59,37 @@ class Evidence:
 
 def verdict_of(e: Evidence) -> tuple[Verdict, Finding]:
     """The verdict and the finding that gives its reason."""
-    reason = _not_judged(e)
-    if reason:
-        return Verdict.NOT_JUDGED, finding("verdict", Severity.WARNING, statement=f"Not judged: {reason}")
-    tolerance, upper = 1e3 * e.tolerance_m, _at_most(e.upper_m)
-    tested = ", ".join(
-        f"{name} {e.statistics[name]:.1f} of at most {limit:.1f}"
-        for name, limit in e.limits.items()
-        if limit > UNTESTED_LIMIT
-    )
-    if e.rejected and e.upper_m > e.tolerance_m:
-        statement = f"Disagrees: {e.where}; not what right inputs make of a right model ({tested})"
-        return Verdict.DISAGREES, finding("verdict", Severity.WARNING, statement=statement)
+    not_judged = _not_judged(e)
+    if not_judged:
+        verdict, statement = Verdict.NOT_JUDGED, f"Not judged: {not_judged}"
+    elif e.rejected:
+        verdict, statement = _of_rejected(e)
+    else:
+        verdict, statement = _of_not_rejected(e)
+    severity = Severity.NOTE if verdict is Verdict.AGREES else Severity.WARNING
+    return verdict, finding("verdict", severity, statement=statement)
+
+
+def _of_rejected(e: Evidence) -> tuple[Verdict, str]:
+    """Verdict and statement where a difference is detected."""
+    tolerance, upper, tested = 1e3 * e.tolerance_m, _at_most(e.upper_m), _tested(e)
+    if e.upper_m > e.tolerance_m:
+        return Verdict.DISAGREES, f"Disagrees: {e.where}; not what right inputs make of a right model ({tested})"
     guess = _wrong_guess(e)
-    if e.rejected and guess:
+    if guess:
         # Within the tolerance here, but a wrong assumption may do more elsewhere, and the model is untested.
-        statement = (
+        return Verdict.CANNOT_TELL, (
             f"Cannot tell whether the model is right: a difference is detected ({tested}), under {upper} where "
             f"{tolerance:g} mm matter, and {guess} would explain it, whose value is assumed: state it"
         )
-        return Verdict.CANNOT_TELL, finding("verdict", Severity.WARNING, statement=statement)
-    if e.rejected:
-        statement = (
-            f"Agrees: a difference is detected ({tested}; {e.where}), but it is under {upper}, and "
-            f"{tolerance:g} mm matter"
-        )
-        return Verdict.AGREES, finding("verdict", statement=statement)
-    unsure = []
+    return Verdict.AGREES, (
+        f"Agrees: a difference is detected ({tested}; {e.where}), but it is under {upper}, and {tolerance:g} mm matter"
+    )
+
+
+def _of_not_rejected(e: Evidence) -> tuple[Verdict, str]:
+    """Verdict and statement where no difference is detected: is the bound small enough, and would a fault show?"""
+    tolerance, upper, unsure = 1e3 * e.tolerance_m, _at_most(e.upper_m), []
     if e.upper_m > e.tolerance_m:
         best = f" (what explains it best: {_moves(e.explanation)})" if e.explanation and e.explanation.moved else ""
         between = e.upper_m - e.between_m <= e.tolerance_m
@@ -102,11 +106,17 @@ def verdict_of(e: Evidence) -> tuple[Verdict, Finding]:
         better = _worth_measuring(e)
         remedy += f"Measure better: {', '.join(better)}" if better else ""
         statement = f"Cannot tell whether it is within {tolerance:g} mm: {'; '.join(unsure)}. {remedy}".rstrip(" .")
-        return Verdict.CANNOT_TELL, finding("verdict", Severity.WARNING, statement=statement)
-    statement = f"Agrees within {upper}, where {tolerance:g} mm matter ({tested})"
+        return Verdict.CANNOT_TELL, statement
+    statement = f"Agrees within {upper}, where {tolerance:g} mm matter ({_tested(e)})"
     if e.hidden:
         statement += f"; what would not have shown even at {tolerance:g} mm: {', '.join(e.hidden)}"
-    return Verdict.AGREES, finding("verdict", statement=statement)
+    return Verdict.AGREES, statement
+
+
+def _tested(e: Evidence) -> str:
+    """The tested statistics with their limits."""
+    tested = ((name, limit) for name, limit in e.limits.items() if limit > UNTESTED_LIMIT)
+    return ", ".join(f"{name} {e.statistics[name]:.1f} of at most {limit:.1f}" for name, limit in tested)
 
 
 def _not_judged(e: Evidence) -> str:

@@ -43,15 +43,24 @@ from towval.physics.spatial.rates import (
 )
 from towval.physics.spatial.soles import RADIUS, Work
 from towval.physics.splines import piece_at, spline_at
-from towval.physics.steps import GROW, bend_ahead, following, least_step, retried, safe_time, step_to_stop
+from towval.physics.steps import (
+    GROW,
+    LOOKS,
+    LOOKS_SLACK,
+    SMALLEST,
+    bend_ahead,
+    following,
+    least_step,
+    retried,
+    safe_time,
+    step_to_stop,
+)
 
 STUCK = 3
 """At rest, held by friction; beside SLACK, TAUT and FORCED."""
 TIPPED_OVER, LIFTED_OFF = 4, 5
 """Further outcomes beside those of the planar integrator."""
 
-_SMALLEST_STEP = 1e-14
-_LOOKS, _LOOKS_SLACK = 4, 16  # a step is looked at this often; what is slack may tighten for a moment only
 _LOOKS_AT_REST = 32  # for the hardest pull of a step that may take up more than friction has to spare
 _HELD_AGAIN = 1e-4  # margin at which an object comes to rest: below, it would break away again at once
 _SAFE_SHARE = 0.7  # of the margin, that a step at rest may use up: heights change the pressure with the pull
@@ -319,7 +328,7 @@ def _move(
         h = min(h, _slack_step(problem, t, piece, y))
     bend = np.inf if mode == FORCED else bend_ahead(problem.drive, t, piece, h, weights[0])
     asked, h = h, min(h, bend - t)
-    if h < _SMALLEST_STEP * span:
+    if h < SMALLEST * span:
         failed = int(clock[_BALANCE])
         return STEP_TOO_SMALL if failed == BALANCED else TIPPED_OVER if failed == TIPS else LIFTED_OFF, False, False
     error = _step(problem, work, mode, t, h, piece, march, weights)
@@ -338,7 +347,7 @@ def _move(
         _step(problem, work, mode, t, h, piece, march, weights)
         counts[2] += 1
         clock[_LAST_H] = 0.0
-    t1 = t + h if t + h < end - _SMALLEST_STEP * span else end
+    t1 = t + h if t + h < end - SMALLEST * span else end
     t1 = bend if h == bend - t else t1
     _report(march, mode, t1, h, times, states, modes)
     for i in range(6):
@@ -396,7 +405,7 @@ def _first_crossing(problem: TowProblem, mode: int, t: float, h: float, piece: i
     """Fraction of the step at which the tether changes between slack and taut; 1 where it does not."""
     if mode == FORCED or problem.numbers[TETHER_WEIGHT] > 0:
         return 1.0
-    low, looks = 0.0, _LOOKS_SLACK if mode == SLACK else _LOOKS
+    low, looks = 0.0, LOOKS_SLACK if mode == SLACK else LOOKS
     for look in range(1, looks + 1):
         high = look / looks
         if _stays(problem, mode, t, h, high, piece, march):

@@ -12,7 +12,7 @@ from matplotlib.ticker import MultipleLocator
 
 from towval.model import Array, Comparison
 from towval.model.errors import InputError
-from towval.model.geometry import transform
+from towval.model.geometry import arc_lengths, transform
 from towval.model.run_record import RunRecord, measured_poses, outline_at, pose_at
 from towval.report.style import (
     COLUMN_WIDTH_IN,
@@ -123,7 +123,7 @@ def _draw_bodies(axes: Axes, run: RunRecord, times_s: Array) -> list[Array]:
 
 def _outline_times(run: RunRecord) -> Array:
     """Times [s] at equal steps along the simulated path; a track is noisy even at rest."""
-    arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(run.simulated.pose[:, :2], axis=0), axis=1))])
+    arc = arc_lengths(run.simulated.pose[:, :2])
     spacing_m = max(arc[-1] / 6, 1.1 * float(np.ptp(run.towed.top_corners_m, axis=0).max()))
     steps = np.arange(0.0, arc[-1] - 0.8 * spacing_m, spacing_m)
     times_s: Array = run.simulated.time_s[np.append(np.searchsorted(arc, steps), len(arc) - 1)]
