@@ -205,6 +205,46 @@ def test_part_of_the_floor_may_be_hidden(hidden, known):
     assert (found is not None) == known
 
 
+def with_bars(luma):
+    """Black bars above and below, as an editor leaves them."""
+    luma = luma.copy()
+    luma[:36], luma[-36:] = 16, 16
+    return luma
+
+
+def with_text(luma):
+    """A time stamp and a name, as a surveillance camera writes them."""
+    luma = luma.copy()
+    for grey, width in ((0, 4), (255, 1)):
+        for text, place in (("2026-11-27 10:14:03", (24, 36)), ("Camera 01", (370, 335))):
+            cv2.putText(luma, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.6, grey, width, cv2.LINE_AA)
+    return luma
+
+
+@pytest.mark.parametrize("drawn", [with_bars, with_text])
+@pytest.mark.parametrize("shift", [(0.15, -0.05), (-0.3, 0.3), (0.9, 0.6)])
+def test_what_is_written_into_all_pictures_does_not_hold_the_floor(drawn, shift):
+    """Its edges are ten times as steep as the floor and stand still while the camera moves."""
+    registration = FloorRegistration(CAMERA, FLOOR, drawn(FIRST), ())
+    found = registration.register(drawn(warped(floor_picture(seed=1), shift)), np.zeros(9), [])
+    moved = seen_through(moved_view(CAMERA, FLOOR, found.motion)) - seen_through((CAMERA, FLOOR))
+    assert np.abs(moved - shift).max() < 0.08
+
+
+@pytest.mark.parametrize("noise", [2.0, 6.0])
+def test_marks_on_a_plain_floor_keep_their_weight(noise):
+    """Strips of tape are all that shows where the floor is; the noise beside them shows nothing."""
+    plain = np.full((360, 480), 180, dtype=np.uint8)
+    for u, v in np.ndindex(6, 4):
+        cv2.rectangle(plain, (35 + 72 * u + 7 * v, 40 + 75 * v + 5 * u), (59 + 72 * u, 52 + 75 * v + 3 * u), 60, -1)
+    pictures = [plain + noise * np.random.default_rng(i).standard_normal(plain.shape) for i in range(9)]
+    first, *others = (np.clip(np.round(picture), 0, 255).astype(np.uint8) for picture in pictures)
+    registration = FloorRegistration(CAMERA, FLOOR, first, ())
+    motions = [registration.register(warped(luma, (0.4, -0.3)), np.zeros(9), []).motion for luma in others]
+    moved = [seen_through(moved_view(CAMERA, FLOOR, motion)) - seen_through((CAMERA, FLOOR)) for motion in motions]
+    assert np.sqrt(np.mean(np.square(np.array(moved) - [0.4, -0.3]))) < 0.06
+
+
 def test_rows_that_shake_do_not_carry_a_camera_off():
     """Each picture shakes by 0.7 px while its rows are read, as no motion of the view explains."""
     rows, columns = np.mgrid[:360, :480].astype(np.float32)

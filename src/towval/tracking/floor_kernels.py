@@ -93,7 +93,7 @@ def _information(slopes: Array, weight: Array, residual: Array) -> tuple[Array, 
 @compiled()
 def register_kernel(
     luma: Luma,
-    shape: tuple[Array, Array, Array, Tiles, int],
+    shape: tuple[Array, Array, Array, Tiles, int, Array],
     precision: Array,
     motion: Array,
     view: tuple[Array, Array, Array],
@@ -103,7 +103,7 @@ def register_kernel(
     gains: tuple[float, float, float],
 ) -> tuple[Array, Array, Array, Array, Array, Array, float, float, bool]:
     """Rounds of the fit: motion, information, readings, gains, weights, residuals, scale, correlation, converged."""
-    points, template, slopes, tile, tiles = shape
+    points, template, slopes, tile, tiles, trust = shape
     T, matrix, k = view
     deviations, in_pixels = prior
     least_scale, most_scale, tolerance_px, most_rounds = limits
@@ -127,6 +127,8 @@ def register_kernel(
         # The light follows by one round: by the last one it stands still.
         scale = min(max(residual_scale(residual), least_scale), most_scale)
         reweigh(residual, precision, scale, weight)
+        for i in range(n):
+            weight[i] *= trust[i]
         light = fit_light(values, template, tile, tiles, weight, (scale / spread) ** 2, least_gain, most_gain)
         misfits(values, template, tile, light, residual)
         # Residuals are in the template's light, noise is in the picture's: where light is less, residuals scatter more.

@@ -29,6 +29,8 @@ class RegistrationConstants:
 
     samples: int = 600  # Points of the floor's template.
     inset: float = 0.04  # Of the picture, left out at its border, where lens models extrapolate.
+    least_slope: float = 4.0  # [grey levels/px] Less is no texture: compression leaves 1 to 3 on a plain floor,
+    noise_slope: float = 2.0  # [1/px] Times the noise, which leaves 1.2 at the steepest of a cell.
     prior_rad: float = 0.1  # [rad] ASSUME: turns; 150 px at a focal length of 1500 px.
     prior_m: float = 0.03  # [m] ASSUME: shifts of the mount.
     prior_zoom: float = 0.05  # ASSUME: the focus hunts by less.
@@ -59,6 +61,9 @@ class RegistrationConstants:
 CONSTANTS = RegistrationConstants()
 
 MEDIAN_NORMAL = 0.6745  # Median distance of a normal deviate from its mean, in deviations.
+
+_ROUGH = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32)
+"""Zero on edges and slopes (Immerkær 1996): what it leaves of a picture is noise."""
 
 Hidden = list[tuple[Array, float]]
 
@@ -94,6 +99,7 @@ class FloorRegistration:
         self.usual_correlation, self.variance_factor, self.registered = 1.0, 1.0, 0
         self.scatter: list[tuple[float, float]] = []
         self._set_slopes(target, self.template)
+        self.trust = _trust(luma, self.template)
         self._set_blocks(luma, target)
 
     def _set_slopes(self, target: PlanarTarget, template: Template) -> None:
@@ -142,7 +148,7 @@ class FloorRegistration:
         precision = outside(template.points, discs)
         motion, information, values, gain, weight, residual, scale, correlation, converged = register_kernel(
             luma,
-            (template.points, template.values, self.slopes, template.tile, template.tiles),
+            (template.points, template.values, self.slopes, template.tile, template.tiles, self.trust),
             precision,
             start,
             (self.floor.T_camera_floor, self.camera.matrix, self.camera.distortion),
@@ -153,7 +159,7 @@ class FloorRegistration:
         )
         if not converged or not np.isfinite(motion).all():
             return None
-        in_view, inliers = shares(values, precision, weight)
+        in_view, inliers = shares(values, precision, weight / self.trust)
         least_correlation = max(c.least_correlation, c.kept_correlation * self.usual_correlation)
         if in_view < c.least_in_view or inliers < c.least_inliers or correlation < least_correlation:
             return None
@@ -303,6 +309,20 @@ def _search(small: Luma, block: Luma, at: Array) -> Array | None:
         before, at, after = around.T
         place += 0.5 * (before - after) / np.minimum(before - 2 * at + after, -1e-9)
     return place
+
+
+def _trust(luma: Luma, template: Template) -> Array:
+    """Weights (n,) of a template's points: what is steeper than the floor's texture counts as if it were that steep.
+
+    What a camera or an editor writes into all pictures, and black bars, have edges ten times as steep as a floor, and
+    stand still while the view moves: squared, a few hold it. Marks on a floor without texture keep their weight.
+    """
+    steepness = np.linalg.norm(template.slopes[:, :2], axis=1) * template.pixel_m
+    noise = float(np.median(np.abs(cv2.filter2D(luma, cv2.CV_32F, _ROUGH)))) / (MEDIAN_NORMAL * np.linalg.norm(_ROUGH))
+    textured = steepness > max(CONSTANTS.least_slope, CONSTANTS.noise_slope * noise)
+    if not textured.any():
+        return np.ones(len(steepness))
+    return np.asarray(np.minimum(1.0, np.median(steepness[textured]) / np.maximum(steepness, 1e-9)) ** 2)
 
 
 def _visible_floor(camera: Camera, floor: Floor) -> Array | None:
