@@ -36,7 +36,7 @@ def footage(tmp_path_factory):
 def _little_loss():
     """Colours of thin lines are told apart at a higher bit rate."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("towval.report.overlay._RATE_FACTOR", "12")
+        patch.setattr("towval.io.film._RATE_FACTOR", "12")
         yield
 
 
@@ -170,7 +170,7 @@ def test_what_is_no_video_is_refused_and_nothing_is_left(calibration, run, tmp_p
     (tmp_path / "notes.mp4").write_text("not a film")
     with pytest.raises(InputError, match=r"notes\.mp4"):
         write_overlay(tmp_path / "notes.mp4", tmp_path / "out" / "overlay.mp4", calibration, run)
-    assert not list((tmp_path / "out").iterdir())
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_damaged_film_is_refused(calibration, run, footage, tmp_path):
@@ -178,6 +178,7 @@ def test_a_damaged_film_is_refused(calibration, run, footage, tmp_path):
     (tmp_path / "cut.mp4").write_bytes(whole[: len(whole) // 2])
     with pytest.raises(InputError, match=r"cut\.mp4"):
         write_overlay(tmp_path / "cut.mp4", tmp_path / "overlay.mp4", calibration, run)
+    assert not list(tmp_path.glob("*overlay*"))
 
 
 def test_footage_of_a_turned_phone_comes_out_upright(calibration, run, footage, tmp_path):

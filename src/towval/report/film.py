@@ -6,12 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path as FilePath
 from urllib.parse import quote
 
-import av
 import numpy as np
 from markupsafe import Markup
 
 from towval.model import Array, Calibration
-from towval.model.errors import InputError
 from towval.model.run_record import RunRecord, pose_at
 from towval.report.inline import packed, script_json
 from towval.report.outlines import film_layers
@@ -35,22 +33,6 @@ class FilmView:
     coding: str
     layers: Markup
     places: Markup
-
-
-def frame_times(path: FilePath) -> tuple[Array, str]:
-    """Presentation times (m,) of the frames that a film shows [s], and the name of its coding; nothing is decoded.
-
-    Raises `InputError` when the file is no video.
-    """
-    try:
-        with av.open(path, metadata_errors="replace") as film:
-            stream = film.streams.video[0]
-            base = stream.time_base or 0
-            shown = [p.pts for p in film.demux(stream) if p.pts is not None and p.size and not p.is_discard]
-            coding = stream.codec_context.codec.long_name
-    except (av.FFmpegError, OSError, IndexError) as error:
-        raise InputError(f"the video {path.name} cannot be shown in the report", got=error) from error
-    return np.array([float(pts * base) for pts in sorted(shown)]), coding
 
 
 def run_times(run: RunRecord, presented_s: Array) -> Array:

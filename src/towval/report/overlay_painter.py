@@ -3,11 +3,12 @@
 import cv2
 import numpy as np
 
+from towval.io.film import Picture
 from towval.model import Array, Calibration
 from towval.model.geometry import arc_lengths
 from towval.model.run_record import RunRecord, nearest_samples, pose_at
 from towval.report.outlines import film_layers
-from towval.report.overlay_text import Colour, Picture, TextPainter
+from towval.report.overlay_text import Colour, TextPainter
 from towval.report.wording import signed
 
 _ROVER, _SIMULATED, _MEASURED, _TETHER = (64, 150, 255), (0, 0, 0), (255, 60, 36), (255, 214, 80)

@@ -5,10 +5,10 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-Picture = NDArray[np.uint8]
+from towval.io.film import Picture
+
 Colour = tuple[int, int, int]
 
 _SHADE = 0.35

@@ -7,11 +7,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from towval.io.film import Picture
 from towval.model import Array, Body, Calibration, TowingScene
 from towval.model.geometry import lifted, transform
 from towval.optics.projection import project, to_plane
 from towval.report.overlay_painter import stroke
-from towval.report.overlay_text import Colour, Picture
+from towval.report.overlay_text import Colour
 
 GRID_M = 0.5
 """Spacing of the floor grid [m]."""

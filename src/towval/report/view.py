@@ -7,6 +7,7 @@ from pathlib import Path as FilePath
 import numpy as np
 from markupsafe import Markup
 
+from towval.io.film import frame_times
 from towval.io.summary import summary_csv, summary_latex
 from towval.model import Calibration, Comparison, Finding, Severity
 from towval.model.run_record import RunRecord, Still, nearest_samples
@@ -15,7 +16,7 @@ from towval.report.contents import SECTIONS, RunFigure
 from towval.report.data import ReportData, RunReport
 from towval.report.drawing import Drawn
 from towval.report.facts import Facts, Rows, Table
-from towval.report.film import FilmView, deciding_time, embedded, film_view, frame_times, run_times, series
+from towval.report.film import FilmView, deciding_time, embedded, film_view, run_times, series
 from towval.report.inline import FigureSheet, data_uri
 from towval.report.needed import NeededRow, needed_rows
 from towval.report.overlay import stills
