@@ -49,12 +49,22 @@ _NEWTON_LIMIT = 40
 
 
 class _Trail(NamedTuple):
-    """What stays the same: friction, anchor from the centre of pressure (2,), κ, l0, N, r² and the slowest speed."""
+    """What stays the same.
+
+    ``drive``: the hinge's path; ``anchor`` (2,) from the centre of pressure [m]; ``stiffness`` [N/m] and
+    ``rest_length`` [m] of the tether; ``normal_force`` [N] and ``radius_squared`` [m²] of the limit surface;
+    ``slowest`` speed at which friction is looked at [m/s]; ``stride`` of the hinge in a step [m].
+    """
 
     patch: SlidingPatch
     drive: Spline
     anchor: Array
-    numbers: Array
+    stiffness: float
+    rest_length: float
+    normal_force: float
+    radius_squared: float
+    slowest: float
+    stride: float
 
 
 def trail(
@@ -104,9 +114,17 @@ def trail(
     drive = spline_covering(hinge, times, "the path of the hinge")
     patch = resting_patch(towed, law)
     surface = limit_surface(patch)
-    slowest = _SLOWEST * max(_CREEP, _mean_speed(drive))
-    numbers = [tether.stiffness, tether.rest_length, surface.normal_force, surface.radius**2, slowest]
-    model = _Trail(patch, drive, towed.anchor - patch.origin, np.array([*numbers, patch.radius * _STRIDE]))
+    model = _Trail(
+        patch=patch,
+        drive=drive,
+        anchor=towed.anchor - patch.origin,
+        stiffness=float(tether.stiffness),
+        rest_length=float(tether.rest_length),
+        normal_force=float(surface.normal_force),
+        radius_squared=float(surface.radius**2),
+        slowest=_SLOWEST * max(_CREEP, _mean_speed(drive)),
+        stride=float(patch.radius * _STRIDE),
+    )
     pose = locked(start_pose, "start pose", (3,))
     state = np.array([*transform(pose, patch.origin), pose[2]])
     out = np.empty((len(times), 9))
@@ -153,13 +171,13 @@ def _integrate(rung: int, model: _Trail, times: Array, state: Array, out: Array)
     piece, unbalanced, moved = 0, 0, False
     # Reported rates close a wrong length over the mean of the intervals: over one that happens to be short, rounding
     # would become speed, and over one in which the hinge goes far, a slack tether would pull.
-    reported_lag = min((times[-1] - times[0]) / (len(times) - 1), _LENGTH_STEPS * model.numbers[5] / limits.max())
+    reported_lag = min((times[-1] - times[0]) / (len(times) - 1), _LENGTH_STEPS * model.stride / limits.max())
     for i in range(len(times)):
         piece = piece_at(knots, times[i], piece)
         if i > 0:
             fastest = limits[piece_at(knots, times[i - 1], piece) : piece + 1].max()
             travel = fastest * (times[i] - times[i - 1])
-            parts = max(1, math.ceil(travel / model.numbers[5]))
+            parts = max(1, math.ceil(travel / model.stride))
             h = (times[i] - times[i - 1]) / parts
             for part in range(parts):
                 x, y = state[0], state[1]
@@ -201,7 +219,6 @@ def _rates(
     rung: int, model: _Trail, time: float, piece: int, state: Array, lag: float, guess: Array, rates: Array
 ) -> tuple[bool, float, float, float]:
     """Twist of the centre of pressure into ``rates``; whether balance was found, the tether's force and length."""
-    stiffness, rest_length, normal_force, radius_squared, slowest, _ = model.numbers
     cos, sin = math.cos(state[2]), math.sin(state[2])
     bx, by = model.anchor
     qx, qy = cos * bx - sin * by, sin * bx + cos * by
@@ -213,17 +230,18 @@ def _rates(
     length = math.hypot(lx, ly)
     nx, ny = (lx / length, ly / length) if length > 0 else (1.0, 0.0)
     along = nx * px_dot + ny * py_dot
-    speed = max(along, slowest)
+    speed = max(along, model.slowest)
     lever = qx * ny - qy * nx
     balanced = True
     if rung == _WHOLE:
         balanced, vx, vy, omega, pull = _balance(model.patch, cos, sin, bx, by, nx, ny, speed, guess)
     else:
-        stretch = 1 + lever * lever / radius_squared
-        vx, vy, omega = speed * nx / stretch, speed * ny / stretch, speed * lever / radius_squared / stretch
+        stretch = 1 + lever * lever / model.radius_squared
+        vx, vy, omega = speed * nx / stretch, speed * ny / stretch, speed * lever / model.radius_squared / stretch
         sliding = speed / math.sqrt(stretch)
-        pull = normal_force * coefficient_over_speed(model.patch.table, sliding) * sliding / math.sqrt(stretch)
-    closing = along + (length - rod - rest_length - pull / stiffness) / lag
+        ratio = coefficient_over_speed(model.patch.table, sliding)
+        pull = model.normal_force * ratio * sliding / math.sqrt(stretch)
+    closing = along + (length - rod - model.rest_length - pull / model.stiffness) / lag
     share = max(0.0, closing) / speed
     rates[0], rates[1], rates[2] = share * vx, share * vy, share * omega
     if rung == _POINT and share > 0:
@@ -232,7 +250,7 @@ def _rates(
         state[2] += (heading - state[2] + math.pi) % (2 * math.pi) - math.pi
         rates[2] = (nx * (py_dot - rates[1]) - ny * (px_dot - rates[0])) / length
     if share == 0:
-        pull = min(pull, max(0.0, stiffness * (length - rod - rest_length)))
+        pull = min(pull, max(0.0, model.stiffness * (length - rod - model.rest_length)))
     return balanced, pull * nx, pull * ny, length - rod
 
 

@@ -9,7 +9,25 @@ import math
 
 from towval.model import Array
 from towval.model.compiling import compiled
-from towval.physics.spatial.soles import CIRCLE, FIRST, PIECE, PLAIN, STRETCH, Regions, Soles, Work, all_parts
+from towval.physics.spatial.soles import (
+    ACTIVE,
+    ANY_CUT,
+    CIRCLE,
+    CUT_EDGES,
+    END,
+    EXCESS,
+    FIRST,
+    IS_CUT,
+    PIECE,
+    PLAIN,
+    SOLE,
+    STRETCH,
+    WEIGHT,
+    Regions,
+    Soles,
+    Work,
+    all_parts,
+)
 
 Frame = tuple[float, float, float, float]
 """Place (x, y) of G on the floor [m], cosine and sine of the heading."""
@@ -17,7 +35,7 @@ Frame = tuple[float, float, float, float]
 
 @compiled(allocates=False)
 def contact_parts(soles: Soles, regions: Regions, frame: Frame, work: Work) -> None:
-    """Set the active parts for ``work.pressure``; ``work.counts[1]`` is set if anything is cut."""
+    """Set the active parts for ``work.pressure``; ``work.counts[ANY_CUT]`` is set if anything is cut."""
     x, edges = work.pressure, soles.edges
     whole = True
     for e in range(edges.shape[0]):
@@ -49,8 +67,8 @@ def _cut_by_pressure(soles: Soles, work: Work) -> None:
             start = end
             ring += 1
         active = work.active[part]
-        active[0], active[1], active[2], active[3], active[4] = first, n, 1.0, 1.0, part
-    work.counts[0], work.counts[1], work.counts[2] = soles.parts.shape[0], 1.0, n
+        active[FIRST], active[END], active[IS_CUT], active[WEIGHT], active[SOLE] = first, n, 1.0, 1.0, part
+    work.counts[ACTIVE], work.counts[ANY_CUT], work.counts[CUT_EDGES] = soles.parts.shape[0], 1.0, n
 
 
 @compiled(allocates=False)
@@ -97,7 +115,7 @@ def _append_ring(corners: Array, count: int, stretch: float, cut: Array, n: int)
 def _add_regions(soles: Soles, regions: Regions, frame: Frame, work: Work) -> None:
     """Add, for each piece of a region, the weight factor − 1 to the parts within it, or append what lies within."""
     stretch = soles.numbers[STRETCH]
-    parts, n = soles.parts.shape[0], int(work.counts[2]) if work.counts[1] > 0 else 0
+    parts, n = soles.parts.shape[0], int(work.counts[CUT_EDGES]) if work.counts[ANY_CUT] > 0 else 0
     k = parts
     for piece in range(regions.pieces.shape[0]):
         for part in range(parts):
@@ -108,15 +126,15 @@ def _add_regions(soles: Soles, regions: Regions, frame: Frame, work: Work) -> No
             if depth < -radius:
                 continue
             if depth > radius:  # All of it lies within.
-                source[3] += regions.pieces[piece, 2]
+                source[WEIGHT] += regions.pieces[piece, EXCESS]
                 continue
             first = n
             n = _within(soles, regions, piece, source, frame, work, n)
             if n > first:
-                row[0], row[1], row[2], row[3], row[4] = first, n, 1.0, regions.pieces[piece, 2], part
-                row[PIECE] = piece
+                row[FIRST], row[END], row[IS_CUT], row[WEIGHT] = first, n, 1.0, regions.pieces[piece, EXCESS]
+                row[SOLE], row[PIECE] = part, piece
                 k += 1
-    work.counts[0] = k
+    work.counts[ACTIVE] = k
 
 
 @compiled(allocates=False)
@@ -131,7 +149,7 @@ def half_plane(regions: Regions, plane: int, frame: Frame) -> tuple[float, float
 def _least_depth(regions: Regions, piece: int, cx: float, cy: float, frame: Frame) -> float:
     """How far a place in body axes lies within the half-planes of a piece, of which it is in least [m]."""
     depth = math.inf
-    for plane in range(int(regions.pieces[piece, 0]), int(regions.pieces[piece, 1])):
+    for plane in range(int(regions.pieces[piece, FIRST]), int(regions.pieces[piece, END])):
         c, a, b = half_plane(regions, plane, frame)
         depth = min(depth, c + a * cx + b * cy)
     return depth
@@ -140,8 +158,8 @@ def _least_depth(regions: Regions, piece: int, cx: float, cy: float, frame: Fram
 @compiled(allocates=False)
 def _within(soles: Soles, regions: Regions, piece: int, source: Array, frame: Frame, work: Work, n: int) -> int:
     """Append the part ``source`` within a piece to the cut edges, ring by ring; returns the number after the last."""
-    edges, stretch = work.cut if source[2] > 0 else soles.edges, soles.numbers[STRETCH]
-    start, end = int(source[0]), int(source[1])
+    edges, stretch = work.cut if source[IS_CUT] > 0 else soles.edges, soles.numbers[STRETCH]
+    start, end = int(source[FIRST]), int(source[END])
     while start < end:
         # A ring ends where the next edge does not go on.
         count = 1
@@ -154,7 +172,7 @@ def _within(soles: Soles, regions: Regions, piece: int, source: Array, frame: Fr
         for i in range(count):
             work.corners[0, i, 0], work.corners[0, i, 1] = edges[start + i, PLAIN], edges[start + i, PLAIN + 1]
         now = 0
-        for plane in range(int(regions.pieces[piece, 0]), int(regions.pieces[piece, 1])):
+        for plane in range(int(regions.pieces[piece, FIRST]), int(regions.pieces[piece, END])):
             c, a, b = half_plane(regions, plane, frame)
             kept = _clipped_ring(work.corners[now], kept, c, a, b, work.corners[1 - now])
             now = 1 - now

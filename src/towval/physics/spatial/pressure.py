@@ -20,7 +20,18 @@ from towval.model.compiling import compiled
 from towval.physics.contact import clipped_moments
 from towval.physics.rosenbrock import inverse_3, product_3
 from towval.physics.spatial.contact_parts import Frame, contact_parts
-from towval.physics.spatial.soles import MOMENTS, PER_AREA, PLAIN, RADIUS, STRETCH, Regions, Soles, Work, all_parts
+from towval.physics.spatial.soles import (
+    ANY_CUT,
+    MOMENTS,
+    PER_AREA,
+    PLAIN,
+    RADIUS,
+    STRETCH,
+    Regions,
+    Soles,
+    Work,
+    all_parts,
+)
 from towval.physics.spatial.unit_wrenches import EQUILIBRIUM, S, W, unit_wrenches
 
 BALANCED, TIPS, LIFTED = 0, 1, 2
@@ -75,7 +86,7 @@ def solve_pressure(
     x = work.pressure
     if not b[0] > 0:
         return LIFTED
-    if work.counts[1] == 0:
+    if work.counts[ANY_CUT] == 0:
         # Nothing was cut the last time: a step from the whole region usually is the answer.
         x[0], x[1], x[2] = 1.0, 0.0, 0.0
         contact_parts(soles, regions, frame, work)

@@ -39,7 +39,7 @@ from towval.physics.spatial.problem import (
     TowProblem,
 )
 from towval.physics.spatial.region_edges import region_slopes
-from towval.physics.spatial.soles import Work
+from towval.physics.spatial.soles import ACTIVE, Work
 from towval.physics.spatial.unit_wrenches import MOVED, J, S, W, wrench_slopes
 from towval.physics.splines import piece_at, spline_at
 
@@ -154,7 +154,7 @@ def acceleration_slopes(
     cos, sin = turned
     ux, uy = cos * y[3] + sin * y[4], cos * y[4] - sin * y[3]
     wrench_slopes(problem.soles, problem.sliding, ux, uy, y[5], work)
-    on_edge = work.counts[0] > problem.soles.parts.shape[0]
+    on_edge = work.counts[ACTIVE] > problem.soles.parts.shape[0]
     if on_edge:
         frame, twist = (y[0], y[1], cos, sin), (ux, uy, y[5])
         region_slopes(problem.soles, problem.regions, problem.sliding, frame, twist, work)

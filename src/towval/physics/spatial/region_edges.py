@@ -17,7 +17,20 @@ from towval.model.compiling import compiled
 from towval.physics.area_rules import gauss_rule
 from towval.physics.friction_table import coefficient_over_speed
 from towval.physics.spatial.contact_parts import Frame, half_plane
-from towval.physics.spatial.soles import LEVER, PIECE, PLAIN, RADIUS, STRETCH, Regions, Soles, Work
+from towval.physics.spatial.soles import (
+    ACTIVE,
+    END,
+    FIRST,
+    LEVER,
+    PIECE,
+    PLAIN,
+    RADIUS,
+    STRETCH,
+    WEIGHT,
+    Regions,
+    Soles,
+    Work,
+)
 from towval.physics.spatial.unit_wrenches import MOVED
 
 _ALONG, _SHARE = gauss_rule(12)
@@ -34,19 +47,19 @@ def region_slopes(
     for i in range(3):
         for j in range(3):
             moved[i, j] = 0.0
-    for k in range(soles.parts.shape[0], int(work.counts[0])):
+    for k in range(soles.parts.shape[0], int(work.counts[ACTIVE])):
         row = work.active[k]
         piece = int(row[PIECE])
-        for e in range(int(row[0]), int(row[1])):
+        for e in range(int(row[FIRST]), int(row[END])):
             edge = work.cut[e]
             if _bounds_the_region(regions, piece, frame, edge, beside):
-                _sweep(soles, table, frame, twist, edge, row[3], work)
+                _sweep(soles, table, frame, twist, edge, row[WEIGHT], work)
 
 
 @compiled(allocates=False)
 def _bounds_the_region(regions: Regions, piece: int, frame: Frame, edge: Array, beside: float) -> bool:
     """Whether an edge lies on the border of the piece that it was cut by, not on that of a sole."""
-    for plane in range(int(regions.pieces[piece, 0]), int(regions.pieces[piece, 1])):
+    for plane in range(int(regions.pieces[piece, FIRST]), int(regions.pieces[piece, END])):
         c, a, b = half_plane(regions, plane, frame)
         first = c + a * edge[PLAIN] + b * edge[PLAIN + 1]
         if abs(first) <= beside and abs(c + a * edge[PLAIN + 2] + b * edge[PLAIN + 3]) <= beside:

@@ -29,7 +29,14 @@ START, PLAIN, EDGE_COLUMNS = 0, 5, 9
 FIRST, END, CIRCLE, NODES = 0, 1, 2, 5
 # Numbers of the soles: stretch ρ, radius, one over the stretched area, share of the lever arm, six moments of the area.
 STRETCH, RADIUS, PER_AREA, LEVER, MOMENTS = 0, 1, 2, 3, 4
-PIECE = 8  # column of an active part: the piece of a region that it lies within
+# Column of a piece of a region, after its first half-plane and the one after its last: the factor on μ less one.
+EXCESS = 2
+# Columns of an active part: first edge and the one after its last, whether these are among the cut ones, weight of its
+# friction, the sole it is of, how it was integrated last, its first node then and the one after its last, and the piece
+# of a region that it lies within.
+IS_CUT, WEIGHT, SOLE, METHOD, FROM_NODE, TO_NODE, PIECE = range(2, 9)
+# Of the counts: active parts, whether anything is cut, edges that are.
+ACTIVE, ANY_CUT, CUT_EDGES = range(3)
 
 
 class Soles(NamedTuple):
@@ -63,10 +70,11 @@ class Work(NamedTuple):
     ``matrices`` (6, 3, 3): wrench of the basis pressures W, inverse of the equilibrium S, slopes by the twist J, the
     equilibrium itself, scratch, slopes by place and heading over the edge of a region; ``pressure`` (3,): at G [Pa] and
     its slopes [Pa/m]; ``moments`` (6,) of the area in contact; ``active`` (m, 9) and ``counts`` (3,): the parts that
-    friction acts on, see ``contact_parts``; ``cut`` their edges where they are cut; ``sums`` (edges, 13) of the last
-    pass over the boundary; ``accumulated`` (9,); ``corners`` (2, c, 2) of rings being clipped; ``cut_nodes`` (k, 3)
-    over the area of cut parts, as ``Soles.nodes``; ``friction_error`` (1,) relative, that may be left where the contact
-    is cut; ``hanging`` (5,) the last distance of a tether with mass and its forces, see ``following_forces``.
+    friction acts on, columns above, see ``contact_parts``; ``cut`` their edges where they are cut; ``sums`` (edges, 13)
+    of the last pass over the boundary; ``accumulated`` (9,); ``corners`` (2, c, 2) of rings being clipped;
+    ``cut_nodes`` (k, 3) over the area of cut parts, as ``Soles.nodes``; ``friction_error`` (1,) relative, that may be
+    left where the contact is cut; ``hanging`` (5,) the last distance of a tether with mass and its forces, see
+    ``following_forces``.
     """
 
     matrices: Array
@@ -179,8 +187,13 @@ def all_parts(soles: Soles, work: Work) -> None:
     """Let friction act on all soles, nothing cut."""
     for part in range(soles.parts.shape[0]):
         active = work.active[part]
-        active[0], active[1], active[2], active[3] = soles.parts[part, FIRST], soles.parts[part, END], 0.0, 1.0
-        active[4] = part
-    work.counts[0], work.counts[1] = soles.parts.shape[0], 0.0
+        active[FIRST], active[END], active[IS_CUT], active[WEIGHT] = (
+            soles.parts[part, FIRST],
+            soles.parts[part, END],
+            0.0,
+            1.0,
+        )
+        active[SOLE] = part
+    work.counts[ACTIVE], work.counts[ANY_CUT] = soles.parts.shape[0], 0.0
     for i in range(6):
         work.moments[i] = soles.numbers[MOMENTS + i]

@@ -18,14 +18,23 @@ from towval.physics.edge_integrals import edge_moments, prepared_edge
 from towval.physics.friction_table import LOWEST, coefficient_over_speed, ratio_and_slope
 from towval.physics.lanes import unpacked
 from towval.physics.spatial.soles import (
+    ACTIVE,
     CIRCLE,
+    END,
+    FIRST,
+    FROM_NODE,
+    IS_CUT,
     LEVER,
+    METHOD,
     NODES,
     PER_AREA,
     PLAIN,
     RADIUS,
     RULE_REACHES,
+    SOLE,
     STRETCH,
+    TO_NODE,
+    WEIGHT,
     Soles,
     Work,
 )
@@ -55,28 +64,28 @@ def unit_wrenches(soles: Soles, table: Array, vx: float, vy: float, omega: float
     rate = abs(omega)
     slow = math.sqrt(vx * vx + vy * vy) + rate * numbers[RADIUS] <= table[LOWEST]
     any_near, filled = False, 0
-    for k in range(int(work.counts[0])):
+    for k in range(int(work.counts[ACTIVE])):
         row = active[k]
-        part, is_cut = int(row[4]), row[2] > 0
-        row[5] = _LEFT_OUT
-        if row[1] <= row[0]:
+        part, is_cut = int(row[SOLE]), row[IS_CUT] > 0
+        row[METHOD] = _LEFT_OUT
+        if row[END] <= row[FIRST]:
             continue
         ux, uy = vx - omega * parts[part, CIRCLE + 1], vy + omega * parts[part, CIRCLE]
         away, near_speed = math.sqrt(ux * ux + uy * uy), rate * parts[part, CIRCLE + 2]
         if not slow and away < _NEAR * near_speed:
-            row[5], any_near = _BOUNDARY, True
+            row[METHOD], any_near = _BOUNDARY, True
             _add_boundary(soles, table, row, vx, vy, omega, work)
             continue
         rule = 0
         while not slow and rule + 1 < len(RULE_REACHES) and away > RULE_REACHES[rule + 1] * near_speed:
             rule += 1
         if is_cut:
-            row[5], row[6] = _CUT_NODES, filled
+            row[METHOD], row[FROM_NODE] = _CUT_NODES, filled
             filled = _fill_nodes(work, row, rule, filled)
-            row[7] = filled
+            row[TO_NODE] = filled
             _add_nodes(table, work.cut_nodes, row, vx, vy, omega, matrix)
         else:
-            row[5], row[6], row[7] = _NODES, parts[part, NODES + rule], parts[part, NODES + rule + 1]
+            row[METHOD], row[FROM_NODE], row[TO_NODE] = _NODES, parts[part, NODES + rule], parts[part, NODES + rule + 1]
             _add_nodes(table, soles.nodes, row, vx, vy, omega, matrix)
     if any_near:
         _about_origin(total, -vy / omega, vx / omega, 1.0 if omega > 0 else -1.0, matrix)
@@ -102,13 +111,13 @@ def _about_origin(total: Array, cx: float, cy: float, sign: float, matrix: Array
 @compiled(allocates=False)
 def _add_boundary(soles: Soles, table: Array, row: Array, vx: float, vy: float, omega: float, work: Work) -> None:
     """Add a part's edges to the sums about C (force x, y and moment, each of the three pressures), kept per edge."""
-    edges = work.cut if row[2] > 0 else soles.edges
-    offset = soles.edges.shape[0] if row[2] > 0 else 0
-    total, weight, rate = work.accumulated, row[3], abs(omega)
+    edges = work.cut if row[IS_CUT] > 0 else soles.edges
+    offset = soles.edges.shape[0] if row[IS_CUT] > 0 else 0
+    total, weight, rate = work.accumulated, row[WEIGHT], abs(omega)
     inverse = 1 / soles.numbers[RADIUS]
     bound = (soles.numbers[PER_AREA], soles.numbers[PER_AREA] * inverse, inverse)
     cx, cy = -vy / omega, vx / omega
-    for e in range(int(row[0]), int(row[1])):
+    for e in range(int(row[FIRST]), int(row[END])):
         prepared = prepared_edge(edges[e], cx, cy, bound)
         kept = work.sums[offset + e]
         kept[0], kept[1] = prepared[0], prepared[4]
@@ -145,9 +154,9 @@ def _add_column(total: Array, j: int, tx: float, ty: float, f_t: float, f_d: flo
 @compiled(allocates=False)
 def _add_nodes(table: Array, nodes: Array, row: Array, vx: float, vy: float, omega: float, matrix: Array) -> None:
     """Add a part by nodes over its area: W is linear in eight moments of μ/s."""
-    weight = row[3]
+    weight = row[WEIGHT]
     r_1 = r_x = r_y = r_xx = r_xy = r_yy = r_xr = r_yr = 0.0
-    for i in range(np.uint64(row[6]), np.uint64(row[7])):
+    for i in range(np.uint64(row[FROM_NODE]), np.uint64(row[TO_NODE])):
         x, y = nodes[i, 0], nodes[i, 1]
         ux, uy = vx - omega * y, vy + omega * x
         ratio = weight * nodes[i, 2] * coefficient_over_speed(table, math.sqrt(ux * ux + uy * uy))
@@ -178,7 +187,7 @@ def _fill_nodes(work: Work, row: Array, rule: int, n: int) -> int:
 
     The bilinear map of the unit square covers what its border goes around, with sign, whatever its shape.
     """
-    first, end, along, nodes = int(row[0]), int(row[1]), _ALONG_OF[rule], work.cut_nodes
+    first, end, along, nodes = int(row[FIRST]), int(row[END]), _ALONG_OF[rule], work.cut_nodes
     ox, oy = work.cut[first, 0], work.cut[first, 1]
     e = first + 1
     while e < end:
@@ -235,16 +244,16 @@ def wrench_slopes(soles: Soles, table: Array, vx: float, vy: float, omega: float
             slopes[i, j] = total[3 * i + j] = 0.0
     gx, gy = pressure[1] / stretch, pressure[2]
     any_near = False
-    for k in range(int(work.counts[0])):
+    for k in range(int(work.counts[ACTIVE])):
         row = work.active[k]
-        if row[5] == _BOUNDARY:
+        if row[METHOD] == _BOUNDARY:
             any_near = True
             _add_boundary_slopes(soles, row, gx, gy, vx, vy, omega, work)
-        elif row[5] != _LEFT_OUT:
-            nodes = work.cut_nodes if row[5] == _CUT_NODES else soles.nodes
-            for i in range(int(row[6]), int(row[7])):
+        elif row[METHOD] != _LEFT_OUT:
+            nodes = work.cut_nodes if row[METHOD] == _CUT_NODES else soles.nodes
+            for i in range(int(row[FROM_NODE]), int(row[TO_NODE])):
                 x, y = nodes[i, 0], nodes[i, 1]
-                force = row[3] * nodes[i, 2] * (pressure[0] + gx * x + gy * y)
+                force = row[WEIGHT] * nodes[i, 2] * (pressure[0] + gx * x + gy * y)
                 _add_node_slopes(table, x, y, force, vx, vy, omega, slopes)
     if any_near:
         _complete_slopes(total, vx, vy, omega, gx, gy, slopes)
@@ -261,15 +270,15 @@ def _add_boundary_slopes(
     soles: Soles, row: Array, gx: float, gy: float, vx: float, vy: float, omega: float, work: Work
 ) -> None:
     """Add to the sums s (3), b (xx, xy, yx, yy) and h (2) of ``wrench._boundary_sums``, from the moments kept."""
-    edges = work.cut if row[2] > 0 else soles.edges
-    offset = soles.edges.shape[0] if row[2] > 0 else 0
+    edges = work.cut if row[IS_CUT] > 0 else soles.edges
+    offset = soles.edges.shape[0] if row[IS_CUT] > 0 else 0
     total = work.accumulated
     pressure = work.pressure[0] + (vx * gy - vy * gx) / omega
-    for e in range(int(row[0]), int(row[1])):
+    for e in range(int(row[FIRST]), int(row[END])):
         kept = work.sums[offset + e]
         if kept[1] == 0:
             continue
-        distance, weight = kept[0], row[3]
+        distance, weight = kept[0], row[WEIGHT]
         d = abs(distance)
         mu0, mu1, mu2, mu3, m1_d, m1_t = kept[2], kept[3], kept[4], kept[5], kept[6], kept[7]
         tx, ty = edges[e, 2], edges[e, 3]
