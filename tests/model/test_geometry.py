@@ -72,6 +72,13 @@ def test_inside_follows_the_even_odd_rule():
     np.testing.assert_array_equal(geometry.inside_polygon(L_SHAPE, points), [True, False, True, False])
 
 
+def test_velocity_at_is_the_rate_of_a_point_of_a_moving_body():
+    pose, twist, point, step = np.array([0.3, -0.2, 0.7]), np.array([0.1, 0.2, -0.5]), np.array([0.4, 0.1]), 1e-6
+    moved = [geometry.transform(pose + sign * step * twist, point) for sign in (1, -1)]
+    lever = geometry.transform(pose, point) - pose[:2]
+    np.testing.assert_allclose(geometry.velocity_at(twist, lever), (moved[0] - moved[1]) / (2 * step), atol=1e-9)
+
+
 def test_arc_lengths_begin_at_zero_and_add_up_to_the_length_of_the_path():
     path = np.array([[0, 0], [3, 4], [3, 4], [3, 5]], dtype=float)
     np.testing.assert_allclose(geometry.arc_lengths(path), [0, 5, 5, 6], rtol=1e-15)

@@ -55,6 +55,13 @@ def inverse_transform(pose: ArrayLike, points: ArrayLike) -> Array:
     return np.stack([c * x + s * y, -s * x + c * y], axis=-1)
 
 
+def velocity_at(twist: ArrayLike, lever: ArrayLike) -> Array:
+    """Velocities (..., 2) at levers (..., 2) from the origins of bodies with twists (..., 3), all in the same axes."""
+    twist, lever = np.asarray(twist, dtype=np.float64), np.asarray(lever, dtype=np.float64)
+    turning = np.stack([-lever[..., 1], lever[..., 0]], axis=-1)
+    return np.asarray(twist[..., :2] + twist[..., 2:] * turning)
+
+
 def lifted(points: Array, height: float) -> Array:
     """Points (..., 2) over the floor as points (..., 3) at a height [m]."""
     return np.concatenate([points, np.full((*points.shape[:-1], 1), height)], axis=-1)

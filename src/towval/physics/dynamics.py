@@ -29,7 +29,7 @@ from towval.model.checks import instance_of
 from towval.model.conventions import GRAVITY_M_PER_S2
 from towval.model.errors import InputError
 from towval.model.findings import finding
-from towval.model.geometry import transform
+from towval.model.geometry import transform, velocity_at
 from towval.physics.contact import resting_pressure
 from towval.physics.footprint import refuse_tipping
 from towval.physics.friction_laws import Coulomb
@@ -343,8 +343,7 @@ def centre_state(towed: TowedObject, pose: ArrayLike, twist: ArrayLike) -> Array
     """State of the centre of mass from pose and twist of the body frame."""
     pose, twist = locked(pose, "start pose", (3,)), locked(twist, "start twist", (3,))
     centre = transform(pose, towed.centre_of_mass)
-    rx, ry = centre - pose[:2]
-    return np.array([*centre, pose[2], twist[0] - twist[2] * ry, twist[1] + twist[2] * rx, twist[2]])
+    return np.array([*centre, pose[2], *velocity_at(twist, centre - pose[:2]), twist[2]])
 
 
 def _run(
@@ -368,11 +367,10 @@ def _motion(
     statistics: dict[str, float],
 ) -> SimulatedMotion:
     """Pose and twist of the body frame from those of the centre of mass."""
-    headings, rates = states[:, 2], states[:, 5]
+    headings = states[:, 2]
     offset = transform(np.column_stack([np.zeros((len(states), 2)), headings]), -towed.centre_of_mass)
     poses = np.column_stack([states[:, :2] + offset, headings])
-    turning = rates[:, None] * np.column_stack([-offset[:, 1], offset[:, 0]])
-    twists = np.column_stack([states[:, 3:5] + turning, rates])
+    twists = np.column_stack([velocity_at(states[:, 3:], offset), states[:, 5]])
     findings: tuple[Finding, ...] = ()
     if outcome != Outcome.CONVERGED:
         code, end_s = str(outcome).replace(" ", "_"), times[len(states) - 1]

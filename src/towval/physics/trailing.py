@@ -24,7 +24,7 @@ from towval.model.checks import instance_of
 from towval.model.compiling import compiled
 from towval.model.errors import InputError
 from towval.model.findings import finding
-from towval.model.geometry import rotation, transform
+from towval.model.geometry import rotation, transform, velocity_at
 from towval.physics.dynamics import ADVICE, Outcome, checked_times, resting_patch
 from towval.physics.friction_table import coefficient_over_speed
 from towval.physics.limit_surface import limit_surface
@@ -141,7 +141,6 @@ def _mean_speed(drive: Spline) -> float:
 
 def _motion(rung: str, times: Array, out: Array, centre: Array, moved: bool, unbalanced: int) -> SimulatedMotion:
     offset = rotation(out[:, 2]) @ -centre
-    turning = out[:, 5:6] * np.column_stack([-offset[:, 1], offset[:, 0]])
     outcome = Outcome.CONVERGED if moved else Outcome.SLACK_ALL_ALONG
     findings: tuple[Finding, ...] = ()
     if unbalanced:
@@ -149,7 +148,7 @@ def _motion(rung: str, times: Array, out: Array, centre: Array, moved: bool, unb
     motion = SimulatedMotion(
         time_s=times,
         pose=np.column_stack([out[:, :2] + offset, out[:, 2]]),
-        twist=np.column_stack([out[:, 3:5] + turning, out[:, 5]]),
+        twist=np.column_stack([velocity_at(out[:, 3:6], offset), out[:, 5]]),
         tether_force=out[:, 6:8],
         tether_length=out[:, 8],
         outcome=str(outcome),

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from towval.model import Array, Body, Calibration, Track
-from towval.model.geometry import lifted, transform, turned_covariance
+from towval.model.geometry import lifted, transform, turned_covariance, velocity_at
 from towval.optics.moved_view import pose_sensitivity, rigid_moves
 from towval.optics.projection import project
 
@@ -64,7 +64,6 @@ def readout_sensitivity(track: Track, calibration: Calibration, body: Body) -> A
     corners = transform(pose[:, None, :], body.top_corners_m)
     rows = project(calibration.camera, calibration.floor, lifted(corners, body.tracked_plane_height_m))[..., 1]
     late = rows / (calibration.camera.resolution_px[1] - 1) - 0.5
-    arm = corners - pose[:, None, :2]
-    moving = velocity[:, None, :2] + velocity[:, None, 2:] * np.stack([-arm[..., 1], arm[..., 0]], axis=-1)
+    moving = velocity_at(velocity[:, None], corners - pose[:, None, :2])
     change[known] = rigid_moves(corners, pose, (late[..., None] * moving)[..., None])[..., 0]
     return change

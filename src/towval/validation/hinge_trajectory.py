@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from towval.model import Array, DecimatedTrack
-from towval.model.geometry import rotation
+from towval.model.geometry import rotation, velocity_at
 from towval.physics.splines import Spline, hermite_spline
 
 _TURN = 0.05  # rad between two nodes; for a lever of 0.4 m the arc is then missed by 10 nm, hard braking by 1 µm
@@ -31,8 +31,7 @@ def nodes_between(track: DecimatedTrack, begin: float, end: float) -> Array:
 def trajectory_of(hinge: Array, times: Array, rover: Array) -> Spline:
     """Trajectory of a point (2,) of the rover [m] with poses and rates (m, 6) of the rover at times (m,) [s]."""
     lever = rotation(rover[:, 2]) @ hinge
-    turning = rover[:, 5:] * np.column_stack([-lever[:, 1], lever[:, 0]])
-    return hermite_spline(times, rover[:, :2] + lever, rover[:, 3:5] + turning)
+    return hermite_spline(times, rover[:, :2] + lever, velocity_at(rover[:, 3:], lever))
 
 
 def hinge_trajectory(rover: DecimatedTrack, hinge: Array, times: Array) -> Spline:

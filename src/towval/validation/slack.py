@@ -4,7 +4,7 @@ import numpy as np
 
 from towval.model import Array, DecimatedTrack, Finding, TowingScene
 from towval.model.findings import finding
-from towval.model.geometry import transform
+from towval.model.geometry import transform, velocity_at
 from towval.model.tracks import stretches
 from towval.physics.mass import towed_object
 
@@ -41,7 +41,7 @@ def moved_while_slack(scene: TowingScene, rover: DecimatedTrack, towed: Decimate
     body = towed_object(scene)
     centre = transform(moving[:, :3], body.centre_of_mass)
     lever = centre - moving[:, :2]
-    velocity = moving[:, 3:5] + moving[:, 5:] * np.column_stack([-lever[:, 1], lever[:, 0]])
+    velocity = velocity_at(moving[:, 3:], lever)
     square = np.sum(velocity**2, axis=1) + body.inertia / body.mass * moving[:, 5] ** 2
     worst_m, begins, ends = 0.0, 0, 0
     for first, last in stretches(slack):
