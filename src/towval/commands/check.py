@@ -26,6 +26,7 @@ from towval.io.video import Video
 from towval.io.yaml_text import read_yaml
 from towval.model import Array, Body, Calibration, Finding, Severity
 from towval.model.errors import Faults, InputError, TowvalError
+from towval.model.input_types import value_of
 from towval.report.preview import draw_start
 from towval.report.start_page import FloorBoard, StartOfRun, write_start_page
 from towval.selection.margin import measurement_std_m
@@ -217,13 +218,8 @@ def _floor_board(given: Campaign) -> FloorBoard | None:
     low = np.maximum(corners_px.min(axis=0) - around, 0).astype(int)
     high = (corners_px.max(axis=0) + around).astype(int)
     luma = np.ascontiguousarray(pictures[0][1][low[1] : high[1], low[0] : high[0]])
-    stated = [key for key in IN_FLOOR_AXES if _states(given.document, key)]
+    stated = [key for key in IN_FLOOR_AXES if value_of(given.document, key) is not None]
     return FloorBoard(luma, (int(low[0]), int(low[1])), corners_px, origin, end, stated)
-
-
-def _states(document: dict[str, Any], key: str) -> bool:
-    section, name = key.split(".")
-    return name in document.get(section, {})
 
 
 _KEY = re.compile(r"\b(?:camera|floor|rover|object|tether|friction|runs)(?:\.\w[\w-]*|\[\d+\])+")

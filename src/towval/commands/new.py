@@ -25,6 +25,7 @@ from towval.io.video import Video
 from towval.io.yaml_text import read_value, read_yaml
 from towval.model import Board
 from towval.model.errors import Faults, InputError, shortened
+from towval.model.input_types import value_of
 
 VIDEO_SUFFIXES = (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".mts", ".webm")
 
@@ -88,10 +89,7 @@ class Draft:
 
     def known(self, key: str) -> Any:
         """The value of a key, or None."""
-        found: Any = self.document
-        for name in key.split("."):
-            found = found.get(name) if isinstance(found, Mapping) else None
-        return found
+        return value_of(self.document, key)
 
     def put(self, key: str, value: Any, mark: str = "") -> None:
         """Set a key that is not known yet."""

@@ -66,7 +66,7 @@ NOTE, WARNING = (Severity.NOTE,), (Severity.WARNING,)
 _WARNING_OR_REFUSAL = (Severity.WARNING, Severity.REFUSAL)
 NOTE_OR_WARNING = (Severity.NOTE, Severity.WARNING)
 NONE, NOT_JUDGED = Consequence(), Consequence(judged=False)
-_CAMERA, _TRACKING = Consequence(widens=("camera",)), Consequence(widens=("tracking",))
+_CAMERA, WIDENS_TRACKING = Consequence(widens=("camera",)), Consequence(widens=("tracking",))
 _REGISTRATION = Consequence(widens=("rover_registration", "object_registration"))
 
 FINDINGS: Registry[FindingType] = Registry("finding")
@@ -197,7 +197,7 @@ register(  # track
         "{name} is damaged or truncated ({reason}): {good}; the rest was left out.",
     ),
     FindingType(
-        "few_points", "track", WARNING, _TRACKING,
+        "few_points", "track", WARNING, WIDENS_TRACKING,
         "Tracked with {samples} points: so few let a pose drift by more than its stated deviation, and a correct "
         "model can be judged wrong. Set track.samples to {enough} or more.",
     ),
@@ -297,12 +297,12 @@ register(  # track
 register(  # decimate
     FindingType("decimated", "decimate", NOTE, NONE, "{body}: {kept} of {frames} tracked poses kept."),
     FindingType(
-        "decimate_outlier", "decimate", WARNING, _TRACKING,
+        "decimate_outlier", "decimate", WARNING, WIDENS_TRACKING,
         "{body}: at {time_s:.2f} s the measured pose is {deviations:.1f} deviations off the smoothed track; look at "
         "that frame of the film.",
     ),
     FindingType(
-        "decimate_bridged", "decimate", WARNING, _TRACKING,
+        "decimate_bridged", "decimate", WARNING, WIDENS_TRACKING,
         "{body}: {count} frames were not observed; the smoothed track bridges them (longest gap {gap_s:.2f} s).",
     ),
     FindingType(

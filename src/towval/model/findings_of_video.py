@@ -1,10 +1,10 @@
 """The rows of the table of findings about a video: its camera, its coding, the times of its pictures."""
 
-from towval.model.findings import NONE, NOT_JUDGED, NOTE, WARNING, Consequence, FindingType, register
+from towval.model.findings import NONE, NOT_JUDGED, NOTE, WARNING, WIDENS_TRACKING, FindingType, register
 
 register(  # track
     FindingType(
-        "texture_unsure", "track", WARNING, Consequence(widens=("tracking",)),
+        "texture_unsure", "track", WARNING, WIDENS_TRACKING,
         "Texture and outline of the top of {name} disagree by {std_mm:.1f} mm: compression, focus, or something in the "
         "way. The texture's poses are used; the difference is added to their deviations. Film at a higher bit rate, "
         "with the focus fixed.",
@@ -15,12 +15,12 @@ register(  # track
         "compression. The poses account for it. Lock the focus, or film at a higher bit rate.",
     ),
     FindingType(
-        "pictures_mixed", "track", WARNING, Consequence(widens=("tracking",)),
+        "pictures_mixed", "track", WARNING, WIDENS_TRACKING,
         "Each picture keeps {percent:.0f} % or more of the one before: noise reduction over time. Poses lag by up to "
         "{late_ms:.0f} ms, slow bodies most; the lag is added to their deviations. Switch noise reduction off.",
     ),
     FindingType(
-        "picture_warped", "track", WARNING, Consequence(widens=("tracking",)),
+        "picture_warped", "track", WARNING, WIDENS_TRACKING,
         "Places of the still floor are displaced against each other by {scattered_px:.2f} px: a camera that shakes "
         "while it reads its rows, or compression. This is added to the deviations of the poses. Damp the mount, and "
         "film at a higher bit rate.",
@@ -84,12 +84,12 @@ register(  # track
         "the camera's original file.",
     ),
     FindingType(
-        "stamps_uneven", "track", WARNING, Consequence(widens=("tracking",)),
+        "stamps_uneven", "track", WARNING, WIDENS_TRACKING,
         "All bodies run ahead and lag together, by {jitter_ms:.1f} ms from picture to picture: the time stamps do not "
         "say when the pictures were taken. Use the camera's original file.",
     ),
     FindingType(
-        "pictures_invented", "track", WARNING, Consequence(widens=("tracking",)),
+        "pictures_invented", "track", WARNING, WIDENS_TRACKING,
         "All bodies move in straight lines from one picture to the {period}th after it: the pictures between were made "
         "up by smooth playback or by a converter to another frame rate. How far the bodies may have strayed from these "
         "lines is added to the deviations of the poses. Use the camera's original file.",

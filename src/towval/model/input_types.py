@@ -191,15 +191,16 @@ def deviations(scene: TowingScene, document: Mapping[str, Any] | None = None) ->
 
 def stated_in(document: Mapping[str, Any], key: str) -> float | None:
     """The value of a dotted key of campaign.yaml, None where it is missing or no number."""
-    section = _section(document, key)
-    return None if section is None or isinstance(section, list) else float(section)
+    value = value_of(document, key)
+    return None if value is None or isinstance(value, list) else float(value)
 
 
-def _section(document: Mapping[str, Any], key: str) -> Any:
-    section: Any = document
+def value_of(document: Mapping[str, Any], key: str) -> Any:
+    """What stands at a dotted key of campaign.yaml, a value or a section; None where nothing does."""
+    found: Any = document
     for part in key.split("."):
-        section = section.get(part) if isinstance(section, Mapping) else None
-    return section
+        found = found.get(part) if isinstance(found, Mapping) else None
+    return found
 
 
 def is_left_out(row: UncertainInput, document: Mapping[str, Any]) -> bool:
@@ -208,7 +209,7 @@ def is_left_out(row: UncertainInput, document: Mapping[str, Any]) -> bool:
     return (
         stated is not None
         and stated.left_out is not None
-        and _section(document, stated.left_out.key) is None
+        and value_of(document, stated.left_out.key) is None
         and stated_in(document, stated.key) is None
     )
 

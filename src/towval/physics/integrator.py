@@ -18,19 +18,15 @@ from towval.physics.friction_table import PLATEAU, SLOPE
 from towval.physics.motion import SLACK, TAUT, MotionProblem, acceleration_slopes, accelerations, margin, tautness
 from towval.physics.rosenbrock import NODES, STAGES, dense_output, end_of_step, solve_stage, stage_matrix, stage_state
 from towval.physics.splines import piece_at
-from towval.physics.steps import (
-    GROW,
-    LOOKS,
-    LOOKS_SLACK,
-    SMALLEST,
-    following,
-    least_step,
-    retried,
-    safe_time,
-    step_to_stop,
-)
+from towval.physics.steps import GROW, following, least_step, retried, safe_time, step_to_stop
 
 REACHED_END, STEP_LIMIT, STEP_TOO_SMALL, NOT_FINITE = 0, 1, 2, 3
+
+SMALLEST_STEP = 1e-14
+"""Of the time span."""
+
+LOOKS, LOOKS_SLACK = 4, 16
+"""How often a step is looked at for a change between slack and taut: what is slack may tighten for a moment only."""
 
 
 class _Work(NamedTuple):
@@ -80,7 +76,7 @@ def integrate(
                 return NOT_FINITE, filled, counts
         h = min(h, step_to_stop(y, work.rates0, scene.patch.radius, rise))
         h = min(h, end - t, _slack_step(scene, t, piece, y) if mode == SLACK else np.inf)
-        if h < SMALLEST * span:
+        if h < SMALLEST_STEP * span:
             return STEP_TOO_SMALL, filled, counts
         error = _step(scene, mode, t, h, piece, y, weights, work)
         if not error <= 1:
@@ -93,7 +89,7 @@ def integrate(
         if theta < 1:
             h *= theta
             _step(scene, mode, t, h, piece, y, weights, work)
-        t1 = t + h if t + h < end - SMALLEST * span else end
+        t1 = t + h if t + h < end - SMALLEST_STEP * span else end
         filled = _report(mode, t, t1, h, y, work, times, filled, states, modes)
         if theta < 1:
             mode = SLACK if mode == TAUT else TAUT

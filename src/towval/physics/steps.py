@@ -20,12 +20,6 @@ from towval.physics.splines import Spline, spline_at
 SHRINK, GROW = 0.2, 6.0
 """A step is this many times the last at least and at most."""
 
-SMALLEST = 1e-14
-"""Smallest step, as a share of the time span."""
-
-LOOKS, LOOKS_SLACK = 4, 16
-"""How often a step is looked at for a change between slack and taut: what is slack may tighten for a moment only."""
-
 _SAFETY = 0.9
 _TREND = 0.7  # 0: the next error equals the last, 1: it changes by the same ratio again; measured: fewest failures
 _LEAST_ERROR = 1e-4  # below, the trend of errors is that of rounding

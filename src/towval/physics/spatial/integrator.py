@@ -16,7 +16,16 @@ from numpy.typing import NDArray
 from towval.model import Array
 from towval.model.compiling import compiled
 from towval.physics.friction_table import PLATEAU, SLOPE
-from towval.physics.integrator import NOT_FINITE, REACHED_END, STEP_LIMIT, STEP_TOO_SMALL, finite
+from towval.physics.integrator import (
+    LOOKS,
+    LOOKS_SLACK,
+    NOT_FINITE,
+    REACHED_END,
+    SMALLEST_STEP,
+    STEP_LIMIT,
+    STEP_TOO_SMALL,
+    finite,
+)
 from towval.physics.motion import FORCED, SLACK, TAUT
 from towval.physics.rosenbrock import NODES, STAGES, dense_output, end_of_step, solve_stage, stage_matrix, stage_state
 from towval.physics.spatial.hanging import reach_under
@@ -43,18 +52,7 @@ from towval.physics.spatial.rates import (
 )
 from towval.physics.spatial.soles import RADIUS, Work
 from towval.physics.splines import piece_at, spline_at
-from towval.physics.steps import (
-    GROW,
-    LOOKS,
-    LOOKS_SLACK,
-    SMALLEST,
-    bend_ahead,
-    following,
-    least_step,
-    retried,
-    safe_time,
-    step_to_stop,
-)
+from towval.physics.steps import GROW, bend_ahead, following, least_step, retried, safe_time, step_to_stop
 
 STUCK = 3
 """At rest, held by friction; beside SLACK, TAUT and FORCED."""
@@ -328,7 +326,7 @@ def _move(
         h = min(h, _slack_step(problem, t, piece, y))
     bend = np.inf if mode == FORCED else bend_ahead(problem.drive, t, piece, h, weights[0])
     asked, h = h, min(h, bend - t)
-    if h < SMALLEST * span:
+    if h < SMALLEST_STEP * span:
         failed = int(clock[_BALANCE])
         return STEP_TOO_SMALL if failed == BALANCED else TIPPED_OVER if failed == TIPS else LIFTED_OFF, False, False
     error = _step(problem, work, mode, t, h, piece, march, weights)
@@ -347,7 +345,7 @@ def _move(
         _step(problem, work, mode, t, h, piece, march, weights)
         counts[2] += 1
         clock[_LAST_H] = 0.0
-    t1 = t + h if t + h < end - SMALLEST * span else end
+    t1 = t + h if t + h < end - SMALLEST_STEP * span else end
     t1 = bend if h == bend - t else t1
     _report(march, mode, t1, h, times, states, modes)
     for i in range(6):
