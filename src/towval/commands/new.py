@@ -137,6 +137,11 @@ def run(
     if find:
         checked = check(folder, folder / "check")
         write_text(file, _with_starts(text, checked["runs"]))
+    return _outcome(draft, file, checked)
+
+
+def _outcome(draft: Draft, file: Path, checked: dict[str, Any]) -> Outcome:
+    """What was written, what of it is a guess or missing, and what the check found, if there was one."""
     guessed = [key for key, mark in draft.marks.items() if mark.startswith(GUESS)]
     runs = list(draft.document["runs"])
     text = f"run{'s' * (len(runs) != 1)} {shortened(', '.join(runs))}; "
