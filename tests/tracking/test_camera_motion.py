@@ -231,6 +231,23 @@ def test_what_is_written_into_all_pictures_does_not_hold_the_floor(drawn, shift)
     assert np.abs(moved - shift).max() < 0.08
 
 
+def test_a_floor_of_tiles_is_not_found_a_tile_off():
+    """The camera was turned by the width of a tile between calibration and run; only the grain of the tiles tells."""
+    grain = texture(3, finest_m=0.03)
+
+    def tiles(places):
+        off_m = np.linalg.norm(np.mod(places, 0.16) - 0.08, axis=1)
+        return 150 - 60 / (1 + np.exp((off_m - 0.048) / 0.006)) + 0.12 * (grain(places) - 128)
+
+    before, tile_px = floor_picture(grey=tiles), 0.16 * 450 / 4
+    moved = moved_view(CAMERA, FLOOR, np.array([0, 0, 0, 0, 0, 0, 0, tile_px, 0.0]))
+    luma = floor_picture(*moved, seed=1, grey=tiles)
+    calibration = Calibration(CAMERA, FLOOR, np.zeros((18, 18)), 0.0)
+    found, findings = calibration_at_start(calibration, luma, [("floor", before)])
+    assert [one.code for one in findings] == ["camera_moved_before"]
+    assert np.abs(seen_through((found.camera, found.floor)) - seen_through(moved)).max() < 0.3
+
+
 @pytest.mark.parametrize("noise", [2.0, 6.0])
 def test_marks_on_a_plain_floor_keep_their_weight(noise):
     """Strips of tape are all that shows where the floor is; the noise beside them shows nothing."""
@@ -660,7 +677,7 @@ def test_a_floor_is_the_same_where_places_scatter_by_half_a_pixel_or_its_sides_a
     scattered_px, stretch_px, same
 ):
     seen = SimpleNamespace(
-        register=lambda *_: moved_by(0.0), stretch_px=lambda: (stretch_px, 0.01), scattered_px=scattered_px
+        anywhere=lambda *_: moved_by(0.0), stretch_px=lambda: (stretch_px, 0.01), scattered_px=scattered_px
     )
     assert len(camera_motion._found(seen, [FIRST, FIRST])) == 2 * same
 
@@ -670,7 +687,7 @@ def test_a_floor_is_the_same_where_places_scatter_by_half_a_pixel_or_its_sides_a
 def test_sides_that_are_off_by_less_than_three_deviations_are_noise_in_any_number_of_pictures(
     stretch_px, same, pictures
 ):
-    seen = SimpleNamespace(register=lambda *_: moved_by(0.0), stretch_px=lambda: (stretch_px, 0.2), scattered_px=0.0)
+    seen = SimpleNamespace(anywhere=lambda *_: moved_by(0.0), stretch_px=lambda: (stretch_px, 0.2), scattered_px=0.0)
     assert len(camera_motion._found(seen, [FIRST] * pictures)) == pictures * same
 
 

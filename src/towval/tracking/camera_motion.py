@@ -317,7 +317,7 @@ def _found(seen: FloorRegistration, pictures: Sequence[Luma]) -> list[Registered
     wider_px: list[float] = []
     std_px: list[float] = []
     for picture in pictures:
-        one = seen.register(picture, np.zeros(_SIZE), [])
+        one = seen.anywhere(picture)
         if one is not None:
             found.append(one)
             stretch_px, its_std_px = seen.stretch_px()

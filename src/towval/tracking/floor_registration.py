@@ -8,6 +8,7 @@ Where the floor is farther off than the slopes of its texture reach, blocks are 
 """
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -49,6 +50,8 @@ class RegistrationConstants:
     block_fit: float = 0.45  # Least correlation of a block.
     block_agrees_px: float = 4.0  # [px] From the motion common to the blocks.
     least_blocks: int = 8  # That agree.
+    alike: float = 0.9  # Of the best fit of all blocks: a floor that repeats fits there, too,
+    fits_better: float = 0.8  # of what is left over at the place found first: 0.6 where grain tells the right one.
     least_in_view: float = 0.3  # Of the points, neither hidden nor outside the picture.
     inflated_every: int = 10  # Pictures between estimates of how much residuals of neighbours go together,
     least_shared: float = 0.3  # Of the template's information: less is no texture, and is refused by correlation.
@@ -98,6 +101,7 @@ class FloorRegistration:
         self.prior = np.repeat([c.prior_rad, c.prior_m, c.prior_zoom, c.prior_px], [3, 3, 1, 2])
         self.usual_correlation, self.variance_factor, self.registered = 1.0, 1.0, 0
         self.scatter: list[tuple[float, float]] = []
+        self.last: tuple[Array, Array, float] = np.zeros(0), np.zeros(0), np.inf
         self._set_slopes(target, self.template)
         self.trust = _trust(luma, self.template)
         self._set_blocks(luma, target)
@@ -139,6 +143,44 @@ class FloorRegistration:
             place = self._by_blocks(luma, start)
             found = None if place is None else self.near(luma, place, hidden)
         return found
+
+    def anywhere(self, luma: Luma) -> Registered | None:
+        """The view's motion in a picture taken at another time, up to some 80 px off.
+
+        Tiles and printed mats repeat: a period off they fit, too, but for their grain and wear.
+        """
+        still, state = np.zeros(len(self.prior)), self._state()
+        found = self.register(luma, still, [])
+        if found is None:
+            return None
+        best, scale, after = None, CONSTANTS.fits_better * self.last[2], self._state()
+        for place in self._places_alike(luma):
+            other = self.near(luma, place, [])
+            if other is not None and self.last[2] < scale:
+                best, scale = place, self.last[2]
+        # Nothing is learned from places that do not count.
+        vars(self).update(after if best is None else state)
+        return found if best is None else self.near(luma, best, [])
+
+    def _places_alike(self, luma: Luma) -> list[Array]:
+        """Motions (9,) to which all blocks together fit about as well, where there are several."""
+        small, reach = shrunk(luma, 2), CONSTANTS.reach_px
+        maps = [
+            fit
+            for block, at in zip(self.blocks, self._pixels(self.block_places, np.zeros(len(self.prior))), strict=True)
+            if (fit := _fit_around(small, block, (at - 0.5) / 2)) is not None
+        ]
+        if len(maps) < CONSTANTS.least_blocks:
+            return []
+        fit = np.mean(maps, axis=0)
+        peaks = (fit == cv2.dilate(fit, np.ones((5, 5)))) & (fit > CONSTANTS.alike * fit.max())
+        shifts = 2.0 * (np.argwhere(peaks)[:, ::-1] - reach)
+        return [np.append(np.zeros(7), shift) for shift in shifts] if len(shifts) > 1 else []
+
+    def _state(self) -> dict[str, Any]:
+        """What registrations learn."""
+        learned = ("usual_correlation", "variance_factor", "registered", "last")
+        return {name: getattr(self, name) for name in learned} | {"scatter": list(self.scatter)}
 
     def near(self, luma: Luma, start: Array, hidden: Hidden) -> Registered | None:
         """As :meth:`register`, from ``start`` (9,) as far as the slopes of the texture reach."""
@@ -286,6 +328,18 @@ class FloorRegistration:
         """Pixels (n, 2) of places (n, 2) on the floor after a ``motion`` (9,) of the view."""
         points = np.column_stack([places, np.zeros(len(places))])
         return project(*moved_view(self.camera, self.floor, motion), points)
+
+
+def _fit_around(small: Luma, block: Luma, at: Array) -> Array | None:
+    """Correlations of a block with all places within reach of ``at`` (2,); None where the picture ends before."""
+    reach = CONSTANTS.reach_px + CONSTANTS.block_px
+    if not np.isfinite(at).all():
+        return None
+    u, v = np.round(at).astype(int)
+    if min(u, v) < reach or u + reach >= small.shape[1] or v + reach >= small.shape[0]:
+        return None
+    window = small[v - reach : v + reach + 1, u - reach : u + reach + 1]
+    return np.asarray(cv2.matchTemplate(window, block, cv2.TM_CCOEFF_NORMED))
 
 
 def _search(small: Luma, block: Luma, at: Array) -> Array | None:
