@@ -29,6 +29,17 @@ rule evidence_check:
         "../../src/towval/workflow/scripts/run.py"
 
 
+# What takes a minute or more goes first: begun last, it would run alone while the other cores wait.
+use rule evidence_check as evidence_check_first with:
+    wildcard_constraints:
+        group="lab_a|tracking_cost|calibration_sets|bound_given_error|tracking_a_metre|tracking_memory",
+        number="[0-9]+",
+    priority: 1
+
+
+ruleorder: evidence_check_first > evidence_check
+
+
 # The ledger in docs/ is written beside the output: rows that are not made now keep what it says.
 rule evidence:
     input:

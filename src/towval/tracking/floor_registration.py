@@ -165,14 +165,14 @@ class FloorRegistration:
     def _places_alike(self, luma: Luma) -> list[Array]:
         """Motions (9,) to which all blocks together fit about as well, where there are several."""
         small, reach = shrunk(luma, 2), CONSTANTS.reach_px
-        maps = [
-            fit
-            for block, at in zip(self.blocks, self._pixels(self.block_places, np.zeros(len(self.prior))), strict=True)
-            if (fit := _fit_around(small, block, (at - 0.5) / 2)) is not None
-        ]
-        if len(maps) < CONSTANTS.least_blocks:
+        fit: Array = np.zeros((2 * reach + 1, 2 * reach + 1))
+        count = 0
+        for block, at in zip(self.blocks, self._pixels(self.block_places, np.zeros(len(self.prior))), strict=True):
+            one = _fit_around(small, block, (at - 0.5) / 2)
+            if one is not None:
+                fit, count = fit + one, count + 1
+        if count < CONSTANTS.least_blocks:
             return []
-        fit = np.mean(maps, axis=0)
         peaks = (fit == cv2.dilate(fit, np.ones((5, 5)))) & (fit > CONSTANTS.alike * fit.max())
         shifts = 2.0 * (np.argwhere(peaks)[:, ::-1] - reach)
         return [np.append(np.zeros(7), shift) for shift in shifts] if len(shifts) > 1 else []
@@ -372,7 +372,7 @@ def _trust(luma: Luma, template: Template) -> Array:
     stand still while the view moves: squared, a few hold it. Marks on a floor without texture keep their weight.
     """
     steepness = np.linalg.norm(template.slopes[:, :2], axis=1) * template.pixel_m
-    noise = float(np.median(np.abs(cv2.filter2D(luma, cv2.CV_32F, _ROUGH)))) / (MEDIAN_NORMAL * np.linalg.norm(_ROUGH))
+    noise = float(np.median(np.abs(cv2.filter2D(luma, cv2.CV_16S, _ROUGH)))) / (MEDIAN_NORMAL * np.linalg.norm(_ROUGH))
     textured = steepness > max(CONSTANTS.least_slope, CONSTANTS.noise_slope * noise)
     if not textured.any():
         return np.ones(len(steepness))
