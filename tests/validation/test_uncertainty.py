@@ -245,6 +245,7 @@ def test_a_motion_that_is_not_of_a_run_is_an_input_error(case):
 
 def test_the_main_input_is_named():
     (found,) = _main_input({"friction": 0.6, "stiffness": 0.1, REST: 0.3})
+    assert found.code == "main_input"
     assert found.text.startswith("60 %")
     assert found.text.endswith("friction.")
     assert list(_main_input({"friction": 0.0, REST: 0.0})) == []
