@@ -26,8 +26,9 @@ def moved_while_slack(scene: TowingScene, rover: DecimatedTrack, towed: Decimate
 
     A body of mass m under friction of at least μ m g comes to rest within (v² + k² ω²) / (2 μ g): by Jensen's
     inequality the mean slip under a sole is at least the speed of its centre of pressure, taken as that of its mass,
-    which it is near where no tether pulls. ``times`` (n,) [s] of both tracks. What moves it beyond that is the rover that touches it, a hand or a cable, none of which the
-    simulation has. Nothing is said of a tether so heavy that its sag pulls the object.
+    which it is near where no tether pulls. ``times`` (n,) [s] of both tracks. What moves it beyond that is the rover
+    that touches it, a hand or a cable, none of which the simulation has. Nothing is said of a tether so heavy that its
+    sag pulls the object.
     """
     hinge = transform(rover.poses_at(times), scene.hinge)
     anchor = transform(towed.poses_at(times), scene.anchor)
