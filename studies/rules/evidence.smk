@@ -32,7 +32,7 @@ rule evidence_check:
 # What takes a minute or more goes first: begun last, it would run alone while the other cores wait.
 use rule evidence_check as evidence_check_first with:
     wildcard_constraints:
-        group="lab_a|tracking_cost|calibration_sets|bound_given_error|tracking_a_metre|tracking_memory",
+        group="lab_a|calibration_sets|bound_given_error|tracking_a_metre|tracking_memory",
         number="[0-9]+",
     priority: 1
 

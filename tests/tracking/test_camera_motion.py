@@ -748,7 +748,7 @@ def test_three_tenths_of_the_floor_have_to_be_in_view(share, found):
 )
 def test_the_floor_correlates_by_a_third_and_by_three_fifths_of_what_is_usual(usual, correlation, taken, monkeypatch):
     registration, kernel = FloorRegistration(CAMERA, FLOOR, FIRST, ()), floor_registration.register_kernel
-    registration.usual_correlation = usual
+    registration.learned = replace(registration.learned, correlation=usual)
     monkeypatch.setattr(floor_registration, "register_kernel", lambda *given: (*kernel(*given)[:-2], correlation, True))
     assert (registration.near(FIRST, np.zeros(9), []) is not None) == taken
 
@@ -821,7 +821,7 @@ def test_the_scatter_of_places_is_known_by_eight_of_them_with_six_points_each(cl
 @pytest.mark.parametrize(("deviations", "said"), [(1.5, False), (3.0, True)])
 def test_places_scatter_where_they_do_by_twice_the_noise(deviations, said):
     registration = FloorRegistration(CAMERA, FLOOR, FIRST, ())
-    registration.scatter = [((0.1 * deviations) ** 2, 0.1**2)] * 5
+    registration.learned = replace(registration.learned, scatter=(((0.1 * deviations) ** 2, 0.1**2),) * 5)
     assert registration.scattered_px == pytest.approx(0.1 * deviations * said)
 
 
@@ -861,7 +861,7 @@ def test_a_third_of_the_points_in_view_have_to_show_the_floor(inliers, found, mo
 def test_a_picture_that_is_repeated_fits_no_better_than_to_half_a_grey_level():
     registration = FloorRegistration(CAMERA, FLOOR, FIRST, ())
     registration.near(FIRST, np.zeros(9), [])
-    _, residual, scale = registration.last
+    _, residual, scale = registration.learned.last
     assert np.std(residual) < 0.1
     assert 0.3 < scale < 0.8
 

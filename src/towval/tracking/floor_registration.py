@@ -8,7 +8,6 @@ Where the floor is farther off than the slopes of its texture reach, blocks are 
 """
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import cv2
 import numpy as np
@@ -80,6 +79,18 @@ class Registered:
     std_px: float
 
 
+@dataclass(frozen=True)
+class _Learned:
+    """What registrations teach: their usual correlation and number, how much residuals of neighbours go together,
+    variances of displaced places and those of their noise [px²], and the last one's weights, residuals and scale."""
+
+    correlation: float = 1.0
+    registered: int = 0
+    variance_factor: float = 1.0
+    scatter: tuple[tuple[float, float], ...] = ()
+    last: tuple[Array, Array, float] = (np.zeros(0), np.zeros(0), np.inf)
+
+
 class FloorRegistration:
     """The floor as the first picture ``luma`` shows it, and where it is in others.
 
@@ -99,9 +110,7 @@ class FloorRegistration:
             return
         c = CONSTANTS
         self.prior = np.repeat([c.prior_rad, c.prior_m, c.prior_zoom, c.prior_px], [3, 3, 1, 2])
-        self.usual_correlation, self.variance_factor, self.registered = 1.0, 1.0, 0
-        self.scatter: list[tuple[float, float]] = []
-        self.last: tuple[Array, Array, float] = np.zeros(0), np.zeros(0), np.inf
+        self.learned = _Learned()
         self._set_slopes(target, self.template)
         self.trust = _trust(luma, self.template)
         self._set_blocks(luma, target)
@@ -149,18 +158,18 @@ class FloorRegistration:
 
         Tiles and printed mats repeat: a period off they fit, too, but for their grain and wear.
         """
-        still, state = np.zeros(len(self.prior)), self._state()
-        found = self.register(luma, still, [])
-        if found is None:
+        before = self.learned
+        best = self.register(luma, np.zeros(len(self.prior)), [])
+        if best is None:
             return None
-        best, scale, after = None, CONSTANTS.fits_better * self.last[2], self._state()
+        learned, scale = self.learned, CONSTANTS.fits_better * self.learned.last[2]
         for place in self._places_alike(luma):
+            self.learned = before
             other = self.near(luma, place, [])
-            if other is not None and self.last[2] < scale:
-                best, scale = place, self.last[2]
-        # Nothing is learned from places that do not count.
-        vars(self).update(after if best is None else state)
-        return found if best is None else self.near(luma, best, [])
+            if other is not None and self.learned.last[2] < scale:
+                best, learned, scale = other, self.learned, self.learned.last[2]
+        self.learned = learned
+        return best
 
     def _places_alike(self, luma: Luma) -> list[Array]:
         """Motions (9,) to which all blocks together fit about as well, where there are several."""
@@ -177,14 +186,9 @@ class FloorRegistration:
         shifts = 2.0 * (np.argwhere(peaks)[:, ::-1] - reach)
         return [np.append(np.zeros(7), shift) for shift in shifts] if len(shifts) > 1 else []
 
-    def _state(self) -> dict[str, Any]:
-        """What registrations learn."""
-        learned = ("usual_correlation", "variance_factor", "registered", "last")
-        return {name: getattr(self, name) for name in learned} | {"scatter": list(self.scatter)}
-
     def near(self, luma: Luma, start: Array, hidden: Hidden) -> Registered | None:
         """As :meth:`register`, from ``start`` (9,) as far as the slopes of the texture reach."""
-        template, c = self.template, CONSTANTS
+        template, learned, c = self.template, self.learned, CONSTANTS
         assert template is not None
         discs = np.array([(*place, radius) for place, radius in hidden]).reshape(-1, 3)
         precision = outside(template.points, discs)
@@ -196,22 +200,23 @@ class FloorRegistration:
             (self.floor.T_camera_floor, self.camera.matrix, self.camera.distortion),
             (self.prior, self.in_pixels),
             (c.least_scale, c.most_scale, c.tolerance_px, c.rounds),
-            self.variance_factor,
+            learned.variance_factor,
             (LIGHT.gain_spread, LIGHT.least_gain, LIGHT.most_gain),
         )
         if not converged or not np.isfinite(motion).all():
             return None
         in_view, inliers = shares(values, precision, weight / self.trust)
-        least_correlation = max(c.least_correlation, c.kept_correlation * self.usual_correlation)
+        least_correlation = max(c.least_correlation, c.kept_correlation * learned.correlation)
         if in_view < c.least_in_view or inliers < c.least_inliers or correlation < least_correlation:
             return None
-        if self.registered % c.inflated_every == 0:
-            self.variance_factor = self._variance_factor(information, weight, residual, scale)
-            self.variance_factor /= self._shared_texture(luma, motion, information, gain, weight, scale) ** 2
-            self.scatter += self._scatter_px2((precision > 0) & (values >= 0), residual)
-        self.registered, self.last = self.registered + 1, (weight, residual, scale)
-        self.usual_correlation += (correlation - self.usual_correlation) / min(self.registered, 20)
-        variance = scale * scale * self.variance_factor
+        factor, scatter, registered = learned.variance_factor, learned.scatter, learned.registered + 1
+        if learned.registered % c.inflated_every == 0:
+            factor = self._variance_factor(information, weight, residual, scale)
+            factor /= self._shared_texture(luma, motion, information, gain, weight, scale) ** 2
+            scatter += self._scatter_px2((precision > 0) & (values >= 0), residual)
+        usual = learned.correlation + (correlation - learned.correlation) / min(registered, 20)
+        self.learned = _Learned(usual, registered, factor, scatter, (weight, residual, scale))
+        variance = scale * scale * factor
         whitened = np.linalg.inv(information / variance + np.eye(len(self.prior)))
         covariance: Array = np.asarray(whitened * np.outer(self.prior, self.prior), dtype=np.float64)
         std_px = self.std_px(covariance)
@@ -247,10 +252,10 @@ class FloorRegistration:
     @property
     def scattered_px(self) -> float:
         """Deviation by which places are displaced against the motion of all [px]; zero where noise may have done it."""
-        displaced, noise = np.mean(self.scatter or [(0.0, 0.0)], axis=0)
+        displaced, noise = np.mean(self.learned.scatter or [(0.0, 0.0)], axis=0)
         return float(np.sqrt(displaced)) if displaced > CONSTANTS.beyond_noise**2 * noise else 0.0
 
-    def _scatter_px2(self, seen: NDArray[np.bool_], residual: Array) -> list[tuple[float, float]]:
+    def _scatter_px2(self, seen: NDArray[np.bool_], residual: Array) -> tuple[tuple[float, float], ...]:
         """Variance by which clusters of points are displaced against the motion of all [px²]; none where too few show.
 
         It is that along the worse axis of the picture, without that of noise, which is given beside it. Points count by
@@ -263,7 +268,7 @@ class FloorRegistration:
         count = np.bincount(self.cluster[seen], minlength=self.cluster.max() + 1)
         enough = count >= CONSTANTS.least_of_cluster
         if enough.sum() < CONSTANTS.least_clusters:
-            return []
+            return ()
         information, right = sums_of_clusters(self.cluster[seen], len(count), slopes, residual[seen])
         inverse = np.linalg.pinv(information[enough], hermitian=True)
         fitted = np.einsum("nij,nj->ni", inverse, right[enough])
@@ -272,19 +277,19 @@ class FloorRegistration:
         noise = (left - np.einsum("ni,ni->n", right[enough], fitted)) / (count[enough] - 4)
         by_noise = np.median(np.diagonal(inverse, axis1=1, axis2=2)[:, :2] * noise[:, None], axis=0)
         excess = np.median(fitted[:, :2] ** 2, axis=0) / MEDIAN_NORMAL**2 - by_noise
-        return [(float(excess.max()), float(by_noise[excess.argmax()]))]
+        return ((float(excess.max()), float(by_noise[excess.argmax()])),)
 
     def stretch_px(self) -> tuple[float, float]:
         """By how much the picture registered last is wider than the first, at its sides, and its deviation [px].
 
         No motion of the view does that.
         """
-        weight, residual, scale = self.last
+        weight, residual, scale = self.learned.last
         columns = np.column_stack([self.slopes, self.by_stretch])
         prior = np.diag([1.0] * len(self.prior) + [0.0])
         inverse = np.linalg.inv((columns * weight[:, None]).T @ columns + scale * scale * prior)
         stretch = -float(inverse[-1] @ (columns.T @ (weight * residual)))
-        return stretch, scale * float(np.sqrt(self.variance_factor * inverse[-1, -1]))
+        return stretch, scale * float(np.sqrt(self.learned.variance_factor * inverse[-1, -1]))
 
     def _set_blocks(self, luma: Luma, target: PlanarTarget) -> None:
         """Blocks of the first picture at half the resolution, round its corners on the floor."""
