@@ -26,6 +26,7 @@ FRAMES = 80
 INNER_CORNERS = (7, 5)
 SQUARE_M = 0.06
 THICKNESS_M = 0.003
+_MARGIN = 1.8  # [squares] Of the sheet around the inner corners.
 
 OBJECT_SIZE_M = (0.5, 0.35)
 ROVER = Body("rover", 0.40, rectangle(0.75, 0.5))
@@ -65,18 +66,33 @@ def board_picture(
     width, height = RESOLUTION_PX
     sub = (np.arange(3) - 1) / 3
     board = Floor(floor.T_camera_floor @ T_floor_board)
-    total = np.zeros((height, width))
+    picture = np.broadcast_to(np.asarray(behind, dtype=np.float64), (height, width)).copy()
+    part = _around_sheet(camera, board)
+    around, total = picture[part], np.zeros_like(picture[part])
     for du in sub:
         for dv in sub:
-            grid = np.stack(np.meshgrid(np.arange(width) + du, np.arange(height) + dv), axis=-1)
-            grid += rng.uniform(-1 / 6, 1 / 6, grid.shape)
+            grid = np.stack(np.meshgrid(np.arange(width) + du, np.arange(height) + dv), axis=-1)[part]
+            grid += rng.uniform(-1 / 6, 1 / 6, (height, width, 2))[part]
             xy = to_plane(camera, board, grid, 0.0) / SQUARE_M
             columns, rows = INNER_CORNERS
             dark = (np.floor(xy).sum(axis=-1) % 2 == 0) & (xy > -1).all(axis=-1) & (xy < (columns, rows)).all(axis=-1)
-            sheet = (xy > -1.8).all(axis=-1) & (xy < (columns + 0.8, rows + 0.8)).all(axis=-1)
-            total += np.where(dark, 30.0, np.where(sheet, 220.0, behind))
-    picture = cv2.GaussianBlur(total / 9, (0, 0), 0.6) + rng.normal(0, 2, total.shape)
+            sheet = (xy > -_MARGIN).all(axis=-1) & (xy < (columns + _MARGIN - 1, rows + _MARGIN - 1)).all(axis=-1)
+            total += np.where(dark, 30.0, np.where(sheet, 220.0, around))
+    picture[part] = total / 9
+    picture = cv2.GaussianBlur(picture, (0, 0), 0.6) + rng.normal(0, 2, picture.shape)
     return np.clip(np.rint(picture), 0, 255).astype(np.uint8)
+
+
+def _around_sheet(camera: Camera, board: Floor) -> tuple[slice, slice]:
+    """Rows and columns of a picture in which the sheet of a board may show: all else is as costly and shows none."""
+    far = np.array(INNER_CORNERS) + _MARGIN - 1
+    along = np.linspace(0.0, 1.0, 50)[:, None] * (far + _MARGIN) - _MARGIN
+    x, y = along.T
+    edges = [(x, np.full(50, -_MARGIN)), (x, np.full(50, far[1])), (np.full(50, -_MARGIN), y), (np.full(50, far[0]), y)]
+    places = np.concatenate([np.column_stack([*edge, np.zeros(50)]) for edge in edges]) * SQUARE_M
+    pixels = project(camera, board, places)
+    low, high = np.floor(pixels.min(axis=0)).astype(int) - 2, np.ceil(pixels.max(axis=0)).astype(int) + 3
+    return slice(max(low[1], 0), max(high[1], 0)), slice(max(low[0], 0), max(high[0], 0))
 
 
 def _placed(position: Array, rotation: Rotation) -> Array:
