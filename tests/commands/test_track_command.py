@@ -72,13 +72,13 @@ def test_a_banner_over_the_object_is_not_tracked(campaign, camera, lab_small, tm
         cv2.putText(luma, "CAM 1", (101, 458), cv2.FONT_HERSHEY_SIMPLEX, 0.4, 250, 1)
         return luma
 
-    frames = itertools.islice(Video(lab_small / "a.mp4"), 0, 200, 5)
+    frames = itertools.islice(Video(lab_small / "a.mp4"), 0, 120, 5)
     write_video(tmp_path / "banner.mp4", ((t, marked(luma)) for t, luma in frames), crf="16")
     track(campaign(lambda d: None, tmp_path / "banner.mp4"), "a", camera, tmp_path / "track.mcap")
     found = read_tracks(tmp_path / "track.mcap")["object"]
     assert "covered_at_start" in {finding.code for finding in found.findings}
     truth = np.genfromtxt(lab_small / "a_truth.csv", delimiter=",", names=True)
-    true = np.array([truth["object_x_m"], truth["object_y_m"]]).T[0:200:5]
+    true = np.array([truth["object_x_m"], truth["object_y_m"]]).T[0:120:5]
     assert found.seen.mean() > 0.9
     assert np.linalg.norm(found.pose[:, :2] - true, axis=1)[found.seen].max() < 0.009
 
