@@ -808,6 +808,40 @@ def test_a_block_is_searched_up_to_eighty_pixels_off(off_px, found):
     assert (floor_registration._search(luma, block, np.array([150.0, 150.0])) is not None) == found
 
 
+@pytest.mark.parametrize(
+    ("noise", "slope", "texture"), [(0.0, 3.0, False), (0.0, 5.0, True), (5.0, 8.0, False), (5.0, 12.0, True)]
+)
+def test_texture_is_steeper_than_four_levels_a_pixel_and_than_twice_the_noise(noise, slope, texture):
+    """A point ten times as steep as the floor's texture is of none; where there is no texture, it is a mark."""
+    luma = np.round(128 + noise * np.random.default_rng(0).standard_normal((200, 200))).astype(np.uint8)
+    template = SimpleNamespace(slopes=np.array([[slope, 0.0, 0.0]] * 9 + [[10 * slope, 0.0, 0.0]]), pixel_m=1.0)
+    assert floor_registration._trust(luma, template)[-1] == pytest.approx(0.01 if texture else 1.0)
+
+
+@pytest.mark.parametrize(("fit", "places"), [(0.8, 0), (0.95, 2)])
+def test_a_place_is_alike_where_blocks_fit_nine_tenths_as_well(fit, places, monkeypatch):
+    fits = np.zeros((81, 81))
+    fits[40, 40], fits[40, 60] = 1.0, fit
+    monkeypatch.setattr(floor_registration, "_fit_around", lambda *_: fits)
+    assert len(FloorRegistration(CAMERA, FLOOR, FIRST, ())._places_alike(FIRST)) == places
+
+
+@pytest.mark.parametrize(("left_over", "taken"), [(0.7, True), (0.9, False)])
+def test_another_place_is_the_right_one_where_a_fifth_less_is_left_over(left_over, taken, monkeypatch):
+    registration, still = FloorRegistration(CAMERA, FLOOR, FIRST, ()), np.zeros(9)
+    place = np.append(np.zeros(7), [20.0, 0.0])
+
+    def near(luma, start, hidden):
+        scale = left_over if start[7] else 1.0
+        registration.learned = replace(registration.learned, last=(np.zeros(0), np.zeros(0), scale))
+        return Registered(start, np.zeros((9, 9)), 0.1)
+
+    monkeypatch.setattr(registration, "near", near)
+    monkeypatch.setattr(registration, "_places_alike", lambda _: [still, place])
+    assert (registration.anywhere(FIRST).motion[7] > 0) == taken
+    assert registration.learned.last[2] == (left_over if taken else 1.0)
+
+
 @pytest.mark.parametrize(("clusters", "points", "known"), [(12, 8, True), (6, 8, False), (40, 8, True), (40, 5, False)])
 def test_the_scatter_of_places_is_known_by_eight_of_them_with_six_points_each(clusters, points, known):
     registration = FloorRegistration(CAMERA, FLOOR, FIRST, ())
