@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from studies.evidence.ledger import read_groups
 from studies.tables.mutants import FACTORS, ROOMS, _scaled
 from towval.model.constants import constants_of
 
@@ -27,3 +28,12 @@ def test_every_tuned_constant_is_a_number_or_several():
             for field in dataclasses.fields(constants):
                 value = getattr(constants, field.name)
                 assert [_scaled(value, factor) != value for factor in FACTORS] == [value != 0] * 2, field.name
+
+
+def test_the_ledger_counts_all_constants_that_there_are():
+    stated = {row.name: row.stated for row in read_groups()["mutants"].statements}
+    for room in ROOMS:
+        for module, constants in constants_of(room).items():
+            changes = len(FACTORS) * len(dataclasses.fields(constants))
+            tried = stated[f"{room.rpartition('.')[2]}/{module}, noticed"]
+            assert tried.endswith(f" of {changes}"), (module, tried)
