@@ -1,8 +1,10 @@
 """What a command says at its end: lines for people, or one JSON object for programs."""
 
 import json
+import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -30,6 +32,16 @@ def test_people_read_findings_and_then_one_line_with_the_file(capsys):
         "track a: note: object: found.", "track a: out/track.mcap: seen in 9 of 10 frames"
     ]  # fmt: skip
     assert told.err == "track a: warning: The stamps jump.\n"
+
+
+def test_lines_are_written_with_their_ends(monkeypatch):
+    """Python writes unbuffered in containers, and several stages to one terminal."""
+    pieces = []
+    for name in ("stdout", "stderr"):
+        stream = SimpleNamespace(write=pieces.append, flush=lambda: None)
+        monkeypatch.setattr(sys, name, stream)
+    show(replace(MADE, details=("a detail",)))
+    assert [piece[-1:] for piece in pieces if piece] == ["\n"] * 4
 
 
 def test_large_lengths_are_no_powers_of_ten():

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TextIO
 
 from towval.model import Finding, Severity
 from towval.model.errors import InputError, TowvalError
@@ -54,10 +54,15 @@ def show(outcome: Outcome, as_json: bool = False) -> None:
 def _print_for_people(outcome: Outcome) -> None:
     for finding in outcome.findings:
         stream = sys.stdout if finding.severity == Severity.NOTE else sys.stderr
-        print(f"{outcome.stage}: {finding.severity}: {finding.text}", file=stream)
-    for line in outcome.details:
-        print(line)
-    print(": ".join(filter(None, (outcome.stage, ", ".join(map(str, outcome.files)), outcome.text))))
+        _print_whole(f"{outcome.stage}: {finding.severity}: {finding.text}", stream)
+    files = ", ".join(map(str, outcome.files))
+    for line in (*outcome.details, ": ".join(filter(None, (outcome.stage, files, outcome.text)))):
+        _print_whole(line, sys.stdout)
+
+
+def _print_whole(line: str, stream: TextIO) -> None:
+    """Print a line with its end in one piece: unbuffered, the stages of a workflow write between the two."""
+    print(f"{line}\n", end="", file=stream)
 
 
 def _without_nan(value: Any) -> Any:
