@@ -187,3 +187,22 @@ def test_times_below_zero_are_told(tmp_path):
     copied(tmp_path / "a.mp4", tmp_path / "early.ts", earlier, avoid_negative_ts="disabled")
     with pytest.raises(InputError, match=r"begin below zero(.|\n)*got: -0\.24 s(.|\n)*ffmpeg -i IN"):
         read(tmp_path / "early.ts")
+
+
+@pytest.mark.parametrize(("start_s", "length_s", "sound_s"), [(0.0, 1.2, 1.2), (0.7, 0.5, 1.2), (0.0, 2.0, 2.0)])
+def test_the_sound_is_as_long_as_it_goes_on_after_the_first_picture(tmp_path, start_s, length_s, sound_s):
+    """Where the microphone was switched on later it is shorter, and ends with the pictures all the same."""
+    write_video(tmp_path / "a.mp4", pictures())
+    with av.open(str(tmp_path / "a.mp4")) as given, av.open(str(tmp_path / "b.mp4"), "w") as file:
+        shown = file.add_stream_from_template(given.streams.video[0])
+        heard = file.add_stream("aac", rate=8000, layout="mono")
+        for packet in given.demux(video=0):
+            if packet.size:
+                packet.stream = shown
+                file.mux(packet)
+        for i in range(round(length_s * 8)):
+            frame = av.AudioFrame.from_ndarray(np.zeros((1, 1000), np.float32), format="fltp", layout="mono")
+            frame.rate, frame.pts, frame.time_base = 8000, round(8000 * start_s) + 1000 * i, Fraction(1, 8000)
+            file.mux(heard.encode(frame))
+        file.mux(heard.encode())
+    assert Video(tmp_path / "b.mp4").header.sound_s == pytest.approx(sound_s, abs=0.15)

@@ -309,6 +309,15 @@ def test_sound_and_pictures_are_as_long_to_a_hundredth(heard_s, found):
     assert [one.code for one in rate_findings(1 / 25, None, 200.0, heard_s)] == found
 
 
+@pytest.mark.parametrize(("heard_s", "fps", "found"), [
+    (48.0, 25.0, []), (48.0, None, ["rate_unconfirmed"]), (50.0, 25.0, ["rate_contradicted"]), (-1.0, 25.0, []),
+    (62.0, 25.0, ["rate_contradicted"]),
+])  # fmt: skip
+def test_a_sound_that_ends_before_the_pictures_contradicts_only_by_a_rate_of_cameras(heard_s, fps, found):
+    """A minute of pictures; filmed at 30 a second and stamped as 25, it would sound for 50 s."""
+    assert [one.code for one in rate_findings(1 / 25, fps, 60.0, heard_s)] == found
+
+
 @pytest.mark.parametrize(("share", "found"), [(0.07, "pictures_repeated"), (0.15, "stamps_contradicted")])
 def test_a_picture_is_repeated_where_bodies_move_by_less_than_a_tenth_of_a_step(share, found):
     true_s = EVEN.copy()

@@ -34,7 +34,8 @@ class VideoHeader:
 
     ``resolution_px`` (width, height) as stored, before ``rotation``; ``frames`` the number of frames the header
     claims, None where it does not say (MPEG-TS); ``end_s`` when the video ends [s] and ``rate_hz`` the average frame
-    rate, ``length_s`` of the pictures and ``sound_s`` of the sound [s], NaN where unknown.
+    rate, ``length_s`` of the pictures and ``sound_s`` from the first of them to the end of the sound [s], NaN where
+    unknown.
     """
 
     resolution_px: tuple[int, int]
@@ -210,14 +211,22 @@ def _header(container: av.container.InputContainer) -> VideoHeader:
     stream = container.streams.video[0]
     sound = next(iter(container.streams.audio), None)
     context, base, nan = stream.codec_context, Fraction(stream.time_base or 0), float("nan")
+    begin = (stream.start_time or 0) * base
     return VideoHeader(
         resolution_px=(context.width, context.height),
         frames=stream.frames or None,
-        end_s=float(((stream.start_time or 0) + stream.duration) * base) if stream.duration else nan,
+        end_s=float(begin + stream.duration * base) if stream.duration else nan,
         rate_hz=float(stream.average_rate) if stream.average_rate else nan,
         length_s=float(stream.duration * base) if stream.duration else nan,
-        sound_s=float(sound.duration * (sound.time_base or 0)) if sound is not None and sound.duration else nan,
+        sound_s=nan if sound is None else _end_s(sound) - float(begin),
     )
+
+
+def _end_s(stream: av.AudioStream) -> float:
+    """When a stream ends [s], NaN where the header does not say."""
+    if not stream.duration:
+        return float("nan")
+    return float(((stream.start_time or 0) + stream.duration) * Fraction(stream.time_base or 0))
 
 
 def luma_plane(frame: av.VideoFrame) -> Luma:

@@ -15,7 +15,8 @@ class RateConstants:
 
     many: int = 30  # Pictures over which the usual step is taken.
     rate: float = 0.003  # Difference from the camera's stated rate: television's is off by 0.001, crystals by less.
-    length: float = 0.01  # Difference of the sound's length from the pictures', which may begin and end apart.
+    length: float = 0.01  # Difference of the sound's length from the pictures', which may end apart,
+    apart_s: float = 0.5  # [s] by so much where they are short.
     usual_hz: tuple[float, ...] = (12.5, 15, 18, 20, 24, 25, 30, 48, 50, 60, 90, 100, 120, 240)  # [Hz] of cameras,
     usual_rate: float = 0.004  # within which a rate is one of them; or a thousandth below, for television.
 
@@ -41,15 +42,18 @@ def rate_findings(steps_s: ArrayLike, stated_hz: float | None, seen_s: float, he
     """Findings about the time scale as a whole.
 
     ``steps_s``: usual step of the stamps [s], or several readings of it, of which the best one counts; ``stated_hz``:
-    the camera's rate by the campaign; ``seen_s`` and ``heard_s``: length of the pictures and of the sound [s], NaN
-    where there is none.
+    the camera's rate by the campaign; ``seen_s`` and ``heard_s``: from the first picture to the end of the pictures and
+    of the sound [s], NaN where there is none.
     """
     cameras_hz = np.outer(CONSTANTS.usual_hz, [1.0, 1 / 1.001]) if stated_hz is None else np.array([stated_hz])
     off, found_hz = min((_off(rate_hz, cameras_hz), rate_hz) for rate_hz in 1 / np.atleast_1d(steps_s))
     findings = []
     if stated_hz is not None and off > CONSTANTS.rate:
         findings.append(finding("rate_contradicted", found_hz=found_hz, other=f"camera.fps is {stated_hz:g}"))
-    if abs(heard_s - seen_s) > max(CONSTANTS.length * heard_s, 0.5):
+    apart_s = max(CONSTANTS.length * heard_s, CONSTANTS.apart_s)
+    if heard_s < seen_s - apart_s and not _is_usual(found_hz, heard_s / seen_s, apart_s / seen_s):
+        heard_s = float("nan")  # Pictures that are lost leave the sound longer; this one was switched off before.
+    if abs(heard_s - seen_s) > apart_s:
         other = f"the sound lasts {heard_s:.1f} s and the pictures {seen_s:.1f} s"
         findings.append(finding("rate_contradicted", found_hz=found_hz, other=other))
     if stated_hz is None and np.isnan(heard_s):
@@ -57,6 +61,11 @@ def rate_findings(steps_s: ArrayLike, stated_hz: float | None, seen_s: float, he
             finding("rate_unusual" if off > CONSTANTS.usual_rate else "rate_unconfirmed", found_hz=found_hz)
         )
     return tuple(findings)
+
+
+def _is_usual(found_hz: float, share: float, within: float) -> bool:
+    """Whether pictures that were taken in a share of the time that stamps give came at a rate of cameras."""
+    return bool(np.abs(share * np.array(CONSTANTS.usual_hz) / found_hz - 1).min() < within)
 
 
 def _off(rate_hz: float, cameras_hz: Array) -> float:
