@@ -135,3 +135,12 @@ def test_a_body_that_shows_a_hundred_pixels_off_its_edges_is_compared(side_px, c
     pixel_m = painted_target().metres_per_pixel(POSE)
     small = painted_target(side_px * pixel_m, side_px * pixel_m)
     assert bool(shown(small, 0.6).rows) == compared
+
+
+@pytest.mark.parametrize(("widest_blur_px", "found"), [(0.0, 0.6), (0.9, 0.6), (1.1, 0.0)])
+def test_noise_reduction_that_begins_in_mid_run_is_told(widest_blur_px, found):
+    """In low light a camera amplifies more, and averages more; a focus that hunts looks like that."""
+    own = painted_target()
+    run, later = shown(own, 2.0, 60), shown(own, 2.0, 20, kept=0.6)
+    run.rows.extend(later.rows)
+    assert run.kept(widest_blur_px) == pytest.approx(found, abs=0.08)

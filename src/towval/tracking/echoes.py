@@ -34,6 +34,7 @@ class EchoConstants:
     blur_px: float = 1.0  # [px] Over which a picture out of focus differs from a sharp one.
     named: float = 0.07  # Of the picture, from two pictures back: 0.05 at most without, 0.13 where half is kept.
     deviations: float = 3.0  # By which it is beyond that.
+    sharp_px: float = 1.0  # [px] Blur by focus up to which a part of a run is asked: 1.5 px looks like echoes there.
 
 
 CONSTANTS = EchoConstants()
@@ -78,21 +79,33 @@ class Echoes:
         if known.sum() >= CONSTANTS.samples / 4:
             self.rows.extend(_normal(columns[known], sharp[known], template.tile[kept][known]))
 
-    def kept(self) -> float:
-        """Least share of the picture before that is kept in each; zero where the echoes do not clearly say so."""
-        rows = np.array(self.rows).reshape(-1, _NUMBERS)
-        if len(rows) < CONSTANTS.least_lessons:
+    def kept(self, widest_blur_px: float = 0.0) -> float:
+        """Least share of the picture before that is kept in each; zero where the echoes do not clearly say so.
+
+        Over the run, or where it was most in a part of it: cameras reduce noise by as much as they amplify. A focus
+        that hunts as wide as ``widest_blur_px`` [px] looks like that in a part, and then only the whole run counts.
+        """
+        rows, size = np.array(self.rows).reshape(-1, _NUMBERS), CONSTANTS.least_lessons
+        if len(rows) < size:
             return 0.0
-        information, vector = rows[:, :4].reshape(-1, 2, 2), rows[:, 4:]
-        if (np.linalg.pinv(information.sum(axis=0)) @ vector.sum(axis=0))[0] < 0:
-            # No picture shows less than nothing of the one before: a picture out of focus looks like that.
-            information, vector = information[:, 1:, 1:], vector[:, 1:]
-        inverse = np.linalg.pinv(information.sum(axis=0))
-        echo = inverse @ vector.sum(axis=0)
-        # Samples scatter by more than their residuals suggest: texture is not white noise.
-        std = np.sqrt(np.sum(((vector - information @ echo) @ inverse)[:, -1] ** 2))
-        # Of two pictures back and all before them, as far as the texture does not tell them apart, it is the square.
-        return float(np.sqrt(echo[-1])) if echo[-1] > CONSTANTS.named + CONSTANTS.deviations * std else 0.0
+        if widest_blur_px > CONSTANTS.sharp_px:
+            return _kept(rows)
+        parts = (rows[i : i + size] for i in range(0, len(rows) - size + 1, size // 2))
+        return max(map(_kept, (rows, rows[-size:], *parts)))
+
+
+def _kept(rows: Array) -> float:
+    """As :meth:`Echoes.kept`, of some samples (n, 6)."""
+    information, vector = rows[:, :4].reshape(-1, 2, 2), rows[:, 4:]
+    if (np.linalg.pinv(information.sum(axis=0)) @ vector.sum(axis=0))[0] < 0:
+        # No picture shows less than nothing of the one before: a picture out of focus looks like that.
+        information, vector = information[:, 1:, 1:], vector[:, 1:]
+    inverse = np.linalg.pinv(information.sum(axis=0))
+    echo = inverse @ vector.sum(axis=0)
+    # Samples scatter by more than their residuals suggest: texture is not white noise.
+    std = np.sqrt(np.sum(((vector - information @ echo) @ inverse)[:, -1] ** 2))
+    # Of two pictures back and all before them, as far as the texture does not tell them apart, it is the square.
+    return float(np.sqrt(echo[-1])) if echo[-1] > CONSTANTS.named + CONSTANTS.deviations * std else 0.0
 
 
 def _normal(columns: Array, light: Array, tile: NDArray[np.int64]) -> tuple[float, ...]:

@@ -142,7 +142,7 @@ class _Group:
         tracks = {one.target.body.name: one.track(self.settings.method, findings, view) for one in self.followers}
         tracks, in_time, stamps = check_stamps(tracks)
         tracks, of_rhythm = check_invented(tracks)
-        kept = max(follower.echoes.kept() for follower in self.followers)
+        kept = max(one.echoes.kept(one.tracker.widest_blur_px) for one in self.followers)
         camera = replace(view.track(), stamps=stamps, size=size, size_std=size_std)
         doubted, of_view = as_lengths_show(calibration, size, size_std), view.common_of_parameters
         found = {}
