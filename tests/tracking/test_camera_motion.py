@@ -231,6 +231,17 @@ def test_what_is_written_into_all_pictures_does_not_hold_the_floor(drawn, shift)
     assert np.abs(moved - shift).max() < 0.08
 
 
+@pytest.mark.parametrize("share", [0.0, 0.02])
+def test_pixels_that_are_always_bright_do_not_hold_the_floor(share):
+    """They are the steepest points of the picture, and stay where they are when the camera moves."""
+    hot = np.random.default_rng(4).random(FIRST.shape) < share
+    first, moved = np.where(hot, 250, FIRST), np.where(hot, 250, warped(FIRST, (1.5, -1.0)))
+    registration = FloorRegistration(CAMERA, FLOOR, first.astype(np.uint8), ())
+    found = registration.register(moved.astype(np.uint8), np.zeros(9), [])
+    gap = seen_through(moved_view(CAMERA, FLOOR, found.motion)) - seen_through((CAMERA, FLOOR)) - [1.5, -1.0]
+    assert np.abs(gap).max() < 0.15
+
+
 def test_a_floor_of_tiles_is_not_found_a_tile_off():
     """The camera was turned by the width of a tile between calibration and run; only the grain of the tiles tells."""
     grain = texture(3, finest_m=0.03)

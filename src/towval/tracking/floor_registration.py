@@ -19,6 +19,7 @@ from towval.optics.plane_uncertainty import position_sensitivity
 from towval.optics.projection import project, to_plane
 from towval.tracking.floor_kernels import outside, register_kernel, shares, sums_of_clusters
 from towval.tracking.light import CONSTANTS as LIGHT
+from towval.tracking.light import without_dead
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.template import Luma, Template, make_template, shrunk, slopes_at, without_light
 
@@ -105,6 +106,7 @@ class FloorRegistration:
         if outline is None:
             return
         target = PlanarTarget(Body("floor", 0.0, outline, hidden), camera, floor)
+        luma = without_dead(luma)
         self.template = make_template(luma, target, np.zeros(3), CONSTANTS.samples)
         if self.template is None:
             return

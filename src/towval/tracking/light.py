@@ -1,6 +1,6 @@
 """The light on a planar target: gain and bias of each of its tiles between a template and a picture.
 
-And pictures without it: :func:`evened`.
+And pictures without it: :func:`evened`; and without dead pixels.
 """
 
 from dataclasses import dataclass
@@ -24,11 +24,15 @@ class LightConstants:
     evened: float = 1 / 24  # Of a picture's width: light changes over more, the floor's texture over less.
     evened_levels: float = 40.0  # [grey levels] Deviation of the texture, of which the ends are then cut off at three.
     least_contrast: float = 0.5  # [grey levels] Of the texture: rounding alone gives 0.3.
+    dead_levels: float = 20.0  # [grey levels] By which a dead pixel is beyond all around it,
+    dead_share: float = 5e-5  # of the picture; fewer do not matter, and grain has up to 1e-5 that look like it.
 
 
 CONSTANTS = LightConstants()
 
 Tiles = NDArray[np.int64]
+
+_AROUND = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], dtype=np.uint8)
 
 OUTSIDE = 1e12
 """Residual of a point outside the picture: finite, so that compiled sums stay finite."""
@@ -94,6 +98,19 @@ def _weighed_misfit(values: Array, template: Array, tile: Tiles, light: Array, w
         misfit = values[i] - light[row, 2] - light[row, 0] * (template[i] - light[row, 1])
         total += weight[i] * misfit * misfit
     return total
+
+
+def without_dead(luma: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """A picture (height, width) without single dead pixels, where there are many: they stay where they are.
+
+    They are the steepest points of all, and a floor that is recognised by them stands still however the camera moves.
+    """
+    above = cv2.subtract(luma, cv2.dilate(luma, _AROUND)) > CONSTANTS.dead_levels
+    below = cv2.subtract(cv2.erode(luma, _AROUND), luma) > CONSTANTS.dead_levels
+    dead = above | below
+    if np.count_nonzero(dead) <= CONSTANTS.dead_share * dead.size:
+        return luma
+    return np.where(dead, cv2.medianBlur(luma, 3), luma)
 
 
 def evened(luma: NDArray[np.uint8]) -> NDArray[np.uint8]:
