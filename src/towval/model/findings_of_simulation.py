@@ -48,6 +48,13 @@ register(  # simulate; the last six are those of towval.physics
         "what touched it: the rover, a hand, a cable. If nothing did, check tether.rest_length_m, hinge and anchor.",
     ),
     FindingType(
+        "tether_across", "simulate", NOTE_OR_WARNING, NOT_JUDGED,
+        "From {first_s:.1f} s on, for {percent:.0f} % of the time, the taut tether would pass through the object, "
+        "along up to {chord_mm:.0f} mm, while this moves by {moved_mm:.0f} mm: a real one bears on an edge or winds "
+        "round it, which the model leaves out. See on the video where it lies; if it runs above the top, state "
+        "object.tether_anchor_height_m.",
+    ),
+    FindingType(
         "tether_on_floor", "simulate", WARNING, NONE,
         "For {percent:.0f} % of the time the tether would hang {depth_mm:.0f} mm below the floor: there it lies on the "
         "floor, which the model of a hanging tether leaves out.",

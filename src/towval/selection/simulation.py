@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from towval.model import Choice, DecimatedTrack, SimulatedMotion, TowingScene
+from towval.model import Body, Choice, DecimatedTrack, SimulatedMotion, TowingScene
 from towval.model.results import TO_DYNAMICS
 from towval.physics.ladder import DYNAMICS, rung_names
 from towval.selection.margin import SHARE
@@ -28,6 +28,7 @@ def simulate_selecting(
     *,
     auto: Sequence[str],
     measurement_m: float,
+    body: Body | None = None,
 ) -> tuple[SimulateSettings, SimulatedMotion]:
     """Simulate a run with the settings that it needs; its choices state the effect of the next model and tolerance.
 
@@ -38,7 +39,7 @@ def simulate_selecting(
     if "rung_tolerance_m" in auto:
         settings = replace(settings, rung_tolerance_m=float(np.clip(limit, 1e-9, 1.0)))
     tolerances = TOLERANCES_M if "tolerance_m" in auto else (settings.tolerance_m,)
-    run = RunSimulation(scene, rover, towed, times)
+    run = RunSimulation(scene, rover, towed, times, body)
     for tolerance in tolerances:
         settings = replace(settings, tolerance_m=tolerance)
         motion = run.simulate(settings)

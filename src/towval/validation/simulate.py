@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from towval.model import Array, DecimatedTrack, Finding, Severity, SimulatedMotion, TowingScene
+from towval.model import Array, Body, DecimatedTrack, Finding, Severity, SimulatedMotion, TowingScene
 from towval.model.checks import within
 from towval.model.errors import InputError, RefusedError
 from towval.model.findings import finding
@@ -16,6 +16,7 @@ from towval.physics.ladder import DYNAMICS, RUNGS, LadderChoice, lowest_rung, pa
 from towval.physics.splines import spline_values
 from towval.physics.tether import lowest_point
 from towval.physics.trailing import TRAILING_RUNGS
+from towval.validation.across import tether_across
 from towval.validation.hinge_trajectory import hinge_trajectory
 from towval.validation.scene_model import SceneModel
 from towval.validation.slack import moved_while_slack
@@ -69,6 +70,7 @@ def simulate(
     towed: DecimatedTrack,
     times: ArrayLike,
     settings: SimulateSettings | None = None,
+    body: Body | None = None,
 ) -> SimulatedMotion:
     """Simulate the towed object behind the measured rover.
 
@@ -76,10 +78,10 @@ def simulate(
     tether made. The motion is given at those of the ``times`` (n,) [s]
     from when both tracks have begun to the end of the rover's; ``statistics["u_num_m"]`` is the root sum of squares of
     the largest shifts of the path by a hundred times tighter tolerance, ``statistics["u_tolerance_m"]``, and by the
-    full dynamics. `RefusedError` where
+    full dynamics. With the ``body`` of the object it is seen whether the tether lies across it. `RefusedError` where
     the load's weight is outside the footprint, the tracks do not overlap, or the integration ends early.
     """
-    return RunSimulation(scene, rover, towed, times).simulate(settings or SimulateSettings())
+    return RunSimulation(scene, rover, towed, times, body).simulate(settings or SimulateSettings())
 
 
 class RunSimulation:
@@ -88,7 +90,14 @@ class RunSimulation:
     Parameters and errors are those of :func:`simulate`.
     """
 
-    def __init__(self, scene: TowingScene, rover: DecimatedTrack, towed: DecimatedTrack, times: ArrayLike):
+    def __init__(
+        self,
+        scene: TowingScene,
+        rover: DecimatedTrack,
+        towed: DecimatedTrack,
+        times: ArrayLike,
+        body: Body | None = None,
+    ):
         begin, end = max(rover.time_s[0], towed.time_s[0]), rover.time_s[-1]
         self.asked = np.asarray(times, dtype=np.float64)
         self.times = self.asked[(self.asked >= begin) & (self.asked <= end)]
@@ -98,7 +107,7 @@ class RunSimulation:
                 got=f"{begin} s to {end} s",
                 remedy="look at the findings of the stage track",
             )
-        self.scene, self.model = scene, SceneModel(scene)
+        self.scene, self.model, self.body = scene, SceneModel(scene), body
         self.towed = self.model.towed
         self.hinge = hinge_trajectory(rover, scene.hinge, self.times)
         self.unpulled = moved_while_slack(scene, rover, towed, self.times)
@@ -200,6 +209,7 @@ class RunSimulation:
         if len(self.times) < len(self.asked):
             findings.append(finding("simulate_cut", count=len(self.asked) - len(self.times)))
         findings += [*self.unpulled, *_hanging_findings(self.scene, motion)]
+        findings += tether_across(self.scene, self.body, motion) if self.body else []
         return findings + self._taut_start(motion)
 
     def _taut_start(self, motion: SimulatedMotion) -> list[Finding]:
