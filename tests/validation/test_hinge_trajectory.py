@@ -6,7 +6,7 @@ import pytest
 from towval.model import DecimatedTrack
 from towval.model.geometry import transform
 from towval.physics.splines import spline_values
-from towval.validation.hinge_trajectory import by_kept_poses, hinge_trajectory, nodes_between
+from towval.validation.hinge_trajectory import hinge_trajectory, nodes_between
 
 HINGE = np.array([-0.42, 0.05])
 
@@ -45,20 +45,16 @@ def test_the_hinge_rests_while_the_rover_does_and_takes_no_node_for_it(track):
     assert not spline_values(trajectory, np.linspace(4.0, 6.0, 9))[1].any()
 
 
+def test_each_piece_has_as_many_parts_as_asked_for(track):
+    nodes = nodes_between(track, 0.0, 7.6, parts=2)
+    assert set(track.time_s) <= set(nodes)
+    assert (np.histogram(nodes, track.time_s)[0] >= 2).all()
+    assert np.any(nodes == 5.0), "the middle of the pause"
+
+
 def test_rates_are_slopes_of_poses_and_nothing_is_known_outside(track):
     times, h = np.linspace(0.1, 7.5, 50), 1e-6
     slopes = (track.poses_at(times + h) - track.poses_at(times - h)) / (2 * h)
     assert track.poses_and_rates_at(times)[:, 3:] == pytest.approx(slopes, abs=1e-8)
     assert np.isnan(track.poses_and_rates_at([-0.1, 7.7])).all()
     assert np.diff(track.poses_at(nodes_between(track, 0.0, 7.6))[:, 2]).max() < 0.07  # a braking rover's fastest part
-
-
-def test_noise_of_kept_poses_is_a_curve_through_it_that_does_not_swing_in_a_pause(track):
-    noise = np.random.default_rng(0).standard_normal((9, 3))
-    times = np.linspace(0.0, 7.6, 381)
-    values, slopes = by_kept_poses(track, times) @ noise
-    assert by_kept_poses(track, track.time_s)[0] @ noise == pytest.approx(noise, abs=1e-12)
-    assert np.gradient(values, times, axis=0)[1:-1] == pytest.approx(slopes[1:-1], abs=0.2)
-    pause = (times >= 4.0) & (times <= 6.0)
-    between = np.abs(values[pause] - noise[5:7].mean(axis=0)).max(axis=0)
-    assert (between < 0.6 * np.abs(noise[5] - noise[6]) + 0.4 * np.ptp(noise, axis=0)).all()

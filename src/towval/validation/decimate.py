@@ -97,14 +97,14 @@ def decimate(track: Track, settings: DecimateSettings | None = None) -> Decimate
     time, pose = track.time_s[seen], track.pose[seen]
     reported = track.std[seen]
     white = np.minimum(noise_of(time, pose, reported), _MOST_STATED * np.median(reported, axis=0))
-    pauses = find_pauses(time, pose, _frame_sigma(reported, white), settings.pause_s)
+    pauses = find_pauses(time, pose, frame_sigma(reported, white), settings.pause_s)
     moving = np.ones(len(time), dtype=bool)
     for first, last in pauses:
         moving[first : last + 1] = False
     if np.count_nonzero(moving) < _MINIMUM_FRAMES:
         moving[:] = True
     noise = np.maximum(white, noise_in_motion(time[moving], pose[moving], reported[moving]))
-    sigma = _frame_sigma(reported, noise)
+    sigma = frame_sigma(reported, noise)
     fit, kept = _fewest_knots(time, pose, sigma, pauses, settings.excess)
     residual = (pose - fit.values(time)) / sigma
     thin = DecimatedTrack(
@@ -150,7 +150,7 @@ def noise_in_motion(time: Array, pose: Array, reported: Array) -> Array:
     return np.minimum(stated, np.maximum(_WANDERING * noise_of(time, pose, reported), _LEAST_STATED * stated))
 
 
-def _frame_sigma(reported: Array, noise: Array) -> Array:
+def frame_sigma(reported: Array, noise: Array) -> Array:
     """Deviation of each pose (n, 3): ``noise`` (3,), larger where the tracker reports that a frame was worse."""
     typical = np.median(reported, axis=0)
     relative = np.where(typical > 0, reported / np.where(typical > 0, typical, 1.0), 1.0)
@@ -239,12 +239,12 @@ class _Fit:
         return np.asarray(variance.T[:, :, None] * np.eye(3))
 
     def values(self, time: Array) -> Array:
-        cell, shares = _hermite_shares(self.knots, time)
+        cell, shares = hermite_shares(self.knots, time)
         around = np.concatenate([self.nodes[cell], self.nodes[cell + 1]], axis=1)
         return np.asarray(np.einsum("nk,nkc->nc", shares, around))
 
 
-def _hermite_shares(knots: Array, time: Array) -> tuple[NDArray[np.intp], Array]:
+def hermite_shares(knots: Array, time: Array) -> tuple[NDArray[np.intp], Array]:
     """The cell (n,) of each time, and the weights (n, 4) of value and rate at its first and last knot in the cubic."""
     cell = np.clip(np.searchsorted(knots, time, side="right") - 1, 0, len(knots) - 2)
     width = knots[cell + 1] - knots[cell]
@@ -268,7 +268,7 @@ def _fit(time: Array, pose: Array, sigma: Array, kept: list[int], pauses: list[t
     """Fit all knots jointly. A pose depends on four successive unknowns: the equations are banded, the cost linear."""
     knots = time[kept]
     unknowns, has = _unknowns(kept, pauses)
-    cell, shares = _hermite_shares(knots, time)
+    cell, shares = hermite_shares(knots, time)
     concerned = np.concatenate([unknowns[cell], unknowns[cell + 1]], axis=1)
     shares *= np.concatenate([has[cell], has[cell + 1]], axis=1)
     nodes = np.empty((len(kept), 2, 3))

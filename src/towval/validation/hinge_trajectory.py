@@ -4,8 +4,6 @@ Nodes are those of the track, so that the acceleration of the hinge jumps only w
 between them where the rover turns: a cubic through positions and velocities misses the arc of a lever l by l Δϑ⁴/384.
 """
 
-from dataclasses import replace
-
 import numpy as np
 
 from towval.model import Array, DecimatedTrack
@@ -15,17 +13,17 @@ from towval.physics.splines import Spline, hermite_spline
 _TURN = 0.05  # rad between two nodes; for a lever of 0.4 m the arc is then missed by 10 nm, hard braking by 1 µm
 
 
-def nodes_between(track: DecimatedTrack, begin: float, end: float) -> Array:
-    """Times (m,) of the nodes from ``begin`` to ``end`` [s], both included."""
+def nodes_between(track: DecimatedTrack, begin: float, end: float, parts: int = 1) -> Array:
+    """Times (m,) of the nodes from ``begin`` to ``end`` [s], both included; in each piece at least ``parts``."""
     inside = track.time_s[(track.time_s > begin) & (track.time_s < end)]
     ends = np.concatenate([[begin], inside, [end]])
     moving = track.poses_and_rates_at(ends)
     length = np.diff(ends)
     fastest = np.maximum(np.abs(moving[:-1, 5]), np.abs(moving[1:, 5])) * length
-    parts = np.maximum(1, np.ceil(np.maximum(fastest, np.abs(np.diff(moving[:, 2]))) / _TURN)).astype(int)
-    first = np.repeat(ends[:-1], parts)
-    within = np.concatenate([np.arange(count) / count for count in parts])
-    return np.append(first + within * np.repeat(length, parts), end)
+    counts = np.maximum(parts, np.ceil(np.maximum(fastest, np.abs(np.diff(moving[:, 2]))) / _TURN)).astype(int)
+    first = np.repeat(ends[:-1], counts)
+    within = np.concatenate([np.arange(count) / count for count in counts])
+    return np.append(first + within * np.repeat(length, counts), end)
 
 
 def trajectory_of(hinge: Array, times: Array, rover: Array) -> Spline:
@@ -38,16 +36,3 @@ def hinge_trajectory(rover: DecimatedTrack, hinge: Array, times: Array) -> Splin
     """Trajectory of the tether's hinge (2,) [m] along the rover's smoothed track, over ``times`` (n,) [s]."""
     nodes = nodes_between(rover, times[0], times[-1])
     return trajectory_of(hinge, nodes, rover.poses_and_rates_at(nodes))
-
-
-def by_kept_poses(track: DecimatedTrack, nodes: Array) -> Array:
-    """Matrices (2, m, k) from values at the k kept times of a track to values and slopes at nodes."""
-    values, slopes = np.empty((2, len(nodes), len(track.time_s)))
-    for j in range(len(track.time_s)):
-        unit = np.zeros((len(track.time_s), 3))
-        unit[j] = 1.0
-        # Slopes over both neighbours, with which a short piece next to a long one does not oscillate.
-        slope = np.gradient(unit, axis=0) / np.gradient(track.time_s)[:, None]
-        at_nodes = replace(track, pose=unit, rate=slope).poses_and_rates_at(nodes)
-        values[:, j], slopes[:, j] = at_nodes[:, 0], at_nodes[:, 3]
-    return np.stack([values, slopes])

@@ -19,7 +19,8 @@ from towval.model.geometry import compose
 from towval.model.inputs import INPUTS, Realisation
 from towval.optics.moved_view import pose_sensitivity
 from towval.validation.consequences import WIDER, widened
-from towval.validation.hinge_trajectory import by_kept_poses, nodes_between
+from towval.validation.curve_noise import CurveNoise
+from towval.validation.hinge_trajectory import nodes_between
 from towval.validation.simulate_many import Batch, Drawn
 
 _RATE_STEP_S = 1e-4
@@ -105,7 +106,7 @@ class Sampler:
         self.case, self.settings = case, settings
         self.times = case.simulated.time_s
         begin, end = self.times[[0, -1]]
-        self.nodes = nodes_between(case.rover_decimated, begin, end)
+        self.nodes = nodes_between(case.rover_decimated, begin, end, parts=2)
         self.rover_moves = case.rover_decimated.poses_and_rates_at(self.nodes)
         # The effect of a camera change on the rover's rates is computed from poses shortly before and after each node.
         self.around = np.clip(self.nodes[:, None] + [0.0, -_RATE_STEP_S, _RATE_STEP_S], begin, end).T
@@ -118,13 +119,11 @@ class Sampler:
             self.nodes, self.times, case.simulated.rung, case.simulated.sticking,
             settings.tolerance_m, settings.processes,
         )  # fmt: skip
-        self.knot_std = np.sqrt(np.diagonal(case.rover_decimated.covariance, axis1=1, axis2=2))
+        self.rover_noise, self.wider = CurveNoise.of(case.rover_track, case.rover_decimated, self.nodes), 1.0
         self.start_std = _start_std(case.object_track, case.object_decimated, begin)
-        self.by_knots = by_kept_poses(case.rover_decimated, self.nodes)
         self.roots = _roots(case)
         if "tracking" in widened(case.upstream):
-            self.noise_std, self.knot_std = WIDER * self.noise_std, WIDER * self.knot_std
-            self.start_std = WIDER * self.start_std
+            self.noise_std, self.start_std, self.wider = WIDER * self.noise_std, WIDER * self.start_std, WIDER
         # Only what varies is drawn: each further column makes the shares of all less accurate.
         self.drawn = [name for name in INPUTS if self.roots[name].any()] or ["camera"]
         self.stated = {name: INPUTS[name].values(case.scene) for name in self.drawn}
@@ -147,10 +146,11 @@ class Sampler:
     def lay_out(self, index: int, draw: Array) -> tuple[Drawn | None, Array]:
         """The tow to simulate of one draw, None where it cannot be simulated, and measured poses (n, 3)."""
         rng = self.generator(index, 0)
-        noise, knots = self.noise_std * rng.standard_normal(self.noise_std.shape), self._knot_noise(rng)
+        noise = self.noise_std * rng.standard_normal(self.noise_std.shape)
+        moves = self.wider * self.rover_noise.drawn(rng)
         start = self.start_std * self.generator(index, 2).standard_normal(3)
         drawn, measured = self.moved(draw)
-        return drawn and drawn._replace(rover=drawn.rover + knots, start=drawn.start + start), measured + noise
+        return drawn and drawn._replace(rover=drawn.rover + moves, start=drawn.start + start), measured + noise
 
     def moved(self, draw: Array) -> tuple[Drawn | None, Array]:
         """The same without noise, for inputs (d,) given as standard normal numbers."""
@@ -173,11 +173,6 @@ class Sampler:
         for row, part in zip(map(INPUTS.__getitem__, self.drawn), parts, strict=True):
             real = row.acts(real, self.stated[row.name] + self.roots[row.name] @ part)
         return real.checked()
-
-    def _knot_noise(self, rng: np.random.Generator) -> Array:
-        """Noise of poses and rates (m, 6): cubics through independent noise of the kept poses of the rover's track."""
-        noise = self.knot_std * rng.standard_normal(self.knot_std.shape)
-        return np.concatenate(self.by_knots @ noise, axis=1)
 
 
 def _start_std(track: Track, decimated: DecimatedTrack, begin_s: float) -> Array:
