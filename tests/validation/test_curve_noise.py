@@ -40,12 +40,11 @@ def test_draws_are_as_loud_as_the_noise_of_the_curve_in_poses_and_rates(tracks):
     h = 1e-5
     rate = (winding(TIMES + h) - winding(TIMES - h)) / (2 * h)
     true = np.concatenate([winding(TIMES), rate], axis=1)
-    under_way = TIMES > 2.0  # Where the rest ends the curve is off by more.
-    off = rms(np.array([thin.poses_and_rates_at(TIMES) - true for _, thin in tracks])[:, under_way])
+    off = rms(np.array([thin.poses_and_rates_at(TIMES) - true for _, thin in tracks]))
     rng = np.random.default_rng(1)
     noises = [CurveNoise.of(track, thin, TIMES) for track, thin in tracks[:10]]
-    drawn = rms(np.array([noise.drawn(rng) for noise in noises for _ in range(40)])[:, under_way])
-    assert (drawn > 0.75 * off).all()
+    drawn = rms(np.array([noise.drawn(rng) for noise in noises for _ in range(40)]))
+    assert (drawn > 0.7 * off).all()
     assert (drawn < 1.6 * off).all()
 
 

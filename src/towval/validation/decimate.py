@@ -97,7 +97,7 @@ def decimate(track: Track, settings: DecimateSettings | None = None) -> Decimate
     time, pose = track.time_s[seen], track.pose[seen]
     reported = track.std[seen]
     white = np.minimum(noise_of(time, pose, reported), _MOST_STATED * np.median(reported, axis=0))
-    pauses = find_pauses(time, pose, frame_sigma(reported, white), settings.pause_s)
+    pauses = _surely(find_pauses(time, pose, frame_sigma(reported, white), settings.pause_s), len(time))
     moving = np.ones(len(time), dtype=bool)
     for first, last in pauses:
         moving[first : last + 1] = False
@@ -190,6 +190,17 @@ def _without_creep(pauses: list[tuple[int, int]]) -> list[tuple[int, int]]:
         else:
             chains.append([pause])
     return [max(chain, key=lambda pause: pause[1] - pause[0]) for chain in chains]
+
+
+def _surely(pauses: list[tuple[int, int]], frames: int) -> list[tuple[int, int]]:
+    """Rests without the frames at their ends in which the body may move already: four must disagree to end a rest.
+
+    A curve that rests too long has to catch up at once, with rates several times as wrong. A rest at the beginning or
+    the end of the track keeps that end.
+    """
+    return [
+        (first + _RUN if first > 0 else first, last - _RUN if last < frames - 1 else last) for first, last in pauses
+    ]
 
 
 def _farthest(holds: Callable[[int], bool], last: int, step: int, limit: int) -> int:
