@@ -10,6 +10,7 @@ from towval.model import CameraTrack, Stamp, UncertaintyMap
 from towval.model.errors import InputError
 from towval.model.inputs import INPUTS
 from towval.report import figures
+from towval.report.data import ReportSettings
 from towval.report.figures.errors import intervals
 from towval.report.style import (
     COLUMN_WIDTH_IN,
@@ -256,6 +257,21 @@ def test_files_are_the_same_to_the_byte_when_drawn_again(run, tmp_path):
     assert [path.name for path in first] == ["errors.pdf", "errors.svg", "errors.png"]
     for one, two in zip(first, again, strict=True):
         assert one.read_bytes() == two.read_bytes(), one.name
+
+
+def test_files_in_formats_that_are_not_asked_for_are_removed(run, tmp_path):
+    figure = figures.error_figure(run)
+    before = save_figure(figure, tmp_path, "errors")[1].read_bytes()
+    assert save_figure(figure, tmp_path, "errors", formats=["svg"]) == (tmp_path / "errors.svg",)
+    assert [path.name for path in tmp_path.iterdir()] == ["errors.svg"]
+    assert (tmp_path / "errors.svg").read_bytes() == before
+
+
+def test_a_format_that_figures_do_not_have_is_named():
+    assert ReportSettings(formats=[]).formats == ()
+    for formats in (["eps"], ["png", "png"]):
+        with pytest.raises(InputError, match="of pdf, svg, png, each once"):
+            ReportSettings(formats=formats)
 
 
 def test_drawing_leaves_the_settings_of_matplotlib_alone(run):

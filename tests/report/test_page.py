@@ -159,6 +159,10 @@ def test_same_data_give_the_same_bytes_with_and_without_figures_beside(tmp_path)
     assert alone.read_bytes() == beside.read_bytes()
     names = {path.name for path in (tmp_path / "figures").iterdir()}
     assert names == {f"{name}.{ending}" for name in figure_names(small) for ending in ("pdf", "svg", "png")}
+    as_png = write_report(tmp_path / "png.html", dataclasses.replace(small, formats=("png",)), tmp_path / "figures")
+    assert as_png.read_bytes() == alone.read_bytes()
+    names = {path.name for path in (tmp_path / "figures").iterdir()}
+    assert names == {f"{name}.png" for name in figure_names(small)}
 
 
 def test_gravest_findings_come_first_and_shared_ones_once():

@@ -62,6 +62,7 @@ def run(
         campaign=given.name,
         runs=tuple(runs),
         embed_mb=settings.embed_mb,
+        formats=settings.formats,
         provenance=_provenance(given, results, identified),
         calibration=calibration,
         uncertainty=uncertainty_map(

@@ -6,8 +6,12 @@ from pathlib import Path as FilePath
 
 from towval.model import Calibration, Finding, Identification, UncertaintyMap
 from towval.model.checks import within
+from towval.model.errors import InputError
 from towval.model.repeats import Corridor
 from towval.model.run_record import RunRecord
+
+FORMATS = ("pdf", "svg", "png")
+"""Formats in which figures can be saved, beside the page."""
 
 # Browsers hold a page as one string of at most 512 MB.
 _MOST_MB = 400
@@ -18,13 +22,19 @@ class ReportSettings:
     """Keys of ``config["report"]``.
 
     ``overlay_width_px`` is the largest width of the overlay videos [px]; films of more than ``embed_mb`` [MB] in all
-    are linked.
+    are linked. Each figure is saved in the ``formats``, of :data:`FORMATS`.
     """
 
     overlay_width_px: int = 960
     embed_mb: float = 60.0
+    formats: tuple[str, ...] = FORMATS
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "formats", tuple(self.formats))
+        if not set(self.formats) <= set(FORMATS) or len(set(self.formats)) < len(self.formats):
+            raise InputError(
+                "report.formats is out of range", got=list(self.formats), allowed=f"of {', '.join(FORMATS)}, each once"
+            )
         within(self, "report", overlay_width_px=(160, 7680), embed_mb=(0, _MOST_MB))
 
 
@@ -80,7 +90,8 @@ class ReportData:
     """All data of a report; the page leaves out the sections of parts that are missing.
 
     ``calibration`` and ``uncertainty`` are those of the campaign; ``repeats`` of groups of runs. ``findings`` are those
-    that no result holds; others come from the results. Films of more than ``embed_mb`` [MB] in all are linked.
+    that no result holds; others come from the results. Films of more than ``embed_mb`` [MB] in all are linked, and
+    figures saved in the ``formats``.
     """
 
     campaign: str
@@ -93,6 +104,7 @@ class ReportData:
     identification: Identification | None = None
     repeats: tuple[Corridor, ...] = ()
     embed_mb: float = ReportSettings.embed_mb
+    formats: tuple[str, ...] = FORMATS
 
     @property
     def records(self) -> tuple[RunRecord, ...]:

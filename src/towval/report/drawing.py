@@ -38,12 +38,16 @@ _Result = tuple[str, str, Frame | None] | None
 
 @dataclass(frozen=True)
 class _Task:
-    """A figure to draw, its title (to be requested only where there is a figure), and the ``cursor`` of its entry."""
+    """A figure to draw and the formats of its files, its title, and the ``cursor`` of its entry.
+
+    The title is to be requested only where there is a figure.
+    """
 
     name: str
     entry: ReportFigure
     run: str
     cursor: str
+    formats: tuple[str, ...]
     draw: Callable[[], Figure | None]
     title: Callable[[], str]
 
@@ -54,15 +58,15 @@ class _Task:
             return None
         svg = svg_text(figure)
         if folder is not None:
-            save_figure(figure, folder, self.name, svg=svg)
+            save_figure(figure, folder, self.name, svg, self.formats)
         return self.title(), svg, frame_of(figure) if self.cursor else None
 
 
 def draw_figures(data: ReportData, folder: FilePath | None = None, processes: int = 1) -> list[Drawn]:
     """Draw the figures of a report: the campaign's, then those of each run, without those whose data are missing.
 
-    With a ``folder``, each is also saved there as PDF, SVG and PNG. On Linux, up to ``processes`` forked processes draw
-    in parallel; the figures do not depend on their number.
+    With a ``folder``, each is also saved there in the formats of the data. On Linux, up to ``processes`` forked
+    processes draw in parallel; the figures do not depend on their number.
 
     Raises `InputError` when ``folder`` cannot be written to, `MemoryError` when the system has ended a process.
     """
@@ -81,11 +85,11 @@ def draw_figures(data: ReportData, folder: FilePath | None = None, processes: in
 def _tasks(data: ReportData) -> Iterator[_Task]:
     for name, entry in CAMPAIGN_FIGURES.items():
         title = f"{entry.title[:1].upper()}{entry.title[1:]}."
-        yield _Task(name, entry, "", "", partial(entry.draw, data), partial(str, title))
+        yield _Task(name, entry, "", "", data.formats, partial(entry.draw, data), partial(str, title))
     for run in data.records:
         for name, of_run in RUN_FIGURES.items():
             draw, title_of = partial(of_run.draw, run), partial(_title, of_run, run)
-            yield _Task(f"{name}_{run.name}", of_run, run.name, of_run.cursor, draw, title_of)
+            yield _Task(f"{name}_{run.name}", of_run, run.name, of_run.cursor, data.formats, draw, title_of)
 
 
 def _title(entry: RunFigure, run: RunRecord) -> str:

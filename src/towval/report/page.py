@@ -15,7 +15,8 @@ def write_report(
 ) -> FilePath:
     """Write the report of a campaign: one HTML file that loads nothing else; the same data give the same bytes.
 
-    With a ``figures_folder``, the figures are also saved there as PDF, SVG and PNG. ``processes`` draw in parallel.
+    With a ``figures_folder``, the figures are also saved there in the formats of the data. ``processes`` draw
+    in parallel.
 
     Raises `InputError` when there is no run, two runs share a name, or a video cannot be read.
     """

@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 
 from towval.io.atomic import replacing, write_text
 from towval.model.errors import InputError
+from towval.report.data import FORMATS
 
 COLUMN_WIDTH_IN = 85 / 25.4
 """Width of one column of a journal page, 85 mm [in]."""
@@ -34,7 +35,6 @@ BAND = "#c9d8ea"
 COVERAGE = 2.0
 """Half width of a band in standard uncertainties: 95 % for a normal error."""
 
-FORMATS = ("pdf", "svg", "png")
 # Dates and program names, which would change the bytes in every run.
 _METADATA = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": {"Software": None}}
 
@@ -179,15 +179,21 @@ def frame_of(figure: Figure) -> Frame:
     return Frame(float(first.x0), float(first.x1), float(1 - first.y1), float(1 - last.y0), float(low), float(high))
 
 
-def save_figure(figure: Figure, folder: FilePath, name: str, svg: str | None = None) -> tuple[FilePath, ...]:
+def save_figure(
+    figure: Figure, folder: FilePath, name: str, svg: str | None = None, formats: Sequence[str] = FORMATS
+) -> tuple[FilePath, ...]:
     """Save a figure as ``name.pdf``, ``name.svg`` and ``name.png`` at its own width, each file atomically.
 
-    ``svg`` is its :func:`svg_text`, if already made. The same figure gives the same bytes each time.
+    Files of the figure in other than the ``formats`` are removed: they would show what it was before. ``svg`` is its
+    :func:`svg_text`, if already made. The same figure gives the same bytes each time.
 
     Raises `InputError` when ``folder`` cannot be written to.
     """
     try:
-        paths = tuple(folder / f"{name}.{ending}" for ending in FORMATS)
+        for ending in FORMATS:
+            if ending not in formats:
+                (folder / f"{name}.{ending}").unlink(missing_ok=True)
+        paths = tuple(folder / f"{name}.{ending}" for ending in formats)
         for path in paths:
             if path.suffix == ".svg":
                 write_text(path, svg or svg_text(figure))
