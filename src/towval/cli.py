@@ -43,7 +43,7 @@ A rover plan that makes the object follow a path, and the motion of the object b
 An overview of all campaigns; a continuous integration fails where a run does not agree:
   towval index     results results_of_last_year -o index.sqlite --fail-on disagrees
 
---set KEY=VALUE changes a setting of the stage, a key of its section in config.yaml: --set excess=2.5
+--set KEY=VALUE changes a setting of the stage, in config.yaml: --set excess=2.5 or decimate.excess=2.5
 --json prints what a command made, and how good it is, as one JSON object
 Completion of commands, options and files in bash, zsh and fish: eval "$(register-python-argcomplete towval)"
 """
@@ -188,13 +188,14 @@ def _arguments() -> argparse.ArgumentParser:
     return parser
 
 
-def _keys(pairs: list[str]) -> dict[str, Any]:
+def _keys(pairs: list[str], stage: str = "") -> dict[str, Any]:
+    """Keys and values; a key of the stage's own section may be written as in ``towval run``, with the stage's name."""
     keys = {}
     for pair in pairs:
         name, equals, text = pair.partition("=")
         if not (name and equals):
             raise InputError("--set needs a key and a value", got=pair, allowed="KEY=VALUE")
-        keys[name] = read_value(text)
+        keys[name.removeprefix(f"{stage}.")] = read_value(text)
     return keys
 
 
@@ -212,7 +213,7 @@ def main(arguments: list[str] | None = None) -> None:
         if stage not in (*_OUTPUTS, *_WITHOUT_OUTPUT):
             check_replaceable(given["output"], stage)
         if "keys" in given:
-            given["keys"] = _keys(given["keys"])
+            given["keys"] = _keys(given["keys"], stage)
         run: Callable[..., Outcome | None] = getattr(
             importlib.import_module(given.pop("module")), given.pop("function")
         )

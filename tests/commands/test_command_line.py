@@ -35,6 +35,13 @@ def test_one_json_object_stands_for_what_people_read(tmp_path, capsys):
     assert told["verdicts"] == {"agrees": 1}
 
 
+@pytest.mark.parametrize("written", ["embed_mb", "report.embed_mb"])
+def test_a_key_of_the_stage_may_be_written_as_for_all_stages(tmp_path, capsys, written):
+    with pytest.raises(SystemExit):
+        main(["report", str(tmp_path), "--results", str(tmp_path), "--set", f"{written}=5000"])
+    assert "report: embed_mb is 5000; allowed: at least 0 and at most 400" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(("given", "used"), [({}, "1"), ({"OMP_NUM_THREADS": "2"}, "2")])
 def test_blas_has_one_thread_unless_the_user_says_otherwise(given, used):
     # What is set when the command line, and with it NumPy, is imported.
