@@ -555,6 +555,7 @@ def clicked_beside(monkeypatch, step, here=0.3):
     )
     monkeypatch.setattr(clicks_module, "co_moving", lambda *_: None)
     monkeypatch.setattr(clicks_module, "around", lambda *_: search)
+    monkeypatch.setattr(clicks_module, "settled", lambda _, __, place: (place, np.zeros((3, 3))))
     clicks_px = own.pixels(own.body.top_corners_m, pose)
     return _checked(own, [np.full((240, 320), 100, np.uint8)], clicks_px), clicks_px
 
