@@ -65,7 +65,8 @@ def _checked(target: PlanarTarget, pictures: Sequence[Luma], clicks_px: ArrayLik
     best, place = next(iter(found), (0.0, clicked))
     clear = Place(best, place, tuple(search.views)).clear
     pose, of_place = settled(target, search.views, place)
-    off_m = target.apart_m(clicked, pose)
+    # At the foot of a side, or at a line inside, clicks know better than either.
+    off_m, nearest = min(((target.apart_m(clicked, each), each) for each in (place, pose)), key=lambda each: each[0])
     findings = [] if clicks_px is given_px else [finding("clicks_reordered", name=name)]
     clearly = target.apart_m(beside, place) <= near_m or here < CONSTANTS.as_good * best
     corrected = clear and off_m > near_m and clearly
@@ -75,7 +76,7 @@ def _checked(target: PlanarTarget, pictures: Sequence[Luma], clicks_px: ArrayLik
         findings += _size_findings(target, clicks_px)
     if corrected:
         clicked, clicks_px = pose, target.pixels(target.body.top_corners_m, pose)
-    places = [(best, pose), *found[1:]][: len(found)]
+    places = [(best, nearest), *found[1:]][: len(found)]
     as_good = [other for score, other in places if score >= CONSTANTS.as_good * max(best, here)]
     rivals = [step_between(clicked, other) for other in as_good if target.apart_m(clicked, other) > near_m]
     spread = np.array(rivals).reshape(-1, 3)
