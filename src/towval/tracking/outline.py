@@ -250,23 +250,27 @@ def settled(target: PlanarTarget, views: Sequence[View], pose: Array) -> tuple[A
     """
     pixel = target.metres_per_pixel(pose)
     steps = CONSTANTS.beside_px * pixel * np.array([[x, y, 0.0] for x in (0, 1, -1) for y in (0, 1, -1)])
-    ends = [end for step in steps if (end := _end(target, views, compose(pose, step))) is not None]
-    ends = [end for end in ends if np.linalg.norm(end.pose[:2] - pose[:2]) <= CONSTANTS.farthest_px * pixel]
+    own, *beside = (_end(target, views, compose(pose, step)) for step in steps)
+    near_m = CONSTANTS.farthest_px * pixel
+    ends = [end for end in (own, *beside) if end is not None and np.linalg.norm(end.pose[:2] - pose[:2]) <= near_m]
     most = max((end.seen for end in ends), default=0)
-    ends = sorted((end for end in ends if 2 * end.seen >= most), key=lambda end: end.std_m)
+    ends = [end for end in ends if 2 * end.seen >= most]
     if not ends:
         return pose, np.zeros((3, 3))
-    best, rivals = ends[0], list[Array]()
-    for end in ends:
+    surest = min(ends, key=lambda end: end.std_m)
+    as_good = [end for end in ends if end.std_m < CONSTANTS.nearly_as_sure * surest.std_m]
+    # What the search found counts, unless another place is clearly surer.
+    best = next((end for end in as_good if end is own), surest)
+    rivals: list[Array] = []
+    for end in as_good:
         places = [best.pose, *(compose(best.pose, rival) for rival in rivals)]
-        apart_m = min(float(np.linalg.norm(end.pose[:2] - place[:2])) for place in places)
-        if end.std_m < CONSTANTS.nearly_as_sure * best.std_m and apart_m > CONSTANTS.apart_px * pixel:
+        if min(float(np.linalg.norm(end.pose[:2] - place[:2])) for place in places) > CONSTANTS.apart_px * pixel:
             rivals.append(step_between(best.pose, end.pose))
     spread = np.array(rivals).reshape(-1, 3)
     return best.pose, spread.T @ spread / (len(rivals) + 1)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _End:
     """Where fits end: ``pose`` (3,), the largest deviation of its place ``std_m`` [m], and views that show edges."""
 
