@@ -249,8 +249,9 @@ def settled(target: PlanarTarget, views: Sequence[View], pose: Array) -> tuple[A
     at these the opposite edge is found as well, and the fit is surer.
     """
     pixel = target.metres_per_pixel(pose)
-    steps = CONSTANTS.beside_px * pixel * np.array([[x, y, 0.0] for x in (0, 1, -1) for y in (0, 1, -1)])
-    own, *beside = (_end(target, views, compose(pose, step)) for step in steps)
+    around = CONSTANTS.beside_px * pixel * np.array([[x, y, 0.0] for x in (0, 1, -1) for y in (0, 1, -1)][1:])
+    own = _end(target, views, pose, wide=False)
+    beside = (_end(target, views, compose(pose, step), wide=True) for step in around)
     near_m = CONSTANTS.farthest_px * pixel
     ends = [end for end in (own, *beside) if end is not None and np.linalg.norm(end.pose[:2] - pose[:2]) <= near_m]
     most = max((end.seen for end in ends), default=0)
@@ -262,7 +263,7 @@ def settled(target: PlanarTarget, views: Sequence[View], pose: Array) -> tuple[A
     # What the search found counts, unless another place is clearly surer.
     best = next((end for end in as_good if end is own), surest)
     rivals: list[Array] = []
-    for end in as_good:
+    for end in (end for end in as_good if end.usual_std_m < CONSTANTS.nearly_as_sure * best.usual_std_m):
         places = [best.pose, *(compose(best.pose, rival) for rival in rivals)]
         if min(float(np.linalg.norm(end.pose[:2] - place[:2])) for place in places) > CONSTANTS.apart_px * pixel:
             rivals.append(step_between(best.pose, end.pose))
@@ -272,25 +273,39 @@ def settled(target: PlanarTarget, views: Sequence[View], pose: Array) -> tuple[A
 
 @dataclass(frozen=True, eq=False)
 class _End:
-    """Where fits end: ``pose`` (3,), the largest deviation of its place ``std_m`` [m], and views that show edges."""
+    """Where fits end: ``pose`` (3,) and views that show edges.
+
+    ``std_m`` is the largest deviation of its place in all of them [m], ``usual_std_m`` that in a usual one: where a few
+    views are sure by chance, the others are not.
+    """
 
     pose: Array
     std_m: float
+    usual_std_m: float
     seen: int
 
 
-def _end(target: PlanarTarget, views: Sequence[View], pose: Array) -> _End | None:
-    """Where wide fits in all views lead from a ``pose`` (3,), and others from there; None where none shows edges."""
+def _end(target: PlanarTarget, views: Sequence[View], pose: Array, *, wide: bool) -> _End | None:
+    """Where fits in all views, ``wide`` ones at first, lead from a ``pose`` (3,); None where none shows edges.
+
+    A wide fit also takes the foot of a side for an edge that is on its place already.
+    """
     end = None
-    for wide in (True, False):
-        fits = (observe_outline(luma, target, compose(step, pose), wide=wide) for luma, step in views)
+    for wide_now in (wide, False):
+        fits = (observe_outline(luma, target, compose(step, pose), wide=wide_now) for luma, step in views)
         seen = [fit for fit in fits if fit is not None]
         if not seen:
             return end
         together = combine_fits(seen)
         pose = compose(pose, together.correction)
-        end = _End(pose, float(np.sqrt(np.linalg.eigvalsh(together.covariance[:2, :2])[-1])), len(seen))
+        usual_m = float(np.median([_largest_std_m(fit) for fit in seen]))
+        end = _End(pose, _largest_std_m(together), usual_m, len(seen))
     return end
+
+
+def _largest_std_m(fit: OutlineFit) -> float:
+    """Deviation of a place in the direction in which it is largest [m]."""
+    return float(np.sqrt(np.linalg.eigvalsh(fit.covariance[:2, :2])[-1]))
 
 
 def combine_fits(fits: Sequence[OutlineFit], further: Array | None = None) -> OutlineFit:
