@@ -275,8 +275,8 @@ def settled(target: PlanarTarget, views: Sequence[View], pose: Array) -> tuple[A
 class _End:
     """Where fits end: ``pose`` (3,) and views that show edges.
 
-    ``std_m`` is the largest deviation of its place in all of them [m], ``usual_std_m`` that in a usual one: where a few
-    views are sure by chance, the others are not.
+    ``std_m`` is the largest deviation of its place in all of them together [m], ``usual_std_m`` the geometric mean of
+    each one's: where a few are sure by chance, others are not.
     """
 
     pose: Array
@@ -298,7 +298,7 @@ def _end(target: PlanarTarget, views: Sequence[View], pose: Array, *, wide: bool
             return end
         together = combine_fits(seen)
         pose = compose(pose, together.correction)
-        usual_m = float(np.median([_largest_std_m(fit) for fit in seen]))
+        usual_m = float(np.exp(np.mean(np.log([_largest_std_m(fit) for fit in seen]))))
         end = _End(pose, _largest_std_m(together), usual_m, len(seen))
     return end
 
