@@ -104,6 +104,24 @@ def test_a_place_counts_where_half_as_many_pictures_show_its_edges(monkeypatch, 
     assert off == pytest.approx(2.0 if taken else 0.0, abs=1e-9)
 
 
+def test_a_few_pictures_that_are_sure_by_chance_do_not_make_a_place_as_good(monkeypatch):
+    """In half of the pictures the place beside is as sure as the right one, in the others it is not."""
+    own = painted_target()
+    pixel_m = own.metres_per_pixel(POSE)
+
+    def fit(luma, _target, pose, *, wide):
+        off_px = step_between(POSE, pose)[:2] / pixel_m
+        beside = off_px[0] > 1
+        std_m = pixel_m * (0.4 if beside and not luma[0, 0] else 0.1)
+        return OutlineFit(np.array([*(2.0 * beside, 0.0) - off_px, 0.0]) * pixel_m, np.diag([std_m, std_m, 0.01]) ** 2)
+
+    monkeypatch.setattr(outline, "observe_outline", fit)
+    views = [(np.full((1, 1), sure, np.uint8), np.zeros(3)) for sure in (1, 1, 1, 0, 0)]
+    pose, spread_over = settled(own, views, POSE)
+    assert np.allclose(pose, POSE)
+    assert not spread_over.any()
+
+
 def test_several_fits_that_end_at_the_same_place_are_one_place(monkeypatch):
     ends = (0.0, 0.1, 0.1, 5), (2.0, 0.1, 0.1, 5), (2.2, 0.1, 0.1, 5), (-1.5, 0.1, 0.1, 5)
     _, std = fits_end_at(monkeypatch, *ends)
