@@ -543,8 +543,11 @@ def test_once_a_place_is_clear_others_are_followed_where_they_fit_to_19_parts_of
     assert len(_followed(painted_target(), places, [])) == 1 + looked_for
 
 
-def clicked_beside(monkeypatch, step, here=0.3):
-    """Clicks by a ``step`` (3,) [px, px, rad] beside a place of score 0.9, where theirs is ``here``; and themselves."""
+def clicked_beside(monkeypatch, step, here=0.3, settles=0.0):
+    """Clicks by a ``step`` (3,) [px, px, rad] beside a place of score 0.9, where theirs is ``here``; and themselves.
+
+    The place is settled as near to the clicks as a share of the step ``settles``.
+    """
     own = painted_target()
     pixel_m = own.metres_per_pixel(POSE)
     pose = compose(POSE, np.array(step) * np.array([pixel_m, pixel_m, 1.0]))
@@ -555,6 +558,8 @@ def clicked_beside(monkeypatch, step, here=0.3):
     )
     monkeypatch.setattr(clicks_module, "co_moving", lambda *_: None)
     monkeypatch.setattr(clicks_module, "around", lambda *_: search)
+    edges = compose(POSE, settles * np.array(step) * np.array([pixel_m, pixel_m, 1.0]))
+    monkeypatch.setattr(clicks_module, "settled", lambda *_: (edges, np.zeros((3, 3))))
     clicks_px = own.pixels(own.body.top_corners_m, pose)
     return _checked(own, [np.full((240, 320), 100, np.uint8)], clicks_px), clicks_px
 
@@ -574,6 +579,17 @@ def test_clicks_two_pixels_off_are_moved_and_six_pixels_off_are_reported(monkeyp
     found, clicks_px = clicked_beside(monkeypatch, [0.6 * off_px, 0.8 * off_px, 0.0])
     assert np.allclose(found.corners_px, own.pixels(own.body.top_corners_m, POSE) if moved else clicks_px)
     assert [each.code for each in found.findings] == ["clicks_corrected"] * reported
+
+
+@pytest.mark.parametrize(("off_px", "settles", "kept"), [(3.0, 0.0, False), (3.0, 0.9, True), (1.5, -2.0, True)])
+def test_clicks_are_kept_where_a_place_found_or_the_edges_on_which_it_settles_are_near(
+    monkeypatch, off_px, settles, kept
+):
+    """The first may be at the foot of a side, the second at a line printed inside: clicks know better."""
+    found, clicks_px = clicked_beside(monkeypatch, [0.6 * off_px, 0.8 * off_px, 0.0], settles=settles)
+    assert np.array_equal(found.corners_px, clicks_px) == kept
+    assert not found.spread.any()
+    assert found.findings == ()
 
 
 @pytest.mark.parametrize(("here", "kept"), [(0.81, False), (0.87, True)])

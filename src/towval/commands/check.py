@@ -30,6 +30,7 @@ from towval.model.input_types import value_of
 from towval.report.preview import draw_start
 from towval.report.start_page import FloorBoard, StartOfRun, write_start_page
 from towval.selection.margin import measurement_std_m
+from towval.tracking.clicks import unsure_start
 from towval.tracking.follow import judge_clicks
 from towval.tracking.outline import pose_from_clicks
 from towval.tracking.planar_target import PlanarTarget
@@ -129,6 +130,8 @@ def _start(given: Campaign, entry: Run, video: Video, calibration: Calibration, 
                 corners[name] = found.corners_px
                 if found.doubt:
                     doubts[name] = f"not certain where it starts: {found.doubt}"
+                elif found.spread.any():
+                    doubts[name] = unsure_start(name, found.spread).text
     targets = {body.name: PlanarTarget(body, calibration.camera, calibration.floor) for body in given.bodies}
     fits = {name: pose_from_clicks(targets[name], pixels) for name, pixels in corners.items()}
     for name, (pose, _, misfit_px) in fits.items():

@@ -24,7 +24,7 @@ from towval.report.wording import millimetres
 from towval.selection.tracking import PROBE_FRAMES, PROBE_STRIDE, neighbour_of_tracking
 from towval.tracking.camera_motion import CONSTANTS as CAMERA_MOTION
 from towval.tracking.camera_motion import calibration_at_start
-from towval.tracking.clicks import Clicked, check_clicks, overstretched
+from towval.tracking.clicks import Clicked, check_clicks, overstretched, unsure_start
 from towval.tracking.markers import clicks_from_tags
 from towval.tracking.outline import pose_from_clicks
 from towval.tracking.overlay import standing_still
@@ -213,8 +213,14 @@ def _starts(
         if found[name].doubt:
             write_picture(drawn, starts_drawn(pictures[0], found))
             raise _ask_for_clicks(name, entry, found[name], drawn)
-        starts[name] = Clicked(found[name].corners_px, np.zeros((3, 3)), (finding("start_found", name=name),))
+        starts[name] = Clicked(found[name].corners_px, found[name].spread, _found_findings(name, found[name]))
     return starts
+
+
+def _found_findings(name: str, start: Start) -> tuple[Finding, ...]:
+    """That a body was found by itself, and that its outline fits in several places nearby, where it does."""
+    found = (finding("start_found", name=name),)
+    return (*found, unsure_start(name, start.spread)) if start.spread.any() else found
 
 
 def _uncovered(

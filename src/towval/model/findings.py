@@ -274,8 +274,8 @@ register(  # track
     ),
     FindingType(
         "start_unsure", "track", WARNING, NONE,
-        "The outline of {name} fits in more than one place around the clicks; its frame is known to {std_mm:.1f} mm. "
-        "Check the clicks and top_corners_m.",
+        "The outline of {name} fits in more than one place at the start; its frame is known to {std_mm:.1f} mm. "
+        "Check its corners in the first picture and top_corners_m.",
     ),
     FindingType(
         "not_seen", "track", WARNING, NONE,

@@ -11,7 +11,7 @@ from towval.model.findings import finding
 from towval.tracking.co_moving import co_moving
 from towval.tracking.follow import CONSTANTS as FOLLOW
 from towval.tracking.outline import CONSTANTS as OUTLINE
-from towval.tracking.outline import observe_outline, pose_from_clicks
+from towval.tracking.outline import observe_outline, pose_from_clicks, settled
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.pose import step_between
 from towval.tracking.start import CONSTANTS, Place, Tow, around, joined_orientations
@@ -62,11 +62,13 @@ def _checked(target: PlanarTarget, pictures: Sequence[Luma], clicks_px: ArrayLik
     search = around(target, clicked, co_moving(target, alone[0][1] if alone else clicked, pictures))
     here, beside = search.sharpened(clicked, 2 * pixel)
     found = _with_edges(target, pictures[0], clicked, search.found(clicked[2], turn))
-    best, pose = next(iter(found), (0.0, clicked))
-    clear = Place(best, pose, tuple(search.views)).clear
-    off_m = target.apart_m(clicked, pose)
+    best, place = next(iter(found), (0.0, clicked))
+    clear = Place(best, place, tuple(search.views)).clear
+    pose, of_place = settled(target, search.views, place)
+    # At the foot of a side, or at a line inside, clicks know better than either.
+    off_m, nearest = min(((target.apart_m(clicked, each), each) for each in (place, pose)), key=lambda each: each[0])
     findings = [] if clicks_px is given_px else [finding("clicks_reordered", name=name)]
-    clearly = target.apart_m(beside, pose) <= near_m or here < CONSTANTS.as_good * best
+    clearly = target.apart_m(beside, place) <= near_m or here < CONSTANTS.as_good * best
     corrected = clear and off_m > near_m and clearly
     if corrected and off_m > CONSTANTS.reported_px * pixel:
         findings.append(finding("clicks_corrected", name=name, off_px=off_m / pixel))
@@ -74,13 +76,19 @@ def _checked(target: PlanarTarget, pictures: Sequence[Luma], clicks_px: ArrayLik
         findings += _size_findings(target, clicks_px)
     if corrected:
         clicked, clicks_px = pose, target.pixels(target.body.top_corners_m, pose)
-    as_good = [other for score, other in found if score >= CONSTANTS.as_good * max(best, here)]
+    places = [(best, nearest), *found[1:]][: len(found)]
+    as_good = [other for score, other in places if score >= CONSTANTS.as_good * max(best, here)]
     rivals = [step_between(clicked, other) for other in as_good if target.apart_m(clicked, other) > near_m]
     spread = np.array(rivals).reshape(-1, 3)
-    spread = spread.T @ spread / (len(rivals) + 1)
-    if rivals:
-        findings.append(finding("start_unsure", name=name, std_mm=1000 * float(np.sqrt(np.trace(spread[:2, :2])))))
+    spread = spread.T @ spread / (len(rivals) + 1) + (of_place if corrected else 0.0)
+    if spread.any():
+        findings.append(unsure_start(name, spread))
     return Clicked(clicks_px, spread, tuple(findings))
+
+
+def unsure_start(name: str, spread: Array) -> Finding:
+    """That the outline of a body fits in several places, with the ``spread`` (3, 3) of its pose over them."""
+    return finding("start_unsure", name=name, std_mm=1000 * float(np.sqrt(np.trace(spread[:2, :2]))))
 
 
 def _with_edges(

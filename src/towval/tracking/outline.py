@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from towval.model import Array, Body
 from towval.model.errors import InputError
-from towval.model.geometry import rigid_fit, transform
+from towval.model.geometry import compose, rigid_fit, transform
 from towval.tracking.interpolation import plane_to_camera
 from towval.tracking.outline_kernels import (
     by_pose_and_size_kernel,
@@ -26,6 +26,8 @@ from towval.tracking.outline_kernels import (
     stretches_kernel,
 )
 from towval.tracking.planar_target import PlanarTarget
+from towval.tracking.pose import step_between
+from towval.tracking.rectified import View
 
 
 @dataclass(frozen=True)
@@ -53,6 +55,10 @@ class OutlineConstants:
     )
     wide_px: float = 1.0  # [px] The same, where some edges are on their places and others three pixels off.
     both_px: float = 0.25  # [px] Scale of misfits at first, for edges 1.5 mm too far apart in pixels of 2.3 to 2.9 mm.
+    beside_px: float = 2.0  # [px] From a place found by a search to those beside it: its edge may be the side's foot.
+    farthest_px: float = 3.0  # [px] From it, at which edges may be: the places beside it, and a pixel.
+    nearly_as_sure: float = 1.5  # Times the deviation of the surest place: wrong ones have two times or more.
+    apart_px: float = 1.0  # [px] Between places that differ: fits at the same edges are within 0.2 px.
 
 
 CONSTANTS = OutlineConstants()
@@ -233,6 +239,73 @@ def observe_size(luma: NDArray[np.uint8], target: PlanarTarget, pose: Array) -> 
     known = np.array([1, 1, 1 / reach, np.inf]) * CONSTANTS.prior_px * pixel
     holds, found, *_ = fit_kernel(slopes, stretches.offsets, rows, trust, known, pixel, CONSTANTS.both_px)
     return float(found[3]) if holds else None
+
+
+def settled(target: PlanarTarget, views: Sequence[View], pose: Array) -> tuple[Array, Array]:
+    """The pose (3,) by the edges near a ``pose`` (3,) that a search found, and the spread (3, 3) of others as good.
+
+    A search takes the foot of a side that is hardly visible for the edge above it, as long as the body goes along it in
+    all ``views``; and a fit that begins there stays there. Begun at places around, fits end there or at the edges:
+    at these the opposite edge is found as well, and the fit is surer.
+    """
+    pixel = target.metres_per_pixel(pose)
+    around = CONSTANTS.beside_px * pixel * np.array([[x, y, 0.0] for x in (0, 1, -1) for y in (0, 1, -1)][1:])
+    own = _end(target, views, pose, wide=False)
+    beside = (_end(target, views, compose(pose, step), wide=True) for step in around)
+    near_m = CONSTANTS.farthest_px * pixel
+    ends = [end for end in (own, *beside) if end is not None and np.linalg.norm(end.pose[:2] - pose[:2]) <= near_m]
+    most = max((end.seen for end in ends), default=0)
+    ends = [end for end in ends if 2 * end.seen >= most]
+    if not ends:
+        return pose, np.zeros((3, 3))
+    surest = min(ends, key=lambda end: end.std_m)
+    as_good = [end for end in ends if end.std_m < CONSTANTS.nearly_as_sure * surest.std_m]
+    # What the search found counts, unless another place is clearly surer.
+    best = next((end for end in as_good if end is own), surest)
+    rivals: list[Array] = []
+    for end in (end for end in as_good if end.usual_std_m < CONSTANTS.nearly_as_sure * best.usual_std_m):
+        places = [best.pose, *(compose(best.pose, rival) for rival in rivals)]
+        if min(float(np.linalg.norm(end.pose[:2] - place[:2])) for place in places) > CONSTANTS.apart_px * pixel:
+            rivals.append(step_between(best.pose, end.pose))
+    spread = np.array(rivals).reshape(-1, 3)
+    return best.pose, spread.T @ spread / (len(rivals) + 1)
+
+
+@dataclass(frozen=True, eq=False)
+class _End:
+    """Where fits end: ``pose`` (3,) and views that show edges.
+
+    ``std_m`` is the largest deviation of its place in all of them together [m], ``usual_std_m`` the geometric mean of
+    each one's: where a few are sure by chance, others are not.
+    """
+
+    pose: Array
+    std_m: float
+    usual_std_m: float
+    seen: int
+
+
+def _end(target: PlanarTarget, views: Sequence[View], pose: Array, *, wide: bool) -> _End | None:
+    """Where fits in all views, ``wide`` ones at first, lead from a ``pose`` (3,); None where none shows edges.
+
+    A wide fit also takes the foot of a side for an edge that is on its place already.
+    """
+    end = None
+    for wide_now in (wide, False):
+        fits = (observe_outline(luma, target, compose(step, pose), wide=wide_now) for luma, step in views)
+        seen = [fit for fit in fits if fit is not None]
+        if not seen:
+            return end
+        together = combine_fits(seen)
+        pose = compose(pose, together.correction)
+        usual_m = float(np.exp(np.mean(np.log([_largest_std_m(fit) for fit in seen]))))
+        end = _End(pose, _largest_std_m(together), usual_m, len(seen))
+    return end
+
+
+def _largest_std_m(fit: OutlineFit) -> float:
+    """Deviation of a place in the direction in which it is largest [m]."""
+    return float(np.sqrt(np.linalg.eigvalsh(fit.covariance[:2, :2])[-1]))
 
 
 def combine_fits(fits: Sequence[OutlineFit], further: Array | None = None) -> OutlineFit:

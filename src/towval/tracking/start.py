@@ -13,7 +13,7 @@ from towval.model import Array, Body, Calibration, TowingScene
 from towval.model.errors import InputError
 from towval.model.geometry import compose, transform
 from towval.tracking.co_moving import co_moving, moving_along
-from towval.tracking.outline import combine_fits, observe_outline
+from towval.tracking.outline import settled
 from towval.tracking.outline_search import OutlineSearch, alike, symmetry_of
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.rectified import View
@@ -81,12 +81,14 @@ class Start:
     """Where a body is in the first picture.
 
     ``pose`` (3,) [m, m, rad]; ``corners_px`` (n, 2) of its top, to be given to ``track`` as clicks; ``score``, from 0
-    to 1, how far its outline stands on edges; ``doubt`` why the pose is not certain, empty where it is.
+    to 1, how far its outline stands on edges; ``spread`` (3, 3) of the pose over places nearby that are as good;
+    ``doubt`` why the pose is not certain, empty where it is.
     """
 
     pose: Array
     corners_px: Array
     score: float
+    spread: Array
     doubt: str = ""
 
 
@@ -108,11 +110,9 @@ def find_starts(
     poses, turn_doubt = _turned(targets, choice, tow)
     starts = {}
     for target, place, pose, doubt in zip(targets, choice, poses, doubts, strict=True):
-        fits = [observe_outline(luma, target, compose(step, pose)) for luma, step in place.views]
-        seen = [fit for fit in fits if fit is not None]
-        placed = compose(pose, combine_fits(seen).correction) if seen else pose
+        placed, spread = settled(target, place.views, pose)
         corners = target.pixels(target.body.top_corners_m, placed)
-        starts[target.body.name] = Start(placed, corners, place.score, doubt or turn_doubt)
+        starts[target.body.name] = Start(placed, corners, place.score, spread, doubt or turn_doubt)
     return starts
 
 
