@@ -1,3 +1,4 @@
+import itertools
 from fractions import Fraction
 
 import av
@@ -109,6 +110,46 @@ def test_what_is_no_video_is_said_in_one_message(tmp_path):
         Video(tmp_path / "a.mp4")
     with pytest.raises(InputError, match="is missing"):
         Video(tmp_path / "b.mp4")
+
+
+def test_a_coding_that_nothing_decodes_is_said_in_one_message(tmp_path):
+    write_video(tmp_path / "whole.mp4", pictures(4))
+    (tmp_path / "a.mp4").write_bytes((tmp_path / "whole.mp4").read_bytes().replace(b"avc1", b"zzz9"))
+    with pytest.raises(InputError, match="coded in a way that FFmpeg cannot decode"):
+        Video(tmp_path / "a.mp4")
+
+
+class BrokenOff:
+    """An opened video whose packets cannot be read from the eighth on."""
+
+    def __init__(self, container):
+        self.container = container
+        self.streams = container.streams
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.container.close()
+
+    def demux(self, stream):
+        yield from itertools.islice(self.container.demux(stream), 7)
+        raise av.error.InvalidDataError(1, "Invalid data")
+
+    def decode(self, stream):
+        for packet in self.demux(stream):
+            yield from packet.decode()
+
+
+def test_pictures_that_cannot_be_found_are_said_by_whoever_reads_their_times(tmp_path, monkeypatch):
+    write_video(tmp_path / "a.mp4", pictures(20))
+    opened = Video.opened
+    monkeypatch.setattr(Video, "opened", lambda self: BrokenOff(opened(self)))
+    with pytest.raises(InputError, match=r"damaged or truncated \(Invalid data\)\n.*7 pictures can be found"):
+        Video(tmp_path / "a.mp4").stamps_s()
+    with pytest.raises(InputError, match="damaged or truncated"):
+        read(tmp_path / "a.mp4")
+    assert len(Video(tmp_path / "a.mp4", damaged=True).stamps_s()) == 7
 
 
 def test_sound_is_no_video(tmp_path):

@@ -99,7 +99,10 @@ def _runs(given: Campaign, pictures: Path, faults: Faults, warnings: list[str]) 
         if video is None:
             continue
         step(f"check: look at the start of run {name}")
-        rate = findings_of_rate(given, video, video.stamps_s())
+        stamps_s = faults.attempt(video.stamps_s)
+        if stamps_s is None:
+            continue
+        rate = findings_of_rate(given, video, stamps_s)
         warnings += [f"run {name}: {found.text}" for found in rate]
         start = faults.attempt(_start, given, given.runs[name], video, calibration, faults)
         if start is None:

@@ -89,13 +89,20 @@ class Video:
         if not container.streams.video:
             container.close()
             raise InputError(f"{self.path.name} holds no video stream", remedy="give a file that holds moving pictures")
+        if container.streams.video[0].codec_context is None:
+            container.close()
+            raise InputError(
+                f"{self.path.name} is coded in a way that FFmpeg cannot decode",
+                allowed="H.264, HEVC, AV1, ProRes, MJPEG and what else FFmpeg decodes",
+                remedy="copy the file again, or export it anew with the camera's own program",
+            )
         return container
 
     def __iter__(self) -> Iterator[tuple[float, Luma]]:
         self.decoded_frames, self.last_time_s, self.findings = 0, float("nan"), ()
         with self.opened() as container:
             stream = container.streams.video[0]
-            pts = sorted(self._stored_pts()) if self._pts_in_coding_order else None
+            pts = sorted(self._stored_pts()[0]) if self._pts_in_coding_order else None
             stream.thread_type = "AUTO"
             stream.codec_context.thread_count = min(_MOST_THREADS, os.cpu_count() or 1)
             try:
@@ -141,20 +148,32 @@ class Video:
         return self.first_picture() if late is None else np.ascontiguousarray(late)
 
     def stamps_s(self) -> Array:
-        """Presentation times (n,) of the stored pictures [s], in order, without decoding them."""
+        """Presentation times (n,) of the stored pictures [s], in order, without decoding them.
+
+        Raises `InputError` where not all can be found: with ``damaged`` those before the damage are used instead.
+        """
         with self.opened() as container:
             base = Fraction(container.streams.video[0].time_base or 0)
-        return np.array(sorted(self._stored_pts()), dtype=np.float64) * float(base)
+        pts, reason = self._stored_pts()
+        if reason and not self.go_on_when_damaged:
+            raise self._damaged(reason, f"{len(pts)} pictures can be found")
+        return np.array(sorted(pts), dtype=np.float64) * float(base)
 
     def _reached_the_end(self) -> bool:
         """Whether the last frame is where the header says the video ends: AVI counts repeated pictures as frames."""
         return self.last_time_s + 1.5 / self.header.rate_hz >= self.header.end_s
 
-    def _stored_pts(self) -> list[int]:
+    def _stored_pts(self) -> tuple[list[int], str]:
+        """Times of the stored pictures, and why the file cannot be read beyond them; empty where it can."""
+        pts: list[int] = []
         with self.opened() as container:
-            packets = container.demux(container.streams.video[0])
-            # An edit list cuts pictures off that are stored all the same.
-            return [packet.pts for packet in packets if packet.pts is not None and not packet.is_discard]
+            try:
+                packets = container.demux(container.streams.video[0])
+                # An edit list cuts pictures off that are stored all the same.
+                pts.extend(packet.pts for packet in packets if packet.pts is not None and not packet.is_discard)
+            except av.error.FFmpegError as error:
+                return pts, str(error.strerror)
+        return pts, ""
 
     @cached_property
     def _pts_in_coding_order(self) -> bool:
@@ -165,8 +184,11 @@ class Video:
         """
         with self.opened() as container:
             stream = container.streams.video[0]
-            packets = itertools.islice(container.demux(stream), _PACKETS_LOOKED_AT)
-            ahead = {p.pts - p.dts for p in packets if p.pts is not None and p.dts is not None}
+            ahead = set()
+            with suppress(av.error.FFmpegError):  # Said where the pictures are decoded.
+                for packet in itertools.islice(container.demux(stream), _PACKETS_LOOKED_AT):
+                    if packet.pts is not None and packet.dts is not None:
+                        ahead.add(packet.pts - packet.dts)
             return bool(stream.codec_context.has_b_frames) and len(ahead) == 1
 
     def _time(self, frame: av.VideoFrame, pts: int | None) -> float:
@@ -199,12 +221,15 @@ class Video:
         if self.decoded_frames:
             good += f", up to {self.last_time_s:.3f} s"
         if not self.go_on_when_damaged or self.decoded_frames == 0:
-            raise InputError(
-                f"{self.path.name} is damaged or truncated ({reason})",
-                got=good,
-                remedy="copy the file again, or set damaged_video: true for this run to go on with the good part",
-            )
+            raise self._damaged(reason, good)
         self.findings = (*self.findings, finding("video_damaged", name=self.path.name, reason=reason, good=good))
+
+    def _damaged(self, reason: str, good: str) -> InputError:
+        return InputError(
+            f"{self.path.name} is damaged or truncated ({reason})",
+            got=good,
+            remedy="copy the file again, or set damaged_video: true for this run to go on with the good part",
+        )
 
 
 def _header(container: av.container.InputContainer) -> VideoHeader:
