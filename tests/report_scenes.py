@@ -206,14 +206,15 @@ def grey_film(path: Path, frames: int, size_px: tuple[int, int] = SMALL_SIZE_PX,
     return path
 
 
-def quarter_turned(mp4: bytes) -> bytes:
-    """The film with a display matrix of a quarter turn, as phones write it: 3 × 3 fixed-point numbers in ``tkhd``."""
+def quarter_turned(mp4: bytes, quarters: int = 1) -> bytes:
+    """The film with a display matrix of quarter turns, as phones write it: 3 × 3 fixed-point numbers in ``tkhd``."""
     one = 0x00010000
     straight = struct.pack(">9i", one, 0, 0, 0, one, 0, 0, 0, 0x40000000)
-    quarter = struct.pack(">9i", 0, one, 0, -one, 0, 0, 0, 0, 0x40000000)
+    c, s = {1: (0, one), 2: (-one, 0)}[quarters]
+    turned = struct.pack(">9i", c, s, 0, -s, c, 0, 0, 0, 0x40000000)
     header = mp4.index(b"tkhd")
     at = mp4.index(straight, header)
-    return mp4[:at] + quarter + mp4[at + len(quarter) :]
+    return mp4[:at] + turned + mp4[at + len(turned) :]
 
 
 def _view(i: int, rng: np.random.Generator) -> View:

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import yaml
 
+from report_scenes import quarter_turned
 from towval.commands.check import check, for_people, run
 from towval.io.images import read_gray
 from towval.io.schema import key_lines
@@ -111,6 +112,20 @@ def test_another_rate_than_the_stamps_is_told_before_anything_is_tracked(lab, tm
     )
     assert "no fault, but 1 warning. towval run" in for_people(told)
     assert right[0]["warnings"] == []
+
+
+@pytest.mark.parametrize(
+    ("quarters", "kind", "words"),
+    [(1, "faults", "lies otherwise than the calibration pictures"), (2, "warnings", "shows the floor turned by 180°")],
+)
+def test_a_video_that_lies_otherwise_than_the_pictures_is_told(lab, tmp_path, quarters, kind, words):
+    """Clicks were said to be off, and no more."""
+    folder = lab()
+    (folder / "a.mp4").write_bytes(quarter_turned((SAMPLE / "a.mp4").read_bytes(), quarters))
+    told = check(folder, tmp_path / "pictures")
+    texts = told["warnings"] + [fault["text"] for fault in told["faults"]]
+    assert sum(words in text for text in texts) == 1, texts
+    assert bool(told["faults"]) is (kind == "faults")
 
 
 def test_clicks_for_which_tracking_refuses_the_run_are_a_fault(lab, tmp_path):

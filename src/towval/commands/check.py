@@ -17,12 +17,19 @@ from towval.calibration.calibrate import CalibrateSettings
 from towval.calibration.corners import outer_corners
 from towval.commands.calibrate import calibrated
 from towval.commands.console import step
-from towval.commands.track import findings_of_rate, known_starts, open_video, spread_pictures
+from towval.commands.track import (
+    calibrated_at_start,
+    findings_of_rate,
+    first_picture,
+    known_starts,
+    open_video,
+    spread_pictures,
+)
 from towval.io.campaign import Campaign, Run, read_campaign
 from towval.io.campaign_text import text_in_parts
 from towval.io.images import GrayPictures, write_picture
 from towval.io.schema import key_lines
-from towval.io.video import Video
+from towval.io.video import Luma, Video
 from towval.io.yaml_text import read_yaml
 from towval.model import Array, Body, Calibration, Finding, Severity
 from towval.model.errors import Faults, InputError, TowvalError
@@ -100,11 +107,13 @@ def _runs(given: Campaign, pictures: Path, faults: Faults, warnings: list[str]) 
             continue
         step(f"check: look at the start of run {name}")
         stamps_s = faults.attempt(video.stamps_s)
-        if stamps_s is None:
+        luma = faults.attempt(first_picture, given, given.runs[name], video)
+        if stamps_s is None or luma is None:
             continue
-        rate = findings_of_rate(given, video, stamps_s)
-        warnings += [f"run {name}: {found.text}" for found in rate]
-        start = faults.attempt(_start, given, given.runs[name], video, calibration, faults)
+        _, moved = faults.attempt(calibrated_at_start, given, video, luma, calibration) or (None, ())
+        told = (*findings_of_rate(given, video, stamps_s), *moved)
+        warnings += [f"run {name}: {found.text}" for found in told if found.severity is Severity.WARNING]
+        start = faults.attempt(_start, given, given.runs[name], video, luma, calibration, faults)
         if start is None:
             continue
         starts[name] = start
@@ -116,12 +125,14 @@ def _runs(given: Campaign, pictures: Path, faults: Faults, warnings: list[str]) 
     return runs
 
 
-def _start(given: Campaign, entry: Run, video: Video, calibration: Calibration, faults: Faults) -> StartOfRun:
+def _start(
+    given: Campaign, entry: Run, video: Video, luma: Luma, calibration: Calibration, faults: Faults
+) -> StartOfRun:
     """Where rover and object are in the first frame of a run: clicked and checked, or found.
 
     Clicks for which the stage track would refuse the run are a fault; their start is drawn all the same.
     """
-    luma, tow = video.first_picture(), Tow.of(given.scene)
+    tow = Tow.of(given.scene)
     corners, doubts = {}, {}
     for name, clicked in known_starts(given, entry, (luma, video.late_picture()), calibration).items():
         corners[name] = clicked.corners_px

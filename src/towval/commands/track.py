@@ -59,9 +59,8 @@ def run(
     check_together({"camera.mcap": camera}, given.document)
     video = open_video(given, entry)
     calibration = read_calibration(camera)
-    floors = GrayPictures(given.floor_images[:_MOST_FLOORS], given.resolution_px)
-    first_and_late = video.first_picture(), video.late_picture()
-    calibration, since = _calibration_at_start(calibration, video, first_and_late[0], floors)
+    first_and_late = first_picture(given, entry, video), video.late_picture()
+    calibration, since = calibrated_at_start(given, video, first_and_late[0], calibration)
     starts = _starts(given, entry, video, first_and_late, calibration, output.with_name("start.png"))
     clicks = {name: start.corners_px for name, start in starts.items()}
     bodies = [_uncovered(body, starts, first_and_late, calibration) for body in given.bodies]
@@ -130,10 +129,11 @@ def _selecting(
     )  # fmt: skip
 
 
-def _calibration_at_start(
-    calibration: Calibration, video: Video, first: Luma, floors: Sequence[tuple[str, Luma]]
+def calibrated_at_start(
+    given: Campaign, video: Video, first: Luma, calibration: Calibration
 ) -> tuple[Calibration, tuple[Finding, ...]]:
     """The calibration at the video's first picture, or where that shows too much noise, at the mean of the first."""
+    floors = GrayPictures(given.floor_images[:_MOST_FLOORS], given.resolution_px)
     found, findings = calibration_at_start(calibration, first, floors)
     if any(one.code == "floor_not_recognised" for one in findings):
         mean, of_mean = calibration_at_start(calibration, video.mean_of_first(CAMERA_MOTION.averaged), floors)
@@ -160,7 +160,7 @@ def _seen(tracked: Track) -> dict[str, float]:
 def open_video(given: Campaign, entry: Run) -> Video:
     """The video of a run.
 
-    Raises `InputError` when it is no video, or of another size than the calibration pictures, upright or turned.
+    Raises `InputError` when it is no video, or of another size than the calibration pictures, also when it is turned.
     """
     video = Video(entry.video, damaged=entry.damaged_video)
     if tuple(video.header.resolution_px) not in (given.resolution_px, given.resolution_px[::-1]):
@@ -171,6 +171,23 @@ def open_video(given: Campaign, entry: Run) -> Video:
             remedy="calibrate with pictures of the size of the video",
         )
     return video
+
+
+def first_picture(given: Campaign, entry: Run, video: Video) -> Luma:
+    """The first picture of a run (height, width).
+
+    Raises `InputError` when players turn the video and it then lies otherwise than the calibration pictures.
+    """
+    luma = video.first_picture()
+    if luma.shape[::-1] != given.resolution_px:
+        raise InputError(
+            f"the video {entry.video.name} lies otherwise than the calibration pictures",
+            got=f"{luma.shape[1]} × {luma.shape[0]}, as players turn it",
+            allowed=" × ".join(map(str, given.resolution_px)),
+            remedy="turn the calibration pictures as the video is, and state that size as camera.resolution_px; or "
+            "take a tag for rotation out of the video (ffmpeg -display_rotation 0 -i IN -c copy OUT)",
+        )
+    return luma
 
 
 def findings_of_rate(given: Campaign, video: Video, time_s: Array) -> tuple[Finding, ...]:
