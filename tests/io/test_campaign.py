@@ -405,10 +405,18 @@ def test_whole_numbers_with_a_point_count(campaign):
     assert [type(number) for number in (*read.resolution_px, *read.board.inner_corners)] == [int] * 4
 
 
-def test_a_document_that_is_no_mapping_is_one_fault(campaign):
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (b"- 1\n", r"the document is \[1\]; allowed: keys"),
+        (b"", "the document is empty; allowed: keys"),
+        ("camera: {}\n".encode("utf-16"), "save it as UTF-8"),
+    ],
+)
+def test_a_document_that_is_no_mapping_is_one_fault(campaign, data, words):
     folder = campaign(lambda d: None)
-    (folder / "campaign.yaml").write_text("- 1\n")
-    with pytest.raises(InputError, match="the document is"):
+    (folder / "campaign.yaml").write_bytes(data)
+    with pytest.raises(InputError, match=words):
         load_campaign(folder)
 
 

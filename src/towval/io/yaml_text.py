@@ -67,7 +67,12 @@ def read_yaml(path: Path) -> Any:
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise InputError(f"{path} cannot be read as text", got=error, allowed="a UTF-8 text file") from None
+        raise InputError(
+            f"{path} cannot be read as text",
+            got=error,
+            allowed="a UTF-8 text file",
+            remedy="save it as UTF-8 in a text editor, or copy it again",
+        ) from None
     return _loaded(text, f"{path} is not valid YAML", "correct that line")
 
 
