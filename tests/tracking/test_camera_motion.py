@@ -10,7 +10,7 @@ import pytest
 from studies.worlds import challenges
 from studies.worlds.scenes import CeilingCamera, ceiling, rectangle
 from tests.tracking.painted import out_of_focus, texture
-from towval.commands.track import _calibration_at_start as calibration_of_video
+from towval.commands.track import calibrated_at_start
 from towval.model import Body, Calibration
 from towval.model.geometry import inverse_transform, transform
 from towval.optics.moved_view import moved_view, parameters_by_motion, pose_sensitivity
@@ -547,7 +547,7 @@ def test_a_noisy_floor_is_recognised_in_the_mean_of_the_first_pictures(wider, sa
     video = SimpleNamespace(mean_of_first=lambda count: np.rint(np.mean(pictures[:count], axis=0)).astype(np.uint8))
     _, alone = calibration_at_start(calibration, pictures[0], floors)
     assert [one.code for one in alone] == ["floor_not_recognised"]
-    _, found = calibration_of_video(calibration, video, pictures[0], floors)
+    _, found = calibrated_at_start(calibration, video, pictures[0], floors)
     assert [one.code for one in found if one.code != "camera_moved_before"] == said
 
 

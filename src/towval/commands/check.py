@@ -21,6 +21,7 @@ from towval.commands.track import (
     calibrated_at_start,
     findings_of_rate,
     first_picture,
+    floor_pictures,
     known_starts,
     open_video,
     spread_pictures,
@@ -110,7 +111,7 @@ def _runs(given: Campaign, pictures: Path, faults: Faults, warnings: list[str]) 
         luma = faults.attempt(first_picture, given, given.runs[name], video)
         if stamps_s is None or luma is None:
             continue
-        _, moved = faults.attempt(calibrated_at_start, given, video, luma, calibration) or (None, ())
+        _, moved = faults.attempt(calibrated_at_start, calibration, video, luma, floor_pictures(given)) or (None, ())
         told = (*findings_of_rate(given, video, stamps_s), *moved)
         warnings += [f"run {name}: {found.text}" for found in told if found.severity is Severity.WARNING]
         start = faults.attempt(_start, given, given.runs[name], video, luma, calibration, faults)

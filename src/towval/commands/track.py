@@ -60,7 +60,7 @@ def run(
     video = open_video(given, entry)
     calibration = read_calibration(camera)
     first_and_late = first_picture(given, entry, video), video.late_picture()
-    calibration, since = calibrated_at_start(given, video, first_and_late[0], calibration)
+    calibration, since = calibrated_at_start(calibration, video, first_and_late[0], floor_pictures(given))
     starts = _starts(given, entry, video, first_and_late, calibration, output.with_name("start.png"))
     clicks = {name: start.corners_px for name, start in starts.items()}
     bodies = [_uncovered(body, starts, first_and_late, calibration) for body in given.bodies]
@@ -129,11 +129,15 @@ def _selecting(
     )  # fmt: skip
 
 
+def floor_pictures(given: Campaign) -> GrayPictures:
+    """Pictures of the floor, by which it is recognised at the start of a video."""
+    return GrayPictures(given.floor_images[:_MOST_FLOORS], given.resolution_px)
+
+
 def calibrated_at_start(
-    given: Campaign, video: Video, first: Luma, calibration: Calibration
+    calibration: Calibration, video: Video, first: Luma, floors: Sequence[tuple[str, Luma]]
 ) -> tuple[Calibration, tuple[Finding, ...]]:
     """The calibration at the video's first picture, or where that shows too much noise, at the mean of the first."""
-    floors = GrayPictures(given.floor_images[:_MOST_FLOORS], given.resolution_px)
     found, findings = calibration_at_start(calibration, first, floors)
     if any(one.code == "floor_not_recognised" for one in findings):
         mean, of_mean = calibration_at_start(calibration, video.mean_of_first(CAMERA_MOTION.averaged), floors)
