@@ -30,6 +30,8 @@ def shot(tether, distance, rise, near):
 
     def strain(tension):
         s = tether.stiffening
+        if s == 0:
+            return tension / modulus
 
         def missing(e):
             return modulus * e * (1 - s + s * modulus * e / (tether.full_load or 1.0)) - tension
