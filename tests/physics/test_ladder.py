@@ -5,7 +5,7 @@ import pytest
 
 from footprints import rectangle
 from oracles import TRACTRIX, disk_wrench
-from towval.model import Tether, TimedPath, TowedObject
+from towval.model import Ground, Tether, TimedPath, TowedObject
 from towval.model.errors import InputError
 from towval.physics.contact import resting_pressure
 from towval.physics.friction_laws import Coulomb
@@ -49,6 +49,15 @@ def test_every_rung_tows_a_small_object_along_the_tractrix(rung):
     assert motion.outcome == "converged"
     assert motion.pose[-1, :2] == pytest.approx(TRACTRIX["object_m"], abs=1e-3)
     assert motion.rung == rung
+
+
+@pytest.mark.parametrize("rung", TRAILING_RUNGS)
+def test_a_rung_without_inertia_weighs_the_object_under_the_gravity_of_its_ground(cube, rung):
+    """On the moon the tether stretches by a sixth of what it does on the earth."""
+    hinge = TimedPath([0.0, 10.0], [[0.8, 0.0], [1.8, 0.0]])
+    scene = cube, Coulomb(0.35, 1e-6), Tether(0.6, 1000.0), hinge, (0.0, 0.0, 0.0), [0.0, 10.0]
+    pull = simulate_rung(rung, *scene, ground=Ground(gravity=1.62)).tether_force[-1]
+    assert np.hypot(*pull) == pytest.approx(0.35 * cube.mass * 1.62, rel=1e-6)
 
 
 def test_quasi_static_rungs_balance_forces_at_the_tether(cube, lap):

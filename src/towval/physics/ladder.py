@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from towval.model import FrictionLaw, Ground, SimulatedMotion, Sliding, Tether, TimedPath, TowedObject
 from towval.model.errors import InputError
 from towval.model.plugins import Registry
-from towval.physics.dynamics import LEVEL, STANDARD, Accuracy, Outcome, feedback
+from towval.physics.dynamics import LEVEL, STANDARD, Accuracy, Outcome, feedback, resting_patch
 from towval.physics.spatial.tow import Sticking
 from towval.physics.splines import Spline
 from towval.physics.trailing import LIMIT_SURFACE, PATCH, TRACTRIX, trail
@@ -31,16 +31,14 @@ DYNAMICS = "dynamics"
 """The reference: no rung stands above it."""
 
 RUNGS: Registry[Callable[..., SimulatedMotion]] = Registry("rung")
-"""Functions with the arguments of :func:`towval.physics.dynamics.feedback` but ``start_twist``, simplest first."""
+"""Functions with the arguments of :func:`towval.physics.dynamics.feedback` but ``start_twist``, simplest first.
+
+Those below the dynamics get a scene in the plane of the floor; see :func:`simulate_rung`.
+"""
 
 
-def _trailing(
-    rung: str, towed: TowedObject, law: Any, tether: Tether, *motion: Any, accuracy: Accuracy
-) -> SimulatedMotion:
-    # What leaves the plane is left out here for all to see: the ladder takes what that changes from the dynamics.
-    return trail(
-        rung, replace(towed, anchor_height=0.0), law, replace(tether, stiffening=0.0, mass_per_length=0.0), *motion
-    )
+def _trailing(rung: str, *scene: Any, accuracy: Accuracy) -> SimulatedMotion:
+    return trail(rung, *scene)
 
 
 RUNGS.register(TRACTRIX, partial(_trailing, TRACTRIX))
@@ -90,7 +88,9 @@ def simulate_rung(
 ) -> SimulatedMotion:
     """Motion of a towed object by the rung of that name; the arguments are those of ``dynamics.feedback``.
 
-    Ground, heights and sticking act on the dynamics alone; the rungs below are planar and leave them out.
+    Below the dynamics a rung is a model in the plane of the floor. What leaves the plane is left out here, for all to
+    see: heights, sticking, stiffening and mass of the tether, and of the ground all but its gravity. The ladder counts
+    what that changes from the dynamics.
 
     Raises `InputError` when there is no such rung.
 
@@ -108,6 +108,10 @@ def simulate_rung(
     function = RUNGS.require(rung, "simulate.rung")
     if rung == DYNAMICS:
         function = partial(function, ground=ground, hinge_height=hinge_height, sticking=sticking)
+    else:
+        law = resting_patch(towed, law, ground.gravity)
+        towed = replace(towed, anchor_height=0.0, centre_of_mass_height=0.0)
+        tether = replace(tether, stiffening=0.0, mass_per_length=0.0)
     return function(towed, law, tether, hinge, start_pose, times, accuracy=accuracy)
 
 

@@ -7,13 +7,12 @@ from numpy.typing import ArrayLike
 
 from towval.model import Array, FrictionSpecification, SimulatedMotion, Sliding, TowingScene
 from towval.model.geometry import transform
-from towval.physics.dynamics import Accuracy, feedback, resting_patch
+from towval.physics.dynamics import Accuracy, feedback
 from towval.physics.friction_laws import Coulomb, FittedLaw, Makkar, fitted_law, risen_law
-from towval.physics.ladder import DYNAMICS, simulate_rung
+from towval.physics.ladder import simulate_rung
 from towval.physics.mass import towed_object
 from towval.physics.spatial.tow import Sticking, is_planar
 from towval.physics.splines import Spline, spline_values
-from towval.physics.wrench import SlidingPatch
 
 RISE_SHARE = 1e-4
 """Speed over which the law of an object that sticks rises, as a share of v_k [1]; the peak is at a few of it."""
@@ -64,16 +63,14 @@ class SceneModel:
         """
         scene, times = self.scene, np.asarray(times, dtype=np.float64)
         start = self.resting(spline_values(hinge, times[:1])[0][0], start)
-        law: Sliding | SlidingPatch = self._sliding()
-        if rung != DYNAMICS:
-            law = resting_patch(self.towed, self.law.law, scene.ground.gravity)
+        given = self.towed, self._sliding(), scene.tether, hinge, start, times
         whole: dict[str, Any] = {
             "accuracy": Accuracy(tolerance_m), "ground": scene.ground, "hinge_height": scene.hinge_height,
             "sticking": self._hold(),
         }  # fmt: skip
         if start_twist is not None:
-            return feedback(self.towed, law, scene.tether, hinge, start, times, start_twist=start_twist, **whole)
-        return simulate_rung(rung, self.towed, law, scene.tether, hinge, start, times, **whole)
+            return feedback(*given, start_twist=start_twist, **whole)
+        return simulate_rung(rung, *given, **whole)
 
     def resting(self, hinge: Array, pose: ArrayLike) -> Array:
         """A pose (3,) [m, m, rad], moved towards the hinge (2,) [m] until friction can hold against the tether.
