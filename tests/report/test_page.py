@@ -9,7 +9,7 @@ import pytest
 
 from report_scenes import LOST, ceiling_calibration, towed_run, uncertainty_of
 from towval.io.summary import summary_csv, summary_latex
-from towval.model import Finding, Severity, Verdict
+from towval.model import Bounds, Finding, Severity, Verdict
 from towval.model.errors import InputError
 from towval.report.data import InputRow, Provenance, ReportData, RunReport, StageFinding
 from towval.report.drawing import draw_figures
@@ -244,6 +244,12 @@ def test_a_bound_is_rounded_up_and_a_run_that_is_not_judged_has_none(verdict, ci
     assert (row.detectable == "none: not judged") != cited
     assert dict(key_numbers(run.comparison))["at most"].startswith("none") != cited
     assert ("& 2.3 &" in summary_latex([run.comparison])) == cited
+
+
+def test_the_bound_of_the_heading_is_rounded_up_as_well():
+    bounds = Bounds(simulation={"heading_max": (0.0, np.radians(0.1241))})
+    found = dataclasses.replace(judged("a", Verdict.AGREES, 0.002).comparison, bounds=bounds)
+    assert key_numbers(found)[-1] == ("at most", "0.13°")
 
 
 def test_what_cannot_be_measured_with_a_tool_is_not_named_as_what_to_measure():

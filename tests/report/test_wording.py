@@ -1,6 +1,8 @@
+import math
+
 import pytest
 
-from towval.report.wording import decimal, degrees, millimetres, named_scalar
+from towval.report.wording import at_most, at_most_degrees, decimal, degrees, millimetres, named_scalar
 
 
 @pytest.mark.parametrize(
@@ -27,6 +29,12 @@ def test_what_does_not_exist_is_called_not_computed():
 def test_lengths_and_angles_carry_their_units():
     assert millimetres(0.00065) == "0.65 mm"
     assert degrees(0.0087266462) == "0.50°"
+
+
+def test_bounds_of_lengths_and_angles_are_rounded_up():
+    assert (at_most(0.1241e-3), at_most_degrees(math.radians(0.1241))) == ("0.13 mm", "0.13°")
+    assert at_most_degrees(math.radians(0.13)) == "0.13°"
+    assert {at_most(math.nan), at_most_degrees(math.inf)} == {"not computed"}
 
 
 @pytest.mark.parametrize(

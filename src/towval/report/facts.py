@@ -8,7 +8,17 @@ from towval.model import Calibration, Comparison, Identification, Stamp, Track, 
 from towval.model.geometry import polygon_centroid, transform
 from towval.model.results import TO_DYNAMICS
 from towval.model.run_record import RunRecord
-from towval.report.wording import NOT_COMPUTED, NOT_JUDGED, at_most, decimal, degrees, millimetres, named_scalar, signed
+from towval.report.wording import (
+    NOT_COMPUTED,
+    NOT_JUDGED,
+    at_most,
+    at_most_degrees,
+    decimal,
+    degrees,
+    millimetres,
+    named_scalar,
+    signed,
+)
 
 Facts = tuple[tuple[str, str], ...]
 """Names and values as shown."""
@@ -170,7 +180,7 @@ def key_numbers(c: Comparison) -> Facts:
         ("maximum", millimetres(c.path_max_m)),
         ("at most", at_most(c.error_upper_m) if judged else NOT_JUDGED),
         ("Heading error, RMS", degrees(c.heading_rms_rad)),
-        ("at most", degrees(heading) if judged else NOT_JUDGED),
+        ("at most", at_most_degrees(heading) if judged else NOT_JUDGED),
     )
 
 

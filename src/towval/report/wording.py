@@ -29,9 +29,18 @@ def millimetres(value_m: float) -> str:
 
 def at_most(value_m: float) -> str:
     """A bound in mm with the digits of :func:`millimetres`, rounded up: what is cited holds."""
-    text = millimetres(value_m)
-    digits = len(text.partition(" ")[0].partition(".")[2])
-    return f"{rounded_up(1e3 * value_m, digits):.{digits}f} mm" if math.isfinite(value_m) else text
+    return _bound(1e3 * value_m, " mm")
+
+
+def at_most_degrees(value_rad: float) -> str:
+    """A bound of an angle in degrees, rounded up like :func:`at_most`."""
+    return _bound(math.degrees(value_rad), "°")
+
+
+def _bound(value: float, unit: str) -> str:
+    text = decimal(value)
+    digits = len(text.partition(".")[2])
+    return f"{rounded_up(value, digits):.{digits}f}{unit}" if math.isfinite(value) else text
 
 
 def signed(value: float) -> str:
