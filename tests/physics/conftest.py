@@ -25,7 +25,7 @@ def cube(square):
 
 @pytest.fixture(scope="session")
 def lap():
-    """The lap of the oracles: law, tether, way of the hinge, start pose of the cube."""
+    """The lap of the oracles: law, tether, path of the hinge, start pose of the cube."""
     t = np.linspace(0, 400.0, 4001)
     tau = 2 * np.pi * t / 400.0
     scale = 1 + np.sin(tau) ** 2

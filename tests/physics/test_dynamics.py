@@ -190,6 +190,21 @@ def test_tether_force_and_length_are_those_of_the_poses(cube, lap):
     assert (np.linalg.norm(motion.tether_force, axis=1) < 0.4 * 49.05).all()
 
 
+def test_the_force_of_a_stiffening_tether_is_that_of_the_motion(cube, lap):
+    law, _, hinge, start = lap
+    tether, times = Tether(0.6, 1000.0, stiffening=0.6, full_load=60.0), np.linspace(0, 40, 21)
+    motion = feedback(cube, law, tether, hinge, start, times)
+    span = hinge.position[np.searchsorted(hinge.time_s, times)] - transform(motion.pose, cube.anchor)
+    assert np.hypot(*motion.tether_force.T).max() > 10
+    assert motion.tether_force == pytest.approx(tether_force(tether, span), abs=1e-5)
+
+
+@pytest.mark.parametrize("tether", [Tether(0.6, 1000.0, damping=5.0), Tether(0.6, 1000.0, mass_per_length=0.1)])
+def test_a_force_that_the_span_alone_does_not_give_is_refused(tether):
+    with pytest.raises(InputError, match="does not follow from its span alone"):
+        tether_force(tether, [0.61, 0.0])
+
+
 def test_slack_tether_is_named(cube, makkar):
     hinge = TimedPath([0.0, 1.0, 2.0], [[0.3, 0], [0.3, 0.1], [0.3, 0]])
     motion = feedback(cube, makkar, Tether(0.6, 1000), hinge, (0, 0, 0), [0, 1, 2])

@@ -1,7 +1,8 @@
 """The elastic tether that can only pull.
 
 SOURCE: eq. (12), ``T = κ (|l| − l0) l/|l|`` when |l| ≥ l0, else 0, with l from the anchor to the hinge. ASSUME: with
-damping, ``c d|l|/dt`` is added while the tether is stretched, and the sum never pushes.
+damping, ``c d|l|/dt`` is added while the tether is stretched, and the sum never pushes. For a tether that stiffens see
+:class:`towval.model.Tether`.
 """
 
 import math
@@ -18,7 +19,7 @@ from towval.physics.spatial.problem import tether_numbers
 
 
 def tether_force(tether: Tether, span: ArrayLike, span_rate: ArrayLike | None = None) -> Array:
-    """Force on the object at its anchor.
+    """Force on the object at its anchor, of a tether without mass.
 
     Parameters
     ----------
@@ -32,18 +33,32 @@ def tether_force(tether: Tether, span: ArrayLike, span_rate: ArrayLike | None = 
     ndarray (..., 2)
         Force [N] along l, zero where the tether is slack.
 
+    Raises
+    ------
+    InputError
+        When the tether has mass, and so is no straight line, or damping, and no rate is given.
+
     Examples
     --------
     >>> tether_force(Tether(0.6, 1000.0), [[0.61, 0.0], [0.5, 0.0]]).round(6)
     array([[10.,  0.],
            [ 0.,  0.]])
     """
+    if tether.mass_per_length > 0 or (tether.damping > 0 and span_rate is None):
+        raise InputError(
+            "the force of the tether does not follow from its span alone",
+            got=f"{tether.mass_per_length:g} kg/m, damping {tether.damping:g} N s/m",
+            allowed="no mass; with damping, the rate of the span as well",
+        )
     span = np.asarray(span, dtype=np.float64)
     length = np.linalg.norm(span, axis=-1, keepdims=True)
     direction = span / np.where(length > 0, length, 1.0)
     stretch = length - tether.rest_length
     rate = 0.0 if span_rate is None else (direction * np.asarray(span_rate)).sum(axis=-1, keepdims=True)
-    pull = np.maximum(0.0, tether.stiffness * stretch + tether.damping * rate)
+    spring = tether.stiffness * stretch
+    if tether.stiffening > 0:
+        spring = spring * (1 - tether.stiffening + tether.stiffening * spring / tether.full_load)
+    pull = np.maximum(0.0, spring + tether.damping * rate)
     return np.where(stretch >= 0, pull, 0.0) * direction
 
 

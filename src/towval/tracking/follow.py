@@ -49,7 +49,7 @@ class FollowConstants:
     moving_px: float = 0.1  # [px] A picture: a body that moves less shows compression's repeated error.
     most_scatter_px: float = 0.06  # [px] More is a motion that five pictures do not follow, not noise.
     most_rest_px: float = 0.1  # [px] Poses of a body at rest lie within this.
-    named_blur_px: float = 1.0  # [px] A blur so wide is told of; readings are smoothed by 0.6 px anyway.
+    named_blur_px: float = 1.0  # [px] A blur so wide is reported; readings are smoothed by 0.6 px anyway.
 
 
 CONSTANTS = FollowConstants()

@@ -1,6 +1,6 @@
 """The light on a planar target: gain and bias of each of its tiles between a template and a picture.
 
-And pictures without it: :func:`evened`; and without dead pixels.
+Beside it pictures of even light (:func:`evened`), and pictures without dead pixels (:func:`without_dead`).
 """
 
 from dataclasses import dataclass
@@ -101,9 +101,10 @@ def _weighed_misfit(values: Array, template: Array, tile: Tiles, light: Array, w
 
 
 def without_dead(luma: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """A picture (height, width) without single dead pixels, where there are many: they stay where they are.
+    """A picture (height, width) with each dead pixel replaced by the median around it; as it is where few are dead.
 
-    They are the steepest points of all, and a floor that is recognised by them stands still however the camera moves.
+    Dead pixels stay at their places and are the steepest points of all: a floor that is recognised by them stands still
+    however the camera moves. All other pixels are kept, since the floor is registered by its finest texture.
     """
     above = cv2.subtract(luma, cv2.dilate(luma, _AROUND)) > CONSTANTS.dead_levels
     below = cv2.subtract(cv2.erode(luma, _AROUND), luma) > CONSTANTS.dead_levels
@@ -114,10 +115,10 @@ def without_dead(luma: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def evened(luma: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """A picture (height, width) with the same brightness and contrast everywhere, and without single dead pixels.
+    """A picture (height, width) with the same brightness and contrast everywhere, through a median of 3 × 3 pixels.
 
-    Two pictures of one place taken at other times differ in their light, also within a tile (bands of mains light), and
-    dead pixels are the steepest points of all. Neither moves what is seen.
+    Two pictures of one place taken at different times differ in their light, also within a tile (bands of mains light).
+    The contrast of weak texture is raised, and with it dead pixels and noise, which the median takes away before.
     """
     width = round(CONSTANTS.evened * luma.shape[1])
     alive = cv2.medianBlur(luma, 3).astype(np.float32)
