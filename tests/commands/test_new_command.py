@@ -73,6 +73,27 @@ def test_the_size_of_a_phones_video_is_that_of_its_upright_pictures(footage):
     assert load_campaign(footage).resolution_px == (540, 960)
 
 
+def test_pictures_of_several_kinds_are_all_taken(footage):
+    """A phone's JPGs beside PNGs, or names in capitals."""
+    pictures = sorted((footage / "calibration").iterdir())
+    for path in pictures[::2]:
+        path.rename(path.with_name(path.name.upper()))
+    run(footage, FACTS, ask=False, find=False)
+    found = load_campaign(footage)
+    assert len({*found.calibration_images, *found.floor_images}) == len(pictures)
+
+
+def test_pictures_in_another_folder_are_named_as_not_used(footage):
+    pictures = sorted(path for path in (footage / "calibration").iterdir() if "floor" not in path.name)
+    (footage / "aside").mkdir()
+    for path in pictures[:2]:
+        path.rename(footage / "aside" / path.name)
+    done = run(footage, FACTS, ask=False, find=False)
+    assert not {path.name for path in load_campaign(footage).calibration_images} & {path.name for path in pictures[:2]}
+    assert "Pictures in other folders are not used: aside/" in done.text
+    assert "# Pictures in other folders" in (footage / "campaign.yaml").read_text()
+
+
 def test_every_guess_is_marked_and_nothing_else(footage):
     run(footage, FACTS | {"friction.kinetic": 0.31}, ask=False, find=False)
     text = (footage / "campaign.yaml").read_text()

@@ -2,7 +2,8 @@
 
 import re
 import sys
-from collections.abc import Callable, Mapping
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from towval.calibration.behind_boards import some_of
 from towval.calibration.board_search import fitting_corner_counts
 from towval.calibration.corners import observe_chessboard
 from towval.commands.check import IN_FLOOR_AXES, check, for_people
@@ -148,6 +150,8 @@ def _outcome(draft: Draft, file: Path, checked: dict[str, Any]) -> Outcome:
     text += f"guessed, so measure first: {', '.join(guessed) or 'nothing'}"
     unstated = [fact.key for fact in FACTS if not fact.needed and draft.known(fact.key) is None]
     text += f"; not stated: {', '.join(unstated)}" if unstated else ""
+    aside = (draft.marks.get(key, "") for key in ("camera.calibration_images", "floor.more_images"))
+    text += "".join(f"; {mark.rstrip('.')}" for mark in aside if mark)
     in_axes = [key for key in IN_FLOOR_AXES if draft.known(key) is not None]
     if in_axes and "floor.origin_corner_px" in draft.marks:
         text += (
@@ -220,11 +224,20 @@ def _look_at_files(draft: Draft) -> None:
     flat = [path for path in pictures if "floor" in path.stem.lower()]
     held = [path for path in pictures if path not in flat] or pictures
     if held:
-        draft.put("camera.calibration_images", (held[0].parent / f"*{held[0].suffix}").as_posix())
+        draft.put("camera.calibration_images", *_pattern(held, "*"))
     if not (draft.known("floor.image") or draft.known("floor.surveyed_marks")) and flat:
         draft.put("floor.image", flat[0].as_posix())
         if flat[1:]:
-            draft.put("floor.more_images", (flat[0].parent / f"*[fF]loor*{flat[0].suffix}").as_posix())
+            draft.put("floor.more_images", *_pattern(flat[1:], "*[fF][lL][oO][oO][rR]*"))
+
+
+def _pattern(pictures: Sequence[Path], name: str) -> tuple[str, str]:
+    """A pattern for the pictures of the folder that holds most of them, and a mark that names those elsewhere."""
+    ((folder, _),) = Counter(path.parent for path in pictures).most_common(1)
+    suffixes = {path.suffix for path in pictures if path.parent == folder}
+    others = [path.as_posix() for path in pictures if path.parent != folder]
+    mark = f"Pictures in other folders are not used: {some_of(others)}." if others else ""
+    return (folder / f"{name}{suffixes.pop() if len(suffixes) == 1 else ''}").as_posix(), mark
 
 
 def _fill(draft: Draft, ask: bool) -> None:
