@@ -15,7 +15,7 @@ from studies.paper.scene import paper_scene
 from towval.cli import main
 from towval.commands.plan import run, run_tow
 from towval.io.mcap_file import Message, read_mcap, write_mcap
-from towval.io.plan_files import JOINT_NAMES, read_path, read_rover_poses, read_tow, write_plan_csv, write_plan_mcap
+from towval.io.plan_files import JOINT_NAMES, read_path, read_tow, write_plan_csv, write_plan_mcap
 from towval.io.records import read_simulated
 from towval.io.ros import stamped_pose, stamped_vector, typestore
 from towval.io.schema import check, packaged_schema
@@ -93,10 +93,10 @@ def test_a_turned_and_moved_wish_gives_the_turned_and_moved_loop(scene, patch, w
 def test_a_plan_written_as_mcap_drives_the_same_object_motion(tmp_path, scene, patch, nominal, loop):
     file = tmp_path / "plan.mcap"
     write_plan_mcap(file, loop.rover, loop.towed, {"versions": "{}"})
-    times, poses = read_rover_poses(file)
+    times, poses, start = read_tow(file)
     np.testing.assert_allclose(poses, loop.rover.pose, atol=1e-12)
     hinge = hinge_of_poses(poses, scene.rover)
-    np.testing.assert_allclose(read_tow(file)[2], nominal.pose[0], atol=1e-12)
+    np.testing.assert_allclose(start, nominal.pose[0], atol=1e-12)
     again = tow(
         times,
         hinge,
@@ -133,17 +133,18 @@ def test_rover_poses_of_somebody_elses_recording_are_read_too(tmp_path):
     file = tmp_path / "other.mcap"
     poses = np.array([[0.0, 0.0, 3.0], [0.1, 0.0, 3.2]])
     messages = [
-        Message("/rover/pose", k * 10**9, stamped_pose(float(k), "floor", pose)) for k, pose in enumerate(poses)
+        Message(topic, k * 10**9, stamped_pose(float(k), "floor", pose))
+        for topic in ("/rover/pose", "/object/pose")
+        for k, pose in enumerate(poses)
     ]
     write_mcap(file, messages, {}, {})
-    times, read = read_rover_poses(file)
+    times, read, _ = read_tow(file)
     np.testing.assert_allclose(times, [0.0, 1.0])
     np.testing.assert_allclose(read, poses)  # unwrapped across π
 
 
-def test_a_recording_of_others_is_read_by_the_stamps_of_its_poses_whatever_else_it_holds(tmp_path):
-    """Its own times are when messages arrived, late and in bursts; types that nobody knows here are passed over."""
-    file = tmp_path / "bag.mcap"
+def bag(file, *topics):
+    """A recording of others with poses on some topics, late and in bursts, and types that nobody knows here."""
     kind = "geometry_msgs/msg/PoseStamped"
     with file.open("wb") as stream:
         writer = Writer(stream)
@@ -153,22 +154,28 @@ def test_a_recording_of_others_is_read_by_the_stamps_of_its_poses_whatever_else_
         custom = writer.register_schema(name="lab_msgs/msg/Wheels", encoding="ros2msg", data=b"float64 speed")
         channels = {
             topic: writer.register_channel(topic=topic, message_encoding="cdr", schema_id=schema)
-            for topic, schema in {"/rover/pose": pose, "/wheels": custom, "/raw": 0}.items()
+            for topic, schema in {**dict.fromkeys(topics, pose), "/wheels": custom, "/raw": 0}.items()
         }
         for topic in ("/wheels", "/raw"):
             writer.add_message(channel_id=channels[topic], log_time=1, publish_time=1, data=b"12345678")
         for k in (1, 0, 2):
             data = typestore().serialize_cdr(stamped_pose(0.5 * k, "floor", np.array([0.1 * k, 0.0, 0.0])), kind)
             log_time = 7 * 10**9 + 10**6 * k
-            writer.add_message(
-                channel_id=channels["/rover/pose"], log_time=log_time, publish_time=log_time, data=bytes(data)
-            )
+            for topic in topics:
+                writer.add_message(
+                    channel_id=channels[topic], log_time=log_time, publish_time=log_time, data=bytes(data)
+                )
         writer.finish()
-    times, poses = read_rover_poses(file)
+    return file
+
+
+def test_a_recording_of_others_is_read_by_the_stamps_of_its_poses_whatever_else_it_holds(tmp_path):
+    """Its own times are when messages arrived."""
+    times, poses, _ = read_tow(bag(tmp_path / "bag.mcap", "/rover/pose", "/object/pose"))
     assert times.tolist() == [0.0, 0.5, 1.0]
     np.testing.assert_allclose(poses[:, 0], [0.0, 0.1, 0.2])
     with pytest.raises(InputError, match=r"no poses of the object(.|\n)*got: /raw, /rover/pose, /wheels"):
-        read_tow(file)
+        read_tow(bag(tmp_path / "rover.mcap", "/rover/pose"))
 
 
 def test_poses_of_another_type_are_named(tmp_path):
@@ -176,7 +183,7 @@ def test_poses_of_another_type_are_named(tmp_path):
     vectors = [Message("/rover/pose", 0, stamped_vector(0.0, "floor", np.zeros(3)))]
     write_mcap(file, vectors, {}, {})
     with pytest.raises(InputError, match=r"no stamped poses(.|\n)*geometry_msgs/msg/Vector3Stamped"):
-        read_rover_poses(file)
+        read_tow(file)
 
 
 @pytest.mark.parametrize("data", [b"", b"x_m,y_m\n0,here\n", b"x_m,y_m\n\xfc,0\n", b"x_m,y_m\n0,0\n0,0,0,0\n"])
@@ -236,7 +243,7 @@ def test_an_mcap_without_rover_poses_is_refused_by_name(tmp_path):
     file = tmp_path / "empty.mcap"
     write_mcap(file, [], {}, {})
     with pytest.raises(InputError, match="no poses of the rover"):
-        read_rover_poses(file)
+        read_tow(file)
 
 
 def test_the_csv_has_a_row_a_step(tmp_path, loop):
@@ -279,7 +286,7 @@ def test_the_commands_plan_a_curve_and_tow_behind_the_recorded_rover(tmp_path):
     assert planned.files == (plan, tmp_path / "line.csv")
     assert planned.text.startswith("arrived; the object deviates from its path by")
     assert run_tow(quick_plan(), plan, towed).numbers["path_length_m"] == pytest.approx(_path_length(towed))
-    assert read_simulated(towed).time_s == pytest.approx(read_rover_poses(plan)[0])  # every pose drives the tether
+    assert read_simulated(towed).time_s == pytest.approx(read_tow(plan)[0])  # every pose drives the tether
     # The recording starts the object at rest, the plan at the nominal velocity: the tether soon makes them one.
     gap = read_simulated(towed).pose[-1] - _last_object_pose(tmp_path / "line.csv")
     assert np.abs(gap[:2]).max() < 1e-4

@@ -60,17 +60,6 @@ def _object_messages(towed: SimulatedMotion) -> Iterator[Message]:
         yield Message("/tf", ns, ros.transforms(t, FLOOR_FRAME, {"object_simulated": towed.pose[k]}))
 
 
-def read_rover_poses(path: FilePath) -> tuple[Array, Array]:
-    """Times (n,) [s] and poses (n, 3) [m, m, rad, unwrapped] of ``/rover/pose`` in any MCAP.
-
-    A plan, a measured track or a recording of somebody else's: what drives the tether is the same topic everywhere.
-    Times are those of the headers: a recording's own are when the messages arrived.
-
-    Raises `InputError` when the file is missing, damaged or has no such topic, or one of other messages.
-    """
-    return _stamped_poses(read_mcap(path, only=_ROVER), path, "rover", _ROVER)
-
-
 _ROVER, _OBJECT = ("/rover/pose",), ("/object/pose", "/object/pose_simulated")
 _STAMPED = "PoseStamped, PoseWithCovarianceStamped or Odometry"
 
@@ -96,11 +85,13 @@ def _stamped_poses(content: McapContent, path: FilePath, body: str, topics: Sequ
 def read_tow(path: FilePath) -> tuple[Array, Array, Array]:
     """What a tow behind the rover of any MCAP needs, from the first time at which rover and object are known.
 
-    Times (n,) [s] and poses (n, 3) [m, m, rad] of the rover, and the object's pose (3,) at the first of these; at a
-    time between two poses it is interpolated, and after its last the object has stayed. The object's topic is
-    ``/object/pose``, else ``/object/pose_simulated``; the rest is as in :func:`read_rover_poses`.
+    Times (n,) [s] and poses (n, 3) [m, m, rad, unwrapped] of ``/rover/pose``, and the object's pose (3,) at the first
+    of these; at a time between two poses it is interpolated, and after its last the object has stayed. The object's
+    topic is ``/object/pose``, else ``/object/pose_simulated``. The file may be a plan, a measured track or a recording
+    of somebody else's. Times are those of the headers: a recording's own are when the messages arrived.
 
-    Raises `InputError`, too, when the object is first seen after the last pose of the rover.
+    Raises `InputError` when the file is missing, damaged or without one of these topics, or one holds other messages,
+    or the object is first seen after the last pose of the rover.
     """
     content = read_mcap(path, only=(*_ROVER, *_OBJECT))
     times_s, poses = _stamped_poses(content, path, "rover", _ROVER)
