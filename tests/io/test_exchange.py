@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import tracemalloc
+from dataclasses import replace
 from importlib.resources import files
 from io import BytesIO
 
@@ -19,7 +20,7 @@ from report_scenes import grey_film, numbered_film, small_calibration, towed_run
 from towval.commands.exchange import film_pictures
 from towval.io import records, ros
 from towval.io.campaign import Run
-from towval.io.exchange import LAYOUTS, write_layouts, write_run_file
+from towval.io.exchange import LAYOUTS, _tether, write_layouts, write_run_file
 from towval.io.mcap_file import Message, read_mcap, write_mcap
 from towval.model.geometry import transform
 from towval.report.overlay import drawn_pictures
@@ -88,6 +89,13 @@ def test_tether_runs_from_the_simulated_anchor_to_the_measured_hinge(content, ru
     points = np.frombuffer(bytes(clouds[20].data), "<f4").reshape(-1, 3)
     np.testing.assert_allclose(points[0, :2], transform(run.simulated.pose[20], run.anchor), atol=1e-6)
     np.testing.assert_allclose(points[-1, :2], transform(run.rover_track.pose[20], run.hinge), atol=1e-6)
+
+
+def test_the_tether_is_drawn_at_the_heights_of_its_ends(run):
+    raised = replace(run, hinge_height_m=0.4, anchor_height_m=0.1)
+    clouds = (message.value for message in _tether(raised) if message.topic == "/tether/line")
+    points = np.frombuffer(bytes(next(clouds).data), "<f4").reshape(-1, 3)
+    np.testing.assert_allclose(points[[0, -1], 2], [0.1, 0.4], rtol=1e-6)
 
 
 def test_errors_and_tension_are_numbers_that_viewers_plot(content, run):

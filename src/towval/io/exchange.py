@@ -23,7 +23,9 @@ LAYOUTS = ("lichtblick.json", "rerun.rbl")
 """Layouts for Lichtblick and Foxglove, and for Rerun."""
 
 _STEP_M = 0.01
-_TETHER_Z_M = 0.02
+_LEAST_Z_M = 0.02
+"""Height above the floor at which the tether is drawn at least: at the floor's own height viewers hide it."""
+
 _ERRORS = ("along_m", "across_m", "heading_rad", "ratio")
 
 
@@ -96,8 +98,8 @@ def _motions(run: RunRecord) -> Iterator[Message]:
 
 
 def _tether(run: RunRecord) -> Iterator[Message]:
-    """The simulated tether as points, with its length as position and its tension as effort."""
-    simulated = run.simulated
+    """The simulated tether as points at its ends' heights, with its length as position and its tension as effort."""
+    simulated, heights = run.simulated, np.maximum([run.anchor_height_m, run.hinge_height_m], _LEAST_Z_M)
     hinge, anchor = _hinge(run), transform(simulated.pose, run.anchor)
     tension = np.linalg.norm(simulated.tether_force, axis=1)
     for i, time_s in enumerate(simulated.time_s):
@@ -105,7 +107,7 @@ def _tether(run: RunRecord) -> Iterator[Message]:
         state = ros.joint_state(time_s, ["tether"], [simulated.tether_length[i]], [], [tension[i]])
         yield Message("/tether/state", ns, state)
         if np.isfinite(hinge[i]).all():
-            line = _points_along(np.column_stack([[anchor[i], hinge[i]], [_TETHER_Z_M] * 2]))
+            line = _points_along(np.column_stack([[anchor[i], hinge[i]], heights]))
             yield Message("/tether/line", ns, ros.point_cloud(time_s, FLOOR_FRAME, line, "xyz"))
 
 

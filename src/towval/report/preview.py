@@ -33,23 +33,22 @@ def draw_start(
     picture = np.asarray(cv2.cvtColor(luma, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
     line = max(1, round(luma.shape[1] / 700))
 
-    def draw(points: Array, height: float, colour: Colour, width: int) -> None:
-        dense = lifted(_dense(np.asarray(points, dtype=float)), height)
-        stroke(picture, project(calibration.camera, calibration.floor, dense), colour, width)
+    def draw(points: Array, colour: Colour, width: int) -> None:
+        stroke(picture, project(calibration.camera, calibration.floor, _dense(points)), colour, width)
 
     for row in floor_grid(calibration):
-        draw(row, 0.0, _GRID, 1)
+        draw(lifted(row, 0.0), _GRID, 1)
     for end, colour in zip(np.eye(2) * GRID_M, _AXES, strict=True):
-        draw(np.array([[0.0, 0.0], end]), 0.0, colour, 2 * line)
+        draw(lifted(np.array([[0.0, 0.0], end]), 0.0), colour, 2 * line)
     for name, (body, pose) in bodies.items():
         height, corners = body.tracked_plane_height_m, body.top_corners_m
-        draw(transform(pose, np.vstack([corners, corners[:1]])), height, _BODIES[name], line)
+        draw(lifted(transform(pose, np.vstack([corners, corners[:1]])), height), _BODIES[name], line)
         length = 0.5 * float(np.abs(corners).max())
         for end, colour in zip(np.eye(2) * length, _AXES, strict=True):
-            draw(transform(pose, np.array([[0.0, 0.0], end])), height, colour, line)
+            draw(lifted(transform(pose, np.array([[0.0, 0.0], end])), height), colour, line)
     if len(bodies) == len(_BODIES):
-        ends = [transform(bodies["rover"][1], scene.hinge), transform(bodies["object"][1], scene.anchor)]
-        draw(np.array(ends), 0.5 * (scene.hinge_height + scene.anchor_height), _TETHER, line)
+        hinge, anchor = transform(bodies["rover"][1], scene.hinge), transform(bodies["object"][1], scene.anchor)
+        draw(np.array([[*hinge, scene.hinge_height], [*anchor, scene.anchor_height]]), _TETHER, line)
     return picture
 
 
@@ -67,7 +66,7 @@ def floor_grid(calibration: Calibration) -> list[Array]:
 
 
 def _dense(points: Array) -> Array:
-    """Points (m, 2) along a polyline, dense enough for the curvature that the lens gives a straight edge."""
+    """Points (m, 3) along a polyline (n, 3), dense enough for the curvature that the lens gives a straight edge."""
     pieces = [points[:1]]
     for start, end in itertools.pairwise(points):
         length = np.linalg.norm(end - start)

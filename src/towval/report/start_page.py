@@ -90,7 +90,7 @@ def write_start_page(
         "tether": {
             "rest_length_m": scene.tether.rest_length,
             "longest_m": longest_m,
-            "height_m": 0.5 * (scene.hinge_height + scene.anchor_height),
+            "heights_m": [scene.hinge_height, scene.anchor_height],
         },
         "floor": None if floor is None else _floor(floor),
         "runs": {

@@ -165,7 +165,7 @@ function line(context, points, colour, width) {
   context.strokeStyle = colour; context.lineWidth = width; context.stroke();
 }
 
-const along = (from, to, n = 12) => Array.from({ length: n + 1 }, (_, i) => [from[0] + (to[0] - from[0]) * i / n, from[1] + (to[1] - from[1]) * i / n]);
+const along = (from, to, n = 12) => Array.from({ length: n + 1 }, (_, i) => from.map((x, k) => x + (to[k] - x) * i / n));
 
 function paint(context, place) {
   const ground = (from, to, colour, width) => line(context, along(from, to).map(([x, y]) => place(project(x, y, 0))), colour, width);
@@ -185,8 +185,8 @@ function paint(context, place) {
       context.beginPath(); context.arc(x, y, 6, 0, 7); context.strokeStyle = "#fff"; context.lineWidth = 1.5; context.stroke();
     }
   }
-  const { hinge, anchor, span } = tether(run), height = DATA.tether.height_m;
-  line(context, along(hinge, anchor).map(([x, y]) => place(project(x, y, height))), span > DATA.tether.longest_m ? "#ff00ff" : "#ffd650", 2);
+  const { hinge, anchor, span } = tether(run), [above, below] = DATA.tether.heights_m;
+  line(context, along([...hinge, above], [...anchor, below]).map((point) => place(project(...point))), span > DATA.tether.longest_m ? "#ff00ff" : "#ffd650", 2);
 }
 
 function draw() {
