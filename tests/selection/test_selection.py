@@ -15,8 +15,9 @@ from towval.calibration.calibrate import CalibrateSettings, calibrate_observatio
 from towval.io.campaign import load_campaign
 from towval.io.video import Video
 from towval.model import Board
+from towval.model.geometry import lifted
 from towval.optics.plane_uncertainty import pixel_grid
-from towval.optics.projection import to_plane
+from towval.optics.projection import project, to_plane
 from towval.physics.ladder import rung_names
 from towval.selection.lens import with_lens_choice
 from towval.selection.margin import measurement_std_m
@@ -152,8 +153,20 @@ def test_the_neighbour_of_a_tracking_is_tried_on_a_few_frames(filmed, settings, 
     assert all(0 < choice.change_m < 5e-3 for choice in choices.values())
 
 
-def test_the_next_lens_model_is_held_against_the_chosen_one():
+def with_as_many_marks_as_corners(scene):
+    """The set with a surveyed mark for each corner of a board, over the visible floor."""
+    unit = np.stack(np.meshgrid(np.linspace(0.1, 0.9, 9), np.linspace(0.1, 0.9, 6)), axis=-1).reshape(-1, 2)
+    marks_m = to_plane(scene.camera, scene.floor, unit * scene.camera.resolution_px, 0.0)
+    marks_px = project(scene.camera, scene.floor, lifted(marks_m, 0.0))
+    marks_px += np.random.default_rng(1).normal(0, 0.15, marks_px.shape)
+    reference = replace(scene.seen.reference, marks_px=marks_px, marks_m=marks_m, mark_std_px=0.15)
+    return replace(scene, seen=replace(scene.seen, reference=reference))
+
+
+@pytest.mark.parametrize("surveyed", [False, True])
+def test_the_next_lens_model_is_held_against_the_chosen_one(surveyed):
     scene = calibration_set(5, views=10, floor="boards")
+    scene = with_as_many_marks_as_corners(scene) if surveyed else scene
     settings = CalibrateSettings(lens_models=("k1 k2",))
     calibration = calibrate_observations(scene.seen, settings, {})
     exact = Board("chessboard", (9, 6), 0.04, size_std=0.0, bow_std_m=0.0)

@@ -25,7 +25,7 @@ from towval.calibration.corners import BoardObservation
 from towval.calibration.doubts import doubts_std, settle, without_prejudice
 from towval.calibration.floor import in_floor_axes
 from towval.calibration.lens import LENS_MODELS, NESTED, LensTrial, active_parameters
-from towval.calibration.observations import CalibrationObservations, first_guess, unflipped
+from towval.calibration.observations import MARKS_VIEW, CalibrationObservations, first_guess, unflipped
 from towval.model import Board, Calibration, Camera, Finding, Floor, FloorReference, Severity, View
 from towval.model.errors import InputError, RefusedError
 from towval.model.findings import finding
@@ -45,8 +45,6 @@ class CalibrateConstants:
 
 
 CONSTANTS = CalibrateConstants()
-
-_MARKS_VIEW = "surveyed marks"
 
 
 @dataclass(frozen=True)
@@ -293,7 +291,7 @@ def _views(
     ]
     if kept.marks:
         marks, residual = kept.floor_reference, residuals(kept.blocks, estimate)[-1]
-        views.append(View(_MARKS_VIEW, marks.marks_px, marks.marks_m, residual, np.nan, on_floor=True))
+        views.append(View(MARKS_VIEW, marks.marks_px, marks.marks_m, residual, np.nan, on_floor=True))
     empty = np.zeros((0, 2))
     return (
         *views,
@@ -338,7 +336,7 @@ def _judged(
 
 def _reprojection_rms_px(calibration: Calibration) -> float:
     """Root mean square length of the residual vectors of all corners used, as OpenCV counts it [px]."""
-    used = [view.residuals_px for view in calibration.views if not view.dropped and view.name != _MARKS_VIEW]
+    used = [view.residuals_px for view in calibration.views if not view.dropped and view.name != MARKS_VIEW]
     return float(np.sqrt(np.mean(np.sum(np.concatenate(used) ** 2, axis=1))))
 
 

@@ -13,7 +13,7 @@ from scipy.special import chdtri
 from towval.calibration.adequacy import floor_quality
 from towval.calibration.bundle_adjustment import Block, Estimate, Placement, adjust, marginal_covariance, residuals
 from towval.calibration.lens import LensTrial, active_parameters, choose_lens
-from towval.calibration.observations import CalibrationObservations, with_floor
+from towval.calibration.observations import MARKS_VIEW, CalibrationObservations, with_floor
 from towval.model import Array, Calibration, Camera, Floor, FloorReference, View
 from towval.model.errors import InputError
 from towval.model.findings import finding
@@ -101,7 +101,7 @@ def _reported(
     numbers = {"count": len(residual), "left_out_mm": 1e3 * left_out_m, "focal_percent": percent}
     return replace(
         calibration,
-        views=(View("surveyed marks", reference.marks_px, reference.marks_m, residual, np.nan, on_floor=True),),
+        views=(View(MARKS_VIEW, reference.marks_px, reference.marks_m, residual, np.nan, on_floor=True),),
         findings=(finding("marks-alone", **numbers),),
         quality=quality,
     )

@@ -13,6 +13,9 @@ from towval.model import Array, FloorReference
 from towval.model.errors import InputError
 from towval.model.geometry import lifted
 
+MARKS_VIEW = "surveyed marks"
+"""Name of the view that holds the surveyed marks, in place of that of a picture."""
+
 
 @dataclass(frozen=True)
 class CalibrationObservations:

@@ -6,7 +6,7 @@ from towval.calibration.calibrate import CalibrateSettings, calibrate_observatio
 from towval.calibration.corners import BoardObservation
 from towval.calibration.doubts import doubts_std
 from towval.calibration.lens import LENS_MODELS
-from towval.calibration.observations import CalibrationObservations
+from towval.calibration.observations import MARKS_VIEW, CalibrationObservations
 from towval.model import Board, Calibration, Choice, FloorReference
 from towval.model.errors import RefusedError
 from towval.model.geometry import rms_length
@@ -21,17 +21,18 @@ def with_lens_choice(
     models, chosen = list(LENS_MODELS), calibration.camera.lens_model
     place = models.index(chosen)
     following = models[place + 1] if place + 1 < len(models) else models[place - 1]
-    used = [view for view in calibration.views if not view.dropped and len(view.corners_px) and len(view.board_m)]
-    boards = [BoardObservation(view.name, view.corners_px, view.board_m) for view in used if not view.on_floor]
-    flat = [BoardObservation(view.name, view.corners_px, view.board_m) for view in used if view.on_floor]
-    flat = [observation for observation in flat if len(observation.corners_px) != len(reference.marks_px)]
-    doubts = doubts_std(board, reference)
-    seen = CalibrationObservations(calibration.camera.resolution_px, tuple(boards), tuple(flat), reference, doubts)
+    used = [view for view in calibration.views if not view.dropped and view.name != MARKS_VIEW]
+    held, flat = (
+        tuple(BoardObservation(view.name, view.corners_px, view.board_m) for view in used if view.on_floor == lying)
+        for lying in (False, True)
+    )
+    resolution_px, doubts = calibration.camera.resolution_px, doubts_std(board, reference)
+    seen = CalibrationObservations(resolution_px, held, flat, reference, doubts)
     # With one model there is nothing to select: no views are held out.
     alone = replace(settings, lens_models=(following,), folds=0)
     try:
         other = calibrate_observations(seen, alone, {})
-        pixels = pixel_grid(calibration.camera.resolution_px, 16).reshape(-1, 2)
+        pixels = pixel_grid(resolution_px, 16).reshape(-1, 2)
         there = [to_plane(each.camera, each.floor, pixels, height_m) for each in (calibration, other)]
         change = rms_length(there[0] - there[1])
     except RefusedError:
