@@ -107,7 +107,7 @@ def test_what_leaves_one_run_open_leaves_the_campaign_open():
     runs = [run("a", 0.5, tests[0]), run("b", 1.5, tests[1], verdict=Verdict.CANNOT_TELL)]
     found = campaign_verdict(runs)
     assert found.verdict == Verdict.CANNOT_TELL
-    assert found.sentence == "All runs together do not tell, because of b."
+    assert found.sentence == "All runs together leave it open, because of b."
     runs = [run("a", 0.5, tests[0]), run("b", 9.0, tests[1], verdict=Verdict.NOT_JUDGED)]
     found = campaign_verdict(runs)
     assert (found.verdict, found.runs) == (Verdict.AGREES, ("a",))

@@ -49,6 +49,13 @@ def test_with_the_tolerance_that_is_named_it_would_agree(upper_m, detectable_m):
     assert judged(upper_m, detectable_m, as_stated)[0] is Verdict.AGREES
 
 
+def test_no_tolerance_is_promised_where_the_visible_faults_are_not_known():
+    verdict, said = judged(0.03, float("nan"))
+    assert verdict is Verdict.CANNOT_TELL
+    assert "hardly any fault would have shown" in said
+    assert "would agree" not in said
+
+
 def test_what_is_too_little_to_be_judged_is_less_than_what_is_named():
     assert "moved by 39 mm, less than 2 times the 20 mm that matter" in judged(moved_m=0.0399)[1]
     assert "moved by 35 mm, less than 2 times the 20 mm that matter" in judged(moved_m=0.035)[1]

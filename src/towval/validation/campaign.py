@@ -51,7 +51,7 @@ def campaign_verdict(comparisons: Sequence[Comparison], confidence: float = 0.99
         sentence = f"{who} together disagree ({level}), because of {', '.join(beyond)}"
     elif mattering or unsure:
         verdict = Verdict.CANNOT_TELL
-        sentence = f"{who} together do not tell, because of {', '.join(dict.fromkeys([*mattering, *unsure]))}"
+        sentence = f"{who} together leave it open, because of {', '.join(dict.fromkeys([*mattering, *unsure]))}"
     else:
         verdict = Verdict.AGREES
         sentence = f"{who} together agree within {bound:.1f} mm ({level})"

@@ -74,7 +74,8 @@ def _of_rejected(e: Evidence) -> tuple[Verdict, str]:
     """Verdict and statement where a difference is detected."""
     tolerance, upper, tested = 1e3 * e.tolerance_m, _at_most(e.upper_m), _tested(e)
     if e.upper_m > e.tolerance_m:
-        return Verdict.DISAGREES, f"Disagrees: {e.where}; not what right inputs make of a right model ({tested})"
+        unlike = "a right model with inputs within their deviations would not be off like this"
+        return Verdict.DISAGREES, f"Disagrees: {e.where}; {unlike} ({tested})"
     guess = _wrong_guess(e)
     if guess:
         # Within the tolerance here, but a wrong assumption may do more elsewhere, and the model is untested.
@@ -101,7 +102,7 @@ def _of_not_rejected(e: Evidence) -> tuple[Verdict, str]:
             else "hardly any fault would have shown"
         )  # fmt: skip
     if unsure:
-        needed = max(e.upper_m, e.detectable_m)
+        needed = float(np.maximum(e.upper_m, e.detectable_m))
         remedy = f"It would agree if only {_at_most(needed)} mattered. " if np.isfinite(needed) else ""
         better = _worth_measuring(e)
         remedy += f"Measure better: {', '.join(better)}" if better else ""
