@@ -112,8 +112,8 @@ def _runs(given: Campaign, pictures: Path, faults: Faults, warnings: list[str]) 
         if stamps_s is None or luma is None:
             continue
         _, moved = faults.attempt(calibrated_at_start, calibration, video, luma, floor_pictures(given)) or (None, ())
-        told = (*findings_of_rate(given, video, stamps_s), *moved)
-        warnings += [f"run {name}: {found.text}" for found in told if found.severity is Severity.WARNING]
+        findings = (*findings_of_rate(given, video, stamps_s), *moved)
+        warnings += [f"run {name}: {found.text}" for found in findings if found.severity is Severity.WARNING]
         start = faults.attempt(_start, given, given.runs[name], video, luma, calibration, faults)
         if start is None:
             continue

@@ -1,4 +1,4 @@
-"""The errors of the package: each names the thing, the value received, what is allowed and the way out."""
+"""The errors of the package: each names the thing, the value received, what is allowed and the remedy."""
 
 from collections.abc import Callable, Iterable
 from typing import TypeVar

@@ -12,7 +12,7 @@ from towval.model.checks import Array, lock, lock_whole, short_repr
 
 
 def rounded_up(value: float, decimals: int) -> float:
-    """A bound to so many decimals that is not below it; what is not finite stays."""
+    """A value rounded up to a number of decimals; what is not finite is returned as it is."""
     # What floating point leaves above a round number is no reason for the next one.
     return math.ceil(value * 10**decimals - 1e-6) / 10**decimals if math.isfinite(value) else value
 

@@ -9,9 +9,9 @@ def creep_length(motion: SimulatedMotion, towed: TowedObject, stiction_velocity:
     """Path length of the footprint's fastest corner at speeds below the stiction velocity [m].
 
     Below v_s a law that rises from zero at rest lets the object slide under any pull, at about ``v_s T / (μ N)``; a
-    real one sticks. The accumulated creep is no motion of the real object. As the speed of
-    that corner counts the sum of the origin's and that of turning about it, which no corner exceeds. Evaluated at the
-    reported times by the trapezium rule.
+    real one sticks, so the accumulated creep is no motion of the real object. The speed of that corner is taken as the
+    sum of the origin's and that of turning about it, which no corner exceeds. Evaluated at the reported times by the
+    trapezium rule.
 
     ``stiction_velocity``: speed at which friction is fully there [m/s].
 

@@ -53,7 +53,7 @@ LEVEL = Ground()
 _NO_TETHER, _ANY_SLIDING = Tether(1.0, 1.0), Sliding(Coulomb(1.0, 1.0))
 
 _FORCE_ERROR, _FORCE_SHIFT_M = 1e-3, 0.01
-"""An error of the force that nobody can exclude, and how far it may move the object before that is worth a word."""
+"""An error of the force that cannot be excluded, and the shift of the object above which a finding states it."""
 
 _STEP_LIMIT = 2_000_000
 

@@ -1,6 +1,6 @@
 """The footprint as a polygon: whether it is one, how large it is, and whether what stands on it tips over.
 
-Nothing here is compiled, so that a campaign is read in no time.
+Nothing here is compiled, so that reading a campaign waits for no compiler.
 """
 
 import functools

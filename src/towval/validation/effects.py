@@ -20,7 +20,7 @@ from towval.validation.simulate_many import Batch, Drawn
 _RMS = "RMS over the path"
 _TRIED = 1e-3  # a size that any input that cannot be negative may have, in its unit
 _MOST_INPUTS = 5
-"""Most inputs to be measured better that get a row: nobody reads a table of all thirty."""
+"""Largest number of inputs to be measured better that get a row: a table of all thirty would hide them."""
 
 
 @dataclass(frozen=True)

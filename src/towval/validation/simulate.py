@@ -74,12 +74,12 @@ def simulate(
 ) -> SimulatedMotion:
     """Simulate the towed object behind the measured rover.
 
-    Of the object's decimated track only the beginning drives the simulation; the rest is looked at for motion that no
-    tether made. The motion is given at those of the ``times`` (n,) [s]
-    from when both tracks have begun to the end of the rover's; ``statistics["u_num_m"]`` is the root sum of squares of
-    the largest shifts of the path by a hundred times tighter tolerance, ``statistics["u_tolerance_m"]``, and by the
-    full dynamics. With the ``body`` of the object it is seen whether the tether lies across it. `RefusedError` where
-    the load's weight is outside the footprint, the tracks do not overlap, or the integration ends early.
+    Of the object's decimated track only the beginning drives the simulation; the rest is examined for motion that the
+    tether did not cause. The motion is given at those of the ``times`` (n,) [s] from when both tracks have begun to the
+    end of the rover's. ``statistics["u_num_m"]`` is the root sum of squares of the largest shifts of the path by a
+    hundred times tighter tolerance, ``statistics["u_tolerance_m"]``, and by the full dynamics. With the ``body`` of the
+    object a tether that lies across it is reported. `RefusedError` where the load's weight is outside the footprint,
+    the tracks do not overlap, or the integration ends early.
     """
     return RunSimulation(scene, rover, towed, times, body).simulate(settings or SimulateSettings())
 
