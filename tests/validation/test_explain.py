@@ -4,8 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import multivariate_t
 
-from towval.validation.explain import explain
+from towval.model.geometry import block_means
+from towval.validation.explain import _Search, explain
 from towval.validation.sampler import UncertaintySettings
 from towval.validation.simulate import simulate
 from towval.validation.statistics import RightModel
@@ -54,6 +56,18 @@ class World:
 @pytest.fixture(scope="module")
 def world():
     return World()
+
+
+def test_block_means_count_as_one_more_draw_of_a_covariance_known_from_the_draws(world):
+    """One more draw beside k of p numbers follows Student's t of k − p + 1 degrees of freedom, here SciPy's."""
+    search = _Search(world.off, world.right, world.names, (), lambda moves: np.zeros((len(moves), N, 3)))
+    errors = [world.rest, world.rest + 3 * linear({0: 1.0, 1: 1.0})]
+    degrees = K - world.right.weight.shape[0] + 1
+    student = multivariate_t(shape=np.linalg.inv(world.right.weight) * K / degrees, df=degrees)
+    expected = [-2 * student.logpdf(block_means(each).ravel()) for each in errors]
+    found = [search._means(each) for each in errors]
+    assert found[1] - found[0] > 10
+    assert found[1] - found[0] == pytest.approx(expected[1] - expected[0], rel=1e-6)
 
 
 def test_a_run_of_as_few_instants_as_blocks_is_explained(world):

@@ -76,10 +76,11 @@ class _Search:
     def _means(self, error: Array) -> float:
         """Cost of the 72 block means of an error (n, 3), as of one more draw.
 
-        The draws are normal with a covariance estimated from them, so one more follows Student's t.
+        The draws are normal with a covariance that is known from the k of them, so one more follows Student's t with
+        the density ``(1 + q / k)^(−(k + 1) / 2)`` of its square q by that covariance, whatever the number of means.
         """
         square = float(np.sum(self._white(error) ** 2))
-        return self.samples * float(np.log1p(square / max(self.samples - len(self.root) + 1, 1)))
+        return (self.samples + 1) * float(np.log1p(square / self.samples))
 
     def _swing(self, error: Array) -> float:
         """Cost of the oscillation of an error (n, 3) about its block means: one amplitude per block, of unknown size.
