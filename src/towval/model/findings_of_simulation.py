@@ -59,12 +59,10 @@ register(  # simulate; the last six are those of towval.physics
         "For {percent:.0f} % of the time the tether would hang {depth_mm:.0f} mm below the floor: there it lies on the "
         "floor, which the model of a hanging tether leaves out.",
     ),
-    FindingType("slack_all_along", "simulate", WARNING, NOT_JUDGED, _ENDED),
-    FindingType("step_limit", "simulate", WARNING, NOT_JUDGED, _ENDED),
-    FindingType("step_too_small", "simulate", WARNING, NOT_JUDGED, _ENDED),
-    FindingType("not_finite", "simulate", WARNING, NOT_JUDGED, _ENDED),
-    FindingType("tips_over", "simulate", WARNING, NOT_JUDGED, _ENDED),
-    FindingType("lifted", "simulate", WARNING, NOT_JUDGED, _ENDED),
+    *(
+        FindingType(name, "simulate", WARNING, NOT_JUDGED, _ENDED)
+        for name in ("slack_all_along", "step_limit", "step_too_small", "not_finite", "tips_over", "lifted")
+    ),
     FindingType(
         "not_balanced", "simulate", WARNING, NOT_JUDGED,
         "At {count} steps of the rung '{rung}' no balance was found; the previous twist was kept.",

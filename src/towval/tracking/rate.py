@@ -46,13 +46,15 @@ def rate_findings(steps_s: ArrayLike, stated_hz: float | None, seen_s: float, he
     of the sound [s], NaN where there is none.
     """
     cameras_hz = np.outer(CONSTANTS.usual_hz, [1.0, 1 / 1.001]) if stated_hz is None else np.array([stated_hz])
-    off, found_hz = min((_off(rate_hz, cameras_hz), rate_hz) for rate_hz in 1 / np.atleast_1d(steps_s))
+    off, found_hz = min((_off_cameras(rate_hz, cameras_hz), rate_hz) for rate_hz in 1 / np.atleast_1d(steps_s))
     findings = []
     if stated_hz is not None and off > CONSTANTS.rate:
         findings.append(finding("rate_contradicted", found_hz=found_hz, other=f"camera.fps is {stated_hz:g}"))
     apart_s = max(CONSTANTS.length * heard_s, CONSTANTS.apart_s)
-    if heard_s < seen_s - apart_s and not _is_usual(found_hz, heard_s / seen_s, apart_s / seen_s):
-        heard_s = float("nan")  # Pictures that are lost leave the sound longer; this one was switched off before.
+    if heard_s < seen_s - apart_s:
+        # Lost pictures leave the sound longer: this one was switched off, or the stamps stretch a rate of cameras.
+        stretched = np.abs(heard_s / seen_s * np.array(CONSTANTS.usual_hz) / found_hz - 1).min() < apart_s / seen_s
+        heard_s = heard_s if stretched else float("nan")
     if abs(heard_s - seen_s) > apart_s:
         other = f"the sound lasts {heard_s:.1f} s and the pictures {seen_s:.1f} s"
         findings.append(finding("rate_contradicted", found_hz=found_hz, other=other))
@@ -63,12 +65,7 @@ def rate_findings(steps_s: ArrayLike, stated_hz: float | None, seen_s: float, he
     return tuple(findings)
 
 
-def _is_usual(found_hz: float, share: float, within: float) -> bool:
-    """Whether pictures that were taken in a share of the time that stamps give came at a rate of cameras."""
-    return bool(np.abs(share * np.array(CONSTANTS.usual_hz) / found_hz - 1).min() < within)
-
-
-def _off(rate_hz: float, cameras_hz: Array) -> float:
+def _off_cameras(rate_hz: float, cameras_hz: Array) -> float:
     """Share by which a rate is off the nearest one of cameras, or of cameras of which some pictures are left out."""
     usual = cameras_hz / rate_hz
     return float(np.abs(usual / np.maximum(np.round(usual), 1) - 1).min())

@@ -3,9 +3,11 @@
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from towval.model import Array, SimulatedMotion
 from towval.model.run_record import RunRecord
+from towval.model.tracks import stretches
 from towval.report.style import (
     BAND,
     COVERAGE,
@@ -46,11 +48,10 @@ def error_figure(run: RunRecord) -> Figure:
     return figure
 
 
-def intervals(time_s: Array, mask: Array) -> list[tuple[float, float]]:
+def intervals(time_s: Array, mask: NDArray[np.bool_]) -> list[tuple[float, float]]:
     """Start and end [s] of each group of times with ``mask`` (n,) set, half an interval wider on each side."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
     bounds = np.concatenate([time_s[:1], (time_s[1:] + time_s[:-1]) / 2, time_s[-1:]])
-    return [(float(bounds[i]), float(bounds[j])) for i, j in edges.reshape(-1, 2)]
+    return [(float(bounds[first]), float(bounds[last + 1])) for first, last in stretches(mask)]
 
 
 def _draw_error(axes: Axes, time_s: Array, error: Array, std: Array | None) -> None:
