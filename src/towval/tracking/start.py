@@ -57,7 +57,7 @@ _COLOURS = ((60, 60, 230), (230, 160, 40))
 class Tow:
     """The ends of the tether: ``hinge`` (2,) in the rover's frame, ``anchor`` (2,) in the object's [m].
 
-    ``longest_m`` is how far apart they can be on the floor, stretch included [m].
+    ``longest_m`` is how far apart they can be on the floor, stretch included [m]; at two heights they are nearer still.
     """
 
     hinge: Array
