@@ -230,7 +230,10 @@ def test_the_reason_of_a_rejection_names_the_inputs(measured):
     result = compare("a", simulated(measured, np.array([0, 0.04, 0])), measured, one)
     assert result.verdict == Verdict.DISAGREES
     assert "rest length (tether.rest_length_std_m) -8" in text_of(result, "explanation")
-    assert "of what happened" in text_of(result, "statement")
+    stated = text_of(result, "statement")
+    assert "of what happened all along" in stated
+    # The RMS stands last: before bounds of the largest error it was read as theirs, and was smaller than they.
+    assert stated.index("in heading") < stated.index("RMS")
 
 
 @pytest.mark.parametrize(("assumed", "verdict"), [(True, Verdict.CANNOT_TELL), (False, Verdict.AGREES)])

@@ -140,9 +140,10 @@ def statement_findings(e: Evidence, faults: tuple[VisibleFault, ...], confidence
     yield finding(
         "statement",
         off=(
-            f"{the} simulation was within {_at_most(off['position_max'][1])} of what happened ({100 * confidence:g} %; "
-            f"RMS {_at_most(off['position_rms'][1])}, along {_at_most(off['along_max'][1])}, across "
-            f"{_at_most(off['across_max'][1])}, heading {rounded_up(np.degrees(off['heading_max'][1]), 2):.2f}°)"
+            f"{the} simulation was within {_at_most(off['position_max'][1])} of what happened all along: "
+            f"{_at_most(off['along_max'][1])} along the path, {_at_most(off['across_max'][1])} across it, "
+            f"{rounded_up(np.degrees(off['heading_max'][1]), 2):.2f}° in heading, "
+            f"RMS {_at_most(off['position_rms'][1])} (each with {100 * confidence:g} %)"
         ),
         model=f"The model's own error is between {-rounded_up(-1e3 * model[0], 1) + 0.0:.1f} and {_at_most(model[1])}",
         visible=f"Faults seen with 90 %: {'; '.join(map(fault_text, faults))}",
