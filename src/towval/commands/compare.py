@@ -28,7 +28,7 @@ def run(
     write_comparison(output, comparison, measured, motion, provenance("compare", settings, files, run=name))
     names = ("path_rms_m", "path_max_m", "error_upper_m", "tolerance_m", "detectable_m", "u_val_m")
     numbers = {"verdict": comparison.verdict.value, **{name: float(getattr(comparison, name)) for name in names}}
-    text = f"{comparison.verdict}; path error {millimetres(comparison.path_rms_m)} RMS"
-    if np.isfinite(comparison.error_upper_m) and comparison.verdict is not Verdict.NOT_JUDGED:
-        text += f", at most {at_most(comparison.error_upper_m)}"
+    cited = np.isfinite(comparison.error_upper_m) and comparison.verdict is not Verdict.NOT_JUDGED
+    bound = f"off by at most {at_most(comparison.error_upper_m)}; " if cited else ""
+    text = f"{comparison.verdict}; {bound}simulated minus measured path {millimetres(comparison.path_rms_m)} RMS"
     return Outcome(f"compare {name}", (output,), text, numbers, comparison.findings)
