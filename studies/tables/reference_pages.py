@@ -14,11 +14,11 @@ _STAGES = ("calibrate", "track", "decimate", "simulate", "uncertainty", "compare
 
 _FINDINGS = """# Findings
 
-What the stages can remark on: the table of `towval/model/findings.py` in print (`python -m
+All remarks that the stages can make, printed from the table in `towval/model/findings.py` (`python -m
 studies.tables.reference_pages`).
 A text holds the names of its values in braces. The consequence is what a warning means for the verdict of its run:
-*widens* names the uncertain inputs whose stated deviations are too small once it is there, so that they are drawn three
-times as wide; *not judged*, that the comparison says nothing about the model and the run gets no verdict.
+*widens* names the uncertain inputs whose stated deviations are then too small, so that they are drawn three times as
+wide; *not judged* means that the comparison says nothing about the model, and the run gets no verdict.
 
 | code | stage | severity | text | consequence |
 |---|---|---|---|---|

@@ -100,7 +100,7 @@ register(  # calibrate
     FindingType("view-dropped", "calibrate", (Severity.WARNING, Severity.NOTE), NONE, "{name} was left out: {reason}."),
     FindingType(
         "views-repeated", "calibrate", NOTE, NONE,
-        "Pictures that show the board where another one does count as that one ({count}: {names}). Move or tilt it "
+        "{count} pictures show the board where another one shows it, and add no view: {names}. Move or tilt the board "
         "between two pictures.",
     ),
     FindingType(
@@ -334,7 +334,7 @@ register(  # uncertainty, compare, identify
     ),
     FindingType(
         "widened", "uncertainty", WARNING, NONE,
-        "The deviation of {input} counts {factor:g} times, because of: {codes}.",
+        "The deviation of {input} is taken to be {factor:g} times as large, because of: {codes}.",
     ),
     FindingType("verdict", "compare", NOTE_OR_WARNING, NONE, "{statement}."),
     FindingType("statement", "compare", NOTE, NONE, "{off}. {model}. {visible}."),

@@ -101,7 +101,7 @@ register(  # track
     ),
     FindingType(
         "rate_unusual", "track", WARNING, NOT_JUDGED,
-        "The time stamps give {found_hz:.2f} pictures a second, a rate at which no camera films, and neither "
+        "The time stamps give {found_hz:.2f} pictures a second, an unusual rate for a camera, and neither "
         "camera.fps nor a sound track confirms it. All speeds depend on it: state camera.fps.",
     ),
     FindingType(
