@@ -513,6 +513,71 @@ def test_a_bump_between_calibration_and_run_is_taken_off():
     assert [one.code for one in findings] == ["video_upside_down"]
 
 
+def cloudy_floor(seed):
+    """A floor whose soft spots place it to a quarter of a pixel only."""
+    soft = cv2.GaussianBlur(floor_picture(noise=0.0).astype(float), (0, 0), 9)
+    luma = 128 + 12 * (soft - soft.mean()) / soft.std() + 2 * np.random.default_rng(seed).standard_normal(soft.shape)
+    return np.clip(np.rint(luma), 0, 255).astype(np.uint8)
+
+
+def off_at_a_top(found, motion, height=0.4):
+    """By how much places of a top (n, 2) [m] are off, and their deviations, after a motion before the video."""
+    at = np.array([(-0.8, 0.6), (0.8, -0.6), (0.1, 0.0)])
+    pixels = project(*moved_view(CAMERA, FLOOR, motion), np.column_stack([at, np.full(len(at), height)]))
+    sensitivity = pose_sensitivity(found.camera, found.floor, BODY, np.column_stack([at, np.zeros(len(at))]))[0]
+    covariance = sensitivity @ found.covariance @ np.swapaxes(sensitivity, 1, 2)
+    off = to_plane(found.camera, found.floor, pixels, height) - at
+    return off, np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)[:, :2])
+
+
+@pytest.mark.parametrize(
+    "motion",
+    [
+        [0.01, 0, 0, 0, 0, 0, 0, 0, 0],
+        [0, 0, 0, 0.008, 0, 0, 0, 0, 0],
+        [0, 0, 0, 0, -0.02, 0, 0, 0, 0],
+        [0.02, -0.01, 0, 0.01, 0.005, 0.01, 0, 0, 0],
+        [0, 0, 0, 0, 0, 0, 0.005, 0, 0],
+    ],
+)
+def test_what_the_floor_does_not_tell_of_a_bump_is_in_the_deviations(motion):
+    """A turn and a slide of the mount look alike on the floor, and displace a top otherwise."""
+    calibration, motion = Calibration(CAMERA, FLOOR, np.zeros((18, 18)), 0.1), np.array(motion)
+    video = floor_picture(*moved_view(CAMERA, FLOOR, motion), seed=7)
+    boards = [(f"floor_{seed}.jpg", floor_picture(seed=seed)) for seed in (5, 6)]
+    found, findings = calibration_at_start(calibration, video, boards)
+    assert [one.code for one in findings] == ["camera_moved_before"]
+    off, std = off_at_a_top(found, motion)
+    assert (np.abs(off) < 3 * std + 1e-4).all()
+    assert np.abs(off).max() < 3e-3
+
+
+def test_a_floor_that_places_the_camera_badly_does_not_move_the_tops_of_bodies():
+    """The camera stood still: noise of the floor must not be taken for a mount that slid while it turned back."""
+    calibration = Calibration(CAMERA, FLOOR, np.zeros((18, 18)), 0.1)
+    for seed in range(20, 50, 10):
+        boards = [(f"floor_{i}.jpg", cloudy_floor(seed + i)) for i in (1, 2, 3)]
+        found, _ = calibration_at_start(calibration, cloudy_floor(seed), boards)
+        off, std = off_at_a_top(found, np.zeros(9))
+        assert found.covariance.any()
+        assert np.abs(off).max() < 1.5e-3
+        assert (np.abs(off) < 3 * std + 1e-4).all()
+        assert std.max() < 1.5e-3
+
+
+def test_a_plain_floor_is_told_from_a_camera_that_moved():
+    calibration, rng = Calibration(CAMERA, FLOOR, np.zeros((18, 18)), 0.1), np.random.default_rng(4)
+    first, *plain = [np.rint(rng.normal(120, 3, FIRST.shape)).astype(np.uint8) for _ in range(4)]
+    boards = [(f"floor_{i}.jpg", luma) for i, luma in enumerate(plain)]
+    same, findings = calibration_at_start(calibration, first, boards)
+    assert [one.code for one in findings] == ["floor_too_plain"]
+    assert same is calibration
+    # One picture cannot tell; textured ones recognise one another.
+    assert [one.code for one in calibration_at_start(calibration, first, boards[:1])[1]] == ["floor_not_recognised"]
+    textured = [(f"floor_{seed}.jpg", floor_picture(seed=seed)) for seed in (5, 6, 7)]
+    assert [one.code for one in calibration_at_start(calibration, first, textured)[1]] == ["floor_not_recognised"]
+
+
 def test_poses_of_a_long_video_are_differentiated_piece_by_piece():
     poses = POSE + np.random.default_rng(3).normal(0, 0.1, (2500, 3))
     whole = pose_sensitivity(CAMERA, FLOOR, BODY, poses)

@@ -42,6 +42,12 @@ register(  # track
         "board again with the camera as it films.",
     ),
     FindingType(
+        "floor_too_plain", "track", WARNING, NONE,
+        "The floor shows too little texture to tell whether the camera moved since the pictures of the floor were "
+        "taken: these are not recognised in one another either. Poses are right only if it stood still; before the "
+        "next calibration, put marks on the floor, such as crosses of tape.",
+    ),
+    FindingType(
         "video_upside_down", "track", WARNING, NOT_JUDGED,
         "The video shows the floor turned by 180° against the pictures of the floor: a tag for rotation in the file "
         "does not tell how the camera hung. Poses are wrong; take the tag out of the video (ffmpeg -display_rotation 0 "

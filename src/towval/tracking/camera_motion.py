@@ -286,26 +286,50 @@ def calibration_at_start(
         return calibration, ()
     luma, pictures = evened(luma), [evened(picture) for _, picture in floor]
     for _ in range(_REFERRED):
-        seen = FloorRegistration(camera, plane, luma, ())
+        seen = _as_seen(camera, plane, luma)
         if seen.template is None:
             return calibration, ()
         found, enough = _found(seen, pictures), (len(pictures) + 1) // 2
         if len(found) < enough:
-            # A phone that lies flat guesses which way is up, separately for each recording.
-            turned = FloorRegistration(camera, plane, np.ascontiguousarray(luma[::-1, ::-1]), ())
-            if len(_found(turned, pictures)) >= enough:
-                return calibration, (finding("video_upside_down"),)
-            return calibration, (finding("floor_not_recognised", found=len(found), pictures=len(pictures)),)
+            return calibration, (_not_recognised(seen, luma, pictures, len(found)),)
         back = np.mean([one.motion for one in found], axis=0)
         covariance = np.asarray(np.mean([one.covariance for one in found], axis=0), dtype=np.float64)
-        if seen.shift_px(back) < CONSTANTS.referred_px:
-            return calibration, ()
+        back, covariance = seen.no_larger_than_seen(back, covariance)
+        has_moved = seen.shift_px(back) >= CONSTANTS.referred_px
+        if not has_moved:
+            if seen.std_px(covariance) < CONSTANTS.referred_px:
+                return calibration, ()
+            camera, plane = calibration.camera, calibration.floor
+            break
         # The pictures of the floor are where the calibration holds: the video's first comes before that motion.
         camera, plane = view_before(calibration.camera, calibration.floor, back)
     by_motion = parameters_by_motion(camera, plane)
     widened = calibration.covariance + by_motion @ covariance @ by_motion.T
     moved = finding("camera_moved_before", shift_px=seen.shift_px(back), std_px=seen.std_px(covariance))
-    return replace(calibration, camera=camera, floor=plane, covariance=widened), (moved,)
+    return replace(calibration, camera=camera, floor=plane, covariance=widened), (moved,) * has_moved
+
+
+def _as_seen(camera: Camera, floor: Floor, luma: Luma) -> FloorRegistration:
+    """The floor of a picture, to be recognised in others however uncertain its place: that widens the calibration."""
+    return FloorRegistration(camera, floor, luma, (), worst_std_px=np.inf)
+
+
+def _not_recognised(seen: FloorRegistration, luma: Luma, pictures: Sequence[Luma], found: int) -> Finding:
+    """Why the floor of a video's first picture ``seen`` is found in few of its own pictures."""
+    # A phone that lies flat guesses which way is up, separately for each recording.
+    turned = _as_seen(seen.camera, seen.floor, np.ascontiguousarray(luma[::-1, ::-1]))
+    if len(_found(turned, pictures)) >= (len(pictures) + 1) // 2:
+        return finding("video_upside_down")
+    if _too_plain(seen.camera, seen.floor, pictures):
+        return finding("floor_too_plain")
+    return finding("floor_not_recognised", found=found, pictures=len(pictures))
+
+
+def _too_plain(camera: Camera, floor: Floor, pictures: Sequence[Luma]) -> bool:
+    """Whether the floor's own pictures, which one camera took, are not recognised in one another either."""
+    first, *others = pictures
+    seen = _as_seen(camera, floor, first)
+    return bool(others) and seen.template is not None and 2 * len(_found(seen, others)) < len(others)
 
 
 def _found(seen: FloorRegistration, pictures: Sequence[Luma]) -> list[Registered]:

@@ -95,12 +95,20 @@ class _Learned:
 class FloorRegistration:
     """The floor as the first picture ``luma`` shows it, and where it is in others.
 
-    ``hidden``: outlines (n, 2) [m] on the floor within which bodies hide it there. :attr:`template` is None where there
-    is too little texture, or the horizon is in the picture.
+    ``hidden``: outlines (n, 2) [m] on the floor within which bodies hide it there. ``worst_std_px`` is the deviation of
+    the floor's shift beyond which it is not known. :attr:`template` is None where there is too little texture, or the
+    horizon is in the picture.
     """
 
-    def __init__(self, camera: Camera, floor: Floor, luma: Luma, hidden: tuple[Array, ...]):
-        self.camera, self.floor = camera, floor
+    def __init__(
+        self,
+        camera: Camera,
+        floor: Floor,
+        luma: Luma,
+        hidden: tuple[Array, ...],
+        worst_std_px: float = CONSTANTS.worst_std_px,
+    ):
+        self.camera, self.floor, self.worst_std_px = camera, floor, worst_std_px
         self.template: Template | None = None
         outline = _visible_floor(camera, floor)
         if outline is None:
@@ -143,6 +151,19 @@ class FloorRegistration:
     def std_px(self, covariance: Array) -> float:
         """Deviation of one coordinate of the floor's points by a ``covariance`` (9, 9) of the motion [px]."""
         return float(np.sqrt(np.vdot(self.by_motion, covariance) / 2))
+
+    def no_larger_than_seen(self, motion: Array, covariance: Array) -> tuple[Array, Array]:
+        """A motion (9,) and its covariance (9, 9) where no part of it moves the floor farther than all of it did.
+
+        A turn and a shift of the mount may cancel each other on the floor, but not at a body's top. The prior allows
+        any of them up to a large bump; behind a small displacement of the floor a small bump is far more likely.
+        """
+        seen_px = np.hypot(self.shift_px(motion), np.sqrt(2) * self.std_px(covariance))
+        share = np.minimum(1.0, seen_px / np.sqrt(np.diagonal(self.in_pixels)))
+        by_prior = np.outer(self.prior, self.prior)
+        precision = np.linalg.inv(covariance / by_prior)
+        posterior = np.linalg.inv(precision + np.diag(share**-2 - 1))
+        return posterior @ precision @ (motion / self.prior) * self.prior, posterior * by_prior
 
     def register(self, luma: Luma, start: Array, hidden: Hidden) -> Registered | None:
         """The view's motion in a picture, near ``start`` (9,) or up to some 80 px from it; None where it is not found.
@@ -222,7 +243,7 @@ class FloorRegistration:
         whitened = np.linalg.inv(information / variance + np.eye(len(self.prior)))
         covariance: Array = np.asarray(whitened * np.outer(self.prior, self.prior), dtype=np.float64)
         std_px = self.std_px(covariance)
-        return None if std_px > c.worst_std_px else Registered(motion, covariance, std_px)
+        return None if std_px > self.worst_std_px else Registered(motion, covariance, std_px)
 
     def _variance_factor(self, information: Array, weight: Array, residual: Array, scale: float) -> float:
         """Variance of the scores of clusters over that of independent residuals of this scale."""

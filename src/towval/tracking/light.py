@@ -123,6 +123,7 @@ def evened(luma: NDArray[np.uint8]) -> NDArray[np.uint8]:
     width = round(CONSTANTS.evened * luma.shape[1])
     alive = cv2.medianBlur(luma, 3).astype(np.float32)
     texture = alive - cv2.blur(alive, (width, width))
-    contrast = np.sqrt(cv2.blur(texture * texture, (width, width)))
+    # Sums that move over the picture round off: after a bright place, a plain one may be left with less than nothing.
+    contrast = np.sqrt(np.maximum(cv2.blur(texture * texture, (width, width)), 0.0))
     levels = 128 + CONSTANTS.evened_levels * texture / np.maximum(contrast, CONSTANTS.least_contrast)
     return np.asarray(np.clip(np.rint(levels), 0, 255), dtype=np.uint8)
