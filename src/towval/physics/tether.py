@@ -26,7 +26,7 @@ def tether_force(tether: Tether, span: ArrayLike, span_rate: ArrayLike | None = 
     span : array_like (..., 2)
         Vector l from anchor to hinge [m].
     span_rate : array_like (..., 2), optional
-        Its time derivative [m/s]; needed where the tether has damping.
+        dl/dt [m/s], for the damping; by default the ends are at rest.
 
     Returns
     -------
@@ -36,7 +36,7 @@ def tether_force(tether: Tether, span: ArrayLike, span_rate: ArrayLike | None = 
     Raises
     ------
     InputError
-        When the tether has mass, and so is no straight line, or damping, and no rate is given.
+        When the tether has mass, and so is no straight line.
 
     Examples
     --------
@@ -44,12 +44,9 @@ def tether_force(tether: Tether, span: ArrayLike, span_rate: ArrayLike | None = 
     array([[10.,  0.],
            [ 0.,  0.]])
     """
-    if tether.mass_per_length > 0 or (tether.damping > 0 and span_rate is None):
-        raise InputError(
-            "the force of the tether does not follow from its span alone",
-            got=f"{tether.mass_per_length:g} kg/m, damping {tether.damping:g} N s/m",
-            allowed="no mass; with damping, the rate of the span as well",
-        )
+    if tether.mass_per_length > 0:
+        what = "the force of a tether with mass does not follow from its span"
+        raise InputError(what, got=f"{tether.mass_per_length:g} kg/m", allowed="a tether without mass")
     span = np.asarray(span, dtype=np.float64)
     length = np.linalg.norm(span, axis=-1, keepdims=True)
     direction = span / np.where(length > 0, length, 1.0)
