@@ -10,6 +10,7 @@ from towval.model.geometry import compose, inverse, turned_covariance
 from towval.tracking import two_measurements
 from towval.tracking.follow import Follower
 from towval.tracking.outline import OutlineFit
+from towval.tracking.plane_tracker import PlaneTracker
 from towval.tracking.pose import Measurement, Tracker, step_between
 from towval.tracking.two_measurements import (
     Compared,
@@ -410,3 +411,24 @@ def test_an_outline_that_agrees_is_looked_at_in_each_fifth_picture(monkeypatch):
     monkeypatch.setattr(two_measurements, "observe_outline", lambda *_, **__: OutlineFit(np.zeros(3), SHARP))
     seen = [watch.look(i, i / 25, None, Measurement(POSE, SHARP), POSE, Lying(), False)[1] for i in range(1, 21)]
     assert [i for i, fit in enumerate(seen, 1) if fit is not None] == [5, 10, 15, 20]
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_pattern_of_the_sensor_does_not_hold_a_body_where_it_stood(seed):
+    """Of a plain top with a printed label, whose few edges look hidden where the pattern fits all else."""
+    pattern = 8 * np.random.default_rng(seed).standard_normal((240, 320))
+    plain, label = texture(contrast=3.0), texture(seed=3, contrast=20.0)
+    left_px = np.array([0.1, 0.5, 1.2, 2.0, 2.9, 3.4, 3.7, 3.75, 3.8, 4.1, 4.8, 5.8, 6.8, 7.7, 8.2, 8.5, 8.6])
+    true = np.array([compose(POSE, np.array([px * PIXEL_M, 0, 0])) for px in [*np.zeros(20), *left_px]])
+
+    def filmed(i):
+        luma = picture(BOX, true[i], lambda xy: np.where(np.abs(xy).max(axis=-1) < 0.25, label(xy), plain(xy)))
+        noise = 0.5 * np.random.default_rng(100 + i).standard_normal(luma.shape)
+        return np.clip(np.rint(luma + pattern + noise), 0, 255).astype(np.uint8)
+
+    follower = Follower(BOX, 0.0, filmed(0), BOX.pixels(BOX.body.top_corners_m, POSE), PlaneTracker, 0.2)
+    for i in range(1, len(true)):
+        follower.follow(i / 25, filmed(i))
+    track = follower.track("plane")
+    assert track.seen.all()
+    assert np.linalg.norm((track.pose - true)[:, :2], axis=1).max() < 0.9 * PIXEL_M

@@ -269,7 +269,9 @@ class Follower:
 
     def _keep_observation(self, time_s: float, luma: Luma, found: Measurement) -> None:
         due, predicted = time_s >= self.next_outline_s, self.motion.predict(time_s)
-        found, fit, apart = self.edge_watch.look(len(self.record), time_s, luma, found, predicted, self.tracker, due)
+        # What stays in the picture (a sensor's pattern) holds plain parts where they stood: the few edges look hidden.
+        asked = due or self._foreign(found)
+        found, fit, apart = self.edge_watch.look(len(self.record), time_s, luma, found, predicted, self.tracker, asked)
         found.learn()
         place = compose(found.pose, fit.correction) if fit is not None and apart else found.pose
         pose = found.pose
