@@ -317,6 +317,9 @@ _MISSTATED: dict[str, Callable[[str], str]] = {
 }
 """What campaign.yaml says wrong, by name."""
 
+_PLANTED = {_STATIC: "static_friction", _FLAT: "hinge_height"}
+"""The input that has to be named, by what is stated wrong; none for speeds, with which the runs agree."""
+
 
 def _misstated() -> Values:
     """What is said of runs whose campaign.yaml states something wrong: verdict, bound and E [mm], and what is named."""
@@ -332,10 +335,11 @@ def _misstated() -> Values:
                     at = f"{name} {run}, {wrong}"
                     found |= {f"{at}, verdict": str(result.verdict), f"{at}, E": 1e3 * result.path_rms_m}
                     found[f"{at}, first bound"] = 1e3 * result.error_upper_m
+                    named = dict.fromkeys((_PLANTED[wrong],) if wrong in _PLANTED else (), 0.0)
                     if result.explanation is not None:
-                        named = result.explanation.moved.items()
-                        found |= {f"{at}, {what}": deviations for what, deviations in named}
+                        named |= result.explanation.moved
                         found[f"{at}, remains"] = 1e3 * result.explanation.remaining_rms_m
+                    found |= {f"{at}, {what}": deviations for what, deviations in named.items()}
     return found
 
 
