@@ -221,7 +221,8 @@ def _ring(stripe: tuple[float, ...]) -> Array:
     return np.array([place - aside, place + length * ahead - aside, place + length * ahead + aside, place + aside])
 
 
-def _feet() -> list[Array]:
+def feet() -> list[Array]:
+    """Outlines (4, 2) of the four feet [m]."""
     return [rectangle(0.05, 0.05, x, y) for x in (-0.2, 0.2) for y in (-0.13, 0.13)]
 
 
@@ -232,7 +233,7 @@ def scene_of(numbers: Numbers, run: WorldRun) -> TowingScene:
     n = {name: float(value) for name, value in numbers.items() if value.ndim == 0}
     gyration = float(np.sqrt((LENGTH**2 + WIDTH**2) / 12 * n["inertia"]))
     return TowingScene(
-        Patch.of(_feet()) if world.feet else Patch(TOWED.top_corners_m),
+        Patch.of(feet()) if world.feet else Patch(TOWED.top_corners_m),
         n["mass"],
         Load(n["load"], numbers["load_at"], np.array([0.1, 0.1, 0.08])),
         numbers["anchor"],
@@ -252,7 +253,7 @@ def scene_of(numbers: Numbers, run: WorldRun) -> TowingScene:
 
 def _moved(n: Numbers, run: WorldRun) -> Array:
     """Poses (n, 3) of the true object at the run's times."""
-    rings = _feet() if run.world.feet else [rectangle(LENGTH, WIDTH)]
+    rings = feet() if run.world.feet else [rectangle(LENGTH, WIDTH)]
     places, areas = cells_of(rings, 4 if run.world.feet else 12)
     body, load = float(n["mass"]), float(n["load"])
     mass = body + load
