@@ -88,5 +88,6 @@ def test_a_calibration_is_no_surer_for_pictures_of_a_board_held_still():
     assert found.quality["focal_length_std_px"] == pytest.approx(sound.quality["focal_length_std_px"], rel=0.1)
     assert "views-repeated" not in [each.code for each in sound.findings]
     (named,) = (each for each in found.findings if each.code == "views-repeated")
-    assert "24: board 0, 1, board 0, 2, board 0, 3 and 21 more" in named.text
+    assert named.text.startswith("24 pictures ")
+    assert ": board 0, 1, board 0, 2, board 0, 3 and 21 more." in named.text
     assert not any(each.code == "view-dropped" for each in found.findings)

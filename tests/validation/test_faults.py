@@ -190,7 +190,7 @@ def test_a_widened_input_is_drawn_wider_and_said(case):
     plain, wider = (UncertaintySampling(each, settings) for each in (case, wide))
     np.testing.assert_allclose(wider._sampler.roots["camera"], WIDER * plain._sampler.roots["camera"])
     found = [each for each in wider.describe(64).findings if each.code == "widened"]
-    assert "camera counts 3 times" in found[0].text
+    assert "camera is taken to be 3 times as large" in found[0].text
     noisy = replace(case, object_track=replace(case.object_track, findings=(warning("few_points"),)))
     sampler = UncertaintySampling(noisy, settings)._sampler
     np.testing.assert_allclose(sampler.noise_std, WIDER * plain._sampler.noise_std)
