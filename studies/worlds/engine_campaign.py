@@ -34,7 +34,7 @@ from towval.io.atomic import write_text
 from towval.model import Array
 from towval.model.geometry import lifted, rotation, transform
 
-_HELD, _LYING = 14, 5
+_HELD = 14
 _CORNER_CLICK_PX = 1.0
 _TETHER_Z_M = 0.12  # Where the world is a plane.
 
@@ -105,10 +105,10 @@ def _held_boards(lab: EngineLab) -> Iterator[Picture]:
     rng, size = lab.rng, np.array(RESOLUTION_PX)
     sheet = SQUARE_M * (np.array(INNER_CORNERS) + 2.4) / 2
     around = np.array([[x, y, 0.0] for x in (-1, 1) for y in (-1, 1)]) * [*sheet, 0.0]
-    while_searching = (rng.uniform(size=8) for _ in range(500 * _HELD))
     lab.hide("rover", "object", "tether")
     taken = 0
-    for u, v, far, tilt, towards, turn, *_ in while_searching:
+    while taken < _HELD:
+        u, v, far, tilt, towards, turn = rng.uniform(size=6)
         pixel = size * [0.18 + 0.64 * u, 0.2 + 0.6 * v]
         middle = lab.place + lab.ray(pixel) * (0.9 + 0.9 * far)
         axis = np.array([np.cos(2 * np.pi * towards), np.sin(2 * np.pi * towards), 0.0])
@@ -119,8 +119,6 @@ def _held_boards(lab: EngineLab) -> Iterator[Picture]:
             lab.put("board", middle, turned)
             yield lab.picture()
             taken += 1
-        if taken == _HELD:
-            return
 
 
 def _lying_boards(lab: EngineLab) -> Iterator[tuple[Array, Picture]]:
@@ -131,7 +129,7 @@ def _lying_boards(lab: EngineLab) -> Iterator[tuple[Array, Picture]]:
     middle = lab.place[:2] - lab.axes[:2, 2] / lab.axes[2, 2] * lab.place[2]
     aside = [(0.0, 0.0), (-0.8, -0.35), (0.8, 0.3), (-0.6, 0.4), (0.7, -0.4)]
     row = (np.array(INNER_CORNERS) - 1) * SQUARE_M / 2 * np.array([[-1, -1], [1, -1]])
-    for along, across in aside[:_LYING]:
+    for along, across in aside:
         at = middle + lab.axes[:2, 0] * along + lab.axes[:2, 1] * across + rng.uniform(-0.1, 0.1, 2)
         turn = rng.uniform(-3, 3)
         lab.put("board", np.array([*at, THICKNESS_M]), Rotation.from_euler("z", turn))

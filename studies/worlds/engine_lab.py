@@ -84,7 +84,6 @@ class EngineLab:
             self.model = mujoco.MjModel.from_xml_string(self._described(Path(folder), (width, height)))
         self.data = mujoco.MjData(self.model)
         self.renderer = mujoco.Renderer(self.model, height, width)
-        self.gain = 1.0
         self.hide("rover", "object", "board", "tether")
         self.gain = look.brightness / float(self._rendered().mean())
 
