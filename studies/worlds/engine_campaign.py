@@ -12,6 +12,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+import pandas as pd
 import yaml
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -37,10 +38,13 @@ from towval.model.geometry import lifted, rotation, transform
 _HELD = 14
 _CORNER_CLICK_PX = 1.0
 _TETHER_Z_M = 0.12  # Where the world is a plane.
+_POSE = ("x_m", "y_m", "heading_rad")
 
 
 def write_engine_campaign(folder: Path, world: str, seed: int, look: Look | None = None) -> dict[str, Array]:
     """Film a run of a world and write all that a lab hands in: ``campaign.yaml``, ``calibration/``, ``a.mp4``.
+
+    Beside them stands ``a_truth.csv``, as campaigns of known truth have it.
 
     Parameters
     ----------
@@ -84,10 +88,13 @@ def write_engine_campaign(folder: Path, world: str, seed: int, look: Look | None
     x, y = end[:2] - origin[:2]
     turn = float(np.arctan2(y, x))
     write_text(folder / "campaign.yaml", yaml.safe_dump(_document(run, clicks, turn), sort_keys=False))
-    return {"time_s": run.time_s} | {
+    truth = {
         name: np.column_stack([(pose[:, :2] - origin[:2]) @ rotation(turn), pose[:, 2] - turn])
         for name, pose in poses.items()
     }
+    columns = {f"{name}_{what}": pose[:, k] for name, pose in truth.items() for k, what in enumerate(_POSE)}
+    pd.DataFrame({"t_s": run.time_s} | columns).to_csv(folder / "a_truth.csv", index=False)
+    return {"time_s": run.time_s} | truth
 
 
 def _outlines() -> dict[str, Array]:

@@ -25,7 +25,7 @@ ROVER_SIZE_M, OBJECT_SIZE_M = (0.75, 0.5, 0.40), (0.5, 0.35, 0.25)
 """Length, width and height of the tops."""
 
 INNER_CORNERS, SQUARE_M, THICKNESS_M = (9, 6), 0.04, 0.003
-_FINER = 1.6  # Rendered pixels a pixel of the camera.
+_FINER = 1.3  # Rendered pixels a pixel of the camera.
 _WIDER = 0.86  # Of the focal length, so that the lens finds all of its picture.
 _NEAR_M = 0.05
 _AWAY_M = 60.0
@@ -178,7 +178,7 @@ class EngineLab:
         )
         return f"""<mujoco><compiler texturedir="{folder}"/>
         <visual><global offwidth="{rendered_px[0]}" offheight="{rendered_px[1]}"/><map znear="0.05" zfar="20"/>
-        <quality offsamples="8" shadowsize="4096"/><headlight ambient=".3 .3 .3" diffuse=".1 .1 .1"/></visual>
+        <quality offsamples="8" shadowsize="2048"/><headlight ambient=".3 .3 .3" diffuse=".1 .1 .1"/></visual>
         <asset><texture name="floor" type="2d" file="floor.png"/><material name="floor" texture="floor" specular="0"/>
         {materials}</asset>
         <worldbody>{lamps}<geom type="plane" size="3.2 3.2 1" material="floor"/>{boxes}
