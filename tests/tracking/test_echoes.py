@@ -6,7 +6,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from painted import POSE
+from painted import POSE, texture
 from painted import picture as painted_picture
 from painted import target as painted_target
 
@@ -108,13 +108,14 @@ def test_after_ten_pictures_one_in_ten_is_compared():
     assert looked == [*range(1, 11), 20, 30, 40, 50]
 
 
-def shown(own, path_px, pictures=1, kept=0.0):
+def shown(own, path_px, pictures=1, kept=0.0, **painted):
     """Echoes in pictures of a painted body that moves by so much in each, all of which keep a share of those before."""
     step = np.array([path_px * own.metres_per_pixel(POSE), 0.0, 0.0])
-    seen, echoes = painted_picture(own), Echoes(own, painted_picture(own), POSE)
+    seen = painted_picture(own, **painted)
+    echoes = Echoes(own, seen, POSE)
     for i in range(-3 if kept else 0, pictures):
         pose = compose(POSE, i * step)
-        seen = (1 - kept) * painted_picture(own, pose) + kept * seen
+        seen = (1 - kept) * painted_picture(own, pose, seed=4 + i, **painted) + kept * seen
         if i >= 0:
             echoes.look(np.rint(seen).astype(np.uint8), pose, step)
     return echoes
@@ -135,6 +136,14 @@ def test_a_body_that_shows_a_hundred_pixels_off_its_edges_is_compared(side_px, c
     pixel_m = painted_target().metres_per_pixel(POSE)
     small = painted_target(side_px * pixel_m, side_px * pixel_m)
     assert bool(shown(small, 0.6).rows) == compared
+
+
+@pytest.mark.parametrize(("kept", "found"), [(0.0, 0.0), (0.6, 0.5)])
+@pytest.mark.parametrize("seed", range(3))
+def test_noise_is_no_echo_where_it_exceeds_the_fine_texture(seed, kept, found):
+    """The first picture's own noise looks like the body's places around: echoes of 0.16 of the picture."""
+    faint = {"grey": texture(seed, contrast=5.0, finest_m=0.4), "noise": 2.5}
+    assert shown(painted_target(), 2.0, 40, kept, **faint).kept() == pytest.approx(found, abs=0.1)
 
 
 @pytest.mark.parametrize(("widest_blur_px", "found"), [(0.0, 0.6), (0.9, 0.6), (1.1, 0.0)])

@@ -40,8 +40,9 @@ class EchoConstants:
 CONSTANTS = EchoConstants()
 
 _NEXT, _PAST = -1, (1, 2)  # pictures back
+_PLACES = 8  # of the first picture that are compared: the point's own, four around, one ahead and two behind
 _ROUNDS = 4  # of the robust fit
-_NUMBERS = 6  # Row of one sample: information (2, 2) and vector (2,) of the normal equations.
+_NUMBERS = 7  # Row of one sample: information (2, 2) and vector (2,) of the normal equations, and all weights.
 
 
 class Echoes:
@@ -95,8 +96,8 @@ class Echoes:
 
 
 def _kept(rows: Array) -> float:
-    """As :meth:`Echoes.kept`, of some samples (n, 6)."""
-    information, vector = rows[:, :4].reshape(-1, 2, 2), rows[:, 4:]
+    """As :meth:`Echoes.kept`, of some samples (n, 7)."""
+    information, vector, weight = rows[:, :4].reshape(-1, 2, 2), rows[:, 4:6], rows[:, 6]
     if (np.linalg.pinv(information.sum(axis=0)) @ vector.sum(axis=0))[0] < 0:
         # No picture shows less than nothing of the one before: a picture out of focus looks like that.
         information, vector = information[:, 1:, 1:], vector[:, 1:]
@@ -104,8 +105,12 @@ def _kept(rows: Array) -> float:
     echo = inverse @ vector.sum(axis=0)
     # Samples scatter by more than their residuals suggest: texture is not white noise.
     std = np.sqrt(np.sum(((vector - information @ echo) @ inverse)[:, -1] ** 2))
+    # Noise of the first picture, too, makes a point brighter than its surroundings there than it is later. Without
+    # any texture the surroundings share that equally; with it, by how little of it exceeds the noise.
+    noise = weight.sum() / information[:, -1, -1].sum() / _PLACES
+    certain = CONSTANTS.named + noise + CONSTANTS.deviations * std
     # Of two pictures back and all before them, as far as the texture does not tell them apart, it is the square.
-    return float(np.sqrt(echo[-1])) if echo[-1] > CONSTANTS.named + CONSTANTS.deviations * std else 0.0
+    return float(np.sqrt(echo[-1])) if echo[-1] > certain else 0.0
 
 
 def _normal(columns: Array, light: Array, tile: NDArray[np.int64]) -> tuple[float, ...]:
@@ -128,7 +133,7 @@ def _normal(columns: Array, light: Array, tile: NDArray[np.int64]) -> tuple[floa
     free = np.column_stack([others[:, -2:], misfit]) * root
     free -= basis @ (basis.T @ free)
     echoes = free[:, :2]
-    return (*(echoes.T @ echoes).ravel(), *(echoes.T @ free[:, 2]))
+    return (*(echoes.T @ echoes).ravel(), *(echoes.T @ free[:, 2]), weight.sum())
 
 
 def lateness(time_s: Array, pose: Array, kept: float) -> Array:
