@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from towval.model.geometry import path_length
-from towval.tracking.noise import as_when_moving, hold_rest, scatter_factor
+from towval.tracking.noise import as_when_moving, hold_rest, scatter_factor, steadied
 
 MOST = np.array([2e-4, 2e-4, 1e-3])
 
@@ -58,3 +58,25 @@ def test_a_body_at_rest_is_not_known_better_than_one_that_moves():
     resting = np.arange(60) < 20
     assert np.allclose(as_when_moving(covariance, ~resting, resting), covariance[-1])
     assert np.array_equal(as_when_moving(covariance, np.arange(60) > 50, resting), covariance)
+
+
+@pytest.mark.parametrize("tiles", [4, 12])
+def test_a_picture_that_agrees_by_chance_is_no_better_known(tiles):
+    """Deviations that a few tiles tell are too small now and then: without pictures around, errors exceed three."""
+    rng = np.random.default_rng(5)
+    told, errors = rng.chisquare(tiles, 20_000) / tiles, np.abs(rng.standard_normal(20_000))
+    covariance = told[:, None, None] * np.eye(3)
+    known = steadied(covariance)
+    assert np.array_equal(known[told > 2], covariance[told > 2])
+    beyond = [np.mean(errors > 3 * np.sqrt(stated[:, 0, 0])) for stated in (covariance, known)]
+    assert beyond[0] > 0.01
+    assert beyond[1] < 0.006
+
+
+@pytest.mark.parametrize(("pictures", "followed"), [(8, False), (20, True)])
+def test_pictures_that_are_better_for_long_are_better_known(pictures, followed):
+    quality = np.ones(100)
+    quality[40 : 40 + pictures] = 0.04
+    known = steadied(quality[:, None, None] * np.eye(3))[:, 0, 0]
+    assert (known[40 + pictures // 2] < 0.1) == followed
+    assert np.array_equal(steadied(np.zeros((0, 3, 3))), np.zeros((0, 3, 3)))

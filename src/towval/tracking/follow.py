@@ -14,7 +14,7 @@ from towval.tracking.blur import ahead_of_middle
 from towval.tracking.camera_motion import ViewMotion
 from towval.tracking.echoes import Echoes
 from towval.tracking.jumps import jump_findings
-from towval.tracking.noise import as_when_moving, hold_rest, scatter_factor
+from towval.tracking.noise import as_when_moving, hold_rest, scatter_factor, steadied
 from towval.tracking.outline import OutlineFit, combine_fits, observe_outline, observe_size, pose_from_clicks
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.pose import Measurement, Motion, Tracker, step_between
@@ -345,7 +345,8 @@ class Follower:
     def _honest_covariance(
         self, time_s: Array, pose: Array, covariance: Array, tracked: NDArray[np.bool_], moving: NDArray[np.bool_]
     ) -> Array:
-        """Covariances of the pictures' residuals, widened to the scatter in time."""
+        """Covariances of the pictures' residuals, widened to those of pictures around and to the scatter in time."""
+        covariance[tracked] = steadied(covariance[tracked])
         factor = scatter_factor(time_s, np.where(tracked[:, None], pose, np.nan), covariance, moving)
         if tracked.any():
             most = CONSTANTS.most_scatter_px * self.pixel_m / np.sqrt(np.median(covariance[tracked][:, 0, 0]))

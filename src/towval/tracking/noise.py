@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from towval.model import Array
 
@@ -25,9 +26,22 @@ class NoiseConstants:
     shortest_rest_s: float = 0.4  # [s] Shorter stops add no path worth removing.
     least_rest_pictures: int = 6  # For a trend to show.
     trend_deviations: float = 3.5  # Of a slope, beyond which a body creeps: by chance once in 2,000 rests.
+    neighbours: int = 25  # Pictures in which noise is alike: one knows its own to a quarter, with few edges to a half.
 
 
 CONSTANTS = NoiseConstants()
+
+
+def steadied(covariance: Array) -> Array:
+    """Covariances (n, 3, 3) of pictures in a row, none smaller than is usual around it.
+
+    A picture's residuals tell its noise from few tiles. On filmed runs poses scatter as much where they happen to agree
+    well as beside that; a picture that is worse than its neighbours is.
+    """
+    size = np.cbrt(np.linalg.det(covariance))
+    usual = median_filter(size, CONSTANTS.neighbours, mode="nearest")
+    raised: Array = covariance * np.maximum(1, usual / np.maximum(size, np.finfo(float).tiny))[:, None, None]
+    return raised
 
 
 def scatter_factor(time_s: Array, pose: Array, covariance: Array, moving: NDArray[np.bool_]) -> float:
