@@ -102,6 +102,22 @@ def checked(scene, index, luma, clicks_px):
     return pose_from_clicks(scene.target(index), found.corners_px)[0], found
 
 
+@pytest.mark.parametrize(("beside_px", "corrected"), [([-36], True), ([-36, 36], False)])
+def test_clicks_stay_where_the_outline_fits_better_in_two_other_places(beside_px, corrected):
+    own = painted_target(0.5, 0.35)
+    luma = picture(own, grey=lambda xy: np.full(len(xy), 96.0))
+    for away in beside_px:
+        pose = compose(POSE, np.array([0.0, away * own.metres_per_pixel(POSE), 0.0]))
+        luma = np.maximum(luma, picture(own, pose, grey=lambda xy: np.full(len(xy), 150.0)))
+    luma = np.clip(luma + np.random.default_rng(1).normal(0, 1.5, luma.shape), 0, 255).round().astype(np.uint8)
+    clicks_px = own.pixels(own.body.top_corners_m, POSE)
+    found = _checked(own, [luma], clicks_px)
+    assert [each.code for each in found.findings] == ["clicks_corrected" if corrected else "start_unsure"]
+    assert np.allclose(found.corners_px, clicks_px) != corrected
+    # Both places are about as far as the top is wide.
+    assert corrected or np.sqrt(np.trace(found.spread[:2, :2])) > 20 * own.metres_per_pixel(POSE)
+
+
 @pytest.mark.parametrize("seed", [0, 1, 2, 114])  # In its first picture alone the last is 13 px off without a doubt.
 def test_starts_are_found_without_clicks(seed):
     scene, tow = towed(seed)

@@ -58,8 +58,8 @@ def _checked(target: PlanarTarget, pictures: Sequence[Luma], clicks_px: ArrayLik
     pixel = target.metres_per_pixel(clicked)
     near_m = CONSTANTS.near_px * pixel
     turn = CONSTANTS.capture_turn
-    alone = around(target, clicked, [(pictures[0], np.zeros(3))]).found(clicked[2], turn, CONSTANTS.most_near)
-    search = around(target, clicked, co_moving(target, alone[0][1] if alone else clicked, pictures))
+    at_first = around(target, clicked, [(pictures[0], np.zeros(3))]).found(clicked[2], turn, CONSTANTS.most_near)
+    search = around(target, clicked, co_moving(target, at_first[0][1] if at_first else clicked, pictures))
     here, beside = search.sharpened(clicked, 2 * pixel)
     found = _with_edges(target, pictures[0], clicked, search.found(clicked[2], turn))
     best, place = next(iter(found), (0.0, clicked))
@@ -69,8 +69,12 @@ def _checked(target: PlanarTarget, pictures: Sequence[Luma], clicks_px: ArrayLik
     off_m, nearest = min(((target.apart_m(clicked, each), each) for each in (place, pose)), key=lambda each: each[0])
     findings = [] if clicks_px is given_px else [finding("clicks_reordered", name=name)]
     clearly = target.apart_m(beside, place) <= near_m or here < CONSTANTS.as_good * best
-    corrected = clear and off_m > near_m and clearly
-    if corrected and off_m > CONSTANTS.reported_px * pixel:
+    far_m = CONSTANTS.reported_px * pixel
+    elsewhere = (other for score, other in found[1:] if score >= CONSTANTS.as_good * best)
+    # Where the outline fits as well in a third place, the clicks are as good a reason as any to stay.
+    alone = all(target.apart_m(place, other) <= far_m for other in elsewhere)
+    corrected = clear and off_m > near_m and clearly and alone
+    if corrected and off_m > far_m:
         findings.append(finding("clicks_corrected", name=name, off_px=off_m / pixel))
     else:
         findings += _size_findings(target, clicks_px)
