@@ -12,7 +12,7 @@ from painted import target as painted_target
 
 from studies.worlds.scenes import CeilingCamera, drive, small_camera, standard_scene
 from towval.model.geometry import compose
-from towval.tracking.echoes import Echoes, echo_findings, lateness
+from towval.tracking.echoes import Echoes, _kept, echo_findings, lateness
 from towval.tracking.track import track
 
 STEP_S = 0.04
@@ -136,6 +136,14 @@ def test_a_body_that_shows_a_hundred_pixels_off_its_edges_is_compared(side_px, c
     pixel_m = painted_target().metres_per_pixel(POSE)
     small = painted_target(side_px * pixel_m, side_px * pixel_m)
     assert bool(shown(small, 0.6).rows) == compared
+
+
+@pytest.mark.parametrize(("echo", "told"), [(0.14, False), (0.2, True)])
+def test_what_a_codec_leaves_of_faint_texture_is_no_echo(echo, told):
+    """Pictures that are off by more than half of what their texture shows."""
+    information, points = np.array([[400.0, 0.0], [0.0, 1000.0]]), 400.0
+    row = [*information.ravel(), *(information @ [0.2, echo]), points]
+    assert bool(_kept(np.tile(row, (20, 1)))) == told
 
 
 @pytest.mark.parametrize(("kept", "found"), [(0.0, 0.0), (0.6, 0.5)])

@@ -33,14 +33,16 @@ class EchoConstants:
     least_lessons: int = 8  # For the scatter of their echoes to be known.
     blur_px: float = 1.0  # [px] Over which a picture out of focus differs from a sharp one.
     named: float = 0.07  # Of the picture, from two pictures back: 0.05 at most without, 0.13 where half is kept.
-    deviations: float = 3.0  # By which it is beyond that.
+    deviations: float = 3.0  # By which it is beyond that,
+    faint: float = 0.25  # and by so much of (what pictures are off by over what texture shows)².
+    # Noise makes 1/8: in the first picture it, too, makes a point differ from the seven places around, and more so
+    # there than later. A codec leaves faint texture at its old place: 0.17 to 0.27 on films of plain tops at crf 23.
     sharp_px: float = 1.0  # [px] Blur by focus up to which a part of a run is asked: 1.5 px looks like echoes there.
 
 
 CONSTANTS = EchoConstants()
 
 _NEXT, _PAST = -1, (1, 2)  # pictures back
-_PLACES = 8  # of the first picture that are compared: the point's own, four around, one ahead and two behind
 _ROUNDS = 4  # of the robust fit
 _NUMBERS = 7  # Row of one sample: information (2, 2) and vector (2,) of the normal equations, and all weights.
 
@@ -105,10 +107,8 @@ def _kept(rows: Array) -> float:
     echo = inverse @ vector.sum(axis=0)
     # Samples scatter by more than their residuals suggest: texture is not white noise.
     std = np.sqrt(np.sum(((vector - information @ echo) @ inverse)[:, -1] ** 2))
-    # Noise of the first picture, too, makes a point brighter than its surroundings there than it is later. Without
-    # any texture the surroundings share that equally; with it, by how little of it exceeds the noise.
-    noise = weight.sum() / information[:, -1, -1].sum() / _PLACES
-    certain = CONSTANTS.named + noise + CONSTANTS.deviations * std
+    faint = CONSTANTS.faint * weight.sum() / information[:, -1, -1].sum()
+    certain = CONSTANTS.named + faint + CONSTANTS.deviations * std
     # Of two pictures back and all before them, as far as the texture does not tell them apart, it is the square.
     return float(np.sqrt(echo[-1])) if echo[-1] > certain else 0.0
 
