@@ -397,22 +397,26 @@ def test_outlines_know_their_symmetry():
 
 
 @pytest.mark.parametrize(
-    ("rest_m", "mass_kg", "span_m", "reaches"),
+    ("rest_m", "mass_kg", "rise_m", "span_m", "reaches"),
     [
-        (5.0, 0.001, 5.08, True),
-        (5.0, 0.001, 5.16, False),
-        (0.2, 0.001, 0.215, True),
-        (0.2, 0.001, 0.227, False),
-        (0.5, 2.0, 0.68, True),
-        (0.5, 2.0, 0.82, False),
+        (5.0, 0.001, 0.0, 5.08, True),
+        (5.0, 0.001, 0.0, 5.16, False),
+        (0.2, 0.001, 0.0, 0.215, True),
+        (0.2, 0.001, 0.0, 0.227, False),
+        (0.5, 2.0, 0.0, 0.68, True),
+        (0.5, 2.0, 0.0, 0.82, False),
+        (0.5, 0.001, 0.3, 0.42, True),
+        (0.5, 0.001, 0.3, 0.46, False),
+        (0.5, 0.001, -0.3, 0.46, False),
     ],
 )
 def test_a_tether_reaches_a_fiftieth_of_its_length_and_15_mm_farther_than_its_load_stretches_it(
-    rest_m, mass_kg, span_m, reaches
+    rest_m, mass_kg, rise_m, span_m, reaches
 ):
-    """The load is at most the object's weight: 20 N stretch 100 N/m by 0.2 m."""
+    """The load is at most the object's weight: 20 N stretch 100 N/m by 0.2 m. On a slant it reaches less far."""
     tether = SimpleNamespace(rest_length=rest_m, stiffness=100.0)
-    tow = Tow.of(SimpleNamespace(mass=mass_kg, tether=tether, hinge=np.zeros(2), anchor=np.zeros(2)))
+    ends = {"hinge": np.zeros(2), "anchor": np.zeros(2), "hinge_height": 0.1 + rise_m, "anchor_height": 0.1}
+    tow = Tow.of(SimpleNamespace(mass=mass_kg, tether=tether, **ends))
     poses = [POSE, POSE + np.array([span_m, 0.0, 0.0])]
     assert any(True for _ in joined_orientations([painted_target()] * 2, poses, tow)) == reaches
 

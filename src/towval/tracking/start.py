@@ -57,7 +57,7 @@ _COLOURS = ((60, 60, 230), (230, 160, 40))
 class Tow:
     """The ends of the tether: ``hinge`` (2,) in the rover's frame, ``anchor`` (2,) in the object's [m].
 
-    ``longest_m`` is how far apart they can be on the floor, stretch included [m]; at two heights they are nearer still.
+    ``longest_m`` is how far apart they can be on the floor, stretch included [m].
     """
 
     hinge: Array
@@ -66,10 +66,14 @@ class Tow:
 
     @classmethod
     def of(cls, scene: TowingScene) -> "Tow":
-        """The tether of a scene, stretched by the object's weight: friction holds less, a jerk pulls more than that."""
+        """The tether of a scene, stretched by the object's weight: friction holds less, a jerk pulls more than that.
+
+        Between two heights it reaches less far over the floor.
+        """
         stretch = scene.mass * CONSTANTS.pull_m_per_s2 / scene.tether.stiffness
         length = scene.tether.rest_length * (1 + CONSTANTS.slack) + stretch + CONSTANTS.slack_m
-        return cls(scene.hinge, scene.anchor, float(length))
+        rise = scene.hinge_height - scene.anchor_height
+        return cls(scene.hinge, scene.anchor, float(np.sqrt(max(length**2 - rise**2, 0.0))))
 
     def span_m(self, rover: Array, towed: Array) -> Array:
         """Distance (...) of the tether's ends on the floor for poses (..., 3) [m]."""
