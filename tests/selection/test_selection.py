@@ -179,6 +179,23 @@ def test_the_next_lens_model_is_held_against_the_chosen_one(surveyed):
     assert choice.change_m == pytest.approx(np.sqrt(np.mean(np.sum((one - other) ** 2, axis=1))), rel=1e-3)
 
 
+def test_pixels_that_do_not_see_the_plane_count_for_no_lens(monkeypatch):
+    scene = calibration_set(5, views=10, floor="boards")
+    settings = CalibrateSettings(lens_models=("k1 k2",))
+    calibration = calibrate_observations(scene.seen, settings, {})
+
+    def below_the_horizon(*given):
+        places = to_plane(*given)
+        places[:16] = np.nan
+        return places
+
+    board = Board("chessboard", (9, 6), 0.04)
+    everywhere = with_lens_choice(calibration, board, scene.seen.reference, settings, 0.3).choices[0].change_m
+    monkeypatch.setattr("towval.selection.lens.to_plane", below_the_horizon)
+    below = with_lens_choice(calibration, board, scene.seen.reference, settings, 0.3).choices[0].change_m
+    assert below == pytest.approx(everywhere, rel=0.5)
+
+
 def test_the_measurement_uncertainty_grows_with_the_height_that_is_not_known():
     scene = calibration_set(5, views=10, floor="boards")
     calibration = calibrate_observations(scene.seen, CalibrateSettings(), {})

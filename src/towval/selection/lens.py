@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 
+import numpy as np
+
 from towval.calibration.calibrate import CalibrateSettings, calibrate_observations
 from towval.calibration.corners import BoardObservation
 from towval.calibration.doubts import doubts_std
@@ -34,7 +36,9 @@ def with_lens_choice(
         other = calibrate_observations(seen, alone, {})
         pixels = pixel_grid(resolution_px, 16).reshape(-1, 2)
         there = [to_plane(each.camera, each.floor, pixels, height_m) for each in (calibration, other)]
-        change = rms_length(there[0] - there[1])
+        apart = there[0] - there[1]
+        # A pixel above the horizon does not see the plane.
+        change = rms_length(apart[np.isfinite(apart).all(axis=1)])
     except RefusedError:
         change = float("nan")
     measure = f"RMS over the picture at {height_m:g} m"
