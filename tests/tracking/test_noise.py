@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from towval.model.geometry import path_length
-from towval.tracking.noise import as_when_moving, hold_rest, scatter_factor, steadied
+from towval.tracking.noise import as_when_moving, hold_rest, scatter_factors, steadied
 
 MOST = np.array([2e-4, 2e-4, 1e-3])
 
@@ -16,14 +16,23 @@ def arc(rng, n=400, std=5e-5):
 @pytest.mark.parametrize("larger", [1.0, 3.0])
 def test_scatter_in_time_shows_noise_that_was_not_predicted(larger):
     time_s, pose, covariance = arc(np.random.default_rng(0), std=5e-5 * larger)
-    factor = scatter_factor(time_s, pose, covariance, np.ones(len(pose), dtype=bool))
-    assert factor == pytest.approx(larger, rel=0.15)
+    factors = scatter_factors(time_s, pose, covariance, np.ones(len(pose), dtype=bool))
+    assert factors == pytest.approx((larger, larger), rel=0.15)
+
+
+def test_headings_that_scatter_more_than_predicted_are_told_from_places():
+    rng = np.random.default_rng(6)
+    time_s, pose, covariance = arc(rng)
+    pose[:, 2] += 1.2e-4 * rng.standard_normal(len(pose))
+    whole, turn = scatter_factors(time_s, pose, covariance, np.ones(len(pose), dtype=bool))
+    assert 1.0 < whole < 1.8
+    assert turn == pytest.approx(2.6, rel=0.15)
 
 
 def test_a_gap_is_no_scatter():
     time_s, pose, covariance = arc(np.random.default_rng(1))
     pose[100:140] = np.nan
-    assert scatter_factor(time_s, pose, covariance, np.ones(len(pose), dtype=bool)) < 1.2
+    assert max(scatter_factors(time_s, pose, covariance, np.ones(len(pose), dtype=bool))) < 1.2
 
 
 def test_a_still_body_adds_no_path():

@@ -21,7 +21,7 @@ from towval.tracking.floor_registration import Registered
 from towval.tracking.follow import Follower
 from towval.tracking.klt import KltTracker, _flow
 from towval.tracking.light import evened, light_misfit
-from towval.tracking.noise import hold_rest, scatter_factor
+from towval.tracking.noise import hold_rest, scatter_factors
 from towval.tracking.outline import OutlineFit, combine_fits, observe_outline, pose_from_clicks, stretches_of
 from towval.tracking.outline_search import OutlineSearch
 from towval.tracking.planar_target import PlanarTarget
@@ -583,8 +583,13 @@ def test_what_leaves_three_times_the_usual_misfit_is_foreign(follower, times, kn
     assert (follower._search(0.2, None, None) is not None) == known
 
 
-def test_the_scatter_is_that_of_frames_in_which_the_body_moves_and_is_bounded(follower, monkeypatch):
-    monkeypatch.setattr(follow, "scatter_factor", lambda *_given: 100.0)
+@pytest.mark.parametrize(
+    ("whole", "turn", "times"), [(100.0, 100.0, 6.0), (1.0, 1.5, 1.5), (1.0, 100.0, 2.0), (3.0, 3.0, 3.0)]
+)
+def test_the_scatter_is_that_of_frames_in_which_the_body_moves_and_is_bounded(
+    follower, monkeypatch, whole, turn, times
+):
+    monkeypatch.setattr(follow, "scatter_factors", lambda *_given: (whole, turn))
     steps = np.array([0.08, 0.08, 0.15, 0.15]) * PIXEL_M
     pose = np.zeros((5, 3))
     pose[1:, 0] = np.cumsum(steps)
@@ -593,7 +598,9 @@ def test_the_scatter_is_that_of_frames_in_which_the_body_moves_and_is_bounded(fo
     moving = follower._moving(pose, tracked)
     assert moving[:4].tolist() == [False, False, True, True]
     honest = follower._honest_covariance(np.arange(5.0), pose, covariance, tracked, moving)
-    assert 0.04 < np.sqrt(honest[2, 0, 0]) / PIXEL_M < 0.1
+    std_px = np.sqrt(np.diag(honest[2])) / PIXEL_M
+    assert std_px[0] == pytest.approx(0.01 * min(whole, 6.0), rel=0.3)
+    assert std_px[2] == pytest.approx(0.01 * times, rel=0.3)
 
 
 @pytest.mark.parametrize(("shift_px", "held"), [(0.07, True), (0.15, False)])
@@ -618,15 +625,15 @@ def test_few_windows_say_nothing_about_noise():
     for count, known in ((16, False), (32, True)):
         pose = 3e-4 * rng.standard_normal((count, 3))
         covariance = np.tile(1e-8 * np.eye(3), (count, 1, 1))
-        factor = scatter_factor(np.arange(count) / 25, pose, covariance, np.ones(count, dtype=bool))
+        factor, _ = scatter_factors(np.arange(count) / 25, pose, covariance, np.ones(count, dtype=bool))
         assert (factor > 1.5) == known
 
 
 @pytest.mark.parametrize(("growth", "noise"), [(1.8, True), (3.6, False)])
 def test_what_grows_with_the_window_as_motion_does_is_no_noise(monkeypatch, growth, noise):
-    monkeypatch.setattr(noise_module, "_scatter", lambda *given: 1.5 * (growth if given[-1] == 9 else 1.0))
-    factor = scatter_factor(np.arange(9.0), np.zeros((9, 3)), np.zeros((9, 3, 3)), np.ones(9, dtype=bool))
-    assert factor == pytest.approx(1.5 * growth if noise else 1.5)
+    monkeypatch.setattr(noise_module, "_scatter", lambda *given: np.full(2, 1.5 * (growth if given[-1] == 9 else 1.0)))
+    factors = scatter_factors(np.arange(9.0), np.zeros((9, 3)), np.zeros((9, 3, 3)), np.ones(9, dtype=bool))
+    assert factors == pytest.approx((1.5 * growth if noise else 1.5,) * 2)
 
 
 def rests(pose, rate_hz=25.0, std=3e-5):

@@ -14,7 +14,7 @@ from towval.tracking.blur import ahead_of_middle
 from towval.tracking.camera_motion import ViewMotion
 from towval.tracking.echoes import Echoes
 from towval.tracking.jumps import jump_findings
-from towval.tracking.noise import as_when_moving, hold_rest, scatter_factor, steadied
+from towval.tracking.noise import as_when_moving, hold_rest, scatter_factors, steadied
 from towval.tracking.outline import OutlineFit, combine_fits, observe_outline, observe_size, pose_from_clicks
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.pose import Measurement, Motion, Tracker, step_between
@@ -48,6 +48,7 @@ class FollowConstants:
     low_texture_px: float = 0.12  # [px] Deviation of a pose from which on a target counts as too plain.
     moving_px: float = 0.1  # [px] A picture: a body that moves less shows compression's repeated error.
     most_scatter_px: float = 0.06  # [px] More is a motion that five pictures do not follow, not noise.
+    most_turned: float = 2.0  # Times the predicted scatter of headings, as far as that of a few marks is mispredicted.
     most_rest_px: float = 0.1  # [px] Poses of a body at rest lie within this.
     named_blur_px: float = 1.0  # [px] A blur so wide is reported; readings are smoothed by 0.6 px anyway.
 
@@ -347,10 +348,12 @@ class Follower:
     ) -> Array:
         """Covariances of the pictures' residuals, widened to those of pictures around and to the scatter in time."""
         covariance[tracked] = steadied(covariance[tracked])
-        factor = scatter_factor(time_s, np.where(tracked[:, None], pose, np.nan), covariance, moving)
+        factors = scatter_factors(time_s, np.where(tracked[:, None], pose, np.nan), covariance, moving)
         if tracked.any():
             most = CONSTANTS.most_scatter_px * self.pixel_m / np.sqrt(np.median(covariance[tracked][:, 0, 0]))
-            covariance[tracked] *= min(factor, max(1.0, most)) ** 2
+            whole = min(factors[0], max(1.0, most))
+            turn = min(factors[1], max(whole, CONSTANTS.most_turned))
+            covariance[tracked] *= np.outer([whole, whole, turn], [whole, whole, turn])
         return covariance
 
     def _without_first(self, covariance: Array, tracked: NDArray[np.bool_]) -> None:

@@ -14,6 +14,7 @@ from towval.model import Array
 
 _WINDOWS = (5, 9)
 MEDIAN_CHI_SQUARED_3 = 2.366
+_MEDIAN_CHI_SQUARED_1 = 0.4549
 
 
 @dataclass(frozen=True)
@@ -44,8 +45,10 @@ def steadied(covariance: Array) -> Array:
     return raised
 
 
-def scatter_factor(time_s: Array, pose: Array, covariance: Array, moving: NDArray[np.bool_]) -> float:
-    """Ratio of the scatter of a track in time to its predicted standard deviation, at least 1.
+def scatter_factors(time_s: Array, pose: Array, covariance: Array, moving: NDArray[np.bool_]) -> tuple[float, float]:
+    """Ratios of the scatter of a track in time to its predicted standard deviations, at least 1: of poses, of headings.
+
+    A few marks on a plain top fix its heading worse than its tiles say, and its place no worse.
 
     A quadratic is fitted to each five, and each nine, consecutive pictures; the distance of the middle one from it is
     compared with what the covariance predicts. The median over the track is robust against jerks. The longer window
@@ -55,16 +58,20 @@ def scatter_factor(time_s: Array, pose: Array, covariance: Array, moving: NDArra
     video repeats its error and hides it.
     """
     short, long = (_scatter(time_s, pose, covariance, moving, window) for window in _WINDOWS)
-    return max(1.0, short, long if long < CONSTANTS.growth_of_noise * max(short, 1.0) else 0.0)
+    counts = long < CONSTANTS.growth_of_noise * np.maximum(short, 1.0)
+    whole, turn = np.maximum(np.maximum(1.0, short), np.where(counts, long, 0.0))
+    return float(whole), float(max(whole, turn))
 
 
-def _scatter(time_s: Array, pose: Array, covariance: Array, moving: NDArray[np.bool_], window: int) -> float:
+def _scatter(time_s: Array, pose: Array, covariance: Array, moving: NDArray[np.bool_], window: int) -> Array:
+    """Ratios (2,) of poses and headings for a window; zero where there are too few."""
     misfit, rows, gain = about_quadratics(time_s, pose, window, moving)
     if len(rows) < CONSTANTS.least_windows:
-        return 0.0
+        return np.zeros(2)
     expected = covariance[rows] * gain[:, None, None]
     square = np.einsum("nj,nj->n", misfit, np.linalg.solve(expected, misfit[..., None])[..., 0])
-    return float(np.sqrt(np.median(square) / MEDIAN_CHI_SQUARED_3))
+    of_turn = misfit[:, 2] ** 2 / expected[:, 2, 2]
+    return np.sqrt([np.median(square) / MEDIAN_CHI_SQUARED_3, np.median(of_turn) / _MEDIAN_CHI_SQUARED_1])
 
 
 def about_quadratics(
