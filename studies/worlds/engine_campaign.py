@@ -26,6 +26,7 @@ from studies.worlds.engine_lab import (
     THICKNESS_M,
     EngineLab,
     Look,
+    rendering_engine,
 )
 from studies.worlds.engine_textures import Picture
 from studies.worlds.film import write_video
@@ -62,6 +63,7 @@ def write_engine_campaign(folder: Path, world: str, seed: int, look: Look | None
     dict
         The ground truth in the floor frame: ``time_s`` (n,), ``rover`` and ``object`` poses (n, 3) [m, m, rad].
     """
+    rendering_engine()  # Before a run in the engine's own world imports it.
     rng = np.random.default_rng([seed, 77])
     run = world_run(WORLDS[world], number_of(world, seed))
     still = {"stiffening": np.array(0.0)}

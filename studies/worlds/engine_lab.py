@@ -58,12 +58,18 @@ class Look:
         )  # fmt: skip
 
 
+def rendering_engine() -> Any:
+    """MuJoCo, which draws off screen where this is what imports it first."""
+    os.environ.setdefault("MUJOCO_GL", "egl")
+    import mujoco  # noqa: PLC0415 — an extra: not everybody has it
+
+    return mujoco
+
+
 def can_render() -> bool:
     """Whether MuJoCo is there and draws off screen."""
-    os.environ.setdefault("MUJOCO_GL", "egl")
     try:
-        import mujoco  # noqa: PLC0415 — an extra: not everybody has it
-
+        mujoco = rendering_engine()
         mujoco.Renderer(mujoco.MjModel.from_xml_string("<mujoco/>"), 8, 8).close()
     except (ImportError, AttributeError, RuntimeError):
         return False
@@ -74,10 +80,8 @@ class EngineLab:
     """A laboratory of a ``look`` whose camera looks at ``middle`` (2,) [m], its rows ``along`` [rad]."""
 
     def __init__(self, rng: np.random.Generator, look: Look, middle: Array, along: float):
-        os.environ.setdefault("MUJOCO_GL", "egl")
-        import mujoco  # noqa: PLC0415 — an extra: not everybody has it
-
-        self._engine, self.rng, self.look = mujoco, rng, look
+        self._engine = mujoco = rendering_engine()
+        self.rng, self.look = rng, look
         width, height = (round(side * _FINER) // 2 * 2 for side in RESOLUTION_PX)
         self._set_camera(middle, along, (width, height))
         with tempfile.TemporaryDirectory() as folder:
