@@ -107,7 +107,7 @@ def _kept(rows: Array) -> float:
     echo = inverse @ vector.sum(axis=0)
     # Samples scatter by more than their residuals suggest: texture is not white noise.
     std = np.sqrt(np.sum(((vector - information @ echo) @ inverse)[:, -1] ** 2))
-    faint = CONSTANTS.faint * weight.sum() / information[:, -1, -1].sum()
+    faint = CONSTANTS.faint * weight.sum() / max(information[:, -1, -1].sum(), np.finfo(float).tiny)
     certain = CONSTANTS.named + faint + CONSTANTS.deviations * std
     # Of two pictures back and all before them, as far as the texture does not tell them apart, it is the square.
     return float(np.sqrt(echo[-1])) if echo[-1] > certain else 0.0
