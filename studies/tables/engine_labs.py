@@ -56,7 +56,7 @@ def engine_lab_rows(seeds: Iterable[int], folder: Path) -> Iterator[Row]:
         named = pd.read_csv(campaign / "a_truth.csv")
         for name, track in read_tracks(results / "a" / "track.mcap").items():
             row |= {f"{name}_{what}": value for what, value in _off(track, truth[name], named).items()}
-        yield row | _simulated(result, results / "a" / "simulate.mcap", truth["object"])
+        yield row | _simulated(result, results / "a" / "simulate.mcap", named)
 
 
 def _off(track: Track, truth: Array, named: pd.DataFrame) -> dict[str, float]:
@@ -73,9 +73,11 @@ def _off(track: Track, truth: Array, named: pd.DataFrame) -> dict[str, float]:
     }
 
 
-def _simulated(result: Comparison, file: Path, truth: Array) -> Row:
-    """What was said of a run, and how far its simulation was from the true poses (n, 3)."""
-    off = np.linalg.norm(read_simulated(file).pose[:, :2] - truth[:, :2], axis=1)
+def _simulated(result: Comparison, file: Path, truth: pd.DataFrame) -> Row:
+    """What was said of a run, and how far its simulation, which ends with the object's track, was from the truth."""
+    simulated = read_simulated(file)
+    there = [np.interp(simulated.time_s, truth.t_s, truth[f"object_{axis}_m"]) for axis in "xy"]
+    off = np.linalg.norm(simulated.pose[:, :2] - np.column_stack(there), axis=1)
     said = {"verdict": result.verdict.value, "warnings": result.warnings}
     return said | {"off_mm": 1e3 * float(off.max()), "bound_mm": 1e3 * result.error_upper_m}
 
