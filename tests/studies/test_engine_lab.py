@@ -1,10 +1,15 @@
 """Laboratories that MuJoCo renders: its pictures show what the truth says."""
 
+from pathlib import Path
+from types import SimpleNamespace
+
 import cv2
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.spatial.transform import Rotation
 
+from studies.tables import engine_labs
 from studies.worlds.engine_lab import INNER_CORNERS, SQUARE_M, THICKNESS_M, EngineLab, Look, can_render
 from studies.worlds.engine_textures import FLOORS, TOPS, board_texture, floor_texture, top_texture
 
@@ -50,3 +55,13 @@ def test_a_board_is_seen_where_the_camera_projects_it():
     # A board of 13 px squares is found to a tenth of a pixel, and all of it to some hundredths.
     assert np.abs(off.mean(axis=0)).max() < 0.06
     assert np.sqrt(np.mean(off**2)) < 0.1
+
+
+def test_a_simulation_that_ends_early_is_held_against_the_truth_of_its_times(monkeypatch):
+    truth = pd.DataFrame({"t_s": np.arange(50) / 25, "object_x_m": np.arange(50) / 100, "object_y_m": 0.0})
+    seen = np.arange(20) / 25
+    pose = np.column_stack([seen / 4, np.full(20, 3e-3), np.zeros(20)])
+    monkeypatch.setattr(engine_labs, "read_simulated", lambda _: SimpleNamespace(time_s=seen, pose=pose))
+    result = SimpleNamespace(verdict=SimpleNamespace(value="agrees"), warnings="", error_upper_m=4e-3)
+    row = engine_labs._simulated(result, Path("simulate.mcap"), truth)
+    assert row == {"verdict": "agrees", "warnings": "", "off_mm": pytest.approx(3.0), "bound_mm": 4.0}
