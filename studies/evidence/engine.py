@@ -1,4 +1,4 @@
-"""Checks on campaigns whose pictures, lens and motion are all MuJoCo's: the program in a world that is not its own."""
+"""Checks on campaigns whose pictures MuJoCo renders, through a lens that is none of the program's."""
 
 from __future__ import annotations
 

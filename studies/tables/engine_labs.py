@@ -24,7 +24,7 @@ from studies.tables.validation_rendered import judged
 from studies.worlds.engine_campaign import write_engine_campaign
 from studies.worlds.engine_lab import can_render
 from towval.io.records import read_simulated, read_tracks
-from towval.model import Array, Comparison, Track
+from towval.model import Comparison, Track
 from towval.model.errors import TowvalError
 from towval.model.geometry import wrapped
 
@@ -53,19 +53,19 @@ def engine_lab_rows(seeds: Iterable[int], folder: Path) -> Iterator[Row]:
         except TowvalError as error:
             yield row | {"verdict": "refused", "warnings": str(error).splitlines()[0]}
             continue
-        named = pd.read_csv(campaign / "a_truth.csv")
         for name, track in read_tracks(results / "a" / "track.mcap").items():
-            row |= {f"{name}_{what}": value for what, value in _off(track, truth[name], named).items()}
-        yield row | _simulated(result, results / "a" / "simulate.mcap", named)
+            row |= {f"{name}_{what}": value for what, value in _off(track, truth).items()}
+        yield row | _simulated(result, results / "a" / "simulate.mcap", truth)
 
 
-def _off(track: Track, truth: Array, named: pd.DataFrame) -> dict[str, float]:
-    """How far poses are off that were seen in pictures of the true poses (n, 3)."""
+def _off(track: Track, truth: pd.DataFrame) -> dict[str, float]:
+    """How far the poses are off that were seen, picture by picture of the truth."""
     assert track.total_covariance is not None
-    off = (track.pose - truth)[track.seen]
+    names = [f"{track.body}_{what}" for what in ("x_m", "y_m", "heading_rad")]
+    off = (track.pose - truth[names].to_numpy())[track.seen]
     off[:, 2] = wrapped(off[:, 2])
     std = np.sqrt(np.diagonal(track.total_covariance[track.seen], axis1=1, axis2=2))
-    over, distance = pose_errors(track, named)
+    over, distance = pose_errors(track, truth)
     return {
         "rms_mm": 1e3 * float(np.sqrt(np.mean(distance**2))),
         "worst": float(over.max()),

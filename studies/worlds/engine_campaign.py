@@ -39,10 +39,9 @@ from towval.model.geometry import lifted, rotation, transform
 _HELD = 14
 _CORNER_CLICK_PX = 1.0
 _TETHER_Z_M = 0.12  # Where the world is a plane.
-_POSE = ("x_m", "y_m", "heading_rad")
 
 
-def write_engine_campaign(folder: Path, world: str, seed: int, look: Look | None = None) -> dict[str, Array]:
+def write_engine_campaign(folder: Path, world: str, seed: int, look: Look | None = None) -> pd.DataFrame:
     """Film a run of a world and write all that a lab hands in: ``campaign.yaml``, ``calibration/``, ``a.mp4``.
 
     Beside them stands ``a_truth.csv``, as campaigns of known truth have it.
@@ -60,8 +59,8 @@ def write_engine_campaign(folder: Path, world: str, seed: int, look: Look | None
 
     Returns
     -------
-    dict
-        The ground truth in the floor frame: ``time_s`` (n,), ``rover`` and ``object`` poses (n, 3) [m, m, rad].
+    DataFrame
+        That truth in the floor frame: ``t_s``, ``rover_x_m``, ``rover_y_m``, ``rover_heading_rad`` and the object's.
     """
     rendering_engine()  # Before a run in the engine's own world imports it.
     rng = np.random.default_rng([seed, 77])
@@ -90,13 +89,12 @@ def write_engine_campaign(folder: Path, world: str, seed: int, look: Look | None
     x, y = end[:2] - origin[:2]
     turn = float(np.arctan2(y, x))
     write_text(folder / "campaign.yaml", yaml.safe_dump(_document(run, clicks, turn), sort_keys=False))
-    truth = {
-        name: np.column_stack([(pose[:, :2] - origin[:2]) @ rotation(turn), pose[:, 2] - turn])
-        for name, pose in poses.items()
-    }
-    columns = {f"{name}_{what}": pose[:, k] for name, pose in truth.items() for k, what in enumerate(_POSE)}
-    pd.DataFrame({"t_s": run.time_s} | columns).to_csv(folder / "a_truth.csv", index=False)
-    return {"time_s": run.time_s} | truth
+    truth = pd.DataFrame({"t_s": run.time_s})
+    for name, pose in poses.items():
+        truth[[f"{name}_x_m", f"{name}_y_m"]] = (pose[:, :2] - origin[:2]) @ rotation(turn)
+        truth[f"{name}_heading_rad"] = pose[:, 2] - turn
+    truth.to_csv(folder / "a_truth.csv", index=False)
+    return truth
 
 
 def _outlines() -> dict[str, Array]:

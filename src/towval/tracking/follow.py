@@ -48,7 +48,7 @@ class FollowConstants:
     low_texture_px: float = 0.12  # [px] Deviation of a pose from which on a target counts as too plain.
     moving_px: float = 0.1  # [px] A picture: a body that moves less shows compression's repeated error.
     most_scatter_px: float = 0.06  # [px] More is a motion that five pictures do not follow, not noise.
-    most_turned: float = 2.0  # Times the predicted scatter of headings, as far as that of a few marks is mispredicted.
+    most_turned: float = 2.0  # Times the predicted scatter of headings: that of a few marks is 1.2 to 2 times as large.
     most_rest_px: float = 0.1  # [px] Poses of a body at rest lie within this.
     named_blur_px: float = 1.0  # [px] A blur so wide is reported; readings are smoothed by 0.6 px anyway.
 
