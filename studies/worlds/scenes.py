@@ -25,7 +25,8 @@ Motion = Callable[[float], np.ndarray]
 
 def smooth_noise(rng: np.random.Generator, shape: tuple[int, int], grain: float) -> np.ndarray:
     """Noise of unit deviation whose features are about ``grain`` cells wide."""
-    noise = cv2.GaussianBlur(rng.standard_normal(shape), (0, 0), grain, borderType=cv2.BORDER_REFLECT)
+    white = rng.standard_normal(shape).astype(np.float32)
+    noise = cv2.GaussianBlur(white, (0, 0), grain, borderType=cv2.BORDER_REFLECT)
     return noise / noise.std()
 
 

