@@ -18,7 +18,7 @@ from towval.optics.plane_uncertainty import shared_parameters
 from towval.optics.projection import project, to_plane
 from towval.tracking import camera_motion, floor_registration
 from towval.tracking.camera_motion import CameraMotion, _separated, calibration_at_start
-from towval.tracking.floor_registration import FloorRegistration, Registered
+from towval.tracking.floor_registration import FloorRegistration, Learned, Registered
 from towval.tracking.focus import width_px
 from towval.tracking.watched_floor import WatchedFloor
 
@@ -607,7 +607,7 @@ def test_a_noisy_floor_is_recognised_in_the_mean_of_the_first_pictures(wider, sa
         for luma in noisy_floor([(0, 0)] * 16, contrast=0.07)
     ]
     floors = [
-        (f"floor_{i}.jpg", luma) for i, luma in enumerate(noisy_floor([(0, 0)] * 4, contrast=0.07, noise=1.0, seed=6))
+        (f"floor_{i}.jpg", luma) for i, luma in enumerate(noisy_floor([(0, 0)] * 4, contrast=0.07, noise=1.0, seed=7))
     ]
     video = SimpleNamespace(mean_of_first=lambda count: np.rint(np.mean(pictures[:count], axis=0)).astype(np.uint8))
     _, alone = calibration_at_start(calibration, pictures[0], floors)
@@ -675,6 +675,23 @@ def test_pictures_read_row_by_row_by_a_shaking_camera_are_reported(waves_px):
 def moved_by(shift_px, std_px=1e-3):
     """A registration of a picture that is shifted sideways, known to so much."""
     return Registered(np.array([0, 0, 0, 0, 0, 0, 0, shift_px, 0.0]), 1e-9 * np.eye(9), std_px)
+
+
+def finding(places_px, left=None, **changes):
+    """A floor that is found in pictures, which are numbers here, shifted sideways, and what its residuals leave."""
+    left = left or dict.fromkeys(places_px, [1.0] * len(places_px))
+
+    def near(number, place, _):
+        seen.learned = Learned(last=(np.zeros(0), np.zeros(0), left[place[7]][number]))
+        return moved_by(place[7])
+
+    seen = SimpleNamespace(
+        anywhere=lambda number: moved_by(places_px[number]), near=near, shift_px=lambda motion: abs(motion[7]),
+        stretch_px=lambda: (0.0, 0.1), scattered_px=0.0,
+    )  # fmt: skip
+    for name, value in changes.items():
+        setattr(seen, name, value)
+    return seen
 
 
 def registered_as(found, by_s=0.04, scattered_px=0.0):
@@ -752,10 +769,8 @@ def test_the_calibration_is_referred_to_the_video_where_the_floor_is_a_tenth_of_
 def test_a_floor_is_the_same_where_places_scatter_by_half_a_pixel_or_its_sides_are_a_fifth_off(
     scattered_px, stretch_px, same
 ):
-    seen = SimpleNamespace(
-        anywhere=lambda *_: moved_by(0.0), stretch_px=lambda: (stretch_px, 0.01), scattered_px=scattered_px
-    )
-    assert len(camera_motion._found(seen, [FIRST, FIRST])) == 2 * same
+    seen = finding([0.0, 0.0], stretch_px=lambda: (stretch_px, 0.01), scattered_px=scattered_px)
+    assert len(camera_motion._found(seen, [0, 1])) == 2 * same
 
 
 @pytest.mark.parametrize("pictures", [1, 2, 8])
@@ -763,8 +778,34 @@ def test_a_floor_is_the_same_where_places_scatter_by_half_a_pixel_or_its_sides_a
 def test_sides_that_are_off_by_less_than_three_deviations_are_noise_in_any_number_of_pictures(
     stretch_px, same, pictures
 ):
-    seen = SimpleNamespace(anywhere=lambda *_: moved_by(0.0), stretch_px=lambda: (stretch_px, 0.2), scattered_px=0.0)
-    assert len(camera_motion._found(seen, [FIRST] * pictures)) == pictures * same
+    seen = finding([0.0] * pictures, stretch_px=lambda: (stretch_px, 0.2))
+    assert len(camera_motion._found(seen, range(pictures))) == pictures * same
+
+
+@pytest.mark.parametrize(("left_at_two", "found_px"), [(0.9, 0.0), (0.5, 2.0)])
+def test_the_floor_is_where_all_pictures_of_one_camera_have_it(left_at_two, found_px):
+    """Three of five end at 0 px, two at 2 px, where they fit better: it counts what all five leave."""
+    left = {0.0: [1.0] * 5, 2.0: [1.1] * 3 + [left_at_two] * 2}
+    found = camera_motion._found(finding([0.0, 0.0, 0.0, 2.0, 2.0], left), range(5))
+    assert [one.motion[7] for one in found] == [found_px] * 5
+
+
+def test_a_floor_that_moved_farther_than_a_pixel_or_two_did_not_stay():
+    still, moved = noisy_floor([(0, 0), (3, -2)], contrast=0.2, seed=6)
+    seen = FloorRegistration(CAMERA, FLOOR, noisy_floor([(0, 0)], contrast=0.2)[0], (), worst_std_px=np.inf)
+    assert not seen.unmoved(still).motion.any()
+    assert seen.unmoved(moved) is None
+
+
+def test_a_floor_too_faint_to_settle_a_motion_shows_that_there_was_none():
+    """Of one picture no fit ends."""
+    calibration, first = Calibration(CAMERA, FLOOR, np.zeros((18, 18)), 0.1), noisy_floor([(0, 0)], contrast=0.05)[0]
+    for seed in (6, 8):
+        floors = noisy_floor([(0, 0)] * 4, contrast=0.05, noise=1.0, seed=seed)
+        found, findings = calibration_at_start(calibration, first, [(f"{i}.jpg", one) for i, one in enumerate(floors)])
+        assert findings == ()
+        assert found.camera is CAMERA
+        assert 1e-3 < off_at_a_top(found, np.zeros(9))[1].max() < 4e-3
 
 
 @pytest.mark.parametrize(("missing", "gap"), [([24], (1.0, 23.0)), ([23], (2.0, 22.0)), ([23, 24], (2.0, 22.0))])

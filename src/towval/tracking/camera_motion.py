@@ -13,7 +13,7 @@ from towval.model.conventions import PICTURE_MOTION, VIEW_MOTION
 from towval.model.findings import finding
 from towval.model.geometry import transform
 from towval.optics.moved_view import moved_view, parameters_by_motion, picture_motion, pose_sensitivity, view_before
-from towval.tracking.floor_registration import FloorRegistration, Hidden, Registered
+from towval.tracking.floor_registration import FloorRegistration, Hidden, Learned, Registered
 from towval.tracking.light import evened
 from towval.tracking.template import Luma
 from towval.tracking.watched_floor import CONSTANTS as WATCHED
@@ -294,6 +294,8 @@ def calibration_at_start(
             return calibration, (_not_recognised(seen, luma, pictures, len(found)),)
         back = np.mean([one.motion for one in found], axis=0)
         covariance = np.asarray(np.mean([one.covariance for one in found], axis=0), dtype=np.float64)
+        if len(found) > 1:
+            covariance += np.cov([one.motion for one in found], rowvar=False) / len(found)
         back, covariance = seen.no_larger_than_seen(back, covariance)
         has_moved = seen.shift_px(back) >= CONSTANTS.referred_px
         if not has_moved:
@@ -332,27 +334,51 @@ def _too_plain(camera: Camera, floor: Floor, pictures: Sequence[Luma]) -> bool:
     return bool(others) and seen.template is not None and 2 * len(_found(seen, others)) < len(others)
 
 
+@dataclass(frozen=True)
+class _Recognised:
+    """A picture in which the floor was found, what its residuals scatter by, and by how much it is wider [px]."""
+
+    registered: Registered
+    left: float
+    wider_px: float
+    wider_std_px: float
+
+
 def _found(seen: FloorRegistration, pictures: Sequence[Luma]) -> list[Registered]:
     """Registrations of the pictures in which the floor is found near its calibrated view.
 
     None where its places are displaced against each other: by other pixels (a video made wider), by another lens.
     """
-    found: list[Registered] = []
-    wider_px: list[float] = []
-    std_px: list[float] = []
-    for picture in pictures:
-        one = seen.anywhere(picture)
-        if one is not None:
-            found.append(one)
-            stretch_px, its_std_px = seen.stretch_px()
-            wider_px.append(stretch_px)
-            std_px.append(its_std_px)
+    places: list[Array] = []
+    for one in map(seen.anywhere, pictures):
+        if one and all(seen.shift_px(one.motion - place) > CONSTANTS.referred_px for place in places):
+            places.append(one.motion)
+    if not places:
+        return []
+    # One camera took them all, so one place is near all of theirs: alone a picture may fit better beside it.
+    found, learned = max(
+        (_found_near(seen, pictures, place) for place in places),
+        key=lambda tried: (len(tried[0]), -sum(np.log(one.left) for one in tried[0])),
+    )
     if not found:
         return []
+    seen.learned = learned
     other_lens = seen.scattered_px > CONSTANTS.other_lens_px
     # The first picture's noise is the same in all of them.
-    most_px = max(CONSTANTS.wider_px, CONSTANTS.significant * float(np.median(std_px)))
-    return [] if other_lens or abs(np.median(wider_px)) > most_px else found
+    most_px = max(CONSTANTS.wider_px, CONSTANTS.significant * float(np.median([one.wider_std_px for one in found])))
+    wider_px = float(np.median([one.wider_px for one in found]))
+    return [] if other_lens or abs(wider_px) > most_px else [one.registered for one in found]
+
+
+def _found_near(seen: FloorRegistration, pictures: Sequence[Luma], place: Array) -> tuple[list[_Recognised], Learned]:
+    """The pictures in which the floor is found from a ``place`` (9,) on, and what they teach."""
+    seen.learned = Learned()
+    found = []
+    for picture in pictures:
+        registered = seen.near(picture, place, []) or seen.unmoved(picture)
+        if registered is not None:
+            found.append(_Recognised(registered, seen.learned.last[2], *seen.stretch_px()))
+    return found, seen.learned
 
 
 def _separated(time_s: Array, z: Array, noise: Array) -> tuple[Array, Array, Array, Array]:

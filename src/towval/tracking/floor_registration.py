@@ -52,6 +52,7 @@ class RegistrationConstants:
     least_blocks: int = 8  # That agree.
     alike: float = 0.9  # Of the best fit of all blocks: a floor that repeats fits there, too,
     fits_better: float = 0.8  # of what is left over at the place found first: 0.6 where grain tells the right one.
+    small: float = 0.02  # Of the prior: a motion of a pixel or two, which a floor too faint for others excludes.
     least_in_view: float = 0.3  # Of the points, neither hidden nor outside the picture.
     inflated_every: int = 10  # Pictures between estimates of how much residuals of neighbours go together,
     least_shared: float = 0.3  # Of the template's information: less is no texture, and is refused by correlation.
@@ -81,7 +82,7 @@ class Registered:
 
 
 @dataclass(frozen=True)
-class _Learned:
+class Learned:
     """What registrations teach: their usual correlation and number, how much residuals of neighbours go together,
     variances of displaced places and those of their noise [px²], and the last one's weights, residuals and scale."""
 
@@ -120,7 +121,7 @@ class FloorRegistration:
             return
         c = CONSTANTS
         self.prior = np.repeat([c.prior_rad, c.prior_m, c.prior_zoom, c.prior_px], [3, 3, 1, 2])
-        self.learned = _Learned()
+        self.learned = Learned()
         self._set_slopes(target, self.template)
         self.trust = _trust(luma, self.template)
         self._set_blocks(luma, target)
@@ -181,8 +182,8 @@ class FloorRegistration:
 
         Tiles and printed mats repeat: a period off they fit, too, but for their grain and wear.
         """
-        before = self.learned
-        best = self.register(luma, np.zeros(len(self.prior)), [])
+        before, here = self.learned, np.zeros(len(self.prior))
+        best = self.register(luma, here, []) or self.unmoved(luma)
         if best is None:
             return None
         learned, scale = self.learned, CONSTANTS.fits_better * self.learned.last[2]
@@ -193,6 +194,18 @@ class FloorRegistration:
                 best, learned, scale = other, self.learned, self.learned.last[2]
         self.learned = learned
         return best
+
+    def unmoved(self, luma: Luma) -> Registered | None:
+        """That the view did not move, where a pixel or two explain a picture; None where it takes more.
+
+        A floor too faint to settle a large motion may exclude one: noise in the slopes carries the fit along what the
+        floor hardly shows, so that it does not end. What is found then is no more than a deviation.
+        """
+        found = self.near(luma, np.zeros(len(self.prior)), [], CONSTANTS.small)
+        if found is None or np.abs(found.motion / self.prior).max() > CONSTANTS.small:
+            return None
+        covariance = found.covariance + np.outer(found.motion, found.motion)
+        return Registered(np.zeros(len(self.prior)), covariance, self.std_px(covariance))
 
     def _places_alike(self, luma: Luma) -> list[Array]:
         """Motions (9,) to which all blocks together fit about as well, where there are several."""
@@ -209,8 +222,11 @@ class FloorRegistration:
         shifts = 2.0 * (np.argwhere(peaks)[:, ::-1] - reach)
         return [np.append(np.zeros(7), shift) for shift in shifts] if len(shifts) > 1 else []
 
-    def near(self, luma: Luma, start: Array, hidden: Hidden) -> Registered | None:
-        """As :meth:`register`, from ``start`` (9,) as far as the slopes of the texture reach."""
+    def near(self, luma: Luma, start: Array, hidden: Hidden, small: float = 1.0) -> Registered | None:
+        """As :meth:`register`, from ``start`` (9,) as far as the slopes of the texture reach.
+
+        The motion is expected to be ``small`` times as large as usual.
+        """
         template, learned, c = self.template, self.learned, CONSTANTS
         assert template is not None
         discs = np.array([(*place, radius) for place, radius in hidden]).reshape(-1, 3)
@@ -223,7 +239,7 @@ class FloorRegistration:
             (self.floor.T_camera_floor, self.camera.matrix, self.camera.distortion),
             (self.prior, self.in_pixels),
             (c.least_scale, c.most_scale, c.tolerance_px, c.rounds),
-            learned.variance_factor,
+            learned.variance_factor / small**2,
             (LIGHT.gain_spread, LIGHT.least_gain, LIGHT.most_gain),
         )
         if not converged or not np.isfinite(motion).all():
@@ -238,7 +254,7 @@ class FloorRegistration:
             factor /= self._shared_texture(luma, motion, information, gain, weight, scale) ** 2
             scatter += self._scatter_px2((precision > 0) & (values >= 0), residual)
         usual = learned.correlation + (correlation - learned.correlation) / min(registered, 20)
-        self.learned = _Learned(usual, registered, factor, scatter, (weight, residual, scale))
+        self.learned = Learned(usual, registered, factor, scatter, (weight, residual, scale))
         variance = scale * scale * factor
         whitened = np.linalg.inv(information / variance + np.eye(len(self.prior)))
         covariance: Array = np.asarray(whitened * np.outer(self.prior, self.prior), dtype=np.float64)
