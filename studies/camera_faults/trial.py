@@ -17,7 +17,7 @@ from studies.camera_faults.film import Film, read_film
 from studies.worlds.film import write_video
 from towval.commands import calibrate, compare, decimate, simulate, track, uncertainty
 from towval.io.records import read_calibration, read_comparison, read_tracks
-from towval.model import Array, Finding, Severity, Track, Verdict
+from towval.model import Array, Finding, Severity, Track, TrackStatus, Verdict
 from towval.model.errors import TowvalError
 from towval.model.geometry import wrapped
 
@@ -26,6 +26,9 @@ MARGIN_M = 0.0005
 
 COVERED_MM = 2.0
 """RMS error from which on poses that are within that are not corrected: their deviations merely cover it."""
+
+MOST_LOST = 0.5
+"""Share of the pictures in which a body may be lost; with more, poses are not corrected: there are none."""
 
 _SAMPLES = 256
 _CORNER_M = 0.3  # [m] From the middle of a top to its corner.
@@ -59,8 +62,9 @@ class Result:
     """How a fault ended.
 
     ``poses`` and ``verdict``: "corrected" (within the stated deviations; "covered" where poses are, and yet off by
-    :data:`COVERED_MM`), "reported", or "silently wrong"; ``worst``: largest error of a pose over what is allowed;
-    ``rms_mm`` of rover and object; ``codes`` of findings that are no notes; ``said``: the verdict, or the refusal.
+    :data:`COVERED_MM`), "reported" (also where most poses are lost), or "silently wrong"; ``worst``: largest error of a
+    pose over what is allowed; ``rms_mm`` of rover and object; ``codes`` of findings that are no notes; ``said``: the
+    verdict, or the refusal.
     """
 
     poses: str
@@ -142,20 +146,22 @@ def _planted(source: Footage, fault: Fault, strength: float, folder: Path, rng: 
 
 def _result(source: Footage, fault: Fault, camera: Path, files: dict[str, Path], said: str, *, right: bool) -> Result:
     findings: list[Finding] = list(read_calibration(camera).findings) if camera.exists() else []
-    worst, rms_mm = np.nan, np.nan
+    worst, rms_mm, lost = np.nan, np.nan, 0.0
     if files["track"].exists():
         tracks = read_tracks(files["track"])
         late_s = lateness_s(tracks.values(), source.truth)
         errors = [pose_errors(each, source.truth, late_s) for each in tracks.values()]
         worst = float(np.nanmax([np.nanmax(over, initial=0.0) for over, _ in errors]))
         rms_mm = 1e3 * float(np.sqrt(np.nanmean(np.concatenate([off for _, off in errors]) ** 2)))
+        lost = max(float(np.mean(each.status == TrackStatus.LOST)) for each in tracks.values())
         findings += [one for each in tracks.values() for one in each.findings]
     if files["compare"].exists():
         said = read_comparison(files["compare"]).verdict.value
     # A note says that all is well.
     warned = {one.code for one in findings if one.severity is not Severity.NOTE}
     poses, verdict = outcomes(worst, warned, said, fault.named_by, right=right)
-    return Result(covered_if_off(poses, rms_mm), verdict, worst, rms_mm, tuple(sorted(warned)), said)
+    poses = reported_if_lost(covered_if_off(poses, rms_mm), lost)
+    return Result(poses, verdict, worst, rms_mm, tuple(sorted(warned)), said)
 
 
 def outcomes(
@@ -175,6 +181,11 @@ def outcomes(
 def covered_if_off(poses: str, rms_mm: float) -> str:
     """What became of the poses, "covered" where they are "corrected" by their deviations alone."""
     return "covered" if poses == "corrected" and round(rms_mm, 1) >= COVERED_MM else poses
+
+
+def reported_if_lost(poses: str, lost: float) -> str:
+    """What became of the poses, "reported" where a body is lost in most pictures, of which a finding tells."""
+    return "reported" if poses in ("corrected", "covered") and lost > MOST_LOST else poses
 
 
 def lateness_s(tracks: Iterable[Track], truth: pd.DataFrame) -> float:

@@ -131,6 +131,18 @@ def test_decimated_round_trip(tmp_path, track):
     same(thin["object"], records.read_decimated(tmp_path / "decimate.mcap")["object"])
 
 
+def test_a_body_that_turns_on_the_spot_has_turned_as_far_when_it_is_read_again(tmp_path, make_track):
+    """By more than half a turn between two kept poses: the shorter way to that heading leads the other way round."""
+
+    def turning(t):
+        return np.column_stack([0 * t, 0 * t, 0.2 * np.clip(t - 2, 0, 18)])
+
+    thin = decimate(make_track(turning, duration_s=22.0))
+    assert np.diff(thin.pose[:, 2]).max() > np.pi
+    records.write_decimated(tmp_path / "decimate.mcap", {"rover": thin}, PROVENANCE)
+    same(thin, records.read_decimated(tmp_path / "decimate.mcap")["rover"])
+
+
 def test_simulated_round_trip(tmp_path, simulated):
     records.write_simulated(tmp_path / "simulate.mcap", simulated, PROVENANCE)
     same(simulated, records.read_simulated(tmp_path / "simulate.mcap"))

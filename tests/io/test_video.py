@@ -43,6 +43,12 @@ def test_times_that_vary_are_kept(tmp_path):
     assert [t for t, _ in read(tmp_path / "a.mkv")[1]] == pytest.approx(times, abs=0.6e-3)
 
 
+def test_times_are_the_same_to_the_last_bit_without_decoding(tmp_path):
+    write_video(tmp_path / "a.mkv", pictures(20, rate=20.0))
+    video, frames = read(tmp_path / "a.mkv")
+    assert video.stamps_s().tolist() == [t for t, _ in frames]
+
+
 @pytest.mark.parametrize(
     ("name", "options"),
     [

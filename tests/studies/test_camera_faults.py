@@ -6,7 +6,7 @@ import pytest
 from studies.camera_faults import light, optics, timing
 from studies.camera_faults.faults import FAULTS
 from studies.camera_faults.film import Film
-from studies.camera_faults.trial import MARGIN_M, covered_if_off, lateness_s, outcomes, pose_errors
+from studies.camera_faults.trial import MARGIN_M, covered_if_off, lateness_s, outcomes, pose_errors, reported_if_lost
 from towval.model import Track, TrackStatus
 from towval.model.findings import FINDINGS
 
@@ -111,6 +111,12 @@ def test_poses_that_are_far_off_within_their_deviations_are_covered_and_not_corr
         "corrected", "corrected", "covered", "covered",
     ]  # fmt: skip
     assert covered_if_off("reported", 110.0) == "reported"
+
+
+def test_poses_that_are_lost_are_not_corrected():
+    outcomes_of = ("corrected", "covered", "reported", "silently wrong")
+    assert [reported_if_lost(each, 0.5) for each in outcomes_of] == list(outcomes_of)
+    assert [reported_if_lost(each, 0.6) for each in outcomes_of] == ["reported"] * 3 + ["silently wrong"]
 
 
 def test_one_fault_plants_nothing():

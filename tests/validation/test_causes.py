@@ -5,6 +5,7 @@ import pytest
 from scipy.integrate import quad
 
 from towval.model.geometry import block_means
+from towval.validation import causes
 from towval.validation.causes import Causes, Mode, Unknowns, distinct, off_by_name, surprise
 from towval.validation.statistics import RightModel
 
@@ -34,9 +35,9 @@ def search(right, true, acts=lambda off: np.tensordot(off, SHAPES, 1), **kinds):
 
 def test_in_a_linear_scene_the_maximum_is_that_of_the_ridge_regression(right):
     true = np.array([6.0, -2.5, 0.0, 4.0])
-    causes = search(right, true)
-    found = causes.mode(np.zeros(D), common=True)
-    rows = causes.whiten @ block_means(SHAPES).reshape(D, -1).T
+    found_by = search(right, true)
+    found = found_by.mode(np.zeros(D), common=True)
+    rows = found_by.whiten @ block_means(SHAPES).reshape(D, -1).T
     normal = rows.T @ rows + np.eye(D) / found.factor**2
     assert found.off == pytest.approx(np.linalg.solve(normal, rows.T @ rows @ true), abs=2e-3)
     assert found.covariance == pytest.approx(np.linalg.inv(normal), rel=1e-6, abs=1e-9)
@@ -45,8 +46,8 @@ def test_in_a_linear_scene_the_maximum_is_that_of_the_ridge_regression(right):
 
 def test_each_by_itself_is_more_probable_where_one_is_far_off_and_all_together_where_all_are(right):
     def by_how_much(true):
-        causes = search(right, true)
-        own, common = (causes.mode(np.zeros(D), common=each) for each in (False, True))
+        found_by = search(right, true)
+        own, common = (found_by.mode(np.zeros(D), common=each) for each in (False, True))
         return common.cost - own.cost
 
     assert by_how_much([9.0, 0.0, 0.0, 0.0]) > 4
@@ -58,9 +59,9 @@ def test_an_input_that_was_computed_gives_way_least_and_one_that_was_assumed_mos
     shapes = SHAPES[[0, 0, 1, 2]]
 
     def found(**kinds):
-        causes = search(right, [5.0, 0.0, 0.0, 0.0], lambda off: np.tensordot(off, shapes, 1), **kinds)
+        found_by = search(right, [5.0, 0.0, 0.0, 0.0], lambda off: np.tensordot(off, shapes, 1), **kinds)
         start = np.array([2.5, 2.5, 0.0, 0.0])
-        return causes.mode(start, common=False).off
+        return found_by.mode(start, common=False).off
 
     first, second = found(computed=[False, True, False, False])[:2]
     assert first > second + 2
@@ -80,8 +81,8 @@ def test_a_scene_that_cannot_be_simulated_has_no_maximum(right):
         return np.where(np.abs(off[:, :1, None]) > 0.3, np.nan, np.tensordot(off, SHAPES, 1))
 
     error = SHAPES[1]
-    causes = Causes(right, right.effects, SWING, unknowns(), lambda off: error + acts(off))
-    assert causes.mode(np.zeros(D), common=False) is None
+    found_by = Causes(right, right.effects, SWING, unknowns(), lambda off: error + acts(off))
+    assert found_by.mode(np.zeros(D), common=False) is None
 
 
 def test_an_oscillation_alone_tells_how_far_an_input_is_off(right):
@@ -94,6 +95,20 @@ def test_an_oscillation_alone_tells_how_far_an_input_is_off(right):
 
     found = search(right, [5.0, 0.0, 0.0, 0.0], acts).mode(np.zeros(D), common=False)
     assert found.off == pytest.approx([5.0, 0.0, 0.0, 0.0], abs=0.2)
+
+
+def test_the_covariance_is_that_of_where_the_search_ends(right, monkeypatch):
+    """After its last step, too, where each one has gained: here the effect of an input grows with its size."""
+    monkeypatch.setattr(causes, "_STEPS", 2)
+
+    def acts(off):
+        return np.tensordot(np.column_stack([off[:, 0] + 0.1 * off[:, 0] ** 3, off[:, 1:]]), SHAPES, 1)
+
+    found = search(right, [6.0, 0.0, 0.0, 0.0], acts).mode(np.zeros(D), common=False)
+    slopes = SHAPES * np.array([1 + 0.3 * found.off[0] ** 2 + 0.1 * 0.5**2, 1, 1, 1])[:, None, None]
+    rows = search(right, np.zeros(D)).whiten @ block_means(slopes).reshape(D, -1).T
+    pull = 3 / (2 + found.off**2)  # Student's t of two degrees of freedom.
+    assert found.covariance == pytest.approx(np.linalg.inv(rows.T @ rows + np.diag(pull)), rel=1e-6, abs=1e-9)
 
 
 def test_maxima_that_are_as_probable_count_alike():

@@ -153,11 +153,11 @@ class Video:
         Raises `InputError` where not all can be found: with ``damaged`` those before the damage are used instead.
         """
         with self.opened() as container:
-            base = Fraction(container.streams.video[0].time_base or 0)
+            base = container.streams.video[0].time_base
         pts, reason = self._stored_pts()
         if reason and not self.go_on_when_damaged:
             raise self._damaged(reason, f"{len(pts)} pictures can be found")
-        return np.array(sorted(pts), dtype=np.float64) * float(base)
+        return np.array([_seconds(each, base) for each in sorted(pts)], dtype=np.float64)
 
     def _reached_the_end(self) -> bool:
         """Whether the last frame is where the header says the video ends: AVI counts repeated pictures as frames."""
@@ -198,9 +198,7 @@ class Video:
                 f"frame {self.decoded_frames} of {self.path.name} carries no presentation time",
                 remedy="put the stream into a container that holds times, for example `ffmpeg -i IN -c copy OUT.mp4`",
             )
-        # One rounding: numerator and denominator are exact.
-        base = Fraction(frame.time_base or 0)
-        time_s = pts * base.numerator / base.denominator
+        time_s = _seconds(pts, frame.time_base)
         if time_s < 0:
             raise InputError(
                 f"the presentation times of {self.path.name} begin below zero",
@@ -230,6 +228,12 @@ class Video:
             got=good,
             remedy="copy the file again, or set damaged_video: true for this run to go on with the good part",
         )
+
+
+def _seconds(pts: int, time_base: Fraction | None) -> float:
+    """A time in units of a time base in seconds, with one rounding: numerator and denominator are exact."""
+    base = Fraction(time_base or 0)
+    return pts * base.numerator / base.denominator
 
 
 def _header(container: av.container.InputContainer) -> VideoHeader:

@@ -23,7 +23,7 @@ _MOST_PAIRS = 8  # of nodes on a panel of an edge
 _CELLS, _LONGEST_ALPHA = 128, 0.6  # panel lengths that are distinguished
 _LOWEST_ORDER, _ORDERS = -40, 64  # binary orders of what an edge's integrand may reach, over μN
 # Of the edge's length: with C so close to its line, it adds nothing to the wrench. The derivatives are already wrong
-# with C within some 1e-9 m of an edge.
+# with C within some 1e-9 m of that line, beyond the ends of the edge, too: steps and roots settle by other means.
 _NEGLIGIBLE = 1e-13
 
 

@@ -109,7 +109,7 @@ class Causes:
         """
         off, factor = self.unknowns.allowed(start), 2.0 if common else 1.0
         error, cost = self._best(off[None], factor, common)[1:]
-        for _ in range(_STEPS):
+        for left in range(_STEPS, -1, -1):
             slopes = self._slopes(off, error)
             if slopes is None:
                 return None
@@ -119,12 +119,14 @@ class Causes:
                 cost = self._cost(off, error, factor, common)
             pull = self._pull(off, factor, common)
             normal, down = curvature + np.diag(pull), gradient + pull * off
+            if not left:  # The curvature that counts is that of the last step's end.
+                break
             steps = [np.linalg.solve(normal + damping * np.diag(np.diag(normal)), -down) for damping in _DAMPINGS]
             tried = self.unknowns.allowed(off + np.array([share * step for step in steps for share in _SHARES]))
-            best, left, least = self._best(tried, factor, common)
+            best, remains, least = self._best(tried, factor, common)
             if not least < cost - _ENOUGH:
                 break
-            off, error, cost = best, left, least
+            off, error, cost = best, remains, least
         _, determinant = np.linalg.slogdet(normal)
         return Mode(off, np.asarray(np.linalg.inv(normal), np.float64), error, cost + float(determinant), factor)
 

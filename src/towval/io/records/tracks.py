@@ -206,6 +206,7 @@ def write_decimated(path: Path, decimated: dict[str, DecimatedTrack], provenance
             messages.append(Message(f"/{name}/twist", ns, ros.stamped_twist(t, FLOOR_FRAME, rate)))
             messages.append(Message("/tf", ns, ros.transforms(t, FLOOR_FRAME, {name: pose})))
         details[name] = {
+            "heading_rad": track.pose[:, 2].tolist(),
             "noise": track.noise.tolist(),
             "pauses": track.pauses.tolist(),
             "frames": track.frames,
@@ -226,13 +227,26 @@ def read_decimated(path: Path) -> dict[str, DecimatedTrack]:
         raise InputError(f"{path} holds no decimated tracks", allowed="a file that the stage decimate made")
     tracks = {}
     for name, details in content.details.items():
-        values = content.values(f"/{name}/pose")
+        values, further = content.values(f"/{name}/pose"), dict(details)
+        pose, heading = planar_poses([value.pose.pose for value in values]), further.pop("heading_rad", None)
+        if heading is not None:
+            pose[:, 2] += _whole_turns(np.array(heading), pose[:, 2])
         tracks[name] = DecimatedTrack(
             body=name,
             time_s=content.times_s(f"/{name}/pose"),
-            pose=planar_poses([value.pose.pose for value in values]),
+            pose=pose,
             rate=planar_twists(content.values(f"/{name}/twist")),
             covariance=np.array([ros.planar_covariance(value) for value in values]),
-            **{**details, "findings": findings_in(details["findings"])},
+            **{**further, "findings": findings_in(details["findings"])},
         )
     return tracks
+
+
+def _whole_turns(heading: Array, unwrapped: Array) -> Array:
+    """Turns (n,) [rad] that headings (n,), ``unwrapped`` from one to the next, lack since the first.
+
+    A body that turns on the spot may turn by more than half a turn from one kept pose to the next, which neither their
+    quaternions nor the shorter way from one to the next tells.
+    """
+    lacking = (heading - heading[0]) - (unwrapped - unwrapped[0])
+    return np.asarray(2 * np.pi * np.round(lacking / (2 * np.pi)))
