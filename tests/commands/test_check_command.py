@@ -14,6 +14,8 @@ import yaml
 
 from report_scenes import quarter_turned
 from towval.commands.check import check, for_people, run
+from towval.commands.run_folder import same_footage
+from towval.io.campaign import load_campaign
 from towval.io.images import read_gray
 from towval.io.schema import key_lines
 from towval.io.video import Video
@@ -103,6 +105,21 @@ def test_faults_of_videos_and_pictures_are_told_together(lab, tmp_path):
     for words in ("a.mp4 has another size", "campaign.yaml is no video", "has another size than camera.resolution_px"):
         assert any(words in text for text in texts), words
     assert told["runs"] == {}
+
+
+def test_two_runs_that_show_one_film_are_told(lab, tmp_path):
+    def changed(document):
+        document["camera"]["calibration_images"] = "calibration/board_00.jpg"  # too few: refused at once
+        document["runs"] |= {name: {"video": f"{name}.mp4"} for name in "bcd"}
+
+    folder = lab(changed)
+    film = (folder / "a.mp4").read_bytes()
+    for name, content in {"b": film, "c": film[:-1] + b"x", "d": film[:-1]}.items():
+        (folder / f"{name}.mp4").write_bytes(content)
+    found = same_footage(load_campaign(folder))
+    assert [each.code for each in found] == ["footage_twice"]
+    assert found[0].text.startswith("Runs a and b show the same film")
+    assert check(folder, tmp_path / "pictures")["warnings"] == [found[0].text]
 
 
 def test_another_rate_than_the_stamps_is_told_before_anything_is_tracked(lab, tmp_path, right):

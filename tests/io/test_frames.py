@@ -9,7 +9,7 @@ import pytest
 import towval
 from report_scenes import LOST, towed_run, uncertainty_of
 from towval.io.manifest import MANIFEST
-from towval.io.provenance import module_hash
+from towval.io.provenance import module_hash, provenance
 from towval.io.records import write_comparison, write_simulated, write_tracks, write_uncertainty
 from towval.model.errors import InputError
 
@@ -74,6 +74,22 @@ def test_lengths_angles_and_times_carry_their_units(lab):
 def test_a_folder_without_results_is_told(tmp_path):
     with pytest.raises(InputError, match="towval run"):
         towval.load(tmp_path)
+
+
+@pytest.mark.parametrize("given", [(), (5,), (None,), (["lab"],), ("missing",), (__file__,)])
+def test_what_is_no_folder_is_refused(given):
+    with pytest.raises(InputError, match="folder"):
+        towval.load(*given)
+
+
+def test_files_of_a_run_that_were_not_made_of_each_other_are_refused(lab, tmp_path):
+    shutil.copytree(lab[0], tmp_path / "lab")
+    run, place = lab[1]["a"], tmp_path / "lab" / "a"
+    made_of = provenance("compare", {}, {"track.mcap": place / "simulate.mcap"}, run="a")  # of another
+    (place / "compare.mcap").unlink()
+    write_comparison(place / "compare.mcap", run.comparison, run.object_track, run.simulated, made_of)
+    with pytest.raises(InputError, match=r"compare\.mcap does not belong to the others"):
+        towval.load(tmp_path / "lab")
 
 
 def test_no_stage_depends_on_the_tables(monkeypatch):

@@ -1,13 +1,16 @@
 """The index over folders of results: what it reads, what it leaves out, and what it says of runs in the making."""
 
+import json
 import os
 import sqlite3
 
 import pandas as pd
 import pytest
 
-from result_folders import make_run
+from result_folders import COMPARED, make_run
 from towval.io.manifest import write_manifest
+from towval.io.mcap_file import write_mcap
+from towval.io.provenance import file_hash
 from towval.io.results_index import UNFINISHED, read_results, write_index
 from towval.model.errors import InputError
 
@@ -40,6 +43,22 @@ def test_runs_in_the_making_and_damaged_comparisons_are_unfinished(tmp_path):
     assert runs["verdict"].tolist() == [UNFINISHED, UNFINISHED]
     assert runs["state"].tolist() == ["simulate", "uncertainty"]
     assert runs["path_rms_m"].isna().all()
+
+
+def test_a_comparison_that_does_not_belong_to_the_run_is_not_made(tmp_path):
+    for name in "abc":
+        make_run(tmp_path / "lab" / name)
+    a, b, c = (tmp_path / "lab" / name for name in "abc")
+    # The track of a has been made anew since; that of c is only newer, as in a copy.
+    for folder, made_of in ((a, "ff"), (c, file_hash(c / "track.mcap"))):
+        for stage in ("decimate", "simulate", "uncertainty", "compare"):
+            write_mcap(folder / f"{stage}.mcap", [], COMPARED, {"inputs_sha256": json.dumps({"track.mcap": made_of})})
+        later = (folder / "compare.mcap").stat().st_mtime_ns + 10**9
+        os.utime(folder / "track.mcap", ns=(later, later))
+    write_mcap(b / "compare.mcap", [], COMPARED, {"run": "a"})  # the file of another run
+    runs = read_results([tmp_path]).runs
+    assert runs["state"].tolist() == ["track", "uncertainty", "compare"]
+    assert runs["verdict"].tolist() == [UNFINISHED, UNFINISHED, "agrees"]
 
 
 def test_a_run_that_a_later_report_leaves_out_is_passed_over(tmp_path):

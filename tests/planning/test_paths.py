@@ -6,7 +6,7 @@ import pytest
 from towval.model.errors import InputError
 from towval.model.geometry import path_length
 from towval.planning import paths
-from towval.planning.planner import tightest_radius
+from towval.planning.planner import heading_over_hinge, tightest_radius
 
 CURVES = [
     paths.line(1.4),
@@ -125,6 +125,20 @@ def test_a_pause_keeps_the_heading_and_bends_nothing():
         lambda: paths.timed(paths.circle(1.0), 0.1, mean_speed=1.0, duration=1.0),
         lambda: paths.timed(paths.circle(1.0), 0.0, duration=1.0),
         lambda: paths.moving_average([1.0, 2.0], -1),
+        lambda: paths.moving_average([1.0, 2.0], 0.5),
+        lambda: paths.moving_average([[1.0, 2.0], [3.0, 4.0]], 1),
+        lambda: paths.line("1.4"),
+        lambda: paths.line(1.4, np.nan),
+        lambda: paths.rounded_square(4.0, "1"),
+        lambda: paths.path_heading([[0.0, 0.0]]),
+        lambda: paths.path_heading([[0.0, 0.0], [np.nan, 0.0]]),
+        lambda: paths.path_heading(np.zeros((3, 3))),
+        lambda: paths.distance_to_polyline([0.0, 1.0], [[0.0, 0.0], [1.0, 0.0]]),
+        lambda: paths.distance_to_polyline([[0.0, 1.0]], np.empty((0, 2))),
+        lambda: paths.deviation_rms([[0.0, np.nan]], [[0.0, 0.0], [1.0, 0.0]]),
+        lambda: paths.deviation_rms(np.empty((0, 2)), [[0.0, 0.0], [1.0, 0.0]]),
+        lambda: tightest_radius([[0.0, 0.0], [1.0, np.nan], [2.0, 0.0]]),
+        lambda: heading_over_hinge([[0.0, 0.0], [1.0, 0.0]], np.nan),
     ],
 )
 def test_impossible_wishes_are_refused(build):

@@ -186,7 +186,9 @@ def test_poses_of_another_type_are_named(tmp_path):
         read_tow(file)
 
 
-@pytest.mark.parametrize("data", [b"", b"x_m,y_m\n0,here\n", b"x_m,y_m\n\xfc,0\n", b"x_m,y_m\n0,0\n0,0,0,0\n"])
+@pytest.mark.parametrize(
+    "data", [b"", b"x_m,y_m\n0,here\n", b"x_m,y_m\n\xfc,0\n", b"x_m,y_m\n0,0\n0,0,0,0\n", b"x_m,y_m\n0,0,0\n1,2,0\n"]
+)
 def test_a_path_file_that_is_no_table_of_numbers_is_refused(tmp_path, data):
     file = tmp_path / "bad.csv"
     file.write_bytes(data)
@@ -237,6 +239,27 @@ def test_a_tow_starts_when_both_bodies_are_known(tmp_path, rover_s, object_s, ti
 def test_an_object_first_seen_after_the_rover_cannot_be_towed(tmp_path):
     with pytest.raises(InputError, match=r"after the last pose of the rover(.|\n)*the object from 5 s on"):
         read_tow(recording(tmp_path / "a.mcap", [0.0, 1.0], [5.0, 6.0]))
+
+
+def test_a_tether_that_does_not_reach_at_first_is_reported(tmp_path, scene, patch):
+    """A recording with the scene of another tow: the simulation would throw the object over hundreds of metres."""
+    far = [[2.0, 0.0], [2.1, 0.0]]
+    begun = {
+        start: tow([0.0, 1.0], far, scene.towed, patch, scene.tether, start_pose=(start, 0, 0)) for start in (0, 1.2)
+    }
+    assert [found.code for found in begun[0].findings] == ["tow_overstretched"]
+    assert "1.80 m apart" in begun[0].findings[0].text
+    assert not begun[1.2].findings
+    run_tow(quick_plan(), recording(tmp_path / "a.mcap", [0.0, 1.0], [0.0]), tmp_path / "t.mcap")
+
+
+@pytest.mark.parametrize("start_s", [0.0, 1.7e9])
+def test_a_path_in_seconds_since_1970_is_planned_like_one_from_zero(scene, patch, start_s):
+    curve = paths.timed(scene.curves["line"], STEP_S, duration=20.0)
+    at_zero = quasistatic_plan(scene.towed, patch, curve, scene.tether)
+    later = quasistatic_plan(scene.towed, patch, TimedPath(start_s + curve.time_s, curve.position), scene.tether)
+    assert later.time_s[0] == start_s
+    np.testing.assert_allclose(later.hinge.position, at_zero.hinge.position, atol=1e-5)  # times are good to 0.2 µs
 
 
 def test_an_mcap_without_rover_poses_is_refused_by_name(tmp_path):
@@ -396,3 +419,24 @@ def test_a_scene_with_a_mistyped_key_is_refused_by_name(tmp_path, capsys):
 def test_a_plan_of_one_pose_cannot_tow(scene, patch, nominal):
     with pytest.raises(InputError, match="without moving"):
         tow(np.zeros(1), np.zeros((1, 2)), scene.towed, patch, scene.tether, start_pose=nominal.pose[0])
+
+
+@pytest.mark.parametrize("stride", [0, 2.5, True])
+def test_a_stride_that_is_no_count_is_refused(scene, patch, stride):
+    with pytest.raises(InputError, match="stride of a tow"):
+        tow([0.0, 1.0], np.zeros((2, 2)), scene.towed, patch, scene.tether, start_pose=(0, 0, 0), stride=stride)
+
+
+@pytest.mark.parametrize("times", [[0.0, 1.0], [0.0, 1.0, 2.0, 3.0]])
+def test_times_and_points_of_a_tow_must_be_as_many(scene, patch, times):
+    with pytest.raises(InputError, match="shape"):
+        tow(times, np.zeros((3, 2)), scene.towed, patch, scene.tether, start_pose=(0, 0, 0))
+
+
+def test_names_of_files_are_checked_before_anything_is_planned_and_written(tmp_path):
+    mine, plan = tmp_path / "mine.csv", tmp_path / "plan.mcap"
+    mine.write_text("x_m,y_m\n0,0\n1,0\n2,1\n")
+    for table, map_file in ((mine, None), (plan, None), (tmp_path / "new.svg", tmp_path / "new.svg")):
+        with pytest.raises(InputError, match=table.name):
+            run(quick_plan(), "line", plan, table, map_file=map_file)
+    assert [each.name for each in tmp_path.iterdir()] == ["mine.csv"]

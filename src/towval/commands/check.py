@@ -17,6 +17,7 @@ from towval.calibration.calibrate import CalibrateSettings
 from towval.calibration.corners import outer_corners
 from towval.commands.calibrate import calibrated
 from towval.commands.console import step
+from towval.commands.run_folder import same_footage
 from towval.commands.track import (
     calibrated_at_start,
     findings_of_rate,
@@ -95,6 +96,7 @@ def check(folder: Path, pictures: Path) -> dict[str, Any]:
 
 def _runs(given: Campaign, pictures: Path, faults: Faults, warnings: list[str]) -> dict[str, dict[str, Any]]:
     """What to expect of each run whose start is known, by its name; adds to the faults and warnings."""
+    warnings += [found.text for found in same_footage(given)]
     videos = {name: faults.attempt(open_video, given, entry) for name, entry in given.runs.items()}
     step(f"check: calibrate from {len(given.calibration_images)} pictures")
     calibration = faults.attempt(calibrated, given, CalibrateSettings())

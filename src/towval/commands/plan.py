@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from towval.commands.console import Outcome
 from towval.io.atomic import check_own, write_text
 from towval.io.campaign import load_campaign
-from towval.io.plan_files import read_path, read_tow, write_plan_csv, write_plan_mcap
+from towval.io.plan_files import check_table, read_path, read_tow, write_plan_csv, write_plan_mcap
 from towval.io.provenance import provenance
 from towval.io.records import write_simulated
 from towval.io.schema import check, packaged_schema
@@ -51,7 +51,10 @@ def run(
 
     Raises `RefusedError` when the rover does not arrive; no plan is written then.
     """
+    check_table(csv)
     _check_map(map_file)
+    if len({output.resolve(), csv.resolve(), *([map_file.resolve()] if map_file else [])}) < 2 + bool(map_file):
+        raise InputError("two files of the plan have one name", got=csv.name, allowed="a name for each")
     document, given = _scene(scene, campaign)
     law, path, tether = friction_under(given), _wanted(given, wanted), given.tether
     ground, height = given.ground, given.hinge_height

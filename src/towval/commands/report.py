@@ -13,7 +13,7 @@ import yaml
 from numpy.typing import ArrayLike
 
 from towval.commands.console import Outcome
-from towval.commands.run_folder import files, read_run
+from towval.commands.run_folder import files, read_run, same_footage
 from towval.commands.settings import settings_from
 from towval.io.campaign import Campaign, load_campaign
 from towval.io.chain import Origin, check_made_of, read_origin
@@ -57,7 +57,7 @@ def run(
         check_made_of(identified, made, given.document)
     repeats = _repeats(given, runs)
     together = _together([item.record for item in runs])
-    left_out = _left_out(given)
+    remarks = [*_left_out(given), *same_footage(given)]
     data = ReportData(
         campaign=given.name,
         runs=tuple(runs),
@@ -70,7 +70,7 @@ def run(
         ),
         inputs=tuple(_inputs(given)),
         findings=tuple(
-            StageFinding("campaign", each) for each in (together, *left_out, *map(corridor_finding, repeats))
+            StageFinding("campaign", each) for each in (together, *remarks, *map(corridor_finding, repeats))
         ),
         repeats=repeats,
         identification=None if identified is None else read_identification(identified),
@@ -81,7 +81,7 @@ def run(
     verdicts = {item.record.name: item.record.comparison.verdict.value for item in runs}
     text = "; ".join(f"run {name} {verdict}" for name, verdict in verdicts.items())
     written = (results / "report.html", results / "summary.csv")
-    return Outcome("report", written, text, {"verdicts": verdicts}, (together, *left_out))
+    return Outcome("report", written, text, {"verdicts": verdicts}, (together, *remarks))
 
 
 def _among(results: Path, identified: Path) -> Path:

@@ -1,11 +1,15 @@
-"""Result files of a run."""
+"""Result files of a run, and films that runs share."""
 
+from collections import defaultdict
 from pathlib import Path
 
 from towval.io.campaign import Campaign
 from towval.io.chain import check_together
+from towval.io.provenance import file_hash
 from towval.io.records import read_comparison, read_decimated, read_simulated, read_tracks, read_uncertainty
+from towval.model import Finding
 from towval.model.conventions import STAGES_OF_RUN
+from towval.model.findings import finding
 from towval.model.run_record import RunRecord
 
 
@@ -44,3 +48,15 @@ def read_run(campaign: Campaign, name: str, folder: Path, camera: Path) -> RunRe
         hinge_height_m=campaign.scene.hinge_height,
         anchor_height_m=campaign.scene.anchor_height,
     )
+
+
+def same_footage(campaign: Campaign) -> list[Finding]:
+    """A finding for each film that more than one run shows, byte for byte."""
+    sizes: dict[int, list[str]] = defaultdict(list)
+    for name, entry in campaign.runs.items():
+        sizes[entry.video.stat().st_size].append(name)
+    films: dict[str, list[str]] = defaultdict(list)
+    for names in sizes.values():
+        for name in names if len(names) > 1 else ():
+            films[file_hash(campaign.runs[name].video)].append(name)
+    return [finding("footage_twice", runs=" and ".join(names)) for names in films.values() if len(names) > 1]

@@ -8,10 +8,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from towval.io.chain import check_together
 from towval.io.records import read_calibration, read_comparison, read_simulated, read_tracks, read_uncertainty
 from towval.io.results_index import current_runs
 from towval.io.summary import summary_table
 from towval.model import Array, Finding, TrackStatus
+from towval.model.checks import instance_of
 from towval.model.errors import InputError
 
 
@@ -41,7 +43,8 @@ def load(*folders: Path | str) -> Results:
     """The results of one or several campaigns: one table of each kind over all campaigns and runs.
 
     ``folders`` of results are such as ``results/lab_a``, with ``camera.mcap`` and a folder for each run. Runs whose
-    comparison is not there yet are left out. Raises `InputError` when a folder holds no result of a run.
+    comparison is not there yet are left out. Raises `InputError` when a folder is missing or holds no result of a run,
+    or files of a run were not made of each other.
 
     Examples
     --------
@@ -49,6 +52,12 @@ def load(*folders: Path | str) -> Results:
     >>> results = towval.load("results/lab_small")  # doctest: +SKIP
     >>> results.errors.groupby("run").along_m.max()  # doctest: +SKIP
     """
+    if not folders:
+        raise InputError("no folder of results is given", allowed='towval.load("results/my_lab")')
+    for folder in folders:
+        instance_of(folder, "the folder of results", str, Path)
+        if not Path(folder).is_dir():
+            raise InputError(f"{folder} is no folder", remedy="give the folder of results, as results/my_lab")
     runs = [run for folder in folders for run in _runs(Path(folder))]
     parts = [_Part(campaign, name, folder) for campaign, name, folder in runs]
     findings = [row for folder in folders for row in _camera_findings(Path(folder))]
@@ -75,11 +84,15 @@ def _runs(folder: Path) -> list[tuple[str, str, Path]]:
     return [(folder.resolve().name, path.name, path) for path in found]
 
 
+_FILES = ("track.mcap", "simulate.mcap", "uncertainty.mcap", "compare.mcap")
+
+
 class _Part:
     """The result files of one run."""
 
     def __init__(self, campaign: str, name: str, folder: Path):
         self.campaign, self.name = campaign, name
+        check_together({each: folder / each for each in _FILES})
         self.comparison = read_comparison(folder / "compare.mcap")
         self._tracks = read_tracks(folder / "track.mcap")
         self._simulated = read_simulated(folder / "simulate.mcap")

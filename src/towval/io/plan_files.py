@@ -1,5 +1,6 @@
 """Plans as files: MCAP with the topics of a campaign, CSV for everybody, paths from CSV."""
 
+import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path as FilePath
 
@@ -7,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from towval.io import ros
-from towval.io.atomic import check_own, replacing
+from towval.io.atomic import check_own, check_plain, replacing
 from towval.io.mcap_file import McapContent, Message, read_mcap, write_mcap
 from towval.io.records.details import planar_poses
 from towval.model import Array, SimulatedMotion, TimedPath
@@ -111,6 +112,12 @@ def _pose_at(time_s: float, times_s: Array, poses: Array) -> Array:
     return np.array([np.interp(time_s, times_s, column) for column in poses.T])
 
 
+def check_table(path: FilePath) -> None:
+    """Refuse to write the table of a plan where something else stands."""
+    check_plain(path)
+    check_own(path, "time_s,rover_x_m,")
+
+
 def write_plan_csv(path: FilePath, plan: RoverPlan, towed: SimulatedMotion) -> None:
     """Write a plan as CSV, a row a step: poses, wheel angles and rates, case, tow force, object.
 
@@ -127,7 +134,7 @@ def write_plan_csv(path: FilePath, plan: RoverPlan, towed: SimulatedMotion) -> N
         columns[f"object_{name}"] = _at(plan.time_s, towed.time_s, towed.pose[:, index])
     for index, name in enumerate(("x_n", "y_n")):
         columns[f"tether_force_{name}"] = _at(plan.time_s, towed.time_s, towed.tether_force[:, index])
-    check_own(path, "time_s,rover_x_m,")
+    check_table(path)
     write_table(path, pd.DataFrame(columns))
 
 
@@ -144,19 +151,31 @@ def write_table(path: FilePath, table: pd.DataFrame) -> None:
 def read_path(path: FilePath) -> Array | TimedPath:
     """Points (n, 2) [m] of a path from CSV with columns ``x_m`` and ``y_m``; with ``time_s`` a path with these times.
 
-    Raises `InputError` when the file is missing, or a column is, or it has fewer than two rows.
+    Raises `InputError` when the file is missing, or a column is, or a row has more numbers than there are names, or
+    there are fewer than two rows.
     """
     try:
-        table = pd.read_csv(path)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", pd.errors.ParserWarning)
+            # Without an index: pandas makes one of what a row has too many, and moves the numbers to other names.
+            table = pd.read_csv(path, index_col=False)
         missing = [name for name in ("x_m", "y_m") if name not in table]
         if missing:
             raise InputError(
-                f"{path} is no path", got=f"columns {', '.join(table)}", allowed="columns x_m, y_m and perhaps time_s"
+                f"{path} is no path",
+                got=f"columns {', '.join(table)}",
+                allowed="columns x_m, y_m and perhaps time_s, with commas between",
             )
         points = table[["x_m", "y_m"]].to_numpy(dtype=np.float64)
         times_s = table["time_s"].to_numpy(dtype=np.float64) if "time_s" in table else None
     except FileNotFoundError:
         raise InputError(f"{path} is missing", remedy="give a CSV file with columns x_m and y_m") from None
+    except pd.errors.ParserWarning:
+        raise InputError(
+            f"{path} is no table of numbers",
+            got="rows with more numbers than there are names",
+            allowed="a name for each column, a point in numbers: 0.5",
+        ) from None
     except (ValueError, pd.errors.ParserError) as error:
         raise InputError(f"{path} is no table of numbers", got=error, allowed="CSV with a row of names") from None
     if len(points) < 2:

@@ -14,6 +14,7 @@ import pandas as pd
 from towval.io.atomic import check_own, replacing
 from towval.io.manifest import MANIFEST, listed_folders
 from towval.io.mcap_file import read_details
+from towval.io.provenance import file_hash
 from towval.io.summary import COLUMNS
 from towval.model.conventions import STAGES_OF_RUN
 from towval.model.errors import InputError
@@ -55,7 +56,8 @@ class ResultsIndex:
 def read_results(folders: Sequence[Path]) -> ResultsIndex:
     """Index of all runs below ``folders``, each the results of one campaign or of many.
 
-    Only details and provenance of the files are read. A file that is damaged or vanishes meanwhile counts as not made.
+    Only details and provenance of the files are read. A file that is damaged or vanishes meanwhile counts as not made,
+    and so does one of another run, or one made of a file that has been replaced since.
     Results of a run that a later report of its campaign leaves out are passed over, and so is a campaign that one of
     the folders before has led to.
 
@@ -138,7 +140,7 @@ def _stage_of(path: Path) -> _Stage | None:
 
 def _rows_of(run: Path, camera: _Stage | None) -> Iterator[tuple[str, tuple[Any, ...]]]:
     """Rows of a run, each with the name of its table and without the key."""
-    made = {stage: content for stage in STAGES_OF_RUN if (content := _stage_of(run / f"{stage}.mcap"))}
+    made = _belonging(run, camera)
     details = {stage: content[0] for stage, content in made.items()}
     for stage, (notes, provenance, _) in {**({"calibrate": camera} if camera else {}), **made}.items():
         yield from (("findings", (stage, *row)) for row in _findings(notes))
@@ -164,6 +166,35 @@ def _rows_of(run: Path, camera: _Stage | None) -> Iterator[tuple[str, tuple[Any,
             *_costs(run),
         ),
     )
+
+
+def _belonging(run: Path, camera: _Stage | None) -> dict[str, _Stage]:
+    """The stages of a run, without what is of another run or was made of files that have been replaced since.
+
+    Only a file that is newer than what was made of it is hashed: copies lose the order of times, results are many.
+    """
+    found = {stage: content for stage in STAGES_OF_RUN if (content := _stage_of(run / f"{stage}.mcap"))}
+    before = {"camera": (run.parent / "camera.mcap", camera)} if camera else {}
+    kept: dict[str, _Stage] = {}
+    for stage, (details, provenance, made_s) in found.items():
+        made_of = json.loads(provenance.get("inputs_sha256", "{}"))
+        named = [name for name in before if f"{name}.mcap" in made_of]
+        stale = any(
+            (name in found and name not in kept)
+            or (before[name][1][2] > made_s and _replaced(before[name][0], made_of[f"{name}.mcap"]))
+            for name in named
+        )
+        if not stale and len({provenance.get("run"), *(other[1].get("run") for other in kept.values())}) == 1:
+            kept[stage] = details, provenance, made_s
+        before[stage] = run / f"{stage}.mcap", found[stage]
+    return kept
+
+
+def _replaced(path: Path, digest: str) -> bool:
+    try:
+        return file_hash(path) != digest
+    except FileNotFoundError:
+        return True
 
 
 def _findings(notes: dict[str, Any]) -> Iterator[tuple[str, str, str]]:

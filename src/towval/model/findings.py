@@ -339,6 +339,11 @@ register(  # uncertainty, compare, identify
     FindingType("verdict", "compare", NOTE_OR_WARNING, NONE, "{statement}."),
     FindingType("statement", "compare", NOTE, NONE, "{off}. {model}. {visible}."),
     FindingType("campaign_verdict", "campaign", NOTE_OR_WARNING, NONE, "{sentence}"),
+    FindingType(
+        "footage_twice", "campaign", WARNING, NONE,
+        "Runs {runs} show the same film, which counts more than once where all runs are taken together. Give each run "
+        "its own video, or leave all but one out (left_out).",
+    ),
     FindingType("runs_left_out", "campaign", WARNING, NONE, "Left out of the campaign: {runs}."),
     FindingType(
         "repeats", "campaign", NOTE, NONE,

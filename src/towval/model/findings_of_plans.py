@@ -37,7 +37,13 @@ register(  # plan and tow
     ),
     FindingType(
         "path_too_tight", "plan", NOTE, NONE,
-        "The path bends with a radius of {radius_m:.3g} m, tighter than the rover's tightest turn of "
+        "The path of the hinge bends with a radius of {radius_m:.3g} m, tighter than the rover's tightest turn of "
         "{tightest_m:.3g} m: the rover follows only by turning its body less than the path turns.",
+    ),
+    FindingType(
+        "tow_overstretched", "plan", WARNING, NONE,
+        "The tow begins with the tether's ends {span_m:.2f} m apart, which is more than it can stretch to "
+        "({longest_m:.2f} m): it throws the object. Give the scene or campaign of the recording, and check rest "
+        "length, stiffness, hinge and anchor.",
     ),
 )  # fmt: skip

@@ -115,24 +115,26 @@ def quasistatic_plan(
     in_space = leaves_plane(towed, law, tether, ground, hinge_height, None)
     times = _times_of(path, times)
     spline = spline_covering(path, times, "the path")
+    # From zero: beside seconds since 1970 the shortest panels would not advance.
+    spline, since_start = spline._replace(knots=spline.knots - times[0]), times - times[0]
     point = locked(point, "point", (2,))
     if start_heading is None:
         lever = towed.anchor - point
         if not lever.any():
             lever = towed.anchor - towed.centre_of_mass
-        start_heading = _settled_heading(spline, times[0], lever)
+        start_heading = _settled_heading(spline, lever)
     start_heading = float(locked(start_heading, "start heading", ()))
     plan = room_for_plan(len(times))
     if isinstance(law, SlidingPatch) or not in_space:
         patch = resting_patch(towed, law, ground.gravity)
         levers = np.concatenate([point, towed.anchor, [tether.rest_length, tether.stiffness]])
-        panels, solves, error = follow(patch, levers, spline, times, start_heading, plan)
+        panels, solves, error = follow(patch, levers, spline, since_start, start_heading, plan)
         statistics = {"panels": float(panels), "solves": float(solves), "heading_error_rad": error}
     else:
         refuse_tipping(towed.patch, towed.centre_of_mass)
         problem = tow_problem(towed, as_sliding(law), tether, ground, hinge_height, spline)
         levers = np.concatenate([point, np.zeros(2)]) - np.tile(towed.centre_of_mass, 2)
-        statistics = follow_in_space(problem, levers, times, start_heading, plan)
+        statistics = follow_in_space(problem, levers, since_start, start_heading, plan)
     findings = (*_root_findings(times, plan.status, plan.moment), *_cable_findings(towed, times, plan.direction))
     for array in (times, plan.pose.base, *plan):
         cast(Array, array).setflags(write=False)  # So the motion need not copy it.
@@ -154,9 +156,9 @@ def _times_of(path: TimedPath | CubicSpline, times: ArrayLike | None) -> Array:
     return checked_times(given)
 
 
-def _settled_heading(spline: Spline, start: float, lever: Array) -> float:
-    """Heading with a lever in the body frame (2,) ahead along the path's first direction [rad]."""
-    samples = np.linspace(start, spline.knots[-1], 1001)
+def _settled_heading(spline: Spline, lever: Array) -> float:
+    """Heading with a lever in the body frame (2,) ahead along the path's first direction from time zero on [rad]."""
+    samples = np.linspace(0.0, spline.knots[-1], 1001)
     _, velocity = spline_values(spline, samples)
     speed = np.linalg.norm(velocity, axis=1)
     moving = np.flatnonzero(speed > 1e-6 * speed.max())

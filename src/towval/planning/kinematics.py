@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from towval.model import Array
-from towval.model.checks import lock, positive
+from towval.model.checks import lock, locked, positive
 from towval.model.errors import InputError
 
 WHEEL_NAMES = ("front_left", "rear_left", "rear_right", "front_right")
@@ -74,9 +74,10 @@ def symmetric_rover(
     [m]; ``outward`` and ``inward`` the steering limits, above zero [rad], 33.7° and 93° in the paper; ``hinge`` (2,) is
     in the rover frame [m], whose origin is the centre of the rectangle.
     """
-    if min(wheelbase, track) <= 0:
+    sizes = locked((wheelbase, track), "wheelbase and track of the rover", (2,))
+    if sizes.min() <= 0:
         raise InputError("the rover's wheelbase or track is out of range", got=(wheelbase, track), allowed="above zero")
-    x, y = wheelbase / 2, track / 2
+    x, y = sizes / 2
     positions = np.array([[x, y], [-x, y], [-x, -y], [x, -y]])
     left_front, mirrored = (-inward, outward), (-outward, inward)
     return Rover(positions, np.array([left_front, mirrored, left_front, mirrored]), wheel_radius, np.asarray(hinge))

@@ -3,6 +3,8 @@
 The four curves of the paper (section 3.1) and their arc lengths have closed forms; any other curve interpolates points.
 """
 
+import math
+import numbers
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -44,6 +46,7 @@ class Curve:
 def line(length: float, direction: float = np.pi / 4) -> Curve:
     """Straight line of a length [m] from the origin along ``direction`` [rad]; in the paper 1.4 m, diagonal."""
     _require_positive(length, "line length")
+    direction = float(locked(direction, "direction of the line", ()))
     unit = np.array([np.cos(direction), np.sin(direction)])
     return Curve("line", float(length), lambda s: s[:, None] * unit)
 
@@ -85,11 +88,12 @@ def rounded_square(side: float, corner_radius: float) -> Curve:
     ``side`` [m] before rounding, 4 m in the paper; ``corner_radius`` of the quarter circles [m], at most half of it.
     """
     _require_positive(side, "square side")
-    if not 0 < corner_radius <= side / 2:
+    _require_positive(corner_radius, "corner radius of the square")
+    if corner_radius > side / 2:
         raise InputError(
             "the corner radius does not fit the square",
             got=corner_radius,
-            allowed=f"above zero and at most {side / 2} m, half the side",
+            allowed=f"at most {side / 2} m, half the side",
         )
     straight, arc = side - 2 * corner_radius, np.pi / 2 * corner_radius
     quarter = straight + arc
@@ -185,7 +189,7 @@ def path_heading(position: ArrayLike) -> Array:
 
     Where the path pauses, the heading is that before, or after a pause at the start.
     """
-    tangent = np.gradient(np.asarray(position, dtype=np.float64), axis=0)
+    tangent = np.gradient(_polyline(position, "path", 2), axis=0)
     size = np.linalg.norm(tangent, axis=1)
     moves = size > STILL * size.max()
     latest = np.maximum.accumulate(np.where(moves, np.arange(len(size)), np.argmax(moves)))
@@ -199,10 +203,13 @@ def moving_average(values: ArrayLike, half_window: int) -> Array:
     SOURCE: eq. (21). ASSUME: the window shrinks symmetrically toward both ends, so that the first and last values are
     kept; the paper does not say.
     """
-    values = np.asarray(values, dtype=np.float64)
+    values = locked(values, "values of the moving average", (None,))
     n = len(values)
-    if half_window < 0:
-        raise InputError("the look-ahead of the orientation is negative", got=half_window, allowed="zero or more steps")
+    if not isinstance(half_window, int | np.integer) or half_window < 0:
+        allowed = "a whole number of steps, zero or more"
+        raise InputError("the look-ahead of the orientation is out of range", got=half_window, allowed=allowed)
+    if not n:
+        return values
     index = np.arange(n)
     half = np.minimum(half_window, np.minimum(index, n - 1 - index))
     total = np.concatenate([[0.0], np.cumsum(values - values[0])])
@@ -216,7 +223,7 @@ def distance_to_polyline(points: ArrayLike, polyline: ArrayLike) -> Array:
     From the two segments that meet at the nearest vertex: exact if the segments are short compared to the radii of
     the bends, as on a sampled path.
     """
-    points, polyline = np.asarray(points, dtype=np.float64), np.asarray(polyline, dtype=np.float64)
+    points, polyline = _polyline(points, "points", 0), _polyline(polyline, "polyline", 1)
     _, corner = cKDTree(polyline).query(points)
     nearest = np.full(len(points), np.inf)
     for neighbour in (corner - 1, corner + 1):
@@ -236,11 +243,20 @@ def deviation_rms(actual: ArrayLike, nominal: ArrayLike) -> float:
     times. The larger of two root mean squares: of the actual path from the nominal one (excursions) and of the nominal
     path from the actual one (omissions).
     """
+    actual, nominal = _polyline(actual, "actual path", 1), _polyline(nominal, "nominal path", 1)
     there = np.sqrt(np.mean(distance_to_polyline(actual, nominal) ** 2))
     back = np.sqrt(np.mean(distance_to_polyline(nominal, actual) ** 2))
     return float(max(there, back))
 
 
+def _polyline(points: ArrayLike, name: str, least: int) -> Array:
+    """Points (n, 2) [m] that can be used, at least so many."""
+    points = locked(points, name, (None, 2))
+    if len(points) < least:
+        raise InputError(f"the {name} has too few points", got=len(points), allowed=f"{least} or more")
+    return points
+
+
 def _require_positive(value: float, name: str) -> None:
-    if not (np.isfinite(value) and value > 0):
+    if not isinstance(value, numbers.Real) or not (math.isfinite(value) and value > 0):
         raise InputError(f"the {name} is out of range", got=value, allowed="a finite number above zero")

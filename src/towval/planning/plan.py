@@ -4,13 +4,15 @@ The quasi-static model turns the desired path of the object into a nominal path 
 into a feasible motion of the rover; feedback dynamics give the motion of the object behind that rover.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from towval.model import Array, FrictionLaw, Ground, SimulatedMotion, Sliding, Tether, TimedPath, TowedObject
+from towval.model import Array, Finding, FrictionLaw, Ground, SimulatedMotion, Sliding, Tether, TimedPath, TowedObject
+from towval.model.checks import locked
 from towval.model.errors import InputError
+from towval.model.findings import finding
 from towval.model.geometry import transform
 from towval.physics.dynamics import LEVEL, feedback
 from towval.physics.quasistatic import QuasistaticMotion
@@ -18,6 +20,10 @@ from towval.physics.wrench import SlidingPatch
 from towval.planning.kinematics import Rover
 from towval.planning.paths import deviation_rms
 from towval.planning.planner import PlannerSettings, RoverPlan, plan_rover
+
+SLACK, SLACK_M = 0.02, 0.015
+"""Of a tether's length, and as much [m], that measured ends may be too far apart, besides the stretch by the object's
+weight."""
 
 
 @dataclass(frozen=True)
@@ -88,17 +94,31 @@ def tow(
     Times (n,) [s] and points (n, 2) [m], of which every ``stride`` and the last are used and reported; the rest is as
     in :func:`towval.physics.dynamics.feedback`. Raises `InputError` when there are fewer than two points.
     """
-    times, hinge = np.asarray(times, dtype=np.float64), np.asarray(hinge, dtype=np.float64)
-    rows = np.unique(np.concatenate([np.arange(0, len(times), stride), [len(times) - 1]]))
-    if len(rows) < 2:
-        raise InputError("the rover cannot tow without moving", got=f"{len(rows)} pose", allowed="two poses or more")
-    path = TimedPath(times[rows], hinge[rows])
-    return feedback(
+    if isinstance(stride, bool) or not isinstance(stride, int | np.integer) or stride < 1:
+        raise InputError("the stride of a tow is out of range", got=stride, allowed="a whole number, 1 or more")
+    whole = TimedPath(locked(times, "times of the tow", (None,)), locked(hinge, "hinge of the tow", (None, 2)))
+    count = len(whole.time_s)
+    if count < 2:
+        poses = f"{count} pose{'s' * (count != 1)}"
+        raise InputError("the rover cannot tow without moving", got=poses, allowed="two poses or more")
+    rows = np.unique(np.r_[0:count:stride, count - 1])
+    path = TimedPath(whole.time_s[rows], whole.position[rows])
+    motion = feedback(
         towed, law, tether, path, start_pose, path.time_s, start_twist=start_twist, ground=ground,
         hinge_height=hinge_height,
     )  # fmt: skip
+    return replace(motion, findings=(*motion.findings, *_begins_stretched(motion, towed, tether, ground)))
+
+
+def _begins_stretched(
+    motion: SimulatedMotion, towed: TowedObject, tether: Tether, ground: Ground
+) -> tuple[Finding, ...]:
+    """A tether that does not reach at first throws the object: it is another one, or its ends are elsewhere."""
+    stretch = towed.mass * ground.gravity / tether.stiffness
+    longest_m, span_m = tether.rest_length * (1 + SLACK) + SLACK_M + stretch, float(motion.tether_length[0])
+    return (finding("tow_overstretched", span_m=span_m, longest_m=longest_m),) if span_m > longest_m else ()
 
 
 def hinge_of_poses(pose: ArrayLike, rover: Rover) -> Array:
     """Positions of the hinge (n, 2) [m] of a rover at poses (n, 3)."""
-    return transform(pose, rover.hinge)
+    return transform(locked(pose, "poses of the rover", (None, 3)), rover.hinge)

@@ -214,8 +214,8 @@ def heading_over_hinge(position: ArrayLike, ahead: float) -> Array:
     cart; with it behind, the same holds backwards from the end of the path, and the rover swings out before a bend.
     ``position`` (n, 2) are points of the hinge's path, ``ahead`` is ξ [m], negative behind the rover's centre.
     """
-    position = np.asarray(position, dtype=np.float64)
-    heading = path_heading(position)
+    position = locked(position, "path", (None, 2))
+    heading, ahead = path_heading(position), float(locked(ahead, "place of the hinge", ()))
     if ahead == 0:
         return heading
     size = np.linalg.norm(np.diff(position, axis=0), axis=1)
@@ -236,8 +236,7 @@ def _trailing_heading(heading: Array, size: Array, distance: float) -> Array:
 
 def tightest_radius(position: ArrayLike) -> float:
     """Smallest radius of curvature of a sampled path (n, 2) [m], infinite when it is straight."""
-    position = np.asarray(position, dtype=np.float64)
-    chord = np.diff(position, axis=0)
+    chord = np.diff(locked(position, "path", (None, 2)), axis=0)
     size = np.linalg.norm(chord, axis=1)
     moves = size > STILL * size.max(initial=0.0)
     chord, size = chord[moves], size[moves]
