@@ -65,6 +65,23 @@ def test_without_clicks_the_start_is_found(campaign, camera, lab_small, tmp_path
         assert np.linalg.norm(found.pose[:, :2] - true, axis=1).max() < 0.009
 
 
+def test_the_correction_of_a_camera_that_moved_is_written_with_its_covariance(
+    campaign, camera, lab_small, tmp_path, monkeypatch
+):
+    def corrected(calibration, *_):
+        return dataclasses.replace(calibration, covariance=5 * calibration.covariance), ()
+
+    video, known = tmp_path / "short.mp4", np.diagonal(read_calibration(camera).covariance)
+    write_video(video, itertools.islice(Video(lab_small / "a.mp4"), 8), crf="16")
+    folder, added = campaign(lambda _: None, video), []
+    for _ in range(2):
+        track(folder, "a", camera, tmp_path / "track.mcap")
+        added.append(np.diagonal(read_tracks(tmp_path / "track.mcap")["rover"].camera.added))
+        monkeypatch.setattr("towval.commands.track.calibrated_at_start", corrected)
+    as_it_is, moved = added
+    np.testing.assert_allclose(moved - as_it_is, 4 * known, rtol=1e-6)
+
+
 def test_a_banner_over_the_object_is_not_tracked(campaign, camera, lab_small, tmp_path):
     def marked(luma):
         luma = luma.copy()

@@ -87,7 +87,8 @@ def watched_camera(count):
     stamps = np.zeros(count, dtype=np.uint8)
     stamps[[2, 7]] = Stamp.REPEATED, Stamp.CONTRADICTED
     camera = Camera((640, 480), np.diag([500.0, 500, 1]), np.zeros(8), "none")
-    return CameraTrack(camera, Floor(np.eye(4)), rng.normal(size=(count, 9)), picture, np.abs(picture), stamps)
+    motion, added = rng.normal(size=(count, 9)), rng.normal(size=(18, 18))
+    return CameraTrack(camera, Floor(np.eye(4)), motion, picture, np.abs(picture), stamps, added=added)
 
 
 def same(first, second):

@@ -12,9 +12,10 @@ from studies.worlds import challenges
 from studies.worlds.film import write_video
 from studies.worlds.scenes import CeilingCamera, drive, small_camera, standard_scene
 from towval.io.video import Video
-from towval.model import TrackStatus
+from towval.model import Calibration, TrackStatus
 from towval.model.errors import InputError
-from towval.model.geometry import path_length, wrapped
+from towval.model.geometry import path_length, turned_covariance, wrapped
+from towval.optics.moved_view import pose_sensitivity
 from towval.tracking.follow import Follower
 from towval.tracking.outline import OutlineFit
 from towval.tracking.planar_target import PlanarTarget
@@ -325,6 +326,23 @@ def test_the_predicted_deviation_holds_over_scenes():
             predicted.append(own + np.trace(found.start_covariance[:2, :2]))
             actual.append(np.mean(distance**2))
     assert 0.5 < np.sqrt(np.mean(predicted) / np.mean(actual)) < 2.0
+
+
+def test_the_video_says_what_it_adds_to_the_calibration():
+    """A total deviation is the frame's own, the registration's, the height's and what calibration and video share."""
+    scene = standard_scene(5, **small_camera())
+    rng, parameters = np.random.default_rng(5), np.diag([1, 1, 1, 1] + [1e-4] * 8 + [1e-4] * 3 + [1e-3] * 3) ** 2
+    calibration = Calibration(scene.camera, scene.floor, parameters, 0.1)
+    frames = CeilingCamera(scene).frames(np.arange(0, 40, 4) / 25)
+    tracks = track(frames, calibration, scene.bodies, scene.clicks(rng))
+    for body in scene.bodies:
+        one = tracks[body.name]
+        by_camera, by_height = pose_sensitivity(scene.camera, scene.floor, body, one.pose)
+        shared = by_camera @ (parameters + one.camera.added) @ by_camera.transpose(0, 2, 1)
+        shared += body.height_std_m**2 * by_height[:, :, None] * by_height[:, None, :]
+        expected = one.covariance + turned_covariance(one.start_covariance, one.pose[:, 2]) + shared
+        np.testing.assert_allclose(one.total_covariance, expected, rtol=1e-9, atol=1e-14)
+        assert np.linalg.eigvalsh(one.camera.added).max() > 0
 
 
 def test_noise_in_the_template_is_not_counted_as_texture():

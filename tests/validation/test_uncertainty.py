@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import norm
 
 from studies.worlds.campaign import OBJECT, ROVER
-from towval.model import Camera, Floor, Tether, Verdict
+from towval.model import Camera, CameraTrack, Floor, Tether, Verdict
 from towval.model.errors import InputError, RefusedError
 from towval.model.geometry import pose_difference, rigid_fit, transform
 from towval.model.presets import PRESETS, settings_of
@@ -77,6 +77,25 @@ def test_the_object_starts_as_far_off_as_its_track_is_noisy(case):
     starts = np.array([sampler.lay_out(i, np.zeros(sum(sampler.widths.values())))[0].start for i in range(600)])
     np.testing.assert_allclose(np.cov(starts.T), shares @ known, rtol=0.2, atol=3e-8)
     np.testing.assert_allclose(starts.mean(axis=0), sampler.start.pose[0], atol=1e-4)
+
+
+def test_what_the_video_adds_to_the_calibration_is_drawn(case):
+    """A camera that moved before the video is known as its correction is; tracks of other programs have no camera."""
+    n, covariance = len(case.rover_track.time_s), case.calibration.covariance
+    unknown, stamps = np.zeros((n, 4)), np.zeros(n, dtype=np.uint8)
+    camera = CameraTrack(
+        case.calibration.camera,
+        case.calibration.floor,
+        np.zeros((n, 9)),
+        unknown,
+        unknown,
+        stamps,
+        added=3 * covariance,
+    )
+    wider = replace(case, rover_track=replace(case.rover_track, camera=camera))
+    roots = [Sampler(each, UncertaintySettings(samples=64)).roots["camera"] for each in (case, wider)]
+    np.testing.assert_allclose(roots[0] @ roots[0].T, covariance, atol=1e-15)
+    np.testing.assert_allclose(roots[1] @ roots[1].T, 4 * covariance, atol=1e-15)
 
 
 def test_an_interaction_is_named_as_such():

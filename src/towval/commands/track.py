@@ -58,9 +58,9 @@ def run(
     entry = given.run(name)
     check_together({"camera.mcap": camera}, given.document)
     video = open_video(given, entry)
-    calibration = read_calibration(camera)
+    measured = read_calibration(camera)
     first_and_late = first_picture(given, entry, video), video.late_picture()
-    calibration, since = calibrated_at_start(calibration, video, first_and_late[0], floor_pictures(given))
+    calibration, since = calibrated_at_start(measured, video, first_and_late[0], floor_pictures(given))
     starts = _starts(given, entry, video, first_and_late, calibration, output.with_name("start.png"))
     clicks = {name: start.corners_px for name, start in starts.items()}
     bodies = [_uncovered(body, starts, first_and_late, calibration) for body in given.bodies]
@@ -77,7 +77,8 @@ def run(
         start, found = starts[body.name], tracks[body.name]
         findings = (*start.findings, *found.findings, *(one for one in added if one not in start.findings))
         found = with_readout(with_wider_start(found, start.spread), calibration, body, *_readout(given))
-        tracks[body.name] = replace(found, findings=findings)
+        camera_track = found.camera and found.camera.with_added(calibration.covariance - measured.covariance)
+        tracks[body.name] = replace(found, findings=findings, camera=camera_track)
     seen = entry.video, *given.floor_images[:_MOST_FLOORS]
     made_of = provenance(
         "track", settings, names_in(given.folder, seen) | {"camera.mcap": camera},

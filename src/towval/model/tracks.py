@@ -1,7 +1,7 @@
 """Bodies as the camera sees them, and their measured motion."""
 
 import enum
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -114,7 +114,9 @@ class CameraTrack:
     :data:`towval.model.conventions.VIEW_MOTION`. ``picture`` (n, 4) is what that did to the picture, in the order of
     :data:`towval.model.conventions.PICTURE_MOTION`, and ``picture_std`` (n, 4) its deviation; NaN where the floor was
     not found. ``stamps`` (n,) of :class:`Stamp`. ``size``: lengths of the tops in the pictures over the stated ones,
-    less 1, with its deviation; NaN where no edges were found.
+    less 1, with its deviation; NaN where no edges were found. ``added`` (18, 18) is the covariance of the camera's
+    parameters beyond that of the calibration: of where the view was in the first picture, of its motion since, and of
+    what the size of the tops contradicts.
     """
 
     camera: Camera
@@ -125,15 +127,20 @@ class CameraTrack:
     stamps: NDArray[np.uint8]
     size: float = float("nan")
     size_std: float = float("nan")
+    added: Array = field(default_factory=lambda: np.zeros((18, 18)))
 
     def __post_init__(self) -> None:
         n = len(self.motion)
         lock_whole(self, np.uint8, "stamps")
         if self.stamps.shape != (n,):
             raise InputError("CameraTrack.stamps has the wrong shape", got=self.stamps.shape, allowed=f"{n}")
-        lock(self, motion=(n, 9))
+        lock(self, motion=(n, 9), added=(18, 18))
         for name in ("picture", "picture_std"):
             object.__setattr__(self, name, locked(getattr(self, name), f"CameraTrack.{name}", (n, 4), finite=False))
+
+    def with_added(self, further: Array) -> "CameraTrack":
+        """The same with a further covariance (18, 18) of the camera's parameters."""
+        return replace(self, added=self.added + further)
 
     @property
     def registered(self) -> NDArray[np.bool_]:

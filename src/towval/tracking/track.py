@@ -143,8 +143,9 @@ class _Group:
         tracks, in_time, stamps = check_stamps(tracks)
         tracks, of_rhythm = check_invented(tracks)
         kept = max(one.echoes.kept(one.tracker.widest_blur_px) for one in self.followers)
-        camera = replace(view.track(), stamps=stamps, size=size, size_std=size_std)
         doubted, of_view = as_lengths_show(calibration, size, size_std), view.common_of_parameters
+        added = doubted.covariance - calibration.covariance + of_view
+        camera = replace(view.track(), stamps=stamps, size=size, size_std=size_std, added=added)
         found = {}
         for follower in self.followers:
             body = follower.target.body

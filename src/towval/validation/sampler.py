@@ -192,7 +192,8 @@ def _motions(calibration: Calibration, body: Body, pose: Array) -> _Motions:
 def _roots(case: Case) -> dict[str, Array]:
     """Square roots (k, k) of the covariances of the inputs, by name."""
     stated = dict(case.deviations)
-    covariances = {"camera": case.calibration.covariance}
+    of_video = case.rover_track.camera
+    covariances = {"camera": case.calibration.covariance + (0.0 if of_video is None else of_video.added)}
     for body, track in ((case.rover, case.rover_track), (case.towed, case.object_track)):
         stated[f"{body.name}_height"] = body.height_std_m
         covariances[f"{body.name}_registration"] = track.start_covariance

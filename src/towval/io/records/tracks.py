@@ -69,6 +69,7 @@ def write_tracks(path: Path, tracks: dict[str, Track], provenance: dict[str, str
             **view_out(camera.camera, camera.floor),
             "size": json_value(camera.size),
             "size_std": json_value(camera.size_std),
+            "added_covariance": camera.added.tolist(),
         }
     write_mcap(path, messages, details, provenance)
 
@@ -142,7 +143,9 @@ def _camera(content: McapContent) -> CameraTrack | None:
     motion, picture, std = np.split(rows, np.cumsum([len(VIEW_MOTION), len(PICTURE_MOTION)]), axis=1)
     stamps = np.array([_STAMPS[_entry(value, CAMERA_FRAME).message] for value in content.values("/diagnostics")])
     size, size_std = (np.nan if details[name] is None else details[name] for name in ("size", "size_std"))
-    return CameraTrack(*view_in(details), motion, picture, std, stamps, size, size_std)
+    found = CameraTrack(*view_in(details), motion, picture, std, stamps, size, size_std)
+    added = details.get("added_covariance")
+    return found if added is None else found.with_added(np.array(added))
 
 
 def _entry(diagnostics: Any, name: str) -> Any:
