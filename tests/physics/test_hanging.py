@@ -7,6 +7,7 @@ from scipy.optimize import brentq, least_squares, root
 
 from oracles import LAP_FINAL_POSE
 from towval.model import Ground, Patch, Sliding, Tether, TimedPath, TowedObject
+from towval.model.errors import InputError
 from towval.physics.dynamics import Accuracy, Outcome, feedback
 from towval.physics.friction_laws import Coulomb, risen_law
 from towval.physics.spatial.hanging import damped, following_forces, hanging_forces, hanging_pull, reach_under
@@ -59,6 +60,11 @@ def test_a_level_inextensible_tether_is_the_catenary():
     pull = mass * G * distance / (2 * q)
     assert forces(tether, distance, 0.0) == pytest.approx([pull, -mass * G * REST / 2], rel=1e-9)
     assert lowest_point(tether, distance, 0.0) == pytest.approx(distance / (2 * q) * (np.cosh(q) - 1), rel=1e-9)
+
+
+def test_a_slack_tether_without_mass_hangs_anywhere():
+    with pytest.raises(InputError, match=r"Tether\.mass_per_length is out of range"):
+        lowest_point(Tether(0.6, 1e4), 0.5, 0.0)
 
 
 def test_ends_at_two_heights_hang_on_one_catenary():

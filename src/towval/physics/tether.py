@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from towval.model import Array, Tether, TowedObject
+from towval.model.checks import positive
 from towval.model.compiling import compiled
 from towval.model.conventions import GRAVITY_M_PER_S2
 from towval.model.errors import InputError
@@ -63,7 +64,7 @@ def lowest_point(tether: Tether, distance: float, rise: float, gravity: float = 
     """How far the lowest point of a tether with mass is below its anchor [m]; zero where it rises all along.
 
     ``distance`` along the floor and ``rise`` from anchor to hinge [m]. The stretch counts as that of a tether that does
-    not stiffen.
+    not stiffen. Raises `InputError` where the tether has no mass: what is slack hangs anywhere.
 
     Examples
     --------
@@ -72,6 +73,7 @@ def lowest_point(tether: Tether, distance: float, rise: float, gravity: float = 
     >>> round(lowest_point(Tether(0.6, 1e7, mass_per_length=1.0), 0.597843, 0.0), 4)
     0.022
     """
+    positive(tether, "mass_per_length")
     numbers = tether_numbers(tether, rise, gravity)
     pull, lift, *_ = hanging_forces(numbers, distance)
     if lift >= 0:
