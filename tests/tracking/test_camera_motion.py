@@ -791,10 +791,12 @@ def test_the_floor_is_where_all_pictures_of_one_camera_have_it(left_at_two, foun
 
 
 def test_a_floor_that_moved_farther_than_a_pixel_or_two_did_not_stay():
-    still, moved = noisy_floor([(0, 0), (3, -2)], contrast=0.2, seed=6)
-    seen = FloorRegistration(CAMERA, FLOOR, noisy_floor([(0, 0)], contrast=0.2)[0], (), worst_std_px=np.inf)
+    still, moved = noisy_floor([(0, 0), (3, -2)], contrast=0.5, seed=6)
+    seen = FloorRegistration(CAMERA, FLOOR, noisy_floor([(0, 0)], contrast=0.5)[0], (), worst_std_px=np.inf)
     assert not seen.unmoved(still).motion.any()
+    learned = seen.learned
     assert seen.unmoved(moved) is None
+    assert seen.learned is learned
 
 
 def test_a_floor_too_faint_to_settle_a_motion_shows_that_there_was_none():

@@ -201,8 +201,9 @@ class FloorRegistration:
         A floor too faint to settle a large motion may exclude one: noise in the slopes carries the fit along what the
         floor hardly shows, so that it does not end. What is found then is no more than a deviation.
         """
-        found = self.near(luma, np.zeros(len(self.prior)), [], CONSTANTS.small)
+        before, found = self.learned, self.near(luma, np.zeros(len(self.prior)), [], CONSTANTS.small)
         if found is None or np.abs(found.motion / self.prior).max() > CONSTANTS.small:
+            self.learned = before
             return None
         covariance = found.covariance + np.outer(found.motion, found.motion)
         return Registered(np.zeros(len(self.prior)), covariance, self.std_px(covariance))
