@@ -18,7 +18,9 @@ All remarks that the stages can make, printed from the table in `towval/model/fi
 studies.tables.reference_pages`).
 A text holds the names of its values in braces. The consequence is what a warning means for the verdict of its run:
 *widens* names the uncertain inputs whose stated deviations are then too small, so that they are drawn three times as
-wide; *not judged* means that the comparison says nothing about the model, and the run gets no verdict.
+wide; *excuses a difference* means that a difference beyond the tolerance may come from what the finding says, so that
+the verdict is "cannot tell" where it would be "disagrees"; *not judged* means that the comparison says nothing about
+the model, and the run gets no verdict.
 
 | code | stage | severity | text | consequence |
 |---|---|---|---|---|

@@ -11,11 +11,11 @@ from towval.model import Severity, Verdict
 from towval.validation.campaign import campaign_verdict
 
 
-def run(name, ratio, tests, upper=0.002, detectable=0.003, verdict=Verdict.AGREES):
+def run(name, ratio, tests, upper=0.002, detectable=0.003, verdict=Verdict.AGREES, warnings=""):
     """What the verdict of a campaign reads of a comparison."""
     return SimpleNamespace(
         run=name, verdict=verdict, tested_ratio=ratio, drawn_tests=tests, error_upper_m=upper, tolerance_m=0.01,
-        detectable_m=detectable,
+        detectable_m=detectable, warnings=warnings,
     )  # fmt: skip
 
 
@@ -127,3 +127,16 @@ def test_the_verdict_of_a_campaign_is_a_finding_of_its_report():
     found = _together([record("a", 3.0, tests, upper=0.02)])
     assert found.severity == Severity.WARNING
     assert "disagree" in found.text
+
+
+def test_a_run_whose_difference_a_finding_may_explain_does_not_let_all_disagree():
+    tests = [with_keys(each) for each in drawn(5)]
+    others = [run(str(i), 0.1, each) for i, each in enumerate(tests[1:])]
+    off = {"upper": 0.03, "verdict": Verdict.CANNOT_TELL}
+    excused = campaign_verdict([run("off", 3.0, tests[0], warnings="rate_unconfirmed", **off), *others])
+    assert excused.verdict is Verdict.CANNOT_TELL
+    assert excused.beyond == ("off",)
+    assert "because of off" in excused.sentence
+    assert campaign_verdict([run("off", 3.0, tests[0], warnings="low_texture", **off), *others]).verdict is (
+        Verdict.DISAGREES
+    )

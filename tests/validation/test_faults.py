@@ -10,7 +10,7 @@ from towval.model.geometry import pose_difference, transform, wrapped
 from towval.physics.ladder import DYNAMICS
 from towval.physics.mass import towed_object
 from towval.validation import uncertainty
-from towval.validation.consequences import WIDER, forbidding, widened
+from towval.validation.consequences import WIDER, excusing, forbidding, widened
 from towval.validation.faults import Drawing, fault_kinds, visible_faults
 from towval.validation.sampler import UncertaintySettings
 from towval.validation.simulate import SimulateSettings, simulate
@@ -182,6 +182,8 @@ def test_findings_widen_deviations_or_forbid_a_verdict():
     assert widened(found) == {"camera": ("halves-disagree", "mark-misfit"), "tracking": ("few_points",)}
     assert forbidding([*found, warning("edges_not_found"), warning("edges_not_found")]) == ("edges_not_found.",)
     assert forbidding([warning("edges_not_found", Severity.NOTE)]) == ()
+    assert excusing([*found, warning("rate_unconfirmed"), warning("rate_unconfirmed")]) == ("rate_unconfirmed.",)
+    assert excusing([warning("rate_unconfirmed", Severity.NOTE)]) == ()
 
 
 def test_a_widened_input_is_drawn_wider_and_said(case):

@@ -10,10 +10,13 @@ from towval.validation.verdict import Evidence, verdict_of
 TOLERANCE_M = 0.02
 
 
-def judged(upper_m=0.01, detectable_m=0.01, tolerance_m=TOLERANCE_M, seen=1.0, moved_m=2.0, largest_m=float("nan")):
-    """The verdict, and its sentence, on a run that is not rejected."""
+def judged(
+    upper_m=0.01, detectable_m=0.01, tolerance_m=TOLERANCE_M, seen=1.0, moved_m=2.0, largest_m=float("nan"),
+    size=1.0, excusing=(),
+):  # fmt: skip
+    """The verdict, and its sentence, on a run that is rejected where ``size`` is above 2."""
     bounds = Bounds({"position_max": (0.0, upper_m)}, {"position_max": (0.0, upper_m)})
-    tests, limits = {"size": 1.0}, {"size": 2.0}
+    tests, limits = {"size": size}, {"size": 2.0}
     verdict, said = verdict_of(
         Evidence(
             tolerance_m,
@@ -29,6 +32,7 @@ def judged(upper_m=0.01, detectable_m=0.01, tolerance_m=TOLERANCE_M, seen=1.0, m
             "",
             (),
             largest_m,
+            excusing=excusing,
         )
     )
     return verdict, said.text
@@ -80,3 +84,13 @@ def test_what_to_measure_better_is_what_the_reason_depends_on(upper_m, detectabl
     said = judged(upper_m, detectable_m, largest_m=largest_m)[1]
     assert ("calibration and heights of the tops" in said) == bound
     assert ("friction (friction.kinetic_std)" in said) == inputs
+
+
+def test_a_difference_that_a_finding_may_explain_is_not_held_against_the_model():
+    assert judged(upper_m=0.03, size=3.0)[0] is Verdict.DISAGREES
+    verdict, said = judged(upper_m=0.03, size=3.0, excusing=("Nothing confirms the rate. State camera.fps.", "other"))
+    assert verdict is Verdict.CANNOT_TELL
+    assert said.endswith("which may come from this: Nothing confirms the rate. State camera.fps.")
+    # Within the tolerance a difference does not matter, whatever it comes from.
+    assert judged(upper_m=0.01, size=3.0, excusing=("x",))[0] is Verdict.AGREES
+    assert judged(upper_m=0.01, excusing=("x",))[0] is Verdict.AGREES

@@ -36,15 +36,19 @@ class Consequence:
     """What a finding means for the verdict of a run.
 
     ``judged`` is false where the comparison cannot say anything about the model; ``widens`` names the inputs (keys of
-    :data:`towval.model.inputs.INPUTS`) whose stated deviations are too small once the finding is there.
+    :data:`towval.model.inputs.INPUTS`) whose stated deviations are too small once the finding is there; ``excuses`` is
+    true where a difference may come from what the finding says instead of from the model.
     """
 
     judged: bool = True
     widens: tuple[str, ...] = ()
+    excuses: bool = False
 
     def __str__(self) -> str:
         if not self.judged:
             return "not judged"
+        if self.excuses:
+            return "excuses a difference"
         return f"widens {', '.join(self.widens)}" if self.widens else "none"
 
 
@@ -65,7 +69,7 @@ class FindingType:
 NOTE, WARNING = (Severity.NOTE,), (Severity.WARNING,)
 _WARNING_OR_REFUSAL = (Severity.WARNING, Severity.REFUSAL)
 NOTE_OR_WARNING = (Severity.NOTE, Severity.WARNING)
-NONE, NOT_JUDGED = Consequence(), Consequence(judged=False)
+NONE, NOT_JUDGED, EXCUSES = Consequence(), Consequence(judged=False), Consequence(excuses=True)
 _CAMERA, WIDENS_TRACKING = Consequence(widens=("camera",)), Consequence(widens=("tracking",))
 _REGISTRATION = Consequence(widens=("rover_registration", "object_registration"))
 

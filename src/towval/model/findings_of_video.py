@@ -1,6 +1,6 @@
 """The rows of the table of findings about a video: its camera, its coding, the times of its pictures."""
 
-from towval.model.findings import NONE, NOT_JUDGED, NOTE, WARNING, WIDENS_TRACKING, FindingType, register
+from towval.model.findings import EXCUSES, NONE, NOT_JUDGED, NOTE, WARNING, WIDENS_TRACKING, FindingType, register
 
 register(  # track
     FindingType(
@@ -111,7 +111,7 @@ register(  # track
         "camera.fps nor a sound track confirms it. All speeds depend on it: state camera.fps.",
     ),
     FindingType(
-        "rate_unconfirmed", "track", WARNING, NONE,
+        "rate_unconfirmed", "track", WARNING, EXCUSES,
         "Neither camera.fps nor a sound track confirms the {found_hz:.2f} pictures a second of the time stamps. If a "
         "video was filmed at 24 and stamped as 25, all speeds are 4 % too high. State camera.fps.",
     ),

@@ -7,6 +7,7 @@ import numpy as np
 
 from towval.model import Array, Comparison
 from towval.model.statement import Verdict, rounded_up
+from towval.validation.consequences import excused
 from towval.validation.statistics import upper_limit
 
 _SHARED_DRAWS = 0.9
@@ -46,9 +47,11 @@ def campaign_verdict(comparisons: Sequence[Comparison], confidence: float = 0.99
     bound = rounded_up(1e3 * max(c.error_upper_m for c in judged), 1)
     who = "All runs" if len(judged) == len(comparisons) else "The judged runs"
     level = f"{100 * (1 - confidence):.3g} % false alarms over {len(judged)} run{'s' * (len(judged) != 1)}"
-    if set(beyond) & set(mattering):
+    excuse = {c.run for c in judged if excused(c.warnings.split())}
+    blamed = [run for run in beyond if run not in excuse]
+    if set(blamed) & set(mattering):
         verdict = Verdict.DISAGREES
-        sentence = f"{who} together disagree ({level}), because of {', '.join(beyond)}"
+        sentence = f"{who} together disagree ({level}), because of {', '.join(blamed)}"
     elif mattering or unsure:
         verdict = Verdict.CANNOT_TELL
         sentence = f"{who} together leave it open, because of {', '.join(dict.fromkeys([*mattering, *unsure]))}"

@@ -23,7 +23,7 @@ from towval.model.findings import finding
 from towval.model.geometry import position_rms
 from towval.model.results import START_OFF
 from towval.model.statement import Bounds, Draws, VisibleFault
-from towval.validation.consequences import forbidding
+from towval.validation.consequences import excusing, forbidding
 from towval.validation.metrics import aligned_rms, area_metric, error_ratio, frechet_distance
 from towval.validation.path_frame import OnPath, PathFrame
 from towval.validation.statistics import SIZES, STATISTICS, RightModel, bounds, error_sizes, holding_levels, place
@@ -137,6 +137,7 @@ def _judged(
         seen_share=_seen_share(found.error, simulated),
         moved_m=found.path_length_m,
         forbidding=forbidding((*upstream, *uncertainty.findings)) or _start_off(simulated, tolerance_m),
+        excusing=excusing(upstream),
         shares=uncertainty.shares,
         explanation=uncertainty.explanation,
         largest_m=found.path_max_m,

@@ -25,10 +25,10 @@ class Evidence:
 
     ``tolerance_m`` error that matters; ``bounds``; ``statistics`` and ``limits`` by name; ``detectable_m``;
     ``seen_share`` of the frames of the motion; ``moved_m`` length of the path; ``forbidding`` texts of findings that
-    leave a run not judged; ``explanation``; ``shares`` of the expected variance by the label of the input; ``where``
-    the difference begins and how far it goes, in words; ``hidden`` kinds of faults that do not show at the tolerance;
-    ``largest_m`` distance of simulated and measured path; ``between_m`` by how much the error is larger between the
-    times at which it was tested, which the bounds include.
+    leave a run not judged, ``excusing`` of those that may explain a difference; ``explanation``; ``shares`` of the
+    expected variance by the label of the input; ``where`` the difference begins and how far it goes, in words;
+    ``hidden`` kinds of faults that do not show at the tolerance; ``largest_m`` distance of simulated and measured path;
+    ``between_m`` by how much the error is larger between the times at which it was tested, which the bounds include.
     """
 
     tolerance_m: float
@@ -45,6 +45,7 @@ class Evidence:
     hidden: tuple[str, ...] = ()
     largest_m: float = float("nan")
     between_m: float = 0.0
+    excusing: tuple[str, ...] = ()
 
     @property
     def upper_m(self) -> float:
@@ -73,6 +74,11 @@ def verdict_of(e: Evidence) -> tuple[Verdict, Finding]:
 def _of_rejected(e: Evidence) -> tuple[Verdict, str]:
     """Verdict and statement where a difference is detected."""
     tolerance, upper, tested = 1e3 * e.tolerance_m, _at_most(e.upper_m), _tested(e)
+    if e.upper_m > e.tolerance_m and e.excusing:
+        # One text is enough to act on; the report lists all.
+        return Verdict.CANNOT_TELL, (
+            f"Cannot tell whether the model is wrong: {e.where} ({tested}), which may come from this: {e.excusing[0]}"
+        ).removesuffix(".")
     if e.upper_m > e.tolerance_m:
         unlike = "a right model with inputs within their deviations would not be off like this"
         return Verdict.DISAGREES, f"Disagrees: {e.where}; {unlike} ({tested})"
