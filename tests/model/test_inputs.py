@@ -22,8 +22,8 @@ SCENE = TowingScene(
     0.12,
     Ground(9.81, (0.001, -0.002), (FloorRegion([[0, 0], [1, 0], [1, 1]], 1.1),)),
 )
-HEIGHTS = "rover_height", "object_height"
-ACTING = [name for name in INPUTS if INPUTS[name].stated and not INPUTS[name].within and name not in HEIGHTS]
+OF_THE_CAMERA = "rover_height", "object_height", "readout"
+ACTING = [name for name in INPUTS if INPUTS[name].stated and not INPUTS[name].within and name not in OF_THE_CAMERA]
 
 
 def drawn(name, change):

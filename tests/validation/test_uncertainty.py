@@ -98,6 +98,36 @@ def test_what_the_video_adds_to_the_calibration_is_drawn(case):
     np.testing.assert_allclose(roots[1] @ roots[1].T, 4 * covariance, atol=1e-15)
 
 
+def test_a_readout_moves_rover_and_object_as_their_corners_are_seen_late(case):
+    """Each corner placed at the time of its own row, then the rigid fit: 20 ms more than stated."""
+    readout_s = 0.02
+    sampler = Sampler(replace(case, deviations={"readout": readout_s}), UncertaintySettings(samples=64))
+    draw = np.zeros(sum(sampler.widths.values()))
+    at = list(sampler.drawn).index("readout")
+    draw[sum(list(sampler.widths.values())[:at])] = 1.0
+    (drawn, measured), (still, unmoved) = (sampler.moved(each) for each in (draw, 0 * draw))
+
+    def seen(body, pose, rate):
+        corners = transform(pose, body.top_corners_m)
+        points = np.column_stack([corners, np.full(len(corners), body.tracked_plane_height_m)])
+        rows = project(case.calibration.camera, case.calibration.floor, points)[:, 1]
+        late = (rows / (case.calibration.camera.resolution_px[1] - 1) - 0.5) * readout_s
+        at_once = [transform(pose + rate * t, top[None])[0] for t, top in zip(late, body.top_corners_m, strict=True)]
+        return rigid_fit(body.top_corners_m, np.array(at_once)) - pose
+
+    twist = case.simulated.twist
+    expected = [seen(OBJECT, *each) for each in zip(unmoved, twist, strict=True)]
+    assert np.abs(expected).max() > 2e-4
+    np.testing.assert_allclose(measured - unmoved, expected, atol=1e-6)
+    poses, rates = np.split(still.rover, 2, axis=1)
+    expected = [seen(ROVER, *each) for each in zip(poses, rates, strict=True)]
+    np.testing.assert_allclose(drawn.rover[:, :3] - poses, expected, atol=1e-6)
+    # The rates are those of what is seen.
+    inner, times = slice(1, -1), sampler.nodes
+    slopes = np.gradient(drawn.rover[:, :2] - poses[:, :2], times, axis=0)[inner]
+    assert np.median(np.abs((drawn.rover[:, 3:5] - rates[:, :2])[inner] - slopes)) < 2e-4
+
+
 def test_an_interaction_is_named_as_such():
     draws = np.random.default_rng(1).standard_normal((4000, 2))
     shares = variance_shares(draws, (draws[:, 0] * draws[:, 1])[:, None], {"a": 1, "b": 1})
@@ -107,7 +137,7 @@ def test_an_interaction_is_named_as_such():
 def test_pose_sensitivities_are_those_of_a_changed_camera(calibration):
     """The tops seen at the same pixels, placed by a camera with each parameter changed in turn."""
     pose = np.array([[0.4, -0.3, 0.7], [-1.0, 0.5, -2.0]])
-    motions = _motions(calibration, OBJECT, pose)
+    motions = _motions(calibration, OBJECT, np.column_stack([pose, np.zeros((2, 3))]))
     corners = transform(pose[:, None, :], OBJECT.top_corners_m)
     height = OBJECT.tracked_plane_height_m
     points = np.concatenate([corners, np.full((*corners.shape[:2], 1), height)], axis=-1)

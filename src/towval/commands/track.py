@@ -35,7 +35,6 @@ from towval.tracking.total_covariance import with_readout, with_wider_start
 from towval.tracking.track import TrackSettings, track
 
 _MOST_PICTURES = 16  # for the background
-_READOUT_STD_S = {False: 0.01, True: 0.0005}  # by whether it is stated: phones read a picture in 5 to 30 ms
 _MOST_FLOORS = 8  # pictures of the floor, to see whether the camera moved since
 
 
@@ -204,8 +203,7 @@ def findings_of_rate(given: Campaign, video: Video, time_s: Array) -> tuple[Find
 
 def _readout(given: Campaign) -> tuple[float, float]:
     """Time from the first row to the last, and its deviation [s]."""
-    camera = given.document["camera"]
-    return camera.get("readout_s", 0.0), camera.get("readout_std_s", _READOUT_STD_S["readout_s" in camera])
+    return given.document["camera"].get("readout_s", 0.0), given.deviations["readout"]
 
 
 def known_starts(

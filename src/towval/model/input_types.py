@@ -19,13 +19,14 @@ class Realisation:
 
     ``scene`` goes to the simulation; ``camera`` (18,) is a change of the calibration's parameters, ``height``
     a change of the height of a body's planar target [m] and ``registration`` (3,) a pose of a body's frame in its
-    registered frame [m, m, rad], both by the body's name.
+    registered frame [m, m, rad], both by the body's name; ``readout`` a change of the camera's readout [s].
     """
 
     scene: TowingScene
     camera: Array
     height: Mapping[str, float]
     registration: Mapping[str, Array]
+    readout: float = 0.0
 
     @classmethod
     def nominal(cls, scene: TowingScene) -> "Realisation":

@@ -383,6 +383,14 @@ register(
         ),
         within="camera",
     ),
+    UncertainInput(
+        "readout", "readout of the camera's rows", "s", "campaign",
+        lambda real, value: _with(real, readout=float(value[0])),
+        stated=StatedDeviation(
+            "camera.readout_std_s", "that time", 0.1, 0.0005, "data sheet, or a flickering light",
+            left_out=LeftOut("camera.readout_s", "0", 0.01, "phones read a picture in 5 to 30 ms"),
+        ),
+    ),
 )  # fmt: skip
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from towval.model import CALIBRATION_PARAMETERS, Array, Body, Camera, Floor
 from towval.model.conventions import VIEW_MOTION
-from towval.model.geometry import lifted, transform
+from towval.model.geometry import lifted, transform, velocity_at
 from towval.optics.plane_uncertainty import position_sensitivity, shared_parameters
 from towval.optics.projection import project, to_plane
 
@@ -116,6 +116,19 @@ def pose_sensitivity(camera: Camera, floor: Floor, body: Body, pose: Array) -> t
     moves = np.concatenate([by_camera, by_height[:, :, None]], axis=2).reshape(n, k, 2, -1)
     by_pose = rigid_moves(corners, pose, moves)
     return by_pose[..., :-1], by_pose[..., -1]
+
+
+def readout_sensitivity(camera: Camera, floor: Floor, body: Body, pose: Array, rate: Array) -> Array:
+    """Change (n, 3) of measured poses (n, 3) with the camera's readout [m/s, m/s, rad/s].
+
+    ``rate`` (n, 3) of the poses [m/s, m/s, rad/s]. The camera reads its rows one after another, the top one first, and
+    a picture's time is that of its middle row: each corner of the top is seen where it is at the time of its own row.
+    """
+    corners = transform(pose[:, None, :], body.top_corners_m)
+    rows = project(camera, floor, lifted(corners, body.tracked_plane_height_m))[..., 1]
+    late = rows / (camera.resolution_px[1] - 1) - 0.5
+    moving = velocity_at(rate[:, None], corners - pose[:, None, :2])
+    return rigid_moves(corners, pose, (late[..., None] * moving)[..., None])[..., 0]
 
 
 def rigid_moves(corners: Array, pose: Array, moves: Array) -> Array:

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from towval.model import Array, Body, Calibration, Track
-from towval.model.geometry import lifted, transform, turned_covariance, velocity_at
-from towval.optics.moved_view import pose_sensitivity, rigid_moves
-from towval.optics.projection import project
+from towval.model.geometry import turned_covariance
+from towval.optics.moved_view import pose_sensitivity, readout_sensitivity
 
 
 def with_total(track: Track, calibration: Calibration, body: Body, view_covariance: Array | None = None) -> Track:
@@ -39,11 +38,10 @@ def with_wider_start(track: Track, spread: Array) -> Track:
 def with_readout(track: Track, calibration: Calibration, body: Body, readout_s: float, std_s: float) -> Track:
     """The track of a camera that reads its rows one after another, the top one first, in ``readout_s`` ± ``std_s`` [s].
 
-    A picture's time is that of its middle row. Each corner of the top was where it is seen at the time of its own row;
-    the rigid motion that fits these displacements best is taken off. The deviation of the readout enters the total
-    covariance.
+    The rigid motion that fits the displacements of the corners best is taken off
+    (:func:`towval.optics.moved_view.readout_sensitivity`). The deviation of the readout enters the total covariance.
     """
-    by_readout = readout_sensitivity(track, calibration, body)
+    by_readout = _by_readout(track, calibration, body)
     pose = track.pose - readout_s * np.nan_to_num(by_readout)
     total = None
     if track.total_covariance is not None:
@@ -51,7 +49,7 @@ def with_readout(track: Track, calibration: Calibration, body: Body, readout_s: 
     return replace(track, pose=pose, total_covariance=total)
 
 
-def readout_sensitivity(track: Track, calibration: Calibration, body: Body) -> Array:
+def _by_readout(track: Track, calibration: Calibration, body: Body) -> Array:
     """Change (n, 3) of the measured poses of a track with the readout [m/s, m/s, rad/s]; NaN as they are."""
     change = np.where(np.isfinite(track.pose), 0.0, np.nan)
     seen, known = np.flatnonzero(track.seen), np.flatnonzero(np.isfinite(track.pose[:, 0]))
@@ -60,10 +58,6 @@ def readout_sensitivity(track: Track, calibration: Calibration, body: Body) -> A
     # A repeated picture shows a body where it was, so its pose tells no velocity.
     of_seen = np.gradient(track.pose[seen], track.time_s[seen], axis=0)
     pose, time_s = track.pose[known], track.time_s[known]
-    velocity = np.stack([np.interp(time_s, track.time_s[seen], column) for column in of_seen.T], axis=1)
-    corners = transform(pose[:, None, :], body.top_corners_m)
-    rows = project(calibration.camera, calibration.floor, lifted(corners, body.tracked_plane_height_m))[..., 1]
-    late = rows / (calibration.camera.resolution_px[1] - 1) - 0.5
-    moving = velocity_at(velocity[:, None], corners - pose[:, None, :2])
-    change[known] = rigid_moves(corners, pose, (late[..., None] * moving)[..., None])[..., 0]
+    rate = np.stack([np.interp(time_s, track.time_s[seen], column) for column in of_seen.T], axis=1)
+    change[known] = readout_sensitivity(calibration.camera, calibration.floor, body, pose, rate)
     return change

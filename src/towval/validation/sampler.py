@@ -1,7 +1,7 @@
 """Turns one draw of the uncertain inputs into a tow to simulate and the motion that would be measured.
 
-Camera, heights, registration in the first frame and tracking noise move the measured object *and* the rover that drives
-the simulation; masses, tether and friction move the simulation alone.
+Camera, its readout, heights, registration in the first frame and tracking noise move the measured object *and* the
+rover that drives the simulation; masses, tether and friction move the simulation alone.
 """
 
 from collections.abc import Mapping
@@ -17,7 +17,7 @@ from towval.model.checks import within
 from towval.model.errors import InputError, TowvalError
 from towval.model.geometry import compose
 from towval.model.inputs import INPUTS, Realisation
-from towval.optics.moved_view import pose_sensitivity
+from towval.optics.moved_view import pose_sensitivity, readout_sensitivity
 from towval.validation.consequences import WIDER, widened
 from towval.validation.curve_noise import CurveNoise
 from towval.validation.hinge_trajectory import nodes_between
@@ -87,16 +87,20 @@ class Case:
 
 @dataclass(frozen=True)
 class _Motions:
-    """Poses of a body along its track, and their derivatives by camera (n, 3, 18) and height of the target (n, 3)."""
+    """Poses of a body along its track, and their derivatives.
+
+    By the camera (n, 3, 18), the height of the target (n, 3) and the camera's readout (n, 3).
+    """
 
     pose: Array
     by_camera: Array
     by_height: Array
+    by_readout: Array
 
-    def shifted(self, camera: Array, height: float, first_frame: Array) -> Array:
-        """Poses (n, 3) for a change of the camera's parameters, of the height and of the body frame's registration."""
-        moved = self.pose + self.by_camera @ camera + self.by_height * height
-        return compose(moved, first_frame)
+    def shifted(self, real: Realisation, body: str) -> Array:
+        """Poses (n, 3) for changes of camera and readout, and of the height and the registration of the body."""
+        moved = self.pose + self.by_camera @ real.camera + self.by_height * real.height[body]
+        return compose(moved + self.by_readout * real.readout, real.registration[body])
 
 
 class Sampler:
@@ -110,10 +114,12 @@ class Sampler:
         self.rover_moves = case.rover_decimated.poses_and_rates_at(self.nodes)
         # The effect of a camera change on the rover's rates is computed from poses shortly before and after each node.
         self.around = np.clip(self.nodes[:, None] + [0.0, -_RATE_STEP_S, _RATE_STEP_S], begin, end).T
-        self.rover = _motions(case.calibration, case.rover, case.rover_decimated.poses_at(self.around.ravel()))
+        around = case.rover_decimated.poses_and_rates_at(self.around.ravel())
+        self.rover = _motions(case.calibration, case.rover, around)
         self.noise_std = np.nan_to_num(case.object_track.std[case.object_track.rows_at(self.times)])
-        self.object = _motions(case.calibration, case.towed, case.simulated.pose)
-        self.start = _motions(case.calibration, case.towed, case.object_decimated.poses_at(self.times[:1]))
+        moves = np.concatenate([case.simulated.pose, case.simulated.twist], axis=1)
+        self.object = _motions(case.calibration, case.towed, moves)
+        self.start = _motions(case.calibration, case.towed, case.object_decimated.poses_and_rates_at(self.times[:1]))
         self.nominal = Realisation.nominal(case.scene)
         self.batch = Batch(
             self.nodes, self.times, case.simulated.rung, case.simulated.sticking,
@@ -159,12 +165,10 @@ class Sampler:
             real = self._realisation(draw)
         except TowvalError:
             return None, np.full_like(self.noise_std, np.nan)
-        moved = real.camera, real.height[towed], real.registration[towed]
-        seen = self.rover.shifted(real.camera, real.height[rover], real.registration[rover])
-        poses, before, after = seen.reshape(3, -1, 3)
+        poses, before, after = self.rover.shifted(real, rover).reshape(3, -1, 3)
         rates = (after - before) / (self.around[2] - self.around[1])[:, None]
         driven = np.concatenate([poses, rates], axis=1)
-        return Drawn(real.scene, driven, self.start.shifted(*moved)[0]), self.object.shifted(*moved)
+        return Drawn(real.scene, driven, self.start.shifted(real, towed)[0]), self.object.shifted(real, towed)
 
     def _realisation(self, draw: Array) -> Realisation:
         """All inputs at the values of a draw of standard normal numbers."""
@@ -185,8 +189,11 @@ def _start_std(track: Track, decimated: DecimatedTrack, begin_s: float) -> Array
     return np.asarray(share * np.nanmedian(track.std, axis=0))
 
 
-def _motions(calibration: Calibration, body: Body, pose: Array) -> _Motions:
-    return _Motions(pose, *pose_sensitivity(calibration.camera, calibration.floor, body, pose))
+def _motions(calibration: Calibration, body: Body, moves: Array) -> _Motions:
+    """Of a body with poses and rates (n, 6)."""
+    pose, rate = np.split(moves, 2, axis=1)
+    seen = calibration.camera, calibration.floor, body, pose
+    return _Motions(pose, *pose_sensitivity(*seen), readout_sensitivity(*seen, rate))
 
 
 def _roots(case: Case) -> dict[str, Array]:
