@@ -1,5 +1,6 @@
 """The command ``check``: what is told of a folder that is right and of folders that are wrong."""
 
+import itertools
 import json
 import shutil
 import subprocess
@@ -13,6 +14,7 @@ import pytest
 import yaml
 
 from report_scenes import quarter_turned
+from studies.worlds.film import write_video
 from towval.commands.check import check, for_people, run
 from towval.commands.run_folder import same_footage
 from towval.io.campaign import load_campaign
@@ -159,6 +161,24 @@ def test_clicks_for_which_tracking_refuses_the_run_are_a_fault(lab, tmp_path):
     assert {fault["line"] for fault in told["faults"]} == {key_lines((folder / "campaign.yaml").read_text())["runs.a"]}
     assert any("they are exchanged" in text for text in told["warnings"])
     assert (tmp_path / "pictures" / "start.html").is_file()
+
+
+def test_clicks_in_a_video_of_another_zoom_are_judged_as_the_stage_track_judges_them(lab, tmp_path):
+    """The calibration is corrected by the floor; without that both tops are 4 % too large."""
+    zoom = np.array([[1.04, 0.0, -0.04 * 479.5], [0.0, 1.04, -0.04 * 269.5]])
+
+    def change(document):
+        clicks = document["runs"]["a"]["first_frame_clicks_px"]
+        for body, corners in clicks.items():
+            clicks[body] = [[float(pixel) for pixel in zoom @ [*corner, 1]] for corner in corners]
+
+    folder, film = lab(change), itertools.islice(Video(SAMPLE / "a.mp4"), 60)
+    write_video(
+        folder / "a.mp4", ((at, cv2.warpAffine(luma, zoom, (960, 540), flags=cv2.INTER_CUBIC)) for at, luma in film)
+    )
+    told = check(folder, tmp_path / "pictures")
+    assert told["faults"] == []
+    assert not any("size of the tops" in text or "clicks" in text for text in told["warnings"]), told["warnings"]
 
 
 def test_the_command_that_comes_next_can_be_pasted():

@@ -113,10 +113,13 @@ def _runs(given: Campaign, pictures: Path, faults: Faults, warnings: list[str]) 
         luma = faults.attempt(first_picture, given, given.runs[name], video)
         if stamps_s is None or luma is None:
             continue
-        _, moved = faults.attempt(calibrated_at_start, calibration, video, luma, floor_pictures(given)) or (None, ())
+        at_start, moved = faults.attempt(calibrated_at_start, calibration, video, luma, floor_pictures(given)) or (
+            calibration,
+            (),
+        )
         findings = (*findings_of_rate(given, video, stamps_s), *moved)
         warnings += [f"run {name}: {found.text}" for found in findings if found.severity is Severity.WARNING]
-        start = faults.attempt(_start, given, given.runs[name], video, luma, calibration, faults)
+        start = faults.attempt(_start, given, given.runs[name], video, luma, (calibration, at_start), faults)
         if start is None:
             continue
         starts[name] = start
@@ -129,32 +132,36 @@ def _runs(given: Campaign, pictures: Path, faults: Faults, warnings: list[str]) 
 
 
 def _start(
-    given: Campaign, entry: Run, video: Video, luma: Luma, calibration: Calibration, faults: Faults
+    given: Campaign, entry: Run, video: Video, luma: Luma, calibrations: tuple[Calibration, Calibration], faults: Faults
 ) -> StartOfRun:
     """Where rover and object are in the first frame of a run: clicked and checked, or found.
 
-    Clicks for which the stage track would refuse the run are a fault; their start is drawn all the same.
+    ``calibrations`` are that of the boards, with which the page draws, and that of the first frame, with which the
+    stage track begins. Clicks for which that stage would refuse the run are a fault; their start is drawn all the same.
     """
+    _, at_start = calibrations
     tow = Tow.of(given.scene)
     corners, doubts = {}, {}
-    for name, clicked in known_starts(given, entry, (luma, video.late_picture()), calibration).items():
+    for name, clicked in known_starts(given, entry, (luma, video.late_picture()), at_start).items():
         corners[name] = clicked.corners_px
         if clicked.findings:
             doubts[name] = " ".join(found.text for found in clicked.findings)
     if len(corners) < len(given.bodies):
-        for name, found in find_starts(spread_pictures(video), calibration, given.bodies, tow).items():
+        for name, found in find_starts(spread_pictures(video), at_start, given.bodies, tow).items():
             if name not in corners:
                 corners[name] = found.corners_px
                 if found.doubt:
                     doubts[name] = f"not certain where it starts: {found.doubt}"
                 elif found.spread.any():
                     doubts[name] = unsure_start(name, found.spread).text
-    targets = {body.name: PlanarTarget(body, calibration.camera, calibration.floor) for body in given.bodies}
-    fits = {name: pose_from_clicks(targets[name], pixels) for name, pixels in corners.items()}
-    for name, (pose, _, misfit_px) in fits.items():
-        for missed in faults.attempt(_judged, entry.name, targets[name], pose, misfit_px) or ():
+    drawn, seen = (
+        {body.name: PlanarTarget(body, each.camera, each.floor) for body in given.bodies} for each in calibrations
+    )
+    for name, pixels in corners.items():
+        pose, _, misfit_px = pose_from_clicks(seen[name], pixels)
+        for missed in faults.attempt(_judged, entry.name, seen[name], pose, misfit_px) or ():
             doubts.setdefault(name, missed.text)
-    return StartOfRun(luma, {name: pose for name, (pose, _, _) in fits.items()}, doubts)
+    return StartOfRun(luma, {name: pose_from_clicks(drawn[name], each)[0] for name, each in corners.items()}, doubts)
 
 
 def _judged(run: str, target: PlanarTarget, pose: Array, misfit_px: float) -> list[Finding]:
