@@ -115,7 +115,8 @@ class RightModel:
             raise InputError(
                 "too few draws or times for a limit", got=draws.shape[:2], allowed="32 or more, 24 or more"
             )
-        features, folds = _features(draws), np.arange(len(draws)) % _FOLDS
+        # Stretches of a Sobol sequence are spread over all inputs; every eighth of it is an eighth of the first one.
+        features, folds = _features(draws), np.arange(len(draws)) * _FOLDS // len(draws)
         # The effect of an input takes two coefficients: it is fitted in each part of the draws, or in none.
         inputs = inputs if np.count_nonzero(folds) > 2 * inputs.shape[1] + 1 else inputs[:, :0]
         found = cls._fitted(features, inputs, confidence)
