@@ -82,7 +82,7 @@ def test_a_bound_that_is_cited_is_not_below_the_bound():
 )
 def test_what_to_measure_better_is_what_the_reason_depends_on(upper_m, detectable_m, largest_m, bound, inputs):
     said = judged(upper_m, detectable_m, largest_m=largest_m)[1]
-    assert ("calibration and heights of the tops" in said) == bound
+    assert ("calibration, heights of the tops and camera.readout_s" in said) == bound
     assert ("friction (friction.kinetic_std)" in said) == inputs
 
 

@@ -236,7 +236,7 @@ def _worth_measuring(e: Evidence) -> list[str]:
     found = []
     if e.largest_m <= e.tolerance_m < e.upper_m:
         # The deviations of the simulation's inputs are no part of the bound (docs/validation.md).
-        found.append("for the bound calibration and heights of the tops (u_D)")
+        found.append("for the bound calibration, heights of the tops and camera.readout_s (u_D)")
         if e.detectable_m <= e.tolerance_m:
             return found
     shares, labels = e.shares, {row.label: name for name, row in INPUTS.items()}
