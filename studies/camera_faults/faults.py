@@ -71,6 +71,7 @@ _TIME = (
     "jumped",
     "stamps_contradicted",
     "stamps_uneven",
+    "fields_apart",
     "pictures_invented",
     "pictures_repeated",
     "pictures_missing",

@@ -1,6 +1,6 @@
 """What makes the first bound of a filmed run whose truth is known, and how short a bound that holds can be.
 
-    python -m studies.tables.bound_sources path/to/campaign path/to/results/campaign RUN... [--draws 64]
+    python -m studies.tables.bound_sources path/to/campaign path/to/results/campaign RUN... [--draws 256]
 
 For each source of error of the measurement, alone: u_D, RMS over the path; how far it moves the *simulation*, which is
 driven by the measured rover and begins at the measured object, at most along the path (median and 95 % of draws); and
@@ -32,6 +32,7 @@ SOURCES = {
     "size of the board": ("camera",),
     "camera, the size being known": ("camera",),
     "heights of the tops": ("rover_height", "object_height"),
+    "readout of the rows": ("readout",),
     "registration in the first frame": ("rover_registration", "object_registration"),
     "noise of frames": (),
 }
@@ -211,7 +212,7 @@ def main() -> None:
     parser.add_argument("campaign", type=Path)
     parser.add_argument("results", type=Path)
     parser.add_argument("runs", nargs="+")
-    parser.add_argument("--draws", type=int, default=64)
+    parser.add_argument("--draws", type=int, default=256)
     given = parser.parse_args()
     cases = {run: case_of(given.campaign, given.results, run) for run in given.runs}
     truths = {run: pd.read_csv(file) for run in given.runs if (file := given.campaign / f"{run}_truth.csv").exists()}

@@ -20,6 +20,12 @@ register(  # track
         "{late_ms:.0f} ms, slow bodies most; the lag is added to their deviations. Switch noise reduction off.",
     ),
     FindingType(
+        "fields_apart", "track", WARNING, WIDENS_TRACKING,
+        "Every second row of a picture was taken {apart_ms:.0f} ms before or after the others: interlaced video, or a "
+        "sensor that exposes them apart. Poses may be those of either; half of it is added to their deviations. Film "
+        "progressively, or make a picture of each field.",
+    ),
+    FindingType(
         "picture_warped", "track", WARNING, WIDENS_TRACKING,
         "Places of the still floor are displaced against each other by {scattered_px:.2f} px: a camera that shakes "
         "while it reads its rows, or compression. This is added to the deviations of the poses. Damp the mount, and "

@@ -19,7 +19,7 @@ from towval.tracking.blur import SharpTarget, paths
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.pose import TUKEY
 from towval.tracking.stamps import delayed
-from towval.tracking.template import Luma, make_template
+from towval.tracking.template import Luma, Template, make_template
 
 
 @dataclass(frozen=True)
@@ -58,16 +58,23 @@ class Echoes:
         template = make_template(luma, target, pose, CONSTANTS.samples)
         self.sharp = None if template is None else SharpTarget.cut(luma, target, pose, template)
 
+    @property
+    def template(self) -> Template | None:
+        """Points that are compared; None where too little of the body is in the first picture."""
+        return None if self.sharp is None else self.sharp.template
+
+    def is_due(self, step: Array) -> bool:
+        """Whether to look at a picture that the body reached by ``step`` (3,): at some of those it moved enough for."""
+        if self.template is None or np.hypot(step[0], step[1]) < CONSTANTS.least_path_px * self.template.pixel_m:
+            return False
+        self.seen += 1
+        return self.seen <= CONSTANTS.first_lessons or self.seen % CONSTANTS.lesson_every == 0
+
     def look(self, luma: Luma, pose: Array, step: Array) -> None:
         """Take in a picture of the body at ``pose`` (3,), reached by ``step`` (3,) in its own frame [m, m, rad]."""
         if self.sharp is None:
             return
         template = self.sharp.template
-        if np.hypot(step[0], step[1]) < CONSTANTS.least_path_px * template.pixel_m:
-            return
-        self.seen += 1
-        if self.seen > CONSTANTS.first_lessons and self.seen % CONSTANTS.lesson_every:
-            return
         path = paths(template.points, step)
         kept = self.sharp.clear(template.points, 2 * max(_PAST) * path)
         # A pixel that shows the point p now showed p + k steps k pictures ago.

@@ -13,6 +13,7 @@ from towval.model.geometry import compose, transform
 from towval.tracking.blur import ahead_of_middle
 from towval.tracking.camera_motion import ViewMotion
 from towval.tracking.echoes import Echoes
+from towval.tracking.fields import Fields
 from towval.tracking.jumps import jump_findings
 from towval.tracking.noise import as_when_moving, hold_rest, scatter_factors, steadied
 from towval.tracking.outline import OutlineFit, combine_fits, observe_outline, observe_size, pose_from_clicks
@@ -83,6 +84,7 @@ class Follower:
         self.outline_fits: list[OutlineFit] = []
         self.fitted_in: list[int] = []
         self.edge_watch, self.echoes = EdgeWatch(target), Echoes(target, luma, self.first_pose)
+        self.fields = Fields(target, self.echoes.template)
         self.sizes: list[float] = []
         self.next_outline_s = self.next_search_s = self.confirmed_until_s = time_s
         self.outlines_fitted = self.mistakable = self.searches = 0
@@ -277,7 +279,10 @@ class Follower:
         place = compose(found.pose, fit.correction) if fit is not None and apart else found.pose
         pose = found.pose
         if time_s > self.motion.time_s:
-            self.echoes.look(luma, pose, self.motion.velocity * (time_s - self.motion.time_s))
+            step = self.motion.velocity * (time_s - self.motion.time_s)
+            if self.echoes.is_due(step):
+                self.echoes.look(luma, pose, step)
+                self.fields.look(luma, pose, step)
             place = self.motion.observe(time_s, place)
             self.texture_motion.observe(time_s, pose)
             pose = np.array([*pose[:2], place[2] + step_between(place, pose)[2]])

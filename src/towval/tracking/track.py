@@ -13,6 +13,7 @@ from towval.model.findings import finding
 from towval.model.plugins import Registry
 from towval.tracking.camera_motion import CameraMotion, ViewMotion
 from towval.tracking.echoes import echo_findings, lateness
+from towval.tracking.fields import field_findings, field_lateness
 from towval.tracking.follow import Follower, TrackerMaker
 from towval.tracking.invented import check_invented
 from towval.tracking.klt import KltTracker
@@ -143,6 +144,7 @@ class _Group:
         tracks, in_time, stamps = check_stamps(tracks)
         tracks, of_rhythm = check_invented(tracks)
         kept = max(one.echoes.kept(one.tracker.widest_blur_px) for one in self.followers)
+        apart = max(one.fields.apart() for one in self.followers)
         doubted, of_view = as_lengths_show(calibration, size, size_std), view.common_of_parameters
         added = doubted.covariance - calibration.covariance + of_view
         camera = replace(view.track(), stamps=stamps, size=size, size_std=size_std, added=added)
@@ -150,10 +152,12 @@ class _Group:
         for follower in self.followers:
             body = follower.target.body
             one = tracks[body.name]
+            of_pictures = (*echo_findings(one.time_s, kept), *field_findings(one.time_s, apart))
+            late = lateness(one.time_s, one.pose, kept) + field_lateness(one.time_s, one.pose, apart)
             one = replace(
                 one,
-                findings=(*one.findings, *in_time, *of_rhythm, *echo_findings(one.time_s, kept)),
-                covariance=one.covariance + lateness(one.time_s, one.pose, kept),
+                findings=(*one.findings, *in_time, *of_rhythm, *of_pictures),
+                covariance=one.covariance + late,
                 camera=camera,
             )
             found[body.name] = with_total(one, doubted, body, of_view)
