@@ -36,6 +36,7 @@ from towval.tracking.track import TrackSettings, track
 
 _MOST_PICTURES = 16  # for the background
 _READOUT_STD_S = {False: 0.01, True: 0.0005}  # by whether it is stated: phones read a picture in 5 to 30 ms
+_FEWEST_PICTURES = 8  # of a run: with fewer poses the stage decimate cannot tell their noise
 _MOST_FLOORS = 8  # pictures of the floor, to see whether the camera moved since
 
 
@@ -165,7 +166,8 @@ def _seen(tracked: Track) -> dict[str, float]:
 def open_video(given: Campaign, entry: Run) -> Video:
     """The video of a run.
 
-    Raises `InputError` when it is no video, or of another size than the calibration pictures, also when it is turned.
+    Raises `InputError` when it is no video, or of another size than the calibration pictures, also when it is turned,
+    or holds too few pictures for a run.
     """
     video = Video(entry.video, damaged=entry.damaged_video)
     if tuple(video.header.resolution_px) not in (given.resolution_px, given.resolution_px[::-1]):
@@ -174,6 +176,14 @@ def open_video(given: Campaign, entry: Run) -> Video:
             got=" × ".join(map(str, video.header.resolution_px)),
             allowed=" × ".join(map(str, given.resolution_px)),
             remedy="calibrate with pictures of the size of the video",
+        )
+    stored = video.stored_pictures(_FEWEST_PICTURES)
+    if stored < _FEWEST_PICTURES:
+        raise InputError(
+            f"the video {entry.video.name} is too short for a run",
+            got=f"{stored} picture{'s' * (stored != 1)}",
+            allowed=f"{_FEWEST_PICTURES} or more",
+            remedy="name the film of the run: a photo or a preview may have the same name",
         )
     return video
 
