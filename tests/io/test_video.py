@@ -1,3 +1,4 @@
+import errno
 import itertools
 from fractions import Fraction
 
@@ -248,6 +249,13 @@ def test_the_track_that_players_show_is_read(tmp_path, ending):
     assert video.stamps_s().tolist() == frame_times(path)[0].tolist() == [t for t, _ in frames]
     with opened_film(path) as film:
         assert [frame.width for frame in decoded(film, damaged=False)] == [128] * 30
+
+
+def test_a_full_disk_is_no_fault_of_the_video_that_is_drawn_on(tmp_path):
+    write_video(tmp_path / "a.mp4", pictures(3))
+    for code, kind in ((errno.ENOSPC, OSError), (errno.EIO, InputError)):
+        with pytest.raises(kind), opened_film(tmp_path / "a.mp4"):
+            av.error.err_check(-code)
 
 
 @pytest.mark.parametrize(("most", "counted"), [(8, 8), (40, 24)])

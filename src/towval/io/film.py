@@ -1,5 +1,6 @@
 """Footage as colour frames to draw on, and films for phones and browsers that are made of such frames."""
 
+import errno
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from fractions import Fraction
@@ -20,6 +21,7 @@ Picture = NDArray[np.uint8]
 """Colours (height, width, 3): red, green and blue in this module."""
 
 _RATE_FACTOR = "25"  # of x264: 0 to 51; lower values are better and give larger files
+_NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 _MARK = "towval"
 """Comment in a film's metadata: only a film with it is replaced."""
 
@@ -50,6 +52,8 @@ def opened_film(path: Path) -> Iterator[av.container.InputContainer]:
             shown(film).thread_type = "AUTO"
             yield film
     except av.FFmpegError as error:
+        if error.errno in _NO_ROOM:
+            raise  # Of the film that is written meanwhile.
         raise InputError(f"the video {path.name} cannot be read or drawn on", got=error) from error
 
 
