@@ -296,6 +296,15 @@ def test_a_timed_path_from_a_file_keeps_its_times(tmp_path):
     assert read_path(file).time_s.tolist() == [0.0, 1.0, 3.0]
 
 
+@pytest.mark.parametrize("name", ["t_s", "Time"])
+def test_times_of_another_name_are_not_passed_over(tmp_path, name):
+    """The path was planned as if it had none, at the duration of the scene."""
+    file = tmp_path / "timed.csv"
+    pd.DataFrame({name: [0.0, 1.0, 3.0], "x_m": [0.0, 1.0, 2.0], "y_m": 0.0}).to_csv(file, index=False)
+    with pytest.raises(InputError, match=f"column {name}(.|\n)*name the column time_s"):
+        read_path(file)
+
+
 def test_a_path_file_without_its_columns_is_refused(tmp_path):
     file = tmp_path / "bad.csv"
     file.write_text("x,y\n0,0\n")
