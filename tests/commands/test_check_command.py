@@ -8,6 +8,7 @@ import sys
 from importlib import resources
 from pathlib import Path
 
+import av
 import cv2
 import numpy as np
 import pytest
@@ -109,6 +110,19 @@ def test_faults_of_videos_and_pictures_are_told_together(lab, tmp_path):
     assert told["runs"] == {}
 
 
+@pytest.mark.parametrize("pictures", [1, 7])
+def test_a_film_of_a_few_pictures_is_refused_before_anything_is_tracked(lab, tmp_path, pictures):
+    """A photo was said to have little texture and a rate of nan."""
+
+    def change(document):
+        document["camera"]["calibration_images"] = "calibration/board_00.jpg"  # too few: refused at once
+
+    folder = lab(change)
+    write_video(folder / "a.mp4", itertools.islice(Video(SAMPLE / "a.mp4"), pictures))
+    texts = [fault["text"] for fault in check(folder, tmp_path / "pictures")["faults"]]
+    assert sum(f"too short for a run\n  got: {pictures} picture" in text for text in texts) == 1, texts
+
+
 def test_two_runs_that_show_one_film_are_told(lab, tmp_path):
     def changed(document):
         document["camera"]["calibration_images"] = "calibration/board_00.jpg"  # too few: refused at once
@@ -206,8 +220,20 @@ def test_the_command_line_writes_beside_the_campaign(lab):
 
 def test_starts_are_found_without_clicks(lab, tmp_path):
     clicks = yaml.safe_load((SAMPLE / "campaign.yaml").read_text())["runs"]["a"]["first_frame_clicks_px"]
-    told = check(lab(lambda document: document["runs"]["a"].pop("first_frame_clicks_px")), tmp_path / "pictures")
+
+    def change(document):
+        document["runs"]["a"] = {"video": "a.mkv"}
+
+    folder = lab(change)
+    with av.open(str(folder / "a.mp4")) as given, av.open(str(folder / "a.mkv"), "w") as file:
+        track = file.add_stream_from_template(given.streams.video[0])
+        for packet in given.demux(video=0):
+            if packet.size:
+                packet.stream = track
+                file.mux(packet)
+    told = check(folder, tmp_path / "pictures")
     assert told["faults"] == []
+    assert told["runs"]["a"]["frames"] == 325  # the header of Matroska does not say
     for body in ("rover", "object"):
         # Clicked by hand to about a pixel, on pictures of half the size.
         assert np.abs(np.array(told["runs"]["a"][f"{body}_corners_px"]) - clicks[body]).max() < 2

@@ -258,6 +258,16 @@ def test_results_below_the_folder_are_no_footage(footage):
     assert all(path.parent.name == "calibration" for path in load_campaign(footage).calibration_images)
 
 
+def test_what_a_mac_puts_beside_files_is_no_footage(footage):
+    """``._a.mp4`` holds what the disk cannot keep of a.mp4; the folder was refused because of it."""
+    for name in ("._a.mp4", "calibration/._board_00.jpg", "calibration/._floor.jpg"):
+        (footage / name).write_bytes(bytes(4096))
+    run(footage, FACTS, ask=False, find=False)
+    found = load_campaign(footage)
+    assert list(found.runs) == ["a"]
+    assert not any(path.name.startswith(".") for path in (*found.calibration_images, *found.floor_images))
+
+
 def test_videos_of_one_name_are_two_runs(footage):
     (footage / "a.mov").symlink_to(SAMPLE / "a.mp4")
     run(footage, FACTS, ask=False, find=False)

@@ -69,6 +69,8 @@ def test_what_is_not_ours_is_never_replaced(track, tmp_path, capsys):
 def test_a_film_never_replaces_footage(lab_small, tmp_path, capsys):
     paths = ("--camera", tmp_path / "camera.mcap", "--folder", tmp_path)
     assert "is not replaced" in refused(capsys, "overlay", lab_small, "--run", "a", *paths, "-o", lab_small / "a.mp4")
+    new = lab_small / "new.mp4"
+    assert "every video of this folder" in refused(capsys, "overlay", lab_small, "--run", "a", *paths, "-o", new)
 
 
 def test_the_file_beside_an_output_is_looked_at_before_anything_is_read(lab_small, tmp_path, capsys):

@@ -23,6 +23,29 @@ def test_a_refusal_is_one_message(last):
     assert "Traceback" not in reported[1]
 
 
+def test_a_log_that_cannot_be_written_is_told_once():
+    """Each line of the log that a full disk refuses brought its traceback, call stack and arguments."""
+    full = "OSError: [Errno 28] No space left on device\n"
+    call_stack = ["Call stack:\n", '  File "cli.py", line 1, in main\n', "Message: 'Building'\n", "Arguments: ()\n"]
+    chained = [full, "During handling of the above exception, another exception occurred:\n", *FRAMES, full]
+    lines = ["before\n", *FRAMES, full, *call_stack, *FRAMES, full, *call_stack, *chained, "after\n"]
+    reported = list(_system_errors_reported(lines))
+    assert [reported[0], reported[-1], len(reported)] == ["before\n", "after\n", 3]
+
+
+def test_a_second_call_at_once_is_told_to_wait():
+    """Snakemake advises --unlock, which ``towval run`` does not take and which two calls at once do not survive."""
+    told = [
+        "LockException:\n",
+        "Error: Directory cannot be locked.\n",
+        "/work\n",
+        "removed with the --unlock argument.\n",
+    ]
+    reported = list(_system_errors_reported(["before\n", *told, "after\n"]))
+    assert [reported[0], reported[-1], len(reported)] == ["before\n", "after\n", 3]
+    assert "wait until it has ended" in reported[1]
+
+
 @pytest.mark.parametrize("last", ["ZeroDivisionError: division by zero\n", ""])
 def test_a_fault_of_a_program_stays_whole(last):
     lines = [*FRAMES, *([last] if last else [])]

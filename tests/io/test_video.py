@@ -1,11 +1,14 @@
+import errno
 import itertools
 from fractions import Fraction
 
 import av
 import numpy as np
 import pytest
+from av.stream import Disposition
 
 from studies.worlds.film import cut_off, write_video
+from towval.io.film import decoded, frame_times, opened_film
 from towval.io.video import Video, upright
 from towval.model.errors import InputError
 
@@ -222,6 +225,48 @@ def test_pictures_that_an_edit_list_cuts_off_lend_no_times_to_others(tmp_path):
     video, frames = read(tmp_path / "cut.mp4")
     assert video.header.frames == 30
     assert [t for t, _ in frames] == pytest.approx([i / 25 for i in range(24)], abs=1e-9)
+
+
+@pytest.mark.parametrize("ending", ["mp4", "mkv"])
+def test_the_track_that_players_show_is_read(tmp_path, ending):
+    """The first one is a preview or a second camera; its pictures were taken for those of the run."""
+    write_video(tmp_path / "other.mp4", ((t, luma[::2, ::2]) for t, luma in pictures(3)), crf="1")
+    write_video(tmp_path / "a.mp4", pictures(), crf="1")
+    path = tmp_path / f"two.{ending}"
+    with av.open(str(path), "w") as file:
+        given = [av.open(str(tmp_path / name)) for name in ("other.mp4", "a.mp4")]
+        tracks = [file.add_stream_from_template(one.streams.video[0]) for one in given]
+        tracks[0].disposition, tracks[1].disposition = Disposition(0), Disposition.default
+        for one, track in zip(given, tracks, strict=True):
+            for packet in one.demux(video=0):
+                if packet.size:
+                    packet.stream = track
+                    file.mux(packet)
+            one.close()
+    video, frames = read(path)
+    assert [t for t, _ in frames] == pytest.approx([i / 25 for i in range(30)], abs=1e-3)
+    assert video.header.resolution_px == (128, 96)
+    assert video.stamps_s().tolist() == frame_times(path)[0].tolist() == [t for t, _ in frames]
+    with opened_film(path) as film:
+        assert [frame.width for frame in decoded(film, damaged=False)] == [128] * 30
+
+
+def test_a_full_disk_is_no_fault_of_the_video_that_is_drawn_on(tmp_path):
+    write_video(tmp_path / "a.mp4", pictures(3))
+    for code, kind in ((errno.ENOSPC, OSError), (errno.EIO, InputError)):
+        with pytest.raises(kind), opened_film(tmp_path / "a.mp4"):
+            av.error.err_check(-code)
+
+
+@pytest.mark.parametrize(("most", "counted"), [(8, 8), (40, 24)])
+def test_pictures_are_counted_as_far_as_asked_for_without_those_cut_off(tmp_path, most, counted):
+    write_video(tmp_path / "a.mp4", pictures(), crf="1", bf="0")
+
+    def earlier(number, packet):
+        packet.pts = packet.dts = int((number - 6) * Fraction(1, 25) / packet.time_base)
+
+    copied(tmp_path / "a.mp4", tmp_path / "cut.mp4", earlier, avoid_negative_ts="disabled", use_editlist="1")
+    assert Video(tmp_path / "cut.mp4").stored_pictures(most) == counted
 
 
 def test_times_below_zero_are_told(tmp_path):

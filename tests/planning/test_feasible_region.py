@@ -5,6 +5,7 @@ import pytest
 
 from studies import rover_geometry
 from studies.rover_geometry import twist_about
+from towval.model.errors import InputError
 from towval.model.geometry import inside_polygon
 from towval.planning import feasible_region as region
 from towval.planning.kinematics import Rover, steering_of_twist, symmetric_rover
@@ -123,3 +124,13 @@ def test_centres_within_the_flanks_keep_every_wheel_in_range(rover):
     steering = steering_of_twist(rover.wheel_positions, twist_about(left))
     assert (steering >= rover.steering_ranges[:, 0] - 1e-12).all()
     assert (steering <= rover.steering_ranges[:, 1] + 1e-12).all()
+
+
+@pytest.mark.parametrize(
+    ("sides", "guard", "words"),
+    [((1,), 0.0, "wrong shape"), ((0, 0, 0, 0), 0.0, "no side"), ((1,) * 4, 9.0, "leaves nothing")],
+)
+def test_a_piece_of_no_sides_is_refused(rover, sides, guard, words):
+    """One side counted for all wheels, and no side left the whole plane."""
+    with pytest.raises(InputError, match=words):
+        region.feasible_piece(rover, sides, guard)

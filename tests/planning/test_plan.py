@@ -296,6 +296,15 @@ def test_a_timed_path_from_a_file_keeps_its_times(tmp_path):
     assert read_path(file).time_s.tolist() == [0.0, 1.0, 3.0]
 
 
+@pytest.mark.parametrize("name", ["t_s", "Time"])
+def test_times_of_another_name_are_not_passed_over(tmp_path, name):
+    """The path was planned as if it had none, at the duration of the scene."""
+    file = tmp_path / "timed.csv"
+    pd.DataFrame({name: [0.0, 1.0, 3.0], "x_m": [0.0, 1.0, 2.0], "y_m": 0.0}).to_csv(file, index=False)
+    with pytest.raises(InputError, match=f"column {name}(.|\n)*name the column time_s"):
+        read_path(file)
+
+
 def test_a_path_file_without_its_columns_is_refused(tmp_path):
     file = tmp_path / "bad.csv"
     file.write_text("x,y\n0,0\n")
@@ -307,12 +316,20 @@ def test_the_commands_plan_a_curve_and_tow_behind_the_recorded_rover(tmp_path):
     plan, towed = tmp_path / "line.mcap", tmp_path / "towed.mcap"
     planned = run(quick_plan(), "line", plan, tmp_path / "line.csv")
     assert planned.files == (plan, tmp_path / "line.csv")
-    assert planned.text.startswith("arrived; the object deviates from its path by")
+    assert planned.text.startswith("arrived, 1.40 m in 600.0 s; the object deviates from its path by")
     assert run_tow(quick_plan(), plan, towed).numbers["path_length_m"] == pytest.approx(_path_length(towed))
     assert read_simulated(towed).time_s == pytest.approx(read_tow(plan)[0])  # every pose drives the tether
     # The recording starts the object at rest, the plan at the nominal velocity: the tether soon makes them one.
     gap = read_simulated(towed).pose[-1] - _last_object_pose(tmp_path / "line.csv")
     assert np.abs(gap[:2]).max() < 1e-4
+
+
+def test_a_path_shorter_than_two_steps_of_the_planner_is_refused(tmp_path):
+    """As one whose times are in minutes; what followed from it was refused in words of the simulation."""
+    file = tmp_path / "path.csv"
+    pd.DataFrame({"x_m": [0.0, 0.5, 1.0], "y_m": 0.0, "time_s": [0.0, 0.01, 0.02]}).to_csv(file, index=False)
+    with pytest.raises(InputError, match=r"too short in time for the planner\n.*0\.02 s\n.*2 steps of"):
+        run(quick_plan(), str(file), tmp_path / "p.mcap", tmp_path / "p.csv")
 
 
 def test_a_map_shows_the_wanted_path_and_whose_each_bend_is(tmp_path):
@@ -353,7 +370,7 @@ def test_the_command_line_plans_for_the_object_of_a_campaign(tmp_path, capsys):
     plan, table, towed = (str(tmp_path / name) for name in ("plan.mcap", "plan.csv", "towed.mcap"))
     # By the name that also works after pip install, where nobody knows the path of the scene.
     main(["plan", "paper", "--path", "circle", "--campaign", lab, "-o", plan, "--csv", table])
-    assert ": arrived; the object deviates" in capsys.readouterr().out
+    assert ": arrived, 6.28 m in 600.0 s; the object deviates" in capsys.readouterr().out
     force = pd.read_csv(table)[["tether_force_x_n", "tether_force_y_n"]].to_numpy()
     # The sample's object weighs 5.8 kg with its load, and its friction goes from 0.396 down to 0.35 with the speed; the
     # cube of the scene would take 17.2 N.

@@ -124,7 +124,7 @@ def _runs(given: Campaign, pictures: Path, faults: Faults, warnings: list[str]) 
             continue
         starts[name] = start
         drawn = faults.attempt(_draw_start, pictures / f"{name}.jpg", given, calibration, start)
-        runs[name] = _expected(given, video, calibration, start, drawn or "")
+        runs[name] = _expected(given, len(stamps_s), calibration, start, drawn or "")
         warnings += [f"run {name}, {body}: {text}" for body, text in start.doubts.items()]
     if starts:
         faults.attempt(_write_page, pictures / "start.html", given, calibration, starts)
@@ -174,17 +174,17 @@ def _judged(run: str, target: PlanarTarget, pose: Array, misfit_px: float) -> li
 
 
 def _expected(
-    given: Campaign, video: Video, calibration: Calibration, start: StartOfRun, picture: str
+    given: Campaign, frames: int, calibration: Calibration, start: StartOfRun, picture: str
 ) -> dict[str, Any]:
     """What to expect of a run; ``picture``: where its start is drawn, empty where that failed."""
-    row: dict[str, Any] = {"picture": picture, "frames": video.header.frames}
+    row: dict[str, Any] = {"picture": picture, "frames": frames}
     for name, (body, pose) in _placed(given, start).items():
         target = PlanarTarget(body, calibration.camera, calibration.floor)
         row[f"{name}_pixel_mm"] = round(1e3 * target.metres_per_pixel(pose), 2)
         corners = target.pixels(body.top_corners_m, pose)
         row[f"{name}_corners_px"] = [] if name in start.doubts else np.round(corners, 1).tolist()
         row[f"{name}_position_std_mm"] = round(1e3 * measurement_std_m(calibration, body, pose[None]), 2)
-    row["cpu_s"] = round(COST.run_s + COST.megapixel_s * start.luma.size / 1e6 * (video.header.frames or 0))
+    row["cpu_s"] = round(COST.run_s + COST.megapixel_s * start.luma.size / 1e6 * frames)
     return row
 
 
@@ -283,8 +283,8 @@ def for_people(found: dict[str, Any]) -> str:
             for body in ("rover", "object")
             if f"{body}_pixel_mm" in row
         )
-        frames = f"{row['frames'] or 'an unknown number of'} frames"
-        rows.append(f"run {name}: {'; '.join(filter(None, (frames, known, row['picture'])))}")
+        told = filter(None, (f"{row['frames']} frames", known, row["picture"]))
+        rows.append(f"run {name}: {'; '.join(told)}")
     if found["faults"]:
         rows.append(f"{found['campaign']}: {len(found['faults'])} fault(s); correct them and check again")
     else:

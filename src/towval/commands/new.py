@@ -202,7 +202,7 @@ def _look_at_files(draft: Draft) -> None:
     found = sorted(path.relative_to(draft.folder) for path in draft.folder.rglob("*") if path.is_file())
     # Results of an earlier run below the folder hold figures and overlays.
     results = {path.parent for path in found if path.name == "camera.mcap"}
-    found = [path for path in found if results.isdisjoint(path.parents)]
+    found = [path for path in found if results.isdisjoint(path.parents) and not _is_hidden(path)]
     videos = [path for path in found if path.suffix.lower() in VIDEO_SUFFIXES]
     pictures = [path for path in found if path.suffix.lower() in IMAGE_SUFFIXES and path.parts[0] != "check"]
     if not draft.known("runs"):
@@ -229,6 +229,11 @@ def _look_at_files(draft: Draft) -> None:
         draft.put("floor.image", flat[0].as_posix())
         if flat[1:]:
             draft.put("floor.more_images", *_pattern(flat[1:], "*[fF][lL][oO][oO][rR]*"))
+
+
+def _is_hidden(path: Path) -> bool:
+    """Whether a file or a folder of a path begins with a dot: macOS puts such a one beside each file on other disks."""
+    return any(part.startswith(".") for part in path.parts)
 
 
 def _pattern(pictures: Sequence[Path], name: str) -> tuple[str, str]:
@@ -324,7 +329,7 @@ def _look_at_boards(draft: Draft) -> None:
     """Corners of the board, and of the floor's frame in its picture."""
     camera, floor = draft.document["camera"], draft.document["floor"]
     paths = tuple(sorted(draft.folder.glob(camera["calibration_images"])))
-    paths = tuple(path for path in paths if path.suffix.lower() in IMAGE_SUFFIXES)
+    paths = tuple(path for path in paths if path.suffix.lower() in IMAGE_SUFFIXES and not _is_hidden(Path(path.name)))
     resolution = tuple(camera["resolution_px"])
     if draft.known("camera.board.inner_corners") is None:
         pictures = GrayPictures(paths[:: max(1, len(paths) // _SAMPLE)], resolution)

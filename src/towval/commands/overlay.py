@@ -7,6 +7,7 @@ from towval.commands.run_folder import read_run
 from towval.io.atomic import not_ours
 from towval.io.campaign import load_campaign
 from towval.io.records import read_calibration
+from towval.model.errors import InputError
 from towval.report.overlay import write_overlay
 
 
@@ -15,8 +16,14 @@ def run(campaign: Path, name: str, camera: Path, folder: Path, output: Path, wid
     given = load_campaign(campaign)
     target, films = output.resolve(), [each.video.resolve() for each in given.runs.values()]
     # Everything in the campaign folder belongs to the lab, and so do films that it keeps elsewhere.
-    if target.is_relative_to(given.folder.resolve()) or target in films:
+    if target in films or (target.is_relative_to(given.folder.resolve()) and target.exists()):
         raise not_ours(output)
+    if target.is_relative_to(given.folder.resolve()):
+        raise InputError(
+            "the overlay cannot be written to the campaign folder",
+            got=output,
+            remedy="name a file elsewhere: towval new takes every video of this folder for a run",
+        )
     record = read_run(given, name, folder, camera)
     entry, calibration = given.run(name), read_calibration(camera)
     write_overlay(entry.video, output, calibration, record, width_px=width_px, damaged=entry.damaged_video)

@@ -30,6 +30,9 @@ from towval.planning.scene import PlanScene, friction_under, plan_scene
 _PAPER = Path("paper")
 """Stands for the scene that comes with the package, whose path nobody knows after ``pip install``."""
 
+_FEWEST_STEPS = 2
+"""Of the planner: a path has a bend from three points on."""
+
 _MAP_MARK = "Matplotlib"
 """What a map of ours names as its maker near its beginning: no other file is replaced."""
 
@@ -68,9 +71,15 @@ def run(
     write_plan_csv(csv, loop.rover, loop.towed)
     limited = loop.rover.case != PlanCase.A
     off = {"object_rms_mm": 1e3 * loop.object_rms, "hinge_rms_mm": 1e3 * loop.rover.rms}
-    numbers = {**off, "limited_share": float(np.mean(limited))}
+    numbers = {
+        **off,
+        "limited_share": float(np.mean(limited)),
+        "path_length_m": path_length(path.position),
+        "duration_s": float(np.ptp(path.time_s)),
+    }
     text = (
-        f"{loop.rover.outcome}; the object deviates from its path by {off['object_rms_mm']:.1f} mm RMS, "
+        f"{loop.rover.outcome}, {numbers['path_length_m']:.2f} m in {numbers['duration_s']:.1f} s; "
+        f"the object deviates from its path by {off['object_rms_mm']:.1f} mm RMS, "
         f"the hinge from its own by {off['hinge_rms_mm']:.1f} mm; its bends are the rover's limit for "
         f"{100 * numbers['limited_share']:.0f} % of the time, else the path's own"
     )
@@ -169,5 +178,12 @@ def _timed(scene: PlanScene, curve: Curve) -> TimedPath:
 def _planner_times(scene: PlanScene, path: TimedPath) -> Array:
     """Times [s] at the planner's step over the duration of a path."""
     steps = int(np.ptp(path.time_s) / scene.planner_step + 1e-9)
+    if steps < _FEWEST_STEPS:
+        raise InputError(
+            "the path is too short in time for the planner",
+            got=f"{np.ptp(path.time_s):.3g} s",
+            allowed=f"{_FEWEST_STEPS} steps of {scene.planner_step:g} s or more",
+            remedy="state time_s in seconds, or a smaller planner.time_step_s in the scene",
+        )
     times: Array = path.time_s[0] + scene.planner_step * np.arange(steps + 1)
     return times

@@ -35,6 +35,7 @@ from towval.tracking.total_covariance import with_readout, with_wider_start
 from towval.tracking.track import TrackSettings, track
 
 _MOST_PICTURES = 16  # for the background
+_FEWEST_PICTURES = 8  # of a run: with fewer poses the stage decimate cannot tell their noise
 _MOST_FLOORS = 8  # pictures of the floor, to see whether the camera moved since
 
 
@@ -164,7 +165,8 @@ def _seen(tracked: Track) -> dict[str, float]:
 def open_video(given: Campaign, entry: Run) -> Video:
     """The video of a run.
 
-    Raises `InputError` when it is no video, or of another size than the calibration pictures, also when it is turned.
+    Raises `InputError` when it is no video, or of another size than the calibration pictures, also when it is turned,
+    or holds too few pictures for a run.
     """
     video = Video(entry.video, damaged=entry.damaged_video)
     if tuple(video.header.resolution_px) not in (given.resolution_px, given.resolution_px[::-1]):
@@ -173,6 +175,14 @@ def open_video(given: Campaign, entry: Run) -> Video:
             got=" × ".join(map(str, video.header.resolution_px)),
             allowed=" × ".join(map(str, given.resolution_px)),
             remedy="calibrate with pictures of the size of the video",
+        )
+    stored = video.stored_pictures(_FEWEST_PICTURES)
+    if stored < _FEWEST_PICTURES:
+        raise InputError(
+            f"the video {entry.video.name} is too short for a run",
+            got=f"{stored} picture{'s' * (stored != 1)}",
+            allowed=f"{_FEWEST_PICTURES} or more",
+            remedy="name the film of the run: a photo or a preview may have the same name",
         )
     return video
 

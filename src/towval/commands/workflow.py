@@ -204,28 +204,56 @@ def _as_path(path: Path) -> str:
 
 
 def _system_errors_reported(lines: Iterable[str], ended_by: Collection[int] = ()) -> Iterator[str]:
-    """The lines, with one message in place of each of Snakemake's tracebacks over an error of the system.
+    """The lines, with one message in place of all of Snakemake's tracebacks over one error of the system.
 
     Its traceback over Ctrl-C is left out, also where the signals by which it was ``ended_by`` then cut it off.
     """
     held: list[str] = []
-    for line in lines:
+    told: set[str] = set()
+    for line in _shortened(lines):
         if held or line.startswith("Traceback (most recent call last)"):
             held.append(line)
             if not _SAID.match(line):
                 continue
-            if _REFUSED.match(line):
-                said = _REFUSED.sub("", line).strip()
-                held = [f"towval: the system refuses Snakemake something: {said}\n  what to do: {_REMEDY}\n"]
-            if not line.startswith("KeyboardInterrupt"):
-                yield from held
-            held = []
-        else:
+        if _REFUSED.match(line) and (held or told):
+            said = _REFUSED.sub("", line).strip()
+            if said not in told:
+                yield f"towval: the system refuses Snakemake something: {said}\n  what to do: {_REMEDY}\n"
+            told.add(said)
+        elif held and not line.startswith("KeyboardInterrupt"):
+            yield from held
+        elif not held and not (told and line.startswith("During handling of the above exception")):
             yield line
+        held = []
     if not ended_by:
         yield from held
 
 
+def _shortened(lines: Iterable[str]) -> Iterator[str]:
+    """The lines, without blocks of Snakemake's and of Python's logging that help nobody here."""
+    end = ""
+    for line in lines:
+        block = next((each for each in _BLOCKS if line.startswith(each[0])), None)
+        if end:
+            end = "" if end in line else end
+        elif block is None:
+            yield line
+        else:
+            end = block[1]
+            yield from block[2:]
+
+
+_BLOCKS = (
+    ("Call stack:", "Arguments:"),  # of a line that could not be written to the log
+    (
+        "LockException:",
+        "--unlock",
+        "towval: another call is making these results, or others from this folder\n"
+        "  what to do: wait until it has ended; the lock of a call that was killed is removed by the next one (on "
+        'Windows: --snakemake "--unlock")\n',
+    ),
+)
+"""First words, words of the last line, and what is told instead."""
 _SAID = re.compile(r"[\w.]+(Error|Exception|Interrupt|Exit)\b")
 _REFUSED = re.compile(
     r"(OSError|PermissionError|FileNotFoundError|NotADirectoryError|FileExistsError|BlockingIOError): "

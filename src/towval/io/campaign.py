@@ -105,7 +105,7 @@ def load_campaign(folder: Path) -> Campaign:
             "the campaign folder is missing",
             got=folder,
             allowed="a folder with a campaign.yaml",
-            remedy="check the path after campaign=",
+            remedy="correct the path of the folder",
         )
     check_name(folder, "the campaign folder")
     campaign, faults = read_campaign(folder, read_yaml(folder / "campaign.yaml"))

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import av
 import numpy as np
 
-from towval.io.video import Video
+from towval.io.video import Video, shown
 from towval.model import Array
 
 _PASSED_ON = {"h264": ("h264", "h264_mp4toannexb"), "hevc": ("h265", "hevc_mp4toannexb")}
@@ -24,7 +24,7 @@ class CodedVideo:
 
     def __iter__(self) -> Iterator[bytes]:
         with self.video.opened() as film:
-            stream = film.streams.video[0]
+            stream = shown(film)
             annex_b = av.BitStreamFilterContext(_PASSED_ON[stream.codec_context.name][1], stream)
             for packet in film.demux(stream):
                 if packet.size:
@@ -39,7 +39,7 @@ def coded_video(video: Video) -> CodedVideo | None:
     """
     try:
         with video.opened() as film:
-            stream = film.streams.video[0]
+            stream = shown(film)
             context, base = stream.codec_context, stream.time_base
             # A configuration record begins with its version; a stream that has none is in Annex B form already.
             if context.name not in _PASSED_ON or base is None or (context.extradata or b"")[:1] != b"\x01":

@@ -1,5 +1,6 @@
 """Footage as colour frames to draw on, and films for phones and browsers that are made of such frames."""
 
+import errno
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from fractions import Fraction
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from towval.io.atomic import replacing
 from towval.io.reading import is_plain_file
-from towval.io.video import upright
+from towval.io.video import shown, upright
 from towval.model import Array
 from towval.model.errors import InputError
 
@@ -20,6 +21,7 @@ Picture = NDArray[np.uint8]
 """Colours (height, width, 3): red, green and blue in this module."""
 
 _RATE_FACTOR = "25"  # of x264: 0 to 51; lower values are better and give larger files
+_NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 _MARK = "towval"
 """Comment in a film's metadata: only a film with it is replaced."""
 
@@ -31,13 +33,13 @@ def frame_times(path: Path) -> tuple[Array, str]:
     """
     try:
         with av.open(path, metadata_errors="replace") as film:
-            stream = film.streams.video[0]
+            stream = shown(film)
             base = stream.time_base or 0
-            shown = [p.pts for p in film.demux(stream) if p.pts is not None and p.size and not p.is_discard]
+            stored = [p.pts for p in film.demux(stream) if p.pts is not None and p.size and not p.is_discard]
             coding = stream.codec_context.codec.long_name
     except (av.FFmpegError, OSError, IndexError) as error:
         raise InputError(f"the video {path.name} cannot be shown in the report", got=error) from error
-    return np.array([float(pts * base) for pts in sorted(shown)]), coding
+    return np.array([float(pts * base) for pts in sorted(stored)]), coding
 
 
 @contextmanager
@@ -47,9 +49,11 @@ def opened_film(path: Path) -> Iterator[av.container.InputContainer]:
         with av.open(path, metadata_errors="replace") as film:
             if not film.streams.video:
                 raise InputError(f"{path.name} holds no video", remedy="name a video file")
-            film.streams.video[0].thread_type = "AUTO"
+            shown(film).thread_type = "AUTO"
             yield film
     except av.FFmpegError as error:
+        if error.errno in _NO_ROOM:
+            raise  # Of the film that is written meanwhile.
         raise InputError(f"the video {path.name} cannot be read or drawn on", got=error) from error
 
 
@@ -58,9 +62,10 @@ def decoded(film: av.container.InputContainer, damaged: bool, wanted: int | None
 
     Before the time ``wanted``, in units of the stream's time base, only those that others are coded from.
     """
-    context = film.streams.video[0].codec_context
+    stream = shown(film)
+    context = stream.codec_context
     try:
-        for packet in film.demux(film.streams.video[0]):
+        for packet in film.demux(stream):
             if wanted is not None:
                 context.skip_frame = "NONREF" if packet.pts is not None and packet.pts < wanted - 1 else "DEFAULT"
             for frame in packet.decode():

@@ -148,11 +148,14 @@ def write_table(path: FilePath, table: pd.DataFrame) -> None:
         table.to_csv(temporary, index=False, float_format="%.10g", lineterminator="\n")
 
 
+_OTHER_NAMES_OF_TIMES = {"t", "t_s", "time", "times", "times_s", "time_ms", "t_ms", "timestamp", "stamp", "seconds"}
+
+
 def read_path(path: FilePath) -> Array | TimedPath:
     """Points (n, 2) [m] of a path from CSV with columns ``x_m`` and ``y_m``; with ``time_s`` a path with these times.
 
-    Raises `InputError` when the file is missing, or a column is, or a row has more numbers than there are names, or
-    there are fewer than two rows.
+    Raises `InputError` when the file is missing, or a column is, or times have another name, or a row has more numbers
+    than there are names, or there are fewer than two rows.
     """
     try:
         with warnings.catch_warnings():
@@ -165,6 +168,14 @@ def read_path(path: FilePath) -> Array | TimedPath:
                 f"{path} is no path",
                 got=f"columns {', '.join(table)}",
                 allowed="columns x_m, y_m and perhaps time_s, with commas between",
+            )
+        misnamed = [name for name in table if name.lower() in _OTHER_NAMES_OF_TIMES]
+        if misnamed and "time_s" not in table:
+            raise InputError(
+                f"{path} states times under a name that is not read",
+                got=f"column {misnamed[0]}",
+                allowed="time_s, in seconds",
+                remedy="name the column time_s, or leave it out",
             )
         points = table[["x_m", "y_m"]].to_numpy(dtype=np.float64)
         times_s = table["time_s"].to_numpy(dtype=np.float64) if "time_s" in table else None

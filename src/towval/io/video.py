@@ -89,7 +89,7 @@ class Video:
         if not container.streams.video:
             container.close()
             raise InputError(f"{self.path.name} holds no video stream", remedy="give a file that holds moving pictures")
-        if container.streams.video[0].codec_context is None:
+        if shown(container).codec_context is None:
             container.close()
             raise InputError(
                 f"{self.path.name} is coded in a way that FFmpeg cannot decode",
@@ -101,7 +101,7 @@ class Video:
     def __iter__(self) -> Iterator[tuple[float, Luma]]:
         self.decoded_frames, self.last_time_s, self.findings = 0, float("nan"), ()
         with self.opened() as container:
-            stream = container.streams.video[0]
+            stream = shown(container)
             pts = sorted(self._stored_pts()[0]) if self._pts_in_coding_order else None
             stream.thread_type = "AUTO"
             stream.codec_context.thread_count = min(_MOST_THREADS, os.cpu_count() or 1)
@@ -136,7 +136,7 @@ class Video:
         The second keyframe where the header states no end; the first picture where nothing late can be decoded.
         """
         with self.opened() as container:
-            stream = container.streams.video[0]
+            stream = shown(container)
             late: Luma | None = None
             with suppress(av.error.FFmpegError):
                 if np.isfinite(self.header.end_s) and stream.time_base:
@@ -147,13 +147,22 @@ class Video:
                         break
         return self.first_picture() if late is None else np.ascontiguousarray(late)
 
+    def stored_pictures(self, most: int) -> int:
+        """How many pictures are stored, counted up to ``most``; what cannot be read is left to whoever decodes."""
+        with self.opened() as container:
+            packets = container.demux(shown(container))
+            try:
+                return sum(1 for _ in itertools.islice((p for p in packets if p.size and not p.is_discard), most))
+            except av.error.FFmpegError:
+                return most
+
     def stamps_s(self) -> Array:
         """Presentation times (n,) of the stored pictures [s], in order, without decoding them.
 
         Raises `InputError` where not all can be found: with ``damaged`` those before the damage are used instead.
         """
         with self.opened() as container:
-            base = container.streams.video[0].time_base
+            base = shown(container).time_base
         pts, reason = self._stored_pts()
         if reason and not self.go_on_when_damaged:
             raise self._damaged(reason, f"{len(pts)} pictures can be found")
@@ -168,7 +177,7 @@ class Video:
         pts: list[int] = []
         with self.opened() as container:
             try:
-                packets = container.demux(container.streams.video[0])
+                packets = container.demux(shown(container))
                 # An edit list cuts pictures off that are stored all the same.
                 pts.extend(packet.pts for packet in packets if packet.pts is not None and not packet.is_discard)
             except av.error.FFmpegError as error:
@@ -183,7 +192,7 @@ class Video:
         right.
         """
         with self.opened() as container:
-            stream = container.streams.video[0]
+            stream = shown(container)
             ahead = set()
             with suppress(av.error.FFmpegError):  # Said where the pictures are decoded.
                 for packet in itertools.islice(container.demux(stream), _PACKETS_LOOKED_AT):
@@ -236,8 +245,14 @@ def _seconds(pts: int, time_base: Fraction | None) -> float:
     return pts * base.numerator / base.denominator
 
 
+def shown(container: av.container.InputContainer) -> av.VideoStream:
+    """The video track that players show: not a cover picture, a preview or a second camera. There is one."""
+    best = container.streams.best("video")
+    return best if isinstance(best, av.VideoStream) else container.streams.video[0]
+
+
 def _header(container: av.container.InputContainer) -> VideoHeader:
-    stream = container.streams.video[0]
+    stream = shown(container)
     sound = next(iter(container.streams.audio), None)
     context, base, nan = stream.codec_context, Fraction(stream.time_base or 0), float("nan")
     begin = (stream.start_time or 0) * base

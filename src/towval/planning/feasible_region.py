@@ -15,7 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from towval.model import Array
+from towval.model.checks import locked
 from towval.model.compiling import compiled
+from towval.model.errors import InputError
 from towval.planning.kinematics import Rover, wheel_velocities
 
 GUARD = 1e-9
@@ -84,8 +86,12 @@ def feasible_piece(rover: Rover, sides: tuple[int, ...], guard: float = 0.0) -> 
     ρ ∈ [ρ_min, ρ_max] is ``(Ω − p) · e(ρ_min) ≤ 0`` and ``(Ω − p) · e(ρ_max) ≥ 0``, e the unit vector of an angle.
     ``sides`` (4,) is +1 left, −1 right of each wheel; ``guard`` [rad] narrows each range at both ends.
     """
+    side = locked(sides, "sides of the wheels", (4,))[:, None]
+    if not np.isin(side, (-1.0, 1.0)).all():
+        raise InputError("the centre is on no side of a wheel", got=sides, allowed="+1 (left) or −1 (right) of each")
     least, greatest = rover.steering_ranges.T + np.array([[guard], [-guard]])
-    side = np.asarray(sides, dtype=np.float64)[:, None]
+    if not (least < greatest).all():
+        raise InputError("the guard leaves nothing of a steering range", got=f"{guard} rad", allowed="less than half")
     lower = -side * np.stack([np.cos(least), np.sin(least)], axis=1)
     upper = side * np.stack([np.cos(greatest), np.sin(greatest)], axis=1)
     normals = np.concatenate([lower, upper])

@@ -24,6 +24,7 @@ from towval.io.film import (
     upright_size,
     write_film,
 )
+from towval.io.video import shown
 from towval.model import Calibration
 from towval.model.errors import InputError
 from towval.model.run_record import RunRecord, Still
@@ -55,7 +56,7 @@ def write_overlay(
     check_film_replaceable(target)
     painter = Painter(calibration, run, width_px)
     with opened_film(source) as film:
-        stream, clock = film.streams.video[0], _Clock(source, run)
+        stream, clock = shown(film), _Clock(source, run)
         drawn = _drawn(source, decoded(film, damaged), stream, painter, clock)
         write_film(target, stream, painter.size_px, drawn)
     return target
@@ -71,7 +72,7 @@ def drawn_pictures(
     painter = Painter(calibration, run, _PICTURE_PX)
     due_s = -np.inf
     with opened_film(source) as film:
-        stream, clock = film.streams.video[0], _Clock(source, run)
+        stream, clock = shown(film), _Clock(source, run)
         stream.codec_context.skip_frame = "NONREF"
         for frame in decoded(film, damaged):
             time_s = seconds(frame, stream)
@@ -86,7 +87,7 @@ def stills(
     """The first pictures at or after given presentation times [s], with the run drawn in; none after the last one."""
     painter, found = Painter(calibration, run, _STILL_PX), []
     with opened_film(source) as film:
-        stream, clock = film.streams.video[0], _Clock(source, run)
+        stream, clock = shown(film), _Clock(source, run)
         for wanted_s in times_s:
             wanted = int(wanted_s / time_base(stream))
             film.seek(wanted, stream=stream)
