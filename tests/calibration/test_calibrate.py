@@ -3,6 +3,7 @@
 import weakref
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -11,6 +12,7 @@ import pytest
 import yaml
 
 from board_pictures import chessboard_pattern, pattern_to_image, picture
+from studies.worlds import boards
 from studies.worlds.boards import CornerScene, axis_rotation, calibration_set
 from towval.calibration.board_search import find_boards
 from towval.calibration.calibrate import CalibrateSettings, _listed, calibrate, calibrate_observations
@@ -33,6 +35,22 @@ def position_error_m(calibration: Calibration, scene: CornerScene, height_m: flo
 
 def calibrated(scene: CornerScene, settings: CalibrateSettings = QUICK) -> Calibration:
     return calibrate_observations(scene.seen, settings, {}, heights_m=(0.35,))
+
+
+@pytest.mark.parametrize("seed", [27, 48])
+def test_the_fit_to_a_wide_lens_ends_at_its_focal_length(monkeypatch, seed):
+    ceiling, held = boards.ceiling_camera, boards.held_board
+
+    def wide(rng: np.random.Generator) -> tuple[Camera, Floor]:
+        camera, floor = ceiling(rng)
+        matrix = camera.matrix.copy()
+        matrix[:2, :2] *= 800 / matrix[0, 0]
+        return replace(camera, matrix=matrix, distortion=np.array([-0.25, 0.065, 0, 0, 0, 0, 0, 0])), floor
+
+    monkeypatch.setattr(boards, "ceiling_camera", wide)
+    monkeypatch.setattr(boards, "held_board", partial(held, distance_m=(0.4, 1.0)))
+    calibration = calibrated(boards.calibration_set(seed, views=6, floor="boards"))
+    assert calibration.camera.matrix[0, 0] == pytest.approx(800, rel=0.01)
 
 
 @pytest.mark.parametrize("floor", ["marks", "boards"])

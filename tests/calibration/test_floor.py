@@ -1,12 +1,13 @@
 """The floor frame and the first guess of it."""
 
+import cv2
 import numpy as np
 import pytest
 
 from studies.worlds.boards import board_corners, calibration_set
 from towval.calibration.bundle_adjustment import Estimate
 from towval.calibration.corners import BoardObservation
-from towval.calibration.floor import in_floor_axes, place_on_floor
+from towval.calibration.floor import in_floor_axes, place_of_pose, place_on_floor
 from towval.calibration.observations import first_guess
 from towval.model import FloorReference
 from towval.model.errors import InputError
@@ -65,6 +66,16 @@ def test_first_guess_is_near_enough_to_start_from(floor):
     # Its camera has no lens yet, which bends the boards by some degrees.
     assert np.degrees(np.arccos((np.trace(apart[:3, :3]) - 1) / 2)) < 8
     assert len(guess.places) == len(scene.seen.blocks)
+
+
+def test_a_board_whose_pose_is_known_is_where_it_lies():
+    scene = calibration_set(31)
+    estimate = Estimate(shared_parameters(scene.camera, scene.floor), ())
+    turned = np.eye(4)
+    turned[:2, :2], turned[:2, 3] = [[np.cos(0.7), -np.sin(0.7)], [np.sin(0.7), np.cos(0.7)]], [0.4, -0.9]
+    T = scene.floor.T_camera_floor @ turned
+    pose = np.concatenate([cv2.Rodrigues(T[:3, :3])[0].ravel(), T[:3, 3]])
+    np.testing.assert_allclose(place_of_pose(pose, estimate), [0.4, -0.9, 0.7], atol=1e-9)
 
 
 def test_a_board_is_found_where_it_lies():

@@ -1,11 +1,13 @@
 """The choice of a lens model: by held-out error, for the smallest, against coefficients that cancel."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from studies.worlds.boards import calibration_set
+from towval.calibration import lens
 from towval.calibration.bundle_adjustment import Estimate, adjust
 from towval.calibration.lens import LENS_MODELS, LensTrial, active_parameters, choose_lens, try_lens, try_lenses
 from towval.calibration.observations import first_guess
@@ -42,6 +44,20 @@ def test_models_are_tried_until_two_in_a_row_do_not_help():
     scores = [t.score_px2 for t in trials]
     assert scores[1] < scores[0]
     assert len(trials) == len(LENS_MODELS) or min(scores[-2:]) >= min(scores[:-2])
+
+
+def test_a_model_too_small_for_the_lens_does_not_lead_the_next_astray(monkeypatch):
+    scene = calibration_set(21, views=8)
+    start = adjust(scene.seen.blocks, first_guess(scene.seen), active_parameters("k1 k2", with_floor=True))
+    collapsed, begun = replace(start, shared=start.shared * [1e-3, 1e-3, *[1.0] * 16]), []
+
+    def tried(blocks, begin, model, folds, doubts):
+        begun.append(begin)
+        return LensTrial(model, np.array([1.0]), collapsed if model == "none" else begin, 1e3)
+
+    monkeypatch.setattr(lens, "try_lens", tried)
+    try_lenses(scene.seen.blocks, start, ("none", "k1"), 4)
+    assert begun == [start, start]
 
 
 def test_held_out_error_of_the_true_model_is_the_noise():

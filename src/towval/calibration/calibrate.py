@@ -26,14 +26,27 @@ from towval.calibration.doubts import doubts_std, settle, without_prejudice
 from towval.calibration.floor import in_floor_axes
 from towval.calibration.lens import LENS_MODELS, NESTED, LensTrial, active_parameters
 from towval.calibration.observations import MARKS_VIEW, CalibrationObservations, first_guess, unflipped
-from towval.model import Board, Calibration, Camera, Finding, Floor, FloorReference, Severity, View
+from towval.model import (
+    CALIBRATION_PARAMETERS,
+    Board,
+    Calibration,
+    Camera,
+    Finding,
+    Floor,
+    FloorReference,
+    Severity,
+    View,
+)
 from towval.model.errors import InputError, RefusedError
 from towval.model.findings import finding
 
-_JUDGING_MODELS = ("none", "k1", "k1 k2", "k1 k2 p1 p2 k3", "rational")
-"""Lens models fitted in turn before any view is judged: a misfit that remains with the largest is the view's."""
-_GOOD_ENOUGH_TO_CLEAR = _JUDGING_MODELS[2:]
-"""Models with which equal misfits of all views mean a good set; smaller ones fit all views equally badly."""
+_FIRST_MODELS = ("k1", "k1 k2")
+"""Lens models fitted in turn about the image centre: with a free principal point the fit to a wide lens may end at a
+focal length that differs by the axis, from which no larger model comes back."""
+_CENTRE = [CALIBRATION_PARAMETERS.index(name) for name in ("cx", "cy")]
+_JUDGING_MODELS = ("k1 k2", "k1 k2 p1 p2 k3", "rational")
+"""Lens models fitted in turn before any view is judged: a misfit that remains with the largest is the view's, and
+smaller ones than these fit all views equally badly."""
 
 
 @dataclass(frozen=True)
@@ -228,13 +241,17 @@ def _without_misfits(
 def _fit_to_judge(observed: CalibrationObservations, misfit_ratio: float) -> tuple[Estimate, tuple[str, str] | None]:
     """Fit larger and larger lens models until all views fit; if none does, the worst view and the reason."""
     estimate = first_guess(observed)
+    for model in _FIRST_MODELS:
+        active = active_parameters(model, with_floor=observed.reference is not None)
+        about_centre = active[~np.isin(active, _CENTRE)]
+        estimate = unflipped(observed, adjust(observed.blocks, estimate, about_centre))
     for model in _JUDGING_MODELS:
         active = active_parameters(model, with_floor=observed.reference is not None)
         estimate = unflipped(observed, adjust(observed.blocks, estimate, active))
         found = residuals(observed.blocks, estimate)[: len(observed.observations)]
         rms_px = [float(np.sqrt(np.mean(r**2))) for r in found]
         usual, worst = float(np.median(rms_px)), int(np.argmax(rms_px))
-        if model in _GOOD_ENOUGH_TO_CLEAR and rms_px[worst] <= max(misfit_ratio * usual, CONSTANTS.smallest_misfit_px):
+        if rms_px[worst] <= max(misfit_ratio * usual, CONSTANTS.smallest_misfit_px):
             return estimate, None
     reason = f"does not fit: {rms_px[worst]:.2f} px RMS where half of the views have {usual:.2f} px or less"
     return estimate, (observed.observations[worst].name, reason)

@@ -74,3 +74,10 @@ def place_on_floor(points_m: Array, pixels: Array, estimate: Estimate, height_m:
     """Where a flat set of points (n, 2) [m], seen at ``pixels`` (n, 2), lies in the floor frame (3,) [m, m, rad]."""
     camera = estimate.T_camera_floor, estimate.matrix, np.ascontiguousarray(estimate.distortion)
     return rigid_fit(points_m, to_plane_kernel(np.ascontiguousarray(pixels), height_m, *camera))
+
+
+def place_of_pose(pose: Array, estimate: Estimate) -> Array:
+    """Where a board at a pose (6,) in the camera frame lies in the floor frame, nearly flat on it (3,) [m, m, rad]."""
+    T = estimate.T_camera_floor
+    x_axis, origin = T[:3, :3].T @ cv2.Rodrigues(pose[:3])[0][:, 0], T[:3, :3].T @ (pose[3:] - T[:3, 3])
+    return np.array([*origin[:2], np.arctan2(x_axis[1], x_axis[0])])

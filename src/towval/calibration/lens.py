@@ -79,9 +79,7 @@ def try_lens(
     """
     with_floor = any(block.placement is not Placement.FREE for block in blocks)
     active = np.concatenate([active_parameters(model, with_floor), doubts])
-    shared = start.shared.copy()
-    shared[[i for i in range(4, 12) if i not in active]] = 0.0
-    estimate = adjust(blocks, replace(start, shared=shared), active)
+    estimate = adjust(blocks, _as_model(start, model), active)
     movable = [i for i, block in enumerate(blocks) if block.placement is not Placement.FIXED]
     scores = np.full(len(blocks), np.nan)
     for fold in range(min(folds, len(movable))):
@@ -100,16 +98,33 @@ def try_lens(
 def try_lenses(
     blocks: Sequence[Block], start: Estimate, models: Sequence[str], folds: int, doubts: NDArray[np.intp] = NO_DOUBTS
 ) -> list[LensTrial]:
-    """Try nested models, smallest first, each from the one before, until two in a row predict no better."""
+    """Try nested models, smallest first, until two in a row predict no better.
+
+    Each begins where the one before ended, or at ``start`` where this leaves less: a model that is too small for the
+    lens may end with a focal length of a pixel, from which no larger one comes back.
+    """
     trials: list[LensTrial] = []
     worse_in_a_row = 0
     for model in models:
-        trials.append(try_lens(blocks, trials[-1].estimate if trials else start, model, folds, doubts))
+        begin = min([start, *(trial.estimate for trial in trials[-1:])], key=lambda one: _left_over(blocks, one, model))
+        trials.append(try_lens(blocks, begin, model, folds, doubts))
         best_before = min((trial.score_px2 for trial in trials[:-1]), default=np.inf)
         worse_in_a_row = 0 if trials[-1].score_px2 < best_before else worse_in_a_row + 1
         if worse_in_a_row == 2:
             break
     return trials
+
+
+def _as_model(estimate: Estimate, model: str) -> Estimate:
+    """An estimate without the coefficients that a lens model does not have."""
+    shared = estimate.shared.copy()
+    shared[[i for i in range(4, 12) if i not in LENS_MODELS[model]]] = 0.0
+    return replace(estimate, shared=shared)
+
+
+def _left_over(blocks: Sequence[Block], estimate: Estimate, model: str) -> float:
+    """Sum of the squared residuals of an estimate whose lens is one of a model [px²]."""
+    return sum(float(np.sum(each**2)) for each in residuals(blocks, _as_model(estimate, model)))
 
 
 def choose_lens(trials: Sequence[LensTrial]) -> LensTrial:

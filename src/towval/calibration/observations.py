@@ -8,13 +8,17 @@ import numpy as np
 
 from towval.calibration.bundle_adjustment import DOUBTS, Block, Estimate, Placement, residuals
 from towval.calibration.corners import BoardObservation, facing_camera
-from towval.calibration.floor import floor_from_boards, place_on_floor, pose_of_plane
+from towval.calibration.floor import floor_from_boards, place_of_pose, place_on_floor, pose_of_plane
 from towval.model import Array, FloorReference
 from towval.model.errors import InputError
 from towval.model.geometry import lifted
 
 MARKS_VIEW = "surveyed marks"
 """Name of the view that holds the surveyed marks, in place of that of a picture."""
+
+
+_FOCAL_SHARES = (0.3, 0.4, 0.5, 0.65, 0.8, 1.0, 1.3, 1.8, 2.5, 4.0)
+"""Focal lengths to begin with, of the longer side of a picture."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +82,9 @@ class CalibrationObservations:
 def first_guess(observed: CalibrationObservations) -> Estimate:
     """Camera without distortion, floor and places, to start the adjustment from.
 
-    The focal length is that of the boards' vanishing points (Zhang 2000), the principal point the image centre.
+    The focal length is that with which the boards, each by itself, leave least: of their vanishing points (Zhang 2000),
+    which a wide lens leads astray, and of lengths between a wide lens's and a long one's. The principal point is the
+    image centre.
     """
     width, height = observed.resolution_px
     points = [lifted(s.board_m, 0.0).astype(np.float32) for s in observed.observations]
@@ -87,8 +93,22 @@ def first_guess(observed: CalibrationObservations) -> Estimate:
     # Boards without tilt have no vanishing points: the guess may then be anything.
     focal = guess if np.isfinite(guess) and 0.2 * width < guess < 10 * width else float(width)
     shared = np.zeros(18)
-    shared[:4] = focal, focal, (width - 1) / 2, (height - 1) / 2
-    return placed(observed, Estimate(shared, ()))
+    shared[2:4] = (width - 1) / 2, (height - 1) / 2
+    cameras = []
+    for length in (focal, *(share * max(width, height) for share in _FOCAL_SHARES)):
+        shared[:2] = length
+        cameras.append(Estimate(shared.copy(), ()))
+    return placed(observed, min(cameras, key=lambda camera: _left_over(observed, camera)))
+
+
+def _left_over(observed: CalibrationObservations, camera: Estimate) -> float:
+    """Sum of the RMS residuals of the boards, each in the likelier of its poses [px]."""
+    total = 0.0
+    for board in observed.observations:
+        block = Block(lifted(board.board_m, 0.0), board.corners_px, Placement.FREE)
+        place = pose_of_plane(block.points_m, block.pixels, camera.matrix, camera.distortion)[0]
+        total += float(np.sqrt(np.mean(residuals([block], replace(camera, places=(place,)))[0] ** 2)))
+    return total
 
 
 def placed(observed: CalibrationObservations, estimate: Estimate) -> Estimate:
@@ -103,7 +123,9 @@ def placed(observed: CalibrationObservations, estimate: Estimate) -> Estimate:
     places = [np.zeros(0) for _ in observed.blocks[len(observed.boards) :]]
     for i, observation in enumerate(observed.floor_boards):
         if observed.blocks[len(observed.boards) + i].placement is not Placement.FIXED:
-            places[i] = place_on_floor(observation.board_m, observation.corners_px, estimate, thickness)
+            place = place_on_floor(observation.board_m, observation.corners_px, estimate, thickness)
+            # Over a floor that is only guessed at, the rays of a wide lens may miss it.
+            places[i] = place if np.isfinite(place).all() else place_of_pose(flat[i], estimate)
     return replace(estimate, places=(*free, *places))
 
 
