@@ -40,7 +40,7 @@ def _limit(keys: Array, drawn: Sequence[Array] | Array) -> float:
     runs: Any = [
         SimpleNamespace(
             run=str(i), verdict=Verdict.AGREES, tested_ratio=0.1, drawn_tests=np.column_stack([keys, ratios]),
-            error_upper_m=0.002, tolerance_m=0.01, detectable_m=0.003,
+            error_upper_m=0.002, tolerance_m=0.01, detectable_m=0.003, warnings="",
         )
         for i, ratios in enumerate(drawn)
     ]  # fmt: skip

@@ -123,7 +123,8 @@ uncorrected = both(
     replaced(track, "check_clicks", lambda _: _as_clicked),
     replaced(track, "standing_still", lambda _: lambda *_given: []),
     # All rows are read at once; each picture was taken.
-    replaced(track, "_READOUT_STD_S", lambda _: {False: 0.0, True: 0.0}),
+    replaced(track, "_readout", result_of(lambda _: (0.0, 0.0))),
+    replaced(tracking, "field_lateness", result_of(np.zeros_like)),
     replaced(tracking, "check_invented", lambda _: lambda tracks: (dict(tracks), ())),
 )
 """Plants that the tracker corrects nothing, and allows for nothing, that the faults of the table change."""

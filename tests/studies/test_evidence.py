@@ -238,10 +238,14 @@ def test_what_a_document_states_without_a_row_is_found(old, new, what):
 
 
 @pytest.mark.parametrize("name", [name for name, group in GROUPS.items() if group.check])
-def test_every_check_has_faults(name):
+def test_every_check_has_faults_that_can_be_planted(name):
+    """What they replace is found by name: a rename showed only when the check ran."""
     check = loaded(GROUPS[name].check)
     assert isinstance(check, Check)
     assert check.faults
+    for fault in check.faults.values():
+        with fault():
+            pass
 
 
 def test_the_ledger_in_the_documents_is_that_of_the_table(repository):
