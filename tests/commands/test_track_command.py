@@ -160,7 +160,8 @@ def test_tags_are_as_good_as_clicks(campaign, tmp_path):
     folder = campaign(change, tmp_path / "tags.mp4")
     given = load_campaign(folder)
     video = Video(tmp_path / "tags.mp4")
-    start = _start(given, given.runs["a"], video, video.first_picture(), calibration, Faults())
+    seen = video.first_picture()
+    start = _start(given, given.runs["a"], video, seen, (calibration, calibration), Faults())
     assert start.doubts == {}, "a check of the campaign searches for no outline where tags say it"
     track(folder, "a", tmp_path / "camera.mcap", tmp_path / "track.mcap")
     for body, found in read_tracks(tmp_path / "track.mcap").items():
