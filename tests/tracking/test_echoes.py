@@ -1,32 +1,17 @@
 """What pictures keep of those before them."""
 
 import re
-from dataclasses import replace
 
 import cv2
 import numpy as np
 import pytest
+from driven import MOTION, PICTURES, STEP_S, filmed, tracked
 from painted import POSE, texture
 from painted import picture as painted_picture
 from painted import target as painted_target
 
-from studies.worlds.scenes import CeilingCamera, drive, small_camera, standard_scene
 from towval.model.geometry import compose
 from towval.tracking.echoes import Echoes, _kept, echo_findings, lateness
-from towval.tracking.track import track
-
-STEP_S = 0.04
-MOTION = drive((-0.6, 0.2, 0.1), 0.25, 0.1)  # 2 px a picture
-PICTURES = 20
-
-
-@pytest.fixture(scope="module")
-def filmed():
-    """The scene, and sharp pictures of a rover that drives, five in each step of the time."""
-    scene = replace(standard_scene(6, **small_camera()), noise=0.0)
-    scene = replace(scene, motions=(MOTION, drive((-1.2, -0.6, 0.0), 0.0)))
-    camera = CeilingCamera(scene)
-    return scene, [camera.render(i * STEP_S / 5).astype(float) for i in range(5 * PICTURES)]
 
 
 def sharp(pictures):
@@ -54,23 +39,16 @@ def out_of_focus(pictures):
     return [pictures[0], *(cv2.GaussianBlur(each, (0, 0), 1.5) for each in pictures[5::5])]
 
 
-def tracked(scene, pictures):
-    rng = np.random.default_rng(1)
-    noisy = [np.clip(np.rint(each + rng.normal(0, 2.0, each.shape)), 0, 255).astype(np.uint8) for each in pictures]
-    clicks = scene.clicks(np.random.default_rng(2))
-    return track([(i * STEP_S, luma) for i, luma in enumerate(noisy)], scene.calibration, scene.bodies, clicks)
-
-
 @pytest.mark.parametrize("change", [sharp, through_a_shutter, out_of_focus, denoised(0.1)])
-def test_what_blurs_in_another_way_is_no_echo(filmed, change):
-    scene, pictures = filmed
-    findings = tracked(scene, change(pictures))["rover"].findings
+def test_what_blurs_in_another_way_is_no_echo(change):
+    _, pictures = filmed()
+    findings = tracked(change(pictures))["rover"].findings
     assert "pictures_mixed" not in {each.code for each in findings}
 
 
-def test_a_run_through_noise_reduction_is_named_and_as_uncertain_as_it_is_late(filmed):
-    scene, pictures = filmed
-    found = tracked(scene, denoised(0.5)(pictures))
+def test_a_run_through_noise_reduction_is_named_and_as_uncertain_as_it_is_late():
+    _, pictures = filmed()
+    found = tracked(denoised(0.5)(pictures))
     (named,) = [each for each in found["rover"].findings if each.code == "pictures_mixed"]
     # The object rests: it is the rover that shows what the camera does.
     assert named in found["object"].findings

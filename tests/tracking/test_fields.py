@@ -1,23 +1,17 @@
 """Rows that were taken at another time than those beside them: interlaced video, and what is none."""
 
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
+from driven import MOTION, PICTURES, STEP_S, filmed, tracked
 from painted import POSE
 from painted import picture as painted_picture
 from painted import target as painted_target
 
-from studies.worlds.scenes import CeilingCamera, drive, small_camera, standard_scene
 from towval.model.geometry import compose
 from towval.tracking.echoes import Echoes
 from towval.tracking.fields import Fields, _apart, field_findings, field_lateness
-from towval.tracking.track import track
-
-STEP_S = 0.04
-MOTION = drive((-0.6, 0.2, 0.1), 0.25, 0.1)  # 2 px a picture
-PICTURES = 20
 
 
 def woven(even, odd):
@@ -69,25 +63,9 @@ def test_fields_swapped_in_mid_run_are_found_in_its_parts():
     assert fields.apart() == pytest.approx(0.5)
 
 
-@pytest.fixture(scope="module")
-def filmed():
-    """The scene, and sharp pictures of a rover that drives, five in each step of the time."""
-    scene = replace(standard_scene(6, **small_camera()), noise=0.0)
-    scene = replace(scene, motions=(MOTION, drive((-1.2, -0.6, 0.0), 0.0)))
-    camera = CeilingCamera(scene)
-    return scene, [camera.render(i * STEP_S / 5).astype(float) for i in range(5 * PICTURES)]
-
-
-def tracked(scene, pictures):
-    rng = np.random.default_rng(1)
-    noisy = [np.clip(np.rint(each + rng.normal(0, 2.0, each.shape)), 0, 255).astype(np.uint8) for each in pictures]
-    clicks = scene.clicks(np.random.default_rng(2))
-    return track([(i * STEP_S, luma) for i, luma in enumerate(noisy)], scene.calibration, scene.bodies, clicks)
-
-
-def test_interlaced_video_is_named_and_its_poses_may_be_those_of_either_field(filmed):
-    scene, pictures = filmed
-    found = tracked(scene, [woven(pictures[i], pictures[i + 2]) for i in range(0, len(pictures), 5)])
+def test_interlaced_video_is_named_and_its_poses_may_be_those_of_either_field():
+    _, pictures = filmed()
+    found = tracked([woven(pictures[i], pictures[i + 2]) for i in range(0, len(pictures), 5)])
     (named,) = [each for each in found["rover"].findings if each.code == "fields_apart"]
     # The object rests: it is the rover that shows what the camera does.
     assert named in found["object"].findings
@@ -100,9 +78,9 @@ def test_interlaced_video_is_named_and_its_poses_may_be_those_of_either_field(fi
     assert std[-5:] == pytest.approx(0.2 * way, rel=0.3)
 
 
-def test_progressive_video_is_not(filmed):
-    scene, pictures = filmed
-    assert "fields_apart" not in {each.code for each in tracked(scene, pictures[::5])["rover"].findings}
+def test_progressive_video_is_not():
+    _, pictures = filmed()
+    assert "fields_apart" not in {each.code for each in tracked(pictures[::5])["rover"].findings}
 
 
 def test_lateness_is_half_of_the_time_between_the_fields():
