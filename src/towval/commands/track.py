@@ -17,6 +17,7 @@ from towval.io.provenance import provenance
 from towval.io.records import read_calibration, write_tracks
 from towval.io.video import Luma, Video
 from towval.model import Array, Body, Calibration, Finding, Track
+from towval.model.conventions import FEWEST_FRAMES
 from towval.model.errors import InputError
 from towval.model.findings import finding
 from towval.model.geometry import polygon_area
@@ -35,7 +36,6 @@ from towval.tracking.total_covariance import with_readout, with_wider_start
 from towval.tracking.track import TrackSettings, track
 
 _MOST_PICTURES = 16  # for the background
-_FEWEST_PICTURES = 8  # of a run: with fewer poses the stage decimate cannot tell their noise
 _MOST_FLOORS = 8  # pictures of the floor, to see whether the camera moved since
 
 
@@ -176,12 +176,12 @@ def open_video(given: Campaign, entry: Run) -> Video:
             allowed=" × ".join(map(str, given.resolution_px)),
             remedy="calibrate with pictures of the size of the video",
         )
-    stored = video.stored_pictures(_FEWEST_PICTURES)
-    if stored < _FEWEST_PICTURES:
+    stored = video.stored_pictures(FEWEST_FRAMES)
+    if stored < FEWEST_FRAMES:
         raise InputError(
             f"the video {entry.video.name} is too short for a run",
             got=f"{stored} picture{'s' * (stored != 1)}",
-            allowed=f"{_FEWEST_PICTURES} or more",
+            allowed=f"{FEWEST_FRAMES} or more",
             remedy="name the film of the run: a photo or a preview may have the same name",
         )
     return video

@@ -59,3 +59,6 @@ principal point [px], which is that of a picture moved by its stabiliser."""
 PICTURE_MOTION = ("u", "v", "turn", "growth")
 """What a motion of the view does to the picture of the floor: shift of its middle [px], turn, clockwise as seen [rad],
 and logarithm of its growth."""
+
+FEWEST_FRAMES = 8
+"""Of a body in a run: of fewer poses nothing tells the noise."""

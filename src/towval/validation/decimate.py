@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from towval.model import Array, DecimatedTrack, Finding, Track, TrackStatus
+from towval.model.conventions import FEWEST_FRAMES
 from towval.model.errors import InputError, RefusedError
 from towval.model.findings import finding
 
@@ -24,7 +25,6 @@ _MAD_TO_STD = 1.4826
 _THIRD_DIFFERENCE_GAIN = np.sqrt(20.0)
 """Standard deviation of the third difference (1, −3, 3, −1) of white noise of deviation one."""
 
-_MINIMUM_FRAMES = 8
 _REST_FRAMES = 27
 """Frames of the shortest rest: 3 deviations of its slope then are 3 √(12/27) = 2 deviations of one pose over its
 length, which is the largest creep that can hide in it."""
@@ -87,11 +87,11 @@ def decimate(track: Track, settings: DecimateSettings | None = None) -> Decimate
     """
     settings = settings or DecimateSettings()
     seen = np.flatnonzero(track.seen)
-    if len(seen) < _MINIMUM_FRAMES:
+    if len(seen) < FEWEST_FRAMES:
         raise RefusedError(
             f"the {track.body} track is too short to decimate",
             got=f"{len(seen)} tracked frames",
-            allowed=f"at least {_MINIMUM_FRAMES}",
+            allowed=f"at least {FEWEST_FRAMES}",
             remedy="look at the stage track's findings for this run",
         )
     time, pose = track.time_s[seen], track.pose[seen]
@@ -101,7 +101,7 @@ def decimate(track: Track, settings: DecimateSettings | None = None) -> Decimate
     moving = np.ones(len(time), dtype=bool)
     for first, last in pauses:
         moving[first : last + 1] = False
-    if np.count_nonzero(moving) < _MINIMUM_FRAMES:
+    if np.count_nonzero(moving) < FEWEST_FRAMES:
         moving[:] = True
     noise = np.maximum(white, noise_in_motion(time[moving], pose[moving], reported[moving]))
     sigma = frame_sigma(reported, noise)
