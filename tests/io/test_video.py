@@ -95,6 +95,32 @@ def test_a_truncated_file_says_how_much_is_good(tmp_path):
     assert f"{len(good)} of 40" in video.findings[0].text
 
 
+@pytest.mark.parametrize(("ending", "codec"), [("mkv", "libx264"), ("webm", "libvpx"), ("ts", "libx264")])
+def test_what_ffmpeg_takes_for_a_shorter_video_is_found_cut_off(tmp_path, ending, codec):
+    noise = np.random.default_rng(0)
+    frames = [(i / 25, noise.integers(0, 255, (96, 128), dtype=np.uint8)) for i in range(40)]
+    file = tmp_path / f"a.{ending}"
+    write_video(file, frames, codec=codec)
+    assert len(read(file)[1]) == len(Video(file).stamps_s()) == 40
+    whole = file.read_bytes()
+    file.write_bytes(whole[: int(0.6 * len(whole)) // 188 * 188 + 100])
+    for look in (list, Video.stamps_s):
+        with pytest.raises(InputError, match="damaged or truncated"):
+            look(Video(file))
+    video, good = read(file, damaged=True)
+    assert 10 < len(good) < 40
+    assert [f.code for f in video.findings] == ["video_damaged"]
+
+
+def test_a_recording_whose_length_was_never_written_is_taken_as_it_is(tmp_path):
+    file = tmp_path / "a.mkv"
+    write_video(file, pictures())
+    whole = file.read_bytes()
+    length = whole.index(bytes.fromhex("18538067")) + 4
+    file.write_bytes(whole[:length] + bytes.fromhex("01ffffffffffffff") + whole[length + 8 :])
+    assert len(read(file)[1]) == 30
+
+
 def test_a_late_picture_is_far_from_the_first_or_at_hand(tmp_path):
     pictures = [np.full((48, 64), grey, np.uint8) for grey in (40, 90, 140, 190)]
     write_video(tmp_path / "whole.mp4", ((i / 25, picture) for i, picture in enumerate(pictures)), crf="1")

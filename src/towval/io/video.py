@@ -13,6 +13,7 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
+from towval.io.cut_off import is_cut_off
 from towval.io.reading import is_plain_file
 from towval.model import Array, Finding
 from towval.model.errors import InputError
@@ -24,6 +25,7 @@ Luma = NDArray[np.uint8]
 _MOST_THREADS = 4
 _QUARTER_TURN_DEG = 90
 _PACKETS_LOOKED_AT = 100
+_CUT_OFF = "the file ends early"
 _PLAYLISTS = {"hls", "applehttp", "concat", "dash", "imf", "sdp", "rtsp", "lavfi"}
 """FFmpeg's formats that name other files or hosts."""
 
@@ -116,10 +118,10 @@ class Video:
             except av.error.FFmpegError as error:
                 self._damage(str(error.strerror))
                 return
-        if self.header.frames is not None and self.decoded_frames < self.header.frames and not self._reached_the_end():
-            self._damage("the file ends early")
-        elif self.decoded_frames == 0:
+        if self.decoded_frames == 0:
             raise InputError(f"{self.path.name} holds no frame that decodes", remedy="copy the file again")
+        if is_cut_off(self.path) or not self._reached_the_end():
+            self._damage(_CUT_OFF)
 
     def first_picture(self) -> Luma:
         """The first picture (height, width)."""
@@ -169,7 +171,12 @@ class Video:
         return np.array([_seconds(each, base) for each in sorted(pts)], dtype=np.float64)
 
     def _reached_the_end(self) -> bool:
-        """Whether the last frame is where the header says the video ends: AVI counts repeated pictures as frames."""
+        """Whether all frames of the header were decoded, or the last is where it says the video ends.
+
+        AVI counts repeated pictures as frames.
+        """
+        if self.header.frames is None or self.decoded_frames >= self.header.frames:
+            return True
         return self.last_time_s + 1.5 / self.header.rate_hz >= self.header.end_s
 
     def _stored_pts(self) -> tuple[list[int], str]:
@@ -182,7 +189,7 @@ class Video:
                 pts.extend(packet.pts for packet in packets if packet.pts is not None and not packet.is_discard)
             except av.error.FFmpegError as error:
                 return pts, str(error.strerror)
-        return pts, ""
+        return pts, _CUT_OFF if is_cut_off(self.path) else ""
 
     @cached_property
     def _pts_in_coding_order(self) -> bool:
