@@ -112,6 +112,16 @@ def test_what_ffmpeg_takes_for_a_shorter_video_is_found_cut_off(tmp_path, ending
     assert [f.code for f in video.findings] == ["video_damaged"]
 
 
+def test_how_much_of_a_damaged_video_is_good_does_not_depend_on_chance(tmp_path, monkeypatch):
+    monkeypatch.setattr("os.cpu_count", lambda: 8)
+    noise = np.random.default_rng(0)
+    file = tmp_path / "a.ts"
+    write_video(file, [(i / 25, noise.integers(0, 255, (240, 320), dtype=np.uint8)) for i in range(20)])
+    whole = file.read_bytes()
+    file.write_bytes(whole[: int(0.6 * len(whole))])
+    assert len({len(read(file, damaged=True)[1]) for _ in range(20)}) == 1
+
+
 def test_a_recording_whose_length_was_never_written_is_taken_as_it_is(tmp_path):
     file = tmp_path / "a.mkv"
     write_video(file, pictures())

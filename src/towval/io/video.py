@@ -106,7 +106,9 @@ class Video:
             stream = shown(container)
             pts = sorted(self._stored_pts()[0]) if self._pts_in_coding_order else None
             stream.thread_type = "AUTO"
-            stream.codec_context.thread_count = min(_MOST_THREADS, os.cpu_count() or 1)
+            # Among several threads it is left to chance whether a picture at the end of a file is marked as corrupt.
+            threads = 1 if self.go_on_when_damaged else min(_MOST_THREADS, os.cpu_count() or 1)
+            stream.codec_context.thread_count = threads
             try:
                 for frame in container.decode(stream):
                     if frame.is_corrupt or (frame.width, frame.height) != self.header.resolution_px:
