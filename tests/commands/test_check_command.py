@@ -16,6 +16,7 @@ import yaml
 
 from report_scenes import quarter_turned
 from studies.worlds.film import write_video
+from towval.commands.calibrate import calibrated
 from towval.commands.check import check, for_people, run
 from towval.commands.run_folder import same_footage
 from towval.io.campaign import load_campaign
@@ -25,6 +26,25 @@ from towval.io.video import Video
 from towval.io.yaml_text import read_yaml
 
 SAMPLE = Path(str(resources.files("towval"))) / "sample"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def calibrated_once():
+    """A set of pictures is calibrated once for each description of camera and floor: that is most of a check."""
+    made = {}
+
+    def remembered(given, settings):
+        pictures = [path.resolve() for path in (*given.calibration_images, *given.floor_images)]
+        heights = [body.tracked_plane_height_m for body in given.bodies]
+        camera = {name: value for name, value in given.document["camera"].items() if name != "fps"}
+        key = str([camera, given.document["floor"], pictures, heights, settings])
+        if key not in made:
+            made[key] = calibrated(given, settings)
+        return made[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("towval.commands.check.calibrated", remembered)
+        yield
 
 
 @pytest.fixture
