@@ -27,11 +27,12 @@ _LENS_START, _FLOOR_START, _CAMERA_END = 4, 12, len(CALIBRATION_PARAMETERS)
 BOARD_DOUBTS, HELD_DOUBTS = np.arange(_CAMERA_END, _CAMERA_END + 5), np.arange(_CAMERA_END + 5, _CAMERA_END + 8)
 """Where they are among the parameters, after those of the camera."""
 
-_MAX_STEPS = 400
-"""A fit that converges stops by itself; marks alone, which hardly tell the focal length, may take some hundred."""
+_MAX_STEPS = 400  # A fit that converges stops by itself.
 _NOISE_ROUNDS = 5
 _NEGLIGIBLE_DECREASE = 1e-4
 """In units of the whitened cost, where 1 is one standard deviation of one parameter combination."""
+_PROBE, _MOST_BEND = 0.1, 0.75
+"""Part of a step at which its bend is measured, and bend over step that is taken: Transtrum and Sethna's values."""
 
 
 @dataclass(frozen=True)
@@ -186,32 +187,52 @@ def _on_floor(points: Array, place: Array) -> tuple[Array, Array, Array]:
     return turned + np.array([*place[:2], 0.0]), turn, derivative
 
 
+_Step = tuple[Array, Sequence[Array]]
+"""By how much the active shared parameters (k,) and the place of each block move."""
+
+
 @dataclass(frozen=True)
 class _Normal:
-    """Whitened normal equations, block by block: A by the shared parameters, B by the place, r the residual."""
+    """Whitened normal equations, block by block: A by the shared parameters, B by the place, r the residual.
+
+    ``linear`` are what they are made of, for each block: the roots of the weights (2n,), r, A and B.
+    """
 
     cost: float
+    linear: tuple[tuple[Array, Array, Array, Array], ...]
     AA: Array
     Ar: Array
     AB: tuple[Array, ...]
     BB: tuple[Array, ...]
     Br: tuple[Array, ...]
 
-    def reduced(self, damping: float) -> tuple[Array, Array, list[Array]]:
+    def reduced(self, damping: float, sides: _Step | None = None) -> tuple[Array, Array, list[Array]]:
         """Schur complement, its right-hand side and the gains that give the places; Marquardt's relative damping."""
-        schur, right = _damped(self.AA, damping), self.Ar.copy()
-        gains: list[Array] = [np.zeros((0, 1))] * len(self.Br)
-        for size in {len(Br) for Br in self.Br} - {0}:  # Alike ones in one call, for a call costs more than they do.
-            alike = [i for i, Br in enumerate(self.Br) if len(Br) == size]
+        Ar, of_places = sides or (self.Ar, self.Br)
+        schur, right = _damped(self.AA, damping), Ar.copy()
+        gains: list[Array] = [np.zeros((0, 1))] * len(of_places)
+        for size in {len(Br) for Br in of_places} - {0}:  # Alike ones in one call, for a call costs more than they do.
+            alike = [i for i, Br in enumerate(of_places) if len(Br) == size]
             AB, BB = np.array([self.AB[i] for i in alike]), np.array([self.BB[i] for i in alike])
             BB[:, range(size), range(size)] *= 1 + damping
-            sides = np.concatenate([AB.transpose(0, 2, 1), np.array([self.Br[i] for i in alike])[..., None]], axis=2)
-            gain = np.asarray(np.linalg.solve(BB, sides), dtype=np.float64)
+            sides_of = np.array([of_places[i] for i in alike])[..., None]
+            gain = np.asarray(np.linalg.solve(BB, np.concatenate([AB.transpose(0, 2, 1), sides_of], axis=2)))
             taken = np.sum(AB @ gain, axis=0)
             schur, right = schur - taken[:, :-1], right - taken[:, -1]
             for i, each in zip(alike, gain, strict=True):
                 gains[i] = each
         return schur, right, gains
+
+    def step(self, damping: float, sides: _Step | None = None) -> _Step:
+        """The step that solves the damped equations, on request with other right-hand ``sides`` than the residuals'."""
+        schur, right, gains = self.reduced(damping, sides)
+        shared = _solve_scaled(schur, right)
+        return shared, [gain[:, -1] - gain[:, :-1] @ shared if len(gain) else np.zeros(0) for gain in gains]
+
+    def length(self, step: _Step) -> float:
+        """Length of a step, each parameter over the deviation that it has where all others are known."""
+        squares = np.diag(self.AA) @ step[0] ** 2
+        return float(np.sqrt(squares + sum(np.diag(BB) @ move**2 for BB, move in zip(self.BB, step[1], strict=True))))
 
 
 def _damped(matrix: Array, damping: float) -> Array:
@@ -243,7 +264,7 @@ def _normal(
     known = stated_before(estimate, active)
     off = np.concatenate([np.zeros(_CAMERA_END), estimate.doubts])[active]
     AA, Ar, cost = np.diag(known), -known * off, float(known @ off**2)
-    AB, BB, Br = [], [], []
+    AB, BB, Br, linears = [], [], [], []
     doubted = bool((active >= _CAMERA_END).any())
     for block, place, spread in zip(blocks, estimate.places, spread_px, strict=True):
         linear = linearise(block, estimate.shared, place, estimate.doubts, doubted=doubted)
@@ -251,13 +272,15 @@ def _normal(
         weight, std = _huber_weight(length, spread), _std(block, estimate)
         # Huber: length² below the width, 2 width · length − width² beyond; with w = width / length both are one form.
         cost += float(np.sum(weight * (2 - weight) * length**2)) / std**2
-        r, A, B = _whitened(linear, np.sqrt(weight) / std, active)
+        root = np.sqrt(weight) / std
+        r, A, B = _whitened(linear, root, active)
+        linears.append((np.repeat(root, 2), r, A, B))
         AA += A.T @ A
         Ar += A.T @ r
         AB.append(A.T @ B)
         BB.append(B.T @ B)
         Br.append(B.T @ r)
-    return _Normal(cost, AA, Ar, tuple(AB), tuple(BB), tuple(Br))
+    return _Normal(cost, tuple(linears), AA, Ar, tuple(AB), tuple(BB), tuple(Br))
 
 
 def stated_before(estimate: Estimate, active: NDArray[np.intp]) -> Array:
@@ -322,27 +345,54 @@ def _within_half_turn(shared: Array) -> Array:
 
 
 def _levenberg_marquardt(blocks: Sequence[Block], estimate: Estimate, active: NDArray[np.intp]) -> Estimate:
-    damping, spread = 1e-9, _spread(blocks, estimate)
+    damping, spread, curved = 1e-9, _spread(blocks, estimate), False
     normal = _normal(blocks, estimate, active, spread)
     for _ in range(_MAX_STEPS):
-        schur, right, gains = normal.reduced(damping)
-        step = _solve_scaled(schur, right)
-        moves = [gain[:, -1] - gain[:, :-1] @ step if len(gain) else np.zeros(0) for gain in gains]
-        promised = normal.Ar @ step + sum(Br @ move for Br, move in zip(normal.Br, moves, strict=True))
-        values = np.concatenate([estimate.shared, estimate.doubts])
-        values[active] += step
-        places = tuple(place + move for place, move in zip(estimate.places, moves, strict=True))
-        trial = replace(estimate, shared=values[:_CAMERA_END], doubts=values[_CAMERA_END:], places=places)
+        step = normal.step(damping)
+        promised = normal.Ar @ step[0] + sum(Br @ move for Br, move in zip(normal.Br, step[1], strict=True))
+        if curved:
+            step = _bent(blocks, estimate, active, normal, damping, step)
+        trial = _moved(estimate, active, step)
         trial_normal = _normal(blocks, trial, active, spread)
         if trial_normal.cost <= normal.cost:
             estimate, normal, damping = trial, trial_normal, max(damping / 10, 1e-12)
         elif damping > 1e6:
             break
         else:
-            damping *= 10
+            damping, curved = 10 * damping, True
         if promised < _NEGLIGIBLE_DECREASE:
             break
     return estimate
+
+
+def _moved(estimate: Estimate, active: NDArray[np.intp], step: _Step) -> Estimate:
+    values = np.concatenate([estimate.shared, estimate.doubts])
+    values[active] += step[0]
+    places = tuple(place + move for place, move in zip(estimate.places, step[1], strict=True))
+    return replace(estimate, shared=values[:_CAMERA_END], doubts=values[_CAMERA_END:], places=places)
+
+
+def _bent(
+    blocks: Sequence[Block], estimate: Estimate, active: NDArray[np.intp], normal: _Normal, damping: float, step: _Step
+) -> _Step:
+    """A step that follows the bend of the valley in which it leads: geodesic acceleration.
+
+    Boards that are hardly tilted tell little of the focal length but how it goes with their distance. Straight steps
+    leave that narrow valley after a short way, and hundreds of them end far from its bottom. Source: Transtrum and
+    Sethna 2012 (arXiv:1201.5885). Where the bend is nearly as large as the step, the step is taken as it is.
+    """
+    shared, moves = step
+    probe = _moved(estimate, active, (_PROBE * shared, [_PROBE * move for move in moves]))
+    Ar, Br = np.zeros_like(normal.Ar), []
+    for block, place, move, (root, r, A, B) in zip(blocks, probe.places, moves, normal.linear, strict=True):
+        there = root * _projected(block, probe.shared, place, probe.doubts)[0]
+        curvature = 2 / _PROBE**2 * (there - r + _PROBE * (A @ shared + B @ move))
+        Ar += A.T @ curvature
+        Br.append(B.T @ curvature)
+    bend = normal.step(damping, (Ar, Br))
+    if normal.length(bend) > _MOST_BEND * normal.length(step):
+        return step
+    return shared + bend[0] / 2, [move + more / 2 for move, more in zip(moves, bend[1], strict=True)]
 
 
 def _solve_scaled(matrix: Array, right: Array) -> Array:
