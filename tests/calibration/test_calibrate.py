@@ -203,6 +203,15 @@ def test_a_degenerate_set_is_refused_unless_accepted(monkeypatch):
     assert any(f.severity is Severity.REFUSAL for f in accepted.findings)
 
 
+def test_a_refusal_says_that_no_board_is_held_where_the_floor_s_pattern_finds_all_pictures(monkeypatch):
+    scene = calibration_set(87, tilt_deg=(2.0, 3.0), floor="boards")
+    named = [(s.name, np.zeros((1080, 1920), np.uint8)) for s in scene.seen.floor_boards]
+    monkeypatch.setattr("towval.calibration.calibrate.find_boards", lambda *_: ([*scene.seen.floor_boards], {}))
+    with pytest.raises(RefusedError) as error:
+        calibrate(named, named, BOARD, scene.seen.reference, QUICK)
+    assert "narrow floor.more_images" in error.value.remedy
+
+
 def charuco_pictures(count: int) -> tuple[list[tuple[str, np.ndarray]], np.ndarray]:
     """A ChArUco board of 9 × 6 squares of 50 mm, rendered in tilted poses by a camera without lens, and its matrix."""
     size, square_px = (960, 540), 40

@@ -103,6 +103,45 @@ def test_an_unknown_marker_set_is_named():
         observe_charuco("a", image, Board("charuco", (8, 5), 0.04, 0.03, "DICT_4X4_5000"))
 
 
+def layout_pictures(squares: tuple[int, int], *, old: bool, first: int = 0) -> list[tuple[str, np.ndarray]]:
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+    numbers = np.arange(first, first + squares[0] * squares[1] // 2)
+    drawn = cv2.aruco.CharucoBoard(squares, 40, 30, dictionary, numbers)
+    drawn.setLegacyPattern(old)
+    image = drawn.generateImage((40 * squares[0] + 80, 40 * squares[1] + 80), marginSize=40)
+    return [("a", picture(image, pattern_to_image(image, TURNED), SIZE))]
+
+
+@pytest.mark.parametrize("stated", [(6, 5), (5, 6)])
+@pytest.mark.parametrize("old", [False, True])
+def test_a_charuco_board_is_found_in_either_layout_and_with_its_sides_stated_in_either_order(stated, old):
+    board = Board("charuco", stated, 0.04, 0.03, "DICT_4X4_50")
+    (found,), _ = find_boards(layout_pictures((7, 6), old=old), board, 1)
+    assert len(found.corners_px) == 30
+    assert np.ptp(found.board_m, axis=0) == pytest.approx([0.2, 0.16])
+    homography = cv2.findHomography(found.board_m, found.corners_px)[0]
+    again = cv2.perspectiveTransform(found.board_m.reshape(-1, 1, 2), homography).reshape(-1, 2)
+    np.testing.assert_allclose(again, found.corners_px, atol=0.25)
+
+
+def test_a_charuco_board_that_is_not_found_is_told_by_its_markers():
+    with pytest.raises(InputError) as error:
+        find_boards(
+            layout_pictures((6, 5), old=False, first=35), Board("charuco", (5, 4), 0.04, 0.03, "DICT_4X4_50"), 1
+        )
+    assert "markers 35 to 49 of DICT_4X4_50 are seen" in error.value.remedy
+    assert "has 0 to 14" in error.value.remedy
+    with pytest.raises(InputError) as error:
+        find_boards(layout_pictures((7, 6), old=False), Board("charuco", (6, 5), 0.04, 0.03, "DICT_5X5_50"), 1)
+    assert error.value.remedy.startswith("no marker of DICT_5X5_50 is seen")
+
+
+def test_a_charuco_board_of_more_markers_than_its_set_has_is_refused():
+    with pytest.raises(InputError, match="more markers than") as error:
+        find_boards(layout_pictures((7, 6), old=False), Board("charuco", (14, 9), 0.04, 0.03, "DICT_4X4_50"), 1)
+    assert error.value.got == "15 × 10 squares with 75 markers, DICT_4X4_50 of 50"
+
+
 @pytest.fixture(scope="module")
 def two_pictures() -> list[tuple[str, np.ndarray]]:
     pattern = chessboard_pattern(9, 6, 40)

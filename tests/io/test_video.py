@@ -9,7 +9,7 @@ from av.stream import Disposition
 
 from studies.worlds.film import cut_off, write_video
 from towval.io.film import decoded, frame_times, opened_film
-from towval.io.video import Video, upright
+from towval.io.video import Video, luma_plane, upright
 from towval.model.errors import InputError
 
 
@@ -79,6 +79,14 @@ def test_formats_of_cameras_are_read(tmp_path, name, options):
         assert luma.shape == (96, 128)
         # ProRes knows only the narrow range; what is asked is that depth and plane are right.
         assert abs(float(luma[60, 100]) - (60 + i)) <= (12 if "prores" in options["codec"] else 6)
+
+
+@pytest.mark.parametrize("pixels", ["gray", "gray10le", "gray12le", "gray16le", "grayf32le", "y210le", "rgb24"])
+def test_grey_levels_come_from_every_kind_of_pixel(pixels):
+    """A 32-bit plane holds floating-point numbers; what is in their bytes is no grey level."""
+    luma = np.add.outer(np.arange(64), np.arange(96)).astype(np.uint8)
+    frame = av.VideoFrame.from_ndarray(luma, format="gray").reformat(format=pixels)
+    assert np.abs(luma_plane(frame).astype(int) - luma).max() <= 2
 
 
 def test_a_truncated_file_says_how_much_is_good(tmp_path):

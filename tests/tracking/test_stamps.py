@@ -257,9 +257,20 @@ def test_a_rate_against_the_camera_or_the_sound_is_reported():
     nan = float("nan")
     assert rate_findings(1 / 25, 25.0, 10.0, nan) == ()
     assert rate_findings(1 / 29.97, 30.0, 10.0, 10.01) == ()
-    assert rate_findings(0.1, 30.0, 10.0, nan) == (), "every third picture"
     assert [one.code for one in rate_findings(1 / 24, 25.0, 10.0, nan)] == ["rate_contradicted"]
     assert [one.code for one in rate_findings(1 / 25, None, 60.0, 62.4)] == ["rate_contradicted"]
+
+
+@pytest.mark.parametrize(("stated_hz", "found_hz", "times"), [(240, 30, 8), (240, 29.97, 8), (120, 30, 4), (30, 10, 3)])
+def test_slow_motion_looks_like_pictures_left_out_and_is_told_without_sound(stated_hz, found_hz, times):
+    """Stamped eight times as slow, every speed is an eighth of what it was; nothing in the pictures shows it."""
+    nan = float("nan")
+    (found,) = rate_findings(1 / found_hz, stated_hz, 10.0, nan)
+    assert found.code == "rate_divided"
+    assert f"is {times} times the" in found.text
+    assert rate_findings(1 / found_hz, stated_hz, 10.0, 10.01) == (), "the sound runs as fast as the pictures"
+    assert rate_findings(1 / found_hz, found_hz, 10.0, nan) == ()
+    assert rate_findings([1 / stated_hz, 1 / found_hz], stated_hz, 10.0, nan) == (), "pictures missing by the stamps"
 
 
 def test_a_percent_of_the_rate_is_seen_and_stamps_in_whole_milliseconds_are_none():

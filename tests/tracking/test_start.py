@@ -285,6 +285,26 @@ def test_clicks_the_wrong_way_round_are_turned_by_the_tether():
     assert "tether_too_short" in {each.code for each in short["object"].findings}
 
 
+@pytest.mark.parametrize("clicked", [True, False])
+@pytest.mark.parametrize(
+    ("changed", "what"),
+    [
+        (lambda body: replace(body, top_corners_m=100 * body.top_corners_m), "object.top_corners_m reaches farther"),
+        (lambda body: replace(body, top_corners_m=body.top_corners_m + 20), "object.top_corners_m reaches farther"),
+        (lambda body: replace(body, tracked_plane_height_m=25.0), "object.tracked_plane_height_m is not below"),
+    ],
+)
+def test_a_top_in_centimetres_is_refused_before_it_is_searched_for(changed, what, clicked):
+    """The search took all memory; a plane above the camera has no place in the picture."""
+    scene, tow = towed(5)
+    luma, clicks = spread(scene, TIMES_S[:1])[0], scene.clicks(np.random.default_rng(5))
+    rover, towed_body = scene.bodies
+    search, given = (check_clicks, (clicks, tow)) if clicked else (find_starts, (tow,))
+    with pytest.raises(InputError, match=what) as error:
+        search([luma], scene.calibration, [rover, changed(towed_body)], *given)
+    assert "metres" in error.value.remedy
+
+
 @pytest.mark.parametrize(("index", "height_m"), [(0, 0.25), (0, -0.25), (1, 0.25), (0, 0.0)])
 def test_a_height_that_does_not_go_with_the_size_of_the_clicked_top_is_reported(index, height_m):
     """Measured to another surface: the top is seen in another size, and poses are off by a tenth of what is wrong."""

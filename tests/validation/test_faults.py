@@ -184,6 +184,8 @@ def test_findings_widen_deviations_or_forbid_a_verdict():
     assert forbidding([warning("edges_not_found", Severity.NOTE)]) == ()
     assert excusing([*found, warning("rate_unconfirmed"), warning("rate_unconfirmed")]) == ("rate_unconfirmed.",)
     assert excusing([warning("rate_unconfirmed", Severity.NOTE)]) == ()
+    # The clicks of a body may be half a turn off, or its end of the tether on the wrong side: then its poses are.
+    assert excusing([warning("clicks_turned")]) == ("clicks_turned.",)
 
 
 def test_a_widened_input_is_drawn_wider_and_said(case):

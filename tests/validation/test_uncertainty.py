@@ -98,6 +98,15 @@ def test_what_the_video_adds_to_the_calibration_is_drawn(case):
     np.testing.assert_allclose(roots[1] @ roots[1].T, 4 * covariance, atol=1e-15)
 
 
+def test_a_simulated_object_that_leaves_the_camera_s_sight_is_refused(case):
+    """A hinge in millimetres takes it tens of metres away, where no pixel says what a pose depends on."""
+    away = replace(case.simulated, pose=case.simulated.pose + np.array([4e4, 0.0, 0.0]))
+    with pytest.raises(RefusedError, match="leaves what the camera can see") as error:
+        Sampler(replace(case, simulated=away), UncertaintySettings(samples=64))
+    assert "metres" in error.value.remedy
+    assert error.value.got.startswith("4e+04 m")
+
+
 def test_a_readout_moves_rover_and_object_as_their_corners_are_seen_late(case):
     """Each corner placed at the time of its own row, then the rigid fit: 20 ms more than stated."""
     readout_s = 0.02

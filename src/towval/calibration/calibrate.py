@@ -49,6 +49,12 @@ _JUDGING_MODELS = ("k1 k2", "k1 k2 p1 p2 k3", "rational")
 smaller ones than these fit all views equally badly."""
 
 
+_NONE_IS_HELD = (
+    "every picture of camera.calibration_images is one of the floor's, too, and its board was taken to lie flat on the "
+    "floor: narrow floor.more_images to those that do"
+)
+
+
 @dataclass(frozen=True)
 class CalibrateConstants:
     """Tuned constants of the choice of views."""
@@ -115,7 +121,8 @@ def calibrate(
     calibration = replace(calibration, findings=(*calibration.findings, *behind))
     refusals = [finding.text for finding in calibration.findings if finding.severity is Severity.REFUSAL]
     if refusals and not settings.accept_refused:
-        raise RefusedError("the calibration views are degenerate", got=" ".join(refusals))
+        remedy = None if len(everything) > len(floor_images) else _NONE_IS_HELD
+        raise RefusedError("the calibration views are degenerate", got=" ".join(refusals), remedy=remedy)
     return calibration
 
 

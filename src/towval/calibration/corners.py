@@ -1,6 +1,6 @@
 """Corners of calibration boards in pictures: found, refined to a fraction of a pixel, and put in a fixed order."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -75,12 +75,15 @@ def observe_chessboard(name: str, image: NDArray[np.uint8], board: Board, *, tho
     return BoardObservation(name, refined, facing_camera(on_board, refined), edge_px=edge_px)
 
 
-def observe_charuco(name: str, image: NDArray[np.uint8], board: Board) -> BoardObservation | None:
+def observe_charuco(
+    name: str, image: NDArray[np.uint8], board: Board, *, old_layout: bool = False
+) -> BoardObservation | None:
     """Find a ChArUco board, whole or in part, in a grey picture; None where too little of it is found.
 
-    Raises `InputError` when OpenCV has no marker set of the board's name.
+    ``old_layout``: as :func:`charuco_layouts` says. Raises `InputError` when OpenCV has no marker set of the board's
+    name, or that set has fewer markers than the board.
     """
-    pattern = _charuco_pattern(board)
+    pattern = _charuco_pattern(board, old_layout)
     corners, ids, _, _ = cv2.aruco.CharucoDetector(pattern).detectBoard(image)
     if ids is None or len(ids) < CONSTANTS.fewest_corners:
         return None
@@ -102,14 +105,45 @@ def observe_charuco(name: str, image: NDArray[np.uint8], board: Board) -> BoardO
     return BoardObservation(name, refined, facing_camera(grid, refined), facing_camera(on_board, refined))
 
 
-def _charuco_pattern(board: Board) -> cv2.aruco.CharucoBoard:
+def charuco_layouts(board: Board) -> list[tuple[Board, bool]]:
+    """The layouts of markers that a ChArUco board as described may have: the board, and whether its layout is the old.
+
+    ``inner_corners`` may be stated along either side first, but the markers are numbered along one of them. Before its
+    version 4.6, OpenCV drew a board of evenly many rows with a marker in its first square instead of a black square,
+    and other makers of boards still do. A detector finds no corner of a board with another layout than its own.
+    """
+    ways = dict.fromkeys((board.inner_corners, board.inner_corners[::-1]))
+    boards = [replace(board, inner_corners=way) for way in ways]
+    return [(one, False) for one in boards] + [(one, True) for one in boards if one.inner_corners[1] % 2]
+
+
+def markers_seen(image: NDArray[np.uint8], board: Board) -> set[int]:
+    """Numbers of the markers of a ChArUco board's set that a grey picture shows, whether they are the board's or not.
+
+    Raises `InputError` as :func:`observe_charuco` does.
+    """
+    ids = cv2.aruco.ArucoDetector(_charuco_pattern(board, False).getDictionary()).detectMarkers(image)[1]
+    return set() if ids is None else {int(number) for number in ids.ravel()}
+
+
+def _charuco_pattern(board: Board, old_layout: bool) -> cv2.aruco.CharucoBoard:
     number = getattr(cv2.aruco, board.dictionary or "", None)
     if number is None or board.marker_m is None:
         known = sorted(name for name in dir(cv2.aruco) if name.startswith("DICT_"))
         raise InputError("board.dictionary is unknown", got=board.dictionary, allowed=", ".join(known))
     squares = (board.inner_corners[0] + 1, board.inner_corners[1] + 1)
     dictionary = cv2.aruco.getPredefinedDictionary(number)
-    return cv2.aruco.CharucoBoard(squares, board.square_m, board.marker_m, dictionary)
+    markers, most = squares[0] * squares[1] // 2, len(dictionary.bytesList)
+    if markers > most:
+        raise InputError(
+            "board.inner_corners describes a ChArUco board of more markers than board.dictionary has",
+            got=f"{squares[0]} × {squares[1]} squares with {markers} markers, {board.dictionary} of {most}",
+            allowed=f"at most {most} markers",
+            remedy="check board.inner_corners, which are one less than the squares, and board.dictionary",
+        )
+    pattern = cv2.aruco.CharucoBoard(squares, board.square_m, board.marker_m, dictionary)
+    pattern.setLegacyPattern(old_layout)
+    return pattern
 
 
 def _predicted_spacing(grid: Array, corners: Array, square_m: float) -> Array:

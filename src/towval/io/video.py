@@ -26,6 +26,7 @@ _MOST_THREADS = 4
 _QUARTER_TURN_DEG = 90
 _PACKETS_LOOKED_AT = 100
 _CUT_OFF = "the file ends early"
+_DEEPEST_BITS = 16  # Of whole numbers.
 _PLAYLISTS = {"hls", "applehttp", "concat", "dash", "imf", "sdp", "rtsp", "lavfi"}
 """FFmpeg's formats that name other files or hosts."""
 
@@ -285,10 +286,11 @@ def _end_s(stream: av.AudioStream) -> float:
 def luma_plane(frame: av.VideoFrame) -> Luma:
     """The Y plane of a frame (height, width) uint8, a view of the decoder's memory where the format allows it.
 
-    Deeper formats are cut to their eight highest bits; formats without a Y plane (RGB, packed YUV) are converted.
+    Deeper formats are cut to their eight highest bits; formats without a Y plane (RGB, packed YUV) or with one of
+    floating-point numbers are converted.
     """
     name, depth = frame.format.name, frame.format.components[0].bits
-    if not name.startswith(("yuv", "nv", "p0", "gray")):
+    if not name.startswith(("yuv", "nv", "p0", "gray")) or depth > _DEEPEST_BITS:
         return np.asarray(frame.to_ndarray(format="gray"), dtype=np.uint8)
     plane = frame.planes[0]
     memory = memoryview(plane)

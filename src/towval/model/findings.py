@@ -266,9 +266,10 @@ register(  # track
         "first_frame_clicks_px, or top_corners_m and tracked_plane_height_m of rover and object.",
     ),
     FindingType(
-        "clicks_turned", "track", WARNING, NONE,
+        "clicks_turned", "track", WARNING, EXCUSES,
         "The clicks of {name} lie the wrong way round: the tether would not reach. The track starts turned; click its "
-        "corners in the order of top_corners_m, or correct the sign of tether_hinge_m or tether_anchor_m.",
+        "corners in the order of top_corners_m, or correct the sign of tether_hinge_m or tether_anchor_m: then the "
+        "clicks are right, and {name} is half a turn off.",
     ),
     FindingType(
         "tether_too_short", "track", WARNING, NOT_JUDGED,

@@ -117,6 +117,13 @@ register(  # track
         "camera.fps nor a sound track confirms it. All speeds depend on it: state camera.fps.",
     ),
     FindingType(
+        "rate_divided", "track", WARNING, EXCUSES,
+        "camera.fps, {stated_hz:g}, is {times} times the {found_hz:.2f} pictures a second of the time stamps, and no "
+        "sound track confirms these: either one picture in {times} was kept, or this is slow motion and all speeds are "
+        "{times} times too low. Use the camera's original file; where one in {times} was kept, state "
+        "camera.fps: {found_hz:.4g}.",
+    ),
+    FindingType(
         "rate_unconfirmed", "track", WARNING, EXCUSES,
         "Neither camera.fps nor a sound track confirms the {found_hz:.2f} pictures a second of the time stamps. If a "
         "video was filmed at 24 and stamped as 25, all speeds are 4 % too high. State camera.fps.",

@@ -14,7 +14,7 @@ from towval.tracking.outline import CONSTANTS as OUTLINE
 from towval.tracking.outline import observe_outline, pose_from_clicks, settled
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.pose import step_between
-from towval.tracking.start import CONSTANTS, Place, Tow, around, joined_orientations
+from towval.tracking.start import CONSTANTS, Place, Tow, around, check_in_view, joined_orientations
 from towval.tracking.template import Luma
 
 
@@ -39,8 +39,10 @@ def check_clicks(
     ``pictures`` are the first, then others, in which what moves with a body shows its extent; ``bodies`` rover and
     object, in this order; ``clicks_px`` (n, 2) pixels of ``top_corners_m`` by the body's name: a body without is left
     out of the result. With both bodies clicked, a half-turn by which alone the tether is long enough is corrected.
+    Raises `InputError` as :func:`towval.tracking.start.check_in_view`.
     """
     targets = [PlanarTarget(body, calibration.camera, calibration.floor) for body in bodies if body.name in clicks_px]
+    check_in_view(targets)
     checked = {target.body.name: _checked(target, pictures, clicks_px[target.body.name]) for target in targets}
     if len(targets) < len(bodies):
         return checked

@@ -58,11 +58,25 @@ def rate_findings(steps_s: ArrayLike, stated_hz: float | None, seen_s: float, he
     if abs(heard_s - seen_s) > apart_s:
         other = f"the sound lasts {heard_s:.1f} s and the pictures {seen_s:.1f} s"
         findings.append(finding("rate_contradicted", found_hz=found_hz, other=other))
+    times = 1 if stated_hz is None else _times(stated_hz, steps_s)
+    if times > 1 and np.isnan(heard_s):
+        findings.append(finding("rate_divided", stated_hz=stated_hz, found_hz=found_hz, times=times))
     if stated_hz is None and np.isnan(heard_s):
         findings.append(
             finding("rate_unusual" if off > CONSTANTS.usual_rate else "rate_unconfirmed", found_hz=found_hz)
         )
     return tuple(findings)
+
+
+def _times(stated_hz: float, steps_s: ArrayLike) -> int:
+    """How many times the rate of the stamps a stated one is, by the reading of the usual step that is nearest to it.
+
+    1 where it is no whole multiple of any.
+    """
+    ratios = stated_hz * np.nan_to_num(np.atleast_1d(steps_s))
+    wholes = np.maximum(np.round(ratios), 1)
+    multiples = wholes[np.abs(ratios / wholes - 1) <= CONSTANTS.rate]
+    return int(multiples.min()) if len(multiples) else 1
 
 
 def _off_cameras(rate_hz: float, cameras_hz: Array) -> float:

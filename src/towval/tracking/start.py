@@ -96,6 +96,30 @@ class Start:
     doubt: str = ""
 
 
+def check_in_view(targets: Sequence[PlanarTarget]) -> None:
+    """Refuse a plane that is not below the camera, and a top that reaches farther than the picture shows of its plane.
+
+    Raises `InputError` with the key of campaign.yaml. A search for such a top would look at any number of places.
+    """
+    for target in targets:
+        name, camera_m = target.body.name, float(target.floor.camera_position_m[2])
+        if target.height >= camera_m:
+            raise InputError(
+                f"{name}.tracked_plane_height_m is not below the camera",
+                got=f"{target.height:g} m, where the calibration puts the camera {camera_m:.2f} m above the floor",
+                allowed=f"below {camera_m:.2f} m",
+                remedy="give the height in metres; check camera.board.square_m, in metres, on which the camera's rests",
+            )
+        seen_m = float(np.linalg.norm(np.subtract(*visible_part(target)[::-1])))
+        if target.reach_m > seen_m:
+            raise InputError(
+                f"{name}.top_corners_m reaches farther than the camera sees",
+                got=f"a corner {target.reach_m:.3g} m from the origin of the body's frame",
+                allowed=f"at most {seen_m:.2f} m, the diagonal of what the picture shows at the height of the top",
+                remedy="give the corners in metres, in a frame whose origin is on the body",
+            )
+
+
 def find_starts(
     pictures: Sequence[Luma], calibration: Calibration, bodies: Sequence[Body], tow: Tow | None = None
 ) -> dict[str, Start]:
@@ -106,9 +130,10 @@ def find_starts(
     by the tether, else by the sense of motion: the hinge trails the rover, the anchor leads the object.
 
     ``pictures`` are the first, then others spread over the video (none: what moves is not known); with ``tow``,
-    ``bodies`` are rover and object, in this order.
+    ``bodies`` are rover and object, in this order. Raises `InputError` as :func:`check_in_view`.
     """
     targets = [PlanarTarget(body, calibration.camera, calibration.floor) for body in bodies]
+    check_in_view(targets)
     found = _candidates(targets, pictures)
     choice, doubts = _together(targets, found, tow)
     poses, turn_doubt = _turned(targets, choice, tow)

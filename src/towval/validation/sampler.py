@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from towval.model import Array, Body, Calibration, DecimatedTrack, Finding, SimulatedMotion, TowingScene, Track
 from towval.model.checks import within
-from towval.model.errors import InputError, TowvalError
+from towval.model.errors import InputError, RefusedError, TowvalError
 from towval.model.geometry import compose
 from towval.model.inputs import INPUTS, Realisation
 from towval.optics.moved_view import pose_sensitivity, readout_sensitivity
@@ -119,6 +119,7 @@ class Sampler:
         self.noise_std = np.nan_to_num(case.object_track.std[case.object_track.rows_at(self.times)])
         moves = np.concatenate([case.simulated.pose, case.simulated.twist], axis=1)
         self.object = _motions(case.calibration, case.towed, moves)
+        _check_seen(case, self.object)
         self.start = _motions(case.calibration, case.towed, case.object_decimated.poses_and_rates_at(self.times[:1]))
         self.nominal = Realisation.nominal(case.scene)
         self.batch = Batch(
@@ -177,6 +178,20 @@ class Sampler:
         for row, part in zip(map(INPUTS.__getitem__, self.drawn), parts, strict=True):
             real = row.acts(real, self.stated[row.name] + self.roots[row.name] @ part)
         return real.checked()
+
+
+def _check_seen(case: Case, simulated: _Motions) -> None:
+    """Refuse a simulated path (n, 3) that leaves what a camera can see: what a pose there depends on is not defined."""
+    known = np.isfinite(simulated.by_camera).all() and np.isfinite(simulated.by_height).all()
+    if not (known and np.isfinite(simulated.by_readout).all()):
+        seen = case.object_track.rows_at(case.simulated.time_s)
+        apart_m = np.linalg.norm(case.simulated.pose[:, :2] - case.object_track.pose[seen, :2], axis=1)
+        raise RefusedError(
+            "the simulated object leaves what the camera can see",
+            got=f"{np.nanmax(apart_m):.3g} m from where the object was measured",
+            allowed="a path below the camera",
+            remedy="check object.tether_anchor_m, rover.tether_hinge_m and tether.rest_length_m, in metres",
+        )
 
 
 def _start_std(track: Track, decimated: DecimatedTrack, begin_s: float) -> Array:
