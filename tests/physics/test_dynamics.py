@@ -300,6 +300,31 @@ def test_arguments_of_the_wrong_kind_are_input_errors(given, why, cube, lap):
         feedback(cube, law, tether, hinge, start, [0.0, 1.0], **given)
 
 
+@pytest.mark.parametrize("height", [0.0, 0.1])
+def test_times_of_a_unix_clock_give_the_motion_of_small_times(height, cube, makkar):
+    """Stick-slip with slack in between: the seconds of ROS leave no digits for a moment of tightening."""
+    time = np.arange(0, 8.01, 0.25)
+    hinge = np.column_stack([0.75 + 0.3 * time + 0.15 * np.sin(3 * time), 0.1 * np.sin(time)])
+    begun = 1.7e9
+    motions = [
+        feedback(
+            cube, makkar, Tether(0.6, 3000.0), TimedPath(since + time, hinge), (0, 0, 0.3), since + time,
+            hinge_height=height,
+        )
+        for since in (0.0, begun)
+    ]  # fmt: skip
+    assert motions[1].time_s[-1] == begun + time[-1]
+    np.testing.assert_allclose(motions[1].pose, motions[0].pose, atol=2e-8)
+    np.testing.assert_allclose(motions[1].tether_length, motions[0].tether_length, atol=2e-8)
+    assert motions[1].statistics["steps"] < 1.05 * motions[0].statistics["steps"]
+    force = np.column_stack([20 + 4 * np.sin(9 * time), np.zeros_like(time)])
+    pushed = [
+        feedforward(cube, makkar, TimedPath(since + time, force), (0, 0, 0.3), since + time) for since in (0.0, begun)
+    ]
+    np.testing.assert_allclose(pushed[1].pose, pushed[0].pose, rtol=1e-8, atol=2e-8)
+    np.testing.assert_array_equal(pushed[1].tether_force, pushed[0].tether_force)
+
+
 def test_times_outside_the_hinges_way_are_refused(cube, lap):
     law, tether, hinge, start = lap
     with pytest.raises(InputError, match="does not cover"):

@@ -108,5 +108,5 @@ def test_a_law_that_rises_or_falls_over_no_speed_is_an_input_error(speeds):
 
 
 def test_a_specification_that_is_no_number_is_an_input_error():
-    with pytest.raises(InputError, match="friction law is no array of numbers"):
+    with pytest.raises(InputError, match="friction law is of the wrong type"):
         fit_makkar("a", 0.3, 0.1, 0.2)

@@ -2,6 +2,7 @@
 
 import math
 import numbers
+from collections.abc import Iterable
 from dataclasses import fields
 from typing import Any, TypeGuard
 
@@ -20,7 +21,7 @@ def locked(values: ArrayLike, name: str, shape: tuple[int | None, ...], *, finit
     """
     try:
         array: Array = values if _is_locked(values) else np.array(values, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError(f"{name} is no array of numbers", got=_brief(values), allowed="numbers") from None
     if array.ndim != len(shape) or any(want not in (None, have) for want, have in zip(shape, array.shape, strict=True)):
         wanted = " × ".join("any" if n is None else str(n) for n in shape)
@@ -29,6 +30,40 @@ def locked(values: ArrayLike, name: str, shape: tuple[int | None, ...], *, finit
         raise InputError(f"{name} holds values that are not finite", allowed="finite numbers")
     array.setflags(write=False)
     return array
+
+
+def numbers_of(values: ArrayLike, name: str, width: int | None = None) -> Array:
+    """``values`` as float64, not copied where they are that already; ``width`` is that of the last axis.
+
+    Raises `InputError` with the ``name`` for no numbers and another width. NaN stands for what is missing.
+    """
+    try:
+        array: Array = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"{name} is no array of numbers", got=_brief(values), allowed="numbers") from None
+    if width is not None and (array.ndim == 0 or array.shape[-1] != width):
+        raise InputError(f"{name} has the wrong shape", got=array.shape, allowed=f"{width} numbers in the last axis")
+    return array
+
+
+def items_of(values: Iterable[Any], name: str) -> tuple[Any, ...]:
+    """The items of a list or tuple; raises `InputError` with the ``name`` for what has none."""
+    try:
+        return tuple(values)
+    except TypeError:
+        raise InputError(f"{name} is no list", got=_brief(values), allowed="a list or tuple") from None
+
+
+def matching(*named: tuple[Array, str]) -> None:
+    """Refuse arrays whose axes but the last do not go together."""
+    try:
+        np.broadcast_shapes(*(array.shape[:-1] for array, _ in named))
+    except ValueError:
+        names = " and ".join(name for _, name in named)
+        got = ", ".join(str(array.shape) for array, _ in named)
+        raise InputError(
+            f"{names} do not match", got=got, allowed="one for each of the others, or one for all"
+        ) from None
 
 
 def _is_locked(values: ArrayLike) -> TypeGuard[Array]:
@@ -61,10 +96,17 @@ def positive(self: object, *names: str, zero: bool = False) -> None:
         # Floats first: the check against an abstract base class is slow.
         if type(value) is not float and (isinstance(value, bool) or not isinstance(value, numbers.Real)):
             raise InputError(f"{type(self).__name__}.{name} is no number", got=_brief(value), allowed="a number")
-        number = float(value)
+        number = _float(value)
         if not (math.isfinite(number) and (number > 0 or (zero and number == 0))):
             allowed = "a finite number, zero or more" if zero else "a finite number above zero"
             raise InputError(f"{type(self).__name__}.{name} is out of range", got=value, allowed=allowed)
+
+
+def _float(value: Any) -> float:
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf
 
 
 def within(self: object, section: str, unit: str = "", /, **limits: tuple[float, float]) -> None:

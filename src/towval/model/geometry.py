@@ -9,18 +9,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from towval.model.checks import Array
+from towval.model.checks import Array, locked, matching, numbers_of
+from towval.model.errors import InputError
 
 
 def wrapped(angle: ArrayLike) -> Array:
     """The same angle in (−π, π] [rad]."""
-    angle = np.asarray(angle, dtype=np.float64)
+    angle = numbers_of(angle, "angle")
     return np.pi - np.mod(np.pi - angle, 2 * np.pi)
 
 
 def rotation(heading: ArrayLike) -> Array:
     """Rotation matrices (..., 2, 2) for counter-clockwise headings (...) [rad]."""
-    heading = np.asarray(heading, dtype=np.float64)
+    heading = numbers_of(heading, "heading")
     turn = np.empty((*heading.shape, 2, 2))
     turn[..., 0, 0] = turn[..., 1, 1] = np.cos(heading)
     turn[..., 1, 0] = np.sin(heading)
@@ -38,7 +39,7 @@ def turned_covariance(covariance: Array, heading: ArrayLike) -> Array:
 
 def transform(pose: ArrayLike, points: ArrayLike) -> Array:
     """Points (..., 2) of body frames at poses (..., 3) in the floor frame [m]: ``R(heading) p + (x, y)``."""
-    pose, points = np.asarray(pose, dtype=np.float64), np.asarray(points, dtype=np.float64)
+    pose, points = _placed(pose, points)
     c, s = np.cos(pose[..., 2]), np.sin(pose[..., 2])
     x, y = points[..., 0], points[..., 1]
     first = c * x - s * y + pose[..., 0]
@@ -47,9 +48,16 @@ def transform(pose: ArrayLike, points: ArrayLike) -> Array:
     return placed
 
 
+def _placed(pose: ArrayLike, points: ArrayLike) -> tuple[Array, Array]:
+    """Poses (..., 3) and points (..., 2) as arrays that go together; else :class:`InputError`."""
+    both = numbers_of(pose, "pose", 3), numbers_of(points, "points", 2)
+    matching((both[0], "pose"), (both[1], "points"))
+    return both
+
+
 def inverse_transform(pose: ArrayLike, points: ArrayLike) -> Array:
     """Points of the floor frame in a body frame: the inverse of :func:`transform`, same shapes."""
-    pose, points = np.asarray(pose, dtype=np.float64), np.asarray(points, dtype=np.float64)
+    pose, points = _placed(pose, points)
     c, s = np.cos(pose[..., 2]), np.sin(pose[..., 2])
     x, y = points[..., 0] - pose[..., 0], points[..., 1] - pose[..., 1]
     return np.stack([c * x + s * y, -s * x + c * y], axis=-1)
@@ -57,7 +65,8 @@ def inverse_transform(pose: ArrayLike, points: ArrayLike) -> Array:
 
 def velocity_at(twist: ArrayLike, lever: ArrayLike) -> Array:
     """Velocities (..., 2) at levers (..., 2) from the origins of bodies with twists (..., 3), all in the same axes."""
-    twist, lever = np.asarray(twist, dtype=np.float64), np.asarray(lever, dtype=np.float64)
+    twist, lever = numbers_of(twist, "twist", 3), numbers_of(lever, "lever", 2)
+    matching((twist, "twist"), (lever, "lever"))
     turning = np.stack([-lever[..., 1], lever[..., 0]], axis=-1)
     return np.asarray(twist[..., :2] + twist[..., 2:] * turning)
 
@@ -69,28 +78,37 @@ def lifted(points: Array, height: float) -> Array:
 
 def compose(first: ArrayLike, second: ArrayLike) -> Array:
     """Pose ``T_AC = T_AB T_BC`` of two poses (..., 3); headings add and stay unwrapped."""
-    first, second = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
+    first, second = numbers_of(first, "first pose", 3), numbers_of(second, "second pose", 3)
     xy = transform(first, second[..., :2])
     return np.concatenate([xy, (first[..., 2] + second[..., 2])[..., None]], axis=-1)
 
 
 def inverse(pose: ArrayLike) -> Array:
     """Pose ``T_BA`` of the pose ``T_AB`` (..., 3)."""
-    pose = np.asarray(pose, dtype=np.float64)
+    pose = numbers_of(pose, "pose", 3)
     xy = inverse_transform(pose, np.zeros(2))
     return np.concatenate([xy, -pose[..., 2:]], axis=-1)
 
 
 def pose_difference(pose: ArrayLike, other: ArrayLike) -> Array:
     """Poses (..., 3) less others, the difference of the headings in (−π, π]; broadcast against each other."""
-    difference = np.subtract(pose, other, dtype=np.float64)
+    pose, other = numbers_of(pose, "pose", 3), numbers_of(other, "other pose", 3)
+    matching((pose, "pose"), (other, "other pose"))
+    difference = np.subtract(pose, other)
     difference[..., 2] = wrapped(difference[..., 2])
     return difference
 
 
+def _polyline(points: ArrayLike) -> Array:
+    line = numbers_of(points, "points")
+    if line.ndim != 2:
+        raise InputError("points have the wrong shape", got=line.shape, allowed="(n, k)")
+    return line
+
+
 def rms_length(shift: ArrayLike) -> float:
     """Root mean square length of shifts (n, 2), or of those of poses (n, 3), whose headings do not count [m]."""
-    return float(np.sqrt(np.mean(np.sum(np.asarray(shift, dtype=np.float64)[:, :2] ** 2, axis=1))))
+    return float(np.sqrt(np.mean(np.sum(_polyline(shift)[:, :2] ** 2, axis=1))))
 
 
 def position_rms(covariance: Array) -> float:
@@ -103,10 +121,15 @@ def rigid_fit(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = 
 
     Closed form in the plane: with both sets centred, ``tan(heading) = Σ w (s × t) / Σ w (s · t)``. Matching points
     (n, 2) [m], two or more that do not coincide, with ``weights`` (n,) of zero or more; ``transform(pose, source) ≈
-    target`` with the heading in (−π, π].
+    target`` with the heading in (−π, π]. `InputError` for other shapes, and for weights of which nothing is left.
     """
-    source, target = np.asarray(source, dtype=np.float64), np.asarray(target, dtype=np.float64)
-    w = np.ones(len(source)) if weights is None else np.asarray(weights, dtype=np.float64)
+    source, target = numbers_of(source, "source", 2), numbers_of(target, "target", 2)
+    if source.ndim != 2 or source.shape != target.shape or len(source) < 2:
+        got = f"{source.shape} and {target.shape}"
+        raise InputError("source and target do not match", got=got, allowed="as many points (n, 2), two or more")
+    w = np.ones(len(source)) if weights is None else numbers_of(weights, "weights")
+    if w.shape != source.shape[:1] or not w.sum() > 0:
+        raise InputError("the weights do not match", got=w.shape, allowed=f"{len(source)} of zero or more, one above")
     source_mean, target_mean = np.average(source, axis=0, weights=w), np.average(target, axis=0, weights=w)
     s, t = source - source_mean, target - target_mean
     sine = np.sum(w * (s[:, 0] * t[:, 1] - s[:, 1] * t[:, 0]))
@@ -116,16 +139,23 @@ def rigid_fit(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = 
     return np.array([shift[0], shift[1], heading])
 
 
+def _corners(polygon: ArrayLike) -> Array:
+    corners = numbers_of(polygon, "polygon", 2)
+    if corners.ndim != 2 or len(corners) < 3:
+        raise InputError("no polygon", got=corners.shape, allowed="corners (n, 2), three or more")
+    return corners
+
+
 def polygon_area(polygon: ArrayLike) -> float:
     """Signed area of a simple polygon (n, 2) [m²], positive when its corners run counter-clockwise."""
-    x, y = np.asarray(polygon, dtype=np.float64).T
+    x, y = _corners(polygon).T
     x, y = x - x[0], y - y[0]
     return float(0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
 
 
 def polygon_centroid(polygon: ArrayLike) -> Array:
     """Centroid of a simple polygon (n, 2) [m] (2,)."""
-    polygon = np.asarray(polygon, dtype=np.float64)
+    polygon = _corners(polygon)
     origin = polygon[0]
     x, y = (polygon - origin).T
     cross = x * np.roll(y, -1) - np.roll(x, -1) * y
@@ -135,14 +165,14 @@ def polygon_centroid(polygon: ArrayLike) -> Array:
 
 def polygon_second_moment(polygon: ArrayLike, about: ArrayLike) -> float:
     """Polar second moment of area of a simple polygon (n, 2) about a point (2,) [m⁴], signed like its area."""
-    x, y = (np.asarray(polygon, dtype=np.float64) - np.asarray(about, dtype=np.float64)).T
+    x, y = (_corners(polygon) - locked(about, "about", (2,))).T
     xn, yn = np.roll(x, -1), np.roll(y, -1)
     return float(np.sum((x * yn - xn * y) * (x * x + x * xn + xn * xn + y * y + y * yn + yn * yn)) / 12)
 
 
 def inside_polygon(polygon: ArrayLike, points: ArrayLike) -> np.ndarray:
     """Whether points (..., 2) lie inside a simple polygon (n, 2), by the even-odd rule."""
-    polygon, points = np.asarray(polygon, dtype=np.float64), np.asarray(points, dtype=np.float64)
+    polygon, points = _corners(polygon), numbers_of(points, "points", 2)
     inside = np.zeros(points.shape[:-1], dtype=bool)
     x, y = points[..., 0], points[..., 1]
     for (x0, y0), (x1, y1) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
@@ -166,13 +196,13 @@ def hermite_terms(time_s: Array, values: Array, rates: Array) -> tuple[Array, Ar
 
 def arc_lengths(position: ArrayLike) -> Array:
     """Lengths (n,) of a polyline (n, k) from its first point to each, in its own unit."""
-    steps = np.linalg.norm(np.diff(np.asarray(position, dtype=np.float64), axis=0), axis=1)
+    steps = np.linalg.norm(np.diff(_polyline(position), axis=0), axis=1)
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
 def path_length(position: ArrayLike) -> float:
     """Length of a polyline (n, 2) [m], segments with a missing end left out."""
-    return float(np.nansum(np.linalg.norm(np.diff(np.asarray(position, dtype=np.float64), axis=0), axis=-1)))
+    return float(np.nansum(np.linalg.norm(np.diff(_polyline(position), axis=0), axis=-1)))
 
 
 _BLOCKS = 24
@@ -201,7 +231,9 @@ def signature_blocks(n: int) -> list[NDArray[np.intp]]:
 
 def block_means(values: ArrayLike) -> Array:
     """Means (..., 24, m) of values (..., n, m) over the blocks of a signature, of what is there; else NaN."""
-    values = np.asarray(values, dtype=np.float64)
+    values = numbers_of(values, "values over time")
+    if values.ndim < 2 or values.shape[-2] == 0:
+        raise InputError("values over time have the wrong shape", got=values.shape, allowed="(..., n, m), n above zero")
     sizes = np.array([len(rows) for rows in signature_blocks(values.shape[-2])])
     starts = np.minimum(np.cumsum(sizes) - sizes, values.shape[-2] - 1)
     there = np.isfinite(values)
@@ -225,7 +257,6 @@ def error_signature(error: ArrayLike) -> Array:
     an error that begins later stands out. Of errors (..., n, 3) of x, y and heading at n times, 24 or more, NaN
     where missing: (..., m, 3), the :func:`signature_entries`; NaN where a block holds no error at all.
     """
-    error = np.asarray(error, dtype=np.float64)
     means = block_means(error)
     changes = [means[..., lag:, :] - means[..., :-lag, :] for lag in _LAGS]
     return np.concatenate([means, *changes], axis=-2)

@@ -54,7 +54,7 @@ class Registry(Mapping[str, Value]):
 
     def require(self, name: str, key: str) -> Value:
         """The implementation that a configuration ``key`` names; raises `InputError` where there is none."""
-        if name not in self._values:
+        if not isinstance(name, str) or name not in self._values:
             raise InputError(
                 f"{key} names an unknown {self.kind}",
                 got=name,

@@ -34,7 +34,8 @@ class TimedPath:
     __repr__ = short_repr
 
     def __post_init__(self) -> None:
-        lock(self, time_s=(None,), position=(len(self.time_s), 2))
+        lock(self, time_s=(None,))
+        lock(self, position=(len(self.time_s), 2))
         if len(self.time_s) > 1 and not (np.diff(self.time_s) > 0).all():
             raise InputError("the times of the path do not increase", allowed="strictly increasing times")
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from towval.model.checks import Array, instance_of, lock, locked, positive
+from towval.model.checks import Array, instance_of, items_of, lock, locked, positive
 from towval.model.errors import InputError
 from towval.model.friction import FrictionLaw
 
@@ -34,7 +34,9 @@ class Patch:
     def __post_init__(self) -> None:
         lock(self, outline=(None, 2))
         for name in ("holes", "further"):
-            rings = tuple(locked(ring, f"Patch.{name}", (None, 2)) for ring in getattr(self, name))
+            rings = tuple(
+                locked(ring, f"Patch.{name}", (None, 2)) for ring in items_of(getattr(self, name), f"Patch.{name}")
+            )
             object.__setattr__(self, name, rings)
         if min(len(ring) for ring in (*self.outlines, *self.holes)) < 3:
             raise InputError("a ring of the footprint is no polygon", allowed="three corners or more")
@@ -42,7 +44,8 @@ class Patch:
     @classmethod
     def of(cls, outlines: Sequence[ArrayLike], holes: Sequence[ArrayLike] = ()) -> "Patch":
         """The footprint of these outlines (n, 2) each, one or more, and holes [m]."""
-        if not len(outlines):
+        outlines, holes = items_of(outlines, "Patch.outlines"), items_of(holes, "Patch.holes")
+        if not outlines:
             raise InputError("the footprint has no outline", allowed="one ring or more")
         first, *further = (locked(ring, "Patch.outlines", (None, 2)) for ring in outlines)
         return cls(first, tuple(locked(hole, "Patch.holes", (None, 2)) for hole in holes), tuple(further))
@@ -117,7 +120,7 @@ class Ground:
     def __post_init__(self) -> None:
         lock(self, slope=(2,))
         positive(self, "gravity")
-        object.__setattr__(self, "regions", tuple(self.regions))
+        object.__setattr__(self, "regions", items_of(self.regions, "Ground.regions"))
         for region in self.regions:
             instance_of(region, "Ground.regions", FloorRegion)
         if not np.hypot(*self.slope) < 1:

@@ -22,7 +22,7 @@ from towval.model import Array, Patch, TowedObject, locked
 from towval.model.checks import instance_of, lock, short_repr
 from towval.model.compiling import compiled
 from towval.model.conventions import GRAVITY_M_PER_S2
-from towval.model.errors import RefusedError
+from towval.model.errors import InputError, RefusedError
 from towval.model.geometry import polygon_area
 from towval.physics.footprint import footprint_polygon, footprint_size, refuse_tipping
 
@@ -77,9 +77,13 @@ def resultant(loads: Iterable[tuple[float, ArrayLike]]) -> tuple[float, Array]:
     ``loads`` are forces on the floor [N] and their places (2,) in the body frame [m]. `RefusedError` where they do not
     press the object to the floor.
     """
+    try:
+        pairs = [(force, place) for force, place in loads]
+    except (TypeError, ValueError):
+        raise InputError("the loads are no pairs", allowed="each a force [N] and its place (2,) [m]") from None
     forces = [
         (float(locked(force, "a load", (), finite=False)), locked(place, "place of a load", (2,)))
-        for force, place in loads
+        for force, place in pairs
     ]
     total = sum((force for force, _ in forces), start=0.0)
     if not total > 0 or not np.isfinite(total):
@@ -153,6 +157,7 @@ def resting_pressure(towed: TowedObject, gravity: float = GRAVITY_M_PER_S2) -> P
     49.05
     """
     instance_of(towed, "towed", TowedObject)
+    instance_of(gravity, "gravity", float, int, np.number)
     return pressure_plane(towed.patch, [(towed.mass * gravity, towed.centre_of_mass)])
 
 

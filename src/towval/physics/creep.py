@@ -3,6 +3,7 @@
 import numpy as np
 
 from towval.model import SimulatedMotion, TowedObject
+from towval.model.checks import instance_of
 
 
 def creep_length(motion: SimulatedMotion, towed: TowedObject, stiction_velocity: float) -> float:
@@ -25,6 +26,9 @@ def creep_length(motion: SimulatedMotion, towed: TowedObject, stiction_velocity:
     >>> bool(creep_length(motion, towed, 1e-3) > 0)
     True
     """
+    instance_of(motion, "motion", SimulatedMotion)
+    instance_of(towed, "towed", TowedObject)
+    instance_of(stiction_velocity, "stiction velocity", float, int, np.number)
     reach = float(np.linalg.norm(towed.patch.corners, axis=1).max())
     speed = np.linalg.norm(motion.twist[:, :2], axis=1) + reach * np.abs(motion.twist[:, 2])
     slow = np.where(speed < stiction_velocity, speed, 0.0)

@@ -25,7 +25,7 @@ from towval.model import (
     TowedObject,
     locked,
 )
-from towval.model.checks import instance_of
+from towval.model.checks import instance_of, positive
 from towval.model.conventions import GRAVITY_M_PER_S2
 from towval.model.errors import InputError
 from towval.model.findings import finding
@@ -106,6 +106,7 @@ class Accuracy:
     step_limit: int = _STEP_LIMIT
 
     def __post_init__(self) -> None:
+        positive(self, "tolerance", "step_limit")
         if not (1e-14 <= self.tolerance <= 1.0 and self.step_limit >= 1):
             raise InputError(
                 "Accuracy is out of range",
@@ -179,17 +180,17 @@ def feedback(
     """
     instance_of(accuracy, "accuracy", Accuracy)
     times = checked_times(times)
-    drive = spline_covering(hinge, times, "the path of the hinge")
+    drive = _since(times[0], spline_covering(hinge, times, "the path of the hinge"))
     in_space = leaves_plane(towed, law, tether, ground, hinge_height, sticking)
     y = centre_state(towed, start_pose, start_twist)
     if in_space:
         return _spatial_motion(towed, (law, tether, ground, hinge_height, sticking), drive, False, y, times, accuracy)
-    scene = motion_scene(towed, law, tether, drive, ground.gravity)
-    outcome, states, modes, statistics = _run(scene, natural_mode(scene, times[0], y), y, times, accuracy)
+    scene, elapsed = motion_scene(towed, law, tether, drive, ground.gravity), times - times[0]
+    outcome, states, modes, statistics = _run(scene, natural_mode(scene, 0.0, y), y, elapsed, accuracy)
     if outcome == Outcome.CONVERGED and not (modes == TAUT).any() and not statistics["mode_changes"]:
         outcome = Outcome.SLACK_ALL_ALONG
     tension = np.empty((len(states), 3))
-    tensions(scene, times, states, tension)
+    tensions(scene, elapsed, states, tension)
     return _motion(towed, times, states, tension[:, 1:], tension[:, 0], outcome, statistics)
 
 
@@ -225,7 +226,7 @@ def feedforward(
     """
     instance_of(accuracy, "accuracy", Accuracy)
     times = checked_times(times)
-    drive = spline_covering(force, times, "the force")
+    drive = _since(times[0], spline_covering(force, times, "the force"))
     instance_of(towed, "towed", TowedObject)
     in_space = leaves_plane(towed, law, _NO_TETHER, ground, towed.anchor_height, sticking)
     start, stronger = centre_state(towed, start_pose, start_twist), _stronger(drive)
@@ -233,13 +234,18 @@ def feedforward(
         given = law, _NO_TETHER, ground, towed.anchor_height, sticking
         motion, moved = (_spatial_motion(towed, given, d, True, start, times, accuracy) for d in (drive, stronger))
         return _with_open_loop_finding(motion, moved)
-    scene = motion_scene(towed, law, _NO_TETHER, drive, ground.gravity)
-    outcome, states, _, statistics = _run(scene, FORCED, start.copy(), times, accuracy)
-    forces, _ = spline_values(drive, times[: len(states)])
+    scene, elapsed = motion_scene(towed, law, _NO_TETHER, drive, ground.gravity), times - times[0]
+    outcome, states, _, statistics = _run(scene, FORCED, start.copy(), elapsed, accuracy)
+    forces, _ = spline_values(drive, elapsed[: len(states)])
     motion = _motion(towed, times, states, forces, np.zeros(len(states)), outcome, statistics)
-    _, shifted, _, _ = _run(scene._replace(drive=stronger), FORCED, start.copy(), times, accuracy)
+    _, shifted, _, _ = _run(scene._replace(drive=stronger), FORCED, start.copy(), elapsed, accuracy)
     unknown = np.zeros((len(shifted), 2))
     return _with_open_loop_finding(motion, _motion(towed, times, shifted, unknown, unknown[:, 0], outcome, {}))
+
+
+def _since(start: float, drive: Spline) -> Spline:
+    """A drive over the time since the start: the seconds of a Unix clock leave no digits for the steps between."""
+    return drive._replace(knots=drive.knots - start)
 
 
 def _stronger(force: Spline) -> Spline:
@@ -268,6 +274,7 @@ def leaves_plane(
     instance_of(towed, "towed", TowedObject)
     instance_of(tether, "tether", Tether)
     instance_of(ground, "ground", Ground)
+    instance_of(sticking, "sticking", Sticking, type(None))
     instance_of(hinge_height, "hinge height", float, int, np.number)
     if locked(hinge_height, "hinge height", ()) < 0:
         raise InputError("the tether's hinge is below the floor", got=f"{hinge_height} m", allowed="zero or above")
@@ -298,7 +305,7 @@ def _spatial_motion(
     hold = (sticking.static, sticking.speed) if sticking else (0.0, 0.0)
     refuse_tipping(towed.patch, towed.centre_of_mass)
     problem = tow_problem(towed, as_sliding(law), tether, ground, hinge_height, drive, hold)
-    run = run_tow(problem, forced, start, times, accuracy.tolerance, accuracy.step_limit)
+    run = run_tow(problem, forced, start, times - times[0], accuracy.tolerance, accuracy.step_limit)
     outcome = _OUTCOMES[run.code]
     if outcome == Outcome.CONVERGED and not run.towed:
         outcome = Outcome.SLACK_ALL_ALONG

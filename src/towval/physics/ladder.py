@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from towval.model import FrictionLaw, Ground, SimulatedMotion, Sliding, Tether, TimedPath, TowedObject
+from towval.model.checks import instance_of
 from towval.model.errors import InputError
 from towval.model.plugins import Registry
 from towval.physics.dynamics import LEVEL, STANDARD, Accuracy, Outcome, feedback, resting_patch
@@ -109,6 +110,8 @@ def simulate_rung(
     if rung == DYNAMICS:
         function = partial(function, ground=ground, hinge_height=hinge_height, sticking=sticking)
     else:
+        instance_of(tether, "tether", Tether)
+        instance_of(ground, "ground", Ground)
         law = resting_patch(towed, law, ground.gravity)
         towed = replace(towed, anchor_height=0.0, centre_of_mass_height=0.0)
         tether = replace(tether, stiffening=0.0, mass_per_length=0.0)
@@ -154,7 +157,8 @@ def choose_rung(
 
 def lowest_rung(towed: TowedObject, tolerance_m: float, run: Callable[[str], SimulatedMotion]) -> LadderChoice:
     """As :func:`choose_rung`, with a function that simulates the scene by the rung of a name."""
-    if isinstance(tolerance_m, str) or not tolerance_m > 0:
+    instance_of(tolerance_m, "the tolerance of the ladder", float, int, np.number)
+    if not tolerance_m > 0:
         raise InputError(
             "the tolerance of the ladder is out of range", got=tolerance_m, allowed="above zero, in metres"
         )
@@ -177,6 +181,9 @@ def path_difference(towed: TowedObject, one: SimulatedMotion, other: SimulatedMo
 
     Shift and turn count in full, whichever corner is moved less by both. Infinite where one motion ended early.
     """
+    instance_of(towed, "towed", TowedObject)
+    for motion in (one, other):
+        instance_of(motion, "motion", SimulatedMotion)
     ended = {Outcome.CONVERGED, Outcome.SLACK_ALL_ALONG}
     if one.outcome not in ended or other.outcome not in ended:
         return float("inf")

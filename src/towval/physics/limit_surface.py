@@ -14,6 +14,7 @@ with the centre of rotation on its rim.
 from typing import NamedTuple
 
 from towval.model import Array
+from towval.model.checks import instance_of
 from towval.physics.friction_laws.coulomb import Coulomb
 from towval.physics.friction_table import friction_table
 from towval.physics.wrench import SlidingPatch, wrench_at_origin
@@ -36,6 +37,8 @@ class LimitSurface(NamedTuple):
 def limit_surface(patch: SlidingPatch) -> LimitSurface:
     """The limit surface that has the patch's own force in translation and its own moment in rotation.
 
+    Raises `InputError` when ``patch`` is no sliding patch.
+
     Examples
     --------
     >>> from towval.model import Patch
@@ -47,6 +50,7 @@ def limit_surface(patch: SlidingPatch) -> LimitSurface:
     >>> round(limit_surface(patch).radius, 4)  # mean distance from the middle of a square of 0.4 m
     0.153
     """
+    instance_of(patch, "patch", SlidingPatch)
     # Unit Coulomb friction, turning about the centre of pressure: its moment is N times the mean distance.
     _, _, moment = wrench_at_origin(patch._replace(table=friction_table(_UNIT_FRICTION)), 0.0, 0.0, 1.0)
     return LimitSurface(patch.origin, 1 / patch.per_force, -moment * patch.per_force, patch.table)

@@ -3,6 +3,7 @@
 import numpy as np
 
 from towval.model import MassSpread, Patch, TowedObject, TowingScene
+from towval.model.checks import instance_of
 from towval.model.geometry import polygon_area, polygon_centroid, polygon_second_moment
 
 
@@ -32,6 +33,7 @@ def towed_object(scene: TowingScene) -> TowedObject:
     >>> towed.mass, towed.centre_of_mass.round(3).tolist()
     (10.0, [0.05, 0.0])
     """
+    instance_of(scene, "scene", TowingScene)
     own, load = scene.spread or spread_over(scene.patch), scene.load
     mass = scene.body_mass + load.mass
     centre_of_mass = (scene.body_mass * own.centre + load.mass * load.at) / mass
@@ -58,6 +60,7 @@ def spread_over(patch: Patch) -> MassSpread:
     >>> square.centre.round(3).tolist(), round(square.gyration**2, 6)  # (a² + b²) / 12
     ([0.15, 0.15], 0.015)
     """
+    instance_of(patch, "patch", Patch)
     rings = [*patch.outlines, *patch.holes]
     signs = np.array([1.0] * len(patch.outlines) + [-1.0] * len(patch.holes))
     areas = signs * np.array([abs(polygon_area(ring)) for ring in rings])

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from towval.model import Array, Tether, TowedObject
-from towval.model.checks import positive
+from towval.model.checks import instance_of, locked, matching, numbers_of, positive
 from towval.model.compiling import compiled
 from towval.model.conventions import GRAVITY_M_PER_S2
 from towval.model.errors import InputError
@@ -37,7 +37,7 @@ def tether_force(tether: Tether, span: ArrayLike, span_rate: ArrayLike | None = 
     Raises
     ------
     InputError
-        When the tether has mass, and so is no straight line.
+        When the tether has mass, and so is no straight line; or spans and rates are no vectors that match.
 
     Examples
     --------
@@ -45,14 +45,19 @@ def tether_force(tether: Tether, span: ArrayLike, span_rate: ArrayLike | None = 
     array([[10.,  0.],
            [ 0.,  0.]])
     """
+    instance_of(tether, "tether", Tether)
     if tether.mass_per_length > 0:
         what = "the force of a tether with mass does not follow from its span"
         raise InputError(what, got=f"{tether.mass_per_length:g} kg/m", allowed="a tether without mass")
-    span = np.asarray(span, dtype=np.float64)
+    span = numbers_of(span, "span", 2)
     length = np.linalg.norm(span, axis=-1, keepdims=True)
     direction = span / np.where(length > 0, length, 1.0)
     stretch = length - tether.rest_length
-    rate = 0.0 if span_rate is None else (direction * np.asarray(span_rate)).sum(axis=-1, keepdims=True)
+    rate: Array | float = 0.0
+    if span_rate is not None:
+        moving = numbers_of(span_rate, "span rate", 2)
+        matching((span, "span"), (moving, "span rate"))
+        rate = (direction * moving).sum(axis=-1, keepdims=True)
     spring = tether.stiffness * stretch
     if tether.stiffening > 0:
         spring = spring * (1 - tether.stiffening + tether.stiffening * spring / tether.full_load)
@@ -73,7 +78,13 @@ def lowest_point(tether: Tether, distance: float, rise: float, gravity: float = 
     >>> round(lowest_point(Tether(0.6, 1e7, mass_per_length=1.0), 0.597843, 0.0), 4)
     0.022
     """
+    instance_of(tether, "tether", Tether)
     positive(tether, "mass_per_length")
+    distance, rise, gravity = (
+        float(locked(value, name, ())) for value, name in ((distance, "distance"), (rise, "rise"), (gravity, "gravity"))
+    )
+    if gravity <= 0:
+        raise InputError("gravity is out of range", got=gravity, allowed="above zero")
     numbers = tether_numbers(tether, rise, gravity)
     pull, lift, *_ = hanging_forces(numbers, distance)
     if lift >= 0:

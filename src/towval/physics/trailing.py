@@ -105,6 +105,7 @@ def trail(
     >>> trail("quasi-static patch", *scene).pose[-1].round(4) + 0.0
     array([0.9828, 0.    , 0.    ])
     """
+    instance_of(rung, "rung", str)
     if rung not in TRAILING_RUNGS:
         raise InputError("unknown rung without inertia", got=rung, allowed=", ".join(TRAILING_RUNGS))
     instance_of(towed, "towed", TowedObject)

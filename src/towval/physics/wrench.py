@@ -19,7 +19,7 @@ import shapely
 from numpy.typing import ArrayLike
 
 from towval.model import Array, FrictionLaw, locked
-from towval.model.checks import instance_of, short_repr
+from towval.model.checks import instance_of, numbers_of, short_repr
 from towval.model.compiling import compiled
 from towval.physics.area_rules import area_rules, polygons_of
 from towval.physics.contact import PressurePlane
@@ -138,8 +138,8 @@ def friction_wrench(patch: SlidingPatch, twist: ArrayLike) -> Array:
            [ -7.571,   0.   ,  -2.303]])
     """
     instance_of(patch, "patch", SlidingPatch)
-    shape = np.shape(twist)
-    twists = locked(np.reshape(twist, (-1, 3)) if shape and shape[-1] == 3 else twist, "twist", (None, 3))
+    given = numbers_of(twist, "twist", 3)
+    shape, twists = given.shape, locked(given.reshape(-1, 3), "twist", (None, 3))
     wrenches = np.empty((len(twists), 3))
     _friction_wrenches(patch, twists, wrenches)
     return wrenches.reshape(shape)

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 from scipy.stats import qmc
 
@@ -95,10 +96,11 @@ def identify(
     The residual is the error's mean over 24 blocks of time, in which stick and slip average out, in units of the
     deviation u_D of the measurement there. The correlation in time of measurement errors is not known here, so they are
     counted twice: once as independent between blocks, once as one unknown for all blocks of a run (such as the camera's
-    or the start's). The covariance of the values is ``((JᵀJ)⁻¹ + A Σ Aᵀ) max(1, χ²) + A B Bᵀ Aᵀ`` with
-    ``A = (JᵀJ)⁻¹Jᵀ``, Σ the covariance of the residuals in the second case, χ² reduced, and in the columns of B the
-    changes of the residuals by one deviation to either side, over √2, of each input that is not fitted, as in
-    campaign.yaml.
+    or the start's). The covariance of the residuals is ``V = 1 + Σ + B Bᵀ``, with Σ that of the second case and in the
+    columns of B the changes of the residuals by one deviation to either side, over √2, of each input that is not
+    fitted, as in campaign.yaml. The values make ``rᵀ V⁻¹ r`` least: an anchor that is a millimetre off turns the object
+    by many deviations of the measurement, which are then not mistaken for effects of the values. Their covariance is
+    ``(Jᵀ V⁻¹ J)⁻¹ max(1, χ²)`` with χ² reduced. B is taken at the values of campaign.yaml, then at those found.
 
     The sum of squares has many minima. It is computed at the values of campaign.yaml and at 64 points of a Sobol
     sequence over the searched range; fits start at the best three, and the best fit counts.
@@ -117,13 +119,12 @@ def identify(
             remedy="leave them out",
         )
     fit = _Fit(Realisation.nominal(scene), deviations, settings)
-    found = fit.values(runs, list(fit.starts(runs)[:_STARTS]))
-    by_others = fit.by_others(runs, found)
-    covariance = fit.covariance(found, by_others, len(runs))
+    found, by_others = fit.fitted(runs)
+    covariance = fit.covariance(runs, found, by_others)
     identifiable, findings = _identifiability(settings.parameters, covariance, fit.reach)
     identifiable, further = _trust(found, by_others, fit, identifiable)
     findings += further
-    predictions = _predictions(fit, found, runs) if len(runs) > 1 else []
+    predictions = _predictions(fit, found, by_others, runs) if len(runs) > 1 else []
     if len(runs) == 1:
         findings.append(finding("identify_one_run"))
     return Identification(
@@ -192,18 +193,28 @@ class _Fit:
         self._at_places: dict[str, Array] = {}
         self._whitening: dict[str, Array] = {}
 
-    def starts(self, runs: Sequence[MeasuredRun]) -> Array:
+    def fitted(self, runs: Sequence[MeasuredRun]) -> tuple[_Found, Array]:
+        """The best fit to the runs, and what other inputs change there; see :meth:`by_others`."""
+        by_others = self.by_others(runs, self.given)
+        found = self.values(runs, self.starts(runs, by_others)[:_STARTS], by_others)
+        by_others = self.by_others(runs, found.values)
+        return self.values(runs, [found.values, *self.starts(runs, by_others)[:_STARTS]], by_others), by_others
+
+    def starts(self, runs: Sequence[MeasuredRun], by_others: Array) -> Array:
         """Points (k, p) in the searched range to start from, the best for these runs first."""
         for run in runs:
             if run.name not in self._at_places:
-                self._at_places[run.name] = np.array([self._squares(run, values) for values in self.places])
-        return self.places[np.argsort(sum(self._at_places[run.name] for run in runs), kind="stable")]
+                self._at_places[run.name] = np.array([self._residuals_if_any(run, values) for values in self.places])
+        residuals = np.hstack([self._at_places[run.name] for run in runs])
+        squares = np.sum((residuals @ _whitener(runs, by_others).T) ** 2, axis=1)
+        return self.places[np.argsort(squares, kind="stable")]  # Those without residuals are last: NaN.
 
-    def values(self, runs: Sequence[MeasuredRun], starts: Sequence[Array]) -> _Found:
-        """The best of the fits to these runs that begin at ``starts``, each (p,)."""
+    def values(self, runs: Sequence[MeasuredRun], starts: ArrayLike, by_others: Array) -> _Found:
+        """The best of the fits to these runs that begin at ``starts`` (k, p)."""
+        whitener = _whitener(runs, by_others)
 
         def residual(u: Array) -> Array:
-            return self._residuals(runs, self.nominal, self.given + u * self.scale)
+            return np.asarray(whitener @ self._residuals(runs, self.nominal, self.given + u * self.scale))
 
         def jacobian(u: Array) -> Array:
             steps = _STEP * np.eye(len(u))
@@ -214,7 +225,7 @@ class _Fit:
             least_squares(
                 residual, (start - self.given) / self.scale, jacobian, (-bound, bound), xtol=1e-4, ftol=1e-6, gtol=1e-8
             )
-            for start in starts
+            for start in np.asarray(starts)
         ]
         best = min(fits, key=lambda fit: fit.cost)
         values = self.given + best.x * self.scale
@@ -222,44 +233,44 @@ class _Fit:
         # Of an input without a sign its size is reported.
         mirrored = [row.acts_by_size(scene, float(value)) for row, value in zip(rows, values, strict=True)]
         signs = np.where(mirrored, -1.0, 1.0)
-        return _Found(signs * values, best.fun, best.jac * signs, sum(_measured_means(run) for run in runs))
+        residual_there, slopes = np.linalg.solve(whitener, best.fun), np.linalg.solve(whitener, best.jac * signs)
+        return _Found(signs * values, residual_there, slopes, sum(int(_there(run).sum()) for run in runs))
 
-    def _squares(self, run: MeasuredRun, values: Array) -> float:
+    def _residuals_if_any(self, run: MeasuredRun, values: Array) -> Array:
         try:
-            return float(np.sum(self._residuals([run], self.nominal, values) ** 2))
+            return self._residuals([run], self.nominal, values)
         except TowvalError:
             # Not a start. Where no point is one, the fit meets the same error and raises it.
-            return float("inf")
+            return np.full(_there(run).size, np.nan)
 
-    def by_others(self, runs: Sequence[MeasuredRun], found: _Found) -> Array:
+    def by_others(self, runs: Sequence[MeasuredRun], values: Array) -> Array:
         """Changes of the residuals (m, k) by one deviation to either side of each input that is not fitted, over √2.
 
         The sum of their squares is the mean square change. It counts inputs that cannot be on one side, too: of a
         height of zero both sides are the same, and their difference is none.
         """
-        columns = [np.empty((len(found.residual), 0))]
+        unmoved = self._residuals(runs, self.nominal, values)
+        columns = [np.empty((len(unmoved), 0))]
         for name, (row, i) in IDENTIFIABLE.items():
             std = self.deviations.get(row.name, 0.0)
             if name in self.settings.parameters or std == 0 or not row.present(self.nominal.scene):
                 continue
             given = row.values(self.nominal.scene)[i]
             for off in (std, -std):
-                moved = self._residuals(runs, _changed(self.nominal, row, i, given + off), found.values)
-                columns.append((moved - found.residual)[:, None] / np.sqrt(2))
+                moved = self._residuals(runs, _changed(self.nominal, row, i, given + off), values)
+                columns.append((moved - unmoved)[:, None] / np.sqrt(2))
         return np.hstack(columns)
 
-    def covariance(self, found: _Found, by_others: Array, runs: int) -> Array:
-        """Covariance (p, p) of the values fitted to so many runs; NaN where these do not determine all of them."""
-        jacobian, residual = found.jacobian, found.residual
+    def covariance(self, runs: Sequence[MeasuredRun], found: _Found, by_others: Array) -> Array:
+        """Covariance (p, p) of the values fitted to the runs; NaN where these do not determine all of them."""
+        whitener = _whitener(runs, by_others)
+        jacobian, residual = whitener @ found.jacobian, whitener @ found.residual
         p = jacobian.shape[1]
         if np.linalg.matrix_rank(jacobian) < p:
             return np.full((p, p), np.nan)
         solver = np.linalg.pinv(jacobian)
-        per_run = solver.reshape(p, runs, -1, 3).sum(axis=2).reshape(p, -1)
         chi2 = float(residual @ residual) / max(1, found.measured - p)
-        covariance = (solver @ solver.T + per_run @ per_run.T) * max(1.0, chi2)
-        moved = solver @ by_others
-        return np.asarray((covariance + moved @ moved.T) * np.outer(self.scale, self.scale))
+        return np.asarray(solver @ solver.T * max(1.0, chi2) * np.outer(self.scale, self.scale))
 
     def _residuals(self, runs: Sequence[MeasuredRun], base: Realisation, values: Array) -> Array:
         """Block means of simulated − measured in deviations of the measurement, all runs one after another."""
@@ -289,12 +300,14 @@ class _Fit:
         return motion.pose
 
 
-def _predictions(fit: _Fit, found: _Found, runs: Sequence[MeasuredRun]) -> list[Prediction]:
+def _predictions(fit: _Fit, found: _Found, by_others: Array, runs: Sequence[MeasuredRun]) -> list[Prediction]:
     """Each run simulated with values that were fitted to all others."""
     predictions = []
+    changes = np.split(by_others, len(runs))
     for left_out in runs:
         rest = [run for run in runs if run is not left_out]
-        others = fit.values(rest, [found.values, fit.starts(rest)[0]]).values
+        of_rest = np.vstack([change for run, change in zip(runs, changes, strict=True) if run is not left_out])
+        others = fit.values(rest, [found.values, fit.starts(rest, of_rest)[0]], of_rest).values
         pose = fit.simulated(left_out, others)
         predictions.append(
             Prediction(
@@ -321,9 +334,19 @@ def _measured(run: MeasuredRun) -> Array:
     return measured_poses(run.object_track)[run.object_track.rows_at(run.time_s)]
 
 
-def _measured_means(run: MeasuredRun) -> int:
-    """How many means over blocks of time there are of a run's error."""
-    return int(np.count_nonzero(np.isfinite(block_means(_measured(run)))))
+def _there(run: MeasuredRun) -> NDArray[np.bool_]:
+    """Which means over blocks of time there are of a run's error (24, 3)."""
+    return np.isfinite(block_means(_measured(run)))
+
+
+def _whitener(runs: Sequence[MeasuredRun], by_others: Array) -> Array:
+    """Matrix (m, m) that makes the residuals of runs independent, of unit variance; see :func:`identify`."""
+    covariance = np.eye(len(by_others)) + by_others @ by_others.T
+    per_run = len(by_others) // len(runs)
+    for k, run in enumerate(runs):
+        own, there = slice(k * per_run, (k + 1) * per_run), _there(run)
+        covariance[own, own] += np.outer(there, there) * np.tile(np.eye(there.shape[1]), (len(there),) * 2)
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
 
 
 def _error(run: MeasuredRun, pose: Array) -> Array:

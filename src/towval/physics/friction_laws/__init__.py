@@ -8,6 +8,7 @@ A new law is a subclass of :class:`towval.model.FrictionLaw` with a function tha
 from collections.abc import Callable
 
 from towval.model import FrictionSpecification
+from towval.model.checks import instance_of
 from towval.model.plugins import Registry
 from towval.physics.friction_laws.coulomb import Coulomb, fit_coulomb
 from towval.physics.friction_laws.fitted import FittedLaw
@@ -34,4 +35,5 @@ def fitted_law(specification: FrictionSpecification) -> FittedLaw:
     >>> fitted_law(stated).law.coefficient(0.1)
     np.float64(0.35)
     """
+    instance_of(specification, "specification", FrictionSpecification)
     return LAWS.require(specification.law, "friction.law")(specification)

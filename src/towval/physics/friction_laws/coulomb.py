@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from towval.model import Array, FrictionLaw, FrictionSpecification, check_friction_law
-from towval.model.checks import positive
+from towval.model.checks import numbers_of, positive
 from towval.physics.friction_laws.fitted import SATURATED, TANH_LINEAR, TANH_SATURATED, FittedLaw
 
 
@@ -33,11 +33,11 @@ class Coulomb(FrictionLaw):
 
     def coefficient(self, speed: ArrayLike) -> Array:
         """μ(v) [1]."""
-        return self.kinetic * np.tanh(np.asarray(speed, dtype=np.float64) / self.stiction_velocity)
+        return self.kinetic * np.tanh(numbers_of(speed, "speed") / self.stiction_velocity)
 
     def slope(self, speed: ArrayLike) -> Array:
         """dμ/dv [s/m]."""
-        rise = np.tanh(np.asarray(speed, dtype=np.float64) / self.stiction_velocity)
+        rise = np.tanh(numbers_of(speed, "speed") / self.stiction_velocity)
         return self.kinetic / self.stiction_velocity * (1 - rise * rise)
 
     @property

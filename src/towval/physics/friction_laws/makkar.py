@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from towval.model import Array, FrictionLaw, FrictionSpecification, check_friction_law, locked
-from towval.model.checks import positive
+from towval.model.checks import instance_of, numbers_of, positive
 from towval.model.compiling import compiled
 from towval.model.errors import InputError, RefusedError
 from towval.physics.friction_laws.fitted import SATURATED, TANH_LINEAR, TANH_SATURATED, FittedLaw
@@ -66,7 +66,7 @@ class Makkar(FrictionLaw):
 
     def coefficient(self, speed: ArrayLike) -> Array:
         """μ(v) [1]."""
-        v = np.asarray(speed, dtype=np.float64)
+        v = numbers_of(speed, "speed")
         stribeck = self.gamma1 * (np.tanh(self.gamma2 * v) - np.tanh(self.gamma3 * v))
         return stribeck + self.gamma4 * np.tanh(self.gamma5 * v) + self.gamma6 * v
 
@@ -182,6 +182,8 @@ def _check_specification(static: float, kinetic: float, v_s: float, v_k: float, 
 
 
 def _check_numbers(static: float, kinetic: float, v_s: float, v_k: float, viscous: float) -> None:
+    for value in (static, kinetic, v_s, v_k, viscous):
+        instance_of(value, "a number of the specification of the friction law", float, int, np.number)
     values = locked([static, kinetic, v_s, v_k, viscous], "the specification of the friction law", (5,), finite=False)
     if not (np.isfinite(values).all() and (values[:4] > 0).all() and values[4] >= 0):
         raise InputError(
