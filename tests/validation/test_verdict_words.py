@@ -12,7 +12,7 @@ TOLERANCE_M = 0.02
 
 def judged(
     upper_m=0.01, detectable_m=0.01, tolerance_m=TOLERANCE_M, seen=1.0, moved_m=2.0, largest_m=float("nan"),
-    size=1.0, excusing=(),
+    size=1.0, excusing=(), u_num_m=0.0,
 ):  # fmt: skip
     """The verdict, and its sentence, on a run that is rejected where ``size`` is above 2."""
     bounds = Bounds({"position_max": (0.0, upper_m)}, {"position_max": (0.0, upper_m)})
@@ -33,6 +33,8 @@ def judged(
             (),
             largest_m,
             excusing=excusing,
+            u_num_m=u_num_m,
+            u_val_m=0.01,
         )
     )
     return verdict, said.text
@@ -58,6 +60,14 @@ def test_no_tolerance_is_promised_where_the_visible_faults_are_not_known():
     assert verdict is Verdict.CANNOT_TELL
     assert "hardly any fault would have shown" in said
     assert "would agree" not in said
+
+
+@pytest.mark.parametrize(("u_num_m", "simulated"), [(0.006, False), (0.008, True)])
+def test_a_simulation_that_is_too_coarse_is_told_and_not_a_measurement(u_num_m, simulated):
+    verdict, said = judged(0.03, 0.03, u_num_m=u_num_m)
+    assert verdict is Verdict.CANNOT_TELL
+    assert said.endswith("simulate.rung_tolerance_m, for u_num is 8.0 mm.") == simulated
+    assert judged(u_num_m=u_num_m) == judged()
 
 
 def test_what_is_too_little_to_be_judged_is_less_than_what_is_named():

@@ -141,6 +141,8 @@ def _judged(
         shares=uncertainty.shares,
         explanation=uncertainty.explanation,
         largest_m=found.path_max_m,
+        u_num_m=found.u_num_m,
+        u_val_m=found.u_val_m,
         hidden=tuple(fault.kind for fault in uncertainty.faults if not fault.shift_rms_m <= tolerance_m),
         **tested,
     )

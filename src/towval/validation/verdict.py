@@ -28,7 +28,8 @@ class Evidence:
     leave a run not judged, ``excusing`` of those that may explain a difference; ``explanation``; ``shares`` of the
     expected variance by the label of the input; ``where`` the difference begins and how far it goes, in words;
     ``hidden`` kinds of faults that do not show at the tolerance; ``largest_m`` distance of simulated and measured path;
-    ``between_m`` by how much the error is larger between the times at which it was tested, which the bounds include.
+    ``between_m`` by how much the error is larger between the times at which it was tested, which the bounds include;
+    ``u_num_m`` and ``u_val_m`` numerical uncertainty of the simulation, and validation uncertainty with it.
     """
 
     tolerance_m: float
@@ -46,6 +47,8 @@ class Evidence:
     largest_m: float = float("nan")
     between_m: float = 0.0
     excusing: tuple[str, ...] = ()
+    u_num_m: float = 0.0
+    u_val_m: float = float("nan")
 
     @property
     def upper_m(self) -> float:
@@ -111,7 +114,8 @@ def _of_not_rejected(e: Evidence) -> tuple[Verdict, str]:
         needed = float(np.maximum(e.upper_m, e.detectable_m))
         remedy = f"It would agree if only {_at_most(needed)} mattered. " if np.isfinite(needed) else ""
         better = _worth_measuring(e)
-        remedy += f"Measure better: {', '.join(better)}" if better else ""
+        remedy += f"Measure better: {', '.join(better)}. " if better else ""
+        remedy += _worth_simulating(e)
         statement = f"Cannot tell whether it is within {tolerance:g} mm: {'; '.join(unsure)}. {remedy}".rstrip(" .")
         return Verdict.CANNOT_TELL, statement
     statement = f"Agrees within {upper}, where {tolerance:g} mm matter ({_tested(e)})"
@@ -242,3 +246,10 @@ def _worth_measuring(e: Evidence) -> list[str]:
     shares, labels = e.shares, {row.label: name for name, row in INPUTS.items()}
     best = sorted((label for label in labels if shares.get(label, 0.0) > 0), key=lambda label: -shares[label])[:2]
     return [*found, *(f"{_named(labels[label])}, {100 * shares[label]:.0f} % of the variance" for label in best)]
+
+
+def _worth_simulating(e: Evidence) -> str:
+    """What to do where most of the variance of the error is that of a simpler model or of coarse steps."""
+    if not e.u_num_m**2 > e.u_val_m**2 / 2:
+        return ""
+    return f"Simulate better: state a smaller simulate.rung_tolerance_m, for u_num is {_mm(e.u_num_m)}"
