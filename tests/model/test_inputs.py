@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from towval.model import FloorRegion, FrictionSpecification, Ground, Load, MassSpread, Patch, Tether, TowingScene
+from towval.model.input_types import deviations
 from towval.model.inputs import INPUTS, Realisation
 
 SCENE = TowingScene(
@@ -40,6 +41,11 @@ def numbers(value):
     if isinstance(value, tuple):
         return [number for part in value for number in numbers(part)]
     return np.ravel(value).tolist()
+
+
+def test_a_tether_whose_full_load_is_not_known_has_no_stiffening_to_be_unsure_of():
+    linear = replace(SCENE, tether=replace(SCENE.tether, stiffening=0.0, full_load=0.0))
+    assert deviations(linear)["stiffening"] == 0.0 < deviations(SCENE)["stiffening"]
 
 
 @pytest.mark.parametrize("name", ACTING)

@@ -317,7 +317,7 @@ register(
             "tether.stiffening_std", "that share", 1, 0.05, "stretch read at half and at full load",
             left_out=LeftOut("tether.stiffening", "0", 0.1, "cords and springs stiffen by 0 to 20 % of their chord"),
         ),
-        search=SearchRange(lambda _: 0.05, lambda _: 0.8),
+        search=SearchRange(lambda _: 0.05, lambda _: 0.8), present=lambda scene: scene.tether.full_load > 0,
     ),
     UncertainInput(
         "tether_mass", "mass of the tether", "kg/m", "campaign", _size(_in_part("tether", "mass_per_length")),
