@@ -19,10 +19,7 @@ def locked(values: ArrayLike, name: str, shape: tuple[int | None, ...], *, finit
 
     Raises `InputError` with the ``name`` for no numbers, another shape and, where ``finite``, NaN and infinity.
     """
-    try:
-        array: Array = values if _is_locked(values) else np.array(values, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError):
-        raise InputError(f"{name} is no array of numbers", got=_brief(values), allowed="numbers") from None
+    array: Array = values if _is_locked(values) else np.array(numbers_of(values, name))
     if array.ndim != len(shape) or any(want not in (None, have) for want, have in zip(shape, array.shape, strict=True)):
         wanted = " × ".join("any" if n is None else str(n) for n in shape)
         raise InputError(f"{name} has the wrong shape", got=array.shape, allowed=wanted)
