@@ -162,6 +162,82 @@ def test_the_leverage_of_points_adds_up_to_one_for_each_direction():
     np.testing.assert_allclose(flat.leverage, 1 / len(template.points))
 
 
+def marked(xy, *marks, size=1.5):
+    """A plain top with bright labels, each with a dark line, that are centred on ``marks``."""
+    grey = np.full(len(xy), 150.0)
+    for at in marks:
+        grey += 70 * step(np.max(np.abs(xy - at) - size * np.array([0.10, 0.07]), axis=1), 0.006)
+        grey -= 150 * step(np.max(np.abs(xy - at + [-0.02, 0.01]) - size * np.array([0.05, 0.015]), axis=1), 0.006)
+    return grey
+
+
+def with_label(xy):
+    return marked(xy, (0.3, -0.2))
+
+
+def with_small_label(xy):
+    """The label lies in one tile of the top."""
+    return marked(xy, (0.24, -0.11), size=0.7)
+
+
+def test_tiles_share_the_information_and_one_without_texture_has_none():
+    *_, template = painted_twice(with_label)
+    assert template.tile_share.sum() == pytest.approx(1.0)
+    far = np.hypot(*(template.points - [0.3, -0.2]).T) > 0.4
+    plain = np.setdiff1d(template.tile[far], template.tile[~far])
+    assert len(plain) > template.tiles / 2
+    assert template.tile_share[plain].sum() < 0.06
+
+
+@pytest.mark.parametrize(("marks", "concentrated"), [(1, True), (4, False)])
+def test_few_tiles_hold_the_information_of_a_single_mark(marks, concentrated):
+    places = [(0.3, -0.2), (-0.3, 0.2), (-0.3, -0.2), (0.3, 0.2)][:marks]
+    *_, template = painted_twice(lambda xy: marked(xy, *places))
+    assert template.is_concentrated == concentrated
+
+
+@pytest.mark.parametrize("grey", [with_label, with_small_label])
+def test_a_single_mark_on_a_plain_top_is_known_as_well_as_its_poses_scatter(grey):
+    """The scores of a single tile solve the equations and are zero: alone they would promise any precision."""
+    own, *_, template = painted_twice(grey)
+    poses, predicted = [], []
+    for k in range(30):
+        luma = painted.picture(own, grey=grey, noise=1.5, seed=100 + k)
+        found = align(luma, template, np.ones(len(template.points)), painted.POSE, own, 8.0)
+        poses.append(found.pose)
+        predicted.append(np.sqrt(np.diag(found.covariance)))
+    # One factor holds for all directions, so those of which the mark tells most are known better than stated.
+    ratio = np.mean(predicted, axis=0) / np.std(poses, axis=0)
+    assert (ratio > 0.8).all()
+    assert (ratio < 3.5).all()
+
+
+def test_a_single_mark_leads_a_plain_top_through_noise():
+    """Most of the top is noise, which correlates with nothing; the mark shows where it is."""
+    own, rng = painted.target(), np.random.default_rng(3)
+    tracker = PlaneTracker(own, painted.picture(own, grey=with_label, noise=1.5, seed=1000), painted.POSE)
+    for k in range(12):
+        true = compose(painted.POSE, np.array([0.3 * tracker.pixel_m * k, 0.0, 0.002 * k]))
+        start = compose(true, np.array([*(0.8 * tracker.pixel_m * rng.standard_normal(2)), 0.0]))
+        found = tracker.measure(painted.picture(own, true, with_label, noise=1.5, seed=k), start)
+        assert own.apart_m(found.pose, true) < 0.35 * tracker.pixel_m
+        found.learn()
+
+
+def test_a_plain_top_is_nowhere_where_its_mark_does_not_fit():
+    """All else fits anywhere. From four pixels off edges of the mark find others of its edges."""
+    own = painted.target()
+    tracker = PlaneTracker(own, painted.picture(own, grey=with_small_label, noise=1.5, seed=1000), painted.POSE)
+    rng, off = np.random.default_rng(3), []
+    for k in range(40):
+        start = compose(painted.POSE, np.array([*(2.5 * tracker.pixel_m * rng.standard_normal(2)), 0.0]))
+        found = tracker.measure(painted.picture(own, grey=with_small_label, noise=1.5, seed=k), start)
+        if found is not None:
+            off.append(own.apart_m(found.pose, painted.POSE) / tracker.pixel_m)
+    assert len(off) > 10
+    assert max(off) < 1.5
+
+
 def test_slopes_without_light_hold_nothing_that_a_gain_or_a_bias_of_a_tile_explains():
     """As by least squares; in a plain tile a gain changes what a bias changes."""
     rng = np.random.default_rng(0)

@@ -189,10 +189,14 @@ def _solve(information: Array, scores: Array) -> tuple[float, float, float]:
 
 @compiled()
 def correlation_of_tiles(
-    values: Array, template: Array, tile: Tiles, tiles: int, least_of_tile: int, visible_tiles: float
+    values: Array, template: Array, tile: Tiles, share: Array, least_of_tile: int, visible_tiles: float
 ) -> float:
-    """Correlation of picture and template: a quantile over the tiles, so that the hidden ones do not count."""
-    # No weights: weights choose the points that agree, and a few agree anywhere.
+    """Correlation of picture and template: a quantile over the tiles, so that the hidden ones do not count.
+
+    Each tile counts with its ``share`` (tiles,): one without texture correlates with nothing, wherever it lies.
+    """
+    # No weights of the points: weights choose those that agree, and a few agree anywhere.
+    tiles = len(share)
     sums = np.zeros((tiles, 6))
     for i in range(values.shape[0]):
         a, t, row = values[i], template[i], tile[i]
@@ -203,21 +207,27 @@ def correlation_of_tiles(
             sums[row, 3] += a * a
             sums[row, 4] += t * t
             sums[row, 5] += a * t
-    known = np.empty(tiles)
+    known, counted = np.empty(tiles), np.zeros(tiles)
     count = 0
     for row in range(tiles):
         n = sums[row, 0]
         if n >= least_of_tile:
             power = (sums[row, 3] - sums[row, 1] ** 2 / n) * (sums[row, 4] - sums[row, 2] ** 2 / n)
             known[count] = (sums[row, 5] - sums[row, 1] * sums[row, 2] / n) / np.sqrt(power) if power > 0 else 0.0
+            counted[count] = share[row]
             count += 1
-    return float(np.sort(known[:count])[int(visible_tiles * count)]) if count else 0.0
+    below, total = 0.0, np.sum(counted)
+    for k in np.argsort(known[:count]):
+        below += counted[k]
+        if below > visible_tiles * total:
+            return float(known[k])
+    return 0.0
 
 
 @compiled()
 def _align_kernel(
     luma: Luma,
-    shape: tuple[Array, Array, Array, Array, Tiles, int],
+    shape: tuple[Array, Array, Array, Array, Tiles, Array],
     precision: Array,
     pose: Array,
     view: tuple[float, Array, Array, Array],
@@ -227,7 +237,8 @@ def _align_kernel(
     wide: bool,
 ) -> tuple[Array, Array, Array, Array, Array, float, Array, float, bool]:
     """Rounds of the alignment: pose, information, scores, residuals, weights, scale, light, correlation, converged."""
-    points, template, slopes, leverage, tile, tiles = shape
+    points, template, slopes, leverage, tile, share = shape
+    tiles = len(share)
     height, T, matrix, k = view
     most_scale, tolerance_m = limits
     least_scale, first_part, first_rounds, most_rounds, least_of_tile, visible_tiles = rule
@@ -270,13 +281,18 @@ def _align_kernel(
             converged = abs(step[0]) + abs(step[1]) + reach * abs(step[2]) < tolerance
             if converged:
                 break
-    correlation = correlation_of_tiles(values, t, own_tile, tiles, least_of_tile, visible_tiles)
+    correlation = correlation_of_tiles(values, t, own_tile, share, least_of_tile, visible_tiles)
     return pose, information, scores, residual, weight, scale, light, correlation, converged
 
 
 @compiled()
-def _covariance_kernel(pose: Array, information: Array, scores: Array, least_determinant: float) -> tuple[bool, Array]:
-    """Whether an alignment leaves no direction open, and its covariance (3, 3), from the scores of the tiles."""
+def _covariance_kernel(
+    pose: Array, information: Array, scores: Array, least_determinant: float, least_variance: float
+) -> tuple[bool, Array]:
+    """Whether an alignment leaves no direction open, and its covariance (3, 3), from the scores of the tiles.
+
+    It is at least that of independent residuals of the ``least_variance``.
+    """
     root, tiles = root_of(information), len(scores)
     determinant = 1.0  # Of the information in units in which its diagonal is one.
     for i in range(3):
@@ -292,7 +308,7 @@ def _covariance_kernel(pose: Array, information: Array, scores: Array, least_det
     for i in range(3):
         for j in range(3):
             factor += inverse[i, j] * meat[i, j]
-    factor = max(factor * (tiles / max(1, tiles - 3)) / 3, _ROUNDING)
+    factor = max(factor * (tiles / max(1, tiles - 3)) / 3, least_variance)
     for i in range(3):
         for j in range(3):
             inverse[i, j] *= factor
@@ -325,13 +341,14 @@ def align(
 
     ``precision`` (n,) is the weight of each point known beforehand, in [0, 1]; ``most_scale`` the largest standard
     deviation of the inliers' residuals [grey levels]; ``wide`` judges what is usual by the points that hold
-    the information, so that few edges on a plain top are found from some pixels off. None where too little of the
-    template is in the picture or it leaves a direction open.
+    the information, so that few edges on a plain top are found from some pixels off; a template that is concentrated
+    is always aligned so. None where too little of the template is in the picture or it leaves a direction open.
     """
-    c, most_rounds = CONSTANTS, CONSTANTS.wide_rounds if wide else CONSTANTS.rounds
+    c, wide = CONSTANTS, wide or template.is_concentrated
+    most_rounds = c.wide_rounds if wide else c.rounds
     pose, information, scores, residual, weight, scale, light, correlation, converged = _align_kernel(
         luma,
-        (template.points, template.values, template.slopes, template.leverage, template.tile, template.tiles),
+        (template.points, template.values, template.slopes, template.leverage, template.tile, template.tile_share),
         precision,
         np.asarray(pose, dtype=np.float64),
         (target.height, target.floor.T_camera_floor, target.camera.matrix, target.camera.distortion),
@@ -340,7 +357,10 @@ def align(
         (LIGHT.gain_spread, LIGHT.least_gain, LIGHT.most_gain),
         wide,
     )
-    known, covariance = _covariance_kernel(pose, information, scores, c.least_determinant)
+    # The scores of few tiles cannot tell how residuals go together; they solve the equations, and may all be zero. Few
+    # points, too, leave less than the noise that the others show.
+    least_variance = max(scale, residual_scale(residual)) ** 2 if template.is_concentrated else _ROUNDING
+    known, covariance = _covariance_kernel(pose, information, scores, c.least_determinant, least_variance)
     if not known:
         return None
     inliers = _inliers_kernel(weight, precision, template.tile, light, c.inlier_weight, LIGHT.least_gain)

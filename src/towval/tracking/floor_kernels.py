@@ -155,5 +155,5 @@ def register_kernel(
         converged = far < tolerance_px * tolerance_px
         if converged:
             break
-    correlation = correlation_of_tiles(values, template, tile, tiles, 8, 0.5)
+    correlation = correlation_of_tiles(values, template, tile, np.ones(tiles), 8, 0.5)
     return motion, information, values, gain, weight, residual, scale, correlation, converged

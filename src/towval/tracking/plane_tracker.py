@@ -181,7 +181,9 @@ class PlaneTracker(Tracker):
         if found is None or response.whole is None:
             return None
         found = replace(found, covariance=response.whole @ found.covariance @ response.whole.T)
-        return found if self._trusted(found) else None
+        # The rest of a plain top fits anywhere: without its marks it is nowhere.
+        shown = not template.is_concentrated or information_of_inliers(found, template) >= CONSTANTS.least_information
+        return found if shown and self._trusted(found) else None
 
     def _at_its_edges(
         self, luma: Luma, start: Array, found: Alignment, template: Template, response: "_Response"
