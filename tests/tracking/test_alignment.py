@@ -238,6 +238,24 @@ def test_a_plain_top_is_nowhere_where_its_mark_does_not_fit():
     assert max(off) < 1.5
 
 
+def with_border(xy):
+    """A plain top with a dark line along its edges, as wide as tape."""
+    inside = np.max(np.abs(xy) - [0.55, 0.40], axis=1)
+    return 150 - 110 * step(inside, 0.008) + 110 * step(inside + 0.05, 0.008)
+
+
+@pytest.mark.parametrize("shift_px", [3.0, 4.0])
+def test_a_border_of_tape_is_not_passed_over_for_the_plain_middle(shift_px):
+    """The middle fits wherever it is laid."""
+    own = painted.target()
+    tracker = PlaneTracker(own, painted.picture(own, grey=with_border, noise=0.7, seed=1000), painted.POSE)
+    for k, turn in enumerate((0.0, 0.8, 1.6, 2.4)):
+        by = shift_px * tracker.pixel_m * np.array([np.cos(turn), np.sin(turn)])
+        start = compose(painted.POSE, np.array([*by, 0.0]))
+        found = tracker.measure(painted.picture(own, grey=with_border, noise=0.7, seed=k), start)
+        assert found is None or own.apart_m(found.pose, painted.POSE) < 0.5 * tracker.pixel_m
+
+
 def test_slopes_without_light_hold_nothing_that_a_gain_or_a_bias_of_a_tile_explains():
     """As by least squares; in a plain tile a gain changes what a bias changes."""
     rng = np.random.default_rng(0)

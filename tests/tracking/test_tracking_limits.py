@@ -12,7 +12,7 @@ from studies.worlds.scenes import ceiling, rectangle
 from towval.model import Body, TrackStatus
 from towval.model.errors import InputError
 from towval.model.geometry import compose, transform
-from towval.tracking import alignment, blur, follow, outline, two_measurements
+from towval.tracking import alignment, blur, follow, outline, plane_tracker, two_measurements
 from towval.tracking import noise as noise_module
 from towval.tracking.alignment import align
 from towval.tracking.blur import Shutter
@@ -370,12 +370,23 @@ def test_another_place_is_tried_where_inliers_hold_less_than_three_quarters_of_t
 
 
 @pytest.mark.parametrize(
-    ("apart_px", "left", "taken"), [(0.3, 0.1, False), (0.65, 0.1, True), (1.5, 0.75, True), (1.5, 0.97, False)]
+    ("apart_px", "left", "plain", "taken"),
+    [
+        (0.3, 0.1, False, False),
+        (0.3, 0.1, True, True),
+        (0.3, 0.97, True, False),
+        (0.65, 0.1, False, True),
+        (1.5, 0.75, False, True),
+        (1.5, 0.97, False, False),
+    ],
 )
 def test_another_place_half_a_pixel_off_is_taken_where_it_leaves_a_tenth_less(
-    plane, good, monkeypatch, apart_px, left, taken
+    plane, good, monkeypatch, apart_px, left, plain, taken
 ):
-    """Of the points a fifth do not fit at the first place, and ``left`` of that at the other one."""
+    """Of the points a fifth do not fit at the first place, and ``left`` of that at the other one.
+
+    Where the first holds hardly more than what is ``plain``, the other may be nearer.
+    """
     points = len(good.residual)
 
     def leaving(share, pose):
@@ -384,6 +395,7 @@ def test_another_place_half_a_pixel_off_is_taken_where_it_leaves_a_tenth_less(
     first = leaving(0.2, POSE)
     other = leaving(0.2 * left, POSE + np.array([apart_px * PIXEL_M, 0.0, 0.0]))
     monkeypatch.setattr(plane, "_align", lambda *_, **__: other)
+    monkeypatch.setattr(plane_tracker, "information_of_inliers", lambda *_: 0.05 if plain else 0.5)
     found = plane._at_its_edges(picture(BOX), POSE, first, plane.template, plane.response)
     assert (found is other) == taken
 
@@ -497,6 +509,13 @@ def test_what_the_tracker_does_not_find_is_no_rival(follower):
     assert follower._unmistakable(4.0, None, here)
 
 
+@pytest.mark.parametrize(("share", "shown"), [(0.07, False), (0.15, True)])
+def test_a_match_whose_edges_fit_nowhere_holds_a_tenth_of_the_information(plane, good, monkeypatch, share, shown):
+    monkeypatch.setattr(plane_tracker, "information_of_inliers", lambda *_: share)
+    monkeypatch.setattr(plane, "_align", lambda *_, wide=False: None if wide else good)
+    assert (plane.measure(picture(BOX), POSE) is not None) == shown
+
+
 @pytest.mark.parametrize(("apart_px", "confirmed"), [(1.5, True), (3.0, False)])
 def test_a_search_confirms_a_doubtful_pose_only_at_the_same_place(follower, apart_px, confirmed):
     follower.relocaliser.find = lambda _: POSE
@@ -544,6 +563,15 @@ def test_a_rival_over_the_find_is_the_body_itself_turned_and_the_motion_tells(fo
     there = compose(follower.motion.pose, np.array([0.6 * BOX.reach_m, 0, 0]))
     follower.lookalikes.rivals = lambda *_: [compose(there, np.array([0.0, aside * BOX.reach_m, np.pi]))]
     assert follower._unmistakable(1.0, None, there) == known
+
+
+@pytest.mark.parametrize(
+    ("turn", "aside", "after_s", "known"),
+    [(2.0, 0.0, 1.0, False), (1.4, 0.0, 1.0, True), (2.0, 1.5, 1.0, True), (2.0, 0.0, 3.5, True)],
+)
+def test_a_body_does_not_turn_round_where_it_was_while_that_is_remembered(follower, turn, aside, after_s, known):
+    there = compose(follower.motion.pose, np.array([0.0, aside * BOX.reach_m, turn]))
+    assert follower._unmistakable(after_s, None, there) == known
 
 
 def test_of_places_that_look_as_good_the_one_at_home_is_found(follower):

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from towval.model import Array, Body, Features, Finding, Track, TrackStatus
 from towval.model.errors import InputError
 from towval.model.findings import finding
-from towval.model.geometry import compose, transform
+from towval.model.geometry import compose, transform, wrapped
 from towval.tracking.blur import ahead_of_middle
 from towval.tracking.camera_motion import ViewMotion
 from towval.tracking.echoes import Echoes
@@ -239,6 +239,9 @@ class Follower:
         predicted place: with ``pose`` near that place, or the rival over ``pose``, which then is the body itself,
         turned. A body with a twin may be hidden while the twin is in view: it is accepted only near its place.
         """
+        if self._turned_round(time_s, pose):
+            self.mistakable += 1
+            return False
         rivals = self.lookalikes.rivals(self._candidates(time_s, luma), pose)
         if rivals is None:
             return False
@@ -255,6 +258,16 @@ class Follower:
             return True
         self.mistakable += 1
         return False
+
+    def _turned_round(self, time_s: float, pose: Array) -> bool:
+        """Whether a pose lies over the last one, but turned by more than a body turns while it is remembered.
+
+        A pattern that looks the same both ways is found so where the body itself does not quite fit.
+        """
+        last = self.motion.pose
+        if time_s - self.motion.time_s > CONSTANTS.remembered_s or abs(wrapped(pose[2] - last[2])) < np.pi / 2:
+            return False
+        return self._over(pose, transform(last, self.target.body.top_corners_m))
 
     def _twin_at_large(self, others: Sequence["Follower"]) -> bool:
         """Whether what looked like the body in the first picture may be anywhere: no tracked body stood there."""

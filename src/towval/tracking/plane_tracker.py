@@ -30,6 +30,7 @@ class PlaneTrackerConstants:
     correlation_kept: float = 0.6  # Of what it usually is.
     worst_std_px: float = 0.35  # [px] Deviation of a corner: a plain or mostly hidden target.
     least_information: float = 0.75  # Of the template's, in the inliers: with less, another place may fit better,
+    least_shown: float = 0.1  # Of it: less is no match where edges fit nowhere, however much of what is plain fits.
     other_place_px: float = 0.45  # [px] which is so far away,
     fits_better: float = 0.9  # and leaves less than that of what was left: parts above a top leave more, edges less.
     jump_px: float = 3.0  # [px] From the prediction: a pose that ends farther is tried from the coarse scale, too.
@@ -134,11 +135,9 @@ class PlaneTracker(Tracker):
             coarse = self._align_coarsely(luma, predicted, template, response)
             if coarse is not None and (found is None or coarse.correlation > found.correlation):
                 found = coarse
-        if found is None:
-            return None
-        if information_of_inliers(found, template) < CONSTANTS.least_information:
+        if found is not None and information_of_inliers(found, template) < CONSTANTS.least_information:
             found = self._at_its_edges(luma, predicted, found, template, response)
-        return _Found(found, template)
+        return None if found is None else _Found(found, template)
 
     def _in_focus(
         self, luma: Luma, predicted: Array, velocity: Array, there: "_Found"
@@ -187,10 +186,16 @@ class PlaneTracker(Tracker):
 
     def _at_its_edges(
         self, luma: Luma, start: Array, found: Alignment, template: Template, response: "_Response"
-    ) -> Alignment:
-        """An alignment, or a better one at some distance, for which the edges that looked hidden are the target's."""
+    ) -> Alignment | None:
+        """An alignment, or a better one at some distance, for which the edges that looked hidden are the target's.
+
+        None where they fit nowhere and the alignment is hardly of more than what is plain, which fits anywhere.
+        """
         other = self._align(luma, start, template, response, wide=True)
-        if other is None or self.target.apart_m(found.pose, other.pose) < CONSTANTS.other_place_px * self.pixel_m:
+        plain = information_of_inliers(found, template) < CONSTANTS.least_shown
+        if other is None:
+            return None if plain else found
+        if not plain and self.target.apart_m(found.pose, other.pose) < CONSTANTS.other_place_px * self.pixel_m:
             return found
         return other if left_over(other, found) < CONSTANTS.fits_better * left_over(found, other) else found
 
