@@ -1,6 +1,5 @@
 """Output of commands: findings, progress, and errors of the input as one message."""
 
-import errno
 import io
 import json
 import math
@@ -11,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NoReturn, TextIO
 
+from towval.io.reading import remedy_of
 from towval.model import Finding, Severity
 from towval.model.errors import InputError, TowvalError
 from towval.model.plugins import load_plugins
@@ -74,17 +74,6 @@ def _without_nan(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-_REMEDIES = {
-    errno.ENOSPC: "make room and call again: what is finished stays",
-    errno.EDQUOT: "make room and call again: what is finished stays",
-    errno.EACCES: "change its rights, or choose another place",
-    errno.EPERM: "change its rights, or choose another place",
-    errno.EROFS: "choose a place that can be written",
-    errno.EMFILE: "allow more open files: ulimit -n 1024",
-    errno.ENAMETOOLONG: "choose a shorter name",
-    errno.EISDIR: "move that folder, or choose another name",
-    errno.ENOTDIR: "a part of that path is a file: choose another",
-}
 _INTERRUPTED = "towval: interrupted; what is finished stays, and the next call goes on from there"
 
 
@@ -118,11 +107,7 @@ def errors_reported(log: Path | None = None) -> Iterator[None]:
 
 def _of_system(error: OSError) -> InputError:
     place = error.filename if error.filename is not None else "a file"
-    return InputError(
-        f"the system refuses {place}",
-        got=error.strerror or str(error),
-        remedy=_REMEDIES.get(error.errno or 0, "check that place and its disk"),
-    )
+    return InputError(f"the system refuses {place}", got=error.strerror or str(error), remedy=remedy_of(error))
 
 
 def _end(message: str, log: Path | None, code: int = 1) -> NoReturn:
