@@ -4,6 +4,7 @@ import io
 import json
 import math
 import sys
+import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
@@ -124,9 +125,16 @@ def step(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
+_UNTOLD_S = 20.0
+"""How long work whose end is not known may go on without a line [s]."""
+
+
 @contextmanager
 def progress(label: str, total: int | None, unit: str = "frame") -> Iterator[Callable[[int], None]]:
-    """A progress bar on a terminal, else a line every 10 % of a known total; yields a function of the count done."""
+    """A progress bar on a terminal, else a line every 10 % of a known total, or every 20 s where it is not known.
+
+    Yields a function of the count done.
+    """
     if sys.stderr.isatty():
         from tqdm import tqdm  # noqa: PLC0415  # not at start-up: only a terminal needs it
 
@@ -137,10 +145,13 @@ def progress(label: str, total: int | None, unit: str = "frame") -> Iterator[Cal
 
             yield advance
         return
-    next_line = 0.1
+    next_line, told_s = 0.1, time.monotonic()
 
     def line(done: int) -> None:
-        nonlocal next_line
+        nonlocal next_line, told_s
+        if total is None and time.monotonic() - told_s >= _UNTOLD_S:
+            print(f"{label}: {done} {unit}s", file=sys.stderr, flush=True)
+            told_s = time.monotonic()
         if total and done >= next_line * total:
             print(f"{label}: {done} of {total} {unit}s", file=sys.stderr, flush=True)
             next_line += 0.1
