@@ -20,6 +20,7 @@ from pathlib import Path
 
 from studies.evidence.compute import REPOSITORY
 from studies.evidence.ledger import Group, read_groups
+from towval.commands.console import errors_reported
 
 MADE = ("camera_faults.md", "claims.md", "evidence.md", "findings.md", "inputs.md", "scenes.md")
 """Pages that commands make from the code or from tables."""
@@ -148,6 +149,7 @@ def numbers_in(group: Group, of_table: bool = False) -> set[float]:
     return {float(number.rstrip(",").replace(",", "")) for number in found}
 
 
+@errors_reported()
 def main() -> None:
     """Print what is stated without a row."""
     argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0]).parse_args()

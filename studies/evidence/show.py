@@ -14,26 +14,25 @@ from contextlib import nullcontext
 from studies.evidence.compute import shared_folder
 from studies.evidence.ledger import Check, Group, Values, read_groups
 from studies.frame import loaded
-from towval.model.errors import InputError, TowvalError
+from towval.commands.console import errors_reported
+from towval.model.errors import InputError
 
 
+@errors_reported()
 def main(arguments: list[str] | None = None) -> None:
     """Measure a group of the ledger and print its rows; the exit status is 1 where one does not hold."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("group", help="name of a group, as in docs/evidence.md")
     parser.add_argument("--fault", type=int, default=0, metavar="NUMBER", help="plant this fault; 0, the default: none")
     options = parser.parse_args(arguments)
-    try:
-        group, check = _group(options.group)
-        faults = ["", *check.faults]
-        if not 0 <= options.fault < len(faults):
-            raise InputError("there is no such fault", got=options.fault, allowed=f"0 to {len(faults) - 1}")
-        for number, fault in enumerate(faults):
-            print(f"{'*' if number == options.fault else ' '} {number}: {fault or 'the program as it is'}")
-        with check.faults[faults[options.fault]]() if options.fault else nullcontext():
-            values = check.measure()
-    except TowvalError as error:
-        sys.exit(f"towval: {error}")
+    group, check = _group(options.group)
+    faults = ["", *check.faults]
+    if not 0 <= options.fault < len(faults):
+        raise InputError("there is no such fault", got=options.fault, allowed=f"0 to {len(faults) - 1}")
+    for number, fault in enumerate(faults):
+        print(f"{'*' if number == options.fault else ' '} {number}: {fault or 'the program as it is'}")
+    with check.faults[faults[options.fault]]() if options.fault else nullcontext():
+        values = check.measure()
     print("\n".join(lines(group, values)))
     sys.exit(not all(each.holds(values.get(each.name)) for each in group.statements))
 

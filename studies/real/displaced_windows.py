@@ -19,6 +19,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from studies.worlds.scenes import rectangle
+from towval.commands.console import errors_reported
 from towval.model import Array, Body, Camera, Floor
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.plane_tracker import PlaneTracker
@@ -105,6 +106,7 @@ def _read(path: Path) -> Luma:
     return np.asarray(cv2.imread(str(path), cv2.IMREAD_GRAYSCALE), dtype=np.uint8)
 
 
+@errors_reported()
 def main() -> None:
     """Print a row a pair and window size."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from towval.commands.console import errors_reported
 from towval.io.records import read_comparison, read_simulated, read_tracks
 from towval.model import Array, SimulatedMotion, Track
 from towval.model.geometry import wrapped
@@ -39,6 +40,7 @@ def off_at_most(simulated: SimulatedMotion, truth: pd.DataFrame) -> float:
     return 1e3 * float(np.linalg.norm(simulated.pose[:, :2] - np.column_stack(true), axis=1).max())
 
 
+@errors_reported()
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])

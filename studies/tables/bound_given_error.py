@@ -16,6 +16,7 @@ import numpy as np
 from studies.tables.verdict_worlds import cases, largest
 from studies.worlds.towed_runs import TrueCamera, nominal_calibration
 from studies.worlds.verdict_worlds import WORLDS, number_of, world_run
+from towval.commands.console import errors_reported
 from towval.model import Array
 from towval.model.geometry import block_means, signature_blocks
 from towval.validation.path_frame import OnPath
@@ -87,6 +88,7 @@ def known_errors(seeds: range, samples: int) -> Iterator[Known]:
             yield Known(name, seed, *(1e3 * float(each) for each in found))
 
 
+@errors_reported()
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])

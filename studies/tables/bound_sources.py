@@ -20,6 +20,7 @@ import numpy as np
 import pandas as pd
 
 from studies.tables.draws_tolerance import case_of
+from towval.commands.console import errors_reported
 from towval.model import Array, Board, Body, DecimatedTrack, Track
 from towval.model.geometry import pose_difference, rotation
 from towval.optics.moved_view import pose_sensitivity
@@ -206,6 +207,7 @@ def _moves(case: Case, body: Body, track: Track) -> tuple[Array, Array]:
     return shared[:, :2].reshape(2 * _PLACES, -1), turned.reshape(2 * _PLACES, 3)
 
 
+@errors_reported()
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)

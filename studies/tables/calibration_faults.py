@@ -20,6 +20,7 @@ import yaml
 
 from studies.camera_faults.faults import FAULTS, Fault
 from towval.commands import calibrate
+from towval.commands.console import errors_reported
 from towval.io.campaign import load_campaign
 from towval.io.records import read_calibration
 from towval.model import Calibration, Severity
@@ -76,6 +77,7 @@ def row(campaign: Path, sound: Calibration, fault: Fault) -> str:
     return f"| {fault.name} | {' | '.join(cells)} | {', '.join(sorted(codes))} |"
 
 
+@errors_reported()
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])

@@ -22,6 +22,7 @@ from towval.calibration.bundle_adjustment import Estimate, adjust, marginal_cova
 from towval.calibration.calibrate import CalibrateSettings, calibrate_observations
 from towval.calibration.lens import active_parameters
 from towval.calibration.observations import placed
+from towval.commands.console import errors_reported
 from towval.model import Array, Calibration
 from towval.model.geometry import rigid_fit, transform
 from towval.optics.plane_uncertainty import pixel_grid, shared_parameters, uncertainty_map
@@ -194,6 +195,7 @@ def flags(seeds: range, sets: dict[str, dict[str, Any]]) -> None:
         )
 
 
+@errors_reported()
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)

@@ -19,6 +19,7 @@ import pandas as pd
 from studies.camera_faults.faults import FAULTS, Fault
 from studies.camera_faults.trial import footage, tried
 from towval.commands import calibrate
+from towval.commands.console import errors_reported
 
 _SAMPLE = "data_samples/lab_small:a:8"
 _ORDER = ("corrected", "covered", "reported", "silently wrong")
@@ -65,6 +66,7 @@ def _cell(runs: pd.DataFrame, unit: str) -> str:
     return f"{text}, {runs.rms_mm.max():.1f} mm" + (f" / {verdict}" if runs.said.any() else "")
 
 
+@errors_reported()
 def main() -> None:
     """Plant the faults, write a row a cell, and print the map."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])

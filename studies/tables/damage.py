@@ -27,6 +27,7 @@ from studies.robustness.workflow_faults import (
     read_only_trial,
     surroundings_trials,
 )
+from towval.commands.console import errors_reported
 from towval.io.campaign import Campaign, load_campaign
 from towval.io.images import read_gray
 from towval.io.records import read_decimated, read_tracks
@@ -107,6 +108,7 @@ def _keep(corpus: Path, name: str, kind: str, file: Path, outcome: Outcome) -> N
     (corpus / f"{name}.txt").write_text(f"{kind}\n{outcome.kind}\n{outcome.text}\n", encoding="utf-8")
 
 
+@errors_reported()
 def main() -> None:
     """Run what is asked for and print the counts; exits with code 1 where anything did not end as it should."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])

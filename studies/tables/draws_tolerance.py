@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from towval.commands.console import errors_reported
 from towval.io.campaign import load_campaign
 from towval.io.records import read_calibration, read_decimated, read_simulated, read_tracks
 from towval.validation.sampler import Case, Sampler, UncertaintySettings
@@ -57,6 +58,7 @@ def drawn_paths(case: Case) -> Iterator[DrawnPaths]:
         yield DrawnPaths(tolerance, spent / DRAWS, float(np.sqrt(np.nanmean(apart**2))), float(np.nanmax(apart)))
 
 
+@errors_reported()
 def main() -> None:
     """Print CPU time and error of the paths at each tolerance, for each run."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])

@@ -23,6 +23,7 @@ from studies.frame import Row
 from studies.tables.validation_rendered import judged
 from studies.worlds.engine_campaign import write_engine_campaign
 from studies.worlds.engine_lab import can_render
+from towval.commands.console import errors_reported
 from towval.io.records import read_simulated, read_tracks
 from towval.model import Comparison, Track
 from towval.model.errors import TowvalError
@@ -82,6 +83,7 @@ def _simulated(result: Comparison, file: Path, truth: pd.DataFrame) -> Row:
     return said | {"off_mm": 1e3 * float(off.max()), "bound_mm": 1e3 * result.error_upper_m}
 
 
+@errors_reported()
 def main() -> None:
     """Print the rows."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])

@@ -26,6 +26,7 @@ from studies.tradeoff.presets import AUTO, PipelineResult, run_pipeline
 from studies.worlds.campaign import ANCHOR, HINGE, RATE_HZ
 from studies.worlds.folder import film_campaign
 from studies.worlds.scenes import Motion, drive
+from towval.commands.console import errors_reported
 from towval.io.atomic import write_text
 from towval.io.campaign import Campaign, load_campaign
 from towval.model import Array, Choice, FrictionSpecification, Patch, Tether, TimedPath, TowedObject
@@ -256,6 +257,7 @@ def _moved(choice: Choice) -> str:
     return f"{1e3 * choice.change_m:.2g} mm" if np.isfinite(choice.change_m) else "not known"
 
 
+@errors_reported()
 def main() -> None:
     """Write or print the page."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from towval.commands.console import errors_reported
 from towval.io.mcap_file import write_mcap
 from towval.io.results_index import read_results, write_index
 from towval.io.summary import COLUMNS
@@ -81,6 +82,7 @@ def measured(count: int, folder: Path) -> dict[str, float]:
     return found | {"findings": len(index.findings)}
 
 
+@errors_reported()
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])

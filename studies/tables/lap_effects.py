@@ -16,6 +16,7 @@ import numpy as np
 
 from studies.comparators.tow_scenes import lap_scene
 from studies.costs import Timed, take_turns
+from towval.commands.console import errors_reported
 from towval.model import FloorRegion, Ground, Patch, SimulatedMotion, Sliding, Tether, TowedObject
 from towval.physics import Coulomb, feedback
 from towval.physics.dynamics import LEVEL
@@ -83,6 +84,7 @@ def timed_laps(rounds: int) -> dict[str, Timed[SimulatedMotion]]:
     return take_turns(calls, rounds)
 
 
+@errors_reported()
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])

@@ -26,6 +26,7 @@ from tempfile import TemporaryDirectory
 import yaml
 
 from studies.tables.workflow_time import REPOSITORY, SAMPLE
+from towval.commands.console import errors_reported
 
 PLANNING, ON_A_NODE, STAGE = "planning", "Snakemake of a job", "stage"
 
@@ -115,6 +116,7 @@ def _kind(argv: Sequence[str]) -> str | None:
     return ON_A_NODE if "--mode" in argv else PLANNING
 
 
+@errors_reported()
 def main() -> None:
     """Print a table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])

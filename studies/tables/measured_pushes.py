@@ -14,8 +14,10 @@ from pathlib import Path
 
 from studies.real.measured_pushes import PUBLISHED, foot_rows, scale_lines, slow_rows
 from studies.real.push_data import read_logs
+from towval.commands.console import errors_reported
 
 
+@errors_reported()
 def main(arguments: list[str] | None = None) -> int:
     """Print the table; 1 where a line does not hold."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])

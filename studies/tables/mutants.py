@@ -24,6 +24,7 @@ from typing import Any
 
 import pytest
 
+from towval.commands.console import errors_reported
 from towval.model.constants import constants_of
 
 ROOMS = ("towval.tracking", "towval.calibration")
@@ -148,6 +149,7 @@ def tried(mutants: list[Mutant], watch: Watch, jobs: int, seconds: float) -> Ite
         yield from pool.imap(noticed_by, work, chunksize=1)
 
 
+@errors_reported()
 def main() -> None:
     """Print the table, and the share that the tests notice."""
     parser = argparse.ArgumentParser(description=__doc__)

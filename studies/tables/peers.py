@@ -38,6 +38,7 @@ from studies.worlds.challenges import metre
 from studies.worlds.filming import filmed
 from studies.worlds.reference import Box, towed_box
 from towval.calibration.calibrate import CalibrateSettings, calibrate_observations
+from towval.commands.console import errors_reported
 from towval.model import Array, Calibration
 from towval.model.geometry import compose
 from towval.physics.dynamics import feedback
@@ -201,6 +202,7 @@ def over_ours(found: Iterable[PeerRow]) -> Iterator[tuple[PeerRow, float]]:
         yield row, row.cpu_s / first_s.setdefault(row.task, row.cpu_s)
 
 
+@errors_reported()
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])

@@ -17,6 +17,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from studies.comparators.tow_scenes import SCENES
 from studies.comparators.work_precision import CVODE, LSODA, RADAU, ROSENBROCK, work_precision_rows
+from towval.commands.console import errors_reported
 from towval.report.style import MEASURED, MUTED, PAGE_WIDTH_IN, ROVER, SIMULATED, figure_function, save_figure
 
 TOLERANCES_M = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
@@ -47,6 +48,7 @@ def work_precision_figure(table: pd.DataFrame) -> Figure:
     return figure
 
 
+@errors_reported()
 def main() -> None:
     """Print the table, write it as CSV, and draw it."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])

@@ -19,8 +19,10 @@ from studies.comparators.mujoco_engine import mujoco_rows
 from studies.comparators.tow_scenes import lap_scene
 from studies.comparators.work_precision import REFERENCE_TOLERANCE_M, reference_places
 from studies.costs import least_cpu_seconds
+from towval.commands.console import errors_reported
 
 
+@errors_reported()
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])

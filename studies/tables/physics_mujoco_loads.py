@@ -15,6 +15,7 @@ import sys
 
 from studies.comparators.mujoco_engine import is_installed
 from studies.comparators.mujoco_loads import compared_tows, load_row
+from towval.commands.console import errors_reported
 
 ALLOWED = 0.01
 COLUMNS = {
@@ -28,6 +29,7 @@ COLUMNS = {
 """Entries of a row by the heads of their columns."""
 
 
+@errors_reported()
 def main() -> int:
     """Print the table; 1 where a line does not hold."""
     argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0]).parse_args()

@@ -26,6 +26,7 @@ from studies.comparators.work_precision import reference_places
 from studies.costs import children_cpu_seconds, cpu_seconds, least_cpu_seconds
 from studies.paper.finite_volumes import mesh_pressure, meshed_patch
 from studies.worlds.footprints import random_load, random_star
+from towval.commands.console import errors_reported
 from towval.model import Array, Patch, Tether
 from towval.model.compiling import compiled
 from towval.model.conventions import GRAVITY_M_PER_S2
@@ -180,6 +181,7 @@ def cold_rows() -> Iterator[Row]:
     yield "later processes, start to result", "1.5 s", f"{later[0]:.2f} s CPU, {later[1]:.2f} s wall", later[0] <= 1.5
 
 
+@errors_reported()
 def main() -> int:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])

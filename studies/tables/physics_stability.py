@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from studies.maps.integrators import CUBE
+from towval.commands.console import errors_reported
 from towval.model import SimulatedMotion, Tether, TimedPath
 from towval.physics.dynamics import DEFAULT_TOLERANCE_M, Accuracy, Outcome, feedback
 from towval.physics.friction_laws import Coulomb
@@ -71,6 +72,7 @@ def judge(stiffness: float, stiction: float, stretch: float) -> Judged:
     return Judged(RIGHT if error <= ALLOWED_M else SILENTLY_WRONG, error, float(np.abs(apart[:, 2]).max()), steps)
 
 
+@errors_reported()
 def main() -> int:
     """Print the table."""
     argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()

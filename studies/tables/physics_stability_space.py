@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from towval.commands.console import errors_reported
 from towval.model import FrictionLaw, Patch, SimulatedMotion, Tether, TimedPath, TowedObject
 from towval.physics.dynamics import Accuracy, Outcome, feedback
 from towval.physics.friction_laws import Makkar, risen_law
@@ -74,6 +75,7 @@ def judge(scene: Scene) -> tuple[str, float]:
     return ("right" if error <= ALLOWED_M else "SILENTLY WRONG"), error
 
 
+@errors_reported()
 def main() -> int:
     """Print the table."""
     argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()

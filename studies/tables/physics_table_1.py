@@ -23,6 +23,7 @@ from studies.costs import least_cpu_seconds
 from studies.paper.finite_volumes import mesh_pressure, meshed_patch
 from studies.paper.meshes import PAPER_TABLE_1, SIDES_PER_ELEMENT_SIZE
 from studies.tables.physics_must_reach import CUBE, GAMMA, LOADS, MAKKAR, seconds_a_mesh_wrench, seconds_a_wrench
+from towval.commands.console import errors_reported
 from towval.model import Tether, TimedPath
 from towval.model.conventions import GRAVITY_M_PER_S2
 from towval.physics.contact import pressure_plane, resting_pressure
@@ -73,6 +74,7 @@ def timed_patches() -> Iterator[TimedPatch]:
         yield TimedPatch(size, cells, a_wrench, seconds, steps)
 
 
+@errors_reported()
 def main() -> None:
     """Print the table."""
     argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()

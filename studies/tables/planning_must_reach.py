@@ -18,6 +18,7 @@ from studies.paper.closed_loop import planned_loop
 from studies.paper.nominal import cube_nominal, general_nominal
 from studies.paper.scene import CURVES, PaperScene, paper_scene
 from studies.rover_geometry import constraint_residual, feasible_pieces, is_feasible
+from towval.commands.console import errors_reported
 from towval.io.yaml_text import read_yaml
 from towval.planning.scene import resting_patch
 
@@ -88,6 +89,7 @@ def region(scene: PaperScene) -> tuple[str, float, str]:
     return "of 100,000 centres, those on which region and brute force differ", wrong, "0"
 
 
+@errors_reported()
 def main() -> None:
     """Print the table."""
     argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()

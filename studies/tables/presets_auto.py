@@ -21,6 +21,7 @@ import numpy as np
 
 from studies.costs import wall_and_cpu_seconds
 from studies.tables.workflow_time import REPOSITORY, SAMPLE
+from towval.commands.console import errors_reported
 from towval.io.campaign import Campaign, load_campaign
 from towval.io.records import read_calibration, read_comparison, read_simulated, read_tracks
 from towval.model import Choice, SimulatedMotion, Track
@@ -89,6 +90,7 @@ def compared_presets(
         return cost, {run: beside(campaign, run, folders) for run in campaign.runs}
 
 
+@errors_reported()
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])

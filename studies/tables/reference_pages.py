@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from towval.commands.console import errors_reported
 from towval.model.findings import FINDINGS
 from towval.model.inputs import INPUTS
 
@@ -70,6 +71,7 @@ PAGES = {"findings.md": findings_page, "inputs.md": inputs_page}
 """Text of each page, by its name."""
 
 
+@errors_reported()
 def main() -> None:
     """Write the pages."""
     argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()

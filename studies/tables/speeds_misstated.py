@@ -16,6 +16,7 @@ import numpy as np
 from studies.tables.verdict_worlds import cases, judged, largest
 from studies.worlds.towed_runs import ROVER, TOWED, TrueCamera, nominal_calibration
 from studies.worlds.verdict_worlds import WORLDS, number_of, with_stated, world_run
+from towval.commands.console import errors_reported
 from towval.model import Body, Verdict
 from towval.validation.sampler import UncertaintySettings
 from towval.validation.uncertainty import UncertaintySampling
@@ -70,6 +71,7 @@ def rows(seeds: range, samples: int) -> Iterator[str]:
                 yield f"| {name} {seed} | {scale:g} | {found.verdict} | {cells} |"
 
 
+@errors_reported()
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])

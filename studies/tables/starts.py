@@ -21,6 +21,7 @@ from tqdm import tqdm
 
 from studies.worlds.scenes import CeilingCamera, FilmedScene
 from studies.worlds.tows import off_px, spread, towed
+from towval.commands.console import errors_reported
 from towval.model import Array, Severity, Track
 from towval.model.errors import InputError, TowvalError
 from towval.model.geometry import transform
@@ -130,6 +131,7 @@ def checked_of(seeds: Iterable[int]) -> dict[str, Counter[str]]:
     return by_kind
 
 
+@errors_reported()
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])

@@ -23,6 +23,7 @@ from tqdm import tqdm
 
 from studies.worlds.challenges import ACCURATE, FLAGGED, HARD, Challenge
 from studies.worlds.scenes import CeilingCamera
+from towval.commands.console import errors_reported
 from towval.model import Severity, Track
 from towval.model.geometry import path_length, wrapped
 from towval.tracking.track import TrackSettings, track
@@ -141,6 +142,7 @@ def row(name: str, body: str, results: list[dict[str, float]]) -> str:
     )
 
 
+@errors_reported()
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])

@@ -20,6 +20,7 @@ import numpy as np
 from studies.costs import cpu_seconds
 from studies.worlds.film import write_video
 from studies.worlds.scenes import CeilingCamera, FilmedScene, standard_scene
+from towval.commands.console import errors_reported
 from towval.io.video import Video
 from towval.tracking.track import track
 
@@ -39,6 +40,7 @@ def measure(path: Path, scene: FilmedScene, rounds: int) -> list[tuple[float, fl
     return [(cpu_seconds(decode), cpu_seconds(follow)) for _ in range(rounds)]
 
 
+@errors_reported()
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])

@@ -20,6 +20,7 @@ import numpy as np
 
 from studies.worlds.film import write_video
 from studies.worlds.scenes import CeilingCamera, FilmedScene, ceiling, drive, small_camera, standard_scene
+from towval.commands.console import errors_reported
 from towval.io.video import Video
 from towval.tracking.track import track
 
@@ -97,6 +98,7 @@ def peaks(lengths: Iterable[tuple[str, int]]) -> Iterator[Peak]:
             yield Peak(kind, int(seen), float(tracked), float(peak))
 
 
+@errors_reported()
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])

@@ -24,6 +24,7 @@ import numpy as np
 
 from studies.tables.validation_rendered import rendered_rows
 from studies.worlds.towed_runs import ROVER, TOWED, TrueCamera, nominal_calibration, planted, synthetic_run, true_motion
+from towval.commands.console import errors_reported
 from towval.io.records import read_comparison
 from towval.model import Array, Comparison, Verdict
 from towval.model.geometry import wrapped
@@ -179,6 +180,7 @@ def right_rows(folders: list[Path]) -> Iterator[Row]:
         yield f"{folder.parent.name}, run {folder.name}", stated, "agrees", result.verdict == Verdict.AGREES
 
 
+@errors_reported()
 def main() -> int:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)

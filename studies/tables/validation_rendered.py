@@ -19,6 +19,7 @@ from studies.worlds.folder import film_campaign
 from studies.worlds.towed_runs import SyntheticRun, planted, synthetic_run, true_motion
 from towval.commands import calibrate, decimate, simulate, track, uncertainty
 from towval.commands import compare as compare_command
+from towval.commands.console import errors_reported
 from towval.io.records import read_comparison
 from towval.model import Array, Body, Comparison, Verdict
 from towval.model.errors import TowvalError
@@ -140,6 +141,7 @@ def judged(campaign: Path, results: Path, name: str = "a") -> Comparison:
     return read_comparison(files["compare"])
 
 
+@errors_reported()
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])

@@ -27,6 +27,7 @@ from scipy.stats import beta
 
 from studies.worlds.towed_runs import ROVER, TOWED, TrueCamera, nominal_calibration
 from studies.worlds.verdict_worlds import WORLDS, WorldRun, half_way, number_of, scene_of, world_run
+from towval.commands.console import errors_reported
 from towval.model import Array, Body, Comparison, RunUncertainty, Verdict
 from towval.model.errors import TowvalError
 from towval.model.geometry import wrapped
@@ -277,6 +278,7 @@ def cell_text(cell: Counter[str]) -> str:
     return f"{cell['right']} / {cell['unsure']} / {cell['wrong']}{lost}"
 
 
+@errors_reported()
 def main() -> int:
     """Print the table and the map."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)

@@ -23,6 +23,7 @@ import numpy as np
 import psutil
 
 from studies.costs import children_cpu_seconds, wall_and_cpu_seconds
+from towval.commands.console import errors_reported
 from towval.io.campaign import Campaign, load_campaign
 from towval.io.video import Video
 
@@ -119,6 +120,7 @@ def look(parent: psutil.Process, seen: dict[int, Seen]) -> None:
                 job.peak_mb = max(job.peak_mb, sum(own) / 1e6)
 
 
+@errors_reported()
 def main() -> None:
     """Print all, each as a multiple of decoding."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])

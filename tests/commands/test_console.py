@@ -10,7 +10,7 @@ import pytest
 
 from report_scenes import small_calibration
 from towval.commands.calibrate import _how_good
-from towval.commands.console import Outcome, show
+from towval.commands.console import Outcome, progress, show
 from towval.model import Finding, Severity
 from towval.model.errors import TowvalError
 
@@ -71,3 +71,12 @@ def test_a_failure_is_raised_once_all_is_said(capsys, as_json):
     with pytest.raises(TowvalError, match="1 of 2"):
         show(Outcome("index", (Path("i.sqlite"),), "2 runs", failure=TowvalError("1 of 2 runs disagree")), as_json)
     assert "i.sqlite" in capsys.readouterr().out
+
+
+def test_work_without_a_known_end_shows_that_it_goes_on(capsys, monkeypatch):
+    now = iter(range(0, 1000, 15))
+    monkeypatch.setattr("time.monotonic", lambda: next(now))
+    with progress("uncertainty a", None, "draw") as done:
+        for count in range(1, 5):
+            done(count)
+    assert "uncertainty a: 2 draws\n" in capsys.readouterr().err

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from towval.cli import main
+from towval.commands import verify
 from towval.commands.console import errors_reported
 from towval.io.atomic import write_text
 from towval.io.manifest import check_results
@@ -132,6 +133,13 @@ def test_an_interruption_is_told(in_compiled_code, capsys):
 def test_another_error_of_compiled_code_is_not_taken_for_an_interruption():
     with pytest.raises(SystemError, match="broken"), errors_reported():
         raise SystemError("broken")
+
+
+def test_the_folder_above_the_results_of_a_campaign_is_not_called_damaged(tmp_path):
+    (tmp_path / "lab").mkdir()
+    (tmp_path / "lab" / "camera.mcap").touch()
+    with pytest.raises(InputError, match=r"results of campaigns(.|\n)*got: lab\n(.|\n)*towval verify .*lab"):
+        verify.run(tmp_path)
 
 
 def test_a_full_disk_leaves_what_was_there(tmp_path):

@@ -36,6 +36,12 @@ def test_the_sample_is_small_enough_for_a_wheel():
     assert sum(path.stat().st_size for path in SAMPLE.rglob("*")) < 3e6
 
 
+@pytest.mark.parametrize("cores", [0, -1])
+def test_no_core_at_all_is_refused(cores):
+    with pytest.raises(InputError, match=f"--cores asks for none\n  got: {cores}\n"):
+        run(SAMPLE, cores=cores)
+
+
 def test_the_sample_is_planned_whole(tmp_path):
     done = towval(tmp_path, "run", SAMPLE, "--cores", 1, "--snakemake=--dry-run")
     assert done.returncode == 0, done.stderr

@@ -431,6 +431,9 @@ def test_a_key_given_twice_is_an_error(campaign):
 def test_a_missing_folder_and_a_missing_file_are_told(tmp_path):
     with pytest.raises(InputError, match="campaign folder is missing"):
         load_campaign(tmp_path / "nowhere")
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match=r"campaign folder is a file(.|\n)*what to do: give its folder"):
+        load_campaign(tmp_path / "file")
     with pytest.raises(InputError, match=r"campaign\.yaml is missing"):
         load_campaign(tmp_path)
 

@@ -56,6 +56,18 @@ def test_keys_are_texts_and_numbers_are_decimal(text, value):
     assert read_value(text) == value
 
 
+@pytest.mark.parametrize("text", ["a:\n\tb: 1\n", "a:\n  b: 1\n \tc: 2\n"])
+def test_a_tab_in_the_indentation_is_named(text, tmp_path):
+    (tmp_path / "x.yaml").write_text(text)
+    with pytest.raises(InputError, match="indent with spaces, not tabs"):
+        read_yaml(tmp_path / "x.yaml")
+
+
+def test_a_key_without_a_value_is_empty():
+    with pytest.raises(InputError, match="a is empty; allowed: a number"):
+        check({"a": None}, {"properties": {"a": {"type": "number"}}}, "the settings")
+
+
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])
 def test_a_number_that_is_none_is_named_by_its_key(value):
     schema = {"type": "object", "properties": {"mass_kg": {"type": "number", "description": "Mass", "maximum": 5}}}

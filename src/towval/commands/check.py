@@ -27,12 +27,11 @@ from towval.commands.track import (
     open_video,
     spread_pictures,
 )
-from towval.io.campaign import Campaign, Run, read_campaign
+from towval.io.campaign import Campaign, Run, read_campaign, read_document
 from towval.io.campaign_text import text_in_parts
 from towval.io.images import GrayPictures, write_picture
 from towval.io.schema import key_lines
 from towval.io.video import Luma, Video
-from towval.io.yaml_text import read_yaml
 from towval.model import Array, Body, Calibration, Finding, Severity
 from towval.model.errors import Faults, InputError, TowvalError
 from towval.model.input_types import value_of
@@ -79,7 +78,7 @@ def check(folder: Path, pictures: Path) -> dict[str, Any]:
     Faults are in the order of campaign.yaml; those that name no line of it come last.
     """
     file = folder / "campaign.yaml"
-    document = read_yaml(file)
+    document = read_document(folder)
     lines = key_lines(file.read_text(encoding="utf-8"))
     given, faults = read_campaign(folder, document)
     warnings: list[str] = []

@@ -1,16 +1,17 @@
 """Output of commands: findings, progress, and errors of the input as one message."""
 
-import errno
 import io
 import json
 import math
 import sys
+import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NoReturn, TextIO
 
+from towval.io.reading import remedy_of
 from towval.model import Finding, Severity
 from towval.model.errors import InputError, TowvalError
 from towval.model.plugins import load_plugins
@@ -74,17 +75,6 @@ def _without_nan(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-_REMEDIES = {
-    errno.ENOSPC: "make room and call again: what is finished stays",
-    errno.EDQUOT: "make room and call again: what is finished stays",
-    errno.EACCES: "change its rights, or choose another place",
-    errno.EPERM: "change its rights, or choose another place",
-    errno.EROFS: "choose a place that can be written",
-    errno.EMFILE: "allow more open files: ulimit -n 1024",
-    errno.ENAMETOOLONG: "choose a shorter name",
-    errno.EISDIR: "move that folder, or choose another name",
-    errno.ENOTDIR: "a part of that path is a file: choose another",
-}
 _INTERRUPTED = "towval: interrupted; what is finished stays, and the next call goes on from there"
 
 
@@ -118,11 +108,7 @@ def errors_reported(log: Path | None = None) -> Iterator[None]:
 
 def _of_system(error: OSError) -> InputError:
     place = error.filename if error.filename is not None else "a file"
-    return InputError(
-        f"the system refuses {place}",
-        got=error.strerror or str(error),
-        remedy=_REMEDIES.get(error.errno or 0, "check that place and its disk"),
-    )
+    return InputError(f"the system refuses {place}", got=error.strerror or str(error), remedy=remedy_of(error))
 
 
 def _end(message: str, log: Path | None, code: int = 1) -> NoReturn:
@@ -139,9 +125,16 @@ def step(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
+_UNTOLD_S = 20.0
+"""How long work whose end is not known may go on without a line [s]."""
+
+
 @contextmanager
 def progress(label: str, total: int | None, unit: str = "frame") -> Iterator[Callable[[int], None]]:
-    """A progress bar on a terminal, else a line every 10 % of a known total; yields a function of the count done."""
+    """A progress bar on a terminal, else a line every 10 % of a known total, or every 20 s where it is not known.
+
+    Yields a function of the count done.
+    """
     if sys.stderr.isatty():
         from tqdm import tqdm  # noqa: PLC0415  # not at start-up: only a terminal needs it
 
@@ -152,10 +145,13 @@ def progress(label: str, total: int | None, unit: str = "frame") -> Iterator[Cal
 
             yield advance
         return
-    next_line = 0.1
+    next_line, told_s = 0.1, time.monotonic()
 
     def line(done: int) -> None:
-        nonlocal next_line
+        nonlocal next_line, told_s
+        if total is None and time.monotonic() - told_s >= _UNTOLD_S:
+            print(f"{label}: {done} {unit}s", file=sys.stderr, flush=True)
+            told_s = time.monotonic()
         if total and done >= next_line * total:
             print(f"{label}: {done} of {total} {unit}s", file=sys.stderr, flush=True)
             next_line += 0.1

@@ -75,10 +75,10 @@ def run(
         **off,
         "limited_share": float(np.mean(limited)),
         "path_length_m": path_length(path.position),
-        "duration_s": float(np.ptp(path.time_s)),
+        "duration_s": float(np.ptp(loop.rover.time_s)),
     }
     text = (
-        f"{loop.rover.outcome}, {numbers['path_length_m']:.2f} m in {numbers['duration_s']:.1f} s; "
+        f"{loop.rover.outcome} after {numbers['duration_s']:.1f} s, path of {numbers['path_length_m']:.2f} m; "
         f"the object deviates from its path by {off['object_rms_mm']:.1f} mm RMS, "
         f"the hinge from its own by {off['hinge_rms_mm']:.1f} mm; its bends are the rover's limit for "
         f"{100 * numbers['limited_share']:.0f} % of the time, else the path's own"

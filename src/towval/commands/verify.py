@@ -28,6 +28,13 @@ def run(results: Path, campaign: Path | None = None) -> Outcome:
     """
     if not results.is_dir():
         raise InputError(f"{results} is no folder of results", allowed="results/CAMPAIGN, with camera.mcap")
+    below = sorted(path.parent for path in results.glob("*/camera.mcap"))
+    if below and not (results / "camera.mcap").exists():
+        raise InputError(
+            f"{results} holds the results of campaigns, and is not those of one",
+            got=", ".join(folder.name for folder in below),
+            remedy=f"verify each: towval verify {below[0]}",
+        )
     made = sorted(path for path in results.rglob("*.mcap") if not path.name.startswith("."))
     origins: dict[Path, Origin] = {}
     faults = []

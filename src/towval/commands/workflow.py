@@ -67,6 +67,8 @@ def run(
     Raises `InputError` for faults of campaign.yaml or of the keys, before anything runs, and `SystemExit` with
     Snakemake's code when a stage fails.
     """
+    if cores is not None and cores < 1:
+        raise InputError("--cores asks for none", got=cores, allowed="1 or more, or leave it out for all")
     given = load_campaign(campaign)
     places = {"campaign": _as_path(campaign), "results": _as_path(results)}
     stated = nested(keys or {})

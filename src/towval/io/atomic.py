@@ -18,7 +18,8 @@ def replacing(path: Path) -> Iterator[Path]:
     The temporary file keeps the suffix, for writers that choose a format by it. On an error it is removed and what
     stood at ``path`` stays as it was. A link is replaced, not what it leads to.
 
-    Raises `InputError` where a folder or a device stands at ``path``, `OSError` where the system refuses.
+    Raises `InputError` where a folder or a device stands at ``path``, `OSError` where the system refuses; it names
+    ``path`` where the system named no file.
     """
     path = Path(path)
     check_plain(path)
@@ -33,6 +34,10 @@ def replacing(path: Path) -> Iterator[Path]:
         os.umask(umask)
         temporary.chmod(0o666 & ~umask)
         os.replace(temporary, path)
+    except OSError as error:
+        if error.filename is None:  # a write that fails, as on a full disk, knows no name
+            error.filename = str(path)
+        raise
     finally:
         temporary.unlink(missing_ok=True)
 

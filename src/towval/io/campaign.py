@@ -100,18 +100,27 @@ def load_campaign(folder: Path) -> Campaign:
     contradict each other; every message names the key.
     """
     folder = Path(folder)
-    if not is_folder(folder):
-        raise InputError(
-            "the campaign folder is missing",
-            got=folder,
-            allowed="a folder with a campaign.yaml",
-            remedy="correct the path of the folder",
-        )
-    check_name(folder, "the campaign folder")
-    campaign, faults = read_campaign(folder, read_yaml(folder / "campaign.yaml"))
+    campaign, faults = read_campaign(folder, read_document(folder))
     faults.raise_any("campaign.yaml")
     assert campaign is not None
     return campaign
+
+
+def read_document(folder: Path) -> Any:
+    """The content of ``campaign.yaml`` in a campaign folder, as YAML has it, unchecked.
+
+    Raises `InputError` where there is no such folder, or where the file cannot be read as YAML.
+    """
+    if not is_folder(folder):
+        file = is_plain_file(folder)
+        raise InputError(
+            "the campaign folder is a file" if file else "the campaign folder is missing",
+            got=folder,
+            allowed="a folder with a campaign.yaml",
+            remedy=f"give its folder, {folder.parent}" if file else "correct the path of the folder",
+        )
+    check_name(folder, "the campaign folder")
+    return read_yaml(folder / "campaign.yaml")
 
 
 def read_campaign(folder: Path, document: Any) -> tuple[Campaign | None, Faults]:

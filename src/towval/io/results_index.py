@@ -206,7 +206,10 @@ def _findings(notes: dict[str, Any]) -> Iterator[tuple[str, str, str]]:
 
 
 def _costs(run: Path) -> tuple[float | None, float | None]:
-    """CPU and wall time of the stages of a run [s], where the workflow left its benchmarks."""
+    """CPU and wall time of the stages of a run [s], where the workflow left its benchmarks.
+
+    The CPU time is a lower limit: Snakemake misses what a job spends after its last look.
+    """
     cpu, wall = [], []
     for path in sorted((run / "benchmarks").glob("*.tsv")):
         with path.open(encoding="utf-8") as stream:

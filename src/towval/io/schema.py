@@ -180,7 +180,7 @@ def _faults(error: ValidationError, whole: dict[str, Any]) -> Iterator[tuple[str
         allowed = _allowed(error)
         while isinstance(instance, int | float) and path and isinstance(path[-1], int):
             path.pop()
-        shown = "empty" if instance is None and not path else shortened(repr(instance))
+        shown = "empty" if instance is None else shortened(repr(instance))
         yield (
             _short_name(path) or key,
             f"{key} is {shown}; allowed: {allowed}{_meaning(_described(error, whole))}",

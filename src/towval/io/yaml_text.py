@@ -88,9 +88,16 @@ def _loaded(text: str, what: str, remedy: str | None) -> Any:
     # Values with an explicit tag, such as !!int x, fail as their constructors fail.
     except (yaml.YAMLError, ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
         got = " ".join(str(error).split()).replace(' in "<unicode string>",', " at")
-        if remedy and ("tab character" in got or "\\t" in got):
+        if remedy and _indented_by_tab(text, error):
             remedy += "; indent with spaces, not tabs"
         raise InputError(what, got=got[:_MOST_SHOWN], remedy=remedy) from None
+
+
+def _indented_by_tab(text: str, error: Exception) -> bool:
+    """Whether a tab is before the first word of the line of an error: the loader in C does not say so."""
+    mark = getattr(error, "problem_mark", None)
+    line = "".join(text.splitlines()[mark.line : mark.line + 1]) if mark else ""
+    return "\t" in line[: len(line) - len(line.lstrip())]
 
 
 def _check_extent(text: str) -> None:
