@@ -8,7 +8,9 @@ from painted import target as painted_target
 
 from studies.worlds.scenes import CeilingCamera, drive, small_camera, standard_scene
 from towval.model.geometry import inside_polygon, inverse_transform
+from towval.tracking.clicks import check_clicks
 from towval.tracking.overlay import standing_still
+from towval.tracking.start import Tow
 
 MOTIONS = (drive((-0.3, 0.4, 0.1), 0.3), drive((-0.9, -0.5, 0.2), 0.3))
 
@@ -44,6 +46,30 @@ def test_a_body_that_stays_is_no_overlay(scene):
     # It drives after ten seconds only; the noise is another in each picture.
     first, again = film.picture(0.0), film.picture(0.0)
     assert standing_still(first, again, target, MOTIONS[1](0.0)) == []
+
+
+def test_clicks_are_not_moved_to_the_border_of_a_banner(scene):
+    """It hides an edge of the top, and its own border beside it stands out more."""
+    film, target, pose = CeilingCamera(scene), scene.target(0), MOTIONS[0](0.0)
+    clicks = target.pixels(target.body.top_corners_m, pose)
+    beyond = 10 * target.metres_per_pixel(pose)
+    corners = target.body.top_corners_m
+    left, (right, high) = corners[:, 0].min(), corners.max(axis=0)
+    box = np.array([[left - beyond, 0.4 * high], [right + beyond, 0.4 * high]])
+    box = np.concatenate([box, [[right + beyond, high + beyond], [left - beyond, high + beyond]]])
+    place = np.round(target.pixels(box, pose)).astype(np.int32)
+
+    def covered(luma, digits):
+        luma = cv2.fillPoly(luma.copy(), [place], 0)
+        at = place.mean(axis=0).astype(int) - [35, -6]
+        return cv2.putText(luma, digits, at.tolist(), cv2.FONT_HERSHEY_SIMPLEX, 0.7, 255, 2)
+
+    pictures = [covered(film.picture(0.0), "12:31"), covered(film.picture(4.0), "12:35")]
+    tow = Tow(np.zeros(2), np.zeros(2), 9.0)
+    found = check_clicks(pictures, scene.calibration, scene.bodies, {target.body.name: clicks}, tow)
+    one = found[target.body.name]
+    assert np.abs(one.corners_px - clicks).max() < 2.0
+    assert "clicks_corrected" not in {each.code for each in one.findings}
 
 
 @pytest.mark.parametrize("place", [(3.0, 0.0), (-3.0, 0.0), (0.0, 2.5), (0.0, -2.5)])

@@ -12,6 +12,7 @@ from towval.tracking.co_moving import co_moving
 from towval.tracking.follow import CONSTANTS as FOLLOW
 from towval.tracking.outline import CONSTANTS as OUTLINE
 from towval.tracking.outline import observe_outline, pose_from_clicks, settled
+from towval.tracking.overlay import standing_still
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.pose import step_between
 from towval.tracking.start import CONSTANTS, Place, Tow, around, check_in_view, joined_orientations
@@ -75,7 +76,9 @@ def _checked(target: PlanarTarget, pictures: Sequence[Luma], clicks_px: ArrayLik
     elsewhere = (other for score, other in found[1:] if score >= CONSTANTS.as_good * best)
     # Where the outline fits as well in a third place, the clicks are as good a reason as any to stay.
     alone = all(target.apart_m(place, other) <= far_m for other in elsewhere)
-    corrected = clear and off_m > near_m and clearly and alone
+    # The border of what is drawn over a top looks like its edge, and stands out more.
+    covered = bool(standing_still(pictures[0], pictures[-1], target, clicked))
+    corrected = clear and off_m > near_m and clearly and alone and not covered
     if corrected and off_m > far_m:
         findings.append(finding("clicks_corrected", name=name, off_px=off_m / pixel))
     else:
