@@ -193,7 +193,7 @@ def correlation_of_tiles(
 ) -> float:
     """Correlation of picture and template: a quantile over the tiles, so that the hidden ones do not count.
 
-    Each tile counts with its ``share`` (tiles,): one without texture correlates with nothing, wherever it lies.
+    Each tile counts with its ``share`` (tiles,).
     """
     # No weights of the points: weights choose those that agree, and a few agree anywhere.
     tiles = len(share)
@@ -346,9 +346,12 @@ def align(
     """
     c, wide = CONSTANTS, wide or template.is_concentrated
     most_rounds = c.wide_rounds if wide else c.rounds
+    # A plain tile correlates with nothing, wherever it lies. Where most hold texture they count alike: the few with the
+    # steepest edges find others at wrong places.
+    share = template.tile_share if template.is_concentrated else np.ones(template.tiles)
     pose, information, scores, residual, weight, scale, light, correlation, converged = _align_kernel(
         luma,
-        (template.points, template.values, template.slopes, template.leverage, template.tile, template.tile_share),
+        (template.points, template.values, template.slopes, template.leverage, template.tile, share),
         precision,
         np.asarray(pose, dtype=np.float64),
         (target.height, target.floor.T_camera_floor, target.camera.matrix, target.camera.distortion),
