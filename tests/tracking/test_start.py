@@ -31,7 +31,7 @@ from towval.tracking.clicks import (
 from towval.tracking.co_moving import co_moving, moving_along
 from towval.tracking.markers import clicks_from_tags
 from towval.tracking.outline import pose_from_clicks
-from towval.tracking.outline_search import alike, symmetry_of
+from towval.tracking.outline_search import OutlineSearch, alike, symmetry_of
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.start import (
     Place,
@@ -100,6 +100,21 @@ def checked(scene, index, luma, clicks_px):
     body = scene.bodies[index]
     found = check_clicks([luma], scene.calibration, scene.bodies, {body.name: clicks_px}, LONG)[body.name]
     return pose_from_clicks(scene.target(index), found.corners_px)[0], found
+
+
+def test_clicks_are_not_moved_to_where_no_edges_are(monkeypatch):
+    """Letters over a soft edge of the rover scored higher beside it, and moved its clicks there without a word."""
+    own = painted_target(0.5, 0.35)
+    luma = picture(own, grey=lambda xy: np.full(len(xy), 150.0))
+    # As if what shows of the edges left the place unsure.
+    monkeypatch.setattr(clicks_module, "FOLLOW", replace(clicks_module.FOLLOW, unsure_edges_px=0.0))
+    beside = compose(POSE, own.metres_per_pixel(POSE) * np.array([15.0, 12.0, 0.0]))
+    monkeypatch.setattr(OutlineSearch, "found", lambda *_: [(0.9, beside)])
+    monkeypatch.setattr(OutlineSearch, "sharpened", lambda *_: (0.5, POSE))
+    clicks_px = own.pixels(own.body.top_corners_m, POSE)
+    found = _checked(own, [luma], clicks_px)
+    assert np.array_equal(found.corners_px, clicks_px)
+    assert [each.code for each in found.findings] == ["start_unsure"]
 
 
 @pytest.mark.parametrize(("beside_px", "corrected"), [([-36], True), ([-36, 36], False)])

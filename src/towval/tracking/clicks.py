@@ -78,7 +78,8 @@ def _checked(target: PlanarTarget, pictures: Sequence[Luma], clicks_px: ArrayLik
     alone = all(target.apart_m(place, other) <= far_m for other in elsewhere)
     # The border of what is drawn over a top looks like its edge, and stands out more.
     covered = bool(standing_still(pictures[0], pictures[-1], target, clicked))
-    corrected = clear and off_m > near_m and clearly and alone and not covered
+    misled = covered or _only_there(target, pictures[0], clicked, pose)
+    corrected = clear and off_m > near_m and clearly and alone and not misled
     if corrected and off_m > far_m:
         findings.append(finding("clicks_corrected", name=name, off_px=off_m / pixel))
     else:
@@ -112,6 +113,14 @@ def _with_edges(
     if fit is None or np.linalg.eigvalsh(fit.covariance[:2, :2])[-1] > least_m**2:
         return list(found)
     return [(score, place) for score, place in found if observe_outline(luma, target, place) is not None]
+
+
+def _only_there(target: PlanarTarget, luma: Luma, clicked: Array, place: Array) -> bool:
+    """Whether the top's edges are seen at the clicks, however unsurely, and none at a place that a search found.
+
+    Letters over the picture have more contrast than the top, but no edges of its length.
+    """
+    return observe_outline(luma, target, clicked) is not None and observe_outline(luma, target, place) is None
 
 
 def _size_findings(target: PlanarTarget, clicks_px: Array) -> list[Finding]:
