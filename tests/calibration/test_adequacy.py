@@ -1,5 +1,6 @@
 """Degenerate sets are flagged in words, good ones are not; the halves see what the residuals do not."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -155,3 +156,21 @@ def test_marks_on_a_line_are_refused():
     )
     with pytest.raises(InputError, match="all on one line"):
         calibrated(replace(scene, seen=replace(scene.seen, reference=few)))
+
+
+def stretched(scene: CornerScene, by: float) -> CornerScene:
+    """The same boards in pictures that were saved that much wider, about their middle."""
+    middle = np.array([0.5 * scene.seen.resolution_px[0], 0.0])
+
+    def wider(boards):
+        return tuple(replace(one, corners_px=middle + (one.corners_px - middle) * [by, 1.0]) for one in boards)
+
+    seen = replace(scene.seen, boards=wider(scene.seen.boards), floor_boards=wider(scene.seen.floor_boards))
+    return replace(scene, seen=seen)
+
+
+def test_pictures_saved_at_another_aspect_ratio_are_named():
+    scene = calibration_set(41)
+    assert "pictures-squeezed" not in flags(calibrated(scene))
+    text = flags(calibrated(stretched(scene, 1.02)))["pictures-squeezed"]
+    assert re.search(r"by \+(1\.[89]|2\.)", text)  # The scene's own camera has pixels 0.1 % off square.

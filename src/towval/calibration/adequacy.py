@@ -176,6 +176,29 @@ def blur_findings(observed: CalibrationObservations) -> list[Finding]:
     return [finding("views-blurred", names=", ".join(width), worst=worst, edge_px=width[worst])]
 
 
+def squeeze_findings(calibration: Calibration, limit_m: float) -> list[Finding]:
+    """A warning where the pictures are squeezed to one side, as by saving them at another aspect ratio.
+
+    Focal lengths along and across the picture differ then, and boards fit as well as ever. Sensors have square pixels:
+    what is asked is whether that moves places on the floor by more than ``limit_m`` (RMS over the picture), and by more
+    than the views leave open (three deviations).
+    """
+    (fx, fy), covariance = calibration.camera.matrix.diagonal()[:2], calibration.covariance
+    squeeze = fx / fy
+    slope = np.array([1.0, -squeeze]) / fy
+    std = float(np.sqrt(max(slope @ covariance[:2, :2] @ slope, 0.0)))
+    if abs(squeeze - 1) <= 3 * std:
+        return []
+    pixels, middle = pixel_grid(calibration.camera.resolution_px, 24).reshape(-1, 2), calibration.camera.matrix[:2, 2]
+    square = middle + (pixels - middle) * [squeeze, 1.0]
+    places = [to_plane(calibration.camera, calibration.floor, each, 0.0) for each in (pixels, square)]
+    moved_m = _rms(np.linalg.norm(places[1] - places[0], axis=1))
+    if moved_m <= limit_m:
+        return []
+    percent = {"percent": 100 * (squeeze - 1), "std_percent": 100 * std}
+    return [finding("pictures-squeezed", **percent, moved_mm=1e3 * moved_m)]
+
+
 def floor_quality(calibration: Calibration, heights_m: Sequence[float]) -> dict[str, float]:
     """Height of the camera with its deviation, and the deviation of positions on planes at some heights [m]."""
     return {

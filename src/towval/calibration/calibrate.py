@@ -13,6 +13,7 @@ from towval.calibration.adequacy import (
     halves_findings,
     marks_findings,
     marks_std_px,
+    squeeze_findings,
     tilts_deg,
     view_findings,
     view_statistics,
@@ -349,6 +350,7 @@ def _judged(
         halves = compare_halves(kept, chosen, heights_m)
         findings += halves_findings(halves)
         findings += floor_findings(kept, calibration, heights_m, limit_m)
+        findings += squeeze_findings(calibration, limit_m)
         if kept.marks:
             quality["marks_rms_px"], _ = marks_std_px(kept, chosen.estimate)
         quality |= floor_quality(calibration, heights_m)

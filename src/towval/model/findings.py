@@ -184,6 +184,13 @@ register(  # calibrate
         "Hold the board still and in focus, in more light.",
     ),
     FindingType(
+        "pictures-squeezed", "calibrate", WARNING, NONE,
+        "The calibration pictures are stretched along their width by {percent:+.2f} ± {std_percent:.2g} % against "
+        "their height, but sensors have square pixels: they were saved at another aspect ratio, or a camera films so. "
+        "Places on the floor are right only in videos that are stretched alike, and otherwise {moved_mm:.0f} mm off "
+        "(RMS over the picture). Take the pictures from a film in the mode of the runs (docs/calibration.md).",
+    ),
+    FindingType(
         "marks-alone", "calibrate", WARNING, NONE,
         "Calibrated from {count} surveyed marks alone: places on the floor are good to {left_out_mm:.2f} mm (each mark "
         "predicted from the others), but marks on one plane tell the focal length only to {focal_percent:.0f} %, and "
