@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from studies.worlds.boards import CornerScene, calibration_set, ceiling_camera
-from towval.calibration.adequacy import covered_share, view_findings, view_statistics
+from towval.calibration.adequacy import covered_share, squeeze_findings, view_findings, view_statistics
 from towval.calibration.calibrate import CalibrateSettings, calibrate_observations
 from towval.calibration.observations import first_guess
 from towval.model import Calibration, Camera, Floor, FloorReference, Severity
@@ -170,7 +170,17 @@ def stretched(scene: CornerScene, by: float) -> CornerScene:
 
 
 def test_pictures_saved_at_another_aspect_ratio_are_named():
-    scene = calibration_set(41)
-    assert "pictures-squeezed" not in flags(calibrated(scene))
-    text = flags(calibrated(stretched(scene, 1.02)))["pictures-squeezed"]
+    text = flags(calibrated(stretched(calibration_set(41), 1.02)))["pictures-squeezed"]
     assert re.search(r"by \+(1\.[89]|2\.)", text)  # The scene's own camera has pixels 0.1 % off square.
+
+
+@pytest.mark.parametrize(
+    ("squeeze", "named"), [(1.0, False), (1.004, False), (1.006, True), (0.996, False), (0.994, True)]
+)
+def test_pixels_are_square_to_half_a_percent(squeeze, named):
+    calibration = calibrated(calibration_set(41))
+    matrix = calibration.camera.matrix.copy()
+    matrix[0, 0] = squeeze * matrix[1, 1]
+    camera = replace(calibration.camera, matrix=matrix)
+    exact = replace(calibration, camera=camera, covariance=1e-12 * np.eye(18))
+    assert bool(squeeze_findings(exact, 0.005)) == named

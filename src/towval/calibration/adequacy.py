@@ -32,6 +32,7 @@ class AdequacyConstants:
     focal_std_share: float = 0.006  # Deviation over focal length that is warned about: 24 mm of camera height at 4 m.
     useless_focal_std_share: float = 0.02  # The same, refused.
     blurred_px: float = 4.5  # [px] Width of an edge: sharp pictures of five sets have 1.6 to 3.4, moved by 9 px 5 to 8.
+    off_square: float = 0.005  # Of a pixel's sides: sensors 0.0002 and less, one action camera 0.004.
 
 
 CONSTANTS = AdequacyConstants()
@@ -179,15 +180,15 @@ def blur_findings(observed: CalibrationObservations) -> list[Finding]:
 def squeeze_findings(calibration: Calibration, limit_m: float) -> list[Finding]:
     """A warning where the pictures are squeezed to one side, as by saving them at another aspect ratio.
 
-    Focal lengths along and across the picture differ then, and boards fit as well as ever. Sensors have square pixels:
-    what is asked is whether that moves places on the floor by more than ``limit_m`` (RMS over the picture), and by more
-    than the views leave open (three deviations).
+    Focal lengths along and across the picture differ then, and boards fit as well as ever. Sensors have square pixels,
+    or nearly. What differs by more than the views leave open (three deviations) is named where it moves places on the
+    floor by more than ``limit_m`` (RMS over the picture).
     """
     (fx, fy), covariance = calibration.camera.matrix.diagonal()[:2], calibration.covariance
     squeeze = fx / fy
     slope = np.array([1.0, -squeeze]) / fy
     std = float(np.sqrt(max(slope @ covariance[:2, :2] @ slope, 0.0)))
-    if abs(squeeze - 1) <= 3 * std:
+    if abs(squeeze - 1) <= CONSTANTS.off_square + 3 * std:
         return []
     pixels, middle = pixel_grid(calibration.camera.resolution_px, 24).reshape(-1, 2), calibration.camera.matrix[:2, 2]
     square = middle + (pixels - middle) * [squeeze, 1.0]
