@@ -32,7 +32,7 @@ class AdequacyConstants:
     focal_std_share: float = 0.006  # Deviation over focal length that is warned about: 24 mm of camera height at 4 m.
     useless_focal_std_share: float = 0.02  # The same, refused.
     blurred_px: float = 4.5  # [px] Width of an edge: sharp pictures of five sets have 1.6 to 3.4, moved by 9 px 5 to 8.
-    off_square: float = 0.005  # Of a pixel's sides: sensors 0.0002 and less, one action camera 0.004.
+    off_square: float = 0.005  # Of a pixel's sides: 0.0002 in one set of photographs, 0.0019 of an action camera.
 
 
 CONSTANTS = AdequacyConstants()

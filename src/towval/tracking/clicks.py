@@ -76,10 +76,7 @@ def _checked(target: PlanarTarget, pictures: Sequence[Luma], clicks_px: ArrayLik
     elsewhere = (other for score, other in found[1:] if score >= CONSTANTS.as_good * best)
     # Where the outline fits as well in a third place, the clicks are as good a reason as any to stay.
     alone = all(target.apart_m(place, other) <= far_m for other in elsewhere)
-    # The border of what is drawn over a top looks like its edge, and stands out more.
-    covered = bool(standing_still(pictures[0], pictures[-1], target, clicked))
-    misled = covered or _only_there(target, pictures[0], clicked, pose)
-    corrected = clear and off_m > near_m and clearly and alone and not misled
+    corrected = clear and off_m > near_m and clearly and alone and not _misled(target, pictures, clicked, pose)
     if corrected and off_m > far_m:
         findings.append(finding("clicks_corrected", name=name, off_px=off_m / pixel))
     else:
@@ -115,12 +112,16 @@ def _with_edges(
     return [(score, place) for score, place in found if observe_outline(luma, target, place) is not None]
 
 
-def _only_there(target: PlanarTarget, luma: Luma, clicked: Array, place: Array) -> bool:
-    """Whether the top's edges are seen at the clicks, however unsurely, and none at a place that a search found.
+def _misled(target: PlanarTarget, pictures: Sequence[Luma], clicked: Array, place: Array) -> bool:
+    """Whether a search may have found, at a place, what is drawn over the film instead of the top.
 
-    Letters over the picture have more contrast than the top, but no edges of its length.
+    The border of a banner looks like an edge of the top and stands out more. Letters have more contrast than the top,
+    but no edges of its length: those are seen at the clicks, however unsurely, and not at the place.
     """
-    return observe_outline(luma, target, clicked) is not None and observe_outline(luma, target, place) is None
+    if standing_still(pictures[0], pictures[-1], target, clicked):
+        return True
+    at_clicks, there = (observe_outline(pictures[0], target, each) for each in (clicked, place))
+    return at_clicks is not None and there is None
 
 
 def _size_findings(target: PlanarTarget, clicks_px: Array) -> list[Finding]:

@@ -30,9 +30,9 @@ class PlaneTrackerConstants:
     correlation_kept: float = 0.6  # Of what it usually is.
     worst_std_px: float = 0.35  # [px] Deviation of a corner: a plain or mostly hidden target.
     least_information: float = 0.75  # Of the template's, in the inliers: with less, another place may fit better,
-    least_shown: float = 0.1  # Of it: less is no match where edges fit nowhere, however much of what is plain fits.
     other_place_px: float = 0.45  # [px] which is so far away,
     fits_better: float = 0.9  # and leaves less than that of what was left: parts above a top leave more, edges less.
+    least_shown: float = 0.1  # Of the information: less is hardly more than what is plain, which fits anywhere.
     jump_px: float = 3.0  # [px] From the prediction: a pose that ends farther is tried from the coarse scale, too.
     coarse_body_px: int = 90  # [px] Length of the body at the coarse scale.
     coarse_samples: int = 400  # Points of the coarse template: more than one in 15 px² of the shrunk body.
