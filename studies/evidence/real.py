@@ -257,7 +257,7 @@ def _at_known_places(original: Any) -> Any:
     """The covariance of independent corners of boards whose places are taken for known."""
 
     def wrong(*args: Any) -> Any:
-        apart = result_of(lambda normal: replace(normal, AB=tuple(0 * each for each in normal.AB)))
+        apart = result_of(lambda normal: replace(normal, AB=0 * normal.AB))
         with replaced(bundle_adjustment, "_normal", apart)():
             return original(*args)
 

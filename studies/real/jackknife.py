@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from studies.worlds.boards import calibration_set
 from towval.calibration import view_covariance
+from towval.calibration.blocks import Estimate
 from towval.calibration.board_search import find_boards
-from towval.calibration.bundle_adjustment import Estimate, adjust, marginal_covariance
+from towval.calibration.bundle_adjustment import adjust, marginal_covariance
 from towval.calibration.corners import BoardObservation
 from towval.calibration.lens import active_parameters
 from towval.calibration.observations import CalibrationObservations, first_guess

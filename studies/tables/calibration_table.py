@@ -18,7 +18,8 @@ import numpy as np
 from tqdm import tqdm
 
 from studies.worlds.boards import CornerScene, calibration_set
-from towval.calibration.bundle_adjustment import Estimate, adjust, marginal_covariance
+from towval.calibration.blocks import Estimate
+from towval.calibration.bundle_adjustment import adjust, marginal_covariance
 from towval.calibration.calibrate import CalibrateSettings, calibrate_observations
 from towval.calibration.lens import active_parameters
 from towval.calibration.observations import placed

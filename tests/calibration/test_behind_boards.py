@@ -14,7 +14,7 @@ from studies.worlds.folder import write_campaign
 from studies.worlds.scenes import CeilingCamera, FilmedScene
 from towval.calibration import behind_boards
 from towval.calibration.behind_boards import Crop, as_floor_shows
-from towval.calibration.bundle_adjustment import DOUBTS
+from towval.calibration.blocks import DOUBTS
 from towval.calibration.calibrate import CalibrateSettings, calibrate
 from towval.commands import calibrate as calibrate_command
 from towval.io.campaign import load_campaign

@@ -6,15 +6,8 @@ import numpy as np
 import pytest
 
 from studies.worlds.boards import calibration_set
-from towval.calibration.bundle_adjustment import (
-    Block,
-    Estimate,
-    Placement,
-    adjust,
-    linearise,
-    marginal_covariance,
-    residuals,
-)
+from towval.calibration.blocks import Block, Estimate, Placement, Stack, residuals
+from towval.calibration.bundle_adjustment import adjust, marginal_covariance
 from towval.calibration.lens import active_parameters
 from towval.calibration.observations import first_guess
 from towval.model import Calibration, Camera, Floor
@@ -28,6 +21,13 @@ def exact(seed: int, **keys):
     """A set without noise, its blocks and its true shared parameters."""
     scene = calibration_set(seed, noise_px=0.0, **keys)
     return scene, scene.seen.blocks, shared_parameters(scene.camera, scene.floor)
+
+
+def linearise(block, shared, place, doubts):
+    """Residuals (2n,) of a block and their derivatives by shared parameters and doubts (2n, 26), and by its place."""
+    one = Stack([block]).linearise(Estimate(shared, (place,), doubts=doubts))
+    r, A, B = (each[0].reshape(2 * len(block.pixels), -1) for each in one)
+    return r.ravel(), A, B[:, : len(place)]
 
 
 def fitted(blocks, scene) -> Estimate:
@@ -63,6 +63,30 @@ def test_derivatives_are_those_of_the_projection(placement):
         np.testing.assert_allclose(J_shared[:, k], change(k, True), rtol=1e-5, atol=1e-3)
     for k in range(len(place)):
         np.testing.assert_allclose(J_place[:, k], change(k, False), rtol=1e-5, atol=1e-3)
+
+
+def test_each_block_is_fitted_as_it_is_alone_however_many_points_the_others_have():
+    scene = calibration_set(11, floor="both", views=6)
+    start = first_guess(scene.seen)
+    kept = [
+        slice(len(block.pixels) - 3 * (i % 2) * (len(block.pixels) > 9)) for i, block in enumerate(scene.seen.blocks)
+    ]
+    blocks = [
+        replace(b, points_m=b.points_m[k], pixels=b.pixels[k], on_board=None if b.on_board is None else b.on_board[k])
+        for b, k in zip(scene.seen.blocks, kept, strict=True)
+    ]
+    assert len({len(block.pixels) for block in blocks}) > 2
+    doubts = np.array([0.01, 2e-3, -3e-3, 1e-3, 5e-4, 0.02, 3.0, -2.0])
+    stack, together = Stack(blocks), Stack(blocks).linearise(replace(start, doubts=doubts))
+    medians = stack.medians(stack.lengths(together.residual))
+    for i, (block, place) in enumerate(zip(blocks, start.places, strict=True)):
+        n, alone = len(block.pixels), linearise(block, start.shared, place, doubts)
+        np.testing.assert_allclose(together.residual[i, :n].ravel(), alone[0], rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(together.by_shared[i, :n].reshape(2 * n, -1), alone[1], rtol=1e-9, atol=1e-9)
+        by_place = together.by_place[i, :n].reshape(2 * n, -1)
+        np.testing.assert_allclose(by_place[:, : len(place)], alone[2], rtol=1e-9, atol=1e-9)
+        assert not by_place[:, len(place) :].any()
+        assert medians[i] == pytest.approx(np.median(np.linalg.norm(alone[0].reshape(-1, 2), axis=1)), rel=1e-12)
 
 
 @pytest.mark.parametrize("floor", ["marks", "boards"])

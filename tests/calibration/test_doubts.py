@@ -10,7 +10,7 @@ import pytest
 
 from studies.worlds.boards import BoardFaults, CornerScene, calibration_set
 from towval.calibration import doubts
-from towval.calibration.bundle_adjustment import BOARD_DOUBTS, DOUBTS, HELD_DOUBTS, Estimate
+from towval.calibration.blocks import BOARD_DOUBTS, DOUBTS, HELD_DOUBTS, Estimate
 from towval.calibration.calibrate import CalibrateSettings, calibrate_observations
 from towval.calibration.corners import BoardObservation
 from towval.calibration.doubts import doubts_std

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from studies.worlds.boards import board_corners, calibration_set
-from towval.calibration.bundle_adjustment import Estimate
+from towval.calibration.blocks import Estimate
 from towval.calibration.corners import BoardObservation
 from towval.calibration.floor import in_floor_axes, place_of_pose, place_on_floor
 from towval.calibration.observations import first_guess

@@ -8,7 +8,8 @@ import pytest
 
 from studies.worlds.boards import calibration_set
 from towval.calibration import lens
-from towval.calibration.bundle_adjustment import Estimate, adjust
+from towval.calibration.blocks import Estimate
+from towval.calibration.bundle_adjustment import adjust
 from towval.calibration.lens import LENS_MODELS, LensTrial, active_parameters, choose_lens, try_lens, try_lenses
 from towval.calibration.observations import first_guess
 

@@ -7,7 +7,8 @@ import pytest
 
 from studies.real.jackknife import SETS, normalised_errors, over_jackknife
 from studies.worlds.boards import calibration_set
-from towval.calibration.bundle_adjustment import Estimate, linearise, marginal_covariance
+from towval.calibration.blocks import Estimate, residuals
+from towval.calibration.bundle_adjustment import marginal_covariance
 from towval.calibration.observations import first_guess
 from towval.calibration.view_covariance import view_covariance
 from towval.optics.plane_uncertainty import shared_parameters
@@ -48,8 +49,8 @@ def test_eight_views_weigh_as_much_as_what_is_known_before():
     seen = calibration_set(9120, views=8).seen
     guess = first_guess(seen)
     places, blocks = guess.places[:8], seen.blocks[:8]
-    misfits = [linearise(b, guess.shared, p, guess.doubts)[0] for b, p in zip(blocks, places, strict=True)]
-    exact = [replace(b, pixels=b.pixels - r.reshape(-1, 2)) for b, r in zip(blocks, misfits, strict=True)]
+    misfits = residuals(blocks, replace(guess, places=places))
+    exact = [replace(b, pixels=b.pixels - r) for b, r in zip(blocks, misfits, strict=True)]
     estimate, camera = Estimate(guess.shared, places, noise_px=1.0), np.arange(4)
     alone = marginal_covariance(exact, estimate, camera)[0][np.ix_(camera, camera)]
     share = np.diag(view_covariance(exact, estimate, camera)) / np.diag(alone)

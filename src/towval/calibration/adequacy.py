@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from towval.calibration.bundle_adjustment import Estimate, adjust, marginal_covariance, residuals
+from towval.calibration.blocks import Estimate, residuals
+from towval.calibration.bundle_adjustment import adjust, marginal_covariance
 from towval.calibration.lens import LensTrial, active_parameters
 from towval.calibration.observations import CalibrationObservations
 from towval.model import Array, Calibration, Camera, Finding, Floor, Severity

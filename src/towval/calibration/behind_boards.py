@@ -14,8 +14,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from towval.calibration.blocks import DOUBTS, HELD_DOUBTS
 from towval.calibration.board_search import NamedImage
-from towval.calibration.bundle_adjustment import DOUBTS, HELD_DOUBTS
 from towval.calibration.corners import BoardObservation
 from towval.calibration.observations import CalibrationObservations, first_guess
 from towval.model import CALIBRATION_PARAMETERS, Array, Finding

@@ -20,8 +20,9 @@ from towval.calibration.adequacy import (
 )
 from towval.calibration.alike import without_repeats
 from towval.calibration.behind_boards import as_floor_shows, some_of
+from towval.calibration.blocks import Estimate, residuals
 from towval.calibration.board_search import NamedImage, find_boards
-from towval.calibration.bundle_adjustment import Estimate, adjust, residuals
+from towval.calibration.bundle_adjustment import adjust
 from towval.calibration.corners import BoardObservation
 from towval.calibration.doubts import doubts_std, settle, without_prejudice
 from towval.calibration.floor import in_floor_axes

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from towval.calibration.bundle_adjustment import BOARD_DOUBTS, DOUBTS, HELD_DOUBTS, Estimate, adjust, whitened
+from towval.calibration.blocks import BOARD_DOUBTS, DOUBTS, HELD_DOUBTS, Estimate
+from towval.calibration.bundle_adjustment import adjust, whitened
 from towval.calibration.lens import LensTrial, active_parameters, choose_lens, try_lenses
 from towval.calibration.observations import CalibrationObservations
 from towval.calibration.view_covariance import view_covariance
@@ -19,7 +20,7 @@ from towval.model import CALIBRATION_PARAMETERS, Array, Board, Finding, FloorRef
 from towval.model.findings import finding
 
 Doubts = NDArray[np.intp]
-"""Some of :data:`towval.calibration.bundle_adjustment.DOUBTS`, as indices of parameters."""
+"""Some of :data:`towval.calibration.blocks.DOUBTS`, as indices of parameters."""
 
 _CAMERA = len(CALIBRATION_PARAMETERS)
 _SIZE, _THICKNESS = _CAMERA + DOUBTS.index("size"), _CAMERA + DOUBTS.index("thickness")
@@ -40,7 +41,7 @@ CONSTANTS = DoubtConstants()
 
 
 def doubts_std(board: Board, floor: FloorReference) -> Array:
-    """Stated deviations (8,) of :data:`towval.calibration.bundle_adjustment.DOUBTS`."""
+    """Stated deviations (8,) of :data:`towval.calibration.blocks.DOUBTS`."""
     bow = board.bow_std_m
     return np.array([board.size_std, bow, bow, bow, floor.board_thickness_std_m, *CONSTANTS.loose_std[5:]])
 

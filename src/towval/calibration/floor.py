@@ -6,7 +6,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from towval.calibration.bundle_adjustment import Estimate
+from towval.calibration.blocks import Estimate
 from towval.calibration.corners import BoardObservation
 from towval.model import Array, FloorReference
 from towval.model.errors import InputError

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from towval.calibration.bundle_adjustment import Block, Estimate, Placement, adjust, marginal_covariance, residuals
+from towval.calibration.blocks import Block, Estimate, Placement, residuals
+from towval.calibration.bundle_adjustment import adjust, marginal_covariance
 from towval.model import Array
 from towval.model.plugins import Registry
 

@@ -11,7 +11,8 @@ import numpy as np
 from scipy.special import chdtri
 
 from towval.calibration.adequacy import floor_quality
-from towval.calibration.bundle_adjustment import Block, Estimate, Placement, adjust, marginal_covariance, residuals
+from towval.calibration.blocks import Block, Estimate, Placement, residuals
+from towval.calibration.bundle_adjustment import adjust, marginal_covariance
 from towval.calibration.lens import LensTrial, active_parameters, choose_lens
 from towval.calibration.observations import MARKS_VIEW, CalibrationObservations, with_floor
 from towval.model import Array, Calibration, Camera, Floor, FloorReference, View

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import cv2
 import numpy as np
 
-from towval.calibration.bundle_adjustment import DOUBTS, Block, Estimate, Placement, residuals
+from towval.calibration.blocks import DOUBTS, Block, Estimate, Placement, residuals
 from towval.calibration.corners import BoardObservation, facing_camera
 from towval.calibration.floor import floor_from_boards, place_of_pose, place_on_floor, pose_of_plane
 from towval.model import Array, FloorReference
@@ -27,7 +27,7 @@ class CalibrationObservations:
 
     Without marks the first floor board fixes the floor frame: its ``board_m`` are floor coordinates. ``reference`` is
     None where there is no floor at all. ``doubts_std`` (8,) are the deviations of
-    :data:`towval.calibration.bundle_adjustment.DOUBTS`; zero, as by default, is what is known exactly.
+    :data:`towval.calibration.blocks.DOUBTS`; zero, as by default, is what is known exactly.
     """
 
     resolution_px: tuple[int, int]

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from towval.calibration.bundle_adjustment import Block, Estimate, Placement, stated_before, whitened
+from towval.calibration.blocks import Block, Estimate, Placement
+from towval.calibration.bundle_adjustment import stated_before, whitened
 from towval.model import Array
 
 
