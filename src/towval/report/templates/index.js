@@ -12,7 +12,8 @@
   const warnings = ["cannot tell"];
   const colourOf = (verdict) => verdictColour[verdict] || (warnings.includes(verdict) ? "#b07400" : "#b3261e");
   const shown = (value, digits) => (value === null ? "" : value.toFixed(digits));
-  const day = (seconds) => (seconds === null ? "" : new Date(1e3 * seconds).toISOString().slice(0, 16).replace("T", " "));
+  const moment = (seconds, length) => new Date(1e3 * seconds).toISOString().slice(0, length).replace("T", " ");
+  const day = (seconds) => (seconds === null ? "" : moment(seconds, 16));
   const minus = (text) => text.replace("-", "−");
 
   const columns = [
@@ -179,12 +180,15 @@
       most = Math.max(most, values[i]);
     }
     const y = vertical(s, most > 0 ? 1.05 * most : 1);
-    const x = (t) => (last > first ? s.left + ((s.right - s.left) * (t - first)) / (last - first) : (s.left + s.right) / 2);
+    const inset = 8; // keeps the first and the last run off the edges
+    const width = s.right - s.left - 2 * inset;
+    const x = (t) => (last > first ? s.left + inset + (width * (t - first)) / (last - first) : (s.left + s.right) / 2);
+    const length = last > first && day(first) === day(last) ? 19 : 16; // with seconds, where minutes read alike
     s.pen.textAlign = "left";
-    s.pen.fillText(day(first), s.left, s.height - 6);
+    s.pen.fillText(moment(first, length), s.left, s.height - 6);
     if (last > first) {
       s.pen.textAlign = "right";
-      s.pen.fillText(day(last), s.right, s.height - 6);
+      s.pen.fillText(moment(last, length), s.right, s.height - 6);
     }
     s.pen.globalAlpha = points.length > 1000 ? 0.5 : 0.9;
     for (const i of points) {
