@@ -34,6 +34,7 @@ SIMULATED_LINE: dict[str, Any] = {"color": SIMULATED, "linewidth": 1.5, "linesty
 MEASURED_LINE: dict[str, Any] = {"color": MEASURED, "linewidth": 1.1, "linestyle": (0, (3.2, 1.8))}
 
 _MARGIN_M = 0.12
+_MOST_STEPS = 8
 _LEAST_RATIO, _LARGEST_RATIO = 0.45, 1.25
 
 
@@ -152,11 +153,18 @@ def map_axes(axes: Axes, low: Array, high: Array) -> None:
     """Limits, ticks and labels of a map of the floor between two corners [m]."""
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
-    step = 0.5 if (high - low).max() <= 4 else 1.0
+    step = _tick_step(float((high - low).max()))
     axes.xaxis.set_major_locator(MultipleLocator(step))
     axes.yaxis.set_major_locator(MultipleLocator(step))
     axes.set_xlabel("$x$ on the floor (m)")
     axes.set_ylabel("$y$ on the floor (m)")
+
+
+def _tick_step(size_m: float) -> float:
+    """A round distance [m] of which at most eight make up the size of a map."""
+    least_m = size_m / _MOST_STEPS
+    power = 10.0 ** np.floor(np.log10(least_m))
+    return float(power * min(step for step in (1, 2, 5, 10) if step * power >= least_m * (1 - 1e-9)))
 
 
 def _error_text(comparison: Comparison) -> str:
