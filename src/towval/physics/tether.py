@@ -19,6 +19,8 @@ from towval.model.geometry import transform
 from towval.physics.spatial.hanging import hanging_forces
 from towval.physics.spatial.problem import tether_numbers
 
+_LEAST_DISTANCE = 1e-9  # of the rest length
+
 _HELD = 1.25
 """Pull that an object at rest may bear, as a multiple of the static friction of its weight on level ground: slopes, a
 pull downward and a longer rest add some; and where friction does hold, the start stays as it was measured."""
@@ -91,14 +93,15 @@ def lowest_point(tether: Tether, distance: float, rise: float, gravity: float = 
     if gravity <= 0:
         raise InputError("gravity is out of range", got=gravity, allowed="above zero")
     numbers = tether_numbers(tether, rise, gravity)
-    pull, lift, *_ = hanging_forces(numbers, distance)
+    # Straight below the hinge nothing pulls sideways, and two parts hang side by side: the limit of a short distance.
+    pull, lift, *_ = hanging_forces(numbers, max(abs(distance), _LEAST_DISTANCE * tether.rest_length))
     if lift >= 0:
         return max(0.0, -rise)
     weight = tether.mass_per_length * gravity
     if lift + weight * tether.rest_length <= 0:
         return -rise
-    # From the anchor, where it leaves downward at −lift/pull, to where it is level.
-    slack = pull / weight * (math.hypot(1.0, lift / pull) - 1)
+    # From the anchor, where it leaves downward at −lift/pull, to where it is level: (√(pull² + lift²) − pull) / weight.
+    slack = lift**2 / (weight * (math.hypot(pull, lift) + pull))
     return slack + lift**2 / (2 * weight * tether.stiffness * tether.rest_length)
 
 
