@@ -227,6 +227,14 @@ def test_a_path_shorter_than_two_steps_of_the_planner_is_refused(tmp_path):
         run(quick_plan(), str(file), tmp_path / "p.mcap", tmp_path / "p.csv")
 
 
+def test_a_path_that_takes_too_many_steps_of_the_planner_is_refused(tmp_path):
+    """Its times are in milliseconds: it was planned for minutes and gigabytes."""
+    file = tmp_path / "path.csv"
+    pd.DataFrame({"x_m": [0.0, 0.5, 1.0], "y_m": 0.0, "time_s": [0.0, 1e5, 2e5]}).to_csv(file, index=False)
+    with pytest.raises(InputError, match=r"too long for the planner\n.*200000 s\n.*fewer\n.*time_s in seconds"):
+        run(quick_plan(), str(file), tmp_path / "p.mcap", tmp_path / "p.csv")
+
+
 def test_a_map_shows_the_wanted_path_and_whose_each_bend_is(tmp_path):
     plan, drawn, towed = (tmp_path / name for name in ("p.mcap", "plan.svg", "tow.svg"))
     planned = run(quick_plan(), "lemniscate", plan, tmp_path / "p.csv", map_file=drawn)

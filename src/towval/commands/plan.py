@@ -39,6 +39,9 @@ _PAPER = Path("paper")
 _FEWEST_STEPS = 2
 """Of the planner: a path has a bend from three points on."""
 
+_MOST_STEPS = 200_000
+"""Of the planner: so many take minutes and gigabytes. Times in milliseconds filled the memory without a word."""
+
 _MAP_MARK = "Matplotlib"
 """What a map of ours names as its maker near its beginning: no other file is replaced."""
 
@@ -238,6 +241,13 @@ def _planner_times(scene: PlanScene, path: TimedPath) -> Array:
             got=f"{np.ptp(path.time_s):.3g} s",
             allowed=f"{_FEWEST_STEPS} steps of {scene.planner_step:g} s or more",
             remedy="state time_s in seconds, or a smaller planner.time_step_s in the scene",
+        )
+    if steps > _MOST_STEPS:
+        raise InputError(
+            "the path takes too long for the planner",
+            got=f"{np.ptp(path.time_s):.6g} s",
+            allowed=f"{_MOST_STEPS} steps of {scene.planner_step:g} s or fewer",
+            remedy="state time_s in seconds, or a larger planner.time_step_s in the scene",
         )
     times: Array = path.time_s[0] + scene.planner_step * np.arange(steps + 1)
     return times
