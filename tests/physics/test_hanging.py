@@ -64,7 +64,7 @@ def test_a_level_inextensible_tether_is_the_catenary():
 
 @pytest.mark.parametrize("mass", [1e-2, 1e-4, 1e-6])
 def test_a_light_taut_tether_sags_by_its_parabola(mass):
-    """w l0 d / 8 T, however light: below some mg/m all digits of the sag had cancelled, and its stretch alone was left."""
+    """w l0 d / 8 T, however light: below some mg/m all digits had cancelled, and what the stretch adds was left."""
     tension, distance = 200.0, 0.62
     expected = mass * G * REST * distance / (8 * tension)
     assert lowest_point(Tether(REST, 1e4, mass_per_length=mass), distance, 0.0) == pytest.approx(expected, rel=1e-4)
