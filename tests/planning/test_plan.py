@@ -241,8 +241,8 @@ def test_a_map_shows_the_wanted_path_and_whose_each_bend_is(tmp_path):
     assert 0.02 < planned.numbers["limited_share"] < 0.5  # two bends are tighter than the rover's tightest turn
     run_tow(quick_plan(), plan, tmp_path / "t.mcap", map_file=towed)
     texts = [set(re.findall(r"<!-- (.*?) -->", file.read_text())) for file in (drawn, towed)]
-    assert {"object, wanted", "bend due to the rover's limit"} <= texts[0]
-    assert not {"object, wanted", "bend due to the rover's limit"} & texts[1]
+    assert {"object, desired", "bend due to the rover's limit"} <= texts[0]
+    assert not {"object, desired", "bend due to the rover's limit"} & texts[1]
 
 
 def test_a_map_replaces_only_a_map(tmp_path):
