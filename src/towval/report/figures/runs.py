@@ -25,6 +25,7 @@ from towval.report.style import (
     figure_function,
     head_legend,
     place_maps,
+    round_number,
 )
 from towval.report.wording import millimetres
 
@@ -153,18 +154,11 @@ def map_axes(axes: Axes, low: Array, high: Array) -> None:
     """Limits, ticks and labels of a map of the floor between two corners [m]."""
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
-    step = _tick_step(float((high - low).max()))
+    step = 1 / round_number(_MOST_STEPS / float((high - low).max()))
     axes.xaxis.set_major_locator(MultipleLocator(step))
     axes.yaxis.set_major_locator(MultipleLocator(step))
     axes.set_xlabel("$x$ on the floor (m)")
     axes.set_ylabel("$y$ on the floor (m)")
-
-
-def _tick_step(size_m: float) -> float:
-    """A round distance [m] of which at most eight make up the size of a map."""
-    least_m = size_m / _MOST_STEPS
-    power = 10.0 ** np.floor(np.log10(least_m))
-    return float(power * min(step for step in (1, 2, 5, 10) if step * power >= least_m * (1 - 1e-9)))
 
 
 def _error_text(comparison: Comparison) -> str:
