@@ -30,7 +30,8 @@ def make_run(
             row = {"severity": "warning", "code": "blur", "text": "Blurred."}
             details = {"object": {"findings": [row]}, "rover": {"findings": []}}
         if stage == "uncertainty":
-            details["shares"] = {"stiffness": 0.6, "friction": 0.3}
+            # What no single input explains has a share, too, and is no input.
+            details["shares"] = {"stiffness": 0.3, "friction": 0.1, "noise and interactions": 0.6}
         if stage == "compare":
             details = {**COMPARED, **compared}
         write_mcap(folder / f"{stage}.mcap", [], details, provenance)

@@ -14,6 +14,8 @@ exclude_patterns = ["site"]
 html_theme = "furo"
 html_title = "towval"
 html_show_sphinx = False
+html_static_path = ["static"]
+html_css_files = ["tables.css"]
 
 autosummary_generate = True
 autodoc_default_options = {"members": True, "show-inheritance": True}

@@ -3,8 +3,11 @@
 import errno
 import os
 import resource
+import shutil
 import subprocess
 import sys
+from importlib import resources
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,12 +16,16 @@ from towval.cli import main
 from towval.commands import verify
 from towval.commands.console import errors_reported
 from towval.io.atomic import write_text
+from towval.io.campaign import load_campaign, names_in
 from towval.io.manifest import check_results
 from towval.io.mcap_file import check_replaceable, write_mcap
+from towval.io.provenance import provenance
 from towval.io.records import write_tracks
 from towval.io.summary import write_summary
 from towval.io.workflow_lock import clear_stale_locks
 from towval.model.errors import InputError
+
+SAMPLE = Path(str(resources.files("towval"))) / "sample"
 
 
 @pytest.fixture
@@ -140,6 +147,26 @@ def test_the_folder_above_the_results_of_a_campaign_is_not_called_damaged(tmp_pa
     (tmp_path / "lab" / "camera.mcap").touch()
     with pytest.raises(InputError, match=r"results of campaigns(.|\n)*got: lab\n(.|\n)*towval verify .*lab"):
         verify.run(tmp_path)
+
+
+def test_inputs_that_were_added_since_are_named(tmp_path):
+    """A picture more, which the next calibration would use, or a run more counted as nothing changed."""
+    lab, results = tmp_path / "lab", tmp_path / "results"
+    shutil.copytree(SAMPLE, lab)
+    given = load_campaign(lab)
+    pictures = names_in(lab, (*given.calibration_images, *given.floor_images))
+    made_of = provenance("calibrate", None, pictures, document=given.document)
+    write_mcap(results / "camera.mcap", [], {}, made_of)
+
+    def said():
+        with pytest.raises(InputError) as error:
+            verify.run(results, lab)
+        return str(error.value)
+
+    assert "made without" not in said()
+    shutil.copy(lab / "calibration" / "board_00.jpg", lab / "calibration" / "board_77.jpg")
+    assert "camera.mcap was made without calibration/board_77.jpg, which is used now" in said()
+    assert "run a of campaign.yaml has no results" in said()
 
 
 def test_a_full_disk_leaves_what_was_there(tmp_path):

@@ -145,8 +145,21 @@ def test_a_user_without_a_name_is_given_one(monkeypatch):
 
 def test_the_demo_overwrites_nobodys_folder(tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
-    with pytest.raises(InputError, match="not empty"):
+    with pytest.raises(InputError, match="does not hold the sample"):
         run_demo(tmp_path)
+
+
+def test_the_demo_runs_the_sample_only_also_where_its_campaign_was_edited(tmp_path, monkeypatch):
+    """It ran whatever campaign it was given, as if that were the sample."""
+    ran = []
+    monkeypatch.setattr("towval.commands.workflow.run", lambda folder, *_: ran.append(folder))
+    with pytest.raises(InputError, match=r"does not hold the sample(.|\n)*towval run"):
+        run_demo(SAMPLE.parents[2] / "data_samples" / "lab_small")
+    run_demo(tmp_path / "demo")
+    with (tmp_path / "demo" / "campaign.yaml").open("a") as stream:
+        stream.write("# edited\n")
+    run_demo(tmp_path / "demo")
+    assert ran == 2 * [tmp_path / "demo"]
 
 
 def in_calibration(folder):

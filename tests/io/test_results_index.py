@@ -21,7 +21,7 @@ def test_a_run_is_a_row_with_findings_inputs_and_costs(tmp_path):
     row = index.runs.iloc[0]
     assert (row.campaign, row.run, row.state, row.verdict) == ("lab", "a", "compare", "agrees")
     assert (row.path_rms_m, row.path_max_m, row.lost_frames) == (0.0015, 0.004, 2)
-    assert (row.main_input, row.main_share, row.version) == ("stiffness", 0.6, "1.0.0")
+    assert (row.main_input, row.main_share, row.version) == ("stiffness", 0.3, "1.0.0")
     assert (row.cpu_s, row.wall_s) == (11.0, 5.5)
     assert index.findings[["stage", "code", "severity"]].values.tolist() == [["track", "blur", "warning"]]
     assert set(index.inputs["input"]) == {"a.mp4", "track.mcap", "campaign.yaml: friction"}

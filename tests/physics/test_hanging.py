@@ -62,6 +62,21 @@ def test_a_level_inextensible_tether_is_the_catenary():
     assert lowest_point(tether, distance, 0.0) == pytest.approx(distance / (2 * q) * (np.cosh(q) - 1), rel=1e-9)
 
 
+@pytest.mark.parametrize("mass", [1e-2, 1e-4, 1e-6])
+def test_a_light_taut_tether_sags_by_its_parabola(mass):
+    """w l0 d / 8 T, however light: below some mg/m all digits had cancelled, and what the stretch adds was left."""
+    tension, distance = 200.0, 0.62
+    expected = mass * G * REST * distance / (8 * tension)
+    assert lowest_point(Tether(REST, 1e4, mass_per_length=mass), distance, 0.0) == pytest.approx(expected, rel=1e-4)
+
+
+@pytest.mark.parametrize("rise", [0.0, 0.2])
+def test_a_tether_straight_below_its_hinge_hangs_by_what_is_left_of_it(rise):
+    """Two parts side by side, (l0 − rise) / 2 long; it was NaN."""
+    tether = Tether(REST, 1e9, mass_per_length=1.0)
+    assert lowest_point(tether, 0.0, rise) == pytest.approx((REST - rise) / 2, abs=1e-6)
+
+
 def test_a_slack_tether_without_mass_hangs_anywhere():
     with pytest.raises(InputError, match=r"Tether\.mass_per_length is out of range"):
         lowest_point(Tether(0.6, 1e4), 0.5, 0.0)

@@ -53,6 +53,13 @@ def test_rounded_square_stays_in_its_square_and_touches_each_side():
     np.testing.assert_allclose(points.max(axis=0), [2, 2], atol=1e-12)
 
 
+def test_the_curve_through_two_points_is_the_line_between_them():
+    """A file of two points was refused, and the refusal of one with a single point said that two are enough."""
+    curve = paths.through_points([[0.0, 1.0], [3.0, 5.0]])
+    assert curve.length == pytest.approx(5.0, abs=1e-12)
+    np.testing.assert_allclose(curve.position_at(np.array([0.0, 2.5, 5.0])), [[0, 1], [1.5, 3], [3, 5]], atol=1e-12)
+
+
 def test_spline_through_points_of_a_circle_is_that_circle():
     angle = np.linspace(0, 2 * np.pi, 201)
     points = np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -117,7 +124,7 @@ def test_a_pause_keeps_the_heading_and_bends_nothing():
         lambda: paths.line(0.0),
         lambda: paths.circle(-1.0),
         lambda: paths.rounded_square(4.0, 2.5),
-        lambda: paths.through_points([[0, 0], [1, 1]]),
+        lambda: paths.through_points([[1, 1]]),
         lambda: paths.through_points([[0, 0], [0, 0], [1, 1]]),
         lambda: paths.through_points([[0, 0], [0.6, 0.8], [0, 0]]),
         lambda: paths.through_points([[0, 0], [0, 1], [0, 0.1], [0, -1]]),

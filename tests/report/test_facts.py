@@ -7,7 +7,16 @@ import pytest
 
 from report_scenes import TOWED, ceiling_calibration, towed_run
 from towval.model import CameraTrack, Stamp
-from towval.report.facts import calibration_facts, deciding, metric_facts, middle_rms_m, scale_facts, tracking_facts
+from towval.model.results import START_OFF, STICKING
+from towval.report.facts import (
+    calibration_facts,
+    deciding,
+    metric_facts,
+    middle_rms_m,
+    scale_facts,
+    simulation_facts,
+    tracking_facts,
+)
 from towval.report.wording import NOT_COMPUTED
 
 OFFSET_M = np.array([0.3, 0.4])
@@ -76,3 +85,13 @@ def test_scale_and_motion_of_the_camera_are_stated():
     known = dict(calibration_facts(replace(full, quality=full.quality | board)))
     assert known["Board, measured − stated size"] == "+0.02 ± 0.050 %"
     assert not any("bow" in name for name in known)
+
+
+def test_statistics_of_a_simulation_have_names_that_say_what_they_are():
+    """The page said "U tolerance", "Start off", and of the friction at rest 0 or 1."""
+    run = towed_run()
+    statistics = {"u_tolerance_m": 2e-6, START_OFF: 0.003, STICKING: 1.0}
+    facts = dict(simulation_facts(replace(run, simulated=replace(run.simulated, statistics=statistics))))
+    assert facts["of it, by the tolerance of a step"] == "0.0020 mm"
+    assert facts["motion of the object at the start: path moves by up to"] == "3.00 mm"
+    assert facts["friction holds the object at rest"] == "yes"

@@ -4,6 +4,7 @@ import matplotlib
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
 from report_scenes import LOST, SLACK, ceiling_calibration, towed_run, uncertainty_of
 from towval.model import CameraTrack, Stamp, UncertaintyMap
@@ -12,6 +13,7 @@ from towval.model.inputs import INPUTS
 from towval.report import figures
 from towval.report.data import ReportSettings
 from towval.report.figures.errors import intervals
+from towval.report.figures.runs import map_axes
 from towval.report.style import (
     COLUMN_WIDTH_IN,
     MEASURED,
@@ -32,6 +34,15 @@ def run():
 @pytest.fixture(scope="module")
 def calibration():
     return ceiling_calibration()
+
+
+@pytest.mark.parametrize("size_m", [0.12, 0.3, 0.8, 2.2, 4.0, 9.0, 60.0, 4712.0])
+def test_maps_of_every_size_have_some_round_numbers_on_their_axes(size_m):
+    """Steps of half a metre or one gave a small map a single number, and a large one thousands."""
+    axes = Figure().add_subplot()
+    map_axes(axes, np.zeros(2), np.array([size_m, size_m / 2]))
+    ticks = axes.get_xticks()
+    assert 3 <= np.count_nonzero((ticks >= 0) & (ticks <= size_m)) <= 9
 
 
 def test_statistics_stand_beside_those_of_right_models():

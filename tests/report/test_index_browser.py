@@ -77,6 +77,14 @@ def test_order_by_a_column_of_numbers_and_back(page):
     assert next(text for text in last if text) == "60.00"
 
 
+def test_the_table_stays_where_it_is_when_the_window_changes(page):
+    """A phone resizes the page with each turn of its bar of addresses, which threw the reader back to the first row."""
+    scroller = "document.getElementById('scroller')"
+    page.run(f"{scroller}.scrollTop = 300")
+    page.run("window.dispatchEvent(new Event('resize'))")
+    assert page.run(f"{scroller}.scrollTop") == 300
+
+
 def test_changes_between_two_folders_name_what_differs(page):
     old = page.run("[...document.getElementById('before').options].findIndex((o) => o.text.endsWith('old'))")
     new = 1 - old

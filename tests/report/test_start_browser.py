@@ -55,6 +55,18 @@ def told(page):
     return page.run("warnings(run).join(' | ')")
 
 
+def test_an_outline_that_was_placed_nowhere_is_so_again_after_undo(page):
+    """The page forgot that the body had not been found, and saved where the outline happened to begin."""
+    page.run("runs[run].unplaced.add('object'), select('object')")
+    assert "The object was not found" in told(page)
+    page.run("nudge(40, 0)")
+    assert "not found" not in told(page)
+    page.run("undo()")
+    again = told(page)
+    page.run("runs[run].unplaced.delete('object')")
+    assert "The object was not found" in again
+
+
 def place(page, body, corner=None):
     """Where the middle or a corner of an outline is in the window [px]."""
     point = "[0, 0]" if corner is None else f"DATA.bodies.{body}.corners[{corner}]"

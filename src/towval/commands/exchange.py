@@ -22,7 +22,9 @@ def run(campaign: Path, name: str, camera: Path, folder: Path, output: Path) -> 
     entry, record = given.run(name), read_run(given, name, folder, camera)
     pictures = film_pictures(entry, calibration, record)
     inputs = named(folder, camera) | {entry.video.name: entry.video}
-    write_run_file(output, record, calibration, pictures, provenance("exchange", None, inputs, run=name))
+    write_run_file(
+        output, record, calibration, pictures, provenance("exchange", None, inputs, run=name, document=given.document)
+    )
     layouts = write_layouts(output.parent)
     size_mb = output.stat().st_size / 1e6
     return Outcome(f"exchange {name}", (output, *layouts), f"{size_mb:.1f} MB for viewers", {"size_mb": size_mb})

@@ -12,26 +12,35 @@ from numpy.typing import NDArray
 from towval.commands.console import Outcome
 from towval.io.atomic import check_own, write_text
 from towval.io.campaign import load_campaign
+from towval.io.mcap_file import read_provenance
 from towval.io.plan_files import check_table, read_path, read_tow, write_plan_csv, write_plan_mcap
 from towval.io.provenance import provenance
 from towval.io.records import write_simulated
 from towval.io.schema import check, packaged_schema
 from towval.io.yaml_text import read_yaml
-from towval.model import Array, SimulatedMotion, TimedPath
+from towval.model import Array, Finding, SimulatedMotion, TimedPath
 from towval.model.errors import InputError, RefusedError
-from towval.model.geometry import path_length
+from towval.model.findings import finding
+from towval.model.geometry import path_length, transform
 from towval.physics.mass import towed_object
 from towval.physics.quasistatic import quasistatic_plan
+from towval.physics.splines import spline_through, spline_values
+from towval.physics.tether import nearest_rest
 from towval.planning.paths import Curve, through_points, timed
 from towval.planning.plan import close_loop, hinge_of_poses, tow
 from towval.planning.planner import PlanCase, PlanOutcome
 from towval.planning.scene import PlanScene, friction_under, plan_scene
+from towval.validation.decimate import HIDDEN_M, missed_m
+from towval.validation.simulate import WRONG_SHARE, nearer_findings
 
 _PAPER = Path("paper")
 """Stands for the scene that comes with the package, whose path nobody knows after ``pip install``."""
 
 _FEWEST_STEPS = 2
 """Of the planner: a path has a bend from three points on."""
+
+_MOST_STEPS = 200_000
+"""Of the planner: so many take minutes and gigabytes. Times in milliseconds filled the memory without a word."""
 
 _MAP_MARK = "Matplotlib"
 """What a map of ours names as its maker near its beginning: no other file is replaced."""
@@ -58,7 +67,7 @@ def run(
     _check_map(map_file)
     if len({output.resolve(), csv.resolve(), *([map_file.resolve()] if map_file else [])}) < 2 + bool(map_file):
         raise InputError("two files of the plan have one name", got=csv.name, allowed="a name for each")
-    document, given = _scene(scene, campaign)
+    document, given, lab = _scene(scene, campaign)
     law, path, tether = friction_under(given), _wanted(given, wanted), given.tether
     ground, height = given.ground, given.hinge_height
     times = _planner_times(given, path)
@@ -67,7 +76,8 @@ def run(
     found = (*nominal.findings, *loop.rover.findings, *loop.towed.findings)
     if loop.rover.outcome is not PlanOutcome.ARRIVED:
         raise RefusedError(f"the rover does not arrive: {loop.rover.outcome}", remedy=loop.rover.advice)
-    write_plan_mcap(output, loop.rover, loop.towed, provenance("plan", document, {}))
+    inputs = {} if wanted in given.curves else {Path(wanted).name: Path(wanted)}
+    write_plan_mcap(output, loop.rover, loop.towed, provenance("plan", document, inputs, document=lab))
     write_plan_csv(csv, loop.rover, loop.towed)
     limited = loop.rover.case != PlanCase.A
     off = {"object_rms_mm": 1e3 * loop.object_rms, "hinge_rms_mm": 1e3 * loop.rover.rms}
@@ -124,27 +134,73 @@ def run_tow(
 ) -> Outcome:
     """Simulate the object behind a recorded rover, from where the recording knows both, at rest.
 
+    Where a stiff tether would pull with more than friction holds, it starts as much nearer to the rover as rest takes.
     ``recording`` is any MCAP with ``/rover/pose`` and ``/object/pose`` or ``/object/pose_simulated``: a plan, a
     measured track. Every pose of the rover drives the tether. ``output`` is in the format of simulate.mcap; the rest is
     as in :func:`run`.
     """
     _check_map(map_file)
-    document, given = _scene(scene, campaign)
-    times, poses, start = read_tow(recording)
+    document, given, lab = _scene(scene, campaign)
+    _refuse_decimated(recording)
+    times, poses, measured = read_tow(recording)
     hinge = hinge_of_poses(poses, given.rover)
+    start, nearer = _start(given, hinge[0], measured)
     motion = tow(
         times, hinge, given.towed, friction_under(given), given.tether, start_pose=start, ground=given.ground,
         hinge_height=given.hinge_height,
     )  # fmt: skip
-    write_simulated(output, motion, provenance("tow", document, {recording.name: recording}))
+    write_simulated(output, motion, provenance("tow", document, {recording.name: recording}, document=lab))
     moved_m = path_length(motion.pose[:, :2])
     text = f"{motion.outcome}; the object moves {moved_m:.2f} m in {np.ptp(times):.1f} s"
     files = (output, *_mapped(map_file, hinge, motion, given))
-    return Outcome("tow", files, text, {"outcome": motion.outcome, "path_length_m": moved_m}, motion.findings)
+    numbers = {"outcome": motion.outcome, "path_length_m": moved_m}
+    return Outcome("tow", files, text, numbers, (*nearer, *_gaps(times, hinge), *motion.findings))
 
 
-def _scene(scene: Mapping[str, Any] | Path, campaign: Path | None) -> tuple[Mapping[str, Any], PlanScene]:
-    """The scene as its document and as it is used, with what a campaign replaces."""
+def _refuse_decimated(recording: Path) -> None:
+    """Between the few poses of a decimated track the rover moves by their rates, which no other recording has."""
+    if read_provenance(recording).get("stage") == "decimate":
+        raise InputError(
+            f"{recording} holds a decimated track",
+            allowed="a recording of all poses of the rover",
+            remedy="give the track.mcap of which it was made",
+        )
+
+
+def _gaps(times: Array, hinge: Array) -> list[Finding]:
+    """A finding where the hinge (n, 2) may have moved otherwise than its curve over a gap between two times (n,)."""
+    spline = spline_through(TimedPath(times, hinge))
+    steps, found = np.diff(times), []
+    for k in np.flatnonzero(spline.speed_limits * steps > HIDDEN_M):
+        within = np.linspace(0.0, steps[k], 101)
+        speed = np.hypot(*spline_values(spline, times[k] + within)[1].T)
+        found.append((missed_m(within, speed), k))
+    off_m, worst = max(found, default=(0.0, 0))
+    if off_m <= HIDDEN_M:
+        return []
+    return [finding("tow_gap", time_s=times[worst], gap_s=steps[worst], off_mm=1000 * off_m)]
+
+
+def _start(given: PlanScene, hinge: Array, measured: Array) -> tuple[Array, list[Finding]]:
+    """The pose (3,) from which the object starts at rest, from that of the recording, and what is to be said of it."""
+    tether = given.tether
+    start = nearest_rest(given.towed, given.friction, tether, given.ground, given.hinge_height, hinge, measured)
+    nearer_m = float(np.hypot(*(start - measured)[:2]))
+    if nearer_m > WRONG_SHARE * tether.rest_length:
+        apart_m = float(np.hypot(*(hinge - transform(measured, given.towed.anchor))))
+        raise RefusedError(
+            "the tether does not reach where the recording begins",
+            got=f"hinge and anchor {apart_m:.2f} m apart",
+            allowed=f"{apart_m - nearer_m:.2f} m, where friction holds the object at rest",
+            remedy="give the campaign or scene of the recording; check rest length, hinge and anchor",
+        )
+    return start, nearer_findings(nearer_m)
+
+
+def _scene(
+    scene: Mapping[str, Any] | Path, campaign: Path | None
+) -> tuple[Mapping[str, Any], PlanScene, Mapping[str, Any] | None]:
+    """The scene as its document and as it is used, with what a campaign replaces; and the campaign's document."""
     if scene == _PAPER and not _PAPER.exists():
         scene = Path(str(resources.files("towval").joinpath("workflow", "plan.yaml")))
     document: Any = read_yaml(scene) if isinstance(scene, Path) else scene
@@ -152,20 +208,21 @@ def _scene(scene: Mapping[str, Any] | Path, campaign: Path | None) -> tuple[Mapp
         check(document, packaged_schema("plan.schema.yaml"), scene.name)
     given = plan_scene(document)
     if campaign is None:
-        return document, given
-    lab = load_campaign(campaign).scene
+        return document, given, None
+    loaded = load_campaign(campaign)
+    lab = loaded.scene
     rover = replace(given.rover, hinge=lab.hinge)
     given = replace(
         given, towed=towed_object(lab), friction=lab.friction, tether=lab.tether, rover=rover, ground=lab.ground,
         hinge_height=lab.hinge_height,
     )  # fmt: skip
-    return document, given
+    return document, given, loaded.document
 
 
 def _wanted(scene: PlanScene, wanted: str) -> TimedPath:
     if wanted in scene.curves:
         return _timed(scene, scene.curves[wanted])
-    if Path(wanted).suffix != ".csv":
+    if Path(wanted).suffix.lower() != ".csv":
         raise InputError(f"unknown path {wanted}", allowed=f"{', '.join(scene.curves)}, or a CSV file with x_m and y_m")
     read = read_path(Path(wanted))
     return read if isinstance(read, TimedPath) else _timed(scene, through_points(read, name=Path(wanted).stem))
@@ -184,6 +241,13 @@ def _planner_times(scene: PlanScene, path: TimedPath) -> Array:
             got=f"{np.ptp(path.time_s):.3g} s",
             allowed=f"{_FEWEST_STEPS} steps of {scene.planner_step:g} s or more",
             remedy="state time_s in seconds, or a smaller planner.time_step_s in the scene",
+        )
+    if steps > _MOST_STEPS:
+        raise InputError(
+            "the path takes too long for the planner",
+            got=f"{np.ptp(path.time_s):.6g} s",
+            allowed=f"{_MOST_STEPS} steps of {scene.planner_step:g} s or fewer",
+            remedy="state time_s in seconds, or a larger planner.time_step_s in the scene",
         )
     times: Array = path.time_s[0] + scene.planner_step * np.arange(steps + 1)
     return times

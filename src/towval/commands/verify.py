@@ -116,11 +116,20 @@ def _faults_beside(results: Path) -> Iterator[str]:
 
 def _changed_inputs(campaign: Path, origins: dict[Path, Origin]) -> Iterator[str]:
     given = load_campaign(campaign)
-    lab = [*given.calibration_images, *given.floor_images, *(run.video for run in given.runs.values())]
-    now = {name: file_hash(path) for name, path in names_in(given.folder, lab).items()}
+    pictures = [*given.calibration_images, *given.floor_images]
+    named = names_in(given.folder, [*pictures, *(run.video for run in given.runs.values())])
+    now = {name: file_hash(path) for name, path in named.items()}
+    yield from (
+        f"run {name} of campaign.yaml has no results"
+        for name in given.runs
+        if not any(origin.run == name for origin in origins.values())
+    )
     for path, origin in origins.items():
         if origin.stage == "calibrate" and origin.inputs.keys() - now.keys():
             yield f"{path.name} was made with {sorted(origin.inputs.keys() - now.keys())[0]}, which is not used now"
+        if origin.stage == "calibrate":
+            added = sorted(name for name, place in named.items() if place in pictures and name not in origin.inputs)
+            yield from (f"{path.name} was made without {name}, which is used now" for name in added[:1])
         for name, digest in origin.inputs.items():
             if now.get(name, digest) != digest:
                 yield f"{name} is not the file of which {path.parent.name}/{path.name} was made"

@@ -189,14 +189,21 @@ def run_demo(folder: Path, results: Path = Path("results"), cores: int | None = 
 
     Raises `InputError` where the folder holds something else.
     """
-    sample = resources.files("towval").joinpath("sample")
-    if not (folder / "campaign.yaml").is_file():
-        if folder.exists() and any(folder.iterdir()):
-            raise InputError("the folder for the sample is not empty", got=folder, remedy="name another one")
-        with resources.as_file(sample) as source:
-            shutil.copytree(source, folder, dirs_exist_ok=True)
-        print(f"The sample campaign: {folder.resolve()}", file=sys.stderr)
+    with resources.as_file(resources.files("towval").joinpath("sample")) as sample:
+        if not (folder.exists() and any(folder.iterdir())):
+            shutil.copytree(sample, folder, dirs_exist_ok=True)
+            print(f"The sample campaign: {folder.resolve()}", file=sys.stderr)
+        elif not _holds_sample(folder, sample):
+            remedy = "name another one; a campaign of your own runs with towval run"
+            raise InputError("the folder does not hold the sample", got=folder, remedy=remedy)
     return run(folder, results, cores)
+
+
+def _holds_sample(folder: Path, sample: Path) -> bool:
+    """Whether a folder holds the sample's footage, and a campaign.yaml, which may have been edited."""
+    sizes = {path.relative_to(sample): path.stat().st_size for path in sample.rglob("*.*") if path.suffix != ".yaml"}
+    kept = all((folder / name).is_file() and (folder / name).stat().st_size == size for name, size in sizes.items())
+    return kept and (folder / "campaign.yaml").is_file()
 
 
 def _as_path(path: Path) -> str:

@@ -18,6 +18,7 @@ from towval.io.provenance import file_hash
 from towval.io.summary import COLUMNS
 from towval.model.conventions import STAGES_OF_RUN
 from towval.model.errors import InputError
+from towval.model.inputs import INPUTS
 
 _FILES_OF_RUN = tuple(f"{stage}.mcap" for stage in STAGES_OF_RUN)
 
@@ -26,6 +27,8 @@ INDEX_MARK = 'CREATE TABLE "runs"'
 
 UNFINISHED = "unfinished"
 """In place of a verdict: the run has no comparison yet."""
+
+_INPUTS = frozenset(row.label for row in INPUTS.values())
 
 _KEY = ("source", "campaign", "run")
 _MEASURES = tuple(name for name in COLUMNS if name not in ("run", "verdict", "findings"))
@@ -150,8 +153,11 @@ def _rows_of(run: Path, camera: _Stage | None) -> Iterator[tuple[str, tuple[Any,
         yield from (("inputs", (stage, name, digest)) for name, digest in hashes.items())
         yield "settings", (stage, provenance.get("settings", "{}"))
     compared = details.get("compare", {})
-    shares = details.get("uncertainty", {}).get("shares") or {"": None}
-    main = max(shares, key=lambda name: shares[name] or 0.0)
+    # What no input explains alone has a share, too.
+    shares = {
+        name: share for name, share in details.get("uncertainty", {}).get("shares", {}).items() if name in _INPUTS
+    }
+    main = max(shares, key=lambda name: shares[name] or 0.0, default="")
     provenance = next((content[1] for content in reversed(made.values())), {})
     yield (
         "runs",
@@ -160,7 +166,7 @@ def _rows_of(run: Path, camera: _Stage | None) -> Iterator[tuple[str, tuple[Any,
             compared.get("verdict", UNFINISHED),
             *(compared.get(name) for name in _MEASURES),
             main,
-            shares[main],
+            shares.get(main),
             json.loads(provenance.get("versions", "{}")).get("towval"),
             max((content[2] for content in made.values()), default=None),
             *_costs(run),

@@ -41,9 +41,9 @@ register(  # plan and tow
         "{tightest_m:.3g} m: the rover follows only by turning its body less than the path turns.",
     ),
     FindingType(
-        "tow_overstretched", "plan", WARNING, NONE,
-        "The tow begins with the tether's ends {span_m:.2f} m apart, which is more than it can stretch to "
-        "({longest_m:.2f} m): it throws the object. Give the scene or campaign of the recording, and check rest "
-        "length, stiffness, hinge and anchor.",
+        "tow_gap", "plan", WARNING, NONE,
+        "The recording has no pose of the rover for {gap_s:.1f} s from {time_s:.2f} s on, while its speed changed: the "
+        "tether's hinge may have been {off_mm:.0f} mm ahead of or behind the curve that bridges the gap and draws the "
+        "object.",
     ),
 )  # fmt: skip

@@ -10,13 +10,20 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from towval.model import Array, Tether, TowedObject
+from towval.model import Array, FrictionSpecification, Ground, Tether, TowedObject
 from towval.model.checks import instance_of, locked, matching, numbers_of, positive
 from towval.model.compiling import compiled
 from towval.model.conventions import GRAVITY_M_PER_S2
 from towval.model.errors import InputError
+from towval.model.geometry import transform
 from towval.physics.spatial.hanging import hanging_forces
 from towval.physics.spatial.problem import tether_numbers
+
+_LEAST_DISTANCE = 1e-9  # of the rest length
+
+_HELD = 1.25
+"""Pull that an object at rest may bear, as a multiple of the static friction of its weight on level ground: slopes, a
+pull downward and a longer rest add some; and where friction does hold, the start stays as it was measured."""
 
 
 def tether_force(tether: Tether, span: ArrayLike, span_rate: ArrayLike | None = None) -> Array:
@@ -86,15 +93,41 @@ def lowest_point(tether: Tether, distance: float, rise: float, gravity: float = 
     if gravity <= 0:
         raise InputError("gravity is out of range", got=gravity, allowed="above zero")
     numbers = tether_numbers(tether, rise, gravity)
-    pull, lift, *_ = hanging_forces(numbers, distance)
+    # Straight below the hinge nothing pulls sideways, and two parts hang side by side: the limit of a short distance.
+    pull, lift, *_ = hanging_forces(numbers, max(abs(distance), _LEAST_DISTANCE * tether.rest_length))
     if lift >= 0:
         return max(0.0, -rise)
     weight = tether.mass_per_length * gravity
     if lift + weight * tether.rest_length <= 0:
         return -rise
-    # From the anchor, where it leaves downward at −lift/pull, to where it is level.
-    slack = pull / weight * (math.hypot(1.0, lift / pull) - 1)
+    # From the anchor, where it leaves downward at −lift/pull, to where it is level: (√(pull² + lift²) − pull) / weight.
+    slack = lift**2 / (weight * (math.hypot(pull, lift) + pull))
     return slack + lift**2 / (2 * weight * tether.stiffness * tether.rest_length)
+
+
+def nearest_rest(
+    towed: TowedObject,
+    friction: FrictionSpecification,
+    tether: Tether,
+    ground: Ground,
+    hinge_height: float,
+    hinge: Array,
+    pose: ArrayLike,
+) -> Array:
+    """A pose (3,) [m, m, rad], moved towards the hinge (2,) [m] until friction can hold against the tether.
+
+    Lengths and places are known to a millimetre or so, by which a stiff tether would pull with more than friction
+    holds. But the object was seen at rest: it is a wrong length, and no force that throws it.
+    """
+    start = np.array(pose, dtype=np.float64)
+    most = max([friction.across_over_along, 1.0]) * max([1.0, *(region.factor for region in ground.regions)])
+    weight, rise = towed.mass * ground.gravity, hinge_height - towed.anchor_height
+    length = tether.rest_length + _HELD * friction.static * most * weight / tether.stiffness
+    span = hinge - transform(start, towed.anchor)
+    distance, longest = float(np.hypot(*span)), float(np.sqrt(max(length**2 - rise**2, 0.0)))
+    if distance > longest:
+        start[:2] += (1 - longest / distance) * span
+    return start
 
 
 def refuse_beyond_plane(model: str, towed: TowedObject, tether: Tether) -> None:

@@ -113,14 +113,14 @@ def rounded_square(side: float, corner_radius: float) -> Curve:
 
 
 def through_points(points: ArrayLike, *, name: str = "points") -> Curve:
-    """Curve through points (n, 2) in order [m]: a cubic spline over the chord length.
+    """Curve through points (n, 2) in order [m]: a cubic spline over the chord length, a line through two.
 
     It is closed, with a smooth seam, if the last point equals the first. Raises `InputError` when there are fewer than
-    three points, neighbours coincide, or the curve turns back on itself in a point.
+    two points, neighbours coincide, or the curve turns back on itself in a point.
     """
     points = locked(points, f"points of the curve {name}", (None, 2))
-    if len(points) < 3:
-        raise InputError(f"the curve {name} has too few points", got=len(points), allowed="3 or more")
+    if len(points) < 2:
+        raise InputError(f"the curve {name} has too few points", got=len(points), allowed="2 or more")
     chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
     if (chords == 0).any():
         where = int(np.argmin(chords))

@@ -4,15 +4,14 @@ The quasi-static model turns the desired path of the object into a nominal path 
 into a feasible motion of the rover; feedback dynamics give the motion of the object behind that rover.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from towval.model import Array, Finding, FrictionLaw, Ground, SimulatedMotion, Sliding, Tether, TimedPath, TowedObject
+from towval.model import Array, FrictionLaw, Ground, SimulatedMotion, Sliding, Tether, TimedPath, TowedObject
 from towval.model.checks import locked
 from towval.model.errors import InputError
-from towval.model.findings import finding
 from towval.model.geometry import transform
 from towval.physics.dynamics import LEVEL, feedback
 from towval.physics.quasistatic import QuasistaticMotion
@@ -20,10 +19,6 @@ from towval.physics.wrench import SlidingPatch
 from towval.planning.kinematics import Rover
 from towval.planning.paths import deviation_rms
 from towval.planning.planner import PlannerSettings, RoverPlan, plan_rover
-
-SLACK, SLACK_M = 0.02, 0.015
-"""Of a tether's length, and as much [m], that measured ends may be too far apart, besides the stretch by the object's
-weight."""
 
 
 @dataclass(frozen=True)
@@ -103,20 +98,10 @@ def tow(
         raise InputError("the rover cannot tow without moving", got=poses, allowed="two poses or more")
     rows = np.unique(np.r_[0:count:stride, count - 1])
     path = TimedPath(whole.time_s[rows], whole.position[rows])
-    motion = feedback(
+    return feedback(
         towed, law, tether, path, start_pose, path.time_s, start_twist=start_twist, ground=ground,
         hinge_height=hinge_height,
     )  # fmt: skip
-    return replace(motion, findings=(*motion.findings, *_begins_stretched(motion, towed, tether, ground)))
-
-
-def _begins_stretched(
-    motion: SimulatedMotion, towed: TowedObject, tether: Tether, ground: Ground
-) -> tuple[Finding, ...]:
-    """A tether that does not reach at first throws the object: it is another one, or its ends are elsewhere."""
-    stretch = towed.mass * ground.gravity / tether.stiffness
-    longest_m, span_m = tether.rest_length * (1 + SLACK) + SLACK_M + stretch, float(motion.tether_length[0])
-    return (finding("tow_overstretched", span_m=span_m, longest_m=longest_m),) if span_m > longest_m else ()
 
 
 def hinge_of_poses(pose: ArrayLike, rover: Rover) -> Array:

@@ -6,7 +6,7 @@ import numpy as np
 
 from towval.model import Calibration, Comparison, Identification, Stamp, Track, Verdict
 from towval.model.geometry import polygon_centroid, transform
-from towval.model.results import TO_DYNAMICS
+from towval.model.results import START_OFF, STICKING, TO_DYNAMICS
 from towval.model.run_record import RunRecord
 from towval.report.wording import (
     NOT_COMPUTED,
@@ -54,6 +54,8 @@ _WORDS = {
     "rejections": "steps rejected and repeated",
     "mode_changes": "transitions between slack and taut",
     "u_num_m": "numerical uncertainty u_num",
+    "u_tolerance_m": "of it, by the tolerance of a step",
+    START_OFF: "motion of the object at the start: path moves by up to",
 }
 """Labels of scalars whose keys are not clear enough."""
 
@@ -200,6 +202,8 @@ def simulation_facts(run: RunRecord) -> Facts:
 
 
 def _statistic(name: str, value: float) -> tuple[str, str]:
+    if name == STICKING:
+        return "friction holds the object at rest", "yes" if value else "no"
     if name.endswith(TO_DYNAMICS):
         simpler = name.removesuffix(TO_DYNAMICS)
         return f"{simpler} instead of dynamics: path moves by up to", millimetres(value)

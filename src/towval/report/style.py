@@ -143,6 +143,12 @@ def foot_note(figure: Figure, text: str) -> None:
     figure.text(Margins.left / width, 0.04 / height, text, fontsize=7, color="#555555")
 
 
+def round_number(value: float) -> float:
+    """The largest of 1, 2, 5 times a power of ten that is not above ``value``."""
+    power = 10.0 ** math.floor(math.log10(value))
+    return float(power * max(step for step in (1, 2, 5) if step * power <= value * (1 + 1e-12)))
+
+
 def symmetric(axes: Axes) -> None:
     """Make the y limits symmetric about zero."""
     largest = max(abs(limit) for limit in axes.get_ylim())

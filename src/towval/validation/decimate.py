@@ -45,7 +45,7 @@ _MOST_STATED = 6.0
 """White noise that counts at most, in stated deviations: what sticks and slips between few frames a second scatters as
 noise does, by a hundred; no track of the camera faults scatters by more than three."""
 
-_HIDDEN_M = 0.01
+HIDDEN_M = 0.01
 """What an unobserved motion of the rover may be off its bridge, along it, from which on the run is not judged: half of
 the default tolerance, since the object follows the rover."""
 
@@ -412,7 +412,7 @@ def _bridge_findings(track: DecimatedTrack, seen_s: Array) -> Iterator[Finding]:
     if track.body != "rover" or not len(gaps):
         return
     off_m, worst = max((off_bridge_m(track, *seen_s[i : i + 2]), i) for i in gaps)
-    if off_m > _HIDDEN_M:
+    if off_m > HIDDEN_M:
         yield finding("bridge_unsure", time_s=seen_s[worst], gap_s=steps[worst], off_mm=1000 * off_m)
 
 
@@ -426,7 +426,11 @@ def off_bridge_m(track: DecimatedTrack, begin_s: float, end_s: float) -> float:
     """
     time = np.linspace(0.0, end_s - begin_s, 101)
     along_x, along_y, turn = track.poses_and_rates_at(begin_s + time)[:, 3:].T
-    speed = np.hypot(along_x, along_y) + _LEVER_M * np.abs(turn)
+    return missed_m(time, np.hypot(along_x, along_y) + _LEVER_M * np.abs(turn))
+
+
+def missed_m(time: Array, speed: Array) -> float:
+    """The same [m] of what moves with speeds (n,) [m/s] along the curve at times (n,) from zero to the end of a gap."""
     gone = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2 * np.diff(time))])
     first, last, length = speed[0] * time, gone[-1] - speed[-1] * time[::-1], gone[-1]
     others = [np.minimum(first, length)] if first[-1] >= length else []

@@ -6,24 +6,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from towval.model import Array, FrictionSpecification, SimulatedMotion, Sliding, TowingScene
-from towval.model.geometry import transform
 from towval.physics.dynamics import Accuracy, feedback
 from towval.physics.friction_laws import Coulomb, FittedLaw, Makkar, fitted_law, risen_law
 from towval.physics.ladder import simulate_rung
 from towval.physics.mass import towed_object
 from towval.physics.spatial.tow import Sticking, is_planar
 from towval.physics.splines import Spline, spline_values
+from towval.physics.tether import nearest_rest
 
 RISE_SHARE = 1e-4
 """Speed over which the law of an object that sticks rises, as a share of v_k [1]; the peak is at a few of it."""
 
 _HOLD = 2.0
 """Speed below which friction may hold the object, as a multiple of the speed of this rise."""
-
-
-_HELD = 1.25
-"""Pull that an object at rest may bear, as a multiple of the static friction of its weight on level ground: slopes, a
-pull downward and a longer rest add some; and where friction does hold, the start stays as it was measured."""
 
 
 class SceneModel:
@@ -73,20 +68,9 @@ class SceneModel:
         return simulate_rung(rung, *given, **whole)
 
     def resting(self, hinge: Array, pose: ArrayLike) -> Array:
-        """A pose (3,) [m, m, rad], moved towards the hinge (2,) [m] until friction can hold against the tether.
-
-        Lengths and places are known to a millimetre or so, by which a stiff tether would pull with more than friction
-        holds. But the object was seen at rest: it is a wrong length, and no force that throws it.
-        """
-        scene, start = self.scene, np.array(pose, dtype=np.float64)
-        friction, rise = scene.friction, scene.hinge_height - scene.anchor_height
-        most = max([friction.across_over_along, 1.0]) * max([1.0, *(region.factor for region in scene.ground.regions)])
-        length = scene.tether.rest_length + _HELD * friction.static * most * scene.weight / scene.tether.stiffness
-        span = hinge - transform(start, scene.anchor)
-        distance, longest = float(np.hypot(*span)), float(np.sqrt(max(length**2 - rise**2, 0.0)))
-        if distance > longest:
-            start[:2] += (1 - longest / distance) * span
-        return start
+        """As :func:`towval.physics.tether.nearest_rest` in this scene."""
+        scene = self.scene
+        return nearest_rest(self.towed, scene.friction, scene.tether, scene.ground, scene.hinge_height, hinge, pose)
 
     def _sliding(self) -> Sliding:
         friction = self.scene.friction

@@ -34,7 +34,7 @@ _NEARER_M, _MUCH_NEARER_M = 1e-4, 0.005
 """By how much nearer to the rover an object starts that rests by a stiff tether, from which on that is noted, and
 warned of: rest length, hinge and anchor to 1 mm and two places to 1 mm are 2.2 mm in all."""
 
-_WRONG_SHARE = 0.05
+WRONG_SHARE = 0.05
 """The same as a share of the rest length, from which on the run is not judged: no tape is that wrong."""
 
 _LAW_RESIDUAL = 1e-3
@@ -215,12 +215,9 @@ class RunSimulation:
     def _taut_start(self, motion: SimulatedMotion) -> list[Finding]:
         """A finding where the tether, as measured, is too short for an object at rest."""
         nearer = float(np.linalg.norm(motion.pose[0, :2] - self.start_pose[:2]))
-        if nearer > _WRONG_SHARE * self.scene.tether.rest_length:
+        if nearer > WRONG_SHARE * self.scene.tether.rest_length:
             return [finding("taut_start", longer_mm=1000 * nearer)]
-        if nearer <= _NEARER_M:
-            return []
-        severity = Severity.NOTE if nearer <= _MUCH_NEARER_M else Severity.WARNING
-        return [finding("start_nearer", severity, nearer_mm=1000 * nearer)]
+        return nearer_findings(nearer)
 
     def start_off_m(self, tolerance_m: float) -> float:
         """How far a start from rest leads the path off, because the object moves when the simulation begins [m].
@@ -244,6 +241,14 @@ class RunSimulation:
             return []
         speed = float(np.hypot(*self.start_twist[:2]))
         return [finding("moving_start", speed_mm_per_s=1000 * speed, off_mm=1000 * off_m)]
+
+
+def nearer_findings(nearer_m: float) -> list[Finding]:
+    """A finding where an object starts nearer to the rover than it was measured, and rests there."""
+    if nearer_m <= _NEARER_M:
+        return []
+    severity = Severity.NOTE if nearer_m <= _MUCH_NEARER_M else Severity.WARNING
+    return [finding("start_nearer", severity, nearer_mm=1000 * nearer_m)]
 
 
 def _speed_at_start(track: DecimatedTrack, begin_s: float) -> float:

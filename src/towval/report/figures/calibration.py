@@ -18,6 +18,7 @@ from towval.report.style import (
     figure_function,
     foot_legend,
     place_maps,
+    round_number,
 )
 from towval.report.wording import decimal
 
@@ -134,18 +135,12 @@ def _draw_residuals(axes: Axes, calibration: Calibration, used: list[View]) -> f
     large = np.percentile(np.linalg.norm(residuals, axis=1), 95) if len(residuals) else 0.0
     if not large > 0:
         return 0.0
-    factor = _round_number(_ARROW_SHARE * calibration.camera.resolution_px[0] / float(large))
+    factor = round_number(_ARROW_SHARE * calibration.camera.resolution_px[0] / float(large))
     ends = corners + factor * residuals
     gaps = np.full(len(corners), np.nan)
     u, v = (np.stack([corners[:, i], ends[:, i], gaps], axis=1).ravel() for i in (0, 1))
     axes.plot(u, v, color=MEASURED, linewidth=0.45, label="residual")
     return factor
-
-
-def _round_number(value: float) -> float:
-    """The largest of 1, 2, 5 times a power of ten that is not above ``value``."""
-    power = 10.0 ** np.floor(np.log10(value))
-    return float(power * max(step for step in (1, 2, 5) if step * power <= value * (1 + 1e-12)))
 
 
 def _frame_image(axes: Axes, calibration: Calibration) -> tuple[int, int]:

@@ -39,7 +39,7 @@ def plan_figure(
     axes.plot(*motion.pose[:, :2].T, **SIMULATED_LINE, zorder=5)
     if wanted is not None:
         axes.plot(*wanted.T, **_WANTED_LINE, zorder=6)
-        handles.append(Line2D([], [], label="object, wanted", **_WANTED_LINE))
+        handles.append(Line2D([], [], label="object, desired", **_WANTED_LINE))
         drawn.append(wanted)
     if limited is not None and limited.any():
         axes.plot(*np.where(limited[:, None], hinge, np.nan).T, **_LIMIT_LINE, zorder=3)

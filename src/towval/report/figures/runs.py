@@ -25,6 +25,7 @@ from towval.report.style import (
     figure_function,
     head_legend,
     place_maps,
+    round_number,
 )
 from towval.report.wording import millimetres
 
@@ -34,6 +35,7 @@ SIMULATED_LINE: dict[str, Any] = {"color": SIMULATED, "linewidth": 1.5, "linesty
 MEASURED_LINE: dict[str, Any] = {"color": MEASURED, "linewidth": 1.1, "linestyle": (0, (3.2, 1.8))}
 
 _MARGIN_M = 0.12
+_MOST_STEPS = 8
 _LEAST_RATIO, _LARGEST_RATIO = 0.45, 1.25
 
 
@@ -152,7 +154,7 @@ def map_axes(axes: Axes, low: Array, high: Array) -> None:
     """Limits, ticks and labels of a map of the floor between two corners [m]."""
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
-    step = 0.5 if (high - low).max() <= 4 else 1.0
+    step = 1 / round_number(_MOST_STEPS / float((high - low).max()))
     axes.xaxis.set_major_locator(MultipleLocator(step))
     axes.yaxis.set_major_locator(MultipleLocator(step))
     axes.set_xlabel("$x$ on the floor (m)")

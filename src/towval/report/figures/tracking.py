@@ -79,7 +79,7 @@ def camera_figure(run: RunRecord) -> Figure | None:
     camera, time_s = run.rover_track.camera, run.rover_track.time_s
     if camera is None or not (camera.registered.any() or camera.stamps.any()):
         return None
-    title = f"Run {run.name}: the camera's own motion, corrected"
+    title = f"Run {run.name}: the camera's own motion"
     figure, panels = column_of_panels([0.8, 0.6, 0.6, 0.15], Margins(bottom=0.53), title)
     _draw_motion(panels[0], time_s, camera, 1, 1.0, "$v$", ROVER)
     _draw_motion(panels[0], time_s, camera, 0, 1.0, "$u$", SIMULATED)

@@ -215,15 +215,19 @@
     }
   }
 
+  function show() {
+    rows();
+    trend();
+    histogram();
+  }
+
   function draw() {
     const tally = new Map();
     for (const i of selected) tally.set(word("verdict", i), (tally.get(word("verdict", i)) || 0) + 1);
     const parts = [...tally].map(([verdict, n]) => `${verdict} ${n}`).join(", ");
     byId("counts").textContent = `${selected.length} of ${count} runs shown${parts ? `: ${parts}` : ""}`;
     byId("scroller").scrollTop = 0;
-    rows();
-    trend();
-    histogram();
+    show();
   }
 
   // What changed.
@@ -287,7 +291,7 @@
   byId("scroller").addEventListener("scroll", rows, { passive: true });
   byId("before").addEventListener("change", changes);
   byId("after").addEventListener("change", changes);
-  window.addEventListener("resize", draw);
+  window.addEventListener("resize", show); // a phone does so when its bar of addresses goes: the place in the table stays
   filter();
   changes();
 })();

@@ -228,8 +228,10 @@ function tell() {
 }
 
 // ---- editing
+const remember = (body, pose) => past.push([run, body, pose, runs[run].unplaced.has(body)]);
+
 function move(pose, body = selected) {
-  past.push([run, body, runs[run].poses[body]]);
+  remember(body, runs[run].poses[body]);
   runs[run].poses[body] = pose;
   runs[run].unplaced.delete(body);
   changed();
@@ -249,8 +251,9 @@ function nudge(du, dv) {
 function undo() {
   const last = past.pop();
   if (!last) return;
-  const [name, body, pose] = last;
+  const [name, body, pose, unplaced] = last;
   runs[name].poses[body] = pose;
+  if (unplaced) runs[name].unplaced.add(body);
   if (name !== run) show(name); else changed();
 }
 
@@ -344,7 +347,7 @@ function released(event) {
   pinch = null;
   loupe.style.display = "none";
   if (dragging && dragging.before && String(dragging.before) !== String(runs[run].poses[dragging.body])) {
-    past.push([run, dragging.body, dragging.before]);
+    remember(dragging.body, dragging.before);
     runs[run].unplaced.delete(dragging.body);
   }
   dragging = null;
