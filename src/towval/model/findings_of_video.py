@@ -55,9 +55,10 @@ register(  # track
     ),
     FindingType(
         "video_upside_down", "track", WARNING, NOT_JUDGED,
-        "The video shows the floor turned by 180° against the pictures of the floor: a tag for rotation in the file "
-        "does not tell how the camera hung. Poses are wrong; take the tag out of the video (ffmpeg -display_rotation 0 "
-        "-i IN -c copy OUT), or turn the pictures of the board as the video is.",
+        "The video shows the floor turned by 180° against the pictures of the floor. Tags for rotation do not tell how "
+        "the camera hung; a video's is applied, a picture's (EXIF) is not. Poses are wrong; take the tag out of the "
+        "video if it has one (ffmpeg -display_rotation 0 -i IN -c copy OUT), or turn the pixels of the pictures as the "
+        "video shows the floor.",
     ),
     FindingType(
         "camera_not_registered", "track", WARNING, NOT_JUDGED,
