@@ -162,7 +162,7 @@ def test_tags_are_as_good_as_clicks(campaign, tmp_path):
     given = load_campaign(folder)
     video = Video(tmp_path / "tags.mp4")
     seen = video.first_picture()
-    start = _start(given, given.runs["a"], video, seen, (calibration, calibration), Faults())
+    start = _start(given, given.runs["a"], video, seen, calibration, Faults())
     assert start.doubts == {}, "a check of the campaign searches for no outline where tags say it"
     track(folder, "a", tmp_path / "camera.mcap", tmp_path / "track.mcap")
     for body, found in read_tracks(tmp_path / "track.mcap").items():

@@ -1,6 +1,16 @@
 """The rows of the table of findings about a video: its camera, its coding, the times of its pictures."""
 
-from towval.model.findings import EXCUSES, NONE, NOT_JUDGED, NOTE, WARNING, WIDENS_TRACKING, FindingType, register
+from towval.model.findings import (
+    EXCUSES,
+    NONE,
+    NOT_JUDGED,
+    NOTE,
+    WARNING,
+    WIDENS_CAMERA,
+    WIDENS_TRACKING,
+    FindingType,
+    register,
+)
 
 register(  # track
     FindingType(
@@ -40,6 +50,13 @@ register(  # track
         "camera_moved_before", "track", NOTE, NONE,
         "The camera moved between the pictures of the floor and the video: the floor is displaced by {shift_px:.1f} "
         "px. The poses are corrected by it (deviation of the correction {std_px:.2f} px).",
+    ),
+    FindingType(
+        "camera_moved_between", "track", WARNING, WIDENS_CAMERA,
+        "The camera moved, or its zoom changed, between the pictures of the floor: in {names} the floor is displaced "
+        "by up to {shift_px:.1f} px against {first}. The poses are referred to {first}, which holds the floor frame; "
+        "but the plane of the floor rests on all of them. Fix the camera, and photograph the floor board anew in all "
+        "its places.",
     ),
     FindingType(
         "floor_not_recognised", "track", WARNING, NOT_JUDGED,
