@@ -57,7 +57,7 @@ def test_eight_views_weigh_as_much_as_what_is_known_before():
 
 
 def test_what_one_view_alone_tells_is_not_taken_to_be_repeated_by_others():
-    """A single board on the floor: no other view shows its slope and height, which came out twice as sure as they are."""
+    """A single board on the floor: no other view shows its slope and height, which came out twice as sure."""
     seen = calibration_set(9120, floor="boards").seen
     seen = replace(seen, floor_boards=seen.floor_boards[:1])
     guess, blocks, floor = first_guess(seen), seen.blocks, np.arange(12, 18)
