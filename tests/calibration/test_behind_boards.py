@@ -86,6 +86,30 @@ def test_another_zoom_and_crop_is_corrected_and_named(scene, every):
     assert (found.doubts_std > 0).tolist() == [True] * 5 + [False] * 3
 
 
+def test_another_zoom_of_pictures_of_the_floor_is_corrected_and_named(scene):
+    """They were taken for pictures of the same camera: places came out up to 36 mm off."""
+    flat = [each.name for each in scene.seen.floor_boards]
+    observed, pictures = film(scene, dict.fromkeys(flat[1:3], ZOOM))
+    found, dropped, (named,) = as_floor_shows(observed, pictures, 1)
+    truth = {each.name: each.corners_px for each in scene.seen.floor_boards}
+    assert max(np.abs(each.corners_px - truth[each.name]).max() for each in found.floor_boards) < 0.5
+    assert all(a is b for a, b in zip(found.boards, observed.boards, strict=True))
+    assert not dropped
+    assert named.code == "held-differ"
+    assert flat[1] in named.text
+    assert held(scene)[0] not in named.text
+
+
+def test_pictures_of_the_floor_of_another_zoom_leave_boards_before_other_backgrounds(scene):
+    flat, elsewhere = scene.seen.floor_boards[1].name, {name: 1 + i for i, name in enumerate(held(scene))}
+    observed, pictures = film(scene, {flat: ZOOM}, elsewhere)
+    found, dropped, (named,) = as_floor_shows(observed, pictures, 1)
+    assert not dropped
+    assert found.boards == observed.boards
+    assert (found.doubts_std == observed.doubts_std).all()
+    assert flat in named.text
+
+
 def test_a_zoom_scatters_by_what_is_stated():
     """Monte-Carlo over backgrounds and noise, a picture magnified by 1 % by OpenCV."""
     errors, board = [], np.array([[450.0, 250.0], [500.0, 250.0], [500.0, 290.0], [450.0, 290.0]])

@@ -55,3 +55,18 @@ def test_eight_views_weigh_as_much_as_what_is_known_before():
     alone = marginal_covariance(exact, estimate, camera)[0][np.ix_(camera, camera)]
     share = np.diag(view_covariance(exact, estimate, camera)) / np.diag(alone)
     np.testing.assert_allclose(share, 0.5, atol=0.1)
+
+
+def test_what_one_view_alone_tells_is_not_taken_to_be_repeated_by_others():
+    """A single board on the floor: no other view shows its slope and height, which came out twice as sure."""
+    seen = calibration_set(9120, floor="boards").seen
+    seen = replace(seen, floor_boards=seen.floor_boards[:1])
+    guess, blocks, floor = first_guess(seen), seen.blocks, np.arange(12, 18)
+    misfits = [linearise(b, guess.shared, p, guess.doubts)[0] for b, p in zip(blocks, guess.places, strict=True)]
+    exact = [replace(b, pixels=b.pixels - r.reshape(-1, 2)) for b, r in zip(blocks, misfits, strict=True)]
+    estimate = replace(guess, noise_px=1.0)
+    np.testing.assert_allclose(
+        view_covariance(exact, estimate, floor),
+        marginal_covariance(exact, estimate, floor)[0][np.ix_(floor, floor)],
+        rtol=1e-6,
+    )

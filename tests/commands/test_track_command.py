@@ -25,6 +25,7 @@ from towval.io.records import read_calibration, read_tracks, write_calibration
 from towval.io.video import Video, luma_plane
 from towval.model import Calibration, Tag
 from towval.model.errors import Faults, InputError
+from towval.model.findings import finding
 from towval.model.geometry import wrapped
 from towval.tracking import klt
 
@@ -161,7 +162,7 @@ def test_tags_are_as_good_as_clicks(campaign, tmp_path):
     given = load_campaign(folder)
     video = Video(tmp_path / "tags.mp4")
     seen = video.first_picture()
-    start = _start(given, given.runs["a"], video, seen, (calibration, calibration), Faults())
+    start = _start(given, given.runs["a"], video, seen, calibration, Faults())
     assert start.doubts == {}, "a check of the campaign searches for no outline where tags say it"
     track(folder, "a", tmp_path / "camera.mcap", tmp_path / "track.mcap")
     for body, found in read_tracks(tmp_path / "track.mcap").items():
@@ -200,3 +201,25 @@ def test_the_papers_points_leave_nothing_to_choose(campaign, camera, lab_small, 
         assert [(choice.chosen, choice.next) for choice in found.choices] == [("KLT points", "plane, 1024 points")]
     # The first frame, those up to a late one (the last, in so short a video), and the pass.
     assert len(decoded) == 1 + 20 + 20
+
+
+@pytest.mark.parametrize(
+    ("codes", "words"),
+    [
+        (["video_upside_down"], r"turned by 180°(.|\n)*take the tag out(.|\n)*got: the clicks do not fit"),
+        (["camera_moved_before"], "^the clicks do not fit"),
+    ],
+)
+def test_a_run_is_refused_for_what_its_camera_shows_rather_than_for_its_clicks(
+    campaign, camera, tmp_path, monkeypatch, codes, words
+):
+    """A video that its tag turned upside down was refused for clicks that do not fit, or bodies that are not found."""
+
+    def refused(*_):
+        raise InputError("the clicks do not fit", remedy="click anew")
+
+    since = tuple(finding(code, shift_px=1.0, std_px=0.1) for code in codes)
+    monkeypatch.setattr("towval.commands.track.calibrated_at_start", lambda calibration, *_: (calibration, since))
+    monkeypatch.setattr("towval.commands.track._starts", refused)
+    with pytest.raises(InputError, match=words):
+        track(campaign(lambda _: None), "a", camera, tmp_path / "track.mcap")

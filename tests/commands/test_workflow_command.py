@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from contextlib import contextmanager
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 from types import SimpleNamespace
@@ -14,7 +15,11 @@ from types import SimpleNamespace
 import pytest
 import yaml
 
-from towval.commands.workflow import _environment, _lines, run, run_demo
+from report_scenes import small_calibration
+from towval.commands.workflow import _check_as_stated, _environment, _lines, run, run_demo
+from towval.io.campaign import load_campaign
+from towval.io.provenance import provenance
+from towval.io.records import write_calibration
 from towval.model.errors import InputError
 
 SAMPLE = Path(str(resources.files("towval"))) / "sample"
@@ -40,6 +45,19 @@ def test_the_sample_is_small_enough_for_a_wheel():
 def test_no_core_at_all_is_refused(cores):
     with pytest.raises(InputError, match=f"--cores asks for none\n  got: {cores}\n"):
         run(SAMPLE, cores=cores)
+
+
+def test_results_of_another_campaign_yaml_are_not_taken_for_those_of_this_one(tmp_path):
+    """From another working folder Snakemake knows dates only: the call ended well, over results of other masses."""
+    given, made = load_campaign(SAMPLE), tmp_path / "lab"
+    (made / "a").mkdir(parents=True)
+    made_of = provenance("calibrate", None, {}, document=given.document)
+    write_calibration(made / "camera.mcap", small_calibration(), made_of)
+    _check_as_stated(made, given)
+    floor = given.document["floor"] | {"board_thickness_m": 0.02}
+    other = replace(given, document={**given.document, "floor": floor})
+    with pytest.raises(InputError, match=r"camera\.mcap was made with another campaign\.yaml(.|\n)*since: floor"):
+        _check_as_stated(made, other)
 
 
 def test_the_sample_is_planned_whole(tmp_path):

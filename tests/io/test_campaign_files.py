@@ -108,6 +108,18 @@ def test_absolute_and_upward_paths_are_read_where_they_are_written(lab, tmp_path
     assert set(names_in(campaign.folder, [campaign.runs["a"].video])) == {"../a.mp4"}
 
 
+@pytest.mark.parametrize(("stored", "stated"), [("FILM.MP4", "film.mp4"), ("Ku\u0308che.mp4", "K\u00fcche.mp4")])
+def test_a_file_whose_name_only_looks_the_same_is_told(lab, stored, stated):
+    """Cameras write capitals, macOS an accent as a letter of its own."""
+    (lab / "a.mp4").rename(lab / stored)
+    if (lab / stated).exists():
+        pytest.skip("this file system takes the two names for one")
+    changed(lab, lambda d: d["runs"]["a"].update(video=stated))
+    with pytest.raises(InputError, match="capitals and coding of accents") as caught:
+        load_campaign(lab)
+    assert ascii(stored) in str(caught.value)
+
+
 def png(width, height, data=b""):
     def chunk(kind, content):
         return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))

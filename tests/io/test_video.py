@@ -271,6 +271,23 @@ def test_pictures_that_an_edit_list_cuts_off_lend_no_times_to_others(tmp_path):
     assert [t for t, _ in frames] == pytest.approx([i / 25 for i in range(24)], abs=1e-9)
 
 
+@pytest.mark.parametrize("cut", [6, 6.25, 6.5, 6.75, 7])
+@pytest.mark.parametrize("bf", ["0", "2"])
+def test_a_film_that_was_cut_within_a_picture_is_whole(tmp_path, cut, bf):
+    """As phones trim films, without coding them anew: at any time. Half of such films were said to be damaged."""
+    write_video(tmp_path / "a.mp4", pictures(), crf="1", bf=bf)
+
+    def earlier(_, packet):
+        packet.pts -= round(cut / 25 / packet.time_base)
+        packet.dts -= round(cut / 25 / packet.time_base)
+
+    copied(tmp_path / "a.mp4", tmp_path / "cut.mp4", earlier, avoid_negative_ts="disabled", use_editlist="1")
+    video, frames = read(tmp_path / "cut.mp4")
+    assert video.header.frames == 30
+    assert len(frames) == 30 - np.ceil(cut)
+    assert np.diff([t for t, _ in frames]) == pytest.approx(0.04)
+
+
 @pytest.mark.parametrize("ending", ["mp4", "mkv"])
 def test_the_track_that_players_show_is_read(tmp_path, ending):
     """The first one is a preview or a second camera; its pictures were taken for those of the run."""

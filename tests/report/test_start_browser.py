@@ -1,6 +1,7 @@
 """The page of starts in a real browser: what is wrong is told or mended, and what is saved is a campaign that loads."""
 
 import shutil
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 
@@ -10,10 +11,15 @@ import pytest
 import yaml
 from browser import Browser
 
+from report_scenes import SMALL_SIZE_PX, small_calibration
 from towval.commands.check import check
 from towval.io.campaign import load_campaign
 from towval.io.campaign_text import FloorCorner, RunClicks, text_in_parts
 from towval.io.video import Video
+from towval.model import Body, FrictionSpecification, Load, Patch, Tether, TowingScene
+from towval.model.geometry import lifted, transform
+from towval.optics.projection import project
+from towval.report.start_page import StartOfRun, without_distortion, write_start_page
 
 SAMPLE = Path(str(resources.files("towval"))) / "sample"
 COMMENT = "# measured </script><b id=injected>on Monday</b>"
@@ -250,6 +256,40 @@ def test_the_floor_frame_goes_round_the_board_by_buttons(page):
             seen.add(tuple(page.run("[frame.origin, frame.end]")))
     assert len(seen) == 8
     assert all((origin - end) % 2 == 1 for origin, end in seen)
+
+
+def test_each_run_has_the_camera_that_filmed_it(tmp_path):
+    """The video of b is 3 % wider; both were drawn and saved as the pictures of the boards show the floor."""
+    calibration = small_calibration()
+    camera = replace(calibration.camera, matrix=calibration.camera.matrix * [[1.03], [1.03], [1.0]])
+    views = {"a": calibration, "b": replace(calibration, camera=camera)}
+    corners = np.array([[-0.2, -0.1], [0.2, -0.1], [0.2, 0.1], [-0.2, 0.1]])
+    bodies = {"rover": Body("rover", 0.42, corners), "object": Body("object", 0.25, corners)}
+    poses = {"rover": np.array([0.6, 0.8, 0.0]), "object": np.array([-0.3, 0.8, 0.4])}
+    luma = np.full(SMALL_SIZE_PX[::-1], 90, dtype=np.uint8)
+    starts = {name: StartOfRun(luma, view, poses, {}) for name, view in views.items()}
+    scene = TowingScene(
+        Patch(corners), 4.0, Load(0.0, (0.0, 0.0), (0.0, 0.0, 0.0)), (0.2, 0.0), (-0.2, 0.0), Tether(0.9, 800.0),
+        FrictionSpecification(0.4, 0.35, 0.005, 0.07),
+    )  # fmt: skip
+    write_start_page(tmp_path / "start.html", "lab", [], scene, bodies, 1.0, starts, None)
+    with Browser(tmp_path / "profile") as browser:
+        browser.open((tmp_path / "start.html").as_uri(), 1280, 800)
+        browser.wait_for("runs.a.grey !== undefined && runs.b.grey !== undefined")
+        for shown in "ab":
+            browser.run(f"show('{shown}')")
+            for name, view in views.items():
+                for body, pose in poses.items():
+                    top = lifted(transform(pose, corners), bodies[body].tracked_plane_height_m)
+                    there = project(view.camera, view.floor, top)
+                    assert np.abs(np.array(browser.run(f"clicks('{name}').{body}")) - there).max() < 1e-6
+                    if name == shown:
+                        seen = browser.run(f"corners('{body}', runs[run].poses.{body})")
+                        shift, _ = without_distortion(view.camera)
+                        straight = cv2.undistortImagePoints(there, view.camera.matrix, view.camera.distortion)[:, 0]
+                        straight += shift[:2, 2] - view.camera.matrix[:2, 2]
+                        assert np.abs(np.array(seen) - straight).max() < 1e-3
+        assert browser.complaints() == []
 
 
 BLOCK = """\

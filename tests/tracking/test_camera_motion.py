@@ -13,7 +13,7 @@ from tests.tracking.painted import out_of_focus, texture
 from towval.commands.track import calibrated_at_start
 from towval.model import Body, Calibration
 from towval.model.geometry import inverse_transform, transform
-from towval.optics.moved_view import moved_view, parameters_by_motion, pose_sensitivity
+from towval.optics.moved_view import moved_view, parameters_by_motion, pose_sensitivity, view_before
 from towval.optics.plane_uncertainty import shared_parameters
 from towval.optics.projection import project, to_plane
 from towval.tracking import camera_motion, floor_registration
@@ -756,7 +756,7 @@ def test_the_calibration_is_referred_to_the_video_where_the_floor_is_a_tenth_of_
     shift_px, said, monkeypatch
 ):
     calibration = Calibration(CAMERA, FLOOR, np.zeros((18, 18)), 0.1)
-    monkeypatch.setattr(camera_motion, "_found", lambda *_: [moved_by(shift_px)])
+    monkeypatch.setattr(camera_motion, "_found", lambda *_: {0: moved_by(shift_px)})
     moved, findings = calibration_at_start(calibration, FIRST, [("floor.jpg", FIRST)])
     assert [one.code for one in findings] == said
     assert (moved is not calibration) == bool(said)
@@ -787,7 +787,28 @@ def test_the_floor_is_where_all_pictures_of_one_camera_have_it(left_at_two, foun
     """Three of five end at 0 px, two at 2 px, where they fit better: it counts what all five leave."""
     left = {0.0: [1.0] * 5, 2.0: [1.1] * 3 + [left_at_two] * 2}
     found = camera_motion._found(finding([0.0, 0.0, 0.0, 2.0, 2.0], left), range(5))
-    assert [one.motion[7] for one in found] == [found_px] * 5
+    assert [one.motion[7] for one in found.values()] == [found_px] * 5
+
+
+@pytest.mark.parametrize("odd", [0, 2])
+def test_a_camera_that_moved_between_the_pictures_of_the_floor_is_referred_to_the_first(odd):
+    """Which holds the floor frame. The mean of all was taken: a camera that was knocked after it left poses off."""
+    calibration = Calibration(CAMERA, FLOOR, np.zeros((18, 18)), 0.1)
+    knocked = moved_view(CAMERA, FLOOR, np.array([0.002, -0.0015, 0, 0, 0, 0, 0, 0, 0]))
+    views = [(CAMERA, FLOOR)] * 4
+    views[odd] = knocked
+    names = [f"floor_{i}.jpg" for i in range(4)]
+    floors = [(name, floor_picture(*view, seed=5 + i)) for i, (name, view) in enumerate(zip(names, views, strict=True))]
+    _, findings = calibration_at_start(calibration, floor_picture(seed=9), floors[1:] if odd == 0 else floors[:2])
+    assert findings == ()
+    found, findings = calibration_at_start(calibration, floor_picture(seed=9), floors)
+    codes = ["camera_moved_between", *["camera_moved_before"] * (odd == 0)]
+    assert [one.code for one in findings] == codes
+    others = names[1:] if odd == 0 else names[odd : odd + 1]
+    assert f"in {', '.join(others)} the floor is displaced" in findings[0].text
+    # Before the first picture: the calibration holds there, and the video's camera is turned back.
+    true = view_before(CAMERA, FLOOR, np.array([0.002, -0.0015, 0, 0, 0, 0, 0, 0, 0])) if odd == 0 else (CAMERA, FLOOR)
+    assert np.abs(seen_through((found.camera, found.floor)) - seen_through(true)).max() < 0.15
 
 
 def test_a_floor_that_moved_farther_than_a_pixel_or_two_did_not_stay():

@@ -1,9 +1,9 @@
 """What stands still behind the boards: it shows which pictures have another zoom or crop, or are turned over.
 
-A camera at a ceiling sees the floor behind every board that is held under it. Features of it (Lowe 2004) are matched
-with the first picture of the floor, the boards left out. The homography between the two (RANSAC) tells another crop
-from a turn of the camera, which is no fault of a held picture: to first order it is a zoom, a shift, and a perspective
-that the turn alone brings. No lens enters but for the focal length, roughly.
+A camera at a ceiling sees the floor behind every board that is held under it, or lies there. Features of it (Lowe
+2004) are matched with the first picture of the floor, the boards left out. The homography between the two (RANSAC)
+tells another crop from a turn of the camera, which is no fault of a picture: to first order it is a zoom, a shift, and
+a perspective that the turn alone brings. No lens enters but for the focal length, roughly.
 """
 
 from collections.abc import Collection, Sequence
@@ -90,7 +90,7 @@ class _Features:
 def as_floor_shows(
     observed: CalibrationObservations, pictures: Sequence[NamedImage], threads: int
 ) -> tuple[CalibrationObservations, dict[str, str], tuple[Finding, ...]]:
-    """Held boards as the camera of the floor's pictures sees them, by what stands still behind them.
+    """All boards as the camera of the floor's first picture sees them, by what stands still behind them.
 
     ``pictures`` are those of the ``observed`` boards, among others. Also returned are the boards that are left out,
     each with the reason, and the findings. Where the floor is seen behind most of the held boards, their zoom and crop
@@ -100,7 +100,8 @@ def as_floor_shows(
     size = observed.resolution_px
     if not observed.floor_boards or not observed.boards:
         return observed, {}, ()
-    crops = _crops(observed, pictures, threads)
+    all_crops = _crops(observed, pictures, threads)
+    crops = {each.name: all_crops[each.name] for each in observed.boards}
     seen = {name: crop for name, crop in crops.items() if crop is not None}
     if _carried(list(seen.values()), size):
         return observed, {}, ()
@@ -112,21 +113,27 @@ def as_floor_shows(
             {},
             (finding("held-flipped", names=some_of(flipped), flip=seen[flipped[0]].flip, by=behind),),
         )
-    differ = [name for name, crop in seen.items() if crop.differs(Crop(), size)]
+    known = {name: crop for name, crop in all_crops.items() if crop is not None and not crop.flip}
+    differ = [name for name, crop in known.items() if crop.differs(Crop(), size)]
+    held_differ = [name for name in differ if name in seen]
+    kept = _undoubted(observed) if held_differ or 2 * len(seen) >= len(crops) else observed
     if not differ:
-        return _undoubted(observed) if 2 * len(seen) >= len(crops) else observed, {}, ()
-    seen = {
-        name: _mean([each for each in seen.values() if not each.differs(crop, size)]) for name, crop in seen.items()
+        return kept, {}, ()
+    known = {
+        name: _mean([each for each in known.values() if not each.differs(crop, size)]) for name, crop in known.items()
     }
-    usual = seen[differ[0]] if len(differ) == len(seen) and not _several(seen.values(), size) else None
+    seen = {name: known[name] for name in seen}
+    of_held = [Crop()] if not held_differ else list(seen.values())
+    usual = None if _several(of_held, size) else of_held[0]
     reason = "the floor behind it is not seen, and others have another zoom or crop"
     dropped = {name: reason for name, crop in crops.items() if crop is None and usual is None}
-    kept = _undoubted(observed).without(set(dropped))
+    kept = kept.without(set(dropped))
     boards = tuple(_seen_by(each, seen.get(each.name, usual), size) for each in kept.boards)
-    most = seen[max(differ, key=lambda name: abs(seen[name].zoom - 1))]
+    flat = tuple(_seen_by(each, known.get(each.name), size) for each in kept.floor_boards)
+    most = known[max(differ, key=lambda name: abs(known[name].zoom - 1))]
     numbers = {"percent": 100 * (most.zoom - 1), "std_percent": CONSTANTS.zoom_std_percent}
     named = finding("held-differ", names=some_of(differ), u=most.shift_px[0], v=most.shift_px[1], **numbers)
-    return replace(kept, boards=boards), dropped, (named,)
+    return replace(kept, boards=boards, floor_boards=flat), dropped, (named,)
 
 
 def _carried(crops: Sequence[Crop], resolution_px: tuple[int, int]) -> bool:
@@ -169,8 +176,8 @@ def _undoubted(observed: CalibrationObservations) -> CalibrationObservations:
 
 
 def _crops(observed: CalibrationObservations, pictures: Sequence[NamedImage], threads: int) -> dict[str, Crop | None]:
-    """Crop of each held picture against the first of the floor; None where the floor is not seen in it."""
-    boards = {each.name: each for each in (*observed.boards, observed.floor_boards[0])}
+    """Crop of each other picture against the first of the floor; None where the floor is not seen in it."""
+    boards = {each.name: each for each in observed.observations}
     focal_px = float(first_guess(observed).shared[0])
 
     def features(i: int) -> tuple[str, tuple[_Features, ...]]:
@@ -183,7 +190,8 @@ def _crops(observed: CalibrationObservations, pictures: Sequence[NamedImage], th
     with ThreadPoolExecutor(threads) as pool:
         found = dict(pool.map(features, range(len(pictures))))
     floor = found[observed.floor_boards[0].name]
-    return {each.name: _crop(floor, found[each.name][0], focal_px) for each in observed.boards}
+    others = (*observed.boards, *observed.floor_boards[1:])
+    return {each.name: _crop(floor, found[each.name][0], focal_px) for each in others}
 
 
 def _features(picture: NDArray[np.uint8], corners_px: Array, *, mirrored: bool) -> _Features:

@@ -35,8 +35,8 @@ def view_covariance(blocks: Sequence[Block], estimate: Estimate, active: NDArray
     """Covariance (k, k) of the ``active`` shared parameters (k,) of an :func:`adjust`, clustered by view.
 
     Blocks whose deviation is stated (surveyed marks) enter with it. The board that fixes the floor frame says of x, y
-    and heading what no other view repeats: that part enters with the deviation of independent corners, inflated as all
-    others' is found to be.
+    and heading what no other view repeats, and a single board on the floor of its height and slope, too: these parts
+    enter with the deviation of independent corners, inflated as all others' is found to be.
     """
     sums = _Sums(blocks, estimate, active)
     unit = 1 / np.sqrt(np.maximum(np.diag(sums.information), 1e-300))
@@ -49,12 +49,26 @@ def view_covariance(blocks: Sequence[Block], estimate: Estimate, active: NDArray
     expected = sum(np.trace(inverse @ S) - np.trace(inverse @ S @ inverse @ S) for S in views)
     found = sum(score @ inverse @ score for score in scores)
     inflation = max(1.0, float(found / expected)) if views else 1.0
-    covariance = inflation * (inverse - frame - stated)
+    # Without such a view the fits say nothing of these directions: they scatter by nothing.
+    alone = sum((_only_by(S, H) for S in views), np.zeros_like(H))
+    covariance = inflation * (inverse - frame - stated - alone)
     if views:
         moves = np.array([_inverse(H - S) @ score for S, score in zip(views, scores, strict=True)])
         scatter, prior = (len(views) - 1) * moves.T @ moves, CONSTANTS.prior_views
         covariance = (scatter + prior * covariance) / (len(views) + prior)
-    return _scaled(covariance + inflation * frame + stated, unit)
+    return _scaled(covariance + inflation * (frame + alone) + stated, unit)
+
+
+def _only_by(view: Array, H: Array) -> Array:
+    """The part of the inverse of the information ``H`` in directions that a single view with its own determines."""
+    values, vectors = np.linalg.eigh(H - view)
+    V = vectors[:, values <= _UNDETERMINED * values[-1]]
+    information = V.T @ H @ V
+    # Directions that no view determines stay what they are.
+    own, turn = np.linalg.eigh(information)
+    known = own > _UNDETERMINED * values[-1]
+    W = V @ turn[:, known]
+    return np.asarray((W / own[known]) @ W.T)
 
 
 def _scaled(matrix: Array, unit: Array) -> Array:

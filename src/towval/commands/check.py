@@ -118,27 +118,24 @@ def _runs(given: Campaign, pictures: Path, faults: Faults, warnings: list[str]) 
         )
         findings = (*findings_of_rate(given, video, stamps_s), *moved)
         warnings += [f"run {name}: {found.text}" for found in findings if found.severity is Severity.WARNING]
-        start = faults.attempt(_start, given, given.runs[name], video, luma, (calibration, at_start), faults)
+        start = faults.attempt(_start, given, given.runs[name], video, luma, at_start, faults)
         if start is None:
             continue
         starts[name] = start
-        drawn = faults.attempt(_draw_start, pictures / f"{name}.jpg", given, calibration, start)
-        runs[name] = _expected(given, len(stamps_s), calibration, start, drawn or "")
+        drawn = faults.attempt(_draw_start, pictures / f"{name}.jpg", given, start)
+        runs[name] = _expected(given, len(stamps_s), start, drawn or "")
         warnings += [f"run {name}, {body}: {text}" for body, text in start.doubts.items()]
     if starts:
-        faults.attempt(_write_page, pictures / "start.html", given, calibration, starts)
+        faults.attempt(_write_page, pictures / "start.html", given, starts)
     return runs
 
 
-def _start(
-    given: Campaign, entry: Run, video: Video, luma: Luma, calibrations: tuple[Calibration, Calibration], faults: Faults
-) -> StartOfRun:
+def _start(given: Campaign, entry: Run, video: Video, luma: Luma, at_start: Calibration, faults: Faults) -> StartOfRun:
     """Where rover and object are in the first frame of a run: clicked and checked, or found.
 
-    ``calibrations`` are that of the boards, with which the page draws, and that of the first frame, with which the
-    stage track begins. Clicks for which that stage would refuse the run are a fault; their start is drawn all the same.
+    ``at_start`` is the calibration of the first frame, with which the stage track begins. Clicks for which that stage
+    would refuse the run are a fault; their start is drawn all the same.
     """
-    _, at_start = calibrations
     tow = Tow.of(given.scene)
     corners, doubts = {}, {}
     for name, clicked in known_starts(given, entry, (luma, video.late_picture()), at_start).items():
@@ -153,14 +150,13 @@ def _start(
                     doubts[name] = f"not certain where it starts: {found.doubt}"
                 elif found.spread.any():
                     doubts[name] = unsure_start(name, found.spread).text
-    drawn, seen = (
-        {body.name: PlanarTarget(body, each.camera, each.floor) for body in given.bodies} for each in calibrations
-    )
+    targets = {body.name: PlanarTarget(body, at_start.camera, at_start.floor) for body in given.bodies}
+    poses = {}
     for name, pixels in corners.items():
-        pose, _, misfit_px = pose_from_clicks(seen[name], pixels)
-        for missed in faults.attempt(_judged, entry.name, seen[name], pose, misfit_px) or ():
+        poses[name], _, misfit_px = pose_from_clicks(targets[name], pixels)
+        for missed in faults.attempt(_judged, entry.name, targets[name], poses[name], misfit_px) or ():
             doubts.setdefault(name, missed.text)
-    return StartOfRun(luma, {name: pose_from_clicks(drawn[name], each)[0] for name, each in corners.items()}, doubts)
+    return StartOfRun(luma, at_start, poses, doubts)
 
 
 def _judged(run: str, target: PlanarTarget, pose: Array, misfit_px: float) -> list[Finding]:
@@ -172,10 +168,9 @@ def _judged(run: str, target: PlanarTarget, pose: Array, misfit_px: float) -> li
         raise InputError(what, got=error.got, allowed=error.allowed, remedy=error.remedy) from None
 
 
-def _expected(
-    given: Campaign, frames: int, calibration: Calibration, start: StartOfRun, picture: str
-) -> dict[str, Any]:
+def _expected(given: Campaign, frames: int, start: StartOfRun, picture: str) -> dict[str, Any]:
     """What to expect of a run; ``picture``: where its start is drawn, empty where that failed."""
+    calibration = start.calibration
     row: dict[str, Any] = {"picture": picture, "frames": frames}
     for name, (body, pose) in _placed(given, start).items():
         target = PlanarTarget(body, calibration.camera, calibration.floor)
@@ -192,9 +187,9 @@ def _placed(given: Campaign, start: StartOfRun) -> dict[str, tuple[Body, Array]]
     return {body.name: (body, start.poses[body.name]) for body in given.bodies if body.name in start.poses}
 
 
-def _draw_start(picture: Path, given: Campaign, calibration: Calibration, start: StartOfRun) -> str:
+def _draw_start(picture: Path, given: Campaign, start: StartOfRun) -> str:
     """Draw the start of a run, and return where."""
-    drawn = draw_start(start.luma, calibration, given.scene, _placed(given, start))
+    drawn = draw_start(start.luma, start.calibration, given.scene, _placed(given, start))
     with _writing_to(picture.parent):
         write_picture(picture, drawn)
     return str(picture)
@@ -213,15 +208,13 @@ def _writing_to(folder: Path) -> Iterator[None]:
         ) from None
 
 
-def _write_page(page: Path, given: Campaign, calibration: Calibration, starts: dict[str, StartOfRun]) -> None:
+def _write_page(page: Path, given: Campaign, starts: dict[str, StartOfRun]) -> None:
     text = (given.folder / "campaign.yaml").read_text(encoding="utf-8")
     longest_m = Tow.of(given.scene).longest_m
     bodies = {body.name: body for body in given.bodies}
     board = _floor_board(given)
     with _writing_to(page.parent):
-        write_start_page(
-            page, given.name, text_in_parts(text), calibration, given.scene, bodies, longest_m, starts, board
-        )
+        write_start_page(page, given.name, text_in_parts(text), given.scene, bodies, longest_m, starts, board)
 
 
 IN_FLOOR_AXES = ("floor.slope_mm_per_m", "friction.regions")

@@ -1,6 +1,7 @@
 """Command track: a video → track.mcap."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ from towval.io.video import Luma, Video
 from towval.model import Array, Body, Calibration, Finding, Track
 from towval.model.conventions import FEWEST_FRAMES
 from towval.model.errors import InputError
-from towval.model.findings import finding
+from towval.model.findings import FINDINGS, finding
 from towval.model.geometry import polygon_area
 from towval.report.wording import millimetres
 from towval.selection.tracking import PROBE_FRAMES, PROBE_STRIDE, neighbour_of_tracking
@@ -61,16 +62,17 @@ def run(
     measured = read_calibration(camera)
     first_and_late = first_picture(given, entry, video), video.late_picture()
     calibration, since = calibrated_at_start(measured, video, first_and_late[0], floor_pictures(given))
-    starts = _starts(given, entry, video, first_and_late, calibration, output.with_name("start.png"))
-    clicks = {name: start.corners_px for name, start in starts.items()}
-    bodies = [_uncovered(body, starts, first_and_late, calibration) for body in given.bodies]
-    scene = (calibration, bodies, clicks)
-    with progress(f"track {name}", video.header.frames) as done:
-        # The paper's method has no sample points to select.
-        if "samples" in auto and settings.method == "plane":
-            settings, tracks = _selecting(video, *scene, settings, given, later or {}, done)
-        else:
-            tracks = _with_neighbour(video, *scene, settings, done)
+    with _blaming_the_camera(since):
+        starts = _starts(given, entry, video, first_and_late, calibration, output.with_name("start.png"))
+        clicks = {name: start.corners_px for name, start in starts.items()}
+        bodies = [_uncovered(body, starts, first_and_late, calibration) for body in given.bodies]
+        scene = (calibration, bodies, clicks)
+        with progress(f"track {name}", video.header.frames) as done:
+            # The paper's method has no sample points to select.
+            if "samples" in auto and settings.method == "plane":
+                settings, tracks = _selecting(video, *scene, settings, given, later or {}, done)
+            else:
+                tracks = _with_neighbour(video, *scene, settings, done)
     tow = overstretched(tracks["rover"], tracks["object"], Tow.of(given.scene))
     added = (*tow, *since, *findings_of_rate(given, video, tracks["rover"].time_s), *video.findings)
     for body in given.bodies:
@@ -86,6 +88,21 @@ def run(
     )  # fmt: skip
     write_tracks(output, tracks, made_of)
     return _outcome(name, output, tracks)
+
+
+@contextmanager
+def _blaming_the_camera(since: Sequence[Finding]) -> Iterator[None]:
+    """Say first what findings tell of the camera since its calibration, where they are why a run is refused.
+
+    Where the camera does not show the floor as the pictures of the floor do, neither starts nor clicks fit.
+    """
+    try:
+        yield
+    except InputError as error:
+        wrong = [found.text for found in since if not FINDINGS[found.code].consequence.judged]
+        if not wrong:
+            raise
+        raise InputError(" ".join(wrong), got=error.what) from error
 
 
 def _outcome(name: str, output: Path, tracks: Mapping[str, Track]) -> Outcome:
@@ -198,8 +215,9 @@ def first_picture(given: Campaign, entry: Run, video: Video) -> Luma:
             f"the video {entry.video.name} lies otherwise than the calibration pictures",
             got=f"{luma.shape[1]} × {luma.shape[0]}, as players turn it",
             allowed=" × ".join(map(str, given.resolution_px)),
-            remedy="turn the calibration pictures as the video is, and state that size as camera.resolution_px; or "
-            "take a tag for rotation out of the video (ffmpeg -display_rotation 0 -i IN -c copy OUT)",
+            remedy="take the tag for rotation out of the video (ffmpeg -display_rotation 0 -i IN -c copy OUT), as that "
+            "of a picture (EXIF) is not applied either; or turn the pixels of the pictures as players turn the video, "
+            "and state that size as camera.resolution_px",
         )
     return luma
 

@@ -23,7 +23,8 @@ import psutil
 
 from towval.commands.console import Outcome
 from towval.commands.settings import nested
-from towval.io.campaign import load_campaign
+from towval.io.campaign import Campaign, load_campaign
+from towval.io.chain import changed_sections, read_origin
 from towval.io.schema import check, packaged_schema
 from towval.io.summary_rows import read_summary
 from towval.model.errors import InputError
@@ -90,12 +91,31 @@ def run(
                 print(text, end="", file=sys.stderr, flush=True)
     if workflow.returncode:
         raise SystemExit(workflow.returncode)
+    if nothing_to_do:
+        _check_as_stated(made, given)
     after = _made_ns(made / "report.html")
     nothing_to_do &= not any(map(_ASKS_FOR_LESS.match, _options(snakemake)))
     if after is None or (snakemake and after == before and not nothing_to_do):
         return None
     runs = read_summary(made / "summary.csv")
     return Outcome("run", ((made / "report.html").resolve(),), "", {"runs": runs}, details=_lines(runs))
+
+
+def _check_as_stated(made: Path, given: Campaign) -> None:
+    """Refuse results that were made with another campaign.yaml, where Snakemake made nothing anew.
+
+    What results were made with it keeps in the working folder: from another one it compares dates alone.
+    """
+    files = [made / "camera.mcap", *(path for run in given.runs for path in sorted((made / run).glob("*.mcap")))]
+    for path in filter(Path.is_file, files):
+        changed = changed_sections(read_origin(path), given.document)
+        if changed:
+            raise InputError(
+                f"{path} was made with another campaign.yaml, and nothing was made anew",
+                got=f"changed since: {', '.join(changed)}",
+                allowed="a call from the working folder of the first, where Snakemake keeps its notes (.snakemake)",
+                remedy='call from there; or make all anew: --snakemake "--forceall"',
+            )
 
 
 def _made_ns(path: Path) -> int | None:

@@ -4,7 +4,9 @@ import glob
 import itertools
 import os
 import stat
+import unicodedata
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass
 from functools import reduce
@@ -309,13 +311,22 @@ def _plain(path: Path, key: str) -> Path:
             f"campaign.yaml: the file of {key} is missing",
             got=f"{path}: {reason(error)}",
             allowed="a file in the campaign folder",
-            remedy="check the name, or copy the file there",
+            remedy=_written_otherwise(path) or "check the name, or copy the file there",
         ) from None
     if not stat.S_ISREG(mode):
         raise InputError(f"campaign.yaml: {key} names no plain file", got=f"{path} is {kind_of(mode)}")
     if not os.access(path, os.R_OK):
         raise InputError(f"campaign.yaml: the file of {key} may not be read", got=path, remedy="change its rights")
     return path
+
+
+def _written_otherwise(path: Path) -> str:
+    """What to do where a file is there whose name only looks the same: capitals, or macOS's accents; else empty."""
+    with suppress(OSError, ValueError):
+        for name in os.listdir(path.parent):
+            if unicodedata.normalize("NFC", name).casefold() == unicodedata.normalize("NFC", path.name).casefold():
+                return f"write the name as that of the file, with the same capitals and coding of accents: {name!a}"
+    return ""
 
 
 def floor_pictures_of(floor: dict[str, Any], folder: Path) -> tuple[Path, ...]:

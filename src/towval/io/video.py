@@ -27,6 +27,7 @@ _QUARTER_TURN_DEG = 90
 _PACKETS_LOOKED_AT = 100
 _CUT_OFF = "the file ends early"
 _DEEPEST_BITS = 16  # Of whole numbers.
+_LAST_STEPS = 2.5  # From the last picture to the end: its own, one that is cut in two, and half of one for rounding.
 _PLAYLISTS = {"hls", "applehttp", "concat", "dash", "imf", "sdp", "rtsp", "lavfi"}
 """FFmpeg's formats that name other files or hosts."""
 
@@ -176,11 +177,12 @@ class Video:
     def _reached_the_end(self) -> bool:
         """Whether all frames of the header were decoded, or the last is where it says the video ends.
 
-        AVI counts repeated pictures as frames.
+        AVI counts repeated pictures as frames, MP4 those that an edit list cuts off. Where such a list begins within a
+        picture FFmpeg leaves that out and begins with the next, so that the pictures end by less than one step earlier.
         """
         if self.header.frames is None or self.decoded_frames >= self.header.frames:
             return True
-        return self.last_time_s + 1.5 / self.header.rate_hz >= self.header.end_s
+        return self.last_time_s + _LAST_STEPS / self.header.rate_hz >= self.header.end_s
 
     def _stored_pts(self) -> tuple[list[int], str]:
         """Times of the stored pictures, and why the file cannot be read beyond them; empty where it can."""

@@ -70,7 +70,7 @@ NOTE, WARNING = (Severity.NOTE,), (Severity.WARNING,)
 _WARNING_OR_REFUSAL = (Severity.WARNING, Severity.REFUSAL)
 NOTE_OR_WARNING = (Severity.NOTE, Severity.WARNING)
 NONE, NOT_JUDGED, EXCUSES = Consequence(), Consequence(judged=False), Consequence(excuses=True)
-_CAMERA, WIDENS_TRACKING = Consequence(widens=("camera",)), Consequence(widens=("tracking",))
+WIDENS_CAMERA, WIDENS_TRACKING = Consequence(widens=("camera",)), Consequence(widens=("tracking",))
 _REGISTRATION = Consequence(widens=("rover_registration", "object_registration"))
 
 FINDINGS: Registry[FindingType] = Registry("finding")
@@ -125,7 +125,7 @@ register(  # calibrate
         "views: {remedy}, nearer to the camera.",
     ),
     FindingType(
-        "centre-only", "calibrate", WARNING, _CAMERA,
+        "centre-only", "calibrate", WARNING, WIDENS_CAMERA,
         "The boards were held only in a part of the picture, {covered_percent:.0f} % of it: the lens is extrapolated "
         "to the rest, and the predicted deviations do not include that error. Instead, {remedy}.",
     ),
@@ -135,7 +135,7 @@ register(  # calibrate
         "{remedy}.",
     ),
     FindingType(
-        "halves-disagree", "calibrate", WARNING, _CAMERA,
+        "halves-disagree", "calibrate", WARNING, WIDENS_CAMERA,
         "Two halves of the views, calibrated separately, differ by {found_mm:.1f} mm on the plane at {height_m:.2f} "
         "m where the corner noise explains {expected_mm:.1f} mm. An assumption is violated: a bent board, a focus or "
         "zoom that changed, a board moved during the exposure.",
@@ -169,9 +169,10 @@ register(  # calibrate
     ),
     FindingType(
         "held-differ", "calibrate", WARNING, NONE,
-        "Taken with another zoom or crop than the pictures of the floor: {names} (magnified by {percent:+.2f} ± "
+        "Taken with another zoom or crop than the first picture of the floor: {names} (magnified by {percent:+.2f} ± "
         "{std_percent:.2g} %, shifted by ({u:.1f}, {v:.1f}) px). That is corrected: the camera is that of the floor's "
-        "pictures, and must be that of the videos. Take all pictures as the videos are filmed, focus and zoom locked.",
+        "first picture, and must be that of the videos. Take all pictures as the videos are filmed, focus and zoom "
+        "locked.",
     ),
     FindingType(
         "held-flipped", "calibrate", (Severity.REFUSAL,), NOT_JUDGED,
@@ -197,7 +198,7 @@ register(  # calibrate
         "places above the floor accordingly. For bodies of any height film a board, too.",
     ),
     FindingType(
-        "mark-misfit", "calibrate", WARNING, _CAMERA,
+        "mark-misfit", "calibrate", WARNING, WIDENS_CAMERA,
         "The surveyed mark at {at_m} m is {distance_px:.1f} px from where the others put it (stated deviation of a "
         "mark: {stated_px:.1f} px). Check its pixel and its coordinates.",
     ),
@@ -224,7 +225,7 @@ register(  # track
         "out from the floor.",
     ),
     FindingType(
-        "lengths_differ", "track", WARNING, _CAMERA,
+        "lengths_differ", "track", WARNING, WIDENS_CAMERA,
         "The size of the tops of {names} is {percent:+.2f} ± {std_percent:.2f} % off what is stated: the scale of the "
         "calibration (camera.board.square_m: a board printed at another size; another zoom) contradicts top_corners_m "
         "and tracked_plane_height_m. Measure the board and the tops again.",

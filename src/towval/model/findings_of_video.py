@@ -1,6 +1,16 @@
 """The rows of the table of findings about a video: its camera, its coding, the times of its pictures."""
 
-from towval.model.findings import EXCUSES, NONE, NOT_JUDGED, NOTE, WARNING, WIDENS_TRACKING, FindingType, register
+from towval.model.findings import (
+    EXCUSES,
+    NONE,
+    NOT_JUDGED,
+    NOTE,
+    WARNING,
+    WIDENS_CAMERA,
+    WIDENS_TRACKING,
+    FindingType,
+    register,
+)
 
 register(  # track
     FindingType(
@@ -42,6 +52,13 @@ register(  # track
         "px. The poses are corrected by it (deviation of the correction {std_px:.2f} px).",
     ),
     FindingType(
+        "camera_moved_between", "track", WARNING, WIDENS_CAMERA,
+        "The camera moved, or its zoom changed, between the pictures of the floor: in {names} the floor is displaced "
+        "by up to {shift_px:.1f} px against {first}. The poses are referred to {first}, which holds the floor frame; "
+        "but the plane of the floor rests on all of them. Fix the camera, and photograph the floor board anew in all "
+        "its places.",
+    ),
+    FindingType(
         "floor_not_recognised", "track", WARNING, NOT_JUDGED,
         "The floor of the video's first picture is found in {found} of {pictures} pictures of the floor: camera or "
         "zoom changed since the calibration, or the floor did. Poses may be off by any amount; photograph the floor "
@@ -55,9 +72,10 @@ register(  # track
     ),
     FindingType(
         "video_upside_down", "track", WARNING, NOT_JUDGED,
-        "The video shows the floor turned by 180° against the pictures of the floor: a tag for rotation in the file "
-        "does not tell how the camera hung. Poses are wrong; take the tag out of the video (ffmpeg -display_rotation 0 "
-        "-i IN -c copy OUT), or turn the pictures of the board as the video is.",
+        "The video shows the floor turned by 180° against the pictures of the floor. Tags for rotation do not tell how "
+        "the camera hung; a video's is applied, a picture's (EXIF) is not. Poses are wrong; take the tag out of the "
+        "video if it has one (ffmpeg -display_rotation 0 -i IN -c copy OUT), or turn the pixels of the pictures as the "
+        "video shows the floor.",
     ),
     FindingType(
         "camera_not_registered", "track", WARNING, NOT_JUDGED,

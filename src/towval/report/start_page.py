@@ -25,10 +25,11 @@ _LARGEST = 1.5
 class StartOfRun:
     """The first frame of a run and the poses (3,) [m, m, rad] of its bodies by name; those not found are missing.
 
-    ``doubts``: what is uncertain, by the body's name.
+    ``calibration`` is that of the first frame; ``doubts``: what is uncertain, by the body's name.
     """
 
     luma: NDArray[np.uint8]
+    calibration: Calibration
     poses: Mapping[str, Array]
     doubts: Mapping[str, str]
 
@@ -53,7 +54,6 @@ def write_start_page(
     path: Path,
     name: str,
     text: Sequence[str | RunClicks | FloorCorner],
-    calibration: Calibration,
     scene: TowingScene,
     bodies: Mapping[str, Body],
     longest_m: float,
@@ -65,20 +65,10 @@ def write_start_page(
     ``text`` is campaign.yaml cut where the page writes (:func:`towval.io.campaign_text.text_in_parts`), ``longest_m``
     the largest distance of hinge and anchor [m]; ``floor`` is None where no board defines the floor frame.
     """
-    camera, hold = calibration.camera, {"rover": scene.hinge, "object": scene.anchor}
-    shown, size = without_distortion(camera)
-    straight = cv2.initUndistortRectifyMap(camera.matrix, camera.distortion, None, shown, size, cv2.CV_16SC2)
+    hold = {"rover": scene.hinge, "object": scene.anchor}
     data = {
         "name": name,
         "text": [part if isinstance(part, str) else part._asdict() for part in text],
-        "camera": {
-            "matrix": camera.matrix.tolist(),
-            "distortion": camera.distortion.tolist(),
-            "T_camera_floor": calibration.floor.T_camera_floor.tolist(),
-            "resolution_px": list(camera.resolution_px),
-            "shown": {"matrix": shown.tolist(), "size_px": list(size)},
-        },
-        "grid": [row.tolist() for row in floor_grid(calibration)],
         "bodies": {
             name: {
                 "height": body.tracked_plane_height_m,
@@ -93,20 +83,33 @@ def write_start_page(
             "heights_m": [scene.hinge_height, scene.anchor_height],
         },
         "floor": None if floor is None else _floor(floor),
-        "runs": {
-            name: {
-                "frame": _picture(cv2.remap(start.luma, *straight, cv2.INTER_LINEAR, borderValue=_OUTSIDE)),
-                "poses": {body: pose.tolist() for body, pose in start.poses.items()},
-                "told": {body: [text] for body, text in start.doubts.items()},
-            }
-            for name, start in runs.items()
-        },
+        "runs": {name: _run(start) for name, start in runs.items()},
     }
     page = str(template_asset("start.html"))
     scripts = ("SCRIPT", template_asset("start.js")), ("FLOOR", template_asset("start_floor.js"))
     for mark, content in (("CSS", template_asset("start.css")), *scripts, ("DATA", script_json(data))):
         page = page.replace(f"/*{mark}*/", content)
     write_text(path, page)
+
+
+def _run(start: StartOfRun) -> dict[str, object]:
+    """The start of a run, with the camera that filmed it: it may have moved, or zoomed, from one run to the next."""
+    camera, floor = start.calibration.camera, start.calibration.floor
+    shown, size = without_distortion(camera)
+    straight = cv2.initUndistortRectifyMap(camera.matrix, camera.distortion, None, shown, size, cv2.CV_16SC2)
+    return {
+        "camera": {
+            "matrix": camera.matrix.tolist(),
+            "distortion": camera.distortion.tolist(),
+            "T_camera_floor": floor.T_camera_floor.tolist(),
+            "resolution_px": list(camera.resolution_px),
+            "shown": {"matrix": shown.tolist(), "size_px": list(size)},
+        },
+        "grid": [row.tolist() for row in floor_grid(start.calibration)],
+        "frame": _picture(cv2.remap(start.luma, *straight, cv2.INTER_LINEAR, borderValue=_OUTSIDE)),
+        "poses": {body: pose.tolist() for body, pose in start.poses.items()},
+        "told": {body: [text] for body, text in start.doubts.items()},
+    }
 
 
 def without_distortion(camera: Camera) -> tuple[Array, tuple[int, int]]:

@@ -1,7 +1,7 @@
 """The camera's own motion through a video: registered in every picture, smoothed where it is noise, and corrected."""
 
 from array import array
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -292,23 +292,43 @@ def calibration_at_start(
         found, enough = _found(seen, pictures), (len(pictures) + 1) // 2
         if len(found) < enough:
             return calibration, (_not_recognised(seen, luma, pictures, len(found)),)
-        back = np.mean([one.motion for one in found], axis=0)
-        covariance = np.asarray(np.mean([one.covariance for one in found], axis=0), dtype=np.float64)
+        findings = _moved_between(seen, found, [name for name, _ in floor])
+        # The first one holds the floor frame; where the camera stood still, all of them tell where it was.
+        at = list(found.values())[: 1 if findings else None]
+        back = np.mean([one.motion for one in at], axis=0)
+        covariance = np.asarray(np.mean([one.covariance for one in at], axis=0), dtype=np.float64)
+        scatter = np.zeros((_SIZE, _SIZE))
         if len(found) > 1:
-            covariance += np.cov([one.motion for one in found], rowvar=False) / len(found)
-        back, covariance = seen.no_larger_than_seen(back, covariance)
+            scatter = np.cov([one.motion for one in found.values()], rowvar=False) / len(found)
+        # Motions that differ say nothing of what the first one confounds.
+        back, covariance = seen.no_larger_than_seen(back, covariance + (0 if findings else scatter))
+        covariance = covariance + (scatter if findings else 0)
         has_moved = seen.shift_px(back) >= CONSTANTS.referred_px
         if not has_moved:
             if seen.std_px(covariance) < CONSTANTS.referred_px:
-                return calibration, ()
+                return calibration, tuple(findings)
             camera, plane = calibration.camera, calibration.floor
             break
         # The pictures of the floor are where the calibration holds: the video's first comes before that motion.
         camera, plane = view_before(calibration.camera, calibration.floor, back)
     by_motion = parameters_by_motion(camera, plane)
     widened = calibration.covariance + by_motion @ covariance @ by_motion.T
-    moved = finding("camera_moved_before", shift_px=seen.shift_px(back), std_px=seen.std_px(covariance))
-    return replace(calibration, camera=camera, floor=plane, covariance=widened), (moved,) * has_moved
+    if has_moved:
+        std_px = seen.std_px(covariance)
+        findings.append(finding("camera_moved_before", shift_px=seen.shift_px(back), std_px=std_px))
+    return replace(calibration, camera=camera, floor=plane, covariance=widened), tuple(findings)
+
+
+def _moved_between(seen: FloorRegistration, found: Mapping[int, Registered], names: Sequence[str]) -> list[Finding]:
+    """A finding where the first of the floor's pictures, which have ``names``, shows it elsewhere than others."""
+    shifts_px = {}
+    for i, one in found.items() if 0 in found else ():
+        noise_px = CONSTANTS.significant * seen.std_px(one.covariance + found[0].covariance)
+        shift_px = seen.shift_px(one.motion - found[0].motion)
+        if shift_px > max(CONSTANTS.reported_px, noise_px):
+            shifts_px[names[i]] = shift_px
+    numbers = {"names": ", ".join(shifts_px), "first": names[0], "shift_px": max(shifts_px.values(), default=0.0)}
+    return [finding("camera_moved_between", **numbers)] if shifts_px else []
 
 
 def _as_seen(camera: Camera, floor: Floor, luma: Luma) -> FloorRegistration:
@@ -336,16 +356,17 @@ def _too_plain(camera: Camera, floor: Floor, pictures: Sequence[Luma]) -> bool:
 
 @dataclass(frozen=True)
 class _Recognised:
-    """A picture in which the floor was found, what its residuals scatter by, and by how much it is wider [px]."""
+    """Picture ``number`` shows the floor: where, what its residuals scatter by, and by how much it is wider [px]."""
 
+    number: int
     registered: Registered
     left: float
     wider_px: float
     wider_std_px: float
 
 
-def _found(seen: FloorRegistration, pictures: Sequence[Luma]) -> list[Registered]:
-    """Registrations of the pictures in which the floor is found near its calibrated view.
+def _found(seen: FloorRegistration, pictures: Sequence[Luma]) -> dict[int, Registered]:
+    """Registrations of the pictures in which the floor is found near its calibrated view, by their numbers.
 
     None where its places are displaced against each other: by other pixels (a video made wider), by another lens.
     """
@@ -354,30 +375,30 @@ def _found(seen: FloorRegistration, pictures: Sequence[Luma]) -> list[Registered
         if one and all(seen.shift_px(one.motion - place) > CONSTANTS.referred_px for place in places):
             places.append(one.motion)
     if not places:
-        return []
+        return {}
     # One camera took them all, so one place is near all of theirs: alone a picture may fit better beside it.
     found, learned = max(
         (_found_near(seen, pictures, place) for place in places),
         key=lambda tried: (len(tried[0]), -sum(np.log(one.left) for one in tried[0])),
     )
     if not found:
-        return []
+        return {}
     seen.learned = learned
     other_lens = seen.scattered_px > CONSTANTS.other_lens_px
     # The first picture's noise is the same in all of them.
     most_px = max(CONSTANTS.wider_px, CONSTANTS.significant * float(np.median([one.wider_std_px for one in found])))
     wider_px = float(np.median([one.wider_px for one in found]))
-    return [] if other_lens or abs(wider_px) > most_px else [one.registered for one in found]
+    return {} if other_lens or abs(wider_px) > most_px else {one.number: one.registered for one in found}
 
 
 def _found_near(seen: FloorRegistration, pictures: Sequence[Luma], place: Array) -> tuple[list[_Recognised], Learned]:
     """The pictures in which the floor is found from a ``place`` (9,) on, and what they teach."""
     seen.learned = Learned()
     found = []
-    for picture in pictures:
+    for number, picture in enumerate(pictures):
         registered = seen.near(picture, place, []) or seen.unmoved(picture)
         if registered is not None:
-            found.append(_Recognised(registered, seen.learned.last[2], *seen.stretch_px()))
+            found.append(_Recognised(number, registered, seen.learned.last[2], *seen.stretch_px()))
     return found, seen.learned
 
 

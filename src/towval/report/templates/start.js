@@ -8,7 +8,14 @@ const byId = (id) => document.getElementById(id);
 const view = byId("view"), loupe = byId("loupe");
 
 // ---- camera: the picture is shown without the distortion of the lens; clicks are saved as the camera films them
-const { distortion: D, T_camera_floor: T, resolution_px: FILMED, shown: SHOWN } = DATA.camera;
+let { matrix: K, distortion: D, T_camera_floor: T, resolution_px: FILMED, shown: SHOWN } = Object.values(DATA.runs)[0].camera;
+
+// What a function returns with the camera of a run, which may have moved since the run before.
+function seenIn(name, found) {
+  const own = ({ camera }) => ({ matrix: K, distortion: D, T_camera_floor: T, resolution_px: FILMED, shown: SHOWN } = camera);
+  own(DATA.runs[name]);
+  try { return found(); } finally { if (run) own(DATA.runs[run]); }
+}
 
 const pinhole = (M, x, y) => [M[0][0] * x + M[0][2], M[1][1] * y + M[1][2]];
 
@@ -23,7 +30,7 @@ const project = (x, y, z) => pinhole(SHOWN.matrix, ...ray(x, y, z));
 function filmed(x, y, z) {
   const [k1, k2, p1, p2, k3, k4, k5, k6] = D, [a, b] = ray(x, y, z), r2 = a * a + b * b;
   const radial = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)));
-  return pinhole(DATA.camera.matrix, a * radial + 2 * p1 * a * b + p2 * (r2 + 2 * a * a), b * radial + p1 * (r2 + 2 * b * b) + 2 * p2 * a * b);
+  return pinhole(K, a * radial + 2 * p1 * a * b + p2 * (r2 + 2 * a * a), b * radial + p1 * (r2 + 2 * b * b) + 2 * p2 * a * b);
 }
 
 function toPlane(u, v, height) {
@@ -51,8 +58,8 @@ for (const [name, given] of Object.entries(DATA.runs)) {
   for (const body of BODIES) {
     const start = given.poses[body];
     if (!start) runs[name].unplaced.add(body);
-    const [width, height] = SHOWN.size_px;
-    const where = toPlane(width * (body === "rover" ? 0.6 : 0.4), height / 2, DATA.bodies[body].height);
+    const [width, height] = given.camera.shown.size_px;
+    const where = seenIn(name, () => toPlane(width * (body === "rover" ? 0.6 : 0.4), height / 2, DATA.bodies[body].height));
     runs[name].poses[body] = start || [...where, 0];
   }
   runs[name].image.onload = () => { runs[name].grey = greys(runs[name].image); if (name === run) { fit(); draw(); } };
@@ -169,7 +176,7 @@ const along = (from, to, n = 12) => Array.from({ length: n + 1 }, (_, i) => from
 
 function paint(context, place) {
   const ground = (from, to, colour, width) => line(context, along(from, to).map(([x, y]) => place(project(x, y, 0))), colour, width);
-  if (byId("grid").checked) for (const [from, to] of DATA.grid) ground(from, to, "#ffffff55", 1);
+  if (byId("grid").checked) for (const [from, to] of DATA.runs[run].grid) ground(from, to, "#ffffff55", 1);
   ground([0, 0], [0.5, 0], "#e02020", 3);
   ground([0, 0], [0, 0.5], "#20b040", 3);
   for (const body of BODIES) {
@@ -267,6 +274,7 @@ function select(body) {
 
 function show(name) {
   run = name;
+  seenIn(run, () => {});
   for (const tab of byId("runs").children) tab.setAttribute("aria-selected", tab.dataset.run === name);
   fit(); changed();
 }
@@ -360,7 +368,7 @@ view.addEventListener("wheel", (event) => { event.preventDefault(); zoom(Math.ex
 // ---- what is saved: the text of campaign.yaml with the corners put in
 const flow = (value) => Array.isArray(value) ? `[${value.map(flow).join(", ")}]` : typeof value === "number" ? String(Math.round(10 * value) / 10) : `{${Object.entries(value).map(([key, item]) => `${key}: ${flow(item)}`).join(", ")}}`;
 
-const clicks = (name) => Object.fromEntries(BODIES.map((body) => [body, clicked(body, runs[name].poses[body])]));
+const clicks = (name) => seenIn(name, () => Object.fromEntries(BODIES.map((body) => [body, clicked(body, runs[name].poses[body])])));
 const runClicks = ({ run, stated, before }) => run in runs ? before + flow(clicks(run)) : stated;
 const floorCorner = ({ floor, stated, before }) => frame && frame[floor] !== BOARD[floor] ? before + flow(BOARD.corners[frame[floor]]) : stated;
 
