@@ -62,8 +62,7 @@ def test_what_one_view_alone_tells_is_not_taken_to_be_repeated_by_others():
     seen = calibration_set(9120, floor="boards").seen
     seen = replace(seen, floor_boards=seen.floor_boards[:1])
     guess, blocks, floor = first_guess(seen), seen.blocks, np.arange(12, 18)
-    misfits = [linearise(b, guess.shared, p, guess.doubts)[0] for b, p in zip(blocks, guess.places, strict=True)]
-    exact = [replace(b, pixels=b.pixels - r.reshape(-1, 2)) for b, r in zip(blocks, misfits, strict=True)]
+    exact = [replace(b, pixels=b.pixels - r) for b, r in zip(blocks, residuals(blocks, guess), strict=True)]
     estimate = replace(guess, noise_px=1.0)
     np.testing.assert_allclose(
         view_covariance(exact, estimate, floor),
