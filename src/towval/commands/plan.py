@@ -18,20 +18,16 @@ from towval.io.provenance import provenance
 from towval.io.records import write_simulated
 from towval.io.schema import check, packaged_schema
 from towval.io.yaml_text import read_yaml
-from towval.model import Array, Finding, SimulatedMotion, TimedPath
+from towval.model import Array, SimulatedMotion, TimedPath
 from towval.model.errors import InputError, RefusedError
-from towval.model.findings import finding
-from towval.model.geometry import path_length, transform
+from towval.model.geometry import path_length
 from towval.physics.mass import towed_object
 from towval.physics.quasistatic import quasistatic_plan
-from towval.physics.splines import spline_through, spline_values
-from towval.physics.tether import nearest_rest
 from towval.planning.paths import Curve, through_points, timed
 from towval.planning.plan import close_loop, hinge_of_poses, tow
 from towval.planning.planner import PlanCase, PlanOutcome
 from towval.planning.scene import PlanScene, friction_under, plan_scene
-from towval.validation.decimate import HIDDEN_M, missed_m
-from towval.validation.simulate import WRONG_SHARE, nearer_findings
+from towval.validation.recorded_tow import gap_findings, start_at_rest
 
 _PAPER = Path("paper")
 """Stands for the scene that comes with the package, whose path nobody knows after ``pip install``."""
@@ -144,7 +140,9 @@ def run_tow(
     _refuse_decimated(recording)
     times, poses, measured = read_tow(recording)
     hinge = hinge_of_poses(poses, given.rover)
-    start, nearer = _start(given, hinge[0], measured)
+    start, nearer = start_at_rest(
+        given.towed, given.friction, given.tether, given.ground, given.hinge_height, hinge[0], measured
+    )
     motion = tow(
         times, hinge, given.towed, friction_under(given), given.tether, start_pose=start, ground=given.ground,
         hinge_height=given.hinge_height,
@@ -154,7 +152,7 @@ def run_tow(
     text = f"{motion.outcome}; the object moves {moved_m:.2f} m in {np.ptp(times):.1f} s"
     files = (output, *_mapped(map_file, hinge, motion, given))
     numbers = {"outcome": motion.outcome, "path_length_m": moved_m}
-    return Outcome("tow", files, text, numbers, (*nearer, *_gaps(times, hinge), *motion.findings))
+    return Outcome("tow", files, text, numbers, (*nearer, *gap_findings(times, hinge), *motion.findings))
 
 
 def _refuse_decimated(recording: Path) -> None:
@@ -165,36 +163,6 @@ def _refuse_decimated(recording: Path) -> None:
             allowed="a recording of all poses of the rover",
             remedy="give the track.mcap of which it was made",
         )
-
-
-def _gaps(times: Array, hinge: Array) -> list[Finding]:
-    """A finding where the hinge (n, 2) may have moved otherwise than its curve over a gap between two times (n,)."""
-    spline = spline_through(TimedPath(times, hinge))
-    steps, found = np.diff(times), []
-    for k in np.flatnonzero(spline.speed_limits * steps > HIDDEN_M):
-        within = np.linspace(0.0, steps[k], 101)
-        speed = np.hypot(*spline_values(spline, times[k] + within)[1].T)
-        found.append((missed_m(within, speed), k))
-    off_m, worst = max(found, default=(0.0, 0))
-    if off_m <= HIDDEN_M:
-        return []
-    return [finding("tow_gap", time_s=times[worst], gap_s=steps[worst], off_mm=1000 * off_m)]
-
-
-def _start(given: PlanScene, hinge: Array, measured: Array) -> tuple[Array, list[Finding]]:
-    """The pose (3,) from which the object starts at rest, from that of the recording, and what is to be said of it."""
-    tether = given.tether
-    start = nearest_rest(given.towed, given.friction, tether, given.ground, given.hinge_height, hinge, measured)
-    nearer_m = float(np.hypot(*(start - measured)[:2]))
-    if nearer_m > WRONG_SHARE * tether.rest_length:
-        apart_m = float(np.hypot(*(hinge - transform(measured, given.towed.anchor))))
-        raise RefusedError(
-            "the tether does not reach where the recording begins",
-            got=f"hinge and anchor {apart_m:.2f} m apart",
-            allowed=f"{apart_m - nearer_m:.2f} m, where friction holds the object at rest",
-            remedy="give the campaign or scene of the recording; check rest length, hinge and anchor",
-        )
-    return start, nearer_findings(nearer_m)
 
 
 def _scene(
