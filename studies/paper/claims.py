@@ -31,9 +31,18 @@ CLAIMS = (
         "continuity of the friction law",
         "2.1",
         "“Continuity and differentiability of the friction function are very important for simulation stability”.",
-        "None: the laws here are all regularised.",
-        undecided("no integrator of ours takes the paper's model with a law that jumps at rest"),
-        takes="An integrator of the same model for a law that jumps, with the same measure of stability.",
+        "For 0.2 s from rest behind the hinge, three solvers of SciPy (explicit, implicit, both) get through with a "
+        "continuous law that has a kink; where it jumps to the same plateau none does in 10,000 evaluations.",
+        further_checks.continuity_counts,
+        "Solvers made for jumps, as time stepping with complementarity, are not tried.",
+    ),
+    Claim(
+        "differentiability of the friction law",
+        "2.1",
+        "The same, of a law that is continuous but has a kink.",
+        "All three solvers take twice the evaluations with the kink or more, or do not get through.",
+        further_checks.differentiability_counts,
+        "The law with a kink rises as the smooth one does at rest, and ends at the plateau.",
     ),
     Claim(
         "law meets its four numbers",

@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 
 from studies.frame import Part, Row, Settings, Study, loaded
-from studies.paper import closed_loop, dynamics, finite_volumes, further, meshes, nominal, planted
+from studies.paper import closed_loop, dynamics, finite_volumes, further, law_shapes, meshes, nominal, planted
 from studies.paper.claims import CLAIMS
 from studies.registry import PAPER
 from towval.model import Tether
@@ -85,6 +85,10 @@ CONTROLS = (
     Control(
         "contact converges", "the iteration ends at a residual of 0.19, after two passes",
         _names(finite_volumes, "_RESIDUAL_LIMIT"), lambda _: 0.19, ("contact",), Place.PROGRAM,
+    ),
+    Control(
+        "continuity of the friction law", "the law that jumps rises over 0.1 mm/s",
+        _names(law_shapes, "jumping"), planted.steep, ("further/law_shapes",),
     ),
     Control(
         "law meets its four numbers", "the law is made for twice the friction velocity",
@@ -235,6 +239,10 @@ OPPOSITES = (
             _names(dynamics, "replace"), planted.stiffness_times_ten, ("stiffnesses",),
         )
         for place in ("rest", "stretched")
+    ),
+    Control(
+        "differentiability of the friction law", "the law with a kink jumps at rest", _names(law_shapes, "kinked"),
+        planted.jump_for_kink, ("further/law_shapes",),
     ),
     Control(
         "feedforward fails from rest, friction without a peak", "friction has a peak after all",

@@ -16,6 +16,7 @@ from studies.frame import Part, Row
 from studies.paper.closed_loop import planned_loop
 from studies.paper.dynamics import feedback_motion, feedforward_motion, rms_in_time
 from studies.paper.finite_volumes import mesh_pressure, meshed_patch
+from studies.paper.law_shapes import law_shape_rows
 from studies.paper.nominal import cube_nominal
 from studies.paper.scene import PaperScene, paper_study
 from studies.rover_geometry import feasible_pieces, is_feasible
@@ -212,6 +213,7 @@ _ROWS: dict[str, Callable[..., list[Row]]] = {
     "wider": wider_rows,
     "disturbed": disturbed_rows,
     "law": law_rows,
+    "law_shapes": law_shape_rows,
     "steered": steered_rows,
     "areas": area_rows,
     "plane": plane_rows,
@@ -229,6 +231,7 @@ def _parts(plan: Mapping[str, Any]) -> dict[str, Part]:
         "limits": {"threshold": loop["threshold_m"], "look_ahead_steps": loop["look_ahead_steps"]},
         "wider": {"thresholds": vary["thresholds_m"], "width": plan["curves"]["lemniscate_width_m"]},
         "disturbed": {"speed": vary["fixed_speed_m_s"]},
+        "law_shapes": {"speed": vary["fixed_speed_m_s"]},
         "plane": {"heights": 0.0},
         "direction": {"element_size": plan["general_object"]["element_size_m"]},
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pandas as pd
 
 from studies.paper.ledger import ClaimOutcome, Tables, outcome
@@ -65,6 +66,29 @@ def law_meets_numbers(tables: Tables) -> Decision:
     return outcome(max(off.values()) < 0.01 and left < 0.011), (
         f"peak within {100 * off['static']:.2g} % of μ_s, {100 * off['stiction_velocity']:.2g} % from v_s, plateau "
         f"within {100 * off['kinetic']:.2g} % of μ_k, {100 * left:.2g} % of the rise left at v_k"
+    )
+
+
+def continuity_counts(tables: Tables) -> Decision:
+    """Whether every solver gets through with a continuous law, and none with one that jumps at rest."""
+    rows = _part(tables, "law_shapes").set_index(["law", "solver"])
+    through, stuck = rows.loc["kink", "ended"], rows.loc["jump", "ended"]
+    got = ", ".join(f"{solver} {reached:.1e} s" for solver, reached in rows.loc["jump", "reached_s"].items())
+    return outcome(bool(through.all() and not stuck.any())), (
+        f"{through.sum():.0f} of {len(through)} solvers get through with a law that is continuous, {stuck.sum():.0f} "
+        f"with one that jumps: {got}"
+    )
+
+
+def differentiability_counts(tables: Tables) -> Decision:
+    """Whether every solver takes twice the evaluations with a kink in the law, or does not get through."""
+    rows = _part(tables, "law_shapes").set_index(["law", "solver"])
+    ended = rows["ended"] == 1
+    taken = rows["evaluations"].where(ended, np.inf)
+    ratio = taken.loc["kink"] / taken.loc["smooth"]
+    text = ", ".join(f"{solver} {times:.2f} times" for solver, times in ratio.items())
+    return outcome(bool(ended.loc["smooth"].all() and (ratio > 2).all())), (
+        f"evaluations with a kink, of those with the smooth law: {text}"
     )
 
 

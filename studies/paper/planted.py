@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from studies.frame import Row
-from studies.paper import further, meshes
+from studies.paper import further, law_shapes, meshes
 from studies.paper.loop_checks import BREAKING_THRESHOLDS
 from towval.model import TimedPath
 from towval.planning.plan import tow
@@ -25,6 +25,16 @@ def given(**changed: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
 def first_centre(original: Callable[..., Any]) -> Callable[..., Any]:
     """Every object has its centre of mass at G1."""
     return lambda scene, curve, _: original(scene, curve, "G1")
+
+
+def steep(_: Callable[..., Any]) -> Callable[..., Any]:
+    """A law that rises over 1e-4 m/s in place of one that jumps."""
+    return lambda plateau: law_shapes.kinked(plateau / 1e-4, plateau)
+
+
+def jump_for_kink(_: Callable[..., Any]) -> Callable[..., Any]:
+    """A law that jumps in place of one with a kink."""
+    return lambda _slope, plateau: law_shapes.jumping(plateau)
 
 
 def curve(names: Mapping[str, str]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:

@@ -7,22 +7,27 @@ import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.axes import Axes
+from scipy.integrate import solve_ivp
 
 from paper_plan import paper_plan, quick_plan
 from studies.compute import gather, run_part
 from studies.draw import draw_chart, figure_of
 from studies.evidence.compute import shared_folder
 from studies.frame import Settings, loaded
-from studies.paper import meshes, model_checks
+from studies.paper import law_shapes, meshes, model_checks
 from studies.paper.claims import CLAIMS
 from studies.paper.claims_page import markdown, write_ledger
 from studies.paper.closed_loop import surface_grid
 from studies.paper.controls import CONTROLS, OPPOSITES, control_rows
+from studies.paper.finite_volumes import meshed_patch
 from studies.paper.ledger import ClaimOutcome, decided
 from studies.paper.scene import paper_scene
 from studies.paper.variants import Variant, variant_rows
 from studies.registry import FIGURES, PAPER
+from towval.model import TimedPath
 from towval.model.errors import InputError, RefusedError
+from towval.physics.dynamics import feedback
+from towval.physics.friction_laws import fitted_law
 from towval.planning.scene import object_with_load
 
 
@@ -189,6 +194,27 @@ def test_claims_that_depend_on_the_stretch_of_the_tether_are_decided_for_both_re
     assert rows["time step does not matter"] == "reproduced"
     assert rows["feedforward falls with speed"] == "reproduced"
     assert rows["experiments agree with simulation"] == "cannot be decided"
+
+
+def test_the_equation_of_motion_of_the_law_shapes_is_that_of_the_package(plan):
+    """With the smooth law, which both take."""
+    scene, speed, times = paper_scene(plan), 0.05, np.linspace(0, 0.2, 5)
+    smooth = law_shapes.laws(scene)["smooth"]
+    own = solve_ivp(law_shapes.equation_of_motion(scene, smooth, speed), times[[0, -1]], np.zeros(6), "Radau", times,
+                    rtol=1e-9, atol=1e-12)  # fmt: skip
+    heading = own.y[2]
+    back = -scene.towed.centre_of_mass
+    # Its state is about the centre of mass, that of the package about the body frame.
+    turned = np.column_stack([np.cos(heading), -np.sin(heading), np.sin(heading), np.cos(heading)]).reshape(-1, 2, 2)
+    place = own.y[:2].T + turned @ back - back
+    hinge = scene.towed.anchor + np.outer(scene.tether.rest_length + speed * times, [1.0, 0.0])
+    law = fitted_law(scene.friction).law
+    patch = meshed_patch(law_shapes.cube_pressure(scene), law)
+    motion = feedback(scene.towed, patch, scene.tether, TimedPath(times, hinge), np.zeros(3), times)
+    assert np.ptp(place[:, 0]) > 5e-3
+    assert heading[-1] > 0.02
+    np.testing.assert_allclose(motion.pose[:, :2], place, atol=2e-6)
+    np.testing.assert_allclose(motion.pose[:, 2], heading, atol=2e-5)
 
 
 def test_a_check_fails_where_the_numbers_contradict_the_claim(tables):
