@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import enum
 import importlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -44,6 +44,12 @@ def judged(error: float, allowed: float, flags: list[str]) -> Row:
     unflagged = Judgement.RIGHT if error <= allowed else Judgement.SILENTLY_WRONG
     judgement = Judgement.FLAGGED if flags else unflagged
     return {"judgement": str(judgement), "error": error, "allowed": allowed, "flags": " ".join(sorted(set(flags)))}
+
+
+def worst(cells: Sequence[Row]) -> Row:
+    """Of the columns of :func:`judged` the silently wrong, else the flagged, else the right with the largest error."""
+    order = list(Judgement)
+    return max(cells, key=lambda cell: (order.index(cell["judgement"]), cell["error"] if cell["error"] > 0 else 0.0))
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from studies.frame import Maps, Part, Row, Settings, Study, judged
+from studies.frame import Maps, Part, Row, Settings, Study, judged, worst
 from studies.tradeoff.calibration import HEIGHTS_M, position_error_m
 from studies.worlds.boards import calibration_set
 from towval.calibration.calibrate import CalibrateSettings, calibrate_observations
@@ -19,8 +19,7 @@ _PREFIX = "boards over "
 def view_rows(share: float, tilts_deg: list[float], views: list[int], seeds: list[int]) -> list[Row]:
     """Cells over tilt and number of views: the worst of several random cameras."""
     return [
-        {"map": _name(share), "x": tilt, "y": float(count)}
-        | _worst([_cell(seed, share, tilt, count) for seed in seeds])
+        {"map": _name(share), "x": tilt, "y": float(count)} | worst([_cell(seed, share, tilt, count) for seed in seeds])
         for tilt in tilts_deg
         for count in views
     ]
@@ -38,12 +37,6 @@ def _cell(seed: int, share: float, tilt_deg: float, count: int) -> Row:
         return judged(np.nan, ALLOWED_M, [type(error).__name__])
     flags = [finding.code for finding in calibration.findings if finding.severity != "note"]
     return judged(max(position_error_m(calibration, scene, height) for height in HEIGHTS_M.values()), ALLOWED_M, flags)
-
-
-def _worst(cells: list[Row]) -> Row:
-    """The cell that is silently wrong, else one that is flagged, else the right one with the largest error."""
-    order = {"silently wrong": 2, "flagged": 1, "right": 0}
-    return max(cells, key=lambda cell: (order[cell["judgement"]], np.nan_to_num(cell["error"])))
 
 
 def _parts(settings: Settings) -> dict[str, Part]:
