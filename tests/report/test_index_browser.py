@@ -1,5 +1,7 @@
 """The page over many runs in a real browser: filters, order, changes; names that would be markup stay text."""
 
+import os
+
 import pytest
 from browser import Browser
 
@@ -16,6 +18,8 @@ def page(tmp_path_factory):
     for k in range(60):
         make_run(folder / "old" / f"lab_{k}" / "a", path_rms_m=0.001 * (k + 1), video=f"{k:02d}")
     make_run(folder / "old" / HOSTILE / "<!--<script>", up_to="track")
+    for path in (folder / "old").rglob("*.mcap"):
+        os.utime(path, (1.7e9, 1.7e9))
     make_run(
         folder / "new" / "lab_3" / "a",
         path_rms_m=0.009,
@@ -83,6 +87,14 @@ def test_the_table_stays_where_it_is_when_the_window_changes(page):
     page.run(f"{scroller}.scrollTop = 300")
     page.run("window.dispatchEvent(new Event('resize'))")
     assert page.run(f"{scroller}.scrollTop") == 300
+
+
+def test_changes_are_at_first_those_from_the_older_to_the_newer_folder(page):
+    """The folders stand in the order of their names, by which the newer one is the first here."""
+    chosen = "((select) => select.options[select.selectedIndex].text)(document.getElementById('{}'))"
+    assert page.run(chosen.format("before")).endswith("old")
+    assert page.run(chosen.format("after")).endswith("new")
+    assert cells(page, "pairs", 2) == ["agrees → not judged"]
 
 
 def test_changes_between_two_folders_name_what_differs(page):

@@ -234,7 +234,11 @@
   const sources = words.source.texts;
   fill(byId("before"), sources);
   fill(byId("after"), sources);
-  byId("after").value = sources.length - 1;
+  // At first the two folders whose runs were made last, the later one as the second.
+  const lastMade = sources.map(() => 0);
+  for (let i = 0; i < count; i++) lastMade[words.source.codes[i]] = Math.max(lastMade[words.source.codes[i]], numbers.made_s[i] || 0);
+  const byTime = sources.map((_, k) => k).sort((a, b) => lastMade[a] - lastMade[b]);
+  [byId("before").value, byId("after").value] = [byTime.at(-2) ?? 0, byTime.at(-1)];
   ["Campaign", "Run", "Verdict", "RMS [mm]", "u_val [mm]", "What differs"].forEach((title) => {
     const cell = document.createElement("th");
     cell.textContent = title;
