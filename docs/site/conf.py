@@ -14,6 +14,7 @@ exclude_patterns = ["site"]
 html_theme = "furo"
 html_title = "towval"
 html_show_sphinx = False
+html_show_copyright = False
 html_static_path = ["static"]
 html_css_files = ["tables.css"]
 
