@@ -20,7 +20,7 @@ from towval.io.video import Luma, Video
 from towval.model import Array, Body, Calibration, Finding, Track
 from towval.model.conventions import FEWEST_FRAMES
 from towval.model.errors import InputError
-from towval.model.findings import FINDINGS, finding
+from towval.model.findings import finding, leaves_unjudged
 from towval.model.geometry import polygon_area
 from towval.report.wording import millimetres
 from towval.selection.tracking import PROBE_FRAMES, PROBE_STRIDE, neighbour_of_tracking
@@ -99,7 +99,7 @@ def _blaming_the_camera(since: Sequence[Finding]) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        wrong = [found.text for found in since if not FINDINGS[found.code].consequence.judged]
+        wrong = [found.text for found in since if leaves_unjudged(found)]
         if not wrong:
             raise
         raise InputError(" ".join(wrong), got=error.what) from error

@@ -100,6 +100,11 @@ def finding(code: str, severity: Severity | None = None, /, **values: object) ->
     return Finding(severity, code, row.text.format(**values))
 
 
+def leaves_unjudged(found: Finding) -> bool:
+    """Whether a finding leaves its run without a verdict."""
+    return not FINDINGS.require(found.code, "leaves_unjudged()").consequence.judged
+
+
 register(  # calibrate
     FindingType("view-dropped", "calibrate", (Severity.WARNING, Severity.NOTE), NONE, "{name} was left out: {reason}."),
     FindingType(
