@@ -207,9 +207,17 @@ def open_video(given: Campaign, entry: Run) -> Video:
 def first_picture(given: Campaign, entry: Run, video: Video) -> Luma:
     """The first picture of a run (height, width).
 
-    Raises `InputError` when players turn the video and it then lies otherwise than the calibration pictures.
+    Raises `InputError` when players turn the video and it then lies otherwise than the calibration pictures, and when
+    the picture shows nothing.
     """
     luma = video.first_picture()
+    if luma.min() == luma.max():
+        raise InputError(
+            f"the first picture of the video {entry.video.name} shows nothing",
+            got=f"the grey level {luma[0, 0]} throughout",
+            allowed="a picture of floor and bodies, which are followed from there on",
+            remedy="cut the video so that it begins with such a picture, and click in that",
+        )
     if luma.shape[::-1] != given.resolution_px:
         raise InputError(
             f"the video {entry.video.name} lies otherwise than the calibration pictures",

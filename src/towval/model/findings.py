@@ -197,6 +197,13 @@ register(  # calibrate
         "(RMS over the picture). Take the pictures from a film in the mode of the runs (docs/calibration.md).",
     ),
     FindingType(
+        "pictures-tagged", "calibrate", NOTE, NONE,
+        "{count} of {pictures} pictures ({first} the first of them) carry a tag for orientation (EXIF), by which "
+        "viewers turn them. They are used as they are stored, as the sensor saw them. Pixels in campaign.yaml (of the "
+        "floor's origin and axis, of surveyed marks) count as stored, too: see check/start.html, or take them from a "
+        "viewer that leaves the tag aside.",
+    ),
+    FindingType(
         "marks-alone", "calibrate", WARNING, NONE,
         "Calibrated from {count} surveyed marks alone: places on the floor are good to {left_out_mm:.2f} mm (each mark "
         "predicted from the others), but marks on one plane tell the focal length only to {focal_percent:.0f} %, and "
