@@ -173,6 +173,15 @@ def test_tags_are_as_good_as_clicks(campaign, tmp_path):
         assert np.abs(wrapped(found.pose[:, 2] - poses[body][2])).max() < np.deg2rad(1.0)
 
 
+def test_a_first_picture_that_shows_nothing_is_refused(campaign, camera, tmp_path):
+    """A film that begins with black: outlines and textures were said to be wrong."""
+    pictures = [np.full((540, 960), 16, np.uint8)] * 12
+    write_video(tmp_path / "black.mp4", ((i / 25, luma) for i, luma in enumerate(pictures)))
+    folder = campaign(lambda _: None, tmp_path / "black.mp4")
+    with pytest.raises(InputError, match=r"first picture of the video .* shows nothing\n  got: the grey level 16"):
+        track(folder, "a", camera, tmp_path / "track.mcap")
+
+
 def test_a_cut_off_video_is_used_only_where_that_is_allowed(campaign, camera, lab_small, tmp_path):
     cut_off(lab_small / "a.mp4", tmp_path / "cut.mp4", 0.33)
     frames = Video(lab_small / "a.mp4").header.frames

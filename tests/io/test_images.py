@@ -3,8 +3,9 @@
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
-from towval.io.images import read_gray
+from towval.io.images import read_gray, turned_by_tag
 from towval.model.errors import InputError
 
 SIZE = (160, 120)
@@ -40,3 +41,29 @@ def test_a_picture_that_is_cut_off_is_refused(tmp_path, coding, kept):
     path.write_bytes(data[: int(kept * len(data)) if kept > 0 else kept])
     with pytest.raises(InputError, match="no picture that can be read"):
         read_gray(path, SIZE)
+
+
+@pytest.mark.parametrize("suffix", ["jpg", "png", "webp"])
+@pytest.mark.parametrize(("tag", "turned"), [(1, False), (3, True), (6, True)])
+def test_a_tag_for_orientation_is_seen_and_turns_nothing(tmp_path, suffix, tag, turned):
+    grey, exif = np.random.default_rng(0).integers(0, 256, SIZE[::-1], dtype=np.uint8), Image.Exif()
+    exif[0x0112] = tag
+    plain, tagged = tmp_path / f"plain.{suffix}", tmp_path / f"tagged.{suffix}"
+    Image.fromarray(grey).save(plain, lossless=True)
+    Image.fromarray(grey).save(tagged, exif=exif, lossless=True)
+    assert (turned_by_tag(plain), turned_by_tag(tagged)) == (False, turned)
+    np.testing.assert_array_equal(read_gray(tagged, SIZE), read_gray(plain, SIZE))
+
+
+def test_a_damaged_tag_is_none(tmp_path):
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    path = tmp_path / "tagged.jpg"
+    Image.new("L", SIZE).save(path, exif=exif)
+    data = path.read_bytes()
+    at = data.index(b"Exif")
+    for cut in range(6, 20):
+        path.write_bytes(data[: at + cut] + b"\xff" * 8 + data[at + cut + 8 :])
+        turned_by_tag(path)
+    path.write_text("no picture")
+    assert not turned_by_tag(path)

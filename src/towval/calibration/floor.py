@@ -45,7 +45,8 @@ def _nearest(observation: BoardObservation, pixel: Array | None, key: str) -> in
             f"{key} is not at a corner of the board in {observation.name}",
             got=np.asarray(pixel).tolist(),
             allowed=f"within {square_px:.0f} px of a corner; the nearest is {observation.corners_px[nearest].round(1)}",
-            remedy="give the pixel of an inner corner of the board in the first floor image",
+            remedy="give the pixel of an inner corner of the board in the first floor image, as stored: viewers turn a "
+            "picture by its tag for orientation (EXIF)",
         )
     return nearest
 

@@ -1,6 +1,7 @@
 """Command calibrate: board pictures → camera.mcap."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +11,11 @@ from towval.commands.console import Outcome
 from towval.commands.settings import settings_from
 from towval.io.campaign import Campaign, names_in
 from towval.io.campaign_camera import CameraSetup, load_camera
-from towval.io.images import GrayPictures
+from towval.io.images import GrayPictures, turned_by_tag
 from towval.io.provenance import provenance
 from towval.io.records import write_calibration
 from towval.model import Calibration
+from towval.model.findings import finding
 from towval.report.wording import decimal
 from towval.selection.lens import with_lens_choice
 
@@ -46,7 +48,7 @@ def calibrated(given: Campaign | CameraSetup, settings: CalibrateSettings) -> Ca
     heights_m = [body.tracked_plane_height_m for body in given.bodies]
     if given.board is None:
         return calibrate_marks(given.resolution_px, given.floor_reference, settings.lens_models, heights_m=heights_m)
-    return calibrate(
+    calibration = calibrate(
         GrayPictures(given.calibration_images, given.resolution_px),
         GrayPictures(given.floor_images, given.resolution_px),
         given.board,
@@ -54,3 +56,9 @@ def calibrated(given: Campaign | CameraSetup, settings: CalibrateSettings) -> Ca
         settings,
         heights_m=heights_m,
     )
+    pictures = dict.fromkeys((*given.calibration_images, *given.floor_images))
+    turned = [path.name for path in pictures if turned_by_tag(path)]
+    if not turned:
+        return calibration
+    told = finding("pictures-tagged", count=len(turned), pictures=len(pictures), first=turned[0])
+    return replace(calibration, findings=(*calibration.findings, told))

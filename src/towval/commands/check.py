@@ -34,6 +34,7 @@ from towval.io.schema import key_lines
 from towval.io.video import Luma, Video
 from towval.model import Array, Body, Calibration, Finding, Severity
 from towval.model.errors import Faults, InputError, TowvalError
+from towval.model.findings import leaves_unjudged
 from towval.model.input_types import value_of
 from towval.report.preview import draw_start
 from towval.report.start_page import FloorBoard, StartOfRun, write_start_page
@@ -116,18 +117,31 @@ def _runs(given: Campaign, pictures: Path, faults: Faults, warnings: list[str]) 
             calibration,
             (),
         )
-        findings = (*findings_of_rate(given, video, stamps_s), *moved)
-        warnings += [f"run {name}: {found.text}" for found in findings if found.severity is Severity.WARNING]
-        start = faults.attempt(_start, given, given.runs[name], video, luma, at_start, faults)
+        for found in (*findings_of_rate(given, video, stamps_s), *moved):
+            _tell(found, given.runs[name], faults, warnings)
+        # Where the camera does not show the floor as its pictures do, neither starts nor clicks fit, as for that stage.
+        told = Faults() if any(map(leaves_unjudged, moved)) else faults
+        start = told.attempt(_start, given, given.runs[name], video, luma, at_start, told)
         if start is None:
             continue
         starts[name] = start
         drawn = faults.attempt(_draw_start, pictures / f"{name}.jpg", given, start)
         runs[name] = _expected(given, len(stamps_s), start, drawn or "")
-        warnings += [f"run {name}, {body}: {text}" for body, text in start.doubts.items()]
+        if told is faults:
+            warnings += [f"run {name}, {body}: {text}" for body, text in start.doubts.items()]
     if starts:
         faults.attempt(_write_page, pictures / "start.html", given, starts)
     return runs
+
+
+def _tell(found: Finding, entry: Run, faults: Faults, warnings: list[str]) -> None:
+    """Add what the stage track will find of a run: a fault where it leaves the run without a verdict."""
+    if leaves_unjudged(found):
+        fault = InputError(f"run {entry.name}: {found.text}")
+        fault.key = f"runs.{entry.name}"
+        faults.append(fault)
+    elif found.severity is Severity.WARNING:
+        warnings.append(f"run {entry.name}: {found.text}")
 
 
 def _start(given: Campaign, entry: Run, video: Video, luma: Luma, at_start: Calibration, faults: Faults) -> StartOfRun:

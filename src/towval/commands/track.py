@@ -20,7 +20,7 @@ from towval.io.video import Luma, Video
 from towval.model import Array, Body, Calibration, Finding, Track
 from towval.model.conventions import FEWEST_FRAMES
 from towval.model.errors import InputError
-from towval.model.findings import FINDINGS, finding
+from towval.model.findings import finding, leaves_unjudged
 from towval.model.geometry import polygon_area
 from towval.report.wording import millimetres
 from towval.selection.tracking import PROBE_FRAMES, PROBE_STRIDE, neighbour_of_tracking
@@ -99,7 +99,7 @@ def _blaming_the_camera(since: Sequence[Finding]) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        wrong = [found.text for found in since if not FINDINGS[found.code].consequence.judged]
+        wrong = [found.text for found in since if leaves_unjudged(found)]
         if not wrong:
             raise
         raise InputError(" ".join(wrong), got=error.what) from error
@@ -207,9 +207,17 @@ def open_video(given: Campaign, entry: Run) -> Video:
 def first_picture(given: Campaign, entry: Run, video: Video) -> Luma:
     """The first picture of a run (height, width).
 
-    Raises `InputError` when players turn the video and it then lies otherwise than the calibration pictures.
+    Raises `InputError` when players turn the video and it then lies otherwise than the calibration pictures, and when
+    the picture shows nothing.
     """
     luma = video.first_picture()
+    if luma.min() == luma.max():
+        raise InputError(
+            f"the first picture of the video {entry.video.name} shows nothing",
+            got=f"the grey level {luma[0, 0]} throughout",
+            allowed="a picture of floor and bodies, which are followed from there on",
+            remedy="cut the video so that it begins with such a picture, and click in that",
+        )
     if luma.shape[::-1] != given.resolution_px:
         raise InputError(
             f"the video {entry.video.name} lies otherwise than the calibration pictures",

@@ -1,6 +1,7 @@
 """Pictures read from files."""
 
 import re
+import struct
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import ExifTags, Image
 
 from towval.io.atomic import replacing
 from towval.io.reading import read_bytes
@@ -47,6 +48,27 @@ def read_gray(path: Path, resolution_px: tuple[int, int]) -> NDArray[np.uint8]:
     return image
 
 
+def turned_by_tag(path: Path) -> bool:
+    """Whether a picture carries a tag (EXIF) by which viewers turn or mirror it; :func:`read_gray` does neither.
+
+    False, too, where it cannot be read, which :func:`read_gray` reports.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # Of damaged tags.
+            with Image.open(path) as picture:
+                return bool(picture.getexif().get(ExifTags.Base.Orientation, _UPRIGHT) != _UPRIGHT)
+    except _UNREADABLE:
+        return False
+
+
+_UPRIGHT = 1
+_UNREADABLE = (
+    Image.DecompressionBombError, OSError, SyntaxError, ValueError, ArithmeticError, LookupError, TypeError,
+    struct.error,
+)  # fmt: skip
+"""What Pillow raises of bytes that are no picture, or a damaged one."""
+
 _MOST_BYTES = 64 * 2**20
 _MOST_BYTES_A_PIXEL = 8
 """Of a file, above what its pixels take without compression in colour at 16 bits."""
@@ -60,7 +82,7 @@ def _stated_size(data: bytes) -> tuple[int, int] | None:
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
             with Image.open(BytesIO(data)) as picture:
                 return picture.size
-    except (Image.DecompressionBombError, OSError, SyntaxError, ValueError, ArithmeticError, LookupError, TypeError):
+    except _UNREADABLE:
         return None
 
 

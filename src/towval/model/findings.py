@@ -100,6 +100,11 @@ def finding(code: str, severity: Severity | None = None, /, **values: object) ->
     return Finding(severity, code, row.text.format(**values))
 
 
+def leaves_unjudged(found: Finding) -> bool:
+    """Whether a finding leaves its run without a verdict."""
+    return not FINDINGS.require(found.code, "leaves_unjudged()").consequence.judged
+
+
 register(  # calibrate
     FindingType("view-dropped", "calibrate", (Severity.WARNING, Severity.NOTE), NONE, "{name} was left out: {reason}."),
     FindingType(
@@ -190,6 +195,13 @@ register(  # calibrate
         "their height, but sensors have square pixels: they were saved at another aspect ratio, or a camera films so. "
         "Places on the floor are right only in videos that are stretched alike, and otherwise {moved_mm:.0f} mm off "
         "(RMS over the picture). Take the pictures from a film in the mode of the runs (docs/calibration.md).",
+    ),
+    FindingType(
+        "pictures-tagged", "calibrate", NOTE, NONE,
+        "{count} of {pictures} pictures ({first} the first of them) carry a tag for orientation (EXIF), by which "
+        "viewers turn them. They are used as they are stored, as the sensor saw them. Pixels in campaign.yaml (of the "
+        "floor's origin and axis, of surveyed marks) count as stored, too: see check/start.html, or take them from a "
+        "viewer that leaves the tag aside.",
     ),
     FindingType(
         "marks-alone", "calibrate", WARNING, NONE,
