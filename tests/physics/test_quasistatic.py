@@ -72,6 +72,24 @@ def test_while_the_path_pauses_the_tether_stays_where_it_was(angle, space, cube)
         assert plan.hinge.position - plan.pose[:, :2] == pytest.approx(np.tile(lead, (141, 1)), abs=1e-7)
 
 
+@pytest.mark.parametrize("space", [False, True], ids=["plane", "space"])
+def test_through_a_pause_on_a_curve_the_hinge_stays_whatever_the_law_is_at_rest(space, cube):
+    """At a creep a law that rises over 1 mm/s has another direction and no force: the hinge swung by 10 mm or more."""
+    along = np.r_[np.arange(51), np.arange(50, 101)] * 0.02
+    time = np.r_[np.arange(51.0), 250.0 + np.arange(51)]
+    path = TimedPath(time, np.column_stack([np.cos(along), np.sin(along)]))
+    ground = Ground(slope=[1e-300, 0.0] if space else [0.0, 0.0])
+    times = np.r_[np.arange(45.0, 50.0, 0.1), np.arange(50.0, 250.05, 0.5), np.arange(250.1, 255.0, 0.1)]
+    plan = quasistatic_plan(cube, Coulomb(0.35, 1e-3), path, Tether(0.6, 1e5), times=np.r_[0.0, times], ground=ground)
+    hinge, pull = plan.hinge.position[1:], np.linalg.norm(plan.tether_force[1:], axis=1)
+    resting = (times > 50.0) & (times < 250.0)
+    assert hinge[resting] == pytest.approx(np.tile(hinge[resting][0], (resting.sum(), 1)), abs=1e-6)
+    assert pull == pytest.approx(17.1, abs=0.2)
+    assert not plan.twist[1:][resting].any()
+    # The spline through the points turns by 0.7 degrees where it rests, and with it object and tether, 0.8 m.
+    assert np.linalg.norm(np.diff(hinge, axis=0), axis=1).max() < 0.01
+
+
 def test_heading_is_that_of_an_integrator_with_a_root_at_every_step(cube, makkar):
     """Without panels, slopes or Newton: scipy's eighth order, the rate by Brent's method."""
     path, patch = lemniscate(600, 60_000), sliding_patch(resting_pressure(cube), makkar)

@@ -86,6 +86,16 @@ def test_the_hinge_moves_at_the_mean_speed_of_the_path_wherever_it_is(rover):
     np.testing.assert_allclose(plan.hinge[0], [1.5, 0.0], atol=1e-12)
 
 
+def test_a_pause_does_not_hold_back_the_planned_heading(rover):
+    """Its points filled the moving average of the heading, as if the path went straight there: 5.5 mm RMS."""
+    moving = timed("circle")
+    pause = np.tile(moving.position[1000], (3000, 1))
+    paused = np.concatenate([moving.position[:1000], pause, moving.position[1000:]])
+    plan = plan_rover(TimedPath(0.1 * np.arange(len(paused)), paused), rover, settings(look_ahead_steps=350))
+    assert plan.outcome is PlanOutcome.ARRIVED
+    assert plan.rms < 1e-3
+
+
 def test_a_feasible_circle_is_case_a_throughout_and_its_wheels_turn_as_they_must(rover):
     plan = plan_rover(timed("circle"), rover, settings(look_ahead_steps=0))
     assert plan.share_of(PlanCase.A) == 1.0

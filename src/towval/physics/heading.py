@@ -19,10 +19,9 @@ from numpy.polynomial import chebyshev
 from towval.model import Array
 from towval.model.compiling import compiled
 from towval.physics.balanced_rate import ROOT_CHOSEN, ROOT_FOUND, ROOT_LOST, Levers, balanced_rate
+from towval.physics.pauses import CREEP, moving_velocity, next_rest, slowest_tow
 from towval.physics.splines import Spline, piece_at, spline_at
 from towval.physics.wrench import SlidingPatch
-
-_CREEP = 1e-9  # m/s; where the path rests, directions are those of a creep this slow
 
 _DEGREE = 8
 _TOLERANCE = 1e-10  # of the heading over a panel [rad], and of force over itself
@@ -99,7 +98,7 @@ def follow(
     bound, known = 0.0, (t, 0.0)
     worst, most = ROOT_FOUND, 0.0  # of the panels since the last time that was filled
     while filled < len(times):
-        left = times[-1] - t
+        left = min(times[-1], next_rest(spline, piece)) - t
         h = left if 1.01 * h >= left else h
         travel = h * _lay_velocities(spline, t, h, piece, nodes)
         last = travel <= _LEAST * patch.radius or h <= _SHORTEST * span
@@ -127,11 +126,34 @@ def follow(
             worst, most = ROOT_FOUND, 0.0
         filled, panels = to, panels + 1
         bound += _TOLERANCE * error + jerk * travel / patch.radius
-        t = t + h if h < left else times[-1]
+        t = t + h if h < left else t + left if t + left < times[-1] else times[-1]
         piece = piece_at(spline.knots, t, piece)
         nodes[_THETA, 0], nodes[_OMEGA, 0] = nodes[_THETA, _DEGREE], nodes[_OMEGA, _DEGREE]
         h *= min(_GROW, max(_LEAST_GROWTH, 0.9 * max(error, _LEAST_ERROR) ** (-1 / _DEGREE)))
+    solves += _hold(patch, geometry, levers, spline, times, plan)
     return panels, solves, bound
+
+
+@compiled(allocates=False)
+def _hold(patch: SlidingPatch, geometry: Levers, levers: Array, spline: Spline, times: Array, plan: Plan) -> int:
+    """Where the path rests, let the tether pull as it did; returns how many balances were solved."""
+    piece, rate, solves, search = 0, 0.0, 0, True
+    for i in range(len(times)):
+        piece = piece_at(spline.knots, times[i], piece)
+        place = spline_at(spline.knots, spline.coefficients, times[i], piece)
+        slowest, speed = slowest_tow(spline, times[i], piece), math.hypot(place[2], place[3])
+        if slowest == 0:
+            rate, search = plan.twist[i, 2] / speed, False
+            continue
+        vx, vy = moving_velocity(spline, times[i], piece)
+        cos, sin = math.cos(plan.pose[i, 2]), math.sin(plan.pose[i, 2])
+        grown = slowest / CREEP
+        ux, uy = grown * (cos * vx + sin * vy), grown * (cos * vy - sin * vx)
+        found, _, fx, fy, _, _, _, _ = balanced_rate(patch, geometry, ux, uy, slowest * rate, search)
+        rate, search, solves = found / slowest, False, solves + 1
+        plan.twist[i, 2] = 0.0
+        _assemble(plan, i, levers, place, (cos, sin), (fx, fy))
+    return solves
 
 
 @compiled(allocates=False)
@@ -303,7 +325,7 @@ def _fill(
             theta, fx, fy, vx, vy = block[_THETA, i], block[_FX, i], block[_FY, i], block[_VX, i], block[_VY, i]
             piece = piece_at(knots, times[filled], piece)
             place = spline_at(knots, spline.coefficients, times[filled], piece)
-            if place[2] * place[2] + place[3] * place[3] > _CREEP * _CREEP:
+            if place[2] * place[2] + place[3] * place[3] > CREEP * CREEP:
                 off = max(off, abs(vx - place[2]), abs(vy - place[3]))
             fastest = max(fastest, abs(vx), abs(vy))
             plan.pose[filled, 2], plan.twist[filled, 2] = theta, block[_OMEGA, i]
@@ -372,32 +394,3 @@ def _assemble(
     plan.twist[i, 0], plan.twist[i, 1] = place[2] + omega * lever_y, place[3] - omega * lever_x
     plan.tether_force[i, 0], plan.tether_force[i, 1] = sin * fy - cos * fx, -sin * fx - cos * fy
     plan.hinge[i, 0], plan.hinge[i, 1] = x + cos * along_x - sin * along_y, y + sin * along_x + cos * along_y
-
-
-@compiled(allocates=False)
-def moving_velocity(spline: Spline, time: float, piece: int) -> tuple[float, float]:
-    """Velocity of the path at a time within a piece; where it rests, a creep in the direction of its motion.
-
-    That is the direction in which it will move, or at its end has moved; throughout a pause that of the motion before,
-    at whose end the tether stays, or of the motion after a pause at the start.
-    """
-    knots, limits = spline.knots, spline.speed_limits
-    if limits[piece] <= _CREEP:
-        moving = piece
-        while moving > 0 and limits[moving] <= _CREEP:
-            moving -= 1
-        while moving < len(limits) - 1 and limits[moving] <= _CREEP:
-            moving += 1
-        if limits[moving] > _CREEP:
-            time, piece = knots[moving + 1] if moving < piece else knots[moving], moving
-    _, _, vx, vy, ax, ay = spline_at(knots, spline.coefficients, time, piece)
-    speed = math.sqrt(vx * vx + vy * vy)
-    if speed > _CREEP:
-        return vx, vy
-    push = math.hypot(ax, ay)
-    if push > 0:
-        sign = 1.0 if time < knots[piece + 1] else -1.0
-        return sign * _CREEP * ax / push, sign * _CREEP * ay / push
-    if speed > 0:
-        return _CREEP * vx / speed, _CREEP * vy / speed
-    return _CREEP, 0.0

@@ -129,7 +129,7 @@ def plan_rover(
             got=f"{len(path.time_s)} points over {length} m",
             allowed="three points or more, not all in one place",
         )
-    heading = moving_average(heading_over_hinge(path.position, rover.hinge[0]), int(settings.look_ahead_steps))
+    heading = _planned_heading(path.position, rover.hinge[0], int(settings.look_ahead_steps))
     region = flanks(rover)
     if start is None:
         turned_hinge = transform([0.0, 0.0, heading[0]], rover.hinge)
@@ -162,6 +162,19 @@ def plan_rover(
     )
     findings = (*_settings_findings(path, settings, length, region), *_deviation_findings(plan, settings))
     return replace(plan, advice=_advice(plan, path, region), findings=findings)
+
+
+def _planned_heading(position: Array, ahead: float, look_ahead_steps: int) -> Array:
+    """Heading (n,) [rad] planned for each point of a path: the average over the steps on which the path moves.
+
+    The rover does not stop where the path pauses. The points of a pause would fill the average, and hold back the
+    heading for as long as the pause lasts.
+    """
+    size = np.linalg.norm(np.diff(position, axis=0), axis=1)
+    moved = np.concatenate([[True], size > STILL * size.max()])
+    heading = moving_average(heading_over_hinge(position[moved], ahead), look_ahead_steps)
+    planned: Array = heading[np.cumsum(moved) - 1]
+    return planned
 
 
 def _deviation_findings(plan: RoverPlan, settings: PlannerSettings) -> list[Finding]:

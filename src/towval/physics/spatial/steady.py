@@ -22,7 +22,8 @@ from towval.model import Array
 from towval.model.compiling import compiled
 from towval.model.errors import RefusedError
 from towval.physics.balanced_rate import ROOT_CHOSEN, ROOT_FOUND, ROOT_LOST
-from towval.physics.heading import Plan, moving_velocity
+from towval.physics.heading import Plan
+from towval.physics.pauses import CREEP, moving_velocity, slowest_tow
 from towval.physics.rosenbrock import product_3
 from towval.physics.spatial.hanging import reach_under
 from towval.physics.spatial.pressure import BALANCED, solve_pressure
@@ -194,15 +195,19 @@ def _searched(
 
 
 @compiled(allocates=False)
-def rate_at(problem: TowProblem, lever: Array, time: float, heading: float, work: Work, out: Array) -> int:
+def rate_at(
+    problem: TowProblem, lever: Array, time: float, heading: float, grown: float, work: Work, out: Array
+) -> int:
     """Heading rate and forces at a time and a heading into ``out`` (10,), whose rate is the guess; 1: it tips.
 
-    ``lever`` (2,) from G to P in body axes; the drive of the problem is the path of P.
+    ``lever`` (2,) from G to P in body axes; the drive of the problem is the path of P, whose velocity and rate count as
+    ``grown`` times as large.
     """
     knots, coefficients = problem.drive.knots, problem.drive.coefficients
     piece = piece_at(knots, time, 0)
     at = spline_at(knots, coefficients, time, piece)
     vx, vy = moving_velocity(problem.drive, time, piece)
+    vx, vy = grown * vx, grown * vy
     cos, sin, place = math.cos(heading), math.sin(heading), out[_PLACE:]
     place[0] = at[0] - cos * lever[0] + sin * lever[1]
     place[1] = at[1] - sin * lever[0] - cos * lever[1]
@@ -216,11 +221,13 @@ def _fill(problem: TowProblem, levers: Array, times: Array, headings: Array, wor
     """Fill the plan at all times; returns how many, fewer where the object tips. ``levers`` (4,): P and body from G."""
     n, lever, piece = problem.numbers, levers[:2], 0
     for i in range(len(times)):
-        if rate_at(problem, lever, times[i], headings[i], work, out) == _TIPPED:
-            return i
         piece = piece_at(problem.drive.knots, times[i], piece)
+        slowest = slowest_tow(problem.drive, times[i], piece)
+        grown = slowest / CREEP if slowest > 0 else 1.0
+        if rate_at(problem, lever, times[i], headings[i], grown, work, out) == _TIPPED:
+            return i
         at = spline_at(problem.drive.knots, problem.drive.coefficients, times[i], piece)
-        cos, sin, rate = math.cos(headings[i]), math.sin(headings[i]), out[0]
+        cos, sin, rate = math.cos(headings[i]), math.sin(headings[i]), 0.0 if slowest > 0 else out[0]
         pull = math.sqrt(out[1] * out[1] + out[2] * out[2])
         dx, dy = out[1] / pull, out[2] / pull
         to_x, to_y = n[ANCHOR_X] + out[3] * dx, n[ANCHOR_Y] + out[3] * dy
@@ -249,7 +256,7 @@ def follow_in_space(problem: TowProblem, levers: Array, times: Array, heading: f
     jumped: list[float] = []
 
     def rate(time: float, state: Array) -> float:
-        if rate_at(problem, levers[:2], time, state[0], work, out) == _TIPPED:
+        if rate_at(problem, levers[:2], time, state[0], 1.0, work, out) == _TIPPED:
             raise _tips(time)
         if out[5] != ROOT_FOUND:
             jumped.append(time)
