@@ -142,4 +142,4 @@ docs: $(VENV)/installed-docs
 	@echo "The documentation: $(CURDIR)/site/index.html"
 
 clean:
-	rm -rf site docs/generated $(VENV) results .snakemake
+	rm -rf site jupyter_execute docs/generated $(VENV) results .snakemake
