@@ -137,6 +137,42 @@ def test_lost_frames_take_no_part_and_are_told(make_track):
     assert "compare_lost" in {finding.code for finding in result.findings}
 
 
+@pytest.mark.parametrize(
+    ("hidden", "shift", "turn", "verdict"),
+    [
+        (range(100, 130), 0.03, 0.0, Verdict.CANNOT_TELL),
+        (range(100, 130), 0.004, 0.3, Verdict.CANNOT_TELL),
+        ((), 0.03, 0.0, Verdict.DISAGREES),
+        (range(60, 90), 0.03, 0.0, Verdict.DISAGREES),
+    ],
+    ids=["moved while hidden", "turned while hidden", "in sight", "hidden at another time"],
+)
+def test_a_difference_that_came_about_while_the_object_was_hidden_may_be_somebodys(
+    make_track, hidden, shift, turn, verdict
+):
+    """A person hides the object for a second and moves it: the right model disagreed."""
+    track = make_track(straight, body="object", duration_s=9.6, std=(1e-9,) * 3, lost=hidden)
+    error = np.zeros((N, 3))
+    error[115:] = shift, 0.0, turn
+    # The turned object goes on elsewhere.
+    error[115:, 0] += turn * 0.05 * np.linspace(0, 1, N - 115)
+    result = compare("a", simulated(track, error), track, known(), CompareSettings(tolerance_m=0.01))
+    assert result.verdict == verdict
+    said = [each.text for each in result.findings if each.code == "changed_unseen"]
+    assert [text[:56] for text in said] == ["Most of the difference came about between 3.96 and 5.20 s"[:56]] * (
+        verdict == Verdict.CANNOT_TELL
+    )
+
+
+def test_a_difference_that_grows_is_not_excused_by_a_gap(make_track):
+    """A wrong model is off by more and more, before, during and after a second in which a hand hid the object."""
+    track = make_track(straight, body="object", duration_s=9.6, std=(1e-9,) * 3, lost=range(100, 130))
+    error = np.zeros((N, 3))
+    error[:, 0] = np.linspace(0, 0.06, N)
+    result = compare("a", simulated(track, error), track, known(), CompareSettings(tolerance_m=0.01))
+    assert result.verdict == Verdict.DISAGREES
+
+
 def test_frames_without_a_simulation_are_counted(make_track):
     track = make_track(straight, body="object", duration_s=10.0, std=(1e-9,) * 3)
     motion = simulated(make_track(straight, body="object", duration_s=9.6, std=(1e-9,) * 3), np.zeros(3))

@@ -395,6 +395,12 @@ register(  # uncertainty, compare, identify
         "towval run CAMPAIGN --set compare.tolerance_m=..., or compare.tolerance_m in config.yaml.",
     ),
     FindingType(
+        "changed_unseen", "compare", WARNING, EXCUSES,
+        "Most of the difference came about between {first_s:.2f} and {last_s:.2f} s, where the object was not seen: "
+        "there simulated minus measured changes by {moved_mm:.1f} mm and {turned_deg:.2f}°. Look at the film: somebody "
+        "may have moved it.",
+    ),
+    FindingType(
         "compare_lost", "compare", WARNING, NONE,
         "{count} frames in which the object was not observed are left out of the comparison.",
     ),

@@ -25,6 +25,7 @@ from towval.model.results import START_OFF
 from towval.model.statement import Bounds, Draws, VisibleFault
 from towval.validation.consequences import excusing, forbidding
 from towval.validation.metrics import aligned_rms, area_metric, error_ratio, frechet_distance
+from towval.validation.out_of_sight import changes_unseen
 from towval.validation.path_frame import OnPath, PathFrame
 from towval.validation.statistics import SIZES, STATISTICS, RightModel, bounds, error_sizes, holding_levels, place
 from towval.validation.verdict import Evidence, between, statement_findings, verdict_of
@@ -131,13 +132,14 @@ def _judged(
     tolerance_m = settings.stated_m or TOLERANCE_M
     tested, drawn_tests, (begins_m, ends_m) = _tested(found, simulated, measured, uncertainty, settings)
     upstream = (*uncertainty.upstream, *measured.findings, *simulated.findings)
+    unseen = [] if uncertainty.draws is None else changes_unseen(measured, simulated, uncertainty.draws)
     evidence = Evidence(
         tolerance_m=tolerance_m,
         detectable_m=_detectable_m(uncertainty.faults),
         seen_share=_seen_share(found.error, simulated),
         moved_m=found.path_length_m,
         forbidding=forbidding((*upstream, *uncertainty.findings)) or _start_off(simulated, tolerance_m),
-        excusing=excusing(upstream),
+        excusing=excusing((*upstream, *unseen)),
         shares=uncertainty.shares,
         explanation=uncertainty.explanation,
         largest_m=found.path_max_m,
@@ -148,7 +150,8 @@ def _judged(
     )
     verdict, reason = verdict_of(evidence)
     said = statement_findings(evidence, uncertainty.faults, settings.bound_confidence)
-    findings = (reason, *said, *_findings(measured, simulated))
+    # A change that no test sees needs no reason.
+    findings = (reason, *said, *(unseen if evidence.rejected else ()), *_findings(measured, simulated))
     if settings.stated_m is None:
         findings = (*findings, finding("tolerance_default", tolerance_mm=1e3 * tolerance_m))
     every = (*upstream, *uncertainty.findings, *findings)
