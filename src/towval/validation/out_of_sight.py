@@ -15,9 +15,9 @@ _DEVIATIONS = 3.0
 
 
 def changes_unseen(measured: Track, simulated: SimulatedMotion, draws: Draws) -> list[Finding]:
-    """A finding where most of the error comes about between two times at which the object was seen, and not between.
+    """A finding where most of the error comes about while the object is out of sight, more than a right model's would.
 
-    What moved it there, a hand or the model's neglect, nothing tells.
+    Whether somebody moved it there or the model is wrong, nothing tells.
     """
     frame = PathFrame(measured, simulated.time_s[draws.rows])
     rows, time_s = frame.rows[frame.seen], simulated.time_s[draws.rows][frame.seen]
