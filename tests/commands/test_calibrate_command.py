@@ -15,8 +15,8 @@ from towval.model import Calibration
 def test_pictures_that_viewers_turn_are_named(tmp_path, monkeypatch):
     """Nothing was said, while the tag of a video is applied."""
     camera, floor = ceiling((160, 120), focal_px=130.0)
-    stub = Calibration(camera, floor, np.zeros((18, 18)), 0.1, ())
-    monkeypatch.setattr(towval.commands.calibrate, "calibrate", lambda *_, **__: stub)
+    calibration = Calibration(camera, floor, np.zeros((18, 18)), 0.1, ())
+    monkeypatch.setattr(towval.commands.calibrate, "calibrate", lambda *_, **__: calibration)
     for name, tag in (("board.jpg", 1), ("floor.jpg", 3), ("floor_2.jpg", 8)):
         exif = Image.Exif()
         exif[0x0112] = tag
