@@ -126,7 +126,7 @@ def follow(
             worst, most = ROOT_FOUND, 0.0
         filled, panels = to, panels + 1
         bound += _TOLERANCE * error + jerk * travel / patch.radius
-        t = t + h if h < left else t + left if t + left < times[-1] else times[-1]
+        t = min(t + h, times[-1])
         piece = piece_at(spline.knots, t, piece)
         nodes[_THETA, 0], nodes[_OMEGA, 0] = nodes[_THETA, _DEGREE], nodes[_OMEGA, _DEGREE]
         h *= min(_GROW, max(_LEAST_GROWTH, 0.9 * max(error, _LEAST_ERROR) ** (-1 / _DEGREE)))

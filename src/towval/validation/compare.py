@@ -132,7 +132,10 @@ def _judged(
     tolerance_m = settings.stated_m or TOLERANCE_M
     tested, drawn_tests, (begins_m, ends_m) = _tested(found, simulated, measured, uncertainty, settings)
     upstream = (*uncertainty.upstream, *measured.findings, *simulated.findings)
-    unseen = [] if uncertainty.draws is None else changes_unseen(measured, simulated, uncertainty.draws)
+    draws = uncertainty.draws
+    unseen: list[Finding] = []
+    if draws is not None and tested["limits"]:
+        unseen = changes_unseen(measured, simulated, draws, uncertainty.confidence)
     evidence = Evidence(
         tolerance_m=tolerance_m,
         detectable_m=_detectable_m(uncertainty.faults),
