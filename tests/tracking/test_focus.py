@@ -5,7 +5,7 @@ from itertools import pairwise
 import cv2
 import numpy as np
 import pytest
-from painted import FLOOR, POSE, out_of_focus, picture, target
+from painted import FLOOR, POSE, out_of_focus, picture, target, texture
 
 from studies.worlds.scenes import CeilingCamera, small_camera, standard_scene
 from towval.model import Body
@@ -15,6 +15,7 @@ from towval.tracking.focus import Focus, width_px
 from towval.tracking.follow import Follower
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.plane_tracker import PlaneTracker
+from towval.tracking.template import CONSTANTS as TEMPLATE
 from towval.tracking.template import clearance_m, make_template
 
 BOX = target()
@@ -125,6 +126,20 @@ def test_points_keep_a_width_and_a_half_from_the_outline():
     widths = ((np.ptp(BOX.body.top_corners_m, axis=0) / 2 - np.abs(points)).min(axis=1) - clear_m) / width_m
     assert widths[kept].min() > 1.2
     assert np.delete(widths, kept).max() < 1.8
+
+
+def test_a_top_with_texture_counts_as_such_through_any_blur():
+    """A part that stands on it outlasts its texture: held by that alone, the pose goes along with its parallax."""
+    grey = texture(contrast=8.0, mean=150.0, finest_m=0.04)
+
+    def with_block(xy):
+        return np.where((np.abs(xy - [0.3, 0.15]) < [0.15, 0.12]).all(axis=1), 20.0, grey(xy))
+
+    luma = picture(BOX, POSE, with_block)
+    focus = Focus(SharpTarget.cut(luma, BOX, POSE, make_template(luma, BOX, POSE)))
+    templates = [focus.at(level).template for level in range(focus.last + 1)]
+    assert min(1 / np.sum(each.tile_share**2) / each.tiles for each in templates) < TEMPLATE.concentrated
+    assert not any(each.is_concentrated for each in templates)
 
 
 def square(size_px):

@@ -46,7 +46,8 @@ class Template:
     ``points`` (n, 2) in the body frame [m], shuffled, so that the first of them are an even choice; ``values`` (n,)
     grey levels; ``slopes`` (n, 3) change of the grey value with a motion (x, y, heading) of the body frame [1/m, 1/m,
     1/rad]; ``tile`` (n,) the tile of each point, of ``tiles``; ``pixel_m`` the width of a pixel on the target [m];
-    ``number`` (n,) that of each point in the template that this one is a part of.
+    ``number`` (n,) that of each point in the template that this one is a part of; ``is_concentrated``: few tiles hold
+    the information about motion, as on a plain top with one mark, which holds through any blur.
     """
 
     points: Array
@@ -56,6 +57,7 @@ class Template:
     tiles: int
     pixel_m: float
     number: NDArray[np.int64]
+    is_concentrated: bool = False
 
     def of(self, kept: NDArray[np.bool_]) -> "Template":
         """The template of some of its points (n,)."""
@@ -76,11 +78,6 @@ class Template:
     def tile_share(self) -> Array:
         """Share (tiles,) that each tile has in the information about motion."""
         return np.asarray(np.bincount(self.tile, self.leverage.mean(axis=1), self.tiles), dtype=np.float64)
-
-    @cached_property
-    def is_concentrated(self) -> bool:
-        """Whether few tiles hold the information about motion, as on a plain top with one mark."""
-        return bool(1 / np.sum(self.tile_share**2) < CONSTANTS.concentrated * self.tiles)
 
 
 def clearance_m(body: Body, pixel_m: float) -> float:
@@ -114,7 +111,9 @@ def make_template(luma: Luma, target: PlanarTarget, pose: Array, samples: int = 
     chosen = np.random.default_rng(0).permutation(chosen)
     points, slope = points[chosen], slope[chosen]
     tile, tiles = _tiles(points, low, high, CONSTANTS.least_tile_px * pixel)
-    return Template(points, values[chosen], by_motion(points, slope), tile, tiles, pixel, np.arange(len(points)))
+    made = Template(points, values[chosen], by_motion(points, slope), tile, tiles, pixel, np.arange(len(points)))
+    holding = 1 / np.sum(made.tile_share**2)
+    return replace(made, is_concentrated=bool(holding < CONSTANTS.concentrated * tiles))
 
 
 def slopes_at(luma: Luma, target: PlanarTarget, pose: Array, points: Array, pixel_m: float) -> Array:
