@@ -333,10 +333,10 @@ def short_variant(table: pd.DataFrame) -> str:
 
 def _notes(table: pd.DataFrame, take: str, note: str) -> tuple[int, list[str]]:
     """Lines below a chart, and how many of them, the first, say what to take."""
-    first = _wrapped(take, 152) if take else []
+    first = wrapped(take, 152) if take else []
     parts = [str(table[name].iloc[0]) for name in ("machine", "versions") if name in table]
     made = f"{'; '.join(parts)}." if parts else ""
-    lines = first + _wrapped(f"{short_variant(table)} {note} {made}", 160)
+    lines = first + wrapped(f"{short_variant(table)} {note} {made}", 160)
     return len(first), [_set(line) for line in lines]
 
 
@@ -346,7 +346,8 @@ def _repeats(rows: pd.DataFrame) -> str:
     return "" if most == 1 else f"Medians and quartiles over {most if fewest == most else f'{fewest} to {most}'} seeds."
 
 
-def _wrapped(text: str, width: int) -> list[str]:
+def wrapped(text: str, width: int) -> list[str]:
+    """Lines of a text of at most so many characters, but for words that are longer."""
     lines, line = [], ""
     for word in text.split():
         if len(line) + len(word) + 1 > width:

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from studies.charts import advice, map_chart, scatter_chart
 from studies.frame import Drawing, Maps, Scatter, Study, loaded, read_table
+from studies.paper.conclusions import conclude, conclusion
 from towval.report.style import save_figure
 
 
@@ -31,7 +32,10 @@ def draw_chart(name: str, chart: str, plan: Mapping[str, Any], tables: Mapping[s
         Where the files go.
     """
     source: Study | Drawing = loaded(chart)
-    figure = figure_of(source, plan, {study: read_table(path) for study, path in tables.items()})
+    read = {study: read_table(path) for study, path in tables.items()}
+    figure = figure_of(source, plan, read)
+    if isinstance(source, Drawing):
+        conclude(figure, conclusion(name, read))
     save_figure(figure, folder, name)
 
 

@@ -35,7 +35,8 @@ _MEASURE = re.compile(rf"(?<![\w.])((?:{_NUMBER}{_JOINED})*{_NUMBER})\s?{_UNIT}(
 _MARK = re.compile(r"<!-- (evidence: ([\w, ]+)|settings) -->")
 _MEASURED = re.compile(
     rf"{_NUMBER}\s?(?:mm|µm|°|px)[^.|]*\bRMS\b|\bRMS[^.|]*{_NUMBER}\s?(?:mm|µm|°|px)|predicted / actual"
-    rf"|\blab_(?:[ac]|small)\b[^.|]*{_NUMBER}\s?{_UNIT}|\b\d+ of (?:the )?\d+\b|\bseeds?\b"
+    rf"|\blab_(?:[ac]|small)\b[^.|]*(?:{_NUMBER}\s?{_UNIT}|\b0\.\d)|\b\d+ of (?:the )?\d+\b|\bseeds?\b"
+    rf"|{_NUMBER}\s?(?:s|ms|minutes) of (?:CPU|wall)|\b(?:is|are) (?:late|early)\b[^.|]*{_NUMBER}\s?{_UNIT}"
 )
 
 

@@ -17,7 +17,8 @@ _HEAD = """# Evidence: what is stated of towval, and what it rests on
 
 Made by `snakemake evidence` from `studies/evidence/rows.yaml`; do not edit. The same as data is `evidence.json`. A
 number about accuracy, cost or coverage stands in README or on a page of the documentation only with a row here: a test
-compares both.
+compares both. Pages that a command of their own makes are left out, and say when they were made: the
+[claims of the paper](claims.md), the [map of camera faults](camera_faults.md) and the [five scenes](scenes.md).
 
 - *Class* says how far the truth is from us: real data of others, another program, our own synthetic worlds, or a cost.
 - *Holds* is the stated number's tolerance against what was measured at the date and commit given; a plus behind the

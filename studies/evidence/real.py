@@ -291,6 +291,7 @@ def _clips() -> Values:
         "discs, offset of the colour fit": max(float(np.linalg.norm(errors.offset_px)) for errors in pucks),
         "robot, farthest from the arrow": max(float(distance.max()) for _, distance in robots),
     }
+    found["robot, frames tracked, least of the clips"] = 100 * min(float(track.seen.mean()) for track, _ in robots)
     for clip, (track, _) in zip(clips.PLATES, robots, strict=True):
         found[f"robot, frames lost, {clip}"] = float(np.count_nonzero(~track.seen))
     return found

@@ -163,7 +163,7 @@ STUDY = Study(
         error="RMS distance [mm]",
         note="Distance of measured and simulated path from ground truth, and from each other, on random arcs: ten "
         "seconds, 0.9 m of path, camera at 4 m.",
-        take="State the standard deviations of what you measured: no stage can detect these faults in the data.",
+        take="State the standard deviations of what you measured: most of these faults do not show in the data.",
         why=_why,
         front=False,
     ),

@@ -151,8 +151,8 @@ STUDY = Study(
         note="Right: within 1 mm of the reference at all times. Flagged: a named outcome other than converged, or the "
         "stage's own estimate of its error above 1 mm; for SciPy, no success; for fixed steps, values that are not "
         "finite.",
-        take="Take the package's integrator at its default tolerance: what it does not solve, it names. Fixed steps "
-        "and SciPy's LSODA can end beside the reference without a word.",
+        take="Take the package's integrator at its default tolerance: it reports what it does not solve. Fixed "
+        "steps and SciPy's LSODA can miss the reference without reporting it.",
         default={name: {"y": SimulateSettings().tolerance_m} for name in (*_OWN, "towval, over v_s")},
     ),
 )

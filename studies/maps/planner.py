@@ -105,8 +105,8 @@ STUDY = Study(
         },
         note="Right: arrived, 50 mm RMS or less from the path. Flagged: strayed, stuck, or a warning of the planner.",
         take="Take the paper's threshold of 0.2 m with a look-ahead of 350 steps, the defaults; at 0.2 m any "
-        "look-ahead up to 500 steps is right. A path with more curvature needs more steering. What the planner cannot "
-        "follow, it says.",
+        "look-ahead up to 500 steps is right. A path with more curvature needs more steering. The planner warns of a "
+        "path that it cannot follow.",
         default={
             f"d_t and ϑ_lh, {curve}": {"x": SETTINGS.threshold, "y": SETTINGS.look_ahead_steps}
             for curve in ("lemniscate", "rounded square")

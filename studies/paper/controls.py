@@ -203,9 +203,13 @@ CONTROLS = (
         "best thresholds", "the rover drives with ten times the thresholds", _LOOP, planted.thresholds_times(10.0),
         ("thresholds",),
     ),
-    *(
-        Control(name, "the threshold is 0.2 m always", _LOOP, planted.given(threshold=0.2), ("thresholds",))
-        for name in ("thresholds above 0.4 m are worse", "far centres break the controller")
+    Control(
+        "thresholds above 0.4 m are worse", "the threshold is 0.2 m always", _LOOP, planted.given(threshold=0.2),
+        ("thresholds",),
+    ),
+    Control(
+        "far centres break the controller", "every feasible centre counts as close", _LOOP,
+        planted.given(close_distance=10.0), ("thresholds",),
     ),
     Control(
         "tight turns are the cause", "the wider lemniscate is as wide as the paper's", _names(further, "wider"),

@@ -1,4 +1,4 @@
-"""What thinning a track does to its path and to the path simulated from it: the stage's rule beside published ones."""
+"""What decimating a track does to it and to the path simulated behind it: the stage's rule beside published ones."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ NOISE = np.array([3e-4, 3e-4, 5e-4])
 HINGE_M, DAMPING_NS_PER_M, TETHER_M = np.array([-0.42, 0.0]), 10.0, 0.6
 """Of the tow that is simulated behind the path."""
 
-SIMULATED = "CPU time of thinning and simulating [s]"
+SIMULATED = "CPU time of decimating and simulating [s]"
 """The panel of the simulated path: its cost; the error is that of the path [mm]."""
 
 _FINE = 40  # Times between two frames at which the ground truth is integrated and the paths are compared.
 _EVERY = 20  # Of these times, how many apart the hinge's path is given to the dynamics.
-_THINNING = ("every n-th pose, cubic", "poses farther apart than, linear", "Douglas-Peucker, linear")
+_DECIMATING = ("every n-th pose, cubic", "poses farther apart than, linear", "Douglas-Peucker, linear")
 
 Path = Callable[[Track, Array], tuple[int, Array]]
 """From a track and moments (m,) to the number of points kept and the poses (m, 3)."""
@@ -75,7 +75,7 @@ def _true_tow() -> Array:
 def decimation_rows(seed: int) -> list[Row]:
     """Two rows a rule and setting: points kept and error of the rover's path; CPU time and error of the simulated one.
 
-    Errors are RMS distances [mm]. The time is that of thinning, smoothing and simulating.
+    Errors are RMS distances [mm]. The time is that of decimating or smoothing, and simulating.
     """
     time_s, truth = true_motion()
     track, rows = measured(seed), []
@@ -159,11 +159,11 @@ def _why(rows: pd.DataFrame) -> str:
     default, spline = default_point(rows, SIMULATED), point(rows, "smoothing spline", "cross-validated", SIMULATED)
     smoothed = tow[tow["series"] == "RTS smoother, white jerk"]["error"] / default.error
     stage = tow[tow["series"] == default.series]["error"]
-    others = tow[tow["series"].isin(_THINNING) & (tow["setting"] != "1")]
+    others = tow[tow["series"].isin(_DECIMATING) & (tow["setting"] != "1")]
     best = others.loc[others["error"].idxmin()]
     return (
         f"The tow is then {default.error:.2g} mm off, over all excesses {stage.min():.2g} to {stage.max():.2g} mm; by "
-        f"the best other rule that thins ({best.series}, {best.setting}) {best.error:.2g} mm. A smoother needs a "
+        f"the best other rule that decimates ({best.series}, {best.setting}) {best.error:.2g} mm. A smoother needs a "
         f"density that no lab states: with 1e-5 to 0.1 it is {smoothed.min():.1f} to {smoothed.max():.1f} times as far "
         f"off. A spline is {spline.error / default.error:.1f} times as far off, in {spline.cost / default.cost:.0f} "
         "times the time."

@@ -230,6 +230,9 @@ def test_a_number_is_founded_as_it_is_rounded_or_in_another_unit(stated, written
         ("stops at 5 mm", "is off by 5 mm RMS", "speaks of what was measured"),
         ("stops at 5 mm", "stops at 5 mm, as 9 of 10", "speaks of what was measured"),
         ("stops at 5 mm", "stops, on lab_a after 5 mm", "speaks of what was measured"),
+        ("stops at 5 mm", "stops. On lab_a, of 5 mm, a share of 0.2", "speaks of what was measured"),
+        ("stops at 5 mm", "takes 0.1 s of CPU time for 5 mm", "speaks of what was measured"),
+        ("stops at 5 mm", "is late, by 5 mm", "speaks of what was measured"),
     ],
 )  # fmt: skip
 def test_what_a_document_states_without_a_row_is_found(old, new, what):

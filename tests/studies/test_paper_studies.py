@@ -18,6 +18,7 @@ from studies.paper import law_shapes, meshes, model_checks
 from studies.paper.claims import CLAIMS
 from studies.paper.claims_page import markdown, write_ledger
 from studies.paper.closed_loop import surface_grid
+from studies.paper.conclusions import conclude, conclusion
 from studies.paper.controls import CONTROLS, OPPOSITES, control_rows
 from studies.paper.finite_volumes import meshed_patch
 from studies.paper.ledger import ClaimOutcome, decided
@@ -130,6 +131,26 @@ def test_the_time_of_a_mesh_does_not_depend_on_how_many_of_its_steps_are_timed(p
 def test_a_figure_is_saved_in_three_formats(plan, tables, tmp_path):
     draw_chart("table_1", FIGURES["table_1"], plan, {"meshes": tables["meshes"]}, tmp_path)
     assert {file.suffix for file in tmp_path.iterdir()} == {".pdf", ".svg", ".png"}
+
+
+def test_a_figure_of_the_paper_says_which_claims_its_tables_bear_out(plan, tables):
+    drawing = loaded(FIGURES["figure_5"])
+    read = {study: pd.read_csv(tables[study]) for study in drawing.tables}
+    reproduced, *_, where = conclusion("figure_5", read)
+    assert reproduced.startswith("Reproduced: ")
+    assert "planner stays in case A" in reproduced
+    assert "settings of Fig. 5" not in reproduced, "it is decided on another table as well"
+    assert "docs/claims.md" in where
+    assert "no claim" in conclusion("figure_3", {})[0]
+    figure = figure_of(drawing, plan, read)
+    height = figure.get_size_inches()[1]
+    conclude(figure, ["one", "two"])
+    figure.draw_without_rendering()
+    (said,) = figure.texts
+    lowest = said.get_window_extent().y0
+    assert figure.get_size_inches()[1] > height
+    assert all(axes.title.get_window_extent().y1 < lowest for axes in figure.axes)
+    assert all(axes.get_window_extent().y1 < lowest for axes in figure.axes)
 
 
 def turned_controls(rows):

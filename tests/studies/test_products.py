@@ -107,7 +107,7 @@ def test_the_boundary_integral_beats_cells_in_cost_and_error():
 
 
 def test_the_rule_of_the_stage_is_not_beaten_by_what_keeps_fewer_points(folder):
-    """Smoothers of all poses may be better; what thins is not, nor is the path simulated behind it."""
+    """Smoothers of all poses may be better; what decimates is not, nor is the path simulated behind it."""
     rows = medians(pd.read_csv(folder / "decimation.csv"))
     for _, panel in rows.groupby("panel"):
         default = panel[panel["default"].astype(bool)].iloc[0]
@@ -252,7 +252,7 @@ def test_a_chart_of_error_against_cost_says_what_to_take_and_what_its_truth_is(c
     assert "ruth" in drawn.truth or "share" in drawn.truth
 
 
-FEET, TOW, STAGE = "four feet", "CPU time of thinning and simulating [s]", "selected by the stage"
+FEET, TOW, STAGE = "four feet", "CPU time of decimating and simulating [s]", "selected by the stage"
 PLANES = ("floor", "top at 0.35 m")
 NAMED = {
     "friction": [
