@@ -72,10 +72,15 @@ register(  # track
     ),
     FindingType(
         "video_upside_down", "track", WARNING, NOT_JUDGED,
-        "The video shows the floor turned by 180° against the pictures of the floor. Tags for rotation do not tell how "
-        "the camera hung; a video's is applied, a picture's (EXIF) is not. Poses are wrong; take the tag out of the "
-        "video if it has one (ffmpeg -display_rotation 0 -i IN -c copy OUT), or turn the pixels of the pictures as the "
-        "video shows the floor.",
+        "The video shows the floor turned by 180° against the pictures of the floor, and cannot be used turned back. "
+        "Poses are wrong; turn the pixels of the video, or photograph the floor board again with the camera as it "
+        "films.",
+    ),
+    FindingType(
+        "video_turned", "track", NOTE, NONE,
+        "The video was turned by {degrees}° counter-clockwise against how players show it, so that it lies as the "
+        "pictures of the calibration do. Tags for rotation do not tell how the camera hung. Pixels of the first frame "
+        "count in the picture thus turned, which check/start.html shows.",
     ),
     FindingType(
         "camera_not_registered", "track", WARNING, NOT_JUDGED,
