@@ -174,12 +174,16 @@ def test_tags_are_as_good_as_clicks(campaign, tmp_path):
         assert np.abs(wrapped(found.pose[:, 2] - poses[body][2])).max() < np.deg2rad(1.0)
 
 
-def test_a_first_picture_that_shows_nothing_is_refused(campaign, camera, tmp_path):
-    """A film that begins with black: outlines and textures were said to be wrong."""
-    pictures = [np.full((540, 960), 16, np.uint8)] * 12
+@pytest.mark.parametrize(("grey", "noise", "said"), [(16, 0, "16 throughout$"), (0, 3, "1 throughout but for noise"),
+                                                     (128, 12, "128 throughout but for noise")])  # fmt: skip
+def test_a_first_picture_that_shows_nothing_is_refused(campaign, camera, tmp_path, grey, noise, said):
+    """A film that begins with black or grey: outlines, textures and clicks were said to be wrong."""
+    rng = np.random.default_rng(0)
+    pictures = [np.clip(grey + noise * rng.normal(size=(540, 960)), 0, 255).astype(np.uint8) for _ in range(12)]
     write_video(tmp_path / "black.mp4", ((i / 25, luma) for i, luma in enumerate(pictures)))
     folder = campaign(lambda _: None, tmp_path / "black.mp4")
-    with pytest.raises(InputError, match=r"first picture of the video .* shows nothing\n  got: the grey level 16"):
+    words = rf"(?m)first picture of the video .* shows nothing\n  got: the grey level {said}"
+    with pytest.raises(InputError, match=words):
         track(folder, "a", camera, tmp_path / "track.mcap")
 
 
