@@ -228,7 +228,8 @@ def _floor_board(given: Campaign) -> FloorBoard | None:
     if reference.origin_corner_px is None or reference.x_axis_end_corner_px is None:
         return None
     pictures = GrayPictures(given.floor_images[:1], given.resolution_px)
-    board = find_boards(pictures, given.board, 1)[0][0]
+    marked_px = {given.floor_images[0].name: reference.origin_corner_px}
+    board = find_boards(pictures, given.board, 1, marked_px)[0][0]
     corners_px = board.corners_px[outer_corners(board.board_m)]
     origin, end = (
         int(np.argmin(np.hypot(*(corners_px - pixel).T)))
