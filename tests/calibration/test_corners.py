@@ -7,6 +7,7 @@ import pytest
 from board_pictures import chessboard_pattern, pattern_to_image, picture, true_corners
 from towval.calibration.adequacy import blur_findings
 from towval.calibration.board_search import find_boards, fitting_corner_counts
+from towval.calibration.calibrate import _beside_another
 from towval.calibration.corners import BoardObservation, facing_camera, observe_charuco, observe_chessboard, refine
 from towval.calibration.observations import CalibrationObservations
 from towval.model import Board
@@ -170,7 +171,9 @@ def test_of_two_boards_in_a_picture_the_marked_one_counts_or_the_one_that_does_n
         pictures.append((name, image))
     board = Board("chessboard", (9, 6), 0.04)
     found, _ = find_boards(pictures, board, 2)
-    assert all(one.beside_another for one in found)
+    (told,) = _beside_another(found)
+    assert told.code == "boards-alike"
+    assert told.text.startswith("3 pictures (floor, b, c) show two chessboards")
     assert all(one.corners_px.min() > 100 for one in found)
     marked, _ = find_boards(pictures[:1], board, 1, {"floor": np.array([30.0, 30.0])})
     assert marked[0].corners_px.max() < 10 + max(poster.shape)
