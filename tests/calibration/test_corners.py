@@ -175,6 +175,9 @@ def test_of_two_boards_in_a_picture_the_marked_one_counts_or_the_one_that_does_n
     assert told.code == "boards-alike"
     assert told.text.startswith("3 pictures (floor, b, c) show two chessboards")
     assert all(one.corners_px.min() > 100 for one in found)
+    covered = pictures[0][1].copy()
+    covered[300:] = 128
+    assert find_boards([*pictures, ("d", covered)], board, 2)[1] == {"d": "no whole board found"}
     marked, _ = find_boards(pictures[:1], board, 1, {"floor": np.array([30.0, 30.0])})
     assert marked[0].corners_px.max() < 10 + max(poster.shape)
 

@@ -77,7 +77,10 @@ def _without_others(
     marked_px: Mapping[str, Array],
     threads: int,
 ) -> list[BoardObservation | None]:
-    """Of pictures that show two boards, the one that is marked, or the one that lies where no other picture has one."""
+    """Of pictures that show two boards, the one that is marked, or the one that lies where no other picture has one.
+
+    Boards that lie where the other one is in these pictures are left out.
+    """
 
     def others(i: int) -> list[BoardObservation]:
         one = found[i]
@@ -96,7 +99,10 @@ def _without_others(
         return off_px, sum(lies_where(one, each) for boards in shown for each in boards if each.name != one.name)
 
     meant = [replace(min(boards, key=strangeness), beside_another=True) if boards[1:] else None for boards in shown]
-    return [chosen or one for chosen, one in zip(meant, found, strict=True)]
+    strange = [max(boards, key=strangeness) for boards in shown if boards[1:]]
+    # Where the right one is not whole, the other one alone is found.
+    alone = [one and (None if any(lies_where(one, each) for each in strange) else one) for one in found]
+    return [chosen or one for chosen, one in zip(meant, alone, strict=True)]
 
 
 def _painted_over(image: NDArray[np.uint8], one: BoardObservation, board: Board) -> NDArray[np.uint8]:
