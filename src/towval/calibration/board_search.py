@@ -98,11 +98,14 @@ def _without_others(
         off_px = 0.0 if mark is None else float(np.linalg.norm(one.corners_px - mark, axis=1).min())
         return off_px, sum(lies_where(one, each) for boards in shown for each in boards if each.name != one.name)
 
-    meant = [replace(min(boards, key=strangeness), beside_another=True) if boards[1:] else None for boards in shown]
-    strange = [max(boards, key=strangeness) for boards in shown if boards[1:]]
+    ordered = [sorted(boards, key=strangeness) if boards[1:] else [] for boards in shown]
+    strange = [boards[1] for boards in ordered if boards]
     # Where the right one is not whole, the other one alone is found.
     alone = [one and (None if any(lies_where(one, each) for each in strange) else one) for one in found]
-    return [chosen or one for chosen, one in zip(meant, alone, strict=True)]
+    return [
+        replace(boards[0], another_px=boards[1].corners_px) if boards else one
+        for boards, one in zip(ordered, alone, strict=True)
+    ]
 
 
 def _painted_over(image: NDArray[np.uint8], one: BoardObservation, board: Board) -> NDArray[np.uint8]:

@@ -133,7 +133,7 @@ def calibrate(
 
 def _beside_another(observations: Sequence[BoardObservation]) -> list[Finding]:
     """A note on the pictures that show another board, which may be mistaken for the right one."""
-    names = [one.name for one in observations if one.beside_another]
+    names = [one.name for one in observations if one.another_px is not None]
     return [finding("boards-alike", names=some_of(names), count=len(names))] if names else []
 
 
